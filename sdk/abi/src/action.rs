@@ -1,0 +1,550 @@
+//! Actions: what a plug-in asks of its host, as records in the output buffer.
+//!
+//! A record is: kind u16, payload length u16, payload.
+
+use crate::code::codes;
+use crate::event::{known, non_zero, piece, timer_id};
+use crate::limits::{
+    BREAK_MICROS, DELIVERY_NAME_BYTES, NOTE_BYTES, RECORD_BYTES, STATE_NAME_BYTES, TIMERS,
+    URGENT_BYTES,
+};
+use crate::value::Values;
+use crate::wire::{Malformed, MalformedReason, NoSpace, Reader, Writer};
+use crate::{Failure, Micros, ModemLines};
+
+codes! {
+    /// How much a note matters.
+    pub enum NoteLevel: u8 {
+        1 "error" Error "something was lost or went wrong",
+        2 "warning" Warning "something is not as it should be",
+        3 "info" Info "good to know",
+        4 "debug" Debug "for whoever mends a set-up",
+    }
+}
+
+mod kind {
+    pub(super) const TRANSMIT: u16 = 1;
+    pub(super) const TRANSMIT_URGENT: u16 = 2;
+    pub(super) const HOLD: u16 = 3;
+    pub(super) const RELEASE: u16 = 4;
+    pub(super) const DISCARD: u16 = 5;
+    pub(super) const SET_TIMER: u16 = 6;
+    pub(super) const CANCEL_TIMER: u16 = 7;
+    pub(super) const MODEM_LINES: u16 = 8;
+    pub(super) const BREAK: u16 = 9;
+    pub(super) const WANT: u16 = 10;
+    pub(super) const DELIVERY_BEGIN: u16 = 11;
+    pub(super) const DELIVER: u16 = 12;
+    pub(super) const DELIVERY_NAME: u16 = 13;
+    pub(super) const DELIVERY_END: u16 = 14;
+    pub(super) const JOB_DONE: u16 = 15;
+    pub(super) const JOB_FAILED: u16 = 16;
+    pub(super) const CHECK_RESULT: u16 = 17;
+    pub(super) const REQUEST: u16 = 18;
+    pub(super) const WITHDRAW: u16 = 19;
+    pub(super) const NOTE: u16 = 20;
+    pub(super) const STATE: u16 = 21;
+    pub(super) const SAVED: u16 = 22;
+}
+
+/// One action. Payload layouts: `docs/abi.md`, section "Actions".
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Action<'a> {
+    /// Append bytes to the transmit queue.
+    Transmit {
+        /// Not 0: report when the last of these bytes has left. With no bytes:
+        /// when the last byte of the queue has.
+        mark: u32,
+        /// Must fit the room for transmitting.
+        bytes: &'a [u8],
+    },
+    /// Send bytes ahead of queue and hold, at the next character boundary.
+    TransmitUrgent {
+        /// As for `Transmit`.
+        mark: u32,
+        /// 1 to 16 bytes.
+        bytes: &'a [u8],
+    },
+    /// Stop the transmit queue before its next byte.
+    Hold,
+    /// Let the transmit queue go on.
+    Release,
+    /// Drop what the transmit queue holds; answered by `Discarded`.
+    Discard,
+    /// Set a timer, or set it anew.
+    SetTimer {
+        /// 0 to 15.
+        id: u8,
+        /// Absolute, on the link's clock; one in the past fires now.
+        deadline: Micros,
+    },
+    /// Cancel a timer; the event never comes.
+    CancelTimer {
+        /// 0 to 15.
+        id: u8,
+    },
+    /// Set our modem lines.
+    ModemLines {
+        /// Which lines to set: RTS, DTR.
+        mask: ModemLines,
+        /// Which of these are on.
+        on: ModemLines,
+    },
+    /// Send a break, at the next character boundary.
+    Break {
+        /// How long, at most 10 s.
+        micros: u32,
+    },
+    /// Ask for more data of the job.
+    Want {
+        /// The job's id.
+        job: u32,
+        /// Bytes beyond what was asked for before.
+        bytes: u32,
+    },
+    /// A delivery begins; none other may be under way.
+    DeliveryBegin {
+        /// Chosen by the plug-in, never 0.
+        delivery: u32,
+        /// The job that it answers, or 0.
+        job: u32,
+    },
+    /// Bytes for the host.
+    Deliver {
+        /// The delivery under way.
+        delivery: u32,
+        /// At least one; must fit the room for deliveries.
+        bytes: &'a [u8],
+    },
+    /// A name for the delivery was found.
+    DeliveryName {
+        /// The delivery under way.
+        delivery: u32,
+        /// From the line: the host trusts nothing in it.
+        name: &'a str,
+    },
+    /// The delivery has ended.
+    DeliveryEnd {
+        /// The delivery under way.
+        delivery: u32,
+        /// `None`: complete.
+        failure: Option<Failure>,
+        /// The protocol's own code, 0 without.
+        status: u16,
+    },
+    /// The job is done.
+    JobDone {
+        /// The job's id.
+        job: u32,
+        /// Bytes that left for it.
+        sent: u64,
+    },
+    /// The job has failed.
+    JobFailed {
+        /// The job's id.
+        job: u32,
+        /// Why.
+        failure: Failure,
+        /// The protocol's own code, 0 without.
+        status: u16,
+        /// Bytes that left for it.
+        sent: u64,
+    },
+    /// The check pass has ended.
+    CheckResult {
+        /// The job's id.
+        job: u32,
+        /// `None`: good.
+        failure: Option<Failure>,
+        /// The protocol's own code, 0 without.
+        status: u16,
+        /// Line of the fault, from 1; 0 without.
+        line: u32,
+        /// Column of the fault in bytes, from 1; 0 without.
+        column: u32,
+    },
+    /// Ask the host for something.
+    Request {
+        /// Chosen by the plug-in, never 0.
+        request: u32,
+        /// Place of the request's kind in the manifest.
+        kind: u16,
+        /// The request's fields.
+        fields: Values<'a>,
+    },
+    /// The request no longer matters.
+    Withdraw {
+        /// The request's id.
+        request: u32,
+    },
+    /// Something for the log.
+    Note {
+        /// How much it matters.
+        level: NoteLevel,
+        /// The protocol's own code, 0 without.
+        code: u16,
+        /// At most 240 bytes.
+        text: &'a str,
+    },
+    /// Name of the state that the plug-in is now in, for people.
+    State {
+        /// At most 48 bytes.
+        name: &'a str,
+    },
+    /// A piece of the saved state; only in answer to `Save`.
+    Saved {
+        /// The format, listed in the manifest.
+        format: u16,
+        /// Where the piece begins.
+        offset: u32,
+        /// Length of the whole state, at most 64 KiB.
+        total: u32,
+        /// The piece.
+        bytes: &'a [u8],
+    },
+}
+
+impl<'a> Action<'a> {
+    fn kind(&self) -> u16 {
+        match self {
+            Self::Transmit { .. } => kind::TRANSMIT,
+            Self::TransmitUrgent { .. } => kind::TRANSMIT_URGENT,
+            Self::Hold => kind::HOLD,
+            Self::Release => kind::RELEASE,
+            Self::Discard => kind::DISCARD,
+            Self::SetTimer { .. } => kind::SET_TIMER,
+            Self::CancelTimer { .. } => kind::CANCEL_TIMER,
+            Self::ModemLines { .. } => kind::MODEM_LINES,
+            Self::Break { .. } => kind::BREAK,
+            Self::Want { .. } => kind::WANT,
+            Self::DeliveryBegin { .. } => kind::DELIVERY_BEGIN,
+            Self::Deliver { .. } => kind::DELIVER,
+            Self::DeliveryName { .. } => kind::DELIVERY_NAME,
+            Self::DeliveryEnd { .. } => kind::DELIVERY_END,
+            Self::JobDone { .. } => kind::JOB_DONE,
+            Self::JobFailed { .. } => kind::JOB_FAILED,
+            Self::CheckResult { .. } => kind::CHECK_RESULT,
+            Self::Request { .. } => kind::REQUEST,
+            Self::Withdraw { .. } => kind::WITHDRAW,
+            Self::Note { .. } => kind::NOTE,
+            Self::State { .. } => kind::STATE,
+            Self::Saved { .. } => kind::SAVED,
+        }
+    }
+
+    fn write(&self, w: &mut Writer<'_>) -> Result<(), NoSpace> {
+        match self {
+            Self::Transmit { mark, bytes } | Self::TransmitUrgent { mark, bytes } => {
+                w.u32(*mark)?;
+                w.bytes(bytes)
+            }
+            Self::Hold | Self::Release | Self::Discard => Ok(()),
+            Self::SetTimer { id, deadline } => {
+                w.u8(*id)?;
+                w.i64(deadline.0)
+            }
+            Self::CancelTimer { id } => w.u8(*id),
+            Self::ModemLines { mask, on } => {
+                w.u8(mask.0)?;
+                w.u8(on.0)
+            }
+            Self::Break { micros } => w.u32(*micros),
+            Self::Want { job, bytes } => {
+                w.u32(*job)?;
+                w.u32(*bytes)
+            }
+            Self::DeliveryBegin { delivery, job } => {
+                w.u32(*delivery)?;
+                w.u32(*job)
+            }
+            Self::Deliver { delivery, bytes } => {
+                w.u32(*delivery)?;
+                w.bytes(bytes)
+            }
+            Self::DeliveryName { delivery, name } => {
+                w.u32(*delivery)?;
+                w.bytes(name.as_bytes())
+            }
+            Self::DeliveryEnd { delivery, failure, status } => {
+                w.u32(*delivery)?;
+                w.u16(failure.map_or(0, Failure::code))?;
+                w.u16(*status)
+            }
+            Self::JobDone { job, sent } => {
+                w.u32(*job)?;
+                w.u64(*sent)
+            }
+            Self::JobFailed { job, failure, status, sent } => {
+                w.u32(*job)?;
+                w.u16(failure.code())?;
+                w.u16(*status)?;
+                w.u64(*sent)
+            }
+            Self::CheckResult { job, failure, status, line, column } => {
+                w.u32(*job)?;
+                w.u16(failure.map_or(0, Failure::code))?;
+                w.u16(*status)?;
+                w.u32(*line)?;
+                w.u32(*column)
+            }
+            Self::Request { request, kind, fields } => {
+                w.u32(*request)?;
+                w.u16(*kind)?;
+                w.bytes(fields.as_bytes())
+            }
+            Self::Withdraw { request } => w.u32(*request),
+            Self::Note { level, code, text } => {
+                w.u8(level.code())?;
+                w.u8(0)?;
+                w.u16(*code)?;
+                w.bytes(text.as_bytes())
+            }
+            Self::State { name } => w.bytes(name.as_bytes()),
+            Self::Saved { format, offset, total, bytes } => {
+                w.u16(*format)?;
+                w.u16(0)?;
+                w.u32(*offset)?;
+                w.u32(*total)?;
+                w.bytes(bytes)
+            }
+        }
+    }
+
+    fn decode(kind: u16, payload: &'a [u8]) -> Result<Self, MalformedReason> {
+        let mut r = Reader::new(payload);
+        let action = match kind {
+            kind::TRANSMIT => {
+                let (mark, bytes) = (r.u32()?, r.rest());
+                if mark == 0 && bytes.is_empty() {
+                    return Err(MalformedReason::Truncated);
+                }
+                Self::Transmit { mark, bytes }
+            }
+            kind::TRANSMIT_URGENT => {
+                let (mark, bytes) = (r.u32()?, r.rest());
+                if bytes.is_empty() || bytes.len() > URGENT_BYTES {
+                    return Err(MalformedReason::OutOfRange("bytes"));
+                }
+                Self::TransmitUrgent { mark, bytes }
+            }
+            kind::HOLD => Self::Hold,
+            kind::RELEASE => Self::Release,
+            kind::DISCARD => Self::Discard,
+            kind::SET_TIMER => {
+                Self::SetTimer { id: timer_id(&mut r)?, deadline: Micros(r.i64()?) }
+            }
+            kind::CANCEL_TIMER => Self::CancelTimer { id: timer_id(&mut r)? },
+            kind::MODEM_LINES => {
+                let (mask, on) = (ModemLines(r.u8()?), ModemLines(r.u8()?));
+                if !ModemLines::OUTPUTS.contains(mask) || !mask.contains(on) {
+                    return Err(MalformedReason::OutOfRange("mask"));
+                }
+                Self::ModemLines { mask, on }
+            }
+            kind::BREAK => match r.u32()? {
+                micros @ 1..=BREAK_MICROS => Self::Break { micros },
+                _ => return Err(MalformedReason::OutOfRange("micros")),
+            },
+            kind::WANT => Self::Want {
+                job: non_zero("job", r.u32()?)?,
+                bytes: non_zero("bytes", r.u32()?)?,
+            },
+            kind::DELIVERY_BEGIN => {
+                Self::DeliveryBegin { delivery: non_zero("delivery", r.u32()?)?, job: r.u32()? }
+            }
+            kind::DELIVER => {
+                let (delivery, bytes) = (non_zero("delivery", r.u32()?)?, r.rest());
+                if bytes.is_empty() {
+                    return Err(MalformedReason::Truncated);
+                }
+                Self::Deliver { delivery, bytes }
+            }
+            kind::DELIVERY_NAME => Self::DeliveryName {
+                delivery: non_zero("delivery", r.u32()?)?,
+                name: r.text("name", DELIVERY_NAME_BYTES)?,
+            },
+            kind::DELIVERY_END => Self::DeliveryEnd {
+                delivery: non_zero("delivery", r.u32()?)?,
+                failure: failure(&mut r)?,
+                status: r.u16()?,
+            },
+            kind::JOB_DONE => {
+                Self::JobDone { job: non_zero("job", r.u32()?)?, sent: r.u64()? }
+            }
+            kind::JOB_FAILED => Self::JobFailed {
+                job: non_zero("job", r.u32()?)?,
+                failure: known("failure", failure(&mut r)?)?,
+                status: r.u16()?,
+                sent: r.u64()?,
+            },
+            kind::CHECK_RESULT => Self::CheckResult {
+                job: non_zero("job", r.u32()?)?,
+                failure: failure(&mut r)?,
+                status: r.u16()?,
+                line: r.u32()?,
+                column: r.u32()?,
+            },
+            kind::REQUEST => Self::Request {
+                request: non_zero("request", r.u32()?)?,
+                kind: r.u16()?,
+                fields: Values::new(r.rest()),
+            },
+            kind::WITHDRAW => Self::Withdraw { request: non_zero("request", r.u32()?)? },
+            kind::NOTE => {
+                let level = known("level", NoteLevel::from_code(r.u8()?))?;
+                if r.u8()? != 0 {
+                    return Err(MalformedReason::OutOfRange("zero"));
+                }
+                Self::Note { level, code: r.u16()?, text: r.text("text", NOTE_BYTES)? }
+            }
+            kind::STATE => Self::State { name: r.text("name", STATE_NAME_BYTES)? },
+            kind::SAVED => {
+                let (format, zero) = (r.u16()?, r.u16()?);
+                if zero != 0 {
+                    return Err(MalformedReason::OutOfRange("zero"));
+                }
+                let (offset, total, bytes) = (r.u32()?, r.u32()?, r.rest());
+                piece(offset, total, bytes.len())?;
+                Self::Saved { format, offset, total, bytes }
+            }
+            _ => return Err(MalformedReason::UnknownKind(kind)),
+        };
+        r.end()?;
+        Ok(action)
+    }
+}
+
+fn failure(r: &mut Reader<'_>) -> Result<Option<Failure>, MalformedReason> {
+    match r.u16()? {
+        0 => Ok(None),
+        code => known("failure", Failure::from_code(code)).map(Some),
+    }
+}
+
+/// Reads the records of an output buffer, checking each.
+#[derive(Clone, Debug)]
+pub struct Actions<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Actions<'a> {
+    /// The records in `bytes`.
+    pub fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0 }
+    }
+
+    fn record(&self) -> Result<(Action<'a>, usize), MalformedReason> {
+        let mut reader = Reader::new(self.bytes.get(self.at..).unwrap_or_default());
+        let kind = reader.u16()?;
+        let length = usize::from(reader.u16()?);
+        let action = Action::decode(kind, reader.bytes(length)?)?;
+        Ok((action, 4 + length))
+    }
+}
+
+impl<'a> Iterator for Actions<'a> {
+    type Item = Result<Action<'a>, Malformed>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.at >= self.bytes.len() {
+            return None;
+        }
+        let at = self.at;
+        match self.record() {
+            Ok((action, length)) => {
+                self.at += length;
+                Some(Ok(action))
+            }
+            Err(reason) => {
+                self.at = self.bytes.len();
+                Some(Err(Malformed { at, reason }))
+            }
+        }
+    }
+}
+
+/// Writes records into an output buffer.
+///
+/// Bytes for the queue or for one delivery that follow each other become one
+/// record, so that a plug-in may push them one by one.
+#[derive(Debug)]
+pub struct ActionWriter<'a> {
+    writer: Writer<'a>,
+    /// Start and kind of the last record, if bytes may be appended to it.
+    open: Option<(usize, u16, u32)>,
+}
+
+impl<'a> ActionWriter<'a> {
+    /// A writer at the start of `buffer`.
+    pub fn new(buffer: &'a mut [u8]) -> Self {
+        Self { writer: Writer::new(buffer), open: None }
+    }
+
+    /// Bytes written.
+    pub fn len(&self) -> usize {
+        self.writer.len()
+    }
+
+    /// Whether nothing was written.
+    pub fn is_empty(&self) -> bool {
+        self.writer.is_empty()
+    }
+
+    /// Bytes that still fit, record headers included.
+    pub fn room(&self) -> usize {
+        self.writer.room()
+    }
+
+    /// The records so far.
+    pub fn written(&self) -> &[u8] {
+        self.writer.written()
+    }
+
+    /// Appends a record; on `NoSpace` the records before it stay whole.
+    pub fn push(&mut self, action: &Action<'_>) -> Result<(), NoSpace> {
+        debug_assert!(!matches!(action, Action::SetTimer { id, .. } if *id >= TIMERS));
+        let appendable = match action {
+            Action::Transmit { mark: 0, bytes } => Some((kind::TRANSMIT, 0, *bytes)),
+            Action::Deliver { delivery, bytes } => Some((kind::DELIVER, *delivery, *bytes)),
+            _ => None,
+        };
+        if let Some((kind, id, bytes)) = appendable {
+            if bytes.is_empty() {
+                return Ok(());
+            }
+            if self.append(kind, id, bytes) {
+                return Ok(());
+            }
+        }
+        let start = self.writer.len();
+        let written = self.record(action, start);
+        match written {
+            Ok(()) => self.open = appendable.map(|(kind, id, _)| (start, kind, id)),
+            Err(NoSpace) => self.writer.truncate(start),
+        }
+        written
+    }
+
+    fn append(&mut self, kind: u16, id: u32, bytes: &[u8]) -> bool {
+        let Some((start, open_kind, open_id)) = self.open else { return false };
+        let length = self.writer.len() - start - 4 + bytes.len();
+        if (open_kind, open_id) != (kind, id) || length > RECORD_BYTES {
+            return false;
+        }
+        if self.writer.bytes(bytes).is_err() {
+            return false;
+        }
+        self.writer.patch_u16(start + 2, length as u16);
+        true
+    }
+
+    fn record(&mut self, action: &Action<'_>, start: usize) -> Result<(), NoSpace> {
+        self.writer.u16(action.kind())?;
+        self.writer.u16(0)?;
+        action.write(&mut self.writer)?;
+        let length = u16::try_from(self.writer.len() - start - 4).map_err(|_| NoSpace)?;
+        self.writer.patch_u16(start + 2, length);
+        Ok(())
+    }
+}

@@ -1,0 +1,560 @@
+//! Events: what a host tells a plug-in, one call each.
+
+use crate::code::codes;
+use crate::limits::{STATE_BYTES, TIMERS};
+use crate::value::Values;
+use crate::wire::{MalformedReason, NoSpace, Reader, Writer};
+use crate::{Failure, Micros};
+
+codes! {
+    /// The kinds of event, as given to `softplug_v1_step`.
+    pub enum EventKind: u16 {
+        1 "settings" Settings "settings, in pieces, before open",
+        2 "open" Open "the link is there",
+        3 "close" Close "the link ends; what follows begins as new",
+        4 "received" Received "bytes from the line",
+        5 "line-error" LineError "a damaged character, an overrun or a break",
+        6 "modem-lines" ModemLines "the modem lines, at open and at each change",
+        7 "link-down" LinkDown "the port or connection is gone",
+        8 "link-up" LinkUp "the port or connection is back",
+        9 "timer" Timer "a timer has run out",
+        10 "mark" Mark "a marked byte has left, or was dropped",
+        11 "transmit-room" TransmitRoom "more room in the transmit queue",
+        12 "discarded" Discarded "how many bytes a discard dropped",
+        13 "delivery-room" DeliveryRoom "more room for deliveries",
+        14 "job-begin" JobBegin "a job begins, as a check or for good",
+        15 "job-data" JobData "data of the job, as much as asked for",
+        16 "job-end" JobEnd "the job's data has ended",
+        17 "pause" Pause "the host asks for a pause",
+        18 "resume" Resume "the host ends the pause",
+        19 "abort" Abort "the host aborts a job or the delivery under way",
+        20 "force-resume" ForceResume "go on although the partner holds the line",
+        21 "answer" Answer "the answer to a request, in pieces",
+        22 "save" Save "write the state",
+        23 "restore" Restore "take a saved state, in pieces",
+        24 "continue" Continue "write the rest of the actions",
+    }
+}
+
+/// The parity of a character.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default, Hash)]
+pub enum Parity {
+    /// No parity bit.
+    #[default]
+    None,
+    /// The number of ones is odd.
+    Odd,
+    /// The number of ones is even.
+    Even,
+    /// The parity bit is 1.
+    Mark,
+    /// The parity bit is 0.
+    Space,
+}
+
+/// How characters look on the line.
+///
+/// ```
+/// use softplug_abi::{LineParameters, Micros, Parity};
+///
+/// let line = LineParameters { baud: 9_600, data_bits: 8, parity: Parity::Even, stop_half_bits: 2 };
+/// assert_eq!(line.half_bits(), 22);
+/// assert_eq!(line.characters(1), Micros(1_146));
+/// ```
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Hash)]
+pub struct LineParameters {
+    /// Bits per second; 0 where the line's rate is unknown (TCP, pty).
+    pub baud: u32,
+    /// Data bits, 5 to 8.
+    pub data_bits: u8,
+    /// The parity bit.
+    pub parity: Parity,
+    /// Stop bits in halves: 2, 3 or 4.
+    pub stop_half_bits: u8,
+}
+
+impl LineParameters {
+    /// 8N1 at `baud`.
+    pub const fn new(baud: u32) -> Self {
+        Self { baud, data_bits: 8, parity: Parity::None, stop_half_bits: 2 }
+    }
+
+    /// Length of a character in half bits, start bit included.
+    pub const fn half_bits(&self) -> u32 {
+        let parity = !matches!(self.parity, Parity::None) as u32;
+        2 + 2 * (self.data_bits as u32 + parity) + self.stop_half_bits as u32
+    }
+
+    /// Time that `count` characters take back to back, rounded up to a whole
+    /// µs; zero where the rate is unknown.
+    pub const fn characters(&self, count: u64) -> Micros {
+        if self.baud == 0 {
+            return Micros(0);
+        }
+        let half_bits = count as u128 * self.half_bits() as u128 * 1_000_000;
+        Micros(half_bits.div_ceil(2 * self.baud as u128) as i64)
+    }
+}
+
+codes! {
+    /// What happened to a character on the line.
+    pub enum LineErrorKind: u8 {
+        1 "parity" Parity "the parity bit is wrong",
+        2 "framing" Framing "the stop bit is missing",
+        3 "parity-or-framing" ParityOrFraming "parity or framing, the port cannot tell",
+        4 "overrun" Overrun "characters were lost in the port",
+        5 "break" Break "the line was held low for longer than a character",
+    }
+}
+
+codes! {
+    /// Why the link went down.
+    pub enum LinkDownReason: u8 {
+        1 "unplugged" Unplugged "the device is gone",
+        2 "disconnected" Disconnected "the connection was closed by the other side",
+        3 "failed" Failed "reading or writing failed",
+    }
+}
+
+codes! {
+    /// What became of a marked byte.
+    pub enum MarkState: u8 {
+        1 "maybe-left" MaybeLeft "its last bit can have left by now: never reported late",
+        2 "surely-left" SurelyLeft "its last bit has left for certain: never reported early",
+        3 "dropped" Dropped "a discard dropped it before the port had it",
+    }
+}
+
+/// A set of modem lines, named as on our own port.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default, Hash)]
+pub struct ModemLines(pub u8);
+
+impl ModemLines {
+    /// Clear to send, an input.
+    pub const CTS: Self = Self(1);
+    /// Data set ready, an input.
+    pub const DSR: Self = Self(2);
+    /// Carrier detect, an input.
+    pub const DCD: Self = Self(4);
+    /// Ring, an input.
+    pub const RI: Self = Self(8);
+    /// Request to send, an output.
+    pub const RTS: Self = Self(16);
+    /// Data terminal ready, an output.
+    pub const DTR: Self = Self(32);
+    /// The lines that a plug-in can set.
+    pub const OUTPUTS: Self = Self(16 | 32);
+
+    /// Whether all of `lines` are in the set.
+    pub const fn contains(self, lines: Self) -> bool {
+        self.0 & lines.0 == lines.0
+    }
+
+    /// Both sets together.
+    pub const fn union(self, lines: Self) -> Self {
+        Self(self.0 | lines.0)
+    }
+}
+
+/// Whether a job is only checked or carried out.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Hash)]
+pub enum Pass {
+    /// Carry the job out.
+    Run,
+    /// Look at the data and send nothing; answered by a check result.
+    Check,
+}
+
+/// One event. Payload layouts: `docs/abi.md`, section "Events".
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Event<'a> {
+    /// Settings in the manifest's order, in pieces, before `Open`.
+    Settings {
+        /// This is the first piece.
+        first: bool,
+        /// This is the last piece.
+        last: bool,
+        /// Whole records; none stands across two pieces.
+        values: Values<'a>,
+    },
+    /// The link is there; the clock runs.
+    Open {
+        /// The plug-in was restored: it goes on instead of starting anew, takes
+        /// both rooms from here and sets its timers again.
+        resumed: bool,
+        /// The characters on the line.
+        line: LineParameters,
+        /// Bytes that may be transmitted until more room is reported.
+        transmit_room: u32,
+        /// Bytes that may be delivered until more room is reported.
+        delivery_room: u32,
+    },
+    /// The link ends. The instance may be opened again, as new.
+    Close,
+    /// Bytes that arrived at this time, at least one.
+    Received(&'a [u8]),
+    /// A damaged character or a break.
+    LineError {
+        /// What happened.
+        kind: LineErrorKind,
+        /// The character as it was read, if known.
+        byte: Option<u8>,
+        /// 0: exactly here. n: one of the last n bytes received.
+        span: u32,
+    },
+    /// State of the modem lines; the first event after `Open`.
+    ModemLines {
+        /// The lines that this link has.
+        known: ModemLines,
+        /// The lines that are on.
+        on: ModemLines,
+    },
+    /// The port is gone. Nothing is lost that the queue still holds.
+    LinkDown(LinkDownReason),
+    /// The port is back.
+    LinkUp,
+    /// The timer with this id and deadline has run out.
+    Timer {
+        /// 0 to 15.
+        id: u8,
+        /// As it was set.
+        deadline: Micros,
+    },
+    /// News of a marked byte.
+    Mark {
+        /// As given with the transmit, never 0.
+        mark: u32,
+        /// What became of it.
+        state: MarkState,
+    },
+    /// The transmit queue has room for this many bytes more.
+    TransmitRoom {
+        /// Growth in bytes since the last report.
+        grown: u32,
+    },
+    /// Answer to a discard.
+    Discarded {
+        /// Bytes dropped; they count as room again.
+        bytes: u32,
+    },
+    /// The host has taken deliveries: room for this many bytes more.
+    DeliveryRoom {
+        /// Growth in bytes since the last report.
+        grown: u32,
+    },
+    /// A job begins.
+    JobBegin {
+        /// The job's id, never 0.
+        job: u32,
+        /// Place of the job's kind in the manifest.
+        kind: u16,
+        /// Check or run.
+        pass: Pass,
+        /// Bytes of data, if known.
+        size: Option<u64>,
+        /// The job's fields.
+        fields: Values<'a>,
+    },
+    /// Data of the job, at most as much as was asked for.
+    JobData {
+        /// The job's id.
+        job: u32,
+        /// At least one byte.
+        bytes: &'a [u8],
+    },
+    /// All data of the job was given.
+    JobEnd {
+        /// The job's id.
+        job: u32,
+    },
+    /// Pause the job where the protocol allows it.
+    Pause {
+        /// The job's id.
+        job: u32,
+    },
+    /// Go on with the job.
+    Resume {
+        /// The job's id.
+        job: u32,
+    },
+    /// Abort the job; 0: the delivery under way.
+    Abort {
+        /// The job's id, or 0.
+        job: u32,
+    },
+    /// Go on although the partner holds the line.
+    ForceResume,
+    /// The answer to a request.
+    Answer {
+        /// The request's id.
+        request: u32,
+        /// `None`: granted. Otherwise why it was refused.
+        refused: Option<Failure>,
+        /// More pieces of this answer follow.
+        more: bool,
+        /// Data of a granted request.
+        bytes: &'a [u8],
+    },
+    /// Write the state; changes nothing.
+    Save,
+    /// A piece of a saved state.
+    Restore {
+        /// The format that it was saved in.
+        format: u16,
+        /// Where the piece begins, in bytes.
+        offset: u32,
+        /// Length of the whole state in bytes.
+        total: u32,
+        /// The piece.
+        bytes: &'a [u8],
+    },
+    /// Write the rest of the actions of the event before.
+    Continue,
+}
+
+impl<'a> Event<'a> {
+    /// The event's kind.
+    pub fn kind(&self) -> EventKind {
+        match self {
+            Self::Settings { .. } => EventKind::Settings,
+            Self::Open { .. } => EventKind::Open,
+            Self::Close => EventKind::Close,
+            Self::Received(_) => EventKind::Received,
+            Self::LineError { .. } => EventKind::LineError,
+            Self::ModemLines { .. } => EventKind::ModemLines,
+            Self::LinkDown(_) => EventKind::LinkDown,
+            Self::LinkUp => EventKind::LinkUp,
+            Self::Timer { .. } => EventKind::Timer,
+            Self::Mark { .. } => EventKind::Mark,
+            Self::TransmitRoom { .. } => EventKind::TransmitRoom,
+            Self::Discarded { .. } => EventKind::Discarded,
+            Self::DeliveryRoom { .. } => EventKind::DeliveryRoom,
+            Self::JobBegin { .. } => EventKind::JobBegin,
+            Self::JobData { .. } => EventKind::JobData,
+            Self::JobEnd { .. } => EventKind::JobEnd,
+            Self::Pause { .. } => EventKind::Pause,
+            Self::Resume { .. } => EventKind::Resume,
+            Self::Abort { .. } => EventKind::Abort,
+            Self::ForceResume => EventKind::ForceResume,
+            Self::Answer { .. } => EventKind::Answer,
+            Self::Save => EventKind::Save,
+            Self::Restore { .. } => EventKind::Restore,
+            Self::Continue => EventKind::Continue,
+        }
+    }
+
+    /// Writes the payload into `buffer`; returns its length in bytes.
+    pub fn encode(&self, buffer: &mut [u8]) -> Result<usize, NoSpace> {
+        let mut writer = Writer::new(buffer);
+        self.write(&mut writer)?;
+        Ok(writer.len())
+    }
+
+    fn write(&self, w: &mut Writer<'_>) -> Result<(), NoSpace> {
+        match self {
+            Self::Settings { first, last, values } => {
+                w.u8(u8::from(*first) | u8::from(*last) << 1)?;
+                w.bytes(values.as_bytes())
+            }
+            Self::Open { resumed, line, transmit_room, delivery_room } => {
+                w.u8(u8::from(*resumed))?;
+                w.u8(line.data_bits)?;
+                w.u8(line.parity as u8)?;
+                w.u8(line.stop_half_bits)?;
+                w.u32(line.baud)?;
+                w.u32(*transmit_room)?;
+                w.u32(*delivery_room)
+            }
+            Self::Received(bytes) => w.bytes(bytes),
+            Self::LineError { kind, byte, span } => {
+                w.u8(kind.code())?;
+                w.u8(u8::from(byte.is_some()))?;
+                w.u8(byte.unwrap_or(0))?;
+                w.u8(0)?;
+                w.u32(*span)
+            }
+            Self::ModemLines { known, on } => {
+                w.u8(known.0)?;
+                w.u8(on.0)
+            }
+            Self::LinkDown(reason) => w.u8(reason.code()),
+            Self::Timer { id, deadline } => {
+                w.u8(*id)?;
+                w.i64(deadline.0)
+            }
+            Self::Mark { mark, state } => {
+                w.u32(*mark)?;
+                w.u8(state.code())
+            }
+            Self::TransmitRoom { grown } | Self::DeliveryRoom { grown } => w.u32(*grown),
+            Self::Discarded { bytes } => w.u32(*bytes),
+            Self::JobBegin { job, kind, pass, size, fields } => {
+                w.u32(*job)?;
+                w.u16(*kind)?;
+                w.u8(u8::from(*pass == Pass::Check))?;
+                w.u8(u8::from(size.is_some()))?;
+                w.u64(size.unwrap_or(0))?;
+                w.bytes(fields.as_bytes())
+            }
+            Self::JobData { job, bytes } => {
+                w.u32(*job)?;
+                w.bytes(bytes)
+            }
+            Self::JobEnd { job }
+            | Self::Pause { job }
+            | Self::Resume { job }
+            | Self::Abort { job } => w.u32(*job),
+            Self::Answer { request, refused, more, bytes } => {
+                w.u32(*request)?;
+                w.u16(refused.map_or(0, Failure::code))?;
+                w.u8(u8::from(*more))?;
+                w.u8(0)?;
+                w.bytes(bytes)
+            }
+            Self::Restore { format, offset, total, bytes } => {
+                w.u16(*format)?;
+                w.u16(0)?;
+                w.u32(*offset)?;
+                w.u32(*total)?;
+                w.bytes(bytes)
+            }
+            Self::Close | Self::LinkUp | Self::ForceResume | Self::Save | Self::Continue => Ok(()),
+        }
+    }
+
+    /// Reads an event of `kind` from its payload. Value records inside are not
+    /// looked at yet.
+    pub fn decode(kind: EventKind, payload: &'a [u8]) -> Result<Self, MalformedReason> {
+        let mut r = Reader::new(payload);
+        let event = match kind {
+            EventKind::Settings => {
+                let flags = flags(&mut r, 0b11)?;
+                let values = Values::new(r.rest());
+                Self::Settings { first: flags & 1 != 0, last: flags & 2 != 0, values }
+            }
+            EventKind::Open => Self::Open {
+                resumed: flag(&mut r)?,
+                line: line_parameters(&mut r)?,
+                transmit_room: r.u32()?,
+                delivery_room: r.u32()?,
+            },
+            EventKind::Close => Self::Close,
+            EventKind::Received => Self::Received(at_least_one(r.rest())?),
+            EventKind::LineError => {
+                let kind = known("kind", LineErrorKind::from_code(r.u8()?))?;
+                let (has_byte, byte) = (flag(&mut r)?, r.u8()?);
+                zero(u16::from(r.u8()?))?;
+                Self::LineError { kind, byte: has_byte.then_some(byte), span: r.u32()? }
+            }
+            EventKind::ModemLines => {
+                Self::ModemLines { known: ModemLines(r.u8()?), on: ModemLines(r.u8()?) }
+            }
+            EventKind::LinkDown => {
+                Self::LinkDown(known("reason", LinkDownReason::from_code(r.u8()?))?)
+            }
+            EventKind::LinkUp => Self::LinkUp,
+            EventKind::Timer => Self::Timer { id: timer_id(&mut r)?, deadline: Micros(r.i64()?) },
+            EventKind::Mark => Self::Mark {
+                mark: non_zero("mark", r.u32()?)?,
+                state: known("state", MarkState::from_code(r.u8()?))?,
+            },
+            EventKind::TransmitRoom => Self::TransmitRoom { grown: r.u32()? },
+            EventKind::Discarded => Self::Discarded { bytes: r.u32()? },
+            EventKind::DeliveryRoom => Self::DeliveryRoom { grown: r.u32()? },
+            EventKind::JobBegin => {
+                let (job, kind) = (non_zero("job", r.u32()?)?, r.u16()?);
+                let pass = if flag(&mut r)? { Pass::Check } else { Pass::Run };
+                let (has_size, size) = (flag(&mut r)?, r.u64()?);
+                let fields = Values::new(r.rest());
+                Self::JobBegin { job, kind, pass, size: has_size.then_some(size), fields }
+            }
+            EventKind::JobData => Self::JobData {
+                job: non_zero("job", r.u32()?)?,
+                bytes: at_least_one(r.rest())?,
+            },
+            EventKind::JobEnd => Self::JobEnd { job: non_zero("job", r.u32()?)? },
+            EventKind::Pause => Self::Pause { job: non_zero("job", r.u32()?)? },
+            EventKind::Resume => Self::Resume { job: non_zero("job", r.u32()?)? },
+            EventKind::Abort => Self::Abort { job: r.u32()? },
+            EventKind::ForceResume => Self::ForceResume,
+            EventKind::Answer => {
+                let request = r.u32()?;
+                let refused = match r.u16()? {
+                    0 => None,
+                    code => Some(known("refused", Failure::from_code(code))?),
+                };
+                let more = flag(&mut r)?;
+                zero(u16::from(r.u8()?))?;
+                Self::Answer { request, refused, more, bytes: r.rest() }
+            }
+            EventKind::Save => Self::Save,
+            EventKind::Restore => {
+                let format = r.u16()?;
+                zero(r.u16()?)?;
+                let (offset, total, bytes) = (r.u32()?, r.u32()?, r.rest());
+                piece(offset, total, bytes.len())?;
+                Self::Restore { format, offset, total, bytes }
+            }
+            EventKind::Continue => Self::Continue,
+        };
+        r.end()?;
+        Ok(event)
+    }
+}
+
+fn line_parameters(r: &mut Reader<'_>) -> Result<LineParameters, MalformedReason> {
+    let data_bits = r.u8()?;
+    let parity = match r.u8()? {
+        0 => Parity::None,
+        1 => Parity::Odd,
+        2 => Parity::Even,
+        3 => Parity::Mark,
+        4 => Parity::Space,
+        _ => return Err(MalformedReason::OutOfRange("parity")),
+    };
+    let stop_half_bits = r.u8()?;
+    let baud = r.u32()?;
+    if !(5..=8).contains(&data_bits) || !(2..=4).contains(&stop_half_bits) {
+        return Err(MalformedReason::OutOfRange("line"));
+    }
+    Ok(LineParameters { baud, data_bits, parity, stop_half_bits })
+}
+
+fn flags(r: &mut Reader<'_>, allowed: u8) -> Result<u8, MalformedReason> {
+    let flags = r.u8()?;
+    if flags & !allowed == 0 { Ok(flags) } else { Err(MalformedReason::OutOfRange("flags")) }
+}
+
+fn flag(r: &mut Reader<'_>) -> Result<bool, MalformedReason> {
+    Ok(flags(r, 1)? == 1)
+}
+
+fn zero(value: u16) -> Result<(), MalformedReason> {
+    if value == 0 { Ok(()) } else { Err(MalformedReason::OutOfRange("zero")) }
+}
+
+fn at_least_one(bytes: &[u8]) -> Result<&[u8], MalformedReason> {
+    if bytes.is_empty() { Err(MalformedReason::Truncated) } else { Ok(bytes) }
+}
+
+pub(crate) fn known<T>(field: &'static str, value: Option<T>) -> Result<T, MalformedReason> {
+    value.ok_or(MalformedReason::OutOfRange(field))
+}
+
+pub(crate) fn non_zero(field: &'static str, id: u32) -> Result<u32, MalformedReason> {
+    if id == 0 { Err(MalformedReason::OutOfRange(field)) } else { Ok(id) }
+}
+
+pub(crate) fn timer_id(r: &mut Reader<'_>) -> Result<u8, MalformedReason> {
+    let id = r.u8()?;
+    if id < TIMERS { Ok(id) } else { Err(MalformedReason::OutOfRange("timer")) }
+}
+
+/// A piece of a saved state lies inside a total that is within bounds.
+pub(crate) fn piece(offset: u32, total: u32, length: usize) -> Result<(), MalformedReason> {
+    let end = u64::from(offset) + length as u64;
+    if total > STATE_BYTES || end > u64::from(total) {
+        return Err(MalformedReason::OutOfRange("total"));
+    }
+    Ok(())
+}
