@@ -1,0 +1,87 @@
+//! The one interface behind which a WebAssembly engine stands.
+//!
+//! Callers know these three traits and nothing of the engine: another engine is
+//! another file beside `wasmtime.rs`.
+
+mod precompiled;
+mod wasmtime;
+
+use crate::cache::VerifiedCode;
+use std::fmt;
+
+pub(crate) use self::wasmtime::Wasmtime;
+
+/// Which engine runs the plug-ins. Fuel figures hold for one version of one
+/// engine only, so a report states both.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Hash)]
+pub struct EngineInfo {
+    /// The engine's name.
+    pub name: &'static str,
+    /// Its version.
+    pub version: &'static str,
+}
+
+impl fmt::Display for EngineInfo {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.name, self.version)
+    }
+}
+
+/// Compiles modules that the lint has let through.
+pub(crate) trait Engine: Send + Sync {
+    fn info(&self) -> EngineInfo;
+
+    /// Two engines whose code can be exchanged give the same number.
+    fn settings_hash(&self) -> u64;
+
+    fn compile(&self, wasm: &[u8]) -> Result<Box<dyn Compiled>, EngineError>;
+
+    /// Takes code that an engine of the same settings gave out before.
+    fn revive(&self, code: &VerifiedCode) -> Result<Box<dyn Compiled>, EngineError>;
+}
+
+/// A compiled module.
+pub(crate) trait Compiled: Send + Sync {
+    /// The code, for the cache.
+    fn code(&self) -> Result<Vec<u8>, EngineError>;
+
+    fn instantiate(&self) -> Result<Box<dyn Running>, StartError>;
+}
+
+/// One instance with its memory.
+pub(crate) trait Running: Send {
+    /// Calls `softplug_v1`.
+    fn mailbox(&mut self, fuel: u64) -> Result<u32, Stop>;
+
+    /// Calls `softplug_v1_step`.
+    fn step(&mut self, kind: i32, length: i32, now: i64, fuel: u64) -> Result<i32, Stop>;
+
+    /// What is left of the fuel that the last call was given.
+    fn fuel_left(&self) -> u64;
+
+    fn memory(&self) -> &[u8];
+
+    fn memory_mut(&mut self) -> &mut [u8];
+}
+
+/// Why a call did not return.
+#[derive(Debug)]
+pub(crate) enum Stop {
+    OutOfFuel,
+    Trap {
+        reason: String,
+        /// Names of functions, the innermost first.
+        frames: Vec<String>,
+    },
+}
+
+/// Why there is no instance.
+#[derive(Debug)]
+pub(crate) enum StartError {
+    PoolExhausted,
+    Other(String),
+}
+
+/// What the engine says of its own failure.
+#[derive(Debug)]
+pub(crate) struct EngineError(pub(crate) String);

@@ -1,0 +1,258 @@
+//! The wasmtime engine: configuration, pool and calls.
+
+use super::{Compiled, EngineError, EngineInfo, Running, StartError, Stop, precompiled};
+use crate::cache::VerifiedCode;
+use crate::lint::{ELEMENTS, FEATURES};
+use crate::words;
+use softplug_abi::limits::MEMORY_PAGES;
+use softplug_abi::{EXPORT_MAILBOX, EXPORT_MEMORY, EXPORT_STEP};
+use std::hash::{DefaultHasher, Hash, Hasher};
+use wasmtime::{
+    Config, Engine, InstanceAllocationStrategy, InstancePre, Linker, Memory, Module, OperatorCost,
+    PoolConcurrencyLimitError, PoolingAllocationConfig, Store, Trap, TypedFunc, WasmBacktrace,
+    WasmFeatures,
+};
+
+/// A test holds this against the lock file.
+const VERSION: &str = "48.0.8";
+
+/// Stack that a plug-in may use beside its own memory. Past it: a trap.
+const STACK_BYTES: usize = 256 * 1024;
+
+/// Most bytes of the engine's own bookkeeping for one instance: functions in
+/// tables and globals.
+const INSTANCE_BYTES: usize = 128 * 1024;
+
+const MEMORY_BYTES: u64 = MEMORY_PAGES * 64 * 1024;
+
+/// Innermost frames that a fault names.
+const FRAMES: usize = 8;
+
+/// wasmtime with all that an embedding of the ABI needs, and no more.
+pub(crate) struct Wasmtime {
+    engine: Engine,
+}
+
+impl Wasmtime {
+    /// An engine with a pool for `instances`; without one where the address
+    /// space is too small for it.
+    pub(crate) fn new(instances: u32) -> Result<Self, EngineError> {
+        let engine = Engine::new(&pooled(instances)).or_else(|error| {
+            tracing::info!(%error, "no address space for a pool of instances, going on without");
+            Engine::new(&on_demand())
+        });
+        engine.map(|engine| Self { engine }).map_err(engine_error)
+    }
+
+    fn compiled(&self, module: &Module) -> Result<Box<dyn Compiled>, EngineError> {
+        let pre = Linker::new(&self.engine).instantiate_pre(module).map_err(engine_error)?;
+        Ok(Box::new(Ready { pre }))
+    }
+}
+
+fn pooled(instances: u32) -> Config {
+    let mut pool = PoolingAllocationConfig::new();
+    pool.total_core_instances(instances)
+        .total_memories(instances)
+        .total_tables(instances)
+        .max_core_instance_size(INSTANCE_BYTES)
+        .max_tables_per_module(1)
+        .table_elements(ELEMENTS as usize)
+        .max_memories_per_module(1)
+        .max_memory_size(MEMORY_BYTES as usize);
+    let mut config = common();
+    config.allocation_strategy(InstanceAllocationStrategy::Pooling(pool));
+    config
+}
+
+/// With small reservations: each access is checked in code instead of by the
+/// processor's page tables.
+fn on_demand() -> Config {
+    let mut config = common();
+    config
+        .allocation_strategy(InstanceAllocationStrategy::OnDemand)
+        .memory_reservation(MEMORY_BYTES)
+        .memory_reservation_for_growth(0)
+        .memory_guard_size(64 * 1024);
+    config
+}
+
+fn common() -> Config {
+    let mut config = Config::new();
+    config
+        .consume_fuel(true)
+        .operator_cost(costs())
+        .cranelift_nan_canonicalization(true)
+        .max_wasm_stack(STACK_BYTES)
+        .memory_may_move(false)
+        .concurrency_support(false)
+        .wasm_features(WasmFeatures::all().difference(FEATURES), false)
+        .wasm_features(FEATURES, true);
+    config
+}
+
+/// One unit an operator, more for those that take longer than the rest by an
+/// order: so that the budget bounds time, not only a count.
+fn costs() -> OperatorCost {
+    OperatorCost {
+        MemoryGrow: 100,
+        CallIndirect: 4,
+        I32DivS: 8,
+        I32DivU: 8,
+        I32RemS: 8,
+        I32RemU: 8,
+        I64DivS: 8,
+        I64DivU: 8,
+        I64RemS: 8,
+        I64RemU: 8,
+        F32Div: 8,
+        F64Div: 8,
+        F32Sqrt: 8,
+        F64Sqrt: 8,
+        ..OperatorCost::new()
+    }
+}
+
+impl super::Engine for Wasmtime {
+    fn info(&self) -> EngineInfo {
+        EngineInfo { name: "wasmtime", version: VERSION }
+    }
+
+    fn settings_hash(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        self.engine.precompile_compatibility_hash().hash(&mut hasher);
+        hasher.finish()
+    }
+
+    fn compile(&self, wasm: &[u8]) -> Result<Box<dyn Compiled>, EngineError> {
+        self.compiled(&Module::from_binary(&self.engine, wasm).map_err(engine_error)?)
+    }
+
+    fn revive(&self, code: &VerifiedCode) -> Result<Box<dyn Compiled>, EngineError> {
+        self.compiled(&precompiled::load(&self.engine, code).map_err(engine_error)?)
+    }
+}
+
+struct Ready {
+    pre: InstancePre<()>,
+}
+
+impl Compiled for Ready {
+    fn code(&self) -> Result<Vec<u8>, EngineError> {
+        self.pre.module().serialize().map_err(engine_error)
+    }
+
+    fn instantiate(&self) -> Result<Box<dyn Running>, StartError> {
+        let mut store = Store::new(self.pre.module().engine(), ());
+        let instance = self.pre.instantiate(&mut store).map_err(|error| {
+            if error.is::<PoolConcurrencyLimitError>() {
+                return StartError::PoolExhausted;
+            }
+            StartError::Other(text_of(&error))
+        })?;
+        let missing = |what: &str| StartError::Other(format!("the export \"{what}\" is not there"));
+        let memory =
+            instance.get_memory(&mut store, EXPORT_MEMORY).ok_or_else(|| missing(EXPORT_MEMORY))?;
+        let mailbox = instance
+            .get_typed_func(&mut store, EXPORT_MAILBOX)
+            .map_err(|_| missing(EXPORT_MAILBOX))?;
+        let step =
+            instance.get_typed_func(&mut store, EXPORT_STEP).map_err(|_| missing(EXPORT_STEP))?;
+        Ok(Box::new(Live { store, memory, mailbox, step }))
+    }
+}
+
+struct Live {
+    store: Store<()>,
+    memory: Memory,
+    mailbox: TypedFunc<(), i32>,
+    step: TypedFunc<(i32, i32, i64), i32>,
+}
+
+impl Live {
+    fn refuel(&mut self, fuel: u64) {
+        self.store.set_fuel(fuel).expect("the engine consumes fuel");
+    }
+}
+
+impl Running for Live {
+    fn mailbox(&mut self, fuel: u64) -> Result<u32, Stop> {
+        self.refuel(fuel);
+        let address = self.mailbox.call(&mut self.store, ()).map_err(|error| stop(&error))?;
+        Ok(address as u32)
+    }
+
+    fn step(&mut self, kind: i32, length: i32, now: i64, fuel: u64) -> Result<i32, Stop> {
+        self.refuel(fuel);
+        self.step.call(&mut self.store, (kind, length, now)).map_err(|error| stop(&error))
+    }
+
+    fn fuel_left(&self) -> u64 {
+        self.store.get_fuel().expect("the engine consumes fuel")
+    }
+
+    fn memory(&self) -> &[u8] {
+        self.memory.data(&self.store)
+    }
+
+    fn memory_mut(&mut self) -> &mut [u8] {
+        self.memory.data_mut(&mut self.store)
+    }
+}
+
+#[cold]
+fn stop(error: &wasmtime::Error) -> Stop {
+    if error.downcast_ref::<Trap>() == Some(&Trap::OutOfFuel) {
+        return Stop::OutOfFuel;
+    }
+    Stop::Trap { reason: text_of(error), frames: frames_of(error) }
+}
+
+/// The engine's text, of the trap alone where it is one.
+fn text_of(error: &wasmtime::Error) -> String {
+    let text = match error.downcast_ref::<Trap>() {
+        Some(trap) => trap.to_string(),
+        None => format!("{error:#}"),
+    };
+    text.strip_prefix("wasm trap: ").unwrap_or(&text).to_owned()
+}
+
+/// The module's own names: it may have put anything into them.
+fn frames_of(error: &wasmtime::Error) -> Vec<String> {
+    let Some(backtrace) = error.downcast_ref::<WasmBacktrace>() else { return Vec::new() };
+    let name = |frame: &wasmtime::FrameInfo| match frame.func_name() {
+        Some(name) => words::printable(name.as_bytes()),
+        None => format!("function {}", frame.func_index()),
+    };
+    backtrace.frames().iter().take(FRAMES).map(name).collect()
+}
+
+#[expect(clippy::needless_pass_by_value, reason = "for map_err")]
+fn engine_error(error: wasmtime::Error) -> EngineError {
+    EngineError(format!("{error:#}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_version_is_the_one_in_the_lock_file() {
+        let lock = include_str!("../../../../Cargo.lock").replace("\r\n", "\n");
+        assert!(lock.contains(&format!("name = \"wasmtime\"\nversion = \"{VERSION}\"\n")));
+    }
+
+    #[test]
+    fn both_configurations_make_an_engine() {
+        Engine::new(&pooled(4)).unwrap();
+        Engine::new(&on_demand()).unwrap();
+    }
+
+    #[test]
+    fn a_pool_that_does_not_fit_falls_back_to_none() {
+        // 100,000 reservations of 4 GiB are more than 47 bits can address.
+        assert!(Engine::new(&pooled(100_000)).is_err());
+        let engine = Wasmtime::new(100_000).unwrap();
+        assert!(Module::new(&engine.engine, b"\0asm\x01\0\0\0").is_ok());
+    }
+}

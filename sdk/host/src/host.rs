@@ -1,0 +1,145 @@
+//! The host: an engine, its limits and its cache.
+
+use crate::cache::{Cache, CacheKey};
+use crate::engine::{Compiled, Engine, EngineError, Wasmtime};
+use crate::plugin::{Origin, Plugin};
+use crate::{EngineInfo, Inspection, LoadError, lint};
+use softplug_abi::limits::{FUEL_PER_EVENT, MODULE_BYTES};
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// What a host is made with.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct HostOptions {
+    /// Directory for compiled code; `None`: compile at every load. It is made
+    /// if it is missing. It must belong to this user alone.
+    pub cache: Option<PathBuf>,
+    /// Units of fuel for one event or one round of `continue`.
+    pub fuel_per_event: u64,
+    /// Most instances at one time. Each reserves 4 GiB of addresses, not memory;
+    /// where there are not that many, instances are made one by one, which is
+    /// slower, and there is no such bound.
+    pub instances: u32,
+}
+
+impl Default for HostOptions {
+    /// No cache, the ABI's fuel, 1,024 instances.
+    fn default() -> Self {
+        Self { cache: None, fuel_per_event: FUEL_PER_EVENT, instances: 1_024 }
+    }
+}
+
+/// Loads plug-ins. Clones share one engine; a process needs one.
+#[derive(Clone)]
+pub struct Host {
+    inner: Arc<Inner>,
+}
+
+struct Inner {
+    engine: Box<dyn Engine>,
+    cache: Option<Cache>,
+    options: HostOptions,
+}
+
+impl Host {
+    /// A host with its engine.
+    ///
+    /// # Errors
+    /// The engine cannot be set up on this machine. A cache that cannot be used
+    /// is no error: it is logged, and plug-ins are compiled at every load.
+    pub fn new(options: HostOptions) -> Result<Self, LoadError> {
+        let engine = Wasmtime::new(options.instances)
+            .map_err(|EngineError(reason)| LoadError::Engine(reason))?;
+        let cache = options.cache.as_deref().and_then(Cache::open);
+        Ok(Self { inner: Arc::new(Inner { engine: Box::new(engine), cache, options }) })
+    }
+
+    /// Reads, checks and compiles a plug-in. Takes milliseconds, at worst seconds:
+    /// never call it on a thread that serves a link.
+    ///
+    /// # Errors
+    /// The file cannot be read, is larger than [`MODULE_BYTES`] (and then is not
+    /// read), or is no plug-in.
+    pub fn load(&self, path: &Path) -> Result<Plugin, LoadError> {
+        self.load_bytes(&read_module(path)?)
+    }
+
+    /// Checks and compiles a plug-in. As slow as [`Host::load`].
+    ///
+    /// # Errors
+    /// The module is no plug-in.
+    pub fn load_bytes(&self, wasm: &[u8]) -> Result<Plugin, LoadError> {
+        let inspection = lint(wasm)?;
+        let (compiled, origin) = self.inner.compile(wasm, &inspection)?;
+        Ok(Plugin::new(compiled, inspection, origin, &self.inner.options))
+    }
+
+    /// Which engine runs the plug-ins.
+    pub fn engine(&self) -> EngineInfo {
+        self.inner.engine.info()
+    }
+}
+
+impl std::fmt::Debug for Host {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Host")
+            .field("engine", &self.engine())
+            .field("options", &self.inner.options)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Inner {
+    fn compile(
+        &self,
+        wasm: &[u8],
+        inspection: &Inspection,
+    ) -> Result<(Box<dyn Compiled>, Origin), LoadError> {
+        let Some(cache) = &self.cache else {
+            return Ok((self.compile_anew(wasm)?, Origin::Compiled));
+        };
+        let engine = self.engine.as_ref();
+        let key = CacheKey::new(inspection.digest, engine.info(), engine.settings_hash());
+        if let Some(code) = cache.read(key) {
+            match engine.revive(&code) {
+                Ok(compiled) => return Ok((compiled, Origin::Cache)),
+                Err(EngineError(error)) => {
+                    tracing::warn!(error, "the engine does not take its own code, compiling anew");
+                }
+            }
+        }
+        let compiled = self.compile_anew(wasm)?;
+        match compiled.code() {
+            Ok(code) => cache.write(key, &code),
+            Err(EngineError(error)) => tracing::warn!(error, "the code cannot be kept"),
+        }
+        Ok((compiled, Origin::Compiled))
+    }
+
+    fn compile_anew(&self, wasm: &[u8]) -> Result<Box<dyn Compiled>, LoadError> {
+        self.engine.compile(wasm).map_err(|EngineError(reason)| LoadError::Compile(reason))
+    }
+}
+
+/// The size is looked at first, and the read is bounded all the same: a file can
+/// grow between the two.
+fn read_module(path: &Path) -> Result<Vec<u8>, LoadError> {
+    let io = |source| LoadError::Io { path: path.to_owned(), source };
+    let too_large = |bytes| LoadError::TooLarge { path: path.to_owned(), bytes };
+    let metadata = std::fs::metadata(path).map_err(io)?;
+    if !metadata.is_file() {
+        return Err(LoadError::NotAFile { path: path.to_owned() });
+    }
+    if metadata.len() > MODULE_BYTES as u64 {
+        return Err(too_large(metadata.len()));
+    }
+    let mut wasm = Vec::with_capacity(metadata.len() as usize);
+    let file = File::open(path).map_err(io)?;
+    file.take(MODULE_BYTES as u64 + 1).read_to_end(&mut wasm).map_err(io)?;
+    if wasm.len() > MODULE_BYTES {
+        return Err(too_large(wasm.len() as u64));
+    }
+    Ok(wasm)
+}

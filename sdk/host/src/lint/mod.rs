@@ -1,0 +1,198 @@
+//! The lint: whether a module is a plug-in, found out without compiling it.
+
+mod error;
+mod outline;
+
+pub use error::{LintError, MemoryMaximum};
+
+use crate::Digest;
+use outline::{Export, Outline, Signature};
+use softplug_abi::limits::{MEMORY_PAGES, MODULE_BYTES};
+use softplug_abi::manifest::Manifest;
+use softplug_abi::{EXPORT_MAILBOX, EXPORT_MEMORY, EXPORT_STEP};
+use wasmparser::{Validator, WasmFeatures};
+
+/// Most elements of a table, and of all element segments together. More is
+/// refused: an instance's resident size would grow with them.
+pub const ELEMENTS: u64 = 1_024;
+
+/// Most globals. More is refused, for the same reason.
+pub const GLOBALS: u64 = 1_024;
+
+/// Most parameters and locals of all functions together. More is refused: a few
+/// bytes can declare thousands, and each costs time and memory in compiling.
+pub const LOCALS: u64 = 256 * 1024;
+
+/// Signature of `softplug_v1`.
+pub const SIGNATURE_MAILBOX: &str = "() -> i32";
+/// Signature of `softplug_v1_step`.
+pub const SIGNATURE_STEP: &str = "(i32, i32, i64) -> i32";
+
+/// WebAssembly 1.0 and mutable globals, as `wasm32v1-none` emits.
+pub(crate) const FEATURES: WasmFeatures = WasmFeatures::FLOATS.union(WasmFeatures::MUTABLE_GLOBAL);
+
+/// What the lint found out about a plug-in.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Inspection {
+    /// What the plug-in says of itself.
+    pub manifest: Manifest,
+    /// SHA-256 of the module.
+    pub digest: Digest,
+    /// Size of the module in bytes.
+    pub size: usize,
+    /// Memory of an instance, in pages of 64 KiB.
+    pub memory_pages: u64,
+    /// Imports; a plug-in has none, so this is 0.
+    pub imports: usize,
+    /// Names of the exports, as they stand in the module.
+    pub exports: Vec<String>,
+}
+
+/// Checks that a module is a plug-in.
+///
+/// Nothing is compiled and nothing of the module runs: it is quick and safe on
+/// any bytes.
+///
+/// # Errors
+/// The first rule that the module breaks.
+pub fn lint(wasm: &[u8]) -> Result<Inspection, LintError> {
+    if wasm.len() > MODULE_BYTES {
+        return Err(LintError::TooLarge { bytes: wasm.len() });
+    }
+    if !wasm.starts_with(b"\0asm") {
+        return Err(LintError::NotWasm);
+    }
+    if let Err(error) = Validator::new_with_features(FEATURES).validate_all(wasm) {
+        return Err(why_invalid(wasm, &error));
+    }
+    let outline = Outline::read(wasm).map_err(|error| LintError::from_parser(wasm, &error))?;
+    check_imports(&outline)?;
+    if outline.has_start {
+        return Err(LintError::StartFunction);
+    }
+    let memory_pages = check_memory(&outline)?;
+    check_exports(&outline)?;
+    check_amount("table elements", outline.elements, ELEMENTS)?;
+    check_amount("globals", outline.globals, GLOBALS)?;
+    check_amount("parameters and locals", outline.locals, LOCALS)?;
+    Ok(Inspection {
+        manifest: check_manifest(&outline)?,
+        digest: Digest::of(wasm),
+        size: wasm.len(),
+        memory_pages,
+        imports: outline.imports.len(),
+        exports: outline.exports.into_iter().map(|(name, _)| name).collect(),
+    })
+}
+
+/// A module that is invalid here may be valid elsewhere: then it was built for
+/// the wrong target, which is another message.
+fn why_invalid(wasm: &[u8], error: &wasmparser::Error) -> LintError {
+    if Validator::new_with_features(WasmFeatures::all()).validate_all(wasm).is_err() {
+        return LintError::from_parser(wasm, error);
+    }
+    match Outline::read(wasm) {
+        Ok(outline) if outline.memories.iter().any(|memory| memory.memory64) => LintError::Memory64,
+        Ok(outline) if outline.memories.iter().any(|memory| memory.shared) => {
+            LintError::SharedMemory
+        }
+        _ => LintError::ForbiddenFeature {
+            at: error.offset(),
+            message: crate::words::printable(error.message().as_bytes()),
+        },
+    }
+}
+
+fn check_imports(outline: &Outline<'_>) -> Result<(), LintError> {
+    if outline.imports.is_empty() {
+        return Ok(());
+    }
+    let shown = 8;
+    let mut names = outline.imports[..outline.imports.len().min(shown)].join(", ");
+    if outline.imports.len() > shown {
+        names.push_str(", …");
+    }
+    Err(LintError::Imports { count: outline.imports.len(), names })
+}
+
+fn check_memory(outline: &Outline<'_>) -> Result<u64, LintError> {
+    let [memory] = outline.memories[..] else { return Err(LintError::MemoryMissing) };
+    let pages = memory.initial;
+    if memory.maximum != Some(pages) {
+        let max = MemoryMaximum(memory.maximum);
+        return Err(LintError::MemoryGrows { min: pages, max });
+    }
+    if pages > MEMORY_PAGES {
+        return Err(LintError::TooManyPages { pages });
+    }
+    Ok(pages)
+}
+
+fn check_exports(outline: &Outline<'_>) -> Result<(), LintError> {
+    let kind_of = |wanted: &'static str| {
+        let export = outline.exports.iter().find(|(name, _)| name == wanted);
+        export.map(|(_, kind)| kind).ok_or(LintError::MissingExport(wanted))
+    };
+    match kind_of(EXPORT_MEMORY)? {
+        Export::Memory => {}
+        other => return Err(wrong_kind(EXPORT_MEMORY, "a memory", other)),
+    }
+    for (name, expected) in [(EXPORT_MAILBOX, SIGNATURE_MAILBOX), (EXPORT_STEP, SIGNATURE_STEP)] {
+        match kind_of(name)? {
+            Export::Function(signature) if signature.to_string() == expected => {}
+            Export::Function(signature) => {
+                let found = signature.to_string();
+                return Err(LintError::WrongSignature { name, expected, found });
+            }
+            other => return Err(wrong_kind(name, "a function", other)),
+        }
+    }
+    for (name, kind) in &outline.exports {
+        let known = [EXPORT_MEMORY, EXPORT_MAILBOX, EXPORT_STEP].contains(&name.as_str());
+        if !known && *kind != Export::ImmutableGlobal {
+            let name = crate::words::printable(name.as_bytes());
+            return Err(LintError::UnexpectedExport { name, kind: kind.name() });
+        }
+    }
+    Ok(())
+}
+
+fn wrong_kind(name: &'static str, expected: &'static str, found: &Export) -> LintError {
+    LintError::WrongKind { name, expected, found: found.name() }
+}
+
+fn check_amount(what: &'static str, count: u64, most: u64) -> Result<(), LintError> {
+    if count > most { Err(LintError::TooMany { what, count, most }) } else { Ok(()) }
+}
+
+fn check_manifest(outline: &Outline<'_>) -> Result<Manifest, LintError> {
+    match outline.manifests[..] {
+        [] => Err(LintError::ManifestMissing),
+        [json] => Ok(Manifest::parse(json)?),
+        [..] => Err(LintError::ManifestTwice),
+    }
+}
+
+impl Export {
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Function(_) => "function",
+            Self::Table => "table",
+            Self::Memory => "memory",
+            Self::ImmutableGlobal => "immutable global",
+            Self::MutableGlobal => "mutable global",
+            Self::Tag => "tag",
+        }
+    }
+}
+
+impl std::fmt::Display for Signature {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "({})", self.parameters.join(", "))?;
+        match &self.results[..] {
+            [] => Ok(()),
+            [result] => write!(f, " -> {result}"),
+            results => write!(f, " -> ({})", results.join(", ")),
+        }
+    }
+}

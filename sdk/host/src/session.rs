@@ -1,0 +1,202 @@
+//! A session: one running plug-in that takes events.
+
+use crate::engine::{Running, Stop};
+use crate::{Misbehaviour, Plugin, SessionFault, words};
+use softplug_abi::limits::OUTPUT_ROUNDS;
+use softplug_abi::{
+    Event, EventKind, Instance, MORE_OUTPUT, Mailbox, Micros, Output, Refusal, Region,
+};
+use std::ops::Range;
+
+/// One instance of a plug-in.
+///
+/// A session that traps, exhausts its budget or breaks the ABI has ended: it
+/// answers every later step with the same fault, and the plug-in's code does not
+/// run again. A refusal ends nothing.
+pub struct Session {
+    plugin: Plugin,
+    running: Box<dyn Running>,
+    mailbox: Mailbox,
+    fuel_per_event: u64,
+    fuel: Fuel,
+    /// Rounds of `continue` since the last other event.
+    rounds: u32,
+    fault: Option<SessionFault>,
+}
+
+/// Fuel so far, in units.
+#[derive(Copy, Clone, Default)]
+struct Fuel {
+    last: u64,
+    total: u64,
+    largest: u64,
+}
+
+impl Session {
+    pub(crate) fn new(
+        plugin: Plugin,
+        running: Box<dyn Running>,
+        mailbox: Mailbox,
+        fuel_per_event: u64,
+    ) -> Self {
+        let fuel = Fuel::default();
+        Self { plugin, running, mailbox, fuel_per_event, fuel, rounds: 0, fault: None }
+    }
+
+    /// The plug-in of which this is an instance.
+    pub fn plugin(&self) -> &Plugin {
+        &self.plugin
+    }
+
+    /// The fault with which the session ended.
+    pub fn fault(&self) -> Option<&SessionFault> {
+        self.fault.as_ref()
+    }
+
+    /// Panic text and place that a trapped plug-in left.
+    pub fn last_words(&self) -> Option<&str> {
+        match &self.fault {
+            Some(SessionFault::Trapped { last_words, .. }) => last_words.as_deref(),
+            _ => None,
+        }
+    }
+
+    /// Units of fuel that the last step used.
+    pub fn fuel_used(&self) -> u64 {
+        self.fuel.last
+    }
+
+    /// Units of fuel that all steps used.
+    pub fn total_fuel(&self) -> u64 {
+        self.fuel.total
+    }
+
+    /// The most units of fuel that one step used.
+    pub fn largest_fuel(&self) -> u64 {
+        self.fuel.largest
+    }
+
+    /// Ends the session with a fault of the plug-in.
+    pub(crate) fn end(&mut self, event: EventKind, reason: Misbehaviour) -> SessionFault {
+        self.poison(SessionFault::Malformed { event, reason })
+    }
+
+    /// Calls the guest; the range is that of the actions in its memory.
+    fn call(
+        &mut self,
+        event: &Event<'_>,
+        now: Micros,
+    ) -> Result<(Range<usize>, bool), SessionFault> {
+        let kind = event.kind();
+        self.count_rounds(kind)?;
+        let input = range(self.mailbox.input);
+        let capacity = input.len();
+        let Ok(length) = event.encode(&mut self.running.memory_mut()[input]) else {
+            return Err(SessionFault::EventTooLarge { event: kind, capacity });
+        };
+        let result =
+            self.running.step(i32::from(kind.code()), length as i32, now.0, self.fuel_per_event);
+        self.count_fuel();
+        match result {
+            Ok(result) if result >= 0 => self.output(kind, result),
+            Ok(result) => Err(self.refused(kind, result)),
+            Err(stop) => Err(self.stopped(kind, stop)),
+        }
+    }
+
+    fn output(
+        &mut self,
+        event: EventKind,
+        result: i32,
+    ) -> Result<(Range<usize>, bool), SessionFault> {
+        let more = result & MORE_OUTPUT != 0;
+        let length = (result & !MORE_OUTPUT) as u32;
+        let Region { address, capacity } = self.mailbox.output;
+        if length > capacity {
+            return Err(self.end(event, Misbehaviour::Length { length, capacity }));
+        }
+        let start = address as usize;
+        Ok((start..start + length as usize, more))
+    }
+
+    fn count_rounds(&mut self, event: EventKind) -> Result<(), SessionFault> {
+        if event != EventKind::Continue {
+            self.rounds = 0;
+            return Ok(());
+        }
+        self.rounds += 1;
+        if self.rounds > OUTPUT_ROUNDS {
+            return Err(self.end(event, Misbehaviour::TooManyRounds));
+        }
+        Ok(())
+    }
+
+    fn count_fuel(&mut self) {
+        let used = self.fuel_per_event.saturating_sub(self.running.fuel_left());
+        self.fuel.last = used;
+        self.fuel.total = self.fuel.total.saturating_add(used);
+        self.fuel.largest = self.fuel.largest.max(used);
+    }
+
+    #[cold]
+    fn refused(&mut self, event: EventKind, result: i32) -> SessionFault {
+        let code = u16::try_from(result.unsigned_abs()).ok();
+        let Some(refusal) = code.and_then(Refusal::from_code) else {
+            return self.end(event, Misbehaviour::UnknownResult(result));
+        };
+        let words = words::read(self.running.memory(), self.mailbox.words);
+        words::clear(self.running.memory_mut(), self.mailbox.words);
+        SessionFault::Refused { event, refusal, words }
+    }
+
+    #[cold]
+    fn stopped(&mut self, event: EventKind, stop: Stop) -> SessionFault {
+        let fault = match stop {
+            Stop::OutOfFuel => SessionFault::BudgetExhausted { event, fuel: self.fuel_per_event },
+            Stop::Trap { reason, frames } => {
+                let last_words = words::read(self.running.memory(), self.mailbox.words);
+                SessionFault::Trapped { event, reason, frames, last_words }
+            }
+        };
+        self.poison(fault)
+    }
+
+    #[cold]
+    fn poison(&mut self, fault: SessionFault) -> SessionFault {
+        tracing::debug!(%fault, plugin = self.plugin.manifest().name, "a session has ended");
+        self.fault.insert(fault).clone()
+    }
+}
+
+impl Instance for Session {
+    type Fault = SessionFault;
+
+    fn input_capacity(&self) -> usize {
+        self.mailbox.input.capacity as usize
+    }
+
+    /// The event's payload is written straight into the plug-in's memory, and the
+    /// actions are a slice of it: nothing is copied or allocated in between.
+    fn step(&mut self, event: &Event<'_>, now: Micros) -> Result<Output<'_>, SessionFault> {
+        if let Some(fault) = &self.fault {
+            return Err(fault.clone());
+        }
+        let (actions, more) = self.call(event, now)?;
+        Ok(Output { actions: &self.running.memory()[actions], more })
+    }
+}
+
+/// Lies inside the memory: the mailbox was checked, and a memory never shrinks.
+fn range(region: Region) -> Range<usize> {
+    let start = region.address as usize;
+    start..start + region.capacity as usize
+}
+
+impl std::fmt::Debug for Session {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Session")
+            .field("plugin", &self.plugin)
+            .field("fault", &self.fault)
+            .finish_non_exhaustive()
+    }
+}
