@@ -1,1 +1,30 @@
-//! (to come)
+//! Serial lines on Linux: ports that never block, pacing at the line's rate,
+//! and the answers to "why does nothing arrive?".
+//!
+//! - [`port`]: a terminal, a TCP connection or a pty behind one non-blocking
+//!   interface, with marks of damaged characters decoded.
+//! - [`pacer`]: how many bytes may be given to a port now, so that few are
+//!   beyond recall when the partner says stop.
+//! - [`timer`] and [`poll`]: waiting for a port, a deadline and a wake-up.
+//!
+//! What needs Linux is compiled there only; settings, pacing and the pure
+//! decoders are everywhere.
+
+pub mod error;
+pub mod pacer;
+pub mod port;
+
+#[cfg(target_os = "linux")]
+pub mod clock;
+#[cfg(target_os = "linux")]
+pub mod poll;
+#[cfg(target_os = "linux")]
+pub mod pty;
+#[cfg(target_os = "linux")]
+pub mod timer;
+
+pub use error::{BadSpec, Blame, Holder, PortError};
+pub use pacer::Pacer;
+pub use port::{Flow, PortOptions, PortSpec};
+#[cfg(target_os = "linux")]
+pub use port::{Input, Port, ReadOutcome, SettingDifference};

@@ -1,0 +1,191 @@
+//! What can go wrong with a port, grouped by who can mend it.
+
+use std::fmt;
+use std::io;
+use std::path::PathBuf;
+
+use softplug_abi::LinkDownReason;
+
+/// Who can mend a [`PortError`].
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub enum Blame {
+    /// Whoever set the port up: name, rights, another program.
+    Setup,
+    /// The cable or the other side.
+    Line,
+    /// The operating system or its driver.
+    System,
+}
+
+/// Why a port could not be opened, read, written or set.
+#[derive(Debug, thiserror::Error)]
+pub enum PortError {
+    /// The port or its settings cannot be understood.
+    #[error(transparent)]
+    BadSpec(#[from] BadSpec),
+    /// There is no such device.
+    #[error("there is no {}; plug the adapter in, or list the ports that there are", path.display())]
+    NotFound {
+        /// The device that was asked for.
+        path: PathBuf,
+    },
+    /// The device's rights keep us out.
+    #[error("{} may not be opened by this user; {}", path.display(), advice(group.as_deref()))]
+    Permission {
+        /// The device that was asked for.
+        path: PathBuf,
+        /// The group that may open it, if one may.
+        group: Option<String>,
+    },
+    /// Another program, or this one, has the port.
+    #[error("{} is in use by {}; end that program or choose another port", path.display(), list(holders))]
+    InUse {
+        /// The device that was asked for.
+        path: PathBuf,
+        /// Who has it open, as far as we may see.
+        holders: Vec<Holder>,
+    },
+    /// The path is no serial port.
+    #[error("{} is not a serial port; give a device such as /dev/ttyUSB0", path.display())]
+    NotATerminal {
+        /// The path that was asked for.
+        path: PathBuf,
+    },
+    /// The name exists, but nothing answers behind it.
+    #[error("{} has no hardware behind it; choose another port", path.display())]
+    NoHardware {
+        /// The device that was asked for.
+        path: PathBuf,
+    },
+    /// The device server cannot be reached.
+    #[error(
+        "no connection to {address}: {source}; check the address and that the device server is on"
+    )]
+    Connect {
+        /// Host and port.
+        address: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The port was there and is gone.
+    #[error("the port is lost: {}; check the cable", .0.text())]
+    Gone(LinkDownReason),
+    /// This kind of port cannot do it.
+    #[error("this port cannot {what}; use a serial adapter that can")]
+    Unsupported {
+        /// Completes "this port cannot …".
+        what: &'static str,
+    },
+    /// The system refused.
+    #[error("failed to {what}: {source}")]
+    Io {
+        /// Completes "failed to …".
+        what: &'static str,
+        /// What the system said.
+        source: io::Error,
+    },
+}
+
+impl PortError {
+    /// Who can mend it.
+    pub fn blame(&self) -> Blame {
+        match self {
+            Self::BadSpec(_)
+            | Self::NotFound { .. }
+            | Self::Permission { .. }
+            | Self::InUse { .. }
+            | Self::NotATerminal { .. }
+            | Self::NoHardware { .. }
+            | Self::Unsupported { .. } => Blame::Setup,
+            Self::Connect { .. } | Self::Gone(_) => Blame::Line,
+            Self::Io { .. } => Blame::System,
+        }
+    }
+
+    /// An error of the system while doing `what` ("read from the port").
+    pub(crate) fn io(what: &'static str, source: impl Into<io::Error>) -> Self {
+        Self::Io { what, source: source.into() }
+    }
+}
+
+/// Why the name or the settings of a port cannot be understood.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum BadSpec {
+    /// Neither a device, nor an address, nor a pty.
+    #[error("`{0}` names no port; give a device such as /dev/ttyUSB0, tcp://host:port, or pty:")]
+    Form(String),
+    /// The address of a device server is incomplete.
+    #[error("`{0}` is not a host and port; write it as tcp://host:4001")]
+    Address(String),
+    /// The number is not a rate that a line can have.
+    #[error("`{0}` is not a baud rate; give a number from 50 to 16000000, such as 9600")]
+    Baud(String),
+    /// The characters' form is wrong.
+    #[error(
+        "`{0}` is not a form of characters; give data bits, parity and stop bits, such as 8N1 or 7E2"
+    )]
+    Format(String),
+    /// A setting is given twice.
+    #[error(
+        "`{0}` is given twice in the line's settings; give the baud rate and the form once, such as `9600 7E2`"
+    )]
+    Twice(String),
+    /// The terminal's settings need a rate.
+    #[error("{} needs a baud rate; give one such as 9600", .0.display())]
+    BaudMissing(PathBuf),
+}
+
+/// A process that has a port open.
+#[derive(Clone, PartialEq, Eq, Debug, PartialOrd, Ord)]
+pub struct Holder {
+    /// Its process id.
+    pub pid: u32,
+    /// Its name.
+    pub command: String,
+}
+
+impl fmt::Display for Holder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} (process {})", self.command, self.pid)
+    }
+}
+
+fn advice(group: Option<&str>) -> String {
+    match group {
+        Some(group) => format!("run `sudo usermod -aG {group} \"$USER\"` and log in again"),
+        None => "no group may open it: ask the administrator for a udev rule".to_owned(),
+    }
+}
+
+/// The holders in one phrase.
+fn list(holders: &[Holder]) -> String {
+    if holders.is_empty() {
+        return "a program of another user".to_owned();
+    }
+    let names: Vec<_> = holders.iter().map(Holder::to_string).collect();
+    names.join(" and ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_say_what_where_and_what_to_do() {
+        let path = PathBuf::from("/dev/ttyUSB0");
+        let holders = vec![Holder { pid: 42, command: "minicom".to_owned() }];
+        assert_eq!(
+            PortError::InUse { path: path.clone(), holders }.to_string(),
+            "/dev/ttyUSB0 is in use by minicom (process 42); end that program or choose another port"
+        );
+        let group = Some("dialout".to_owned());
+        assert_eq!(
+            PortError::Permission { path, group }.to_string(),
+            "/dev/ttyUSB0 may not be opened by this user; run `sudo usermod -aG dialout \"$USER\"` \
+             and log in again"
+        );
+        let gone = PortError::Gone(LinkDownReason::Unplugged);
+        assert_eq!(gone.to_string(), "the port is lost: the device is gone; check the cable");
+        assert_eq!(gone.blame(), Blame::Line);
+    }
+}

@@ -1,0 +1,29 @@
+//! Ports: a terminal, a TCP connection or a pty behind one interface that
+//! never blocks.
+
+mod marks;
+mod spec;
+
+#[cfg(target_os = "linux")]
+pub(crate) mod holders;
+#[cfg(target_os = "linux")]
+pub(crate) mod ioctl;
+#[cfg(target_os = "linux")]
+mod open;
+#[cfg(target_os = "linux")]
+mod settings;
+#[cfg(target_os = "linux")]
+mod tcp;
+#[cfg(target_os = "linux")]
+mod tty;
+
+pub use marks::{Input, LineCounters, MarkDecoder};
+#[cfg(target_os = "linux")]
+pub use open::{Port, ReadOutcome};
+#[cfg(target_os = "linux")]
+pub use settings::{SettingDifference, read_line};
+pub use spec::{Flow, PortOptions, PortSpec, line_text, parse_line};
+#[cfg(target_os = "linux")]
+pub use tcp::TcpPort;
+#[cfg(target_os = "linux")]
+pub use tty::TtyPort;

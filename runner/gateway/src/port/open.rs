@@ -1,0 +1,198 @@
+//! One type for every kind of port.
+
+use std::os::fd::{AsFd, BorrowedFd};
+use std::path::{Path, PathBuf};
+
+use softplug_abi::{LineParameters, LinkDownReason, ModemLines, Parity};
+
+use super::marks::Input;
+use super::settings::SettingDifference;
+use super::spec::{PortOptions, PortSpec};
+use super::tcp::TcpPort;
+use super::tty::TtyPort;
+use crate::error::PortError;
+use crate::pty::{PtyPair, PtyPort};
+
+/// An open port. Nothing here blocks.
+#[derive(Debug)]
+pub enum Port {
+    /// A terminal device, or the slave of somebody's pty.
+    Tty(TtyPort),
+    /// A connection to a device server.
+    Tcp(TcpPort),
+    /// The master of a pty made here.
+    Pty(PtyPort),
+}
+
+/// What a read found.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub enum ReadOutcome {
+    /// So many bytes were read, marks included; there may be more.
+    Read(usize),
+    /// Nothing is there.
+    Empty,
+    /// The port is gone for good: drop it at once, which frees its name.
+    Gone(LinkDownReason),
+}
+
+impl Port {
+    /// Opens a port. Of a device server, looking up and connecting blocks, at
+    /// most for the time-out once the name is known.
+    pub fn open(spec: &PortSpec, options: &PortOptions) -> Result<Self, PortError> {
+        Ok(match spec {
+            PortSpec::Device(path) => Self::Tty(TtyPort::open(path, options)?),
+            PortSpec::Tcp { host, port } => Self::Tcp(TcpPort::connect(host, *port, options)?),
+            PortSpec::Pty => Self::Pty(PtyPort::new(PtyPair::open()?, options.line)),
+        })
+    }
+
+    /// The descriptor to wait for.
+    pub fn fd(&self) -> BorrowedFd<'_> {
+        match self {
+            Self::Tty(port) => port.fd(),
+            Self::Tcp(port) => port.fd(),
+            Self::Pty(port) => port.fd(),
+        }
+    }
+
+    /// The path that the other side opens, of a pty made here.
+    pub fn slave_path(&self) -> Option<&Path> {
+        match self {
+            Self::Pty(port) => Some(port.slave_path()),
+            Self::Tty(_) | Self::Tcp(_) => None,
+        }
+    }
+
+    /// The device, where there is one.
+    pub fn path(&self) -> Option<PathBuf> {
+        match self {
+            Self::Tty(port) => Some(port.path().to_owned()),
+            Self::Pty(port) => Some(port.slave_path().to_owned()),
+            Self::Tcp(_) => None,
+        }
+    }
+
+    /// Reads once and gives what came to `sink`, in the line's order.
+    pub fn read(&mut self, sink: &mut impl FnMut(Input<'_>)) -> Result<ReadOutcome, PortError> {
+        match self {
+            Self::Tty(port) => port.read(sink),
+            Self::Tcp(port) => port.read(sink),
+            Self::Pty(port) => port.read(sink),
+        }
+    }
+
+    /// Writes what the port takes at once and gives how much; 0 if it is full.
+    /// [`PortError::Gone`] if the port is gone.
+    pub fn write(&mut self, bytes: &[u8]) -> Result<usize, PortError> {
+        match self {
+            Self::Tty(port) => port.write(bytes),
+            Self::Tcp(port) => port.write(bytes),
+            Self::Pty(port) => port.write(bytes),
+        }
+    }
+
+    /// Bytes taken that have not left the kernel, as far as it tells: not
+    /// those in a UART or an adapter; 0 on a pty.
+    pub fn unsent(&self) -> usize {
+        match self {
+            Self::Tty(port) => port.unsent(),
+            Self::Tcp(port) => port.unsent(),
+            Self::Pty(_) => 0,
+        }
+    }
+
+    /// Whether the last bit of everything has left; `None` where nobody can
+    /// tell.
+    pub fn transmitter_empty(&self) -> Option<bool> {
+        match self {
+            Self::Tty(port) => port.transmitter_empty(),
+            Self::Tcp(_) | Self::Pty(_) => None,
+        }
+    }
+
+    /// Drops what the port has taken and not sent, as far as it can be called
+    /// back; nothing of a TCP connection can.
+    pub fn discard_output(&mut self) -> Result<(), PortError> {
+        match self {
+            Self::Tty(port) => port.discard_output(),
+            Self::Pty(port) => port.discard_output(),
+            Self::Tcp(_) => Ok(()),
+        }
+    }
+
+    /// The modem lines that the port has, and those that are on; `None` if it
+    /// has none.
+    pub fn modem_lines(&self) -> Option<(ModemLines, ModemLines)> {
+        match self {
+            Self::Tty(port) => port.modem_lines(),
+            Self::Tcp(_) | Self::Pty(_) => None,
+        }
+    }
+
+    /// Sets the lines of `mask`: on as in `on`, the others off.
+    pub fn set_modem_lines(&mut self, mask: ModemLines, on: ModemLines) -> Result<(), PortError> {
+        match self {
+            Self::Tty(port) => port.set_modem_lines(mask, on),
+            Self::Tcp(_) | Self::Pty(_) => Err(PortError::Unsupported { what: "set modem lines" }),
+        }
+    }
+
+    /// Holds the line low until [`stop_break`](Self::stop_break).
+    pub fn start_break(&mut self) -> Result<(), PortError> {
+        self.set_break(true)
+    }
+
+    /// Ends a break.
+    pub fn stop_break(&mut self) -> Result<(), PortError> {
+        self.set_break(false)
+    }
+
+    /// Whether the port itself keeps the line's rate. Elsewhere bytes are
+    /// only as far apart as they are written.
+    pub fn rate_known(&self) -> bool {
+        matches!(self, Self::Tty(port) if !port.is_pty())
+    }
+
+    /// Whether the port makes and checks the parity bit that was asked for.
+    pub fn makes_parity(&self) -> bool {
+        let line = self.line();
+        match self {
+            Self::Tty(port) => !port
+                .differences()
+                .iter()
+                .any(|difference| matches!(difference.setting, "parity" | "data bits")),
+            Self::Tcp(_) | Self::Pty(_) => line.parity == Parity::None && line.data_bits == 8,
+        }
+    }
+
+    /// The characters on the line: as the port reports them, or as they were
+    /// asked for where it has no rate of its own.
+    pub fn line(&self) -> LineParameters {
+        match self {
+            Self::Tty(port) => port.line(),
+            Self::Tcp(port) => port.line(),
+            Self::Pty(port) => port.line(),
+        }
+    }
+
+    /// Settings that were asked for and the port did not take; to be reported.
+    pub fn differences(&self) -> &[SettingDifference] {
+        match self {
+            Self::Tty(port) => port.differences(),
+            Self::Tcp(_) | Self::Pty(_) => &[],
+        }
+    }
+
+    fn set_break(&mut self, on: bool) -> Result<(), PortError> {
+        match self {
+            Self::Tty(port) => port.set_break(on),
+            Self::Tcp(_) | Self::Pty(_) => Err(PortError::Unsupported { what: "send a break" }),
+        }
+    }
+}
+
+impl AsFd for Port {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.fd()
+    }
+}

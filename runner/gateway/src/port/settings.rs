@@ -1,0 +1,180 @@
+//! A terminal's settings: raw with marks, read back and compared.
+
+use std::fmt;
+use std::os::fd::AsFd;
+
+use rustix::termios::{
+    ControlModes, InputModes, OptionalActions, SpecialCodeIndex, Termios, tcgetattr, tcsetattr,
+};
+use softplug_abi::{LineParameters, Parity};
+
+use super::spec::{Flow, PortOptions};
+use crate::error::PortError;
+
+/// A setting that a port did not take.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct SettingDifference {
+    /// The setting's name.
+    pub setting: &'static str,
+    /// What was asked for.
+    pub asked: String,
+    /// What the port says it has.
+    pub has: String,
+}
+
+impl fmt::Display for SettingDifference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: asked for {}, the port has {}", self.setting, self.asked, self.has)
+    }
+}
+
+/// The line settings that a terminal has now.
+pub fn read_line(fd: impl AsFd) -> Result<LineParameters, PortError> {
+    let termios =
+        tcgetattr(fd).map_err(|error| PortError::io("read the port's settings", error))?;
+    Ok(line_of(&termios))
+}
+
+/// Sets the terminal and gives what it then has, and where that differs.
+pub(super) fn apply(
+    fd: impl AsFd,
+    before: &Termios,
+    options: &PortOptions,
+) -> Result<(LineParameters, Vec<SettingDifference>), PortError> {
+    let failed = |error| PortError::io("set the port", error);
+    let mut wanted = before.clone();
+    prepare(&mut wanted, options).map_err(failed)?;
+    tcsetattr(&fd, OptionalActions::Now, &wanted).map_err(failed)?;
+    // A port takes what it can and says nothing of the rest.
+    let has = tcgetattr(&fd).map_err(failed)?;
+    Ok((line_of(&has), differences(&wanted, &has, &options.line)))
+}
+
+fn prepare(termios: &mut Termios, options: &PortOptions) -> rustix::io::Result<()> {
+    let line = &options.line;
+    termios.make_raw();
+    // Without PARMRK a damaged byte becomes NUL, legal blank tape; without
+    // INPCK a damaged byte passes for a good one.
+    termios.input_modes.insert(InputModes::INPCK | InputModes::PARMRK);
+    termios.input_modes.remove(
+        InputModes::IGNPAR
+            | InputModes::IGNBRK
+            | InputModes::BRKINT
+            | InputModes::ISTRIP
+            | InputModes::INLCR
+            | InputModes::IGNCR
+            | InputModes::ICRNL
+            | InputModes::IUCLC
+            | InputModes::IXON
+            | InputModes::IXANY
+            | InputModes::IXOFF
+            | InputModes::IMAXBEL
+            | InputModes::IUTF8,
+    );
+    if options.flow == Flow::Device {
+        termios.input_modes.insert(InputModes::IXON | InputModes::IXOFF);
+        termios.special_codes[SpecialCodeIndex::VSTART] = 0x11;
+        termios.special_codes[SpecialCodeIndex::VSTOP] = 0x13;
+    }
+    // With VMIN 0 a read of nothing would look like an unplugged adapter.
+    termios.special_codes[SpecialCodeIndex::VMIN] = 1;
+    termios.special_codes[SpecialCodeIndex::VTIME] = 0;
+    termios.control_modes.insert(ControlModes::CLOCAL | ControlModes::CREAD);
+    termios.control_modes.remove(
+        ControlModes::CSIZE
+            | ControlModes::PARENB
+            | ControlModes::PARODD
+            | ControlModes::CMSPAR
+            | ControlModes::CSTOPB
+            | ControlModes::CRTSCTS,
+    );
+    termios.control_modes.insert(match line.data_bits {
+        5 => ControlModes::CS5,
+        6 => ControlModes::CS6,
+        7 => ControlModes::CS7,
+        _ => ControlModes::CS8,
+    });
+    termios.control_modes.insert(match line.parity {
+        Parity::None => ControlModes::empty(),
+        Parity::Even => ControlModes::PARENB,
+        Parity::Odd => ControlModes::PARENB | ControlModes::PARODD,
+        Parity::Space => ControlModes::PARENB | ControlModes::CMSPAR,
+        Parity::Mark => ControlModes::PARENB | ControlModes::CMSPAR | ControlModes::PARODD,
+    });
+    if line.stop_half_bits > 2 {
+        termios.control_modes.insert(ControlModes::CSTOPB);
+    }
+    // A rate of 0 would hang up.
+    if line.baud == 0 { Ok(()) } else { termios.set_speed(line.baud) }
+}
+
+fn line_of(termios: &Termios) -> LineParameters {
+    let modes = termios.control_modes;
+    let data_bits = match modes & ControlModes::CSIZE {
+        ControlModes::CS5 => 5,
+        ControlModes::CS6 => 6,
+        ControlModes::CS7 => 7,
+        _ => 8,
+    };
+    let odd = modes.contains(ControlModes::PARODD);
+    let parity = match (modes.contains(ControlModes::PARENB), modes.contains(ControlModes::CMSPAR))
+    {
+        (false, _) => Parity::None,
+        (true, true) if odd => Parity::Mark,
+        (true, true) => Parity::Space,
+        (true, false) if odd => Parity::Odd,
+        (true, false) => Parity::Even,
+    };
+    // UARTs make 1.5 stop bits of 2 for characters of 5 bits, and only there.
+    let stop_half_bits = match (modes.contains(ControlModes::CSTOPB), data_bits) {
+        (false, _) => 2,
+        (true, 5) => 3,
+        (true, _) => 4,
+    };
+    LineParameters { baud: termios.output_speed(), data_bits, parity, stop_half_bits }
+}
+
+fn differences(wanted: &Termios, has: &Termios, asked: &LineParameters) -> Vec<SettingDifference> {
+    let mut differences = Vec::new();
+    let mut compare = |setting, asked: String, has: String| {
+        if asked != has {
+            differences.push(SettingDifference { setting, asked, has });
+        }
+    };
+    let got = line_of(has);
+    if asked.baud != 0 {
+        compare("baud rate", asked.baud.to_string(), got.baud.to_string());
+    }
+    compare("data bits", asked.data_bits.to_string(), got.data_bits.to_string());
+    compare("parity", parity_name(asked.parity).to_owned(), parity_name(got.parity).to_owned());
+    compare("stop bits", stop_text(asked.stop_half_bits), stop_text(got.stop_half_bits));
+    let flags = [
+        ("parity checking", InputModes::INPCK),
+        ("marks of damaged characters", InputModes::PARMRK),
+        ("XON/XOFF obeyed by the port", InputModes::IXON),
+        ("XON/XOFF sent by the port", InputModes::IXOFF),
+    ];
+    for (setting, flag) in flags {
+        let text =
+            |termios: &Termios| if termios.input_modes.contains(flag) { "on" } else { "off" };
+        compare(setting, text(wanted).to_owned(), text(has).to_owned());
+    }
+    differences
+}
+
+fn parity_name(parity: Parity) -> &'static str {
+    match parity {
+        Parity::None => "none",
+        Parity::Odd => "odd",
+        Parity::Even => "even",
+        Parity::Mark => "mark",
+        Parity::Space => "space",
+    }
+}
+
+fn stop_text(half_bits: u8) -> String {
+    match half_bits {
+        3 => "1.5".to_owned(),
+        half_bits => (half_bits / 2).to_string(),
+    }
+}

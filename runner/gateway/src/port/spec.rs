@@ -1,0 +1,260 @@
+//! Ports and line settings as people write them.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::time::Duration;
+
+use softplug_abi::{LineParameters, Parity};
+
+use crate::error::BadSpec;
+
+/// Which port to open.
+///
+/// ```
+/// use softplug_gateway::PortSpec;
+///
+/// let server: PortSpec = "tcp://10.0.0.7:4001".parse().unwrap();
+/// assert_eq!(server, PortSpec::Tcp { host: "10.0.0.7".into(), port: 4001 });
+/// assert!("COM".parse::<PortSpec>().is_err());
+/// ```
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum PortSpec {
+    /// A terminal device: a serial port, or the slave of a pty.
+    Device(PathBuf),
+    /// A raw TCP connection to a device server.
+    Tcp {
+        /// Name or address.
+        host: String,
+        /// TCP port.
+        port: u16,
+    },
+    /// A new pty; the other side opens its slave.
+    Pty,
+}
+
+impl FromStr for PortSpec {
+    type Err = BadSpec;
+
+    fn from_str(text: &str) -> Result<Self, BadSpec> {
+        if text == "pty:" || text == "pty" {
+            return Ok(Self::Pty);
+        }
+        if let Some(address) = text.strip_prefix("tcp:") {
+            let address = address.strip_prefix("//").unwrap_or(address);
+            return tcp(address).ok_or_else(|| BadSpec::Address(text.to_owned()));
+        }
+        if text.contains('/') && !text.contains("://") && !text.contains('\0') {
+            return Ok(Self::Device(PathBuf::from(text)));
+        }
+        Err(BadSpec::Form(text.to_owned()))
+    }
+}
+
+impl fmt::Display for PortSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Device(path) => path.display().fmt(f),
+            Self::Tcp { host, port } if host.contains(':') => write!(f, "tcp://[{host}]:{port}"),
+            Self::Tcp { host, port } => write!(f, "tcp://{host}:{port}"),
+            Self::Pty => f.write_str("pty:"),
+        }
+    }
+}
+
+fn tcp(address: &str) -> Option<PortSpec> {
+    let (host, port) = address.trim_end_matches('/').rsplit_once(':')?;
+    let host = match host.strip_prefix('[') {
+        Some(inner) => inner.strip_suffix(']')?,
+        // An IPv6 address without brackets has no place where the port begins.
+        None if host.contains(':') => return None,
+        None => host,
+    };
+    let port = port.parse().ok().filter(|port| *port != 0)?;
+    let good = !host.is_empty() && !host.contains(|c: char| c.is_whitespace() || c == '/');
+    good.then(|| PortSpec::Tcp { host: host.to_owned(), port })
+}
+
+/// Who reacts to XON/XOFF.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+pub enum Flow {
+    /// The plug-in sees and sends the control codes; the gateway paces.
+    #[default]
+    Host,
+    /// Kernel or adapter reacts; the codes never reach the plug-in.
+    Device,
+}
+
+/// How to open a port.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct PortOptions {
+    /// The characters on the line. A baud rate of 0 leaves it to a device
+    /// server or a pty; a terminal needs one.
+    pub line: LineParameters,
+    /// Who reacts to XON/XOFF.
+    pub flow: Flow,
+    /// Keep other programs away from a terminal.
+    pub exclusive: bool,
+    /// How long connecting to a device server may take.
+    pub connect_timeout: Duration,
+}
+
+impl PortOptions {
+    /// Exclusive, control codes left to the plug-in, 5 s to connect.
+    pub fn new(line: LineParameters) -> Self {
+        let connect_timeout = Duration::from_secs(5);
+        Self { line, flow: Flow::Host, exclusive: true, connect_timeout }
+    }
+}
+
+impl Default for PortOptions {
+    fn default() -> Self {
+        Self::new(LineParameters::new(9_600))
+    }
+}
+
+/// Reads line settings such as `9600 8N1`, `7E2` or `19200`; what the text
+/// does not give stays as in `base`. Stop bits are 1, 1.5 or 2.
+///
+/// ```
+/// use softplug_abi::LineParameters;
+/// use softplug_gateway::port::{line_text, parse_line};
+///
+/// let line = parse_line("4800 7E2", LineParameters::new(9_600)).unwrap();
+/// assert_eq!(line.half_bits(), 22);
+/// assert_eq!(line_text(&line), "4800 7E2");
+/// ```
+pub fn parse_line(text: &str, base: LineParameters) -> Result<LineParameters, BadSpec> {
+    let mut line = base;
+    let (mut rate, mut form) = (false, false);
+    let words = text.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty());
+    let mut any = false;
+    for word in words {
+        any = true;
+        let seen = if word.bytes().all(|byte| byte.is_ascii_digit()) {
+            line.baud = parse_baud(word)?;
+            &mut rate
+        } else {
+            let format = parse_format(word).ok_or_else(|| BadSpec::Format(word.to_owned()))?;
+            line = LineParameters { baud: line.baud, ..format };
+            &mut form
+        };
+        if *seen {
+            return Err(BadSpec::Twice(word.to_owned()));
+        }
+        *seen = true;
+    }
+    if any { Ok(line) } else { Err(BadSpec::Format(text.to_owned())) }
+}
+
+/// Line settings as [`parse_line`] reads them; without the rate where it is
+/// unknown.
+pub fn line_text(line: &LineParameters) -> String {
+    let parity = match line.parity {
+        Parity::None => 'N',
+        Parity::Odd => 'O',
+        Parity::Even => 'E',
+        Parity::Mark => 'M',
+        Parity::Space => 'S',
+    };
+    let stop = match line.stop_half_bits {
+        3 => "1.5",
+        4 => "2",
+        _ => "1",
+    };
+    match line.baud {
+        0 => format!("{}{parity}{stop}", line.data_bits),
+        baud => format!("{baud} {}{parity}{stop}", line.data_bits),
+    }
+}
+
+/// 16 Mbaud is the most that any adapter known to Linux makes.
+fn parse_baud(word: &str) -> Result<u32, BadSpec> {
+    let baud = word.parse().ok().filter(|baud| (50..=16_000_000).contains(baud));
+    baud.ok_or_else(|| BadSpec::Baud(word.to_owned()))
+}
+
+fn parse_format(word: &str) -> Option<LineParameters> {
+    let mut letters = word.chars();
+    let data_bits = letters.next()?.to_digit(10).filter(|bits| (5..=8).contains(bits))? as u8;
+    let parity = match letters.next()?.to_ascii_uppercase() {
+        'N' => Parity::None,
+        'O' => Parity::Odd,
+        'E' => Parity::Even,
+        'M' => Parity::Mark,
+        'S' => Parity::Space,
+        _ => return None,
+    };
+    let stop_half_bits = match letters.as_str() {
+        "1" => 2,
+        "1.5" => 3,
+        "2" => 4,
+        _ => return None,
+    };
+    Some(LineParameters { baud: 0, data_bits, parity, stop_half_bits })
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn ports_are_told_apart() {
+        let cases = [
+            ("/dev/ttyUSB0", PortSpec::Device("/dev/ttyUSB0".into())),
+            ("./line", PortSpec::Device("./line".into())),
+            ("pty:", PortSpec::Pty),
+            ("tcp:moxa:4001", PortSpec::Tcp { host: "moxa".into(), port: 4001 }),
+            ("tcp://moxa:4001/", PortSpec::Tcp { host: "moxa".into(), port: 4001 }),
+            ("tcp://[::1]:7", PortSpec::Tcp { host: "::1".into(), port: 7 }),
+        ];
+        for (text, spec) in cases {
+            assert_eq!(text.parse(), Ok(spec.clone()), "{text}");
+            assert_eq!(spec.to_string().parse(), Ok(spec), "{text}");
+        }
+        for text in
+            ["tcp:moxa", "tcp://:1", "tcp://a:0", "tcp://::1:7", "tcp://a:99999", "tcp:a b:1"]
+        {
+            assert_eq!(text.parse::<PortSpec>(), Err(BadSpec::Address(text.into())), "{text}");
+        }
+        for text in ["", "COM3", "ttyUSB0", "http://host:1", "/dev/\0"] {
+            assert_eq!(text.parse::<PortSpec>(), Err(BadSpec::Form(text.into())), "{text}");
+        }
+    }
+
+    #[test]
+    fn bad_line_settings_name_the_bad_word() {
+        let base = LineParameters::new(9_600);
+        let parse = |text| parse_line(text, base);
+        assert_eq!(parse("9600 9N1"), Err(BadSpec::Format("9N1".into())));
+        assert_eq!(parse("8X1"), Err(BadSpec::Format("8X1".into())));
+        assert_eq!(parse("8N3"), Err(BadSpec::Format("8N3".into())));
+        assert_eq!(parse("0 8N1"), Err(BadSpec::Baud("0".into())));
+        assert_eq!(parse("99999999999"), Err(BadSpec::Baud("99999999999".into())));
+        assert_eq!(parse("9600 19200"), Err(BadSpec::Twice("19200".into())));
+        assert_eq!(parse(" "), Err(BadSpec::Format(" ".into())));
+        assert_eq!(parse("19200"), Ok(LineParameters { baud: 19_200, ..base }));
+        assert_eq!(parse("5n1.5").map(|line| line.stop_half_bits), Ok(3));
+    }
+
+    proptest! {
+        #[test]
+        fn settings_survive_being_written_out(
+            baud in 50_u32..16_000_000, data_bits in 5_u8..=8, parity in 0_usize..5,
+            stop_half_bits in 2_u8..=4,
+        ) {
+            let parities =
+                [Parity::None, Parity::Odd, Parity::Even, Parity::Mark, Parity::Space];
+            let line = LineParameters { baud, data_bits, parity: parities[parity], stop_half_bits };
+            prop_assert_eq!(parse_line(&line_text(&line), LineParameters::new(50)), Ok(line));
+        }
+
+        #[test]
+        fn no_text_panics(text in ".{0,20}") {
+            let _ = text.parse::<PortSpec>();
+            let _ = parse_line(&text, LineParameters::new(50));
+        }
+    }
+}

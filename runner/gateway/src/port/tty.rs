@@ -1,0 +1,308 @@
+//! A terminal device as a port: a UART, an adapter, or the slave of a pty.
+
+use std::fs;
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{FlockOperation, Mode, OFlags, flock, open};
+use rustix::io::{Errno, read, retry_on_intr, write};
+use rustix::termios::{
+    OptionalActions, QueueSelector, Termios, ioctl_tiocexcl, ioctl_tiocnxcl, tcflush, tcgetattr,
+    tcsetattr,
+};
+use softplug_abi::{LineParameters, LinkDownReason, ModemLines};
+
+use super::holders::{group, holders, holders_but, is_pty};
+use super::ioctl;
+use super::marks::{Input, LineCounters, MarkDecoder};
+use super::open::ReadOutcome;
+use super::settings::{SettingDifference, apply};
+use super::spec::PortOptions;
+use crate::error::{BadSpec, PortError};
+
+/// The kernel's own buffer of a terminal.
+const READ_BYTES: usize = 4_096;
+/// More than a pty holds.
+const EARLY_BYTES: usize = 65_536;
+
+/// A terminal device, raw, non-blocking and locked.
+///
+/// Dropping it discards what the port has not sent, because a UART that was
+/// stopped by XOFF would else hold close() for half a minute; whoever wants the
+/// last bytes out waits for [`unsent`](Self::unsent) first. The settings that
+/// the port had before come back.
+#[derive(Debug)]
+pub struct TtyPort {
+    fd: OwnedFd,
+    path: PathBuf,
+    before: Termios,
+    line: LineParameters,
+    differences: Vec<SettingDifference>,
+    decoder: MarkDecoder,
+    has_counters: bool,
+    pty: bool,
+    exclusive: bool,
+    /// Whether to take back the request for low latency.
+    low_latency: bool,
+    gone: bool,
+    /// Bytes that had come before the port was set, not marked.
+    early: Vec<u8>,
+    buffer: Box<[u8]>,
+}
+
+impl TtyPort {
+    /// Opens, locks and sets the device. Settings that it does not take are
+    /// found in [`differences`](Self::differences).
+    pub fn open(path: &Path, options: &PortOptions) -> Result<Self, PortError> {
+        if options.line.baud == 0 {
+            return Err(BadSpec::BaudMissing(path.to_owned()).into());
+        }
+        let fd = open_device(path)?;
+        let before = tcgetattr(&fd).map_err(|error| match error {
+            Errno::IO | Errno::NXIO | Errno::NODEV => {
+                PortError::NoHardware { path: path.to_owned() }
+            }
+            _ => PortError::NotATerminal { path: path.to_owned() },
+        })?;
+        let pty = fs::metadata(path).is_ok_and(|device| is_pty(&device));
+        if options.exclusive {
+            lock(&fd, path, pty)?;
+        }
+        let early = if pty { read_early(&fd, &before) } else { Vec::new() };
+        let (has, differences) = match apply(&fd, &before, options) {
+            Ok(set) => set,
+            Err(error) => {
+                if options.exclusive {
+                    let _ = ioctl_tiocnxcl(&fd);
+                }
+                return Err(error);
+            }
+        };
+        if !pty {
+            // What came before was read with other settings.
+            let _ = tcflush(&fd, QueueSelector::IFlush);
+        }
+        let low_latency = !pty && ioctl::set_low_latency(&fd, true).is_ok_and(|before| !before);
+        let counters = ioctl::counters(&fd).ok();
+        // A pty makes no characters: the line is the far end's, as asked for.
+        let line = if pty { options.line } else { has };
+        Ok(Self {
+            path: path.to_owned(),
+            before,
+            line,
+            differences,
+            decoder: MarkDecoder::new(has.parity, counters),
+            has_counters: counters.is_some(),
+            pty,
+            exclusive: options.exclusive,
+            low_latency,
+            gone: false,
+            early,
+            buffer: vec![0; READ_BYTES].into_boxed_slice(),
+            fd,
+        })
+    }
+
+    /// The device that was opened.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The descriptor to wait for.
+    pub fn fd(&self) -> BorrowedFd<'_> {
+        self.fd.as_fd()
+    }
+
+    /// Whether it is the slave of a pty: no rate, no parity, no modem lines.
+    pub fn is_pty(&self) -> bool {
+        self.pty
+    }
+
+    /// The characters on the line, as the port reports them; on a pty as they
+    /// were asked for.
+    pub fn line(&self) -> LineParameters {
+        self.line
+    }
+
+    /// What was asked for and the port did not take.
+    pub fn differences(&self) -> &[SettingDifference] {
+        &self.differences
+    }
+
+    /// Counters of the driver, if it has any.
+    pub fn counters(&self) -> Option<LineCounters> {
+        ioctl::counters(&self.fd).ok()
+    }
+
+    /// Reads once and gives what came to `sink`.
+    pub fn read(&mut self, sink: &mut impl FnMut(Input<'_>)) -> Result<ReadOutcome, PortError> {
+        if !self.early.is_empty() {
+            let early = std::mem::take(&mut self.early);
+            sink(Input::Bytes(&early));
+            return Ok(ReadOutcome::Read(early.len()));
+        }
+        match retry_on_intr(|| read(&self.fd, &mut self.buffer[..])) {
+            // VMIN is 1: a read of nothing is a hang-up.
+            Ok(0) => Ok(self.lost()),
+            Ok(count) => {
+                // After the read: a mark is never older than its count.
+                let counters = if self.has_counters { self.counters() } else { None };
+                self.decoder.decode(&self.buffer[..count], counters, sink);
+                Ok(ReadOutcome::Read(count))
+            }
+            Err(Errno::AGAIN) => Ok(ReadOutcome::Empty),
+            Err(error) if is_gone(error) => Ok(self.lost()),
+            Err(error) => Err(PortError::io("read from the port", error)),
+        }
+    }
+
+    /// Writes what the port takes at once; 0 if it is full.
+    pub fn write(&mut self, bytes: &[u8]) -> Result<usize, PortError> {
+        if bytes.is_empty() {
+            return Ok(0);
+        }
+        match retry_on_intr(|| write(&self.fd, bytes)) {
+            Ok(count) => Ok(count),
+            Err(Errno::AGAIN) => Ok(0),
+            Err(error) if is_gone(error) => {
+                self.gone = true;
+                Err(PortError::Gone(LinkDownReason::Unplugged))
+            }
+            Err(error) => Err(PortError::io("write to the port", error)),
+        }
+    }
+
+    /// Bytes in the kernel that the UART or adapter does not have yet; 0 on a
+    /// pty, which does not tell.
+    pub fn unsent(&self) -> usize {
+        ioctl::output_queue(&self.fd).unwrap_or(0)
+    }
+
+    /// Whether the last bit of everything has left; `None` where the driver
+    /// cannot tell.
+    pub fn transmitter_empty(&self) -> Option<bool> {
+        ioctl::transmitter_empty(&self.fd).ok()
+    }
+
+    /// Drops what the port has taken and not sent.
+    pub fn discard_output(&mut self) -> Result<(), PortError> {
+        tcflush(&self.fd, QueueSelector::OFlush)
+            .map_err(|error| PortError::io("discard the port's output", error))
+    }
+
+    /// The lines that the port has, and those that are on.
+    pub fn modem_lines(&self) -> Option<(ModemLines, ModemLines)> {
+        let known = ModemLines(0x0F).union(ModemLines::OUTPUTS);
+        ioctl::modem_lines(&self.fd).ok().map(|on| (known, on))
+    }
+
+    /// Sets the lines of `mask`.
+    pub fn set_modem_lines(&mut self, mask: ModemLines, on: ModemLines) -> Result<(), PortError> {
+        ioctl::set_modem_lines(&self.fd, mask, on)
+            .map_err(|error| request_error(error, "set modem lines"))
+    }
+
+    /// Holds the line low, or no longer.
+    pub fn set_break(&mut self, on: bool) -> Result<(), PortError> {
+        // A pty takes the request and does nothing.
+        if self.pty {
+            return Err(PortError::Unsupported { what: "send a break" });
+        }
+        ioctl::set_break(&self.fd, on).map_err(|error| request_error(error, "send a break"))
+    }
+
+    fn lost(&mut self) -> ReadOutcome {
+        self.gone = true;
+        ReadOutcome::Gone(LinkDownReason::Unplugged)
+    }
+}
+
+impl Drop for TtyPort {
+    fn drop(&mut self) {
+        if self.gone {
+            return;
+        }
+        // Closing a pty never waits, and its flush would take bytes from a
+        // reader that is only slow.
+        if !self.pty {
+            let _ = tcflush(&self.fd, QueueSelector::OFlush);
+        }
+        if let Err(error) = tcsetattr(&self.fd, OptionalActions::Now, &self.before) {
+            tracing::debug!(port = %self.path.display(), %error, "settings not restored");
+        }
+        if self.low_latency {
+            let _ = ioctl::set_low_latency(&self.fd, false);
+        }
+        if self.exclusive {
+            let _ = ioctl_tiocnxcl(&self.fd);
+        }
+    }
+}
+
+fn open_device(path: &Path) -> Result<OwnedFd, PortError> {
+    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let owned = || path.to_owned();
+    retry_on_intr(|| open(path, flags, Mode::empty())).map_err(|error| match error {
+        Errno::NOENT | Errno::NOTDIR => PortError::NotFound { path: owned() },
+        Errno::ACCESS | Errno::PERM | Errno::ROFS => {
+            let group = fs::metadata(path).ok().and_then(|device| group(&device));
+            PortError::Permission { path: owned(), group }
+        }
+        Errno::BUSY => PortError::InUse { path: owned(), holders: holders(path) },
+        Errno::NXIO | Errno::NODEV | Errno::IO => PortError::NoHardware { path: owned() },
+        Errno::ISDIR => PortError::NotATerminal { path: owned() },
+        error => PortError::io("open the port", error),
+    })
+}
+
+/// Keeps others out: TIOCEXCL does not stop root, a lock stops only who looks.
+fn lock(fd: &OwnedFd, path: &Path, pty: bool) -> Result<(), PortError> {
+    let others = || holders_but(path, Some(fd.as_raw_fd()));
+    let in_use = |holders| Err(PortError::InUse { path: path.to_owned(), holders });
+    match flock(fd, FlockOperation::NonBlockingLockExclusive) {
+        Ok(()) => {}
+        Err(Errno::WOULDBLOCK) => return in_use(others()),
+        Err(error) => tracing::debug!(port = %path.display(), %error, "port not locked"),
+    }
+    // A program that locks nothing takes bytes away all the same. A pty's
+    // slave is often held open by whoever simulates on its master.
+    if !pty {
+        let holders = others();
+        if !holders.is_empty() {
+            return in_use(holders);
+        }
+    }
+    if let Err(error) = ioctl_tiocexcl(fd) {
+        tracing::debug!(port = %path.display(), %error, "port not exclusive");
+    }
+    Ok(())
+}
+
+/// What a pty's far end sent before PARMRK was set: its FFs are not doubled.
+fn read_early(fd: &OwnedFd, before: &Termios) -> Vec<u8> {
+    let mut early = Vec::new();
+    if before.input_modes.contains(rustix::termios::InputModes::PARMRK) {
+        return early;
+    }
+    let mut buffer = [0; READ_BYTES];
+    while early.len() < EARLY_BYTES {
+        match retry_on_intr(|| read(fd, &mut buffer)) {
+            Ok(count) if count > 0 => early.extend_from_slice(&buffer[..count]),
+            // Nothing more; a hang-up will show again at the first read.
+            _ => break,
+        }
+    }
+    early
+}
+
+fn is_gone(error: Errno) -> bool {
+    matches!(error, Errno::IO | Errno::NXIO | Errno::NODEV)
+}
+
+fn request_error(error: Errno, what: &'static str) -> PortError {
+    match error {
+        Errno::NOTTY | Errno::INVAL | Errno::OPNOTSUPP => PortError::Unsupported { what },
+        error if is_gone(error) => PortError::Gone(LinkDownReason::Unplugged),
+        error => PortError::io(what, error),
+    }
+}
