@@ -49,12 +49,14 @@ pub struct ControlReport {
 }
 
 impl ControlReport {
-    /// Bytes of data per second of the time in which sending was allowed.
+    /// Bytes of data per second of the time in which sending was allowed; those
+    /// that ended after XOFF are left out.
     pub fn rate_while_allowed(&self) -> f64 {
         if self.allowed <= Micros::ZERO {
             return 0.0;
         }
-        self.arrived as f64 / self.allowed.as_secs_f64()
+        let late: u64 = self.characters_after_xoff.0.iter().copied().map(u64::from).sum();
+        self.arrived.saturating_sub(late) as f64 / self.allowed.as_secs_f64()
     }
 }
 
