@@ -1,1 +1,202 @@
-//! (to come)
+//! XON/XOFF in both directions: the sender obeys the partner's XOFF and XON, the
+//! receiver speaks them by low and high mark.
+//!
+//! The protocol's page is `docs/protocols/xon-xoff.md`.
+#![cfg_attr(target_arch = "wasm32", no_std)]
+
+mod codes;
+mod lines;
+mod receiver;
+mod sender;
+mod settings;
+
+pub use settings::{ControlInData, LineEnd, OnLineError, Settings, WhileSending};
+
+use codes::{Codes, Control};
+use receiver::Receiver;
+use sender::Sender;
+use softplug_plugin::{
+    Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
+    NoteLevel, Opening, StateError, StateReader, StateWriter,
+};
+
+/// Timer: silence ends the reception.
+const QUIET: u8 = 0;
+/// Timer: nothing came since our XON, say it again.
+const REPEAT_XON: u8 = 1;
+/// Timer: the partner has held us too long.
+const HELD: u8 = 2;
+
+/// The converter.
+#[derive(Debug)]
+pub struct XonXoff {
+    settings: Settings,
+    codes: Codes,
+    sender: Sender,
+    receiver: Receiver,
+}
+
+softplug_plugin::export!(XonXoff);
+
+impl Converter for XonXoff {
+    type Settings = Settings;
+    const MANIFEST: &'static str = settings::MANIFEST;
+    const STATE_FORMAT: Option<u16> = Some(1);
+
+    fn check_settings(settings: &Settings) -> Result<(), &'static str> {
+        settings.check()
+    }
+
+    fn new(settings: Settings) -> Self {
+        let codes = Codes::new(&settings);
+        Self { settings, codes, sender: Sender::default(), receiver: Receiver::default() }
+    }
+
+    fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
+        self.receiver.set_marks(&self.settings, opening.delivery_room);
+        if opening.resumed {
+            self.sender.set_timers(link);
+            self.receiver.set_timers(link);
+        } else if self.settings.xon_at_open {
+            link.transmit_urgent(&[self.codes.xon]);
+        }
+        self.name_state(link);
+    }
+
+    fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
+        for byte in bytes {
+            match self.codes.control(*byte) {
+                Some(Control::Xoff) => self.sender.xoff(link, &self.settings),
+                Some(Control::Xon) => self.sender.xon(link),
+                None if self.ignores_data() => {}
+                None => self.receiver.byte(link, &self.settings, *byte),
+            }
+        }
+        self.receiver.after_bytes(link, &self.settings, &self.codes);
+        self.name_state(link);
+    }
+
+    fn line_error(
+        &mut self,
+        link: &mut Context<'_>,
+        kind: LineErrorKind,
+        byte: Option<u8>,
+        _span: u32,
+    ) {
+        link.note(NoteLevel::Warning, u16::from(kind.code()), kind.text());
+        if !self.ignores_data() {
+            self.receiver.damaged(link, &self.settings, kind, byte);
+            self.receiver.after_bytes(link, &self.settings, &self.codes);
+        }
+        self.name_state(link);
+    }
+
+    fn link_down(&mut self, link: &mut Context<'_>, _reason: LinkDownReason) {
+        self.sender.stop(link, &self.settings, Failure::LinkDown);
+        self.receiver.end(link, Some(Failure::LinkDown));
+        self.name_state(link);
+    }
+
+    fn link_up(&mut self, link: &mut Context<'_>) {
+        self.sender.forget_hold(link);
+        self.receiver.forget_stop();
+        self.name_state(link);
+    }
+
+    fn timer(&mut self, link: &mut Context<'_>, id: u8, _deadline: Micros) {
+        match id {
+            QUIET => self.receiver.quiet(link, &self.settings),
+            REPEAT_XON => self.receiver.repeat_xon(link, &self.settings, &self.codes),
+            HELD => self.sender.stop(link, &self.settings, Failure::HeldTooLong),
+            _ => {}
+        }
+        self.name_state(link);
+    }
+
+    fn mark(&mut self, link: &mut Context<'_>, _mark: u32, state: MarkState) {
+        if state == MarkState::SurelyLeft {
+            self.sender.all_left(link);
+            self.name_state(link);
+        }
+    }
+
+    fn transmit_room(&mut self, link: &mut Context<'_>) {
+        self.sender.ask(link, &self.settings);
+    }
+
+    fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {
+        self.sender.discarded(link, &self.settings, bytes);
+        self.name_state(link);
+    }
+
+    fn delivery_room(&mut self, link: &mut Context<'_>) {
+        self.receiver.drained(link, &self.settings, &self.codes);
+        self.name_state(link);
+    }
+
+    fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
+        self.sender.begin(link, &self.settings, &job);
+        self.name_state(link);
+    }
+
+    fn job_data(&mut self, link: &mut Context<'_>, _job: u32, bytes: &[u8]) {
+        self.sender.data(link, &self.settings, &self.codes, bytes);
+    }
+
+    fn job_end(&mut self, link: &mut Context<'_>, _job: u32) {
+        self.sender.data_ended(link, &self.settings);
+    }
+
+    fn pause(&mut self, link: &mut Context<'_>, _job: u32) {
+        self.sender.set_paused(link, true);
+        self.name_state(link);
+    }
+
+    fn resume(&mut self, link: &mut Context<'_>, _job: u32) {
+        self.sender.set_paused(link, false);
+        self.name_state(link);
+    }
+
+    fn abort(&mut self, link: &mut Context<'_>, job: u32) {
+        if job == 0 {
+            self.receiver.abort(link, &self.codes);
+        } else {
+            self.sender.stop(link, &self.settings, Failure::Aborted);
+        }
+        self.name_state(link);
+    }
+
+    fn force_resume(&mut self, link: &mut Context<'_>) {
+        self.sender.forget_hold(link);
+        self.name_state(link);
+    }
+
+    fn save(&self, state: &mut StateWriter<'_>) {
+        self.sender.save(state);
+        self.receiver.save(state);
+    }
+
+    fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
+        if Some(format) != Self::STATE_FORMAT {
+            return Err(StateError);
+        }
+        self.sender = Sender::restore(state)?;
+        self.receiver = Receiver::restore(state)?;
+        Ok(())
+    }
+}
+
+impl XonXoff {
+    /// Whether what comes while we send is only an echo.
+    fn ignores_data(&self) -> bool {
+        self.settings.while_sending == WhileSending::Ignore && self.sender.is_sending()
+    }
+
+    fn name_state(&mut self, link: &mut Context<'_>) {
+        let name = self.sender.state_name().unwrap_or_else(|| self.receiver.state_name());
+        if self.receiver.named != Some(name) {
+            self.receiver.named = Some(name);
+            link.state(name);
+        }
+    }
+}

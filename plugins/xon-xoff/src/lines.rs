@@ -1,0 +1,58 @@
+//! Line ends: LF, CR LF, CR, LF CR and LF CR CR are each read as one.
+
+use crate::LineEnd;
+use softplug_plugin::{StateError, StateReader, StateWriter};
+
+/// What a byte of text becomes.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(crate) enum Piece {
+    /// The byte itself.
+    Byte(u8),
+    /// A line end.
+    End(&'static [u8]),
+    /// Nothing: it belongs to the line end before it.
+    Nothing,
+}
+
+/// Reads line ends over any cut.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+pub(crate) enum Lines {
+    #[default]
+    InLine,
+    AfterCr,
+    AfterLf,
+}
+
+impl Lines {
+    pub(crate) fn map(&mut self, form: LineEnd, byte: u8) -> Piece {
+        let end = match form {
+            LineEnd::Keep => return Piece::Byte(byte),
+            LineEnd::Lf => b"\n".as_slice(),
+            LineEnd::Cr => b"\r",
+            LineEnd::CrLf => b"\r\n",
+            LineEnd::LfCrCr => b"\n\r\r",
+        };
+        let (next, piece) = match (*self, byte) {
+            (Self::AfterCr, b'\n') => (Self::InLine, Piece::Nothing),
+            (Self::AfterLf, b'\r') => (Self::AfterLf, Piece::Nothing),
+            (_, b'\n') => (Self::AfterLf, Piece::End(end)),
+            (_, b'\r') => (Self::AfterCr, Piece::End(end)),
+            _ => (Self::InLine, Piece::Byte(byte)),
+        };
+        *self = next;
+        piece
+    }
+
+    pub(crate) fn save(self, state: &mut StateWriter<'_>) {
+        state.u8(self as u8);
+    }
+
+    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
+        match state.u8()? {
+            0 => Ok(Self::InLine),
+            1 => Ok(Self::AfterCr),
+            2 => Ok(Self::AfterLf),
+            _ => Err(StateError),
+        }
+    }
+}

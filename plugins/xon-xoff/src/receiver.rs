@@ -1,0 +1,319 @@
+//! The receiver: delivers what comes and stops the partner in time.
+
+use crate::codes::Codes;
+use crate::lines::{Lines, Piece};
+use crate::{OnLineError, QUIET, REPEAT_XON, Settings};
+use softplug_plugin::{
+    Context, Failure, LineErrorKind, Micros, NoteLevel, StateError, StateReader, StateWriter,
+};
+
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Receiver {
+    /// Id of the delivery under way; 0: none.
+    delivery: u32,
+    last_delivery: u32,
+    /// Why the delivery under way cannot end well.
+    failure: Option<Failure>,
+    escaped: bool,
+    lines: Lines,
+    /// How much of the end mark has been seen, and how many whole ones.
+    mark_progress: u32,
+    marks_seen: u32,
+    /// We have sent XOFF, and no XON since.
+    stopped: bool,
+    /// Characters that came in spite of it.
+    after_xoff: u32,
+    /// Nothing came since our XON.
+    xon_unanswered: bool,
+    quiet_at: Option<Micros>,
+    repeat_at: Option<Micros>,
+    /// Something came in the event under way.
+    heard: bool,
+    low: u32,
+    high: u32,
+    /// The state name that the host knows.
+    pub(crate) named: Option<&'static str>,
+}
+
+impl Receiver {
+    pub(crate) fn state_name(&self) -> &'static str {
+        match (self.delivery, self.stopped) {
+            (0, false) => "idle",
+            (_, true) => "stopped",
+            (_, false) => "receiving",
+        }
+    }
+
+    /// Marks must leave the host space to report room in between.
+    pub(crate) fn set_marks(&mut self, settings: &Settings, capacity: u32) {
+        self.low = (settings.low_mark as u32).min(capacity / 2);
+        self.high = (settings.high_mark as u32).max(self.low).min(capacity / 4 * 3);
+    }
+
+    pub(crate) fn set_timers(&self, link: &mut Context<'_>) {
+        if let Some(at) = self.quiet_at {
+            link.set_timer(QUIET, at);
+        }
+        if let Some(at) = self.repeat_at {
+            link.set_timer(REPEAT_XON, at);
+        }
+    }
+
+    /// A character that is no control byte.
+    pub(crate) fn byte(&mut self, link: &mut Context<'_>, settings: &Settings, byte: u8) {
+        self.begin(link);
+        if self.stopped {
+            self.after_xoff += 1;
+        }
+        let byte = if settings.transparent {
+            if !self.escaped && byte == settings.escape as u8 {
+                self.escaped = true;
+                return;
+            }
+            let change = if self.escaped { settings.escape_xor as u8 } else { 0 };
+            self.escaped = false;
+            byte ^ change
+        } else {
+            byte
+        };
+        self.look_for_end(settings, byte);
+        if settings.receive_drop.as_slice().contains(&byte) {
+            return;
+        }
+        match self.lines.map(settings.receive_line_end, byte) {
+            Piece::Nothing => {}
+            Piece::Byte(byte) => self.deliver(link, &[byte]),
+            Piece::End(end) => self.deliver(link, end),
+        }
+    }
+
+    /// A damaged character keeps its place, so that its neighbours keep theirs.
+    pub(crate) fn damaged(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        kind: LineErrorKind,
+        byte: Option<u8>,
+    ) {
+        if self.delivery == 0 && (kind == LineErrorKind::Break || byte.is_none()) {
+            return;
+        }
+        self.begin(link);
+        if settings.on_line_error == OnLineError::Fail {
+            self.failure.get_or_insert(Failure::LineError);
+        }
+        if let Some(byte) = byte {
+            self.deliver(link, &[byte]);
+        }
+    }
+
+    /// After the bytes of one time: marks, repeats, silence.
+    pub(crate) fn after_bytes(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        codes: &Codes,
+    ) {
+        if !core::mem::take(&mut self.heard) {
+            return;
+        }
+        self.xon_unanswered = false;
+        self.set_repeat(link, None);
+        if settings.speak {
+            let repeat = settings.xoff_repeat as u32;
+            if !self.stopped && link.delivery_room() < self.low {
+                self.stopped = true;
+                self.after_xoff = 0;
+                link.transmit_urgent(&[codes.xoff]);
+            } else if self.stopped && repeat > 0 && self.after_xoff >= repeat {
+                self.after_xoff = 0;
+                link.transmit_urgent(&[codes.xoff]);
+            }
+        }
+        self.await_quiet(link, settings);
+    }
+
+    /// The host has put deliveries away.
+    pub(crate) fn drained(&mut self, link: &mut Context<'_>, settings: &Settings, codes: &Codes) {
+        if !self.stopped || link.delivery_room() <= self.high {
+            return;
+        }
+        self.say_xon(link, codes);
+        self.xon_unanswered = true;
+        self.await_repeat(link, settings);
+        self.await_quiet(link, settings);
+    }
+
+    pub(crate) fn repeat_xon(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        codes: &Codes,
+    ) {
+        self.repeat_at = None;
+        if self.xon_unanswered && self.delivery != 0 {
+            link.transmit_urgent(&[codes.xon]);
+            self.await_repeat(link, settings);
+        }
+    }
+
+    pub(crate) fn quiet(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        self.quiet_at = None;
+        let lacks_mark = !settings.end_mark.as_slice().is_empty() && !self.is_complete(settings);
+        self.end(link, lacks_mark.then_some(Failure::NoEndMark));
+    }
+
+    /// Ends the delivery under way; an earlier reason to fail goes first.
+    pub(crate) fn end(&mut self, link: &mut Context<'_>, failure: Option<Failure>) {
+        if self.delivery == 0 {
+            return;
+        }
+        link.delivery_end(self.delivery, self.failure.or(failure), 0);
+        self.delivery = 0;
+        self.xon_unanswered = false;
+        self.set_quiet(link, None);
+        self.set_repeat(link, None);
+    }
+
+    /// The partner is not left waiting: what it still sends is another delivery.
+    pub(crate) fn abort(&mut self, link: &mut Context<'_>, codes: &Codes) {
+        self.end(link, Some(Failure::Aborted));
+        if self.stopped {
+            self.say_xon(link, codes);
+        }
+    }
+
+    /// After the link was down nobody knows of our XOFF any more.
+    pub(crate) fn forget_stop(&mut self) {
+        self.stopped = false;
+    }
+
+    fn begin(&mut self, link: &mut Context<'_>) {
+        self.heard = true;
+        if self.delivery != 0 {
+            return;
+        }
+        self.last_delivery = self.last_delivery.wrapping_add(1).max(1);
+        self.delivery = self.last_delivery;
+        self.failure = None;
+        self.escaped = false;
+        self.lines = Lines::default();
+        self.mark_progress = 0;
+        self.marks_seen = 0;
+        link.delivery_begin(self.delivery, 0);
+    }
+
+    /// What finds no room is lost, and the delivery says so.
+    fn deliver(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
+        if bytes.len() as u32 <= link.delivery_room() {
+            link.deliver(self.delivery, bytes);
+        } else if self.failure != Some(Failure::Overrun) {
+            self.failure = Some(Failure::Overrun);
+            link.note(NoteLevel::Error, 0, "the partner did not stop: characters are lost");
+        }
+    }
+
+    fn look_for_end(&mut self, settings: &Settings, byte: u8) {
+        let mark = settings.end_mark.as_slice();
+        if mark.is_empty() {
+            return;
+        }
+        let mut progress = self.mark_progress as usize;
+        while progress > 0 && mark[progress] != byte {
+            progress = longest_border(&mark[..progress]);
+        }
+        if mark[progress] == byte {
+            progress += 1;
+        }
+        if progress == mark.len() {
+            self.marks_seen = self.marks_seen.saturating_add(1);
+            progress = 0;
+        }
+        self.mark_progress = progress as u32;
+    }
+
+    fn is_complete(&self, settings: &Settings) -> bool {
+        !settings.end_mark.as_slice().is_empty()
+            && i64::from(self.marks_seen) >= settings.end_mark_count
+    }
+
+    fn say_xon(&mut self, link: &mut Context<'_>, codes: &Codes) {
+        self.stopped = false;
+        link.transmit_urgent(&[codes.xon]);
+    }
+
+    /// Silence counts only while the partner may send.
+    fn await_quiet(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        let span = if self.is_complete(settings) { settings.end_quiet } else { settings.quiet_time };
+        let is_timed = self.delivery != 0 && !self.stopped && span > 0;
+        self.set_quiet(link, is_timed.then(|| link.now() + Micros::from_millis(span)));
+    }
+
+    fn await_repeat(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        let span = settings.xon_repeat;
+        let is_timed = self.delivery != 0 && span > 0;
+        self.set_repeat(link, is_timed.then(|| link.now() + Micros::from_millis(span)));
+    }
+
+    fn set_quiet(&mut self, link: &mut Context<'_>, at: Option<Micros>) {
+        set_timer(link, QUIET, &mut self.quiet_at, at);
+    }
+
+    fn set_repeat(&mut self, link: &mut Context<'_>, at: Option<Micros>) {
+        set_timer(link, REPEAT_XON, &mut self.repeat_at, at);
+    }
+
+    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
+        state.u32(self.delivery);
+        state.u32(self.last_delivery);
+        state.u32(u32::from(self.failure.map_or(0, Failure::code)));
+        state.bool(self.escaped);
+        self.lines.save(state);
+        state.u32(self.mark_progress);
+        state.u32(self.marks_seen);
+        state.bool(self.stopped);
+        state.u32(self.after_xoff);
+        state.bool(self.xon_unanswered);
+        state.deadline(self.quiet_at);
+        state.deadline(self.repeat_at);
+    }
+
+    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
+        let (delivery, last_delivery) = (state.u32()?, state.u32()?);
+        let failure = match u16::try_from(state.u32()?).map_err(|_| StateError)? {
+            0 => None,
+            code => Some(Failure::from_code(code).ok_or(StateError)?),
+        };
+        Ok(Self {
+            delivery,
+            last_delivery,
+            failure,
+            escaped: state.bool()?,
+            lines: Lines::restore(state)?,
+            mark_progress: state.u32()?,
+            marks_seen: state.u32()?,
+            stopped: state.bool()?,
+            after_xoff: state.u32()?,
+            xon_unanswered: state.bool()?,
+            quiet_at: state.deadline()?,
+            repeat_at: state.deadline()?,
+            ..Self::default()
+        })
+    }
+}
+
+fn set_timer(link: &mut Context<'_>, id: u8, known: &mut Option<Micros>, at: Option<Micros>) {
+    if *known == at {
+        return;
+    }
+    *known = at;
+    match at {
+        Some(at) => link.set_timer(id, at),
+        None => link.cancel_timer(id),
+    }
+}
+
+/// Length of the longest proper prefix of `seen` that is also its suffix.
+fn longest_border(seen: &[u8]) -> usize {
+    (0..seen.len()).rev().find(|length| seen.ends_with(&seen[..*length])).unwrap_or(0)
+}

@@ -1,0 +1,392 @@
+//! The sender: feeds a program and obeys the partner.
+
+use crate::codes::Codes;
+use crate::lines::{Lines, Piece};
+use crate::{ControlInData, HELD, LineEnd, Settings};
+use softplug_plugin::{
+    Context, Failure, JobStart, Micros, Pass, StateError, StateReader, StateWriter,
+};
+
+/// Data that may be under way to us: what it grows to fits the output buffer.
+const MOST_WANTED: u32 = 3_072;
+
+/// What the sender is at.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+enum Stage {
+    /// No job.
+    #[default]
+    Idle,
+    /// Looking at the data of a job, sending nothing.
+    Checking,
+    /// Feeding.
+    Feeding,
+    /// All is queued; waiting until the last byte has left.
+    Draining,
+    /// The queue is being dropped; the job then fails for this reason.
+    Stopping(Failure),
+}
+
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Sender {
+    stage: Stage,
+    job: u32,
+    /// Asked for and not yet given.
+    wanted: u32,
+    /// Bytes queued for the job.
+    queued: u64,
+    lines: Lines,
+    /// Place in the program, for the check.
+    line: u32,
+    column: u32,
+    mark: u32,
+    /// The partner has sent XOFF, and no XON since.
+    held: bool,
+    /// The first XON of the job has not come yet.
+    waits_for_xon: bool,
+    paused: bool,
+    /// Whether the queue is held for any of these reasons.
+    holding: bool,
+    held_until: Option<Micros>,
+}
+
+impl Sender {
+    pub(crate) fn is_sending(&self) -> bool {
+        self.stage != Stage::Idle
+    }
+
+    /// Name of the state, if there is a job or a hold.
+    pub(crate) fn state_name(&self) -> Option<&'static str> {
+        let name = match self.stage {
+            Stage::Idle => return None,
+            Stage::Checking => "checking",
+            Stage::Stopping(_) => "stopping",
+            Stage::Feeding | Stage::Draining if self.held => "held",
+            Stage::Feeding | Stage::Draining if self.waits_for_xon => "waiting for XON",
+            Stage::Feeding | Stage::Draining if self.paused => "paused",
+            Stage::Feeding | Stage::Draining => "sending",
+        };
+        Some(name)
+    }
+
+    pub(crate) fn xoff(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        if self.held {
+            return;
+        }
+        self.held = true;
+        self.update_hold(link);
+        self.watch_hold(link, settings);
+    }
+
+    pub(crate) fn xon(&mut self, link: &mut Context<'_>) {
+        self.forget_hold(link);
+    }
+
+    /// The partner no longer holds us, whatever it said.
+    pub(crate) fn forget_hold(&mut self, link: &mut Context<'_>) {
+        self.held = false;
+        self.waits_for_xon = false;
+        if self.held_until.take().is_some() {
+            link.cancel_timer(HELD);
+        }
+        self.update_hold(link);
+    }
+
+    pub(crate) fn set_paused(&mut self, link: &mut Context<'_>, paused: bool) {
+        self.paused = paused;
+        self.update_hold(link);
+    }
+
+    fn update_hold(&mut self, link: &mut Context<'_>) {
+        let holding = self.held || self.waits_for_xon || self.paused;
+        if holding == self.holding {
+            return;
+        }
+        self.holding = holding;
+        if holding { link.hold() } else { link.release() }
+    }
+
+    /// A hold is timed only while there is a job to fail.
+    fn watch_hold(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        let is_feeding = matches!(self.stage, Stage::Feeding | Stage::Draining);
+        if self.held && is_feeding && settings.held_timeout > 0 {
+            let until = link.now() + Micros::from_millis(settings.held_timeout);
+            self.held_until = Some(until);
+            link.set_timer(HELD, until);
+        }
+    }
+
+    pub(crate) fn set_timers(&self, link: &mut Context<'_>) {
+        if let Some(until) = self.held_until {
+            link.set_timer(HELD, until);
+        }
+    }
+
+    pub(crate) fn begin(&mut self, link: &mut Context<'_>, settings: &Settings, job: &JobStart<'_>) {
+        if self.is_sending() {
+            link.job_failed(job.job, Failure::Busy, 0, 0);
+            return;
+        }
+        if job.kind != 0 {
+            link.job_failed(job.job, Failure::NotSupported, 0, 0);
+            return;
+        }
+        self.job = job.job;
+        self.wanted = 0;
+        self.queued = 0;
+        self.lines = Lines::default();
+        self.line = 1;
+        self.column = 0;
+        if job.pass == Pass::Check {
+            self.stage = Stage::Checking;
+        } else {
+            self.stage = Stage::Feeding;
+            self.waits_for_xon = settings.wait_for_xon;
+            self.update_hold(link);
+            self.watch_hold(link, settings);
+            self.queue(link, settings.feed_start.as_slice());
+        }
+        self.ask(link, settings);
+    }
+
+    /// Asks for as much as can be queued whatever it grows to, with the feed's
+    /// end kept in reserve.
+    pub(crate) fn ask(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        let most = match self.stage {
+            Stage::Checking => MOST_WANTED,
+            Stage::Feeding => {
+                let reserve = settings.feed_end.as_slice().len() as u32;
+                let room = link.transmit_room().saturating_sub(reserve);
+                room.min(MOST_WANTED) / growth(settings)
+            }
+            Stage::Idle | Stage::Draining | Stage::Stopping(_) => return,
+        };
+        // Small requests would make many small events.
+        if most > self.wanted && (most - self.wanted >= most / 4 || self.wanted == 0) {
+            link.want(self.job, most - self.wanted);
+            self.wanted = most;
+        }
+    }
+
+    pub(crate) fn data(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        codes: &Codes,
+        bytes: &[u8],
+    ) {
+        self.wanted = self.wanted.saturating_sub(bytes.len() as u32);
+        match self.stage {
+            Stage::Checking => self.check(link, settings, codes, bytes),
+            Stage::Feeding => self.feed(link, settings, codes, bytes),
+            Stage::Idle | Stage::Draining | Stage::Stopping(_) => return,
+        }
+        self.ask(link, settings);
+    }
+
+    fn check(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        codes: &Codes,
+        bytes: &[u8],
+    ) {
+        for byte in bytes {
+            self.column += 1;
+            if is_refused(settings, codes, *byte) {
+                let failure = Failure::UnsupportedCharacter;
+                link.check_failed(self.job, failure, self.line, self.column);
+                self.finish(link);
+                return;
+            }
+            if *byte == b'\n' {
+                self.line += 1;
+                self.column = 0;
+            }
+        }
+    }
+
+    fn feed(&mut self, link: &mut Context<'_>, settings: &Settings, codes: &Codes, bytes: &[u8]) {
+        let plain = settings.send_line_end == LineEnd::Keep
+            && settings.send_drop.as_slice().is_empty()
+            && !settings.transparent;
+        if plain && !bytes.iter().any(|byte| codes.control(*byte).is_some()) {
+            self.queue(link, bytes);
+            return;
+        }
+        for byte in bytes {
+            if is_refused(settings, codes, *byte) {
+                self.stop(link, settings, Failure::UnsupportedCharacter);
+                return;
+            }
+            if is_dropped(settings, codes, *byte) {
+                continue;
+            }
+            match self.lines.map(settings.send_line_end, *byte) {
+                Piece::Nothing => {}
+                Piece::Byte(byte) => self.queue_data(link, settings, codes, &[byte]),
+                Piece::End(end) => self.queue_data(link, settings, codes, end),
+            }
+        }
+    }
+
+    fn queue_data(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        codes: &Codes,
+        bytes: &[u8],
+    ) {
+        if !settings.transparent {
+            self.queue(link, bytes);
+            return;
+        }
+        for byte in bytes {
+            let (pair, length) = codes.escaped(*byte);
+            self.queue(link, &pair[..length]);
+        }
+    }
+
+    fn queue(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
+        self.queued += bytes.len() as u64;
+        link.transmit(bytes);
+    }
+
+    pub(crate) fn data_ended(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        match self.stage {
+            Stage::Checking => {
+                link.check_good(self.job);
+                self.stage = Stage::Idle;
+            }
+            Stage::Feeding => {
+                self.queue(link, settings.feed_end.as_slice());
+                self.mark = self.mark.wrapping_add(1).max(1);
+                link.transmit_marked(self.mark, &[]);
+                self.stage = Stage::Draining;
+            }
+            Stage::Idle | Stage::Draining | Stage::Stopping(_) => {}
+        }
+    }
+
+    /// The job's last byte has left.
+    pub(crate) fn all_left(&mut self, link: &mut Context<'_>) {
+        if self.stage == Stage::Draining {
+            link.job_done(self.job, self.queued);
+            self.finish(link);
+        }
+    }
+
+    /// Stops at once and drops what is queued; the job fails when it is known
+    /// how much that was.
+    pub(crate) fn stop(&mut self, link: &mut Context<'_>, _settings: &Settings, failure: Failure) {
+        match self.stage {
+            Stage::Feeding | Stage::Draining => {
+                link.discard();
+                self.stage = Stage::Stopping(failure);
+            }
+            Stage::Checking => {
+                link.job_failed(self.job, failure, 0, 0);
+                self.finish(link);
+            }
+            Stage::Idle | Stage::Stopping(_) => {}
+        }
+    }
+
+    pub(crate) fn discarded(&mut self, link: &mut Context<'_>, settings: &Settings, bytes: u32) {
+        let Stage::Stopping(failure) = self.stage else { return };
+        let sent = self.queued.saturating_sub(u64::from(bytes));
+        link.job_failed(self.job, failure, 0, sent);
+        let last_words = settings.abort_send.as_slice();
+        if failure == Failure::Aborted && last_words.len() as u32 <= link.transmit_room() {
+            link.transmit(last_words);
+        }
+        self.finish(link);
+    }
+
+    /// What belonged to the job alone ends with it; a partner's XOFF stays.
+    fn finish(&mut self, link: &mut Context<'_>) {
+        self.stage = Stage::Idle;
+        self.paused = false;
+        self.waits_for_xon = false;
+        self.wanted = 0;
+        if self.held_until.take().is_some() {
+            link.cancel_timer(HELD);
+        }
+        self.update_hold(link);
+    }
+
+    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
+        let (stage, failure) = match self.stage {
+            Stage::Idle => (0, 0),
+            Stage::Checking => (1, 0),
+            Stage::Feeding => (2, 0),
+            Stage::Draining => (3, 0),
+            Stage::Stopping(failure) => (4, failure.code()),
+        };
+        state.u8(stage);
+        state.u32(u32::from(failure));
+        state.u32(self.job);
+        state.u32(self.wanted);
+        state.u64(self.queued);
+        self.lines.save(state);
+        state.u32(self.line);
+        state.u32(self.column);
+        state.u32(self.mark);
+        state.bool(self.held);
+        state.bool(self.waits_for_xon);
+        state.bool(self.paused);
+        state.bool(self.holding);
+        state.deadline(self.held_until);
+    }
+
+    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
+        let (stage, failure) = (state.u8()?, state.u32()?);
+        let stage = match stage {
+            0 => Stage::Idle,
+            1 => Stage::Checking,
+            2 => Stage::Feeding,
+            3 => Stage::Draining,
+            4 => Stage::Stopping(
+                u16::try_from(failure).ok().and_then(Failure::from_code).ok_or(StateError)?,
+            ),
+            _ => return Err(StateError),
+        };
+        Ok(Self {
+            stage,
+            job: state.u32()?,
+            wanted: state.u32()?,
+            queued: state.u64()?,
+            lines: Lines::restore(state)?,
+            line: state.u32()?,
+            column: state.u32()?,
+            mark: state.u32()?,
+            held: state.bool()?,
+            waits_for_xon: state.bool()?,
+            paused: state.bool()?,
+            holding: state.bool()?,
+            held_until: state.deadline()?,
+        })
+    }
+}
+
+/// How many bytes one byte of a program can become.
+fn growth(settings: &Settings) -> u32 {
+    let line_end = match settings.send_line_end {
+        LineEnd::Keep | LineEnd::Lf | LineEnd::Cr => 1,
+        LineEnd::CrLf => 2,
+        LineEnd::LfCrCr => 3,
+    };
+    if settings.transparent { 2 * line_end } else { line_end }
+}
+
+fn is_dropped(settings: &Settings, codes: &Codes, byte: u8) -> bool {
+    let is_control = !settings.transparent && codes.control(byte).is_some();
+    settings.send_drop.as_slice().contains(&byte)
+        || (is_control && settings.control_in_data == ControlInData::Drop)
+}
+
+fn is_refused(settings: &Settings, codes: &Codes, byte: u8) -> bool {
+    settings.control_in_data == ControlInData::Refuse
+        && !settings.transparent
+        && codes.control(byte).is_some()
+        && !settings.send_drop.as_slice().contains(&byte)
+}

@@ -1,0 +1,236 @@
+//! What a link knows, and what each action does to it.
+
+use crate::Outside;
+use crate::fault::RuleBroken;
+use crate::job::ActiveJob;
+use crate::queue::Queue;
+use crate::timers::Timers;
+use softplug_abi::limits::{REQUESTS, STATE_BYTES};
+use softplug_abi::{Action, Failure, Micros, Pass};
+
+/// Whether the plug-in holds the transmit queue.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub enum HoldState {
+    /// Bytes may leave.
+    Free,
+    /// The plug-in holds the queue.
+    Held,
+}
+
+/// Which actions an event may be answered with.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(crate) enum Answering {
+    /// Anything but state.
+    Ordinary,
+    /// Nothing: settings and restore.
+    Nothing,
+    /// Only saved state.
+    Save,
+}
+
+#[derive(Debug)]
+pub(crate) struct Core {
+    pub(crate) queue: Queue,
+    pub(crate) timers: Timers,
+    pub(crate) job: Option<ActiveJob>,
+    /// The delivery under way.
+    delivery: Option<u32>,
+    delivery_capacity: u32,
+    /// What the plug-in knows to be free for deliveries.
+    delivery_room: u32,
+    drained: u32,
+    requests: Vec<u32>,
+    pub(crate) saved: Vec<u8>,
+    pub(crate) saved_format: Option<u16>,
+}
+
+impl Core {
+    pub(crate) fn new(transmit_room: u32, delivery_room: u32) -> Self {
+        Self {
+            queue: Queue::new(transmit_room),
+            timers: Timers::default(),
+            job: None,
+            delivery: None,
+            delivery_capacity: delivery_room,
+            delivery_room,
+            drained: 0,
+            requests: Vec::with_capacity(REQUESTS),
+            saved: Vec::new(),
+            saved_format: None,
+        }
+    }
+
+    pub(crate) fn apply(
+        &mut self,
+        now: Micros,
+        action: &Action<'_>,
+        answering: Answering,
+        outside: &mut dyn Outside,
+    ) -> Result<(), RuleBroken> {
+        match (answering, action) {
+            (Answering::Save, Action::Saved { format, offset, total, bytes }) => {
+                return self.save_piece(*format, *offset, *total, bytes);
+            }
+            (Answering::Ordinary, Action::Saved { .. }) => return Err(RuleBroken::StateUnasked),
+            (_, Action::Note { .. } | Action::State { .. }) | (Answering::Ordinary, _) => {}
+            (Answering::Nothing | Answering::Save, _) => return Err(RuleBroken::ActedOnState),
+        }
+        match action {
+            Action::Transmit { mark, bytes } => return self.queue.transmit(*mark, bytes),
+            Action::TransmitUrgent { mark, bytes } => {
+                return self.queue.transmit_urgent(*mark, bytes);
+            }
+            Action::Break { micros } => return self.queue.send_break(*micros),
+            Action::SetTimer { id, deadline } => {
+                self.timers.set(*id, *deadline);
+                return Ok(());
+            }
+            Action::CancelTimer { id } => {
+                self.timers.cancel(*id);
+                return Ok(());
+            }
+            Action::Want { job, bytes } => {
+                self.active(*job)?.want(*bytes);
+                return Ok(());
+            }
+            Action::Discard => {
+                self.queue.discard();
+                return Ok(());
+            }
+            Action::Hold => self.queue.set_held(true),
+            Action::Release => self.queue.set_held(false),
+            Action::DeliveryBegin { delivery, .. } => self.begin_delivery(*delivery)?,
+            Action::Deliver { delivery, bytes } => self.deliver(*delivery, bytes.len() as u32)?,
+            Action::DeliveryName { delivery, .. } => self.in_delivery(*delivery)?,
+            Action::DeliveryEnd { delivery, .. } => {
+                self.in_delivery(*delivery)?;
+                self.delivery = None;
+            }
+            Action::JobDone { job, .. } | Action::JobFailed { job, .. } => self.end_job(*job, action)?,
+            Action::CheckResult { job, failure, .. } => self.checked(*job, failure.is_none())?,
+            Action::Request { request, .. } => self.request(*request)?,
+            Action::Withdraw { request } => self.requests.retain(|id| id != request),
+            Action::ModemLines { .. } | Action::Note { .. } | Action::State { .. } => {}
+            Action::Saved { .. } => unreachable!("answered above"),
+        }
+        outside.handle(now, action);
+        Ok(())
+    }
+
+    fn active(&mut self, id: u32) -> Result<&mut ActiveJob, RuleBroken> {
+        self.job.as_mut().filter(|active| active.job.id == id).ok_or(RuleBroken::NoSuchJob(id))
+    }
+
+    fn end_job(&mut self, id: u32, action: &Action<'_>) -> Result<(), RuleBroken> {
+        let active = self.active(id)?;
+        if active.pass == Pass::Check && matches!(action, Action::JobDone { .. }) {
+            return Err(RuleBroken::OnlyChecked(id));
+        }
+        self.job = None;
+        Ok(())
+    }
+
+    fn checked(&mut self, id: u32, good: bool) -> Result<(), RuleBroken> {
+        let active = self.active(id)?;
+        if active.pass != Pass::Check || active.run_next {
+            return Err(RuleBroken::NotChecked(id));
+        }
+        active.run_next = good;
+        if !good {
+            self.job = None;
+        }
+        Ok(())
+    }
+
+    fn begin_delivery(&mut self, id: u32) -> Result<(), RuleBroken> {
+        if self.delivery.is_some() {
+            return Err(RuleBroken::DeliveryUnderWay(id));
+        }
+        self.delivery = Some(id);
+        Ok(())
+    }
+
+    fn in_delivery(&self, id: u32) -> Result<(), RuleBroken> {
+        if self.delivery == Some(id) { Ok(()) } else { Err(RuleBroken::NoSuchDelivery(id)) }
+    }
+
+    fn deliver(&mut self, id: u32, bytes: u32) -> Result<(), RuleBroken> {
+        self.in_delivery(id)?;
+        if bytes > self.delivery_room {
+            return Err(RuleBroken::DeliveryRoom { asked: bytes, room: self.delivery_room });
+        }
+        self.delivery_room -= bytes;
+        Ok(())
+    }
+
+    fn request(&mut self, id: u32) -> Result<(), RuleBroken> {
+        if self.requests.contains(&id) {
+            return Err(RuleBroken::RequestTwice(id));
+        }
+        if self.requests.len() == REQUESTS {
+            return Err(RuleBroken::TooManyRequests);
+        }
+        self.requests.push(id);
+        Ok(())
+    }
+
+    /// Whether the plug-in still waits for the answer; `last` takes it off the list.
+    pub(crate) fn awaits_answer(&mut self, id: u32, last: bool) -> bool {
+        let waits = self.requests.contains(&id);
+        if last {
+            self.requests.retain(|other| *other != id);
+        }
+        waits
+    }
+
+    fn save_piece(
+        &mut self,
+        format: u16,
+        offset: u32,
+        total: u32,
+        bytes: &[u8],
+    ) -> Result<(), RuleBroken> {
+        let follows = offset as usize == self.saved.len()
+            && total <= STATE_BYTES
+            && self.saved_format.is_none_or(|known| known == format);
+        if !follows {
+            return Err(RuleBroken::StatePieces);
+        }
+        self.saved_format = Some(format);
+        self.saved.extend(bytes);
+        Ok(())
+    }
+
+    /// Growth of room for deliveries to report: an eighth of the capacity.
+    pub(crate) fn next_delivery_room(&mut self, outside: &mut dyn Outside) -> Option<u32> {
+        self.drained += outside.drained();
+        let due = self.drained > 0 && self.drained >= self.delivery_capacity / 8;
+        if !due {
+            return None;
+        }
+        let grown = std::mem::take(&mut self.drained);
+        self.delivery_room += grown;
+        Some(grown)
+    }
+
+    /// The whole room for deliveries, for a restored plug-in.
+    pub(crate) fn restate_delivery_room(&mut self) -> u32 {
+        self.delivery_room += std::mem::take(&mut self.drained);
+        self.delivery_room
+    }
+
+    /// Ends what the plug-in had under way, because it can no longer.
+    pub(crate) fn interrupt(&mut self, now: Micros, outside: &mut dyn Outside) {
+        self.timers.clear();
+        self.requests.clear();
+        let failure = Failure::Interrupted;
+        if let Some(delivery) = self.delivery.take() {
+            let end = Action::DeliveryEnd { delivery, failure: Some(failure), status: 0 };
+            outside.handle(now, &end);
+        }
+        if let Some(active) = self.job.take() {
+            let job = active.job.id;
+            outside.handle(now, &Action::JobFailed { job, failure, status: 0, sent: 0 });
+        }
+    }
+}

@@ -1,0 +1,509 @@
+//! One link: a plug-in, its transmit queue, its timers, its job.
+
+use crate::core::{Answering, Core, HoldState};
+use crate::fault::{LinkFault, RuleBroken};
+use crate::job::{ActiveJob, Job};
+use crate::queue::Taken;
+use crate::{Outside, Supply};
+use softplug_abi::limits::{OUTPUT_ROUNDS, STEPS_PER_INSTANT};
+use softplug_abi::manifest::SettingValues;
+use softplug_abi::{
+    Actions, Event, EventKind, Failure, Instance, LineErrorKind, LineParameters, LinkDownReason, Micros,
+    ModemLines, Values,
+};
+
+/// What a link is opened with.
+#[derive(Clone, Debug)]
+pub struct LinkOptions {
+    /// The characters on the line.
+    pub line: LineParameters,
+    /// Bytes that the transmit queue takes.
+    pub transmit_room: u32,
+    /// Bytes of deliveries that the host takes before it has to put them away.
+    pub delivery_room: u32,
+    /// The modem lines that the link has, and those that are on.
+    pub modem_lines: Option<(ModemLines, ModemLines)>,
+    /// A value for every setting of the plug-in.
+    pub settings: SettingValues,
+}
+
+impl Default for LinkOptions {
+    /// 9600 8N1, room for 4,096 bytes either way, no modem lines, no settings.
+    fn default() -> Self {
+        Self {
+            line: LineParameters::new(9_600),
+            transmit_room: 4_096,
+            delivery_room: 4_096,
+            modem_lines: None,
+            settings: SettingValues::default(),
+        }
+    }
+}
+
+/// A plug-in on a line. See the [crate's page](crate) for the order of calls.
+///
+/// Every call may end in a [`LinkFault`]: the plug-in has then ended, its job and
+/// delivery were reported as interrupted, and nothing more is sent. The link
+/// itself, with its queue and hold, stays; another plug-in may take over.
+#[derive(Debug)]
+pub struct Link<I: Instance> {
+    pub(crate) instance: I,
+    pub(crate) core: Core,
+    pub(crate) options: LinkOptions,
+    scratch: Box<[u8]>,
+    now: Micros,
+    steps: u32,
+    is_open: bool,
+    has_ended: bool,
+}
+
+impl<I: Instance> Link<I> {
+    /// A link that is not open yet.
+    pub fn new(instance: I, options: LinkOptions) -> Self {
+        let core = Core::new(options.transmit_room, options.delivery_room);
+        let scratch = vec![0; instance.input_capacity()].into();
+        Self {
+            instance,
+            core,
+            options,
+            scratch,
+            now: Micros::ZERO,
+            steps: 0,
+            is_open: false,
+            has_ended: false,
+        }
+    }
+
+    /// Gives the settings, then opens.
+    pub fn open(&mut self, now: Micros, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+        self.begin_instant(now);
+        let settings = std::mem::take(&mut self.options.settings);
+        let capacity = self.instance.input_capacity();
+        let given = settings
+            .pieces(capacity, |event| self.step_as(event, Answering::Nothing, &mut *outside));
+        self.options.settings = settings;
+        given?;
+        self.is_open = true;
+        let opening = self.opening(false);
+        self.step(&opening, outside)?;
+        self.tell_modem_lines(outside)?;
+        self.run(self.now, outside)
+    }
+
+    pub(crate) fn opening(&mut self, resumed: bool) -> Event<'static> {
+        Event::Open {
+            resumed,
+            line: self.options.line,
+            transmit_room: self.core.queue.restate_room(),
+            delivery_room: self.core.restate_delivery_room(),
+        }
+    }
+
+    /// Closes. What the plug-in still has under way is interrupted, what waits
+    /// to be sent is dropped.
+    pub fn close(&mut self, now: Micros, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+        if !self.is_open {
+            return Ok(());
+        }
+        self.run(now, outside)?;
+        let closed = self.step(&Event::Close, outside);
+        self.is_open = false;
+        self.core.interrupt(now, outside);
+        self.core.queue = crate::queue::Queue::new(self.options.transmit_room);
+        closed
+    }
+
+    /// Bytes from the line, all at this time. They may be cut anywhere.
+    pub fn received(
+        &mut self,
+        now: Micros,
+        bytes: &[u8],
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        self.begin_input(now);
+        for piece in bytes.chunks(self.instance.input_capacity()) {
+            self.steps = 0;
+            self.step(&Event::Received(piece), outside)?;
+        }
+        Ok(())
+    }
+
+    /// A damaged character, an overrun or a break. `span` 0: exactly here; n: one
+    /// of the last n bytes.
+    pub fn line_error(
+        &mut self,
+        now: Micros,
+        kind: LineErrorKind,
+        byte: Option<u8>,
+        span: u32,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        self.begin_input(now);
+        self.step(&Event::LineError { kind, byte, span }, outside)
+    }
+
+    /// The modem lines have changed.
+    pub fn modem_lines(
+        &mut self,
+        now: Micros,
+        known: ModemLines,
+        on: ModemLines,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        self.begin_input(now);
+        self.options.modem_lines = Some((known, on));
+        self.step(&Event::ModemLines { known, on }, outside)
+    }
+
+    /// The port is gone.
+    pub fn link_down(
+        &mut self,
+        now: Micros,
+        reason: LinkDownReason,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        self.begin_input(now);
+        self.step(&Event::LinkDown(reason), outside)
+    }
+
+    /// The port is back.
+    pub fn link_up(&mut self, now: Micros, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+        self.begin_input(now);
+        self.step(&Event::LinkUp, outside)
+    }
+
+    /// How many characters, of all that [`take`](Self::take) gave out, have left
+    /// the wire: at most (never late) and at least (never early). The reports to
+    /// the plug-in follow in [`run`](Self::run).
+    pub fn left(&mut self, maybe: u64, surely: u64) {
+        self.core.queue.left(maybe, surely);
+    }
+
+    /// Delivers what is due at `now` until nothing of this instant is left:
+    /// transmit progress, timers by (deadline, id), room for deliveries, then
+    /// the job's data.
+    pub fn run(&mut self, now: Micros, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+        self.begin_instant(now);
+        if !self.is_open {
+            return Ok(());
+        }
+        while let Some(event) = self.due(outside) {
+            self.step(&event, outside)?;
+        }
+        while self.feed(outside)? {
+            while let Some(event) = self.due(outside) {
+                self.step(&event, outside)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn due(&mut self, outside: &mut dyn Outside) -> Option<Event<'static>> {
+        let queue = &mut self.core.queue;
+        if let Some((mark, state)) = queue.next_mark() {
+            return Some(Event::Mark { mark, state });
+        }
+        if let Some(bytes) = queue.next_discarded() {
+            return Some(Event::Discarded { bytes });
+        }
+        if let Some(grown) = queue.next_room() {
+            return Some(Event::TransmitRoom { grown });
+        }
+        if let Some((id, deadline)) = self.core.timers.take_due(self.now) {
+            return Some(Event::Timer { id, deadline });
+        }
+        let grown = self.core.next_delivery_room(outside)?;
+        Some(Event::DeliveryRoom { grown })
+    }
+
+    /// One event of the job: its beginning after a good check, data, or its end.
+    fn feed(&mut self, outside: &mut dyn Outside) -> Result<bool, LinkFault<I::Fault>> {
+        let capacity = self.instance.input_capacity();
+        let Some(active) = &mut self.core.job else { return Ok(false) };
+        let job = active.job.id;
+        if active.run_next {
+            active.start_run();
+            outside.rewind(job);
+            self.steps = 0;
+            return self.begin_event(outside).map(|()| true);
+        }
+        let Some(most) = active.hungry(capacity) else { return Ok(false) };
+        match outside.supply(job, &mut self.scratch[..most]) {
+            Supply::Later => return Ok(false),
+            Supply::End => {
+                active.end_data();
+                self.step(&Event::JobEnd { job }, outside)?;
+            }
+            Supply::Bytes(count) => {
+                active.given(count);
+                self.steps = 0;
+                let scratch = std::mem::take(&mut self.scratch);
+                let given = self.step(&Event::JobData { job, bytes: &scratch[..count] }, outside);
+                self.scratch = scratch;
+                given?;
+            }
+        }
+        Ok(true)
+    }
+
+    /// Begins a job. One that finds another under way fails as busy.
+    pub fn begin_job(
+        &mut self,
+        now: Micros,
+        job: Job,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        self.run(now, outside)?;
+        self.steps = 0;
+        if self.core.job.is_some() {
+            let (job, failure) = (job.id, Failure::Busy);
+            let failed = softplug_abi::Action::JobFailed { job, failure, status: 0, sent: 0 };
+            outside.handle(now, &failed);
+            return Ok(());
+        }
+        self.core.job = Some(ActiveJob::new(job));
+        self.begin_event(outside)?;
+        self.run(now, outside)
+    }
+
+    fn begin_event(&mut self, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+        let Some(active) = &self.core.job else { return Ok(()) };
+        let Job { id, kind, size, fields, .. } = active.job.clone();
+        let pass = active.pass;
+        let fields = Values::new(&fields);
+        self.step(&Event::JobBegin { job: id, kind, pass, size, fields }, outside)
+    }
+
+    /// Asks for a pause of the job.
+    pub fn pause(&mut self, now: Micros, job: u32, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+        self.request_of_job(now, job, &Event::Pause { job }, outside)
+    }
+
+    /// Ends the pause.
+    pub fn resume(&mut self, now: Micros, job: u32, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+        self.request_of_job(now, job, &Event::Resume { job }, outside)
+    }
+
+    /// Aborts the job, or, with 0, the delivery under way.
+    pub fn abort(&mut self, now: Micros, job: u32, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+        self.request_of_job(now, job, &Event::Abort { job }, outside)
+    }
+
+    /// A job that has ended in the meantime is no longer asked anything.
+    fn request_of_job(
+        &mut self,
+        now: Micros,
+        job: u32,
+        event: &Event<'_>,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        self.run(now, outside)?;
+        self.steps = 0;
+        if job != 0 && self.job() != Some(job) {
+            return Ok(());
+        }
+        self.step(event, outside)?;
+        self.run(now, outside)
+    }
+
+    /// Goes on although the partner holds the line.
+    pub fn force_resume(&mut self, now: Micros, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+        self.run(now, outside)?;
+        self.steps = 0;
+        self.step(&Event::ForceResume, outside)?;
+        self.run(now, outside)
+    }
+
+    /// Answers a request: with data, or with why it is refused. An answer to a
+    /// request that was withdrawn is dropped.
+    pub fn answer(
+        &mut self,
+        now: Micros,
+        request: u32,
+        answer: Result<&[u8], Failure>,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        self.run(now, outside)?;
+        self.steps = 0;
+        let (refused, bytes) = match answer {
+            Ok(bytes) => (None, bytes),
+            Err(failure) => (Some(failure), [].as_slice()),
+        };
+        let most = self.instance.input_capacity() - 8;
+        let mut pieces = bytes.chunks(most).peekable();
+        loop {
+            let piece = pieces.next().unwrap_or_default();
+            let more = pieces.peek().is_some();
+            if !self.core.awaits_answer(request, !more) {
+                return Ok(());
+            }
+            self.step(&Event::Answer { request, refused, more, bytes: piece }, outside)?;
+            if !more {
+                return self.run(now, outside);
+            }
+        }
+    }
+
+    /// Gives the port what it may now send, as much as fits into `buffer`.
+    /// Call it only when [`run`](Self::run) has left nothing for this instant.
+    pub fn take(&mut self, buffer: &mut [u8]) -> Taken {
+        if self.has_ended { Taken::Nothing } else { self.core.queue.take(buffer) }
+    }
+
+    /// When the next timer runs out.
+    pub fn next_timer(&self) -> Option<Micros> {
+        self.core.timers.next()
+    }
+
+    /// The job under way.
+    pub fn job(&self) -> Option<u32> {
+        self.core.job.as_ref().map(|active| active.job.id)
+    }
+
+    /// Whether the plug-in holds the queue.
+    pub fn hold(&self) -> HoldState {
+        if self.core.queue.is_held() { HoldState::Held } else { HoldState::Free }
+    }
+
+    /// Bytes that wait in the transmit queue.
+    pub fn waiting(&self) -> usize {
+        self.core.queue.waiting()
+    }
+
+    /// Whether the plug-in has ended by a fault.
+    pub fn has_ended(&self) -> bool {
+        self.has_ended
+    }
+
+    /// The time of the latest call.
+    pub fn now(&self) -> Micros {
+        self.now
+    }
+
+    /// The instance, to look at.
+    pub fn instance(&self) -> &I {
+        &self.instance
+    }
+
+    /// Time never goes back: an earlier `now` counts as the latest.
+    fn begin_instant(&mut self, now: Micros) {
+        if now > self.now {
+            self.now = now;
+            self.steps = 0;
+        }
+    }
+
+    fn begin_input(&mut self, now: Micros) {
+        self.begin_instant(now);
+        self.steps = 0;
+    }
+
+    pub(crate) fn step(
+        &mut self,
+        event: &Event<'_>,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        if !self.is_open {
+            return Ok(());
+        }
+        self.step_as(event, Answering::Ordinary, outside)
+    }
+
+    /// One event with all rounds of its output. A fault ends the plug-in.
+    pub(crate) fn step_as(
+        &mut self,
+        event: &Event<'_>,
+        answering: Answering,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        if self.has_ended {
+            return Err(LinkFault::Ended);
+        }
+        let stepped = self.rounds(event, answering, outside);
+        self.ended_by(stepped, outside)
+    }
+
+    fn rounds(
+        &mut self,
+        event: &Event<'_>,
+        answering: Answering,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        let now = self.now;
+        let broken = |source| LinkFault::Rule { event: event.kind(), source };
+        self.steps += 1;
+        if self.steps > STEPS_PER_INSTANT {
+            return Err(broken(RuleBroken::TimeStandsStill));
+        }
+        let mut asked = event;
+        for _ in 0..=OUTPUT_ROUNDS {
+            let output = self
+                .instance
+                .step(asked, now)
+                .map_err(|source| LinkFault::instance(event, source))?;
+            for action in Actions::new(output.actions) {
+                let action = action
+                    .map_err(|source| LinkFault::Malformed { event: event.kind(), source })?;
+                self.core.apply(now, &action, answering, outside).map_err(broken)?;
+            }
+            if !output.more {
+                return Ok(());
+            }
+            asked = &Event::Continue;
+        }
+        Err(broken(RuleBroken::OutputWithoutEnd))
+    }
+
+    /// Puts `instance` in the place of the plug-in; timers are cancelled.
+    pub(crate) fn put(&mut self, instance: I) -> I {
+        self.scratch = vec![0; instance.input_capacity()].into();
+        self.core.timers.clear();
+        self.has_ended = false;
+        std::mem::replace(&mut self.instance, instance)
+    }
+
+    /// Applies what a successor answered to its opening, then goes on.
+    pub(crate) fn resume_with(
+        &mut self,
+        actions: &[u8],
+        more: bool,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        let event = EventKind::Open;
+        for action in Actions::new(actions) {
+            let applied = action
+                .map_err(|source| LinkFault::Malformed { event, source })
+                .and_then(|action| {
+                    let now = self.now;
+                    self.core
+                        .apply(now, &action, Answering::Ordinary, outside)
+                        .map_err(|source| LinkFault::Rule { event, source })
+                });
+            self.ended_by(applied, outside)?;
+        }
+        if more {
+            self.step(&Event::Continue, outside)?;
+        }
+        self.tell_modem_lines(outside)?;
+        self.run(self.now, outside)
+    }
+
+    fn ended_by(
+        &mut self,
+        result: Result<(), LinkFault<I::Fault>>,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        if result.is_err() {
+            self.has_ended = true;
+            self.core.interrupt(self.now, outside);
+        }
+        result
+    }
+
+    fn tell_modem_lines(&mut self, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+        match self.options.modem_lines {
+            Some((known, on)) => self.step(&Event::ModemLines { known, on }, outside),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! Marks: which byte each belongs to and how far it has come.
+
+use softplug_abi::MarkState;
+use softplug_abi::limits::MARKS;
+use std::collections::VecDeque;
+
+/// Positions count bytes since the link began: in the queue, all that was ever
+/// queued; on the wire, all that the port was ever given.
+#[derive(Debug, Default)]
+pub(crate) struct Marks {
+    queued: VecDeque<(u32, u64)>,
+    given: VecDeque<Given>,
+    dropped: VecDeque<u32>,
+}
+
+#[derive(Debug)]
+struct Given {
+    mark: u32,
+    wire: u64,
+    maybe_reported: bool,
+}
+
+impl Marks {
+    /// Whether one more may be outstanding.
+    pub(crate) fn has_room(&self) -> bool {
+        self.queued.len() + self.given.len() + self.dropped.len() < MARKS
+    }
+
+    /// A mark on the queued byte that ends at `position`.
+    pub(crate) fn queue(&mut self, mark: u32, position: u64) {
+        self.queued.push_back((mark, position));
+    }
+
+    /// A mark on a byte that the port has, or will have as its `wire`th.
+    pub(crate) fn give(&mut self, mark: u32, wire: u64) {
+        self.given.push_back(Given { mark, wire, maybe_reported: false });
+    }
+
+    /// The port was given queued bytes up to `position`, the last as its `wire`th.
+    pub(crate) fn taken(&mut self, position: u64, wire: u64) {
+        while let Some((mark, at)) = self.queued.front().copied().filter(|(_, at)| *at <= position)
+        {
+            self.queued.pop_front();
+            self.give(mark, wire - (position - at));
+        }
+    }
+
+    /// The queue was dropped.
+    pub(crate) fn drop_queued(&mut self) {
+        self.dropped.extend(self.queued.drain(..).map(|(mark, _)| mark));
+    }
+
+    /// The next report, given how many characters maybe and surely have left.
+    pub(crate) fn next_report(&mut self, maybe: u64, surely: u64) -> Option<(u32, MarkState)> {
+        if let Some(mark) = self.dropped.pop_front() {
+            return Some((mark, MarkState::Dropped));
+        }
+        if let Some(at) = self.given.iter().position(|given| given.wire <= surely) {
+            let given = &mut self.given[at];
+            if given.maybe_reported {
+                let mark = given.mark;
+                self.given.remove(at);
+                return Some((mark, MarkState::SurelyLeft));
+            }
+            given.maybe_reported = true;
+            return Some((given.mark, MarkState::MaybeLeft));
+        }
+        let given = self.given.iter_mut().find(|given| given.wire <= maybe && !given.maybe_reported)?;
+        given.maybe_reported = true;
+        Some((given.mark, MarkState::MaybeLeft))
+    }
+}

@@ -1,0 +1,211 @@
+//! What waits to be sent: the transmit queue with its hold, and the urgent
+//! bytes that pass both.
+
+use crate::fault::RuleBroken;
+use crate::marks::Marks;
+use softplug_abi::limits::URGENT_BYTES;
+use softplug_abi::MarkState;
+use std::collections::VecDeque;
+
+/// What [`Link::take`](crate::Link::take) gave to the port.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub enum Taken {
+    /// Nothing may be sent now.
+    Nothing,
+    /// So many bytes were put into the buffer.
+    Bytes(usize),
+    /// Send a break of so many µs, after all bytes before it have left.
+    Break(u32),
+}
+
+#[derive(Debug)]
+enum Urgent {
+    Byte { byte: u8, mark: u32 },
+    Break(u32),
+}
+
+#[derive(Debug)]
+pub(crate) struct Queue {
+    bytes: VecDeque<u8>,
+    urgent: VecDeque<Urgent>,
+    held: bool,
+    capacity: u32,
+    /// What the plug-in knows to be free.
+    room: u32,
+    /// Free, but not reported yet.
+    unreported: u32,
+    /// Bytes ever queued.
+    queued: u64,
+    /// Bytes ever given to the port.
+    given: u64,
+    maybe_left: u64,
+    surely_left: u64,
+    discarded: Option<u32>,
+    marks: Marks,
+}
+
+impl Queue {
+    pub(crate) fn new(capacity: u32) -> Self {
+        Self {
+            bytes: VecDeque::with_capacity(capacity as usize),
+            urgent: VecDeque::with_capacity(URGENT_BYTES),
+            held: false,
+            capacity,
+            room: capacity,
+            unreported: 0,
+            queued: 0,
+            given: 0,
+            maybe_left: 0,
+            surely_left: 0,
+            discarded: None,
+            marks: Marks::default(),
+        }
+    }
+
+    pub(crate) fn transmit(&mut self, mark: u32, bytes: &[u8]) -> Result<(), RuleBroken> {
+        let count = bytes.len() as u32;
+        if count > self.room {
+            return Err(RuleBroken::TransmitRoom { asked: count, room: self.room });
+        }
+        self.check_mark(mark)?;
+        self.room -= count;
+        self.queued += u64::from(count);
+        self.bytes.extend(bytes);
+        if mark != 0 {
+            if self.bytes.is_empty() {
+                self.marks.give(mark, self.given);
+            } else {
+                self.marks.queue(mark, self.queued);
+            }
+        }
+        Ok(())
+    }
+
+    pub(crate) fn transmit_urgent(&mut self, mark: u32, bytes: &[u8]) -> Result<(), RuleBroken> {
+        if self.urgent.len() + bytes.len() > URGENT_BYTES {
+            return Err(RuleBroken::UrgentFull);
+        }
+        self.check_mark(mark)?;
+        let last = bytes.len() - 1;
+        let with_mark = |(at, byte): (usize, &u8)| Urgent::Byte {
+            byte: *byte,
+            mark: if at == last { mark } else { 0 },
+        };
+        self.urgent.extend(bytes.iter().enumerate().map(with_mark));
+        Ok(())
+    }
+
+    pub(crate) fn send_break(&mut self, micros: u32) -> Result<(), RuleBroken> {
+        if self.urgent.len() == URGENT_BYTES {
+            return Err(RuleBroken::UrgentFull);
+        }
+        self.urgent.push_back(Urgent::Break(micros));
+        Ok(())
+    }
+
+    fn check_mark(&self, mark: u32) -> Result<(), RuleBroken> {
+        if mark != 0 && !self.marks.has_room() { Err(RuleBroken::TooManyMarks) } else { Ok(()) }
+    }
+
+    pub(crate) fn set_held(&mut self, held: bool) {
+        self.held = held;
+    }
+
+    pub(crate) fn is_held(&self) -> bool {
+        self.held
+    }
+
+    /// Bytes that wait, urgent ones left out.
+    pub(crate) fn waiting(&self) -> usize {
+        self.bytes.len()
+    }
+
+    pub(crate) fn discard(&mut self) {
+        let dropped = self.bytes.len() as u32;
+        self.bytes.clear();
+        self.marks.drop_queued();
+        self.discarded = Some(self.discarded.unwrap_or(0) + dropped);
+    }
+
+    /// Moves what the port may send into `buffer`: urgent bytes first, then the
+    /// queue unless it is held.
+    pub(crate) fn take(&mut self, buffer: &mut [u8]) -> Taken {
+        let mut count = 0;
+        while count < buffer.len() {
+            match self.urgent.pop_front() {
+                Some(Urgent::Byte { byte, mark }) => {
+                    buffer[count] = byte;
+                    count += 1;
+                    self.given += 1;
+                    if mark != 0 {
+                        self.marks.give(mark, self.given);
+                    }
+                }
+                Some(Urgent::Break(micros)) if count == 0 => return Taken::Break(micros),
+                Some(later) => {
+                    self.urgent.push_front(later);
+                    return Taken::Bytes(count);
+                }
+                None => break,
+            }
+        }
+        if !self.held {
+            count += self.take_queued(&mut buffer[count..]);
+        }
+        if count == 0 { Taken::Nothing } else { Taken::Bytes(count) }
+    }
+
+    fn take_queued(&mut self, buffer: &mut [u8]) -> usize {
+        let count = buffer.len().min(self.bytes.len());
+        if count == 0 {
+            return 0;
+        }
+        let (front, back) = self.bytes.as_slices();
+        let split = front.len().min(count);
+        buffer[..split].copy_from_slice(&front[..split]);
+        buffer[split..count].copy_from_slice(&back[..count - split]);
+        self.bytes.drain(..count);
+        self.given += count as u64;
+        self.unreported += count as u32;
+        self.marks.taken(self.queued - self.bytes.len() as u64, self.given);
+        count
+    }
+
+    /// How many characters, of all that the port was given, maybe and surely
+    /// have left.
+    pub(crate) fn left(&mut self, maybe: u64, surely: u64) {
+        self.maybe_left = self.maybe_left.max(maybe.min(self.given));
+        self.surely_left = self.surely_left.max(surely.min(self.given));
+        self.maybe_left = self.maybe_left.max(self.surely_left);
+    }
+
+    pub(crate) fn next_mark(&mut self) -> Option<(u32, MarkState)> {
+        self.marks.next_report(self.maybe_left, self.surely_left)
+    }
+
+    /// The answer to a discard; its bytes are room again.
+    pub(crate) fn next_discarded(&mut self) -> Option<u32> {
+        let bytes = self.discarded.take()?;
+        self.room += bytes;
+        Some(bytes)
+    }
+
+    /// Growth of room to report: a quarter of the capacity, or all that there
+    /// is once the queue has run empty.
+    pub(crate) fn next_room(&mut self) -> Option<u32> {
+        let due = self.unreported >= self.capacity.div_ceil(4)
+            || (self.bytes.is_empty() && self.unreported > 0);
+        if !due {
+            return None;
+        }
+        let grown = std::mem::take(&mut self.unreported);
+        self.room += grown;
+        Some(grown)
+    }
+
+    /// The whole room, for a restored plug-in.
+    pub(crate) fn restate_room(&mut self) -> u32 {
+        self.room += std::mem::take(&mut self.unreported);
+        self.room
+    }
+}

@@ -1,0 +1,222 @@
+//! An outside that keeps all that happens, in memory.
+
+use crate::{Outside, Supply};
+use softplug_abi::{Action, Failure, Micros, ModemLines, NoteLevel};
+use std::collections::BTreeMap;
+
+/// Something that a plug-in was seen to do.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Observed {
+    /// A character on the wire.
+    Byte(u8),
+    /// A break of so many µs.
+    Break(u32),
+    /// Modem lines set: which, and those of them that are on.
+    ModemLines(ModemLines, ModemLines),
+    /// The transmit queue held.
+    Hold,
+    /// The transmit queue released.
+    Release,
+    /// A delivery, at its end.
+    Delivery(Delivery),
+    /// A job was done, after so many bytes.
+    Done {
+        /// The job.
+        job: u32,
+        /// Bytes that left for it.
+        sent: u64,
+    },
+    /// A job failed.
+    Failed {
+        /// The job.
+        job: u32,
+        /// Why.
+        failure: Failure,
+        /// The protocol's own code.
+        status: u16,
+        /// Bytes that left for it.
+        sent: u64,
+    },
+    /// The result of a check pass.
+    Checked {
+        /// The job.
+        job: u32,
+        /// `None`: good.
+        failure: Option<Failure>,
+        /// The protocol's own code.
+        status: u16,
+        /// Line of the fault.
+        line: u32,
+        /// Column of the fault.
+        column: u32,
+    },
+    /// A request, with its fields as value records.
+    Request {
+        /// Its id.
+        request: u32,
+        /// Place of its kind in the manifest.
+        kind: u16,
+        /// Value records.
+        fields: Vec<u8>,
+    },
+    /// A request was withdrawn.
+    Withdraw(u32),
+    /// A note.
+    Note(NoteLevel, u16, String),
+    /// The name of the state that it is in.
+    State(String),
+}
+
+/// A delivery with all its bytes.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct Delivery {
+    /// The plug-in's id for it.
+    pub id: u32,
+    /// The job that it answers, or 0.
+    pub job: u32,
+    /// All its bytes.
+    pub bytes: Vec<u8>,
+    /// The name that was found.
+    pub name: Option<String>,
+    /// `None`: complete.
+    pub failure: Option<Failure>,
+    /// The protocol's own code.
+    pub status: u16,
+}
+
+/// Keeps all that happens, and supplies jobs from memory.
+#[derive(Debug, Default)]
+pub struct Recorder {
+    /// All that happened, in order. The time of a byte is that of its start bit.
+    pub observed: Vec<(Micros, Observed)>,
+    /// The delivery under way.
+    pub open_delivery: Option<Delivery>,
+    /// Deliveries are put away only when [`drain`](Self::drain) says so.
+    pub drain_by_hand: bool,
+    waiting: u32,
+    drained: u32,
+    sources: BTreeMap<u32, (Vec<u8>, usize)>,
+}
+
+impl Recorder {
+    /// Data for a job that is about to begin.
+    pub fn add_source(&mut self, job: u32, data: Vec<u8>) {
+        self.sources.insert(job, (data, 0));
+    }
+
+    /// Puts `bytes` of what was delivered away.
+    pub fn drain(&mut self, bytes: u32) {
+        let bytes = bytes.min(self.waiting);
+        self.waiting -= bytes;
+        self.drained += bytes;
+    }
+
+    /// Every byte on the wire, in order.
+    pub fn sent(&self) -> Vec<u8> {
+        let byte = |(_, observed): &(Micros, Observed)| match observed {
+            Observed::Byte(byte) => Some(*byte),
+            _ => None,
+        };
+        self.observed.iter().filter_map(byte).collect()
+    }
+
+    /// Every delivery that has ended.
+    pub fn deliveries(&self) -> Vec<&Delivery> {
+        self.observed
+            .iter()
+            .filter_map(|(_, observed)| match observed {
+                Observed::Delivery(delivery) => Some(delivery),
+                _ => None,
+            })
+            .collect()
+    }
+
+    fn push(&mut self, at: Micros, observed: Observed) {
+        self.observed.push((at, observed));
+    }
+}
+
+impl Outside for Recorder {
+    fn handle(&mut self, now: Micros, action: &Action<'_>) {
+        let observed = match action {
+            Action::Hold => Observed::Hold,
+            Action::Release => Observed::Release,
+            Action::ModemLines { mask, on } => Observed::ModemLines(*mask, *on),
+            Action::Break { micros } => Observed::Break(*micros),
+            Action::DeliveryBegin { delivery, job } => {
+                let open = Delivery { id: *delivery, job: *job, ..Delivery::default() };
+                self.open_delivery = Some(open);
+                return;
+            }
+            Action::Deliver { bytes, .. } => {
+                if let Some(open) = &mut self.open_delivery {
+                    open.bytes.extend(*bytes);
+                }
+                self.waiting += bytes.len() as u32;
+                if !self.drain_by_hand {
+                    self.drain(u32::MAX);
+                }
+                return;
+            }
+            Action::DeliveryName { name, .. } => {
+                if let Some(open) = &mut self.open_delivery {
+                    open.name = Some((*name).to_owned());
+                }
+                return;
+            }
+            Action::DeliveryEnd { failure, status, .. } => {
+                let Some(open) = self.open_delivery.take() else { return };
+                Observed::Delivery(Delivery { failure: *failure, status: *status, ..open })
+            }
+            Action::JobDone { job, sent } => Observed::Done { job: *job, sent: *sent },
+            Action::JobFailed { job, failure, status, sent } => {
+                Observed::Failed { job: *job, failure: *failure, status: *status, sent: *sent }
+            }
+            Action::CheckResult { job, failure, status, line, column } => Observed::Checked {
+                job: *job,
+                failure: *failure,
+                status: *status,
+                line: *line,
+                column: *column,
+            },
+            Action::Request { request, kind, fields } => Observed::Request {
+                request: *request,
+                kind: *kind,
+                fields: fields.as_bytes().to_vec(),
+            },
+            Action::Withdraw { request } => Observed::Withdraw(*request),
+            Action::Note { level, code, text } => {
+                Observed::Note(*level, *code, (*text).to_owned())
+            }
+            Action::State { name } => Observed::State((*name).to_owned()),
+            // What the link handles itself never comes out.
+            _ => return,
+        };
+        self.push(now, observed);
+    }
+
+    fn supply(&mut self, job: u32, buffer: &mut [u8]) -> Supply {
+        let Some((data, at)) = self.sources.get_mut(&job) else { return Supply::End };
+        let count = buffer.len().min(data.len() - *at);
+        if count == 0 {
+            return Supply::End;
+        }
+        buffer[..count].copy_from_slice(&data[*at..*at + count]);
+        *at += count;
+        Supply::Bytes(count)
+    }
+
+    fn rewind(&mut self, job: u32) {
+        if let Some((_, at)) = self.sources.get_mut(&job) {
+            *at = 0;
+        }
+    }
+
+    fn drained(&mut self) -> u32 {
+        std::mem::take(&mut self.drained)
+    }
+
+    fn on_wire(&mut self, start: Micros, byte: u8) {
+        self.push(start, Observed::Byte(byte));
+    }
+}

@@ -1,0 +1,119 @@
+//! Another plug-in takes over a link, in the middle of what it does.
+
+use crate::core::Answering;
+use crate::fault::LinkFault;
+use crate::{Link, Outside};
+use softplug_abi::{Actions, Event, Instance, Malformed, Micros};
+use std::error::Error;
+use thiserror::Error;
+
+/// A plug-in's state, as it saved it.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct SavedState {
+    /// The format; a plug-in's manifest lists those that it accepts.
+    pub format: u16,
+    /// The state, at most 64 KiB.
+    pub bytes: Vec<u8>,
+}
+
+/// Why the plug-in was not replaced. The old one goes on.
+#[derive(Debug, Error)]
+pub enum SwapError<F: Error + 'static> {
+    /// The old plug-in could not save its state.
+    #[error("the running plug-in did not save its state: {0}")]
+    Save(#[source] LinkFault<F>),
+    /// The old plug-in saves nothing.
+    #[error("the running plug-in saves no state; swap it when the link is idle")]
+    NoState,
+    /// The new plug-in did not take settings or state.
+    #[error("the new plug-in did not take over on the event \"{event}\": {source}")]
+    Refused {
+        /// The event that it did not take.
+        event: softplug_abi::EventKind,
+        /// What the instance says.
+        #[source]
+        source: F,
+    },
+    /// The new plug-in's first actions cannot be read.
+    #[error("the new plug-in's first actions cannot be read: {0}")]
+    Malformed(#[source] Malformed),
+    /// The new plug-in was put in place and failed at once.
+    #[error("the new plug-in failed as it took over: {0}")]
+    Failed(#[source] LinkFault<F>),
+}
+
+impl<I: Instance> Link<I> {
+    /// Asks the plug-in for its state. Changes nothing.
+    ///
+    /// # Errors
+    /// A fault of the plug-in; `Ok(None)` if it saves nothing.
+    pub fn save(
+        &mut self,
+        now: Micros,
+        outside: &mut dyn Outside,
+    ) -> Result<Option<SavedState>, LinkFault<I::Fault>> {
+        self.run(now, outside)?;
+        self.core.saved.clear();
+        self.core.saved_format = None;
+        self.step_as(&Event::Save, Answering::Save, outside)?;
+        let bytes = std::mem::take(&mut self.core.saved);
+        Ok(self.core.saved_format.map(|format| SavedState { format, bytes }))
+    }
+
+    /// Replaces the plug-in by `successor`, which gets the settings of
+    /// this link and the state. Queue, marks, hold and lines stay. Returns the
+    /// plug-in that was replaced.
+    ///
+    /// # Errors
+    /// In every case but [`SwapError::Failed`] the old plug-in goes on as if
+    /// nothing had been asked.
+    pub fn swap(
+        &mut self,
+        now: Micros,
+        successor: I,
+        outside: &mut dyn Outside,
+    ) -> Result<I, SwapError<I::Fault>> {
+        let state = self.save(now, outside).map_err(SwapError::Save)?.ok_or(SwapError::NoState)?;
+        let mut successor = successor;
+        self.prepare(now, &mut successor, &state)?;
+        let opening = self.opening(true);
+        let first = successor
+            .step(&opening, now)
+            .map_err(|source| SwapError::Refused { event: opening.kind(), source })?;
+        let more = first.more;
+        let actions = first.actions.to_vec();
+        if let Some(Err(malformed)) = Actions::new(&actions).find(Result::is_err) {
+            return Err(SwapError::Malformed(malformed));
+        }
+        let old = self.put(successor);
+        self.resume_with(&actions, more, outside).map_err(SwapError::Failed)?;
+        Ok(old)
+    }
+
+    /// Settings and state; none of it may be answered with an action.
+    fn prepare(
+        &self,
+        now: Micros,
+        successor: &mut I,
+        state: &SavedState,
+    ) -> Result<(), SwapError<I::Fault>> {
+        let capacity = successor.input_capacity();
+        let mut give = |event: &Event<'_>| match successor.step(event, now) {
+            Ok(_) => Ok(()),
+            Err(source) => Err(SwapError::Refused { event: event.kind(), source }),
+        };
+        self.options.settings.pieces(capacity, &mut give)?;
+        let total = state.bytes.len() as u32;
+        let most = capacity - 12;
+        let mut offset = 0;
+        loop {
+            let end = state.bytes.len().min(offset + most);
+            let bytes = &state.bytes[offset..end];
+            give(&Event::Restore { format: state.format, offset: offset as u32, total, bytes })?;
+            if end == state.bytes.len() {
+                return Ok(());
+            }
+            offset = end;
+        }
+    }
+}

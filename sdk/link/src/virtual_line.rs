@@ -1,0 +1,80 @@
+//! A link in virtual time: the clock is a number, the port a model of a UART.
+
+use crate::{Link, LinkFault, LinkOptions, Outside, Taken, Wire};
+use softplug_abi::{Action, Instance, Micros};
+
+/// A [`Link`] on a [`Wire`].
+///
+/// At each instant, in this order: what came from the line (through
+/// [`link`](Self::link)), [`advance`](Self::advance), host requests (again
+/// through `link`), [`transmit`](Self::transmit).
+#[derive(Debug)]
+pub struct VirtualLine<I: Instance> {
+    /// The link; give it events and requests between the other calls.
+    pub link: Link<I>,
+    wire: Wire,
+    break_until: Option<Micros>,
+}
+
+impl<I: Instance> VirtualLine<I> {
+    /// A line on which at most `depth` characters are in flight.
+    pub fn new(instance: I, options: LinkOptions, depth: usize) -> Self {
+        let wire = Wire::new(options.line, depth);
+        Self { link: Link::new(instance, options), wire, break_until: None }
+    }
+
+    /// When something happens next without anything from outside.
+    pub fn next(&self) -> Option<Micros> {
+        [self.link.next_timer(), self.wire.next(), self.break_until].into_iter().flatten().min()
+    }
+
+    /// Reports what has left the wire, then runs the link.
+    pub fn advance(&mut self, now: Micros, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+        self.wire.advance(now);
+        self.break_until = self.break_until.filter(|until| *until > now);
+        self.link.left(self.wire.left(), self.wire.left());
+        self.link.run(now, outside)
+    }
+
+    /// Lets the transmitter take what it may, until nothing more happens at
+    /// this instant.
+    pub fn transmit(&mut self, now: Micros, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+        loop {
+            self.advance(now, outside)?;
+            if self.break_until.is_some() {
+                return Ok(());
+            }
+            let mut buffer = [0; 64];
+            let space = self.wire.space().min(buffer.len());
+            match self.link.take(&mut buffer[..space]) {
+                Taken::Nothing => return Ok(()),
+                Taken::Bytes(count) => {
+                    for byte in &buffer[..count] {
+                        let start = self.wire.give(now);
+                        outside.on_wire(start, *byte);
+                    }
+                }
+                Taken::Break(micros) => {
+                    let start = self.wire.give_break(now, Micros(i64::from(micros)));
+                    self.break_until = Some(start + Micros(i64::from(micros)));
+                    outside.handle(start, &Action::Break { micros });
+                }
+            }
+        }
+    }
+
+    /// One instant without anything from outside.
+    pub fn tick(&mut self, now: Micros, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+        self.advance(now, outside)?;
+        self.transmit(now, outside)
+    }
+
+    /// Lets time go on to `until`, through every instant at which something
+    /// happens by itself.
+    pub fn run_until(&mut self, until: Micros, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+        while let Some(next) = self.next().filter(|next| *next <= until) {
+            self.tick(next.max(self.link.now()), outside)?;
+        }
+        self.tick(until, outside)
+    }
+}

@@ -1,0 +1,98 @@
+//! A UART's transmitter in virtual time.
+
+use softplug_abi::{LineParameters, Micros};
+use std::collections::VecDeque;
+
+/// Characters that the port was given and that have not left yet. They leave
+/// back to back: the nth of a run ends `n` character times after the run's
+/// start, rounded up to a whole µs.
+///
+/// ```
+/// use softplug_abi::{LineParameters, Micros};
+/// use softplug_link::Wire;
+///
+/// let mut wire = Wire::new(LineParameters::new(9_600), 1);
+/// assert_eq!(wire.give(Micros(0)), Micros(0));
+/// assert_eq!(wire.space(), 0);
+/// assert_eq!(wire.next(), Some(Micros(1_042)));
+/// wire.advance(Micros(1_042));
+/// assert_eq!((wire.left(), wire.space()), (1, 1));
+/// ```
+#[derive(Clone, Debug)]
+pub struct Wire {
+    line: LineParameters,
+    depth: usize,
+    run_start: Micros,
+    run_length: u64,
+    /// When the wire is free again.
+    free_at: Micros,
+    ends: VecDeque<Micros>,
+    left: u64,
+}
+
+impl Wire {
+    /// A transmitter that holds at most `depth` characters, the one on the wire
+    /// included.
+    pub fn new(line: LineParameters, depth: usize) -> Self {
+        Self {
+            line,
+            depth: depth.max(1),
+            run_start: Micros::ZERO,
+            run_length: 0,
+            free_at: Micros::ZERO,
+            ends: VecDeque::with_capacity(depth),
+            left: 0,
+        }
+    }
+
+    /// How many characters it takes now.
+    pub fn space(&self) -> usize {
+        self.depth - self.ends.len()
+    }
+
+    /// Characters that have left, of all that were given.
+    pub fn left(&self) -> u64 {
+        self.left
+    }
+
+    /// When the next character will have left.
+    pub fn next(&self) -> Option<Micros> {
+        self.ends.front().copied()
+    }
+
+    /// Takes a character; returns when its start bit leaves. There must be space.
+    pub fn give(&mut self, now: Micros) -> Micros {
+        if self.free_at < now {
+            self.run_start = now;
+            self.run_length = 0;
+        } else if self.free_at != self.run_end(self.run_length) {
+            self.run_start = self.free_at;
+            self.run_length = 0;
+        }
+        let start = self.run_end(self.run_length);
+        self.run_length += 1;
+        let end = self.run_end(self.run_length);
+        self.free_at = end;
+        self.ends.push_back(end);
+        start
+    }
+
+    /// Sends a break after what it holds; returns when it begins.
+    pub fn give_break(&mut self, now: Micros, length: Micros) -> Micros {
+        let start = self.free_at.max(now);
+        self.free_at = start + length;
+        start
+    }
+
+    /// Lets characters leave that end at or before `now`.
+    pub fn advance(&mut self, now: Micros) {
+        while self.ends.front().is_some_and(|end| *end <= now) {
+            self.ends.pop_front();
+            self.left += 1;
+        }
+    }
+
+    fn run_end(&self, characters: u64) -> Micros {
+        self.run_start + self.line.characters(characters)
+    }
+}

@@ -1,0 +1,269 @@
+//! A bench for a converter: a line in virtual time, with a UART.
+
+use crate::{Converter, Native, NativeFault};
+use softplug_abi::manifest::{Manifest, ManifestError, SettingError};
+use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines};
+use softplug_link::{Job, LinkFault, LinkOptions, Observed, Recorder, VirtualLine};
+
+/// A converter on a line in virtual time.
+///
+/// ```
+/// use softplug_plugin::bench::Bench;
+/// use softplug_plugin::{Context, Converter};
+///
+/// struct Echo;
+///
+/// impl Converter for Echo {
+///     type Settings = ();
+///     const MANIFEST: &'static str = r#"{"abi": "1.0", "name": "echo", "version": "1.0.0",
+///         "licence": "MIT", "protocol": "none", "description": "Sends back what it receives."}"#;
+///
+///     fn new((): ()) -> Self {
+///         Self
+///     }
+///
+///     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
+///         link.transmit(bytes);
+///     }
+/// }
+///
+/// let mut bench = Bench::<Echo>::new().open();
+/// bench.receive(b"G1 X10");
+/// bench.run_for_millis(10);
+/// assert_eq!(bench.sent(), b"G1 X10");
+/// ```
+#[derive(Debug)]
+pub struct Bench<C: Converter> {
+    line: VirtualLine<Native<C>>,
+    recorder: Recorder,
+    now: Micros,
+    next_job: u32,
+    check_pass: bool,
+}
+
+/// What a bench is opened with.
+#[derive(Debug)]
+pub struct BenchOptions<C: Converter> {
+    manifest: Manifest,
+    settings: Vec<(String, String)>,
+    options: LinkOptions,
+    depth: usize,
+    drain_by_hand: bool,
+    converter: std::marker::PhantomData<C>,
+}
+
+/// A converter cannot be put on the bench.
+#[derive(Clone, PartialEq, Debug)]
+pub enum BenchError {
+    /// Its manifest is wrong.
+    Manifest(ManifestError),
+    /// A setting does not exist or has a wrong value.
+    Setting(SettingError),
+}
+
+impl<C: Converter> Bench<C> {
+    /// 9600 8N1, one character in flight, every setting at its default.
+    ///
+    /// # Panics
+    /// The manifest is wrong: a test should say so at once.
+    #[allow(clippy::new_ret_no_self, reason = "options come first, as in a builder")]
+    pub fn new() -> BenchOptions<C> {
+        let manifest = Manifest::parse(C::MANIFEST.as_bytes())
+            .unwrap_or_else(|error| panic!("the converter's manifest is wrong: {error}"));
+        BenchOptions {
+            manifest,
+            settings: Vec::new(),
+            options: LinkOptions::default(),
+            depth: 1,
+            drain_by_hand: false,
+            converter: std::marker::PhantomData,
+        }
+    }
+
+    /// Time on the bench.
+    pub fn now(&self) -> Micros {
+        self.now
+    }
+
+    /// Bytes reach the converter now, all at once.
+    pub fn receive(&mut self, bytes: &[u8]) {
+        let received = self.line.link.received(self.now, bytes, &mut self.recorder);
+        self.went_well(received);
+        self.settle();
+    }
+
+    /// A damaged character or a break arrives now.
+    pub fn line_error(&mut self, kind: LineErrorKind, byte: Option<u8>) {
+        let told = self.line.link.line_error(self.now, kind, byte, 0, &mut self.recorder);
+        self.went_well(told);
+        self.settle();
+    }
+
+    /// The modem lines change.
+    pub fn modem_lines(&mut self, known: ModemLines, on: ModemLines) {
+        let told = self.line.link.modem_lines(self.now, known, on, &mut self.recorder);
+        self.went_well(told);
+        self.settle();
+    }
+
+    /// Begins a job of the first kind with this data; returns its id.
+    pub fn send(&mut self, data: &[u8]) -> u32 {
+        self.begin_job(0, Vec::new(), data)
+    }
+
+    /// Begins a job; `fields` are value records. Returns its id.
+    pub fn begin_job(&mut self, kind: u16, fields: Vec<u8>, data: &[u8]) -> u32 {
+        let id = self.next_job;
+        self.next_job += 1;
+        self.recorder.add_source(id, data.to_vec());
+        let check = self.check_pass;
+        let job = Job { id, kind, size: Some(data.len() as u64), fields, check };
+        let begun = self.line.link.begin_job(self.now, job, &mut self.recorder);
+        self.went_well(begun);
+        self.settle();
+        id
+    }
+
+    /// Anything else that the host may do, such as
+    /// `|link, now, outside| link.abort(now, 1, outside)`.
+    pub fn host(
+        &mut self,
+        act: impl FnOnce(
+            &mut softplug_link::Link<Native<C>>,
+            Micros,
+            &mut Recorder,
+        ) -> Result<(), LinkFault<NativeFault>>,
+    ) {
+        let done = act(&mut self.line.link, self.now, &mut self.recorder);
+        self.went_well(done);
+        self.settle();
+    }
+
+    /// Puts so many bytes of what was delivered away.
+    pub fn drain(&mut self, bytes: u32) {
+        self.recorder.drain(bytes);
+        self.settle();
+    }
+
+    /// Lets time go on to `until`.
+    pub fn run_until(&mut self, until: Micros) {
+        let run = self.line.run_until(until, &mut self.recorder);
+        self.went_well(run);
+        self.now = self.now.max(until);
+    }
+
+    /// Lets so many ms go by.
+    pub fn run_for_millis(&mut self, millis: i64) {
+        self.run_until(self.now + Micros::from_millis(millis));
+    }
+
+    /// Saves the state and goes on with a new converter that was given it.
+    pub fn swap(&mut self) {
+        let swapped = self.line.link.swap(self.now, Native::new(), &mut self.recorder);
+        if let Err(error) = swapped {
+            panic!("at {}: {error}", self.now);
+        }
+        self.settle();
+    }
+
+    /// Every byte on the wire so far.
+    pub fn sent(&self) -> Vec<u8> {
+        self.recorder.sent()
+    }
+
+    /// All that the converter was seen to do, with times.
+    pub fn observed(&self) -> &[(Micros, Observed)] {
+        &self.recorder.observed
+    }
+
+    /// Deliveries that have ended.
+    pub fn deliveries(&self) -> Vec<&softplug_link::Delivery> {
+        self.recorder.deliveries()
+    }
+
+    /// The link, to look at.
+    pub fn link(&self) -> &softplug_link::Link<Native<C>> {
+        &self.line.link
+    }
+
+    fn settle(&mut self) {
+        let settled = self.line.tick(self.now, &mut self.recorder);
+        self.went_well(settled);
+    }
+
+    /// A converter that breaks the ABI ends the test with the reason.
+    #[track_caller]
+    fn went_well(&self, result: Result<(), LinkFault<NativeFault>>) {
+        if let Err(fault) = result {
+            panic!("at {}: {fault}", self.now);
+        }
+    }
+}
+
+impl<C: Converter> BenchOptions<C> {
+    /// Sets a setting from text, as on the command line.
+    #[must_use]
+    pub fn set(mut self, name: &str, value: &str) -> Self {
+        self.settings.push((name.to_owned(), value.to_owned()));
+        self
+    }
+
+    /// The characters on the line.
+    #[must_use]
+    pub fn line(mut self, line: LineParameters) -> Self {
+        self.options.line = line;
+        self
+    }
+
+    /// At most so many characters in flight.
+    #[must_use]
+    pub fn depth(mut self, depth: usize) -> Self {
+        self.depth = depth;
+        self
+    }
+
+    /// Room for transmitting and for deliveries, in bytes.
+    #[must_use]
+    pub fn room(mut self, transmit: u32, delivery: u32) -> Self {
+        self.options.transmit_room = transmit;
+        self.options.delivery_room = delivery;
+        self
+    }
+
+    /// Deliveries stay until [`Bench::drain`] puts them away.
+    #[must_use]
+    pub fn drain_by_hand(mut self) -> Self {
+        self.drain_by_hand = true;
+        self
+    }
+
+    /// Opens the link at time 0.
+    ///
+    /// # Panics
+    /// A setting is wrong or the converter breaks the ABI.
+    pub fn open(self) -> Bench<C> {
+        self.try_open().unwrap_or_else(|error| panic!("{error:?}"))
+    }
+
+    /// Opens the link at time 0.
+    ///
+    /// # Errors
+    /// A setting is wrong.
+    ///
+    /// # Panics
+    /// The converter breaks the ABI.
+    pub fn try_open(mut self) -> Result<Bench<C>, BenchError> {
+        let asked = self.settings.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+        self.options.settings =
+            self.manifest.resolve_settings(asked).map_err(BenchError::Setting)?;
+        let check_pass = self.manifest.needs.check_pass;
+        let mut recorder = Recorder::default();
+        recorder.drain_by_hand = self.drain_by_hand;
+        let line = VirtualLine::new(Native::new(), self.options, self.depth);
+        let mut bench = Bench { line, recorder, now: Micros::ZERO, next_job: 1, check_pass };
+        let opened = bench.line.link.open(Micros::ZERO, &mut bench.recorder);
+        bench.went_well(opened);
+        bench.settle();
+        Ok(bench)
+    }
+}

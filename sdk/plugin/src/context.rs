@@ -1,0 +1,221 @@
+//! What a converter can do while it handles an event.
+
+use crate::{Failure, Micros, ModemLines, NoteLevel, Values};
+use softplug_abi::limits::{DELIVERY_NAME_BYTES, NOTE_BYTES, STATE_NAME_BYTES};
+use softplug_abi::{Action, ActionWriter};
+
+/// How much may be transmitted and delivered.
+#[derive(Copy, Clone, Debug, Default)]
+pub(crate) struct Rooms {
+    pub(crate) transmit: u32,
+    pub(crate) delivery: u32,
+}
+
+/// The link, while one event is handled. Each method writes one action; the
+/// host carries them out in order, after the event.
+///
+/// Actions of one event must fit the output buffer (4,096 bytes in a plug-in
+/// made by [`export!`](crate::export!)): ask for less data at a time, or go on in
+/// [`Converter::more`](crate::Converter::more). Past it the plug-in panics.
+#[derive(Debug)]
+pub struct Context<'a> {
+    writer: ActionWriter<'a>,
+    now: Micros,
+    rooms: &'a mut Rooms,
+    again: bool,
+}
+
+impl<'a> Context<'a> {
+    pub(crate) fn new(output: &'a mut [u8], now: Micros, rooms: &'a mut Rooms) -> Self {
+        Self { writer: ActionWriter::new(output), now, rooms, again: false }
+    }
+
+    /// Length of the output, and whether there is more to come.
+    pub(crate) fn finish(self) -> (usize, bool) {
+        (self.writer.len(), self.again)
+    }
+
+    /// Time of the event on the link's clock.
+    pub fn now(&self) -> Micros {
+        self.now
+    }
+
+    /// Bytes that may be transmitted now.
+    pub fn transmit_room(&self) -> u32 {
+        self.rooms.transmit
+    }
+
+    /// Bytes that may be delivered now.
+    pub fn delivery_room(&self) -> u32 {
+        self.rooms.delivery
+    }
+
+    /// Bytes left in the output buffer, headers of records included.
+    pub fn output_room(&self) -> usize {
+        self.writer.room()
+    }
+
+    /// Asks to be called again at the same time, in [`Converter::more`](crate::Converter::more).
+    pub fn again(&mut self) {
+        self.again = true;
+    }
+
+    /// Appends bytes to the transmit queue.
+    ///
+    /// # Panics
+    /// There is less [room](Self::transmit_room).
+    pub fn transmit(&mut self, bytes: &[u8]) {
+        self.transmit_marked(0, bytes);
+    }
+
+    /// Appends bytes; [`Converter::mark`](crate::Converter::mark) tells when the last of them has left. With no
+    /// bytes: when the last byte of the queue has. A mark of 0 is no mark.
+    ///
+    /// # Panics
+    /// There is less [room](Self::transmit_room).
+    pub fn transmit_marked(&mut self, mark: u32, bytes: &[u8]) {
+        let count = bytes.len() as u32;
+        assert!(count <= self.rooms.transmit, "transmits more bytes than there is room for");
+        self.rooms.transmit -= count;
+        self.push(&Action::Transmit { mark, bytes });
+    }
+
+    /// Sends up to 16 bytes ahead of queue and hold.
+    pub fn transmit_urgent(&mut self, bytes: &[u8]) {
+        self.push(&Action::TransmitUrgent { mark: 0, bytes });
+    }
+
+    /// Sends up to 16 bytes ahead of queue and hold, with a mark.
+    pub fn transmit_urgent_marked(&mut self, mark: u32, bytes: &[u8]) {
+        self.push(&Action::TransmitUrgent { mark, bytes });
+    }
+
+    /// Stops the transmit queue before its next byte.
+    pub fn hold(&mut self) {
+        self.push(&Action::Hold);
+    }
+
+    /// Lets the transmit queue go on.
+    pub fn release(&mut self) {
+        self.push(&Action::Release);
+    }
+
+    /// Drops what the queue holds; [`Converter::discarded`](crate::Converter::discarded) tells how much.
+    pub fn discard(&mut self) {
+        self.push(&Action::Discard);
+    }
+
+    /// Sets timer `id` (0 to 15) to an absolute time; one in the past runs out now.
+    pub fn set_timer(&mut self, id: u8, deadline: Micros) {
+        self.push(&Action::SetTimer { id, deadline });
+    }
+
+    /// Sets timer `id` to a span from now.
+    pub fn set_timer_after(&mut self, id: u8, span: Micros) {
+        self.set_timer(id, self.now + span);
+    }
+
+    /// Cancels timer `id`.
+    pub fn cancel_timer(&mut self, id: u8) {
+        self.push(&Action::CancelTimer { id });
+    }
+
+    /// Sets RTS and DTR: those in `mask`, on where they are in `on` too.
+    pub fn set_modem_lines(&mut self, mask: ModemLines, on: ModemLines) {
+        self.push(&Action::ModemLines { mask, on });
+    }
+
+    /// Sends a break of so many µs, at most 10 s.
+    pub fn send_break(&mut self, micros: u32) {
+        self.push(&Action::Break { micros });
+    }
+
+    /// Asks for `bytes` more of the job's data; nothing for 0.
+    pub fn want(&mut self, job: u32, bytes: u32) {
+        if bytes > 0 {
+            self.push(&Action::Want { job, bytes });
+        }
+    }
+
+    /// Begins a delivery under an id of the converter's choice, not 0.
+    pub fn delivery_begin(&mut self, delivery: u32, job: u32) {
+        self.push(&Action::DeliveryBegin { delivery, job });
+    }
+
+    /// Hands bytes to the host.
+    ///
+    /// # Panics
+    /// There is less [room](Self::delivery_room).
+    pub fn deliver(&mut self, delivery: u32, bytes: &[u8]) {
+        let count = bytes.len() as u32;
+        assert!(count <= self.rooms.delivery, "delivers more bytes than there is room for");
+        self.rooms.delivery -= count;
+        self.push(&Action::Deliver { delivery, bytes });
+    }
+
+    /// Names the delivery; cut to 128 bytes.
+    pub fn delivery_name(&mut self, delivery: u32, name: &str) {
+        self.push(&Action::DeliveryName { delivery, name: cut(name, DELIVERY_NAME_BYTES) });
+    }
+
+    /// Ends the delivery: complete, or failed.
+    pub fn delivery_end(&mut self, delivery: u32, failure: Option<Failure>, status: u16) {
+        self.push(&Action::DeliveryEnd { delivery, failure, status });
+    }
+
+    /// The job is done; so many bytes left for it.
+    pub fn job_done(&mut self, job: u32, sent: u64) {
+        self.push(&Action::JobDone { job, sent });
+    }
+
+    /// The job has failed; so many bytes left for it.
+    pub fn job_failed(&mut self, job: u32, failure: Failure, status: u16, sent: u64) {
+        self.push(&Action::JobFailed { job, failure, status, sent });
+    }
+
+    /// The job's check pass was good.
+    pub fn check_good(&mut self, job: u32) {
+        self.push(&Action::CheckResult { job, failure: None, status: 0, line: 0, column: 0 });
+    }
+
+    /// The job's check pass found a fault at this line and column, from 1.
+    pub fn check_failed(&mut self, job: u32, failure: Failure, line: u32, column: u32) {
+        let failure = Some(failure);
+        self.push(&Action::CheckResult { job, failure, status: 0, line, column });
+    }
+
+    /// Asks the host for something of `kind`, its place in the manifest.
+    pub fn request(&mut self, request: u32, kind: u16, fields: Values<'_>) {
+        self.push(&Action::Request { request, kind, fields });
+    }
+
+    /// Takes a request back.
+    pub fn withdraw(&mut self, request: u32) {
+        self.push(&Action::Withdraw { request });
+    }
+
+    /// A line for the log; cut to 240 bytes.
+    pub fn note(&mut self, level: NoteLevel, code: u16, text: &str) {
+        self.push(&Action::Note { level, code, text: cut(text, NOTE_BYTES) });
+    }
+
+    /// Names the state that the converter is in now, for people.
+    pub fn state(&mut self, name: &str) {
+        self.push(&Action::State { name: cut(name, STATE_NAME_BYTES) });
+    }
+
+    pub(crate) fn push(&mut self, action: &Action<'_>) {
+        assert!(
+            self.writer.push(action).is_ok(),
+            "writes more actions in one event than the output buffer holds"
+        );
+    }
+}
+
+fn cut(text: &str, limit: usize) -> &str {
+    let mut end = text.len().min(limit);
+    while !text.is_char_boundary(end) {
+        end -= 1;
+    }
+    &text[..end]
+}

@@ -1,0 +1,215 @@
+//! From encoded events to a converter's methods and back to encoded actions.
+
+use crate::context::{Context, Rooms};
+use crate::state::{StateReader, emit, measure};
+use crate::{Converter, JobStart, Opening, SettingSet};
+use softplug_abi::limits::STATE_BYTES;
+use softplug_abi::{Event, EventKind, Micros, Refusal};
+
+/// Largest state in bytes that this machine can restore.
+pub(crate) const STATE_CAPACITY: usize = 4_096;
+
+/// What a step gave: length of the output and whether more is to come, or why
+/// the event was not taken.
+pub(crate) type Stepped = Result<(usize, bool), (Refusal, &'static str)>;
+
+/// A converter with all that it needs between two events.
+#[derive(Debug)]
+pub(crate) struct Machine<C: Converter> {
+    converter: Option<C>,
+    settings: Option<C::Settings>,
+    next_setting: u16,
+    rooms: Rooms,
+    /// Where the next piece of a save begins.
+    saving: Option<usize>,
+    restored: [u8; STATE_CAPACITY],
+    restored_length: usize,
+}
+
+impl<C: Converter> Machine<C> {
+    pub(crate) const fn new() -> Self {
+        Self {
+            converter: None,
+            settings: None,
+            next_setting: 0,
+            rooms: Rooms { transmit: 0, delivery: 0 },
+            saving: None,
+            restored: [0; STATE_CAPACITY],
+            restored_length: 0,
+        }
+    }
+
+    /// One event. `code` and `payload` are what the host gave.
+    pub(crate) fn step(
+        &mut self,
+        code: i32,
+        payload: &[u8],
+        now: Micros,
+        output: &mut [u8],
+    ) -> Stepped {
+        let kind = u16::try_from(code).ok().and_then(EventKind::from_code);
+        let kind = kind.ok_or((Refusal::UnknownEvent, ""))?;
+        let event =
+            Event::decode(kind, payload).map_err(|_| (Refusal::MalformedEvent, ""))?;
+        match event {
+            Event::Settings { first, last, values } => {
+                return self.settings(first, last, values).map(|()| (0, false));
+            }
+            Event::Open { resumed: false, .. } => {
+                let settings = self.settings_or_none()?;
+                self.converter = Some(C::new(settings));
+            }
+            Event::Restore { format, offset, total, bytes } => {
+                return self.restore(format, offset, total, bytes).map(|()| (0, false));
+            }
+            Event::Save => self.saving = Some(0),
+            Event::Continue => {}
+            _ => self.saving = None,
+        }
+        self.grow_rooms(&event);
+        let Some(converter) = &mut self.converter else {
+            return Err((Refusal::MalformedEvent, "the link is not open"));
+        };
+        let mut link = Context::new(output, now, &mut self.rooms);
+        if let Some(offset) = self.saving {
+            let more = save(converter, &mut link, offset);
+            self.saving = more;
+            let (length, _) = link.finish();
+            return Ok((length, more.is_some()));
+        }
+        handle(converter, &mut link, &event);
+        let finished = link.finish();
+        if matches!(event, Event::Close) {
+            self.converter = None;
+        }
+        Ok(finished)
+    }
+
+    fn settings(
+        &mut self,
+        first: bool,
+        last: bool,
+        values: softplug_abi::Values<'_>,
+    ) -> Result<(), (Refusal, &'static str)> {
+        if first {
+            self.settings = Some(C::Settings::unset());
+            self.next_setting = 0;
+        }
+        let Some(settings) = &mut self.settings else {
+            return Err((Refusal::MalformedEvent, "settings do not begin with a first piece"));
+        };
+        for value in values {
+            let (index, value) = value.map_err(|_| (Refusal::MalformedEvent, ""))?;
+            if index != self.next_setting || !settings.set(index, value) {
+                return Err((Refusal::Settings, "a setting is not of the manifest's type or order"));
+            }
+            self.next_setting += 1;
+        }
+        if !last {
+            return Ok(());
+        }
+        if self.next_setting != C::Settings::COUNT {
+            return Err((Refusal::Settings, "a value is missing; every setting needs one"));
+        }
+        C::check_settings(settings).map_err(|text| (Refusal::Settings, text))
+    }
+
+    fn settings_or_none(&self) -> Result<C::Settings, (Refusal, &'static str)> {
+        match &self.settings {
+            Some(settings) => Ok(settings.clone()),
+            None if C::Settings::COUNT == 0 => Ok(C::Settings::unset()),
+            None => Err((Refusal::MalformedEvent, "open came before the settings")),
+        }
+    }
+
+    fn restore(
+        &mut self,
+        format: u16,
+        offset: u32,
+        total: u32,
+        bytes: &[u8],
+    ) -> Result<(), (Refusal, &'static str)> {
+        let refused = |text| Err((Refusal::State, text));
+        if offset == 0 {
+            self.restored_length = 0;
+        }
+        if offset as usize != self.restored_length || total > STATE_BYTES {
+            return refused("the pieces of the state do not follow each other");
+        }
+        let end = self.restored_length + bytes.len();
+        let Some(place) = self.restored.get_mut(self.restored_length..end) else {
+            return refused("the state is longer than this plug-in ever saves");
+        };
+        place.copy_from_slice(bytes);
+        self.restored_length = end;
+        if end < total as usize {
+            return Ok(());
+        }
+        let mut converter = C::new(self.settings_or_none()?);
+        let mut reader = StateReader::new(&self.restored[..end]);
+        let taken = converter.restore(format, &mut reader).and_then(|()| reader.end());
+        if taken.is_err() {
+            return refused("the state is of another format or damaged");
+        }
+        self.converter = Some(converter);
+        Ok(())
+    }
+
+    fn grow_rooms(&mut self, event: &Event<'_>) {
+        let rooms = &mut self.rooms;
+        match event {
+            Event::Open { transmit_room, delivery_room, .. } => {
+                *rooms = Rooms { transmit: *transmit_room, delivery: *delivery_room };
+            }
+            Event::TransmitRoom { grown } | Event::Discarded { bytes: grown } => {
+                rooms.transmit = rooms.transmit.saturating_add(*grown);
+            }
+            Event::DeliveryRoom { grown } => {
+                rooms.delivery = rooms.delivery.saturating_add(*grown);
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Writes pieces from `offset` on; returns where the next ones begin.
+fn save<C: Converter>(converter: &C, link: &mut Context<'_>, offset: usize) -> Option<usize> {
+    let format = C::STATE_FORMAT?;
+    let total = measure(|state| converter.save(state));
+    let next = emit(link, format, total, offset, |state| converter.save(state));
+    (next < total).then_some(next)
+}
+
+fn handle<C: Converter>(converter: &mut C, link: &mut Context<'_>, event: &Event<'_>) {
+    match *event {
+        Event::Open { resumed, line, delivery_room, .. } => {
+            converter.opened(link, &Opening { resumed, line, delivery_room });
+        }
+        Event::Close => converter.closed(link),
+        Event::Received(bytes) => converter.received(link, bytes),
+        Event::LineError { kind, byte, span } => converter.line_error(link, kind, byte, span),
+        Event::ModemLines { known, on } => converter.modem_lines(link, known, on),
+        Event::LinkDown(reason) => converter.link_down(link, reason),
+        Event::LinkUp => converter.link_up(link),
+        Event::Timer { id, deadline } => converter.timer(link, id, deadline),
+        Event::Mark { mark, state } => converter.mark(link, mark, state),
+        Event::TransmitRoom { .. } => converter.transmit_room(link),
+        Event::Discarded { bytes } => converter.discarded(link, bytes),
+        Event::DeliveryRoom { .. } => converter.delivery_room(link),
+        Event::JobBegin { job, kind, pass, size, ref fields } => {
+            let fields = fields.clone();
+            converter.job_begin(link, JobStart { job, kind, pass, size, fields });
+        }
+        Event::JobData { job, bytes } => converter.job_data(link, job, bytes),
+        Event::JobEnd { job } => converter.job_end(link, job),
+        Event::Pause { job } => converter.pause(link, job),
+        Event::Resume { job } => converter.resume(link, job),
+        Event::Abort { job } => converter.abort(link, job),
+        Event::ForceResume => converter.force_resume(link),
+        Event::Answer { request, refused, more, bytes } => {
+            converter.answer(link, request, refused.map_or(Ok(bytes), Err), more);
+        }
+        Event::Continue => converter.more(link),
+        Event::Settings { .. } | Event::Save | Event::Restore { .. } => {}
+    }
+}

@@ -1,0 +1,91 @@
+//! A converter as native code behind the same encoded events and actions as in
+//! the sandbox.
+
+use crate::Converter;
+use crate::machine::Machine;
+use softplug_abi::{Event, Instance, Micros, Output, Refusal};
+use std::fmt;
+
+/// Length of the input buffer in bytes, as in a plug-in made by `export!`.
+const INPUT: usize = 1_040;
+/// Length of the output buffer in bytes, as in a plug-in made by `export!`.
+const OUTPUT: usize = 4_096;
+
+/// A converter as an [`Instance`].
+///
+/// ```
+/// use softplug_plugin::Native;
+/// # struct Nothing;
+/// # impl softplug_plugin::Converter for Nothing {
+/// #     type Settings = ();
+/// #     const MANIFEST: &'static str = "";
+/// #     fn new((): ()) -> Self { Self }
+/// # }
+/// use softplug_link::{Link, LinkOptions, Recorder};
+/// use softplug_abi::Micros;
+///
+/// let mut link = Link::new(Native::<Nothing>::new(), LinkOptions::default());
+/// link.open(Micros::ZERO, &mut Recorder::default())?;
+/// # Ok::<(), softplug_link::LinkFault<softplug_plugin::NativeFault>>(())
+/// ```
+#[derive(Debug)]
+pub struct Native<C: Converter> {
+    machine: Box<Machine<C>>,
+    input: Box<[u8; INPUT]>,
+    output: Box<[u8; OUTPUT]>,
+}
+
+impl<C: Converter> Native<C> {
+    /// An instance that knows no settings yet.
+    pub fn new() -> Self {
+        Self {
+            machine: Box::new(Machine::new()),
+            input: Box::new([0; INPUT]),
+            output: Box::new([0; OUTPUT]),
+        }
+    }
+}
+
+impl<C: Converter> Default for Native<C> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// A native converter did not take an event.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub struct NativeFault {
+    /// Why.
+    pub refusal: Refusal,
+    /// In the converter's words.
+    pub words: &'static str,
+}
+
+impl fmt::Display for NativeFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "refused: {}", self.refusal.text())?;
+        if self.words.is_empty() { Ok(()) } else { write!(f, " ({})", self.words) }
+    }
+}
+
+impl std::error::Error for NativeFault {}
+
+impl<C: Converter> Instance for Native<C> {
+    type Fault = NativeFault;
+
+    fn input_capacity(&self) -> usize {
+        INPUT
+    }
+
+    fn step(&mut self, event: &Event<'_>, now: Micros) -> Result<Output<'_>, NativeFault> {
+        let too_long = NativeFault {
+            refusal: Refusal::MalformedEvent,
+            words: "the event is longer than the input buffer",
+        };
+        let length = event.encode(&mut self.input[..]).map_err(|_| too_long)?;
+        let code = i32::from(event.kind().code());
+        let stepped = self.machine.step(code, &self.input[..length], now, &mut self.output[..]);
+        let (length, more) = stepped.map_err(|(refusal, words)| NativeFault { refusal, words })?;
+        Ok(Output { actions: &self.output[..length], more })
+    }
+}

@@ -1,0 +1,191 @@
+//! Settings as typed fields, with their part of the manifest.
+
+use softplug_abi::Value;
+
+/// The settings of a converter. Made by [`settings!`](crate::settings).
+pub trait SettingSet: Clone + core::fmt::Debug {
+    /// How many there are.
+    const COUNT: u16;
+    /// The manifest's list of settings, in pieces to be joined.
+    const JSON: &'static [&'static [&'static str]];
+
+    /// All settings before any value has come.
+    fn unset() -> Self;
+    /// Takes the value at `index`; `false` if it is not of the setting's type.
+    fn set(&mut self, index: u16, value: Value<'_>) -> bool;
+}
+
+impl SettingSet for () {
+    const COUNT: u16 = 0;
+    const JSON: &'static [&'static [&'static str]] = &[];
+
+    fn unset() -> Self {}
+
+    fn set(&mut self, _index: u16, _value: Value<'_>) -> bool {
+        false
+    }
+}
+
+/// The type of one setting.
+pub trait SettingType: Clone {
+    /// Its type in the manifest.
+    const TYPE: &'static str;
+    /// What else the manifest says of it, beginning with a comma.
+    const MORE: &'static [&'static str];
+    /// Quotes around its default, if it needs them.
+    const QUOTE: &'static str;
+
+    /// Before a value has come.
+    fn unset() -> Self;
+    /// From a value of its type.
+    fn from_value(value: Value<'_>) -> Option<Self>;
+}
+
+impl SettingType for bool {
+    const TYPE: &'static str = "bool";
+    const MORE: &'static [&'static str] = &[];
+    const QUOTE: &'static str = "";
+
+    fn unset() -> Self {
+        false
+    }
+
+    fn from_value(value: Value<'_>) -> Option<Self> {
+        match value {
+            Value::Bool(value) => Some(value),
+            _ => None,
+        }
+    }
+}
+
+impl SettingType for i64 {
+    const TYPE: &'static str = "int";
+    const MORE: &'static [&'static str] = &[];
+    const QUOTE: &'static str = "";
+
+    fn unset() -> Self {
+        0
+    }
+
+    fn from_value(value: Value<'_>) -> Option<Self> {
+        match value {
+            Value::Int(value) => Some(value),
+            _ => None,
+        }
+    }
+}
+
+/// Up to `N` bytes.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub struct Bytes<const N: usize> {
+    bytes: [u8; N],
+    length: usize,
+}
+
+impl<const N: usize> Bytes<N> {
+    /// The bytes.
+    pub fn as_slice(&self) -> &[u8] {
+        &self.bytes[..self.length]
+    }
+
+    fn copy(bytes: &[u8]) -> Option<Self> {
+        let mut copy = [0; N];
+        copy.get_mut(..bytes.len())?.copy_from_slice(bytes);
+        Some(Self { bytes: copy, length: bytes.len() })
+    }
+}
+
+impl<const N: usize> SettingType for Bytes<N> {
+    const TYPE: &'static str = "bytes";
+    const MORE: &'static [&'static str] = &[",\"max\":", Decimal::<N>::TEXT];
+    const QUOTE: &'static str = "\"";
+
+    fn unset() -> Self {
+        Self { bytes: [0; N], length: 0 }
+    }
+
+    fn from_value(value: Value<'_>) -> Option<Self> {
+        match value {
+            Value::Bytes(bytes) => Self::copy(bytes),
+            _ => None,
+        }
+    }
+}
+
+/// UTF-8 text of up to `N` bytes.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub struct Text<const N: usize>(Bytes<N>);
+
+impl<const N: usize> Text<N> {
+    /// The text.
+    pub fn as_str(&self) -> &str {
+        core::str::from_utf8(self.0.as_slice()).unwrap_or_default()
+    }
+}
+
+impl<const N: usize> SettingType for Text<N> {
+    const TYPE: &'static str = "text";
+    const MORE: &'static [&'static str] = <Bytes<N> as SettingType>::MORE;
+    const QUOTE: &'static str = "\"";
+
+    fn unset() -> Self {
+        Self(Bytes::unset())
+    }
+
+    fn from_value(value: Value<'_>) -> Option<Self> {
+        match value {
+            Value::Text(text) => Bytes::copy(text.as_bytes()).map(Self),
+            _ => None,
+        }
+    }
+}
+
+/// A number of up to three digits as JSON, with leading blanks.
+struct Decimal<const N: usize>;
+
+impl<const N: usize> Decimal<N> {
+    const DIGITS: [u8; 3] = {
+        assert!(N < 1_000, "a setting holds at most 400 bytes");
+        let mut digits = *b"  0";
+        let mut rest = N;
+        let mut at = 3;
+        while rest > 0 {
+            at -= 1;
+            digits[at] = b'0' + (rest % 10) as u8;
+            rest /= 10;
+        }
+        digits
+    };
+    const TEXT: &'static str = match core::str::from_utf8(&Self::DIGITS) {
+        Ok(text) => text,
+        Err(_) => unreachable!(),
+    };
+}
+
+/// One of a list of names. Made by [`choice!`](crate::choice).
+pub trait Choice: Copy {
+    /// The manifest's list of names, beginning with a comma.
+    const JSON: &'static [&'static str];
+    /// The first choice.
+    const FIRST: Self;
+
+    /// The choice with this number.
+    fn from_index(index: u16) -> Option<Self>;
+}
+
+impl<T: Choice> SettingType for T {
+    const TYPE: &'static str = "choice";
+    const MORE: &'static [&'static str] = T::JSON;
+    const QUOTE: &'static str = "\"";
+
+    fn unset() -> Self {
+        T::FIRST
+    }
+
+    fn from_value(value: Value<'_>) -> Option<Self> {
+        match value {
+            Value::Choice(index) => T::from_index(index),
+            _ => None,
+        }
+    }
+}
