@@ -330,9 +330,7 @@ impl<'a> Action<'a> {
             kind::HOLD => Self::Hold,
             kind::RELEASE => Self::Release,
             kind::DISCARD => Self::Discard,
-            kind::SET_TIMER => {
-                Self::SetTimer { id: timer_id(&mut r)?, deadline: Micros(r.i64()?) }
-            }
+            kind::SET_TIMER => Self::SetTimer { id: timer_id(&mut r)?, deadline: Micros(r.i64()?) },
             kind::CANCEL_TIMER => Self::CancelTimer { id: timer_id(&mut r)? },
             kind::MODEM_LINES => {
                 let (mask, on) = (ModemLines(r.u8()?), ModemLines(r.u8()?));
@@ -345,10 +343,9 @@ impl<'a> Action<'a> {
                 micros @ 1..=BREAK_MICROS => Self::Break { micros },
                 _ => return Err(MalformedReason::OutOfRange("micros")),
             },
-            kind::WANT => Self::Want {
-                job: non_zero("job", r.u32()?)?,
-                bytes: non_zero("bytes", r.u32()?)?,
-            },
+            kind::WANT => {
+                Self::Want { job: non_zero("job", r.u32()?)?, bytes: non_zero("bytes", r.u32()?)? }
+            }
             kind::DELIVERY_BEGIN => {
                 Self::DeliveryBegin { delivery: non_zero("delivery", r.u32()?)?, job: r.u32()? }
             }
@@ -368,9 +365,7 @@ impl<'a> Action<'a> {
                 failure: failure(&mut r)?,
                 status: r.u16()?,
             },
-            kind::JOB_DONE => {
-                Self::JobDone { job: non_zero("job", r.u32()?)?, sent: r.u64()? }
-            }
+            kind::JOB_DONE => Self::JobDone { job: non_zero("job", r.u32()?)?, sent: r.u64()? },
             kind::JOB_FAILED => Self::JobFailed {
                 job: non_zero("job", r.u32()?)?,
                 failure: known("failure", failure(&mut r)?)?,

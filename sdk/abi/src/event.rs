@@ -144,6 +144,8 @@ impl ModemLines {
     pub const DTR: Self = Self(32);
     /// The lines that a plug-in can set.
     pub const OUTPUTS: Self = Self(16 | 32);
+    /// Every line there is.
+    pub const ALL: Self = Self(63);
 
     /// Whether all of `lines` are in the set.
     pub const fn contains(self, lines: Self) -> bool {
@@ -443,11 +445,18 @@ impl<'a> Event<'a> {
             EventKind::LineError => {
                 let kind = known("kind", LineErrorKind::from_code(r.u8()?))?;
                 let (has_byte, byte) = (flag(&mut r)?, r.u8()?);
+                if !has_byte && byte != 0 {
+                    return Err(MalformedReason::OutOfRange("byte"));
+                }
                 zero(u16::from(r.u8()?))?;
                 Self::LineError { kind, byte: has_byte.then_some(byte), span: r.u32()? }
             }
             EventKind::ModemLines => {
-                Self::ModemLines { known: ModemLines(r.u8()?), on: ModemLines(r.u8()?) }
+                let (known, on) = (ModemLines(r.u8()?), ModemLines(r.u8()?));
+                if !ModemLines::ALL.contains(known) || !known.contains(on) {
+                    return Err(MalformedReason::OutOfRange("lines"));
+                }
+                Self::ModemLines { known, on }
             }
             EventKind::LinkDown => {
                 Self::LinkDown(known("reason", LinkDownReason::from_code(r.u8()?))?)
@@ -465,20 +474,22 @@ impl<'a> Event<'a> {
                 let (job, kind) = (non_zero("job", r.u32()?)?, r.u16()?);
                 let pass = if flag(&mut r)? { Pass::Check } else { Pass::Run };
                 let (has_size, size) = (flag(&mut r)?, r.u64()?);
+                if !has_size && size != 0 {
+                    return Err(MalformedReason::OutOfRange("size"));
+                }
                 let fields = Values::new(r.rest());
                 Self::JobBegin { job, kind, pass, size: has_size.then_some(size), fields }
             }
-            EventKind::JobData => Self::JobData {
-                job: non_zero("job", r.u32()?)?,
-                bytes: at_least_one(r.rest())?,
-            },
+            EventKind::JobData => {
+                Self::JobData { job: non_zero("job", r.u32()?)?, bytes: at_least_one(r.rest())? }
+            }
             EventKind::JobEnd => Self::JobEnd { job: non_zero("job", r.u32()?)? },
             EventKind::Pause => Self::Pause { job: non_zero("job", r.u32()?)? },
             EventKind::Resume => Self::Resume { job: non_zero("job", r.u32()?)? },
             EventKind::Abort => Self::Abort { job: r.u32()? },
             EventKind::ForceResume => Self::ForceResume,
             EventKind::Answer => {
-                let request = r.u32()?;
+                let request = non_zero("request", r.u32()?)?;
                 let refused = match r.u16()? {
                     0 => None,
                     code => Some(known("refused", Failure::from_code(code))?),

@@ -44,9 +44,9 @@ pub use event::{
 };
 pub use failure::{Failure, Refusal};
 pub use instance::{Instance, Output};
-pub use mailbox::{Mailbox, MailboxError, Region, MORE_OUTPUT};
+pub use mailbox::{MORE_OUTPUT, Mailbox, MailboxError, Region};
 pub use time::Micros;
-pub use value::{Value, Values, ValueWriter};
+pub use value::{Value, ValueWriter, Values};
 pub use wire::{Malformed, MalformedReason, NoSpace};
 
 /// The ABI's version: major and minor.

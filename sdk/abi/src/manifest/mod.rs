@@ -302,8 +302,11 @@ impl Manifest {
                 if kinds[..at].iter().any(|other| other.name == kind.name) {
                     return entry(&path, "the name stands twice");
                 }
-                for field in &kind.fields {
+                for (at, field) in kind.fields.iter().enumerate() {
                     check_name(&path, &field.name, '_')?;
+                    if kind.fields[..at].iter().any(|other| other.name == field.name) {
+                        return entry(&path, "the name of a field stands twice");
+                    }
                 }
             }
         }
@@ -311,9 +314,14 @@ impl Manifest {
     }
 
     fn check_version(&self) -> Result<(), ManifestError> {
-        let served = self.abi.split_once('.').and_then(|(major, minor)| {
-            Some((major.parse::<u16>().ok()?, minor.parse::<u16>().ok()?))
-        });
+        let number = |text: &str| {
+            let digits = text.bytes().all(|byte| byte.is_ascii_digit());
+            digits.then(|| text.parse::<u16>().ok()).flatten()
+        };
+        let served = self
+            .abi
+            .split_once('.')
+            .and_then(|(major, minor)| Some((number(major)?, number(minor)?)));
         match served {
             Some((major, minor)) if major == VERSION.0 && minor <= VERSION.1 => Ok(()),
             _ => Err(ManifestError::Version(self.abi.clone())),
@@ -332,10 +340,14 @@ impl Manifest {
         if (setting.kind == ValueType::Choice) == setting.choices.is_empty() {
             return entry(&path, "choices belong to a choice, and only to one");
         }
-        if let (Some(min), Some(max)) = (setting.min, setting.max) {
-            if min > max {
-                return entry(&path, "min is over max");
-            }
+        let mut choices = setting.choices.iter().enumerate();
+        if choices.any(|(at, choice)| setting.choices[..at].contains(choice)) {
+            return entry(&path, "a choice stands twice");
+        }
+        if let (Some(min), Some(max)) = (setting.min, setting.max)
+            && min > max
+        {
+            return entry(&path, "min is over max");
         }
         let longest = setting.max.unwrap_or(0);
         let has_length = matches!(setting.kind, ValueType::Text | ValueType::Bytes);
@@ -351,6 +363,9 @@ impl Manifest {
     fn check_preset(&self, at: usize, preset: &Preset) -> Result<(), ManifestError> {
         let path = alloc::format!("presets[{at}]");
         check_name(&path, &preset.name, '-')?;
+        if self.presets[..at].iter().any(|other| other.name == preset.name) {
+            return entry(&path, "the name stands twice");
+        }
         for (name, json) in &preset.values {
             let Some(setting) = self.settings.iter().find(|setting| setting.name == *name) else {
                 return entry(&path, "it sets what is no setting");
@@ -371,7 +386,10 @@ fn entry<T>(path: &str, rule: &'static str) -> Result<T, ManifestError> {
 fn check_name(path: &str, name: &str, joint: char) -> Result<(), ManifestError> {
     let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == joint;
     if name.is_empty() || name.len() > 40 || !name.chars().all(fits) {
-        return entry(path, "a name is 1 to 40 of a-z, 0-9 and a joint (- or, in settings and fields, _)");
+        return entry(
+            path,
+            "a name is 1 to 40 of a-z, 0-9 and a joint (- or, in settings and fields, _)",
+        );
     }
     Ok(())
 }

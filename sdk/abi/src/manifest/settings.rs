@@ -2,10 +2,10 @@
 //! plug-in is given.
 
 use super::{Manifest, Setting, ValueType};
+use crate::Event;
 use crate::limits::VALUE_BYTES;
 use crate::value::{Value, ValueWriter, Values};
 use crate::wire::NoSpace;
-use crate::Event;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use serde_json::Value as Json;
@@ -13,6 +13,10 @@ use thiserror::Error;
 
 /// Every plug-in takes events of this many bytes.
 const SMALLEST_INPUT: usize = *crate::limits::INPUT_BYTES.start() as usize;
+
+/// A settings event with one value of the greatest length: flags, the record's
+/// header, the value. A smaller piece could never hold it.
+const SMALLEST_PIECE: usize = 1 + 6 + VALUE_BYTES;
 
 /// A value that owns its text or bytes.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -152,14 +156,15 @@ impl SettingValues {
     }
 
     /// Calls `give` with settings events of at most `capacity` bytes each, at
-    /// least one, and stops at its first error.
+    /// least one, and stops at its first error. A `capacity` under what one value
+    /// can take (the ABI allows none so small) counts as that much.
     pub fn pieces<E>(
         &self,
         capacity: usize,
         mut give: impl FnMut(&Event<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
         let mut buffer = [0; SMALLEST_INPUT];
-        let room = capacity.min(buffer.len()) - 1;
+        let room = capacity.clamp(SMALLEST_PIECE, buffer.len()) - 1;
         let mut first = true;
         let mut at = 0;
         loop {
@@ -208,6 +213,7 @@ impl Setting {
                 _ => None,
             },
             ValueType::Int => match text.strip_prefix("0x") {
+                Some(hex) if hex.starts_with(['+', '-']) => None,
                 Some(hex) => i64::from_str_radix(hex, 16).ok(),
                 None => text.parse().ok(),
             }
