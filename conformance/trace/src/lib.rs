@@ -1,1 +1,54 @@
-//! (to come)
+//! The `.spt` trace format: one conformance case as text, one event a line.
+//!
+//! [`Trace::parse`] reads a trace and says exactly where a fault is,
+//! [`Trace::format`] writes the one canonical form, and
+//! [`Trace::with_expectations`] puts what was observed in the place of what was
+//! expected. `docs/trace-format.md` specifies the format.
+//!
+//! ```
+//! use softplug_trace::{Trace, What};
+//!
+//! let text = "\
+//! id: echo.tx.first
+//! title: The first byte leaves at once
+//! profile: echo
+//! clauses: echo.tx.at-once
+//! level: must
+//! line: 9600 8N1 depth=1 reaction=0
+//! since: 1
+//! origin: hand-written
+//! ---
+//! ? 0.000000 send 1 \"AB\"
+//! > 0.000000 41 42          ; 'AB'
+//! ";
+//! let trace = Trace::parse(text)?;
+//! assert_eq!(trace.front.id, "echo.tx.first");
+//! assert!(matches!(trace.entries().nth(1).unwrap().what, What::Send(_)));
+//! assert_eq!(trace.format(), text);
+//! # Ok::<(), softplug_trace::ParseError>(())
+//! ```
+#![forbid(unsafe_code)]
+
+mod bless;
+mod error;
+mod file_name;
+mod format;
+mod generate;
+mod gloss;
+pub mod limits;
+mod model;
+mod parse;
+mod suggest;
+#[cfg(test)]
+mod tests;
+
+pub use bless::BlessError;
+pub use error::{ParseError, ParseErrorKind};
+pub use file_name::{FileNameError, is_slug};
+pub use generate::{GENERATORS, GeneratorKind};
+pub use model::{
+    Alternatives, Assignment, BadKind, CheckFault, DeliveryEnd, Digest, Direction, Drain, Edge,
+    Entry, Expected, Files, FrontMatter, Generator, HostRequest, Item, Level, Line, LineErrorKind,
+    LineEvent, LineSettings, LinkDownReason, ModemLevels, ModemLine, NoFiles, Origin, Parity,
+    Payload, PayloadError, Permutations, Piece, Room, SourceLine, Time, Trace, What, When,
+};

@@ -1,0 +1,296 @@
+//! The canonical text of a trace.
+
+use std::fmt::Write as _;
+
+use crate::gloss::gloss;
+use crate::model::{
+    Assignment, DeliveryEnd, Drain, Entry, Expected, FrontMatter, HostRequest, Item, Line,
+    LineErrorKind, LineEvent, ModemLevels, Origin, Payload, Permutations, Room, Trace, What,
+};
+
+/// Where the gloss begins, unless the line is longer.
+const GLOSS_COLUMN: usize = 24;
+
+/// The whole file.
+pub(crate) fn trace(trace: &Trace) -> String {
+    let mut text = front(&trace.front);
+    text.push_str("---\n");
+    for line in &trace.body {
+        write_line(&mut text, "", line);
+    }
+    text
+}
+
+fn front(front: &FrontMatter) -> String {
+    let mut text = String::new();
+    let mut key = |key: &str, value: &str| {
+        if !value.is_empty() {
+            text.push_str(key);
+            text.push_str(": ");
+            text.push_str(value);
+            text.push('\n');
+        }
+    };
+    let line = &front.line;
+    let stop = match line.stop_half_bits {
+        3 => "1.5",
+        4 => "2",
+        _ => "1",
+    };
+    key("id", &front.id);
+    key("title", &front.title);
+    key("profile", &front.profile);
+    key("clauses", &front.clauses.join(" "));
+    key("level", front.level.name());
+    key("edge", front.edge.map_or("", crate::Edge::name));
+    key(
+        "line",
+        &format!(
+            "{} {}{}{stop} depth={} reaction={}",
+            line.baud,
+            line.data_bits,
+            line.parity.letter(),
+            line.depth,
+            line.reaction
+        ),
+    );
+    key("config", &assignments(&front.config));
+    key("room", &room(&front.room));
+    key("modem", &levels(&front.modem));
+    key("since", &front.since.to_string());
+    key("origin", &origin(&front.origin));
+    key("permute", &permute(front.permute));
+    text
+}
+
+fn origin(origin: &Origin) -> String {
+    match origin {
+        Origin::HandWritten => "hand-written".to_owned(),
+        Origin::Recorded { device, date, tool } => format!("recorded({device}, {date}, {tool})"),
+        Origin::Generated { generator, seed } => format!("generated({generator}, {seed})"),
+    }
+}
+
+/// Empty for all, which is what the key's absence means.
+fn permute(permute: Permutations) -> String {
+    if permute == Permutations::ALL {
+        return String::new();
+    }
+    let names = [(permute.cuts, "cuts"), (permute.swap, "swap"), (permute.twice, "twice")];
+    let chosen: Vec<&str> = names.iter().filter(|(on, _)| *on).map(|(_, name)| *name).collect();
+    if chosen.is_empty() { "none".to_owned() } else { chosen.join(" ") }
+}
+
+fn write_line(text: &mut String, indent: &str, line: &Line) {
+    match line {
+        Line::Blank => text.push('\n'),
+        Line::Comment(comment) => {
+            let _ = writeln!(text, "{indent}#{comment}");
+        }
+        Line::Entry(entry) => {
+            let written = format!("{indent}{}", self::entry(entry));
+            let _ = match entry.what.payload().and_then(gloss) {
+                Some(gloss) => writeln!(text, "{written:<GLOSS_COLUMN$}  ; {gloss}"),
+                None => writeln!(text, "{written}"),
+            };
+        }
+        Line::Alternatives(block) => {
+            let _ = writeln!(text, "{{ alt {}", block.clause);
+            for (place, branch) in block.branches.iter().enumerate() {
+                if place > 0 {
+                    text.push_str("|\n");
+                }
+                for line in branch {
+                    write_line(text, "  ", line);
+                }
+            }
+            text.push_str("}\n");
+        }
+    }
+}
+
+/// The longest that an entry's line can be: indented, with a gloss.
+pub(crate) fn line_bytes(entry: &Entry) -> usize {
+    const INDENT_AND_GLOSS: usize = 256;
+    self::entry(entry).len() + INDENT_AND_GLOSS
+}
+
+/// An entry without its gloss.
+fn entry(entry: &Entry) -> String {
+    let mut text = format!("{} {}", entry.what.sign(), entry.when);
+    let mut part = |part: &str| {
+        if !part.is_empty() {
+            text.push(' ');
+            text.push_str(part);
+        }
+    };
+    match &entry.what {
+        What::Receive(bytes) | What::Burst(bytes) | What::Send(bytes) => part(&payload(bytes)),
+        What::SetLines(set) => part(&levels(set)),
+        What::SendBreak(micros) => part(&format!("break {micros}")),
+        What::Line(event) => part(&line_event(event)),
+        What::Host(request) => part(&host(request)),
+        What::Act(action) => part(&expected(action)),
+        What::Quiet => {}
+    }
+    text
+}
+
+fn line_event(event: &LineEvent) -> String {
+    match event {
+        LineEvent::Modem(changed) => levels(changed),
+        LineEvent::Error {
+            kind: kind @ (LineErrorKind::Break | LineErrorKind::Overrun),
+            byte: None,
+            span: 0,
+        } => kind.name().to_owned(),
+        LineEvent::Error { kind, byte, span } => {
+            let byte = byte.map_or(String::new(), |byte| format!(" byte={byte:02X}"));
+            format!("lineerror {}{byte} span={span}", kind.name())
+        }
+        LineEvent::Down(reason) => format!("down {}", reason.name()),
+        LineEvent::Up => "up".to_owned(),
+    }
+}
+
+fn host(request: &HostRequest) -> String {
+    match request {
+        HostRequest::Job { id, kind, fields, data } => {
+            if kind == "send" && fields.is_empty() && !data.is_absent() {
+                return format!("send {id} {}", payload(data));
+            }
+            spaced(&[&format!("job {id} {kind}"), &assignments(fields), &payload(data)])
+        }
+        HostRequest::Pause(id) => format!("pause {id}"),
+        HostRequest::Resume(id) => format!("resume {id}"),
+        HostRequest::Abort(id) => format!("abort {id}"),
+        HostRequest::ForceResume => "force-resume".to_owned(),
+        HostRequest::Room(grown) => spaced(&["room", &room(grown)]),
+        HostRequest::Drain(Drain::Auto) => "drain auto".to_owned(),
+        HostRequest::Drain(Drain::Off) => "drain off".to_owned(),
+        HostRequest::Grant { id, data } => {
+            spaced(&[&format!("answer {id} granted"), &payload(data)])
+        }
+        HostRequest::Refuse { id, code } => format!("answer {id} refused {code}"),
+        HostRequest::Swap => "swap".to_owned(),
+        HostRequest::Close => "close".to_owned(),
+        HostRequest::Open => "open".to_owned(),
+    }
+}
+
+fn expected(action: &Expected) -> String {
+    let option = |name: &str, number: Option<u64>| {
+        number.map_or(String::new(), |number| format!("{name}={number}"))
+    };
+    let status =
+        |status: Option<u16>| status.map_or(String::new(), |status| format!("status={status:04X}"));
+    match action {
+        Expected::Deliver { id, data, end, status: code, name } => {
+            let end = match end {
+                DeliveryEnd::Complete => "complete".to_owned(),
+                DeliveryEnd::Failed(code) => format!("failed {code}"),
+            };
+            let name = name
+                .as_ref()
+                .map_or(String::new(), |name| format!("name={}", quote(name.as_bytes())));
+            spaced(&[&format!("deliver {id}"), &payload(data), &end, &status(*code), &name])
+        }
+        Expected::Done { id, sent } => spaced(&[&format!("done {id}"), &option("sent", *sent)]),
+        Expected::Fail { id, code, status: own, sent } => {
+            spaced(&[&format!("fail {id} {code}"), &status(*own), &option("sent", *sent)])
+        }
+        Expected::Check { id, fault: None } => format!("check {id} good"),
+        Expected::Check { id, fault: Some(fault) } => spaced(&[
+            &format!("check {id} {}", fault.code),
+            &option("line", fault.line.map(u64::from)),
+            &option("column", fault.column.map(u64::from)),
+            &status(fault.status),
+        ]),
+        Expected::Request { id, kind, fields } => {
+            spaced(&[&format!("request {id} {kind}"), &assignments(fields)])
+        }
+        Expected::Withdraw(id) => format!("withdraw {id}"),
+    }
+}
+
+fn spaced(parts: &[&str]) -> String {
+    parts.iter().filter(|part| !part.is_empty()).copied().collect::<Vec<_>>().join(" ")
+}
+
+fn room(room: &Room) -> String {
+    let side = |name: &str, bytes: Option<u32>| {
+        bytes.map_or(String::new(), |bytes| format!("{name}={bytes}"))
+    };
+    spaced(&[&side("transmit", room.transmit), &side("delivery", room.delivery)])
+}
+
+fn levels(levels: &ModemLevels) -> String {
+    let word = |(line, on): (&crate::ModemLine, &bool)| {
+        format!("{}{}", line.name(), if *on { '+' } else { '-' })
+    };
+    levels.0.iter().map(word).collect::<Vec<_>>().join(" ")
+}
+
+/// `name=value` pairs, quoted where they have to be.
+pub(crate) fn assignments(assignments: &[Assignment]) -> String {
+    let bare = |c: char| c.is_ascii_graphic() && !matches!(c, '"' | ';' | '\\');
+    let written = |assignment: &Assignment| {
+        let value = &assignment.value;
+        if !value.is_empty() && value.chars().all(bare) {
+            format!("{}={value}", assignment.name)
+        } else {
+            format!("{}={}", assignment.name, quote(value.as_bytes()))
+        }
+    };
+    assignments.iter().map(written).collect::<Vec<_>>().join(" ")
+}
+
+/// A payload's items with single spaces between them.
+fn payload(payload: &Payload) -> String {
+    let mut text = String::new();
+    for item in payload.items() {
+        if !text.is_empty() {
+            text.push(' ');
+        }
+        let _ = match item {
+            Item::Hex(bytes) => bytes.iter().enumerate().try_for_each(|(place, byte)| {
+                let space = if place > 0 { " " } else { "" };
+                write!(text, "{space}{byte:02X}")
+            }),
+            Item::Text(bytes) => write!(text, "{}", quote(bytes)),
+            Item::Bad { kind, byte } => write!(text, "~{}{byte:02X}", kind.letter()),
+            Item::File(digest) => write!(text, "file:{digest}"),
+            Item::Generated(generator) => write!(text, "{generator}"),
+        };
+    }
+    text
+}
+
+/// Text in quotes. Letters and digits of any script stand as they are, all else
+/// beyond ASCII as `\xNN`: a reviewer sees every byte.
+fn quote(bytes: &[u8]) -> String {
+    let mut text = String::from("\"");
+    for chunk in bytes.utf8_chunks() {
+        for c in chunk.valid().chars() {
+            match c {
+                '\n' => text.push_str("\\n"),
+                '\r' => text.push_str("\\r"),
+                '\t' => text.push_str("\\t"),
+                '"' => text.push_str("\\\""),
+                '\\' => text.push_str("\\\\"),
+                ' '..='~' => text.push(c),
+                c if c.is_alphanumeric() && !c.is_ascii() => text.push(c),
+                c => escape(&mut text, c.encode_utf8(&mut [0; 4]).as_bytes()),
+            }
+        }
+        escape(&mut text, chunk.invalid());
+    }
+    text.push('"');
+    text
+}
+
+fn escape(text: &mut String, bytes: &[u8]) {
+    for byte in bytes {
+        let _ = write!(text, "\\x{byte:02X}");
+    }
+}

@@ -1,0 +1,153 @@
+//! What a trace says, apart from how it is written.
+
+mod entry;
+mod front;
+mod payload;
+mod time;
+
+pub use entry::{
+    Assignment, CheckFault, DeliveryEnd, Direction, Drain, Entry, Expected, HostRequest,
+    LineErrorKind, LineEvent, LinkDownReason, ModemLevels, ModemLine, SourceLine, What,
+};
+pub use front::{Edge, FrontMatter, Level, LineSettings, Origin, Parity, Permutations, Room};
+pub use payload::{BadKind, Digest, Files, Generator, Item, NoFiles, Payload, PayloadError, Piece};
+pub use time::{Time, When};
+
+/// A case: what it is about, and what happens in it.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Trace {
+    /// The case's properties.
+    pub front: FrontMatter,
+    /// The lines below the front matter.
+    pub body: Vec<Line>,
+}
+
+/// A line of the body, or a block of alternatives.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Line {
+    /// An empty line; runs of them count as one.
+    Blank,
+    /// What stands after `#`, to the end of the line.
+    Comment(String),
+    /// An event.
+    Entry(Entry),
+    /// `{ alt CLAUSE … | … }`.
+    Alternatives(Alternatives),
+}
+
+/// Courses of events of which a clause leaves the choice to the plug-in.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Alternatives {
+    /// The clause that leaves the choice.
+    pub clause: String,
+    /// At least two; each holds expectations, comments and blank lines only. A
+    /// branch may be empty.
+    pub branches: Vec<Vec<Line>>,
+}
+
+impl Trace {
+    /// Reads a trace.
+    ///
+    /// # Errors
+    /// The first fault, with its line and column.
+    pub fn parse(text: &str) -> Result<Self, crate::ParseError> {
+        crate::parse::trace(text)
+    }
+
+    /// The canonical text. Parsed again it gives an equal trace, as long as the
+    /// trace came from [`Trace::parse`] or keeps the format's rules (names are
+    /// names, times are sorted, blank lines single).
+    pub fn format(&self) -> String {
+        crate::format::trace(self)
+    }
+
+    /// Every entry outside alternatives, in order.
+    pub fn entries(&self) -> impl Iterator<Item = &Entry> {
+        self.body.iter().filter_map(Line::entry)
+    }
+
+    /// What the plug-in is given, in order. Alternatives hold none of it.
+    pub fn inputs(&self) -> impl Iterator<Item = &Entry> {
+        self.entries().filter(|entry| entry.what.is_input())
+    }
+
+    /// The blocks of alternatives, in order.
+    pub fn alternatives(&self) -> impl Iterator<Item = &Alternatives> {
+        self.body.iter().filter_map(|line| match line {
+            Line::Alternatives(block) => Some(block),
+            _ => None,
+        })
+    }
+
+    /// Every course of events that the trace allows: one for each combination
+    /// of alternatives, each with all entries sorted by start. A trace without
+    /// alternatives has one. At most [`VARIANTS`](crate::limits::VARIANTS) in a
+    /// trace that was parsed.
+    pub fn variants(&self) -> Vec<Vec<&Entry>> {
+        let mut variants: Vec<Vec<&Entry>> = vec![Vec::new()];
+        for line in &self.body {
+            match line {
+                Line::Entry(entry) => variants.iter_mut().for_each(|variant| variant.push(entry)),
+                Line::Alternatives(block) => {
+                    variants = variants
+                        .iter()
+                        .flat_map(|variant| {
+                            block.branches.iter().map(move |branch| {
+                                let mut longer = variant.clone();
+                                longer.extend(branch.iter().filter_map(Line::entry));
+                                longer
+                            })
+                        })
+                        .collect();
+                }
+                Line::Blank | Line::Comment(_) => {}
+            }
+        }
+        for variant in &mut variants {
+            variant.sort_by_key(|entry| entry.when.from);
+        }
+        variants
+    }
+
+    /// The latest time that any line names: a run lasts until there, that
+    /// instant included.
+    pub fn end(&self) -> Time {
+        let inside = self
+            .alternatives()
+            .flat_map(|block| block.branches.iter().flatten())
+            .filter_map(Line::entry);
+        self.entries().chain(inside).map(|entry| entry.when.to).max().unwrap_or_default()
+    }
+}
+
+impl Line {
+    /// The entry, if the line is one.
+    pub fn entry(&self) -> Option<&Entry> {
+        match self {
+            Self::Entry(entry) => Some(entry),
+            _ => None,
+        }
+    }
+
+    /// When the line begins: for a block the earliest start in it.
+    pub(crate) fn start(&self) -> Option<Time> {
+        match self {
+            Self::Entry(entry) => Some(entry.when.from),
+            Self::Alternatives(block) => {
+                block.branches.iter().flatten().filter_map(Self::start).min()
+            }
+            Self::Blank | Self::Comment(_) => None,
+        }
+    }
+}
+
+/// Makes runs of blank lines one, and drops those at the start and the end.
+pub(crate) fn tidy_blank_lines(lines: &mut Vec<Line>) {
+    lines.dedup_by(|next, before| *next == Line::Blank && *before == Line::Blank);
+    if lines.first() == Some(&Line::Blank) {
+        lines.remove(0);
+    }
+    if lines.last() == Some(&Line::Blank) {
+        lines.pop();
+    }
+}

@@ -1,0 +1,305 @@
+//! One line of the body that says what happens.
+
+use nom::Parser;
+use nom::branch::alt;
+use nom::bytes::complete::{tag, take_while};
+
+use super::lex::{
+    Parsed, assignments, at_end, choice, close, demand, end, expected, fail, id, name, number,
+    options, time, unknown,
+};
+use super::payload::{self, Damage, levels, named};
+use crate::error::ParseErrorKind;
+use crate::limits::BREAK_MICROS;
+use crate::model::{
+    CheckFault, DeliveryEnd, Drain, Entry, Expected, HostRequest, LineErrorKind, LineEvent,
+    LinkDownReason, ModemLine, Room, SourceLine, Time, What, When,
+};
+
+const NOTHING_MORE: &str = "nothing more here, or a gloss after `;`";
+const JOB: &str = "a job id";
+const DELIVERY: &str = "a delivery id";
+const REQUEST: &str = "a request id";
+const KIND: &str = "a kind: lower-case letters, digits, `-` and `_`";
+const CODE: &str = "a reason like no-answer";
+const STATUS: &str = "a status of 1 to 4 hex digits";
+const SENT: &str = "a number of bytes sent";
+
+/// An entry that begins at `floor` or later.
+pub(super) fn entry(input: &str, floor: Time, line: u32) -> Parsed<'_, Entry> {
+    let (rest, sign) = demand(
+        "one of `<` `<<` `>` `!` `?` `=` `.` `#` `{ alt`",
+        alt((tag("<<"), tag("<"), tag(">"), tag("!"), tag("?"), tag("="), tag("."))),
+    )
+    .parse(input)?;
+    let (time_at, ()) = close(rest, ())?;
+    let (rest, when) = when(time_at, sign == ".")?;
+    if when.from < floor {
+        return fail(time_at, ParseErrorKind::NotSorted { time: when.from, before: floor });
+    }
+    let (rest, what) =
+        match sign {
+            "<<" => payload::bytes(rest, Damage::Allowed)
+                .map(|(rest, bytes)| (rest, What::Burst(bytes))),
+            "<" => payload::bytes(rest, Damage::Allowed)
+                .map(|(rest, bytes)| (rest, What::Receive(bytes))),
+            ">" => output(rest),
+            "!" => line_event(rest).map(|(rest, event)| (rest, What::Line(event))),
+            "?" => host(rest).map(|(rest, request)| (rest, What::Host(request))),
+            "=" => action(rest).map(|(rest, action)| (rest, What::Act(action))),
+            _ => Ok((rest, What::Quiet)),
+        }?;
+    end(rest, NOTHING_MORE)?;
+    Ok((rest, Entry { when, what, line: SourceLine(line) }))
+}
+
+fn when(input: &str, only_a_time: bool) -> Parsed<'_, When> {
+    let (rest, from) = time(input)?;
+    let Some(to_at) = rest.strip_prefix('~') else { return close(rest, When::at(from)) };
+    if only_a_time {
+        return expected(rest, "a single time; `.` has no window");
+    }
+    let (rest, to) = time(to_at)?;
+    if to < from {
+        return fail(to_at, ParseErrorKind::WindowBackwards);
+    }
+    close(rest, When { from, to })
+}
+
+fn output(input: &str) -> Parsed<'_, What> {
+    if payload::begins(input) {
+        let (rest, bytes) = payload::bytes(input, Damage::Refused)?;
+        return Ok((rest, What::Send(bytes)));
+    }
+    let (_, first) = take_while(|c: char| c.is_ascii_alphabetic()).parse(input)?;
+    if first == "break" {
+        let (rest, ()) = close(&input[first.len()..], ())?;
+        let (rest, micros) = number("a break's length in µs", 1, u64::from(BREAK_MICROS), rest)?;
+        return Ok((rest, What::SendBreak(micros as u32)));
+    }
+    if input[first.len()..].starts_with(['+', '-']) && !first.is_empty() {
+        let (rest, set) = levels(input, ModemLine::OUTPUTS)?;
+        return Ok((rest, What::SetLines(set)));
+    }
+    expected(
+        input,
+        "bytes (41 42, \"text\", file:SHA256, gen:NAME(SEED,LENGTH)), modem lines (rts+ dtr-) or break MICROSECONDS",
+    )
+}
+
+fn line_event(input: &str) -> Parsed<'_, LineEvent> {
+    const EVENT: &str = "a line event";
+    const KNOWN: &[&str] = &["cts+", "cts-", "dsr+", "dsr-", "dcd+", "dcd-", "ri+", "ri-"];
+    let (rest, word) = super::lex::word(EVENT, input)?;
+    let error = |kind| LineEvent::Error { kind, byte: None, span: 0 };
+    match word {
+        "break" => Ok((rest, error(LineErrorKind::Break))),
+        "overrun" => Ok((rest, error(LineErrorKind::Overrun))),
+        "up" => Ok((rest, LineEvent::Up)),
+        "down" => {
+            let (rest, reason) =
+                named("a reason", LinkDownReason::ALL, LinkDownReason::name, rest)?;
+            Ok((rest, LineEvent::Down(reason)))
+        }
+        "lineerror" => {
+            let (rest, kind) =
+                named("a line error", LineErrorKind::ALL, LineErrorKind::name, rest)?;
+            let (rest, options) = options(&["byte", "span"], rest)?;
+            let byte =
+                options.hex("byte", "a byte of 1 or 2 hex digits", 2)?.map(|byte| byte as u8);
+            let span = options.number32("span", "a span in bytes", 0)?.unwrap_or(0);
+            Ok((rest, LineEvent::Error { kind, byte, span }))
+        }
+        word if word.ends_with(['+', '-']) => {
+            let (rest, changed) = levels(input, ModemLine::INPUTS)?;
+            Ok((rest, LineEvent::Modem(changed)))
+        }
+        word => {
+            let known = ["break", "overrun", "lineerror", "down", "up"];
+            fail(input, unknown(EVENT, word, known.into_iter().chain(KNOWN.iter().copied())))
+        }
+    }
+}
+
+#[derive(Copy, Clone)]
+enum Verb {
+    Send,
+    Job,
+    Pause,
+    Resume,
+    Abort,
+    ForceResume,
+    Room,
+    Drain,
+    Answer,
+    Swap,
+    Close,
+    Open,
+}
+
+const VERBS: &[(&str, Verb)] = &[
+    ("send", Verb::Send),
+    ("job", Verb::Job),
+    ("pause", Verb::Pause),
+    ("resume", Verb::Resume),
+    ("abort", Verb::Abort),
+    ("force-resume", Verb::ForceResume),
+    ("room", Verb::Room),
+    ("drain", Verb::Drain),
+    ("answer", Verb::Answer),
+    ("swap", Verb::Swap),
+    ("close", Verb::Close),
+    ("open", Verb::Open),
+];
+
+fn host(input: &str) -> Parsed<'_, HostRequest> {
+    let (rest, verb) = choice("a request of the host", VERBS, input)?;
+    match verb {
+        Verb::Send => {
+            let (rest, id) = id(JOB, rest)?;
+            let (rest, data) = payload::all(rest, Damage::Refused)?;
+            Ok((rest, HostRequest::Job { id, kind: "send".to_owned(), fields: Vec::new(), data }))
+        }
+        Verb::Job => {
+            let (rest, id) = id(JOB, rest)?;
+            let (rest, kind) = name(KIND, rest)?;
+            let (rest, fields) = assignments(rest, |input| !payload::begins(input))?;
+            let (rest, data) = if at_end(rest) {
+                (rest, crate::Payload::default())
+            } else {
+                payload::all(rest, Damage::Refused)?
+            };
+            Ok((rest, HostRequest::Job { id, kind: kind.to_owned(), fields, data }))
+        }
+        Verb::Pause => id(JOB, rest).map(|(rest, id)| (rest, HostRequest::Pause(id))),
+        Verb::Resume => id(JOB, rest).map(|(rest, id)| (rest, HostRequest::Resume(id))),
+        Verb::Abort => {
+            let (rest, id) =
+                number("a job id, or 0 for the delivery", 0, u64::from(u32::MAX), rest)?;
+            Ok((rest, HostRequest::Abort(id as u32)))
+        }
+        Verb::ForceResume => Ok((rest, HostRequest::ForceResume)),
+        Verb::Room => room(rest, 1).map(|(rest, room)| (rest, HostRequest::Room(room))),
+        Verb::Drain => {
+            let (rest, drain) =
+                choice("auto or off", &[("auto", Drain::Auto), ("off", Drain::Off)], rest)?;
+            Ok((rest, HostRequest::Drain(drain)))
+        }
+        Verb::Answer => answer(rest),
+        Verb::Swap => Ok((rest, HostRequest::Swap)),
+        Verb::Close => Ok((rest, HostRequest::Close)),
+        Verb::Open => Ok((rest, HostRequest::Open)),
+    }
+}
+
+/// `transmit=N delivery=N`, at least one of them.
+pub(super) fn room(input: &str, low: u64) -> Parsed<'_, Room> {
+    let (rest, options) = options(&["transmit", "delivery"], input)?;
+    let room = Room {
+        transmit: options.number32("transmit", "a number of bytes of room", low)?,
+        delivery: options.number32("delivery", "a number of bytes of room", low)?,
+    };
+    if room == Room::default() {
+        expected(input, "transmit=BYTES or delivery=BYTES")
+    } else {
+        Ok((rest, room))
+    }
+}
+
+fn answer(input: &str) -> Parsed<'_, HostRequest> {
+    let (rest, id) = id(REQUEST, input)?;
+    let (rest, granted) =
+        choice("granted or refused", &[("granted", true), ("refused", false)], rest)?;
+    if granted {
+        let (rest, data) = if at_end(rest) {
+            (rest, crate::Payload::default())
+        } else {
+            payload::all(rest, Damage::Refused)?
+        };
+        return Ok((rest, HostRequest::Grant { id, data }));
+    }
+    let (rest, code) = name(CODE, rest)?;
+    Ok((rest, HostRequest::Refuse { id, code: code.to_owned() }))
+}
+
+#[derive(Copy, Clone)]
+enum ActionVerb {
+    Deliver,
+    Done,
+    Fail,
+    Check,
+    Request,
+    Withdraw,
+}
+
+const ACTIONS: &[(&str, ActionVerb)] = &[
+    ("deliver", ActionVerb::Deliver),
+    ("done", ActionVerb::Done),
+    ("fail", ActionVerb::Fail),
+    ("check", ActionVerb::Check),
+    ("request", ActionVerb::Request),
+    ("withdraw", ActionVerb::Withdraw),
+];
+
+fn action(input: &str) -> Parsed<'_, Expected> {
+    let (rest, verb) = choice("an action", ACTIONS, input)?;
+    match verb {
+        ActionVerb::Deliver => deliver(rest),
+        ActionVerb::Done => {
+            let (rest, id) = id(JOB, rest)?;
+            let (rest, options) = options(&["sent"], rest)?;
+            Ok((rest, Expected::Done { id, sent: options.number("sent", SENT, 0, u64::MAX)? }))
+        }
+        ActionVerb::Fail => {
+            let (rest, id) = id(JOB, rest)?;
+            let (rest, code) = name(CODE, rest)?;
+            let (rest, options) = options(&["status", "sent"], rest)?;
+            let status = options.hex("status", STATUS, 4)?.filter(|status| *status != 0);
+            let sent = options.number("sent", SENT, 0, u64::MAX)?;
+            Ok((rest, Expected::Fail { id, code: code.to_owned(), status, sent }))
+        }
+        ActionVerb::Check => check(rest),
+        ActionVerb::Request => {
+            let (rest, id) = id(REQUEST, rest)?;
+            let (rest, kind) = name(KIND, rest)?;
+            let (rest, fields) = assignments(rest, |_| true)?;
+            Ok((rest, Expected::Request { id, kind: kind.to_owned(), fields }))
+        }
+        ActionVerb::Withdraw => id(REQUEST, rest).map(|(rest, id)| (rest, Expected::Withdraw(id))),
+    }
+}
+
+fn deliver(input: &str) -> Parsed<'_, Expected> {
+    let (rest, id) = id(DELIVERY, input)?;
+    let (rest, data) = payload::some(rest, Damage::Refused)?;
+    let (end_at, word) = take_while(|c: char| c.is_ascii_lowercase()).parse(rest)?;
+    let (rest, end) = match word {
+        "complete" => close(end_at, DeliveryEnd::Complete)?,
+        "failed" => {
+            let (rest, ()) = close(end_at, ())?;
+            let (rest, code) = name(CODE, rest)?;
+            (rest, DeliveryEnd::Failed(code.to_owned()))
+        }
+        _ if at_end(rest) || end_at.starts_with('=') => (rest, DeliveryEnd::Complete),
+        _ => return expected(rest, "bytes, complete, failed REASON, status=HEX or name=\"…\""),
+    };
+    let (rest, options) = options(&["status", "name"], rest)?;
+    let status = options.hex("status", STATUS, 4)?.filter(|status| *status != 0);
+    Ok((rest, Expected::Deliver { id, data, end, status, name: options.text("name") }))
+}
+
+fn check(input: &str) -> Parsed<'_, Expected> {
+    let (rest, id) = id(JOB, input)?;
+    let (rest, code) = name("good, or a reason like unsupported-character", rest)?;
+    if code == "good" {
+        return Ok((rest, Expected::Check { id, fault: None }));
+    }
+    let (rest, options) = options(&["line", "column", "status"], rest)?;
+    let fault = CheckFault {
+        code: code.to_owned(),
+        line: options.number32("line", "a line from 1", 1)?,
+        column: options.number32("column", "a column from 1", 1)?,
+        status: options.hex("status", STATUS, 4)?.filter(|status| *status != 0),
+    };
+    Ok((rest, Expected::Check { id, fault: Some(fault) }))
+}

@@ -1,0 +1,109 @@
+//! Sizes, and numbers that do not fit.
+
+use super::{HOLD, parse_body, with_body};
+use crate::{ParseErrorKind, Trace, limits};
+
+fn kind(body: &str) -> ParseErrorKind {
+    parse_body(body).unwrap_err().kind
+}
+
+#[test]
+fn long_files_lines_and_many_lines() {
+    let long = format!("{HOLD}{}", "#\n".repeat(limits::FILE_BYTES / 2));
+    assert_eq!(Trace::parse(&long).unwrap_err().kind, ParseErrorKind::FileTooLong);
+    let many = format!("{HOLD}{}", "#\n".repeat(limits::LINES));
+    let error = Trace::parse(&many).unwrap_err();
+    assert_eq!(
+        (error.kind, error.line as usize),
+        (ParseErrorKind::TooManyLines, limits::LINES + 1)
+    );
+    let wide = format!(". 1.0 ;{}\n", "x".repeat(limits::LINE_BYTES));
+    let error = parse_body(&wide).unwrap_err();
+    assert_eq!(error.kind, ParseErrorKind::LineTooLong);
+    assert!(error.source_line.len() <= 80 && error.report("x").len() < 400);
+}
+
+#[test]
+fn a_line_must_fit_in_its_canonical_form_too() {
+    // Four bytes of text for each that is no letter.
+    let dashes = |count: usize| format!("> 0.0 \"{}\"\n", "\u{2014}".repeat(count));
+    let fits = parse_body(&dashes(5_000)).unwrap();
+    assert_eq!(Trace::parse(&fits.format()), Ok(fits));
+    assert_eq!(kind(&dashes(6_000)), ParseErrorKind::LineTooLong);
+    let config = format!("config: a={}\n", "\u{2014}".repeat(6_000));
+    let text = HOLD.replace("config: ", &format!("{config}xx: "));
+    assert_eq!(Trace::parse(&text).unwrap_err().kind, ParseErrorKind::LineTooLong);
+    assert_eq!(
+        kind(&format!("#{}\n", "x".repeat(limits::LINE_BYTES - 1))),
+        ParseErrorKind::LineTooLong
+    );
+}
+
+#[test]
+fn a_file_must_fit_in_its_canonical_form_too() {
+    let text = with_body(&"< 0.0 11 11 11 11 11 11 11\n".repeat(400_000));
+    assert!(text.len() < limits::FILE_BYTES);
+    assert_eq!(Trace::parse(&text).unwrap_err().kind, ParseErrorKind::FileTooLong);
+}
+
+#[test]
+fn generators_have_a_limit_each_and_together() {
+    let most = limits::ITEM_BYTES;
+    assert!(matches!(
+        kind(&format!("? 0.0 send 1 gen:nc(1,{})\n", most + 1)),
+        ParseErrorKind::OutOfRange { high, .. } if high == most
+    ));
+    let four = format!("? 0.0 send 1 gen:nc(1,{most})\n").repeat(4);
+    assert!(parse_body(&four).is_ok());
+    assert_eq!(
+        kind(&format!("{four}? 0.0 send 1 gen:nc(1,1)\n")),
+        ParseErrorKind::TooMuchGenerated
+    );
+}
+
+#[test]
+fn numbers_that_do_not_fit() {
+    let huge = "9".repeat(1_000);
+    for body in [
+        format!(". {huge}.0\n"),
+        ". 1000000000.0\n".to_owned(),
+        format!("? 0.0 pause {huge}\n"),
+        "? 0.0 pause 4294967296\n".to_owned(),
+        "? 0.0 pause 0\n".to_owned(),
+        "= 0.0 done 1 sent=18446744073709551616\n".to_owned(),
+        "? 0.0 room transmit=0\n".to_owned(),
+        "! 0.0 lineerror parity span=4294967296\n".to_owned(),
+        "> 0.0 break 10000001\n".to_owned(),
+        "> 0.0 break 0\n".to_owned(),
+        format!("? 0.0 send 1 gen:nc({huge},1)\n"),
+        "= 0.0 check 1 echo line=0\n".to_owned(),
+    ] {
+        assert!(matches!(kind(&body), ParseErrorKind::OutOfRange { .. }), "{body}");
+    }
+    for body in [
+        "= 0.0 fail 1 echo status=10000\n",
+        "= 0.0 fail 1 echo status=\n",
+        "= 0.0 fail 1 echo status=-1\n",
+    ] {
+        assert!(matches!(kind(body), ParseErrorKind::Expected(_)), "{body}");
+    }
+}
+
+#[test]
+fn alternatives_do_not_explode() {
+    let block = "{ alt p.c\n|\n  = 0.0 done 1\n}\n";
+    assert_eq!(parse_body(&format!(". 0.0\n{}", block.repeat(6))).unwrap().variants().len(), 64);
+    assert_eq!(kind(&format!(". 0.0\n{}", block.repeat(7))), ParseErrorKind::TooManyVariants);
+    let wide = format!(". 0.0\n{{ alt p.c\n{}}}\n", "|\n".repeat(64));
+    assert_eq!(kind(&wide), ParseErrorKind::TooManyVariants);
+}
+
+#[test]
+fn names_have_a_limit() {
+    let name = "a".repeat(limits::NAME_BYTES);
+    assert!(parse_body(&format!("= 0.0 request 1 {name} {name}=1\n")).is_ok());
+    assert!(parse_body(&format!("= 0.0 request 1 {name}a\n")).is_err());
+    assert!(parse_body(&format!("= 0.0 request 1 x {name}a=1\n")).is_err());
+    let title = HOLD.replace("XOFF stops", &"é".repeat(limits::TITLE_CHARACTERS));
+    assert!(matches!(Trace::parse(&title).unwrap_err().kind, ParseErrorKind::OutOfRange { .. }));
+}
