@@ -102,6 +102,7 @@ impl PortError {
         }
     }
 
+    #[cfg(target_os = "linux")]
     /// An error of the system while doing `what` ("read from the port").
     pub(crate) fn io(what: &'static str, source: impl Into<io::Error>) -> Self {
         Self::Io { what, source: source.into() }

@@ -6,6 +6,8 @@
 //! - [`pacer`]: how many bytes may be given to a port now, so that few are
 //!   beyond recall when the partner says stop.
 //! - [`timer`] and [`poll`]: waiting for a port, a deadline and a wake-up.
+//! - [`ports`] and [`doctor`]: which ports there are and what ails one.
+//! - [`suggest`]: baud and parity from what was heard.
 //!
 //! What needs Linux is compiled there only; settings, pacing and the pure
 //! decoders are everywhere.
@@ -13,11 +15,16 @@
 pub mod error;
 pub mod pacer;
 pub mod port;
+pub mod suggest;
 
 #[cfg(target_os = "linux")]
 pub mod clock;
 #[cfg(target_os = "linux")]
+pub mod doctor;
+#[cfg(target_os = "linux")]
 pub mod poll;
+#[cfg(target_os = "linux")]
+pub mod ports;
 #[cfg(target_os = "linux")]
 pub mod pty;
 #[cfg(target_os = "linux")]

@@ -55,6 +55,11 @@ impl Poller {
         Ok(Self { timer: Timer::new(clock)?, waker: Waker::new()? })
     }
 
+    /// The clock that deadlines are told on.
+    pub fn clock(&self) -> Clock {
+        self.timer.clock()
+    }
+
     /// Ends a wait from another thread.
     pub fn waker(&self) -> Waker {
         self.waker.clone()
@@ -74,17 +79,14 @@ impl Poller {
         wanted.set(PollFlags::OUT, interest.write);
         let timer = PollFd::new(&self.timer, PollFlags::IN);
         let waker = PollFd::new(&self.waker, PollFlags::IN);
-        let (timer_events, waker_events, port_events) = match port {
-            Some(port) => {
-                let mut fds = [timer, waker, PollFd::from_borrowed_fd(port, wanted)];
-                wait_for(&mut fds)?;
-                (fds[0].revents(), fds[1].revents(), fds[2].revents())
-            }
-            None => {
-                let mut fds = [timer, waker];
-                wait_for(&mut fds)?;
-                (fds[0].revents(), fds[1].revents(), PollFlags::empty())
-            }
+        let (timer_events, waker_events, port_events) = if let Some(port) = port {
+            let mut fds = [timer, waker, PollFd::from_borrowed_fd(port, wanted)];
+            wait_for(&mut fds)?;
+            (fds[0].revents(), fds[1].revents(), fds[2].revents())
+        } else {
+            let mut fds = [timer, waker];
+            wait_for(&mut fds)?;
+            (fds[0].revents(), fds[1].revents(), PollFlags::empty())
         };
         let gone = PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL;
         Ok(Ready {

@@ -141,12 +141,8 @@ pub(crate) fn set_break(fd: impl AsFd, on: bool) -> Result<()> {
     }
 }
 
-/// Whether the driver hands bytes on at once (FTDI: latency timer of 1 ms).
-pub(crate) fn low_latency(fd: impl AsFd) -> Result<bool> {
-    Ok(serial_settings(fd)?.flags & LOW_LATENCY != 0)
-}
-
-/// Asks the driver to hand bytes on at once. Gives what was set before.
+/// Asks the driver to hand bytes on at once (FTDI: a latency timer of 1 ms), or
+/// no longer. Gives what was set before.
 pub(crate) fn set_low_latency(fd: impl AsFd, on: bool) -> Result<bool> {
     let mut settings = serial_settings(&fd)?;
     let before = settings.flags & LOW_LATENCY != 0;

@@ -6,9 +6,10 @@ use std::os::fd::AsFd;
 use rustix::termios::{
     ControlModes, InputModes, OptionalActions, SpecialCodeIndex, Termios, tcgetattr, tcsetattr,
 };
-use softplug_abi::{LineParameters, Parity};
+use softplug_abi::{LineParameters, LinkDownReason, Parity};
 
 use super::spec::{Flow, PortOptions};
+use super::tty::is_gone;
 use crate::error::PortError;
 
 /// A setting that a port did not take.
@@ -41,13 +42,16 @@ pub(super) fn apply(
     before: &Termios,
     options: &PortOptions,
 ) -> Result<(LineParameters, Vec<SettingDifference>), PortError> {
-    let failed = |error| PortError::io("set the port", error);
+    let failed = |error| match error {
+        error if is_gone(error) => PortError::Gone(LinkDownReason::Unplugged),
+        error => PortError::io("set the port", error),
+    };
     let mut wanted = before.clone();
     prepare(&mut wanted, options).map_err(failed)?;
     tcsetattr(&fd, OptionalActions::Now, &wanted).map_err(failed)?;
     // A port takes what it can and says nothing of the rest.
     let has = tcgetattr(&fd).map_err(failed)?;
-    Ok((line_of(&has), differences(&wanted, &has, &options.line)))
+    Ok((line_of(&has), differences(&wanted, &has, options.line)))
 }
 
 fn prepare(termios: &mut Termios, options: &PortOptions) -> rustix::io::Result<()> {
@@ -108,7 +112,8 @@ fn prepare(termios: &mut Termios, options: &PortOptions) -> rustix::io::Result<(
     if line.baud == 0 { Ok(()) } else { termios.set_speed(line.baud) }
 }
 
-fn line_of(termios: &Termios) -> LineParameters {
+/// The line settings in a terminal's settings.
+pub(super) fn line_of(termios: &Termios) -> LineParameters {
     let modes = termios.control_modes;
     let data_bits = match modes & ControlModes::CSIZE {
         ControlModes::CS5 => 5,
@@ -134,7 +139,7 @@ fn line_of(termios: &Termios) -> LineParameters {
     LineParameters { baud: termios.output_speed(), data_bits, parity, stop_half_bits }
 }
 
-fn differences(wanted: &Termios, has: &Termios, asked: &LineParameters) -> Vec<SettingDifference> {
+fn differences(wanted: &Termios, has: &Termios, asked: LineParameters) -> Vec<SettingDifference> {
     let mut differences = Vec::new();
     let mut compare = |setting, asked: String, has: String| {
         if asked != has {

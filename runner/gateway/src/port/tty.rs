@@ -16,7 +16,7 @@ use super::holders::{group, holders, holders_but, is_pty};
 use super::ioctl;
 use super::marks::{Input, LineCounters, MarkDecoder};
 use super::open::ReadOutcome;
-use super::settings::{SettingDifference, apply};
+use super::settings::{SettingDifference, apply, line_of};
 use super::spec::PortOptions;
 use crate::error::{BadSpec, PortError};
 
@@ -58,26 +58,27 @@ impl TtyPort {
             return Err(BadSpec::BaudMissing(path.to_owned()).into());
         }
         let fd = open_device(path)?;
+        let no_hardware = || PortError::NoHardware { path: path.to_owned() };
         let before = tcgetattr(&fd).map_err(|error| match error {
-            Errno::IO | Errno::NXIO | Errno::NODEV => {
-                PortError::NoHardware { path: path.to_owned() }
-            }
+            error if is_gone(error) => no_hardware(),
             _ => PortError::NotATerminal { path: path.to_owned() },
         })?;
+        // A name without a UART can be opened and set; only this tells.
+        if ioctl::modem_lines(&fd).is_err_and(is_gone) {
+            return Err(no_hardware());
+        }
         let pty = fs::metadata(path).is_ok_and(|device| is_pty(&device));
         if options.exclusive {
             lock(&fd, path, pty)?;
         }
         let early = if pty { read_early(&fd, &before) } else { Vec::new() };
-        let (has, differences) = match apply(&fd, &before, options) {
-            Ok(set) => set,
-            Err(error) => {
-                if options.exclusive {
-                    let _ = ioctl_tiocnxcl(&fd);
-                }
-                return Err(error);
+        let (has, differences) = apply(&fd, &before, options).map_err(|error| {
+            let _ = ioctl_tiocnxcl(&fd);
+            match error {
+                PortError::Gone(_) => no_hardware(),
+                error => error,
             }
-        };
+        })?;
         if !pty {
             // What came before was read with other settings.
             let _ = tcflush(&fd, QueueSelector::IFlush);
@@ -127,6 +128,29 @@ impl TtyPort {
     /// What was asked for and the port did not take.
     pub fn differences(&self) -> &[SettingDifference] {
         &self.differences
+    }
+
+    /// The settings that the port had before it was opened.
+    pub fn line_before(&self) -> LineParameters {
+        line_of(&self.before)
+    }
+
+    /// Sets the port anew without closing it, which would drop DTR. What has
+    /// come and was not read is dropped: it was heard with other settings.
+    pub fn set_line(&mut self, options: &PortOptions) -> Result<(), PortError> {
+        if options.line.baud == 0 {
+            return Err(BadSpec::BaudMissing(self.path.clone()).into());
+        }
+        let (has, differences) = apply(&self.fd, &self.before, options)?;
+        if !self.pty {
+            let _ = tcflush(&self.fd, QueueSelector::IFlush);
+        }
+        let counters = self.counters();
+        self.has_counters = counters.is_some();
+        self.decoder = MarkDecoder::new(has.parity, counters);
+        self.line = if self.pty { options.line } else { has };
+        self.differences = differences;
+        Ok(())
     }
 
     /// Counters of the driver, if it has any.
@@ -264,13 +288,15 @@ fn lock(fd: &OwnedFd, path: &Path, pty: bool) -> Result<(), PortError> {
         Err(Errno::WOULDBLOCK) => return in_use(others()),
         Err(error) => tracing::debug!(port = %path.display(), %error, "port not locked"),
     }
-    // A program that locks nothing takes bytes away all the same. A pty's
-    // slave is often held open by whoever simulates on its master.
-    if !pty {
-        let holders = others();
-        if !holders.is_empty() {
-            return in_use(holders);
-        }
+    // A pty's slave is often held open by whoever simulates on its master, and
+    // would stay exclusive if we were killed.
+    if pty {
+        return Ok(());
+    }
+    // A program that locks nothing takes bytes away all the same.
+    let holders = others();
+    if !holders.is_empty() {
+        return in_use(holders);
     }
     if let Err(error) = ioctl_tiocexcl(fd) {
         tracing::debug!(port = %path.display(), %error, "port not exclusive");
@@ -295,7 +321,8 @@ fn read_early(fd: &OwnedFd, before: &Termios) -> Vec<u8> {
     early
 }
 
-fn is_gone(error: Errno) -> bool {
+/// What a driver says when its device is not there any more.
+pub(super) fn is_gone(error: Errno) -> bool {
     matches!(error, Errno::IO | Errno::NXIO | Errno::NODEV)
 }
 
