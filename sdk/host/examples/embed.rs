@@ -40,7 +40,7 @@ fn give(session: &mut Session, event: &Event<'_>, now: Micros) -> Result<(), Box
         for action in Actions::new(output.actions) {
             match action? {
                 Action::Transmit { bytes, .. } => {
-                    println!("{now} transmit {}", bytes.escape_ascii())
+                    println!("{now} transmit {}", bytes.escape_ascii());
                 }
                 other => println!("{now} {other:?}"),
             }

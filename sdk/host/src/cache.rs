@@ -8,7 +8,6 @@
 //! systems the directory's own permissions have to see to that.
 
 use crate::{Digest, EngineInfo};
-use sha2::{Digest as _, Sha256};
 use std::fs::{self, File, Metadata, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
@@ -22,15 +21,13 @@ const CODE_BYTES: u64 = 64 << 20;
 
 /// Names one module's code for one engine, version and settings.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub(crate) struct CacheKey([u8; 32]);
+pub(crate) struct CacheKey(Digest);
 
 impl CacheKey {
     pub(crate) fn new(module: Digest, engine: EngineInfo, settings: u64) -> Self {
-        let mut hasher = Sha256::new();
-        hasher.update(module.as_bytes());
-        hasher.update(settings.to_le_bytes());
-        hasher.update(engine.to_string().as_bytes());
-        Self(hasher.finalize().into())
+        let settings = settings.to_le_bytes();
+        let engine = engine.to_string();
+        Self(Digest::of(&[module.as_bytes(), &settings[..], engine.as_bytes()].concat()))
     }
 }
 
@@ -89,8 +86,7 @@ impl Cache {
     }
 
     fn path(&self, key: CacheKey) -> PathBuf {
-        let name: String = key.0.iter().map(|byte| format!("{byte:02x}")).collect();
-        self.directory.join(name + ".code")
+        self.directory.join(format!("{}.code", key.0))
     }
 
     /// Another process may read or write the same file: it is made under a name
@@ -116,9 +112,9 @@ fn write_new(path: &Path, key: CacheKey, code: &[u8]) -> io::Result<()> {
     std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
     let mut file = options.open(path)?;
     file.write_all(MAGIC)?;
-    file.write_all(&key.0)?;
+    file.write_all(key.0.as_bytes())?;
     file.write_all(&(code.len() as u64).to_le_bytes())?;
-    file.write_all(&Sha256::digest(code))?;
+    file.write_all(Digest::of(code).as_bytes())?;
     file.write_all(code)
 }
 
@@ -144,13 +140,13 @@ fn check(file: &[u8], key: CacheKey) -> Result<(), &'static str> {
     if magic != MAGIC {
         return Err("it is no cache file of this version");
     }
-    if *found != key.0 {
+    if found != key.0.as_bytes() {
         return Err("it belongs to another module, engine or settings");
     }
     if u64::from_le_bytes(*length) != code.len() as u64 {
         return Err("its length is not the one that it was written with");
     }
-    if Sha256::digest(code)[..] != *sum {
+    if Digest::of(code).as_bytes() != sum {
         return Err("its checksum does not match");
     }
     Ok(())

@@ -160,6 +160,9 @@ pub enum Misbehaviour {
     /// It returned a negative result that means nothing.
     #[error("it returned {0}, which means nothing")]
     UnknownResult(i32),
+    /// It refused an event with a reason that belongs to another event.
+    #[error("it refused with \"{0}\", which belongs to another event")]
+    Refusal(Refusal),
     /// It has yet more output after all rounds.
     #[error("it has yet more output after {OUTPUT_ROUNDS} rounds of continue")]
     TooManyRounds,

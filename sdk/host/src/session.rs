@@ -144,6 +144,14 @@ impl Session {
         let Some(refusal) = code.and_then(Refusal::from_code) else {
             return self.end(event, Misbehaviour::UnknownResult(result));
         };
+        let out_of_place = match refusal {
+            Refusal::Settings => event != EventKind::Settings,
+            Refusal::State => event != EventKind::Restore,
+            Refusal::MalformedEvent | Refusal::UnknownEvent => false,
+        };
+        if out_of_place {
+            return self.end(event, Misbehaviour::Refusal(refusal));
+        }
         let words = words::read(self.running.memory(), self.mailbox.words);
         words::clear(self.running.memory_mut(), self.mailbox.words);
         SessionFault::Refused { event, refusal, words }

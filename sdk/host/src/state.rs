@@ -1,7 +1,7 @@
 //! Settings into a session, and its state out of it and into another.
 
 use crate::{Misbehaviour, Session, SessionFault};
-use softplug_abi::limits::{OUTPUT_ROUNDS, STATE_BYTES};
+use softplug_abi::limits::STATE_BYTES;
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Action, Actions, Event, EventKind, Instance, Micros};
 
@@ -39,7 +39,7 @@ impl Session {
             return Err(SessionFault::DoesNotSave);
         };
         let mut gathered = Gathered { format, total: None, bytes: Vec::new() };
-        self.every_action(&Event::Save, now, |action| gathered.take(action))?;
+        self.every_action(&Event::Save, now, |action| gathered.take(&action))?;
         match gathered.total {
             Some(total) if gathered.bytes.len() == total as usize => {
                 Ok(SavedState { format, bytes: gathered.bytes })
@@ -99,7 +99,8 @@ impl Session {
     ) -> Result<(), SessionFault> {
         let kind = event.kind();
         let mut output = self.step(event, now)?;
-        for _ in 0..=OUTPUT_ROUNDS {
+        // Ends at the latest when the session has counted too many rounds.
+        loop {
             let taken = Actions::new(output.actions).try_for_each(|action| take(action?));
             let more = output.more;
             if let Err(reason) = taken {
@@ -110,7 +111,6 @@ impl Session {
             }
             output = self.step(&Event::Continue, now)?;
         }
-        Err(self.end(kind, Misbehaviour::TooManyRounds))
     }
 }
 
@@ -124,11 +124,9 @@ struct Gathered {
 impl Gathered {
     /// The decoder has checked that the piece lies inside its total, and the
     /// total inside the ABI's bound.
-    fn take(&mut self, action: Action<'_>) -> Result<(), Misbehaviour> {
-        let (format, offset, total, bytes) = match action {
-            Action::Saved { format, offset, total, bytes } => (format, offset, total, bytes),
-            Action::Note { .. } => return Ok(()),
-            _ => return Err(Misbehaviour::Action),
+    fn take(&mut self, action: &Action<'_>) -> Result<(), Misbehaviour> {
+        let Action::Saved { format, offset, total, bytes } = *action else {
+            return Err(Misbehaviour::Action);
         };
         let wrong = |what| Err(Misbehaviour::SavedPiece(what));
         if format != self.format {

@@ -75,6 +75,9 @@ pub enum LintError {
         /// Declared maximum in pages.
         max: MemoryMaximum,
     },
+    /// It declares a memory of no pages.
+    #[error("the memory has no pages: link with an --initial-memory of at least 65536")]
+    EmptyMemory,
     /// It declares more than [`MEMORY_PAGES`].
     #[error(
         "the memory has {pages} pages, at most {MEMORY_PAGES} are allowed: link with a smaller \

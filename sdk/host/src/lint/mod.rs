@@ -88,18 +88,19 @@ pub fn lint(wasm: &[u8]) -> Result<Inspection, LintError> {
 /// A module that is invalid here may be valid elsewhere: then it was built for
 /// the wrong target, which is another message.
 fn why_invalid(wasm: &[u8], error: &wasmparser::Error) -> LintError {
+    let memories = Outline::read(wasm).map(|outline| outline.memories).unwrap_or_default();
+    if memories.iter().any(|memory| memory.memory64) {
+        return LintError::Memory64;
+    }
+    if memories.iter().any(|memory| memory.shared) {
+        return LintError::SharedMemory;
+    }
     if Validator::new_with_features(WasmFeatures::all()).validate_all(wasm).is_err() {
         return LintError::from_parser(wasm, error);
     }
-    match Outline::read(wasm) {
-        Ok(outline) if outline.memories.iter().any(|memory| memory.memory64) => LintError::Memory64,
-        Ok(outline) if outline.memories.iter().any(|memory| memory.shared) => {
-            LintError::SharedMemory
-        }
-        _ => LintError::ForbiddenFeature {
-            at: error.offset(),
-            message: crate::words::printable(error.message().as_bytes()),
-        },
+    LintError::ForbiddenFeature {
+        at: error.offset(),
+        message: crate::words::printable(error.message().as_bytes()),
     }
 }
 
@@ -121,6 +122,9 @@ fn check_memory(outline: &Outline<'_>) -> Result<u64, LintError> {
     if memory.maximum != Some(pages) {
         let max = MemoryMaximum(memory.maximum);
         return Err(LintError::MemoryGrows { min: pages, max });
+    }
+    if pages == 0 {
+        return Err(LintError::EmptyMemory);
     }
     if pages > MEMORY_PAGES {
         return Err(LintError::TooManyPages { pages });
