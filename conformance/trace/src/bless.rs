@@ -41,7 +41,7 @@ impl Trace {
     /// An observed entry is no expectation or too long, or no event is left.
     pub fn with_expectations(
         &self,
-        observed: Vec<Entry>,
+        mut observed: Vec<Entry>,
         files: &impl Files,
     ) -> Result<Self, BlessError> {
         if let Some(entry) = observed.iter().find(|entry| !entry.what.is_expectation()) {
@@ -49,11 +49,20 @@ impl Trace {
         }
         let mut old: Vec<Option<&Entry>> =
             self.entries().filter(|entry| entry.what.is_expectation()).map(Some).collect();
-        let mut observed: Vec<Entry> = observed;
         observed.sort_by_key(|entry| entry.when.from);
+        // Both are sorted: what ended before this entry is over for all later ones.
+        let mut open = 0;
         for entry in &mut observed {
-            let place = old.iter().position(|old| old.is_some_and(|old| holds(old, entry, files)));
-            if let Some(kept) = place.and_then(|place| old[place].take()) {
+            let now = entry.when.from;
+            while old.get(open).is_some_and(|old| old.is_none_or(|old| old.when.to < now)) {
+                open += 1;
+            }
+            let candidates =
+                old[open..].iter_mut().take_while(|old| old.is_none_or(|old| old.when.from <= now));
+            let found = candidates
+                .filter(|old| old.is_some_and(|old| holds(old, entry, files)))
+                .find_map(Option::take);
+            if let Some(kept) = found {
                 *entry = kept.clone();
             }
             if crate::format::line_bytes(entry) > LINE_BYTES {

@@ -181,8 +181,11 @@ fn host(input: &str) -> Parsed<'_, HostRequest> {
         Verb::ForceResume => Ok((rest, HostRequest::ForceResume)),
         Verb::Room => room(rest, 1).map(|(rest, room)| (rest, HostRequest::Room(room))),
         Verb::Drain => {
-            let (rest, drain) =
-                choice("auto or off", &[("auto", Drain::Auto), ("off", Drain::Off)], rest)?;
+            let (rest, drain) = choice(
+                "a drain mode: auto or off",
+                &[("auto", Drain::Auto), ("off", Drain::Off)],
+                rest,
+            )?;
             Ok((rest, HostRequest::Drain(drain)))
         }
         Verb::Answer => answer(rest),
@@ -209,7 +212,7 @@ pub(super) fn room(input: &str, low: u64) -> Parsed<'_, Room> {
 fn answer(input: &str) -> Parsed<'_, HostRequest> {
     let (rest, id) = id(REQUEST, input)?;
     let (rest, granted) =
-        choice("granted or refused", &[("granted", true), ("refused", false)], rest)?;
+        choice("an answer: granted or refused", &[("granted", true), ("refused", false)], rest)?;
     if granted {
         let (rest, data) = if at_end(rest) {
             (rest, crate::Payload::default())

@@ -112,6 +112,7 @@ pub(crate) fn unknown<'k>(
 ) -> ParseErrorKind {
     // "a failure code" in "expected a failure code", but "unknown failure code".
     let bare = what.strip_prefix("a ").or_else(|| what.strip_prefix("an ")).unwrap_or(what);
+    let bare = bare.split_once(':').map_or(bare, |(bare, _)| bare);
     ParseErrorKind::UnknownWord {
         what: bare,
         word: word.to_owned(),

@@ -54,7 +54,7 @@ fn what_differs_is_replaced_in_its_place() {
 # The end.
 ";
     let new =
-        blessed(body, "> 0.1 41 42\n= 2.0 fail 1 held-too-long\n> 0.5 \"x\"\n= 4.0 withdraw 9\n");
+        blessed(body, "> 0.1 41 42\n> 0.5 \"x\"\n= 2.0 fail 1 held-too-long\n= 4.0 withdraw 9\n");
     assert_eq!(
         new,
         "\

@@ -193,7 +193,7 @@ fn payloads_keep_their_items() {
     );
     assert_eq!(
         canonical("> 0.0 0a fF   41 \"x\" ;old\n"),
-        "> 0.000000 0A FF 41 \"x\"  ; LF DEL* 'Ax'\n"
+        "> 0.000000 0A FF 41 \"x\"   ; LF DEL* 'Ax'\n"
     );
 }
 
@@ -266,4 +266,13 @@ fn the_source_line_is_known_but_does_not_count() {
     assert_eq!(one.entries().next().unwrap().line.0 + 1, two.entries().next().unwrap().line.0);
     assert_eq!(one.entries().next(), two.entries().next());
     assert_ne!(with_body("# a\n. 1.0\n"), with_body("# a\n\n. 1.0\n"));
+}
+
+#[test]
+fn the_example_of_the_documentation_is_canonical() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/trace-format.md");
+    let document = std::fs::read_to_string(path).unwrap();
+    let example = document.split("```\n").nth(1).unwrap();
+    let trace = Trace::parse(example).unwrap_or_else(|error| panic!("{}", error.report(path)));
+    assert_eq!(trace.format(), example);
 }

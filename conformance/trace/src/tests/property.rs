@@ -32,14 +32,16 @@ fn some_bytes(damage: bool) -> impl Strategy<Value = Payload> {
     payload_from(damage).prop_filter("at least one byte", |payload| payload.length() != Some(0))
 }
 
-fn perhaps_data() -> impl Strategy<Value = Payload> {
-    prop_oneof![Just(Payload::default()), payload_from(false)]
+fn perhaps_data() -> BoxedStrategy<Payload> {
+    prop_oneof![Just(Payload::default()), payload_from(false)].boxed()
 }
 
-fn fields() -> impl Strategy<Value = Vec<Assignment>> {
-    btree_map(name(), prop_oneof![".{0,8}", "[!-~]{0,8}"], 0..4).prop_map(|fields| {
-        fields.into_iter().map(|(name, value)| Assignment { name, value }).collect()
-    })
+fn fields() -> BoxedStrategy<Vec<Assignment>> {
+    btree_map(name(), prop_oneof![".{0,8}", "[!-~]{0,8}"], 0..4)
+        .prop_map(|fields| {
+            fields.into_iter().map(|(name, value)| Assignment { name, value }).collect()
+        })
+        .boxed()
 }
 
 fn levels(lines: &'static [ModemLine]) -> impl Strategy<Value = ModemLevels> {
@@ -60,7 +62,7 @@ fn room(low: u32) -> impl Strategy<Value = Room> {
         .prop_filter("one of them", |room| *room != Room::default())
 }
 
-fn line_event() -> impl Strategy<Value = LineEvent> {
+fn line_event() -> BoxedStrategy<LineEvent> {
     prop_oneof![
         levels(ModemLine::INPUTS).prop_map(LineEvent::Modem),
         (select(LineErrorKind::ALL), option::of(any::<u8>()), 0..3_u32)
@@ -68,9 +70,10 @@ fn line_event() -> impl Strategy<Value = LineEvent> {
         select(LinkDownReason::ALL).prop_map(LineEvent::Down),
         Just(LineEvent::Up),
     ]
+    .boxed()
 }
 
-fn host() -> impl Strategy<Value = HostRequest> {
+fn host() -> BoxedStrategy<HostRequest> {
     prop_oneof![
         (id(), prop_oneof![Just("send".to_owned()), name()], fields(), perhaps_data())
             .prop_map(|(id, kind, fields, data)| HostRequest::Job { id, kind, fields, data }),
@@ -84,9 +87,10 @@ fn host() -> impl Strategy<Value = HostRequest> {
         (id(), name()).prop_map(|(id, code)| HostRequest::Refuse { id, code }),
         select(&[HostRequest::Swap, HostRequest::Close, HostRequest::Open][..]),
     ]
+    .boxed()
 }
 
-fn action() -> impl Strategy<Value = Expected> {
+fn action() -> BoxedStrategy<Expected> {
     let end = prop_oneof![Just(DeliveryEnd::Complete), name().prop_map(DeliveryEnd::Failed)];
     let code = name().prop_filter("good is no fault", |code| code != "good");
     let fault = (code, option::of(id()), option::of(id()), status())
@@ -106,18 +110,20 @@ fn action() -> impl Strategy<Value = Expected> {
         }),
         id().prop_map(Expected::Withdraw),
     ]
+    .boxed()
 }
 
-fn expectation() -> impl Strategy<Value = What> {
+fn expectation() -> BoxedStrategy<What> {
     prop_oneof![
         some_bytes(false).prop_map(What::Send),
         levels(ModemLine::OUTPUTS).prop_map(What::SetLines),
         (1..=limits::BREAK_MICROS).prop_map(What::SendBreak),
         action().prop_map(What::Act),
     ]
+    .boxed()
 }
 
-fn what() -> impl Strategy<Value = What> {
+fn what() -> BoxedStrategy<What> {
     prop_oneof![
         some_bytes(true).prop_map(What::Receive),
         some_bytes(true).prop_map(What::Burst),
@@ -126,17 +132,18 @@ fn what() -> impl Strategy<Value = What> {
         expectation(),
         Just(What::Quiet),
     ]
+    .boxed()
 }
 
-/// Steps of time and what happens after each; `None` is a comment or blank.
-fn lines(
-    what: impl Strategy<Value = What>,
-    most: usize,
-) -> impl Strategy<Value = Vec<(u64, u64, Option<What>, String)>> {
-    vec((0..3_000_000_u64, 0..2_u64, option::weighted(0.8, what), "[ -~é]{0,20}"), 0..most)
+/// A step of time, the length of a window, what happens (`None`: a comment or
+/// a blank line), the comment.
+type Sketch = (u64, u64, Option<What>, String);
+
+fn lines(what: BoxedStrategy<What>, most: usize) -> BoxedStrategy<Vec<Sketch>> {
+    vec((0..3_000_000_u64, 0..2_u64, option::weighted(0.8, what), "[ -~é]{0,20}"), 0..most).boxed()
 }
 
-fn sorted(lines: Vec<(u64, u64, Option<What>, String)>, start: u64) -> Vec<Line> {
+fn sorted(lines: Vec<Sketch>, start: u64) -> Vec<Line> {
     let mut time = start;
     let mut body = Vec::new();
     for (step, window, what, comment) in lines {
@@ -155,7 +162,7 @@ fn sorted(lines: Vec<(u64, u64, Option<What>, String)>, start: u64) -> Vec<Line>
     body
 }
 
-fn trace() -> impl Strategy<Value = Trace> {
+fn trace() -> BoxedStrategy<Trace> {
     let slug = "[a-z0-9]{1,6}(-[a-z0-9]{1,4})?";
     let names = (slug, slug, proptest::collection::btree_set("[a-z]{1,5}\\.[a-z0-9]{1,5}", 1..3));
     let line = (
@@ -166,15 +173,14 @@ fn trace() -> impl Strategy<Value = Trace> {
         any::<u32>(),
         select(&['N', 'E', 'O', 'M', 'S'][..]),
     );
-    let origin =
-        prop_oneof![
-            Just(Origin::HandWritten),
-            ("[a-z]([a-z ]{0,8}[a-z])?", "[a-z]{1,5}").prop_map(|(device, tool)| {
-                Origin::Recorded { device, date: "2026-12-31".to_owned(), tool }
-            }),
-            ("[a-z]{1,8}", any::<u64>())
-                .prop_map(|(generator, seed)| Origin::Generated { generator, seed }),
-        ];
+    let origin = prop_oneof![
+        Just(Origin::HandWritten),
+        ("[a-z]([a-z ]{0,8}[a-z])?", "[a-z]{1,5}").prop_map(|(device, tool)| {
+            Origin::Recorded { device, date: "2026-12-31".to_owned(), tool }
+        }),
+        ("[a-z]{1,8}", any::<u64>())
+            .prop_map(|(generator, seed)| Origin::Generated { generator, seed }),
+    ];
     let rest = (
         select(&[Level::Must, Level::Should, Level::May][..]),
         option::of(select(&[Edge::Before, Edge::After][..])),
@@ -187,53 +193,59 @@ fn trace() -> impl Strategy<Value = Trace> {
     );
     let title = "[!-~é]([ -~é]{0,30}[!-~])?";
     let body = (lines(what(), 12), vec(lines(expectation(), 3), 2..4), lines(what(), 4), what());
-    (names, title, line, rest, body).prop_map(|(names, title, line, rest, body)| {
-        let parity = match line.5 {
-            'N' => Parity::None,
-            'E' => Parity::Even,
-            'O' => Parity::Odd,
-            'M' => Parity::Mark,
-            _ => Parity::Space,
-        };
-        let front = FrontMatter {
-            id: format!("{}.{}", names.0, names.1),
-            title,
-            profile: names.0,
-            clauses: names.2.into_iter().collect(),
-            level: rest.0,
-            edge: rest.1,
-            line: LineSettings {
-                baud: line.0,
-                data_bits: line.1,
-                parity,
-                stop_half_bits: line.2,
-                depth: line.3,
-                reaction: line.4,
-            },
-            config: rest.2,
-            room: rest.3,
-            modem: rest.4,
-            since: rest.5,
-            origin: rest.6,
-            permute: Permutations { cuts: rest.7[0], swap: rest.7[1], twice: rest.7[2] },
-        };
-        let (first, branches, after, last) = body;
-        let mut lines = sorted(first, 0);
-        let end = |lines: &[Line]| {
-            lines.iter().filter_map(Line::entry).last().map_or(0, |entry| entry.when.from.0)
-        };
-        let start = end(&lines);
-        let branches = branches.into_iter().map(|branch| sorted(branch, start)).collect();
-        lines.push(Line::Alternatives(Alternatives { clause: "p.c".to_owned(), branches }));
-        lines.extend(sorted(after, start + 20_000_000));
-        let when = When::at(Time(end(&lines).max(start + 20_000_000)));
-        lines.push(Line::Entry(Entry { when, what: last, line: SourceLine(0) }));
-        Trace { front, body: lines }
-    })
+    (names, title, line, rest, body)
+        .prop_map(|(names, title, line, rest, body)| {
+            let parity = match line.5 {
+                'N' => Parity::None,
+                'E' => Parity::Even,
+                'O' => Parity::Odd,
+                'M' => Parity::Mark,
+                _ => Parity::Space,
+            };
+            let front = FrontMatter {
+                id: format!("{}.{}", names.0, names.1),
+                title,
+                profile: names.0,
+                clauses: names.2.into_iter().collect(),
+                level: rest.0,
+                edge: rest.1,
+                line: LineSettings {
+                    baud: line.0,
+                    data_bits: line.1,
+                    parity,
+                    stop_half_bits: line.2,
+                    depth: line.3,
+                    reaction: line.4,
+                },
+                config: rest.2,
+                room: rest.3,
+                modem: rest.4,
+                since: rest.5,
+                origin: rest.6,
+                permute: Permutations { cuts: rest.7[0], swap: rest.7[1], twice: rest.7[2] },
+            };
+            let (first, branches, after, last) = body;
+            let mut lines = sorted(first, 0);
+            let end = |lines: &[Line]| {
+                lines
+                    .iter()
+                    .filter_map(Line::entry)
+                    .next_back()
+                    .map_or(0, |entry| entry.when.from.0)
+            };
+            let start = end(&lines);
+            let branches = branches.into_iter().map(|branch| sorted(branch, start)).collect();
+            lines.push(Line::Alternatives(Alternatives { clause: "p.c".to_owned(), branches }));
+            lines.extend(sorted(after, start + 20_000_000));
+            let when = When::at(Time(end(&lines).max(start + 20_000_000)));
+            lines.push(Line::Entry(Entry { when, what: last, line: SourceLine(0) }));
+            Trace { front, body: lines }
+        })
+        .boxed()
 }
 
 /// Text that is likely to reach deep into the parser.
-fn nearly_valid() -> impl Strategy<Value = String> {
+fn nearly_valid() -> BoxedStrategy<String> {
     const PARTS: &[&str] = &[
         "<",
         "<<",
@@ -289,7 +301,7 @@ fn nearly_valid() -> impl Strategy<Value = String> {
         "\n",
         "99999999999999999999",
     ];
-    vec(select(PARTS), 0..30).prop_map(|parts| super::with_body(&parts.join(" ")))
+    vec(select(PARTS), 0..30).prop_map(|parts| super::with_body(&parts.join(" "))).boxed()
 }
 
 proptest! {
