@@ -1,2 +1,112 @@
-//! (to come)
-fn main() {}
+//! Softplug's own tasks: `cargo xtask build | demo | test | bench | nc`.
+
+mod bench;
+mod demo;
+mod nc;
+mod plugins;
+mod run;
+mod test;
+mod toolchain;
+mod wasm;
+mod workspace;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::nc::Kind;
+use crate::workspace::Workspace;
+
+/// Builds, shows, tests and measures Softplug.
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask")]
+struct Arguments {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    /// Builds the plug-ins into target/plugins and the command into target/release.
+    Build {
+        /// Build the command without optimisation, into target/debug.
+        #[arg(long)]
+        dev: bool,
+    },
+    /// Builds all and runs `softplug demo`.
+    Demo {
+        /// Passed on to `softplug demo`.
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        arguments: Vec<String>,
+    },
+    /// Runs every test that can run here, and names what was left out.
+    Test {
+        /// Fail where a tool is missing instead of leaving its tests out.
+        #[arg(long)]
+        all: bool,
+    },
+    /// Runs the benchmarks and prints one table.
+    Bench {
+        /// Only benchmarks whose name contains this.
+        filter: Option<String>,
+    },
+    /// Writes a generated NC program.
+    Nc {
+        /// File to write, `-` for standard output.
+        out: PathBuf,
+        /// What the program machines.
+        #[arg(long, value_enum)]
+        kind: Kind,
+        /// Its exact size.
+        #[arg(long, default_value_t = 1_000_000)]
+        bytes: usize,
+        /// The same seed gives the same program.
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+    },
+}
+
+fn main() -> ExitCode {
+    match perform(Arguments::parse().task) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn perform(task: Task) -> Result<ExitCode, Error> {
+    match task {
+        Task::Build { dev } => {
+            let workspace = Workspace::read()?;
+            plugins::build(&workspace)?;
+            plugins::build_command(&workspace, dev)?;
+        }
+        Task::Demo { arguments } => return demo::run(&Workspace::read()?, &arguments),
+        Task::Test { all } => return test::run(&Workspace::read()?, all),
+        Task::Bench { filter } => bench::run(&Workspace::read()?, filter.as_deref())?,
+        Task::Nc { out, kind, bytes, seed } => nc::write(&out, kind, bytes, seed)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Why a task could not be done.
+#[derive(Debug, thiserror::Error)]
+enum Error {
+    #[error(transparent)]
+    Run(#[from] run::RunError),
+    #[error(transparent)]
+    Toolchain(#[from] toolchain::ToolchainError),
+    #[error(transparent)]
+    Workspace(#[from] workspace::WorkspaceError),
+    #[error(transparent)]
+    Plugin(#[from] plugins::PluginError),
+    #[error(transparent)]
+    Test(#[from] test::TestError),
+    #[error(transparent)]
+    Bench(#[from] bench::BenchError),
+    #[error(transparent)]
+    Nc(#[from] nc::NcError),
+}

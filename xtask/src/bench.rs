@@ -1,0 +1,234 @@
+//! Runs the benchmarks and writes one table, to be copied into the docs.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::SystemTime;
+
+use serde_json::Value;
+
+use crate::run::{self, cargo, output, succeed};
+use crate::workspace::Workspace;
+use crate::{Error, plugins};
+
+/// What the benchmarks left behind cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum BenchError {
+    #[error("{}: {cause}", path.display())]
+    File { path: PathBuf, cause: io::Error },
+    #[error("{} cannot be understood: {what}", path.display())]
+    Format { path: PathBuf, what: String },
+    #[error("no benchmark ran: is there one whose name contains the filter?")]
+    None,
+}
+
+/// A measurement that criterion does not make: an example that prints its
+/// figures as one JSON object.
+struct Hook {
+    example: &'static str,
+    /// The plug-in whose file it gets as its argument.
+    plugin: &'static str,
+}
+
+const HOOKS: &[Hook] = &[Hook { example: "resident", plugin: "xon-xoff" }];
+
+/// A line of the table.
+#[derive(Clone, PartialEq, Eq, Debug)]
+struct Row {
+    name: String,
+    figure: String,
+    spread: String,
+}
+
+/// Prints the table to standard output; all else goes to standard error.
+pub(crate) fn run(workspace: &Workspace, filter: Option<&str>) -> Result<(), Error> {
+    plugins::build(workspace)?;
+    let started = SystemTime::now();
+    for (package, bench) in workspace.benches() {
+        let mut command = cargo();
+        command
+            .current_dir(workspace.root())
+            .env("SOFTPLUG_PLUGINS", workspace.plugin_folder())
+            .stdout(io::stderr())
+            .args(["bench", "-p", &package, "--bench", &bench, "--"])
+            .args(filter);
+        succeed(&mut command)?;
+    }
+    let mut rows = measured_since(&workspace.target().join("criterion"), started)?;
+    for hook in HOOKS.iter().filter(|hook| filter.is_none_or(|part| hook.example.contains(part))) {
+        rows.extend(hook.run(workspace)?);
+    }
+    if rows.is_empty() {
+        return Err(BenchError::None.into());
+    }
+    print(&rows);
+    Ok(())
+}
+
+impl Hook {
+    fn run(&self, workspace: &Workspace) -> Result<Vec<Row>, Error> {
+        let Some(package) = workspace.package_of_example(self.example) else {
+            eprintln!("left out: there is no example {}", self.example);
+            return Ok(Vec::new());
+        };
+        let mut command = cargo();
+        command
+            .current_dir(workspace.root())
+            .args(["run", "--quiet", "--release", "-p", &package, "--example", self.example, "--"])
+            .arg(workspace.plugin_folder().join(format!("{}.wasm", self.plugin)));
+        Ok(self.rows(&output(&mut command)?)?)
+    }
+
+    fn rows(&self, printed: &str) -> Result<Vec<Row>, BenchError> {
+        let path = || PathBuf::from(format!("the output of example {}", self.example));
+        let figures: serde_json::Map<String, Value> = serde_json::from_str(printed)
+            .map_err(|cause| BenchError::Format { path: path(), what: cause.to_string() })?;
+        let rows = figures.into_iter().map(|(name, figure)| Row {
+            name: format!("{}: {name} ({})", self.example, self.plugin),
+            figure: figure.to_string(),
+            spread: String::new(),
+        });
+        Ok(rows.collect())
+    }
+}
+
+/// Results that criterion wrote in this run, by name; older ones stay out.
+fn measured_since(folder: &Path, started: SystemTime) -> Result<Vec<Row>, BenchError> {
+    let mut rows = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        let Ok(entries) = fs::read_dir(&folder) else { continue };
+        for entry in entries.filter_map(Result::ok) {
+            if entry.path().is_dir() {
+                folders.push(entry.path());
+            }
+        }
+        let estimates = folder.join("estimates.json");
+        let fresh = folder.ends_with("new")
+            && fs::metadata(&estimates).and_then(|m| m.modified()).is_ok_and(|at| at >= started);
+        if fresh {
+            rows.push(row(&folder.join("benchmark.json"), &estimates)?);
+        }
+    }
+    rows.sort_by(|a, b| a.name.cmp(&b.name));
+    Ok(rows)
+}
+
+fn row(benchmark: &Path, estimates: &Path) -> Result<Row, BenchError> {
+    let name = json(benchmark)?;
+    let name = name["full_id"].as_str().ok_or_else(|| missing(benchmark, "full_id"))?;
+    let estimate = json(estimates)?;
+    let median = &estimate["median"];
+    let nanoseconds =
+        |value: &Value, what: &str| value.as_f64().ok_or_else(|| missing(estimates, what));
+    let interval = &median["confidence_interval"];
+    let low = nanoseconds(&interval["lower_bound"], "median.lower_bound")?;
+    let high = nanoseconds(&interval["upper_bound"], "median.upper_bound")?;
+    Ok(Row {
+        name: name.to_owned(),
+        figure: duration(nanoseconds(&median["point_estimate"], "median.point_estimate")?),
+        spread: format!("{} to {}", duration(low), duration(high)),
+    })
+}
+
+fn json(path: &Path) -> Result<Value, BenchError> {
+    let text = fs::read(path).map_err(|cause| BenchError::File { path: path.to_owned(), cause })?;
+    serde_json::from_slice(&text)
+        .map_err(|cause| BenchError::Format { path: path.to_owned(), what: cause.to_string() })
+}
+
+fn missing(path: &Path, what: &str) -> BenchError {
+    BenchError::Format { path: path.to_owned(), what: format!("it has no {what}") }
+}
+
+/// Three digits that count, in the unit that suits.
+fn duration(nanoseconds: f64) -> String {
+    let (value, unit) = match nanoseconds {
+        n if n < 1e3 => (n, "ns"),
+        n if n < 1e6 => (n / 1e3, "µs"),
+        n if n < 1e9 => (n / 1e6, "ms"),
+        n => (n / 1e9, "s"),
+    };
+    let decimals = if value < 10.0 { 2 } else { usize::from(value < 100.0) };
+    format!("{value:.decimals$} {unit}")
+}
+
+fn print(rows: &[Row]) {
+    let width = rows.iter().map(|row| row.name.chars().count()).max().unwrap_or(0);
+    println!("Machine: {}", machine());
+    println!("Command: cargo xtask bench");
+    println!();
+    println!("| {:width$} | median | 95 % of medians |", "what");
+    println!("|{}|---:|---|", "-".repeat(width + 2));
+    for Row { name, figure, spread } in rows {
+        println!("| {name:width$} | {figure} | {spread} |");
+    }
+}
+
+fn machine() -> String {
+    let processor = fs::read_to_string("/proc/cpuinfo").ok().and_then(|text| {
+        let line = text.lines().find(|line| line.starts_with("model name"))?;
+        Some(line.split_once(':')?.1.trim().to_owned())
+    });
+    let cores = std::thread::available_parallelism().map_or(0, usize::from);
+    let rustc = run::output(Command::new("rustc").arg("--version")).unwrap_or_default();
+    format!(
+        "{} ({cores} cores), {} {}, {}",
+        processor.as_deref().unwrap_or("unknown processor"),
+        std::env::consts::OS,
+        std::env::consts::ARCH,
+        rustc.trim()
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_have_three_digits() {
+        let shown = [1.234, 12.34, 123.4, 1_234.0, 98_765.0, 2.5e6, 3.0e9].map(duration);
+        assert_eq!(
+            shown,
+            ["1.23 ns", "12.3 ns", "123 ns", "1.23 µs", "98.8 µs", "2.50 ms", "3.00 s"]
+        );
+    }
+
+    #[test]
+    fn an_example_gives_its_figures_as_json() {
+        let hook = Hook { example: "resident", plugin: "xon-xoff" };
+        let rows = hook.rows("{\"bytes_per_instance\":20480}\n").unwrap();
+        assert_eq!(rows.len(), 1);
+        assert_eq!(rows[0].name, "resident: bytes_per_instance (xon-xoff)");
+        assert_eq!(rows[0].figure, "20480");
+        assert!(hook.rows("20480 bytes").is_err());
+    }
+
+    #[test]
+    fn only_fresh_results_of_criterion_are_read() {
+        let folder = std::env::temp_dir().join(format!("softplug-bench-{}", std::process::id()));
+        let new = folder.join("step/one byte/new");
+        fs::create_dir_all(&new).unwrap();
+        fs::write(new.join("benchmark.json"), r#"{"full_id":"step/one byte"}"#).unwrap();
+        let estimates = r#"{"median":{"point_estimate":120.4,
+            "confidence_interval":{"lower_bound":119.0,"upper_bound":121.96}}}"#;
+        fs::write(new.join("estimates.json"), estimates).unwrap();
+        let all = measured_since(&folder, SystemTime::UNIX_EPOCH).unwrap();
+        let later = SystemTime::now() + std::time::Duration::from_hours(1);
+        let none = measured_since(&folder, later).unwrap();
+        fs::write(new.join("estimates.json"), "{}").unwrap();
+        let broken = measured_since(&folder, SystemTime::UNIX_EPOCH);
+        fs::remove_dir_all(&folder).unwrap();
+        assert_eq!(
+            all,
+            [Row {
+                name: "step/one byte".into(),
+                figure: "120 ns".into(),
+                spread: "119 ns to 122 ns".into()
+            }]
+        );
+        assert_eq!(none, []);
+        assert!(broken.unwrap_err().to_string().contains("median.lower_bound"));
+    }
+}

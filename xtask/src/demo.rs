@@ -1,0 +1,22 @@
+//! The main job, from a fresh clone: build all, then `softplug demo`.
+
+use std::process::{Command, ExitCode};
+
+use crate::run;
+use crate::workspace::Workspace;
+use crate::{Error, plugins};
+
+/// Ends with the exit code of `softplug demo`.
+pub(crate) fn run(workspace: &Workspace, arguments: &[String]) -> Result<ExitCode, Error> {
+    plugins::build(workspace)?;
+    let softplug = plugins::build_command(workspace, false)?;
+    let mut command = Command::new(softplug);
+    command
+        .current_dir(workspace.root())
+        .env("SOFTPLUG_PLUGINS", workspace.plugin_folder())
+        .arg("demo")
+        .args(arguments);
+    let status = run::status(&mut command)?;
+    let code = status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1);
+    Ok(ExitCode::from(code))
+}

@@ -1,0 +1,137 @@
+//! Builds the plug-ins and the command, and holds the plug-ins to their limits.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::Error;
+use crate::run::{cargo, succeed};
+use crate::toolchain::{WASM_TARGET, ensure_wasm_target};
+use crate::wasm;
+use crate::workspace::{Plugin, Workspace};
+
+/// A release plug-in is at most so many bytes.
+const MOST_BYTES: usize = 32 * 1024;
+/// A plug-in declares at most so many pages of 64 KiB.
+const MOST_PAGES: u64 = 4;
+
+/// A built plug-in breaks its limits, or is not where it should be.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum PluginError {
+    #[error("the plug-in {name} has {bytes} bytes, {MOST_BYTES} are allowed: make it smaller")]
+    Size { name: String, bytes: usize },
+    #[error("the plug-in {name} may grow to {pages} pages of memory, {MOST_PAGES} are allowed")]
+    Pages { name: String, pages: u64 },
+    #[error("the plug-in {name} sets no upper limit to its memory: link it with --max-memory")]
+    Unbounded { name: String },
+    #[error("the plug-in {name} declares no memory, or is no module")]
+    NoMemory { name: String },
+    #[error("{}: {cause}", path.display())]
+    File { path: PathBuf, cause: io::Error },
+}
+
+/// Builds every plug-in into `target/plugins/NAME.wasm`.
+pub(crate) fn build(workspace: &Workspace) -> Result<(), Error> {
+    ensure_wasm_target()?;
+    let plugins = workspace.plugins();
+    let folder = workspace.plugin_folder();
+    fs::create_dir_all(&folder).map_err(|cause| file_error(&folder, cause))?;
+    compile(workspace, &plugins)?;
+    for plugin in &plugins {
+        let built = workspace.target().join(WASM_TARGET).join("plugin").join(&plugin.file);
+        let module = fs::read(&built).map_err(|cause| file_error(&built, cause))?;
+        let pages = check(&plugin.name, &module)?;
+        let out = folder.join(format!("{}.wasm", plugin.name));
+        replace(&out, &module).map_err(|cause| file_error(&out, cause))?;
+        eprintln!("{}: {} bytes, {pages} page(s) of memory", out.display(), module.len());
+    }
+    Ok(())
+}
+
+/// Builds the command, into `target/release` or `target/debug`.
+pub(crate) fn build_command(workspace: &Workspace, dev: bool) -> Result<PathBuf, Error> {
+    let mut command = cargo();
+    command.current_dir(workspace.root()).args(["build", "-p", "softplug"]);
+    if !dev {
+        command.arg("--release");
+    }
+    succeed(&mut command)?;
+    let built = workspace
+        .target()
+        .join(if dev { "debug" } else { "release" })
+        .join(format!("softplug{}", std::env::consts::EXE_SUFFIX));
+    let bytes = fs::metadata(&built).map_err(|cause| file_error(&built, cause))?.len();
+    eprintln!("{}: {bytes} bytes", built.display());
+    Ok(built)
+}
+
+/// Flags from the environment would replace those that bound the memory.
+fn compile(workspace: &Workspace, plugins: &[Plugin]) -> Result<(), Error> {
+    let mut command = cargo();
+    command
+        .current_dir(workspace.root())
+        .env_remove("RUSTFLAGS")
+        .env_remove("CARGO_ENCODED_RUSTFLAGS")
+        .args(["build", "--profile", "plugin", "--target", WASM_TARGET, "--lib"]);
+    for plugin in plugins {
+        command.args(["-p", &plugin.package]);
+    }
+    Ok(succeed(&mut command)?)
+}
+
+fn check(name: &str, module: &[u8]) -> Result<u64, PluginError> {
+    let name = name.to_owned();
+    if module.len() > MOST_BYTES {
+        return Err(PluginError::Size { name, bytes: module.len() });
+    }
+    let Some(memory) = wasm::memory(module) else {
+        return Err(PluginError::NoMemory { name });
+    };
+    let Some(pages) = memory.most else {
+        return Err(PluginError::Unbounded { name });
+    };
+    if pages.max(memory.least) > MOST_PAGES {
+        return Err(PluginError::Pages { name, pages: pages.max(memory.least) });
+    }
+    Ok(pages)
+}
+
+/// A reader sees the old file or the new one, never a part.
+fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let part = path.with_extension(format!("wasm.{}.part", std::process::id()));
+    fs::write(&part, bytes)?;
+    fs::rename(&part, path)
+}
+
+fn file_error(path: &Path, cause: io::Error) -> PluginError {
+    PluginError::File { path: path.to_owned(), cause }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn module(memory: &[u8], length: usize) -> Vec<u8> {
+        let mut module = b"\0asm\x01\0\0\0".to_vec();
+        module.extend([5, memory.len() as u8]);
+        module.extend(memory);
+        module.resize(length, 0);
+        module
+    }
+
+    #[test]
+    fn limits_are_kept() {
+        assert!(matches!(check("x", &module(&[1, 1, 1, 4], MOST_BYTES)), Ok(4)));
+        let error = |module: Vec<u8>| check("x", &module).unwrap_err().to_string();
+        assert_eq!(
+            error(module(&[1, 1, 1, 4], MOST_BYTES + 1)),
+            "the plug-in x has 32769 bytes, 32768 are allowed: make it smaller"
+        );
+        assert_eq!(
+            error(module(&[1, 1, 1, 5], 100)),
+            "the plug-in x may grow to 5 pages of memory, 4 are allowed"
+        );
+        assert!(error(module(&[1, 0, 1], 100)).contains("no upper limit"));
+        assert!(error(b"\0asm".to_vec()).contains("no memory"));
+    }
+}

@@ -1,0 +1,163 @@
+//! Runs the tests, adds up their results and names what was left out.
+//!
+//! A test that needs a program beyond cargo stands in a module named
+//! `needs_PROGRAM`; where the program is missing, such tests are left out by
+//! that name.
+
+mod counts;
+
+use std::process::{Command, ExitCode};
+
+use self::counts::Counts;
+use crate::run::{self, cargo, overhear};
+use crate::workspace::Workspace;
+use crate::{Error, plugins};
+
+/// With `--all`, all that is needed must be there.
+#[derive(Debug, thiserror::Error)]
+#[error("--all demands {}: install it and run this again", .0.join(" and "))]
+pub(crate) struct TestError(Vec<String>);
+
+/// A program that some tests need.
+struct Tool {
+    /// The program; its tests stand in modules named `needs_PROGRAM`.
+    program: &'static str,
+    /// The Debian package that has it.
+    package: &'static str,
+    /// What the tests do with it.
+    purpose: &'static str,
+}
+
+const TOOLS: &[Tool] = &[
+    Tool {
+        program: "stty",
+        package: "coreutils",
+        purpose: "transfers with the kernel's own XON/XOFF as the partner (stty and cat)",
+    },
+    Tool {
+        program: "python3",
+        package: "python3",
+        purpose: "partners and checks written in another language",
+    },
+];
+
+/// Fails where a test fails; where a tool is missing only if `all`.
+pub(crate) fn run(workspace: &Workspace, all: bool) -> Result<ExitCode, Error> {
+    let missing: Vec<_> = TOOLS.iter().filter(|tool| run::find(tool.program).is_none()).collect();
+    if all && !missing.is_empty() {
+        let names = missing
+            .iter()
+            .map(|tool| format!("`{}` (Debian package {})", tool.program, tool.package));
+        return Err(TestError(names.collect()).into());
+    }
+    plugins::build(workspace)?;
+
+    let skips: Vec<_> = missing.iter().map(|tool| format!("needs_{}", tool.program)).collect();
+    let mut steps = Vec::new();
+    for (name, mut command) in steps_of(&skips) {
+        command
+            .current_dir(workspace.root())
+            .env("SOFTPLUG_PLUGINS", workspace.plugin_folder())
+            .env("CARGO_TERM_COLOR", "never");
+        let heard = overhear(&mut command)?;
+        let counts = Counts::read(&heard.stdout) + Counts::read(&heard.stderr);
+        steps.push(Step { name, counts, succeeded: heard.status.success() });
+    }
+    Ok(conclude(&steps, &missing))
+}
+
+/// One run of a test runner.
+struct Step {
+    name: &'static str,
+    counts: Counts,
+    succeeded: bool,
+}
+
+impl Step {
+    /// What is wrong with it, beyond tests that failed.
+    fn complaint(&self) -> Option<String> {
+        if !self.succeeded && self.counts.failed == 0 {
+            return Some(format!("{} did not get to the end: see its message above", self.name));
+        }
+        if self.succeeded && self.counts.passed == 0 {
+            return Some(format!("{} ran no test at all, which proves nothing", self.name));
+        }
+        None
+    }
+}
+
+fn steps_of(skips: &[String]) -> [(&'static str, Command); 2] {
+    let mut tests = cargo();
+    let nextest = run::find("cargo-nextest").is_some();
+    if nextest {
+        tests.args(["nextest", "run", "--workspace", "--no-fail-fast"]);
+    } else {
+        tests.args(["test", "--workspace", "--no-fail-fast", "--lib", "--bins", "--tests"]);
+        tests.arg("--examples");
+    }
+    if !skips.is_empty() {
+        tests.arg("--");
+        for skip in skips {
+            tests.args(["--skip", skip]);
+        }
+    }
+    let mut examples = cargo();
+    examples.args(["test", "--workspace", "--no-fail-fast", "--doc"]);
+    [(if nextest { "cargo nextest" } else { "cargo test" }, tests), ("the doc tests", examples)]
+}
+
+/// Skipped is never green by silence: everything left out has its line.
+fn conclude(steps: &[Step], missing: &[&Tool]) -> ExitCode {
+    let total = steps.iter().fold(Counts::default(), |sum, step| sum + step.counts);
+    let complaints: Vec<_> = steps.iter().filter_map(Step::complaint).collect();
+    println!();
+    for tool in missing {
+        println!(
+            "left out: {}, because `{}` is missing (Debian package {})",
+            tool.purpose, tool.program, tool.package
+        );
+    }
+    println!("left out: benchmarks, because they measure and judge nothing (cargo xtask bench)");
+    for complaint in &complaints {
+        println!("error: {complaint}");
+    }
+    println!("{total}");
+    let good = complaints.is_empty() && steps.iter().all(|step| step.succeeded);
+    if good { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn step(passed: u64, failed: u64, succeeded: bool) -> Step {
+        Step { name: "cargo test", counts: Counts { passed, failed, skipped: 0 }, succeeded }
+    }
+
+    #[test]
+    fn a_run_without_tests_is_an_error_and_so_is_one_that_broke_off() {
+        assert_eq!(step(3, 0, true).complaint(), None);
+        assert_eq!(step(3, 1, false).complaint(), None);
+        assert!(step(0, 0, true).complaint().unwrap().contains("no test at all"));
+        assert!(step(0, 0, false).complaint().unwrap().contains("did not get to the end"));
+    }
+
+    #[test]
+    fn missing_tools_are_named_with_their_package() {
+        let error =
+            TestError(vec!["`a` (Debian package b)".into(), "`c` (Debian package d)".into()]);
+        assert_eq!(
+            error.to_string(),
+            "--all demands `a` (Debian package b) and `c` (Debian package d): install it and run \
+             this again"
+        );
+    }
+
+    #[test]
+    fn tests_of_missing_tools_are_left_out_by_name() {
+        let [(_, tests), (_, examples)] = steps_of(&["needs_stty".into()]);
+        let arguments: Vec<_> = tests.get_args().map(|word| word.to_str().unwrap()).collect();
+        assert!(arguments.ends_with(&["--", "--skip", "needs_stty"]), "{arguments:?}");
+        assert!(examples.get_args().any(|word| word == "--doc"));
+    }
+}
