@@ -37,15 +37,18 @@ pub(crate) fn build(workspace: &Workspace) -> Result<(), Error> {
     let folder = workspace.plugin_folder();
     fs::create_dir_all(&folder).map_err(|cause| file_error(&folder, cause))?;
     compile(workspace, &plugins)?;
+    // All are put where they belong and listed before one over its limits fails.
+    let mut verdicts = Vec::new();
     for plugin in &plugins {
         let built = workspace.target().join(WASM_TARGET).join("plugin").join(&plugin.file);
         let module = fs::read(&built).map_err(|cause| file_error(&built, cause))?;
-        let pages = check(&plugin.name, &module)?;
         let out = folder.join(format!("{}.wasm", plugin.name));
         replace(&out, &module).map_err(|cause| file_error(&out, cause))?;
+        let pages = wasm::memory(&module).map_or(0, |memory| memory.least);
         eprintln!("{}: {} bytes, {pages} page(s) of memory", out.display(), module.len());
+        verdicts.push(check(&plugin.name, &module));
     }
-    Ok(())
+    Ok(verdicts.into_iter().collect::<Result<(), _>>()?)
 }
 
 /// Builds the command, into `target/release` or `target/debug`.
@@ -79,7 +82,7 @@ fn compile(workspace: &Workspace, plugins: &[Plugin]) -> Result<(), Error> {
     Ok(succeed(&mut command)?)
 }
 
-fn check(name: &str, module: &[u8]) -> Result<u64, PluginError> {
+fn check(name: &str, module: &[u8]) -> Result<(), PluginError> {
     let name = name.to_owned();
     if module.len() > MOST_BYTES {
         return Err(PluginError::Size { name, bytes: module.len() });
@@ -93,7 +96,7 @@ fn check(name: &str, module: &[u8]) -> Result<u64, PluginError> {
     if pages.max(memory.least) > MOST_PAGES {
         return Err(PluginError::Pages { name, pages: pages.max(memory.least) });
     }
-    Ok(pages)
+    Ok(())
 }
 
 /// A reader sees the old file or the new one, never a part.
@@ -121,7 +124,7 @@ mod tests {
 
     #[test]
     fn limits_are_kept() {
-        assert!(matches!(check("x", &module(&[1, 1, 1, 4], MOST_BYTES)), Ok(4)));
+        assert!(matches!(check("x", &module(&[1, 1, 1, 4], MOST_BYTES)), Ok(())));
         let error = |module: Vec<u8>| check("x", &module).unwrap_err().to_string();
         assert_eq!(
             error(module(&[1, 1, 1, 4], MOST_BYTES + 1)),
