@@ -6,6 +6,7 @@ use common::{CAPACITY, Guest, HOST, INPUT, OUTPUT, WORDS, echo};
 use softplug_abi::limits::{FUEL_PER_EVENT, OUTPUT_ROUNDS};
 use softplug_abi::{Actions, Event, EventKind, Instance, MailboxError, Micros, Refusal};
 use softplug_host::{Host, HostOptions, LoadError, Misbehaviour, SessionFault};
+use std::fmt::Write;
 
 const NOW: Micros = Micros(7);
 const BYTE: Event<'static> = Event::Received(b"N");
@@ -58,10 +59,10 @@ fn deep_recursion_is_a_trap() {
 #[test]
 fn a_frame_larger_than_the_stack_is_a_trap() {
     let locals = "i64 ".repeat(40_000);
-    let sum: String =
-        (0..40_000).map(|at| format!("(local.set {at} (i64.load (i32.const {at})))")).collect();
-    let uses: String =
-        (0..200).map(|at| format!("(i64.store (i32.const 0) (local.get {at}))")).collect();
+    let mut uses = String::new();
+    for at in 0..200 {
+        write!(uses, "(i64.store (i32.const 0) (local.get {at}))").unwrap();
+    }
     // The call in between keeps the locals alive across it.
     let body = format!("(func (local {locals}) (local.set 0 (i64.const 1)) (call 0) {uses})");
     let guest = Guest::stepping("(call 0) (i32.const 0)").extra(&body);

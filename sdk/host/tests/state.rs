@@ -7,6 +7,7 @@ use softplug_abi::limits::STATE_BYTES;
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Action, Actions, Event, EventKind, Instance, Micros, Refusal};
 use softplug_host::{Misbehaviour, SavedState, Session, SessionFault};
+use std::fmt::Write;
 
 const NOW: Micros = Micros(7);
 
@@ -95,6 +96,11 @@ fn a_large_state_goes_in_pieces_in_order() {
     }
 }
 
+/// Kind and length of a record, as one word.
+fn record(kind: u32, length: u32) -> u32 {
+    kind + (length << 16)
+}
+
 /// Answers `save` with pieces of these (format, offset, total, length), each in
 /// a round of its own.
 fn saving(pieces: &[(u16, u32, u32, u32)]) -> Guest {
@@ -102,9 +108,10 @@ fn saving(pieces: &[(u16, u32, u32, u32)]) -> Guest {
         String::from("(i32.store (i32.const 0) (i32.add (i32.load (i32.const 0)) (i32.const 1)))");
     for (at, (format, offset, total, length)) in pieces.iter().enumerate() {
         let more = if at + 1 < pieces.len() { 0x4000_0000 } else { 0 };
-        let head = 22 | (length + 12) << 16;
+        let head = record(22, length + 12);
         let result = more | (length + 16);
-        step += &format!(
+        write!(
+            step,
             "(if (i32.eq (i32.load (i32.const 0)) (i32.const {})) (then
                 (i32.store (i32.const {OUTPUT}) (i32.const {head}))
                 (i32.store (i32.const {}) (i32.const {format}))
@@ -115,7 +122,8 @@ fn saving(pieces: &[(u16, u32, u32, u32)]) -> Guest {
             OUTPUT + 4,
             OUTPUT + 8,
             OUTPUT + 12,
-        );
+        )
+        .unwrap();
     }
     Guest::stepping(&(step + "(i32.const 0)"))
 }
@@ -166,7 +174,7 @@ fn empty_pieces_without_end() {
     let piece = format!(
         "(i32.store (i32.const {OUTPUT}) (i32.const {})) (i32.store (i32.const {}) (i32.const 1))
         (i32.store (i32.const {}) (i32.const 10)) (i32.const 0x40000010)",
-        22 | 12 << 16,
+        record(22, 12),
         OUTPUT + 4,
         OUTPUT + 12
     );
@@ -190,7 +198,7 @@ fn actions_where_none_may_be() {
     let note = Guest::stepping(&format!(
         "(i32.store (i32.const {OUTPUT}) (i32.const {})) (i32.store (i32.const {}) (i32.const 3))
         (i32.const 8)",
-        20 | 4 << 16,
+        record(20, 4),
         OUTPUT + 4
     ));
     note.session().configure(&settings, NOW).unwrap();
