@@ -44,12 +44,9 @@ impl Codes {
         byte == self.escape || (byte ^ self.xon) & 0x7F == 0 || (byte ^ self.xoff) & 0x7F == 0
     }
 
-    /// A data byte in transparent mode: one byte or two, and how many.
-    pub(crate) fn escaped(&self, byte: u8) -> ([u8; 2], usize) {
-        if self.must_escape(byte) {
-            ([self.escape, byte ^ self.escape_xor], 2)
-        } else {
-            ([byte, 0], 1)
-        }
+    /// The two bytes that stand for a data byte in transparent mode, if it
+    /// must be escaped.
+    pub(crate) fn escaped(&self, byte: u8) -> Option<[u8; 2]> {
+        self.must_escape(byte).then_some([self.escape, byte ^ self.escape_xor])
     }
 }

@@ -48,7 +48,7 @@ impl Lines {
     }
 
     pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        match state.u8()? {
+        match state.u8() {
             0 => Ok(Self::InLine),
             1 => Ok(Self::AfterCr),
             2 => Ok(Self::AfterLf),

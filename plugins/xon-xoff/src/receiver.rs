@@ -219,10 +219,10 @@ impl Receiver {
             return;
         }
         let mut progress = self.mark_progress as usize;
-        while progress > 0 && mark[progress] != byte {
-            progress = longest_border(&mark[..progress]);
+        while progress > 0 && mark.get(progress) != Some(&byte) {
+            progress = longest_border(mark, progress);
         }
-        if mark[progress] == byte {
+        if mark.get(progress) == Some(&byte) {
             progress += 1;
         }
         if progress == mark.len() {
@@ -266,7 +266,7 @@ impl Receiver {
     pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
         state.u32(self.delivery);
         state.u32(self.last_delivery);
-        state.u32(u32::from(self.failure.map_or(0, Failure::code)));
+        state.failure(self.failure);
         state.bool(self.escaped);
         self.lines.save(state);
         state.u32(self.mark_progress);
@@ -279,24 +279,19 @@ impl Receiver {
     }
 
     pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let (delivery, last_delivery) = (state.u32()?, state.u32()?);
-        let failure = match u16::try_from(state.u32()?).map_err(|_| StateError)? {
-            0 => None,
-            code => Some(Failure::from_code(code).ok_or(StateError)?),
-        };
         Ok(Self {
-            delivery,
-            last_delivery,
-            failure,
-            escaped: state.bool()?,
+            delivery: state.u32(),
+            last_delivery: state.u32(),
+            failure: state.failure(),
+            escaped: state.bool(),
             lines: Lines::restore(state)?,
-            mark_progress: state.u32()?,
-            marks_seen: state.u32()?,
-            stopped: state.bool()?,
-            after_xoff: state.u32()?,
-            xon_unanswered: state.bool()?,
-            quiet_at: state.deadline()?,
-            repeat_at: state.deadline()?,
+            mark_progress: state.u32(),
+            marks_seen: state.u32(),
+            stopped: state.bool(),
+            after_xoff: state.u32(),
+            xon_unanswered: state.bool(),
+            quiet_at: state.deadline(),
+            repeat_at: state.deadline(),
             ..Self::default()
         })
     }
@@ -313,7 +308,12 @@ fn set_timer(link: &mut Context<'_>, id: u8, known: &mut Option<Micros>, at: Opt
     }
 }
 
-/// Length of the longest proper prefix of `seen` that is also its suffix.
-fn longest_border(seen: &[u8]) -> usize {
-    (0..seen.len()).rev().find(|length| seen.ends_with(&seen[..*length])).unwrap_or(0)
+/// Length of the longest proper prefix of the first `seen` bytes that is also
+/// their suffix.
+fn longest_border(mark: &[u8], seen: usize) -> usize {
+    let is_border = |length: &usize| {
+        let prefix = mark.iter().take(*length);
+        mark.iter().take(seen).skip(seen - *length).eq(prefix)
+    };
+    (0..seen).rev().find(is_border).unwrap_or(0)
 }

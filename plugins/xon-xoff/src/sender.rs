@@ -241,8 +241,10 @@ impl Sender {
             return;
         }
         for byte in bytes {
-            let (pair, length) = codes.escaped(*byte);
-            self.queue(link, &pair[..length]);
+            match codes.escaped(*byte) {
+                Some(pair) => self.queue(link, &pair),
+                None => self.queue(link, &[*byte]),
+            }
         }
     }
 
@@ -316,14 +318,14 @@ impl Sender {
 
     pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
         let (stage, failure) = match self.stage {
-            Stage::Idle => (0, 0),
-            Stage::Checking => (1, 0),
-            Stage::Feeding => (2, 0),
-            Stage::Draining => (3, 0),
-            Stage::Stopping(failure) => (4, failure.code()),
+            Stage::Idle => (0, None),
+            Stage::Checking => (1, None),
+            Stage::Feeding => (2, None),
+            Stage::Draining => (3, None),
+            Stage::Stopping(failure) => (4, Some(failure)),
         };
         state.u8(stage);
-        state.u32(u32::from(failure));
+        state.failure(failure);
         state.u32(self.job);
         state.u32(self.wanted);
         state.u64(self.queued);
@@ -339,31 +341,28 @@ impl Sender {
     }
 
     pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let (stage, failure) = (state.u8()?, state.u32()?);
-        let stage = match stage {
-            0 => Stage::Idle,
-            1 => Stage::Checking,
-            2 => Stage::Feeding,
-            3 => Stage::Draining,
-            4 => Stage::Stopping(
-                u16::try_from(failure).ok().and_then(Failure::from_code).ok_or(StateError)?,
-            ),
+        let stage = match (state.u8(), state.failure()) {
+            (0, None) => Stage::Idle,
+            (1, None) => Stage::Checking,
+            (2, None) => Stage::Feeding,
+            (3, None) => Stage::Draining,
+            (4, Some(failure)) => Stage::Stopping(failure),
             _ => return Err(StateError),
         };
         Ok(Self {
             stage,
-            job: state.u32()?,
-            wanted: state.u32()?,
-            queued: state.u64()?,
+            job: state.u32(),
+            wanted: state.u32(),
+            queued: state.u64(),
             lines: Lines::restore(state)?,
-            line: state.u32()?,
-            column: state.u32()?,
-            mark: state.u32()?,
-            held: state.bool()?,
-            waits_for_xon: state.bool()?,
-            paused: state.bool()?,
-            holding: state.bool()?,
-            held_until: state.deadline()?,
+            line: state.u32(),
+            column: state.u32(),
+            mark: state.u32(),
+            held: state.bool(),
+            waits_for_xon: state.bool(),
+            paused: state.bool(),
+            holding: state.bool(),
+            held_until: state.deadline(),
         })
     }
 }

@@ -34,32 +34,32 @@ settings! {
     pub struct Settings {
         xon: i64 = 0x11 in 0..=255 "", "Byte that lets a sender go on (DC1).";
         xoff: i64 = 0x13 in 0..=255 "", "Byte that stops a sender (DC3).";
-        parity_mask: i64 = 0xFF in 1..=255 "", "Bits that count when a control byte is recognised; 127 takes 93 for 13 and 91 for 11.";
+        parity_mask: i64 = 0xFF in 1..=255 "", "Bits of a control byte that count; 127 takes 93 for 13.";
         wait_for_xon: bool = false, "Send the first byte of a job only after an XON.";
-        held_timeout: i64 = 0 in 0..=86400000 "ms", "A job fails when the partner holds it for longer; 0: never.";
+        held_timeout: i64 = 0 in 0..=86400000 "ms", "A job held for longer fails; 0: never.";
         feed_start: Bytes<32> = "", "Sent before the program.";
         feed_end: Bytes<32> = "", "Sent after the program.";
         abort_send: Bytes<32> = "", "Sent after a job was aborted.";
         send_line_end: LineEnd = "keep", "How lines end on the wire.";
         send_drop: Bytes<32> = "", "Bytes of a program that are not sent.";
-        control_in_data: ControlInData = "refuse", "A control byte in a program: refuse the job before anything is sent, leave the byte out, or send it as it is.";
-        while_sending: WhileSending = "deliver", "Bytes that arrive while we send: deliver them, or ignore them as an echo.";
+        control_in_data: ControlInData = "refuse", "A control byte in a program: refuse the job, leave the byte out, or send it.";
+        while_sending: WhileSending = "deliver", "Bytes that arrive while we send; an echo can be ignored.";
         transparent: bool = false, "Escape control bytes in both directions.";
-        escape: i64 = 0x10 in 0..=255 "", "The escape byte of the transparent mode (DLE).";
-        escape_xor: i64 = 0x40 in 1..=255 "", "An escaped byte is changed by exclusive-or with this.";
+        escape: i64 = 0x10 in 0..=255 "", "The escape byte (DLE).";
+        escape_xor: i64 = 0x40 in 1..=255 "", "Exclusive-or of an escaped byte.";
         speak: bool = true, "Send XOFF and XON as a receiver.";
-        low_mark: i64 = 1024 in 1..=65535 "bytes", "XOFF is sent when less room than this is left.";
-        high_mark: i64 = 2048 in 1..=65535 "bytes", "XON is sent when more room than this is free again.";
-        xon_repeat: i64 = 1000 in 0..=600000 "ms", "XON is sent again when nothing came for so long after it; 0: never.";
-        xoff_repeat: i64 = 32 in 0..=65535 "characters", "XOFF is sent again after every so many characters that come in spite of it; 0: never.";
+        low_mark: i64 = 1024 in 1..=65535 "bytes", "XOFF is sent below this room.";
+        high_mark: i64 = 2048 in 1..=65535 "bytes", "XON is sent above this room.";
+        xon_repeat: i64 = 1000 in 0..=600000 "ms", "XON is repeated after so long a silence; 0: never.";
+        xoff_repeat: i64 = 32 in 0..=65535 "characters", "XOFF is repeated after so many characters in spite of it; 0: never.";
         xon_at_open: bool = false, "Send XON when the link opens.";
         receive_line_end: LineEnd = "keep", "How lines end in what is delivered.";
         receive_drop: Bytes<32> = "", "Received bytes that are not delivered, such as 00 and 7f.";
-        end_mark: Bytes<16> = "", "Bytes that end a program, such as 25 (a percent sign).";
+        end_mark: Bytes<16> = "", "Bytes that end a program, such as 25 (%).";
         end_mark_count: i64 = 1 in 1..=255 "", "How many end marks end a program; 2 where it begins with one.";
         end_quiet: i64 = 500 in 1..=600000 "ms", "Silence after the end mark that ends the reception.";
-        quiet_time: i64 = 3000 in 0..=600000 "ms", "Silence that ends the reception; with an end mark set, as failed. 0: never.";
-        on_line_error: OnLineError = "fail", "A damaged character: the delivery is failed, or kept as it is.";
+        quiet_time: i64 = 3000 in 0..=600000 "ms", "Silence that ends the reception, as failed if the end mark is missing; 0: never.";
+        on_line_error: OnLineError = "fail", "A damaged character fails the delivery, or is kept.";
     }
 }
 
@@ -67,19 +67,21 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
     head: concat!(
         r#""abi":"1.0","name":"xon-xoff","version":""#, env!("CARGO_PKG_VERSION"),
         r#"","licence":""#, env!("CARGO_PKG_LICENSE"),
-        r#"","protocol":"XON/XOFF","description":"Software flow control in both directions, for controls that take a program as plain text.""#,
+        r#"","protocol":"XON/XOFF","description":"Software flow control in both directions.""#,
     ),
     settings: Settings,
-    tail: r#""presets":[
-        {"name":"parity","text":"A control that sends its control bytes with even parity on an 8-bit line.","values":{"parity_mask":127}},
-        {"name":"drip-feed","text":"Feeding while cutting: waits for XON, a hold may last for hours.","values":{"wait_for_xon":true,"held_timeout":0}},
-        {"name":"memory","text":"Into the control's memory: a hold of two minutes is a fault.","values":{"held_timeout":120000}},
-        {"name":"tape","text":"From one percent sign to the next, without blank tape.","values":{"end_mark":"25","end_mark_count":2,"receive_drop":"00 7f"}},
-        {"name":"binary","text":"Any bytes, escaped in both directions.","values":{"transparent":true}}],
-        "jobs":[{"name":"send","text":"Sends a program."}],
-        "profiles":[{"name":"xon-xoff","features":["transparent","parity-mask","end-mark","line-ends"]}],
-        "needs":{"line_errors":"used","check_pass":true},
-        "state":{"saves":1,"accepts":[1]}"#,
+    tail: concat!(
+        r#""presets":["#,
+        r#"{"name":"parity","text":"Control bytes with even parity on an 8-bit line.","values":{"parity_mask":127}},"#,
+        r#"{"name":"drip-feed","text":"Feeding while cutting: waits for XON, holds for hours.","values":{"wait_for_xon":true,"held_timeout":0}},"#,
+        r#"{"name":"memory","text":"Into the control's memory: a hold of two minutes is a fault.","values":{"held_timeout":120000}},"#,
+        r#"{"name":"tape","text":"From one percent sign to the next, without blank tape.","values":{"end_mark":"25","end_mark_count":2,"receive_drop":"00 7f"}},"#,
+        r#"{"name":"binary","text":"Any bytes, escaped in both directions.","values":{"transparent":true}}],"#,
+        r#""jobs":[{"name":"send","text":"Sends a program."}],"#,
+        r#""profiles":[{"name":"xon-xoff","features":["transparent","parity-mask","end-mark","line-ends"]}],"#,
+        r#""needs":{"line_errors":"used","check_pass":true},"#,
+        r#""state":{"saves":1,"accepts":[1]}"#,
+    ),
 };
 
 impl Settings {
@@ -94,8 +96,8 @@ impl Settings {
         if codes.control(self.escape as u8).is_some() {
             return Err("escape is a control byte; choose another");
         }
-        let clashes = |byte: u8| codes.must_escape(codes.escaped(byte).0[1]);
-        if (0..=255).any(|byte| codes.must_escape(byte) && clashes(byte)) {
+        let clashes = |byte| codes.escaped(byte).is_some_and(|[_, byte]| codes.must_escape(byte));
+        if (0..=255).any(clashes) {
             return Err("escape_xor turns a control byte into another; choose another");
         }
         Ok(())

@@ -3,7 +3,7 @@
 //! A record is: kind u16, payload length u16, payload.
 
 use crate::code::codes;
-use crate::event::{known, non_zero, piece, timer_id};
+use crate::event::{failure, state_piece, timer_id};
 use crate::limits::{
     BREAK_MICROS, DELIVERY_NAME_BYTES, NOTE_BYTES, RECORD_BYTES, STATE_NAME_BYTES, TIMERS,
     URGENT_BYTES,
@@ -232,187 +232,169 @@ impl<'a> Action<'a> {
         }
     }
 
-    fn write(&self, w: &mut Writer<'_>) -> Result<(), NoSpace> {
+    fn write(&self, w: &mut Writer<'_>) {
         match self {
             Self::Transmit { mark, bytes } | Self::TransmitUrgent { mark, bytes } => {
-                w.u32(*mark)?;
-                w.bytes(bytes)
+                w.u32(*mark);
+                w.bytes(bytes);
             }
-            Self::Hold | Self::Release | Self::Discard => Ok(()),
+            Self::Hold | Self::Release | Self::Discard => {}
             Self::SetTimer { id, deadline } => {
-                w.u8(*id)?;
-                w.i64(deadline.0)
+                w.u8(*id);
+                w.i64(deadline.0);
             }
             Self::CancelTimer { id } => w.u8(*id),
             Self::ModemLines { mask, on } => {
-                w.u8(mask.0)?;
-                w.u8(on.0)
+                w.u8(mask.0);
+                w.u8(on.0);
             }
             Self::Break { micros } => w.u32(*micros),
             Self::Want { job, bytes } => {
-                w.u32(*job)?;
-                w.u32(*bytes)
+                w.u32(*job);
+                w.u32(*bytes);
             }
             Self::DeliveryBegin { delivery, job } => {
-                w.u32(*delivery)?;
-                w.u32(*job)
+                w.u32(*delivery);
+                w.u32(*job);
             }
             Self::Deliver { delivery, bytes } => {
-                w.u32(*delivery)?;
-                w.bytes(bytes)
+                w.u32(*delivery);
+                w.bytes(bytes);
             }
             Self::DeliveryName { delivery, name } => {
-                w.u32(*delivery)?;
-                w.bytes(name.as_bytes())
+                w.u32(*delivery);
+                w.bytes(name.as_bytes());
             }
             Self::DeliveryEnd { delivery, failure, status } => {
-                w.u32(*delivery)?;
-                w.u16(failure.map_or(0, Failure::code))?;
-                w.u16(*status)
+                w.u32(*delivery);
+                w.u16(failure.map_or(0, Failure::code));
+                w.u16(*status);
             }
             Self::JobDone { job, sent } => {
-                w.u32(*job)?;
-                w.u64(*sent)
+                w.u32(*job);
+                w.u64(*sent);
             }
             Self::JobFailed { job, failure, status, sent } => {
-                w.u32(*job)?;
-                w.u16(failure.code())?;
-                w.u16(*status)?;
-                w.u64(*sent)
+                w.u32(*job);
+                w.u16(failure.code());
+                w.u16(*status);
+                w.u64(*sent);
             }
             Self::CheckResult { job, failure, status, line, column } => {
-                w.u32(*job)?;
-                w.u16(failure.map_or(0, Failure::code))?;
-                w.u16(*status)?;
-                w.u32(*line)?;
-                w.u32(*column)
+                w.u32(*job);
+                w.u16(failure.map_or(0, Failure::code));
+                w.u16(*status);
+                w.u32(*line);
+                w.u32(*column);
             }
             Self::Request { request, kind, fields } => {
-                w.u32(*request)?;
-                w.u16(*kind)?;
-                w.bytes(fields.as_bytes())
+                w.u32(*request);
+                w.u16(*kind);
+                w.bytes(fields.as_bytes());
             }
             Self::Withdraw { request } => w.u32(*request),
             Self::Note { level, code, text } => {
-                w.u8(level.code())?;
-                w.u8(0)?;
-                w.u16(*code)?;
-                w.bytes(text.as_bytes())
+                w.u8(level.code());
+                w.u8(0);
+                w.u16(*code);
+                w.bytes(text.as_bytes());
             }
             Self::State { name } => w.bytes(name.as_bytes()),
             Self::Saved { format, offset, total, bytes } => {
-                w.u16(*format)?;
-                w.u16(0)?;
-                w.u32(*offset)?;
-                w.u32(*total)?;
-                w.bytes(bytes)
+                w.u16(*format);
+                w.u16(0);
+                w.u32(*offset);
+                w.u32(*total);
+                w.bytes(bytes);
             }
         }
     }
 
     fn decode(kind: u16, payload: &'a [u8]) -> Result<Self, MalformedReason> {
         let mut r = Reader::new(payload);
+        let action = Self::read(kind, &mut r)?;
+        r.end()?;
+        Ok(action)
+    }
+
+    fn read(kind: u16, r: &mut Reader<'a>) -> Result<Self, MalformedReason> {
         let action = match kind {
             kind::TRANSMIT => {
-                let (mark, bytes) = (r.u32()?, r.rest());
+                let (mark, bytes) = (r.u32(), r.rest());
                 if mark == 0 && bytes.is_empty() {
-                    return Err(MalformedReason::Truncated);
+                    r.fail(MalformedReason::Truncated);
                 }
                 Self::Transmit { mark, bytes }
             }
             kind::TRANSMIT_URGENT => {
-                let (mark, bytes) = (r.u32()?, r.rest());
-                if bytes.is_empty() || bytes.len() > URGENT_BYTES {
-                    return Err(MalformedReason::OutOfRange("bytes"));
-                }
+                let (mark, bytes) = (r.u32(), r.rest());
+                r.require("bytes", (1..=URGENT_BYTES).contains(&bytes.len()));
                 Self::TransmitUrgent { mark, bytes }
             }
             kind::HOLD => Self::Hold,
             kind::RELEASE => Self::Release,
             kind::DISCARD => Self::Discard,
-            kind::SET_TIMER => Self::SetTimer { id: timer_id(&mut r)?, deadline: Micros(r.i64()?) },
-            kind::CANCEL_TIMER => Self::CancelTimer { id: timer_id(&mut r)? },
+            kind::SET_TIMER => Self::SetTimer { id: timer_id(r), deadline: Micros(r.i64()) },
+            kind::CANCEL_TIMER => Self::CancelTimer { id: timer_id(r) },
             kind::MODEM_LINES => {
-                let (mask, on) = (ModemLines(r.u8()?), ModemLines(r.u8()?));
-                if !ModemLines::OUTPUTS.contains(mask) || !mask.contains(on) {
-                    return Err(MalformedReason::OutOfRange("mask"));
-                }
+                let (mask, on) = (ModemLines(r.u8()), ModemLines(r.u8()));
+                r.require("mask", ModemLines::OUTPUTS.contains(mask) && mask.contains(on));
                 Self::ModemLines { mask, on }
             }
-            kind::BREAK => match r.u32()? {
-                micros @ 1..=BREAK_MICROS => Self::Break { micros },
-                _ => return Err(MalformedReason::OutOfRange("micros")),
-            },
-            kind::WANT => {
-                Self::Want { job: non_zero("job", r.u32()?)?, bytes: non_zero("bytes", r.u32()?)? }
+            kind::BREAK => {
+                let micros = r.u32();
+                r.require("micros", (1..=BREAK_MICROS).contains(&micros));
+                Self::Break { micros }
             }
+            kind::WANT => Self::Want { job: r.non_zero("job"), bytes: r.non_zero("bytes") },
             kind::DELIVERY_BEGIN => {
-                Self::DeliveryBegin { delivery: non_zero("delivery", r.u32()?)?, job: r.u32()? }
+                Self::DeliveryBegin { delivery: r.non_zero("delivery"), job: r.u32() }
             }
             kind::DELIVER => {
-                let (delivery, bytes) = (non_zero("delivery", r.u32()?)?, r.rest());
-                if bytes.is_empty() {
-                    return Err(MalformedReason::Truncated);
-                }
-                Self::Deliver { delivery, bytes }
+                Self::Deliver { delivery: r.non_zero("delivery"), bytes: r.rest_not_empty() }
             }
             kind::DELIVERY_NAME => Self::DeliveryName {
-                delivery: non_zero("delivery", r.u32()?)?,
-                name: r.text("name", DELIVERY_NAME_BYTES)?,
+                delivery: r.non_zero("delivery"),
+                name: r.text("name", DELIVERY_NAME_BYTES),
             },
             kind::DELIVERY_END => Self::DeliveryEnd {
-                delivery: non_zero("delivery", r.u32()?)?,
-                failure: failure(&mut r)?,
-                status: r.u16()?,
+                delivery: r.non_zero("delivery"),
+                failure: failure(r, "failure"),
+                status: r.u16(),
             },
-            kind::JOB_DONE => Self::JobDone { job: non_zero("job", r.u32()?)?, sent: r.u64()? },
-            kind::JOB_FAILED => Self::JobFailed {
-                job: non_zero("job", r.u32()?)?,
-                failure: known("failure", failure(&mut r)?)?,
-                status: r.u16()?,
-                sent: r.u64()?,
-            },
+            kind::JOB_DONE => Self::JobDone { job: r.non_zero("job"), sent: r.u64() },
+            kind::JOB_FAILED => {
+                let (job, failure) = (r.non_zero("job"), failure(r, "failure"));
+                let failure = r.known("failure", failure, Failure::Internal);
+                Self::JobFailed { job, failure, status: r.u16(), sent: r.u64() }
+            }
             kind::CHECK_RESULT => Self::CheckResult {
-                job: non_zero("job", r.u32()?)?,
-                failure: failure(&mut r)?,
-                status: r.u16()?,
-                line: r.u32()?,
-                column: r.u32()?,
+                job: r.non_zero("job"),
+                failure: failure(r, "failure"),
+                status: r.u16(),
+                line: r.u32(),
+                column: r.u32(),
             },
             kind::REQUEST => Self::Request {
-                request: non_zero("request", r.u32()?)?,
-                kind: r.u16()?,
+                request: r.non_zero("request"),
+                kind: r.u16(),
                 fields: Values::new(r.rest()),
             },
-            kind::WITHDRAW => Self::Withdraw { request: non_zero("request", r.u32()?)? },
+            kind::WITHDRAW => Self::Withdraw { request: r.non_zero("request") },
             kind::NOTE => {
-                let level = known("level", NoteLevel::from_code(r.u8()?))?;
-                if r.u8()? != 0 {
-                    return Err(MalformedReason::OutOfRange("zero"));
-                }
-                Self::Note { level, code: r.u16()?, text: r.text("text", NOTE_BYTES)? }
+                let level = NoteLevel::from_code(r.u8());
+                let level = r.known("level", level, NoteLevel::Error);
+                r.zeros(1);
+                Self::Note { level, code: r.u16(), text: r.text("text", NOTE_BYTES) }
             }
-            kind::STATE => Self::State { name: r.text("name", STATE_NAME_BYTES)? },
+            kind::STATE => Self::State { name: r.text("name", STATE_NAME_BYTES) },
             kind::SAVED => {
-                let (format, zero) = (r.u16()?, r.u16()?);
-                if zero != 0 {
-                    return Err(MalformedReason::OutOfRange("zero"));
-                }
-                let (offset, total, bytes) = (r.u32()?, r.u32()?, r.rest());
-                piece(offset, total, bytes.len())?;
+                let (format, offset, total, bytes) = state_piece(r);
                 Self::Saved { format, offset, total, bytes }
             }
             _ => return Err(MalformedReason::UnknownKind(kind)),
         };
-        r.end()?;
         Ok(action)
-    }
-}
-
-fn failure(r: &mut Reader<'_>) -> Result<Option<Failure>, MalformedReason> {
-    match r.u16()? {
-        0 => Ok(None),
-        code => known("failure", Failure::from_code(code)).map(Some),
     }
 }
 
@@ -431,10 +413,12 @@ impl<'a> Actions<'a> {
 
     fn record(&self) -> Result<(Action<'a>, usize), MalformedReason> {
         let mut reader = Reader::new(self.bytes.get(self.at..).unwrap_or_default());
-        let kind = reader.u16()?;
-        let length = usize::from(reader.u16()?);
-        let action = Action::decode(kind, reader.bytes(length)?)?;
-        Ok((action, 4 + length))
+        let kind = reader.u16();
+        let length = usize::from(reader.u16());
+        let payload = reader.bytes(length);
+        reader.rest();
+        reader.end()?;
+        Ok((Action::decode(kind, payload)?, 4 + length))
     }
 }
 
@@ -513,12 +497,18 @@ impl<'a> ActionWriter<'a> {
             }
         }
         let start = self.writer.len();
-        let written = self.record(action, start);
-        match written {
-            Ok(()) => self.open = appendable.map(|(kind, id, _)| (start, kind, id)),
-            Err(NoSpace) => self.writer.truncate(start),
-        }
-        written
+        self.writer.u16(action.kind());
+        self.writer.u16(0);
+        action.write(&mut self.writer);
+        let length = self.writer.len() - start;
+        self.writer.end(start)?;
+        let Ok(length) = u16::try_from(length - 4) else {
+            self.writer.forget(start);
+            return Err(NoSpace);
+        };
+        self.writer.patch_u16(start + 2, length);
+        self.open = appendable.map(|(kind, id, _)| (start, kind, id));
+        Ok(())
     }
 
     fn append(&mut self, kind: u16, id: u32, bytes: &[u8]) -> bool {
@@ -527,19 +517,12 @@ impl<'a> ActionWriter<'a> {
         if (open_kind, open_id) != (kind, id) || length > RECORD_BYTES {
             return false;
         }
-        if self.writer.bytes(bytes).is_err() {
+        let end = self.writer.len();
+        self.writer.bytes(bytes);
+        if self.writer.end(end).is_err() {
             return false;
         }
         self.writer.patch_u16(start + 2, length as u16);
         true
-    }
-
-    fn record(&mut self, action: &Action<'_>, start: usize) -> Result<(), NoSpace> {
-        self.writer.u16(action.kind())?;
-        self.writer.u16(0)?;
-        action.write(&mut self.writer)?;
-        let length = u16::try_from(self.writer.len() - start - 4).map_err(|_| NoSpace)?;
-        self.writer.patch_u16(start + 2, length);
-        Ok(())
     }
 }

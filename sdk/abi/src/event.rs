@@ -348,79 +348,80 @@ impl<'a> Event<'a> {
     /// Writes the payload into `buffer`; returns its length in bytes.
     pub fn encode(&self, buffer: &mut [u8]) -> Result<usize, NoSpace> {
         let mut writer = Writer::new(buffer);
-        self.write(&mut writer)?;
+        self.write(&mut writer);
+        writer.end(0)?;
         Ok(writer.len())
     }
 
-    fn write(&self, w: &mut Writer<'_>) -> Result<(), NoSpace> {
+    fn write(&self, w: &mut Writer<'_>) {
         match self {
             Self::Settings { first, last, values } => {
-                w.u8(u8::from(*first) | u8::from(*last) << 1)?;
-                w.bytes(values.as_bytes())
+                w.u8(u8::from(*first) | u8::from(*last) << 1);
+                w.bytes(values.as_bytes());
             }
             Self::Open { resumed, line, transmit_room, delivery_room } => {
-                w.u8(u8::from(*resumed))?;
-                w.u8(line.data_bits)?;
-                w.u8(line.parity as u8)?;
-                w.u8(line.stop_half_bits)?;
-                w.u32(line.baud)?;
-                w.u32(*transmit_room)?;
-                w.u32(*delivery_room)
+                w.u8(u8::from(*resumed));
+                w.u8(line.data_bits);
+                w.u8(line.parity as u8);
+                w.u8(line.stop_half_bits);
+                w.u32(line.baud);
+                w.u32(*transmit_room);
+                w.u32(*delivery_room);
             }
             Self::Received(bytes) => w.bytes(bytes),
             Self::LineError { kind, byte, span } => {
-                w.u8(kind.code())?;
-                w.u8(u8::from(byte.is_some()))?;
-                w.u8(byte.unwrap_or(0))?;
-                w.u8(0)?;
-                w.u32(*span)
+                w.u8(kind.code());
+                w.u8(u8::from(byte.is_some()));
+                w.u8(byte.unwrap_or(0));
+                w.u8(0);
+                w.u32(*span);
             }
             Self::ModemLines { known, on } => {
-                w.u8(known.0)?;
-                w.u8(on.0)
+                w.u8(known.0);
+                w.u8(on.0);
             }
             Self::LinkDown(reason) => w.u8(reason.code()),
             Self::Timer { id, deadline } => {
-                w.u8(*id)?;
-                w.i64(deadline.0)
+                w.u8(*id);
+                w.i64(deadline.0);
             }
             Self::Mark { mark, state } => {
-                w.u32(*mark)?;
-                w.u8(state.code())
+                w.u32(*mark);
+                w.u8(state.code());
             }
             Self::TransmitRoom { grown } | Self::DeliveryRoom { grown } => w.u32(*grown),
             Self::Discarded { bytes } => w.u32(*bytes),
             Self::JobBegin { job, kind, pass, size, fields } => {
-                w.u32(*job)?;
-                w.u16(*kind)?;
-                w.u8(u8::from(*pass == Pass::Check))?;
-                w.u8(u8::from(size.is_some()))?;
-                w.u64(size.unwrap_or(0))?;
-                w.bytes(fields.as_bytes())
+                w.u32(*job);
+                w.u16(*kind);
+                w.u8(u8::from(*pass == Pass::Check));
+                w.u8(u8::from(size.is_some()));
+                w.u64(size.unwrap_or(0));
+                w.bytes(fields.as_bytes());
             }
             Self::JobData { job, bytes } => {
-                w.u32(*job)?;
-                w.bytes(bytes)
+                w.u32(*job);
+                w.bytes(bytes);
             }
             Self::JobEnd { job }
             | Self::Pause { job }
             | Self::Resume { job }
             | Self::Abort { job } => w.u32(*job),
             Self::Answer { request, refused, more, bytes } => {
-                w.u32(*request)?;
-                w.u16(refused.map_or(0, Failure::code))?;
-                w.u8(u8::from(*more))?;
-                w.u8(0)?;
-                w.bytes(bytes)
+                w.u32(*request);
+                w.u16(refused.map_or(0, Failure::code));
+                w.u8(u8::from(*more));
+                w.u8(0);
+                w.bytes(bytes);
             }
             Self::Restore { format, offset, total, bytes } => {
-                w.u16(*format)?;
-                w.u16(0)?;
-                w.u32(*offset)?;
-                w.u32(*total)?;
-                w.bytes(bytes)
+                w.u16(*format);
+                w.u16(0);
+                w.u32(*offset);
+                w.u32(*total);
+                w.bytes(bytes);
             }
-            Self::Close | Self::LinkUp | Self::ForceResume | Self::Save | Self::Continue => Ok(()),
+            Self::Close | Self::LinkUp | Self::ForceResume | Self::Save | Self::Continue => {}
         }
     }
 
@@ -428,144 +429,122 @@ impl<'a> Event<'a> {
     /// looked at yet.
     pub fn decode(kind: EventKind, payload: &'a [u8]) -> Result<Self, MalformedReason> {
         let mut r = Reader::new(payload);
-        let event = match kind {
+        let event = Self::read(kind, &mut r);
+        r.end()?;
+        Ok(event)
+    }
+
+    fn read(kind: EventKind, r: &mut Reader<'a>) -> Self {
+        match kind {
             EventKind::Settings => {
-                let flags = flags(&mut r, 0b11)?;
+                let flags = r.u8();
+                r.require("flags", flags <= 0b11);
                 let values = Values::new(r.rest());
                 Self::Settings { first: flags & 1 != 0, last: flags & 2 != 0, values }
             }
             EventKind::Open => Self::Open {
-                resumed: flag(&mut r)?,
-                line: line_parameters(&mut r)?,
-                transmit_room: r.u32()?,
-                delivery_room: r.u32()?,
+                resumed: r.flag(),
+                line: line_parameters(r),
+                transmit_room: r.u32(),
+                delivery_room: r.u32(),
             },
             EventKind::Close => Self::Close,
-            EventKind::Received => Self::Received(at_least_one(r.rest())?),
+            EventKind::Received => Self::Received(r.rest_not_empty()),
             EventKind::LineError => {
-                let kind = known("kind", LineErrorKind::from_code(r.u8()?))?;
-                let (has_byte, byte) = (flag(&mut r)?, r.u8()?);
-                if !has_byte && byte != 0 {
-                    return Err(MalformedReason::OutOfRange("byte"));
-                }
-                zero(u16::from(r.u8()?))?;
-                Self::LineError { kind, byte: has_byte.then_some(byte), span: r.u32()? }
+                let kind = LineErrorKind::from_code(r.u8());
+                let kind = r.known("kind", kind, LineErrorKind::Parity);
+                let (has_byte, byte) = (r.flag(), r.u8());
+                r.require("byte", has_byte || byte == 0);
+                r.zeros(1);
+                Self::LineError { kind, byte: has_byte.then_some(byte), span: r.u32() }
             }
             EventKind::ModemLines => {
-                let (known, on) = (ModemLines(r.u8()?), ModemLines(r.u8()?));
-                if !ModemLines::ALL.contains(known) || !known.contains(on) {
-                    return Err(MalformedReason::OutOfRange("lines"));
-                }
+                let (known, on) = (ModemLines(r.u8()), ModemLines(r.u8()));
+                r.require("lines", ModemLines::ALL.contains(known) && known.contains(on));
                 Self::ModemLines { known, on }
             }
             EventKind::LinkDown => {
-                Self::LinkDown(known("reason", LinkDownReason::from_code(r.u8()?))?)
+                let reason = LinkDownReason::from_code(r.u8());
+                Self::LinkDown(r.known("reason", reason, LinkDownReason::Failed))
             }
             EventKind::LinkUp => Self::LinkUp,
-            EventKind::Timer => Self::Timer { id: timer_id(&mut r)?, deadline: Micros(r.i64()?) },
-            EventKind::Mark => Self::Mark {
-                mark: non_zero("mark", r.u32()?)?,
-                state: known("state", MarkState::from_code(r.u8()?))?,
-            },
-            EventKind::TransmitRoom => Self::TransmitRoom { grown: r.u32()? },
-            EventKind::Discarded => Self::Discarded { bytes: r.u32()? },
-            EventKind::DeliveryRoom => Self::DeliveryRoom { grown: r.u32()? },
+            EventKind::Timer => Self::Timer { id: timer_id(r), deadline: Micros(r.i64()) },
+            EventKind::Mark => {
+                let (mark, state) = (r.non_zero("mark"), MarkState::from_code(r.u8()));
+                Self::Mark { mark, state: r.known("state", state, MarkState::Dropped) }
+            }
+            EventKind::TransmitRoom => Self::TransmitRoom { grown: r.u32() },
+            EventKind::Discarded => Self::Discarded { bytes: r.u32() },
+            EventKind::DeliveryRoom => Self::DeliveryRoom { grown: r.u32() },
             EventKind::JobBegin => {
-                let (job, kind) = (non_zero("job", r.u32()?)?, r.u16()?);
-                let pass = if flag(&mut r)? { Pass::Check } else { Pass::Run };
-                let (has_size, size) = (flag(&mut r)?, r.u64()?);
-                if !has_size && size != 0 {
-                    return Err(MalformedReason::OutOfRange("size"));
-                }
+                let (job, kind) = (r.non_zero("job"), r.u16());
+                let pass = if r.flag() { Pass::Check } else { Pass::Run };
+                let (has_size, size) = (r.flag(), r.u64());
+                r.require("size", has_size || size == 0);
                 let fields = Values::new(r.rest());
                 Self::JobBegin { job, kind, pass, size: has_size.then_some(size), fields }
             }
             EventKind::JobData => {
-                Self::JobData { job: non_zero("job", r.u32()?)?, bytes: at_least_one(r.rest())? }
+                Self::JobData { job: r.non_zero("job"), bytes: r.rest_not_empty() }
             }
-            EventKind::JobEnd => Self::JobEnd { job: non_zero("job", r.u32()?)? },
-            EventKind::Pause => Self::Pause { job: non_zero("job", r.u32()?)? },
-            EventKind::Resume => Self::Resume { job: non_zero("job", r.u32()?)? },
-            EventKind::Abort => Self::Abort { job: r.u32()? },
+            EventKind::JobEnd => Self::JobEnd { job: r.non_zero("job") },
+            EventKind::Pause => Self::Pause { job: r.non_zero("job") },
+            EventKind::Resume => Self::Resume { job: r.non_zero("job") },
+            EventKind::Abort => Self::Abort { job: r.u32() },
             EventKind::ForceResume => Self::ForceResume,
             EventKind::Answer => {
-                let request = non_zero("request", r.u32()?)?;
-                let refused = match r.u16()? {
-                    0 => None,
-                    code => Some(known("refused", Failure::from_code(code))?),
-                };
-                let more = flag(&mut r)?;
-                zero(u16::from(r.u8()?))?;
+                let (request, refused) = (r.non_zero("request"), failure(r, "refused"));
+                let more = r.flag();
+                r.zeros(1);
                 Self::Answer { request, refused, more, bytes: r.rest() }
             }
             EventKind::Save => Self::Save,
             EventKind::Restore => {
-                let format = r.u16()?;
-                zero(r.u16()?)?;
-                let (offset, total, bytes) = (r.u32()?, r.u32()?, r.rest());
-                piece(offset, total, bytes.len())?;
+                let (format, offset, total, bytes) = state_piece(r);
                 Self::Restore { format, offset, total, bytes }
             }
             EventKind::Continue => Self::Continue,
-        };
-        r.end()?;
-        Ok(event)
+        }
     }
 }
 
-fn line_parameters(r: &mut Reader<'_>) -> Result<LineParameters, MalformedReason> {
-    let data_bits = r.u8()?;
-    let parity = match r.u8()? {
-        0 => Parity::None,
-        1 => Parity::Odd,
-        2 => Parity::Even,
-        3 => Parity::Mark,
-        4 => Parity::Space,
-        _ => return Err(MalformedReason::OutOfRange("parity")),
+fn line_parameters(r: &mut Reader<'_>) -> LineParameters {
+    let data_bits = r.u8();
+    let parity = match r.u8() {
+        0 => Some(Parity::None),
+        1 => Some(Parity::Odd),
+        2 => Some(Parity::Even),
+        3 => Some(Parity::Mark),
+        4 => Some(Parity::Space),
+        _ => None,
     };
-    let stop_half_bits = r.u8()?;
-    let baud = r.u32()?;
-    if !(5..=8).contains(&data_bits) || !(2..=4).contains(&stop_half_bits) {
-        return Err(MalformedReason::OutOfRange("line"));
-    }
-    Ok(LineParameters { baud, data_bits, parity, stop_half_bits })
+    let parity = r.known("parity", parity, Parity::None);
+    let stop_half_bits = r.u8();
+    r.require("line", (5..=8).contains(&data_bits) && (2..=4).contains(&stop_half_bits));
+    LineParameters { baud: r.u32(), data_bits, parity, stop_half_bits }
 }
 
-fn flags(r: &mut Reader<'_>, allowed: u8) -> Result<u8, MalformedReason> {
-    let flags = r.u8()?;
-    if flags & !allowed == 0 { Ok(flags) } else { Err(MalformedReason::OutOfRange("flags")) }
+/// A failure code; 0 is none.
+pub(crate) fn failure(r: &mut Reader<'_>, field: &'static str) -> Option<Failure> {
+    let code = r.u16();
+    let failure = Failure::from_code(code);
+    r.require(field, code == 0 || failure.is_some());
+    failure
 }
 
-fn flag(r: &mut Reader<'_>) -> Result<bool, MalformedReason> {
-    Ok(flags(r, 1)? == 1)
+pub(crate) fn timer_id(r: &mut Reader<'_>) -> u8 {
+    let id = r.u8();
+    r.require("timer", id < TIMERS);
+    id
 }
 
-fn zero(value: u16) -> Result<(), MalformedReason> {
-    if value == 0 { Ok(()) } else { Err(MalformedReason::OutOfRange("zero")) }
-}
-
-fn at_least_one(bytes: &[u8]) -> Result<&[u8], MalformedReason> {
-    if bytes.is_empty() { Err(MalformedReason::Truncated) } else { Ok(bytes) }
-}
-
-pub(crate) fn known<T>(field: &'static str, value: Option<T>) -> Result<T, MalformedReason> {
-    value.ok_or(MalformedReason::OutOfRange(field))
-}
-
-pub(crate) fn non_zero(field: &'static str, id: u32) -> Result<u32, MalformedReason> {
-    if id == 0 { Err(MalformedReason::OutOfRange(field)) } else { Ok(id) }
-}
-
-pub(crate) fn timer_id(r: &mut Reader<'_>) -> Result<u8, MalformedReason> {
-    let id = r.u8()?;
-    if id < TIMERS { Ok(id) } else { Err(MalformedReason::OutOfRange("timer")) }
-}
-
-/// A piece of a saved state lies inside a total that is within bounds.
-pub(crate) fn piece(offset: u32, total: u32, length: usize) -> Result<(), MalformedReason> {
-    let end = u64::from(offset) + length as u64;
-    if total > STATE_BYTES || end > u64::from(total) {
-        return Err(MalformedReason::OutOfRange("total"));
-    }
-    Ok(())
+/// A piece of a saved state: format, offset, total, bytes. It lies inside the
+/// total, which is within bounds.
+pub(crate) fn state_piece<'a>(r: &mut Reader<'a>) -> (u16, u32, u32, &'a [u8]) {
+    let format = r.u16();
+    r.zeros(2);
+    let (offset, total, bytes) = (r.u32(), r.u32(), r.rest());
+    let end = u64::from(offset) + bytes.len() as u64;
+    r.require("total", total <= STATE_BYTES && end <= u64::from(total));
+    (format, offset, total, bytes)
 }

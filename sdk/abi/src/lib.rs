@@ -46,7 +46,7 @@ pub use failure::{Failure, Refusal};
 pub use instance::{Instance, Output};
 pub use mailbox::{MORE_OUTPUT, Mailbox, MailboxError, Region};
 pub use time::Micros;
-pub use value::{Value, ValueWriter, Values};
+pub use value::{RawValue, RawValues, Value, ValueWriter, Values};
 pub use wire::{Malformed, MalformedReason, NoSpace};
 
 /// The ABI's version: major and minor.

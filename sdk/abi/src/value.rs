@@ -1,6 +1,7 @@
 //! Typed values: settings, and the fields of jobs and requests.
 
 use crate::limits::VALUE_BYTES;
+use core::cmp::Ordering;
 use crate::wire::{Malformed, MalformedReason, NoSpace, Reader, Writer};
 
 /// One typed value.
@@ -22,52 +23,28 @@ pub enum Value<'a> {
 /// place in the manifest), type u8, zero u8, length u16, payload.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Values<'a> {
-    bytes: &'a [u8],
-    at: usize,
+    raw: RawValues<'a>,
 }
 
 impl<'a> Values<'a> {
     /// The records in `bytes`.
     pub fn new(bytes: &'a [u8]) -> Self {
-        Self { bytes, at: 0 }
+        Self { raw: RawValues { bytes, at: 0 } }
     }
 
     /// The bytes of all records.
     pub fn as_bytes(&self) -> &'a [u8] {
-        self.bytes
+        self.raw.bytes
+    }
+
+    /// The records with their payloads not looked at yet.
+    pub fn raw(self) -> RawValues<'a> {
+        self.raw
     }
 
     /// The value at `index`, if there is one and all before it are well formed.
     pub fn find(&self, index: u16) -> Option<Value<'a>> {
         self.clone().map_while(Result::ok).find(|(at, _)| *at == index).map(|(_, value)| value)
-    }
-
-    fn record(&self) -> Result<((u16, Value<'a>), usize), MalformedReason> {
-        let mut reader = Reader::new(self.bytes.get(self.at..).unwrap_or_default());
-        let index = reader.u16()?;
-        let kind = reader.u8()?;
-        if reader.u8()? != 0 {
-            return Err(MalformedReason::OutOfRange("zero"));
-        }
-        let length = usize::from(reader.u16()?);
-        if length > VALUE_BYTES {
-            return Err(MalformedReason::OutOfRange("length"));
-        }
-        let mut payload = Reader::new(reader.bytes(length)?);
-        let value = match kind {
-            1 => Value::Bool(match payload.u8()? {
-                0 => false,
-                1 => true,
-                _ => return Err(MalformedReason::OutOfRange("bool")),
-            }),
-            2 => Value::Int(payload.i64()?),
-            3 => Value::Text(payload.text("text", VALUE_BYTES)?),
-            4 => Value::Bytes(payload.rest()),
-            5 => Value::Choice(payload.u16()?),
-            _ => return Err(MalformedReason::OutOfRange("type")),
-        };
-        payload.end()?;
-        Ok(((index, value), 6 + length))
     }
 }
 
@@ -75,20 +52,126 @@ impl<'a> Iterator for Values<'a> {
     type Item = Result<(u16, Value<'a>), Malformed>;
 
     fn next(&mut self) -> Option<Self::Item> {
+        let at = self.raw.at;
+        let decoded = self.raw.next()?.and_then(|raw| {
+            let value = raw.value().map_err(|reason| Malformed { at, reason })?;
+            Ok((raw.index, value))
+        });
+        if decoded.is_err() {
+            self.raw.at = self.raw.bytes.len();
+        }
+        Some(decoded)
+    }
+}
+
+/// One value record. A plug-in asks for the type that it expects, and carries
+/// no code for the others.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub struct RawValue<'a> {
+    /// Place in the manifest.
+    pub index: u16,
+    kind: u8,
+    payload: &'a [u8],
+}
+
+impl<'a> RawValue<'a> {
+    /// The flag, if it is one.
+    pub fn bool(&self) -> Option<bool> {
+        match (self.kind, self.payload) {
+            (BOOL, [0]) => Some(false),
+            (BOOL, [1]) => Some(true),
+            _ => None,
+        }
+    }
+
+    /// The number, if it is one.
+    pub fn int(&self) -> Option<i64> {
+        let payload: &[u8; 8] = self.payload.try_into().ok()?;
+        (self.kind == INT).then(|| i64::from_le_bytes(*payload))
+    }
+
+    /// The text, if it is one.
+    pub fn text(&self) -> Option<&'a str> {
+        core::str::from_utf8(self.payload).ok().filter(|_| self.kind == TEXT)
+    }
+
+    /// The bytes, if they are of this type.
+    pub fn bytes(&self) -> Option<&'a [u8]> {
+        (self.kind == BYTES).then_some(self.payload)
+    }
+
+    /// The choice, if it is one.
+    pub fn choice(&self) -> Option<u16> {
+        let payload: &[u8; 2] = self.payload.try_into().ok()?;
+        (self.kind == CHOICE).then(|| u16::from_le_bytes(*payload))
+    }
+
+    /// The value, whatever its type.
+    pub fn value(&self) -> Result<Value<'a>, MalformedReason> {
+        let length = match self.kind {
+            BOOL => 1,
+            INT => 8,
+            CHOICE => 2,
+            TEXT | BYTES => self.payload.len(),
+            _ => return Err(MalformedReason::OutOfRange("type")),
+        };
+        match self.payload.len().cmp(&length) {
+            Ordering::Less => return Err(MalformedReason::Truncated),
+            Ordering::Greater => return Err(MalformedReason::TrailingBytes),
+            Ordering::Equal => {}
+        }
+        let value = match self.kind {
+            BOOL => self.bool().map(Value::Bool),
+            INT => self.int().map(Value::Int),
+            TEXT => return self.text().map(Value::Text).ok_or(MalformedReason::NotUtf8("text")),
+            BYTES => self.bytes().map(Value::Bytes),
+            _ => self.choice().map(Value::Choice),
+        };
+        value.ok_or(MalformedReason::OutOfRange("bool"))
+    }
+}
+
+const BOOL: u8 = 1;
+const INT: u8 = 2;
+const TEXT: u8 = 3;
+const BYTES: u8 = 4;
+const CHOICE: u8 = 5;
+
+/// Value records with their payloads not looked at yet.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RawValues<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> RawValues<'a> {
+    fn record(&self) -> Result<RawValue<'a>, MalformedReason> {
+        let mut reader = Reader::new(self.bytes.get(self.at..).unwrap_or_default());
+        let (index, kind) = (reader.u16(), reader.u8());
+        reader.zeros(1);
+        let length = usize::from(reader.u16());
+        reader.require("length", length <= VALUE_BYTES);
+        let payload = reader.bytes(length);
+        reader.rest();
+        reader.end()?;
+        Ok(RawValue { index, kind, payload })
+    }
+}
+
+impl<'a> Iterator for RawValues<'a> {
+    type Item = Result<RawValue<'a>, Malformed>;
+
+    fn next(&mut self) -> Option<Self::Item> {
         if self.at >= self.bytes.len() {
             return None;
         }
         let at = self.at;
-        match self.record() {
-            Ok((item, length)) => {
-                self.at += length;
-                Some(Ok(item))
-            }
-            Err(reason) => {
-                self.at = self.bytes.len();
-                Some(Err(Malformed { at, reason }))
-            }
-        }
+        let record = self.record().map_err(|reason| Malformed { at, reason });
+        self.at = match &record {
+            Ok(raw) => at + 6 + raw.payload.len(),
+            Err(_) => self.bytes.len(),
+        };
+        Some(record)
     }
 }
 
@@ -107,11 +190,8 @@ impl<'a> ValueWriter<'a> {
     /// Appends one record; on `NoSpace` the records before it stay whole.
     pub fn push(&mut self, index: u16, value: Value<'_>) -> Result<(), NoSpace> {
         let start = self.writer.len();
-        let written = self.record(index, value);
-        if written.is_err() {
-            self.writer.truncate(start);
-        }
-        written
+        self.record(index, value)?;
+        self.writer.end(start)
     }
 
     /// The records so far.
@@ -122,19 +202,19 @@ impl<'a> ValueWriter<'a> {
     fn record(&mut self, index: u16, value: Value<'_>) -> Result<(), NoSpace> {
         let writer = &mut self.writer;
         let (kind, length) = match value {
-            Value::Bool(_) => (1, 1),
-            Value::Int(_) => (2, 8),
-            Value::Text(text) => (3, text.len()),
-            Value::Bytes(bytes) => (4, bytes.len()),
-            Value::Choice(_) => (5, 2),
+            Value::Bool(_) => (BOOL, 1),
+            Value::Int(_) => (INT, 8),
+            Value::Text(text) => (TEXT, text.len()),
+            Value::Bytes(bytes) => (BYTES, bytes.len()),
+            Value::Choice(_) => (CHOICE, 2),
         };
         if length > VALUE_BYTES {
             return Err(NoSpace);
         }
-        writer.u16(index)?;
-        writer.u8(kind)?;
-        writer.u8(0)?;
-        writer.u16(length as u16)?;
+        writer.u16(index);
+        writer.u8(kind);
+        writer.u8(0);
+        writer.u16(length as u16);
         match value {
             Value::Bool(value) => writer.u8(u8::from(value)),
             Value::Int(value) => writer.i64(value),
@@ -142,5 +222,6 @@ impl<'a> ValueWriter<'a> {
             Value::Bytes(bytes) => writer.bytes(bytes),
             Value::Choice(value) => writer.u16(value),
         }
+        Ok(())
     }
 }

@@ -37,54 +37,125 @@ pub enum MalformedReason {
     NotUtf8(&'static str),
 }
 
+/// Copies as many bytes as both slices hold. A copy that can panic, or an index
+/// that can, would bring the formatting of its message into every plug-in: some 5 KiB.
+pub fn copy(to: &mut [u8], from: &[u8]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to = *from;
+    }
+}
+
 /// Takes fields from the front of a slice.
+///
+/// A field that is not there reads as zero, and the fault is kept: read all,
+/// then ask [`end`](Self::end). So a record's layout reads straight down, and the code for it
+/// stays small enough for a plug-in; that is also why nothing here is inlined.
 #[derive(Clone, Debug)]
 pub struct Reader<'a> {
     rest: &'a [u8],
+    fault: Option<MalformedReason>,
 }
 
 impl<'a> Reader<'a> {
     /// A reader at the start of `bytes`.
     pub fn new(bytes: &'a [u8]) -> Self {
-        Self { rest: bytes }
+        Self { rest: bytes, fault: None }
     }
 
-    /// Takes `count` bytes.
-    pub fn bytes(&mut self, count: usize) -> Result<&'a [u8], MalformedReason> {
-        let (head, rest) = self.rest.split_at_checked(count).ok_or(MalformedReason::Truncated)?;
-        self.rest = rest;
-        Ok(head)
+    /// Keeps a fault; the first one stays.
+    #[inline(never)]
+    pub fn fail(&mut self, reason: MalformedReason) {
+        self.fault.get_or_insert(reason);
+        self.rest = &[];
     }
 
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], MalformedReason> {
-        let (head, rest) = self.rest.split_first_chunk::<N>().ok_or(MalformedReason::Truncated)?;
+    /// Takes `count` bytes; none if there are fewer.
+    pub fn bytes(&mut self, count: usize) -> &'a [u8] {
+        let Some((head, rest)) = self.rest.split_at_checked(count) else {
+            self.fail(MalformedReason::Truncated);
+            return &[];
+        };
         self.rest = rest;
-        Ok(*head)
+        head
+    }
+
+    fn array<const N: usize>(&mut self) -> [u8; N] {
+        let Some((head, rest)) = self.rest.split_first_chunk::<N>() else {
+            self.fail(MalformedReason::Truncated);
+            return [0; N];
+        };
+        self.rest = rest;
+        *head
     }
 
     /// Takes one byte.
-    pub fn u8(&mut self) -> Result<u8, MalformedReason> {
-        Ok(self.array::<1>()?[0])
+    #[inline(never)]
+    pub fn u8(&mut self) -> u8 {
+        let [byte] = self.array();
+        byte
+    }
+
+    /// Takes a flag, 0 or 1.
+    #[inline(never)]
+    pub fn flag(&mut self) -> bool {
+        let flag = self.u8();
+        self.require("flags", flag <= 1);
+        flag == 1
+    }
+
+    /// Keeps a fault unless the field is in range.
+    #[inline(never)]
+    pub fn require(&mut self, field: &'static str, in_range: bool) {
+        if !in_range {
+            self.fail(MalformedReason::OutOfRange(field));
+        }
     }
 
     /// Takes two bytes.
-    pub fn u16(&mut self) -> Result<u16, MalformedReason> {
-        self.array().map(u16::from_le_bytes)
+    #[inline(never)]
+    pub fn u16(&mut self) -> u16 {
+        u16::from_le_bytes(self.array())
     }
 
     /// Takes four bytes.
-    pub fn u32(&mut self) -> Result<u32, MalformedReason> {
-        self.array().map(u32::from_le_bytes)
+    #[inline(never)]
+    pub fn u32(&mut self) -> u32 {
+        u32::from_le_bytes(self.array())
+    }
+
+    /// Takes four bytes that are not 0.
+    #[inline(never)]
+    pub fn non_zero(&mut self, field: &'static str) -> u32 {
+        let value = self.u32();
+        self.require(field, value != 0);
+        value
     }
 
     /// Takes eight bytes.
-    pub fn u64(&mut self) -> Result<u64, MalformedReason> {
-        self.array().map(u64::from_le_bytes)
+    #[inline(never)]
+    pub fn u64(&mut self) -> u64 {
+        u64::from_le_bytes(self.array())
     }
 
     /// Takes eight bytes, signed.
-    pub fn i64(&mut self) -> Result<i64, MalformedReason> {
-        self.array().map(i64::from_le_bytes)
+    #[inline(never)]
+    pub fn i64(&mut self) -> i64 {
+        i64::from_le_bytes(self.array())
+    }
+
+    /// Takes bytes that must be zero.
+    #[inline(never)]
+    pub fn zeros(&mut self, count: usize) {
+        let all_zero = self.bytes(count).iter().all(|byte| *byte == 0);
+        self.require("zero", all_zero);
+    }
+
+    /// The meaning of a code that was taken; `otherwise` if it has none.
+    pub fn known<T>(&mut self, field: &'static str, meaning: Option<T>, otherwise: T) -> T {
+        meaning.unwrap_or_else(|| {
+            self.fail(MalformedReason::OutOfRange(field));
+            otherwise
+        })
     }
 
     /// Takes all that is left.
@@ -92,36 +163,53 @@ impl<'a> Reader<'a> {
         core::mem::take(&mut self.rest)
     }
 
-    /// Takes all that is left as text of at most `limit` bytes.
-    pub fn text(&mut self, field: &'static str, limit: usize) -> Result<&'a str, MalformedReason> {
-        if self.rest.len() > limit {
-            return Err(MalformedReason::OutOfRange(field));
+    /// Takes all that is left, at least one byte.
+    #[inline(never)]
+    pub fn rest_not_empty(&mut self) -> &'a [u8] {
+        if self.rest.is_empty() {
+            self.fail(MalformedReason::Truncated);
         }
-        core::str::from_utf8(self.rest()).map_err(|_| MalformedReason::NotUtf8(field))
+        self.rest()
     }
 
-    /// Whether all has been taken.
-    pub fn is_empty(&self) -> bool {
-        self.rest.is_empty()
+    /// Takes all that is left as text of at most `limit` bytes.
+    pub fn text(&mut self, field: &'static str, limit: usize) -> &'a str {
+        let bytes = self.rest();
+        if bytes.len() > limit {
+            self.fail(MalformedReason::OutOfRange(field));
+            return "";
+        }
+        core::str::from_utf8(bytes).unwrap_or_else(|_| {
+            self.fail(MalformedReason::NotUtf8(field));
+            ""
+        })
     }
 
-    /// Succeeds if all has been taken.
+    /// Succeeds if all was there, in range, and nothing is left.
     pub fn end(&self) -> Result<(), MalformedReason> {
-        if self.rest.is_empty() { Ok(()) } else { Err(MalformedReason::TrailingBytes) }
+        match self.fault {
+            Some(fault) => Err(fault),
+            None if self.rest.is_empty() => Ok(()),
+            None => Err(MalformedReason::TrailingBytes),
+        }
     }
 }
 
 /// Appends fields to a slice.
+///
+/// What does not fit is left out and remembered: write all, then ask
+/// [`end`](Self::end).
 #[derive(Debug)]
 pub struct Writer<'a> {
     buffer: &'a mut [u8],
     length: usize,
+    overflowed: bool,
 }
 
 impl<'a> Writer<'a> {
     /// A writer at the start of `buffer`.
     pub fn new(buffer: &'a mut [u8]) -> Self {
-        Self { buffer, length: 0 }
+        Self { buffer, length: 0, overflowed: false }
     }
 
     /// How many bytes have been written.
@@ -141,49 +229,67 @@ impl<'a> Writer<'a> {
 
     /// What has been written.
     pub fn written(&self) -> &[u8] {
-        &self.buffer[..self.length]
+        self.buffer.get(..self.length).unwrap_or_default()
     }
 
     /// Appends bytes.
-    pub fn bytes(&mut self, bytes: &[u8]) -> Result<(), NoSpace> {
-        let end = self.length.checked_add(bytes.len()).ok_or(NoSpace)?;
-        self.buffer.get_mut(self.length..end).ok_or(NoSpace)?.copy_from_slice(bytes);
-        self.length = end;
-        Ok(())
+    pub fn bytes(&mut self, bytes: &[u8]) {
+        let place = self
+            .buffer
+            .get_mut(self.length..)
+            .and_then(|free| free.get_mut(..bytes.len()))
+            .filter(|_| !self.overflowed);
+        let Some(place) = place else {
+            self.overflowed = true;
+            return;
+        };
+        copy(place, bytes);
+        self.length += bytes.len();
     }
 
     /// Appends one byte.
-    pub fn u8(&mut self, value: u8) -> Result<(), NoSpace> {
-        self.bytes(&[value])
+    pub fn u8(&mut self, value: u8) {
+        self.bytes(&[value]);
     }
 
     /// Appends two bytes.
-    pub fn u16(&mut self, value: u16) -> Result<(), NoSpace> {
-        self.bytes(&value.to_le_bytes())
+    pub fn u16(&mut self, value: u16) {
+        self.bytes(&value.to_le_bytes());
     }
 
     /// Appends four bytes.
-    pub fn u32(&mut self, value: u32) -> Result<(), NoSpace> {
-        self.bytes(&value.to_le_bytes())
+    pub fn u32(&mut self, value: u32) {
+        self.bytes(&value.to_le_bytes());
     }
 
     /// Appends eight bytes.
-    pub fn u64(&mut self, value: u64) -> Result<(), NoSpace> {
-        self.bytes(&value.to_le_bytes())
+    pub fn u64(&mut self, value: u64) {
+        self.bytes(&value.to_le_bytes());
     }
 
     /// Appends eight bytes, signed.
-    pub fn i64(&mut self, value: i64) -> Result<(), NoSpace> {
-        self.bytes(&value.to_le_bytes())
+    pub fn i64(&mut self, value: i64) {
+        self.bytes(&value.to_le_bytes());
+    }
+
+    /// Succeeds if all that was written since `start` fitted; otherwise forgets it.
+    pub fn end(&mut self, start: usize) -> Result<(), NoSpace> {
+        if core::mem::take(&mut self.overflowed) {
+            self.length = start;
+            return Err(NoSpace);
+        }
+        Ok(())
+    }
+
+    /// Forgets all that was written from `length` on.
+    pub(crate) fn forget(&mut self, length: usize) {
+        self.length = self.length.min(length);
     }
 
     /// Overwrites two bytes at `at`, which must have been written before.
     pub(crate) fn patch_u16(&mut self, at: usize, value: u16) {
-        self.buffer[at..at + 2].copy_from_slice(&value.to_le_bytes());
-    }
-
-    /// Forgets all that was written from `length` on.
-    pub(crate) fn truncate(&mut self, length: usize) {
-        self.length = self.length.min(length);
+        if let Some(place) = self.buffer.get_mut(at..).and_then(<[u8]>::first_chunk_mut) {
+            *place = value.to_le_bytes();
+        }
     }
 }

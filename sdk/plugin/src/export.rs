@@ -7,9 +7,9 @@
 #![allow(unsafe_code)]
 
 use crate::Converter;
-use crate::machine::Machine;
+use crate::machine::{Machine, STATE_CAPACITY};
 use core::cell::UnsafeCell;
-use core::fmt::{self, Write};
+use softplug_abi::wire::copy;
 use softplug_abi::{MORE_OUTPUT, Micros, Refusal};
 
 /// Length of the input buffer in bytes: 1,024 bytes and the largest head.
@@ -30,29 +30,30 @@ macro_rules! export {
         #[allow(unsafe_code)]
         const _: () = {
             use $crate::Converter;
-            use $crate::export::{Cell, bytes};
+            use $crate::export::{Buffers, Cell, bytes};
 
             const MANIFEST: &str = <$converter as Converter>::MANIFEST;
 
-            #[used]
+            // Without `#[used]`: that would put a second copy into the data.
             #[unsafe(link_section = "softplug.manifest")]
-            static SECTION: [u8; MANIFEST.len()] = bytes(MANIFEST);
+            pub static SECTION: [u8; MANIFEST.len()] = bytes(MANIFEST);
 
             static CELL: Cell<$converter> = Cell::new();
+            static BUFFERS: Buffers = Buffers::new();
 
             #[unsafe(no_mangle)]
             extern "C" fn softplug_v1() -> i32 {
-                CELL.descriptor()
+                BUFFERS.descriptor()
             }
 
             #[unsafe(no_mangle)]
             extern "C" fn softplug_v1_step(kind: i32, length: i32, now_us: i64) -> i32 {
-                CELL.step(kind, length, now_us)
+                CELL.step(&BUFFERS, kind, length, now_us)
             }
 
             #[panic_handler]
             fn panic(info: &core::panic::PanicInfo<'_>) -> ! {
-                CELL.last_words(info);
+                BUFFERS.last_words(info);
                 core::arch::wasm32::unreachable()
             }
         };
@@ -72,15 +73,11 @@ pub const fn bytes<const N: usize>(text: &str) -> [u8; N] {
     out
 }
 
-/// All of a plug-in's memory that lives between two calls; for [`export!`](crate::export!).
+/// The converter between two calls; for [`export!`](crate::export!).
 #[doc(hidden)]
 #[derive(Debug)]
 pub struct Cell<C: Converter> {
     machine: UnsafeCell<Machine<C>>,
-    input: UnsafeCell<[u8; INPUT]>,
-    output: UnsafeCell<[u8; OUTPUT]>,
-    words: UnsafeCell<[u8; WORDS]>,
-    descriptor: UnsafeCell<[u32; 6]>,
 }
 
 // SAFETY: one thread, and no call while another is under way; see the top of this file.
@@ -90,11 +87,61 @@ impl<C: Converter> Cell<C> {
     /// Before the first call.
     #[allow(clippy::new_without_default, reason = "it must be const")]
     pub const fn new() -> Self {
+        Self { machine: UnsafeCell::new(Machine::new()) }
+    }
+
+    /// `softplug_v1_step`.
+    pub fn step(&self, buffers: &Buffers, kind: i32, length: i32, now_us: i64) -> i32 {
+        // SAFETY: no other reference into the cell or the buffers is alive, and
+        // the buffers do not overlap.
+        let (machine, input, output, words, state) = unsafe {
+            (
+                &mut *self.machine.get(),
+                &*buffers.input.get(),
+                &mut *buffers.output.get(),
+                &mut *buffers.words.get(),
+                &mut *buffers.state.get(),
+            )
+        };
+        let payload = usize::try_from(length).ok().and_then(|length| input.get(..length));
+        let Some(payload) = payload else {
+            return -i32::from(Refusal::MalformedEvent.code());
+        };
+        match machine.step(kind, payload, Micros(now_us), output, state) {
+            Ok((written, false)) => written as i32,
+            Ok((written, true)) => written as i32 | MORE_OUTPUT,
+            Err((refusal, text)) => {
+                Words::begin(words).push(text.as_bytes());
+                -i32::from(refusal.code())
+            }
+        }
+    }
+}
+
+/// The mailbox, and space for a state to restore; for [`export!`](crate::export!).
+/// Apart from the converter, because what is all zeros takes no space in the module.
+#[doc(hidden)]
+#[derive(Debug)]
+pub struct Buffers {
+    input: UnsafeCell<[u8; INPUT]>,
+    output: UnsafeCell<[u8; OUTPUT]>,
+    words: UnsafeCell<[u8; WORDS]>,
+    state: UnsafeCell<[u8; STATE_CAPACITY]>,
+    descriptor: UnsafeCell<[u32; 6]>,
+}
+
+// SAFETY: as for `Cell`.
+unsafe impl Sync for Buffers {}
+
+impl Buffers {
+    /// Before the first call.
+    #[allow(clippy::new_without_default, reason = "it must be const")]
+    pub const fn new() -> Self {
         Self {
-            machine: UnsafeCell::new(Machine::new()),
             input: UnsafeCell::new([0; INPUT]),
             output: UnsafeCell::new([0; OUTPUT]),
             words: UnsafeCell::new([0; WORDS]),
+            state: UnsafeCell::new([0; STATE_CAPACITY]),
             descriptor: UnsafeCell::new([0; 6]),
         }
     }
@@ -110,36 +157,9 @@ impl<C: Converter> Cell<C> {
             address(self.words.get().cast()),
             WORDS as u32,
         ];
-        // SAFETY: no other reference into the cell is alive.
+        // SAFETY: no other reference into the buffers is alive.
         unsafe { *self.descriptor.get() = descriptor };
         self.descriptor.get() as usize as i32
-    }
-
-    /// `softplug_v1_step`.
-    pub fn step(&self, kind: i32, length: i32, now_us: i64) -> i32 {
-        // SAFETY: no other reference into the cell is alive, and the four parts
-        // do not overlap.
-        let (machine, input, output, words) = unsafe {
-            (
-                &mut *self.machine.get(),
-                &*self.input.get(),
-                &mut *self.output.get(),
-                &mut *self.words.get(),
-            )
-        };
-        let payload = usize::try_from(length).ok().and_then(|length| input.get(..length));
-        let Some(payload) = payload else {
-            return -i32::from(Refusal::MalformedEvent.code());
-        };
-        match machine.step(kind, payload, Micros(now_us), output) {
-            Ok((written, false)) => written as i32,
-            Ok((written, true)) => written as i32 | MORE_OUTPUT,
-            Err((refusal, text)) => {
-                let mut writer = Words::begin(words);
-                let _ = writer.write_str(text);
-                -i32::from(refusal.code())
-            }
-        }
     }
 
     /// Leaves a panic's text and place.
@@ -148,9 +168,15 @@ impl<C: Converter> Cell<C> {
         // no longer used.
         let words = unsafe { &mut *self.words.get() };
         let mut writer = Words::begin(words);
-        let _ = write!(writer, "{}", info.message());
+        #[cfg(feature = "panic-format")]
+        let _ = core::fmt::Write::write_fmt(&mut writer, format_args!("{}", info.message()));
+        #[cfg(not(feature = "panic-format"))]
+        writer.push(info.message().as_str().unwrap_or("index or length out of range").as_bytes());
         if let Some(place) = info.location() {
-            let _ = write!(writer, ", at {}:{}", place.file(), place.line());
+            writer.push(b", at ");
+            writer.push(place.file().as_bytes());
+            writer.push(b":");
+            writer.number(place.line());
         }
     }
 }
@@ -169,17 +195,38 @@ impl<'a> Words<'a> {
     }
 
     fn set_length(&mut self) {
-        self.region[..4].copy_from_slice(&(self.length as u32).to_le_bytes());
+        copy(self.region, &(self.length as u32).to_le_bytes());
+    }
+
+    fn push(&mut self, text: &[u8]) {
+        for byte in text {
+            if let Some(place) = self.region.get_mut(4 + self.length) {
+                *place = *byte;
+                self.length += 1;
+            }
+        }
+        self.set_length();
+    }
+
+    fn number(&mut self, mut value: u32) {
+        let mut digits = [b'0'; 10];
+        let mut first = digits.len();
+        for (at, digit) in digits.iter_mut().enumerate().rev() {
+            *digit += (value % 10) as u8;
+            first = at;
+            value /= 10;
+            if value == 0 {
+                break;
+            }
+        }
+        self.push(digits.get(first..).unwrap_or_default());
     }
 }
 
-impl Write for Words<'_> {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        let start = 4 + self.length;
-        let count = text.len().min(WORDS - start);
-        self.region[start..start + count].copy_from_slice(&text.as_bytes()[..count]);
-        self.length += count;
-        self.set_length();
+#[cfg(feature = "panic-format")]
+impl core::fmt::Write for Words<'_> {
+    fn write_str(&mut self, text: &str) -> core::fmt::Result {
+        self.push(text.as_bytes());
         Ok(())
     }
 }

@@ -4,6 +4,7 @@ use crate::context::{Context, Rooms};
 use crate::state::{StateReader, emit, measure};
 use crate::{Converter, JobStart, Opening, SettingSet};
 use softplug_abi::limits::STATE_BYTES;
+use softplug_abi::wire::copy;
 use softplug_abi::{Event, EventKind, Micros, Refusal};
 
 /// Largest state in bytes that this machine can restore.
@@ -22,7 +23,6 @@ pub(crate) struct Machine<C: Converter> {
     rooms: Rooms,
     /// Where the next piece of a save begins.
     saving: Option<usize>,
-    restored: [u8; STATE_CAPACITY],
     restored_length: usize,
 }
 
@@ -34,18 +34,19 @@ impl<C: Converter> Machine<C> {
             next_setting: 0,
             rooms: Rooms { transmit: 0, delivery: 0 },
             saving: None,
-            restored: [0; STATE_CAPACITY],
             restored_length: 0,
         }
     }
 
-    /// One event. `code` and `payload` are what the host gave.
+    /// One event. `code` and `payload` are what the host gave; `state` gathers
+    /// the pieces of a state to restore.
     pub(crate) fn step(
         &mut self,
         code: i32,
         payload: &[u8],
         now: Micros,
         output: &mut [u8],
+        state: &mut [u8],
     ) -> Stepped {
         let kind = u16::try_from(code).ok().and_then(EventKind::from_code);
         let kind = kind.ok_or((Refusal::UnknownEvent, ""))?;
@@ -60,7 +61,7 @@ impl<C: Converter> Machine<C> {
                 self.converter = Some(C::new(settings));
             }
             Event::Restore { format, offset, total, bytes } => {
-                return self.restore(format, offset, total, bytes).map(|()| (0, false));
+                return self.restore(format, offset, total, bytes, state).map(|()| (0, false));
             }
             Event::Save => self.saving = Some(0),
             Event::Continue => {}
@@ -98,9 +99,10 @@ impl<C: Converter> Machine<C> {
         let Some(settings) = &mut self.settings else {
             return Err((Refusal::MalformedEvent, "settings do not begin with a first piece"));
         };
-        for value in values {
-            let (index, value) = value.map_err(|_| (Refusal::MalformedEvent, ""))?;
-            if index != self.next_setting || !settings.set(index, value) {
+        for value in values.raw() {
+            let value = value.map_err(|_| (Refusal::MalformedEvent, ""))?;
+            let index = value.index;
+            if index != self.next_setting || !settings.set(index, &value) {
                 return Err((Refusal::Settings, "a setting is not of the manifest's type or order"));
             }
             self.next_setting += 1;
@@ -116,7 +118,7 @@ impl<C: Converter> Machine<C> {
 
     fn settings_or_none(&self) -> Result<C::Settings, (Refusal, &'static str)> {
         match &self.settings {
-            Some(settings) => Ok(settings.clone()),
+            Some(settings) => Ok(*settings),
             None if C::Settings::COUNT == 0 => Ok(C::Settings::unset()),
             None => Err((Refusal::MalformedEvent, "open came before the settings")),
         }
@@ -128,6 +130,7 @@ impl<C: Converter> Machine<C> {
         offset: u32,
         total: u32,
         bytes: &[u8],
+        state: &mut [u8],
     ) -> Result<(), (Refusal, &'static str)> {
         let refused = |text| Err((Refusal::State, text));
         if offset == 0 {
@@ -137,16 +140,16 @@ impl<C: Converter> Machine<C> {
             return refused("the pieces of the state do not follow each other");
         }
         let end = self.restored_length + bytes.len();
-        let Some(place) = self.restored.get_mut(self.restored_length..end) else {
+        let Some(place) = state.get_mut(self.restored_length..end) else {
             return refused("the state is longer than this plug-in ever saves");
         };
-        place.copy_from_slice(bytes);
+        copy(place, bytes);
         self.restored_length = end;
         if end < total as usize {
             return Ok(());
         }
         let mut converter = C::new(self.settings_or_none()?);
-        let mut reader = StateReader::new(&self.restored[..end]);
+        let mut reader = StateReader::new(state.get(..end).unwrap_or_default());
         let taken = converter.restore(format, &mut reader).and_then(|()| reader.end());
         if taken.is_err() {
             return refused("the state is of another format or damaged");

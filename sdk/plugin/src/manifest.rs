@@ -36,14 +36,14 @@ macro_rules! settings {
         }
     ) => {
         $(#[$attr])*
-        #[derive(Clone, Debug)]
+        #[derive(Copy, Clone, Debug)]
         $vis struct $name {
             $( #[doc = $text] pub $field: $kind, )*
         }
 
         const _: () = {
             #[allow(unused_imports)]
-            use $crate::{SettingSet, SettingType, Value};
+            use $crate::{RawValue, SettingSet, SettingType};
 
             impl SettingSet for $name {
                 const COUNT: u16 = [$( stringify!($field), )*].len() as u16;
@@ -56,9 +56,8 @@ macro_rules! settings {
                             <$kind as SettingType>::QUOTE,
                             concat!($default),
                             <$kind as SettingType>::QUOTE,
-                            concat!($(
-                                ",\"min\":", $min, ",\"max\":", $max, ",\"unit\":\"", $unit, "\"",
-                            )?),
+                            concat!($( ",\"min\":", $min, ",\"max\":", $max )?),
+                            $( $crate::manifest::unit($unit, concat!(",\"unit\":\"", $unit, "\"")) )?
                         ],
                         <$kind as SettingType>::MORE,
                         &[concat!(",\"text\":\"", $text, "\"}")],
@@ -69,15 +68,11 @@ macro_rules! settings {
                     Self { $( $field: <$kind as SettingType>::unset(), )* }
                 }
 
-                fn set(&mut self, index: u16, value: Value<'_>) -> bool {
+                fn set(&mut self, index: u16, value: &RawValue<'_>) -> bool {
                     let mut at = 0;
                     $(
                         if index == at {
-                            let Some(value) = <$kind as SettingType>::from_value(value) else {
-                                return false;
-                            };
-                            self.$field = value;
-                            return true;
+                            return self.$field.assign(value);
                         }
                         at += 1;
                     )*
@@ -154,6 +149,12 @@ macro_rules! manifest {
             Err(_) => unreachable!(),
         }
     }};
+}
+
+/// A number without a unit has no entry for it.
+#[doc(hidden)]
+pub const fn unit(unit: &'static str, entry: &'static str) -> &'static str {
+    if unit.is_empty() { "" } else { entry }
 }
 
 const OPEN: &str = "{";

@@ -2,7 +2,7 @@
 //! the sandbox.
 
 use crate::Converter;
-use crate::machine::Machine;
+use crate::machine::{Machine, STATE_CAPACITY};
 use softplug_abi::{Event, Instance, Micros, Output, Refusal};
 use std::fmt;
 
@@ -33,6 +33,7 @@ pub struct Native<C: Converter> {
     machine: Box<Machine<C>>,
     input: Box<[u8; INPUT]>,
     output: Box<[u8; OUTPUT]>,
+    state: Box<[u8; STATE_CAPACITY]>,
 }
 
 impl<C: Converter> Native<C> {
@@ -42,6 +43,7 @@ impl<C: Converter> Native<C> {
             machine: Box::new(Machine::new()),
             input: Box::new([0; INPUT]),
             output: Box::new([0; OUTPUT]),
+            state: Box::new([0; STATE_CAPACITY]),
         }
     }
 }
@@ -84,7 +86,13 @@ impl<C: Converter> Instance for Native<C> {
         };
         let length = event.encode(&mut self.input[..]).map_err(|_| too_long)?;
         let code = i32::from(event.kind().code());
-        let stepped = self.machine.step(code, &self.input[..length], now, &mut self.output[..]);
+        let stepped = self.machine.step(
+            code,
+            &self.input[..length],
+            now,
+            &mut self.output[..],
+            &mut self.state[..],
+        );
         let (length, more) = stepped.map_err(|(refusal, words)| NativeFault { refusal, words })?;
         Ok(Output { actions: &self.output[..length], more })
     }

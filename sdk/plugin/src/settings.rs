@@ -1,9 +1,10 @@
 //! Settings as typed fields, with their part of the manifest.
 
-use softplug_abi::Value;
+use softplug_abi::RawValue;
+use softplug_abi::wire::copy;
 
 /// The settings of a converter. Made by [`settings!`](crate::settings).
-pub trait SettingSet: Clone + core::fmt::Debug {
+pub trait SettingSet: Copy + core::fmt::Debug {
     /// How many there are.
     const COUNT: u16;
     /// The manifest's list of settings, in pieces to be joined.
@@ -12,7 +13,7 @@ pub trait SettingSet: Clone + core::fmt::Debug {
     /// All settings before any value has come.
     fn unset() -> Self;
     /// Takes the value at `index`; `false` if it is not of the setting's type.
-    fn set(&mut self, index: u16, value: Value<'_>) -> bool;
+    fn set(&mut self, index: u16, value: &RawValue<'_>) -> bool;
 }
 
 impl SettingSet for () {
@@ -21,13 +22,13 @@ impl SettingSet for () {
 
     fn unset() -> Self {}
 
-    fn set(&mut self, _index: u16, _value: Value<'_>) -> bool {
+    fn set(&mut self, _index: u16, _value: &RawValue<'_>) -> bool {
         false
     }
 }
 
 /// The type of one setting.
-pub trait SettingType: Clone {
+pub trait SettingType: Copy {
     /// Its type in the manifest.
     const TYPE: &'static str;
     /// What else the manifest says of it, beginning with a comma.
@@ -38,7 +39,16 @@ pub trait SettingType: Clone {
     /// Before a value has come.
     fn unset() -> Self;
     /// From a value of its type.
-    fn from_value(value: Value<'_>) -> Option<Self>;
+    fn from_value(value: &RawValue<'_>) -> Option<Self>;
+
+    /// Takes a value; `false` if it is not of this type.
+    fn assign(&mut self, value: &RawValue<'_>) -> bool {
+        let value = Self::from_value(value);
+        if let Some(value) = value {
+            *self = value;
+        }
+        value.is_some()
+    }
 }
 
 impl SettingType for bool {
@@ -50,11 +60,8 @@ impl SettingType for bool {
         false
     }
 
-    fn from_value(value: Value<'_>) -> Option<Self> {
-        match value {
-            Value::Bool(value) => Some(value),
-            _ => None,
-        }
+    fn from_value(value: &RawValue<'_>) -> Option<Self> {
+        value.bool()
     }
 }
 
@@ -67,11 +74,8 @@ impl SettingType for i64 {
         0
     }
 
-    fn from_value(value: Value<'_>) -> Option<Self> {
-        match value {
-            Value::Int(value) => Some(value),
-            _ => None,
-        }
+    fn from_value(value: &RawValue<'_>) -> Option<Self> {
+        value.int()
     }
 }
 
@@ -85,13 +89,13 @@ pub struct Bytes<const N: usize> {
 impl<const N: usize> Bytes<N> {
     /// The bytes.
     pub fn as_slice(&self) -> &[u8] {
-        &self.bytes[..self.length]
+        self.bytes.get(..self.length).unwrap_or_default()
     }
 
-    fn copy(bytes: &[u8]) -> Option<Self> {
-        let mut copy = [0; N];
-        copy.get_mut(..bytes.len())?.copy_from_slice(bytes);
-        Some(Self { bytes: copy, length: bytes.len() })
+    fn from_slice(bytes: &[u8]) -> Option<Self> {
+        let mut own = [0; N];
+        copy(own.get_mut(..bytes.len())?, bytes);
+        Some(Self { bytes: own, length: bytes.len() })
     }
 }
 
@@ -104,11 +108,8 @@ impl<const N: usize> SettingType for Bytes<N> {
         Self { bytes: [0; N], length: 0 }
     }
 
-    fn from_value(value: Value<'_>) -> Option<Self> {
-        match value {
-            Value::Bytes(bytes) => Self::copy(bytes),
-            _ => None,
-        }
+    fn from_value(value: &RawValue<'_>) -> Option<Self> {
+        Self::from_slice(value.bytes()?)
     }
 }
 
@@ -132,11 +133,8 @@ impl<const N: usize> SettingType for Text<N> {
         Self(Bytes::unset())
     }
 
-    fn from_value(value: Value<'_>) -> Option<Self> {
-        match value {
-            Value::Text(text) => Bytes::copy(text.as_bytes()).map(Self),
-            _ => None,
-        }
+    fn from_value(value: &RawValue<'_>) -> Option<Self> {
+        Bytes::from_slice(value.text()?.as_bytes()).map(Self)
     }
 }
 
@@ -182,10 +180,7 @@ impl<T: Choice> SettingType for T {
         T::FIRST
     }
 
-    fn from_value(value: Value<'_>) -> Option<Self> {
-        match value {
-            Value::Choice(index) => T::from_index(index),
-            _ => None,
-        }
+    fn from_value(value: &RawValue<'_>) -> Option<Self> {
+        T::from_index(value.choice()?)
     }
 }

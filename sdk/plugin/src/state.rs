@@ -2,8 +2,8 @@
 
 use crate::Context;
 use core::fmt;
-use softplug_abi::wire::Reader;
-use softplug_abi::{Action, Micros};
+use softplug_abi::wire::{Reader, copy};
+use softplug_abi::{Action, Failure, Micros};
 
 /// A saved state that cannot be taken.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -34,10 +34,10 @@ impl StateWriter<'_> {
     /// Writes bytes, without their length.
     pub fn bytes(&mut self, bytes: &[u8]) {
         let skipped = self.skip.saturating_sub(self.position).min(bytes.len());
-        let wanted = &bytes[skipped..];
-        let count = wanted.len().min(self.piece.len() - self.filled);
-        self.piece[self.filled..self.filled + count].copy_from_slice(&wanted[..count]);
-        self.filled += count;
+        let wanted = bytes.get(skipped..).unwrap_or_default();
+        let free = self.piece.get_mut(self.filled..).unwrap_or_default();
+        self.filled += wanted.len().min(free.len());
+        copy(free, wanted);
         self.position += bytes.len();
     }
 
@@ -49,6 +49,16 @@ impl StateWriter<'_> {
     /// Writes a flag.
     pub fn bool(&mut self, value: bool) {
         self.u8(u8::from(value));
+    }
+
+    /// Writes two bytes.
+    pub fn u16(&mut self, value: u16) {
+        self.bytes(&value.to_le_bytes());
+    }
+
+    /// Writes why something failed, or that it did not.
+    pub fn failure(&mut self, value: Option<Failure>) {
+        self.u16(value.map_or(0, Failure::code));
     }
 
     /// Writes four bytes.
@@ -93,7 +103,7 @@ pub(crate) fn emit(
         let mut writer = StateWriter { position: 0, skip: offset, piece: &mut piece, filled: 0 };
         write(&mut writer);
         let filled = writer.filled;
-        let bytes = &piece[..filled];
+        let bytes = piece.get(..filled).unwrap_or_default();
         link.push(&Action::Saved { format, offset: offset as u32, total: total as u32, bytes });
         offset += filled;
         if offset >= total || link.output_room() < PIECE + 16 {
@@ -102,7 +112,8 @@ pub(crate) fn emit(
     }
 }
 
-/// Gives a state back field by field.
+/// Gives a state back field by field. A field that is not there reads as zero,
+/// and the whole restore then fails.
 #[derive(Debug)]
 pub struct StateReader<'a> {
     reader: Reader<'a>,
@@ -114,48 +125,54 @@ impl<'a> StateReader<'a> {
     }
 
     /// Reads `count` bytes.
-    pub fn bytes(&mut self, count: usize) -> Result<&'a [u8], StateError> {
-        self.reader.bytes(count).map_err(|_| StateError)
+    pub fn bytes(&mut self, count: usize) -> &'a [u8] {
+        self.reader.bytes(count)
     }
 
     /// Reads one byte.
-    pub fn u8(&mut self) -> Result<u8, StateError> {
-        self.reader.u8().map_err(|_| StateError)
+    pub fn u8(&mut self) -> u8 {
+        self.reader.u8()
     }
 
     /// Reads a flag.
-    pub fn bool(&mut self) -> Result<bool, StateError> {
-        match self.u8()? {
-            0 => Ok(false),
-            1 => Ok(true),
-            _ => Err(StateError),
-        }
+    pub fn bool(&mut self) -> bool {
+        self.reader.flag()
+    }
+
+    /// Reads two bytes.
+    pub fn u16(&mut self) -> u16 {
+        self.reader.u16()
     }
 
     /// Reads four bytes.
-    pub fn u32(&mut self) -> Result<u32, StateError> {
-        self.reader.u32().map_err(|_| StateError)
+    pub fn u32(&mut self) -> u32 {
+        self.reader.u32()
     }
 
     /// Reads eight bytes.
-    pub fn u64(&mut self) -> Result<u64, StateError> {
-        self.reader.u64().map_err(|_| StateError)
+    pub fn u64(&mut self) -> u64 {
+        self.reader.u64()
     }
 
     /// Reads an instant or span.
-    pub fn micros(&mut self) -> Result<Micros, StateError> {
-        self.reader.i64().map(Micros).map_err(|_| StateError)
+    pub fn micros(&mut self) -> Micros {
+        Micros(self.reader.i64())
     }
 
     /// Reads an instant, or that there is none.
-    pub fn deadline(&mut self) -> Result<Option<Micros>, StateError> {
-        let there = self.bool()?;
-        let value = self.micros()?;
-        Ok(there.then_some(value))
+    pub fn deadline(&mut self) -> Option<Micros> {
+        let there = self.bool();
+        let value = self.micros();
+        there.then_some(value)
     }
 
-    /// Succeeds if all was read.
-    pub fn end(&self) -> Result<(), StateError> {
-        if self.reader.is_empty() { Ok(()) } else { Err(StateError) }
+    /// Reads why something failed, or that it did not.
+    pub fn failure(&mut self) -> Option<Failure> {
+        Failure::from_code(self.u16())
+    }
+
+    /// Succeeds if all was there, and all was read.
+    pub(crate) fn end(&self) -> Result<(), StateError> {
+        self.reader.end().map_err(|_| StateError)
     }
 }
