@@ -1,1 +1,3 @@
-//! (to come)
+//! Judges Softplug plug-ins: simulated partners, replay and reports.
+
+pub mod partners;

@@ -15,7 +15,7 @@ use crate::{Error, plugins};
 
 /// With `--all`, all that is needed must be there.
 #[derive(Debug, thiserror::Error)]
-#[error("--all demands {}: install it and run this again", .0.join(" and "))]
+#[error("--all demands {}: install what is missing and run this again", .0.join(" and "))]
 pub(crate) struct TestError(Vec<String>);
 
 /// A program that some tests need.
@@ -148,8 +148,8 @@ mod tests {
             TestError(vec!["`a` (Debian package b)".into(), "`c` (Debian package d)".into()]);
         assert_eq!(
             error.to_string(),
-            "--all demands `a` (Debian package b) and `c` (Debian package d): install it and run \
-             this again"
+            "--all demands `a` (Debian package b) and `c` (Debian package d): install what is \
+             missing and run this again"
         );
     }
 
