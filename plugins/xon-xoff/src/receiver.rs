@@ -244,7 +244,8 @@ impl Receiver {
 
     /// Silence counts only while the partner may send.
     fn await_quiet(&mut self, link: &mut Context<'_>, settings: &Settings) {
-        let span = if self.is_complete(settings) { settings.end_quiet } else { settings.quiet_time };
+        let span =
+            if self.is_complete(settings) { settings.end_quiet } else { settings.quiet_time };
         let is_timed = self.delivery != 0 && !self.stopped && span > 0;
         self.set_quiet(link, is_timed.then(|| link.now() + Micros::from_millis(span)));
     }

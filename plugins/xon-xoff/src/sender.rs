@@ -121,7 +121,12 @@ impl Sender {
         }
     }
 
-    pub(crate) fn begin(&mut self, link: &mut Context<'_>, settings: &Settings, job: &JobStart<'_>) {
+    pub(crate) fn begin(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        job: &JobStart<'_>,
+    ) {
         if self.is_sending() {
             link.job_failed(job.job, Failure::Busy, 0, 0);
             return;
@@ -183,13 +188,7 @@ impl Sender {
         self.ask(link, settings);
     }
 
-    fn check(
-        &mut self,
-        link: &mut Context<'_>,
-        settings: &Settings,
-        codes: &Codes,
-        bytes: &[u8],
-    ) {
+    fn check(&mut self, link: &mut Context<'_>, settings: &Settings, codes: &Codes, bytes: &[u8]) {
         for byte in bytes {
             self.column += 1;
             if is_refused(settings, codes, *byte) {

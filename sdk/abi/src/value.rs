@@ -1,8 +1,8 @@
 //! Typed values: settings, and the fields of jobs and requests.
 
 use crate::limits::VALUE_BYTES;
-use core::cmp::Ordering;
 use crate::wire::{Malformed, MalformedReason, NoSpace, Reader, Writer};
+use core::cmp::Ordering;
 
 /// One typed value.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]

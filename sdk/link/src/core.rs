@@ -41,7 +41,8 @@ pub(crate) struct Core {
     drained: u32,
     requests: Vec<u32>,
     pub(crate) saved: Vec<u8>,
-    pub(crate) saved_format: Option<u16>,
+    /// Format and total length of the state that is being saved.
+    pub(crate) saving: Option<(u16, u32)>,
 }
 
 impl Core {
@@ -56,7 +57,7 @@ impl Core {
             drained: 0,
             requests: Vec::with_capacity(REQUESTS),
             saved: Vec::new(),
-            saved_format: None,
+            saving: None,
         }
     }
 
@@ -106,7 +107,9 @@ impl Core {
                 self.in_delivery(*delivery)?;
                 self.delivery = None;
             }
-            Action::JobDone { job, .. } | Action::JobFailed { job, .. } => self.end_job(*job, action)?,
+            Action::JobDone { job, .. } | Action::JobFailed { job, .. } => {
+                self.end_job(*job, action)?
+            }
             Action::CheckResult { job, failure, .. } => self.checked(*job, failure.is_none())?,
             Action::Request { request, .. } => self.request(*request)?,
             Action::Withdraw { request } => self.requests.retain(|id| id != request),
@@ -192,20 +195,22 @@ impl Core {
     ) -> Result<(), RuleBroken> {
         let follows = offset as usize == self.saved.len()
             && total <= STATE_BYTES
-            && self.saved_format.is_none_or(|known| known == format);
+            && self.saving.is_none_or(|known| known == (format, total));
         if !follows {
             return Err(RuleBroken::StatePieces);
         }
-        self.saved_format = Some(format);
+        self.saving = Some((format, total));
         self.saved.extend(bytes);
         Ok(())
     }
 
-    /// Growth of room for deliveries to report: an eighth of the capacity.
+    /// Growth of room for deliveries to report: an eighth of the capacity, or
+    /// all of it once nothing is left to put away.
     pub(crate) fn next_delivery_room(&mut self, outside: &mut dyn Outside) -> Option<u32> {
         self.drained += outside.drained();
-        let due = self.drained > 0 && self.drained >= self.delivery_capacity / 8;
-        if !due {
+        let all_put_away = self.delivery_room + self.drained == self.delivery_capacity;
+        let due = self.drained >= self.delivery_capacity / 8 || all_put_away;
+        if self.drained == 0 || !due {
             return None;
         }
         let grown = std::mem::take(&mut self.drained);
@@ -213,10 +218,15 @@ impl Core {
         Some(grown)
     }
 
-    /// The whole room for deliveries, for a restored plug-in.
-    pub(crate) fn restate_delivery_room(&mut self) -> u32 {
+    /// All that is free for deliveries, reported or not.
+    pub(crate) fn whole_delivery_room(&self) -> u32 {
+        self.delivery_room + self.drained
+    }
+
+    /// The plug-in was told both whole rooms.
+    pub(crate) fn restate_rooms(&mut self) {
+        self.queue.restate_room();
         self.delivery_room += std::mem::take(&mut self.drained);
-        self.delivery_room
     }
 
     /// Ends what the plug-in had under way, because it can no longer.

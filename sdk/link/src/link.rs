@@ -8,9 +8,12 @@ use crate::{Outside, Supply};
 use softplug_abi::limits::{OUTPUT_ROUNDS, STEPS_PER_INSTANT};
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{
-    Actions, Event, EventKind, Failure, Instance, LineErrorKind, LineParameters, LinkDownReason, Micros,
-    ModemLines, Values,
+    Action, Actions, Event, EventKind, Failure, Instance, LineErrorKind, LineParameters,
+    LinkDownReason, Micros, ModemLines, Values,
 };
+
+/// Bytes of a job's beginning before its fields.
+const JOB_BEGIN_HEAD: usize = 16;
 
 /// What a link is opened with.
 #[derive(Clone, Debug)]
@@ -75,7 +78,11 @@ impl<I: Instance> Link<I> {
     }
 
     /// Gives the settings, then opens.
-    pub fn open(&mut self, now: Micros, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+    pub fn open(
+        &mut self,
+        now: Micros,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
         self.begin_instant(now);
         let settings = std::mem::take(&mut self.options.settings);
         let capacity = self.instance.input_capacity();
@@ -85,23 +92,28 @@ impl<I: Instance> Link<I> {
         given?;
         self.is_open = true;
         let opening = self.opening(false);
+        self.core.restate_rooms();
         self.step(&opening, outside)?;
         self.tell_modem_lines(outside)?;
         self.run(self.now, outside)
     }
 
-    pub(crate) fn opening(&mut self, resumed: bool) -> Event<'static> {
+    pub(crate) fn opening(&self, resumed: bool) -> Event<'static> {
         Event::Open {
             resumed,
             line: self.options.line,
-            transmit_room: self.core.queue.restate_room(),
-            delivery_room: self.core.restate_delivery_room(),
+            transmit_room: self.core.queue.whole_room(),
+            delivery_room: self.core.whole_delivery_room(),
         }
     }
 
     /// Closes. What the plug-in still has under way is interrupted, what waits
     /// to be sent is dropped.
-    pub fn close(&mut self, now: Micros, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+    pub fn close(
+        &mut self,
+        now: Micros,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
         if !self.is_open {
             return Ok(());
         }
@@ -109,7 +121,7 @@ impl<I: Instance> Link<I> {
         let closed = self.step(&Event::Close, outside);
         self.is_open = false;
         self.core.interrupt(now, outside);
-        self.core.queue = crate::queue::Queue::new(self.options.transmit_room);
+        self.core.queue.clear();
         closed
     }
 
@@ -166,10 +178,15 @@ impl<I: Instance> Link<I> {
         self.step(&Event::LinkDown(reason), outside)
     }
 
-    /// The port is back.
-    pub fn link_up(&mut self, now: Micros, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+    /// The port is back; the modem lines are told again.
+    pub fn link_up(
+        &mut self,
+        now: Micros,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
         self.begin_input(now);
-        self.step(&Event::LinkUp, outside)
+        self.step(&Event::LinkUp, outside)?;
+        self.tell_modem_lines(outside)
     }
 
     /// How many characters, of all that [`take`](Self::take) gave out, have left
@@ -182,7 +199,11 @@ impl<I: Instance> Link<I> {
     /// Delivers what is due at `now` until nothing of this instant is left:
     /// transmit progress, timers by (deadline, id), room for deliveries, then
     /// the job's data.
-    pub fn run(&mut self, now: Micros, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+    pub fn run(
+        &mut self,
+        now: Micros,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
         self.begin_instant(now);
         if !self.is_open {
             return Ok(());
@@ -203,11 +224,11 @@ impl<I: Instance> Link<I> {
         if let Some((mark, state)) = queue.next_mark() {
             return Some(Event::Mark { mark, state });
         }
-        if let Some(bytes) = queue.next_discarded() {
-            return Some(Event::Discarded { bytes });
-        }
         if let Some(grown) = queue.next_room() {
             return Some(Event::TransmitRoom { grown });
+        }
+        if let Some(bytes) = queue.next_discarded() {
+            return Some(Event::Discarded { bytes });
         }
         if let Some((id, deadline)) = self.core.timers.take_due(self.now) {
             return Some(Event::Timer { id, deadline });
@@ -246,7 +267,8 @@ impl<I: Instance> Link<I> {
         Ok(true)
     }
 
-    /// Begins a job. One that finds another under way fails as busy.
+    /// Begins a job. One that finds another under way fails as busy, one whose
+    /// fields do not fit an event as a bad job.
     pub fn begin_job(
         &mut self,
         now: Micros,
@@ -255,10 +277,13 @@ impl<I: Instance> Link<I> {
     ) -> Result<(), LinkFault<I::Fault>> {
         self.run(now, outside)?;
         self.steps = 0;
-        if self.core.job.is_some() {
-            let (job, failure) = (job.id, Failure::Busy);
-            let failed = softplug_abi::Action::JobFailed { job, failure, status: 0, sent: 0 };
-            outside.handle(now, &failed);
+        let too_long = job.fields.len() + JOB_BEGIN_HEAD > self.instance.input_capacity();
+        let failure = match &self.core.job {
+            Some(_) => Some(Failure::Busy),
+            None => too_long.then_some(Failure::BadJob),
+        };
+        if let Some(failure) = failure {
+            outside.handle(now, &Action::JobFailed { job: job.id, failure, status: 0, sent: 0 });
             return Ok(());
         }
         self.core.job = Some(ActiveJob::new(job));
@@ -275,17 +300,32 @@ impl<I: Instance> Link<I> {
     }
 
     /// Asks for a pause of the job.
-    pub fn pause(&mut self, now: Micros, job: u32, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+    pub fn pause(
+        &mut self,
+        now: Micros,
+        job: u32,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
         self.request_of_job(now, job, &Event::Pause { job }, outside)
     }
 
     /// Ends the pause.
-    pub fn resume(&mut self, now: Micros, job: u32, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+    pub fn resume(
+        &mut self,
+        now: Micros,
+        job: u32,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
         self.request_of_job(now, job, &Event::Resume { job }, outside)
     }
 
     /// Aborts the job, or, with 0, the delivery under way.
-    pub fn abort(&mut self, now: Micros, job: u32, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+    pub fn abort(
+        &mut self,
+        now: Micros,
+        job: u32,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
         self.request_of_job(now, job, &Event::Abort { job }, outside)
     }
 
@@ -307,7 +347,11 @@ impl<I: Instance> Link<I> {
     }
 
     /// Goes on although the partner holds the line.
-    pub fn force_resume(&mut self, now: Micros, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+    pub fn force_resume(
+        &mut self,
+        now: Micros,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
         self.run(now, outside)?;
         self.steps = 0;
         self.step(&Event::ForceResume, outside)?;
@@ -471,14 +515,14 @@ impl<I: Instance> Link<I> {
     ) -> Result<(), LinkFault<I::Fault>> {
         let event = EventKind::Open;
         for action in Actions::new(actions) {
-            let applied = action
-                .map_err(|source| LinkFault::Malformed { event, source })
-                .and_then(|action| {
+            let applied = action.map_err(|source| LinkFault::Malformed { event, source }).and_then(
+                |action| {
                     let now = self.now;
                     self.core
                         .apply(now, &action, Answering::Ordinary, outside)
                         .map_err(|source| LinkFault::Rule { event, source })
-                });
+                },
+            );
             self.ended_by(applied, outside)?;
         }
         if more {
@@ -488,7 +532,7 @@ impl<I: Instance> Link<I> {
         self.run(self.now, outside)
     }
 
-    fn ended_by(
+    pub(crate) fn ended_by(
         &mut self,
         result: Result<(), LinkFault<I::Fault>>,
         outside: &mut dyn Outside,

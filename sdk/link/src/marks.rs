@@ -65,7 +65,8 @@ impl Marks {
             given.maybe_reported = true;
             return Some((given.mark, MarkState::MaybeLeft));
         }
-        let given = self.given.iter_mut().find(|given| given.wire <= maybe && !given.maybe_reported)?;
+        let given =
+            self.given.iter_mut().find(|given| given.wire <= maybe && !given.maybe_reported)?;
         given.maybe_reported = true;
         Some((given.mark, MarkState::MaybeLeft))
     }

@@ -3,8 +3,8 @@
 
 use crate::fault::RuleBroken;
 use crate::marks::Marks;
-use softplug_abi::limits::URGENT_BYTES;
 use softplug_abi::MarkState;
+use softplug_abi::limits::URGENT_BYTES;
 use std::collections::VecDeque;
 
 /// What [`Link::take`](crate::Link::take) gave to the port.
@@ -203,9 +203,25 @@ impl Queue {
         Some(grown)
     }
 
-    /// The whole room, for a restored plug-in.
-    pub(crate) fn restate_room(&mut self) -> u32 {
+    /// All that is free, reported or not.
+    pub(crate) fn whole_room(&self) -> u32 {
+        self.room + self.unreported
+    }
+
+    /// The plug-in was told the [whole room](Self::whole_room).
+    pub(crate) fn restate_room(&mut self) {
         self.room += std::mem::take(&mut self.unreported);
-        self.room
+    }
+
+    /// Drops all that waits, and the hold. Positions go on: the port still
+    /// counts what it was given.
+    pub(crate) fn clear(&mut self) {
+        self.bytes.clear();
+        self.urgent.clear();
+        self.marks = Marks::default();
+        self.held = false;
+        self.discarded = None;
+        self.room = self.capacity;
+        self.unreported = 0;
     }
 }

@@ -185,9 +185,7 @@ impl Outside for Recorder {
                 fields: fields.as_bytes().to_vec(),
             },
             Action::Withdraw { request } => Observed::Withdraw(*request),
-            Action::Note { level, code, text } => {
-                Observed::Note(*level, *code, (*text).to_owned())
-            }
+            Action::Note { level, code, text } => Observed::Note(*level, *code, (*text).to_owned()),
             Action::State { name } => Observed::State((*name).to_owned()),
             // What the link handles itself never comes out.
             _ => return,

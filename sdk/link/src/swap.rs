@@ -1,9 +1,9 @@
 //! Another plug-in takes over a link, in the middle of what it does.
 
 use crate::core::Answering;
-use crate::fault::LinkFault;
+use crate::fault::{LinkFault, RuleBroken};
 use crate::{Link, Outside};
-use softplug_abi::{Actions, Event, Instance, Malformed, Micros};
+use softplug_abi::{Actions, Event, EventKind, Instance, Malformed, Micros};
 use std::error::Error;
 use thiserror::Error;
 
@@ -29,7 +29,7 @@ pub enum SwapError<F: Error + 'static> {
     #[error("the new plug-in did not take over on the event \"{event}\": {source}")]
     Refused {
         /// The event that it did not take.
-        event: softplug_abi::EventKind,
+        event: EventKind,
         /// What the instance says.
         #[source]
         source: F,
@@ -54,10 +54,16 @@ impl<I: Instance> Link<I> {
     ) -> Result<Option<SavedState>, LinkFault<I::Fault>> {
         self.run(now, outside)?;
         self.core.saved.clear();
-        self.core.saved_format = None;
+        self.core.saving = None;
         self.step_as(&Event::Save, Answering::Save, outside)?;
         let bytes = std::mem::take(&mut self.core.saved);
-        Ok(self.core.saved_format.map(|format| SavedState { format, bytes }))
+        let Some((format, total)) = self.core.saving else { return Ok(None) };
+        if bytes.len() != total as usize {
+            let cut_off =
+                LinkFault::Rule { event: EventKind::Save, source: RuleBroken::StatePieces };
+            self.ended_by(Err(cut_off), outside)?;
+        }
+        Ok(Some(SavedState { format, bytes }))
     }
 
     /// Replaces the plug-in by `successor`, which gets the settings of
@@ -85,6 +91,7 @@ impl<I: Instance> Link<I> {
         if let Some(Err(malformed)) = Actions::new(&actions).find(Result::is_err) {
             return Err(SwapError::Malformed(malformed));
         }
+        self.core.restate_rooms();
         let old = self.put(successor);
         self.resume_with(&actions, more, outside).map_err(SwapError::Failed)?;
         Ok(old)

@@ -29,7 +29,11 @@ impl<I: Instance> VirtualLine<I> {
     }
 
     /// Reports what has left the wire, then runs the link.
-    pub fn advance(&mut self, now: Micros, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+    pub fn advance(
+        &mut self,
+        now: Micros,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
         self.wire.advance(now);
         self.break_until = self.break_until.filter(|until| *until > now);
         self.link.left(self.wire.left(), self.wire.left());
@@ -38,7 +42,11 @@ impl<I: Instance> VirtualLine<I> {
 
     /// Lets the transmitter take what it may, until nothing more happens at
     /// this instant.
-    pub fn transmit(&mut self, now: Micros, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+    pub fn transmit(
+        &mut self,
+        now: Micros,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
         loop {
             self.advance(now, outside)?;
             if self.break_until.is_some() {
@@ -64,14 +72,22 @@ impl<I: Instance> VirtualLine<I> {
     }
 
     /// One instant without anything from outside.
-    pub fn tick(&mut self, now: Micros, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+    pub fn tick(
+        &mut self,
+        now: Micros,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
         self.advance(now, outside)?;
         self.transmit(now, outside)
     }
 
     /// Lets time go on to `until`, through every instant at which something
     /// happens by itself.
-    pub fn run_until(&mut self, until: Micros, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+    pub fn run_until(
+        &mut self,
+        until: Micros,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
         while let Some(next) = self.next().filter(|next| *next <= until) {
             self.tick(next.max(self.link.now()), outside)?;
         }

@@ -50,8 +50,7 @@ impl<C: Converter> Machine<C> {
     ) -> Stepped {
         let kind = u16::try_from(code).ok().and_then(EventKind::from_code);
         let kind = kind.ok_or((Refusal::UnknownEvent, ""))?;
-        let event =
-            Event::decode(kind, payload).map_err(|_| (Refusal::MalformedEvent, ""))?;
+        let event = Event::decode(kind, payload).map_err(|_| (Refusal::MalformedEvent, ""))?;
         match event {
             Event::Settings { first, last, values } => {
                 return self.settings(first, last, values).map(|()| (0, false));
@@ -103,7 +102,10 @@ impl<C: Converter> Machine<C> {
             let value = value.map_err(|_| (Refusal::MalformedEvent, ""))?;
             let index = value.index;
             if index != self.next_setting || !settings.set(index, &value) {
-                return Err((Refusal::Settings, "a setting is not of the manifest's type or order"));
+                return Err((
+                    Refusal::Settings,
+                    "a setting is not of the manifest's type or order",
+                ));
             }
             self.next_setting += 1;
         }
