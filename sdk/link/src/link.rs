@@ -409,6 +409,11 @@ impl<I: Instance> Link<I> {
         if self.core.queue.is_held() { HoldState::Held } else { HoldState::Free }
     }
 
+    /// Whether [`take`](Self::take) would give something.
+    pub fn has_to_send(&self) -> bool {
+        !self.has_ended && self.core.queue.has_to_send()
+    }
+
     /// Bytes that wait in the transmit queue.
     pub fn waiting(&self) -> usize {
         self.core.queue.waiting()

@@ -115,6 +115,10 @@ impl Queue {
         self.held
     }
 
+    pub(crate) fn has_to_send(&self) -> bool {
+        !self.urgent.is_empty() || (!self.held && !self.bytes.is_empty())
+    }
+
     /// Bytes that wait, urgent ones left out.
     pub(crate) fn waiting(&self) -> usize {
         self.bytes.len()
