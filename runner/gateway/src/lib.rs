@@ -5,6 +5,7 @@
 //!   interface, with marks of damaged characters decoded.
 //! - [`pacer`]: how many bytes may be given to a port now, so that few are
 //!   beyond recall when the partner says stop.
+//! - [`station`]: a port with a plug-in on it; [`transfer`]: one program over it.
 //! - [`timer`] and [`poll`]: waiting for a port, a deadline and a wake-up.
 //! - [`ports`] and [`doctor`]: which ports there are and what ails one.
 //! - [`suggest`]: baud and parity from what was heard.
@@ -28,7 +29,11 @@ pub mod ports;
 #[cfg(target_os = "linux")]
 pub mod pty;
 #[cfg(target_os = "linux")]
+pub mod station;
+#[cfg(target_os = "linux")]
 pub mod timer;
+#[cfg(target_os = "linux")]
+pub mod transfer;
 
 pub use error::{BadSpec, Blame, Holder, PortError};
 pub use pacer::Pacer;

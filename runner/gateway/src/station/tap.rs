@@ -1,0 +1,48 @@
+//! Sees the plug-in's actions on their way to the host: what concerns the port
+//! is kept for it, what is counted is counted.
+
+use softplug_abi::{Action, Micros, ModemLines};
+use softplug_link::{Outside, Supply};
+
+use super::Counters;
+
+pub(super) struct Tap<'a> {
+    outside: &'a mut dyn Outside,
+    pub(super) counters: &'a mut Counters,
+    /// Lines to set: which, and which of them on.
+    pub(super) modem_lines: Option<(ModemLines, ModemLines)>,
+}
+
+impl<'a> Tap<'a> {
+    pub(super) fn new(outside: &'a mut dyn Outside, counters: &'a mut Counters) -> Self {
+        Self { outside, counters, modem_lines: None }
+    }
+}
+
+impl Outside for Tap<'_> {
+    fn handle(&mut self, now: Micros, action: &Action<'_>) {
+        match action {
+            Action::Hold => self.counters.hold(now),
+            Action::Release => self.counters.release(now),
+            Action::ModemLines { mask, on } => {
+                let (set, set_on) = self.modem_lines.unwrap_or_default();
+                let on = ModemLines((set_on.0 & !mask.0) | on.0);
+                self.modem_lines = Some((set.union(*mask), on));
+            }
+            _ => {}
+        }
+        self.outside.handle(now, action);
+    }
+
+    fn supply(&mut self, job: u32, buffer: &mut [u8]) -> Supply {
+        self.outside.supply(job, buffer)
+    }
+
+    fn rewind(&mut self, job: u32) {
+        self.outside.rewind(job);
+    }
+
+    fn drained(&mut self) -> u32 {
+        self.outside.drained()
+    }
+}

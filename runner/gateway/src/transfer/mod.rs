@@ -1,0 +1,79 @@
+//! One program in one direction over one station: what the command does, and
+//! what a small gateway may do.
+
+mod receive;
+mod send;
+
+pub use receive::{ReceiveOutcome, ReceiveReport, receive};
+pub use send::{SendOptions, SendOutcome, SendReport, send};
+
+use softplug_abi::{Micros, NoteLevel};
+use std::error::Error;
+use std::io;
+use std::time::Duration;
+use thiserror::Error;
+
+use crate::error::PortError;
+use crate::station::StationError;
+
+/// How often progress is told and a stop is looked for.
+const TICK: Micros = Micros::from_millis(100);
+/// How long last words to the partner may take to leave.
+const PATIENCE: Micros = Micros::from_secs(2);
+
+/// How far a transfer has come.
+#[derive(Clone, Debug)]
+pub struct Progress<'a> {
+    /// Bytes of the program that have been sent or received.
+    pub bytes: u64,
+    /// Bytes of the whole program, if known.
+    pub total: Option<u64>,
+    /// Since the beginning.
+    pub elapsed: Duration,
+    /// Time for which the partner held us, or we held it.
+    pub held: Duration,
+    /// Whether that is so now.
+    pub is_held: bool,
+    /// The plug-in's name for its state.
+    pub state: &'a str,
+}
+
+/// Something that the plug-in said for the log.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Note {
+    /// How much it matters.
+    pub level: NoteLevel,
+    /// The protocol's own code, 0 without.
+    pub code: u16,
+    /// What it says.
+    pub text: String,
+}
+
+/// Why a transfer could not be carried to an end.
+#[derive(Debug, Error)]
+pub enum TransferError<F: Error + 'static> {
+    /// The port or the plug-in.
+    #[error(transparent)]
+    Station(#[from] StationError<F>),
+    /// The program could not be read.
+    #[error("the program cannot be read: {0}")]
+    Source(#[source] io::Error),
+    /// What came could not be written.
+    #[error("what was received cannot be written: {0}")]
+    Sink(#[source] io::Error),
+}
+
+impl<F: Error + 'static> From<PortError> for TransferError<F> {
+    fn from(error: PortError) -> Self {
+        Self::Station(StationError::Port(error))
+    }
+}
+
+fn duration(span: Micros) -> Duration {
+    Duration::from_micros(span.0.max(0) as u64)
+}
+
+fn note(level: NoteLevel, code: u16, text: &str) -> Note {
+    tracing::debug!(%level, code, "plug-in: {text}");
+    Note { level, code, text: text.to_owned() }
+}

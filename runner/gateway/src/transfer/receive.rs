@@ -1,0 +1,198 @@
+//! Receives a program.
+
+use softplug_abi::{Action, Failure, Instance, Micros};
+use softplug_link::Outside;
+use std::io::{self, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use super::{Note, PATIENCE, Progress, TICK, TransferError, duration, note};
+use crate::station::{Station, Turn};
+
+/// How a reception ended.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub enum ReceiveOutcome {
+    /// The whole program.
+    Complete,
+    /// What came is not a whole program.
+    Failed {
+        /// Why.
+        failure: Failure,
+        /// The protocol's own code, 0 without.
+        status: u16,
+    },
+    /// It was asked to stop.
+    Aborted,
+    /// Nothing came in the time given.
+    NothingCame,
+}
+
+/// What a reception came to.
+#[derive(Clone, Debug)]
+pub struct ReceiveReport {
+    /// How it ended.
+    pub outcome: ReceiveOutcome,
+    /// Bytes written to the sink.
+    pub bytes: u64,
+    /// The program's name, if the protocol found one. From the line: nothing in
+    /// it can be trusted.
+    pub name: Option<String>,
+    /// From the first byte to the end.
+    pub elapsed: Duration,
+    /// Time for which we held the partner.
+    pub held: Duration,
+    /// What the plug-in said.
+    pub notes: Vec<Note>,
+}
+
+/// Receives one delivery into `out`. `stop` ends it: what came by then is in
+/// `out`, and a partner that we hold is let go.
+///
+/// # Errors
+/// The port, the plug-in or the sink failed.
+pub fn receive<I: Instance>(
+    station: &mut Station<I>,
+    out: &mut impl Write,
+    give_up_after: Option<Duration>,
+    stop: &AtomicBool,
+    progress: &mut dyn FnMut(&Progress<'_>),
+) -> Result<ReceiveReport, TransferError<I::Fault>> {
+    let mut catch = Catch::new(out);
+    station.open(&mut catch)?;
+    let begin = station.now();
+    let give_up_at = give_up_after.map_or(Micros::MAX, |span| {
+        begin + Micros(i64::try_from(span.as_micros()).unwrap_or(i64::MAX))
+    });
+    while catch.outcome.is_none() {
+        let now = station.now();
+        if stop.load(Ordering::Relaxed) || catch.error.is_some() {
+            station.abort(0, &mut catch)?;
+            catch.outcome.get_or_insert(ReceiveOutcome::Aborted);
+            break;
+        }
+        if catch.first_at.is_none() && now >= give_up_at {
+            catch.outcome = Some(ReceiveOutcome::NothingCame);
+            break;
+        }
+        progress(&Progress {
+            bytes: catch.bytes,
+            total: None,
+            elapsed: duration(catch.elapsed(now)),
+            held: duration(catch.held_at(now)),
+            is_held: catch.held_since.is_some(),
+            state: &catch.state,
+        });
+        let until = (now + TICK).min(give_up_at.max(now));
+        while catch.outcome.is_none() && catch.error.is_none() && station.now() < until {
+            let turn = station.turn(until, &mut catch)?;
+            if let Turn::Gone(reason) = turn {
+                tracing::debug!(%reason, "the port is gone");
+                let failure = Failure::LinkDown;
+                catch.outcome.get_or_insert(ReceiveOutcome::Failed { failure, status: 0 });
+            }
+        }
+    }
+    let now = station.now();
+    let (elapsed, held) = (duration(catch.elapsed(now)), duration(catch.held_at(now)));
+    station.close(PATIENCE, &mut catch)?;
+    if catch.error.is_none() {
+        catch.error = catch.out.flush().err();
+    }
+    if let Some(error) = catch.error {
+        return Err(TransferError::Sink(error));
+    }
+    Ok(ReceiveReport {
+        outcome: catch.outcome.unwrap_or(ReceiveOutcome::Aborted),
+        bytes: catch.bytes,
+        name: catch.name,
+        elapsed,
+        held,
+        notes: catch.notes,
+    })
+}
+
+/// The host's side of the delivery.
+struct Catch<'a, W> {
+    out: &'a mut W,
+    bytes: u64,
+    drained: u32,
+    error: Option<io::Error>,
+    outcome: Option<ReceiveOutcome>,
+    name: Option<String>,
+    first_at: Option<Micros>,
+    held: Micros,
+    held_since: Option<Micros>,
+    notes: Vec<Note>,
+    state: String,
+}
+
+impl<'a, W: Write> Catch<'a, W> {
+    fn new(out: &'a mut W) -> Self {
+        Self {
+            out,
+            bytes: 0,
+            drained: 0,
+            error: None,
+            outcome: None,
+            name: None,
+            first_at: None,
+            held: Micros::ZERO,
+            held_since: None,
+            notes: Vec::new(),
+            state: String::new(),
+        }
+    }
+
+    fn elapsed(&self, now: Micros) -> Micros {
+        self.first_at.map_or(Micros::ZERO, |first| now - first)
+    }
+
+    fn held_at(&self, now: Micros) -> Micros {
+        self.held_since.map_or(self.held, |since| self.held + (now - since))
+    }
+
+    /// Plug-ins call the state in which they hold the partner "stopped".
+    fn enter(&mut self, now: Micros, state: &str) {
+        self.held = self.held_at(now);
+        self.held_since = (state == "stopped").then_some(now);
+        state.clone_into(&mut self.state);
+    }
+}
+
+impl<W: Write> Outside for Catch<'_, W> {
+    fn handle(&mut self, now: Micros, action: &Action<'_>) {
+        match action {
+            Action::DeliveryBegin { .. } => {
+                self.first_at.get_or_insert(now);
+            }
+            // What comes after the first delivery is not part of it.
+            Action::Deliver { bytes, .. } => {
+                self.drained += bytes.len() as u32;
+                if self.outcome.is_some() || self.error.is_some() {
+                    return;
+                }
+                match self.out.write_all(bytes) {
+                    Ok(()) => self.bytes += bytes.len() as u64,
+                    Err(error) => self.error = Some(error),
+                }
+            }
+            Action::DeliveryName { name, .. } if self.outcome.is_none() => {
+                self.name = Some((*name).to_owned());
+            }
+            Action::DeliveryEnd { failure, status, .. } if self.outcome.is_none() => {
+                self.outcome = Some(match failure {
+                    None => ReceiveOutcome::Complete,
+                    Some(Failure::Aborted) => ReceiveOutcome::Aborted,
+                    Some(failure) => ReceiveOutcome::Failed { failure: *failure, status: *status },
+                });
+            }
+            Action::Note { level, code, text } => self.notes.push(note(*level, *code, text)),
+            Action::State { name } => self.enter(now, name),
+            _ => {}
+        }
+    }
+
+    fn drained(&mut self) -> u32 {
+        std::mem::take(&mut self.drained)
+    }
+}
