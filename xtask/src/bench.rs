@@ -43,7 +43,7 @@ struct Row {
 
 /// Prints the table to standard output; all else goes to standard error.
 pub(crate) fn run(workspace: &Workspace, filter: Option<&str>) -> Result<(), Error> {
-    plugins::build(workspace)?;
+    plugins::build(workspace, plugins::Report::Table)?;
     let started = SystemTime::now();
     for (package, bench) in workspace.benches() {
         let mut command = cargo();

@@ -8,7 +8,7 @@ use crate::{Error, plugins};
 
 /// Ends with the exit code of `softplug demo`.
 pub(crate) fn run(workspace: &Workspace, arguments: &[String]) -> Result<ExitCode, Error> {
-    plugins::build(workspace)?;
+    plugins::build(workspace, plugins::Report::Table)?;
     let softplug = plugins::build_command(workspace, false)?;
     let mut command = Command::new(softplug);
     command

@@ -33,6 +33,9 @@ enum Task {
         /// Build the command without optimisation, into target/debug.
         #[arg(long)]
         dev: bool,
+        /// Print the sizes of the plug-ins as JSON, to standard output.
+        #[arg(long)]
+        json: bool,
     },
     /// Builds all and runs `softplug demo`.
     Demo {
@@ -79,9 +82,10 @@ fn main() -> ExitCode {
 
 fn perform(task: Task) -> Result<ExitCode, Error> {
     match task {
-        Task::Build { dev } => {
+        Task::Build { dev, json } => {
             let workspace = Workspace::read()?;
-            plugins::build(&workspace)?;
+            let report = if json { plugins::Report::Json } else { plugins::Report::Table };
+            plugins::build(&workspace, report)?;
             plugins::build_command(&workspace, dev)?;
         }
         Task::Demo { arguments } => return demo::run(&Workspace::read()?, &arguments),

@@ -1,4 +1,4 @@
-//! Reads how much memory a module declares.
+//! Takes a module apart into its sections, and reads the memory it declares.
 
 /// Pages of 64 KiB: at the start, and at most where the module says so.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -7,42 +7,95 @@ pub(crate) struct Pages {
     pub(crate) most: Option<u64>,
 }
 
-const HEADER: &[u8] = b"\0asm\x01\0\0\0";
-const MEMORY_SECTION: u8 = 5;
+/// A section of a module.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(crate) struct Section<'a> {
+    pub(crate) kind: Kind<'a>,
+    /// What stands in it; without the name of a custom section.
+    pub(crate) content: &'a [u8],
+    /// With its head, as it stands in the module.
+    pub(crate) whole: &'a [u8],
+}
+
+/// What a section holds, as far as anyone here wants to know.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(crate) enum Kind<'a> {
+    Custom(&'a str),
+    Memory,
+    Code,
+    Data,
+    Other,
+}
+
+pub(crate) const HEADER: &[u8] = b"\0asm\x01\0\0\0";
+
+/// The sections in their order; none where it is not a whole module.
+pub(crate) fn sections(module: &[u8]) -> Option<Vec<Section<'_>>> {
+    let mut rest = module.strip_prefix(HEADER)?;
+    let mut sections = Vec::new();
+    while let Some((&id, after)) = rest.split_first() {
+        let start = rest;
+        rest = after;
+        let mut content = bytes(&mut rest)?;
+        let kind = match id {
+            0 => Kind::Custom(std::str::from_utf8(bytes(&mut content)?).ok()?),
+            5 => Kind::Memory,
+            10 => Kind::Code,
+            11 => Kind::Data,
+            _ => Kind::Other,
+        };
+        sections.push(Section { kind, content, whole: &start[..start.len() - rest.len()] });
+    }
+    Some(sections)
+}
 
 /// The memory that a module defines; none where it defines none or is not a
 /// module at all.
 pub(crate) fn memory(module: &[u8]) -> Option<Pages> {
-    let mut rest = module.strip_prefix(HEADER)?;
-    loop {
-        let (&id, after) = rest.split_first()?;
-        rest = after;
-        let length = usize::try_from(number(&mut rest)?).ok()?;
-        let (mut section, after) = rest.split_at_checked(length)?;
-        rest = after;
-        if id != MEMORY_SECTION {
-            continue;
-        }
-        number(&mut section)?;
-        let flags = number(&mut section)?;
-        let least = number(&mut section)?;
-        let most = if flags & 1 == 1 { Some(number(&mut section)?) } else { None };
-        return Some(Pages { least, most });
-    }
+    let sections = sections(module)?;
+    let mut section = sections.iter().find(|section| section.kind == Kind::Memory)?.content;
+    number(&mut section)?;
+    let flags = number(&mut section)?;
+    let least = number(&mut section)?;
+    let most = if flags & 1 == 1 { Some(number(&mut section)?) } else { None };
+    Some(Pages { least, most })
 }
 
-/// An unsigned LEB128 number.
-fn number(bytes: &mut &[u8]) -> Option<u64> {
+/// Takes bytes that stand behind their count.
+pub(crate) fn bytes<'a>(from: &mut &'a [u8]) -> Option<&'a [u8]> {
+    let length = usize::try_from(number(from)?).ok()?;
+    let (bytes, rest) = from.split_at_checked(length)?;
+    *from = rest;
+    Some(bytes)
+}
+
+/// Takes an unsigned LEB128 number.
+pub(crate) fn number(from: &mut &[u8]) -> Option<u64> {
     let mut value = 0;
     for shift in (0..63).step_by(7) {
-        let (&byte, rest) = bytes.split_first()?;
-        *bytes = rest;
+        let (&byte, rest) = from.split_first()?;
+        *from = rest;
         value |= u64::from(byte & 0x7F) << shift;
         if byte & 0x80 == 0 {
             return Some(value);
         }
     }
     None
+}
+
+/// Appends an unsigned LEB128 number.
+pub(crate) fn push_number(to: &mut Vec<u8>, mut value: u64) {
+    while value >= 0x80 {
+        to.push(value as u8 | 0x80);
+        value >>= 7;
+    }
+    to.push(value as u8);
+}
+
+/// Appends bytes behind their count.
+pub(crate) fn push_bytes(to: &mut Vec<u8>, bytes: &[u8]) {
+    push_number(to, bytes.len() as u64);
+    to.extend(bytes);
 }
 
 #[cfg(test)]
@@ -74,5 +127,28 @@ mod tests {
             memory(&module(&[5, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF])),
             None
         );
+    }
+
+    #[test]
+    fn sections_give_the_module_back() {
+        let module = module(&[0, 4, 2, b'a', b'b', 7, 10, 1, 0, 11, 2, 8, 9]);
+        let sections = sections(&module).unwrap();
+        assert_eq!(
+            sections[0],
+            Section { kind: Kind::Custom("ab"), content: &[7], whole: &[0, 4, 2, b'a', b'b', 7] }
+        );
+        let kinds: Vec<_> = sections.iter().map(|section| section.kind).collect();
+        assert_eq!(kinds, [Kind::Custom("ab"), Kind::Code, Kind::Data]);
+        let wholes: Vec<_> = sections.iter().flat_map(|section| section.whole).copied().collect();
+        assert_eq!([HEADER, &wholes].concat(), module);
+    }
+
+    #[test]
+    fn numbers_are_read_as_they_were_written() {
+        for value in [0, 1, 127, 128, 16_383, 16_384, 1 << 32] {
+            let mut written = Vec::new();
+            push_number(&mut written, value);
+            assert_eq!(number(&mut &written[..]), Some(value));
+        }
     }
 }

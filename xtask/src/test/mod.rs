@@ -50,7 +50,7 @@ pub(crate) fn run(workspace: &Workspace, all: bool) -> Result<ExitCode, Error> {
             .map(|tool| format!("`{}` (Debian package {})", tool.program, tool.package));
         return Err(TestError(names.collect()).into());
     }
-    plugins::build(workspace)?;
+    plugins::build(workspace, plugins::Report::Table)?;
 
     let skips: Vec<_> = missing.iter().map(|tool| format!("needs_{}", tool.program)).collect();
     let mut steps = Vec::new();

@@ -1,9 +1,13 @@
 //! Builds the plug-ins and the command, and holds the plug-ins to their limits.
 
+mod names;
+mod size;
+
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use self::size::Size;
 use crate::Error;
 use crate::run::{cargo, succeed};
 use crate::toolchain::{WASM_TARGET, ensure_wasm_target};
@@ -24,29 +28,47 @@ pub(crate) enum PluginError {
     Pages { name: String, pages: u64 },
     #[error("the plug-in {name} sets no upper limit to its memory: link it with --max-memory")]
     Unbounded { name: String },
-    #[error("the plug-in {name} declares no memory, or is no module")]
+    #[error("the plug-in {name} declares no memory")]
     NoMemory { name: String },
+    #[error("{} is no whole module: delete it and build again", path.display())]
+    Damaged { path: PathBuf },
     #[error("{}: {cause}", path.display())]
     File { path: PathBuf, cause: io::Error },
 }
 
+/// How to say how large the plug-ins are.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(crate) enum Report {
+    /// A table on standard error.
+    Table,
+    /// A list on standard output.
+    Json,
+}
+
 /// Builds every plug-in into `target/plugins/NAME.wasm`.
-pub(crate) fn build(workspace: &Workspace) -> Result<(), Error> {
+pub(crate) fn build(workspace: &Workspace, report: Report) -> Result<(), Error> {
     ensure_wasm_target()?;
     let plugins = workspace.plugins();
     let folder = workspace.plugin_folder();
     fs::create_dir_all(&folder).map_err(|cause| file_error(&folder, cause))?;
     compile(workspace, &plugins)?;
     // All are put where they belong and listed before one over its limits fails.
+    let mut sizes = Vec::new();
     let mut verdicts = Vec::new();
     for plugin in &plugins {
         let built = workspace.target().join(WASM_TARGET).join("plugin").join(&plugin.file);
         let module = fs::read(&built).map_err(|cause| file_error(&built, cause))?;
+        let Some(module) = names::shorten(&module) else {
+            return Err(PluginError::Damaged { path: built }.into());
+        };
         let out = folder.join(format!("{}.wasm", plugin.name));
         replace(&out, &module).map_err(|cause| file_error(&out, cause))?;
-        let pages = wasm::memory(&module).map_or(0, |memory| memory.least);
-        eprintln!("{}: {} bytes, {pages} page(s) of memory", out.display(), module.len());
+        sizes.push(Size::of(&plugin.name, &module));
         verdicts.push(check(&plugin.name, &module));
+    }
+    match report {
+        Report::Table => eprintln!("{}\n{}", folder.display(), size::table(&sizes)),
+        Report::Json => println!("{}", size::list(&sizes)),
     }
     Ok(verdicts.into_iter().collect::<Result<(), _>>()?)
 }
@@ -114,10 +136,19 @@ fn file_error(path: &Path, cause: io::Error) -> PluginError {
 mod tests {
     use super::*;
 
+    /// A module of this length with this memory.
     fn module(memory: &[u8], length: usize) -> Vec<u8> {
-        let mut module = b"\0asm\x01\0\0\0".to_vec();
-        module.extend([5, memory.len() as u8]);
-        module.extend(memory);
+        let mut module = wasm::HEADER.to_vec();
+        module.push(5);
+        wasm::push_bytes(&mut module, memory);
+        // A nameless custom section: its kind, three bytes of length, no name.
+        let padding = length - module.len() - 4;
+        module.extend([
+            0,
+            padding as u8 | 0x80,
+            (padding >> 7) as u8 | 0x80,
+            (padding >> 14) as u8,
+        ]);
         module.resize(length, 0);
         module
     }
@@ -135,6 +166,6 @@ mod tests {
             "the plug-in x may grow to 5 pages of memory, 4 are allowed"
         );
         assert!(error(module(&[1, 0, 1], 100)).contains("no upper limit"));
-        assert!(error(b"\0asm".to_vec()).contains("no memory"));
+        assert!(error(wasm::HEADER.to_vec()).contains("no memory"));
     }
 }

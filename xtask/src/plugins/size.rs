@@ -1,0 +1,103 @@
+//! What a plug-in's bytes are spent on.
+
+use serde_json::{Value, json};
+
+use crate::wasm::{self, Kind};
+
+/// Bytes of a module by what they hold.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub(super) struct Size {
+    pub(super) name: String,
+    pub(super) code: usize,
+    pub(super) data: usize,
+    pub(super) names: usize,
+    pub(super) manifest: usize,
+    pub(super) total: usize,
+    /// Pages of memory at the start.
+    pub(super) pages: u64,
+}
+
+impl Size {
+    /// All zeros but the total where it is no module.
+    pub(super) fn of(name: &str, module: &[u8]) -> Self {
+        let mut size = Self { name: name.to_owned(), total: module.len(), ..Self::default() };
+        size.pages = wasm::memory(module).map_or(0, |memory| memory.least);
+        for section in wasm::sections(module).unwrap_or_default() {
+            let place = match section.kind {
+                Kind::Code => &mut size.code,
+                Kind::Data => &mut size.data,
+                Kind::Custom("name") => &mut size.names,
+                Kind::Custom("softplug.manifest") => &mut size.manifest,
+                _ => continue,
+            };
+            *place += section.whole.len();
+        }
+        size
+    }
+
+    fn json(&self) -> Value {
+        json!({
+            "name": self.name, "code": self.code, "data": self.data, "names": self.names,
+            "manifest": self.manifest, "total": self.total, "pages": self.pages,
+        })
+    }
+}
+
+/// For people: bytes, and pages of memory.
+pub(super) fn table(sizes: &[Size]) -> String {
+    let width = sizes.iter().map(|size| size.name.len()).max().unwrap_or(0).max("plug-in".len());
+    let mut lines = vec![format!(
+        "{:width$} {:>7} {:>6} {:>6} {:>8} {:>7} {:>5}",
+        "plug-in", "code", "data", "names", "manifest", "total", "pages"
+    )];
+    lines.extend(sizes.iter().map(|size| {
+        format!(
+            "{:width$} {:>7} {:>6} {:>6} {:>8} {:>7} {:>5}",
+            size.name, size.code, size.data, size.names, size.manifest, size.total, size.pages
+        )
+    }));
+    lines.join("\n")
+}
+
+/// For machines.
+pub(super) fn list(sizes: &[Size]) -> Value {
+    Value::Array(sizes.iter().map(Size::json).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn example() -> Size {
+        let module = wat::parse_str(
+            r#"(module (memory 2 2) (func $f) (data (i32.const 0) "four")
+                (@custom "softplug.manifest" "{}"))"#,
+        );
+        Size::of("x", &module.unwrap())
+    }
+
+    #[test]
+    fn each_section_has_its_column() {
+        let size = example();
+        assert_eq!((size.code, size.data, size.pages), (6, 12, 2));
+        assert_eq!(size.manifest, 2 + 1 + 17 + 2);
+        assert!(size.names > 0);
+        assert!(size.total > size.code + size.data + size.names + size.manifest);
+        let nothing = Size { name: "y".into(), total: 2, ..Size::default() };
+        assert_eq!(Size::of("y", b"MZ"), nothing);
+    }
+
+    #[test]
+    fn people_and_machines_read_the_same() {
+        let sizes = [example()];
+        let table = table(&sizes);
+        let list = list(&sizes);
+        let (head, row) = table.split_once('\n').unwrap();
+        let head: Vec<_> = head.split_whitespace().skip(1).collect();
+        let row: Vec<_> = row.split_whitespace().skip(1).collect();
+        assert_eq!(head.len(), 6);
+        for (name, figure) in head.iter().zip(row) {
+            assert_eq!(list[0][name].to_string(), figure);
+        }
+    }
+}
