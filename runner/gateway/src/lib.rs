@@ -28,6 +28,8 @@ pub mod poll;
 pub mod ports;
 #[cfg(target_os = "linux")]
 pub mod pty;
+#[cfg(all(target_os = "linux", feature = "simulate"))]
+pub mod simulator;
 #[cfg(target_os = "linux")]
 pub mod station;
 #[cfg(target_os = "linux")]
