@@ -1,0 +1,57 @@
+//! The arrows between the workspace's crates: downwards only, and only those
+//! listed here.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use cargo_metadata::{DependencyKind, MetadataCommand};
+
+/// Each crate with the crates of this workspace that it may be built with.
+/// Tests may use more.
+const ARROWS: &[(&str, &[&str])] = &[
+    ("softplug-abi", &[]),
+    ("softplug-link", &["softplug-abi"]),
+    ("softplug-plugin", &["softplug-abi", "softplug-link"]),
+    ("softplug-host", &["softplug-abi"]),
+    ("softplug-xon-xoff", &["softplug-plugin"]),
+    ("softplug-native", &["softplug-abi", "softplug-plugin", "softplug-xon-xoff"]),
+    ("softplug-trace", &[]),
+    ("softplug-conformance", &["softplug-abi", "softplug-host", "softplug-link", "softplug-trace"]),
+    ("softplug-gateway", &["softplug-abi", "softplug-conformance", "softplug-link"]),
+    (
+        "softplug",
+        &[
+            "softplug-abi",
+            "softplug-conformance",
+            "softplug-gateway",
+            "softplug-host",
+            "softplug-link",
+            "softplug-native",
+            "softplug-trace",
+        ],
+    ),
+    ("xtask", &[]),
+];
+
+#[test]
+fn arrows_point_downwards() {
+    let metadata = MetadataCommand::new().no_deps().exec().unwrap();
+    let ours: BTreeSet<&str> =
+        metadata.packages.iter().map(|package| package.name.as_str()).collect();
+    let allowed: BTreeMap<&str, &[&str]> = ARROWS.iter().copied().collect();
+    let mut wrong = Vec::new();
+    for package in &metadata.packages {
+        let Some(allowed) = allowed.get(package.name.as_str()) else {
+            wrong.push(format!("{} is not in the list of arrows", package.name));
+            continue;
+        };
+        for dependency in &package.dependencies {
+            let is_built_with = dependency.kind != DependencyKind::Development;
+            let is_ours = ours.contains(dependency.name.as_str());
+            if is_built_with && is_ours && !allowed.contains(&dependency.name.as_str()) {
+                wrong.push(format!("{} must not use {}", package.name, dependency.name));
+            }
+        }
+    }
+    assert_eq!(wrong, Vec::<String>::new());
+    assert_eq!(ours.len(), ARROWS.len(), "the list of arrows names a crate that is gone");
+}
