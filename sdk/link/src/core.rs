@@ -6,7 +6,7 @@ use crate::job::ActiveJob;
 use crate::queue::Queue;
 use crate::timers::Timers;
 use softplug_abi::limits::{REQUESTS, STATE_BYTES};
-use softplug_abi::{Action, Failure, Micros, Pass};
+use softplug_abi::{Action, Failure, Micros, Pass, Values};
 
 /// Whether the plug-in holds the transmit queue.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -108,10 +108,10 @@ impl Core {
                 self.delivery = None;
             }
             Action::JobDone { job, .. } | Action::JobFailed { job, .. } => {
-                self.end_job(*job, action)?
+                self.end_job(*job, action)?;
             }
             Action::CheckResult { job, failure, .. } => self.checked(*job, failure.is_none())?,
-            Action::Request { request, .. } => self.request(*request)?,
+            Action::Request { request, fields, .. } => self.request(*request, fields)?,
             Action::Withdraw { request } => self.requests.retain(|id| id != request),
             Action::ModemLines { .. } | Action::Note { .. } | Action::State { .. } => {}
             Action::Saved { .. } => unreachable!("answered above"),
@@ -166,7 +166,10 @@ impl Core {
         Ok(())
     }
 
-    fn request(&mut self, id: u32) -> Result<(), RuleBroken> {
+    fn request(&mut self, id: u32, fields: &Values<'_>) -> Result<(), RuleBroken> {
+        if !are_ascending(fields) {
+            return Err(RuleBroken::RequestFields(id));
+        }
         if self.requests.contains(&id) {
             return Err(RuleBroken::RequestTwice(id));
         }
@@ -193,7 +196,9 @@ impl Core {
         total: u32,
         bytes: &[u8],
     ) -> Result<(), RuleBroken> {
-        let follows = offset as usize == self.saved.len()
+        let is_whole = self.saving.is_some_and(|(_, total)| total as usize == self.saved.len());
+        let follows = !is_whole
+            && offset as usize == self.saved.len()
             && total <= STATE_BYTES
             && self.saving.is_none_or(|known| known == (format, total));
         if !follows {
@@ -243,4 +248,16 @@ impl Core {
             outside.handle(now, &Action::JobFailed { job, failure, status: 0, sent: 0 });
         }
     }
+}
+
+/// Whether these are whole value records, each field once, in the manifest's order.
+fn are_ascending(fields: &Values<'_>) -> bool {
+    let mut next = 0;
+    fields.clone().all(|field| match field {
+        Ok((index, _)) if u32::from(index) >= next => {
+            next = u32::from(index) + 1;
+            true
+        }
+        _ => false,
+    })
 }

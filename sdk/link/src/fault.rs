@@ -91,8 +91,11 @@ pub enum RuleBroken {
     /// A request has an id that is in use.
     #[error("request {0} is already waiting for its answer")]
     RequestTwice(u32),
-    /// It acted while it saved or restored.
-    #[error("saving or restoring a state does nothing else")]
+    /// The fields of a request are not whole value records in ascending order.
+    #[error("the fields of request {0} are not value records in ascending order")]
+    RequestFields(u32),
+    /// It acted on settings, or while it saved or restored.
+    #[error("settings, saving and restoring are answered by nothing else but notes")]
     ActedOnState,
     /// It gave saved state without being asked.
     #[error("nobody asked for its state")]

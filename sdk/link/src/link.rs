@@ -57,6 +57,8 @@ pub struct Link<I: Instance> {
     now: Micros,
     steps: u32,
     is_open: bool,
+    /// The port is gone: nothing is sent until it is back.
+    is_down: bool,
     has_ended: bool,
 }
 
@@ -73,6 +75,7 @@ impl<I: Instance> Link<I> {
             now: Micros::ZERO,
             steps: 0,
             is_open: false,
+            is_down: false,
             has_ended: false,
         }
     }
@@ -84,6 +87,7 @@ impl<I: Instance> Link<I> {
         outside: &mut dyn Outside,
     ) -> Result<(), LinkFault<I::Fault>> {
         self.begin_instant(now);
+        self.steps = 0;
         let settings = std::mem::take(&mut self.options.settings);
         let capacity = self.instance.input_capacity();
         let given = settings
@@ -91,6 +95,7 @@ impl<I: Instance> Link<I> {
         self.options.settings = settings;
         given?;
         self.is_open = true;
+        self.is_down = false;
         let opening = self.opening(false);
         self.core.restate_rooms();
         self.step(&opening, outside)?;
@@ -117,12 +122,21 @@ impl<I: Instance> Link<I> {
         if !self.is_open {
             return Ok(());
         }
-        self.run(now, outside)?;
-        let closed = self.step(&Event::Close, outside);
+        let closed = if self.has_ended { Ok(()) } else { self.tell_close(now, outside) };
         self.is_open = false;
-        self.core.interrupt(now, outside);
+        self.core.interrupt(self.now, outside);
         self.core.queue.clear();
         closed
+    }
+
+    fn tell_close(
+        &mut self,
+        now: Micros,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        self.run(now, outside)?;
+        self.steps = 0;
+        self.step(&Event::Close, outside)
     }
 
     /// Bytes from the line, all at this time. They may be cut anywhere.
@@ -132,7 +146,7 @@ impl<I: Instance> Link<I> {
         bytes: &[u8],
         outside: &mut dyn Outside,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.begin_input(now);
+        self.begin_input(now, outside)?;
         for piece in bytes.chunks(self.instance.input_capacity()) {
             self.steps = 0;
             self.step(&Event::Received(piece), outside)?;
@@ -150,7 +164,7 @@ impl<I: Instance> Link<I> {
         span: u32,
         outside: &mut dyn Outside,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.begin_input(now);
+        self.begin_input(now, outside)?;
         self.step(&Event::LineError { kind, byte, span }, outside)
     }
 
@@ -162,19 +176,23 @@ impl<I: Instance> Link<I> {
         on: ModemLines,
         outside: &mut dyn Outside,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.begin_input(now);
+        self.begin_input(now, outside)?;
         self.options.modem_lines = Some((known, on));
         self.step(&Event::ModemLines { known, on }, outside)
     }
 
-    /// The port is gone.
+    /// The port is gone: nothing is sent until it is back. A port that is gone
+    /// already is not told of again.
     pub fn link_down(
         &mut self,
         now: Micros,
         reason: LinkDownReason,
         outside: &mut dyn Outside,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.begin_input(now);
+        self.begin_input(now, outside)?;
+        if std::mem::replace(&mut self.is_down, true) {
+            return Ok(());
+        }
         self.step(&Event::LinkDown(reason), outside)
     }
 
@@ -184,7 +202,10 @@ impl<I: Instance> Link<I> {
         now: Micros,
         outside: &mut dyn Outside,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.begin_input(now);
+        self.begin_input(now, outside)?;
+        if !std::mem::replace(&mut self.is_down, false) {
+            return Ok(());
+        }
         self.step(&Event::LinkUp, outside)?;
         self.tell_modem_lines(outside)
     }
@@ -208,13 +229,17 @@ impl<I: Instance> Link<I> {
         if !self.is_open {
             return Ok(());
         }
+        self.give_due(outside)?;
+        while self.feed(outside)? {
+            self.give_due(outside)?;
+        }
+        Ok(())
+    }
+
+    /// All that goes before host requests and data.
+    fn give_due(&mut self, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
         while let Some(event) = self.due(outside) {
             self.step(&event, outside)?;
-        }
-        while self.feed(outside)? {
-            while let Some(event) = self.due(outside) {
-                self.step(&event, outside)?;
-            }
         }
         Ok(())
     }
@@ -283,7 +308,8 @@ impl<I: Instance> Link<I> {
             None => too_long.then_some(Failure::BadJob),
         };
         if let Some(failure) = failure {
-            outside.handle(now, &Action::JobFailed { job: job.id, failure, status: 0, sent: 0 });
+            let refused = Action::JobFailed { job: job.id, failure, status: 0, sent: 0 };
+            outside.handle(self.now, &refused);
             return Ok(());
         }
         self.core.job = Some(ActiveJob::new(job));
@@ -378,10 +404,10 @@ impl<I: Instance> Link<I> {
         loop {
             let piece = pieces.next().unwrap_or_default();
             let more = pieces.peek().is_some();
-            if !self.core.awaits_answer(request, !more) {
-                return Ok(());
+            if self.core.awaits_answer(request, !more) {
+                self.step(&Event::Answer { request, refused, more, bytes: piece }, outside)?;
+                self.give_due(outside)?;
             }
-            self.step(&Event::Answer { request, refused, more, bytes: piece }, outside)?;
             if !more {
                 return self.run(now, outside);
             }
@@ -391,7 +417,10 @@ impl<I: Instance> Link<I> {
     /// Gives the port what it may now send, as much as fits into `buffer`.
     /// Call it only when [`run`](Self::run) has left nothing for this instant.
     pub fn take(&mut self, buffer: &mut [u8]) -> Taken {
-        if self.has_ended { Taken::Nothing } else { self.core.queue.take(buffer) }
+        if self.has_ended || self.is_down {
+            return Taken::Nothing;
+        }
+        self.core.queue.take(buffer)
     }
 
     /// When the next timer runs out.
@@ -411,7 +440,7 @@ impl<I: Instance> Link<I> {
 
     /// Whether [`take`](Self::take) would give something.
     pub fn has_to_send(&self) -> bool {
-        !self.has_ended && self.core.queue.has_to_send()
+        !self.has_ended && !self.is_down && self.core.queue.has_to_send()
     }
 
     /// Bytes that wait in the transmit queue.
@@ -429,6 +458,15 @@ impl<I: Instance> Link<I> {
         self.now
     }
 
+    pub(crate) fn is_open(&self) -> bool {
+        self.is_open
+    }
+
+    /// A host request: steps at this instant count anew.
+    pub(crate) fn begin_request(&mut self) {
+        self.steps = 0;
+    }
+
     /// The instance, to look at.
     pub fn instance(&self) -> &I {
         &self.instance
@@ -442,9 +480,19 @@ impl<I: Instance> Link<I> {
         }
     }
 
-    fn begin_input(&mut self, now: Micros) {
+    /// Line input of a later instant comes after the marks of an earlier one.
+    fn begin_input(
+        &mut self,
+        now: Micros,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        let is_later = now > self.now;
         self.begin_instant(now);
+        while let Some((mark, state)) = is_later.then(|| self.core.queue.next_mark()).flatten() {
+            self.step(&Event::Mark { mark, state }, outside)?;
+        }
         self.steps = 0;
+        Ok(())
     }
 
     pub(crate) fn step(
@@ -468,14 +516,16 @@ impl<I: Instance> Link<I> {
         if self.has_ended {
             return Err(LinkFault::Ended);
         }
-        let stepped = self.rounds(event, answering, outside);
+        let stepped = self.rounds(event, answering, OUTPUT_ROUNDS, outside);
         self.ended_by(stepped, outside)
     }
 
+    /// `continued`: how many rounds of `continue` may follow the event.
     fn rounds(
         &mut self,
         event: &Event<'_>,
         answering: Answering,
+        continued: u32,
         outside: &mut dyn Outside,
     ) -> Result<(), LinkFault<I::Fault>> {
         let now = self.now;
@@ -485,7 +535,7 @@ impl<I: Instance> Link<I> {
             return Err(broken(RuleBroken::TimeStandsStill));
         }
         let mut asked = event;
-        for _ in 0..=OUTPUT_ROUNDS {
+        for _ in 0..=continued {
             let output = self
                 .instance
                 .step(asked, now)
@@ -531,7 +581,9 @@ impl<I: Instance> Link<I> {
             self.ended_by(applied, outside)?;
         }
         if more {
-            self.step(&Event::Continue, outside)?;
+            let rest = OUTPUT_ROUNDS - 1;
+            let went_on = self.rounds(&Event::Continue, Answering::Ordinary, rest, outside);
+            self.ended_by(went_on, outside)?;
         }
         self.tell_modem_lines(outside)?;
         self.run(self.now, outside)

@@ -40,7 +40,8 @@ pub(crate) struct Queue {
     given: u64,
     maybe_left: u64,
     surely_left: u64,
-    discarded: Option<u32>,
+    /// Bytes that each discard dropped, not reported yet.
+    discarded: VecDeque<u32>,
     marks: Marks,
 }
 
@@ -57,7 +58,7 @@ impl Queue {
             given: 0,
             maybe_left: 0,
             surely_left: 0,
-            discarded: None,
+            discarded: VecDeque::new(),
             marks: Marks::default(),
         }
     }
@@ -128,7 +129,7 @@ impl Queue {
         let dropped = self.bytes.len() as u32;
         self.bytes.clear();
         self.marks.drop_queued();
-        self.discarded = Some(self.discarded.unwrap_or(0) + dropped);
+        self.discarded.push_back(dropped);
     }
 
     /// Moves what the port may send into `buffer`: urgent bytes first, then the
@@ -189,7 +190,7 @@ impl Queue {
 
     /// The answer to a discard; its bytes are room again.
     pub(crate) fn next_discarded(&mut self) -> Option<u32> {
-        let bytes = self.discarded.take()?;
+        let bytes = self.discarded.pop_front()?;
         self.room += bytes;
         Some(bytes)
     }
@@ -224,7 +225,7 @@ impl Queue {
         self.urgent.clear();
         self.marks = Marks::default();
         self.held = false;
-        self.discarded = None;
+        self.discarded.clear();
         self.room = self.capacity;
         self.unreported = 0;
     }

@@ -3,7 +3,8 @@
 use crate::core::Answering;
 use crate::fault::{LinkFault, RuleBroken};
 use crate::{Link, Outside};
-use softplug_abi::{Actions, Event, EventKind, Instance, Malformed, Micros};
+use softplug_abi::limits::OUTPUT_ROUNDS;
+use softplug_abi::{Action, Actions, Event, EventKind, Instance, Malformed, Micros};
 use std::error::Error;
 use thiserror::Error;
 
@@ -37,6 +38,15 @@ pub enum SwapError<F: Error + 'static> {
     /// The new plug-in's first actions cannot be read.
     #[error("the new plug-in's first actions cannot be read: {0}")]
     Malformed(#[source] Malformed),
+    /// The new plug-in did more than take settings or state.
+    #[error("the new plug-in's answer to the event \"{event}\" breaks a rule: {source}")]
+    Rule {
+        /// The event that it answers.
+        event: EventKind,
+        /// Which rule.
+        #[source]
+        source: RuleBroken,
+    },
     /// The new plug-in was put in place and failed at once.
     #[error("the new plug-in failed as it took over: {0}")]
     Failed(#[source] LinkFault<F>),
@@ -52,7 +62,11 @@ impl<I: Instance> Link<I> {
         now: Micros,
         outside: &mut dyn Outside,
     ) -> Result<Option<SavedState>, LinkFault<I::Fault>> {
+        if !self.is_open() {
+            return Ok(None);
+        }
         self.run(now, outside)?;
+        self.begin_request();
         self.core.saved.clear();
         self.core.saving = None;
         self.step_as(&Event::Save, Answering::Save, outside)?;
@@ -80,8 +94,9 @@ impl<I: Instance> Link<I> {
         outside: &mut dyn Outside,
     ) -> Result<I, SwapError<I::Fault>> {
         let state = self.save(now, outside).map_err(SwapError::Save)?.ok_or(SwapError::NoState)?;
+        let now = self.now();
         let mut successor = successor;
-        self.prepare(now, &mut successor, &state)?;
+        self.prepare(now, &mut successor, &state, outside)?;
         let opening = self.opening(true);
         let first = successor
             .step(&opening, now)
@@ -97,18 +112,16 @@ impl<I: Instance> Link<I> {
         Ok(old)
     }
 
-    /// Settings and state; none of it may be answered with an action.
+    /// Settings and state.
     fn prepare(
         &self,
         now: Micros,
         successor: &mut I,
         state: &SavedState,
+        outside: &mut dyn Outside,
     ) -> Result<(), SwapError<I::Fault>> {
         let capacity = successor.input_capacity();
-        let mut give = |event: &Event<'_>| match successor.step(event, now) {
-            Ok(_) => Ok(()),
-            Err(source) => Err(SwapError::Refused { event: event.kind(), source }),
-        };
+        let mut give = |event: &Event<'_>| give_quiet(successor, event, now, outside);
         self.options.settings.pieces(capacity, &mut give)?;
         let total = state.bytes.len() as u32;
         let most = capacity - 12;
@@ -123,4 +136,32 @@ impl<I: Instance> Link<I> {
             offset = end;
         }
     }
+}
+
+/// Gives an event that may be answered by notes and state names only.
+fn give_quiet<I: Instance>(
+    instance: &mut I,
+    event: &Event<'_>,
+    now: Micros,
+    outside: &mut dyn Outside,
+) -> Result<(), SwapError<I::Fault>> {
+    let kind = event.kind();
+    let mut asked = event;
+    for _ in 0..=OUTPUT_ROUNDS {
+        let refused = |source| SwapError::Refused { event: kind, source };
+        let output = instance.step(asked, now).map_err(refused)?;
+        for action in Actions::new(output.actions) {
+            let action = action.map_err(SwapError::Malformed)?;
+            if !matches!(action, Action::Note { .. } | Action::State { .. }) {
+                let source = RuleBroken::ActedOnState;
+                return Err(SwapError::Rule { event: kind, source });
+            }
+            outside.handle(now, &action);
+        }
+        if !output.more {
+            return Ok(());
+        }
+        asked = &Event::Continue;
+    }
+    Err(SwapError::Rule { event: kind, source: RuleBroken::OutputWithoutEnd })
 }
