@@ -483,18 +483,10 @@ impl<'a> ActionWriter<'a> {
     /// Appends a record; on `NoSpace` the records before it stay whole.
     pub fn push(&mut self, action: &Action<'_>) -> Result<(), NoSpace> {
         debug_assert!(!matches!(action, Action::SetTimer { id, .. } if *id >= TIMERS));
-        let appendable = match action {
-            Action::Transmit { mark: 0, bytes } => Some((kind::TRANSMIT, 0, *bytes)),
-            Action::Deliver { delivery, bytes } => Some((kind::DELIVER, *delivery, *bytes)),
-            _ => None,
-        };
-        if let Some((kind, id, bytes)) = appendable {
-            if bytes.is_empty() {
-                return Ok(());
-            }
-            if self.append(kind, id, bytes) {
-                return Ok(());
-            }
+        match action {
+            Action::Transmit { mark: 0, bytes } => return self.transmit(bytes),
+            Action::Deliver { delivery, bytes } => return self.deliver(*delivery, bytes),
+            _ => {}
         }
         let start = self.writer.len();
         self.writer.u16(action.kind());
@@ -507,7 +499,30 @@ impl<'a> ActionWriter<'a> {
             return Err(NoSpace);
         };
         self.writer.patch_u16(start + 2, length);
-        self.open = appendable.map(|(kind, id, _)| (start, kind, id));
+        self.open = None;
+        Ok(())
+    }
+
+    /// The quick way to push a [`Transmit`](Action::Transmit) without a mark.
+    pub fn transmit(&mut self, bytes: &[u8]) -> Result<(), NoSpace> {
+        self.stream(kind::TRANSMIT, 0, bytes)
+    }
+
+    /// The quick way to push a [`Deliver`](Action::Deliver).
+    pub fn deliver(&mut self, delivery: u32, bytes: &[u8]) -> Result<(), NoSpace> {
+        self.stream(kind::DELIVER, delivery, bytes)
+    }
+
+    fn stream(&mut self, kind: u16, id: u32, bytes: &[u8]) -> Result<(), NoSpace> {
+        if bytes.is_empty() || self.append(kind, id, bytes) {
+            return Ok(());
+        }
+        let Ok(length) = u16::try_from(bytes.len() + 4) else { return Err(NoSpace) };
+        let start = self.writer.len();
+        self.writer.u64(u64::from(kind) | u64::from(length) << 16 | u64::from(id) << 32);
+        self.writer.bytes(bytes);
+        self.writer.end(start)?;
+        self.open = Some((start, kind, id));
         Ok(())
     }
 

@@ -23,7 +23,15 @@ impl Micros {
 
     /// A span of milliseconds; saturates.
     pub const fn from_millis(millis: i64) -> Self {
-        Self(millis.saturating_mul(1_000))
+        // Not `saturating_mul`: on wasm32 it takes a multiplication to 128 bits.
+        const MOST: i64 = i64::MAX / 1_000;
+        if millis > MOST {
+            return Self::MAX;
+        }
+        if millis < -MOST {
+            return Self(i64::MIN);
+        }
+        Self(millis * 1_000)
     }
 
     /// A span of seconds; saturates.

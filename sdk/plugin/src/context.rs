@@ -2,6 +2,7 @@
 
 use crate::{Failure, Micros, ModemLines, NoteLevel, Values};
 use softplug_abi::limits::{DELIVERY_NAME_BYTES, NOTE_BYTES, STATE_NAME_BYTES};
+use softplug_abi::wire::NoSpace;
 use softplug_abi::{Action, ActionWriter};
 
 /// How much may be transmitted and delivered.
@@ -77,7 +78,11 @@ impl<'a> Context<'a> {
         let count = bytes.len() as u32;
         assert!(count <= self.rooms.transmit, "transmits more bytes than there is room for");
         self.rooms.transmit -= count;
-        self.push(&Action::Transmit { mark, bytes });
+        if mark == 0 {
+            fitted(self.writer.transmit(bytes));
+        } else {
+            self.push(&Action::Transmit { mark, bytes });
+        }
     }
 
     /// Sends up to 16 bytes ahead of queue and hold.
@@ -150,7 +155,7 @@ impl<'a> Context<'a> {
         let count = bytes.len() as u32;
         assert!(count <= self.rooms.delivery, "delivers more bytes than there is room for");
         self.rooms.delivery -= count;
-        self.push(&Action::Deliver { delivery, bytes });
+        fitted(self.writer.deliver(delivery, bytes));
     }
 
     /// Names the delivery; cut to 128 bytes.
@@ -205,11 +210,12 @@ impl<'a> Context<'a> {
     }
 
     pub(crate) fn push(&mut self, action: &Action<'_>) {
-        assert!(
-            self.writer.push(action).is_ok(),
-            "writes more actions in one event than the output buffer holds"
-        );
+        fitted(self.writer.push(action));
     }
+}
+
+fn fitted(pushed: Result<(), NoSpace>) {
+    assert!(pushed.is_ok(), "writes more actions in one event than the output buffer holds");
 }
 
 fn cut(text: &str, limit: usize) -> &str {

@@ -120,8 +120,10 @@ impl<C: Converter> Cell<C> {
 
 /// The mailbox, and space for a state to restore; for [`export!`](crate::export!).
 /// Apart from the converter, because what is all zeros takes no space in the module.
+/// Aligned, because a copy between aligned buffers takes a third of the time.
 #[doc(hidden)]
 #[derive(Debug)]
+#[repr(C, align(8))]
 pub struct Buffers {
     input: UnsafeCell<[u8; INPUT]>,
     output: UnsafeCell<[u8; OUTPUT]>,

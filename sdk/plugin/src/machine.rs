@@ -50,6 +50,16 @@ impl<C: Converter> Machine<C> {
     ) -> Stepped {
         let kind = u16::try_from(code).ok().and_then(EventKind::from_code);
         let kind = kind.ok_or((Refusal::UnknownEvent, ""))?;
+        if kind == EventKind::Received
+            && !payload.is_empty()
+            && let Some(converter) = &mut self.converter
+        {
+            // By far the most events, and there is nothing to decode in them.
+            self.saving = None;
+            let mut link = Context::new(output, now, &mut self.rooms);
+            converter.received(&mut link, payload);
+            return Ok(link.finish());
+        }
         let event = Event::decode(kind, payload).map_err(|_| (Refusal::MalformedEvent, ""))?;
         match event {
             Event::Settings { first, last, values } => {

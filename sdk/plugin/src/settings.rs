@@ -42,6 +42,7 @@ pub trait SettingType: Copy {
     fn from_value(value: &RawValue<'_>) -> Option<Self>;
 
     /// Takes a value; `false` if it is not of this type.
+    #[inline(never)]
     fn assign(&mut self, value: &RawValue<'_>) -> bool {
         let value = Self::from_value(value);
         if let Some(value) = value {
@@ -90,6 +91,12 @@ impl<const N: usize> Bytes<N> {
     /// The bytes.
     pub fn as_slice(&self) -> &[u8] {
         self.bytes.get(..self.length).unwrap_or_default()
+    }
+
+    /// Whether `byte` is one of them.
+    #[allow(clippy::manual_contains, reason = "`contains` brings a search of 400 bytes of code")]
+    pub fn contains(&self, byte: u8) -> bool {
+        self.as_slice().iter().any(|own| *own == byte)
     }
 
     fn from_slice(bytes: &[u8]) -> Option<Self> {
