@@ -207,7 +207,10 @@ fn story(saves: bool) -> (Vec<Seen>, Vec<(i64, String)>) {
         rig.until(at);
         match at {
             1_200 => rig.does(at, &[Action::Hold, Action::TransmitUrgent { mark: 3, bytes: b"U" }]),
-            2_000 => rig.out.drain(3),
+            2_000 => {
+                rig.out.drain(3);
+                rig.tick(at);
+            }
             5_000 => rig.does(at, &[Action::Discard]),
             6_000 => rig.host(at, |link, out| link.answer(Micros(at), 1, Ok(b"yes"), out)),
             _ => {}
