@@ -39,7 +39,11 @@ impl Outside for Host<'_> {
     }
 }
 
-fn feed(program: &[u8], depth: usize, control: ControlOptions) -> (ControlReport, Option<Result<u64, softplug_abi::Failure>>) {
+fn feed(
+    program: &[u8],
+    depth: usize,
+    control: ControlOptions,
+) -> (ControlReport, Option<Result<u64, softplug_abi::Failure>>) {
     let plugin = NativePlugin::XonXoff;
     let manifest = Manifest::parse(plugin.manifest().as_bytes()).unwrap();
     let options = LinkOptions {
@@ -63,7 +67,8 @@ fn feed(program: &[u8], depth: usize, control: ControlOptions) -> (ControlReport
 }
 
 fn program(bytes: usize) -> Vec<u8> {
-    let block = |n: usize| format!("N{:05} G1 X{}.{:03} Y-{}\n", n % 100_000, n % 90, n % 1_000, n % 70);
+    let block =
+        |n: usize| format!("N{:05} G1 X{}.{:03} Y-{}\n", n % 100_000, n % 90, n % 1_000, n % 70);
     (0..).flat_map(|n| block(n).into_bytes()).take(bytes).collect()
 }
 
@@ -94,7 +99,9 @@ fn a_megabyte_reaches_a_control_that_holds_the_line_hundreds_of_times() {
 #[test]
 fn never_more_characters_after_xoff_than_the_pacing_depth_at_any_baud() {
     let program = program(20_000);
-    for (baud, depth) in [(300, 1), (1_200, 1), (9_600, 1), (19_200, 1), (38_400, 2), (115_200, 4), (921_600, 32)] {
+    for (baud, depth) in
+        [(300, 1), (1_200, 1), (9_600, 1), (19_200, 1), (38_400, 2), (115_200, 4), (921_600, 32)]
+    {
         let line = LineParameters::new(baud);
         let control = ControlOptions {
             line,

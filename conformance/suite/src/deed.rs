@@ -1,0 +1,303 @@
+//! What a plug-in does that can be seen from outside, in one form for what was
+//! demanded and what was observed.
+
+use crate::Case;
+use crate::course::{failure, micros};
+use crate::fields::{assignments, records};
+use crate::lines::{modem_lines, output_levels};
+use softplug_abi::manifest::Manifest;
+use softplug_abi::{Failure, Micros, ModemLines};
+use softplug_link::Observed;
+use softplug_trace::{
+    Assignment, CheckFault, DeliveryEnd, Entry, Expected, Payload, SourceLine, Time, What, When,
+};
+
+/// Something that a plug-in did, or must do.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Deed {
+    /// A character on the wire, at its start bit.
+    Byte(u8),
+    /// A break of so many µs.
+    Break(u32),
+    /// Modem lines set: which, and those of them that are on.
+    Lines(ModemLines, ModemLines),
+    /// A delivery has ended.
+    Deliver(Delivered),
+    /// A job is done.
+    Done {
+        /// The job.
+        id: u32,
+        /// Bytes that left for it; `None`: not looked at.
+        sent: Option<u64>,
+    },
+    /// A job has failed.
+    Fail {
+        /// The job.
+        id: u32,
+        /// Why.
+        failure: Failure,
+        /// The protocol's own code.
+        status: u16,
+        /// Bytes that left for it; `None`: not looked at.
+        sent: Option<u64>,
+    },
+    /// A check pass has ended.
+    Check {
+        /// The job.
+        id: u32,
+        /// `None`: good.
+        failure: Option<Failure>,
+        /// The protocol's own code.
+        status: u16,
+        /// Line of the fault, 0 without.
+        line: u32,
+        /// Column of the fault, 0 without.
+        column: u32,
+    },
+    /// It asks the host for something.
+    Request {
+        /// The request.
+        id: u32,
+        /// Place of its kind in the manifest.
+        kind: u16,
+        /// Value records.
+        fields: Vec<u8>,
+    },
+    /// A request was withdrawn.
+    Withdraw(u32),
+}
+
+/// A delivery at its end.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Delivered {
+    /// The plug-in's id for it.
+    pub id: u32,
+    /// All its bytes.
+    pub bytes: Vec<u8>,
+    /// `None`: complete.
+    pub failure: Option<Failure>,
+    /// The protocol's own code.
+    pub status: u16,
+    /// The name that was found.
+    pub name: Option<String>,
+}
+
+/// Things of one channel have an order even at one time.
+#[derive(Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub(crate) enum Channel {
+    Wire,
+    Lines,
+    Host,
+}
+
+impl Deed {
+    pub(crate) fn channel(&self) -> Channel {
+        match self {
+            Self::Byte(_) | Self::Break(_) => Channel::Wire,
+            Self::Lines(..) => Channel::Lines,
+            _ => Channel::Host,
+        }
+    }
+
+    /// Whether `observed` is what this demands.
+    pub(crate) fn allows(&self, observed: &Self) -> bool {
+        match (self, observed) {
+            (Self::Done { id: a, sent: None }, Self::Done { id: b, .. }) => a == b,
+            (
+                Self::Fail { id, failure, status, sent: None },
+                Self::Fail { id: id_b, failure: failure_b, status: status_b, .. },
+            ) => (id, failure, status) == (id_b, failure_b, status_b),
+            _ => self == observed,
+        }
+    }
+
+    /// From what a link saw; `None` for what stands outside a trace.
+    pub(crate) fn of(observed: Observed) -> Option<Self> {
+        Some(match observed {
+            Observed::Byte(byte) => Self::Byte(byte),
+            Observed::Break(micros) => Self::Break(micros),
+            Observed::ModemLines(mask, on) => Self::Lines(mask, on),
+            Observed::Delivery(delivery) => Self::Deliver(Delivered {
+                id: delivery.id,
+                bytes: delivery.bytes,
+                failure: delivery.failure,
+                status: delivery.status,
+                name: delivery.name,
+            }),
+            Observed::Done { job, sent } => Self::Done { id: job, sent: Some(sent) },
+            Observed::Failed { job, failure, status, sent } => {
+                Self::Fail { id: job, failure, status, sent: Some(sent) }
+            }
+            Observed::Checked { job, failure, status, line, column } => {
+                Self::Check { id: job, failure, status, line, column }
+            }
+            Observed::Request { request, kind, fields } => {
+                Self::Request { id: request, kind, fields }
+            }
+            Observed::Withdraw(request) => Self::Withdraw(request),
+            Observed::Hold | Observed::Release | Observed::Note(..) | Observed::State(_) => {
+                return None;
+            }
+        })
+    }
+
+    /// As a line of a trace.
+    pub(crate) fn entry(&self, at: Micros, manifest: &Manifest) -> Entry {
+        let when = When::at(Time(at.0.max(0) as u64));
+        Entry { when, what: self.what(manifest), line: SourceLine::default() }
+    }
+
+    fn what(&self, manifest: &Manifest) -> What {
+        let code = |failure: &Failure| failure.name().to_owned();
+        let status = |status: u16| (status != 0).then_some(status);
+        let place = |place: u32| (place != 0).then_some(place);
+        What::Act(match self {
+            Self::Byte(byte) => return What::Send(Payload::hex(&[*byte])),
+            Self::Break(micros) => return What::SendBreak(*micros),
+            Self::Lines(named, on) => return What::SetLines(output_levels(*named, *on)),
+            Self::Deliver(delivered) => Expected::Deliver {
+                id: delivered.id,
+                data: Payload::from_bytes(&delivered.bytes),
+                end: match &delivered.failure {
+                    None => DeliveryEnd::Complete,
+                    Some(failure) => DeliveryEnd::Failed(code(failure)),
+                },
+                status: status(delivered.status),
+                name: delivered.name.clone(),
+            },
+            Self::Done { id, sent } => Expected::Done { id: *id, sent: *sent },
+            Self::Fail { id, failure, status: own, sent } => {
+                Expected::Fail { id: *id, code: code(failure), status: status(*own), sent: *sent }
+            }
+            Self::Check { id, failure, status: own, line, column } => Expected::Check {
+                id: *id,
+                fault: failure.as_ref().map(|failure| CheckFault {
+                    code: code(failure),
+                    line: place(*line),
+                    column: place(*column),
+                    status: status(*own),
+                }),
+            },
+            Self::Request { id, kind, fields } => {
+                let kind = manifest.requests.get(usize::from(*kind));
+                Expected::Request {
+                    id: *id,
+                    kind: kind.map_or_else(|| "unknown".to_owned(), |kind| kind.name.clone()),
+                    fields: kind.map(|kind| assignments(kind, fields)).unwrap_or_default(),
+                }
+            }
+            Self::Withdraw(id) => Expected::Withdraw(*id),
+        })
+    }
+}
+
+/// A line of a trace that demands something.
+#[derive(Clone, Debug)]
+pub(crate) struct Demand {
+    pub(crate) from: Micros,
+    pub(crate) to: Micros,
+    /// The line of the trace's file.
+    pub(crate) line: u32,
+    pub(crate) what: Demanded,
+}
+
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub(crate) enum Demanded {
+    /// Characters back to back.
+    Bytes(Vec<u8>),
+    Deed(Deed),
+}
+
+impl Demand {
+    /// How many deeds it takes.
+    pub(crate) fn length(&self) -> usize {
+        match &self.what {
+            Demanded::Bytes(bytes) => bytes.len(),
+            Demanded::Deed(_) => 1,
+        }
+    }
+
+    /// The deed with this number, from 0.
+    pub(crate) fn deed(&self, number: usize) -> Deed {
+        match &self.what {
+            Demanded::Bytes(bytes) => Deed::Byte(bytes[number]),
+            Demanded::Deed(deed) => deed.clone(),
+        }
+    }
+}
+
+/// Everything that one course of events of a trace demands.
+pub(crate) fn demands(
+    case: &Case,
+    manifest: &Manifest,
+    course: &[&Entry],
+) -> Result<Vec<Demand>, crate::CourseError> {
+    let expected = course.iter().filter(|entry| entry.what.is_expectation());
+    let demand = |entry: &&Entry| {
+        let what = demanded(case, manifest, &entry.what)
+            .map_err(|reason| crate::CourseError { line: entry.line.0, reason })?;
+        let (from, to) = (micros(entry.when.from), micros(entry.when.to));
+        Ok(Demand { from, to, line: entry.line.0, what })
+    };
+    expected.map(demand).collect()
+}
+
+fn demanded(case: &Case, manifest: &Manifest, what: &What) -> Result<Demanded, String> {
+    let bytes = |payload: &Payload| payload.bytes(&case.files()).map_err(|error| error.to_string());
+    Ok(Demanded::Deed(match what {
+        What::Send(payload) => return Ok(Demanded::Bytes(bytes(payload)?)),
+        What::SendBreak(micros) => Deed::Break(*micros),
+        What::SetLines(levels) => {
+            let (named, on) = modem_lines(levels);
+            Deed::Lines(named, on)
+        }
+        What::Act(Expected::Deliver { id, data, end, status, name }) => Deed::Deliver(Delivered {
+            id: *id,
+            bytes: bytes(data)?,
+            failure: match end {
+                DeliveryEnd::Complete => None,
+                DeliveryEnd::Failed(code) => Some(failure(code)?),
+            },
+            status: status.unwrap_or(0),
+            name: name.clone(),
+        }),
+        What::Act(Expected::Done { id, sent }) => Deed::Done { id: *id, sent: *sent },
+        What::Act(Expected::Fail { id, code, status, sent }) => Deed::Fail {
+            id: *id,
+            failure: failure(code)?,
+            status: status.unwrap_or(0),
+            sent: *sent,
+        },
+        What::Act(Expected::Check { id, fault }) => check(*id, fault.as_ref())?,
+        What::Act(Expected::Request { id, kind, fields }) => request(manifest, *id, kind, fields)?,
+        What::Act(Expected::Withdraw(id)) => Deed::Withdraw(*id),
+        What::Receive(_) | What::Burst(_) | What::Line(_) | What::Host(_) | What::Quiet => {
+            unreachable!("only expectations are asked for")
+        }
+    }))
+}
+
+fn check(id: u32, fault: Option<&CheckFault>) -> Result<Deed, String> {
+    let Some(fault) = fault else {
+        return Ok(Deed::Check { id, failure: None, status: 0, line: 0, column: 0 });
+    };
+    Ok(Deed::Check {
+        id,
+        failure: Some(failure(&fault.code)?),
+        status: fault.status.unwrap_or(0),
+        line: fault.line.unwrap_or(0),
+        column: fault.column.unwrap_or(0),
+    })
+}
+
+fn request(
+    manifest: &Manifest,
+    id: u32,
+    kind: &str,
+    fields: &[Assignment],
+) -> Result<Deed, String> {
+    let place = manifest.requests.iter().position(|known| known.name == kind);
+    let place = place.ok_or_else(|| format!("the plug-in makes no request of kind \"{kind}\""))?;
+    let fields = records(&manifest.requests[place], fields)?;
+    Ok(Deed::Request { id, kind: place as u16, fields })
+}

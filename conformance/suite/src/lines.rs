@@ -1,0 +1,69 @@
+//! The trace's words for lines and failures in those of the ABI.
+
+use softplug_abi::{LineErrorKind, LineParameters, LinkDownReason, ModemLines, Parity};
+use softplug_trace::{self as trace, BadKind, LineSettings, ModemLevels, ModemLine};
+
+pub(crate) fn line_parameters(line: &LineSettings) -> LineParameters {
+    let parity = match line.parity {
+        trace::Parity::None => Parity::None,
+        trace::Parity::Even => Parity::Even,
+        trace::Parity::Odd => Parity::Odd,
+        trace::Parity::Mark => Parity::Mark,
+        trace::Parity::Space => Parity::Space,
+    };
+    LineParameters {
+        baud: line.baud,
+        data_bits: line.data_bits,
+        parity,
+        stop_half_bits: line.stop_half_bits,
+    }
+}
+
+/// The lines named, and those of them that are on.
+pub(crate) fn modem_lines(levels: &ModemLevels) -> (ModemLines, ModemLines) {
+    let none = (ModemLines::default(), ModemLines::default());
+    levels.0.iter().fold(none, |(named, on), (line, level)| {
+        let line = match line {
+            ModemLine::Cts => ModemLines::CTS,
+            ModemLine::Dsr => ModemLines::DSR,
+            ModemLine::Dcd => ModemLines::DCD,
+            ModemLine::Ri => ModemLines::RI,
+            ModemLine::Rts => ModemLines::RTS,
+            ModemLine::Dtr => ModemLines::DTR,
+        };
+        (named.union(line), if *level { on.union(line) } else { on })
+    })
+}
+
+/// The other way round, for our own lines.
+pub(crate) fn output_levels(named: ModemLines, on: ModemLines) -> ModemLevels {
+    let lines = [(ModemLines::RTS, ModemLine::Rts), (ModemLines::DTR, ModemLine::Dtr)];
+    let named = lines.into_iter().filter(|(line, _)| named.contains(*line));
+    ModemLevels(named.map(|(line, name)| (name, on.contains(line))).collect())
+}
+
+pub(crate) fn bad_kind(kind: BadKind) -> LineErrorKind {
+    match kind {
+        BadKind::Parity => LineErrorKind::Parity,
+        BadKind::Framing => LineErrorKind::Framing,
+        BadKind::ParityOrFraming => LineErrorKind::ParityOrFraming,
+    }
+}
+
+pub(crate) fn line_error(kind: trace::LineErrorKind) -> LineErrorKind {
+    match kind {
+        trace::LineErrorKind::Parity => LineErrorKind::Parity,
+        trace::LineErrorKind::Framing => LineErrorKind::Framing,
+        trace::LineErrorKind::ParityOrFraming => LineErrorKind::ParityOrFraming,
+        trace::LineErrorKind::Overrun => LineErrorKind::Overrun,
+        trace::LineErrorKind::Break => LineErrorKind::Break,
+    }
+}
+
+pub(crate) fn down_reason(reason: trace::LinkDownReason) -> LinkDownReason {
+    match reason {
+        trace::LinkDownReason::Unplugged => LinkDownReason::Unplugged,
+        trace::LinkDownReason::Disconnected => LinkDownReason::Disconnected,
+        trace::LinkDownReason::Failed => LinkDownReason::Failed,
+    }
+}

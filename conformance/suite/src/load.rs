@@ -1,0 +1,161 @@
+//! Traces from files and folders.
+
+use sha2::{Digest as _, Sha256};
+use softplug_trace::{Digest, FileNameError, Files, ParseError, Trace};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+/// A trace and where it came from.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// The file, as it was found.
+    pub path: PathBuf,
+    /// What stands in it.
+    pub trace: Trace,
+}
+
+impl Case {
+    /// A trace that stands in no file; `file:` items are looked for beside `path`.
+    pub fn new(path: impl Into<PathBuf>, trace: Trace) -> Self {
+        Self { path: path.into(), trace }
+    }
+
+    /// Finds what `file:` items name: files called by their digest, in the folder
+    /// `files` beside the trace or one above.
+    pub(crate) fn files(&self) -> impl Files {
+        let folder = self.path.parent().unwrap_or(Path::new("")).to_owned();
+        move |digest: &Digest| read(&folder, digest)
+    }
+}
+
+fn read(folder: &Path, digest: &Digest) -> Result<Vec<u8>, String> {
+    let name = digest.to_string();
+    let beside = folder.join("files").join(&name);
+    let above = folder.join("../files").join(&name);
+    let path = if beside.is_file() { beside } else { above };
+    let bytes = fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    if Sha256::digest(&bytes)[..] == digest.0 {
+        Ok(bytes)
+    } else {
+        Err(format!("{} has another digest than its name says", path.display()))
+    }
+}
+
+/// Traces that cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// A file or folder cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Io {
+        /// Which.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// A file is no trace.
+    #[error("{}:{}:{}: {}", path.display(), source.line, source.column, source.kind)]
+    Parse {
+        /// The file.
+        path: PathBuf,
+        /// The fault, with its place.
+        source: ParseError,
+    },
+    /// A file is not where its id says.
+    #[error(transparent)]
+    Name(#[from] FileNameError),
+    /// Two files hold the same case.
+    #[error("{} and {} both hold the case \"{id}\": remove one", first.display(), second.display())]
+    Twice {
+        /// The case.
+        id: String,
+        /// One file.
+        first: PathBuf,
+        /// The other.
+        second: PathBuf,
+    },
+    /// There is nothing to run.
+    #[error("{} holds no trace (*.spt)", path.display())]
+    Nothing {
+        /// Where it was looked.
+        path: PathBuf,
+    },
+}
+
+impl LoadError {
+    /// Several lines for people, with the line of the file and a caret where
+    /// the fault is in one.
+    pub fn report(&self) -> String {
+        match self {
+            Self::Parse { path, source } => source.report(&path.display().to_string()),
+            other => format!("error: {other}"),
+        }
+    }
+}
+
+/// Reads traces: files as they are named, folders with all `.spt` files in and
+/// below them. The result is sorted by id.
+///
+/// # Errors
+/// The first file that cannot be read, is no trace, does not stand where its id says,
+/// or holds a case that another one holds.
+pub fn load<P: AsRef<Path>>(paths: impl IntoIterator<Item = P>) -> Result<Vec<Case>, LoadError> {
+    let mut cases: BTreeMap<String, Case> = BTreeMap::new();
+    for path in paths {
+        let path = path.as_ref();
+        let mut files = Vec::new();
+        find(path, &mut files)?;
+        if files.is_empty() {
+            return Err(LoadError::Nothing { path: path.to_owned() });
+        }
+        for path in files {
+            let case = load_file(path)?;
+            let id = case.trace.front.id.clone();
+            // The same file twice is no contradiction.
+            match cases.get(&id) {
+                Some(first) if !is_same(&first.path, &case.path) => {
+                    let (first, second) = (first.path.clone(), case.path);
+                    return Err(LoadError::Twice { id, first, second });
+                }
+                _ => drop(cases.insert(id, case)),
+            }
+        }
+    }
+    Ok(cases.into_values().collect())
+}
+
+fn is_same(first: &Path, second: &Path) -> bool {
+    match (first.canonicalize(), second.canonicalize()) {
+        (Ok(first), Ok(second)) => first == second,
+        _ => first == second,
+    }
+}
+
+fn load_file(path: PathBuf) -> Result<Case, LoadError> {
+    let text =
+        fs::read_to_string(&path).map_err(|source| LoadError::Io { path: path.clone(), source })?;
+    let trace =
+        Trace::parse(&text).map_err(|source| LoadError::Parse { path: path.clone(), source })?;
+    trace.front.check_path(&path)?;
+    Ok(Case { path, trace })
+}
+
+/// A folder's traces; a file is taken whatever its name.
+fn find(path: &Path, files: &mut Vec<PathBuf>) -> Result<(), LoadError> {
+    let io = |source| LoadError::Io { path: path.to_owned(), source };
+    if !fs::metadata(path).map_err(io)?.is_dir() {
+        files.push(path.to_owned());
+        return Ok(());
+    }
+    let entries: Result<Vec<_>, _> =
+        fs::read_dir(path).map_err(io)?.map(|entry| entry.map(|entry| entry.path())).collect();
+    let mut entries = entries.map_err(io)?;
+    entries.sort();
+    for entry in entries {
+        let is_trace = entry.extension().is_some_and(|extension| extension == "spt");
+        if is_trace || entry.is_dir() {
+            find(&entry, files)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,347 @@
+//! One run of a trace: the plug-in on a link in virtual time.
+
+use crate::course::{Asked, Course, Input, Windows};
+use crate::cut::Cuts;
+use crate::deed::Deed;
+use crate::fault::{Fault, FaultClass};
+use crate::lines::{line_parameters, modem_lines};
+use crate::subject::Watched;
+use crate::{Case, Permutation, Subject};
+use softplug_abi::manifest::SettingValues;
+use softplug_abi::{Instance, Micros, ModemLines};
+use softplug_link::{LinkFault, LinkOptions, Recorder, VirtualLine};
+use softplug_trace::Drain;
+use std::cell::Cell;
+use std::rc::Rc;
+
+/// Room in bytes where the trace names none.
+const ROOM: u32 = 4_096;
+
+/// What a run showed.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Outcome {
+    /// All that could be seen from outside, in the order of time, up to the
+    /// trace's end.
+    pub seen: Vec<Seen>,
+    /// Why the run ended before that.
+    pub fault: Option<Fault>,
+    /// At how many places the plug-in could have been swapped.
+    pub swap_places: u32,
+}
+
+/// A deed at its time.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Seen {
+    /// When, on the trace's clock.
+    pub at: Micros,
+    /// What.
+    pub deed: Deed,
+}
+
+/// Runs a trace once, in one permutation.
+pub fn replay<S: Subject>(subject: &S, case: &Case, permutation: Permutation) -> Outcome {
+    match start(subject, case, permutation) {
+        Ok(run) => run.finish(),
+        Err(fault) => Outcome { seen: Vec::new(), fault: Some(fault), swap_places: 0 },
+    }
+}
+
+fn start<'a, S: Subject>(
+    subject: &'a S,
+    case: &Case,
+    permutation: Permutation,
+) -> Result<Run<'a, S>, Fault> {
+    let unfit = |reason: String| Fault::new(FaultClass::NotApplicable, Micros::ZERO, reason);
+    let manifest = subject.manifest();
+    let windows = match permutation {
+        Permutation::Late(None) => Windows::Late,
+        Permutation::Late(Some(number)) => Windows::LateOnly(number),
+        _ => Windows::Early,
+    };
+    let cuts = match permutation {
+        Permutation::CutSingly => Cuts::Singly,
+        Permutation::CutWhole => Cuts::Whole,
+        Permutation::CutRandom(number) => Cuts::Random(number),
+        _ => Cuts::AsWritten,
+    };
+    let course = Course::new(case, manifest, windows).map_err(|error| unfit(error.to_string()))?;
+    let course = course.cut(&case.trace.front.id, cuts);
+
+    let front = &case.trace.front;
+    let config: Vec<_> =
+        front.config.iter().map(|pair| (pair.name.as_str(), pair.value.as_str())).collect();
+    let settings = manifest.resolve_settings(config).map_err(|error| unfit(error.to_string()))?;
+    let options = options(case, settings);
+    let steps = Rc::new(Cell::new(0));
+    let instance = subject
+        .instantiate()
+        .map_err(|error| Fault::new(FaultClass::NotStarted, Micros::ZERO, error))?;
+    let instance = Watched::new(instance, Rc::clone(&steps));
+    let modem = options.modem_lines.unwrap_or_default();
+    Ok(Run {
+        subject,
+        course,
+        permutation,
+        line: VirtualLine::new(instance, options, front.line.depth as usize),
+        recorder: Recorder::default(),
+        steps,
+        steps_seen: 0,
+        swap_places: 0,
+        modem,
+        modem_at_start: modem,
+        is_open: false,
+        is_down: false,
+        offset: Micros::ZERO,
+    })
+}
+
+fn options(case: &Case, settings: SettingValues) -> LinkOptions {
+    let front = &case.trace.front;
+    let (known, on) = modem_lines(&front.modem);
+    LinkOptions {
+        line: line_parameters(&front.line),
+        transmit_room: front.room.transmit.unwrap_or(ROOM),
+        delivery_room: front.room.delivery.unwrap_or(ROOM),
+        modem_lines: (known != ModemLines::default()).then_some((known, on)),
+        settings,
+    }
+}
+
+/// A run under way.
+struct Run<'a, S: Subject> {
+    subject: &'a S,
+    course: Course,
+    permutation: Permutation,
+    line: VirtualLine<Watched<S::Instance>>,
+    recorder: Recorder,
+    /// Steps of all instances so far, and how many the last look saw.
+    steps: Rc<Cell<u64>>,
+    steps_seen: u64,
+    swap_places: u32,
+    modem: (ModemLines, ModemLines),
+    modem_at_start: (ModemLines, ModemLines),
+    is_open: bool,
+    is_down: bool,
+    /// The link's time at which the trace begins.
+    offset: Micros,
+}
+
+type Stepped<S> = Result<(), LinkFault<<Watched<<S as Subject>::Instance> as Instance>::Fault>>;
+
+impl<S: Subject> Run<'_, S> {
+    fn finish(mut self) -> Outcome {
+        let mut first = 0;
+        let mut run = self.run_once();
+        if run.is_ok() && self.permutation == Permutation::Twice {
+            run = self.start_over();
+            first = self.recorder.observed.len();
+            run = run.and_then(|()| self.run_once());
+        }
+        let last = self.course.end;
+        let since = self.offset;
+        let seen = self.recorder.observed.drain(first..);
+        let mut seen: Vec<Seen> = seen
+            .filter_map(|(at, observed)| Some(Seen { at: at - since, deed: Deed::of(observed)? }))
+            .filter(|seen| seen.at <= last)
+            .collect();
+        // What the port was given ahead is observed ahead.
+        seen.sort_by_key(|seen| (seen.at, seen.deed.channel()));
+        Outcome { seen, fault: run.err(), swap_places: self.swap_places }
+    }
+
+    /// From the trace's start to its end.
+    fn run_once(&mut self) -> Result<(), Fault> {
+        self.open(self.offset)?;
+        self.transmit(self.offset)?;
+        self.swap_here(self.offset)?;
+        let given = std::mem::take(&mut self.course.given);
+        let end = self.offset + self.course.end;
+        let mut next = 0;
+        loop {
+            let at = given.get(next).map(|given| self.offset + given.at);
+            let own = self.line.next().map(|own| own.max(self.line.link.now()));
+            let Some(now) = [at, own].into_iter().flatten().min().filter(|now| *now <= end) else {
+                break;
+            };
+            let inputs = given[next..].iter().take_while(|given| self.offset + given.at == now);
+            let (from_line, from_host): (Vec<_>, Vec<_>) =
+                inputs.map(|given| &given.what).partition(|what| what.is_from_line());
+            next += from_line.len() + from_host.len();
+            self.instant(now, &from_line, &from_host)?;
+        }
+        self.course.given = given;
+        Ok(())
+    }
+
+    /// Line input, transmit progress and timers, host requests, the transmitter.
+    fn instant(
+        &mut self,
+        now: Micros,
+        from_line: &[&Input],
+        from_host: &[&Input],
+    ) -> Result<(), Fault> {
+        for input in from_line {
+            self.from_line(now, input)?;
+        }
+        self.advance(now)?;
+        self.swap_here(now)?;
+        for input in from_host {
+            let Input::Host(asked) = input else { continue };
+            self.ask(now, asked)?;
+            self.swap_here(now)?;
+        }
+        self.transmit(now)?;
+        if self.swap_here(now)? {
+            self.transmit(now)?;
+        }
+        Ok(())
+    }
+
+    fn from_line(&mut self, now: Micros, input: &Input) -> Result<(), Fault> {
+        let Self { line: VirtualLine { link, .. }, recorder, .. } = self;
+        let stepped = match input {
+            Input::Bytes(bytes) => link.received(now, bytes, recorder),
+            Input::Character(byte) => link.received(now, &[*byte], recorder),
+            Input::Damaged { kind, byte, span } => {
+                link.line_error(now, *kind, *byte, *span, recorder)
+            }
+            Input::Modem(named, on) => {
+                let (known, before) = self.modem;
+                let kept = ModemLines(before.0 & !named.0);
+                self.modem = (known.union(*named), kept.union(*on));
+                link.modem_lines(now, self.modem.0, self.modem.1, recorder)
+            }
+            Input::Down(reason) => {
+                self.is_down = true;
+                link.link_down(now, *reason, recorder)
+            }
+            Input::Up => {
+                self.is_down = false;
+                link.link_up(now, recorder)
+            }
+            Input::Host(_) => Ok(()),
+        };
+        self.judged(now, stepped)
+    }
+
+    fn ask(&mut self, now: Micros, asked: &Asked) -> Result<(), Fault> {
+        let Self { line: VirtualLine { link, .. }, recorder, .. } = self;
+        let stepped = match asked {
+            Asked::Job(job, data) => {
+                recorder.add_source(job.id, data.clone());
+                link.begin_job(now, job.clone(), recorder)
+            }
+            Asked::Pause(job) => link.pause(now, *job, recorder),
+            Asked::Resume(job) => link.resume(now, *job, recorder),
+            Asked::Abort(job) => link.abort(now, *job, recorder),
+            Asked::ForceResume => link.force_resume(now, recorder),
+            Asked::Room(bytes) => {
+                recorder.drain(*bytes);
+                link.run(now, recorder)
+            }
+            Asked::Drain(Drain::Off) => {
+                recorder.drain_by_hand = true;
+                Ok(())
+            }
+            Asked::Drain(Drain::Auto) => {
+                recorder.drain_by_hand = false;
+                recorder.drain(u32::MAX);
+                link.run(now, recorder)
+            }
+            Asked::Answer(request, answer) => {
+                let answer = answer.as_ref().map(Vec::as_slice).map_err(|failure| *failure);
+                link.answer(now, *request, answer, recorder)
+            }
+            Asked::Swap => return self.swap(now),
+            Asked::Close => return self.close(now),
+            Asked::Open => return self.open(now),
+        };
+        self.judged(now, stepped)
+    }
+
+    fn open(&mut self, now: Micros) -> Result<(), Fault> {
+        self.is_open = true;
+        self.is_down = false;
+        let opened = self.line.link.open(now, &mut self.recorder);
+        self.judged(now, opened)
+    }
+
+    fn close(&mut self, now: Micros) -> Result<(), Fault> {
+        self.is_open = false;
+        let closed = self.line.link.close(now, &mut self.recorder);
+        self.judged(now, closed)
+    }
+
+    fn advance(&mut self, now: Micros) -> Result<(), Fault> {
+        let advanced = self.line.advance(now, &mut self.recorder);
+        self.judged(now, advanced)
+    }
+
+    /// Nothing leaves a port that is gone.
+    fn transmit(&mut self, now: Micros) -> Result<(), Fault> {
+        if self.is_down {
+            return self.advance(now);
+        }
+        let sent = self.line.transmit(now, &mut self.recorder);
+        self.judged(now, sent)
+    }
+
+    /// Swaps if the plug-in has stepped since the last place and the
+    /// permutation asks for it.
+    fn swap_here(&mut self, now: Micros) -> Result<bool, Fault> {
+        if !self.is_open || self.steps.get() == self.steps_seen {
+            return Ok(false);
+        }
+        self.swap_places += 1;
+        let is_asked = match self.permutation {
+            Permutation::SwapAll => true,
+            Permutation::SwapAfter(place) => place == self.swap_places,
+            _ => false,
+        };
+        if is_asked {
+            self.swap(now)?;
+        }
+        self.steps_seen = self.steps.get();
+        Ok(is_asked)
+    }
+
+    fn swap(&mut self, now: Micros) -> Result<(), Fault> {
+        let at = now - self.offset;
+        let fresh = self
+            .subject
+            .instantiate()
+            .map_err(|error| Fault::new(FaultClass::NotStarted, at, error))?;
+        let fresh = Watched::new(fresh, Rc::clone(&self.steps));
+        self.line
+            .link
+            .swap(now, fresh, &mut self.recorder)
+            .map(drop)
+            .map_err(|error| Fault::of_swap(at, &error))
+    }
+
+    /// Closes the link behind the trace's end, and waits until the line is
+    /// quiet: the trace begins again one second later.
+    fn start_over(&mut self) -> Result<(), Fault> {
+        let mut now = self.course.end + Micros(1);
+        self.recorder.drain(u32::MAX);
+        self.close(now)?;
+        while let Some(next) = self.line.next() {
+            now = now.max(next);
+            self.advance(now)?;
+        }
+        self.recorder.drain_by_hand = false;
+        self.offset = now + Micros::from_secs(1);
+        if self.modem == self.modem_at_start {
+            return Ok(());
+        }
+        // A closed link keeps the lines for its next opening and tells nobody.
+        self.modem = self.modem_at_start;
+        let (known, on) = self.modem;
+        let set = self.line.link.modem_lines(now, known, on, &mut self.recorder);
+        self.judged(now, set)
+    }
+
+    fn judged(&self, now: Micros, stepped: Stepped<S>) -> Result<(), Fault> {
+        stepped.map_err(|fault| Fault::of_link(now - self.offset, &fault))
+    }
+}

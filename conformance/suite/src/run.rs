@@ -1,0 +1,236 @@
+//! All permutations of all traces against all subjects.
+
+use crate::compare::{compare, first_difference};
+use crate::deed::demands;
+use crate::fault::{Fault, FaultClass};
+use crate::lines::line_parameters;
+use crate::replay::{Outcome, replay};
+use crate::verdict::{Class, Failure, Verdict};
+use crate::{Case, CourseError, Divergence, Permutation, Subject, show};
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+use softplug_abi::Micros;
+use softplug_abi::manifest::Manifest;
+use std::fmt::Write as _;
+
+/// Which cases are run: those whose name is listed, or whose trace is. An empty
+/// filter takes all.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct Filter {
+    only: Vec<String>,
+}
+
+impl Filter {
+    /// Only these: traces by their id, single cases as `ID/PERMUTATION`.
+    pub fn only(names: impl IntoIterator<Item = impl Into<String>>) -> Self {
+        Self { only: names.into_iter().map(Into::into).collect() }
+    }
+
+    /// Whether any case of this trace is taken.
+    pub fn takes_trace(&self, id: &str) -> bool {
+        let of_trace = |name: &String| name == id || name.split('/').next() == Some(id);
+        self.only.is_empty() || self.only.iter().any(of_trace)
+    }
+
+    /// Whether this case is taken.
+    pub fn takes(&self, id: &str, permutation: Permutation) -> bool {
+        let is_case = |name: &String| {
+            name == id || name.strip_prefix(id) == Some(format!("/{permutation}").as_str())
+        };
+        self.only.is_empty() || self.only.iter().any(is_case)
+    }
+}
+
+/// All that was run.
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize)]
+pub struct Summary {
+    /// Cases that were run.
+    pub total: usize,
+    /// Those that passed.
+    pub passed: usize,
+    /// Those that did not.
+    pub failed: usize,
+    /// SHA-256 over the name, the verdict and the observable deeds of every uncut
+    /// case, as hex digits.
+    pub digest: String,
+    /// Every case, in the order of subjects, traces and permutations.
+    pub cases: Vec<Verdict>,
+}
+
+/// A subject whatever its instances are.
+pub trait Judge {
+    /// How reports name it.
+    fn label(&self) -> &str;
+
+    /// What the plug-in says of itself.
+    fn manifest(&self) -> &Manifest;
+
+    /// Runs a trace once.
+    fn run(&self, case: &Case, permutation: Permutation) -> Outcome;
+}
+
+impl<S: Subject> Judge for S {
+    fn label(&self) -> &str {
+        Subject::label(self)
+    }
+
+    fn manifest(&self) -> &Manifest {
+        Subject::manifest(self)
+    }
+
+    fn run(&self, case: &Case, permutation: Permutation) -> Outcome {
+        replay(self, case, permutation)
+    }
+}
+
+/// Runs all cases that the filter takes. The result depends on nothing but the
+/// arguments.
+pub fn run_all(subjects: &[&dyn Judge], cases: &[Case], filter: &Filter) -> Summary {
+    let mut summary = Summary::default();
+    let mut digest = Sha256::new();
+    for subject in subjects {
+        for case in cases.iter().filter(|case| filter.takes_trace(&case.trace.front.id)) {
+            let (verdicts, uncut) = judge(*subject, case, filter);
+            digest.update(uncut);
+            summary.cases.extend(verdicts);
+        }
+    }
+    summary.total = summary.cases.len();
+    summary.passed = summary.cases.iter().filter(|verdict| verdict.is_passed()).count();
+    summary.failed = summary.total - summary.passed;
+    summary.digest = digest.finalize().iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    });
+    summary
+}
+
+/// Judges one trace in every permutation that the filter takes. Returns the
+/// verdicts and what the digest holds of the uncut run.
+pub fn judge(subject: &dyn Judge, case: &Case, filter: &Filter) -> (Vec<Verdict>, String) {
+    let id = &case.trace.front.id;
+    let uncut = subject.run(case, Permutation::Uncut);
+    let base = assess(subject, case, Permutation::Uncut, &uncut, None);
+    let uncut_passed = base.is_none();
+    let pure = pure(id, &uncut, base.as_ref());
+
+    let manifest = subject.manifest();
+    let permutations = Permutation::without_swaps(case, manifest).unwrap_or_else(|_| {
+        // The uncut run has failed for the same reason.
+        vec![Permutation::Uncut]
+    });
+    let swaps = Permutation::swaps(case, manifest, uncut.swap_places);
+    let mut verdicts = Vec::new();
+    let mut base = Some(base);
+    for permutation in permutations.into_iter().chain(swaps) {
+        if !filter.takes(id, permutation) {
+            continue;
+        }
+        let failure = if permutation == Permutation::Uncut {
+            base.take().flatten()
+        } else {
+            let outcome = subject.run(case, permutation);
+            let compared = (uncut_passed && permutation.equals_uncut()).then_some(&uncut);
+            assess(subject, case, permutation, &outcome, compared)
+        };
+        verdicts.push(Verdict {
+            case: format!("{id}/{permutation}"),
+            subject: subject.label().to_owned(),
+            level: case.trace.front.level.name(),
+            failure,
+        });
+    }
+    (verdicts, pure)
+}
+
+/// Holds a run against the trace, and against the uncut run if that is given.
+fn assess(
+    subject: &dyn Judge,
+    case: &Case,
+    permutation: Permutation,
+    outcome: &Outcome,
+    uncut: Option<&Outcome>,
+) -> Option<Failure> {
+    let manifest = subject.manifest();
+    if let Some(fault) = &outcome.fault {
+        let class = Class::Fault(fault.class);
+        let before = show::before(case, manifest, &outcome.seen, Micros(fault.at_us));
+        return Some(failure(case, permutation, class, None, Some(fault.clone()), before));
+    }
+    let divergence = match uncut {
+        Some(uncut) => {
+            let place = first_difference(&uncut.seen, &outcome.seen)?;
+            let divergence =
+                Divergence::between_runs(case, manifest, &uncut.seen, &outcome.seen, place);
+            (divergence, place)
+        }
+        None => match against_trace(case, manifest, outcome) {
+            Ok(found) => found?,
+            Err(error) => {
+                let fault = Fault::new(FaultClass::NotApplicable, Micros::ZERO, error);
+                let class = Class::Fault(FaultClass::NotApplicable);
+                return Some(failure(case, permutation, class, None, Some(fault), Vec::new()));
+            }
+        },
+    };
+    let (divergence, place) = divergence;
+    let class = match permutation {
+        _ if uncut.is_none() => Class::Diverged,
+        Permutation::CutSingly | Permutation::CutWhole | Permutation::CutRandom(_) => {
+            Class::DependsOnCuts
+        }
+        Permutation::SwapAll | Permutation::SwapAfter(_) => Class::DependsOnSwap,
+        Permutation::Twice => Class::DependsOnPast,
+        Permutation::Uncut | Permutation::Late(_) => Class::Diverged,
+    };
+    let before = show::before(case, manifest, &outcome.seen[..place], Micros(divergence.at_us));
+    Some(failure(case, permutation, class, Some(divergence), None, before))
+}
+
+fn failure(
+    case: &Case,
+    permutation: Permutation,
+    class: Class,
+    divergence: Option<Divergence>,
+    fault: Option<Fault>,
+    before: Vec<String>,
+) -> Failure {
+    let file = case.path.display().to_string();
+    let id = &case.trace.front.id;
+    let again = format!("softplug replay PLUGIN {file} --only {id}/{permutation}");
+    Failure { class, file, divergence, fault, before, again }
+}
+
+/// The divergence from that course of events which is followed the longest, and
+/// how much was seen before it.
+fn against_trace(
+    case: &Case,
+    manifest: &Manifest,
+    outcome: &Outcome,
+) -> Result<Option<(Divergence, usize)>, CourseError> {
+    let line = line_parameters(&case.trace.front.line);
+    let mut furthest = None;
+    for course in case.trace.variants() {
+        let demands = demands(case, manifest, &course)?;
+        let Err(mismatch) = compare(&demands, &outcome.seen, line) else { return Ok(None) };
+        let is_further = furthest
+            .as_ref()
+            .is_none_or(|(best, _): &(Divergence, usize)| best.at_us < mismatch.at.0);
+        if is_further {
+            let divergence =
+                Divergence::from_trace(case, manifest, &demands, &outcome.seen, mismatch);
+            furthest = Some((divergence, mismatch.observed.unwrap_or(outcome.seen.len())));
+        }
+    }
+    Ok(furthest)
+}
+
+/// What the digest holds of an uncut run: nothing that depends on the engine.
+fn pure(id: &str, uncut: &Outcome, failure: Option<&Failure>) -> String {
+    let verdict = failure.map_or("passed", |failure| failure.class.text());
+    let mut text = format!("{id}\n{verdict}\n");
+    for seen in &uncut.seen {
+        let _ = writeln!(text, "{} {:?}", seen.at, seen.deed);
+    }
+    text
+}

@@ -1,0 +1,90 @@
+//! What was given and seen, as lines of a trace.
+
+use crate::Case;
+use crate::compare::Run;
+use crate::course::micros;
+use crate::deed::Deed;
+use crate::lines::line_parameters;
+use crate::replay::Seen;
+use softplug_abi::Micros;
+use softplug_abi::manifest::Manifest;
+use softplug_trace::{Entry, Line, Payload, SourceLine, Time, Trace, What, When};
+
+/// Characters of a line that are shown.
+const WIDTH: usize = 100;
+/// Bytes that stand on one shown line.
+const BYTES: usize = 16;
+/// Lines of what was before.
+const BEFORE: usize = 8;
+
+/// An entry as its trace would hold it, cut to a readable length.
+pub(crate) fn line(case: &Case, entry: &Entry) -> String {
+    let trace = Trace { front: case.trace.front.clone(), body: vec![Line::Entry(entry.clone())] };
+    let text = trace.format();
+    let line = text.lines().next_back().unwrap_or_default();
+    match line.char_indices().nth(WIDTH) {
+        Some((end, _)) => format!("{}…", &line[..end]),
+        None => line.to_owned(),
+    }
+}
+
+/// What was seen as entries: bytes that follow each other at once stand on one
+/// line, of at most `most` bytes, unless `is_cut` cuts before one.
+pub(crate) fn entries(
+    case: &Case,
+    manifest: &Manifest,
+    seen: &[Seen],
+    most: usize,
+    is_cut: impl Fn(Micros) -> bool,
+) -> Vec<Entry> {
+    let mut run = Run::new(line_parameters(&case.trace.front.line));
+    let mut entries = Vec::new();
+    let mut open: Option<(Micros, Vec<u8>)> = None;
+    let close = |open: &mut Option<(Micros, Vec<u8>)>, entries: &mut Vec<Entry>| {
+        if let Some((at, bytes)) = open.take() {
+            let when = When::at(Time(at.0.max(0) as u64));
+            let what = What::Send(payload(&bytes));
+            entries.push(Entry { when, what, line: SourceLine::default() });
+        }
+    };
+    for seen in seen {
+        let Deed::Byte(byte) = seen.deed else {
+            close(&mut open, &mut entries);
+            entries.push(seen.deed.entry(seen.at, manifest));
+            continue;
+        };
+        let follows = run.add(seen.at);
+        let joins = follows
+            && open.as_ref().is_some_and(|(_, bytes)| bytes.len() < most)
+            && !is_cut(seen.at);
+        if !joins {
+            close(&mut open, &mut entries);
+        }
+        open.get_or_insert((seen.at, Vec::new())).1.push(byte);
+    }
+    close(&mut open, &mut entries);
+    entries
+}
+
+/// Single bytes are clearer as hex.
+fn payload(bytes: &[u8]) -> Payload {
+    if bytes.len() < 4 { Payload::hex(bytes) } else { Payload::from_bytes(bytes) }
+}
+
+/// The last lines of what was given and seen until `at`.
+pub(crate) fn before(case: &Case, manifest: &Manifest, seen: &[Seen], at: Micros) -> Vec<String> {
+    let given = case.trace.inputs().cloned();
+    let seen = entries(case, manifest, seen, BYTES, |_| false);
+    let mut all: Vec<Entry> =
+        given.chain(seen).filter(|entry| micros(entry.when.from) <= at).collect();
+    all.sort_by_key(|entry| entry.when.from);
+    let first = all.len().saturating_sub(BEFORE);
+    all[first..].iter().map(|entry| line(case, entry)).collect()
+}
+
+/// The first line of what follows.
+pub(crate) fn next(case: &Case, manifest: &Manifest, seen: &[Seen]) -> String {
+    let ahead = &seen[..seen.len().min(BYTES)];
+    let entries = entries(case, manifest, ahead, BYTES, |_| false);
+    entries.first().map_or_else(|| "nothing".to_owned(), |entry| line(case, entry))
+}

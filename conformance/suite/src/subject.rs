@@ -1,0 +1,159 @@
+//! What is judged: something that gives fresh instances of one plug-in.
+
+use softplug_abi::manifest::Manifest;
+use softplug_abi::{Event, Instance, Micros, Output};
+use std::any::Any;
+use std::cell::Cell;
+use std::error::Error;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::rc::Rc;
+
+/// A plug-in to be judged.
+pub trait Subject {
+    /// One running plug-in.
+    type Instance: Instance;
+
+    /// A new instance, which knows no settings yet.
+    ///
+    /// # Errors
+    /// There is none; the plug-in cannot be judged.
+    fn instantiate(&self) -> Result<Self::Instance, SubjectError>;
+
+    /// What the plug-in says of itself.
+    fn manifest(&self) -> &Manifest;
+
+    /// How reports name it.
+    fn label(&self) -> &str;
+}
+
+/// A plug-in gives no instance.
+#[derive(Debug, thiserror::Error)]
+#[error("the plug-in cannot be started: {0}")]
+pub struct SubjectError(#[from] Box<dyn Error + Send + Sync>);
+
+/// A plug-in in the sandbox.
+#[derive(Clone, Debug)]
+pub struct Sandboxed {
+    plugin: softplug_host::Plugin,
+    label: String,
+}
+
+impl Sandboxed {
+    /// The plug-in as it was loaded; it is labelled by its name.
+    pub fn new(plugin: softplug_host::Plugin) -> Self {
+        let label = plugin.manifest().name.clone();
+        Self { plugin, label }
+    }
+
+    /// The plug-in.
+    pub fn plugin(&self) -> &softplug_host::Plugin {
+        &self.plugin
+    }
+}
+
+impl Subject for Sandboxed {
+    type Instance = softplug_host::Session;
+
+    fn instantiate(&self) -> Result<Self::Instance, SubjectError> {
+        self.plugin.instantiate().map_err(|error| SubjectError(error.into()))
+    }
+
+    fn manifest(&self) -> &Manifest {
+        self.plugin.manifest()
+    }
+
+    fn label(&self) -> &str {
+        &self.label
+    }
+}
+
+/// A plug-in as native code: a function that makes instances.
+#[derive(Clone, Debug)]
+pub struct FromFn<F> {
+    make: F,
+    manifest: Manifest,
+    label: String,
+}
+
+impl<I: Instance, F: Fn() -> I> FromFn<F> {
+    /// Instances from `make`, labelled as `NAME (native)`.
+    pub fn new(manifest: Manifest, make: F) -> Self {
+        let label = format!("{} (native)", manifest.name);
+        Self { make, manifest, label }
+    }
+}
+
+impl<I: Instance, F: Fn() -> I> Subject for FromFn<F> {
+    type Instance = I;
+
+    fn instantiate(&self) -> Result<I, SubjectError> {
+        Ok((self.make)())
+    }
+
+    fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    fn label(&self) -> &str {
+        &self.label
+    }
+}
+
+/// An instance whose steps are counted and whose panics are caught: native code
+/// panics where a module traps.
+#[derive(Debug)]
+pub(crate) struct Watched<I> {
+    inner: I,
+    steps: Rc<Cell<u64>>,
+    panicked: Option<String>,
+}
+
+impl<I: Instance> Watched<I> {
+    pub(crate) fn new(inner: I, steps: Rc<Cell<u64>>) -> Self {
+        Self { inner, steps, panicked: None }
+    }
+}
+
+/// Why a watched instance did not take an event.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum WatchedFault<F: Error + 'static> {
+    #[error("it panicked: {0}")]
+    Panicked(String),
+    #[error(transparent)]
+    Instance(F),
+}
+
+impl<I: Instance> Instance for Watched<I> {
+    type Fault = WatchedFault<I::Fault>;
+
+    fn input_capacity(&self) -> usize {
+        self.inner.input_capacity()
+    }
+
+    fn step(&mut self, event: &Event<'_>, now: Micros) -> Result<Output<'_>, Self::Fault> {
+        if let Some(words) = &self.panicked {
+            return Err(WatchedFault::Panicked(words.clone()));
+        }
+        self.steps.set(self.steps.get() + 1);
+        let inner = &mut self.inner;
+        // A panicked instance is never called again, so that a state that it
+        // left half done is not seen.
+        let step = move || {
+            let inner = inner;
+            inner.step(event, now)
+        };
+        match catch_unwind(AssertUnwindSafe(step)) {
+            Ok(stepped) => stepped.map_err(WatchedFault::Instance),
+            Err(panic) => {
+                let words = self.panicked.insert(words(panic.as_ref()));
+                Err(WatchedFault::Panicked(words.clone()))
+            }
+        }
+    }
+}
+
+fn words(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+    text.or_else(|| panic.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "without a word".to_owned())
+}

@@ -1,0 +1,109 @@
+//! What a run of a trace came to.
+
+use crate::{Divergence, Fault, FaultClass};
+use serde::Serialize;
+use std::fmt;
+
+/// One run of one trace, judged.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+pub struct Verdict {
+    /// The case: the trace's id, a slash, the permutation.
+    pub case: String,
+    /// The plug-in.
+    pub subject: String,
+    /// How much the clauses bind: `must`, `should` or `may`.
+    pub level: &'static str,
+    /// `None`: passed.
+    pub failure: Option<Failure>,
+}
+
+/// Why a run did not pass.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+pub struct Failure {
+    /// What kind of failure.
+    pub class: Class,
+    /// The trace's file, as it was named.
+    pub file: String,
+    /// The first place where what was seen differs from what was demanded.
+    pub divergence: Option<Divergence>,
+    /// How the run ended before its time.
+    pub fault: Option<Fault>,
+    /// What was given and seen before that.
+    pub before: Vec<String>,
+    /// The command that runs it again.
+    pub again: String,
+}
+
+/// Kinds of failure.
+#[derive(Copy, Clone, PartialEq, Eq, Hash, Debug, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Class {
+    /// The plug-in did not do what the trace demands.
+    Diverged,
+    /// It did as the trace is written, but not with its bytes cut differently.
+    DependsOnCuts,
+    /// It did in one instance, but not when swapped in the middle.
+    DependsOnSwap,
+    /// It did once, but not again after it was closed and opened.
+    DependsOnPast,
+    /// The run ended before its time.
+    #[serde(untagged)]
+    Fault(FaultClass),
+}
+
+impl Class {
+    /// In words, as the end of "the plug-in …".
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::Diverged => "does not do what the trace demands",
+            Self::DependsOnCuts => "does something else when the same bytes are cut differently",
+            Self::DependsOnSwap => "does something else when it is saved and restored",
+            Self::DependsOnPast => "does something else after it was closed and opened again",
+            Self::Fault(class) => class.text(),
+        }
+    }
+}
+
+impl Verdict {
+    /// Whether it passed.
+    pub fn is_passed(&self) -> bool {
+        self.failure.is_none()
+    }
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.failure {
+            None => write!(f, "passed {} [{}]", self.case, self.subject),
+            Some(failure) => {
+                write!(f, "FAILED {} [{}]", self.case, self.subject)?;
+                write!(f, "\n{failure}")
+            }
+        }
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "  the plug-in {}", self.class.text())?;
+        let line = self.divergence.as_ref().and_then(|divergence| divergence.line);
+        match line {
+            Some(line) => writeln!(f, "  --> {}:{line}", self.file)?,
+            None => writeln!(f, "  --> {}", self.file)?,
+        }
+        if let Some(fault) = &self.fault {
+            let at = softplug_abi::Micros(fault.at_us);
+            writeln!(f, "  at {at}: {}", fault.message)?;
+        }
+        if let Some(divergence) = &self.divergence {
+            write!(f, "{divergence}")?;
+        }
+        if !self.before.is_empty() {
+            writeln!(f, "  before that")?;
+        }
+        for line in &self.before {
+            writeln!(f, "    {line}")?;
+        }
+        write!(f, "  again: {}", self.again)
+    }
+}
