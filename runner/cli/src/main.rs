@@ -1,2 +1,68 @@
-//! (to come)
-fn main() {}
+//! Softplug's command: transfers over serial lines through sandboxed plug-ins,
+//! and the tools around them.
+#![forbid(unsafe_code)]
+
+mod arguments;
+mod commands;
+mod dump;
+mod exit;
+mod failure;
+mod files;
+mod line;
+#[cfg(target_os = "linux")]
+mod live;
+#[cfg(not(target_os = "linux"))]
+#[path = "elsewhere.rs"]
+mod live;
+mod numbers;
+mod plugin;
+mod screen;
+mod stop;
+mod table;
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::process::ExitCode;
+
+use crate::arguments::Start;
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::screen::Screen;
+
+fn main() -> ExitCode {
+    match arguments::read() {
+        Start::Run(command_line) => {
+            let screen = Screen::new(&command_line.global);
+            guard(&screen, || commands::run(command_line.command, &screen)).into()
+        }
+        Start::End(exit) => exit.into(),
+    }
+}
+
+/// Runs the command; an error is said and a bug is owned up to.
+fn guard(screen: &Screen, run: impl FnOnce() -> Result<Exit, Failure>) -> Exit {
+    // Nothing that the closure touched is looked at again after a panic.
+    match catch_unwind(AssertUnwindSafe(run)) {
+        Ok(Ok(exit)) => exit,
+        Ok(Err(failure)) => {
+            screen.failure(&failure);
+            failure.exit
+        }
+        Err(_) => {
+            screen.failure(&Failure::internal("the command has met a state that it should not"));
+            Exit::Internal
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bug_ends_as_an_internal_error_and_not_as_a_signal() {
+        let screen = Screen::new(&arguments::Global::default());
+        assert_eq!(guard(&screen, || panic!("a bug")), Exit::Internal);
+        assert_eq!(guard(&screen, || Err(Failure::usage("no"))), Exit::Usage);
+        assert_eq!(guard(&screen, || Ok(Exit::Done)), Exit::Done);
+    }
+}

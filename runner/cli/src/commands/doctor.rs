@@ -1,0 +1,25 @@
+//! `softplug doctor`: what ails a port.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+/// Examines a serial port: rights, who has it, driver, latency, modem lines, and what is heard.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  softplug doctor /dev/ttyUSB0
+  softplug doctor /dev/ttyUSB0 --listen 3     let the machine send meanwhile
+  softplug doctor /dev/ttyUSB0 --listen 5 --baud 4800 --baud 9600
+
+Ends with 6 if the port cannot be used.")]
+pub(crate) struct Arguments {
+    /// The port, such as /dev/ttyUSB0
+    #[arg(value_name = "PORT")]
+    pub(crate) port: PathBuf,
+    /// Listen for so many seconds at each baud rate, and say which rate and parity it sounds like
+    #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(1..=3600))]
+    pub(crate) listen: Option<u32>,
+    /// A baud rate to listen at; may be repeated [default: the common ones]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(50..=16_000_000))]
+    pub(crate) baud: Vec<u32>,
+}

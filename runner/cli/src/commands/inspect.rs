@@ -1,0 +1,176 @@
+//! `softplug inspect`: whether a module is a plug-in, and what it says of itself.
+
+use std::fmt::Write as _;
+
+use clap::Args;
+use serde::Serialize;
+use serde_json::Value;
+use softplug_abi::manifest::{Manifest, Setting, ValueType};
+use softplug_host::{Host, HostOptions, Inspection};
+
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::numbers;
+use crate::plugin::{Library, load_failure};
+use crate::screen::{HEADING, Screen};
+use crate::table::Table;
+
+/// Checks a plug-in and shows its manifest: settings, presets, jobs, profiles.
+///
+/// Nothing of the plug-in runs but the question for its mailbox.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  softplug inspect target/plugins/xon-xoff.wasm
+  softplug inspect xon-xoff --json")]
+pub(crate) struct Arguments {
+    /// The plug-in: a .wasm file, or a name to look up
+    plugin: String,
+    #[command(flatten)]
+    library: Library,
+}
+
+/// What machines get.
+#[derive(Serialize)]
+struct Document<'a> {
+    file: String,
+    abi: &'a str,
+    imports: usize,
+    exports: &'a [String],
+    sha256: String,
+    size: usize,
+    memory_pages: u64,
+    manifest: &'a Manifest,
+}
+
+pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
+    if arguments.plugin.starts_with("native:") {
+        return Err(Failure::usage("a native plug-in is no module to inspect")
+            .hint("give the .wasm file that is built from the same code"));
+    }
+    let file = arguments.library.find(&arguments.plugin)?;
+    let host = Host::new(HostOptions::default()).map_err(Failure::plug_in)?;
+    // Loaded and not only linted: a module that cannot start is no plug-in.
+    let plugin = host.load(&file).map_err(|error| load_failure(&file, &error))?;
+    plugin.instantiate().map_err(|error| load_failure(&file, &error))?;
+    let inspection = plugin.inspection();
+    screen.document(&Document {
+        file: file.display().to_string(),
+        abi: &inspection.manifest.abi,
+        imports: inspection.imports,
+        exports: &inspection.exports,
+        sha256: inspection.digest.to_string(),
+        size: inspection.size,
+        memory_pages: inspection.memory_pages,
+        manifest: &inspection.manifest,
+    });
+    screen.say(describe(inspection));
+    Ok(Exit::Done)
+}
+
+fn describe(inspection: &Inspection) -> String {
+    let manifest = &inspection.manifest;
+    let mut text = format!("{HEADING}{} {}{HEADING:#}", manifest.name, manifest.version);
+    let mut line = |line: &str| {
+        let _ = write!(text, "\n{line}");
+    };
+    line(&manifest.description);
+    line("");
+    line(&format!("protocol  {}", manifest.protocol));
+    line(&format!("licence   {}", manifest.licence));
+    line(&format!("abi       {}, {} imports", manifest.abi, inspection.imports));
+    line(&format!("size      {}", numbers::bytes(inspection.size as u64)));
+    line(&format!("memory    {}", numbers::things(inspection.memory_pages, "page")));
+    line(&format!("sha256    {}", inspection.digest));
+    for profile in &manifest.profiles {
+        let features = profile.features.join(", ");
+        let with = if features.is_empty() { String::new() } else { format!(", with {features}") };
+        line(&format!("profile   {}{with}", profile.name));
+    }
+    for section in [settings(manifest), presets(manifest), kinds(manifest), status(manifest)] {
+        if let Some(table) = section {
+            line("");
+            line(&table.to_string());
+        }
+    }
+    text
+}
+
+fn settings(manifest: &Manifest) -> Option<Table> {
+    let mut table = Table::new(["SETTING", "TYPE", "DEFAULT", "RANGE", "MEANING"]);
+    for setting in &manifest.settings {
+        table.row([
+            setting.name.clone(),
+            setting.kind.name().to_owned(),
+            default(setting),
+            range(setting),
+            setting.text.clone(),
+        ]);
+    }
+    (!manifest.settings.is_empty()).then_some(table)
+}
+
+/// As it would be written on the command line.
+fn default(setting: &Setting) -> String {
+    let unit = if setting.unit.is_empty() { String::new() } else { format!(" {}", setting.unit) };
+    match &setting.default {
+        Value::Bool(true) => "on".to_owned(),
+        Value::Bool(false) => "off".to_owned(),
+        Value::String(text) if text.is_empty() => "\"\"".to_owned(),
+        Value::String(text) => text.clone(),
+        other => format!("{other}{unit}"),
+    }
+}
+
+fn range(setting: &Setting) -> String {
+    let unit = match setting.kind {
+        ValueType::Bool => return "on, off".to_owned(),
+        ValueType::Choice => return setting.choices.join(", "),
+        ValueType::Int => setting.unit.as_str(),
+        ValueType::Text | ValueType::Bytes => "bytes",
+    };
+    let range = match (setting.min, setting.max) {
+        (Some(min), Some(max)) => format!("{min} to {max}"),
+        (Some(min), None) => format!("from {min}"),
+        (None, Some(max)) => format!("up to {max}"),
+        (None, None) => return "any".to_owned(),
+    };
+    format!("{range} {unit}").trim_end().to_owned()
+}
+
+fn presets(manifest: &Manifest) -> Option<Table> {
+    let mut table = Table::new(["PRESET", "SETS", "MEANING"]);
+    for preset in &manifest.presets {
+        let sets = preset.values.iter().map(|(name, value)| match value {
+            Value::Bool(true) => format!("{name}=on"),
+            Value::Bool(false) => format!("{name}=off"),
+            Value::String(text) if text.contains(' ') => format!("{name}=\"{text}\""),
+            Value::String(text) => format!("{name}={text}"),
+            other => format!("{name}={other}"),
+        });
+        let sets = sets.collect::<Vec<_>>().join(" ");
+        table.row([preset.name.clone(), sets, preset.text.clone()]);
+    }
+    (!manifest.presets.is_empty()).then_some(table)
+}
+
+fn kinds(manifest: &Manifest) -> Option<Table> {
+    let mut table = Table::new(["JOB", "FIELDS", "MEANING"]);
+    for kind in &manifest.jobs {
+        let fields = kind.fields.iter().map(|field| match field.required {
+            true => field.name.clone(),
+            false => format!("[{}]", field.name),
+        });
+        let fields = fields.collect::<Vec<_>>().join(" ");
+        let fields = if fields.is_empty() { "none".to_owned() } else { fields };
+        table.row([kind.name.clone(), fields, kind.text.clone()]);
+    }
+    (!manifest.jobs.is_empty()).then_some(table)
+}
+
+fn status(manifest: &Manifest) -> Option<Table> {
+    let mut table = Table::new(["STATUS", "NAME", "MEANING"]);
+    for status in &manifest.status {
+        table.row([status.code.to_string(), status.name.clone(), status.text.clone()]);
+    }
+    (!manifest.status.is_empty()).then_some(table)
+}

@@ -1,0 +1,37 @@
+//! The verbs, one file each: what they take, and what they say.
+
+pub(crate) mod completions;
+pub(crate) mod demo;
+pub(crate) mod doctor;
+mod dry_run;
+pub(crate) mod inspect;
+pub(crate) mod man;
+pub(crate) mod ports;
+pub(crate) mod receive;
+pub(crate) mod replay;
+pub(crate) mod send;
+pub(crate) mod simulate;
+pub(crate) mod trace;
+
+use crate::arguments::Command;
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::live;
+use crate::screen::Screen;
+
+/// Does what the command line asks for.
+pub(crate) fn run(command: Command, screen: &Screen) -> Result<Exit, Failure> {
+    match command {
+        Command::Ports(_) => live::ports(screen),
+        Command::Inspect(arguments) => inspect::run(&arguments, screen),
+        Command::Send(arguments) => send::run(&arguments, screen),
+        Command::Receive(arguments) => receive::run(&arguments, screen),
+        Command::Replay(arguments) => replay::run(&arguments, screen),
+        Command::Trace(arguments) => trace::run(arguments, screen),
+        Command::Simulate(arguments) => simulate::run(arguments, screen),
+        Command::Doctor(arguments) => live::doctor(&arguments, screen),
+        Command::Demo(arguments) => live::demo(&arguments, screen),
+        Command::Completions(arguments) => Ok(completions::run(&arguments, screen)),
+        Command::Man(arguments) => man::run(&arguments, screen),
+    }
+}

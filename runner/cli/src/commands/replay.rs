@@ -1,0 +1,270 @@
+//! `softplug replay`: traces against a plug-in, in virtual time.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde::Serialize;
+use softplug_conformance::{
+    Case, FaultClass, Filter, FromFn, Judge, LoadError, Sandboxed, Summary, Verdict, bless, load,
+    run_all,
+};
+#[cfg(feature = "native")]
+use softplug_native::NativePlugin;
+
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::files;
+use crate::numbers;
+use crate::plugin::{Chosen, Library};
+use crate::screen::{BAD, GOOD, Screen};
+
+/// Failures that are told in full.
+const SHOWN: usize = 3;
+
+/// Replays traces against a plug-in and says where it does something else.
+///
+/// Every trace also runs with its bytes cut differently, twice in one instance, and with the
+/// plug-in saved and restored in the middle; all must show the same. Time is virtual: two runs give
+/// the same result to the byte.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  softplug replay xon-xoff fixtures/traces/xon-xoff
+  softplug replay xon-xoff fixtures/traces --only \"xon-xoff.tx.*\" --no-permutations
+  softplug replay my-plugin.wasm case.spt --only my.case/cut:1
+  softplug replay xon-xoff case.spt --bless")]
+pub(crate) struct Arguments {
+    /// The plug-in: a .wasm file, a name to look up, or native:NAME
+    plugin: String,
+    #[command(flatten)]
+    library: Library,
+    /// Trace files, or folders to search for .spt files
+    #[arg(required = true, value_name = "TRACE")]
+    traces: Vec<PathBuf>,
+    /// Only these traces, or cases as ID/PERMUTATION; * and ? stand for anything; may be repeated
+    #[arg(long, value_name = "PATTERN")]
+    only: Vec<String>,
+    /// Run every trace only as it is written
+    #[arg(long)]
+    no_permutations: bool,
+    /// Judge the native code of the plug-in of this name too
+    #[arg(long)]
+    native: bool,
+    /// Rewrite the traces' expectations to what the plug-in does; read the difference well
+    #[arg(long, conflicts_with = "native")]
+    bless: bool,
+}
+
+/// What machines get.
+#[derive(Serialize)]
+struct Document<'a> {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sha256: Option<String>,
+    #[serde(flatten)]
+    summary: &'a Summary,
+}
+
+#[derive(Serialize)]
+struct BlessDocument {
+    traces: usize,
+    blessed: Vec<String>,
+}
+
+pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
+    let cases = match load(&arguments.traces) {
+        Ok(cases) => cases,
+        Err(error) => return Err(load_failure(&error, screen)),
+    };
+    let plugin = arguments.library.load(&arguments.plugin)?;
+    let filter = filter(arguments, &cases)?;
+    if arguments.bless {
+        return bless_all(&plugin, &cases, &filter, screen);
+    }
+    let judges = judges(&plugin, arguments.native)?;
+    let judges: Vec<_> = judges.iter().map(AsRef::as_ref).collect();
+    let summary = run_all(&judges, &cases, &filter);
+    if summary.total == 0 {
+        return Err(nothing_selected(arguments));
+    }
+    let sha256 = match &plugin {
+        Chosen::Sandboxed(plugin) => Some(plugin.digest().to_string()),
+        #[cfg(feature = "native")]
+        Chosen::Native(..) => None,
+    };
+    screen.document(&Document { sha256, summary: &summary });
+    show(&summary, cases.len(), arguments, screen);
+    Ok(exit(&summary))
+}
+
+/// All permutations of all traces of the folder that are for this plug-in;
+/// `None` if there is no trace.
+pub(crate) fn quick(plugin: &Chosen, folder: &Path) -> Result<Option<Summary>, Failure> {
+    let mut cases = match load([folder]) {
+        Ok(cases) => cases,
+        Err(LoadError::Nothing { .. }) => return Ok(None),
+        Err(error) => return Err(Failure::usage(error)),
+    };
+    let claims: Vec<_> = plugin.manifest().profiles.iter().map(|profile| &profile.name).collect();
+    cases.retain(|case| claims.contains(&&case.trace.front.profile));
+    let judges = judges(plugin, false)?;
+    let judges: Vec<_> = judges.iter().map(AsRef::as_ref).collect();
+    Ok(Some(run_all(&judges, &cases, &Filter::default())))
+}
+
+fn judges(plugin: &Chosen, with_native: bool) -> Result<Vec<Box<dyn Judge>>, Failure> {
+    let mut judges: Vec<Box<dyn Judge>> = Vec::new();
+    match plugin {
+        Chosen::Sandboxed(plugin) => judges.push(Box::new(Sandboxed::new(plugin.clone()))),
+        #[cfg(feature = "native")]
+        Chosen::Native(plugin, manifest) => judges.push(native(*plugin, manifest)),
+    }
+    if with_native && matches!(plugin, Chosen::Sandboxed(_)) {
+        match crate::plugin::native(&plugin.manifest().name)? {
+            #[cfg(feature = "native")]
+            Chosen::Native(plugin, manifest) => judges.push(native(plugin, &manifest)),
+            Chosen::Sandboxed(_) => {}
+        }
+    }
+    Ok(judges)
+}
+
+#[cfg(feature = "native")]
+fn native(plugin: NativePlugin, manifest: &softplug_abi::manifest::Manifest) -> Box<dyn Judge> {
+    Box::new(FromFn::new(manifest.clone(), move || plugin.instantiate()))
+}
+
+fn load_failure(error: &LoadError, screen: &Screen) -> Failure {
+    match error {
+        LoadError::Nothing { .. } => Failure::new(Exit::NothingSelected, error),
+        LoadError::Parse { .. } if !screen.is_json() => {
+            screen.report(error.report());
+            Failure::usage("a trace cannot be read; nothing was replayed")
+        }
+        error => Failure::usage(error),
+    }
+}
+
+fn nothing_selected(arguments: &Arguments) -> Failure {
+    let patterns = arguments.only.join(", ");
+    Failure::new(Exit::NothingSelected, format_args!("no case is called {patterns}"))
+        .hint("a trace's id stands in its first line; leave --only out to run all")
+}
+
+/// Names with `*` and `?` are looked for among the ids.
+fn filter(arguments: &Arguments, cases: &[Case]) -> Result<Filter, Failure> {
+    let ids = || cases.iter().map(|case| case.trace.front.id.as_str());
+    let way = if arguments.no_permutations { Some("uncut") } else { None };
+    if arguments.only.is_empty() && way.is_none() {
+        return Ok(Filter::default());
+    }
+    let all = ["*".to_owned()];
+    let patterns = if arguments.only.is_empty() { &all[..] } else { &arguments.only };
+    let mut names = Vec::new();
+    for pattern in patterns {
+        let (pattern, asked) = match pattern.split_once('/') {
+            Some((id, way)) => (id, Some(way)),
+            None => (pattern.as_str(), None),
+        };
+        for id in ids().filter(|id| matches(pattern.as_bytes(), id.as_bytes())) {
+            names.push(match asked.or(way) {
+                Some(way) => format!("{id}/{way}"),
+                None => id.to_owned(),
+            });
+        }
+    }
+    // An empty filter would take all.
+    if names.is_empty() { Err(nothing_selected(arguments)) } else { Ok(Filter::only(names)) }
+}
+
+/// `*` stands for any text, `?` for one character.
+fn matches(pattern: &[u8], text: &[u8]) -> bool {
+    match pattern.split_first() {
+        None => text.is_empty(),
+        Some((b'*', rest)) => (0..=text.len()).any(|from| matches(rest, &text[from..])),
+        Some((first, rest)) => text
+            .split_first()
+            .is_some_and(|(byte, text)| (*first == b'?' || first == byte) && matches(rest, text)),
+    }
+}
+
+fn show(summary: &Summary, traces: usize, arguments: &Arguments, screen: &Screen) {
+    let failed: Vec<_> = summary.cases.iter().filter(|verdict| !verdict.is_passed()).collect();
+    for verdict in failed.iter().take(SHOWN) {
+        let text = verdict.to_string().replace("replay PLUGIN", &again(arguments));
+        screen.say(format_args!("{text}\n"));
+    }
+    if failed.len() > SHOWN {
+        let names = failed[SHOWN..].iter().map(|verdict| &verdict.case);
+        screen.say("failed too:");
+        names.for_each(|name| screen.say(format_args!("  {name}")));
+    }
+    let (style, word) = if summary.failed == 0 { (GOOD, "passed") } else { (BAD, "FAILED") };
+    screen.say(format_args!(
+        "{style}{word}{style:#}: {} of {} passed, from {}",
+        numbers::count(summary.passed as u64),
+        numbers::things(summary.total as u64, "case"),
+        numbers::things(traces as u64, "trace")
+    ));
+}
+
+/// The beginning of the command that runs a case again.
+fn again(arguments: &Arguments) -> String {
+    let plugin = &arguments.plugin;
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-:+=".contains(c);
+    if plugin.chars().all(is_plain) {
+        format!("replay {plugin}")
+    } else {
+        format!("replay '{}'", plugin.replace('\'', r"'\''"))
+    }
+}
+
+fn exit(summary: &Summary) -> Exit {
+    let is_unstarted = |verdict: &Verdict| {
+        let fault = verdict.failure.as_ref().and_then(|failure| failure.fault.as_ref());
+        fault.is_some_and(|fault| fault.class == FaultClass::NotStarted)
+    };
+    match summary {
+        Summary { failed: 0, .. } => Exit::Done,
+        Summary { cases, .. } if cases.iter().all(is_unstarted) => Exit::PlugIn,
+        _ => Exit::Failed,
+    }
+}
+
+fn bless_all(
+    plugin: &Chosen,
+    cases: &[Case],
+    filter: &Filter,
+    screen: &Screen,
+) -> Result<Exit, Failure> {
+    let judges = judges(plugin, false)?;
+    let judge = judges.first().expect("a plug-in gives a judge");
+    let mut document = BlessDocument { traces: 0, blessed: Vec::new() };
+    for case in cases.iter().filter(|case| filter.takes_trace(&case.trace.front.id)) {
+        document.traces += 1;
+        let blessed = bless(judge.as_ref(), case).map_err(|error| {
+            Failure::new(Exit::Failed, format_args!("{}: {error}", case.path.display()))
+        })?;
+        let text = blessed.format();
+        if text != files::read_text(&case.path)? {
+            files::replace(&case.path, text.as_bytes())?;
+            let file = case.path.display().to_string();
+            screen.say(&file);
+            document.blessed.push(file);
+        }
+    }
+    screen.document(&document);
+    Ok(Exit::Done)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patterns_match_as_in_a_shell() {
+        let matches = |pattern: &str, text: &str| matches(pattern.as_bytes(), text.as_bytes());
+        assert!(matches("xon-xoff.tx.*", "xon-xoff.tx.hold"));
+        assert!(matches("*.hold", "xon-xoff.tx.hold") && matches("a?c", "abc"));
+        assert!(matches("*", "") && matches("abc", "abc"));
+        assert!(!matches("xon-xoff.tx", "xon-xoff.tx.hold") && !matches("a?", "a"));
+    }
+}

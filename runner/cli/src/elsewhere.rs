@@ -1,0 +1,48 @@
+//! What needs ports, on systems where this command has none yet.
+
+use std::fmt::Display;
+
+use softplug_gateway::PortSpec;
+
+use crate::commands::{demo, doctor, receive, send, simulate};
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::screen::Screen;
+
+fn nowhere(what: impl Display) -> Failure {
+    Failure::new(Exit::Port, format_args!("{what} works on Linux only so far"))
+        .hint("`send --dry-run`, `inspect`, `replay` and `trace fmt` work here")
+}
+
+pub(crate) fn ports(_: &Screen) -> Result<Exit, Failure> {
+    Err(nowhere("listing the ports"))
+}
+
+pub(crate) fn doctor(_: &doctor::Arguments, _: &Screen) -> Result<Exit, Failure> {
+    Err(nowhere("examining a port"))
+}
+
+pub(crate) fn send(
+    _: &send::Arguments,
+    _: &PortSpec,
+    _: send::Prepared,
+    _: &Screen,
+) -> Result<Exit, Failure> {
+    Err(nowhere("sending to a port"))
+}
+
+pub(crate) fn receive(
+    _: &receive::Arguments,
+    _: receive::Prepared,
+    _: &Screen,
+) -> Result<Exit, Failure> {
+    Err(nowhere("receiving from a port"))
+}
+
+pub(crate) fn simulate(_: simulate::Simulation, _: &Screen) -> Result<Exit, Failure> {
+    Err(nowhere("simulating a machine"))
+}
+
+pub(crate) fn demo(_: &demo::Arguments, _: &Screen) -> Result<Exit, Failure> {
+    Err(nowhere("the demonstration"))
+}

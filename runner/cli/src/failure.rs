@@ -1,0 +1,94 @@
+//! Why the command could not do it: an exit code, a sentence and a hint.
+
+use std::fmt::Display;
+
+use serde::Serialize;
+use softplug_gateway::BadSpec;
+#[cfg(target_os = "linux")]
+use softplug_gateway::PortError;
+
+use crate::exit::Exit;
+
+/// An error for people and machines.
+#[derive(Debug)]
+pub(crate) struct Failure {
+    pub(crate) exit: Exit,
+    /// One clear sentence, without a full stop.
+    pub(crate) message: String,
+    /// What to try.
+    pub(crate) hint: Option<String>,
+}
+
+/// An error as `--json` prints it.
+#[derive(Serialize)]
+struct Json<'a> {
+    error: JsonError<'a>,
+}
+
+#[derive(Serialize)]
+struct JsonError<'a> {
+    code: u8,
+    message: &'a str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    hint: Option<&'a str>,
+}
+
+impl Failure {
+    pub(crate) fn new(exit: Exit, message: impl Display) -> Self {
+        Self { exit, message: message.to_string(), hint: None }
+    }
+
+    /// Wrong usage, or a file that cannot be used.
+    pub(crate) fn usage(message: impl Display) -> Self {
+        Self::new(Exit::Usage, message)
+    }
+
+    /// A plug-in that cannot be loaded.
+    pub(crate) fn plug_in(message: impl Display) -> Self {
+        Self::new(Exit::PlugIn, message)
+    }
+
+    /// A bug of ours.
+    pub(crate) fn internal(message: impl Display) -> Self {
+        Self::new(Exit::Internal, message)
+            .hint("please report it, with the command and the lines above")
+    }
+
+    pub(crate) fn hint(self, hint: impl Display) -> Self {
+        Self { hint: Some(hint.to_string()), ..self }
+    }
+
+    pub(crate) fn json(&self) -> String {
+        let error = JsonError {
+            code: self.exit.code(),
+            message: &self.message,
+            hint: self.hint.as_deref(),
+        };
+        serde_json::to_string(&Json { error }).expect("text and a number are JSON")
+    }
+}
+
+impl From<BadSpec> for Failure {
+    fn from(error: BadSpec) -> Self {
+        Self::usage(error)
+    }
+}
+
+#[cfg(target_os = "linux")]
+impl From<PortError> for Failure {
+    fn from(error: PortError) -> Self {
+        let failure = match &error {
+            PortError::BadSpec(_) => return Self::usage(error),
+            _ => Self::new(Exit::Port, &error),
+        };
+        match error {
+            PortError::NotFound { .. } | PortError::NoHardware { .. } => {
+                failure.hint("`softplug ports` lists the ports that there are")
+            }
+            PortError::Permission { path, .. } | PortError::NotATerminal { path } => {
+                failure.hint(format_args!("`softplug doctor {}` tells more", path.display()))
+            }
+            _ => failure,
+        }
+    }
+}

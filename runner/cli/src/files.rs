@@ -1,0 +1,325 @@
+//! Files: reading what is given, replacing what is ours, keeping what came.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read, Seek, Write};
+use std::path::{Path, PathBuf};
+
+use crate::failure::Failure;
+
+/// A program to send.
+#[derive(Debug)]
+pub(crate) struct Program {
+    pub(crate) file: File,
+    pub(crate) size: u64,
+    /// As it was given, for messages.
+    pub(crate) name: String,
+}
+
+impl Program {
+    /// Opens the file; `-` is standard input, taken in whole, because a check
+    /// reads the program before it is sent.
+    pub(crate) fn open(path: &Path) -> Result<Self, Failure> {
+        let (mut file, name) = if path == Path::new("-") {
+            (spool(&mut io::stdin().lock())?, "standard input".to_owned())
+        } else {
+            (open(path)?, path.display().to_string())
+        };
+        let size = file
+            .seek(io::SeekFrom::End(0))
+            .and_then(|size| file.rewind().map(|()| size))
+            .map_err(|error| unreadable(path, &error))?;
+        if size == 0 {
+            return Err(Failure::usage(format_args!("{name} is empty: there is nothing to send")));
+        }
+        Ok(Self { file, size, name })
+    }
+}
+
+fn open(path: &Path) -> Result<File, Failure> {
+    let metadata = fs::metadata(path).map_err(|error| unreadable(path, &error))?;
+    if metadata.is_dir() {
+        return Err(Failure::usage(format_args!(
+            "{} is a folder: give the file to send",
+            path.display()
+        )));
+    }
+    // Opening a FIFO would wait for a writer, and none of these can be rewound.
+    if !metadata.is_file() {
+        return Err(Failure::usage(format_args!(
+            "{} is not a regular file: give one, or pipe it in and say -",
+            path.display()
+        )));
+    }
+    File::open(path).map_err(|error| unreadable(path, &error))
+}
+
+fn spool(from: &mut impl Read) -> Result<File, Failure> {
+    let spooled = tempfile::tempfile().and_then(|mut file| {
+        io::copy(from, &mut file)?;
+        Ok(file)
+    });
+    spooled.map_err(|error| Failure::usage(format_args!("cannot read standard input: {error}")))
+}
+
+/// All of a file.
+pub(crate) fn read(path: &Path) -> Result<Vec<u8>, Failure> {
+    fs::read(path).map_err(|error| unreadable(path, &error))
+}
+
+/// All of a file that is text.
+pub(crate) fn read_text(path: &Path) -> Result<String, Failure> {
+    String::from_utf8(read(path)?).map_err(|error| {
+        let at = error.utf8_error().valid_up_to();
+        Failure::usage(format_args!("{} is not text: byte {at} is not UTF-8", path.display()))
+    })
+}
+
+pub(crate) fn unreadable(path: &Path, error: &io::Error) -> Failure {
+    Failure::usage(format_args!("cannot read {}: {error}", path.display()))
+}
+
+pub(crate) fn unwritable(path: &Path, error: &io::Error) -> Failure {
+    Failure::usage(format_args!("cannot write {}: {error}", path.display()))
+}
+
+/// Files below `paths` that end in `.extension`, sorted; files are taken as they
+/// are.
+pub(crate) fn gather(paths: &[PathBuf], extension: &str) -> Result<Vec<PathBuf>, Failure> {
+    let mut files = Vec::new();
+    for path in paths {
+        if fs::metadata(path).map_err(|error| unreadable(path, &error))?.is_dir() {
+            walk(path, extension, &mut files)?;
+        } else {
+            files.push(path.clone());
+        }
+    }
+    Ok(files)
+}
+
+fn walk(folder: &Path, extension: &str, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
+    let entries = fs::read_dir(folder).and_then(Iterator::collect::<io::Result<Vec<_>>>);
+    let mut entries: Vec<_> = entries
+        .map_err(|error| unreadable(folder, &error))?
+        .into_iter()
+        .map(|entry| entry.path())
+        .collect();
+    entries.sort();
+    for path in entries {
+        // A link to a folder is not followed: it may lead in a circle.
+        let metadata = fs::symlink_metadata(&path).map_err(|error| unreadable(&path, &error))?;
+        if metadata.is_dir() {
+            walk(&path, extension, files)?;
+        } else if path.extension().is_some_and(|found| found == extension) {
+            files.push(path);
+        }
+    }
+    Ok(())
+}
+
+/// Replaces a file's content: all of it or nothing.
+pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    let replaced = (|| {
+        // Through a link, so that the link stays one.
+        let path = path.canonicalize()?;
+        let mut file = tempfile::NamedTempFile::new_in(folder_of(&path))?;
+        file.write_all(bytes)?;
+        file.as_file().set_permissions(fs::metadata(&path)?.permissions())?;
+        file.as_file().sync_all()?;
+        file.persist(&path).map_err(|error| error.error)
+    })();
+    replaced.map(drop).map_err(|error| unwritable(path, &error))
+}
+
+/// A file that is being received: it has its own name only once it is complete.
+#[derive(Debug)]
+pub(crate) struct Partial {
+    pub(crate) file: File,
+    pub(crate) path: PathBuf,
+    out: PathBuf,
+    force: bool,
+}
+
+impl Partial {
+    /// Whether `OUT` can be received into: unless `force`, neither it nor
+    /// `OUT.partial` may be there.
+    pub(crate) fn check(out: &Path, force: bool) -> Result<(), Failure> {
+        if out.is_dir() || out.file_name().is_none() {
+            return Err(Failure::usage(format_args!(
+                "{} is a folder: give the file to write",
+                out.display()
+            )));
+        }
+        let folder = folder_of(out);
+        if !folder.is_dir() {
+            return Err(Failure::usage(format_args!("there is no folder {}", folder.display())));
+        }
+        let is_there = |path: &Path| !force && fs::symlink_metadata(path).is_ok();
+        if is_there(out) {
+            return Err(Failure::usage(format_args!("{} is there already", out.display()))
+                .hint("choose another name, or overwrite it with --force"));
+        }
+        let partial = partial_path(out);
+        if is_there(&partial) { Err(left_behind(&partial)) } else { Ok(()) }
+    }
+
+    /// Makes `OUT.partial`, after the same checks.
+    pub(crate) fn create(out: &Path, force: bool) -> Result<Self, Failure> {
+        Self::check(out, force)?;
+        let path = partial_path(out);
+        let mut options = OpenOptions::new();
+        options.write(true);
+        if force {
+            options.create(true).truncate(true)
+        } else {
+            options.create_new(true)
+        };
+        let file = options.open(&path).map_err(|error| match error.kind() {
+            io::ErrorKind::AlreadyExists => left_behind(&path),
+            _ => unwritable(&path, &error),
+        })?;
+        Ok(Self { file, path, out: out.to_owned(), force })
+    }
+
+    /// The reception is complete: gives the file its name.
+    pub(crate) fn complete(self) -> Result<(), Failure> {
+        let named = (|| {
+            self.file.sync_all()?;
+            if self.force {
+                fs::rename(&self.path, &self.out)?;
+            } else {
+                rename_to_new(&self.path, &self.out)?;
+            }
+            sync_folder(&self.out)
+        })();
+        named.map_err(|error| {
+            Failure::usage(format_args!(
+                "cannot give {} its name {}: {error}",
+                self.path.display(),
+                self.out.display()
+            ))
+            .hint("what was received is complete and stays there")
+        })
+    }
+
+    /// The reception failed: what came stays, an empty file does not. Tells
+    /// where it stays.
+    pub(crate) fn keep(self) -> Option<PathBuf> {
+        if self.file.metadata().is_ok_and(|metadata| metadata.len() == 0) {
+            let _ = fs::remove_file(&self.path);
+            return None;
+        }
+        if let Err(error) = self.file.sync_all() {
+            tracing::warn!(file = %self.path.display(), %error, "not known to be on the disk");
+        }
+        Some(self.path)
+    }
+}
+
+fn partial_path(out: &Path) -> PathBuf {
+    let mut path = out.as_os_str().to_owned();
+    path.push(".partial");
+    PathBuf::from(path)
+}
+
+fn left_behind(partial: &Path) -> Failure {
+    Failure::usage(format_args!(
+        "{} is there already, from a reception that did not end well",
+        partial.display()
+    ))
+    .hint("move it away, or overwrite it with --force")
+}
+
+fn folder_of(path: &Path) -> &Path {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    folder.unwrap_or(Path::new("."))
+}
+
+/// A rename that never overwrites, also if the name came up meanwhile.
+fn rename_to_new(from: &Path, to: &Path) -> io::Result<()> {
+    match fs::hard_link(from, to) {
+        Ok(()) => fs::remove_file(from),
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Err(error),
+        // Some file systems have no links.
+        Err(_) if fs::symlink_metadata(to).is_err() => fs::rename(from, to),
+        Err(error) => Err(error),
+    }
+}
+
+/// On Unix a new name is only on the disk once its folder is.
+fn sync_folder(path: &Path) -> io::Result<()> {
+    if !cfg!(unix) {
+        return Ok(());
+    }
+    File::open(folder_of(path))?.sync_all()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_complete_file_gets_its_name_and_overwrites_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("O1.nc");
+        let mut partial = Partial::create(&out, false).unwrap();
+        partial.file.write_all(b"G1").unwrap();
+        assert!(!out.exists() && folder.path().join("O1.nc.partial").exists());
+        // Somebody else is quicker: both files stay.
+        fs::write(&out, "theirs").unwrap();
+        let failure = partial.complete().unwrap_err();
+        assert!(failure.message.contains("O1.nc.partial"), "{}", failure.message);
+        assert_eq!(fs::read(&out).unwrap(), b"theirs");
+        assert_eq!(fs::read(folder.path().join("O1.nc.partial")).unwrap(), b"G1");
+
+        assert!(Partial::create(&out, false).is_err());
+        let mut partial = Partial::create(&out, true).unwrap();
+        partial.file.write_all(b"G2").unwrap();
+        partial.complete().unwrap();
+        assert_eq!(fs::read(&out).unwrap(), b"G2");
+        assert!(!folder.path().join("O1.nc.partial").exists());
+    }
+
+    #[test]
+    fn what_came_stays_and_nothing_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("O1.nc");
+        assert_eq!(Partial::create(&out, false).unwrap().keep(), None);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+        let mut partial = Partial::create(&out, false).unwrap();
+        partial.file.write_all(b"G1").unwrap();
+        let kept = partial.keep().unwrap();
+        assert_eq!(fs::read(&kept).unwrap(), b"G1");
+        // It is not lost to the next attempt either.
+        assert!(Partial::create(&out, false).is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn replacing_keeps_rights_and_links() {
+        use std::os::unix::fs::PermissionsExt;
+
+        let folder = tempfile::tempdir().unwrap();
+        let (file, link) = (folder.path().join("a.spt"), folder.path().join("b.spt"));
+        fs::write(&file, "old").unwrap();
+        fs::set_permissions(&file, fs::Permissions::from_mode(0o640)).unwrap();
+        std::os::unix::fs::symlink("a.spt", &link).unwrap();
+        replace(&link, b"new").unwrap();
+        assert_eq!(fs::read(&file).unwrap(), b"new");
+        assert_eq!(fs::metadata(&file).unwrap().permissions().mode() & 0o777, 0o640);
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+    }
+
+    #[test]
+    fn programs_are_files_with_something_in_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("O1.nc");
+        fs::write(&file, "").unwrap();
+        let message = |path: &Path| Program::open(path).unwrap_err().message;
+        assert!(message(&file).ends_with("O1.nc is empty: there is nothing to send"));
+        assert!(message(folder.path()).ends_with("is a folder: give the file to send"));
+        assert!(message(&folder.path().join("none")).starts_with("cannot read "));
+        fs::write(&file, "G1").unwrap();
+        assert_eq!(Program::open(&file).unwrap().size, 2);
+        assert_eq!(spool(&mut &b"G1X1"[..]).unwrap().metadata().unwrap().len(), 4);
+    }
+}

@@ -1,0 +1,70 @@
+//! The verbs that need ports.
+
+mod demo;
+mod doctor;
+mod machine;
+mod ports;
+mod progress;
+mod receive;
+mod send;
+mod simulate;
+
+pub(crate) use demo::demo;
+pub(crate) use doctor::doctor;
+pub(crate) use ports::ports;
+pub(crate) use receive::receive;
+pub(crate) use send::send;
+pub(crate) use simulate::simulate;
+
+use softplug_abi::NoteLevel;
+use softplug_gateway::port::line_text;
+use softplug_gateway::station::StationError;
+use softplug_gateway::transfer::{Note, TransferError};
+use softplug_gateway::{Port, PortSpec};
+
+use crate::commands::send::NoteDocument;
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::line::LinkArguments;
+use crate::plugin::AnyFault;
+use crate::screen::Screen;
+
+/// Opens the port and says what it did not take.
+fn open(spec: &PortSpec, link: &LinkArguments, screen: &Screen) -> Result<Port, Failure> {
+    let port = Port::open(spec, &link.port_options())?;
+    for difference in port.differences() {
+        screen.note(format_args!("note: the port has other settings: {difference}"));
+    }
+    if let Some(path) = port.slave_path() {
+        screen.note(format_args!("the other side may open {}", path.display()));
+    }
+    tracing::info!(port = %spec, line = line_text(&port.line()), "open");
+    Ok(port)
+}
+
+fn transfer_failure(error: TransferError<AnyFault>) -> Failure {
+    match error {
+        TransferError::Station(StationError::Port(error)) => error.into(),
+        TransferError::Station(StationError::Plugin(fault)) => {
+            Failure::new(Exit::Failed, format_args!("the plug-in cannot go on: {fault}"))
+        }
+        TransferError::Source(_) => Failure::usage(error),
+        TransferError::Sink(_) => Failure::new(Exit::Failed, error),
+    }
+}
+
+/// Says what the plug-in said, as far as it matters.
+fn say_notes(notes: &[Note], screen: &Screen) {
+    for note in notes.iter().filter(|note| note.level <= NoteLevel::Warning) {
+        screen.note(format_args!("{}: {}", note.level, note.text.escape_debug()));
+    }
+}
+
+fn note_documents(notes: &[Note]) -> Vec<NoteDocument> {
+    let document = |note: &Note| NoteDocument {
+        level: note.level.name(),
+        code: note.code,
+        text: note.text.clone(),
+    };
+    notes.iter().map(document).collect()
+}

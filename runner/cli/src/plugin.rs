@@ -1,0 +1,211 @@
+//! Finding and loading the plug-in that was asked for.
+
+use std::env;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use softplug_abi::manifest::{Manifest, SettingValues};
+use softplug_abi::{Event, Instance, Micros, Output};
+use softplug_host::{Host, HostOptions, LoadError, Plugin, Session, SessionFault};
+#[cfg(feature = "native")]
+use softplug_native::{NativeInstance, NativePlugin};
+
+use crate::failure::Failure;
+use crate::line::Assignment;
+
+/// Where plug-ins are looked for by name.
+#[derive(Debug, Args)]
+pub(crate) struct Library {
+    /// Folder in which plug-ins are looked up by name [env: SOFTPLUG_PLUGINS]
+    #[arg(long, value_name = "DIR")]
+    plugins: Option<PathBuf>,
+}
+
+impl Library {
+    /// The file of a plug-in: a path as it is, a name in the folders.
+    pub(crate) fn find(&self, plugin: &str) -> Result<PathBuf, Failure> {
+        let is_path = plugin.contains(['/', '\\']) || plugin.ends_with(".wasm");
+        if is_path {
+            return Ok(PathBuf::from(plugin));
+        }
+        let mut places = Vec::new();
+        for folder in self.folders() {
+            let file = folder.join(format!("{plugin}.wasm"));
+            if file.is_file() {
+                return Ok(file);
+            }
+            places.push(file.display().to_string());
+        }
+        Err(Failure::usage(format_args!(
+            "there is no plug-in \"{plugin}\"; looked for {}",
+            places.join(", ")
+        ))
+        .hint("give the path of a .wasm file, or the folder with --plugins or SOFTPLUG_PLUGINS"))
+    }
+
+    fn folders(&self) -> Vec<PathBuf> {
+        let variable = env::var_os("SOFTPLUG_PLUGINS").filter(|folder| !folder.is_empty());
+        let beside = env::current_exe().ok().and_then(|executable| {
+            let folder = executable.parent()?.parent()?;
+            Some(folder.join("plugins"))
+        });
+        let mut folders: Vec<PathBuf> = Vec::new();
+        let all = [
+            self.plugins.clone(),
+            variable.map(PathBuf::from),
+            Some(PathBuf::from("target/plugins")),
+            beside,
+        ];
+        for folder in all.into_iter().flatten() {
+            if !folders.contains(&folder) {
+                folders.push(folder);
+            }
+        }
+        folders
+    }
+
+    /// Finds and loads a plug-in.
+    pub(crate) fn load(&self, plugin: &str) -> Result<Chosen, Failure> {
+        if let Some(name) = plugin.strip_prefix("native:") {
+            return native(name);
+        }
+        let file = self.find(plugin)?;
+        let host = Host::new(HostOptions::default()).map_err(Failure::plug_in)?;
+        let plugin = host.load(&file).map_err(|error| load_failure(&file, &error))?;
+        Ok(Chosen::Sandboxed(plugin))
+    }
+}
+
+/// A plug-in to make instances of.
+#[derive(Clone, Debug)]
+pub(crate) enum Chosen {
+    /// A module in the sandbox.
+    Sandboxed(Plugin),
+    /// A reference plug-in as native code.
+    #[cfg(feature = "native")]
+    Native(NativePlugin, Box<Manifest>),
+}
+
+impl Chosen {
+    pub(crate) fn manifest(&self) -> &Manifest {
+        match self {
+            Self::Sandboxed(plugin) => plugin.manifest(),
+            #[cfg(feature = "native")]
+            Self::Native(_, manifest) => manifest,
+        }
+    }
+
+    pub(crate) fn instantiate(&self) -> Result<AnyInstance, Failure> {
+        match self {
+            Self::Sandboxed(plugin) => {
+                let session = plugin.instantiate().map_err(Failure::plug_in)?;
+                Ok(AnyInstance::Sandboxed(Box::new(session)))
+            }
+            #[cfg(feature = "native")]
+            Self::Native(plugin, _) => Ok(AnyInstance::Native(Box::new(plugin.instantiate()))),
+        }
+    }
+
+    /// The values of all settings; those that the plug-in cannot work with are
+    /// found out here, on an instance that is not used further.
+    pub(crate) fn settings(&self, asked: &[Assignment]) -> Result<SettingValues, Failure> {
+        let pairs = asked.iter().map(|asked| (asked.name.as_str(), asked.value.as_str()));
+        let values = self.manifest().resolve_settings(pairs).map_err(|error| {
+            Failure::usage(error).hint(format_args!(
+                "`softplug inspect {}` shows every setting with its range",
+                self.manifest().name
+            ))
+        })?;
+        let mut instance = self.instantiate()?;
+        let capacity = instance.input_capacity();
+        values
+            .pieces(capacity, |event| instance.step(event, Micros::ZERO).map(drop))
+            .map_err(|fault| Failure::usage(fault.of_settings()))?;
+        Ok(values)
+    }
+}
+
+/// An instance of either sort.
+#[derive(Debug)]
+pub(crate) enum AnyInstance {
+    Sandboxed(Box<Session>),
+    #[cfg(feature = "native")]
+    Native(Box<NativeInstance>),
+}
+
+/// Why an instance did not take an event.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum AnyFault {
+    #[error(transparent)]
+    Sandboxed(#[from] SessionFault),
+    #[cfg(feature = "native")]
+    #[error("the plug-in {0}")]
+    Native(<NativeInstance as Instance>::Fault),
+}
+
+impl AnyFault {
+    /// Why the settings were refused: the plug-in knows best.
+    fn of_settings(&self) -> String {
+        let words = match self {
+            Self::Sandboxed(SessionFault::Refused { words, .. }) => words.as_deref(),
+            #[cfg(feature = "native")]
+            Self::Native(fault) => Some(fault.words),
+            Self::Sandboxed(_) => None,
+        };
+        match words.filter(|words| !words.is_empty()) {
+            Some(words) => format!("these settings do not go together: {words}"),
+            None => format!("these settings do not go together: {self}"),
+        }
+    }
+}
+
+impl Instance for AnyInstance {
+    type Fault = AnyFault;
+
+    fn input_capacity(&self) -> usize {
+        match self {
+            Self::Sandboxed(session) => session.input_capacity(),
+            #[cfg(feature = "native")]
+            Self::Native(native) => native.input_capacity(),
+        }
+    }
+
+    fn step(&mut self, event: &Event<'_>, now: Micros) -> Result<Output<'_>, AnyFault> {
+        match self {
+            Self::Sandboxed(session) => Ok(session.step(event, now)?),
+            #[cfg(feature = "native")]
+            Self::Native(native) => native.step(event, now).map_err(AnyFault::Native),
+        }
+    }
+}
+
+/// What keeps a file from being loaded, and whose fault that is.
+pub(crate) fn load_failure(file: &Path, error: &LoadError) -> Failure {
+    match error {
+        LoadError::Io { .. } | LoadError::NotAFile { .. } => Failure::usage(error),
+        LoadError::Lint(rule) => {
+            Failure::plug_in(format_args!("{} is not a plug-in: {rule}", file.display()))
+        }
+        LoadError::TooLarge { .. } | LoadError::Engine(_) => Failure::plug_in(error),
+        error => Failure::plug_in(format_args!("{}: {error}", file.display())),
+    }
+}
+
+#[cfg(feature = "native")]
+pub(crate) fn native(name: &str) -> Result<Chosen, Failure> {
+    let Some(plugin) = NativePlugin::from_name(name) else {
+        let known: Vec<_> = NativePlugin::ALL.iter().map(|plugin| plugin.name()).collect();
+        return Err(Failure::usage(format_args!(
+            "there is no native plug-in \"{name}\"; there are: {}",
+            known.join(", ")
+        )));
+    };
+    let manifest = Manifest::parse(plugin.manifest().as_bytes()).map_err(Failure::internal)?;
+    Ok(Chosen::Native(plugin, Box::new(manifest)))
+}
+
+#[cfg(not(feature = "native"))]
+pub(crate) fn native(_: &str) -> Result<Chosen, Failure> {
+    Err(Failure::usage("this command was built without native plug-ins")
+        .hint("build it with the feature \"native\", or give a .wasm file"))
+}

@@ -1,0 +1,83 @@
+//! Help, completions and manual pages.
+
+use crate::bench::{Bench, snapshot};
+
+const VERBS: &[&[&str]] = &[
+    &[],
+    &["ports"],
+    &["inspect"],
+    &["send"],
+    &["receive"],
+    &["replay"],
+    &["trace"],
+    &["trace", "fmt"],
+    &["simulate"],
+    &["simulate", "xon-xoff"],
+    &["doctor"],
+    &["demo"],
+    &["completions"],
+    &["man"],
+];
+
+#[test]
+fn every_verb_explains_itself() {
+    let bench = Bench::new();
+    for verb in VERBS {
+        let mut words = verb.to_vec();
+        words.push("--help");
+        let ran = bench.run(&words).with_code(0);
+        assert_eq!(ran.err, "", "{verb:?}");
+        snapshot(
+            &format!("help-{}", ["softplug", &verb.join("-")].join("-").trim_end_matches('-')),
+            ran.out,
+        );
+    }
+}
+
+#[test]
+fn help_lists_every_verb_and_every_exit_code() {
+    let bench = Bench::new();
+    let help = bench.run(&["--help"]).with_code(0).out;
+    for verb in VERBS.iter().filter(|verb| verb.len() == 1) {
+        assert!(help.lines().any(|line| line.trim_start().starts_with(verb[0])), "{verb:?}");
+    }
+    for code in [0, 1, 2, 3, 4, 5, 6, 70] {
+        assert!(help.lines().any(|line| line.starts_with(&format!("  {code:>2}  "))), "{code}");
+    }
+}
+
+#[test]
+fn completions_are_made_for_every_shell() {
+    let bench = Bench::new();
+    for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
+        let script = bench.run(&["completions", shell]).with_code(0).out;
+        for verb in ["simulate", "replay", "receive"] {
+            assert!(script.contains(verb), "{shell}: {verb}");
+        }
+    }
+}
+
+#[test]
+fn manual_pages_are_made_for_every_verb() {
+    let bench = Bench::new();
+    let page = bench.run(&["man"]).with_code(0).out;
+    assert!(page.contains(".TH softplug 1") && page.contains("Exit codes:"), "{page}");
+    bench.run(&["man", "--out", "pages/man1"]).with_code(0);
+    for verb in VERBS {
+        let name = [&["softplug"], *verb].concat().join("-");
+        let page = String::from_utf8(bench.read(&format!("pages/man1/{name}.1"))).unwrap();
+        assert!(page.contains(".TH"), "{name}");
+    }
+}
+
+#[test]
+fn colours_come_only_where_they_are_asked_for() {
+    let bench = Bench::new();
+    let plain = bench.run(&["inspect", "xon-xoff"]).out;
+    assert!(!plain.contains('\x1b'));
+    let coloured = bench.run(&["inspect", "xon-xoff", "--color", "always"]).out;
+    assert!(coloured.contains('\x1b'));
+    let mut command = bench.command(&["inspect", "nothing", "--color=never"]);
+    let err = command.env("CLICOLOR_FORCE", "1").output().unwrap().stderr;
+    assert!(!err.contains(&0x1B));
+}

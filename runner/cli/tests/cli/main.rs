@@ -1,0 +1,10 @@
+//! The built command from outside: what it prints and how it ends.
+
+mod bench;
+mod files;
+mod help;
+mod plugins;
+mod refusals;
+mod replay;
+#[cfg(target_os = "linux")]
+mod transfers;

@@ -1,0 +1,285 @@
+//! Transfers over ptys, in real time: against the simulated control, and
+//! against a master in this process.
+
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, ChildStdout};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+use serde_json::Value;
+use softplug_gateway::port::ReadOutcome;
+use softplug_gateway::pty::PtyPair;
+use softplug_gateway::{Port, PortOptions, PortSpec};
+
+use crate::bench::{Bench, Ran, program, snapshot};
+
+/// Longer than anything here takes; only a hang gets there.
+const HANG: Duration = Duration::from_secs(120);
+
+/// Real time has two cores: one transfer at a time.
+fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// `softplug simulate xon-xoff`, started.
+struct Simulation {
+    child: Child,
+    out: BufReader<ChildStdout>,
+    port: String,
+}
+
+impl Simulation {
+    fn start(bench: &Bench, options: &[&str]) -> Self {
+        let words = [&["simulate", "xon-xoff", "--json"], options].concat();
+        let mut child = bench.command(&words).spawn().unwrap();
+        let mut out = BufReader::new(child.stdout.take().unwrap());
+        let mut line = String::new();
+        out.read_line(&mut line).unwrap();
+        let ready: Value = serde_json::from_str(&line).unwrap();
+        Self { child, out, port: ready["port"].as_str().unwrap().to_owned() }
+    }
+
+    /// Its exit code and its report.
+    fn end(mut self) -> (i32, Value) {
+        let mut text = String::new();
+        self.out.read_to_string(&mut text).unwrap();
+        let code = self.child.wait().unwrap().code().unwrap();
+        (code, serde_json::from_str(&text).unwrap())
+    }
+}
+
+fn interrupt(child: &Child) {
+    let pid = Pid::from_child(child);
+    kill_process(pid, Signal::INT).unwrap();
+}
+
+/// Waits for something that comes about in another process.
+fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
+    let begin = Instant::now();
+    while !there() {
+        assert!(begin.elapsed() < HANG, "{what} did not come about");
+        sleep(Duration::from_millis(5));
+    }
+}
+
+/// Reads from a pty's master until so many bytes have come.
+fn read(pty: &PtyPair, count: usize) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut buffer = [0; 4_096];
+    wait_for("the data", || {
+        while let ReadOutcome::Read(count) = pty.read(&mut buffer).unwrap() {
+            bytes.extend_from_slice(&buffer[..count]);
+        }
+        bytes.len() >= count
+    });
+    bytes
+}
+
+fn slave(pty: &PtyPair) -> String {
+    pty.slave_path().to_str().unwrap().to_owned()
+}
+
+fn ended(child: Child) -> Ran {
+    child.wait_with_output().unwrap().into()
+}
+
+const LINE: [&str; 2] = ["--line", "921600 8N1"];
+
+#[test]
+fn a_program_goes_to_a_control_that_holds_and_comes_back() {
+    let _alone = alone();
+    let bench = Bench::new();
+    bench.write("O1.nc", program("surfacing.nc"));
+    // Marks that leave room for all that a pty holds: no lateness of a busy
+    // computer overflows it.
+    let control = ["--baud", "921600", "--buffer", "32768", "--low", "28768", "--high", "30768"];
+    let once = ["--rate", "40000", "--once", "--quiet-time", "0.5"];
+    let expect = ["--expect", "O1.nc", "--out", "got.nc"];
+    let simulation = Simulation::start(&bench, &[&control[..], &once, &expect].concat());
+    let send = ["send", "--port", &simulation.port, "--plugin", "xon-xoff", "O1.nc", "--json"];
+    let sent = bench.run(&[&send[..], &LINE].concat()).with_code(0).json();
+    assert_eq!((&sent["result"], &sent["bytes"]), (&"done".into(), &40_000.into()));
+    assert!(sent["holds"].as_u64().unwrap() > 1, "{sent}");
+    assert!(sent["held_seconds"].as_f64().unwrap() > 0.0, "{sent}");
+    let (code, report) = simulation.end();
+    assert_eq!((code, &report["as_expected"]), (0, &true.into()), "{report}");
+    assert_eq!((&report["alarms"], &report["received"]), (&0.into(), &40_000.into()));
+    assert_eq!(bench.read("got.nc"), bench.read("O1.nc"));
+
+    let punch = ["--baud", "921600", "--punch", "got.nc", "--once"];
+    let simulation = Simulation::start(&bench, &punch);
+    let receive = ["receive", "--port", &simulation.port, "--plugin", "xon-xoff", "--json"];
+    let more = ["--out", "back.nc", "--set", "quiet_time=1000", "--set", "xon_at_open=on"];
+    let ran = bench.run(&[&receive[..], &more, &LINE].concat()).with_code(0);
+    assert_eq!(ran.json()["result"], "complete", "{ran}");
+    assert_eq!(ran.json()["bytes"], 40_000);
+    assert_eq!(bench.read("back.nc"), bench.read("O1.nc"));
+    assert!(!bench.path("back.nc.partial").exists());
+    let (code, report) = simulation.end();
+    assert_eq!((code, &report["punched"]), (0, &40_000.into()), "{report}");
+}
+
+#[test]
+fn a_control_that_got_something_else_says_so() {
+    let _alone = alone();
+    let bench = Bench::new();
+    bench.write("O1.nc", "G1X1\n");
+    bench.write("O2.nc", "G1X2\n");
+    let options = ["--baud", "921600", "--expect", "O2.nc", "--once", "--quiet-time", "0.1"];
+    let simulation = Simulation::start(&bench, &options);
+    let send = ["send", "--port", &simulation.port, "--plugin", "native:xon-xoff", "O1.nc"];
+    let ran = bench.run(&[&send[..], &LINE].concat()).with_code(0);
+    assert!(ran.out.starts_with("sent 5 bytes in "), "{ran}");
+    let (code, report) = simulation.end();
+    assert_eq!((code, &report["as_expected"]), (1, &false.into()), "{report}");
+}
+
+#[test]
+fn an_interrupted_simulation_reports() {
+    let bench = Bench::new();
+    let simulation = Simulation::start(&bench, &[]);
+    interrupt(&simulation.child);
+    let (code, report) = simulation.end();
+    assert_eq!((code, &report["result"]), (0, &"done".into()), "{report}");
+    assert_eq!(report["received"], 0);
+}
+
+#[test]
+fn ctrl_c_aborts_a_sending_in_the_middle() {
+    let bench = Bench::new();
+    bench.write("O1.nc", program("surfacing.nc"));
+    let pty = PtyPair::open().unwrap();
+    let send = ["send", "--port", &slave(&pty), "--plugin", "xon-xoff", "O1.nc", "--json"];
+    let child = bench.command(&send).spawn().unwrap();
+    read(&pty, 10);
+    pty.write(&[0x13]).unwrap();
+    interrupt(&child);
+    let json = ended(child).with_code(5).json();
+    assert_eq!(json["result"], "aborted", "{json}");
+}
+
+#[test]
+fn ctrl_c_keeps_what_was_received() {
+    let bench = Bench::new();
+    let pty = PtyPair::open().unwrap();
+    let receive = ["receive", "--port", &slave(&pty), "--plugin", "xon-xoff", "--out", "O1.nc"];
+    let child = bench.command(&receive).spawn().unwrap();
+    pty.write(b"G1X1\nG1X2\n").unwrap();
+    let partial = bench.path("O1.nc.partial");
+    wait_for("the data", || std::fs::read(&partial).is_ok_and(|bytes| bytes.len() == 10));
+    interrupt(&child);
+    let ran = ended(child).with_code(5);
+    snapshot("receive-aborted", ran);
+    assert_eq!(bench.names(), ["O1.nc.partial"]);
+    assert_eq!(bench.read("O1.nc.partial"), b"G1X1\nG1X2\n");
+}
+
+#[test]
+fn ctrl_c_before_anything_came_leaves_nothing() {
+    let bench = Bench::new();
+    let pty = PtyPair::open().unwrap();
+    let receive = ["receive", "--port", &slave(&pty), "--plugin", "xon-xoff", "--out", "O1.nc"];
+    let child = bench.command(&receive).spawn().unwrap();
+    wait_for("the file", || bench.path("O1.nc.partial").exists());
+    interrupt(&child);
+    ended(child).with_code(5);
+    assert_eq!(bench.names(), Vec::<String>::new());
+}
+
+#[test]
+fn a_port_that_goes_away_is_told_and_what_came_is_kept() {
+    let bench = Bench::new();
+    bench.write("O1.nc", program("surfacing.nc"));
+    let pty = PtyPair::open().unwrap();
+    let send = ["send", "--port", &slave(&pty), "--plugin", "xon-xoff", "O1.nc"];
+    let child = bench.command(&send).spawn().unwrap();
+    read(&pty, 10);
+    drop(pty);
+    let ran = ended(child).with_code(6);
+    assert!(ran.err.contains("the port is gone or the connection is closed"), "{ran}");
+
+    let pty = PtyPair::open().unwrap();
+    let receive = ["receive", "--port", &slave(&pty), "--plugin", "xon-xoff", "--out", "O2.nc"];
+    let child = bench.command(&receive).spawn().unwrap();
+    pty.write(b"G1X1\n").unwrap();
+    let partial = bench.path("O2.nc.partial");
+    wait_for("the data", || std::fs::read(&partial).is_ok_and(|bytes| bytes.len() == 5));
+    drop(pty);
+    let ran = ended(child).with_code(6);
+    assert!(ran.err.contains("O2.nc.partial"), "{ran}");
+    assert_eq!(bench.read("O2.nc.partial"), b"G1X1\n");
+    assert!(!bench.path("O2.nc").exists());
+}
+
+#[test]
+fn a_reception_without_its_end_mark_fails_and_is_kept() {
+    let bench = Bench::new();
+    let pty = PtyPair::open().unwrap();
+    let settings = ["--set", "end_mark=25", "--set", "quiet_time=200"];
+    let receive = ["receive", "--port", &slave(&pty), "--plugin", "xon-xoff", "--out", "O1.nc"];
+    let child = bench.command(&[&receive[..], &settings].concat()).spawn().unwrap();
+    pty.write(b"G1X1\n").unwrap();
+    let ran = ended(child).with_code(1);
+    snapshot("receive-failed", ran);
+    assert_eq!(bench.names(), ["O1.nc.partial"]);
+
+    // The next attempt overwrites nothing, unless it is told to.
+    bench.run(&receive).with_code(2);
+    let mut forced = bench.command(&[&receive[..], &settings, &["--force"]].concat());
+    let child = forced.spawn().unwrap();
+    pty.write(b"G1X2\n%").unwrap();
+    let ran = ended(child).with_code(0);
+    assert!(ran.out.starts_with("received 6 bytes in "), "{ran}");
+    assert_eq!(bench.names(), ["O1.nc"]);
+    assert_eq!(bench.read("O1.nc"), b"G1X2\n%");
+}
+
+#[test]
+fn a_reception_that_never_begins_is_given_up() {
+    let bench = Bench::new();
+    let pty = PtyPair::open().unwrap();
+    let receive = ["receive", "--port", &slave(&pty), "--plugin", "xon-xoff", "--out", "O1.nc"];
+    let ran = bench.run(&[&receive[..], &["--wait", "1"]].concat()).with_code(5);
+    assert_eq!(ran.err, "error: nothing came in the time given\n");
+    assert_eq!(bench.names(), Vec::<String>::new());
+}
+
+#[test]
+fn a_port_in_use_is_told_with_its_holder() {
+    let bench = Bench::new();
+    bench.write("O1.nc", "G1X1\n");
+    let pty = PtyPair::open().unwrap();
+    let spec = PortSpec::Device(pty.slave_path().to_owned());
+    let _port = Port::open(&spec, &PortOptions::default()).unwrap();
+    let ran = bench.run(&["send", "--port", &slave(&pty), "--plugin", "xon-xoff", "O1.nc"]);
+    let ran = ran.with_code(6);
+    assert!(ran.err.contains("is in use by"), "{ran}");
+    assert!(ran.err.contains(&format!("process {}", std::process::id())), "{ran}");
+}
+
+#[test]
+fn the_doctor_hears_what_comes() {
+    let bench = Bench::new();
+    let pty = PtyPair::open().unwrap();
+    pty.write(&program("turning.nc")).unwrap();
+    let doctor = ["doctor", &slave(&pty), "--listen", "1", "--json"];
+    let json = bench.run(&doctor).with_code(0).json();
+    assert_eq!(json["usable"], true, "{json}");
+    assert!(json["heard"].is_array(), "{json}");
+    let ran = bench.run(&["doctor", &slave(&pty)]).with_code(0);
+    assert!(ran.out.starts_with("ok: "), "{ran}");
+}
+
+#[test]
+fn the_demonstration_goes_all_the_way() {
+    let _alone = alone();
+    let bench = Bench::new();
+    bench.write("traces/xon-xoff/xon-xoff.tx.first.spt", crate::files::TRACE);
+    let demo = ["demo", "--bytes", "30000", "--traces", "traces"];
+    let ran = bench.run(&demo).with_code(0);
+    assert_eq!(ran.out.matches("Identical: ").count(), 2, "{ran}");
+    assert!(ran.out.contains("All passed"), "{ran}");
+}
