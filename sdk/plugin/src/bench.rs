@@ -3,7 +3,8 @@
 use crate::{Converter, Native, NativeFault};
 use softplug_abi::manifest::{Manifest, ManifestError, SettingError};
 use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines};
-use softplug_link::{Job, LinkFault, LinkOptions, Observed, Recorder, VirtualLine};
+pub use softplug_link::{Delivery, Observed};
+use softplug_link::{Job, LinkFault, LinkOptions, Recorder, VirtualLine};
 
 /// A converter on a line in virtual time.
 ///
@@ -177,7 +178,7 @@ impl<C: Converter> Bench<C> {
     }
 
     /// Deliveries that have ended.
-    pub fn deliveries(&self) -> Vec<&softplug_link::Delivery> {
+    pub fn deliveries(&self) -> Vec<&Delivery> {
         self.recorder.deliveries()
     }
 

@@ -63,7 +63,11 @@ impl<C: Converter> Machine<C> {
         let event = Event::decode(kind, payload).map_err(|_| (Refusal::MalformedEvent, ""))?;
         match event {
             Event::Settings { first, last, values } => {
-                return self.settings(first, last, values).map(|()| (0, false));
+                let taken = self.settings(first, last, values);
+                if taken.is_err() {
+                    self.settings = None;
+                }
+                return taken.map(|()| (0, false));
             }
             Event::Open { resumed: false, .. } => {
                 let settings = self.settings_or_none()?;
@@ -130,9 +134,9 @@ impl<C: Converter> Machine<C> {
 
     fn settings_or_none(&self) -> Result<C::Settings, (Refusal, &'static str)> {
         match &self.settings {
-            Some(settings) => Ok(*settings),
+            Some(settings) if self.next_setting == C::Settings::COUNT => Ok(*settings),
             None if C::Settings::COUNT == 0 => Ok(C::Settings::unset()),
-            None => Err((Refusal::MalformedEvent, "open came before the settings")),
+            _ => Err((Refusal::MalformedEvent, "open came before the settings")),
         }
     }
 
