@@ -9,6 +9,7 @@ mod lines;
 mod receiver;
 mod sender;
 mod settings;
+mod state;
 
 pub use settings::{ControlInData, LineEnd, OnLineError, Settings, WhileSending};
 
@@ -19,6 +20,7 @@ use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
     NoteLevel, Opening, StateError, StateReader, StateWriter,
 };
+use state::State;
 
 /// Timer: silence ends the reception.
 const QUIET: u8 = 0;
@@ -34,6 +36,8 @@ pub struct XonXoff {
     codes: Codes,
     sender: Sender,
     receiver: Receiver,
+    /// The state that the host knows.
+    named: Option<State>,
 }
 
 softplug_plugin::export!(XonXoff);
@@ -49,28 +53,41 @@ impl Converter for XonXoff {
 
     fn new(settings: Settings) -> Self {
         let codes = Codes::new(&settings);
-        Self { settings, codes, sender: Sender::default(), receiver: Receiver::default() }
+        Self {
+            settings,
+            codes,
+            sender: Sender::default(),
+            receiver: Receiver::default(),
+            named: None,
+        }
     }
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
-        self.receiver.set_marks(&self.settings, opening.delivery_room);
         if opening.resumed {
             self.sender.set_timers(link);
             self.receiver.set_timers(link);
-        } else if self.settings.xon_at_open {
-            link.transmit_urgent(&[self.codes.xon]);
+        } else {
+            self.receiver.set_marks(&self.settings, opening.delivery_room);
+            if self.settings.xon_at_open {
+                link.transmit_urgent(&[self.codes.xon]);
+            }
         }
         self.name_state(link);
     }
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
-        for byte in bytes {
-            match self.codes.control(*byte) {
-                Some(Control::Xoff) => self.sender.xoff(link, &self.settings),
-                Some(Control::Xon) => self.sender.xon(link),
-                None if self.ignores_data() => {}
-                None => self.receiver.byte(link, &self.settings, *byte),
+        let mut rest = bytes;
+        loop {
+            let (data, after) = self.codes.split(rest);
+            if !data.is_empty() && !self.ignores_data() {
+                self.receiver.data(link, &self.settings, data);
             }
+            let Some((control, after)) = after else { break };
+            match control {
+                Control::Xoff => self.sender.xoff(link, &self.settings),
+                Control::Xon => self.sender.xon(link),
+            }
+            rest = after;
         }
         self.receiver.after_bytes(link, &self.settings, &self.codes);
         self.name_state(link);
@@ -193,10 +210,10 @@ impl XonXoff {
     }
 
     fn name_state(&mut self, link: &mut Context<'_>) {
-        let name = self.sender.state_name().unwrap_or_else(|| self.receiver.state_name());
-        if self.receiver.named != Some(name) {
-            self.receiver.named = Some(name);
-            link.state(name);
+        let state = self.sender.state().unwrap_or_else(|| self.receiver.state());
+        if self.named != Some(state) {
+            self.named = Some(state);
+            link.state(state.name());
         }
     }
 }

@@ -2,7 +2,8 @@
 
 use crate::codes::Codes;
 use crate::lines::{Lines, Piece};
-use crate::{OnLineError, QUIET, REPEAT_XON, Settings};
+use crate::state::State;
+use crate::{LineEnd, OnLineError, QUIET, REPEAT_XON, Settings};
 use softplug_plugin::{
     Context, Failure, LineErrorKind, Micros, NoteLevel, StateError, StateReader, StateWriter,
 };
@@ -21,7 +22,9 @@ pub(crate) struct Receiver {
     marks_seen: u32,
     /// We have sent XOFF, and no XON since.
     stopped: bool,
-    /// Characters that came in spite of it.
+    /// When we sent the latest XOFF, and how many characters came since. Those of
+    /// the same time do not count, so that cuts make no difference.
+    xoff_at: Micros,
     after_xoff: u32,
     /// Nothing came since our XON.
     xon_unanswered: bool,
@@ -31,16 +34,14 @@ pub(crate) struct Receiver {
     heard: bool,
     low: u32,
     high: u32,
-    /// The state name that the host knows.
-    pub(crate) named: Option<&'static str>,
 }
 
 impl Receiver {
-    pub(crate) fn state_name(&self) -> &'static str {
+    pub(crate) fn state(&self) -> State {
         match (self.delivery, self.stopped) {
-            (0, false) => "idle",
-            (_, true) => "stopped",
-            (_, false) => "receiving",
+            (0, false) => State::Idle,
+            (_, true) => State::Stopped,
+            (_, false) => State::Receiving,
         }
     }
 
@@ -59,12 +60,26 @@ impl Receiver {
         }
     }
 
-    /// A character that is no control byte.
-    pub(crate) fn byte(&mut self, link: &mut Context<'_>, settings: &Settings, byte: u8) {
+    /// Characters, none of them a control byte.
+    pub(crate) fn data(&mut self, link: &mut Context<'_>, settings: &Settings, bytes: &[u8]) {
         self.begin(link);
-        if self.stopped {
-            self.after_xoff += 1;
+        if self.stopped && link.now() > self.xoff_at {
+            self.after_xoff = self.after_xoff.saturating_add(bytes.len() as u32);
         }
+        let plain = !settings.transparent
+            && settings.receive_line_end == LineEnd::Keep
+            && settings.receive_drop.as_slice().is_empty()
+            && settings.end_mark.as_slice().is_empty();
+        if plain {
+            self.deliver(link, bytes);
+            return;
+        }
+        for byte in bytes {
+            self.byte(link, settings, *byte);
+        }
+    }
+
+    fn byte(&mut self, link: &mut Context<'_>, settings: &Settings, byte: u8) {
         let byte = if settings.transparent {
             if !self.escaped && byte == settings.escape as u8 {
                 self.escaped = true;
@@ -77,7 +92,7 @@ impl Receiver {
             byte
         };
         self.look_for_end(settings, byte);
-        if settings.receive_drop.as_slice().contains(&byte) {
+        if settings.receive_drop.contains(byte) {
             return;
         }
         match self.lines.map(settings.receive_line_end, byte) {
@@ -99,7 +114,10 @@ impl Receiver {
             return;
         }
         self.begin(link);
-        if settings.on_line_error == OnLineError::Fail {
+        if kind == LineErrorKind::Overrun {
+            // What is lost cannot be kept.
+            self.failure = Some(Failure::Overrun);
+        } else if settings.on_line_error == OnLineError::Fail {
             self.failure.get_or_insert(Failure::LineError);
         }
         if let Some(byte) = byte {
@@ -121,11 +139,11 @@ impl Receiver {
         self.set_repeat(link, None);
         if settings.speak {
             let repeat = settings.xoff_repeat as u32;
-            if !self.stopped && link.delivery_room() < self.low {
+            let is_full = !self.stopped && link.delivery_room() < self.low;
+            let is_ignored = self.stopped && repeat > 0 && self.after_xoff >= repeat;
+            if is_full || is_ignored {
                 self.stopped = true;
-                self.after_xoff = 0;
-                link.transmit_urgent(&[codes.xoff]);
-            } else if self.stopped && repeat > 0 && self.after_xoff >= repeat {
+                self.xoff_at = link.now();
                 self.after_xoff = 0;
                 link.transmit_urgent(&[codes.xoff]);
             }
@@ -190,9 +208,13 @@ impl Receiver {
 
     fn begin(&mut self, link: &mut Context<'_>) {
         self.heard = true;
-        if self.delivery != 0 {
-            return;
+        if self.delivery == 0 {
+            self.begin_delivery(link);
         }
+    }
+
+    #[cold]
+    fn begin_delivery(&mut self, link: &mut Context<'_>) {
         self.last_delivery = self.last_delivery.wrapping_add(1).max(1);
         self.delivery = self.last_delivery;
         self.failure = None;
@@ -205,9 +227,9 @@ impl Receiver {
 
     /// What finds no room is lost, and the delivery says so.
     fn deliver(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
-        if bytes.len() as u32 <= link.delivery_room() {
-            link.deliver(self.delivery, bytes);
-        } else if self.failure != Some(Failure::Overrun) {
+        let fitting = bytes.get(..link.delivery_room() as usize).unwrap_or(bytes);
+        link.deliver(self.delivery, fitting);
+        if fitting.len() < bytes.len() && self.failure != Some(Failure::Overrun) {
             self.failure = Some(Failure::Overrun);
             link.note(NoteLevel::Error, 0, "the partner did not stop: characters are lost");
         }
@@ -273,10 +295,13 @@ impl Receiver {
         state.u32(self.mark_progress);
         state.u32(self.marks_seen);
         state.bool(self.stopped);
+        state.deadline(Some(self.xoff_at));
         state.u32(self.after_xoff);
         state.bool(self.xon_unanswered);
         state.deadline(self.quiet_at);
         state.deadline(self.repeat_at);
+        state.u32(self.low);
+        state.u32(self.high);
     }
 
     pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
@@ -289,10 +314,13 @@ impl Receiver {
             mark_progress: state.u32(),
             marks_seen: state.u32(),
             stopped: state.bool(),
+            xoff_at: state.deadline().unwrap_or_default(),
             after_xoff: state.u32(),
             xon_unanswered: state.bool(),
             quiet_at: state.deadline(),
             repeat_at: state.deadline(),
+            low: state.u32(),
+            high: state.u32(),
             ..Self::default()
         })
     }
@@ -312,9 +340,7 @@ fn set_timer(link: &mut Context<'_>, id: u8, known: &mut Option<Micros>, at: Opt
 /// Length of the longest proper prefix of the first `seen` bytes that is also
 /// their suffix.
 fn longest_border(mark: &[u8], seen: usize) -> usize {
-    let is_border = |length: &usize| {
-        let prefix = mark.iter().take(*length);
-        mark.iter().take(seen).skip(seen - *length).eq(prefix)
-    };
+    let is_border =
+        |length: &usize| (0..*length).all(|at| mark.get(at) == mark.get(seen - *length + at));
     (0..seen).rev().find(is_border).unwrap_or(0)
 }

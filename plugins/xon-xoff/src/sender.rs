@@ -2,6 +2,7 @@
 
 use crate::codes::Codes;
 use crate::lines::{Lines, Piece};
+use crate::state::State;
 use crate::{ControlInData, HELD, LineEnd, Settings};
 use softplug_plugin::{
     Context, Failure, JobStart, Micros, Pass, StateError, StateReader, StateWriter,
@@ -54,18 +55,18 @@ impl Sender {
         self.stage != Stage::Idle
     }
 
-    /// Name of the state, if there is a job or a hold.
-    pub(crate) fn state_name(&self) -> Option<&'static str> {
-        let name = match self.stage {
+    /// What people are told, if there is a job.
+    pub(crate) fn state(&self) -> Option<State> {
+        let state = match self.stage {
             Stage::Idle => return None,
-            Stage::Checking => "checking",
-            Stage::Stopping(_) => "stopping",
-            Stage::Feeding | Stage::Draining if self.held => "held",
-            Stage::Feeding | Stage::Draining if self.waits_for_xon => "waiting for XON",
-            Stage::Feeding | Stage::Draining if self.paused => "paused",
-            Stage::Feeding | Stage::Draining => "sending",
+            Stage::Checking => State::Checking,
+            Stage::Stopping(_) => State::Stopping,
+            Stage::Feeding | Stage::Draining if self.held => State::Held,
+            Stage::Feeding | Stage::Draining if self.waits_for_xon => State::WaitingForXon,
+            Stage::Feeding | Stage::Draining if self.paused => State::Paused,
+            Stage::Feeding | Stage::Draining => State::Sending,
         };
-        Some(name)
+        Some(state)
     }
 
     pub(crate) fn xoff(&mut self, link: &mut Context<'_>, settings: &Settings) {
@@ -208,7 +209,7 @@ impl Sender {
         let plain = settings.send_line_end == LineEnd::Keep
             && settings.send_drop.as_slice().is_empty()
             && !settings.transparent;
-        if plain && !bytes.iter().any(|byte| codes.control(*byte).is_some()) {
+        if plain && codes.split(bytes).1.is_none() {
             self.queue(link, bytes);
             return;
         }
@@ -378,7 +379,7 @@ fn growth(settings: &Settings) -> u32 {
 
 fn is_dropped(settings: &Settings, codes: &Codes, byte: u8) -> bool {
     let is_control = !settings.transparent && codes.control(byte).is_some();
-    settings.send_drop.as_slice().contains(&byte)
+    settings.send_drop.contains(byte)
         || (is_control && settings.control_in_data == ControlInData::Drop)
 }
 
@@ -386,5 +387,5 @@ fn is_refused(settings: &Settings, codes: &Codes, byte: u8) -> bool {
     settings.control_in_data == ControlInData::Refuse
         && !settings.transparent
         && codes.control(byte).is_some()
-        && !settings.send_drop.as_slice().contains(&byte)
+        && !settings.send_drop.contains(byte)
 }

@@ -456,11 +456,13 @@ pub struct ActionWriter<'a> {
 
 impl<'a> ActionWriter<'a> {
     /// A writer at the start of `buffer`.
+    #[inline]
     pub fn new(buffer: &'a mut [u8]) -> Self {
         Self { writer: Writer::new(buffer), open: None }
     }
 
     /// Bytes written.
+    #[inline]
     pub fn len(&self) -> usize {
         self.writer.len()
     }
@@ -471,6 +473,7 @@ impl<'a> ActionWriter<'a> {
     }
 
     /// Bytes that still fit, record headers included.
+    #[inline]
     pub fn room(&self) -> usize {
         self.writer.room()
     }
@@ -482,10 +485,10 @@ impl<'a> ActionWriter<'a> {
 
     /// Appends a record; on `NoSpace` the records before it stay whole.
     pub fn push(&mut self, action: &Action<'_>) -> Result<(), NoSpace> {
-        debug_assert!(!matches!(action, Action::SetTimer { id, .. } if *id >= TIMERS));
         match action {
             Action::Transmit { mark: 0, bytes } => return self.transmit(bytes),
             Action::Deliver { delivery, bytes } => return self.deliver(*delivery, bytes),
+            Action::SetTimer { id, deadline } => return self.set_timer(*id, *deadline),
             _ => {}
         }
         let start = self.writer.len();
@@ -504,13 +507,27 @@ impl<'a> ActionWriter<'a> {
     }
 
     /// The quick way to push a [`Transmit`](Action::Transmit) without a mark.
+    #[inline]
     pub fn transmit(&mut self, bytes: &[u8]) -> Result<(), NoSpace> {
         self.stream(kind::TRANSMIT, 0, bytes)
     }
 
     /// The quick way to push a [`Deliver`](Action::Deliver).
+    #[inline]
     pub fn deliver(&mut self, delivery: u32, bytes: &[u8]) -> Result<(), NoSpace> {
         self.stream(kind::DELIVER, delivery, bytes)
+    }
+
+    /// The quick way to push a [`SetTimer`](Action::SetTimer).
+    pub fn set_timer(&mut self, id: u8, deadline: Micros) -> Result<(), NoSpace> {
+        debug_assert!(id < TIMERS, "there is no timer {id}");
+        let start = self.writer.len();
+        let [kind, zero] = kind::SET_TIMER.to_le_bytes();
+        self.writer.array([kind, zero, 9, 0, id]);
+        self.writer.i64(deadline.0);
+        self.writer.end(start)?;
+        self.open = None;
+        Ok(())
     }
 
     fn stream(&mut self, kind: u16, id: u32, bytes: &[u8]) -> Result<(), NoSpace> {

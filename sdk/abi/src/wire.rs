@@ -88,18 +88,25 @@ impl<'a> Reader<'a> {
     }
 
     /// Takes `count` bytes; none if there are fewer.
+    #[cfg_attr(target_arch = "wasm32", inline(never))]
     pub fn bytes(&mut self, count: usize) -> &'a [u8] {
         let Some((head, rest)) = self.rest.split_at_checked(count) else {
-            self.fail(MalformedReason::Truncated);
+            self.truncated();
             return &[];
         };
         self.rest = rest;
         head
     }
 
+    #[cold]
+    #[inline(never)]
+    fn truncated(&mut self) {
+        self.fail(MalformedReason::Truncated);
+    }
+
     fn array<const N: usize>(&mut self) -> [u8; N] {
         let Some((head, rest)) = self.rest.split_first_chunk::<N>() else {
-            self.fail(MalformedReason::Truncated);
+            self.truncated();
             return [0; N];
         };
         self.rest = rest;
@@ -164,16 +171,16 @@ impl<'a> Reader<'a> {
     /// Takes bytes that must be zero.
     #[inline(never)]
     pub fn zeros(&mut self, count: usize) {
-        let all_zero = self.bytes(count).iter().all(|byte| *byte == 0);
-        self.require("zero", all_zero);
+        for _ in 0..count {
+            let byte = self.u8();
+            self.require("zero", byte == 0);
+        }
     }
 
     /// The meaning of a code that was taken; `otherwise` if it has none.
     pub fn known<T>(&mut self, field: &'static str, meaning: Option<T>, otherwise: T) -> T {
-        meaning.unwrap_or_else(|| {
-            self.fail(MalformedReason::OutOfRange(field));
-            otherwise
-        })
+        self.require(field, meaning.is_some());
+        meaning.unwrap_or(otherwise)
     }
 
     /// Takes all that is left.
@@ -185,7 +192,7 @@ impl<'a> Reader<'a> {
     #[inline(never)]
     pub fn rest_not_empty(&mut self) -> &'a [u8] {
         if self.rest.is_empty() {
-            self.fail(MalformedReason::Truncated);
+            self.truncated();
         }
         self.rest()
     }
@@ -226,11 +233,13 @@ pub struct Writer<'a> {
 
 impl<'a> Writer<'a> {
     /// A writer at the start of `buffer`.
+    #[inline]
     pub fn new(buffer: &'a mut [u8]) -> Self {
         Self { buffer, length: 0, overflowed: false }
     }
 
     /// How many bytes have been written.
+    #[inline]
     pub fn len(&self) -> usize {
         self.length
     }
@@ -241,6 +250,7 @@ impl<'a> Writer<'a> {
     }
 
     /// How many bytes still fit.
+    #[inline]
     pub fn room(&self) -> usize {
         self.buffer.len() - self.length
     }
@@ -267,7 +277,8 @@ impl<'a> Writer<'a> {
 
     /// A field of fixed length is one store, where `bytes` is a loop. In a plug-in
     /// its callers are not inlined: each would come a dozen times.
-    fn array<const N: usize>(&mut self, value: [u8; N]) {
+    #[inline]
+    pub(crate) fn array<const N: usize>(&mut self, value: [u8; N]) {
         let place = self.buffer.get_mut(self.length..).and_then(<[u8]>::first_chunk_mut);
         let Some(place) = place.filter(|_| !self.overflowed) else {
             self.overflowed = true;
@@ -308,6 +319,7 @@ impl<'a> Writer<'a> {
     }
 
     /// Succeeds if all that was written since `start` fitted; otherwise forgets it.
+    #[inline]
     pub fn end(&mut self, start: usize) -> Result<(), NoSpace> {
         if core::mem::take(&mut self.overflowed) {
             self.length = start;

@@ -27,31 +27,37 @@ pub struct Context<'a> {
 }
 
 impl<'a> Context<'a> {
+    #[inline]
     pub(crate) fn new(output: &'a mut [u8], now: Micros, rooms: &'a mut Rooms) -> Self {
         Self { writer: ActionWriter::new(output), now, rooms, again: false }
     }
 
     /// Length of the output, and whether there is more to come.
+    #[inline]
     pub(crate) fn finish(self) -> (usize, bool) {
         (self.writer.len(), self.again)
     }
 
     /// Time of the event on the link's clock.
+    #[inline]
     pub fn now(&self) -> Micros {
         self.now
     }
 
     /// Bytes that may be transmitted now.
+    #[inline]
     pub fn transmit_room(&self) -> u32 {
         self.rooms.transmit
     }
 
     /// Bytes that may be delivered now.
+    #[inline]
     pub fn delivery_room(&self) -> u32 {
         self.rooms.delivery
     }
 
     /// Bytes left in the output buffer, headers of records included.
+    #[inline]
     pub fn output_room(&self) -> usize {
         self.writer.room()
     }
@@ -111,8 +117,9 @@ impl<'a> Context<'a> {
     }
 
     /// Sets timer `id` (0 to 15) to an absolute time; one in the past runs out now.
+    #[inline]
     pub fn set_timer(&mut self, id: u8, deadline: Micros) {
-        self.push(&Action::SetTimer { id, deadline });
+        fitted(self.writer.set_timer(id, deadline));
     }
 
     /// Sets timer `id` to a span from now.
@@ -151,6 +158,7 @@ impl<'a> Context<'a> {
     ///
     /// # Panics
     /// There is less [room](Self::delivery_room).
+    #[inline]
     pub fn deliver(&mut self, delivery: u32, bytes: &[u8]) {
         let count = bytes.len() as u32;
         assert!(count <= self.rooms.delivery, "delivers more bytes than there is room for");
@@ -209,13 +217,23 @@ impl<'a> Context<'a> {
         self.push(&Action::State { name: cut(name, STATE_NAME_BYTES) });
     }
 
+    #[inline(never)]
     pub(crate) fn push(&mut self, action: &Action<'_>) {
         fitted(self.writer.push(action));
     }
 }
 
+#[inline]
 fn fitted(pushed: Result<(), NoSpace>) {
-    assert!(pushed.is_ok(), "writes more actions in one event than the output buffer holds");
+    if pushed.is_err() {
+        too_many();
+    }
+}
+
+#[cold]
+#[inline(never)]
+fn too_many() -> ! {
+    panic!("writes more actions in one event than the output buffer holds");
 }
 
 fn cut(text: &str, limit: usize) -> &str {

@@ -91,6 +91,7 @@ impl<C: Converter> Cell<C> {
     }
 
     /// `softplug_v1_step`.
+    #[inline]
     pub fn step(&self, buffers: &Buffers, kind: i32, length: i32, now_us: i64) -> i32 {
         // SAFETY: no other reference into the cell or the buffers is alive, and
         // the buffers do not overlap.
