@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use softplug_abi::{Action, Instance, LineParameters, Micros};
+use softplug_abi::{Action, Instance, Micros};
 use softplug_link::{LinkFault, LinkOptions, Outside, Supply, VirtualLine};
 
 use crate::partners::Partner;
@@ -15,7 +15,6 @@ pub struct ClosedLoop<I: Instance, P> {
     pub line: VirtualLine<I>,
     /// The machine's end.
     pub partner: P,
-    parameters: LineParameters,
     /// Characters on the wire: when their stop bit ends.
     in_flight: VecDeque<(Micros, u8)>,
     now: Micros,
@@ -25,9 +24,8 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
     /// A line on which the plug-in's port holds at most `depth` characters. The
     /// link is not open yet.
     pub fn new(instance: I, options: LinkOptions, depth: usize, partner: P) -> Self {
-        let parameters = options.line;
         let line = VirtualLine::new(instance, options, depth);
-        Self { line, partner, parameters, in_flight: VecDeque::new(), now: Micros::ZERO }
+        Self { line, partner, in_flight: VecDeque::new(), now: Micros::ZERO }
     }
 
     /// Time on the line.
@@ -65,11 +63,7 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
     /// Delivers what is due now and lets the transmitter take what it may; to
     /// be called after a request of the host.
     pub fn settle(&mut self, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
-        let mut watch = Watch {
-            outside,
-            character: self.parameters.characters(1),
-            in_flight: &mut self.in_flight,
-        };
+        let mut watch = Watch { outside, in_flight: &mut self.in_flight };
         self.line.tick(self.now, &mut watch)
     }
 
@@ -88,7 +82,6 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
 /// Sees what goes onto the wire.
 struct Watch<'a> {
     outside: &'a mut dyn Outside,
-    character: Micros,
     in_flight: &'a mut VecDeque<(Micros, u8)>,
 }
 
@@ -110,7 +103,11 @@ impl Outside for Watch<'_> {
     }
 
     fn on_wire(&mut self, start: Micros, byte: u8) {
-        self.in_flight.push_back((start + self.character, byte));
         self.outside.on_wire(start, byte);
+    }
+
+    fn off_wire(&mut self, end: Micros, byte: u8) {
+        self.in_flight.push_back((end, byte));
+        self.outside.off_wire(end, byte);
     }
 }

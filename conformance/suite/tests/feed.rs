@@ -61,7 +61,7 @@ fn feed(
     line.settle(&mut host).unwrap();
     line.run_until(Micros::from_secs(86_400), &mut host, |host| host.end.is_some()).unwrap();
     // What is still in the control's buffer is executed.
-    let end = line.now() + Micros::from_secs(10);
+    let end = line.now() + Micros::from_secs(60);
     line.partner.advance(end);
     (line.partner.report(), host.end)
 }
@@ -115,7 +115,7 @@ fn never_more_characters_after_xoff_than_the_pacing_depth_at_any_baud() {
         assert_eq!(end, Some(Ok(20_000)), "{baud} baud");
         assert!(report.received.matches(&program), "{baud} baud");
         assert_eq!(report.alarms, [], "{baud} baud");
-        assert!(report.holds > 20, "{baud} baud: {} holds", report.holds);
+        assert!(report.holds >= 20, "{baud} baud: {} holds", report.holds);
         let most = report.characters_after_xoff.max();
         assert!(most <= depth as u32, "{baud} baud: {most} after XOFF");
     }

@@ -48,7 +48,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn program(bytes: usize) -> Vec<u8> {
-    let block = |n: usize| format!("N{:05} G1 X{}.{:03} Y-{}\n", n % 100_000, n % 90, n % 1_000, n % 70);
+    let block =
+        |n: usize| format!("N{:05} G1 X{}.{:03} Y-{}\n", n % 100_000, n % 90, n % 1_000, n % 70);
     let mut program: Vec<u8> = (0..).flat_map(|n| block(n).into_bytes()).take(bytes).collect();
     program.truncate(bytes);
     program

@@ -173,7 +173,7 @@ fn listen_once(
     loop {
         let ready = poller.wait(Some(port.fd()), Interest::READ, Some(end))?;
         if ready.readable || ready.hangup {
-            let outcome = port.read(&mut |input| sample.hear(&input))?;
+            let outcome = port.read(usize::MAX, &mut |input| sample.hear(&input))?;
             if let ReadOutcome::Gone(reason) = outcome {
                 return Err(PortError::Gone(reason));
             }

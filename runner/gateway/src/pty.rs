@@ -135,9 +135,14 @@ impl PtyPort {
         self.line
     }
 
-    /// Reads once and gives what came to `sink`.
-    pub fn read(&mut self, sink: &mut impl FnMut(Input<'_>)) -> Result<ReadOutcome, PortError> {
-        let outcome = self.pair.read(&mut self.buffer)?;
+    /// Reads once, at most `most` bytes, and gives what came to `sink`.
+    pub fn read(
+        &mut self,
+        most: usize,
+        sink: &mut impl FnMut(Input<'_>),
+    ) -> Result<ReadOutcome, PortError> {
+        let most = most.min(READ_BYTES);
+        let outcome = self.pair.read(&mut self.buffer[..most])?;
         if let ReadOutcome::Read(count) = outcome {
             sink(Input::Bytes(&self.buffer[..count]));
         }

@@ -41,7 +41,7 @@ fn read_bytes(port: &mut Port, count: usize) -> Vec<u8> {
     while got.len() < count {
         let ready = poller.wait(Some(port.fd()), Interest::READ, Some(NEVER)).unwrap();
         assert!(!ready.timer, "nothing follows {got:?}");
-        let outcome = port.read(&mut |input| match input {
+        let outcome = port.read(usize::MAX, &mut |input| match input {
             Input::Bytes(bytes) => got.extend_from_slice(bytes),
             Input::LineError { kind, .. } => panic!("a pty has no {kind}"),
         });
@@ -57,7 +57,7 @@ fn wait_gone(port: &mut Port) -> LinkDownReason {
     loop {
         let ready = poller.wait(Some(port.fd()), Interest::READ, Some(NEVER)).unwrap();
         assert!(!ready.timer, "the port stays");
-        if let ReadOutcome::Gone(reason) = port.read(&mut |_| {}).unwrap() {
+        if let ReadOutcome::Gone(reason) = port.read(usize::MAX, &mut |_| {}).unwrap() {
             return reason;
         }
     }
@@ -70,7 +70,7 @@ fn every_byte_passes_a_pty_both_ways() {
     let all: Vec<u8> = (0..=255).chain([0xFF, 0xFF, 0, 0, 0xFF, 0, 0x55]).collect();
     assert_eq!(pair.write(&all).unwrap(), all.len());
     assert_eq!(read_bytes(&mut port, all.len()), all);
-    assert_eq!(port.read(&mut |_| {}).unwrap(), ReadOutcome::Empty);
+    assert_eq!(port.read(usize::MAX, &mut |_| {}).unwrap(), ReadOutcome::Empty);
 
     assert_eq!(port.write(&all).unwrap(), all.len());
     let mut back = Port::Pty(softplug_gateway::pty::PtyPort::new(pair, port.line()));
@@ -239,7 +239,7 @@ fn a_pty_made_here_outlives_its_visitors() {
         visitor.read_exact(&mut answer).unwrap();
         assert_eq!(answer, [0x13]);
     }
-    assert_eq!(port.read(&mut |_| {}).unwrap(), ReadOutcome::Empty);
+    assert_eq!(port.read(usize::MAX, &mut |_| {}).unwrap(), ReadOutcome::Empty);
     assert_eq!(port.line().parity, Parity::Even);
 }
 
@@ -267,7 +267,7 @@ fn bytes_pass_a_device_server_until_it_hangs_up() {
     });
     let spec: PortSpec = format!("tcp://{address}").parse().unwrap();
     let mut port = Port::open(&spec, &options("9600 7E2")).unwrap();
-    assert_eq!(port.read(&mut |_| {}).unwrap(), ReadOutcome::Empty);
+    assert_eq!(port.read(usize::MAX, &mut |_| {}).unwrap(), ReadOutcome::Empty);
     assert_eq!(port.write(&[0xFF, 0, 1, 0x11, 0xFF]).unwrap(), 5);
     assert_eq!(read_bytes(&mut port, 5), [0xFF, 0, 1, 0x11, 0xFF]);
     server.join().unwrap();

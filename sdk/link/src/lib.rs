@@ -71,6 +71,12 @@ pub trait Outside {
     fn on_wire(&mut self, start: Micros, byte: u8) {
         let _ = (start, byte);
     }
+
+    /// Only in virtual time: the same character, whose stop bit ends at `end`.
+    /// That is when it reaches the partner.
+    fn off_wire(&mut self, end: Micros, byte: u8) {
+        let _ = (end, byte);
+    }
 }
 
 /// Answer of a job's source.

@@ -443,6 +443,11 @@ impl<I: Instance> Link<I> {
         !self.has_ended && !self.is_down && self.core.queue.has_to_send()
     }
 
+    /// Bytes that may be delivered before the host has to put some away.
+    pub fn delivery_room(&self) -> u32 {
+        self.core.whole_delivery_room()
+    }
+
     /// Bytes that wait in the transmit queue.
     pub fn waiting(&self) -> usize {
         self.core.queue.waiting()

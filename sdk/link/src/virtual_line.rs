@@ -60,6 +60,7 @@ impl<I: Instance> VirtualLine<I> {
                     for byte in &buffer[..count] {
                         let start = self.wire.give(now);
                         outside.on_wire(start, *byte);
+                        outside.off_wire(self.wire.free_at(), *byte);
                     }
                 }
                 Taken::Break(micros) => {

@@ -60,6 +60,11 @@ impl Wire {
         self.ends.front().copied()
     }
 
+    /// When all that was given will have left.
+    pub fn free_at(&self) -> Micros {
+        self.free_at
+    }
+
     /// Takes a character; returns when its start bit leaves. There must be space.
     pub fn give(&mut self, now: Micros) -> Micros {
         if self.free_at < now {

@@ -72,12 +72,17 @@ impl Port {
         }
     }
 
-    /// Reads once and gives what came to `sink`, in the line's order.
-    pub fn read(&mut self, sink: &mut impl FnMut(Input<'_>)) -> Result<ReadOutcome, PortError> {
+    /// Reads once, at most `most` bytes, and gives what came to `sink`, in the
+    /// line's order. What is not read stays with the kernel.
+    pub fn read(
+        &mut self,
+        most: usize,
+        sink: &mut impl FnMut(Input<'_>),
+    ) -> Result<ReadOutcome, PortError> {
         match self {
-            Self::Tty(port) => port.read(sink),
-            Self::Tcp(port) => port.read(sink),
-            Self::Pty(port) => port.read(sink),
+            Self::Tty(port) => port.read(most, sink),
+            Self::Tcp(port) => port.read(most, sink),
+            Self::Pty(port) => port.read(most, sink),
         }
     }
 

@@ -50,9 +50,14 @@ impl TcpPort {
         self.line
     }
 
-    /// Reads once and gives what came to `sink`.
-    pub fn read(&mut self, sink: &mut impl FnMut(Input<'_>)) -> Result<ReadOutcome, PortError> {
-        match retry_on_intr(|| read(&self.stream, &mut self.buffer[..])) {
+    /// Reads once, at most `most` bytes, and gives what came to `sink`.
+    pub fn read(
+        &mut self,
+        most: usize,
+        sink: &mut impl FnMut(Input<'_>),
+    ) -> Result<ReadOutcome, PortError> {
+        let most = most.min(READ_BYTES);
+        match retry_on_intr(|| read(&self.stream, &mut self.buffer[..most])) {
             Ok(0) => Ok(ReadOutcome::Gone(LinkDownReason::Disconnected)),
             Ok(count) => {
                 sink(Input::Bytes(&self.buffer[..count]));

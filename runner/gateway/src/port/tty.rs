@@ -158,14 +158,20 @@ impl TtyPort {
         ioctl::counters(&self.fd).ok()
     }
 
-    /// Reads once and gives what came to `sink`.
-    pub fn read(&mut self, sink: &mut impl FnMut(Input<'_>)) -> Result<ReadOutcome, PortError> {
+    /// Reads once, at most `most` bytes, and gives what came to `sink`.
+    pub fn read(
+        &mut self,
+        most: usize,
+        sink: &mut impl FnMut(Input<'_>),
+    ) -> Result<ReadOutcome, PortError> {
+        let most = most.min(READ_BYTES);
         if !self.early.is_empty() {
-            let early = std::mem::take(&mut self.early);
+            let rest = self.early.split_off(most.min(self.early.len()));
+            let early = std::mem::replace(&mut self.early, rest);
             sink(Input::Bytes(&early));
             return Ok(ReadOutcome::Read(early.len()));
         }
-        match retry_on_intr(|| read(&self.fd, &mut self.buffer[..])) {
+        match retry_on_intr(|| read(&self.fd, &mut self.buffer[..most])) {
             // VMIN is 1: a read of nothing is a hang-up.
             Ok(0) => Ok(self.lost()),
             Ok(count) => {

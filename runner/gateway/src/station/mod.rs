@@ -17,9 +17,13 @@ use thiserror::Error;
 use crate::clock::Clock;
 use crate::error::PortError;
 use crate::pacer::{Pacer, default_depth};
-use crate::poll::{Interest, Poller, Ready};
+use crate::poll::{Interest, Poller};
 use crate::port::{Input, Port, ReadOutcome};
 
+/// A received byte is delivered as at most so many: a line end can become LF CR CR.
+const GROWTH: u32 = 3;
+/// Most reads and writes of one turn: then the host has its say.
+const ROUNDS: usize = 16;
 /// Most bytes that are taken from the link at once.
 const CHUNK: usize = 64;
 /// How often modem lines are looked at.
@@ -39,13 +43,13 @@ pub struct StationOptions {
 }
 
 impl Default for StationOptions {
-    /// No settings, depth by baud, 4,096 bytes either way.
+    /// No settings, depth by baud, 4,096 bytes to transmit, 16,384 to deliver.
     fn default() -> Self {
         Self {
             settings: SettingValues::default(),
             depth: None,
             transmit_room: 4_096,
-            delivery_room: 4_096,
+            delivery_room: 16_384,
         }
     }
 }
@@ -189,11 +193,8 @@ impl<I: Instance> Station<I> {
         if let Some(reason) = self.gone {
             return Ok(Turn::Gone(reason));
         }
-        let ready = self.wait(until)?;
-        if ready.hangup || ready.readable {
-            self.read(outside)?;
-        }
-        Ok(self.gone.map_or(Turn::Live, Turn::Gone))
+        self.wait(until)?;
+        Ok(Turn::Live)
     }
 
     /// Lets what was given to the port leave, at most for `patience`, then
@@ -231,53 +232,66 @@ impl<I: Instance> Station<I> {
         Ok(())
     }
 
-    /// All that can be done without waiting. Reads before each write: a stop
-    /// that is already there must stop the next byte.
+    /// What can be done without waiting. Reads before each write: a stop that
+    /// is already there must stop the next byte. One read before each write,
+    /// too: a partner that never pauses must not keep our own stop from leaving.
     fn work(&mut self, outside: &mut dyn Outside) -> Result<(), StationError<I::Fault>> {
-        loop {
-            self.read(outside)?;
+        for _ in 0..ROUNDS {
+            let has_read = self.read(outside)?;
             let now = self.now();
             self.look_at_modem_lines(now, outside)?;
             let (maybe, surely) = self.departures.left(now, self.port.unsent());
             self.link.left(maybe, surely);
             self.ask(outside, |link, now, outside| link.run(now, outside))?;
-            if self.gone.is_some() || !self.send_some(now, outside)? {
+            let has_sent = self.gone.is_none() && self.send_some(now, outside)?;
+            if !has_read && !has_sent {
                 return Ok(());
             }
         }
+        Ok(())
     }
 
-    /// Reads all that is there.
-    fn read(&mut self, outside: &mut dyn Outside) -> Result<(), StationError<I::Fault>> {
-        while self.gone.is_none() {
-            let now = self.now();
-            let mut tap = Tap::new(outside, &mut self.counters);
-            let (link, mut fault) = (&mut self.link, None);
-            let outcome = self.port.read(&mut |input| {
-                if fault.is_some() {
-                    return;
-                }
-                tap.counters.count_input(&input);
-                let told = match input {
-                    Input::Bytes(bytes) => link.received(now, bytes, &mut tap),
-                    Input::LineError { kind, byte, span } => {
-                        link.line_error(now, kind, byte, span, &mut tap)
-                    }
-                };
-                fault = told.err();
-            })?;
-            let lines = tap.modem_lines;
-            self.set_modem_lines(lines)?;
-            if let Some(fault) = fault {
-                return Err(fault.into());
-            }
-            match outcome {
-                ReadOutcome::Read(_) => {}
-                ReadOutcome::Empty => return Ok(()),
-                ReadOutcome::Gone(reason) => self.went(reason, outside)?,
-            }
+    /// Reads once; whether something came.
+    fn read(&mut self, outside: &mut dyn Outside) -> Result<bool, StationError<I::Fault>> {
+        if self.gone.is_some() {
+            return Ok(false);
         }
-        Ok(())
+        let most = self.readable();
+        if most == 0 {
+            return Ok(false);
+        }
+        let now = self.now();
+        let mut tap = Tap::new(outside, &mut self.counters);
+        let (link, mut fault) = (&mut self.link, None);
+        let outcome = self.port.read(most, &mut |input| {
+            if fault.is_some() {
+                return;
+            }
+            tap.counters.count_input(&input);
+            let told = match input {
+                Input::Bytes(bytes) => link.received(now, bytes, &mut tap),
+                Input::LineError { kind, byte, span } => {
+                    link.line_error(now, kind, byte, span, &mut tap)
+                }
+            };
+            fault = told.err();
+        })?;
+        let lines = tap.modem_lines;
+        self.set_modem_lines(lines)?;
+        if let Some(fault) = fault {
+            return Err(fault.into());
+        }
+        match outcome {
+            ReadOutcome::Read(_) => Ok(true),
+            ReadOutcome::Empty => Ok(false),
+            ReadOutcome::Gone(reason) => self.went(reason, outside).map(|()| false),
+        }
+    }
+
+    /// How many bytes may be read: what finds no room for delivery stays with
+    /// the kernel, which loses nothing as long as the partner obeys.
+    fn readable(&self) -> usize {
+        (self.link.delivery_room() / GROWTH) as usize
     }
 
     fn went(
@@ -395,7 +409,7 @@ impl<I: Instance> Station<I> {
         }
     }
 
-    fn wait(&mut self, until: Micros) -> Result<Ready, PortError> {
+    fn wait(&mut self, until: Micros) -> Result<(), PortError> {
         let now = self.now();
         let is_stuck = self.pending_from < self.pending_to && self.pacer.available(now) > 0;
         let in_the_way = self.break_until.is_some() || self.break_next.is_some();
@@ -413,7 +427,8 @@ impl<I: Instance> Station<I> {
             self.modem_lines.is_some().then_some(now + MODEM_LINES_EVERY),
         ];
         let deadline = deadline.into_iter().flatten().min();
-        let interest = if is_stuck { Interest::BOTH } else { Interest::READ };
-        self.poller.wait(Some(self.port.fd()), interest, deadline)
+        let interest = Interest { read: self.readable() > 0, write: is_stuck };
+        self.poller.wait(Some(self.port.fd()), interest, deadline)?;
+        Ok(())
     }
 }
