@@ -57,7 +57,7 @@ impl FaultClass {
 }
 
 impl Fault {
-    pub(crate) fn new(class: FaultClass, at: Micros, message: impl ToString) -> Self {
+    pub(crate) fn new(class: FaultClass, at: Micros, message: &(impl ToString + ?Sized)) -> Self {
         Self { class, at_us: at.0, message: message.to_string() }
     }
 

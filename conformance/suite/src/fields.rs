@@ -46,7 +46,7 @@ fn value(field: &Field, text: &str) -> Result<OwnedValue, String> {
     let like_a_setting = Setting {
         name: field.name.clone(),
         kind: field.kind,
-        default: Default::default(),
+        default: serde_json::Value::Null,
         min: None,
         max: None,
         unit: String::new(),

@@ -59,7 +59,7 @@ pub enum LoadError {
         /// The file.
         path: PathBuf,
         /// The fault, with its place.
-        source: ParseError,
+        source: Box<ParseError>,
     },
     /// A file is not where its id says.
     #[error(transparent)]
@@ -134,8 +134,8 @@ fn is_same(first: &Path, second: &Path) -> bool {
 fn load_file(path: PathBuf) -> Result<Case, LoadError> {
     let text =
         fs::read_to_string(&path).map_err(|source| LoadError::Io { path: path.clone(), source })?;
-    let trace =
-        Trace::parse(&text).map_err(|source| LoadError::Parse { path: path.clone(), source })?;
+    let trace = Trace::parse(&text)
+        .map_err(|source| LoadError::Parse { path: path.clone(), source: Box::new(source) })?;
     trace.front.check_path(&path)?;
     Ok(Case { path, trace })
 }

@@ -51,7 +51,7 @@ fn start<'a, S: Subject>(
     case: &Case,
     permutation: Permutation,
 ) -> Result<Run<'a, S>, Fault> {
-    let unfit = |reason: String| Fault::new(FaultClass::NotApplicable, Micros::ZERO, reason);
+    let unfit = |reason: String| Fault::new(FaultClass::NotApplicable, Micros::ZERO, &reason);
     let manifest = subject.manifest();
     let windows = match permutation {
         Permutation::Late(None) => Windows::Late,
@@ -75,7 +75,7 @@ fn start<'a, S: Subject>(
     let steps = Rc::new(Cell::new(0));
     let instance = subject
         .instantiate()
-        .map_err(|error| Fault::new(FaultClass::NotStarted, Micros::ZERO, error))?;
+        .map_err(|error| Fault::new(FaultClass::NotStarted, Micros::ZERO, &error))?;
     let instance = Watched::new(instance, Rc::clone(&steps));
     let modem = options.modem_lines.unwrap_or_default();
     Ok(Run {
@@ -181,7 +181,7 @@ impl<S: Subject> Run<'_, S> {
         from_host: &[&Input],
     ) -> Result<(), Fault> {
         for input in from_line {
-            self.from_line(now, input)?;
+            self.hear(now, input)?;
         }
         self.advance(now)?;
         self.swap_here(now)?;
@@ -197,7 +197,7 @@ impl<S: Subject> Run<'_, S> {
         Ok(())
     }
 
-    fn from_line(&mut self, now: Micros, input: &Input) -> Result<(), Fault> {
+    fn hear(&mut self, now: Micros, input: &Input) -> Result<(), Fault> {
         let Self { line: VirtualLine { link, .. }, recorder, .. } = self;
         let stepped = match input {
             Input::Bytes(bytes) => link.received(now, bytes, recorder),
@@ -310,7 +310,7 @@ impl<S: Subject> Run<'_, S> {
         let fresh = self
             .subject
             .instantiate()
-            .map_err(|error| Fault::new(FaultClass::NotStarted, at, error))?;
+            .map_err(|error| Fault::new(FaultClass::NotStarted, at, &error))?;
         let fresh = Watched::new(fresh, Rc::clone(&self.steps));
         self.line
             .link

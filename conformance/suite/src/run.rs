@@ -167,7 +167,7 @@ fn assess(
         None => match against_trace(case, manifest, outcome) {
             Ok(found) => found?,
             Err(error) => {
-                let fault = Fault::new(FaultClass::NotApplicable, Micros::ZERO, error);
+                let fault = Fault::new(FaultClass::NotApplicable, Micros::ZERO, &error);
                 let class = Class::Fault(FaultClass::NotApplicable);
                 return Some(failure(case, permutation, class, None, Some(fault), Vec::new()));
             }

@@ -95,7 +95,8 @@ enum OwnedAction {
 
 impl OwnedAction {
     fn write(&self, writer: &mut ActionWriter<'_>) {
-        let mut push = |action: Action<'_>| writer.push(&action).expect("the output is long enough");
+        let mut push =
+            |action: Action<'_>| writer.push(&action).expect("the output is long enough");
         match self {
             Self::Hold => push(Action::Hold),
             Self::Release => push(Action::Release),
@@ -166,13 +167,16 @@ impl Instance for Scripted {
             actions.push(OwnedAction::Done(77));
         }
         let mut writer = ActionWriter::new(&mut self.output);
-        actions.iter().for_each(|action| action.write(&mut writer));
+        for action in &actions {
+            action.write(&mut writer);
+        }
         let length = writer.len();
         if let (Flaw::Garbles, Event::Received(_)) = (self.flaw, event) {
             self.output[..4].fill(0xFF);
             return Ok(Output { actions: &self.output[..4], more: false });
         }
-        let more = self.flaw == Flaw::NeverStops && matches!(event, Event::Received(_) | Event::Continue);
+        let more =
+            self.flaw == Flaw::NeverStops && matches!(event, Event::Received(_) | Event::Continue);
         Ok(Output { actions: &self.output[..length], more })
     }
 }
@@ -311,9 +315,7 @@ fn what_the_plug_in_lacks_is_no_pass() {
 
 #[test]
 fn a_filter_takes_a_trace_or_one_case() {
-    let run = |name: &str| {
-        run_all(&[&subject(Flaw::None)], &[case()], &Filter::only([name])).total
-    };
+    let run = |name: &str| run_all(&[&subject(Flaw::None)], &[case()], &Filter::only([name])).total;
     assert!(run("scripted.both-ways") > 40);
     assert_eq!(run("scripted.both-ways/cut:1"), 1);
     assert_eq!(run("scripted.both-ways/uncut"), 1);

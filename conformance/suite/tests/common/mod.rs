@@ -1,4 +1,5 @@
 //! The reference plug-ins, native and as modules, and where the files are.
+#![allow(dead_code)] // Each test file uses a part of it.
 
 use softplug_abi::manifest::Manifest;
 use softplug_conformance::{FromFn, Judge, Sandboxed};
@@ -8,20 +9,20 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The top of the repository.
-pub fn root() -> PathBuf {
+pub(crate) fn root() -> PathBuf {
     let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     top.canonicalize().expect("the repository is there")
 }
 
 /// A reference plug-in as native code.
-pub fn native(name: &str) -> FromFn<impl Fn() -> NativeInstance> {
+pub(crate) fn native(name: &str) -> FromFn<impl Fn() -> NativeInstance> {
     let plugin = NativePlugin::from_name(name).expect("a reference plug-in has this name");
     let manifest = Manifest::parse(plugin.manifest().as_bytes()).expect("its manifest is valid");
     FromFn::new(manifest, move || plugin.instantiate())
 }
 
 /// The same in the sandbox: from the folder `SOFTPLUG_PLUGINS`, else built now.
-pub fn sandboxed(name: &str) -> Sandboxed {
+pub(crate) fn sandboxed(name: &str) -> Sandboxed {
     let path = match std::env::var_os("SOFTPLUG_PLUGINS") {
         Some(folder) => PathBuf::from(folder).join(format!("{name}.wasm")),
         None => build(name),
@@ -50,7 +51,7 @@ fn build(name: &str) -> PathBuf {
 }
 
 /// Fails with the first failure of some traces in full if any case does.
-pub fn assert_all_pass(subject: &dyn Judge, summary: &softplug_conformance::Summary) {
+pub(crate) fn assert_all_pass(subject: &dyn Judge, summary: &softplug_conformance::Summary) {
     let failed: Vec<_> = summary.cases.iter().filter(|case| !case.is_passed()).collect();
     let mut traces = std::collections::BTreeSet::new();
     let first_of_trace = failed.iter().filter(|case| traces.insert(case.case.split('/').next()));
