@@ -55,20 +55,16 @@ impl Codes {
 
     /// The bytes before the first control byte, and it with what follows.
     pub(crate) fn split<'a>(&self, bytes: &'a [u8]) -> (&'a [u8], Option<(Control, &'a [u8])>) {
-        let mut rest = bytes;
-        loop {
-            let clear = rest.as_chunks().0.iter().take_while(|piece| self.is_clear(piece)).count();
-            rest = rest.get(clear * PIECE..).unwrap_or_default();
-            // A suspect piece, or the last one.
-            for _ in 0..PIECE {
-                let Some((byte, after)) = rest.split_first() else { return (bytes, None) };
-                if let Some(control) = self.control(*byte) {
-                    let data = bytes.get(..bytes.len() - rest.len()).unwrap_or_default();
-                    return (data, Some((control, after)));
-                }
-                rest = after;
+        let clear = bytes.as_chunks().0.iter().take_while(|piece| self.is_clear(piece)).count();
+        let mut rest = bytes.get(clear * PIECE..).unwrap_or_default();
+        while let Some((byte, after)) = rest.split_first() {
+            if let Some(control) = self.control(*byte) {
+                let data = bytes.get(..bytes.len() - rest.len()).unwrap_or_default();
+                return (data, Some((control, after)));
             }
+            rest = after;
         }
+        (bytes, None)
     }
 
     /// Whether surely none of the bytes is a control byte, found out for eight at

@@ -130,9 +130,9 @@ impl Converter for XonXoff {
         self.name_state(link);
     }
 
-    fn mark(&mut self, link: &mut Context<'_>, _mark: u32, state: MarkState) {
+    fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
         if state == MarkState::SurelyLeft {
-            self.sender.all_left(link);
+            self.sender.left(link, mark);
             self.name_state(link);
         }
     }

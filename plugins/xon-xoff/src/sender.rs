@@ -269,9 +269,9 @@ impl Sender {
         }
     }
 
-    /// The job's last byte has left.
-    pub(crate) fn all_left(&mut self, link: &mut Context<'_>) {
-        if self.stage == Stage::Draining {
+    /// A marked byte has left: the job's last one, or one of a job that was stopped.
+    pub(crate) fn left(&mut self, link: &mut Context<'_>, mark: u32) {
+        if self.stage == Stage::Draining && mark == self.mark {
             link.job_done(self.job, self.queued);
             self.finish(link);
         }

@@ -262,11 +262,7 @@ impl<'a> Writer<'a> {
 
     /// Appends bytes.
     pub fn bytes(&mut self, bytes: &[u8]) {
-        let place = self
-            .buffer
-            .get_mut(self.length..)
-            .and_then(|free| free.get_mut(..bytes.len()))
-            .filter(|_| !self.overflowed);
+        let place = self.buffer.get_mut(self.length..).and_then(|free| free.get_mut(..bytes.len()));
         let Some(place) = place else {
             self.overflowed = true;
             return;
@@ -280,7 +276,7 @@ impl<'a> Writer<'a> {
     #[inline]
     pub(crate) fn array<const N: usize>(&mut self, value: [u8; N]) {
         let place = self.buffer.get_mut(self.length..).and_then(<[u8]>::first_chunk_mut);
-        let Some(place) = place.filter(|_| !self.overflowed) else {
+        let Some(place) = place else {
             self.overflowed = true;
             return;
         };

@@ -202,12 +202,9 @@ impl<'a> Words<'a> {
     }
 
     fn push(&mut self, text: &[u8]) {
-        for byte in text {
-            if let Some(place) = self.region.get_mut(4 + self.length) {
-                *place = *byte;
-                self.length += 1;
-            }
-        }
+        let free = self.region.get_mut(4 + self.length..).unwrap_or_default();
+        self.length += text.len().min(free.len());
+        copy(free, text);
         self.set_length();
     }
 

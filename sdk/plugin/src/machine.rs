@@ -70,8 +70,7 @@ impl<C: Converter> Machine<C> {
                 return taken.map(|()| (0, false));
             }
             Event::Open { resumed: false, .. } => {
-                let settings = self.settings_or_none()?;
-                self.converter = Some(C::new(settings));
+                self.converter = Some(self.fresh()?);
             }
             Event::Restore { format, offset, total, bytes } => {
                 return self.restore(format, offset, total, bytes, state).map(|()| (0, false));
@@ -132,10 +131,12 @@ impl<C: Converter> Machine<C> {
         C::check_settings(settings).map_err(|text| (Refusal::Settings, text))
     }
 
-    fn settings_or_none(&self) -> Result<C::Settings, (Refusal, &'static str)> {
+    /// A converter with the settings that were given.
+    #[inline(never)]
+    fn fresh(&self) -> Result<C, (Refusal, &'static str)> {
         match &self.settings {
-            Some(settings) if self.next_setting == C::Settings::COUNT => Ok(*settings),
-            None if C::Settings::COUNT == 0 => Ok(C::Settings::unset()),
+            Some(settings) if self.next_setting == C::Settings::COUNT => Ok(C::new(*settings)),
+            None if C::Settings::COUNT == 0 => Ok(C::new(C::Settings::unset())),
             _ => Err((Refusal::MalformedEvent, "open came before the settings")),
         }
     }
@@ -164,7 +165,7 @@ impl<C: Converter> Machine<C> {
         if end < total as usize {
             return Ok(());
         }
-        let mut converter = C::new(self.settings_or_none()?);
+        let mut converter = self.fresh()?;
         let mut reader = StateReader::new(state.get(..end).unwrap_or_default());
         let taken = converter.restore(format, &mut reader).and_then(|()| reader.end());
         if taken.is_err() {

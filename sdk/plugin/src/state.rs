@@ -41,9 +41,15 @@ impl StateWriter<'_> {
         self.position += bytes.len();
     }
 
+    /// The lowest bytes of a number.
+    #[inline(never)]
+    fn number(&mut self, value: u64, count: usize) {
+        self.bytes(value.to_le_bytes().get(..count).unwrap_or_default());
+    }
+
     /// Writes one byte.
     pub fn u8(&mut self, value: u8) {
-        self.bytes(&[value]);
+        self.number(u64::from(value), 1);
     }
 
     /// Writes a flag.
@@ -53,7 +59,7 @@ impl StateWriter<'_> {
 
     /// Writes two bytes.
     pub fn u16(&mut self, value: u16) {
-        self.bytes(&value.to_le_bytes());
+        self.number(u64::from(value), 2);
     }
 
     /// Writes why something failed, or that it did not.
@@ -63,17 +69,17 @@ impl StateWriter<'_> {
 
     /// Writes four bytes.
     pub fn u32(&mut self, value: u32) {
-        self.bytes(&value.to_le_bytes());
+        self.number(u64::from(value), 4);
     }
 
     /// Writes eight bytes.
     pub fn u64(&mut self, value: u64) {
-        self.bytes(&value.to_le_bytes());
+        self.number(value, 8);
     }
 
     /// Writes an instant or span.
     pub fn micros(&mut self, value: Micros) {
-        self.bytes(&value.0.to_le_bytes());
+        self.u64(value.0.cast_unsigned());
     }
 
     /// Writes an instant, or that there is none.
