@@ -32,7 +32,7 @@ pub use deed::{Deed, Delivered};
 pub use divergence::{Divergence, Side};
 pub use fault::{Fault, FaultClass};
 pub use load::{Case, LoadError, load};
-pub use permute::Permutation;
+pub use permute::{Permutation, UnknownPermutation};
 pub use replay::{Outcome, Seen, replay};
 pub use run::{Filter, Judge, Summary, judge, run_all};
 pub use subject::{FromFn, Sandboxed, Subject, SubjectError};

@@ -366,6 +366,20 @@ fn alternatives_and_windows_leave_the_choice_they_name_and_no_other() {
 }
 
 #[test]
+fn a_summary_is_json_with_classes_by_name() {
+    let json = |flaw| serde_json::to_value(judged(flaw)).expect("it is plain data");
+    let uncut = |flaw| json(flaw)["cases"][0].clone();
+    assert_eq!(uncut(Flaw::None)["case"], "scripted.both-ways/uncut");
+    assert_eq!(uncut(Flaw::None)["failure"], serde_json::Value::Null);
+    let diverged = &uncut(Flaw::IgnoresXoff)["failure"];
+    assert_eq!(diverged["class"], "diverged");
+    assert_eq!(diverged["divergence"]["at_us"], 2_084);
+    assert_eq!(diverged["divergence"]["line"], 17);
+    assert_eq!(uncut(Flaw::Panics)["failure"]["class"], "trapped");
+    assert_eq!(json(Flaw::Panics)["failed"], json(Flaw::Panics)["total"]);
+}
+
+#[test]
 fn a_replay_ends_with_its_trace() {
     let text = TRACE.replace("= 1.002084 done 1\n. 2.000000\n", "");
     let case = Case::new("x.spt", Trace::parse(&text).expect("it is a trace"));
