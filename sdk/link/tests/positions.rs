@@ -29,6 +29,13 @@ fn characters_follow_back_to_back() {
     assert_eq!(wire.give(Micros(7_792)), Micros(7_792));
     wire.advance(Micros(8_834));
     assert_eq!(wire.left(), 8);
+    // To the µs: not 1,042 after the end of the second.
+    let mut next = Wire::new(line, 1);
+    for (at, end) in [(500, 1_542), (1_542, 2_584), (2_584, 3_625)] {
+        assert_eq!(next.give(Micros(at)), Micros(at));
+        assert_eq!(next.next(), Some(Micros(end)));
+        next.advance(Micros(end));
+    }
     // After a silence a new run begins.
     assert_eq!(wire.give(Micros(8_900)), Micros(8_900));
     assert_eq!(wire.next(), Some(Micros(9_942)));

@@ -201,7 +201,7 @@ fn a_state_travels_in_pieces() {
     for length in [0, 1, 250, 252, 253, 400, 4_000, 10_000] {
         let mut native = opened();
         if length > 0 {
-            let text: Vec<u8> = (0..length / 100 + 1).map(|byte| byte as u8).collect();
+            let text: Vec<u8> = (0..=length / 100).map(|byte| byte as u8).collect();
             native.step(&Event::Received(&text), Micros::ZERO).unwrap();
         }
         let (pieces, rounds) = save(&mut native);

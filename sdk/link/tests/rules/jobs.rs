@@ -66,6 +66,12 @@ fn ask_withdrawn() {
     rig.script.once("answer 2", &[Action::Withdraw { request: 2 }]);
     rig.host(700, |link, out| link.answer(Micros(700), 2, Ok(&[b'x'; 1_200]), out));
     assert_given!(rig, [(700, "answer 2 more=true 504 bytes")]);
+    // Or by a timer that the first piece made due: timers go before further pieces.
+    rig.does(710, &[request(3)]);
+    rig.script.once("answer 3", &[Action::SetTimer { id: 5, deadline: Micros(0) }]);
+    rig.script.once("timer 5", &[Action::Withdraw { request: 3 }]);
+    rig.host(720, |link, out| link.answer(Micros(720), 3, Ok(&[b'x'; 1_200]), out));
+    assert_given!(rig, [(720, "answer 3 more=true 504 bytes"), (720, "timer 5 set for 0")]);
     // One that is not open is passed over.
     rig.does(800, &[Action::Withdraw { request: 2 }, Action::Withdraw { request: 77 }]);
 }
