@@ -34,12 +34,18 @@ struct Hook {
 const HOOKS: &[Hook] = &[Hook { example: "resident", plugin: "xon-xoff" }];
 
 /// A line of the table.
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Debug)]
 struct Row {
     name: String,
+    /// The median in nanoseconds, if it is a time.
+    median: Option<f64>,
     figure: String,
     spread: String,
 }
+
+/// Where a benchmark's name ends like this, it is compared with the other.
+const NATIVE: &str = "/native";
+const WASM: &str = "/wasm";
 
 /// Prints the table to standard output; all else goes to standard error.
 pub(crate) fn run(workspace: &Workspace, filter: Option<&str>) -> Result<(), Error> {
@@ -56,6 +62,8 @@ pub(crate) fn run(workspace: &Workspace, filter: Option<&str>) -> Result<(), Err
         succeed(&mut command)?;
     }
     let mut rows = measured_since(&workspace.target().join("criterion"), started)?;
+    rows.extend(ratios(&rows));
+    rows.sort_by(|a, b| a.name.cmp(&b.name));
     for hook in HOOKS.iter().filter(|hook| filter.is_none_or(|part| hook.example.contains(part))) {
         rows.extend(hook.run(workspace)?);
     }
@@ -86,11 +94,28 @@ impl Hook {
             .map_err(|cause| BenchError::Format { path: path(), what: cause.to_string() })?;
         let rows = figures.into_iter().map(|(name, figure)| Row {
             name: format!("{}: {name} ({})", self.example, self.plugin),
+            median: None,
             figure: figure.to_string(),
             spread: String::new(),
         });
         Ok(rows.collect())
     }
+}
+
+/// How many times longer the sandbox takes than native code, for each pair of
+/// the same run.
+fn ratios(rows: &[Row]) -> Vec<Row> {
+    let pairs = rows.iter().filter_map(|wasm| {
+        let what = wasm.name.strip_suffix(WASM)?;
+        let native = rows.iter().find(|row| row.name.strip_suffix(NATIVE) == Some(what))?;
+        Some(Row {
+            name: format!("{what}/wasm : native"),
+            median: None,
+            figure: format!("{:.2}", wasm.median? / native.median?),
+            spread: String::new(),
+        })
+    });
+    pairs.collect()
 }
 
 /// Results that criterion wrote in this run, by name; older ones stay out.
@@ -125,9 +150,11 @@ fn row(benchmark: &Path, estimates: &Path) -> Result<Row, BenchError> {
     let interval = &median["confidence_interval"];
     let low = nanoseconds(&interval["lower_bound"], "median.lower_bound")?;
     let high = nanoseconds(&interval["upper_bound"], "median.upper_bound")?;
+    let middle = nanoseconds(&median["point_estimate"], "median.point_estimate")?;
     Ok(Row {
         name: name.to_owned(),
-        figure: duration(nanoseconds(&median["point_estimate"], "median.point_estimate")?),
+        median: Some(middle),
+        figure: duration(middle),
         spread: format!("{} to {}", duration(low), duration(high)),
     })
 }
@@ -161,7 +188,7 @@ fn print(rows: &[Row]) {
     println!();
     println!("| {:width$} | median | 95 % of medians |", "what");
     println!("|{}|---:|---|", "-".repeat(width + 2));
-    for Row { name, figure, spread } in rows {
+    for Row { name, figure, spread, .. } in rows {
         println!("| {name:width$} | {figure} | {spread} |");
     }
 }
@@ -196,6 +223,23 @@ mod tests {
     }
 
     #[test]
+    fn a_ratio_is_given_for_pairs_only() {
+        let row = |name: &str, median| Row {
+            name: name.into(),
+            median: Some(median),
+            figure: String::new(),
+            spread: String::new(),
+        };
+        let rows = [row("a/native", 100.0), row("b/wasm", 9.0), row("a/wasm", 250.0)];
+        let ratios = ratios(&rows);
+        assert_eq!(ratios.len(), 1);
+        assert_eq!(
+            (ratios[0].name.as_str(), ratios[0].figure.as_str()),
+            ("a/wasm : native", "2.50")
+        );
+    }
+
+    #[test]
     fn an_example_gives_its_figures_as_json() {
         let hook = Hook { example: "resident", plugin: "xon-xoff" };
         let rows = hook.rows("{\"bytes_per_instance\":20480}\n").unwrap();
@@ -224,6 +268,7 @@ mod tests {
             all,
             [Row {
                 name: "step/one byte".into(),
+                median: Some(120.4),
                 figure: "120 ns".into(),
                 spread: "119 ns to 122 ns".into()
             }]

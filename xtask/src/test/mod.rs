@@ -28,18 +28,11 @@ struct Tool {
     purpose: &'static str,
 }
 
-const TOOLS: &[Tool] = &[
-    Tool {
-        program: "stty",
-        package: "coreutils",
-        purpose: "transfers with the kernel's own XON/XOFF as the partner (stty and cat)",
-    },
-    Tool {
-        program: "python3",
-        package: "python3",
-        purpose: "partners and checks written in another language",
-    },
-];
+const TOOLS: &[Tool] = &[Tool {
+    program: "stty",
+    package: "coreutils",
+    purpose: "transfers with the kernel's own XON/XOFF as the partner (stty and cat)",
+}];
 
 /// Fails where a test fails; where a tool is missing only if `all`.
 pub(crate) fn run(workspace: &Workspace, all: bool) -> Result<ExitCode, Error> {
