@@ -82,7 +82,10 @@ pub fn receive<I: Instance>(
             is_held: catch.held_since.is_some(),
             state: &catch.state,
         });
-        let until = (now + TICK).min(give_up_at.max(now));
+        let until = match catch.first_at {
+            None => (now + TICK).min(give_up_at),
+            Some(_) => now + TICK,
+        };
         while catch.outcome.is_none() && catch.error.is_none() && station.now() < until {
             let turn = station.turn(until, &mut catch)?;
             if let Turn::Gone(reason) = turn {
