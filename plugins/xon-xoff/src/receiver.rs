@@ -34,8 +34,6 @@ pub(crate) struct Receiver {
     heard: bool,
     low: u32,
     high: u32,
-    /// The whole room for deliveries, as the opening told it.
-    capacity: u32,
 }
 
 impl Receiver {
@@ -47,11 +45,9 @@ impl Receiver {
         }
     }
 
-    /// Marks must leave the host space to report room in between. A converter that
-    /// goes on is told the room that is left, which is not the whole.
-    pub(crate) fn set_marks(&mut self, settings: &Settings, room: u32) {
-        self.capacity = self.capacity.max(room);
-        let capacity = self.capacity;
+    /// Marks must leave the host space to report room in between. They stay over a
+    /// swap: a converter that goes on is told the room that is left, not the whole.
+    pub(crate) fn set_marks(&mut self, settings: &Settings, capacity: u32) {
         self.low = (settings.low_mark as u32).min(capacity / 2);
         self.high = (settings.high_mark as u32).max(self.low).min(capacity / 4 * 3);
     }
@@ -305,7 +301,6 @@ impl Receiver {
         state.bool(self.xon_unanswered);
         state.deadline(self.quiet_at);
         state.deadline(self.repeat_at);
-        state.u32(self.capacity);
         state.u32(self.low);
         state.u32(self.high);
     }
@@ -325,7 +320,6 @@ impl Receiver {
             xon_unanswered: state.bool(),
             quiet_at: state.deadline(),
             repeat_at: state.deadline(),
-            capacity: state.u32(),
             low: state.u32(),
             high: state.u32(),
             ..Self::default()
