@@ -197,14 +197,15 @@ impl Receiver {
     /// The partner is not left waiting: what it still sends is another delivery.
     pub(crate) fn abort(&mut self, link: &mut Context<'_>, codes: &Codes) {
         self.end(link, Some(Failure::Aborted));
+        self.let_go(link, codes);
+    }
+
+    /// A partner that we stopped, or may have, is to go on. So after the link was
+    /// down: our XOFF may have been on its way.
+    pub(crate) fn let_go(&mut self, link: &mut Context<'_>, codes: &Codes) {
         if self.stopped {
             self.say_xon(link, codes);
         }
-    }
-
-    /// After the link was down nobody knows of our XOFF any more.
-    pub(crate) fn forget_stop(&mut self) {
-        self.stopped = false;
     }
 
     fn begin(&mut self, link: &mut Context<'_>) {
