@@ -12,18 +12,23 @@ pub(super) struct Counts {
 }
 
 impl Counts {
-    /// Sums up every result line of cargo test and nextest in `output`.
+    /// Sums up every result line of cargo test in `output`; where nextest sums up
+    /// itself, its summary alone: it repeats the result lines of what failed.
     pub(super) fn read(output: &str) -> Self {
-        output.lines().filter_map(Self::read_line).fold(Self::default(), Add::add)
+        let summary = output.lines().filter_map(Self::read_summary).reduce(Add::add);
+        let results = output.lines().filter_map(Self::read_result);
+        summary.unwrap_or_else(|| results.fold(Self::default(), Add::add))
     }
 
-    fn read_line(line: &str) -> Option<Self> {
+    fn read_result(line: &str) -> Option<Self> {
         let line = line.trim_start();
         // test result: ok. 3 passed; 0 failed; 1 ignored; 0 measured; 2 filtered out; …
-        if let Some(result) = line.strip_prefix("test result: ") {
-            let (_, counts) = result.split_once(". ")?;
-            return Some(Self::sum(counts.split(';')));
-        }
+        let (_, counts) = line.strip_prefix("test result: ")?.split_once(". ")?;
+        Some(Self::sum(counts.split(';')))
+    }
+
+    fn read_summary(line: &str) -> Option<Self> {
+        let line = line.trim_start();
         // Summary [ 0.5s] 7 tests run: 5 passed (1 slow), 1 failed, 1 timed out, 2 skipped
         let (head, counts) = line.split_once("run: ")?;
         let is_summary = head.starts_with("Summary [") && head.contains("test");
@@ -85,6 +90,7 @@ mod tests {
     fn nextest_is_read_from_its_summary_only() {
         let output = "     Summary [   0.512s] 9 tests run: 5 passed (1 slow), 2 failed, \
             1 timed out, 1 exec failed, 3 skipped\n\
+            test result: FAILED. 0 passed; 1 failed; 0 ignored; 0 measured; 38 filtered out\n\
             PASS [ 0.003s] softplug-abi the_line_says_run: 4 passed\n";
         assert_eq!(Counts::read(output), Counts { passed: 5, failed: 4, skipped: 3 });
         let single = "Summary [   0.003s] 1 test run: 1 passed, 0 skipped";
