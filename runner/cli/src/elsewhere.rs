@@ -39,7 +39,7 @@ pub(crate) fn receive(
     Err(nowhere("receiving from a port"))
 }
 
-pub(crate) fn simulate(_: simulate::Simulation, _: &Screen) -> Result<Exit, Failure> {
+pub(crate) fn simulate(_: &simulate::Simulation, _: &Screen) -> Result<Exit, Failure> {
     Err(nowhere("simulating a machine"))
 }
 

@@ -7,7 +7,7 @@ pub(crate) fn count(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::with_capacity(digits.len() * 4 / 3);
     for (at, digit) in digits.char_indices() {
-        if at > 0 && (digits.len() - at) % 3 == 0 {
+        if at > 0 && (digits.len() - at).is_multiple_of(3) {
             text.push(',');
         }
         text.push(digit);
@@ -54,6 +54,6 @@ mod tests {
         assert_eq!([1, 2, 4_096].map(bytes), ["1 byte", "2 bytes", "4,096 bytes"]);
         let spans = [90, 150, 7_260].map(|seconds| span(Duration::from_secs(seconds)));
         assert_eq!(spans, ["90.0 s", "2 min 30 s", "2 h 1 min"]);
-        assert!((seconds(Duration::from_nanos(1_500_000_000)) - 1.5).abs() < 1e-9);
+        assert!((seconds(Duration::from_millis(1_500)) - 1.5).abs() < 1e-9);
     }
 }

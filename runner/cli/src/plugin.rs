@@ -24,8 +24,8 @@ pub(crate) struct Library {
 impl Library {
     /// The file of a plug-in: a path as it is, a name in the folders.
     pub(crate) fn find(&self, plugin: &str) -> Result<PathBuf, Failure> {
-        let is_path = plugin.contains(['/', '\\']) || plugin.ends_with(".wasm");
-        if is_path {
+        let is_file = Path::new(plugin).extension().is_some_and(|extension| extension == "wasm");
+        if is_file || plugin.contains(['/', '\\']) {
             return Ok(PathBuf::from(plugin));
         }
         let mut places = Vec::new();

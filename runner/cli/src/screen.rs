@@ -74,7 +74,7 @@ impl Screen {
     }
 
     /// Bytes as they are, with or without `--json`.
-    pub(crate) fn raw(&self, bytes: &[u8]) {
+    pub(crate) fn raw(bytes: &[u8]) {
         let mut out = io::stdout().lock();
         forgive(out.write_all(bytes).and_then(|()| out.flush()));
     }
@@ -86,14 +86,16 @@ impl Screen {
         }
     }
 
-    /// An error in the middle: the command goes on.
+    /// An error for people; machines find it in the document.
     pub(crate) fn error(&self, text: impl Display) {
-        forgive(writeln!(anstream::stderr(), "{ERROR}error:{ERROR:#} {text}"));
+        self.report(format_args!("{ERROR}error:{ERROR:#} {text}"));
     }
 
-    /// A report that says itself that it is an error.
+    /// The same, of a text that says itself that it is an error.
     pub(crate) fn report(&self, text: impl Display) {
-        forgive(writeln!(anstream::stderr(), "{text}"));
+        if !self.json {
+            forgive(writeln!(anstream::stderr(), "{text}"));
+        }
     }
 
     /// The error that ends the command.

@@ -18,9 +18,9 @@ pub(crate) struct Arguments {
     shell: Shell,
 }
 
-pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Exit {
+pub(crate) fn run(arguments: &Arguments) -> Exit {
     let mut script = Vec::new();
     clap_complete::generate(arguments.shell, &mut CommandLine::command(), "softplug", &mut script);
-    screen.raw(&script);
+    Screen::raw(&script);
     Exit::Done
 }

@@ -76,9 +76,7 @@ pub(super) fn run(
         }
     };
     show(arguments, screen, &paper.wire, line, took);
-    if let Some(message) = &message
-        && !screen.is_json()
-    {
+    if let Some(message) = &message {
         screen.error(message);
     }
     screen.document(&Document {
@@ -99,7 +97,7 @@ pub(super) fn run(
 
 fn show(arguments: &Arguments, screen: &Screen, wire: &[u8], line: LineParameters, took: Micros) {
     if arguments.raw {
-        screen.raw(wire);
+        Screen::raw(wire);
         return;
     }
     if wire.is_empty() {

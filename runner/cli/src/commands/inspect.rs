@@ -86,11 +86,10 @@ fn describe(inspection: &Inspection) -> String {
         let with = if features.is_empty() { String::new() } else { format!(", with {features}") };
         line(&format!("profile   {}{with}", profile.name));
     }
-    for section in [settings(manifest), presets(manifest), kinds(manifest), status(manifest)] {
-        if let Some(table) = section {
-            line("");
-            line(&table.to_string());
-        }
+    let tables = [settings(manifest), presets(manifest), kinds(manifest), status(manifest)];
+    for table in tables.into_iter().flatten() {
+        line("");
+        line(&table.to_string());
     }
     text
 }
@@ -156,9 +155,8 @@ fn presets(manifest: &Manifest) -> Option<Table> {
 fn kinds(manifest: &Manifest) -> Option<Table> {
     let mut table = Table::new(["JOB", "FIELDS", "MEANING"]);
     for kind in &manifest.jobs {
-        let fields = kind.fields.iter().map(|field| match field.required {
-            true => field.name.clone(),
-            false => format!("[{}]", field.name),
+        let fields = kind.fields.iter().map(|field| {
+            if field.required { field.name.clone() } else { format!("[{}]", field.name) }
         });
         let fields = fields.collect::<Vec<_>>().join(" ");
         let fields = if fields.is_empty() { "none".to_owned() } else { fields };

@@ -22,7 +22,7 @@ pub(crate) struct Arguments {
     out: Option<PathBuf>,
 }
 
-pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
+pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let command = CommandLine::command();
     if let Some(folder) = &arguments.out {
         fs::create_dir_all(folder)
@@ -34,6 +34,6 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     clap_mangen::Man::new(command)
         .render(&mut page)
         .map_err(|error| Failure::internal(format_args!("failed to make the page: {error}")))?;
-    screen.raw(&page);
+    Screen::raw(&page);
     Ok(Exit::Done)
 }

@@ -31,7 +31,7 @@ pub(crate) fn run(command: Command, screen: &Screen) -> Result<Exit, Failure> {
         Command::Simulate(arguments) => simulate::run(arguments, screen),
         Command::Doctor(arguments) => live::doctor(&arguments, screen),
         Command::Demo(arguments) => live::demo(&arguments, screen),
-        Command::Completions(arguments) => Ok(completions::run(&arguments, screen)),
-        Command::Man(arguments) => man::run(&arguments, screen),
+        Command::Completions(arguments) => Ok(completions::run(&arguments)),
+        Command::Man(arguments) => man::run(&arguments),
     }
 }

@@ -5,11 +5,10 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 use softplug_conformance::{
-    Case, FaultClass, Filter, FromFn, Judge, LoadError, Sandboxed, Summary, Verdict, bless, load,
-    run_all,
+    Case, FaultClass, Filter, Judge, LoadError, Sandboxed, Summary, Verdict, bless, load, run_all,
 };
 #[cfg(feature = "native")]
-use softplug_native::NativePlugin;
+use {softplug_conformance::FromFn, softplug_native::NativePlugin};
 
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -18,6 +17,8 @@ use crate::numbers;
 use crate::plugin::{Chosen, Library};
 use crate::screen::{BAD, GOOD, Screen};
 
+/// Permutations of a quick run.
+const QUICK: [&str; 5] = ["uncut", "cut:1", "cut:whole", "twice", "swap:all"];
 /// Failures that are told in full.
 const SHOWN: usize = 3;
 
@@ -95,8 +96,8 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     Ok(exit(&summary))
 }
 
-/// All permutations of all traces of the folder that are for this plug-in;
-/// `None` if there is no trace.
+/// All traces of the folder that are for this plug-in, in the permutations that
+/// find most; `None` if there is no trace.
 pub(crate) fn quick(plugin: &Chosen, folder: &Path) -> Result<Option<Summary>, Failure> {
     let mut cases = match load([folder]) {
         Ok(cases) => cases,
@@ -105,9 +106,17 @@ pub(crate) fn quick(plugin: &Chosen, folder: &Path) -> Result<Option<Summary>, F
     };
     let claims: Vec<_> = plugin.manifest().profiles.iter().map(|profile| &profile.name).collect();
     cases.retain(|case| claims.contains(&&case.trace.front.profile));
+    if cases.is_empty() {
+        return Ok(None);
+    }
+    let names = cases.iter().flat_map(|case| {
+        let id = &case.trace.front.id;
+        QUICK.iter().map(move |permutation| format!("{id}/{permutation}"))
+    });
+    let filter = Filter::only(names);
     let judges = judges(plugin, false)?;
     let judges: Vec<_> = judges.iter().map(AsRef::as_ref).collect();
-    Ok(Some(run_all(&judges, &cases, &Filter::default())))
+    Ok(Some(run_all(&judges, &cases, &filter)))
 }
 
 fn judges(plugin: &Chosen, with_native: bool) -> Result<Vec<Box<dyn Judge>>, Failure> {

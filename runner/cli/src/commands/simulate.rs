@@ -99,7 +99,7 @@ pub(crate) struct Simulation {
 
 pub(crate) fn run(arguments: Arguments, screen: &Screen) -> Result<Exit, Failure> {
     let Machine::XonXoff(machine) = arguments.machine;
-    live::simulate(prepare(*machine)?, screen)
+    live::simulate(&prepare(*machine)?, screen)
 }
 
 fn prepare(machine: XonXoff) -> Result<Simulation, Failure> {

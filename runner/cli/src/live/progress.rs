@@ -1,5 +1,6 @@
 //! The progress bar: how far, how fast, how long yet, how long held.
 
+use std::fmt::Write as _;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -48,15 +49,15 @@ fn text(progress: &Progress<'_>) -> String {
     let seconds = progress.elapsed.as_secs_f64();
     if progress.bytes > 0 && seconds > 0.0 {
         let rate = progress.bytes as f64 / seconds;
-        text += &format!(", {} bytes/s", numbers::count(rate as u64));
+        let _ = write!(text, ", {} bytes/s", numbers::count(rate as u64));
         if let Some(total) = progress.total {
             let left = total.saturating_sub(progress.bytes) as f64 / rate;
             let left = Duration::try_from_secs_f64(left).unwrap_or(Duration::MAX);
-            text += &format!(", {} left", numbers::span(left));
+            let _ = write!(text, ", {} left", numbers::span(left));
         }
     }
     if progress.held > Duration::ZERO {
-        text += &format!(", held {}", numbers::span(progress.held));
+        let _ = write!(text, ", held {}", numbers::span(progress.held));
     }
     if progress.is_held {
         text += " (held now)";

@@ -84,11 +84,9 @@ pub(crate) fn receive(
         notes: note_documents(&report.notes),
     });
     if let Some(message) = message {
-        if !screen.is_json() {
-            screen.error(message);
-            if let Some(file) = file {
-                screen.report(format_args!("what came is in {}", file.display()));
-            }
+        screen.error(message);
+        if let Some(file) = file {
+            screen.report(format_args!("what came is in {}", file.display()));
         }
         return Ok(exit);
     }

@@ -1,5 +1,7 @@
 //! `softplug send` to a port.
 
+use std::fmt::Write as _;
+
 use softplug_abi::Failure as Why;
 use softplug_gateway::PortSpec;
 use softplug_gateway::station::{Station, StationOptions};
@@ -68,8 +70,7 @@ pub(crate) fn send(
     });
     match message {
         None => screen.say(done(&report)),
-        Some(message) if !screen.is_json() => screen.error(message),
-        Some(_) => {}
+        Some(message) => screen.error(message),
     }
     Ok(exit)
 }
@@ -87,15 +88,16 @@ fn done(report: &SendReport) -> String {
         format!("sent {} in {}", numbers::bytes(report.bytes), numbers::span(report.elapsed));
     let seconds = report.elapsed.as_secs_f64();
     if seconds > 0.0 {
-        text += &format!(", {} bytes/s", numbers::count((report.bytes as f64 / seconds) as u64));
+        let _ =
+            write!(text, ", {} bytes/s", numbers::count((report.bytes as f64 / seconds) as u64));
     }
     if report.holds > 0 {
         let times = numbers::things(report.holds, "time");
-        text += &format!("; held {times}, {} in all", numbers::span(report.held));
+        let _ = write!(text, "; held {times}, {} in all", numbers::span(report.held));
     }
     if report.received > 0 {
         let came = numbers::bytes(report.received);
-        text += &format!("; {came} came meanwhile and were dropped");
+        let _ = write!(text, "; {came} came meanwhile and were dropped");
     }
     text
 }

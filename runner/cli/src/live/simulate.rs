@@ -54,9 +54,9 @@ impl From<&Counts> for Distribution {
     }
 }
 
-pub(crate) fn simulate(simulation: Simulation, screen: &Screen) -> Result<Exit, Failure> {
+pub(crate) fn simulate(simulation: &Simulation, screen: &Screen) -> Result<Exit, Failure> {
     let stop = stop::on_signals()?;
-    let mut machine = Machine::new(&simulation)?;
+    let mut machine = Machine::new(simulation)?;
     let port = machine.path().display().to_string();
     screen.say(&port);
     screen.json_line(&Ready { port });

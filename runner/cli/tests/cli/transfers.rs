@@ -16,7 +16,7 @@ use softplug_gateway::{Port, PortOptions, PortSpec};
 use crate::bench::{Bench, Ran, program, snapshot};
 
 /// Longer than anything here takes; only a hang gets there.
-const HANG: Duration = Duration::from_secs(120);
+const HANG: Duration = Duration::from_mins(2);
 
 /// Real time has two cores: one transfer at a time.
 fn alone() -> MutexGuard<'static, ()> {
@@ -245,6 +245,22 @@ fn a_reception_that_never_begins_is_given_up() {
     let ran = bench.run(&[&receive[..], &["--wait", "1"]].concat()).with_code(5);
     assert_eq!(ran.err, "error: nothing came in the time given\n");
     assert_eq!(bench.names(), Vec::<String>::new());
+}
+
+#[test]
+fn a_program_goes_over_a_device_server() {
+    let _alone = alone();
+    let bench = Bench::new();
+    bench.write("O1.nc", program("drilling.nc"));
+    let server = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = format!("tcp://{}", server.local_addr().unwrap());
+    let send = ["send", "--port", &port, "--plugin", "xon-xoff", "O1.nc", "--quiet"];
+    let child = bench.command(&[&send[..], &LINE].concat()).spawn().unwrap();
+    let mut got = Vec::new();
+    server.accept().unwrap().0.read_to_end(&mut got).unwrap();
+    let ran = ended(child).with_code(0);
+    assert_eq!(ran.err, "");
+    assert_eq!(got, bench.read("O1.nc"));
 }
 
 #[test]
