@@ -1,5 +1,6 @@
 //! A simulated machine on a pty, in real time.
 
+use std::collections::VecDeque;
 use std::os::fd::AsFd;
 use std::path::Path;
 
@@ -28,7 +29,7 @@ pub struct Simulator<P> {
     pty: PtyPair,
     poller: Poller,
     buffer: Box<[u8]>,
-    unwritten: Vec<u8>,
+    unwritten: VecDeque<u8>,
 }
 
 impl<P: Partner> Simulator<P> {
@@ -39,7 +40,7 @@ impl<P: Partner> Simulator<P> {
             pty: PtyPair::open()?,
             poller: Poller::new(Clock::start())?,
             buffer: vec![0; CHUNK].into(),
-            unwritten: Vec::new(),
+            unwritten: VecDeque::new(),
         })
     }
 
@@ -65,10 +66,10 @@ impl<P: Partner> Simulator<P> {
         let now = self.now();
         self.partner.advance(now);
         while let Some(byte) = self.partner.poll_transmit(now) {
-            self.unwritten.push(byte);
+            self.unwritten.push_back(byte);
         }
         if !self.unwritten.is_empty() {
-            let written = self.pty.write(&self.unwritten)?;
+            let written = self.pty.write(self.unwritten.as_slices().0)?;
             self.unwritten.drain(..written);
         }
         let deadline = self.partner.next_event().map_or(until, |next| next.min(until));
