@@ -87,8 +87,7 @@ fn what_has_begun_may_take_longer_than_the_wait_for_it() {
 fn a_wait_for_nothing_ends() {
     let (mut station, _pair) = pair(115_200, &[]);
     let give_up = Some(Duration::from_millis(50));
-    let report =
-        receive(&mut station, &mut Vec::new(), give_up, &watchdog(), &mut |_| {}).unwrap();
+    let report = receive(&mut station, &mut Vec::new(), give_up, &watchdog(), &mut |_| {}).unwrap();
     assert_eq!(report.outcome, ReceiveOutcome::NothingCame);
     assert_eq!(report.bytes, 0);
 }

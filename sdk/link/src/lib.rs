@@ -19,11 +19,13 @@
 
 mod core;
 mod fault;
+mod input;
 mod job;
 mod link;
 mod marks;
 mod queue;
 mod recorder;
+mod requests;
 mod swap;
 mod timers;
 mod virtual_line;

@@ -1,19 +1,13 @@
-//! One link: a plug-in, its transmit queue, its timers, its job.
+//! One link: a plug-in, its transmit queue, its timers, its job. What comes from
+//! the line is in `input`, what the host asks for in `requests`.
 
 use crate::core::{Answering, Core, HoldState};
 use crate::fault::{LinkFault, RuleBroken};
-use crate::job::{ActiveJob, Job};
 use crate::queue::Taken;
 use crate::{Outside, Supply};
 use softplug_abi::limits::{OUTPUT_ROUNDS, STEPS_PER_INSTANT};
 use softplug_abi::manifest::SettingValues;
-use softplug_abi::{
-    Action, Actions, Event, EventKind, Failure, Instance, LineErrorKind, LineParameters,
-    LinkDownReason, Micros, ModemLines, Values,
-};
-
-/// Bytes of a job's beginning before its fields.
-const JOB_BEGIN_HEAD: usize = 16;
+use softplug_abi::{Actions, Event, EventKind, Instance, LineParameters, Micros, ModemLines};
 
 /// What a link is opened with.
 #[derive(Clone, Debug)]
@@ -54,11 +48,11 @@ pub struct Link<I: Instance> {
     pub(crate) core: Core,
     pub(crate) options: LinkOptions,
     scratch: Box<[u8]>,
-    now: Micros,
-    steps: u32,
+    pub(crate) now: Micros,
+    pub(crate) steps: u32,
     is_open: bool,
     /// The port is gone: nothing is sent until it is back.
-    is_down: bool,
+    pub(crate) is_down: bool,
     has_ended: bool,
 }
 
@@ -139,77 +133,6 @@ impl<I: Instance> Link<I> {
         self.step(&Event::Close, outside)
     }
 
-    /// Bytes from the line, all at this time. They may be cut anywhere.
-    pub fn received(
-        &mut self,
-        now: Micros,
-        bytes: &[u8],
-        outside: &mut dyn Outside,
-    ) -> Result<(), LinkFault<I::Fault>> {
-        self.begin_input(now, outside)?;
-        for piece in bytes.chunks(self.instance.input_capacity()) {
-            self.steps = 0;
-            self.step(&Event::Received(piece), outside)?;
-        }
-        Ok(())
-    }
-
-    /// A damaged character, an overrun or a break. `span` 0: exactly here; n: one
-    /// of the last n bytes.
-    pub fn line_error(
-        &mut self,
-        now: Micros,
-        kind: LineErrorKind,
-        byte: Option<u8>,
-        span: u32,
-        outside: &mut dyn Outside,
-    ) -> Result<(), LinkFault<I::Fault>> {
-        self.begin_input(now, outside)?;
-        self.step(&Event::LineError { kind, byte, span }, outside)
-    }
-
-    /// The modem lines have changed.
-    pub fn modem_lines(
-        &mut self,
-        now: Micros,
-        known: ModemLines,
-        on: ModemLines,
-        outside: &mut dyn Outside,
-    ) -> Result<(), LinkFault<I::Fault>> {
-        self.begin_input(now, outside)?;
-        self.options.modem_lines = Some((known, on));
-        self.step(&Event::ModemLines { known, on }, outside)
-    }
-
-    /// The port is gone: nothing is sent until it is back. A port that is gone
-    /// already is not told of again.
-    pub fn link_down(
-        &mut self,
-        now: Micros,
-        reason: LinkDownReason,
-        outside: &mut dyn Outside,
-    ) -> Result<(), LinkFault<I::Fault>> {
-        self.begin_input(now, outside)?;
-        if std::mem::replace(&mut self.is_down, true) {
-            return Ok(());
-        }
-        self.step(&Event::LinkDown(reason), outside)
-    }
-
-    /// The port is back; the modem lines are told again.
-    pub fn link_up(
-        &mut self,
-        now: Micros,
-        outside: &mut dyn Outside,
-    ) -> Result<(), LinkFault<I::Fault>> {
-        self.begin_input(now, outside)?;
-        if !std::mem::replace(&mut self.is_down, false) {
-            return Ok(());
-        }
-        self.step(&Event::LinkUp, outside)?;
-        self.tell_modem_lines(outside)
-    }
-
     /// How many characters, of all that [`take`](Self::take) gave out, have left
     /// the wire: at most (never late) and at least (never early). The reports to
     /// the plug-in follow in [`run`](Self::run).
@@ -237,7 +160,10 @@ impl<I: Instance> Link<I> {
     }
 
     /// All that goes before host requests and data.
-    fn give_due(&mut self, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+    pub(crate) fn give_due(
+        &mut self,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
         while let Some(event) = self.due(outside) {
             self.step(&event, outside)?;
         }
@@ -290,128 +216,6 @@ impl<I: Instance> Link<I> {
             }
         }
         Ok(true)
-    }
-
-    /// Begins a job. One that finds another under way fails as busy, one whose
-    /// fields do not fit an event as a bad job.
-    pub fn begin_job(
-        &mut self,
-        now: Micros,
-        job: Job,
-        outside: &mut dyn Outside,
-    ) -> Result<(), LinkFault<I::Fault>> {
-        self.run(now, outside)?;
-        self.steps = 0;
-        let too_long = job.fields.len() + JOB_BEGIN_HEAD > self.instance.input_capacity();
-        let failure = match &self.core.job {
-            Some(_) => Some(Failure::Busy),
-            None => too_long.then_some(Failure::BadJob),
-        };
-        if let Some(failure) = failure {
-            let refused = Action::JobFailed { job: job.id, failure, status: 0, sent: 0 };
-            outside.handle(self.now, &refused);
-            return Ok(());
-        }
-        self.core.job = Some(ActiveJob::new(job));
-        self.begin_event(outside)?;
-        self.run(now, outside)
-    }
-
-    fn begin_event(&mut self, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
-        let Some(active) = &self.core.job else { return Ok(()) };
-        let Job { id, kind, size, fields, .. } = active.job.clone();
-        let pass = active.pass;
-        let fields = Values::new(&fields);
-        self.step(&Event::JobBegin { job: id, kind, pass, size, fields }, outside)
-    }
-
-    /// Asks for a pause of the job.
-    pub fn pause(
-        &mut self,
-        now: Micros,
-        job: u32,
-        outside: &mut dyn Outside,
-    ) -> Result<(), LinkFault<I::Fault>> {
-        self.request_of_job(now, job, &Event::Pause { job }, outside)
-    }
-
-    /// Ends the pause.
-    pub fn resume(
-        &mut self,
-        now: Micros,
-        job: u32,
-        outside: &mut dyn Outside,
-    ) -> Result<(), LinkFault<I::Fault>> {
-        self.request_of_job(now, job, &Event::Resume { job }, outside)
-    }
-
-    /// Aborts the job, or, with 0, the delivery under way.
-    pub fn abort(
-        &mut self,
-        now: Micros,
-        job: u32,
-        outside: &mut dyn Outside,
-    ) -> Result<(), LinkFault<I::Fault>> {
-        self.request_of_job(now, job, &Event::Abort { job }, outside)
-    }
-
-    /// A job that has ended in the meantime is no longer asked anything.
-    fn request_of_job(
-        &mut self,
-        now: Micros,
-        job: u32,
-        event: &Event<'_>,
-        outside: &mut dyn Outside,
-    ) -> Result<(), LinkFault<I::Fault>> {
-        self.run(now, outside)?;
-        self.steps = 0;
-        if job != 0 && self.job() != Some(job) {
-            return Ok(());
-        }
-        self.step(event, outside)?;
-        self.run(now, outside)
-    }
-
-    /// Goes on although the partner holds the line.
-    pub fn force_resume(
-        &mut self,
-        now: Micros,
-        outside: &mut dyn Outside,
-    ) -> Result<(), LinkFault<I::Fault>> {
-        self.run(now, outside)?;
-        self.steps = 0;
-        self.step(&Event::ForceResume, outside)?;
-        self.run(now, outside)
-    }
-
-    /// Answers a request: with data, or with why it is refused. An answer to a
-    /// request that was withdrawn is dropped.
-    pub fn answer(
-        &mut self,
-        now: Micros,
-        request: u32,
-        answer: Result<&[u8], Failure>,
-        outside: &mut dyn Outside,
-    ) -> Result<(), LinkFault<I::Fault>> {
-        self.run(now, outside)?;
-        self.steps = 0;
-        let (refused, bytes) = match answer {
-            Ok(bytes) => (None, bytes),
-            Err(failure) => (Some(failure), [].as_slice()),
-        };
-        let most = self.instance.input_capacity() - 8;
-        let mut pieces = bytes.chunks(most).peekable();
-        loop {
-            let piece = pieces.next().unwrap_or_default();
-            let more = pieces.peek().is_some();
-            if self.core.awaits_answer(request, !more) {
-                self.step(&Event::Answer { request, refused, more, bytes: piece }, outside)?;
-                self.give_due(outside)?;
-            }
-            if !more {
-                return self.run(now, outside);
-            }
-        }
     }
 
     /// Gives the port what it may now send, as much as fits into `buffer`.
@@ -478,26 +282,11 @@ impl<I: Instance> Link<I> {
     }
 
     /// Time never goes back: an earlier `now` counts as the latest.
-    fn begin_instant(&mut self, now: Micros) {
+    pub(crate) fn begin_instant(&mut self, now: Micros) {
         if now > self.now {
             self.now = now;
             self.steps = 0;
         }
-    }
-
-    /// Line input of a later instant comes after the marks of an earlier one.
-    fn begin_input(
-        &mut self,
-        now: Micros,
-        outside: &mut dyn Outside,
-    ) -> Result<(), LinkFault<I::Fault>> {
-        let is_later = now > self.now;
-        self.begin_instant(now);
-        while let Some((mark, state)) = is_later.then(|| self.core.queue.next_mark()).flatten() {
-            self.step(&Event::Mark { mark, state }, outside)?;
-        }
-        self.steps = 0;
-        Ok(())
     }
 
     pub(crate) fn step(
@@ -606,7 +395,10 @@ impl<I: Instance> Link<I> {
         result
     }
 
-    fn tell_modem_lines(&mut self, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
+    pub(crate) fn tell_modem_lines(
+        &mut self,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
         match self.options.modem_lines {
             Some((known, on)) => self.step(&Event::ModemLines { known, on }, outside),
             None => Ok(()),

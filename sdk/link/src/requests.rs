@@ -1,0 +1,136 @@
+//! What the host asks of a plug-in.
+
+use crate::fault::LinkFault;
+use crate::job::{ActiveJob, Job};
+use crate::{Link, Outside};
+use softplug_abi::{Action, Event, Failure, Instance, Micros, Values};
+
+/// Bytes of a job's beginning before its fields.
+const JOB_BEGIN_HEAD: usize = 16;
+
+impl<I: Instance> Link<I> {
+    /// Begins a job. One that finds another under way fails as busy, one whose
+    /// fields do not fit an event as a bad job.
+    pub fn begin_job(
+        &mut self,
+        now: Micros,
+        job: Job,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        self.run(now, outside)?;
+        self.steps = 0;
+        let too_long = job.fields.len() + JOB_BEGIN_HEAD > self.instance.input_capacity();
+        let failure = match &self.core.job {
+            Some(_) => Some(Failure::Busy),
+            None => too_long.then_some(Failure::BadJob),
+        };
+        if let Some(failure) = failure {
+            let refused = Action::JobFailed { job: job.id, failure, status: 0, sent: 0 };
+            outside.handle(self.now, &refused);
+            return Ok(());
+        }
+        self.core.job = Some(ActiveJob::new(job));
+        self.begin_event(outside)?;
+        self.run(now, outside)
+    }
+
+    pub(crate) fn begin_event(
+        &mut self,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        let Some(active) = &self.core.job else { return Ok(()) };
+        let Job { id, kind, size, fields, .. } = active.job.clone();
+        let pass = active.pass;
+        let fields = Values::new(&fields);
+        self.step(&Event::JobBegin { job: id, kind, pass, size, fields }, outside)
+    }
+
+    /// Asks for a pause of the job.
+    pub fn pause(
+        &mut self,
+        now: Micros,
+        job: u32,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        self.request_of_job(now, job, &Event::Pause { job }, outside)
+    }
+
+    /// Ends the pause.
+    pub fn resume(
+        &mut self,
+        now: Micros,
+        job: u32,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        self.request_of_job(now, job, &Event::Resume { job }, outside)
+    }
+
+    /// Aborts the job, or, with 0, the delivery under way.
+    pub fn abort(
+        &mut self,
+        now: Micros,
+        job: u32,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        self.request_of_job(now, job, &Event::Abort { job }, outside)
+    }
+
+    /// A job that has ended in the meantime is no longer asked anything.
+    fn request_of_job(
+        &mut self,
+        now: Micros,
+        job: u32,
+        event: &Event<'_>,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        self.run(now, outside)?;
+        self.steps = 0;
+        if job != 0 && self.job() != Some(job) {
+            return Ok(());
+        }
+        self.step(event, outside)?;
+        self.run(now, outside)
+    }
+
+    /// Goes on although the partner holds the line.
+    pub fn force_resume(
+        &mut self,
+        now: Micros,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        self.run(now, outside)?;
+        self.steps = 0;
+        self.step(&Event::ForceResume, outside)?;
+        self.run(now, outside)
+    }
+
+    /// Answers a request: with data, or with why it is refused. An answer to a
+    /// request that was withdrawn is dropped.
+    pub fn answer(
+        &mut self,
+        now: Micros,
+        request: u32,
+        answer: Result<&[u8], Failure>,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        self.run(now, outside)?;
+        self.steps = 0;
+        let (refused, bytes) = match answer {
+            Ok(bytes) => (None, bytes),
+            Err(failure) => (Some(failure), [].as_slice()),
+        };
+        let most = self.instance.input_capacity() - 8;
+        let mut pieces = bytes.chunks(most).peekable();
+        loop {
+            let piece = pieces.next().unwrap_or_default();
+            let more = pieces.peek().is_some();
+            if self.core.awaits_answer(request, !more) {
+                self.step(&Event::Answer { request, refused, more, bytes: piece }, outside)?;
+                self.give_due(outside)?;
+            }
+            if !more {
+                return self.run(now, outside);
+            }
+        }
+    }
+}
