@@ -96,11 +96,12 @@ impl Receiver {
         if settings.receive_drop.contains(byte) {
             return;
         }
-        match self.lines.map(settings.receive_line_end, byte) {
-            Piece::Nothing => {}
-            Piece::Byte(byte) => self.deliver(link, &[byte]),
-            Piece::End(end) => self.deliver(link, end),
-        }
+        let bytes: &[u8] = match self.lines.map(settings.receive_line_end, byte) {
+            Piece::Nothing => return,
+            Piece::Byte(byte) => &[byte],
+            Piece::End(end) => end,
+        };
+        self.deliver(link, bytes);
     }
 
     /// A damaged character keeps its place, so that its neighbours keep theirs.
@@ -228,10 +229,18 @@ impl Receiver {
     }
 
     /// What finds no room is lost, and the delivery says so.
+    #[inline]
     fn deliver(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         let fitting = bytes.get(..link.delivery_room() as usize).unwrap_or(bytes);
         link.deliver(self.delivery, fitting);
-        if fitting.len() < bytes.len() && self.failure != Some(Failure::Overrun) {
+        if fitting.len() < bytes.len() {
+            self.overrun(link);
+        }
+    }
+
+    #[cold]
+    fn overrun(&mut self, link: &mut Context<'_>) {
+        if self.failure != Some(Failure::Overrun) {
             self.failure = Some(Failure::Overrun);
             link.note(NoteLevel::Error, 0, "the partner did not stop: characters are lost");
         }
@@ -267,6 +276,7 @@ impl Receiver {
     }
 
     /// Silence counts only while the partner may send.
+    #[inline]
     fn await_quiet(&mut self, link: &mut Context<'_>, settings: &Settings) {
         let span =
             if self.is_complete(settings) { settings.end_quiet } else { settings.quiet_time };

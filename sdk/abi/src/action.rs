@@ -524,7 +524,7 @@ impl<'a> ActionWriter<'a> {
         let start = self.writer.len();
         let [kind, zero] = kind::SET_TIMER.to_le_bytes();
         self.writer.array([kind, zero, 9, 0, id]);
-        self.writer.i64(deadline.0);
+        self.writer.array(deadline.0.to_le_bytes());
         self.writer.end(start)?;
         self.open = None;
         Ok(())
@@ -536,7 +536,8 @@ impl<'a> ActionWriter<'a> {
         }
         let Ok(length) = u16::try_from(bytes.len() + 4) else { return Err(NoSpace) };
         let start = self.writer.len();
-        self.writer.u64(u64::from(kind) | u64::from(length) << 16 | u64::from(id) << 32);
+        let head = u64::from(kind) | u64::from(length) << 16 | u64::from(id) << 32;
+        self.writer.array(head.to_le_bytes());
         self.writer.bytes(bytes);
         self.writer.end(start)?;
         self.open = Some((start, kind, id));

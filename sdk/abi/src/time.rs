@@ -48,6 +48,7 @@ impl Micros {
 impl Add for Micros {
     type Output = Self;
 
+    #[inline]
     fn add(self, span: Self) -> Self {
         Self(self.0.saturating_add(span.0))
     }

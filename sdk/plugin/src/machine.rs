@@ -14,11 +14,20 @@ pub(crate) const STATE_CAPACITY: usize = 4_096;
 /// the event was not taken.
 pub(crate) type Stepped = Result<(usize, bool), (Refusal, &'static str)>;
 
+/// As an `Option`, but all zeros where it is empty: such a static takes no space
+/// in a module.
+#[derive(Debug)]
+#[repr(u8)]
+enum Slot<T> {
+    Empty = 0,
+    Full(T),
+}
+
 /// A converter with all that it needs between two events.
 #[derive(Debug)]
 pub(crate) struct Machine<C: Converter> {
-    converter: Option<C>,
-    settings: Option<C::Settings>,
+    converter: Slot<C>,
+    settings: Slot<C::Settings>,
     next_setting: u16,
     rooms: Rooms,
     /// Where the next piece of a save begins.
@@ -29,8 +38,8 @@ pub(crate) struct Machine<C: Converter> {
 impl<C: Converter> Machine<C> {
     pub(crate) const fn new() -> Self {
         Self {
-            converter: None,
-            settings: None,
+            converter: Slot::Empty,
+            settings: Slot::Empty,
             next_setting: 0,
             rooms: Rooms { transmit: 0, delivery: 0 },
             saving: None,
@@ -40,6 +49,7 @@ impl<C: Converter> Machine<C> {
 
     /// One event. `code` and `payload` are what the host gave; `state` gathers
     /// the pieces of a state to restore.
+    #[inline]
     pub(crate) fn step(
         &mut self,
         code: i32,
@@ -52,7 +62,7 @@ impl<C: Converter> Machine<C> {
         let kind = kind.ok_or((Refusal::UnknownEvent, ""))?;
         if kind == EventKind::Received
             && !payload.is_empty()
-            && let Some(converter) = &mut self.converter
+            && let Slot::Full(converter) = &mut self.converter
         {
             // By far the most events, and there is nothing to decode in them.
             self.saving = None;
@@ -65,12 +75,12 @@ impl<C: Converter> Machine<C> {
             Event::Settings { first, last, values } => {
                 let taken = self.settings(first, last, values);
                 if taken.is_err() {
-                    self.settings = None;
+                    self.settings = Slot::Empty;
                 }
                 return taken.map(|()| (0, false));
             }
             Event::Open { resumed: false, .. } => {
-                self.converter = Some(self.fresh()?);
+                self.converter = Slot::Full(self.fresh()?);
             }
             Event::Restore { format, offset, total, bytes } => {
                 return self.restore(format, offset, total, bytes, state).map(|()| (0, false));
@@ -80,7 +90,7 @@ impl<C: Converter> Machine<C> {
             _ => self.saving = None,
         }
         self.grow_rooms(&event);
-        let Some(converter) = &mut self.converter else {
+        let Slot::Full(converter) = &mut self.converter else {
             return Err((Refusal::MalformedEvent, "the link is not open"));
         };
         let mut link = Context::new(output, now, &mut self.rooms);
@@ -93,7 +103,7 @@ impl<C: Converter> Machine<C> {
         handle(converter, &mut link, &event);
         let finished = link.finish();
         if matches!(event, Event::Close) {
-            self.converter = None;
+            self.converter = Slot::Empty;
         }
         Ok(finished)
     }
@@ -105,10 +115,10 @@ impl<C: Converter> Machine<C> {
         values: softplug_abi::Values<'_>,
     ) -> Result<(), (Refusal, &'static str)> {
         if first {
-            self.settings = Some(C::Settings::unset());
+            self.settings = Slot::Full(C::Settings::unset());
             self.next_setting = 0;
         }
-        let Some(settings) = &mut self.settings else {
+        let Slot::Full(settings) = &mut self.settings else {
             return Err((Refusal::MalformedEvent, "settings do not begin with a first piece"));
         };
         for value in values.raw() {
@@ -135,8 +145,10 @@ impl<C: Converter> Machine<C> {
     #[inline(never)]
     fn fresh(&self) -> Result<C, (Refusal, &'static str)> {
         match &self.settings {
-            Some(settings) if self.next_setting == C::Settings::COUNT => Ok(C::new(*settings)),
-            None if C::Settings::COUNT == 0 => Ok(C::new(C::Settings::unset())),
+            Slot::Full(settings) if self.next_setting == C::Settings::COUNT => {
+                Ok(C::new(*settings))
+            }
+            Slot::Empty if C::Settings::COUNT == 0 => Ok(C::new(C::Settings::unset())),
             _ => Err((Refusal::MalformedEvent, "open came before the settings")),
         }
     }
@@ -171,7 +183,7 @@ impl<C: Converter> Machine<C> {
         if taken.is_err() {
             return refused("the state is of another format or damaged");
         }
-        self.converter = Some(converter);
+        self.converter = Slot::Full(converter);
         Ok(())
     }
 
