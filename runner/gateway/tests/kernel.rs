@@ -55,7 +55,8 @@ struct SlowDisk {
     waiting: u32,
     drained: u32,
     stops: u32,
-    end: Option<Option<Failure>>,
+    /// How the delivery ended.
+    end: Option<Result<(), Failure>>,
 }
 
 impl Outside for SlowDisk {
@@ -66,7 +67,7 @@ impl Outside for SlowDisk {
                 self.waiting += bytes.len() as u32;
             }
             Action::State { name: "stopped" } => self.stops += 1,
-            Action::DeliveryEnd { failure, .. } => self.end = Some(*failure),
+            Action::DeliveryEnd { failure, .. } => self.end = Some(failure.map_or(Ok(()), Err)),
             _ => {}
         }
     }
@@ -115,7 +116,7 @@ mod needs_stty {
             disk.waiting -= put_away;
             disk.drained += put_away;
         }
-        assert_eq!(disk.end, Some(None), "{} bytes came", disk.received.len());
+        assert_eq!(disk.end, Some(Ok(())), "{} bytes came", disk.received.len());
         assert!(disk.received == program, "what came is not what was sent");
         assert!(disk.stops >= 5, "only {} stops", disk.stops);
     }

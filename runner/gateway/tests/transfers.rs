@@ -37,7 +37,7 @@ fn watchdog() -> Arc<AtomicBool> {
     let stop = Arc::new(AtomicBool::new(false));
     let watched = Arc::clone(&stop);
     thread::spawn(move || {
-        thread::park_timeout(Duration::from_secs(60));
+        thread::park_timeout(Duration::from_mins(1));
         watched.store(true, Ordering::Relaxed);
     });
     stop

@@ -3,7 +3,7 @@
 //!
 //! A converter is a deterministic state machine: events in, actions out, time
 //! given. It has no clock, no randomness and no I/O, so the same code runs
-//! natively under [`bench`], in a sandbox and on a front-end unit.
+//! natively under [`mod@bench`], in a sandbox and on a front-end unit.
 //!
 //! ```
 //! use softplug_plugin::{Context, Converter};
