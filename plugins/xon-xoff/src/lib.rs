@@ -109,7 +109,7 @@ impl Converter for XonXoff {
     }
 
     fn link_down(&mut self, link: &mut Context<'_>, _reason: LinkDownReason) {
-        self.sender.stop(link, &self.settings, Failure::LinkDown);
+        self.sender.stop(link, Failure::LinkDown);
         self.receiver.end(link, Some(Failure::LinkDown));
         self.name_state(link);
     }
@@ -124,7 +124,7 @@ impl Converter for XonXoff {
         match id {
             QUIET => self.receiver.quiet(link, &self.settings),
             REPEAT_XON => self.receiver.repeat_xon(link, &self.settings, &self.codes),
-            HELD => self.sender.stop(link, &self.settings, Failure::HeldTooLong),
+            HELD => self.sender.stop(link, Failure::HeldTooLong),
             _ => {}
         }
         self.name_state(link);
@@ -178,7 +178,7 @@ impl Converter for XonXoff {
         if job == 0 {
             self.receiver.abort(link, &self.codes);
         } else {
-            self.sender.stop(link, &self.settings, Failure::Aborted);
+            self.sender.stop(link, Failure::Aborted);
         }
         self.name_state(link);
     }

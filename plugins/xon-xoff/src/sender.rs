@@ -215,7 +215,7 @@ impl Sender {
         }
         for byte in bytes {
             if is_refused(settings, codes, *byte) {
-                self.stop(link, settings, Failure::UnsupportedCharacter);
+                self.stop(link, Failure::UnsupportedCharacter);
                 return;
             }
             if is_dropped(settings, codes, *byte) {
@@ -279,7 +279,7 @@ impl Sender {
 
     /// Stops at once and drops what is queued; the job fails when it is known
     /// how much that was.
-    pub(crate) fn stop(&mut self, link: &mut Context<'_>, _settings: &Settings, failure: Failure) {
+    pub(crate) fn stop(&mut self, link: &mut Context<'_>, failure: Failure) {
         match self.stage {
             Stage::Feeding | Stage::Draining => {
                 link.discard();

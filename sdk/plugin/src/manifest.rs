@@ -42,7 +42,6 @@ macro_rules! settings {
         }
 
         const _: () = {
-            #[allow(unused_imports)]
             use $crate::{RawValue, SettingSet, SettingType};
 
             impl SettingSet for $name {
