@@ -4,6 +4,8 @@
 //! says when it wants to be called next, and gives up the characters that have
 //! left its transmitter. None shares code with the plug-ins that it judges.
 
+pub mod fanuc;
+pub mod r3964;
 pub mod uart;
 pub mod xon_xoff;
 

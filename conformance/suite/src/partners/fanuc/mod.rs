@@ -1,0 +1,1 @@
+//! A simulated FANUC control: reader/punch interface and remote buffer.
