@@ -1,0 +1,156 @@
+//! The settings, and the manifest with them in it.
+
+use softplug_plugin::{Bytes, Text, choice, settings};
+
+choice! {
+    /// Which interface of the control we talk to.
+    pub enum Mode { Reader = "reader", RemoteA = "remote-a", RemoteB = "remote-b" }
+}
+
+choice! {
+    /// The code that we send.
+    pub enum SendCode { Iso = "iso", Eia = "eia" }
+}
+
+choice! {
+    /// The code of what comes.
+    pub enum ReceiveCode { Auto = "auto", Iso = "iso", Eia = "eia" }
+}
+
+choice! {
+    /// Who makes ISO's even parity.
+    pub enum ParityMode { Uart = "uart", Software = "software", None = "none" }
+}
+
+choice! {
+    /// The end of a block as it is sent in ISO.
+    pub enum Eob { Lf = "lf", CrLf = "crlf", LfCrCr = "lfcrcr", LfCr = "lfcr", Cr = "cr" }
+}
+
+choice! {
+    /// The end of a line in what is delivered.
+    pub enum LineEnd { Lf = "lf", CrLf = "crlf" }
+}
+
+choice! {
+    /// What to do with a character that the code does not have.
+    pub enum Unsupported { Refuse = "refuse", Space = "space", Drop = "drop" }
+}
+
+choice! {
+    /// What to do with block numbers.
+    pub enum BlockNumbers { Keep = "keep", Strip = "strip", Renumber = "renumber" }
+}
+
+choice! {
+    /// How we hold the control's output.
+    pub enum OutputFlow { Dc3 = "dc3", Rts = "rts", None = "none" }
+}
+
+choice! {
+    /// What lets the control's output go on.
+    pub enum ResumeCode { Dc1 = "dc1", Dc2 = "dc2" }
+}
+
+choice! {
+    /// What becomes of several programs in one capture.
+    pub enum Programs { Keep = "keep", Split = "split" }
+}
+
+choice! {
+    /// What a damaged character does to a capture.
+    pub enum OnLineError { Fail = "fail", Keep = "keep" }
+}
+
+choice! {
+    /// The end code of a packet.
+    pub enum PacketEnd { Cr = "cr", Etx = "etx" }
+}
+
+settings! {
+    /// The settings of FANUC RS-232.
+    pub struct Settings {
+        mode: Mode = "reader", "Reader/punch interface, or remote buffer with protocol A or B.";
+        code: SendCode = "iso", "Code that we send.";
+        receive_code: ReceiveCode = "auto", "Code of what comes; auto: by its first EOB.";
+        parity: ParityMode = "uart", "ISO's even parity: by the port, by us on an 8-bit line, or none.";
+        plain_codes: bool = false, "DC1 to DC4 come without parity; in EIA 13 stops us too.";
+        eob: Eob = "lf", "EOB sent in ISO.";
+        line_end: LineEnd = "lf", "Line ends delivered.";
+        leader: i64 = 0 in 0..=2000 "characters", "NULs before the first %.";
+        trailer: i64 = 0 in 0..=2000 "characters", "NULs after the last %.";
+        tv_pad: bool = false, "Pad odd blocks with a space.";
+        tv_check: bool = false, "Odd blocks fail a capture.";
+        tv_cr: bool = true, "CRs count for TV.";
+        tv_comments: bool = true, "Comments count for TV.";
+        upper: bool = true, "Send lower case as upper case.";
+        unsupported: Unsupported = "refuse", "Characters outside the code, and % in comments.";
+        replace: Bytes<64> = "", "Pairs: a character, what is sent for it.";
+        ascii: bool = false, "ISO: all printable ASCII may be sent.";
+        eia_codes: Bytes<32> = "", "Pairs: a character, its EIA code.";
+        percent: bool = true, "Add a % that lacks.";
+        block_numbers: BlockNumbers = "keep", "N numbers as they are, left out, or new.";
+        number_step: i64 = 10 in 1..=1000 "", "First new number and step.";
+        dc1_timeout: i64 = 0 in 0..=86400000 "ms", "No DC1 for so long fails the job; 0: never.";
+        held_timeout: i64 = 0 in 0..=86400000 "ms", "DC3 for so long fails the job; 0: never.";
+        end_wait: i64 = 0 in 0..=600000 "ms", "Wait for the final DC3; 0: not.";
+        watch_dsr: bool = false, "DSR off ends a transfer.";
+        output_flow: OutputFlow = "dc3", "What holds the control's output.";
+        resume_code: ResumeCode = "dc1", "What resumes it after our DC3.";
+        need_dc2: bool = true, "Capture after DC2 only; off: from a first % too.";
+        answer_dc2: bool = false, "Answer DC2 with DC1.";
+        end_quiet: i64 = 500 in 1..=600000 "ms", "Silence after the second % that ends a capture.";
+        after_dc4: i64 = 200 in 0..=60000 "ms", "Wait for SYN or NAK after DC4.";
+        quiet_time: i64 = 10000 in 0..=600000 "ms", "Silence that fails a capture; 0: never.";
+        programs: Programs = "keep", "Several programs: one delivery, or one each.";
+        on_line_error: OnLineError = "fail", "A damaged character fails the capture, or is kept.";
+        request_program: i64 = 9999 in 0..=99999999 "", "Program number of a request from the panel.";
+        request_pattern: Text<32> = "(SEND *)", "Its comment, * the name; empty: no requests.";
+        poll_time: i64 = 5000 in 100..=60000 "ms", "Remote buffer: Tp.";
+        packet_size: i64 = 1024 in 16..=1024 "bytes", "Remote buffer: data of a DAT.";
+        packet_end: PacketEnd = "cr", "Remote buffer: end code.";
+    }
+}
+
+pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
+    head: concat!(
+        r#""abi":"1.0","name":"fanuc-rs232","version":""#, env!("CARGO_PKG_VERSION"),
+        r#"","licence":""#, env!("CARGO_PKG_LICENSE"),
+        r#"","protocol":"FANUC RS-232","description":"Reader/punch interface and remote buffer of FANUC-style controls.""#,
+    ),
+    settings: Settings,
+    tail: concat!(
+        r#""presets":["#,
+        r#"{"name":"series-0","text":"Codes without parity, LF CR CR.","values":{"plain_codes":true,"eob":"lfcrcr"}},"#,
+        r#"{"name":"15-remote-a","text":"Remote buffer, protocol A.","values":{"mode":"remote-a"}},"#,
+        r#"{"name":"eia","text":"EIA both ways, 8N2.","values":{"code":"eia","receive_code":"eia","parity":"none"}},"#,
+        r#"{"name":"software-parity","text":"ISO on an 8-bit line.","values":{"parity":"software"}}],"#,
+        r#""jobs":[{"name":"send","text":"Sends a program.","fields":["#,
+        r#"{"name":"from_block","type":"int","text":"First block, from 1."},"#,
+        r#"{"name":"from_sequence","type":"int","text":"First block by its N number."},"#,
+        r#"{"name":"preamble","type":"text","text":"Blocks sent before it."}]}],"#,
+        r#""requests":[{"name":"program","text":"The panel asks for a program.","fields":["#,
+        r#"{"name":"name","type":"text","text":"Its name."},"#,
+        r#"{"name":"number","type":"int","text":"Its number."}]}],"#,
+        r#""profiles":[{"name":"fanuc-rs232","features":[]}],"#,
+        r#""needs":{"line_errors":"used","modem_lines":"used","software_parity":true,"check_pass":true},"#,
+        r#""state":{"saves":1,"accepts":[1]}"#,
+    ),
+};
+
+impl Settings {
+    pub(crate) fn check(&self) -> Result<(), &'static str> {
+        let is_paired = |pairs: &[u8]| pairs.len().is_multiple_of(2);
+        if !is_paired(self.replace.as_slice()) || !is_paired(self.eia_codes.as_slice()) {
+            return Err("replace and eia_codes are pairs; give an even number of bytes");
+        }
+        if self.mode == Mode::RemoteA && self.code == SendCode::Eia {
+            return Err("packets of the remote buffer are ISO; set code to iso");
+        }
+        let stars = self.request_pattern.as_str().bytes().filter(|byte| *byte == b'*').count();
+        if stars > 1 {
+            return Err("request_pattern has more than one *");
+        }
+        Ok(())
+    }
+}
