@@ -2,10 +2,10 @@
 
 use std::collections::VecDeque;
 
-use softplug_abi::{Action, Instance, Micros};
+use softplug_abi::{Action, Instance, Micros, ModemLines};
 use softplug_link::{LinkFault, LinkOptions, Outside, Supply, VirtualLine};
 
-use crate::partners::Partner;
+use crate::partners::{Partner, Signal};
 
 /// Both ends of a line. Time goes from one instant at which something happens
 /// to the next; nothing is ever late.
@@ -15,8 +15,14 @@ pub struct ClosedLoop<I: Instance, P> {
     pub line: VirtualLine<I>,
     /// The machine's end.
     pub partner: P,
+    /// From the end of what the machine sends until the plug-in is told.
+    pub reaction: Micros,
     /// Characters on the wire: when their stop bit ends.
     in_flight: VecDeque<(Micros, u8)>,
+    /// What the machine has sent, and when the plug-in is told.
+    untold: VecDeque<(Micros, Signal)>,
+    /// The lines of the plug-in's port, and those that are on.
+    modem_lines: Option<(ModemLines, ModemLines)>,
     now: Micros,
 }
 
@@ -24,8 +30,16 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
     /// A line on which the plug-in's port holds at most `depth` characters. The
     /// link is not open yet.
     pub fn new(instance: I, options: LinkOptions, depth: usize, partner: P) -> Self {
-        let line = VirtualLine::new(instance, options, depth);
-        Self { line, partner, in_flight: VecDeque::new(), now: Micros::ZERO }
+        let modem_lines = options.modem_lines;
+        Self {
+            line: VirtualLine::new(instance, options, depth),
+            partner,
+            reaction: Micros::ZERO,
+            in_flight: VecDeque::new(),
+            untold: VecDeque::new(),
+            modem_lines,
+            now: Micros::ZERO,
+        }
     }
 
     /// Time on the line.
@@ -36,7 +50,8 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
     /// When something happens next; `None` if all is at rest.
     pub fn next(&self) -> Option<Micros> {
         let arrival = self.in_flight.front().map(|(end, _)| *end);
-        [self.line.next(), arrival, self.partner.next_event()].into_iter().flatten().min()
+        let told = self.untold.front().map(|(at, _)| *at);
+        [self.line.next(), arrival, told, self.partner.next_event()].into_iter().flatten().min()
     }
 
     /// Does all that happens at the next instant. `false` if all is at rest, or
@@ -53,18 +68,62 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
             self.partner.receive(now, byte);
         }
         self.partner.advance(now);
-        while let Some(byte) = self.partner.poll_transmit(now) {
-            self.line.link.received(now, &[byte], outside)?;
+        while let Some(signal) = self.partner.poll_signal(now) {
+            self.untold.push_back((now + self.reaction, signal));
+        }
+        while let Some((_, signal)) = self.untold.pop_front_if(|(at, _)| *at <= now) {
+            self.tell(signal, outside)?;
         }
         self.settle(outside)?;
         Ok(true)
     }
 
+    fn tell(
+        &mut self,
+        signal: Signal,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        let now = self.now;
+        let mut outside = Watch { outside, in_flight: &mut self.in_flight, set: Vec::new() };
+        let link = &mut self.line.link;
+        match signal {
+            Signal::Character(byte) => link.received(now, &[byte], &mut outside)?,
+            Signal::LineError { kind, byte } => {
+                link.line_error(now, kind, byte, 0, &mut outside)?;
+            }
+            Signal::ModemLines { lines, on } => {
+                // A port without modem lines sees none.
+                if let Some((known, before)) = self.modem_lines {
+                    let now_on = ModemLines((before.0 & !lines.0 | on.0) & known.0);
+                    self.modem_lines = Some((known, now_on));
+                    link.modem_lines(now, known, now_on, &mut outside)?;
+                }
+            }
+        }
+        let set = outside.set;
+        self.set_outputs(&set);
+        Ok(())
+    }
+
+    /// The machine sees what the plug-in has done to its outputs.
+    fn set_outputs(&mut self, set: &[(ModemLines, ModemLines)]) {
+        for &(mask, on) in set {
+            let Some((known, before)) = self.modem_lines else { return };
+            let mask = ModemLines(mask.0 & known.0);
+            let on = ModemLines(on.0 & mask.0);
+            self.modem_lines = Some((known, ModemLines(before.0 & !mask.0 | on.0)));
+            self.partner.modem_lines(self.now, mask, on);
+        }
+    }
+
     /// Delivers what is due now and lets the transmitter take what it may; to
     /// be called after a request of the host.
     pub fn settle(&mut self, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
-        let mut watch = Watch { outside, in_flight: &mut self.in_flight };
-        self.line.tick(self.now, &mut watch)
+        let mut watch = Watch { outside, in_flight: &mut self.in_flight, set: Vec::new() };
+        self.line.tick(self.now, &mut watch)?;
+        let set = watch.set;
+        self.set_outputs(&set);
+        Ok(())
     }
 
     /// Steps until `is_done`, all is at rest, or time has come to `until`.
@@ -83,10 +142,15 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
 struct Watch<'a> {
     outside: &'a mut dyn Outside,
     in_flight: &'a mut VecDeque<(Micros, u8)>,
+    /// Outputs that the plug-in has set, and which of them on.
+    set: Vec<(ModemLines, ModemLines)>,
 }
 
 impl Outside for Watch<'_> {
     fn handle(&mut self, now: Micros, action: &Action<'_>) {
+        if let Action::ModemLines { mask, on } = action {
+            self.set.push((*mask, *on));
+        }
         self.outside.handle(now, action);
     }
 

@@ -9,7 +9,7 @@ pub mod r3964;
 pub mod uart;
 pub mod xon_xoff;
 
-use softplug_abi::Micros;
+use softplug_abi::{LineErrorKind, Micros, ModemLines};
 
 /// A simulated machine as whoever drives it sees it. Time never runs backwards;
 /// after every call, ask [`next_event`](Self::next_event) again.
@@ -22,6 +22,38 @@ pub trait Partner {
     fn advance(&mut self, now: Micros);
     /// A character that has left the machine's transmitter by `now`.
     fn poll_transmit(&mut self, now: Micros) -> Option<u8>;
+
+    /// What else a line carries, in one order with the characters. A machine
+    /// that damages characters or has modem lines gives all of its output here.
+    fn poll_signal(&mut self, now: Micros) -> Option<Signal> {
+        self.poll_transmit(now).map(Signal::Character)
+    }
+
+    /// The plug-in has set these of its port's outputs.
+    fn modem_lines(&mut self, now: Micros, lines: ModemLines, on: ModemLines) {
+        let _ = (now, lines, on);
+    }
+}
+
+/// What comes from a machine, as the plug-in's port sees it.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub enum Signal {
+    /// A character.
+    Character(u8),
+    /// A damaged character, or a break, which has none.
+    LineError {
+        /// What the port says of it.
+        kind: LineErrorKind,
+        /// The character as it is read.
+        byte: Option<u8>,
+    },
+    /// Inputs of the plug-in's port.
+    ModemLines {
+        /// Those that the machine drives.
+        lines: ModemLines,
+        /// Those of them that are on.
+        on: ModemLines,
+    },
 }
 
 impl Partner for xon_xoff::Control {
