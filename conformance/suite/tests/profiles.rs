@@ -1,0 +1,142 @@
+//! Every reference plug-in passes the traces of its profiles in every permutation,
+//! natively and in the sandbox, and both do the same.
+
+mod common;
+
+use common::{assert_all_pass, native, root, sandboxed};
+use softplug_conformance::{Case, Filter, Judge, Summary, load, run_all};
+use softplug_native::NativePlugin;
+use std::collections::BTreeSet;
+
+/// A folder of traces, a plug-in that must pass all of them, and how many traces
+/// there are at the least.
+struct Profile {
+    folder: &'static str,
+    plugin: &'static str,
+    at_least: usize,
+}
+
+/// The table of profiles, and one test for each, so that they can be run singly.
+macro_rules! profiles {
+    ($($test:ident: $folder:literal, $plugin:literal, $at_least:literal;)*) => {
+        const PROFILES: &[Profile] = &[
+            $(Profile { folder: $folder, plugin: $plugin, at_least: $at_least }),*
+        ];
+
+        $(
+            #[test]
+            fn $test() {
+                assert_alike_and_passed(&Profile {
+                    folder: $folder,
+                    plugin: $plugin,
+                    at_least: $at_least,
+                });
+            }
+        )*
+    };
+}
+
+profiles! {
+    xon_xoff: "xon-xoff", "xon-xoff", 28;
+    r3964: "r3964", "r3964", 60;
+    r3964_without_check: "3964", "r3964", 5;
+    r3964_simplified: "r3964-simplified", "r3964-simplified", 10;
+    rk512: "rk512", "r3964", 15;
+    rk512_simplified: "rk512", "r3964-simplified", 15;
+    fanuc_rs232: "fanuc-rs232", "fanuc-rs232", 20;
+}
+
+fn traces() -> std::path::PathBuf {
+    root().join("fixtures/traces")
+}
+
+fn cases(folder: &str) -> Vec<Case> {
+    load([traces().join(folder)]).unwrap_or_else(|error| panic!("{}", error.report()))
+}
+
+fn judged(subject: &dyn Judge, folder: &str) -> Summary {
+    let summary = run_all(&[subject], &cases(folder), &Filter::default());
+    assert_all_pass(subject, &summary);
+    summary
+}
+
+fn assert_alike_and_passed(profile: &Profile) {
+    let native = judged(&native(profile.plugin), profile.folder);
+    let sandboxed = judged(&sandboxed(profile.plugin), profile.folder);
+    assert_eq!(native.digest, sandboxed.digest, "native and sandboxed code do different things");
+    assert_eq!(names(&native), names(&sandboxed));
+    assert_permutations(&native, profile);
+}
+
+fn names(summary: &Summary) -> Vec<&str> {
+    summary.cases.iter().map(|verdict| verdict.case.as_str()).collect()
+}
+
+/// Traces enough, and the permutations that none of them may lack.
+fn assert_permutations(summary: &Summary, profile: &Profile) {
+    let cases: BTreeSet<&str> = names(summary).into_iter().collect();
+    let ids: BTreeSet<&str> = cases.iter().filter_map(|case| case.split('/').next()).collect();
+    assert!(ids.len() >= profile.at_least, "{}: only {} traces", profile.folder, ids.len());
+    for id in ids {
+        for name in ["uncut", "twice", "swap:all", "swap:1"] {
+            assert!(cases.contains(format!("{id}/{name}").as_str()), "{id} lacks {name}");
+        }
+    }
+}
+
+#[test]
+fn only_what_can_be_cut_is_cut() {
+    let few = Filter::only([
+        "xon-xoff.tx.one-read-xon-xoff",
+        "xon-xoff.tx.window-xoff",
+        "xon-xoff.tx.hold",
+    ]);
+    let summary = run_all(&[&native("xon-xoff")], &cases("xon-xoff"), &few);
+    let has = |case: &str| summary.cases.iter().any(|verdict| verdict.case == case);
+    for name in ["cut:1", "cut:whole", "cut:random-01", "cut:random-32"] {
+        assert!(has(&format!("xon-xoff.tx.one-read-xon-xoff/{name}")), "no {name}");
+    }
+    assert!(has("xon-xoff.tx.window-xoff/late"));
+    assert!(!has("xon-xoff.tx.hold/cut:1"), "single bytes cannot be cut");
+}
+
+#[test]
+fn two_runs_give_the_same_report() {
+    let few: Vec<Case> = cases("xon-xoff").into_iter().take(5).collect();
+    let report = || run_all(&[&native("xon-xoff")], &few, &Filter::default());
+    assert_eq!(report(), report());
+}
+
+#[test]
+fn every_trace_is_in_canonical_form_and_in_the_folder_of_its_profile() {
+    for case in load([traces()]).unwrap_or_else(|error| panic!("{}", error.report())) {
+        let text = std::fs::read_to_string(&case.path).expect("it was just read");
+        let canonical = case.trace.format();
+        assert!(text == canonical, "{} is not: run softplug trace fmt", case.path.display());
+        let folder = case.path.parent().and_then(|folder| folder.file_name());
+        let profile = case.trace.front.profile.as_str();
+        assert_eq!(folder, Some(profile.as_ref()), "{}", case.path.display());
+    }
+}
+
+#[test]
+fn no_folder_and_no_plug_in_is_left_out() {
+    let judged: BTreeSet<_> = PROFILES.iter().map(|profile| profile.folder.to_owned()).collect();
+    let folders: BTreeSet<_> = std::fs::read_dir(traces())
+        .expect("the folder of the traces can be read")
+        .map(|entry| entry.expect("its entries can be read").file_name())
+        .map(|name| name.into_string().expect("names are UTF-8"))
+        .filter(|name| name != "files")
+        .collect();
+    assert_eq!(judged, folders);
+    let claimed: BTreeSet<_> = NativePlugin::ALL
+        .iter()
+        .flat_map(|plugin| {
+            let manifest = native(plugin.name()).manifest().clone();
+            manifest.profiles.into_iter().map(|profile| (profile.name, plugin.name()))
+        })
+        .collect();
+    let judged: BTreeSet<_> =
+        PROFILES.iter().map(|profile| (profile.folder.to_owned(), profile.plugin)).collect();
+    assert_eq!(judged, claimed, "plug-ins are judged by the profiles that they claim");
+}
