@@ -1,8 +1,11 @@
 //! The manifest: what a plug-in says of itself, as JSON in the custom section
 //! `softplug.manifest`. A host reads it without instantiating the plug-in.
 
+mod fields;
 mod settings;
 
+pub use fields::FieldError;
+use settings::list;
 pub use settings::{OwnedValue, SettingError, SettingValues};
 
 use crate::VERSION;

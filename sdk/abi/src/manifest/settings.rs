@@ -261,7 +261,7 @@ impl Setting {
     }
 }
 
-fn list<'a>(names: impl Iterator<Item = &'a str>) -> String {
+pub(super) fn list<'a>(names: impl Iterator<Item = &'a str>) -> String {
     let joined = names.collect::<Vec<_>>().join(", ");
     if joined.is_empty() { "none".to_string() } else { joined }
 }
