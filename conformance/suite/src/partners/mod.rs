@@ -29,6 +29,15 @@ pub trait Partner {
         self.poll_transmit(now).map(Signal::Character)
     }
 
+    /// A damaged character or a break has reached the machine. One that does not
+    /// look at such things takes what was read.
+    fn receive_damaged(&mut self, now: Micros, kind: LineErrorKind, byte: Option<u8>) {
+        let _ = kind;
+        if let Some(byte) = byte {
+            self.receive(now, byte);
+        }
+    }
+
     /// The plug-in has set these of its port's outputs.
     fn modem_lines(&mut self, now: Micros, lines: ModemLines, on: ModemLines) {
         let _ = (now, lines, on);
