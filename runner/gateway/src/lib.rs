@@ -5,7 +5,9 @@
 //!   interface, with marks of damaged characters decoded.
 //! - [`pacer`]: how many bytes may be given to a port now, so that few are
 //!   beyond recall when the partner says stop.
-//! - [`station`]: a port with a plug-in on it; [`transfer`]: one program over it.
+//! - [`station`]: a port with a plug-in on it; [`transfer`]: one program over it,
+//!   or all that comes and is asked for.
+//! - [`store`]: folders for what comes and for what machines may ask for.
 //! - [`timer`] and [`poll`]: waiting for a port, a deadline and a wake-up.
 //! - [`ports`] and [`doctor`]: which ports there are and what ails one.
 //! - [`suggest`]: baud and parity from what was heard.
@@ -16,6 +18,7 @@
 pub mod error;
 pub mod pacer;
 pub mod port;
+pub mod store;
 pub mod suggest;
 
 #[cfg(target_os = "linux")]

@@ -8,7 +8,7 @@ pub use counters::Counters;
 
 use departures::Departures;
 use softplug_abi::manifest::SettingValues;
-use softplug_abi::{Instance, LinkDownReason, Micros, ModemLines};
+use softplug_abi::{Failure, Instance, LinkDownReason, Micros, ModemLines};
 use softplug_link::{Job, Link, LinkFault, LinkOptions, Outside, Taken};
 use std::error::Error;
 use tap::Tap;
@@ -172,6 +172,35 @@ impl<I: Instance> Station<I> {
         outside: &mut dyn Outside,
     ) -> Result<(), StationError<I::Fault>> {
         self.ask(outside, |link, now, outside| link.abort(now, job, outside))
+    }
+
+    /// Asks for a pause of the job.
+    pub fn pause(
+        &mut self,
+        job: u32,
+        outside: &mut dyn Outside,
+    ) -> Result<(), StationError<I::Fault>> {
+        self.ask(outside, |link, now, outside| link.pause(now, job, outside))
+    }
+
+    /// Ends the pause.
+    pub fn resume(
+        &mut self,
+        job: u32,
+        outside: &mut dyn Outside,
+    ) -> Result<(), StationError<I::Fault>> {
+        self.ask(outside, |link, now, outside| link.resume(now, job, outside))
+    }
+
+    /// Answers a request: with data, or with why it is refused. One that was
+    /// withdrawn in the meantime gets no answer.
+    pub fn answer(
+        &mut self,
+        request: u32,
+        answer: Result<&[u8], Failure>,
+        outside: &mut dyn Outside,
+    ) -> Result<(), StationError<I::Fault>> {
+        self.ask(outside, |link, now, outside| link.answer(now, request, answer, outside))
     }
 
     /// Goes on although the partner holds the line.

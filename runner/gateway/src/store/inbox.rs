@@ -1,0 +1,227 @@
+//! A folder that takes deliveries: one file each, none overwritten, failed ones
+//! kept and marked.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use super::{numbered, rename_to_free, safe_name, sync_folder};
+
+/// Whether a delivery is whole.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub enum Mark {
+    /// All of it came.
+    Complete,
+    /// What came is not all, or not as it was sent.
+    Failed,
+}
+
+/// Where a delivery is now.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Kept {
+    /// Its file; `None` for a failed one of which nothing came.
+    pub path: Option<PathBuf>,
+    /// Its length.
+    pub bytes: u64,
+}
+
+/// Takes one delivery after the other.
+///
+/// While a delivery comes, its file ends in `.partial`. A complete one gets the name that
+/// the machine gave, as far as [`safe_name`] lets it stand; one without gets a number of its own.
+/// A name that is taken gets a number behind it. A failed one ends in `.failed`.
+#[derive(Debug)]
+pub struct Inbox {
+    folder: PathBuf,
+    under_way: Option<UnderWay>,
+    /// Number of the next delivery without a name.
+    number: u32,
+}
+
+#[derive(Debug)]
+struct UnderWay {
+    file: File,
+    path: PathBuf,
+    bytes: u64,
+}
+
+impl Inbox {
+    /// Deliveries go into `folder`, which must be there.
+    ///
+    /// # Errors
+    /// It is no folder.
+    pub fn new(folder: &Path) -> io::Result<Self> {
+        if !fs::metadata(folder)?.is_dir() {
+            return Err(io::ErrorKind::NotADirectory.into());
+        }
+        Ok(Self { folder: folder.to_owned(), under_way: None, number: 1 })
+    }
+
+    /// A delivery begins. One that is still under way is kept as failed.
+    ///
+    /// # Errors
+    /// No file can be made.
+    pub fn begin(&mut self) -> io::Result<()> {
+        if self.under_way.is_some() {
+            self.end(None, Mark::Failed)?;
+        }
+        let mut options = OpenOptions::new();
+        options.write(true).create_new(true);
+        for path in numbered(&self.folder, "delivery", ".partial") {
+            match options.open(&path) {
+                // Of another reception, or of one that was killed.
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(error),
+                Ok(file) => {
+                    self.under_way = Some(UnderWay { file, path, bytes: 0 });
+                    return Ok(());
+                }
+            }
+        }
+        Err(io::ErrorKind::AlreadyExists.into())
+    }
+
+    /// More bytes of the delivery under way.
+    ///
+    /// # Errors
+    /// They cannot be written.
+    pub fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let Some(under_way) = &mut self.under_way else { return Ok(()) };
+        under_way.file.write_all(bytes)?;
+        under_way.bytes += bytes.len() as u64;
+        Ok(())
+    }
+
+    /// Bytes of the delivery under way; `None` if there is none.
+    pub fn under_way(&self) -> Option<u64> {
+        self.under_way.as_ref().map(|under_way| under_way.bytes)
+    }
+
+    /// The delivery under way has ended; `name` is from the line.
+    ///
+    /// # Errors
+    /// The file cannot be brought onto the disk or get its name; what came stays
+    /// in the `.partial` one.
+    pub fn end(&mut self, name: Option<&str>, mark: Mark) -> io::Result<Kept> {
+        let Some(UnderWay { file, path, bytes }) = self.under_way.take() else {
+            return Ok(Kept { path: None, bytes: 0 });
+        };
+        if mark == Mark::Failed && bytes == 0 {
+            fs::remove_file(&path)?;
+            return Ok(Kept { path: None, bytes });
+        }
+        file.sync_all()?;
+        drop(file);
+        let end = match mark {
+            Mark::Complete => "",
+            Mark::Failed => ".failed",
+        };
+        let to = match name.and_then(safe_name) {
+            Some(name) => rename_to_free(&path, numbered(&self.folder, &name, end))?,
+            None => self.number(&path, end)?,
+        };
+        sync_folder(&self.folder)?;
+        Ok(Kept { path: Some(to), bytes })
+    }
+
+    /// Deliveries without a name are counted, so that their order is seen.
+    fn number(&mut self, path: &Path, end: &str) -> io::Result<PathBuf> {
+        loop {
+            let number = self.number;
+            self.number += 1;
+            let names = ["", ".failed"].map(|end| self.folder.join(format!("{number:06}{end}")));
+            // A number means one delivery, whole or not.
+            if names.iter().any(|name| fs::symlink_metadata(name).is_ok()) {
+                continue;
+            }
+            let to = self.folder.join(format!("{number:06}{end}"));
+            match super::rename_to_new(path, &to) {
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                renamed => return renamed.map(|()| to),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap();
+        let mut names: Vec<_> = entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    fn deliver(inbox: &mut Inbox, bytes: &[u8], name: Option<&str>, mark: Mark) -> Kept {
+        inbox.begin().unwrap();
+        inbox.write(bytes).unwrap();
+        inbox.end(name, mark).unwrap()
+    }
+
+    #[test]
+    fn nothing_is_overwritten_and_failures_are_marked() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut inbox = Inbox::new(folder.path()).unwrap();
+        for (bytes, mark) in [
+            ("one", Mark::Complete),
+            ("two", Mark::Complete),
+            ("thr", Mark::Failed),
+            ("", Mark::Failed),
+            ("", Mark::Complete),
+        ] {
+            deliver(&mut inbox, bytes.as_bytes(), Some("O1"), mark);
+        }
+        assert_eq!(names(folder.path()), ["O1", "O1-2", "O1-3", "O1.failed"]);
+        let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
+        assert_eq!((read("O1"), read("O1-2")), (b"one".to_vec(), b"two".to_vec()));
+        assert_eq!((read("O1-3"), read("O1.failed")), (Vec::new(), b"thr".to_vec()));
+    }
+
+    #[test]
+    fn deliveries_without_a_name_are_counted_on() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("000002"), "theirs").unwrap();
+        let mut inbox = Inbox::new(folder.path()).unwrap();
+        deliver(&mut inbox, b"1", None, Mark::Complete);
+        deliver(&mut inbox, b"2", Some("../"), Mark::Failed);
+        deliver(&mut inbox, b"3", Some(".."), Mark::Complete);
+        assert_eq!(names(folder.path()), ["000001", "000002", "000003.failed", "000004"]);
+        let mut again = Inbox::new(folder.path()).unwrap();
+        let kept = deliver(&mut again, b"4", None, Mark::Complete);
+        assert_eq!(kept.path, Some(folder.path().join("000005")));
+        assert_eq!(fs::read(folder.path().join("000002")).unwrap(), b"theirs");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_that_lie_in_wait_are_not_followed() {
+        let folder = tempfile::tempdir().unwrap();
+        let inside = folder.path().join("in");
+        fs::create_dir(&inside).unwrap();
+        let outside = folder.path().join("precious");
+        std::os::unix::fs::symlink(&outside, inside.join("O1")).unwrap();
+        std::os::unix::fs::symlink(&outside, inside.join("delivery.partial")).unwrap();
+        std::os::unix::fs::symlink(&outside, inside.join("000001")).unwrap();
+        let mut inbox = Inbox::new(&inside).unwrap();
+        deliver(&mut inbox, b"1", Some("O1"), Mark::Complete);
+        deliver(&mut inbox, b"2", None, Mark::Complete);
+        assert!(!outside.exists());
+        assert_eq!(names(&inside), ["000001", "000002", "O1", "O1-2", "delivery.partial"]);
+    }
+
+    #[test]
+    fn what_was_under_way_is_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut inbox = Inbox::new(folder.path()).unwrap();
+        inbox.begin().unwrap();
+        inbox.write(b"half").unwrap();
+        assert_eq!(names(folder.path()), ["delivery.partial"]);
+        inbox.begin().unwrap();
+        assert_eq!(names(folder.path()), ["000001.failed", "delivery.partial"]);
+        assert!(Inbox::new(&folder.path().join("000001.failed")).is_err());
+    }
+}
