@@ -1,23 +1,24 @@
-//! Simplified 3964R.
+//! Simplified 3964R, with RK512.
 #![cfg_attr(target_arch = "wasm32", no_std)]
+
+mod settings;
+
+pub use settings::Settings;
 
 use softplug_plugin::Converter;
 
 /// The converter.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct R3964Simplified;
 
 softplug_plugin::export!(R3964Simplified);
 
 impl Converter for R3964Simplified {
-    type Settings = ();
-    const MANIFEST: &'static str = concat!(
-        r#"{"abi":"1.0","name":"r3964-simplified","version":""#,
-        env!("CARGO_PKG_VERSION"),
-        r#"","licence":"MIT OR Apache-2.0","protocol":"simplified 3964R","description":"Simplified 3964R."}"#,
-    );
+    type Settings = Settings;
+    const MANIFEST: &'static str = settings::MANIFEST;
+    const STATE_FORMAT: Option<u16> = Some(1);
 
-    fn new((): ()) -> Self {
+    fn new(_settings: Settings) -> Self {
         Self
     }
 }

@@ -1,23 +1,24 @@
-//! 3964R and 3964.
+//! 3964R and 3964, with RK512.
 #![cfg_attr(target_arch = "wasm32", no_std)]
+
+mod settings;
+
+pub use settings::Settings;
 
 use softplug_plugin::Converter;
 
 /// The converter.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct R3964;
 
 softplug_plugin::export!(R3964);
 
 impl Converter for R3964 {
-    type Settings = ();
-    const MANIFEST: &'static str = concat!(
-        r#"{"abi":"1.0","name":"r3964","version":""#,
-        env!("CARGO_PKG_VERSION"),
-        r#"","licence":"MIT OR Apache-2.0","protocol":"3964R","description":"3964R and 3964."}"#,
-    );
+    type Settings = Settings;
+    const MANIFEST: &'static str = settings::MANIFEST;
+    const STATE_FORMAT: Option<u16> = Some(1);
 
-    fn new((): ()) -> Self {
+    fn new(_settings: Settings) -> Self {
         Self
     }
 }
