@@ -1,0 +1,529 @@
+//! The feed: sends a program to the control, which lets it flow by DC1 and DC3.
+
+mod pipe;
+
+use crate::Settings;
+use crate::code::Control;
+use crate::state::State;
+use crate::tape::{Encoder, MOST_PER_BYTE};
+use pipe::{CAPACITY, Pipe};
+use softplug_plugin::{
+    Context, Failure, JobStart, MarkState, Micros, NoteLevel, Pass, StateError, StateReader,
+    StateWriter,
+};
+
+/// Timer: no DC1 since the job began, DC3 for too long, or no final DC3.
+pub(crate) const WAIT: u8 = 0;
+
+/// Bytes asked for at a time: what they become fits the output buffer.
+const MOST_WANTED: u32 = 3_072;
+
+/// What the feed is at.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+enum Stage {
+    /// No job.
+    #[default]
+    Idle,
+    /// Looking at the data of a job, sending nothing.
+    Checking,
+    /// Leader and program.
+    Feeding,
+    /// All data was given; what it became is not wholly queued.
+    Closing,
+    /// The trailer.
+    Trailing,
+    /// All is queued; waiting until the last byte has left.
+    Draining,
+    /// All has left; waiting for the final DC3.
+    Waiting,
+    /// The queue is being dropped; then the job fails for this reason, or is done.
+    Stopping(Option<Failure>),
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Feed {
+    encoder: Encoder,
+    pipe: Pipe,
+    stage: Stage,
+    job: u32,
+    /// The job whose check was good: its block to begin with is there.
+    checked: u32,
+    /// Asked for and not yet given.
+    wanted: u32,
+    /// NULs of the leader or trailer still to be queued.
+    nuls: u32,
+    /// The mark on the program's last byte; that on the trailer's is one more.
+    mark: u32,
+    /// The program's last byte can have left: a DC3 is the final one.
+    is_read: bool,
+    /// DC1 was the last that the control said.
+    is_ready: bool,
+    /// The control has said DC1 for this job.
+    is_started: bool,
+    is_paused: bool,
+    /// Whether the queue is held for any of these reasons.
+    is_holding: bool,
+    until: Option<Micros>,
+}
+
+impl Feed {
+    pub(crate) fn new(settings: &Settings) -> Self {
+        Self {
+            encoder: Encoder::new(settings),
+            pipe: Pipe::default(),
+            stage: Stage::Idle,
+            job: 0,
+            checked: 0,
+            wanted: 0,
+            nuls: 0,
+            mark: 0,
+            is_read: false,
+            is_ready: false,
+            is_started: false,
+            is_paused: false,
+            is_holding: false,
+            until: None,
+        }
+    }
+
+    /// Whether there is a job.
+    pub(crate) fn is_busy(&self) -> bool {
+        self.stage != Stage::Idle
+    }
+
+    /// Whether the control reads: it has said DC1 for the job under way.
+    pub(crate) fn is_sending(&self) -> bool {
+        self.is_started
+    }
+
+    /// What people are told, if there is a job.
+    pub(crate) fn state(&self) -> Option<State> {
+        let state = match self.stage {
+            Stage::Idle => return None,
+            Stage::Checking => State::Checking,
+            Stage::Stopping(_) => State::Stopping,
+            Stage::Waiting => State::Ending,
+            _ if !self.is_started => State::WaitingForDc1,
+            _ if !self.is_ready => State::Held,
+            _ if self.is_paused => State::Paused,
+            _ => State::Sending,
+        };
+        Some(state)
+    }
+
+    /// A job begins, for the check or for good.
+    pub(crate) fn job_begin(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        job: &JobStart<'_>,
+    ) {
+        let is_check = job.pass == Pass::Check;
+        let refusal = if self.is_busy() {
+            Some(Failure::Busy)
+        } else if job.kind != 0 {
+            Some(Failure::NotSupported)
+        } else {
+            self.encoder.begin(&job.fields).err()
+        };
+        // Without a check it would be known too late that the block is not there.
+        let is_blind = !is_check && self.encoder.seeks() && self.checked != job.job;
+        if let Some(failure) = refusal.or(is_blind.then_some(Failure::BadJob)) {
+            if is_check {
+                link.check_failed(job.job, failure, 0, 0);
+            } else {
+                link.job_failed(job.job, failure, 0, 0);
+            }
+            return;
+        }
+        self.job = job.job;
+        self.wanted = 0;
+        if is_check {
+            self.stage = Stage::Checking;
+        } else {
+            self.stage = Stage::Feeding;
+            self.pipe = Pipe::default();
+            self.nuls = settings.leader as u32;
+            self.is_started = self.is_ready;
+            self.is_read = false;
+            self.update_hold(link);
+            self.watch(link, settings);
+        }
+        self.go_on(link, settings);
+    }
+
+    pub(crate) fn job_data(&mut self, link: &mut Context<'_>, settings: &Settings, bytes: &[u8]) {
+        self.wanted = self.wanted.saturating_sub(bytes.len() as u32);
+        match self.stage {
+            Stage::Checking => {
+                let mut faulty = None;
+                for byte in bytes {
+                    let pushed = self.encoder.push(settings, *byte, &mut |_| {});
+                    let pushed = pushed.and_then(|()| self.skip_preamble(settings));
+                    if let Err(failure) = pushed {
+                        faulty = Some(failure);
+                        break;
+                    }
+                }
+                if let Some(failure) = faulty {
+                    return self.check_failed(link, failure);
+                }
+            }
+            Stage::Feeding => {
+                let (encoder, pipe) = (&mut self.encoder, &mut self.pipe);
+                for byte in bytes {
+                    let pushed = encoder.push(settings, *byte, &mut |byte| pipe.push(link, byte));
+                    if let Err(failure) = pushed {
+                        return self.stop(link, failure);
+                    }
+                }
+            }
+            _ => return,
+        }
+        self.go_on(link, settings);
+    }
+
+    pub(crate) fn job_end(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        match self.stage {
+            Stage::Checking => {
+                let mut finished = self.encoder.finish(settings, &mut |_| {});
+                if finished.is_ok() && self.encoder.is_waiting() {
+                    finished = self.skip_preamble(settings);
+                    finished = finished.and_then(|()| self.encoder.finish(settings, &mut |_| {}));
+                }
+                match finished {
+                    Ok(()) => {
+                        self.checked = self.job;
+                        self.stage = Stage::Idle;
+                        link.check_good(self.job);
+                    }
+                    Err(failure) => self.check_failed(link, failure),
+                }
+            }
+            Stage::Feeding => {
+                self.stage = Stage::Closing;
+                self.go_on(link, settings);
+            }
+            _ => {}
+        }
+    }
+
+    fn skip_preamble(&mut self, settings: &Settings) -> Result<(), Failure> {
+        while self.encoder.is_waiting() {
+            self.encoder.next(settings, &mut |_| {})?;
+        }
+        Ok(())
+    }
+
+    fn check_failed(&mut self, link: &mut Context<'_>, failure: Failure) {
+        let (line, column) = self.encoder.position();
+        // A block that is not there has no place.
+        let place = if failure == Failure::NotFound { (0, 0) } else { (line, column) };
+        link.check_failed(self.job, failure, place.0, place.1);
+        self.stage = Stage::Idle;
+    }
+
+    /// Does all that there is room for: leader, program, trailer.
+    pub(crate) fn go_on(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        if self.stage == Stage::Checking {
+            return self.ask(link, MOST_WANTED);
+        }
+        if !self.queue_nuls(link) || !self.pipe.flush(link) {
+            return;
+        }
+        while self.encoder.is_waiting() && matches!(self.stage, Stage::Feeding | Stage::Closing) {
+            let pipe = &mut self.pipe;
+            if let Err(failure) = self.encoder.next(settings, &mut |byte| pipe.push(link, byte)) {
+                return self.stop(link, failure);
+            }
+            if !self.pipe.flush(link) {
+                return;
+            }
+        }
+        if self.stage == Stage::Feeding {
+            if !self.encoder.is_ended() {
+                let most = self.most(link, settings);
+                return self.ask(link, most);
+            }
+            self.stage = Stage::Closing;
+        }
+        if self.stage == Stage::Closing {
+            let pipe = &mut self.pipe;
+            let finished = self.encoder.finish(settings, &mut |byte| pipe.push(link, byte));
+            if let Err(failure) = finished {
+                return self.stop(link, failure);
+            }
+            if self.encoder.is_waiting() {
+                return self.go_on(link, settings);
+            }
+            if !self.pipe.flush(link) {
+                return;
+            }
+            self.mark = self.mark.wrapping_add(2).max(2);
+            link.transmit_marked(self.mark, &[]);
+            self.nuls = settings.trailer as u32;
+            self.stage = Stage::Trailing;
+        }
+        if self.stage == Stage::Trailing && self.queue_nuls(link) {
+            link.transmit_marked(self.mark.wrapping_add(1), &[]);
+            self.stage = Stage::Draining;
+        }
+    }
+
+    /// Whether leader or trailer is queued.
+    fn queue_nuls(&mut self, link: &mut Context<'_>) -> bool {
+        if self.nuls > 0 {
+            self.nuls = self.pipe.nuls(link, self.nuls);
+        }
+        self.nuls == 0
+    }
+
+    /// As much data as can be taken whatever it becomes, with the pipe empty.
+    fn most(&self, link: &Context<'_>, settings: &Settings) -> u32 {
+        if self.encoder.will_wait() {
+            return 1;
+        }
+        let room = link.transmit_room().min(MOST_WANTED);
+        (room + (CAPACITY - MOST_PER_BYTE) as u32) / self.encoder.growth(settings)
+    }
+
+    fn ask(&mut self, link: &mut Context<'_>, most: u32) {
+        // Small requests would make many small events.
+        if most > self.wanted && (most - self.wanted >= most / 4 || self.wanted == 0) {
+            link.want(self.job, most - self.wanted);
+            self.wanted = most;
+        }
+    }
+
+    /// A code of the control.
+    pub(crate) fn control(&mut self, link: &mut Context<'_>, settings: &Settings, code: Control) {
+        match code {
+            Control::Dc1 => self.set_ready(link, settings, true),
+            Control::Dc3 if self.is_read && self.is_busy() => self.end(link),
+            Control::Dc3 => self.set_ready(link, settings, false),
+            Control::Syn => self.lost(link, Failure::PartnerReset),
+            Control::Nak => self.lost(link, Failure::PartnerAlarm),
+            Control::Dc2 | Control::Dc4 => {}
+        }
+    }
+
+    /// DC1 and DC3 that say nothing new change nothing, timers included.
+    fn set_ready(&mut self, link: &mut Context<'_>, settings: &Settings, is_ready: bool) {
+        if self.is_ready == is_ready {
+            return;
+        }
+        self.is_ready = is_ready;
+        if !matches!(self.stage, Stage::Idle | Stage::Checking | Stage::Waiting) {
+            self.is_started |= is_ready;
+            self.update_hold(link);
+            self.watch(link, settings);
+        }
+    }
+
+    /// The control was reset, has an alarm or is gone: what it reads is over. A
+    /// job that it has not begun to read stays.
+    pub(crate) fn lost(&mut self, link: &mut Context<'_>, failure: Failure) {
+        if self.is_started {
+            self.stop(link, failure);
+        }
+        self.is_ready = false;
+    }
+
+    /// The port is gone, and with it what is in the queue.
+    pub(crate) fn link_down(&mut self, link: &mut Context<'_>) {
+        self.stop(link, Failure::LinkDown);
+        self.is_ready = false;
+    }
+
+    /// Goes on as after DC1.
+    pub(crate) fn force_resume(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        if self.is_busy() {
+            self.set_ready(link, settings, true);
+        }
+    }
+
+    pub(crate) fn set_paused(&mut self, link: &mut Context<'_>, is_paused: bool) {
+        self.is_paused = is_paused;
+        self.update_hold(link);
+    }
+
+    /// Nothing leaves before DC1, after DC3 and in a pause.
+    fn update_hold(&mut self, link: &mut Context<'_>) {
+        let is_active = !matches!(self.stage, Stage::Idle | Stage::Checking);
+        let is_holding = is_active && (!self.is_ready || self.is_paused);
+        if is_holding != self.is_holding {
+            self.is_holding = is_holding;
+            if is_holding { link.hold() } else { link.release() }
+        }
+    }
+
+    /// Times what the feed waits for now.
+    fn watch(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        let span = match self.stage {
+            Stage::Waiting => settings.end_wait,
+            Stage::Feeding | Stage::Closing | Stage::Trailing | Stage::Draining
+                if !self.is_ready =>
+            {
+                if self.is_started {
+                    settings.held_timeout
+                } else {
+                    settings.dc1_timeout
+                }
+            }
+            _ => 0,
+        };
+        self.until = (span > 0).then(|| link.now() + Micros::from_millis(span));
+        match self.until {
+            Some(until) => link.set_timer(WAIT, until),
+            None => link.cancel_timer(WAIT),
+        }
+    }
+
+    pub(crate) fn set_timers(&self, link: &mut Context<'_>) {
+        if let Some(until) = self.until {
+            link.set_timer(WAIT, until);
+        }
+    }
+
+    /// What the feed waited for has not come.
+    pub(crate) fn timer(&mut self, link: &mut Context<'_>) {
+        self.until = None;
+        if self.stage == Stage::Waiting {
+            link.note(NoteLevel::Warning, 0, "no DC3 after the end of the program");
+            self.end(link);
+        } else {
+            let failure = if self.is_started { Failure::HeldTooLong } else { Failure::NoAnswer };
+            self.stop(link, failure);
+        }
+    }
+
+    /// News of a marked byte: the program's last one, the trailer's, or one of a job
+    /// that is over.
+    pub(crate) fn mark(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        mark: u32,
+        state: MarkState,
+    ) {
+        let is_queued = matches!(self.stage, Stage::Trailing | Stage::Draining);
+        if mark == self.mark && is_queued && state == MarkState::MaybeLeft {
+            self.is_read = true;
+        }
+        let is_last = mark == self.mark.wrapping_add(1) && self.stage == Stage::Draining;
+        if !is_last || state != MarkState::SurelyLeft {
+            return;
+        }
+        // A DC3 just before the end was the final one: no more will come.
+        if settings.end_wait == 0 || !self.is_ready {
+            self.end(link);
+        } else {
+            self.stage = Stage::Waiting;
+            self.watch(link, settings);
+        }
+    }
+
+    /// The program has been read; what is left of the trailer nobody wants.
+    fn end(&mut self, link: &mut Context<'_>) {
+        self.drop_rest(link, None);
+    }
+
+    /// Stops at once. The job fails when it is known how much was sent.
+    pub(crate) fn stop(&mut self, link: &mut Context<'_>, failure: Failure) {
+        self.drop_rest(link, Some(failure));
+    }
+
+    fn drop_rest(&mut self, link: &mut Context<'_>, failure: Option<Failure>) {
+        match self.stage {
+            Stage::Idle | Stage::Stopping(_) => {}
+            Stage::Checking => {
+                self.stage = Stage::Idle;
+                link.job_failed(self.job, failure.unwrap_or(Failure::Internal), 0, 0);
+            }
+            _ => {
+                self.stage = Stage::Stopping(failure);
+                self.nuls = 0;
+                self.pipe.clear();
+                link.discard();
+            }
+        }
+    }
+
+    /// So many of the bytes that were queued were not sent.
+    pub(crate) fn discarded(&mut self, link: &mut Context<'_>, settings: &Settings, bytes: u32) {
+        let Stage::Stopping(failure) = self.stage else { return };
+        let sent = self.pipe.queued().saturating_sub(u64::from(bytes));
+        match failure {
+            Some(failure) => link.job_failed(self.job, failure, 0, sent),
+            None => link.job_done(self.job, sent),
+        }
+        // Nothing that the control said for this job counts for the next.
+        self.stage = Stage::Idle;
+        self.is_read = false;
+        self.is_ready = false;
+        self.is_started = false;
+        self.is_paused = false;
+        self.update_hold(link);
+        self.watch(link, settings);
+    }
+
+    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
+        let (stage, failure) = match self.stage {
+            Stage::Idle => (0, None),
+            Stage::Checking => (1, None),
+            Stage::Feeding => (2, None),
+            Stage::Closing => (3, None),
+            Stage::Trailing => (4, None),
+            Stage::Draining => (5, None),
+            Stage::Waiting => (6, None),
+            Stage::Stopping(failure) => (7, failure),
+        };
+        state.u8(stage);
+        state.failure(failure);
+        for number in [self.job, self.checked, self.wanted, self.nuls, self.mark] {
+            state.u32(number);
+        }
+        for flag in [self.is_read, self.is_ready, self.is_started, self.is_paused, self.is_holding]
+        {
+            state.bool(flag);
+        }
+        state.deadline(self.until);
+        self.pipe.save(state);
+        self.encoder.save(state);
+    }
+
+    pub(crate) fn restore(
+        &mut self,
+        settings: &Settings,
+        state: &mut StateReader<'_>,
+    ) -> Result<(), StateError> {
+        self.stage = match (state.u8(), state.failure()) {
+            (0, None) => Stage::Idle,
+            (1, None) => Stage::Checking,
+            (2, None) => Stage::Feeding,
+            (3, None) => Stage::Closing,
+            (4, None) => Stage::Trailing,
+            (5, None) => Stage::Draining,
+            (6, None) => Stage::Waiting,
+            (7, failure) => Stage::Stopping(failure),
+            _ => return Err(StateError),
+        };
+        for number in
+            [&mut self.job, &mut self.checked, &mut self.wanted, &mut self.nuls, &mut self.mark]
+        {
+            *number = state.u32();
+        }
+        for flag in [
+            &mut self.is_read,
+            &mut self.is_ready,
+            &mut self.is_started,
+            &mut self.is_paused,
+            &mut self.is_holding,
+        ] {
+            *flag = state.bool();
+        }
+        self.until = state.deadline();
+        self.pipe = Pipe::restore(state)?;
+        self.encoder.restore(settings, state)
+    }
+}

@@ -1,0 +1,93 @@
+//! Between encoder and queue: gathers single bytes, and keeps what there is no
+//! room for yet.
+
+use softplug_plugin::{Context, StateError, StateReader, StateWriter};
+
+/// Bytes that the pipe holds. More than the queue's room and this must not be
+/// pushed before the next flush.
+pub(super) const CAPACITY: usize = 128;
+
+#[derive(Copy, Clone, Debug)]
+pub(super) struct Pipe {
+    bytes: [u8; CAPACITY],
+    length: u8,
+    /// Bytes queued for the job.
+    queued: u64,
+}
+
+impl Default for Pipe {
+    fn default() -> Self {
+        Self { bytes: [0; CAPACITY], length: 0, queued: 0 }
+    }
+}
+
+impl Pipe {
+    pub(super) fn queued(&self) -> u64 {
+        self.queued
+    }
+
+    pub(super) fn push(&mut self, link: &mut Context<'_>, byte: u8) {
+        if usize::from(self.length) == CAPACITY {
+            self.flush(link);
+        }
+        if let Some(place) = self.bytes.get_mut(usize::from(self.length)) {
+            *place = byte;
+            self.length += 1;
+        }
+    }
+
+    /// Queues what there is room for; whether that was all.
+    pub(super) fn flush(&mut self, link: &mut Context<'_>) -> bool {
+        let count = usize::from(self.length).min(link.transmit_room() as usize);
+        self.transmit(link, count);
+        self.length -= count as u8;
+        let mut at = 0;
+        while at < usize::from(self.length) {
+            self.bytes[at % CAPACITY] = self.bytes[(at + count) % CAPACITY];
+            at += 1;
+        }
+        self.length == 0
+    }
+
+    fn transmit(&mut self, link: &mut Context<'_>, count: usize) {
+        self.queued += count as u64;
+        link.transmit(self.bytes.get(..count).unwrap_or_default());
+    }
+
+    /// Drops what has not been queued.
+    pub(super) fn clear(&mut self) {
+        self.length = 0;
+    }
+
+    /// Queues as many of `count` NULs as there is room for, in an empty pipe;
+    /// returns how many are left.
+    pub(super) fn nuls(&mut self, link: &mut Context<'_>, mut count: u32) -> u32 {
+        self.bytes = [0; CAPACITY];
+        // Other actions of the event need their place in the output too.
+        while count > 0 && link.transmit_room() > 0 && link.output_room() > 4 * CAPACITY {
+            let some = count.min(link.transmit_room()).min(CAPACITY as u32);
+            self.transmit(link, some as usize);
+            count -= some;
+        }
+        count
+    }
+
+    pub(super) fn save(&self, state: &mut StateWriter<'_>) {
+        state.u64(self.queued);
+        state.u8(self.length);
+        state.bytes(self.bytes.get(..usize::from(self.length)).unwrap_or_default());
+    }
+
+    pub(super) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
+        let mut pipe = Self { queued: state.u64(), ..Self::default() };
+        pipe.length = state.u8();
+        let bytes = state.bytes(usize::from(pipe.length));
+        if bytes.len() > CAPACITY {
+            return Err(StateError);
+        }
+        for (own, byte) in pipe.bytes.iter_mut().zip(bytes) {
+            *own = *byte;
+        }
+        Ok(pipe)
+    }
+}

@@ -1,0 +1,27 @@
+//! Line ends of a program file: LF, CR LF, CR, LF CR and LF CR CR are each one.
+
+/// What came before, over any cut.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+pub(super) enum Ends {
+    #[default]
+    InLine,
+    AfterCr,
+    AfterLf,
+}
+
+impl Ends {
+    pub(super) const ALL: [Self; 3] = [Self::InLine, Self::AfterCr, Self::AfterLf];
+
+    /// Takes a CR or LF; whether a line ends with it. If not, it belongs to the
+    /// line end before it.
+    pub(super) fn take(&mut self, is_cr: bool) -> bool {
+        let (next, ends) = match (*self, is_cr) {
+            (Self::AfterCr, false) => (Self::InLine, false),
+            (Self::AfterLf, true) => (Self::AfterLf, false),
+            (_, false) => (Self::AfterLf, true),
+            (_, true) => (Self::AfterCr, true),
+        };
+        *self = next;
+        ends
+    }
+}

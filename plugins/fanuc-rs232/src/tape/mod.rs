@@ -1,0 +1,564 @@
+//! What a program file becomes on the wire.
+//!
+//! The encoder reads the file byte by byte: the leader up to the first `%`, the
+//! label behind it, blocks, and the closing `%`, behind which nothing is sent.
+//! An EOB goes out with the byte behind it, so that the closing `%` is glued to the
+//! last block.
+
+mod ends;
+mod prefix;
+mod restart;
+
+use crate::code::{Code, encode, pairs};
+use crate::{BlockNumbers, Eob, SendCode, Settings, Unsupported};
+use ends::Ends;
+use prefix::Prefix;
+use restart::Restart;
+use softplug_plugin::{Failure, StateError, StateReader, StateWriter, Values};
+
+/// Most bytes that one call of [`Encoder::push`], [`Encoder::next`] or
+/// [`Encoder::finish`] gives to its sink: a delayed EOB (3), a prefix with a new
+/// number (19), a padding space and the byte itself, with some to spare.
+/// Many calls give at most [`Encoder::growth`] bytes each, and this once.
+pub(crate) const MOST_PER_BYTE: usize = 32;
+
+/// Block numbers have at most five digits; after the highest the first comes again.
+const HIGHEST_NUMBER: u32 = 99_999;
+
+/// In the table of characters: it means something besides itself, or the like.
+const SPECIAL: u8 = 0x80;
+/// A character that cannot be sent.
+const REFUSED: u8 = 0xFF;
+/// A character that is left out.
+const DROPPED: u8 = 0xFE;
+
+/// Part of the program that the next byte belongs to.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+enum Part {
+    /// Before the first character that says something.
+    #[default]
+    Leader,
+    /// From the first `%` up to its EOB.
+    Label,
+    /// At the beginning of a block whose number matters.
+    Prefix,
+    /// Behind a number that was left out, as are the spaces here.
+    Stripped,
+    /// In a block that is sent.
+    Block,
+    /// In a block before the one to begin with.
+    Skipped,
+    /// Behind the closing `%`.
+    End,
+}
+
+const PARTS: [Part; 7] = [
+    Part::Leader,
+    Part::Label,
+    Part::Prefix,
+    Part::Stripped,
+    Part::Block,
+    Part::Skipped,
+    Part::End,
+];
+
+/// Where the bytes go.
+pub(crate) type Sink<'a> = &'a mut dyn FnMut(u8);
+
+/// Turns a program into bytes on the wire; also without sending them, as a check.
+#[derive(Clone, Debug)]
+pub(crate) struct Encoder {
+    /// Each byte of a file: the character that is sent for it.
+    characters: [u8; 256],
+    /// Each character on the wire.
+    wire: [u8; 128],
+    eob: &'static [u8],
+    restart: Restart,
+    place: Place,
+}
+
+/// Where the encoder is in a program.
+#[derive(Copy, Clone, Debug, Default)]
+struct Place {
+    part: Part,
+    /// The next byte needs no look at anything but itself.
+    is_plain: bool,
+    line: u32,
+    column: u32,
+    ends: Ends,
+    /// Blocks so far, this one included; the label is none.
+    block: u32,
+    /// Only O lines and blank ones so far.
+    is_head: bool,
+    prefix: Prefix,
+    /// A character that waits until the preamble is out.
+    held: Option<u8>,
+    last_number: u32,
+    /// An EOB that goes out with the next character.
+    eob_waits: bool,
+    in_comment: bool,
+    /// Whether characters count for TV here: 1 or 0.
+    counts: u8,
+    /// The lowest bit tells whether the block's characters are odd so far.
+    count: u8,
+}
+
+impl Encoder {
+    pub(crate) fn new(settings: &Settings) -> Self {
+        let code = match settings.code {
+            SendCode::Iso => Code::Iso,
+            SendCode::Eia => Code::Eia,
+        };
+        let mut characters = [0; 256];
+        for (byte, own) in (0..=u8::MAX).zip(&mut characters) {
+            *own = character(settings, code, byte);
+        }
+        let mut wire = [0; 128];
+        for (character, own) in (0..=u8::MAX).zip(&mut wire) {
+            *own = encode(settings, code, character).unwrap_or_default();
+        }
+        let eob: &[u8] = match (code, settings.eob) {
+            (Code::Eia, _) | (Code::Iso, Eob::Lf) => b"\n",
+            (Code::Iso, Eob::CrLf) => b"\r\n",
+            (Code::Iso, Eob::LfCrCr) => b"\n\r\r",
+            (Code::Iso, Eob::LfCr) => b"\n\r",
+            (Code::Iso, Eob::Cr) => b"\r",
+        };
+        let (restart, place) = (Restart::default(), Place::default());
+        Self { characters, wire, eob, restart, place }
+    }
+
+    /// A program begins; the fields of its job say with which block.
+    ///
+    /// # Errors
+    /// [`Failure::BadJob`] if a field is out of its range.
+    pub(crate) fn begin(&mut self, fields: &Values<'_>) -> Result<(), Failure> {
+        self.place = Place { line: 1, counts: 1, is_head: true, ..Place::default() };
+        self.restart.take(fields)
+    }
+
+    /// The next byte of the program file. Not to be called while the encoder
+    /// [waits](Self::is_waiting).
+    ///
+    /// # Errors
+    /// [`Failure::UnsupportedCharacter`] at [`position`](Self::position).
+    #[inline]
+    pub(crate) fn push(
+        &mut self,
+        settings: &Settings,
+        byte: u8,
+        sink: Sink<'_>,
+    ) -> Result<(), Failure> {
+        self.place.column += 1;
+        let character = self.characters[usize::from(byte)];
+        if self.place.is_plain && character < SPECIAL {
+            self.place.count ^= self.place.counts;
+            sink(self.wire[usize::from(character & !SPECIAL)]);
+            return Ok(());
+        }
+        self.push_special(settings, byte, character, sink)
+    }
+
+    /// Whether the preamble goes out now: [`next`](Self::next) is to be called until
+    /// this is over.
+    pub(crate) fn is_waiting(&self) -> bool {
+        self.place.held.is_some()
+    }
+
+    /// Whether the encoder will [wait](Self::is_waiting) at some byte to come. Who
+    /// cannot put bytes by gives it one at a time so long.
+    pub(crate) fn will_wait(&self) -> bool {
+        self.restart.has_preamble() && self.place.part != Part::End
+    }
+
+    /// The next character of the preamble.
+    ///
+    /// # Errors
+    /// [`Failure::UnsupportedCharacter`]: the preamble cannot be sent.
+    pub(crate) fn next(&mut self, settings: &Settings, sink: Sink<'_>) -> Result<(), Failure> {
+        if let Some(byte) = self.restart.next() {
+            return match self.characters[usize::from(byte)] {
+                SPECIAL_LF => {
+                    self.end_block(settings, sink);
+                    Ok(())
+                }
+                SPECIAL_CR | DROPPED => Ok(()),
+                SPECIAL_PERCENT => Err(Failure::UnsupportedCharacter),
+                character => self.text(settings, character, sink),
+            };
+        }
+        if !self.place.eob_waits {
+            self.end_block(settings, sink);
+        }
+        match self.place.held.take() {
+            Some(character) => self.begin_block(settings, character, sink),
+            None => Ok(()),
+        }
+    }
+
+    /// All of the program was given. If the encoder [waits](Self::is_waiting)
+    /// afterwards, this is to be called once more when that is over.
+    ///
+    /// # Errors
+    /// [`Failure::NotFound`]: the block to begin with is not there.
+    pub(crate) fn finish(&mut self, settings: &Settings, sink: Sink<'_>) -> Result<(), Failure> {
+        if self.place.part == Part::Leader {
+            self.open(settings, sink);
+        }
+        let is_block_open = !self.place.eob_waits || !self.place.prefix.is_empty();
+        if self.place.part != Part::End {
+            if is_block_open {
+                self.take(settings, SPECIAL_LF, sink)?;
+            }
+            if self.is_waiting() {
+                return Ok(());
+            }
+            if settings.percent {
+                self.take(settings, SPECIAL_PERCENT, sink)?;
+            } else if !is_block_open {
+                self.end_waiting_block(sink);
+            }
+            self.place.part = Part::End;
+        }
+        if self.restart.seeks { Err(Failure::NotFound) } else { Ok(()) }
+    }
+
+    /// Whether the block to begin with is still to be found.
+    pub(crate) fn seeks(&self) -> bool {
+        self.restart.seeks
+    }
+
+    /// Whether the closing `%` is out: nothing that follows it in the file is sent.
+    pub(crate) fn is_ended(&self) -> bool {
+        self.place.part == Part::End
+    }
+
+    /// Line and column of the last byte that was given, from 1.
+    pub(crate) fn position(&self) -> (u32, u32) {
+        (self.place.line, self.place.column)
+    }
+
+    /// How many bytes one byte of a program becomes at most, over many.
+    pub(crate) fn growth(&self, settings: &Settings) -> u32 {
+        let eob = self.eob.len() as u32 + u32::from(settings.tv_pad);
+        // `N1` can become `N99999`.
+        if settings.block_numbers == BlockNumbers::Renumber { eob.max(3) } else { eob }
+    }
+
+    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
+        let place = &self.place;
+        state.u8(place.part as u8);
+        state.u8(place.ends as u8);
+        state.u32(place.line);
+        state.u32(place.column);
+        state.u32(place.block);
+        state.bool(place.is_head);
+        place.prefix.save(state);
+        state.bool(place.held.is_some());
+        state.u8(place.held.unwrap_or_default());
+        state.u32(place.last_number);
+        state.bool(place.eob_waits);
+        state.bool(place.in_comment);
+        state.u8(place.count);
+        self.restart.save(state);
+    }
+
+    pub(crate) fn restore(
+        &mut self,
+        settings: &Settings,
+        state: &mut StateReader<'_>,
+    ) -> Result<(), StateError> {
+        let part = *PARTS.get(usize::from(state.u8())).ok_or(StateError)?;
+        let ends = *Ends::ALL.get(usize::from(state.u8())).ok_or(StateError)?;
+        let (line, column, block) = (state.u32(), state.u32(), state.u32());
+        let is_head = state.bool();
+        let prefix = Prefix::restore(state)?;
+        let is_held = state.bool();
+        let character = state.u8();
+        let held = is_held.then_some(character);
+        let last_number = state.u32();
+        let (eob_waits, in_comment) = (state.bool(), state.bool());
+        let count = state.u8() & 1;
+        let is_plain = part == Part::Block && !eob_waits;
+        let counts = u8::from(settings.tv_comments || !in_comment);
+        self.place = Place {
+            part,
+            is_plain,
+            line,
+            column,
+            ends,
+            block,
+            is_head,
+            prefix,
+            held,
+            last_number,
+            eob_waits,
+            in_comment,
+            counts,
+            count,
+        };
+        self.restart.restore(state)
+    }
+
+    #[inline(never)]
+    fn push_special(
+        &mut self,
+        settings: &Settings,
+        byte: u8,
+        character: u8,
+        sink: Sink<'_>,
+    ) -> Result<(), Failure> {
+        if matches!(character, SPECIAL_LF | SPECIAL_CR) {
+            let ends = self.place.ends.take(character == SPECIAL_CR);
+            // A character that is replaced by an EOB ends no line of the file.
+            if matches!(byte, b'\n' | b'\r') {
+                self.place.line += u32::from(ends);
+                self.place.column = 0;
+            }
+            if !ends {
+                return Ok(());
+            }
+        } else {
+            self.place.ends = Ends::InLine;
+        }
+        let character = if character == SPECIAL_CR { SPECIAL_LF } else { character };
+        let taken = match character {
+            DROPPED => Ok(()),
+            _ => self.take(settings, character, sink),
+        };
+        self.place.is_plain = self.place.part == Part::Block && !self.place.eob_waits;
+        taken
+    }
+
+    /// A character of the file, its line end as LF.
+    fn take(&mut self, settings: &Settings, character: u8, sink: Sink<'_>) -> Result<(), Failure> {
+        match self.place.part {
+            Part::Leader => match character {
+                0 | b' ' | b'\t' | 0x7F | SPECIAL_LF => return Ok(()),
+                SPECIAL_PERCENT => {
+                    self.send(character, sink);
+                    self.place.part = Part::Label;
+                    return Ok(());
+                }
+                _ => {
+                    self.open(settings, sink);
+                    return self.take(settings, character, sink);
+                }
+            },
+            Part::Label | Part::Block => {}
+            Part::Prefix if self.place.prefix.take(character) => return Ok(()),
+            Part::Prefix => return self.leave_prefix(settings, character, sink),
+            Part::Stripped if character == b' ' => return Ok(()),
+            Part::Stripped => self.place.part = Part::Block,
+            Part::Skipped => {
+                if character == SPECIAL_PERCENT && !self.place.in_comment {
+                    self.place.part = Part::End;
+                }
+                self.note_comment(settings, character);
+                if character == SPECIAL_LF {
+                    self.next_block(settings);
+                }
+                return Ok(());
+            }
+            Part::End => return Ok(()),
+        }
+        match character {
+            SPECIAL_LF => {
+                self.end_block(settings, sink);
+                self.next_block(settings);
+                Ok(())
+            }
+            SPECIAL_PERCENT if !self.place.in_comment => {
+                self.send(character, sink);
+                self.place.part = Part::End;
+                Ok(())
+            }
+            _ => self.text(settings, character, sink),
+        }
+    }
+
+    /// A file without its first `%`.
+    fn open(&mut self, settings: &Settings, sink: Sink<'_>) {
+        if settings.percent {
+            self.send(SPECIAL_PERCENT, sink);
+            self.place.eob_waits = true;
+        }
+        self.next_block(settings);
+    }
+
+    fn next_block(&mut self, settings: &Settings) {
+        let place = &mut self.place;
+        place.block += 1;
+        place.prefix = Prefix::default();
+        let has_prefix = self.restart.seeks || settings.block_numbers != BlockNumbers::Keep;
+        place.part = if has_prefix { Part::Prefix } else { Part::Block };
+    }
+
+    /// A block's prefix has ended before `character`.
+    fn leave_prefix(
+        &mut self,
+        settings: &Settings,
+        character: u8,
+        sink: Sink<'_>,
+    ) -> Result<(), Failure> {
+        let place = &mut self.place;
+        if self.restart.seeks {
+            if character == SPECIAL_PERCENT {
+                place.part = Part::End;
+                return Ok(());
+            }
+            // The O line, with its blank lines, comes before a preamble.
+            let is_head = place.prefix.is_empty()
+                && place.is_head
+                && matches!(character, b'O' | b':' | SPECIAL_LF);
+            if is_head {
+                place.part = Part::Block;
+                return self.take(settings, character, sink);
+            }
+            place.is_head = false;
+            if self.restart.has_preamble() {
+                place.held = Some(character);
+                return Ok(());
+            }
+        }
+        self.begin_block(settings, character, sink)
+    }
+
+    /// Sends a block from its prefix on, or skips it.
+    fn begin_block(
+        &mut self,
+        settings: &Settings,
+        character: u8,
+        sink: Sink<'_>,
+    ) -> Result<(), Failure> {
+        let prefix = core::mem::take(&mut self.place.prefix);
+        if self.restart.seeks {
+            if !self.restart.is_found(self.place.block, prefix.number()) {
+                self.place.part = Part::Skipped;
+                return self.take(settings, character, sink);
+            }
+            self.restart.seeks = false;
+        }
+        self.place.part = Part::Block;
+        let numbers = settings.block_numbers;
+        if prefix.number().is_none() || numbers == BlockNumbers::Keep {
+            self.send_all(prefix.as_slice(), sink);
+        } else {
+            self.send_all(prefix.before_number(), sink);
+            if numbers == BlockNumbers::Strip {
+                self.place.part = Part::Stripped;
+            } else {
+                self.send_number(settings, sink);
+            }
+        }
+        self.take(settings, character, sink)
+    }
+
+    fn send_number(&mut self, settings: &Settings, sink: Sink<'_>) {
+        let step = settings.number_step as u32;
+        let next = self.place.last_number + step;
+        let number = if next > HIGHEST_NUMBER { step } else { next };
+        self.place.last_number = number;
+        self.send(b'N', sink);
+        let mut divisor = 10_000;
+        while divisor > 0 {
+            if number >= divisor {
+                self.send(b'0' + (number / divisor % 10) as u8, sink);
+            }
+            divisor /= 10;
+        }
+    }
+
+    /// A character of the text of a block or preamble.
+    fn text(&mut self, settings: &Settings, character: u8, sink: Sink<'_>) -> Result<(), Failure> {
+        let character = match (character, settings.unsupported) {
+            (REFUSED, _) | (SPECIAL_PERCENT, Unsupported::Refuse) => {
+                return Err(Failure::UnsupportedCharacter);
+            }
+            (SPECIAL_PERCENT, Unsupported::Drop) => return Ok(()),
+            // It would end the tape: the control knows no comments on that.
+            (SPECIAL_PERCENT, Unsupported::Space) => b' ',
+            _ => character,
+        };
+        if character == SPECIAL_CLOSE {
+            self.note_comment(settings, character);
+        }
+        self.send(character, sink);
+        self.note_comment(settings, character);
+        Ok(())
+    }
+
+    /// The parentheses themselves are not of the comment, which ends with its block.
+    fn note_comment(&mut self, settings: &Settings, character: u8) {
+        match character {
+            SPECIAL_OPEN => self.place.in_comment = true,
+            SPECIAL_CLOSE | SPECIAL_LF => self.place.in_comment = false,
+            _ => return,
+        }
+        self.place.counts = u8::from(settings.tv_comments || !self.place.in_comment);
+    }
+
+    /// Pads a block, if it is to be, and ends it. The label is not counted: TV
+    /// begins behind the first EOB.
+    fn end_block(&mut self, settings: &Settings, sink: Sink<'_>) {
+        let cr = u8::from(settings.tv_cr);
+        // CRs before the EOB count for this block, those behind it for the next.
+        let (before, behind) = match self.eob {
+            b"\r\n" => (cr, 0),
+            b"\n\r" => (0, cr),
+            _ => (0, 0),
+        };
+        let is_odd = (self.place.count + before + 1) & 1 == 1;
+        if settings.tv_pad && self.place.block > 0 && is_odd {
+            self.send(b' ', sink);
+        } else {
+            self.end_waiting_block(sink);
+        }
+        self.place.eob_waits = true;
+        self.place.count = behind;
+        self.note_comment(settings, SPECIAL_LF);
+    }
+
+    fn end_waiting_block(&mut self, sink: Sink<'_>) {
+        if self.place.eob_waits {
+            self.place.eob_waits = false;
+            for byte in self.eob {
+                sink(self.wire[usize::from(byte & !SPECIAL)]);
+            }
+        }
+    }
+
+    fn send_all(&mut self, characters: &[u8], sink: Sink<'_>) {
+        for character in characters {
+            self.send(*character, sink);
+        }
+    }
+
+    fn send(&mut self, character: u8, sink: Sink<'_>) {
+        self.end_waiting_block(sink);
+        self.place.count ^= self.place.counts;
+        sink(self.wire[usize::from(character & !SPECIAL)]);
+    }
+}
+
+const SPECIAL_LF: u8 = SPECIAL | b'\n';
+const SPECIAL_CR: u8 = SPECIAL | b'\r';
+const SPECIAL_PERCENT: u8 = SPECIAL | b'%';
+const SPECIAL_OPEN: u8 = SPECIAL | b'(';
+const SPECIAL_CLOSE: u8 = SPECIAL | b')';
+
+/// What is sent for a byte of a file.
+fn character(settings: &Settings, code: Code, byte: u8) -> u8 {
+    let replaced = pairs(settings.replace.as_slice()).filter(|[own, _]| *own == byte).last();
+    let character = replaced.map_or(byte, |[_, instead]| *instead);
+    let character = if settings.upper { character.to_ascii_uppercase() } else { character };
+    match character {
+        b'\n' | b'\r' | b'%' | b'(' | b')' => character | SPECIAL,
+        _ if encode(settings, code, character).is_some() => character,
+        _ => match settings.unsupported {
+            Unsupported::Refuse => REFUSED,
+            Unsupported::Space => b' ',
+            Unsupported::Drop => DROPPED,
+        },
+    }
+}

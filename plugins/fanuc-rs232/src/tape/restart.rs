@@ -1,0 +1,97 @@
+//! Where a program begins that is not sent from its first block on.
+
+use softplug_plugin::{Failure, StateError, StateReader, StateWriter, Values};
+
+/// Longest preamble in bytes.
+const LONGEST: usize = 400;
+
+/// The block to begin with, and what is sent before it.
+#[derive(Copy, Clone, Debug)]
+pub(super) struct Restart {
+    /// Whether the block is still to be found.
+    pub(super) seeks: bool,
+    block: u32,
+    sequence: Option<u32>,
+    preamble: [u8; LONGEST],
+    length: u16,
+    at: u16,
+}
+
+impl Default for Restart {
+    fn default() -> Self {
+        let preamble = [0; LONGEST];
+        Self { seeks: false, block: 0, sequence: None, preamble, length: 0, at: 0 }
+    }
+}
+
+impl Restart {
+    /// From the fields of a job.
+    pub(super) fn take(&mut self, fields: &Values<'_>) -> Result<(), Failure> {
+        (self.seeks, self.block, self.sequence) = (false, 1, None);
+        (self.length, self.at) = (0, 0);
+        for field in fields.clone().raw() {
+            let field = field.map_err(|_| Failure::BadJob)?;
+            self.seeks = true;
+            let number = field.int().map_or(Some(0), |number| u32::try_from(number).ok());
+            let number = number.ok_or(Failure::BadJob)?;
+            match field.index {
+                0 if number > 0 => self.block = number,
+                1 => self.sequence = Some(number),
+                2 => self.set_preamble(field.text().unwrap_or_default().as_bytes()),
+                _ => return Err(Failure::BadJob),
+            }
+        }
+        Ok(())
+    }
+
+    fn set_preamble(&mut self, text: &[u8]) {
+        for (own, byte) in self.preamble.iter_mut().zip(text) {
+            *own = *byte;
+            self.length += 1;
+        }
+    }
+
+    /// Whether there is a preamble that has not been sent.
+    pub(super) fn has_preamble(&self) -> bool {
+        self.length > 0
+    }
+
+    /// The next byte of the preamble; `None`: it has ended.
+    pub(super) fn next(&mut self) -> Option<u8> {
+        let text = self.preamble.get(..usize::from(self.length)).unwrap_or_default();
+        let byte = text.get(usize::from(self.at)).copied();
+        match byte {
+            Some(_) => self.at += 1,
+            None => self.length = 0,
+        }
+        byte
+    }
+
+    /// Whether the block with this place and number is the one.
+    pub(super) fn is_found(&self, block: u32, sequence: Option<u32>) -> bool {
+        block >= self.block && (self.sequence.is_none() || self.sequence == sequence)
+    }
+
+    pub(super) fn save(&self, state: &mut StateWriter<'_>) {
+        state.bool(self.seeks);
+        state.u32(self.block);
+        state.bool(self.sequence.is_some());
+        state.u32(self.sequence.unwrap_or_default());
+        state.u16(self.length);
+        state.u16(self.at);
+        state.bytes(self.preamble.get(..usize::from(self.length)).unwrap_or_default());
+    }
+
+    pub(super) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
+        self.seeks = state.bool();
+        self.block = state.u32();
+        let has_sequence = state.bool();
+        let sequence = state.u32();
+        self.sequence = has_sequence.then_some(sequence);
+        let length = usize::from(state.u16());
+        self.at = state.u16();
+        self.length = 0;
+        self.set_preamble(state.bytes(length));
+        if usize::from(self.length) == length { Ok(()) } else { Err(StateError) }
+    }
+}
