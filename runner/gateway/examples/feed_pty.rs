@@ -94,7 +94,7 @@ fn run(
     let request = SendOptions {
         check: plugin.manifest().needs.check_pass,
         size: Some(program.len() as u64),
-        job_kind: 0,
+        ..SendOptions::default()
     };
     let stop = AtomicBool::new(false);
     let sent = send(&mut station, &mut Cursor::new(program), &request, &stop, &mut |_| {});

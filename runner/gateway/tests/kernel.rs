@@ -146,7 +146,8 @@ fn we_obey_the_kernels_stop_and_start() {
         }
         holds
     });
-    let request = SendOptions { check: true, size: Some(expected as u64), job_kind: 0 };
+    let request =
+        SendOptions { check: true, size: Some(expected as u64), ..SendOptions::default() };
     let stop = AtomicBool::new(false);
     let report =
         send(&mut station, &mut Cursor::new(&program), &request, &stop, &mut |_| {}).unwrap();

@@ -1,20 +1,28 @@
-//! One program in one direction over one station: what the command does, and
-//! what a small gateway may do.
+//! One program in one direction over one station, or all that comes and is
+//! asked for: what the command does, and what a small gateway may do.
 
 mod receive;
 mod send;
+mod serve;
+mod source;
 
 pub use receive::{ReceiveOutcome, ReceiveReport, receive};
-pub use send::{SendOptions, SendOutcome, SendReport, send};
+pub use send::{SendOptions, SendOutcome, SendReport, ask, send};
+pub use serve::{
+    Delivered, Desk, JobReport, News, Program, Reply, Request, ServeEnd, ServeOptions, ServeReport,
+    serve,
+};
+pub use source::ReadSeek;
 
-use softplug_abi::{Micros, NoteLevel};
+use softplug_abi::{Failure, Instance, Micros, NoteLevel};
+use softplug_link::Outside;
 use std::error::Error;
 use std::io;
 use std::time::Duration;
 use thiserror::Error;
 
 use crate::error::PortError;
-use crate::station::StationError;
+use crate::station::{Station, StationError};
 
 /// How often progress is told and a stop is looked for.
 const TICK: Micros = Micros::from_millis(100);
@@ -67,6 +75,19 @@ impl<F: Error + 'static> From<PortError> for TransferError<F> {
     fn from(error: PortError) -> Self {
         Self::Station(StationError::Port(error))
     }
+}
+
+/// Requests that nobody is there for are refused at once: the partner need not
+/// wait until it gives up.
+fn refuse_all<I: Instance>(
+    requests: &[u32],
+    station: &mut Station<I>,
+    outside: &mut dyn Outside,
+) -> Result<(), TransferError<I::Fault>> {
+    for request in requests {
+        station.answer(*request, Err(Failure::NotSupported), outside)?;
+    }
+    Ok(())
 }
 
 fn duration(span: Micros) -> Duration {

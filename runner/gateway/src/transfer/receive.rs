@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use super::{Note, PATIENCE, Progress, TICK, TransferError, duration, note};
+use super::{Note, PATIENCE, Progress, TICK, TransferError, duration, note, refuse_all};
 use crate::station::{Station, Turn};
 
 /// How a reception ended.
@@ -46,7 +46,7 @@ pub struct ReceiveReport {
 }
 
 /// Receives one delivery into `out`. `stop` ends it: what came by then is in
-/// `out`, and a partner that we hold is let go.
+/// `out`, and a partner that we hold is let go. Requests of the partner are refused.
 ///
 /// # Errors
 /// The port, the plug-in or the sink failed.
@@ -86,7 +86,7 @@ pub fn receive<I: Instance>(
             None => (now + TICK).min(give_up_at),
             Some(_) => now + TICK,
         };
-        while catch.outcome.is_none() && catch.error.is_none() && station.now() < until {
+        while catch.is_waiting() && station.now() < until {
             let turn = station.turn(until, &mut catch)?;
             if let Turn::Gone(reason) = turn {
                 tracing::debug!(%reason, "the port is gone");
@@ -94,6 +94,8 @@ pub fn receive<I: Instance>(
                 catch.outcome.get_or_insert(ReceiveOutcome::Failed { failure, status: 0 });
             }
         }
+        let requests = std::mem::take(&mut catch.requests);
+        refuse_all(&requests, station, &mut catch)?;
     }
     let now = station.now();
     let (elapsed, held) = (duration(catch.elapsed(now)), duration(catch.held_at(now)));
@@ -119,6 +121,7 @@ struct Catch<'a, W> {
     out: &'a mut W,
     bytes: u64,
     drained: u32,
+    requests: Vec<u32>,
     error: Option<io::Error>,
     outcome: Option<ReceiveOutcome>,
     name: Option<String>,
@@ -135,6 +138,7 @@ impl<'a, W: Write> Catch<'a, W> {
             out,
             bytes: 0,
             drained: 0,
+            requests: Vec::new(),
             error: None,
             outcome: None,
             name: None,
@@ -144,6 +148,10 @@ impl<'a, W: Write> Catch<'a, W> {
             notes: Vec::new(),
             state: String::new(),
         }
+    }
+
+    fn is_waiting(&self) -> bool {
+        self.outcome.is_none() && self.error.is_none() && self.requests.is_empty()
     }
 
     fn elapsed(&self, now: Micros) -> Micros {
@@ -189,6 +197,7 @@ impl<W: Write> Outside for Catch<'_, W> {
                     Some(failure) => ReceiveOutcome::Failed { failure: *failure, status: *status },
                 });
             }
+            Action::Request { request, .. } => self.requests.push(*request),
             Action::Note { level, code, text } => self.notes.push(note(*level, *code, text)),
             Action::State { name } => self.enter(now, name),
             _ => {}

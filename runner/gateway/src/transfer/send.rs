@@ -2,11 +2,12 @@
 
 use softplug_abi::{Action, Failure, Instance, Micros};
 use softplug_link::{Job, Outside, Supply};
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{self, Read, Seek, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use super::{Note, PATIENCE, Progress, TICK, TransferError, duration, note};
+use super::source::Source;
+use super::{Note, PATIENCE, Progress, TICK, TransferError, duration, note, refuse_all};
 use crate::station::{Station, Turn};
 
 /// The only job of such a station.
@@ -22,6 +23,8 @@ pub struct SendOptions {
     pub size: Option<u64>,
     /// Place of the kind of job in the manifest.
     pub job_kind: u16,
+    /// The job's fields as value records.
+    pub fields: Vec<u8>,
 }
 
 /// How a sending ended.
@@ -51,6 +54,16 @@ pub enum SendOutcome {
     Aborted,
 }
 
+impl SendOutcome {
+    /// A job that the plug-in ended.
+    pub(super) fn failed(failure: Failure, status: u16) -> Self {
+        match failure {
+            Failure::Aborted => Self::Aborted,
+            failure => Self::Failed { failure, status },
+        }
+    }
+}
+
 /// What a sending came to.
 #[derive(Clone, Debug)]
 pub struct SendReport {
@@ -66,14 +79,17 @@ pub struct SendReport {
     pub held: Duration,
     /// How often it did.
     pub holds: u64,
-    /// Bytes that came back meanwhile; they were dropped.
+    /// Bytes of the answer to the job, for kinds of job that have one.
+    pub answered: u64,
+    /// Bytes that came meanwhile and are no answer; they were dropped.
     pub received: u64,
     /// What the plug-in said.
     pub notes: Vec<Note>,
 }
 
 /// Sends all of `source` as one job. `stop` aborts it cleanly: the queue is
-/// dropped, and the partner gets what the protocol has for the case.
+/// dropped, and the partner gets what the protocol has for the case. Requests of
+/// the partner meanwhile are refused, what it delivers is dropped.
 ///
 /// # Errors
 /// The port, the plug-in or the source failed. What the partner got by then is
@@ -86,27 +102,43 @@ pub fn send<I: Instance>(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(&Progress<'_>),
 ) -> Result<SendReport, TransferError<I::Fault>> {
-    let mut feed = Feed::new(source);
+    ask(station, source, &mut io::sink(), options, stop, progress)
+}
+
+/// Like [`send`], for a job that is answered (one that reads): the answer goes
+/// to `answer`.
+///
+/// # Errors
+/// The port, the plug-in, the source or `answer` failed.
+pub fn ask<I: Instance>(
+    station: &mut Station<I>,
+    source: &mut (impl Read + Seek),
+    answer: &mut impl Write,
+    options: &SendOptions,
+    stop: &AtomicBool,
+    progress: &mut dyn FnMut(&Progress<'_>),
+) -> Result<SendReport, TransferError<I::Fault>> {
+    let mut feed = Feed::new(source, answer);
     station.open(&mut feed)?;
     let begin = station.now();
     let job = Job {
         id: JOB,
         kind: options.job_kind,
         size: options.size,
-        fields: Vec::new(),
+        fields: options.fields.clone(),
         check: options.check,
     };
     station.begin_job(job, &mut feed)?;
     let mut is_stopped = false;
     while feed.outcome.is_none() {
-        if !is_stopped && (stop.load(Ordering::Relaxed) || feed.error.is_some()) {
+        if !is_stopped && (stop.load(Ordering::Relaxed) || feed.has_error()) {
             is_stopped = true;
             station.abort(JOB, &mut feed)?;
             continue;
         }
         let counters = station.counters();
         progress(&Progress {
-            bytes: feed.supplied.saturating_sub(station.link().waiting() as u64),
+            bytes: feed.moved(station.link().waiting() as u64),
             total: options.size,
             elapsed: duration(station.now() - begin),
             held: duration(counters.held),
@@ -114,62 +146,103 @@ pub fn send<I: Instance>(
             state: &feed.state,
         });
         let until = station.now() + TICK;
-        while feed.outcome.is_none() && feed.error.is_none() && station.now() < until {
+        while feed.outcome.is_none()
+            && !feed.has_error()
+            && feed.requests.is_empty()
+            && station.now() < until
+        {
             let turn = station.turn(until, &mut feed)?;
             if matches!(turn, Turn::Gone(_)) && feed.outcome.is_none() {
                 // The plug-in was told and did not end the job.
                 feed.outcome = Some(SendOutcome::Failed { failure: Failure::LinkDown, status: 0 });
             }
         }
+        let requests = std::mem::take(&mut feed.requests);
+        refuse_all(&requests, station, &mut feed)?;
     }
     let elapsed = duration(station.now() - begin);
     let counters = station.counters();
     station.close(PATIENCE, &mut feed)?;
-    if let Some(error) = feed.error {
+    if feed.answer_error.is_none() {
+        feed.answer_error = feed.answer.flush().err();
+    }
+    if let Some(error) = feed.source.error {
         return Err(TransferError::Source(error));
+    }
+    if let Some(error) = feed.answer_error {
+        return Err(TransferError::Sink(error));
     }
     Ok(SendReport {
         outcome: feed.outcome.unwrap_or(SendOutcome::Aborted),
-        bytes: feed.supplied,
+        bytes: feed.source.supplied,
         sent: feed.sent,
         elapsed,
         held: duration(counters.held),
         holds: counters.holds,
+        answered: feed.answered,
         received: feed.received,
         notes: feed.notes,
     })
 }
 
 /// The host's side of the job.
-struct Feed<'a, S> {
-    source: &'a mut S,
-    supplied: u64,
-    error: Option<io::Error>,
+struct Feed<'a, S, W> {
+    source: Source<&'a mut S>,
+    answer: &'a mut W,
+    answer_error: Option<io::Error>,
+    /// The delivery under way answers the job.
+    is_answer: bool,
+    requests: Vec<u32>,
     outcome: Option<SendOutcome>,
     sent: u64,
+    answered: u64,
     received: u64,
     drained: u32,
     notes: Vec<Note>,
     state: String,
 }
 
-impl<'a, S: Read + Seek> Feed<'a, S> {
-    fn new(source: &'a mut S) -> Self {
+impl<'a, S: Read + Seek, W: Write> Feed<'a, S, W> {
+    fn new(source: &'a mut S, answer: &'a mut W) -> Self {
         Self {
-            source,
-            supplied: 0,
-            error: None,
+            source: Source::new(source),
+            answer,
+            answer_error: None,
+            is_answer: false,
+            requests: Vec::new(),
             outcome: None,
             sent: 0,
+            answered: 0,
             received: 0,
             drained: 0,
             notes: Vec::new(),
             state: String::new(),
         }
     }
+
+    fn has_error(&self) -> bool {
+        self.source.error.is_some() || self.answer_error.is_some()
+    }
+
+    /// Bytes of the program that have left, or of the answer that came.
+    fn moved(&self, waiting: u64) -> u64 {
+        self.source.supplied.saturating_sub(waiting) + self.answered
+    }
+
+    fn deliver(&mut self, bytes: &[u8]) {
+        self.drained += bytes.len() as u32;
+        if !self.is_answer {
+            self.received += bytes.len() as u64;
+        } else if self.answer_error.is_none() {
+            match self.answer.write_all(bytes) {
+                Ok(()) => self.answered += bytes.len() as u64,
+                Err(error) => self.answer_error = Some(error),
+            }
+        }
+    }
 }
 
-impl<S: Read + Seek> Outside for Feed<'_, S> {
+impl<S: Read + Seek, W: Write> Outside for Feed<'_, S, W> {
     fn handle(&mut self, _now: Micros, action: &Action<'_>) {
         match action {
             Action::JobDone { sent, .. } => {
@@ -178,20 +251,15 @@ impl<S: Read + Seek> Outside for Feed<'_, S> {
             }
             Action::JobFailed { failure, status, sent, .. } => {
                 self.sent = *sent;
-                let (failure, status) = (*failure, *status);
-                self.outcome = Some(match failure {
-                    Failure::Aborted => SendOutcome::Aborted,
-                    _ => SendOutcome::Failed { failure, status },
-                });
+                self.outcome = Some(SendOutcome::failed(*failure, *status));
             }
             Action::CheckResult { failure: Some(failure), status, line, column, .. } => {
                 let (failure, status, line, column) = (*failure, *status, *line, *column);
                 self.outcome = Some(SendOutcome::CheckFailed { failure, status, line, column });
             }
-            Action::Deliver { bytes, .. } => {
-                self.received += bytes.len() as u64;
-                self.drained += bytes.len() as u32;
-            }
+            Action::DeliveryBegin { job, .. } => self.is_answer = *job == JOB,
+            Action::Deliver { bytes, .. } => self.deliver(bytes),
+            Action::Request { request, .. } => self.requests.push(*request),
             Action::Note { level, code, text } => self.notes.push(note(*level, *code, text)),
             Action::State { name } => (*name).clone_into(&mut self.state),
             _ => {}
@@ -199,40 +267,14 @@ impl<S: Read + Seek> Outside for Feed<'_, S> {
     }
 
     fn supply(&mut self, _job: u32, buffer: &mut [u8]) -> Supply {
-        if self.error.is_some() {
-            return Supply::Later;
-        }
-        match read_some(self.source, buffer) {
-            Ok(0) => Supply::End,
-            Ok(count) => {
-                self.supplied += count as u64;
-                Supply::Bytes(count)
-            }
-            Err(error) => {
-                // An end here would pass for the program's.
-                self.error = Some(error);
-                Supply::Later
-            }
-        }
+        self.source.supply(buffer)
     }
 
     fn rewind(&mut self, _job: u32) {
-        self.supplied = 0;
-        if let Err(error) = self.source.seek(SeekFrom::Start(0)) {
-            self.error = Some(error);
-        }
+        self.source.rewind();
     }
 
     fn drained(&mut self) -> u32 {
         std::mem::take(&mut self.drained)
-    }
-}
-
-fn read_some(source: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
-    loop {
-        match source.read(buffer) {
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-            read => return read,
-        }
     }
 }

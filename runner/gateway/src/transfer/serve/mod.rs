@@ -1,0 +1,111 @@
+//! Serves a station: takes every delivery, answers requests, and sends the
+//! programs that machines ask for.
+
+mod desk;
+mod floor;
+
+pub use desk::{Delivered, Desk, JobReport, News, Program, Reply, Request};
+
+use softplug_abi::Instance;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use self::floor::Floor;
+use super::{Progress, TICK, TransferError, duration};
+use crate::station::{Station, Turn};
+
+/// When to stop serving.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+pub struct ServeOptions {
+    /// When nothing has happened for so long, and nothing is under way.
+    pub give_up_after: Option<Duration>,
+    /// After so many deliveries.
+    pub deliveries: Option<u64>,
+}
+
+/// Why serving ended.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub enum ServeEnd {
+    /// It was asked to.
+    Stopped,
+    /// Nothing has happened for as long as was given.
+    Idle,
+    /// So many deliveries as were asked for.
+    Enough,
+    /// The port is gone.
+    Gone,
+}
+
+/// What came of serving.
+#[derive(Clone, Debug)]
+pub struct ServeReport {
+    /// Why it ended.
+    pub end: ServeEnd,
+    /// Complete deliveries.
+    pub complete: u64,
+    /// Failed ones.
+    pub failed: u64,
+    /// Programs that were asked for and sent as a whole.
+    pub sent: u64,
+    /// Programs that were not, although no other took their place.
+    pub not_sent: u64,
+    /// Requests that were refused.
+    pub refused: u64,
+}
+
+/// Serves until `stop`, or as `options` say. What is under way at the end is
+/// aborted, and told as such.
+///
+/// A program that is asked for while another is under way takes its place if nothing of that has left
+/// (the operator has chosen again before the machine started to read); otherwise it is
+/// refused as busy.
+///
+/// # Errors
+/// The port, the plug-in or the desk failed.
+pub fn serve<I: Instance>(
+    station: &mut Station<I>,
+    desk: &mut impl Desk,
+    options: &ServeOptions,
+    stop: &AtomicBool,
+    progress: &mut dyn FnMut(&Progress<'_>),
+) -> Result<ServeReport, TransferError<I::Fault>> {
+    let mut floor = Floor::new(desk);
+    station.open(&mut floor)?;
+    let end = loop {
+        let now = station.now();
+        if stop.load(Ordering::Relaxed) || floor.has_failed() {
+            break ServeEnd::Stopped;
+        }
+        if options.deliveries.is_some_and(|most| floor.deliveries() >= most) {
+            break ServeEnd::Enough;
+        }
+        let quiet = duration(now - floor.moved_at());
+        if floor.is_idle() && options.give_up_after.is_some_and(|most| quiet >= most) {
+            break ServeEnd::Idle;
+        }
+        let counters = station.counters();
+        progress(&Progress {
+            bytes: floor.moved(station.link().waiting() as u64),
+            total: floor.total(),
+            elapsed: duration(floor.elapsed(now)),
+            held: duration(counters.held),
+            is_held: counters.is_held(),
+            state: floor.state(),
+        });
+        let until = now + TICK;
+        let mut is_gone = false;
+        while station.now() < until && !floor.has_work() {
+            if let Turn::Gone(reason) = station.turn(until, &mut floor)? {
+                tracing::debug!(%reason, "the port is gone");
+                is_gone = true;
+                break;
+            }
+        }
+        floor.attend(station)?;
+        if is_gone {
+            break ServeEnd::Gone;
+        }
+    };
+    floor.wind_up(station)?;
+    floor.report(end).map_err(TransferError::Sink)
+}
