@@ -1,0 +1,294 @@
+//! What must hold of a run, whatever went wrong in it.
+
+use softplug_abi::Micros;
+use softplug_conformance::partners::Signal;
+use softplug_conformance::partners::r3964::{Arrival, Options, Station};
+use softplug_abi::Instance;
+
+use crate::pair::PluginEnd;
+
+/// A block that one end was to send.
+pub(crate) struct Job {
+    pub(crate) begun: Micros,
+    pub(crate) ended: Micros,
+    pub(crate) data: Vec<u8>,
+    pub(crate) is_done: bool,
+}
+
+/// What one end did, as its host and the line saw it.
+pub(crate) struct Side {
+    pub(crate) jobs: Vec<Job>,
+    pub(crate) delivered: Vec<(Micros, Vec<u8>)>,
+    /// When each DLE for a good block had left, and for which delivery.
+    pub(crate) acknowledged: Vec<(Micros, usize)>,
+    /// What was sent, if the line was watched: start, end, byte.
+    pub(crate) emitted: Option<Vec<(Micros, Micros, u8)>>,
+}
+
+/// Counts of what no implementation can see, and of what was seen.
+#[derive(Copy, Clone, Default, Debug)]
+pub(crate) struct Tally {
+    pub(crate) jobs: usize,
+    pub(crate) done: usize,
+    pub(crate) delivered: usize,
+    /// Blocks that arrived more often than once.
+    pub(crate) repeated: usize,
+    /// Jobs done by a DLE that was not sent for them.
+    pub(crate) forged: usize,
+    /// Blocks altered on the line whose check is right all the same.
+    pub(crate) colliding: usize,
+}
+
+impl std::ops::AddAssign for Tally {
+    fn add_assign(&mut self, other: Self) {
+        self.jobs += other.jobs;
+        self.done += other.done;
+        self.delivered += other.delivered;
+        self.repeated += other.repeated;
+        self.forged += other.forged;
+        self.colliding += other.colliding;
+    }
+}
+
+impl Side {
+    pub(crate) fn of_station(station: &Station) -> Self {
+        let report = station.report();
+        let sent = report.sent.iter().map(|sent| Job {
+            begun: sent.begun,
+            ended: sent.ended,
+            data: sent.data.clone(),
+            is_done: sent.result.is_ok(),
+        });
+        let under_way = station.under_way().map(|(begun, data)| Job {
+            begun,
+            ended: Micros::MAX,
+            data: data.to_vec(),
+            is_done: false,
+        });
+        Self {
+            jobs: sent.chain(under_way).collect(),
+            delivered: report.received.iter().map(|one| (one.at, one.data.clone())).collect(),
+            acknowledged: report.acknowledged.clone(),
+            emitted: None,
+        }
+    }
+
+    pub(crate) fn of_plugin<I: Instance>(plugin: &PluginEnd<I>) -> Self {
+        let host = &plugin.host;
+        let jobs = host.jobs.iter().map(|job| Job {
+            begun: job.begun,
+            ended: job.ended.unwrap_or(Micros::MAX),
+            data: job.data.clone(),
+            is_done: matches!(job.result, Some(Ok(_))),
+        });
+        let good = host.delivered.iter().filter(|delivered| delivered.result.is_ok());
+        let delivered: Vec<_> = good.map(|one| (one.at, one.data.clone())).collect();
+        // The first character after a good delivery is its DLE.
+        let acknowledged = delivered
+            .iter()
+            .enumerate()
+            .filter_map(|(place, (at, _))| {
+                let next = host.emitted.iter().find(|(start, ..)| start >= at)?;
+                (next.2 == 0x10).then_some((next.1, place))
+            })
+            .collect();
+        Self { jobs: jobs.collect(), delivered, acknowledged, emitted: Some(host.emitted.clone()) }
+    }
+}
+
+/// One direction of a run.
+pub(crate) struct Direction<'a> {
+    pub(crate) sender: &'a Side,
+    pub(crate) receiver: &'a Side,
+    /// What came to the sender, and to the receiver.
+    pub(crate) to_sender: &'a [Arrival],
+    pub(crate) to_receiver: &'a [Arrival],
+    pub(crate) options: &'a Options,
+    /// How many things went wrong in the run.
+    pub(crate) disturbances: usize,
+    /// How late a port may give what arrived.
+    pub(crate) latency: Micros,
+}
+
+impl Direction<'_> {
+    pub(crate) fn judge(&self) -> Result<Tally, String> {
+        let mut tally = Tally {
+            jobs: self.sender.jobs.len(),
+            done: self.sender.jobs.iter().filter(|job| job.is_done).count(),
+            delivered: self.receiver.delivered.len(),
+            ..Tally::default()
+        };
+        let mut deliveries = vec![0_usize; self.sender.jobs.len()];
+        for (at, data) in &self.receiver.delivered {
+            match self.job_of(*at, data, &deliveries) {
+                Some(job) => deliveries[job] += 1,
+                None if self.is_colliding(*at, data) => tally.colliding += 1,
+                None => {
+                    return Err(format!("at {at} was delivered, but not sent: {}", hex(data)));
+                }
+            }
+        }
+        tally.repeated = deliveries.iter().map(|count| count.saturating_sub(1)).sum();
+        if tally.repeated > self.disturbances {
+            return Err(format!(
+                "{} blocks arrived twice where only {} things went wrong",
+                tally.repeated, self.disturbances
+            ));
+        }
+        for (place, job) in self.sender.jobs.iter().enumerate().filter(|(_, job)| job.is_done) {
+            let dle = self.accepted(job)?;
+            if deliveries[place] == 0 {
+                match self.cause(job, dle)? {
+                    Cause::Forged => tally.forged += 1,
+                    Cause::Colliding => {}
+                }
+            }
+        }
+        Ok(tally)
+    }
+
+    /// The job whose block this is: the one under way, or the one before if the
+    /// line delays. Of several at one instant, with the same data, the first that
+    /// has not arrived.
+    fn job_of(&self, at: Micros, data: &[u8], deliveries: &[usize]) -> Option<usize> {
+        let jobs = &self.sender.jobs;
+        let begun = jobs.iter().rposition(|job| job.begun <= at)?;
+        let is_of = |place: &usize| {
+            let may_be = jobs[*place].ended >= at || *place + 1 >= begun;
+            may_be && jobs[*place].data == data
+        };
+        let new = (0..=begun).find(|place| is_of(place) && deliveries[*place] == 0);
+        new.or_else(|| (0..=begun).rfind(is_of))
+    }
+
+    /// Whether the line altered something of this block, and the character that
+    /// completed it checks.
+    fn is_colliding(&self, at: Micros, data: &[u8]) -> bool {
+        let since = self.sender.jobs.iter().rfind(|job| job.begun <= at).map(|job| job.begun);
+        let Some(since) = since else { return self.disturbances > 0 && self.checks(at, data) };
+        let in_time = |arrival: &&Arrival| arrival.at >= since && arrival.at <= at;
+        // Lost characters leave nothing behind, so that all of the run counts.
+        let is_altered = self.to_receiver.iter().filter(in_time).any(|one| one.is_altered);
+        (is_altered || self.disturbances > 0) && self.checks(at, data)
+    }
+
+    fn checks(&self, at: Micros, data: &[u8]) -> bool {
+        let mut block = Vec::new();
+        for byte in data {
+            block.push(*byte);
+            if *byte == 0x10 && self.options.doubling {
+                block.push(0x10);
+            }
+        }
+        block.extend([0x10, 0x03]);
+        if self.options.bcc {
+            block.push(block.iter().fold(0, |check, byte| check ^ byte));
+        }
+        let came: Vec<Signal> = self
+            .to_receiver
+            .iter()
+            .filter(|arrival| arrival.at <= at)
+            .map(|arrival| arrival.signal)
+            .collect();
+        let expected: Vec<_> = block.into_iter().map(Signal::Character).collect();
+        came.ends_with(&expected)
+    }
+
+    /// The DLE that ended the job: the last one that came in its time. The block
+    /// must have left before, whole and unaltered, and not longer ago than QVZ.
+    fn accepted(&self, job: &Job) -> Result<Arrival, String> {
+        let in_time = |arrival: &&Arrival| arrival.at >= job.begun && arrival.at <= job.ended;
+        let last = self.to_sender.iter().rfind(in_time);
+        let Some(dle) = last.filter(|last| last.signal == Signal::Character(0x10)) else {
+            return Err(format!(
+                "the job of {} was done at {}, but the last character was {last:?}",
+                job.begun, job.ended
+            ));
+        };
+        let Some(emitted) = &self.sender.emitted else { return Ok(*dle) };
+        let left: Vec<_> = emitted.iter().filter(|(_, end, _)| *end <= dle.at).collect();
+        let bytes: Vec<u8> = left.iter().map(|(.., byte)| *byte).collect();
+        let block = self.block(&job.data);
+        if !bytes.ends_with(&block) {
+            return Err(format!(
+                "the job of {} was done by the DLE of {}, but its block had not left: {}",
+                job.begun,
+                dle.at,
+                hex(&bytes[bytes.len().saturating_sub(block.len() + 8)..])
+            ));
+        }
+        let end = left.last().map_or(Micros::ZERO, |(_, end, _)| *end);
+        if dle.at - end > self.options.qvz {
+            return Err(format!("the job of {} was done by a DLE after QVZ", job.begun));
+        }
+        Ok(*dle)
+    }
+
+    fn block(&self, data: &[u8]) -> Vec<u8> {
+        let mut block = Vec::new();
+        for byte in data {
+            block.push(*byte);
+            if *byte == 0x10 && self.options.doubling {
+                block.push(0x10);
+            }
+        }
+        block.extend([0x10, 0x03]);
+        if self.options.bcc {
+            block.push(block.iter().fold(0, |check, byte| check ^ byte));
+        }
+        block
+    }
+
+    /// Why a job is done whose block was not delivered.
+    fn cause(&self, job: &Job, dle: Arrival) -> Result<Cause, String> {
+        let Some(sent_at) = dle.sent_at.filter(|_| !dle.is_altered) else {
+            return Ok(Cause::Forged);
+        };
+        let for_delivery = self.receiver.acknowledged.iter().find(|(at, _)| *at == sent_at);
+        if let Some((_, place)) = for_delivery {
+            let (at, data) = &self.receiver.delivered[*place];
+            let is_late = *at < job.begun;
+            // That delivery was found to be none of those sent.
+            let is_other = *data != job.data;
+            return match (is_late, is_other) {
+                (true, _) => Ok(Cause::Forged),
+                (false, true) => Ok(Cause::Colliding),
+                (false, false) => Err(format!("the books of the job of {} differ", job.begun)),
+            };
+        }
+        // A station's other DLEs are known to be none for a block. A plug-in's
+        // must be the answer to an STX, which came just before.
+        if let Some(emitted) = &self.receiver.emitted {
+            let start = emitted.iter().find(|(_, end, _)| *end == sent_at);
+            let start = start.map_or(sent_at, |(start, ..)| *start);
+            let came = |arrival: &&Arrival| arrival.at <= start && arrival.at + self.latency >= start;
+            let before = self.to_receiver.iter().filter(|arrival| arrival.at <= start);
+            let recent = self.to_receiver.iter().filter(came);
+            let is_stx = |arrival: &Arrival| arrival.signal == Signal::Character(0x02);
+            let is_answer = before.last().is_some_and(is_stx) || recent.copied().any(|one| is_stx(&one));
+            if !is_answer {
+                return Err(format!(
+                    "the DLE of {start} acknowledged the job of {}, but nothing was delivered",
+                    job.begun
+                ));
+            }
+        }
+        Ok(Cause::Forged)
+    }
+}
+
+enum Cause {
+    /// The DLE was not sent for this block.
+    Forged,
+    /// The block was altered and checks all the same.
+    Colliding,
+}
+
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    use std::fmt::Write as _;
+
+    bytes.iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02X} ");
+        text
+    })
+}

@@ -1,0 +1,319 @@
+//! Runs cases and holds them against the oracle.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use softplug_abi::Micros;
+use softplug_conformance::partners::r3964::{Noisy, Options, Priority, Station};
+use softplug_link::LinkOptions;
+use softplug_native::NativePlugin;
+
+use crate::case::{Case, Subject};
+use crate::oracle::{Direction, Side, Tally};
+use crate::pair::{Pair, PluginEnd};
+
+/// Runs as many cases as the environment says.
+pub(crate) fn many(subject: Subject) {
+    let number = |name: &str, otherwise: u64| {
+        std::env::var(name).map_or(otherwise, |text| text.parse().expect("a number"))
+    };
+    let cases = number("SOFTPLUG_FUZZ_CASES", 2_000);
+    let first = number("SOFTPLUG_FUZZ_SEED", 0);
+    let mut tally = Tally::default();
+    let mut unseen = Vec::new();
+    for seed in first..first + cases {
+        let case = Case::new(subject, seed);
+        match run(&case) {
+            Ok(one) => {
+                if one.forged + one.colliding > 0 {
+                    unseen.push((seed, one.forged, one.colliding));
+                }
+                tally += one;
+            }
+            Err(why) => {
+                let (case, why) = simplest(case, why);
+                panic!("{subject:?}, seed {seed}: {why}\n{case:?}");
+            }
+        }
+    }
+    println!("{subject:?}: {cases} cases from seed {first}: {tally:?}");
+    for (seed, forged, colliding) in unseen {
+        println!("  seed {seed}: {forged} forged acknowledgements, {colliding} colliding checks");
+    }
+    // A run in which nothing arrives proves nothing.
+    assert!(tally.done > 0 && tally.delivered >= tally.done.saturating_sub(tally.forged));
+}
+
+fn simplest(mut case: Case, mut why: String) -> (Case, String) {
+    'again: loop {
+        for simpler in case.simpler() {
+            if let Err(reason) = run(&simpler) {
+                (case, why) = (simpler, reason);
+                continue 'again;
+            }
+        }
+        return (case, why);
+    }
+}
+
+/// One case; a panic is a failure like any other.
+fn run(case: &Case) -> Result<Tally, String> {
+    let run = || match case.subject {
+        Subject::Station => with_station(case),
+        Subject::R3964 | Subject::Simplified => with_plugin(case),
+    };
+    catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<String>().cloned();
+        let text = text.or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()));
+        Err(format!("it panicked: {}", text.unwrap_or_default()))
+    })
+}
+
+fn far(case: &Case) -> Noisy<Station> {
+    let station = Station::new(case.options.clone()).expect("sound options");
+    Noisy::new(station, case.options.line, case.noise)
+}
+
+/// Long enough for everything.
+const LONG: Micros = Micros::from_secs(3_600);
+const PROBE: &[u8] = b"probe";
+
+fn with_station(case: &Case) -> Result<Tally, String> {
+    let near = Options {
+        priority: case.priority,
+        faults: softplug_conformance::partners::r3964::Faults::default(),
+        ..case.options.clone()
+    };
+    let near = Station::new(near).expect("sound options");
+    let mut pair = Pair::new(near, far(case));
+    let mut todo: Vec<_> = case.jobs.iter().map(|(at, data)| (*at, true, data)).collect();
+    todo.extend(case.blocks.iter().map(|(at, data)| (*at, false, data)));
+    todo.sort_by_key(|(at, ..)| *at);
+    for (at, is_near, data) in todo {
+        pair.run_until(at);
+        if is_near {
+            pair.a.send(at, data.clone());
+        } else {
+            pair.b.inner.send(at, data.clone());
+        }
+    }
+    pair.run_until(LONG);
+    if !pair.a.is_idle() || !pair.b.inner.is_idle() {
+        return Err("not both are idle".to_owned());
+    }
+    let near = Side::of_station(&pair.a);
+    let faults = pair.b.inner.report().faults.len();
+    let tally = judge(case, &near, &pair.b, faults)?;
+    let naks = pair.a.report().naks + pair.b.inner.report().naks;
+    let stx = pair.a.report().stx + pair.b.inner.report().stx;
+    bound_naks(case, naks as usize, stx as usize, pair.b.disturbances.len() + faults)?;
+
+    sound_from_now(&mut pair.b);
+    let now = pair.now + Micros::from_secs(1);
+    pair.a.send(now, PROBE.to_vec());
+    pair.now = now;
+    pair.run_until(now + LONG);
+    pair.b.inner.send(pair.now, PROBE.to_vec());
+    pair.run_until(pair.now + LONG);
+    let arrived = |station: &Station| {
+        let report = station.report();
+        report.received.last().is_some_and(|block| block.data == PROBE)
+            && report.sent.last().is_some_and(|sent| sent.result.is_ok())
+    };
+    if !arrived(&pair.a) || !arrived(&pair.b.inner) {
+        return Err("a block on the sound line afterwards is not exchanged".to_owned());
+    }
+    Ok(tally)
+}
+
+fn with_plugin(case: &Case) -> Result<Tally, String> {
+    let plugin = match case.subject {
+        Subject::R3964 | Subject::Station => NativePlugin::R3964,
+        Subject::Simplified => NativePlugin::R3964Simplified,
+    };
+    let settings = settings(case);
+    let settings: Vec<_> =
+        settings.iter().map(|(name, value)| (*name, value.as_str())).collect();
+    let options = LinkOptions {
+        line: case.options.line,
+        delivery_room: case.delivery_room,
+        ..LinkOptions::default()
+    };
+    let mut near = PluginEnd::native(plugin, &settings, options, case.depth, case.latency);
+    near.host.piece = case.piece;
+    near.host.put_away_after = case.put_away_after;
+    for (at, data) in &case.jobs {
+        near.send(*at, data.clone());
+    }
+    let mut pair = Pair::new(near, far(case));
+    for (at, data) in &case.blocks {
+        pair.run_until(*at);
+        pair.b.inner.send(*at, data.clone());
+    }
+    pair.run_until(LONG);
+    if !pair.a.is_at_rest() {
+        return Err("the plug-in does not come to rest".to_owned());
+    }
+    if !pair.b.inner.is_idle() {
+        return Err("the station does not come to rest".to_owned());
+    }
+    let near = Side::of_plugin(&pair.a);
+    let faults = pair.b.inner.report().faults.len();
+    let tally = judge(case, &near, &pair.b, faults)?;
+    if case.is_plain {
+        count_tries(case, &near, &pair.b)?;
+    }
+
+    sound_from_now(&mut pair.b);
+    let now = pair.now + Micros::from_secs(2);
+    pair.a.send(now, PROBE.to_vec());
+    pair.run_until(now + LONG);
+    let now = pair.now + Micros::from_secs(2);
+    pair.run_until(now);
+    pair.b.inner.send(now, PROBE.to_vec());
+    pair.run_until(now + LONG);
+    let report = pair.b.inner.report();
+    if report.received.last().is_none_or(|block| block.data != PROBE)
+        || pair.a.host.jobs.last().is_none_or(|job| !matches!(job.result, Some(Ok(_))))
+    {
+        return Err("the plug-in cannot send a block on the sound line afterwards".to_owned());
+    }
+    let last = pair.a.host.delivered.last();
+    if last.is_none_or(|last| last.data != PROBE || last.result.is_err())
+        || report.sent.last().is_none_or(|sent| sent.result.is_err())
+    {
+        return Err("the plug-in cannot receive a block on the sound line afterwards".to_owned());
+    }
+    Ok(tally)
+}
+
+fn settings(case: &Case) -> Vec<(&'static str, String)> {
+    let on = |value: bool| if value { "on" } else { "off" }.to_owned();
+    let millis = |span: Micros| (span.0 / 1_000).to_string();
+    let options = &case.options;
+    let priority = match case.priority {
+        Priority::Low => "low",
+        Priority::High => "high",
+        Priority::None => "none",
+    };
+    vec![
+        ("bcc", on(options.bcc)),
+        ("handshake", on(options.handshake)),
+        ("doubling", on(options.doubling)),
+        ("priority", priority.to_owned()),
+        ("qvz", millis(options.qvz)),
+        ("zvz", millis(options.zvz)),
+        ("bwz", millis(options.bwz)),
+        ("buffer_wait", millis(options.buffer_wait)),
+        ("setup_attempts", options.setup_attempts.to_string()),
+        ("transmission_attempts", options.transmission_attempts.to_string()),
+        ("block_size", options.block_size.to_string()),
+        ("nak_at_start", on(options.nak_at_start)),
+        ("nak_on_garbage", on(options.nak_on_garbage)),
+    ]
+}
+
+fn sound_from_now(far: &mut Noisy<Station>) {
+    far.clear();
+    far.inner.behave();
+}
+
+fn judge(case: &Case, near: &Side, noisy: &Noisy<Station>, faults: usize) -> Result<Tally, String> {
+    let far = Side::of_station(&noisy.inner);
+    let disturbances = noisy.disturbances.len() + faults;
+    let (options, latency) = (&case.options, case.latency);
+    let out = Direction {
+        sender: near,
+        receiver: &far,
+        to_sender: &noisy.to_outer,
+        to_receiver: &noisy.to_inner,
+        options,
+        disturbances,
+        latency,
+    };
+    let back = Direction {
+        sender: &far,
+        receiver: near,
+        to_sender: &noisy.to_inner,
+        to_receiver: &noisy.to_outer,
+        options,
+        disturbances,
+        latency,
+    };
+    let mut tally = out.judge().map_err(|why| format!("from the subject: {why}"))?;
+    tally += back.judge().map_err(|why| format!("to the subject: {why}"))?;
+    if case.is_sound() {
+        let is_complete = tally.done == tally.jobs && tally.delivered == tally.jobs;
+        if !is_complete || tally.jobs != case.jobs.len() + case.blocks.len() {
+            return Err(format!("on a sound line not every block arrived once: {tally:?}"));
+        }
+        if tally.forged + tally.colliding > 0 {
+            return Err(format!("forged on a sound line: {tally:?}"));
+        }
+    }
+    if let Some(emitted) = &near.emitted {
+        let count = |wanted: u8| emitted.iter().filter(|(.., byte)| *byte == wanted).count();
+        if case.is_plain {
+            let report = noisy.inner.report();
+            let stx = count(0x02) + report.stx as usize;
+            bound_naks(case, count(0x15) + report.naks as usize, stx, disturbances)?;
+        }
+    }
+    Ok(tally)
+}
+
+/// Each NAK has a cause: the start, a set-up that was refused, a block that was
+/// refused or given up, a stray character.
+fn bound_naks(case: &Case, naks: usize, stx: usize, disturbances: usize) -> Result<(), String> {
+    let jobs = case.jobs.len() + case.blocks.len();
+    let most = 2 + 2 * stx + jobs + disturbances;
+    if naks > most {
+        return Err(format!("{naks} NAKs, of which {most} have a cause"));
+    }
+    Ok(())
+}
+
+/// STXs and blocks of each job, where data cannot be taken for them.
+fn count_tries(case: &Case, near: &Side, noisy: &Noisy<Station>) -> Result<(), String> {
+    let Some(emitted) = &near.emitted else { return Ok(()) };
+    let options = &case.options;
+    let blocks = options.transmission_attempts as usize;
+    let setups = blocks * if options.handshake { options.setup_attempts as usize } else { 1 };
+    for job in &near.jobs {
+        let in_time = |at: Micros| at >= job.begun && at < job.ended;
+        let own: Vec<u8> = emitted
+            .iter()
+            .filter(|(start, ..)| in_time(*start))
+            .map(|(.., byte)| *byte)
+            .collect();
+        // Each STX that came may have been a conflict, after which the tries
+        // begin at 1.
+        let conflicts = noisy
+            .to_outer
+            .iter()
+            .filter(|arrival| in_time(arrival.at))
+            .filter(|arrival| {
+                arrival.signal == softplug_conformance::partners::Signal::Character(0x02)
+            })
+            .count();
+        let stx = own.iter().filter(|byte| **byte == 0x02).count();
+        let is_data = |byte: u8| byte >= 0x40;
+        let first = |pair: &[u8]| !is_data(pair[0]) && is_data(pair[1]);
+        let begun = own.windows(2).filter(|pair| first(pair)).count();
+        if stx > setups * (1 + conflicts) {
+            return Err(format!(
+                "the job of {} took {stx} STX, {setups} are set, with {conflicts} conflicts",
+                job.begun
+            ));
+        }
+        // The check character may look like data behind ETX.
+        let checks = own.windows(2).filter(|pair| pair[0] == 0x03 && is_data(pair[1])).count();
+        if begun - checks > blocks * (1 + conflicts) {
+            return Err(format!(
+                "the job of {} was sent {} times, {blocks} are set, with {conflicts} conflicts",
+                job.begun,
+                begun - checks
+            ));
+        }
+    }
+    Ok(())
+}
