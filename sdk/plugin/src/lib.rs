@@ -49,6 +49,6 @@ pub use native::{Native, NativeFault};
 pub use settings::{Bytes, Choice, SettingSet, SettingType, Text};
 pub use softplug_abi::{
     Failure, LineErrorKind, LineParameters, LinkDownReason, MarkState, Micros, ModemLines,
-    NoteLevel, Parity, Pass, RawValue, Value, Values,
+    NoteLevel, Parity, Pass, RawValue, Value, ValueWriter, Values,
 };
 pub use state::{StateError, StateReader, StateWriter};
