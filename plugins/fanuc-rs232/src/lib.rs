@@ -3,19 +3,50 @@
 //! The protocol's page is `docs/protocols/fanuc-rs232.md`.
 #![cfg_attr(target_arch = "wasm32", no_std)]
 
+mod code;
+mod feed;
+mod punch;
+mod remote_buffer;
+mod request;
 mod settings;
+mod short;
+mod state;
+mod tape;
 
 pub use settings::{
     BlockNumbers, Eob, LineEnd, Mode, OnLineError, OutputFlow, PacketEnd, ParityMode, Programs,
     ReceiveCode, ResumeCode, SendCode, Settings, Unsupported,
 };
 
-use softplug_plugin::Converter;
+use code::{Code, Control, control};
+use feed::Feed;
+use punch::Punch;
+use remote_buffer::RemoteBuffer;
+use softplug_plugin::{
+    Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
+    ModemLines, NoteLevel, Opening, Pass, StateError, StateReader, StateWriter,
+};
+use state::State;
+
+/// Timer: the capture ends by silence, or after DC4. The feed has 0 to 3.
+const CAPTURE: u8 = 4;
+/// Timer: the remote buffer is silent, or waits for us.
+const PACKET: u8 = 5;
 
 /// The converter.
 #[derive(Debug)]
 pub struct FanucRs232 {
     settings: Settings,
+    feed: Feed,
+    punch: Punch,
+    remote_buffer: RemoteBuffer,
+    /// The remote buffer has the job that is carried out.
+    is_packets: bool,
+    /// A job was under way after the event before.
+    was_busy: bool,
+    is_dsr_on: bool,
+    /// The state that the host knows.
+    named: Option<State>,
 }
 
 softplug_plugin::export!(FanucRs232);
@@ -30,6 +61,254 @@ impl Converter for FanucRs232 {
     }
 
     fn new(settings: Settings) -> Self {
-        Self { settings }
+        Self {
+            settings,
+            feed: Feed::new(&settings),
+            punch: Punch::default(),
+            remote_buffer: RemoteBuffer::new(&settings),
+            is_packets: settings.mode == Mode::RemoteA,
+            was_busy: false,
+            is_dsr_on: false,
+            named: None,
+        }
+    }
+
+    fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
+        if opening.resumed {
+            self.feed.set_timers(link);
+            self.punch.set_timers(link);
+            self.remote_buffer.set_timers(link);
+        } else {
+            self.punch.flow.set_marks(opening.delivery_room);
+        }
+        self.after(link);
+    }
+
+    fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
+        for byte in bytes {
+            self.byte(link, *byte);
+        }
+        self.after_bytes(link);
+    }
+
+    fn line_error(
+        &mut self,
+        link: &mut Context<'_>,
+        kind: LineErrorKind,
+        byte: Option<u8>,
+        span: u32,
+    ) {
+        link.note(NoteLevel::Warning, u16::from(kind.code()), kind.text());
+        // With a span the character was given already.
+        let byte = if span == 0 { byte } else { None };
+        if self.is_packets {
+            self.remote_buffer.damaged(link, &self.settings, byte);
+        } else {
+            self.punch.line_error(link, &self.settings, kind, byte);
+        }
+        self.after_bytes(link);
+    }
+
+    fn modem_lines(&mut self, link: &mut Context<'_>, known: ModemLines, on: ModemLines) {
+        let is_on = on.contains(ModemLines::DSR);
+        let is_lost = self.is_dsr_on && !is_on && known.contains(ModemLines::DSR);
+        self.is_dsr_on = is_on;
+        if is_lost && self.settings.watch_dsr {
+            self.feed.lost(link, Failure::PartnerGone);
+            self.remote_buffer.lost(link, Failure::PartnerGone);
+            self.punch.finish(link, &self.settings, Some(Failure::PartnerGone));
+            self.after(link);
+        }
+    }
+
+    fn link_down(&mut self, link: &mut Context<'_>, _reason: LinkDownReason) {
+        self.feed.link_down(link);
+        self.remote_buffer.fail(link, Failure::LinkDown);
+        self.punch.finish(link, &self.settings, Some(Failure::LinkDown));
+        self.after(link);
+    }
+
+    fn link_up(&mut self, link: &mut Context<'_>) {
+        self.punch.flow.let_go(link, &self.settings);
+        self.after(link);
+    }
+
+    fn timer(&mut self, link: &mut Context<'_>, id: u8, _deadline: Micros) {
+        match id {
+            CAPTURE => self.punch.finish(link, &self.settings, None),
+            PACKET => self.remote_buffer.timer(link, &self.settings),
+            _ => self.feed.timer(link),
+        }
+        self.after(link);
+    }
+
+    fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
+        if self.is_packets {
+            self.remote_buffer.mark(link, &self.settings, state);
+        } else {
+            self.feed.mark(link, &self.settings, mark, state);
+        }
+        self.after(link);
+    }
+
+    fn transmit_room(&mut self, link: &mut Context<'_>) {
+        self.feed.go_on(link, &self.settings);
+    }
+
+    fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {
+        self.remote_buffer.discarded(link, bytes);
+        self.feed.discarded(link, &self.settings, bytes);
+        self.after(link);
+    }
+
+    fn delivery_room(&mut self, link: &mut Context<'_>) {
+        self.punch.drained(link, &self.settings);
+        self.after(link);
+    }
+
+    fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
+        // The feed does every check, and refuses what is no program.
+        if self.is_packets && job.pass == Pass::Run && job.kind == 0 {
+            self.remote_buffer.job_begin(link, &job);
+        } else {
+            self.feed.job_begin(link, &self.settings, &job);
+        }
+        self.after(link);
+    }
+
+    fn job_data(&mut self, link: &mut Context<'_>, _job: u32, bytes: &[u8]) {
+        if self.remote_buffer.state().is_some() {
+            self.remote_buffer.job_data(link, &self.settings, bytes);
+        } else {
+            self.feed.job_data(link, &self.settings, bytes);
+        }
+        self.after(link);
+    }
+
+    fn job_end(&mut self, link: &mut Context<'_>, _job: u32) {
+        if self.remote_buffer.state().is_some() {
+            self.remote_buffer.job_end(link, &self.settings);
+        } else {
+            self.feed.job_end(link, &self.settings);
+        }
+        self.after(link);
+    }
+
+    fn pause(&mut self, link: &mut Context<'_>, _job: u32) {
+        self.set_paused(link, true);
+    }
+
+    fn resume(&mut self, link: &mut Context<'_>, _job: u32) {
+        self.set_paused(link, false);
+    }
+
+    fn abort(&mut self, link: &mut Context<'_>, job: u32) {
+        if job == 0 {
+            self.punch.abort(link, &self.settings);
+        } else {
+            self.remote_buffer.fail(link, Failure::Aborted);
+            self.feed.stop(link, Failure::Aborted);
+        }
+        self.after(link);
+    }
+
+    fn force_resume(&mut self, link: &mut Context<'_>) {
+        self.feed.force_resume(link, &self.settings);
+        self.after(link);
+    }
+
+    fn answer(
+        &mut self,
+        link: &mut Context<'_>,
+        _request: u32,
+        answer: Result<&[u8], Failure>,
+        more: bool,
+    ) {
+        self.punch.requests.answered(link, answer.err(), more);
+    }
+
+    fn save(&self, state: &mut StateWriter<'_>) {
+        state.bool(self.is_dsr_on);
+        self.feed.save(state);
+        self.punch.save(state);
+        self.remote_buffer.save(state);
+    }
+
+    fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
+        if Some(format) != Self::STATE_FORMAT {
+            return Err(StateError);
+        }
+        self.is_dsr_on = state.bool();
+        self.feed.restore(&self.settings, state)?;
+        self.punch = Punch::restore(state)?;
+        self.remote_buffer.restore(&self.settings, state)?;
+        self.was_busy = self.feed.is_busy();
+        Ok(())
+    }
+}
+
+impl FanucRs232 {
+    fn byte(&mut self, link: &mut Context<'_>, byte: u8) {
+        let settings = &self.settings;
+        if self.is_packets {
+            self.remote_buffer.byte(link, settings, byte);
+            return;
+        }
+        let (code, is_sending) = if self.punch.is_capturing() {
+            (self.punch.code(), false)
+        } else {
+            let code = if settings.code == SendCode::Eia { Code::Eia } else { Code::Iso };
+            (code, self.feed.is_sending())
+        };
+        match control(settings, code, byte, is_sending) {
+            // The control reads: it does not punch, unless it holds us. So this is
+            // an echo, or damaged.
+            Some(Control::Dc2) if is_sending && self.feed.state() != Some(State::Held) => {}
+            Some(control) => {
+                if !self.punch.control(link, settings, control) {
+                    self.feed.control(link, settings, control);
+                }
+            }
+            // While we send it is an echo.
+            None if !is_sending => self.punch.byte(link, settings, byte),
+            None => {}
+        }
+    }
+
+    fn after_bytes(&mut self, link: &mut Context<'_>) {
+        self.punch.after_bytes(link, &self.settings);
+        self.after(link);
+    }
+
+    fn set_paused(&mut self, link: &mut Context<'_>, is_paused: bool) {
+        self.feed.set_paused(link, is_paused);
+        self.remote_buffer.set_paused(is_paused);
+        self.after(link);
+    }
+
+    /// After each event.
+    fn after(&mut self, link: &mut Context<'_>) {
+        let was_busy = core::mem::replace(&mut self.was_busy, self.feed.is_busy());
+        if was_busy && !self.was_busy {
+            self.punch.deafen(link, &self.settings);
+        }
+        let state = self.punch.state().or(self.feed.state()).or(self.remote_buffer.state());
+        let state = state.unwrap_or(State::Idle);
+        if self.named != Some(state) {
+            self.named = Some(state);
+            link.state(state.name());
+        }
+    }
+}
+
+/// Sets a timer, or cancels it, where that is news.
+fn set_timer(link: &mut Context<'_>, id: u8, known: &mut Option<Micros>, at: Option<Micros>) {
+    if *known == at {
+        return;
+    }
+    *known = at;
+    match at {
+        Some(at) => link.set_timer(id, at),
+        None => link.cancel_timer(id),
     }
 }

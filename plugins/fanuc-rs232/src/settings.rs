@@ -147,9 +147,12 @@ impl Settings {
         if self.mode == Mode::RemoteA && self.code == SendCode::Eia {
             return Err("packets of the remote buffer are ISO; set code to iso");
         }
-        let stars = self.request_pattern.as_str().bytes().filter(|byte| *byte == b'*').count();
-        if stars > 1 {
-            return Err("request_pattern has more than one *");
+        if self.mode == Mode::RemoteA && self.packet_end == PacketEnd::Cr && self.eob != Eob::Lf {
+            return Err("eob has the CR that ends a packet; set eob to lf or packet_end to etx");
+        }
+        let pattern = self.request_pattern.as_str();
+        if !pattern.is_empty() && pattern.bytes().filter(|byte| *byte == b'*').count() != 1 {
+            return Err("request_pattern needs one *");
         }
         Ok(())
     }

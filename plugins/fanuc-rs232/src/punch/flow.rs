@@ -1,0 +1,73 @@
+//! How the control's output is held while the host has little room.
+
+use crate::code::Code;
+use crate::{OutputFlow, ParityMode, ResumeCode, Settings};
+use softplug_plugin::{Context, ModemLines, StateReader, StateWriter};
+
+/// The control is held below this room and goes on above twice as much; both are
+/// less where the whole room is small. It may send ten more characters.
+const LOW: u32 = 1_024;
+
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Flow {
+    /// The control is held.
+    pub(crate) held: bool,
+    low: u32,
+    high: u32,
+}
+
+impl Flow {
+    /// Marks must leave the host space to report room in between. They stay over a
+    /// swap: a converter that goes on is told the room that is left, not the whole.
+    pub(crate) fn set_marks(&mut self, capacity: u32) {
+        self.low = LOW.min(capacity / 2);
+        self.high = (2 * LOW).min(capacity / 4 * 3);
+    }
+
+    pub(crate) fn look(&mut self, link: &mut Context<'_>, settings: &Settings, code: Code) {
+        if self.held || link.delivery_room() >= self.low {
+            return;
+        }
+        self.held = settings.output_flow != OutputFlow::None;
+        match settings.output_flow {
+            OutputFlow::None => {}
+            OutputFlow::Rts => link.set_modem_lines(ModemLines::RTS, ModemLines::default()),
+            OutputFlow::Dc3 => {
+                // A port with seven bits makes the parity itself.
+                let has_parity = code == Code::Eia || settings.parity == ParityMode::Software;
+                link.transmit_urgent(&[if has_parity { 0x93 } else { 0x13 }]);
+            }
+        }
+    }
+
+    /// Whether the control goes on.
+    pub(crate) fn drained(&mut self, link: &mut Context<'_>, settings: &Settings) -> bool {
+        let goes_on = self.held && link.delivery_room() > self.high;
+        if goes_on {
+            self.let_go(link, settings);
+        }
+        goes_on
+    }
+
+    pub(crate) fn let_go(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        if !core::mem::take(&mut self.held) {
+            return;
+        }
+        if settings.output_flow == OutputFlow::Rts {
+            link.set_modem_lines(ModemLines::RTS, ModemLines::RTS);
+        } else {
+            let is_dc2 = settings.resume_code == ResumeCode::Dc2;
+            link.transmit_urgent(&[if is_dc2 { 0x12 } else { 0x11 }]);
+        }
+    }
+
+    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
+        state.bool(self.held);
+        state.u32(self.low);
+        state.u32(self.high);
+    }
+
+    pub(crate) fn restore(state: &mut StateReader<'_>) -> Self {
+        Self { held: state.bool(), low: state.u32(), high: state.u32() }
+    }
+}

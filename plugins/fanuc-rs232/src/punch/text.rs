@@ -1,0 +1,231 @@
+//! The text of a capture on its way to the host: line ends, the tape check of
+//! blocks, one delivery for each program or for all.
+
+use super::Title;
+use crate::request::Requests;
+use crate::{LineEnd, OnLineError, Programs, Settings};
+use softplug_plugin::{Context, Failure, NoteLevel, StateError, StateReader, StateWriter};
+
+/// Characters that are handed over together.
+const PIECE: usize = 256;
+/// A delivery ends within an event only with this much left of the output buffer:
+/// what else the event can bring (1,024 bytes, and 128 that were kept, each as
+/// CR LF) fits in any case.
+const RESERVE: usize = 2_600;
+
+#[derive(Clone, Debug)]
+pub(super) struct Text {
+    /// Id of the delivery under way; 0: none.
+    delivery: u32,
+    last_delivery: u32,
+    /// Why the delivery cannot end well: the first reason.
+    failure: Option<Failure>,
+    title: Title,
+    /// LFs end the lines, so CRs mean nothing.
+    has_lf: bool,
+    /// CRs that may end a line.
+    after_cr: bool,
+    /// The characters of the block are odd in number.
+    odd: bool,
+    /// An EOB has come: blocks are checked from it on.
+    counts: bool,
+    /// Empty between two events.
+    piece: [u8; PIECE],
+    filled: usize,
+}
+
+impl Default for Text {
+    fn default() -> Self {
+        Self {
+            delivery: 0,
+            last_delivery: 0,
+            failure: None,
+            title: Title::default(),
+            has_lf: false,
+            after_cr: false,
+            odd: false,
+            counts: false,
+            piece: [0; PIECE],
+            filled: 0,
+        }
+    }
+}
+
+impl Text {
+    /// A capture begins; its delivery does with its first %.
+    pub(super) fn start(&mut self) {
+        self.failure = None;
+        self.title = Title::default();
+        self.has_lf = false;
+        self.after_cr = false;
+        self.odd = false;
+        self.counts = false;
+    }
+
+    pub(super) fn begin(&mut self, link: &mut Context<'_>) {
+        self.after_cr = false;
+        self.last_delivery = self.last_delivery.wrapping_add(1).max(1);
+        self.delivery = self.last_delivery;
+        link.delivery_begin(self.delivery, 0);
+    }
+
+    /// A CR is a line end where there are no LFs.
+    pub(super) fn carriage_return(&mut self, settings: &Settings) {
+        self.after_cr = !self.has_lf;
+        self.odd ^= settings.tv_cr;
+    }
+
+    /// A character behind the first %; LF is EOB.
+    pub(super) fn character(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        requests: &mut Requests,
+        character: u8,
+    ) {
+        if character == b'\n' {
+            self.has_lf = true;
+            self.after_cr = false;
+            self.odd = !self.odd;
+            self.end_of_block(link, settings);
+            return;
+        }
+        self.end_at_cr(link, settings);
+        if settings.programs == Programs::Split
+            && self.title.ends_before(character)
+            && link.output_room() > RESERVE
+        {
+            self.put(link, b'%');
+            self.line_end(link, settings);
+            self.end(link, settings, requests, None);
+            self.failure = None;
+            self.title.next_program();
+            self.begin(link);
+            self.put(link, b'%');
+            self.line_end(link, settings);
+        }
+        let in_comment = self.title.read(character);
+        self.odd ^= settings.tv_comments || !in_comment;
+        self.put(link, character);
+    }
+
+    /// The second %.
+    pub(super) fn close(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        self.end_at_cr(link, settings);
+        self.put(link, b'%');
+        self.line_end(link, settings);
+    }
+
+    fn end_at_cr(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        if core::mem::take(&mut self.after_cr) {
+            self.odd ^= !settings.tv_cr;
+            self.end_of_block(link, settings);
+        }
+    }
+
+    fn end_of_block(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        if self.odd && self.counts && settings.tv_check {
+            self.fail(Failure::ParityCheck);
+        }
+        self.odd = false;
+        self.counts = true;
+        self.title.end_of_block();
+        self.line_end(link, settings);
+    }
+
+    fn line_end(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        if settings.line_end == LineEnd::CrLf {
+            self.put(link, b'\r');
+        }
+        self.put(link, b'\n');
+    }
+
+    pub(super) fn put(&mut self, link: &mut Context<'_>, byte: u8) {
+        if self.filled == PIECE {
+            self.flush(link);
+        }
+        if let Some(place) = self.piece.get_mut(self.filled) {
+            *place = byte;
+            self.filled += 1;
+        }
+    }
+
+    /// What finds no room is lost, and the delivery says so.
+    pub(super) fn flush(&mut self, link: &mut Context<'_>) {
+        let room = link.delivery_room() as usize;
+        let fitting = self.filled.min(room);
+        let is_lost = fitting < self.filled;
+        self.filled = 0;
+        if fitting > 0 {
+            link.deliver(self.delivery, self.piece.get(..fitting).unwrap_or_default());
+        }
+        if is_lost && self.failure != Some(Failure::Overrun) {
+            self.lost();
+            link.note(NoteLevel::Error, 0, "the control did not stop: characters are lost");
+        }
+    }
+
+    pub(super) fn lost(&mut self) {
+        self.failure = Some(Failure::Overrun);
+    }
+
+    pub(super) fn damaged(&mut self, settings: &Settings) {
+        if settings.on_line_error == OnLineError::Fail {
+            self.fail(Failure::LineError);
+        }
+    }
+
+    fn fail(&mut self, failure: Failure) {
+        self.failure.get_or_insert(failure);
+    }
+
+    /// Ends the delivery; a capture of nothing is an empty one. An earlier reason
+    /// to fail goes first.
+    pub(super) fn end(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        requests: &mut Requests,
+        failure: Option<Failure>,
+    ) {
+        if self.delivery == 0 {
+            self.begin(link);
+        }
+        self.flush(link);
+        let failure = self.failure.or(failure);
+        let name = core::str::from_utf8(self.title.name()).unwrap_or_default();
+        if !name.is_empty() {
+            link.delivery_name(self.delivery, name);
+        }
+        link.delivery_end(self.delivery, failure, 0);
+        self.delivery = 0;
+        if failure.is_none() {
+            requests.look(link, settings, &self.title);
+        }
+    }
+
+    pub(super) fn save(&self, state: &mut StateWriter<'_>) {
+        state.u32(self.delivery);
+        state.u32(self.last_delivery);
+        state.failure(self.failure);
+        self.title.save(state);
+        state.bool(self.has_lf);
+        state.bool(self.after_cr);
+        state.bool(self.odd);
+        state.bool(self.counts);
+    }
+
+    pub(super) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
+        Ok(Self {
+            delivery: state.u32(),
+            last_delivery: state.u32(),
+            failure: state.failure(),
+            title: Title::restore(state)?,
+            has_lf: state.bool(),
+            after_cr: state.bool(),
+            odd: state.bool(),
+            counts: state.bool(),
+            ..Self::default()
+        })
+    }
+}

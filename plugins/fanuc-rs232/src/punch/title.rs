@@ -1,0 +1,202 @@
+//! What a program is called: its O number, else its first comment.
+
+use crate::short::Short;
+use softplug_plugin::{StateError, StateReader, StateWriter};
+
+/// Where in a block we are.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+enum Place {
+    /// Between the first % and its EOB: text that nobody reads.
+    #[default]
+    Header,
+    /// Nothing but spaces in this block yet.
+    Start,
+    /// In the digits of the program's number.
+    Number,
+    Comment,
+    Text,
+}
+
+/// Reads along until it knows the name.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Title {
+    place: Place,
+    /// O and its digits.
+    number: Short,
+    /// The first comment that is not empty, with its brackets.
+    comment: Short,
+    has_comment: bool,
+    /// There was more than comments.
+    has_text: bool,
+}
+
+impl Title {
+    /// Whether this character begins another program.
+    pub(crate) fn ends_before(&self, character: u8) -> bool {
+        self.place == Place::Start && self.has_text && is_number_letter(character)
+    }
+
+    /// Another program begins here, in a new block.
+    pub(crate) fn next_program(&mut self) {
+        *self = Self { place: Place::Start, ..Self::default() };
+    }
+
+    pub(crate) fn end_of_block(&mut self) {
+        self.place = Place::Start;
+        if !self.has_comment {
+            self.comment.clear();
+        }
+    }
+
+    /// A character of a block; whether it is one of a comment. The brackets are not.
+    pub(crate) fn read(&mut self, character: u8) -> bool {
+        let was_comment = self.place == Place::Comment;
+        self.place = match (self.place, character) {
+            (Place::Comment, _) => {
+                self.note(character);
+                let is_end = character == b')';
+                // An empty comment says nothing.
+                self.has_comment |= is_end && self.comment.as_slice().len() > 2;
+                if is_end { Place::Text } else { Place::Comment }
+            }
+            (Place::Header, _) => Place::Header,
+            (_, b'(') => {
+                if !self.has_comment {
+                    self.comment.clear();
+                }
+                self.note(character);
+                Place::Comment
+            }
+            (Place::Start, b' ') => Place::Start,
+            (Place::Start, _) if is_number_letter(character) && self.number().is_none() => {
+                self.has_text = true;
+                self.number.clear();
+                self.number.push(b'O');
+                Place::Number
+            }
+            (Place::Number, b'0'..=b'9') => {
+                self.number.push(character);
+                Place::Number
+            }
+            _ => {
+                self.has_text = true;
+                Place::Text
+            }
+        };
+        was_comment && self.place == Place::Comment
+    }
+
+    fn note(&mut self, character: u8) {
+        if !self.has_comment {
+            self.comment.push(character & 0x7F);
+        }
+    }
+
+    /// O and digits.
+    pub(crate) fn number(&self) -> Option<&[u8]> {
+        let number = self.number.as_slice();
+        (number.len() > 1).then_some(number)
+    }
+
+    /// The first comment, with its brackets.
+    pub(crate) fn comment(&self) -> &[u8] {
+        self.comment.as_slice()
+    }
+
+    /// What the delivery is called; empty: nothing.
+    pub(crate) fn name(&self) -> &[u8] {
+        self.number().unwrap_or_else(|| {
+            let comment = self.comment();
+            let text = comment.strip_prefix(b"(").unwrap_or_default();
+            text.strip_suffix(b")").unwrap_or(text).trim_ascii()
+        })
+    }
+
+    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
+        state.u8(self.place as u8);
+        self.number.save(state);
+        self.comment.save(state);
+        state.bool(self.has_comment);
+        state.bool(self.has_text);
+    }
+
+    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
+        let places = [Place::Header, Place::Start, Place::Number, Place::Comment, Place::Text];
+        Ok(Self {
+            place: *places.get(usize::from(state.u8())).ok_or(StateError)?,
+            number: Short::restore(state),
+            comment: Short::restore(state),
+            has_comment: state.bool(),
+            has_text: state.bool(),
+        })
+    }
+}
+
+fn is_number_letter(character: u8) -> bool {
+    matches!(character, b'O' | b':')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The name of a program, read from behind the first %.
+    fn name(program: &str) -> String {
+        let mut title = Title::default();
+        for byte in program.bytes() {
+            match byte {
+                b'\n' => title.end_of_block(),
+                _ => _ = title.read(byte),
+            }
+        }
+        String::from_utf8_lossy(title.name()).into_owned()
+    }
+
+    #[test]
+    fn number_goes_before_comment() {
+        assert_eq!(name("\nO1234\nM30\n"), "O1234");
+        assert_eq!(name("\n:0012(HOUSING)\n"), "O0012");
+        assert_eq!(name("\n(HOUSING)\nO7\n"), "O7");
+        assert_eq!(name("\n(HOUSING)\nN1 G0\n"), "HOUSING");
+        assert_eq!(name("\nN1 G0 ( HOUSING 2 )\n(NO)\n"), "HOUSING 2");
+        assert_eq!(name("\nN1 G0\n"), "");
+    }
+
+    #[test]
+    fn what_is_no_name() {
+        assert_eq!(name("(HEADER) O1\nN1 G0\n"), "", "text before the first EOB");
+        assert_eq!(name("\nN1 O5\n"), "", "an O in mid-block");
+        assert_eq!(name("\n(O5)\nN1\n"), "O5", "it is the comment");
+        assert_eq!(name("\nO\n(A)\n"), "A", "O without digits");
+        assert_eq!(name("\n()\n(A)\n"), "A", "an empty comment");
+        assert_eq!(name("\n(OPEN\n(A)\n"), "A", "a comment that the block ends");
+        assert_eq!(name("\nO1\nO2\n"), "O1", "the first of several programs");
+    }
+
+    #[test]
+    fn long_comments_are_cut() {
+        let long = format!("\n({})\n", "A".repeat(500));
+        assert_eq!(name(&long), "A".repeat(127));
+    }
+
+    #[test]
+    fn brackets_are_not_of_the_comment() {
+        let mut title = Title::default();
+        title.end_of_block();
+        let marks: Vec<_> = b"G1(A)X".iter().map(|byte| title.read(*byte)).collect();
+        assert_eq!(marks, [false, false, false, true, false, false]);
+    }
+
+    #[test]
+    fn another_program_begins_with_its_number_behind_text() {
+        let mut title = Title::default();
+        assert!(!title.ends_before(b'O'), "the header");
+        title.end_of_block();
+        assert!(!title.ends_before(b'O'), "nothing before it");
+        title.read(b'M');
+        assert!(!title.ends_before(b'O'), "in mid-block");
+        title.end_of_block();
+        assert!(title.ends_before(b'O') && title.ends_before(b':'));
+        assert!(!title.ends_before(b'N'));
+    }
+}

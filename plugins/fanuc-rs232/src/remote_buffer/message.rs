@@ -1,0 +1,155 @@
+//! Messages of protocol A: sum (two hex digits), command (three letters), data, end
+//! code.
+
+use crate::{PacketEnd, ParityMode, Settings};
+use softplug_plugin::{StateReader, StateWriter};
+
+/// The letters of a command.
+pub(super) type Command = [u8; 3];
+
+/// Length of sum and command in bytes.
+pub(super) const HEAD: usize = 5;
+
+pub(super) fn end_code(settings: &Settings) -> u8 {
+    match settings.packet_end {
+        PacketEnd::Cr => b'\r',
+        PacketEnd::Etx => 0x03,
+    }
+}
+
+/// Sum and command. The sum is that of the characters without their parity, from
+/// the command through the end code; that the parity bit is left out is this
+/// project's reading.
+pub(super) fn head(settings: &Settings, command: Command, data: &[u8]) -> [u8; HEAD] {
+    let [a, b, c] = command;
+    let sum = data.iter().fold(end_code(settings), |sum, byte| sum.wrapping_add(byte & 0x7F));
+    let sum = sum.wrapping_add(a).wrapping_add(b).wrapping_add(c);
+    let [high, low] = digits(sum);
+    [high, low, a, b, c].map(|byte| with_parity(settings, byte))
+}
+
+/// A character of a message as it goes on the line.
+pub(super) fn with_parity(settings: &Settings, byte: u8) -> u8 {
+    match settings.parity {
+        ParityMode::Software => byte | (byte.count_ones() as u8) << 7,
+        ParityMode::Uart | ParityMode::None => byte,
+    }
+}
+
+/// Two hex digits, the high one first.
+fn digits(sum: u8) -> [u8; 2] {
+    [sum >> 4, sum & 15].map(|digit| digit + if digit < 10 { b'0' } else { b'A' - 10 })
+}
+
+/// Reads messages character by character. Their data means nothing to us.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Reader {
+    head: [u8; HEAD],
+    length: u8,
+    sum: u8,
+    is_damaged: bool,
+}
+
+impl Reader {
+    /// A character; with the last one of a message its command, or that it was
+    /// damaged.
+    pub(super) fn read(&mut self, settings: &Settings, byte: u8) -> Option<Result<Command, ()>> {
+        let character = byte & 0x7F;
+        self.is_damaged |= settings.parity == ParityMode::Software && byte.count_ones() & 1 == 1;
+        let is_end = character == end_code(settings);
+        // Blanks and line ends between two messages.
+        if self.length == 0 && (is_end || character < b' ') {
+            self.is_damaged = false;
+            return None;
+        }
+        if self.length >= 2 {
+            self.sum = self.sum.wrapping_add(character);
+        }
+        if !is_end {
+            if let Some(place) = self.head.get_mut(usize::from(self.length)) {
+                *place = character;
+                self.length += 1;
+            }
+            return None;
+        }
+        let [high, low, a, b, c] = self.head;
+        let is_good =
+            !self.is_damaged && usize::from(self.length) == HEAD && [high, low] == digits(self.sum);
+        *self = Self::default();
+        Some(if is_good { Ok([a, b, c]) } else { Err(()) })
+    }
+
+    /// A character of the message was damaged.
+    pub(super) fn damaged(&mut self) {
+        self.is_damaged = true;
+    }
+
+    pub(super) fn save(&self, state: &mut StateWriter<'_>) {
+        state.bytes(&self.head);
+        state.u8(self.length);
+        state.u8(self.sum);
+        state.bool(self.is_damaged);
+    }
+
+    pub(super) fn restore(state: &mut StateReader<'_>) -> Self {
+        let head = state.bytes(HEAD).first_chunk().copied().unwrap_or_default();
+        Self { head, length: state.u8(), sum: state.u8(), is_damaged: state.bool() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use softplug_plugin::SettingSet;
+
+    fn software() -> Settings {
+        Settings { parity: ParityMode::Software, ..Settings::unset() }
+    }
+
+    /// What a reader makes of these characters.
+    fn read(settings: &Settings, bytes: &[u8]) -> Vec<Result<Command, ()>> {
+        let mut reader = Reader::default();
+        bytes.iter().filter_map(|byte| reader.read(settings, *byte)).collect()
+    }
+
+    #[test]
+    fn sums_worked_out_by_hand() {
+        let settings = Settings::unset();
+        // 53 + 59 + 4E + 0D = 107
+        assert_eq!(&head(&settings, *b"SYN", b""), b"07SYN");
+        // 44 + 41 + 54 + 25 + 0A + 0D = 115
+        assert_eq!(&head(&settings, *b"DAT", b"%\n"), b"15DAT");
+        // 53 + 45 + 54 + 03 = EF
+        let etx = Settings { packet_end: PacketEnd::Etx, ..settings };
+        assert_eq!(&head(&etx, *b"SET", b""), b"EFSET");
+        // Parity is no part of the sum, and stands in every character.
+        assert_eq!(&head(&software(), *b"SYN", b""), &[0x30, 0xB7, 0x53, 0x59, 0x4E]);
+        assert_eq!(&head(&software(), *b"DAT", b"\xA5\x0A")[..2], &[0xB1, 0x35]);
+        assert_eq!(with_parity(&software(), b'\r'), 0x8D);
+    }
+
+    #[test]
+    fn messages_are_read() {
+        let settings = Settings::unset();
+        // 53 + 41 + 54 + 30 + 30 + 0D = 155
+        let text = b"07SYN\r\n\x0055SAT00\r";
+        assert_eq!(read(&settings, text), [Ok(*b"SYN"), Ok(*b"SAT")]);
+        let parity: Vec<u8> = text.iter().map(|byte| with_parity(&software(), *byte)).collect();
+        assert_eq!(read(&software(), &parity), [Ok(*b"SYN"), Ok(*b"SAT")]);
+    }
+
+    #[test]
+    fn damaged_messages() {
+        let settings = Settings::unset();
+        for text in ["08SYN\r", "07SYM\r", "7SYN\r", "07\r", "0707SYN\r", "0aSYN\r"] {
+            assert_eq!(read(&settings, text.as_bytes()), [Err(())], "{text}");
+        }
+        let one_bit = [0x30, 0x37, 0x53, 0x59, 0x4E, 0x8D];
+        assert_eq!(read(&software(), &one_bit), [Err(())]);
+        let mut reader = Reader::default();
+        reader.read(&settings, b'0');
+        reader.damaged();
+        let rest = b"7SYN\r07SYN\r".iter().filter_map(|byte| reader.read(&settings, *byte));
+        assert_eq!(rest.collect::<Vec<_>>(), [Err(()), Ok(*b"SYN")]);
+    }
+}
