@@ -106,13 +106,21 @@ impl Case {
 
     /// Whether nothing that happens may keep a block from arriving.
     pub(crate) fn is_sound(&self) -> bool {
-        let is_settled = self.options.priority != self.priority
+        let is_still = self.noise == Noise { seed: self.noise.seed, ..Noise::default() };
+        let is_good = self.options.faults.plan.is_empty() && self.put_away_after == Micros::ZERO;
+        is_still && is_good && self.is_settled()
+    }
+
+    /// Whether both know who gives way, and begin when the NAKs of the start have
+    /// passed: these would take attempts, and STXs that are repeated at once, or
+    /// NAKs in between, can fall into the other side's reception.
+    pub(crate) fn is_settled(&self) -> bool {
+        let has_rule = self.options.priority != self.priority
             || self.jobs.is_empty()
             || self.blocks.is_empty();
-        self.noise == Noise { seed: self.noise.seed, ..Noise::default() }
-            && self.options.faults.plan.is_empty()
-            && is_settled
-            && self.put_away_after == Micros::ZERO
+        let start = Micros::from_millis(if self.options.nak_at_start { 50 } else { 0 });
+        let mut begins = self.jobs.iter().chain(&self.blocks);
+        has_rule && begins.all(|(at, _)| *at >= start)
     }
 
     /// Simpler cases, the simplest first.

@@ -106,6 +106,9 @@ pub(crate) struct Direction<'a> {
     pub(crate) options: &'a Options,
     /// How many things went wrong in the run.
     pub(crate) disturbances: usize,
+    /// Without a rule for conflicts, repeated STXs can become data on the
+    /// soundest line.
+    pub(crate) is_ambiguous: bool,
     /// How late a port may give what arrived.
     pub(crate) latency: Micros,
 }
@@ -153,12 +156,13 @@ impl Direction<'_> {
     fn job_of(&self, at: Micros, data: &[u8], deliveries: &[usize]) -> Option<usize> {
         let jobs = &self.sender.jobs;
         let begun = jobs.iter().rposition(|job| job.begun <= at)?;
-        let is_of = |place: &usize| {
-            let may_be = jobs[*place].ended >= at || *place + 1 >= begun;
-            may_be && jobs[*place].data == data
-        };
-        let new = (0..=begun).find(|place| is_of(place) && deliveries[*place] == 0);
-        new.or_else(|| (0..=begun).rfind(is_of))
+        let is_of = |place: &usize| jobs[*place].data == data;
+        let is_under_way = |place: &usize| is_of(place) && jobs[*place].ended >= at;
+        let is_new = |place: &usize| is_under_way(place) && deliveries[*place] == 0;
+        (0..=begun)
+            .find(is_new)
+            .or_else(|| (0..=begun).rfind(is_under_way))
+            .or_else(|| (begun.saturating_sub(1)..=begun).rfind(is_of))
     }
 
     /// Whether the line altered something of this block, and the character that
@@ -169,59 +173,55 @@ impl Direction<'_> {
         let in_time = |arrival: &&Arrival| arrival.at >= since && arrival.at <= at;
         // Lost characters leave nothing behind, so that all of the run counts.
         let is_altered = self.to_receiver.iter().filter(in_time).any(|one| one.is_altered);
-        (is_altered || self.disturbances > 0) && self.checks(at, data)
+        (is_altered || self.disturbances > 0 || self.is_ambiguous) && self.checks(at, data)
     }
 
     fn checks(&self, at: Micros, data: &[u8]) -> bool {
-        let mut block = Vec::new();
-        for byte in data {
-            block.push(*byte);
-            if *byte == 0x10 && self.options.doubling {
-                block.push(0x10);
-            }
-        }
-        block.extend([0x10, 0x03]);
-        if self.options.bcc {
-            block.push(block.iter().fold(0, |check, byte| check ^ byte));
-        }
-        let came: Vec<Signal> = self
-            .to_receiver
-            .iter()
-            .filter(|arrival| arrival.at <= at)
-            .map(|arrival| arrival.signal)
-            .collect();
-        let expected: Vec<_> = block.into_iter().map(Signal::Character).collect();
-        came.ends_with(&expected)
+        let block = self.block(data);
+        let came: Vec<_> = self.to_receiver.iter().filter(|arrival| arrival.at <= at).collect();
+        let is_block = |arrivals: &[&Arrival]| {
+            let mut both = arrivals.iter().zip(&block);
+            both.all(|(arrival, byte)| arrival.signal == Signal::Character(*byte))
+        };
+        came.windows(block.len())
+            .rev()
+            .take_while(|window| window[block.len() - 1].at + self.latency >= at)
+            .any(is_block)
     }
 
-    /// The DLE that ended the job: the last one that came in its time. The block
-    /// must have left before, whole and unaltered, and not longer ago than QVZ.
+    /// The DLE that ended the job, at the very time of its end. The block must
+    /// have left before, whole and unaltered, and not longer ago than QVZ.
     fn accepted(&self, job: &Job) -> Result<Arrival, String> {
-        let in_time = |arrival: &&Arrival| arrival.at >= job.begun && arrival.at <= job.ended;
-        let last = self.to_sender.iter().rfind(in_time);
-        let Some(dle) = last.filter(|last| last.signal == Signal::Character(0x10)) else {
-            return Err(format!(
-                "the job of {} was done at {}, but the last character was {last:?}",
-                job.begun, job.ended
-            ));
+        let at_end = |arrival: &&Arrival| {
+            arrival.at >= job.begun
+                && arrival.at <= job.ended
+                && arrival.at + self.latency >= job.ended
+                && arrival.signal == Signal::Character(0x10)
         };
-        let Some(emitted) = &self.sender.emitted else { return Ok(*dle) };
+        let mut why = "no DLE came then".to_owned();
+        for dle in self.to_sender.iter().filter(at_end) {
+            match self.may_be_accepted(job, *dle) {
+                Ok(()) => return Ok(*dle),
+                Err(reason) => why = reason,
+            }
+        }
+        Err(format!("the job of {} was done at {}, but {why}", job.begun, job.ended))
+    }
+
+    fn may_be_accepted(&self, job: &Job, dle: Arrival) -> Result<(), String> {
+        let Some(emitted) = &self.sender.emitted else { return Ok(()) };
         let left: Vec<_> = emitted.iter().filter(|(_, end, _)| *end <= dle.at).collect();
         let bytes: Vec<u8> = left.iter().map(|(.., byte)| *byte).collect();
         let block = self.block(&job.data);
         if !bytes.ends_with(&block) {
-            return Err(format!(
-                "the job of {} was done by the DLE of {}, but its block had not left: {}",
-                job.begun,
-                dle.at,
-                hex(&bytes[bytes.len().saturating_sub(block.len() + 8)..])
-            ));
+            let last = &bytes[bytes.len().saturating_sub(block.len() + 8)..];
+            return Err(format!("its block had not left before the DLE of {}: {}", dle.at, hex(last)));
         }
         let end = left.last().map_or(Micros::ZERO, |(_, end, _)| *end);
         if dle.at - end > self.options.qvz {
-            return Err(format!("the job of {} was done by a DLE after QVZ", job.begun));
+            return Err(format!("the DLE of {} came after QVZ", dle.at));
         }
-        Ok(*dle)
+        Ok(())
     }
 
     fn block(&self, data: &[u8]) -> Vec<u8> {

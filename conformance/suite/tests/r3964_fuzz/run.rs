@@ -70,7 +70,12 @@ fn run(case: &Case) -> Result<Tally, String> {
 
 fn far(case: &Case) -> Noisy<Station> {
     let station = Station::new(case.options.clone()).expect("sound options");
-    Noisy::new(station, case.options.line, case.noise)
+    let mut noisy = Noisy::new(station, case.options.line, case.noise);
+    // Without a rate all would happen at one instant, where nothing is too late.
+    if case.options.line.baud == 0 {
+        noisy.transit = Micros(200);
+    }
+    noisy
 }
 
 /// Long enough for everything.
@@ -228,6 +233,7 @@ fn judge(case: &Case, near: &Side, noisy: &Noisy<Station>, faults: usize) -> Res
         to_receiver: &noisy.to_inner,
         options,
         disturbances,
+        is_ambiguous: !case.is_settled(),
         latency,
     };
     let back = Direction {
@@ -237,6 +243,7 @@ fn judge(case: &Case, near: &Side, noisy: &Noisy<Station>, faults: usize) -> Res
         to_receiver: &noisy.to_outer,
         options,
         disturbances,
+        is_ambiguous: !case.is_settled(),
         latency,
     };
     let mut tally = out.judge().map_err(|why| format!("from the subject: {why}"))?;

@@ -62,6 +62,9 @@ pub struct Station {
     job: Option<Job>,
     /// The block that is being received, over its repetitions.
     reception: Option<Reception>,
+    /// When the last STX, and the last DLE for one, had left.
+    start_left: Micros,
+    answer_left: Micros,
     report: Report,
     now: Micros,
 }
@@ -83,6 +86,8 @@ impl Station {
             jobs: VecDeque::new(),
             job: None,
             reception: None,
+            start_left: Micros::ZERO,
+            answer_left: Micros::ZERO,
             report: Report::default(),
             now: Micros::ZERO,
             options,

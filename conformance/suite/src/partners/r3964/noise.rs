@@ -57,6 +57,8 @@ pub struct Noisy<P> {
     pub to_outer: Vec<Arrival>,
     /// Times at which something was damaged, lost, doubled, delayed or put in.
     pub disturbances: Vec<Micros>,
+    /// How long everything is under way, as over a network.
+    pub transit: Micros,
     noise: Noise,
     line: LineParameters,
     random: ChaCha8Rng,
@@ -74,6 +76,7 @@ impl<P: Partner> Noisy<P> {
             to_inner: Vec::new(),
             to_outer: Vec::new(),
             disturbances: Vec::new(),
+            transit: Micros::ZERO,
             noise,
             line,
             random: ChaCha8Rng::from_seed(seed),
@@ -93,7 +96,7 @@ impl<P: Partner> Noisy<P> {
 
     /// What becomes of a signal that was sent at `now`; behind what is under way.
     fn carry(&mut self, now: Micros, signal: Signal, behind: Option<Micros>) -> Vec<Arrival> {
-        let earliest = behind.unwrap_or(now).max(now);
+        let earliest = behind.unwrap_or(now).max(now + self.transit);
         let sound = Arrival { at: earliest, signal, sent_at: Some(now), is_altered: false };
         let Signal::Character(byte) = signal else { return vec![sound] };
         let noise = self.noise;

@@ -106,13 +106,17 @@ impl Station {
     pub(super) fn left(&mut self, role: Role) {
         match role {
             Role::Start => {
+                self.start_left = self.now;
                 self.report.stx += 1;
                 let is_last = !self.transmitter.holds(Role::Start);
                 if self.state == State::Connecting && is_last {
                     self.wait(self.options.qvz);
                 }
             }
-            Role::Answer if self.state == State::Answering => self.begin_frame(),
+            Role::Answer if self.state == State::Answering => {
+                self.answer_left = self.now;
+                self.begin_frame();
+            }
             Role::Acknowledgement(place) => {
                 self.report.acknowledged.push((self.now, place));
             }
@@ -201,9 +205,9 @@ impl Station {
     }
 
     fn take_connecting(&mut self, byte: Option<u8>) {
-        let has_left = !self.transmitter.holds(Role::Start);
+        let has_left = !self.transmitter.holds(Role::Start) && self.is_after(self.start_left);
         match byte {
-            // Before STX has left, nothing can be an answer to it.
+            // What ends before or with the STX cannot be an answer to it.
             Some(DLE) if has_left => self.send_block(),
             Some(STX) if self.options.priority != Priority::None => self.collide(),
             _ => self.next_setup(Error::SetUpRefused),
@@ -414,6 +418,10 @@ impl Station {
 
     fn take_receiving(&mut self, byte: Option<u8>) {
         self.wait(self.options.zvz);
+        if byte == Some(STX) && self.options.handshake && !self.is_after(self.answer_left) {
+            // A repeated STX that crossed the answer to the first.
+            return;
+        }
         let Some(reception) = &mut self.reception else { return };
         let progress = match byte {
             Some(byte) => reception.frame.take(byte, &self.options),
@@ -544,6 +552,11 @@ impl Station {
 
     fn wait(&mut self, span: Micros) {
         self.deadline = Some(self.now + span);
+    }
+
+    /// Whether time has gone on since; without a rate all may be of one time.
+    fn is_after(&self, instant: Micros) -> bool {
+        self.options.line.baud == 0 || self.now > instant
     }
 
     fn react(&mut self) {
