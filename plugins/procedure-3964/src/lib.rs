@@ -1,10 +1,25 @@
 //! The procedures 3964 and 3964R, and RK512 on top of them.
+//!
+//! One state machine serves all plug-ins of the family; they differ in the
+//! defaults of their [`Options`]. The protocol's page is `docs/protocols/3964r.md`.
 #![cfg_attr(target_arch = "wasm32", no_std)]
 
+mod block;
+mod cause;
+mod departure;
+mod frame;
+mod job;
+mod machine;
 mod options;
+mod phase;
+mod procedure;
+mod receiver;
+mod rk512;
+mod sender;
 mod settings;
 
 pub use options::Options;
+pub use procedure::{Procedure, Variant};
 pub use settings::{Layer, Priority};
 #[doc(hidden)]
 pub use softplug_plugin;

@@ -56,8 +56,8 @@ macro_rules! procedure_settings {
             }
         }
 
-        impl From<&Settings> for $crate::Options {
-            fn from(settings: &Settings) -> Self {
+        impl From<Settings> for $crate::Options {
+            fn from(settings: Settings) -> Self {
                 use $crate::softplug_plugin::Micros;
                 let qvz = match (settings.qvz, settings.bcc) {
                     (0, true) => 2_000,

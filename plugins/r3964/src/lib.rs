@@ -1,24 +1,25 @@
 //! 3964R and 3964, with RK512.
+//!
+//! All behaviour is in `softplug-procedure-3964`; here are the settings and the
+//! manifest. The protocol's page is `docs/protocols/3964r.md`.
 #![cfg_attr(target_arch = "wasm32", no_std)]
 
 mod settings;
 
 pub use settings::Settings;
 
-use softplug_plugin::Converter;
+use softplug_procedure_3964::{Procedure, Variant};
 
 /// The converter.
+pub type R3964 = Procedure<Standard>;
+
+/// What this plug-in adds to the procedure.
 #[derive(Debug)]
-pub struct R3964;
+pub struct Standard;
 
 softplug_plugin::export!(R3964);
 
-impl Converter for R3964 {
+impl Variant for Standard {
     type Settings = Settings;
     const MANIFEST: &'static str = settings::MANIFEST;
-    const STATE_FORMAT: Option<u16> = Some(1);
-
-    fn new(_settings: Settings) -> Self {
-        Self
-    }
 }

@@ -1,0 +1,78 @@
+//! When the last byte that we queued has left the wire.
+
+use softplug_plugin::{Context, MarkState, StateError, StateReader, StateWriter};
+
+/// Marks that may be outstanding: well below the 64 that a host allows. A
+/// partner that answers too early over and over could use them up.
+const MOST_OUTSTANDING: u8 = 32;
+
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+enum Stage {
+    /// Nothing is watched, or it has left.
+    #[default]
+    None,
+    /// A mark is to be set behind the queue.
+    Wanted,
+    /// It cannot have left yet.
+    Marked,
+    /// It may have left.
+    MaybeLeft,
+}
+
+/// Watches one byte at a time.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Departure {
+    stage: Stage,
+    mark: u32,
+    outstanding: u8,
+}
+
+impl Departure {
+    /// Watches the byte that is the last of the queue when this event ends.
+    pub(crate) fn watch(&mut self) {
+        self.stage = Stage::Wanted;
+    }
+
+    pub(crate) fn forget(&mut self) {
+        self.stage = Stage::None;
+    }
+
+    /// What comes now cannot be an answer to the byte.
+    pub(crate) fn is_pending(&self) -> bool {
+        matches!(self.stage, Stage::Wanted | Stage::Marked)
+    }
+
+    /// Sets the mark, at the end of an event.
+    pub(crate) fn set_mark(&mut self, link: &mut Context<'_>) {
+        if self.stage == Stage::Wanted && self.outstanding < MOST_OUTSTANDING {
+            self.mark = self.mark.wrapping_add(1).max(1);
+            self.outstanding += 1;
+            self.stage = Stage::Marked;
+            link.transmit_marked(self.mark, &[]);
+        }
+    }
+
+    /// News of a mark; `Some` if it concerns the byte that is watched.
+    pub(crate) fn reported(&mut self, mark: u32, state: MarkState) -> Option<MarkState> {
+        if state != MarkState::MaybeLeft {
+            self.outstanding = self.outstanding.saturating_sub(1);
+        }
+        if mark != self.mark || !matches!(self.stage, Stage::Marked | Stage::MaybeLeft) {
+            return None;
+        }
+        self.stage = if state == MarkState::MaybeLeft { Stage::MaybeLeft } else { Stage::None };
+        Some(state)
+    }
+
+    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
+        state.u8(self.stage as u8);
+        state.u32(self.mark);
+        state.u8(self.outstanding);
+    }
+
+    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
+        let stages = [Stage::None, Stage::Wanted, Stage::Marked, Stage::MaybeLeft];
+        let stage = stages.get(usize::from(state.u8())).copied().ok_or(StateError)?;
+        Ok(Self { stage, mark: state.u32(), outstanding: state.u8() })
+    }
+}

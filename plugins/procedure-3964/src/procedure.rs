@@ -1,0 +1,122 @@
+//! The procedure as a converter.
+
+use crate::Options;
+use crate::machine::Machine;
+use core::fmt::Debug;
+use core::marker::PhantomData;
+use softplug_plugin::{
+    Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
+    Opening, SettingSet, StateError, StateReader, StateWriter,
+};
+
+/// What one plug-in of the family adds: its settings with their defaults, and its manifest.
+pub trait Variant: Debug {
+    /// The settings.
+    type Settings: SettingSet + Into<Options>;
+    /// The manifest as JSON.
+    const MANIFEST: &'static str;
+}
+
+/// A converter of the family.
+#[derive(Debug)]
+pub struct Procedure<V> {
+    machine: Machine,
+    variant: PhantomData<V>,
+}
+
+impl<V: Variant> Converter for Procedure<V> {
+    type Settings = V::Settings;
+    const MANIFEST: &'static str = V::MANIFEST;
+    const STATE_FORMAT: Option<u16> = Some(1);
+
+    fn new(settings: V::Settings) -> Self {
+        Self { machine: Machine::new(settings.into()), variant: PhantomData }
+    }
+
+    fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
+        self.machine.opened(link, opening);
+    }
+
+    fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
+        self.machine.received(link, bytes);
+    }
+
+    fn line_error(
+        &mut self,
+        link: &mut Context<'_>,
+        kind: LineErrorKind,
+        byte: Option<u8>,
+        span: u32,
+    ) {
+        self.machine.line_error(link, kind, byte, span);
+    }
+
+    fn link_down(&mut self, link: &mut Context<'_>, _reason: LinkDownReason) {
+        self.machine.link_down(link);
+    }
+
+    fn timer(&mut self, link: &mut Context<'_>, id: u8, _deadline: Micros) {
+        self.machine.timer(link, id);
+    }
+
+    fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
+        self.machine.mark(link, mark, state);
+    }
+
+    fn transmit_room(&mut self, link: &mut Context<'_>) {
+        self.machine.finish(link);
+    }
+
+    fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {
+        self.machine.discarded(link, bytes);
+    }
+
+    fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
+        self.machine.job_begin(link, job);
+    }
+
+    fn job_data(&mut self, link: &mut Context<'_>, _job: u32, bytes: &[u8]) {
+        self.machine.job_data(link, bytes);
+    }
+
+    fn job_end(&mut self, link: &mut Context<'_>, _job: u32) {
+        self.machine.job_end(link);
+    }
+
+    fn pause(&mut self, link: &mut Context<'_>, _job: u32) {
+        self.machine.set_paused(link, true);
+    }
+
+    fn resume(&mut self, link: &mut Context<'_>, _job: u32) {
+        self.machine.set_paused(link, false);
+    }
+
+    fn abort(&mut self, link: &mut Context<'_>, job: u32) {
+        self.machine.abort(link, job);
+    }
+
+    fn answer(
+        &mut self,
+        link: &mut Context<'_>,
+        request: u32,
+        answer: Result<&[u8], Failure>,
+        more: bool,
+    ) {
+        self.machine.answer(link, request, answer, more);
+    }
+
+    fn more(&mut self, link: &mut Context<'_>) {
+        self.machine.more(link);
+    }
+
+    fn save(&self, state: &mut StateWriter<'_>) {
+        self.machine.save(state);
+    }
+
+    fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
+        if Some(format) != Self::STATE_FORMAT {
+            return Err(StateError);
+        }
+        self.machine.restore(state)
+    }
+}

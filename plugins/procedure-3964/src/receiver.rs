@@ -1,0 +1,160 @@
+//! The receiver: accepts a set-up, takes the block, acknowledges or refuses it.
+
+use crate::cause::*;
+use crate::frame::{DLE, NAK, STX, Step};
+use crate::machine::Machine;
+use crate::phase::Phase;
+use crate::{Layer, frame::Decoder};
+use softplug_plugin::{Context, Micros, NoteLevel};
+
+/// How often a free buffer is looked for.
+const BUFFER_POLL: Micros = Micros::from_millis(50);
+
+impl Machine {
+    /// STX came: for a new block, or for the repetition of the one before.
+    pub(crate) fn set_up_asked(&mut self, link: &mut Context<'_>, is_repetition: bool) {
+        if !is_repetition {
+            self.refused = 0;
+            self.first_error = None;
+        }
+        self.withdrew = false;
+        self.is_faulty = false;
+        self.block.clear();
+        self.decoder = Decoder::default();
+        self.departure.forget();
+        if !self.options.handshake {
+            // The block follows at once: it can only be refused at its end.
+            self.phase = Phase::Receiving;
+            self.wait(link, self.options.zvz);
+            if !self.has_buffer(link) {
+                self.fault(link, NO_BUFFER);
+            }
+            return;
+        }
+        self.phase = Phase::BufferWait;
+        self.buffer_until = link.now() + self.options.buffer_wait;
+        self.look_for_buffer(link);
+    }
+
+    pub(crate) fn look_for_buffer(&mut self, link: &mut Context<'_>) {
+        if self.has_buffer(link) {
+            self.put(link, DLE);
+            self.departure.watch();
+            self.phase = Phase::Receiving;
+            self.deadline = None;
+        } else if link.now() >= self.buffer_until {
+            self.put(link, NAK);
+            self.end_reception(link, NO_BUFFER);
+        } else {
+            self.deadline = Some(self.buffer_until.min(link.now() + BUFFER_POLL));
+        }
+    }
+
+    /// A buffer is what the host has room for.
+    fn has_buffer(&self, link: &Context<'_>) -> bool {
+        let needs_room = self.options.layer == Layer::None || self.is_reading();
+        !needs_room || link.delivery_room() >= self.needed_room
+    }
+
+    pub(crate) fn receive(&mut self, link: &mut Context<'_>, good: Option<u8>, raw: Option<u8>) {
+        if self.departure.is_pending() {
+            if good == Some(STX) {
+                // The same set-up once more: our DLE is still on its way.
+                return;
+            }
+            self.fault(link, TOO_EARLY);
+        }
+        self.departure.forget();
+        self.wait(link, self.options.zvz);
+        if good.is_none() {
+            self.fault(link, DAMAGED);
+        }
+        let Some(byte) = raw else { return };
+        match self.decoder.take(&self.options, &mut self.block, self.limit, byte) {
+            Step::Inside => {}
+            Step::LoneDle => self.fault(link, LONE_DLE),
+            Step::TooLong => {
+                self.put(link, NAK);
+                self.end_reception(link, BLOCK_TOO_LONG);
+            }
+            Step::End(is_right) => {
+                if !is_right {
+                    self.fault(link, WRONG_BCC);
+                }
+                self.end_of_block(link);
+            }
+        }
+    }
+
+    /// Something is wrong with the block: it is taken to its end and refused.
+    pub(crate) fn fault(&mut self, link: &mut Context<'_>, cause: Cause) {
+        warn(link, cause.status, "bad block");
+        self.first_error.get_or_insert(cause);
+        self.is_faulty = true;
+    }
+
+    fn end_of_block(&mut self, link: &mut Context<'_>) {
+        if !self.is_faulty {
+            self.put(link, DLE);
+            self.idle();
+            match self.options.layer {
+                Layer::None => self.deliver(link, None),
+                Layer::Rk512 => self.telegram(link),
+            }
+            return;
+        }
+        self.put(link, NAK);
+        self.refused = self.refused.saturating_add(1);
+        let is_last = self.refused >= self.options.transmission_attempts;
+        if is_last || self.options.bwz == Micros::ZERO {
+            self.end_reception(link, WRONG_BCC);
+        } else {
+            note(link, NoteLevel::Info, NAK_SENT, "repetition expected");
+            self.phase = Phase::RepetitionWait;
+            self.wait(link, self.options.bwz);
+        }
+    }
+
+    /// ZVZ has run out in a block.
+    pub(crate) fn silence(&mut self, link: &mut Context<'_>) {
+        self.put(link, NAK);
+        // Both sides withdrew: each answered the other's STX, and nothing follows.
+        if self.withdrew && self.block.is_empty() && self.decoder.is_after_dle() {
+            self.first_error = Some(BOTH_LOW);
+            self.end_reception(link, BOTH_LOW);
+            self.end_block(link, BOTH_LOW);
+        } else {
+            self.end_reception(link, SILENCE);
+        }
+    }
+
+    /// Gives the reception up, for its first error or else for this one.
+    pub(crate) fn end_reception(&mut self, link: &mut Context<'_>, cause: Cause) {
+        let cause = *self.first_error.get_or_insert(cause);
+        warn(link, cause.status, "reception failed");
+        if cause == NO_BUFFER {
+            self.block.clear();
+        }
+        self.idle();
+        if self.options.layer == Layer::None {
+            self.deliver(link, Some(cause));
+        }
+    }
+
+    fn deliver(&mut self, link: &mut Context<'_>, cause: Option<Cause>) {
+        self.last_delivery = self.last_delivery.wrapping_add(1).max(1);
+        let id = self.last_delivery;
+        link.delivery_begin(id, 0);
+        let room = link.delivery_room() as usize;
+        let bytes = self.block.as_slice();
+        let bytes = bytes.get(..bytes.len().min(room)).unwrap_or_default();
+        if !bytes.is_empty() {
+            link.deliver(id, bytes);
+        }
+        link.delivery_end(
+            id,
+            cause.map(|cause| cause.failure),
+            cause.map_or(0, |cause| cause.status),
+        );
+    }
+}

@@ -1,0 +1,140 @@
+//! RK512: telegrams to and from a partner's memory, each a block with a reaction
+//! as a block of its own in the other direction.
+
+mod active;
+mod header;
+mod passive;
+
+pub(crate) use header::timeout_at;
+
+use crate::block::Block;
+use header::Header;
+use softplug_plugin::{Context, Micros, StateError, StateReader, StateWriter};
+
+/// Most data bytes of one telegram.
+pub(crate) const LARGEST_DATA: u8 = 128;
+/// Bytes of a command before its data.
+const HEADER: usize = 10;
+/// Bytes of a reaction, and of a follow-up, before its data.
+const SHORT_HEADER: usize = 4;
+/// Most bytes of a telegram.
+pub(crate) const LARGEST_TELEGRAM: u16 = HEADER as u16 + LARGEST_DATA as u16;
+/// Most bytes of a reaction.
+const LARGEST_REACTION: usize = SHORT_HEADER + LARGEST_DATA as usize;
+
+/// What the layer knows.
+#[derive(Debug)]
+pub(crate) struct Rk512 {
+    pub(crate) timeout: Micros,
+    // Active: our job.
+    header: Header,
+    /// Data bytes that are still to be transferred, this telegram's included.
+    to_do: u32,
+    /// The size of the data is known, so the header is.
+    knows_size: bool,
+    /// The telegram under way is a follow-up.
+    is_follow_up: bool,
+    /// Id of the delivery of what is read; 0: not begun.
+    reading: u32,
+    pub(crate) reaction_until: Option<Micros>,
+    // Passive: the partner's commands.
+    asked: Header,
+    /// Data bytes of its command that are still to come, and of this telegram.
+    left: u32,
+    piece: u8,
+    /// The telegram was no follow-up.
+    is_first: bool,
+    /// The reaction has not left yet: a command now is this one once more.
+    is_current: bool,
+    /// The request that is not answered; 0: none.
+    request: u32,
+    last_request: u32,
+    pub(crate) answer_until: Option<Micros>,
+    pub(crate) reaction: Block<LARGEST_REACTION>,
+    pub(crate) reaction_ready: bool,
+}
+
+impl Rk512 {
+    pub(crate) fn new() -> Self {
+        Self {
+            timeout: Micros::ZERO,
+            header: Header::default(),
+            to_do: 0,
+            knows_size: false,
+            is_follow_up: false,
+            reading: 0,
+            reaction_until: None,
+            asked: Header::default(),
+            left: 0,
+            piece: 0,
+            is_first: true,
+            is_current: false,
+            request: 0,
+            last_request: 0,
+            answer_until: None,
+            reaction: Block::new(),
+            reaction_ready: false,
+        }
+    }
+
+    /// Whether a delivery is under way: one of what a job reads.
+    pub(crate) fn is_delivering(&self) -> bool {
+        self.reading != 0
+    }
+
+    /// The partner is gone: what it asked for no longer matters.
+    pub(crate) fn forget_partner(&mut self, link: &mut Context<'_>) {
+        self.forget_request(link);
+        self.reaction_ready = false;
+        self.left = 0;
+    }
+
+    fn forget_request(&mut self, link: &mut Context<'_>) {
+        self.answer_until = None;
+        if self.request != 0 {
+            link.withdraw(self.request);
+            self.request = 0;
+        }
+    }
+
+    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
+        state.micros(self.timeout);
+        self.header.save(state);
+        state.u32(self.to_do);
+        state.bool(self.knows_size);
+        state.bool(self.is_follow_up);
+        state.u32(self.reading);
+        state.deadline(self.reaction_until);
+        self.asked.save(state);
+        state.u32(self.left);
+        state.u8(self.piece);
+        state.bool(self.is_first);
+        state.bool(self.is_current);
+        state.u32(self.request);
+        state.u32(self.last_request);
+        state.deadline(self.answer_until);
+        self.reaction.save(state);
+        state.bool(self.reaction_ready);
+    }
+
+    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
+        self.timeout = state.micros();
+        self.header = Header::restore(state);
+        self.to_do = state.u32();
+        self.knows_size = state.bool();
+        self.is_follow_up = state.bool();
+        self.reading = state.u32();
+        self.reaction_until = state.deadline();
+        self.asked = Header::restore(state);
+        self.left = state.u32();
+        self.piece = state.u8();
+        self.is_first = state.bool();
+        self.is_current = state.bool();
+        self.request = state.u32();
+        self.last_request = state.u32();
+        self.answer_until = state.deadline();
+        self.reaction.restore(state)?;
+        self.reaction_ready = state.bool();
+        Ok(())
+    }
+}

@@ -1,0 +1,207 @@
+//! The partner's commands: each becomes a request to the host, whose answer
+//! becomes the reaction.
+
+use super::header::{
+    AREA, BLOCK, COUNT, CPU, DATA, FETCH, FLAG_BIT, FLAG_BYTE, FOLLOW_UP, Header, OFFSET, SEND_DB,
+    SEND_DX,
+};
+use super::{HEADER, LARGEST_DATA, Rk512, SHORT_HEADER};
+use crate::cause::warn;
+use crate::machine::Machine;
+use softplug_abi::{Value, ValueWriter, Values};
+use softplug_plugin::{Context, Failure};
+
+// Errors in a reaction.
+const ACCESS: u8 = 0x0A;
+const TYPE: u8 = 0x0C;
+const HEADER_UNKNOWN: u8 = 0x10;
+const NOT_FOUND: u8 = 0x14;
+const COMMAND: u8 = 0x16;
+const IN_STOP: u8 = 0x2A;
+const LOCKED: u8 = 0x32;
+const LENGTH: u8 = 0x34;
+const SEQUENCE: u8 = 0x36;
+
+/// Longest fields of a request.
+const FIELDS: usize = 256;
+
+impl Machine {
+    /// A telegram came: a reaction has 00 where a command has its letter.
+    pub(crate) fn telegram(&mut self, link: &mut Context<'_>) {
+        if self.block.as_slice().get(2) == Some(&0) {
+            self.reaction(link);
+            return;
+        }
+        let error = self.rk512.command(self.block.as_slice());
+        self.rk512.forget_request(link);
+        self.rk512.reaction_ready = false;
+        match error {
+            Ok(data) => {
+                let bytes = self.block.as_slice();
+                self.rk512.ask(link, bytes.get(data..).unwrap_or_default());
+            }
+            Err(error) => {
+                warn(link, error.into(), "bad command");
+                let is_follow_up = self.block.as_slice().first() == Some(&FOLLOW_UP);
+                self.rk512.left = 0;
+                self.rk512.react(is_follow_up, error);
+            }
+        }
+    }
+
+    pub(crate) fn answer(
+        &mut self,
+        link: &mut Context<'_>,
+        request: u32,
+        answer: Result<&[u8], Failure>,
+        more: bool,
+    ) {
+        if request == self.rk512.request && request != 0 {
+            self.rk512.answered(link, answer, more);
+        }
+        self.begin_block(link);
+        self.finish(link);
+    }
+
+    pub(crate) fn answer_late(&mut self, link: &mut Context<'_>) {
+        self.rk512.forget_request(link);
+        self.rk512.left = 0;
+        self.rk512.react(!self.rk512.is_first, IN_STOP);
+    }
+}
+
+impl Rk512 {
+    /// Takes a command; returns where its data begins, or the error to react with.
+    fn command(&mut self, bytes: &[u8]) -> Result<usize, u8> {
+        let [first, 0, command, area, ..] = *bytes else { return Err(HEADER_UNKNOWN) };
+        if first != 0 && first != FOLLOW_UP {
+            return Err(HEADER_UNKNOWN);
+        }
+        if !matches!(command, SEND_DB | SEND_DX | FETCH) {
+            return Err(COMMAND);
+        }
+        let start = if first == FOLLOW_UP {
+            // Until our reaction has left, it is the same follow-up once more.
+            let is_due = self.left > 0 && !(self.is_current && self.is_first);
+            if !is_due || command != self.asked.command || area != self.asked.area {
+                return Err(SEQUENCE);
+            }
+            SHORT_HEADER
+        } else {
+            let header = bytes.first_chunk::<HEADER>().ok_or(HEADER_UNKNOWN)?;
+            self.asked = Header::from_bytes(*header);
+            self.asked.area_name().ok_or(TYPE)?;
+            self.left = u32::from(self.asked.count) * self.asked.unit();
+            HEADER
+        };
+        self.is_first = first == 0;
+        self.is_current = true;
+        self.piece = self.left.min(LARGEST_DATA.into()) as u8;
+        let expected = if self.asked.is_read() { 0 } else { usize::from(self.piece) };
+        if self.piece == 0 || bytes.len() != start + expected {
+            return Err(LENGTH);
+        }
+        Ok(start)
+    }
+
+    /// Asks the host.
+    fn ask(&mut self, link: &mut Context<'_>, data: &[u8]) {
+        self.last_request = self.last_request.wrapping_add(1).max(1);
+        self.request = self.last_request;
+        self.answer_until = Some(link.now() + self.timeout);
+        // A granted answer is gathered behind the head of the reaction.
+        self.react(!self.is_first, 0);
+        self.reaction_ready = false;
+        let header = self.asked;
+        let mut buffer = [0; FIELDS];
+        let mut fields = ValueWriter::new(&mut buffer);
+        let mut put = |index, value| {
+            let fitted = fields.push(index, value);
+            debug_assert!(fitted.is_ok(), "the fields of a request are bounded");
+        };
+        let number = |value: u32| Value::Int(value.into());
+        put(AREA, Value::Text(header.area_name().unwrap_or_default()));
+        put(BLOCK, number(header.block.into()));
+        put(OFFSET, number(header.offset));
+        put(COUNT, number(u32::from(self.piece) / header.unit()));
+        if header.flag != 0xFF {
+            put(FLAG_BYTE, number(header.flag.into()));
+        }
+        let (cpu, bit) = (header.cpu_bit >> 4, header.cpu_bit & 0x0F);
+        if bit != 0x0F {
+            put(FLAG_BIT, number(bit.into()));
+        }
+        if cpu != 0x0F {
+            put(CPU, number(cpu.into()));
+        }
+        if !header.is_read() {
+            put(DATA, Value::Bytes(data));
+        }
+        link.request(self.request, u16::from(header.is_read()), Values::new(fields.written()));
+    }
+
+    fn answered(&mut self, link: &mut Context<'_>, answer: Result<&[u8], Failure>, more: bool) {
+        let error = match answer {
+            Ok(data) => {
+                let is_wanted = self.asked.is_read();
+                let fits = !is_wanted || self.reaction.extend(data);
+                let expected = if is_wanted { usize::from(self.piece) } else { 0 };
+                let length = usize::from(self.reaction.len()) - SHORT_HEADER;
+                if fits && more {
+                    return;
+                }
+                if fits && length == expected {
+                    0
+                } else {
+                    warn(link, LENGTH.into(), "the host's answer is not of the length asked for");
+                    LENGTH
+                }
+            }
+            Err(failure) => error_of(failure),
+        };
+        if more {
+            // The rest of an answer that is too long is not for us.
+            link.withdraw(self.request);
+        }
+        self.request = 0;
+        self.answer_until = None;
+        if error == 0 {
+            self.reaction_ready = true;
+        } else {
+            self.left = 0;
+            self.react(!self.is_first, error);
+        }
+    }
+
+    /// A reaction without data.
+    fn react(&mut self, is_follow_up: bool, error: u8) {
+        self.reaction.clear();
+        self.reaction.extend(&[if is_follow_up { FOLLOW_UP } else { 0 }, 0, 0, error]);
+        self.reaction_ready = true;
+    }
+
+    /// The reaction has left: a follow-up now is the next one.
+    pub(crate) fn advance(&mut self) {
+        if self.is_current && self.left > 0 {
+            self.left -= u32::from(self.piece);
+            self.asked.offset += u32::from(self.piece) / self.asked.unit();
+        }
+        self.is_current = false;
+    }
+
+    pub(crate) fn reaction_ended(&mut self) {
+        self.reaction_ready = false;
+    }
+}
+
+/// What a refusal of the host is to the partner.
+fn error_of(failure: Failure) -> u8 {
+    match failure {
+        Failure::NotFound => NOT_FOUND,
+        Failure::Denied => ACCESS,
+        Failure::Busy => LOCKED,
+        Failure::NotSupported => HEADER_UNKNOWN,
+        Failure::BadJob | Failure::TooLong => LENGTH,
+        _ => IN_STOP,
+    }
+}
