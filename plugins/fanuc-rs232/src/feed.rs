@@ -414,8 +414,7 @@ impl Feed {
         if !is_last || state != MarkState::SurelyLeft {
             return;
         }
-        // A DC3 just before the end was the final one: no more will come.
-        if settings.end_wait == 0 || !self.is_ready {
+        if settings.end_wait == 0 {
             self.end(link);
         } else {
             self.stage = Stage::Waiting;
