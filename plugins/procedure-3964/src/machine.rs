@@ -278,6 +278,9 @@ impl Machine {
                 self.wait(link, self.options.qvz);
             }
             (Phase::Receiving, Some(MarkState::SurelyLeft)) => self.wait(link, self.options.zvz),
+            (Phase::RepetitionWait, Some(MarkState::SurelyLeft)) => {
+                self.wait(link, self.options.bwz);
+            }
             _ => {}
         }
         self.finish(link);

@@ -111,7 +111,8 @@ impl Machine {
         } else {
             note(link, NoteLevel::Info, NAK_SENT, "repetition expected");
             self.phase = Phase::RepetitionWait;
-            self.wait(link, self.options.bwz);
+            self.deadline = None;
+            self.departure.watch();
         }
     }
 
