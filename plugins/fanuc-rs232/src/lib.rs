@@ -84,6 +84,11 @@ impl Converter for FanucRs232 {
         self.after(link);
     }
 
+    /// The host ends what is under way; of a delivery it gets the name.
+    fn closed(&mut self, link: &mut Context<'_>) {
+        self.punch.text.give_name(link);
+    }
+
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         for byte in bytes {
             self.byte(link, *byte);
@@ -123,7 +128,7 @@ impl Converter for FanucRs232 {
 
     fn link_down(&mut self, link: &mut Context<'_>, _reason: LinkDownReason) {
         self.feed.link_down(link);
-        self.remote_buffer.fail(link, Failure::LinkDown);
+        self.remote_buffer.link_down(link);
         self.punch.finish(link, &self.settings, Some(Failure::LinkDown));
         self.after(link);
     }
@@ -169,7 +174,7 @@ impl Converter for FanucRs232 {
     fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
         // The feed does every check, and refuses what is no program.
         if self.is_packets && job.pass == Pass::Run && job.kind == 0 {
-            self.remote_buffer.job_begin(link, &job);
+            self.remote_buffer.job_begin(link, &self.settings, &job);
         } else {
             self.feed.job_begin(link, &self.settings, &job);
         }

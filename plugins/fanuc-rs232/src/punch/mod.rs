@@ -39,7 +39,7 @@ pub(crate) struct Punch {
     stage: Stage,
     code: Code,
     early: Short,
-    text: Text,
+    pub(crate) text: Text,
     pub(crate) flow: Flow,
     /// DC4 has come: only SYN or NAK may follow.
     ended: bool,
@@ -194,7 +194,7 @@ impl Punch {
         };
         if self.code == Code::Iso {
             self.character(link, settings, damaged);
-        } else if was_text {
+        } else if was_text && damaged != 0 {
             self.text.put(link, damaged);
         }
         if was_text || self.has_text() {

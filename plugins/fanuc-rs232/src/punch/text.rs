@@ -14,7 +14,7 @@ const PIECE: usize = 256;
 const RESERVE: usize = 2_600;
 
 #[derive(Clone, Debug)]
-pub(super) struct Text {
+pub(crate) struct Text {
     /// Id of the delivery under way; 0: none.
     delivery: u32,
     last_delivery: u32,
@@ -179,8 +179,8 @@ impl Text {
         self.failure.get_or_insert(failure);
     }
 
-    /// Ends the delivery; a capture of nothing is an empty one. An earlier reason
-    /// to fail goes first.
+    /// Ends the delivery; a capture of nothing has none. An earlier reason to fail
+    /// goes first.
     pub(super) fn end(
         &mut self,
         link: &mut Context<'_>,
@@ -189,18 +189,22 @@ impl Text {
         failure: Option<Failure>,
     ) {
         if self.delivery == 0 {
-            self.begin(link);
+            return;
         }
         self.flush(link);
         let failure = self.failure.or(failure);
-        let name = core::str::from_utf8(self.title.name()).unwrap_or_default();
-        if !name.is_empty() {
-            link.delivery_name(self.delivery, name);
-        }
+        self.give_name(link);
         link.delivery_end(self.delivery, failure, 0);
         self.delivery = 0;
         if failure.is_none() {
             requests.look(link, settings, &self.title);
+        }
+    }
+
+    pub(crate) fn give_name(&self, link: &mut Context<'_>) {
+        let name = core::str::from_utf8(self.title.name()).unwrap_or_default();
+        if self.delivery != 0 && !name.is_empty() {
+            link.delivery_name(self.delivery, name);
         }
     }
 

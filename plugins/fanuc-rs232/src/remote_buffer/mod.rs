@@ -1,11 +1,11 @@
 //! The remote buffer with protocol A: the control asks, we answer.
 //!
-//! The control's manual leaves some of it open. This project's decisions: we say
-//! nothing unasked; SYN and RDY are answered in kind; GTD without a job, in a pause
-//! or without data is answered by WAT; inputs and outputs are empty (SDI without
-//! data, SDO taken); CLB says that what was sent is lost; a job is done when the
-//! control speaks after EOD, or is silent for Tp; otherwise the control speaks after
-//! Tp, so silence of twice that is a failure.
+//! The control's manual leaves some of it open. This project's decisions: the first
+//! job begins with our SYN, unless the control has said something; after that we
+//! only answer; GTD without a job, in a pause or without data is answered by WAT;
+//! inputs and outputs are empty (SDI without data, SDO taken); CLB says that what
+//! was sent is lost; a job is done when the control speaks after EOD, or is silent
+//! for Tp; any other silence of Tp fails the job.
 
 mod message;
 
@@ -22,18 +22,21 @@ const BUFFER: usize = 1_024 + 2 * MOST_PER_BYTE;
 /// How often a message is repeated, or asked for again.
 const MOST_REPEATS: u8 = 3;
 /// Reason in our RTY: the message was damaged.
-const DAMAGED: &[u8] = b"1";
+const DAMAGED: u8 = b'1';
+/// Reason in our RTY: there is no such command.
+const UNKNOWN: u8 = b'2';
 
 const DAT: Command = *b"DAT";
 const EOD: Command = *b"EOD";
 const GTD: Command = *b"GTD";
+const RDY: Command = *b"RDY";
 const RTY: Command = *b"RTY";
+const SYN: Command = *b"SYN";
 const WAT: Command = *b"WAT";
 
 /// What else the control says, the answer, and what it means for data that was sent.
-const ANSWERS: [(Command, Command, Option<Failure>); 9] = [
-    (*b"SYN", *b"SYN", Some(Failure::PartnerReset)),
-    (*b"RDY", *b"RDY", None),
+const ANSWERS: [(Command, Command, Option<Failure>); 8] = [
+    (SYN, RDY, Some(Failure::PartnerReset)),
     (*b"SAT", *b"SET", None),
     (*b"RST", *b"ARS", Some(Failure::PartnerReset)),
     (*b"ALM", *b"AAL", Some(Failure::PartnerAlarm)),
@@ -75,6 +78,8 @@ pub(crate) struct RemoteBuffer {
     /// The mark on the latest message is still outstanding: there is one at a time.
     is_marked: bool,
     is_paused: bool,
+    /// The control is initialised.
+    is_ready: bool,
     /// GTD is not answered yet.
     is_asked: bool,
     /// The latest message, in case it must be repeated.
@@ -100,6 +105,7 @@ impl RemoteBuffer {
             is_own: false,
             is_marked: false,
             is_paused: false,
+            is_ready: false,
             is_asked: false,
             last: WAT,
             repeats: 0,
@@ -122,7 +128,12 @@ impl RemoteBuffer {
         }
     }
 
-    pub(crate) fn job_begin(&mut self, link: &mut Context<'_>, job: &JobStart<'_>) {
+    pub(crate) fn job_begin(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        job: &JobStart<'_>,
+    ) {
         if let Err(failure) = self.encoder.begin(&job.fields) {
             link.job_failed(job.job, failure, 0, 0);
             return;
@@ -133,6 +144,9 @@ impl RemoteBuffer {
         self.queued = 0;
         self.filled = 0;
         self.packet = 0;
+        if !self.is_ready {
+            self.say(link, settings, SYN);
+        }
     }
 
     pub(crate) fn job_data(&mut self, link: &mut Context<'_>, settings: &Settings, bytes: &[u8]) {
@@ -228,26 +242,31 @@ impl RemoteBuffer {
         self.say(link, settings, answer);
     }
 
+    /// Says what may have to be repeated.
+    fn say(&mut self, link: &mut Context<'_>, settings: &Settings, command: Command) {
+        self.last = command;
+        let packet = if command == DAT { self.packet } else { 0 };
+        let buffer = self.buffer;
+        let data = buffer.get(..packet).unwrap_or_default();
+        self.message_out(link, settings, command, data);
+    }
+
     /// Sends a message. Without room it is lost as on the line: the control asks
     /// again.
-    fn say(&mut self, link: &mut Context<'_>, settings: &Settings, command: Command) {
+    fn message_out(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        command: Command,
+        data: &[u8],
+    ) {
         set_timer(link, PACKET, &mut self.until, None);
-        let data = match command {
-            DAT => self.buffer.get(..self.packet).unwrap_or_default(),
-            RTY => DAMAGED,
-            _ => &[],
-        };
         let length = HEAD + data.len() + 1;
-        if command != RTY {
-            self.last = command;
-        }
         if length > link.transmit_room() as usize {
             return;
         }
         link.transmit(&head(settings, command, data));
-        if command == RTY {
-            link.transmit(&[with_parity(settings, b'1')]);
-        } else if !data.is_empty() {
+        if !data.is_empty() {
             link.transmit(data);
         }
         let mark = u32::from(!self.is_marked);
@@ -264,15 +283,15 @@ impl RemoteBuffer {
             return;
         }
         self.is_marked = false;
-        let span = match self.stage {
-            Stage::Ending => settings.poll_time,
-            Stage::Feeding | Stage::Closing | Stage::Closed => 2 * settings.poll_time,
-            Stage::Idle | Stage::Stopping(_) => return,
-        };
-        if !self.is_asked && self.queued > 0 {
-            let at = link.now() + Micros::from_millis(span);
-            set_timer(link, PACKET, &mut self.until, Some(at));
+        let is_busy = !matches!(self.stage, Stage::Idle | Stage::Stopping(_));
+        if is_busy && !self.is_asked && (self.queued > 0 || !self.is_ready) {
+            self.await_control(link, settings);
         }
+    }
+
+    fn await_control(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        let at = link.now() + Micros::from_millis(settings.poll_time);
+        set_timer(link, PACKET, &mut self.until, Some(at));
     }
 
     /// The control was silent, or the host has no data for it.
@@ -283,11 +302,16 @@ impl RemoteBuffer {
         } else if self.stage == Stage::Ending {
             self.done(link);
         } else {
+            self.is_ready = false;
             self.fail(link, Failure::NoAnswer);
         }
     }
 
     pub(crate) fn byte(&mut self, link: &mut Context<'_>, settings: &Settings, byte: u8) {
+        // It is not silent.
+        if self.until.is_some() && !self.is_asked {
+            self.await_control(link, settings);
+        }
         let Some(message) = self.reader.read(settings, byte) else { return };
         set_timer(link, PACKET, &mut self.until, None);
         match message {
@@ -302,26 +326,33 @@ impl RemoteBuffer {
             }
             Ok(command) => {
                 self.repeats = 0;
-                self.retries = 0;
                 self.message(link, settings, command);
             }
-            Err(()) => self.retry(link, settings),
+            Err(()) => self.retry(link, settings, DAMAGED),
         }
     }
 
-    fn retry(&mut self, link: &mut Context<'_>, settings: &Settings) {
+    /// Asks for the message again. Ours that may have to be repeated stays the same.
+    fn retry(&mut self, link: &mut Context<'_>, settings: &Settings, reason: u8) {
         self.retries += 1;
         if self.retries > MOST_REPEATS {
             self.retries = 0;
             self.fail(link, Failure::Checksum);
         } else {
-            self.say(link, settings, RTY);
+            self.message_out(link, settings, RTY, &[reason]);
         }
     }
 
     /// A sound message. Our latest one has come through.
     fn message(&mut self, link: &mut Context<'_>, settings: &Settings, command: Command) {
         self.confirm();
+        let is_known = command == GTD || command == RDY;
+        let answer = ANSWERS.iter().find(|(own, ..)| *own == command);
+        if !is_known && answer.is_none() {
+            return self.retry(link, settings, UNKNOWN);
+        }
+        self.retries = 0;
+        self.is_ready = true;
         if command == GTD {
             if self.stage == Stage::Ending {
                 self.done(link);
@@ -335,9 +366,7 @@ impl RemoteBuffer {
             }
             return;
         }
-        let Some((_, answer, failure)) = ANSWERS.iter().find(|(own, ..)| *own == command) else {
-            return self.retry(link, settings);
-        };
+        let Some((_, answer, failure)) = answer else { return };
         match failure {
             Some(failure) if self.queued > 0 => self.lost(link, *failure),
             _ if self.stage == Stage::Ending => self.done(link),
@@ -369,6 +398,13 @@ impl RemoteBuffer {
         if let Some(byte) = byte {
             self.byte(link, settings, byte);
         }
+    }
+
+    /// The port is gone: what comes back is initialised anew.
+    pub(crate) fn link_down(&mut self, link: &mut Context<'_>) {
+        self.is_ready = false;
+        self.reader = Reader::default();
+        self.fail(link, Failure::LinkDown);
     }
 
     /// The control is gone; a job that it has not begun to read stays.
@@ -430,7 +466,7 @@ impl RemoteBuffer {
         state.u32(self.job);
         state.u32(self.wanted);
         state.u64(self.queued);
-        for flag in [self.is_own, self.is_marked, self.is_paused, self.is_asked] {
+        for flag in [self.is_own, self.is_marked, self.is_paused, self.is_ready, self.is_asked] {
             state.bool(flag);
         }
         state.bytes(&self.last);
@@ -461,8 +497,13 @@ impl RemoteBuffer {
         self.job = state.u32();
         self.wanted = state.u32();
         self.queued = state.u64();
-        for flag in [&mut self.is_own, &mut self.is_marked, &mut self.is_paused, &mut self.is_asked]
-        {
+        for flag in [
+            &mut self.is_own,
+            &mut self.is_marked,
+            &mut self.is_paused,
+            &mut self.is_ready,
+            &mut self.is_asked,
+        ] {
             *flag = state.bool();
         }
         self.last = state.bytes(3).first_chunk().copied().unwrap_or_default();
