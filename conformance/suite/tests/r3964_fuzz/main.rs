@@ -16,3 +16,13 @@ use case::Subject;
 fn two_stations_keep_the_promise() {
     run::many(Subject::Station);
 }
+
+#[test]
+fn r3964_keeps_the_promise() {
+    run::many(Subject::R3964);
+}
+
+#[test]
+fn simplified_keeps_the_promise() {
+    run::many(Subject::Simplified);
+}

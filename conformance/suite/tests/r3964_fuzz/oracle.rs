@@ -1,9 +1,9 @@
 //! What must hold of a run, whatever went wrong in it.
 
+use softplug_abi::Instance;
 use softplug_abi::Micros;
 use softplug_conformance::partners::Signal;
 use softplug_conformance::partners::r3964::{Arrival, Options, Station};
-use softplug_abi::Instance;
 
 use crate::pair::PluginEnd;
 
@@ -210,15 +210,22 @@ impl Direction<'_> {
 
     fn may_be_accepted(&self, job: &Job, dle: Arrival) -> Result<(), String> {
         let Some(emitted) = &self.sender.emitted else { return Ok(()) };
-        let left: Vec<_> = emitted.iter().filter(|(_, end, _)| *end <= dle.at).collect();
+        // The plug-in knows of it when the port gives it.
+        let seen = job.ended;
+        let before = |(start, end, _): &&(Micros, Micros, u8)| *start < seen && *end <= seen;
+        let left: Vec<_> = emitted.iter().filter(before).collect();
         let bytes: Vec<u8> = left.iter().map(|(.., byte)| *byte).collect();
         let block = self.block(&job.data);
         if !bytes.ends_with(&block) {
             let last = &bytes[bytes.len().saturating_sub(block.len() + 8)..];
-            return Err(format!("its block had not left before the DLE of {}: {}", dle.at, hex(last)));
+            return Err(format!(
+                "its block had not left before the DLE of {}: {}",
+                dle.at,
+                hex(last)
+            ));
         }
         let end = left.last().map_or(Micros::ZERO, |(_, end, _)| *end);
-        if dle.at - end > self.options.qvz {
+        if seen - end > self.options.qvz {
             return Err(format!("the DLE of {} came after QVZ", dle.at));
         }
         Ok(())
@@ -257,23 +264,42 @@ impl Direction<'_> {
             };
         }
         // A station's other DLEs are known to be none for a block. A plug-in's
-        // must be the answer to an STX, which came just before.
+        // must be the answer to an STX, which came just before, or of its block.
         if let Some(emitted) = &self.receiver.emitted {
-            let start = emitted.iter().find(|(_, end, _)| *end == sent_at);
-            let start = start.map_or(sent_at, |(start, ..)| *start);
-            let came = |arrival: &&Arrival| arrival.at <= start && arrival.at + self.latency >= start;
-            let before = self.to_receiver.iter().filter(|arrival| arrival.at <= start);
-            let recent = self.to_receiver.iter().filter(came);
-            let is_stx = |arrival: &Arrival| arrival.signal == Signal::Character(0x02);
-            let is_answer = before.last().is_some_and(is_stx) || recent.copied().any(|one| is_stx(&one));
-            if !is_answer {
+            let mut dles = (0..emitted.len()).filter(|place| {
+                let (_, end, byte) = emitted[*place];
+                end == sent_at && byte == 0x10
+            });
+            if !dles.any(|place| self.is_of_block(place) || self.is_answer(emitted[place].0)) {
                 return Err(format!(
-                    "the DLE of {start} acknowledged the job of {}, but nothing was delivered",
+                    "the DLE that left at {sent_at} acknowledged the job of {}, but nothing was \
+                     delivered",
                     job.begun
                 ));
             }
         }
         Ok(Cause::Forged)
+    }
+
+    /// Whether what the receiver began to send at this time can answer an STX.
+    fn is_answer(&self, start: Micros) -> bool {
+        let before = |arrival: &&Arrival| arrival.at <= start;
+        let is_stx = |arrival: &Arrival| arrival.signal == Signal::Character(0x02);
+        let is_recent = |arrival: &&Arrival| arrival.at + self.latency >= start;
+        let came = || self.to_receiver.iter().filter(before);
+        came().last().is_some_and(is_stx) || came().filter(is_recent).any(is_stx)
+    }
+
+    /// Whether this character of the receiver's is one of a block of its own.
+    fn is_of_block(&self, place: usize) -> bool {
+        let Some(emitted) = &self.receiver.emitted else { return false };
+        self.receiver.jobs.iter().any(|job| {
+            let block = self.block(&job.data);
+            (1..=place).rev().take(block.len()).any(|first| {
+                let so_far = emitted[first..=place].iter().map(|(.., byte)| byte);
+                emitted[first - 1].2 == 0x02 && so_far.eq(&block[..=place - first])
+            })
+        })
     }
 }
 

@@ -49,6 +49,8 @@ pub(super) struct Job {
     saw_stx: bool,
     /// It gives way to the other side at present.
     withdrawn: bool,
+    /// How often it gave way and no block came.
+    in_vain: u32,
 }
 
 /// A block of the other side's.
@@ -473,6 +475,9 @@ impl Station {
             _ => {}
         }
         self.report.received.push(Received { at: self.now, data });
+        if let Some(job) = &mut self.job {
+            job.in_vain = 0;
+        }
         if let Some(Fault::LateAcknowledgement(span)) = fault {
             self.transmitter.push(Item::Pause(span));
         }
@@ -506,7 +511,13 @@ impl Station {
         let Some(reception) = self.reception.take() else { return };
         let withdrawn = self.job.as_ref().is_some_and(|job| job.withdrawn);
         self.say(NAK, Role::Nak);
-        if withdrawn && reception.frame.is_only_dle() {
+        let in_vain = self.job.as_mut().filter(|job| job.withdrawn).map_or(0, |job| {
+            job.in_vain += 1;
+            job.in_vain
+        });
+        let is_both_low = withdrawn && reception.frame.is_only_dle();
+        // Whatever it is that comes instead of a block, it must end.
+        if is_both_low || in_vain > self.options.setup_attempts {
             self.error(Error::BothLow);
             self.finish(Err(Error::BothLow));
         } else {
@@ -581,6 +592,7 @@ impl Job {
             blocks: 0,
             saw_stx: false,
             withdrawn: false,
+            in_vain: 0,
         }
     }
 

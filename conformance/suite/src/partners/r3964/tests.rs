@@ -342,10 +342,7 @@ fn its_own_block_is_spoilt_on_demand() {
     let wrong = bytes(block(Fault::WrongCheck));
     assert_eq!((wrong.len(), &wrong[..6]), (7, &good[..6]));
     assert_ne!(wrong[6], good[6]);
-    assert_eq!(
-        bytes(block(Fault::LoneDle(1))),
-        [0x10, 0x10, 0x10, 0x41, 0x42, 0x10, 0x03, 0x00]
-    );
+    assert_eq!(bytes(block(Fault::LoneDle(1))), [0x10, 0x10, 0x10, 0x41, 0x42, 0x10, 0x03, 0x00]);
     assert_eq!(bytes(block(Fault::Cut(3))), good[..3]);
     let gap = block(Fault::Gap(3, Micros(500)));
     assert_eq!((gap[2].0, gap[3].0), (10, 510));
