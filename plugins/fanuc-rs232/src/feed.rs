@@ -42,7 +42,8 @@ enum Stage {
 
 #[derive(Clone, Debug)]
 pub(crate) struct Feed {
-    encoder: Encoder,
+    /// In the remote buffer's mode it is the packets' while they have the job.
+    pub(crate) encoder: Encoder,
     pipe: Pipe,
     stage: Stage,
     job: u32,
@@ -156,17 +157,14 @@ impl Feed {
         self.wanted = self.wanted.saturating_sub(bytes.len() as u32);
         match self.stage {
             Stage::Checking => {
-                let mut faulty = None;
                 for byte in bytes {
-                    let pushed = self.encoder.push(settings, *byte, &mut |_| {});
-                    let pushed = pushed.and_then(|()| self.skip_preamble(settings));
-                    if let Err(failure) = pushed {
-                        faulty = Some(failure);
-                        break;
+                    if let Err(failure) = self.encoder.push(settings, *byte, &mut |_| {}) {
+                        let place = self.encoder.position();
+                        return self.checked(link, Err(failure), place);
                     }
-                }
-                if let Some(failure) = faulty {
-                    return self.check_failed(link, failure);
+                    if let Err(failure) = self.skip_preamble(settings) {
+                        return self.checked(link, Err(failure), (0, 0));
+                    }
                 }
             }
             Stage::Feeding => {
@@ -187,18 +185,11 @@ impl Feed {
         match self.stage {
             Stage::Checking => {
                 let mut finished = self.encoder.finish(settings, &mut |_| {});
-                if finished.is_ok() && self.encoder.is_waiting() {
+                if self.encoder.is_waiting() {
                     finished = self.skip_preamble(settings);
                     finished = finished.and_then(|()| self.encoder.finish(settings, &mut |_| {}));
                 }
-                match finished {
-                    Ok(()) => {
-                        self.checked = self.job;
-                        self.stage = Stage::Idle;
-                        link.check_good(self.job);
-                    }
-                    Err(failure) => self.check_failed(link, failure),
-                }
+                self.checked(link, finished, (0, 0));
             }
             Stage::Feeding => {
                 self.stage = Stage::Closing;
@@ -215,12 +206,21 @@ impl Feed {
         Ok(())
     }
 
-    fn check_failed(&mut self, link: &mut Context<'_>, failure: Failure) {
-        let (line, column) = self.encoder.position();
-        // A block that is not there has no place.
-        let place = if failure == Failure::NotFound { (0, 0) } else { (line, column) };
-        link.check_failed(self.job, failure, place.0, place.1);
+    /// The check has ended; a fault has a line and column, or 0 for both.
+    fn checked(
+        &mut self,
+        link: &mut Context<'_>,
+        result: Result<(), Failure>,
+        (line, column): (u32, u32),
+    ) {
         self.stage = Stage::Idle;
+        match result {
+            Ok(()) => {
+                self.checked = self.job;
+                link.check_good(self.job);
+            }
+            Err(failure) => link.check_failed(self.job, failure, line, column),
+        }
     }
 
     /// Does all that there is room for: leader, program, trailer.

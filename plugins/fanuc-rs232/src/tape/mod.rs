@@ -8,6 +8,8 @@
 mod ends;
 mod prefix;
 mod restart;
+#[cfg(test)]
+mod tests;
 
 use crate::code::{Code, encode, pairs};
 use crate::{BlockNumbers, Eob, SendCode, Settings, Unsupported};
@@ -88,6 +90,8 @@ struct Place {
     ends: Ends,
     /// Blocks so far, this one included; the label is none.
     block: u32,
+    /// The file has no first `%`.
+    is_open: bool,
     /// Only O lines and blank ones so far.
     is_head: bool,
     prefix: Prefix,
@@ -141,7 +145,8 @@ impl Encoder {
     /// [waits](Self::is_waiting).
     ///
     /// # Errors
-    /// [`Failure::UnsupportedCharacter`] at [`position`](Self::position).
+    /// At [`position`](Self::position): [`Failure::UnsupportedCharacter`], or
+    /// [`Failure::BadJob`] for text behind a `%` that may have been meant as the first.
     #[inline]
     pub(crate) fn push(
         &mut self,
@@ -174,7 +179,7 @@ impl Encoder {
     /// The next character of the preamble.
     ///
     /// # Errors
-    /// [`Failure::UnsupportedCharacter`]: the preamble cannot be sent.
+    /// [`Failure::BadJob`]: the preamble cannot be sent.
     pub(crate) fn next(&mut self, settings: &Settings, sink: Sink<'_>) -> Result<(), Failure> {
         if let Some(byte) = self.restart.next() {
             return match self.characters[usize::from(byte)] {
@@ -183,8 +188,8 @@ impl Encoder {
                     Ok(())
                 }
                 SPECIAL_CR | DROPPED => Ok(()),
-                SPECIAL_PERCENT => Err(Failure::UnsupportedCharacter),
-                character => self.text(settings, character, sink),
+                SPECIAL_PERCENT => Err(Failure::BadJob),
+                character => self.text(settings, character, sink).map_err(|_| Failure::BadJob),
             };
         }
         if !self.place.eob_waits {
@@ -252,6 +257,7 @@ impl Encoder {
         state.u32(place.line);
         state.u32(place.column);
         state.u32(place.block);
+        state.bool(place.is_open);
         state.bool(place.is_head);
         place.prefix.save(state);
         state.bool(place.held.is_some());
@@ -271,7 +277,7 @@ impl Encoder {
         let part = *PARTS.get(usize::from(state.u8())).ok_or(StateError)?;
         let ends = *Ends::ALL.get(usize::from(state.u8())).ok_or(StateError)?;
         let (line, column, block) = (state.u32(), state.u32(), state.u32());
-        let is_head = state.bool();
+        let (is_open, is_head) = (state.bool(), state.bool());
         let prefix = Prefix::restore(state)?;
         let is_held = state.bool();
         let character = state.u8();
@@ -288,6 +294,7 @@ impl Encoder {
             column,
             ends,
             block,
+            is_open,
             is_head,
             prefix,
             held,
@@ -334,7 +341,7 @@ impl Encoder {
     fn take(&mut self, settings: &Settings, character: u8, sink: Sink<'_>) -> Result<(), Failure> {
         match self.place.part {
             Part::Leader => match character {
-                0 | b' ' | b'\t' | 0x7F | SPECIAL_LF => return Ok(()),
+                _ if is_blank(character) => return Ok(()),
                 SPECIAL_PERCENT => {
                     self.send(character, sink);
                     self.place.part = Part::Label;
@@ -360,6 +367,10 @@ impl Encoder {
                 }
                 return Ok(());
             }
+            // Without its first `%` the file has ended at what may be that one.
+            Part::End if self.place.is_open && !is_blank(character) => {
+                return Err(Failure::BadJob);
+            }
             Part::End => return Ok(()),
         }
         match character {
@@ -379,6 +390,7 @@ impl Encoder {
 
     /// A file without its first `%`.
     fn open(&mut self, settings: &Settings, sink: Sink<'_>) {
+        self.place.is_open = true;
         if settings.percent {
             self.send(SPECIAL_PERCENT, sink);
             self.place.eob_waits = true;
@@ -546,6 +558,11 @@ const SPECIAL_CR: u8 = SPECIAL | b'\r';
 const SPECIAL_PERCENT: u8 = SPECIAL | b'%';
 const SPECIAL_OPEN: u8 = SPECIAL | b'(';
 const SPECIAL_CLOSE: u8 = SPECIAL | b')';
+
+/// Blank tape and blank lines.
+fn is_blank(character: u8) -> bool {
+    matches!(character, 0 | b' ' | b'\t' | 0x7F | SPECIAL_LF)
+}
 
 /// What is sent for a byte of a file.
 fn character(settings: &Settings, code: Code, byte: u8) -> u8 {
