@@ -78,6 +78,18 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
         Ok(true)
     }
 
+    /// Lets time come to `until`, whether anything happens then or not.
+    pub fn wait_until(
+        &mut self,
+        until: Micros,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        while self.step(until, outside)? {}
+        self.now = self.now.max(until);
+        self.partner.advance(self.now);
+        self.settle(outside)
+    }
+
     fn tell(
         &mut self,
         signal: Signal,
