@@ -65,7 +65,7 @@ impl Converter for FanucRs232 {
             settings,
             feed: Feed::new(&settings),
             punch: Punch::default(),
-            remote_buffer: RemoteBuffer::new(&settings),
+            remote_buffer: RemoteBuffer::new(),
             is_packets: settings.mode == Mode::RemoteA,
             was_busy: false,
             is_dsr_on: false,
@@ -82,11 +82,6 @@ impl Converter for FanucRs232 {
             self.punch.flow.set_marks(opening.delivery_room);
         }
         self.after(link);
-    }
-
-    /// The host ends what is under way; of a delivery it gets the name.
-    fn closed(&mut self, link: &mut Context<'_>) {
-        self.punch.text.give_name(link);
     }
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
@@ -107,7 +102,7 @@ impl Converter for FanucRs232 {
         // With a span the character was given already.
         let byte = if span == 0 { byte } else { None };
         if self.is_packets {
-            self.remote_buffer.damaged(link, &self.settings, byte);
+            self.remote_buffer.damaged(link, &self.settings, &mut self.feed.encoder, byte);
         } else {
             self.punch.line_error(link, &self.settings, kind, byte);
         }
@@ -174,7 +169,7 @@ impl Converter for FanucRs232 {
     fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
         // The feed does every check, and refuses what is no program.
         if self.is_packets && job.pass == Pass::Run && job.kind == 0 {
-            self.remote_buffer.job_begin(link, &self.settings, &job);
+            self.remote_buffer.job_begin(link, &self.settings, &mut self.feed.encoder, &job);
         } else {
             self.feed.job_begin(link, &self.settings, &job);
         }
@@ -183,7 +178,7 @@ impl Converter for FanucRs232 {
 
     fn job_data(&mut self, link: &mut Context<'_>, _job: u32, bytes: &[u8]) {
         if self.remote_buffer.state().is_some() {
-            self.remote_buffer.job_data(link, &self.settings, bytes);
+            self.remote_buffer.job_data(link, &self.settings, &mut self.feed.encoder, bytes);
         } else {
             self.feed.job_data(link, &self.settings, bytes);
         }
@@ -192,7 +187,7 @@ impl Converter for FanucRs232 {
 
     fn job_end(&mut self, link: &mut Context<'_>, _job: u32) {
         if self.remote_buffer.state().is_some() {
-            self.remote_buffer.job_end(link, &self.settings);
+            self.remote_buffer.job_end(link, &self.settings, &mut self.feed.encoder);
         } else {
             self.feed.job_end(link, &self.settings);
         }
@@ -245,8 +240,8 @@ impl Converter for FanucRs232 {
         }
         self.is_dsr_on = state.bool();
         self.feed.restore(&self.settings, state)?;
-        self.punch = Punch::restore(state)?;
-        self.remote_buffer.restore(&self.settings, state)?;
+        self.punch.restore(state)?;
+        self.remote_buffer.restore(state)?;
         self.was_busy = self.feed.is_busy();
         Ok(())
     }
@@ -256,7 +251,7 @@ impl FanucRs232 {
     fn byte(&mut self, link: &mut Context<'_>, byte: u8) {
         let settings = &self.settings;
         if self.is_packets {
-            self.remote_buffer.byte(link, settings, byte);
+            self.remote_buffer.byte(link, settings, &mut self.feed.encoder, byte);
             return;
         }
         let (code, is_sending) = if self.punch.is_capturing() {

@@ -27,8 +27,7 @@ impl Requests {
         if digits.and_then(number) != Some(settings.request_program) {
             return;
         }
-        let pattern = settings.request_pattern.as_str().as_bytes();
-        let Some(name) = matched(pattern, title.comment()) else { return };
+        let Some(name) = wanted(settings, title.comment()) else { return };
         let Ok(text) = core::str::from_utf8(name) else { return };
         if self.open == MOST_OPEN {
             link.note(
@@ -71,9 +70,15 @@ impl Requests {
         state.u8(self.open);
     }
 
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Self {
-        Self { last: state.u32(), open: state.u8() }
+    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) {
+        self.last = state.u32();
+        self.open = state.u8();
     }
+}
+
+/// The name of the program that a comment asks for.
+pub(crate) fn wanted<'a>(settings: &Settings, comment: &'a [u8]) -> Option<&'a [u8]> {
+    matched(settings.request_pattern.as_str().as_bytes(), comment)
 }
 
 /// What the `*` of a pattern stands for in a text that fits it, without the

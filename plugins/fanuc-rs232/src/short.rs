@@ -41,14 +41,14 @@ impl Short {
 
     pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
         state.u8(self.length);
-        state.bytes(&self.bytes);
+        state.bytes(self.as_slice());
     }
 
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Self {
-        let mut short = Self { length: state.u8(), ..Self::default() };
-        for (own, byte) in short.bytes.iter_mut().zip(state.bytes(MOST)) {
-            *own = *byte;
+    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) {
+        self.clear();
+        let length = state.u8();
+        for byte in state.bytes(usize::from(length)) {
+            self.push(*byte);
         }
-        short
     }
 }

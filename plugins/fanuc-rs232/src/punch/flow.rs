@@ -67,7 +67,9 @@ impl Flow {
         state.u32(self.high);
     }
 
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Self {
-        Self { held: state.bool(), low: state.u32(), high: state.u32() }
+    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) {
+        self.held = state.bool();
+        self.low = state.u32();
+        self.high = state.u32();
     }
 }

@@ -39,7 +39,7 @@ pub(crate) struct Punch {
     stage: Stage,
     code: Code,
     early: Short,
-    pub(crate) text: Text,
+    text: Text,
     pub(crate) flow: Flow,
     /// DC4 has come: only SYN or NAK may follow.
     ended: bool,
@@ -94,7 +94,7 @@ impl Punch {
                 self.start(link, settings, true);
             }
             // Repeated until it is answered.
-            Control::Dc2 if !self.has_text() => self.answer_dc2(link, settings),
+            Control::Dc2 => self.answer_dc2(link, settings),
             Control::Dc4 if !self.ended => {
                 self.ended = true;
                 let at = link.now() + Micros::from_millis(settings.after_dc4);
@@ -108,7 +108,7 @@ impl Punch {
                 return false;
             }
             // They concern no output of the control; ours may be echoed.
-            Control::Dc1 | Control::Dc2 | Control::Dc3 | Control::Dc4 => {}
+            Control::Dc1 | Control::Dc3 | Control::Dc4 => {}
         }
         true
     }
@@ -338,20 +338,18 @@ impl Punch {
         self.requests.save(state);
     }
 
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
+    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
         let stages = [Stage::Idle, Stage::Unknown, Stage::Leader, Stage::Program, Stage::Closed];
-        let codes = [Code::Iso, Code::Eia];
-        Ok(Self {
-            stage: *stages.get(usize::from(state.u8())).ok_or(StateError)?,
-            code: *codes.get(usize::from(state.u8())).ok_or(StateError)?,
-            early: Short::restore(state),
-            text: Text::restore(state)?,
-            flow: Flow::restore(state),
-            ended: state.bool(),
-            ends_at: state.deadline(),
-            deaf_until: state.deadline(),
-            requests: Requests::restore(state),
-        })
+        self.stage = *stages.get(usize::from(state.u8())).ok_or(StateError)?;
+        self.code = if state.bool() { Code::Eia } else { Code::Iso };
+        self.early.restore(state);
+        self.text.restore(state)?;
+        self.flow.restore(state);
+        self.ended = state.bool();
+        self.ends_at = state.deadline();
+        self.deaf_until = state.deadline();
+        self.requests.restore(state);
+        Ok(())
     }
 }
 

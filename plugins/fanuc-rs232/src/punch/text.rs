@@ -21,6 +21,8 @@ pub(crate) struct Text {
     /// Why the delivery cannot end well: the first reason.
     failure: Option<Failure>,
     title: Title,
+    /// What the host knows of the name.
+    named: u8,
     /// LFs end the lines, so CRs mean nothing.
     has_lf: bool,
     /// CRs that may end a line.
@@ -41,6 +43,7 @@ impl Default for Text {
             last_delivery: 0,
             failure: None,
             title: Title::default(),
+            named: 0,
             has_lf: false,
             after_cr: false,
             odd: false,
@@ -66,6 +69,7 @@ impl Text {
         self.after_cr = false;
         self.last_delivery = self.last_delivery.wrapping_add(1).max(1);
         self.delivery = self.last_delivery;
+        self.named = 0;
         link.delivery_begin(self.delivery, 0);
     }
 
@@ -104,7 +108,7 @@ impl Text {
             self.put(link, b'%');
             self.line_end(link, settings);
         }
-        let in_comment = self.title.read(character);
+        let in_comment = self.title.read(settings, character);
         self.odd ^= settings.tv_comments || !in_comment;
         self.put(link, character);
     }
@@ -130,6 +134,7 @@ impl Text {
         self.odd = false;
         self.counts = true;
         self.title.end_of_block();
+        self.give_name(link);
         self.line_end(link, settings);
     }
 
@@ -201,10 +206,13 @@ impl Text {
         }
     }
 
-    pub(crate) fn give_name(&self, link: &mut Context<'_>) {
-        let name = core::str::from_utf8(self.title.name()).unwrap_or_default();
-        if self.delivery != 0 && !name.is_empty() {
-            link.delivery_name(self.delivery, name);
+    /// Told as soon as it is known, in case the capture is interrupted; a number
+    /// that comes behind a comment replaces it.
+    fn give_name(&mut self, link: &mut Context<'_>) {
+        let (rank, name) = self.title.name();
+        if rank > self.named {
+            self.named = rank;
+            link.delivery_name(self.delivery, core::str::from_utf8(name).unwrap_or_default());
         }
     }
 
@@ -213,23 +221,21 @@ impl Text {
         state.u32(self.last_delivery);
         state.failure(self.failure);
         self.title.save(state);
-        state.bool(self.has_lf);
-        state.bool(self.after_cr);
-        state.bool(self.odd);
-        state.bool(self.counts);
+        state.u8(self.named);
+        for flag in [self.has_lf, self.after_cr, self.odd, self.counts] {
+            state.bool(flag);
+        }
     }
 
-    pub(super) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        Ok(Self {
-            delivery: state.u32(),
-            last_delivery: state.u32(),
-            failure: state.failure(),
-            title: Title::restore(state)?,
-            has_lf: state.bool(),
-            after_cr: state.bool(),
-            odd: state.bool(),
-            counts: state.bool(),
-            ..Self::default()
-        })
+    pub(super) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
+        self.delivery = state.u32();
+        self.last_delivery = state.u32();
+        self.failure = state.failure();
+        self.title.restore(state)?;
+        self.named = state.u8();
+        for flag in [&mut self.has_lf, &mut self.after_cr, &mut self.odd, &mut self.counts] {
+            *flag = state.bool();
+        }
+        Ok(())
     }
 }

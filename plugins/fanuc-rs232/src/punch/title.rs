@@ -1,5 +1,7 @@
 //! What a program is called: its O number, else its first comment.
 
+use crate::Settings;
+use crate::request::wanted;
 use crate::short::Short;
 use softplug_plugin::{StateError, StateReader, StateWriter};
 
@@ -23,9 +25,11 @@ pub(crate) struct Title {
     place: Place,
     /// O and its digits.
     number: Short,
-    /// The first comment that is not empty, with its brackets.
+    /// The first comment that is not empty, or one that asks for a program, with its
+    /// brackets.
     comment: Short,
-    has_comment: bool,
+    /// The comment that is read, or was read last.
+    newest: Short,
     /// There was more than comments.
     has_text: bool,
 }
@@ -43,28 +47,25 @@ impl Title {
 
     pub(crate) fn end_of_block(&mut self) {
         self.place = Place::Start;
-        if !self.has_comment {
-            self.comment.clear();
-        }
     }
 
     /// A character of a block; whether it is one of a comment. The brackets are not.
-    pub(crate) fn read(&mut self, character: u8) -> bool {
+    pub(crate) fn read(&mut self, settings: &Settings, character: u8) -> bool {
         let was_comment = self.place == Place::Comment;
         self.place = match (self.place, character) {
             (Place::Comment, _) => {
-                self.note(character);
-                let is_end = character == b')';
-                // An empty comment says nothing.
-                self.has_comment |= is_end && self.comment.as_slice().len() > 2;
-                if is_end { Place::Text } else { Place::Comment }
+                self.newest.push(character & 0x7F);
+                if character == b')' {
+                    self.end_of_comment(settings);
+                    Place::Text
+                } else {
+                    Place::Comment
+                }
             }
             (Place::Header, _) => Place::Header,
             (_, b'(') => {
-                if !self.has_comment {
-                    self.comment.clear();
-                }
-                self.note(character);
+                self.newest.clear();
+                self.newest.push(character);
                 Place::Comment
             }
             (Place::Start, b' ') => Place::Start,
@@ -86,9 +87,12 @@ impl Title {
         was_comment && self.place == Place::Comment
     }
 
-    fn note(&mut self, character: u8) {
-        if !self.has_comment {
-            self.comment.push(character & 0x7F);
+    /// An empty comment says nothing.
+    fn end_of_comment(&mut self, settings: &Settings) {
+        let newest = self.newest.as_slice();
+        let is_first = self.comment.as_slice().is_empty() && newest.len() > 2;
+        if is_first || wanted(settings, newest).is_some() {
+            self.comment = self.newest.clone();
         }
     }
 
@@ -98,37 +102,39 @@ impl Title {
         (number.len() > 1).then_some(number)
     }
 
-    /// The first comment, with its brackets.
+    /// The comment that counts, with its brackets.
     pub(crate) fn comment(&self) -> &[u8] {
         self.comment.as_slice()
     }
 
-    /// What the delivery is called; empty: nothing.
-    pub(crate) fn name(&self) -> &[u8] {
-        self.number().unwrap_or_else(|| {
-            let comment = self.comment();
-            let text = comment.strip_prefix(b"(").unwrap_or_default();
-            text.strip_suffix(b")").unwrap_or(text).trim_ascii()
-        })
+    /// What the delivery is called, and how sure that is: 0 it has no name, 1 it is
+    /// called by a comment, 2 by its number.
+    pub(crate) fn name(&self) -> (u8, &[u8]) {
+        if let Some(number) = self.number() {
+            return (2, number);
+        }
+        let comment = self.comment();
+        let text = comment.get(1..).unwrap_or_default();
+        let text = text.strip_suffix(b")").unwrap_or(text).trim_ascii();
+        (u8::from(!text.is_empty()), text)
     }
 
     pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
         state.u8(self.place as u8);
         self.number.save(state);
         self.comment.save(state);
-        state.bool(self.has_comment);
+        self.newest.save(state);
         state.bool(self.has_text);
     }
 
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
+    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
         let places = [Place::Header, Place::Start, Place::Number, Place::Comment, Place::Text];
-        Ok(Self {
-            place: *places.get(usize::from(state.u8())).ok_or(StateError)?,
-            number: Short::restore(state),
-            comment: Short::restore(state),
-            has_comment: state.bool(),
-            has_text: state.bool(),
-        })
+        self.place = *places.get(usize::from(state.u8())).ok_or(StateError)?;
+        self.number.restore(state);
+        self.comment.restore(state);
+        self.newest.restore(state);
+        self.has_text = state.bool();
+        Ok(())
     }
 }
 
@@ -139,6 +145,7 @@ fn is_number_letter(character: u8) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use softplug_plugin::SettingSet;
 
     /// The name of a program, read from behind the first %.
     fn name(program: &str) -> String {
@@ -146,10 +153,10 @@ mod tests {
         for byte in program.bytes() {
             match byte {
                 b'\n' => title.end_of_block(),
-                _ => _ = title.read(byte),
+                _ => _ = title.read(&Settings::unset(), byte),
             }
         }
-        String::from_utf8_lossy(title.name()).into_owned()
+        String::from_utf8_lossy(title.name().1).into_owned()
     }
 
     #[test]
@@ -183,7 +190,8 @@ mod tests {
     fn brackets_are_not_of_the_comment() {
         let mut title = Title::default();
         title.end_of_block();
-        let marks: Vec<_> = b"G1(A)X".iter().map(|byte| title.read(*byte)).collect();
+        let marks: Vec<_> =
+            b"G1(A)X".iter().map(|byte| title.read(&Settings::unset(), *byte)).collect();
         assert_eq!(marks, [false, false, false, true, false, false]);
     }
 
@@ -193,7 +201,7 @@ mod tests {
         assert!(!title.ends_before(b'O'), "the header");
         title.end_of_block();
         assert!(!title.ends_before(b'O'), "nothing before it");
-        title.read(b'M');
+        title.read(&Settings::unset(), b'M');
         assert!(!title.ends_before(b'O'), "in mid-block");
         title.end_of_block();
         assert!(title.ends_before(b'O') && title.ends_before(b':'));

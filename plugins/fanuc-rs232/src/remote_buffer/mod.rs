@@ -2,10 +2,10 @@
 //!
 //! The control's manual leaves some of it open. This project's decisions: the first
 //! job begins with our SYN, unless the control has said something; after that we
-//! only answer; GTD without a job, in a pause or without data is answered by WAT;
-//! inputs and outputs are empty (SDI without data, SDO taken); CLB says that what
-//! was sent is lost; a job is done when the control speaks after EOD, or is silent
-//! for Tp; any other silence of Tp fails the job.
+//! only answer; RDY is answered by RDY, unless it answers our SYN; GTD without a job,
+//! in a pause or without data is answered by WAT; a job is done when the control
+//! speaks after EOD, or is silent for Tp; any other silence of Tp fails the job. Of
+//! what a host may answer, RDI, SDO and CLB are not used.
 
 mod message;
 
@@ -34,16 +34,14 @@ const RTY: Command = *b"RTY";
 const SYN: Command = *b"SYN";
 const WAT: Command = *b"WAT";
 
-/// What else the control says, the answer, and what it means for data that was sent.
-const ANSWERS: [(Command, Command, Option<Failure>); 8] = [
-    (SYN, RDY, Some(Failure::PartnerReset)),
+/// What the control says, the answer, and what it means for data that was sent.
+const ANSWERS: [(Command, Command, Option<Failure>); 6] = [
+    (GTD, WAT, None),
     (*b"SAT", *b"SET", None),
+    (RDY, RDY, None),
+    (SYN, RDY, Some(Failure::PartnerReset)),
     (*b"RST", *b"ARS", Some(Failure::PartnerReset)),
     (*b"ALM", *b"AAL", Some(Failure::PartnerAlarm)),
-    (*b"CLB", *b"SET", Some(Failure::PartnerReset)),
-    (*b"RDI", *b"SDI", None),
-    (*b"SDI", *b"SET", None),
-    (*b"SDO", *b"SET", None),
 ];
 
 /// What the remote buffer is at.
@@ -67,7 +65,6 @@ enum Stage {
 #[derive(Clone, Debug)]
 pub(crate) struct RemoteBuffer {
     stage: Stage,
-    encoder: Encoder,
     reader: Reader,
     job: u32,
     wanted: u32,
@@ -94,10 +91,9 @@ pub(crate) struct RemoteBuffer {
 }
 
 impl RemoteBuffer {
-    pub(crate) fn new(settings: &Settings) -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             stage: Stage::Idle,
-            encoder: Encoder::new(settings),
             reader: Reader::default(),
             job: 0,
             wanted: 0,
@@ -132,9 +128,10 @@ impl RemoteBuffer {
         &mut self,
         link: &mut Context<'_>,
         settings: &Settings,
+        encoder: &mut Encoder,
         job: &JobStart<'_>,
     ) {
-        if let Err(failure) = self.encoder.begin(&job.fields) {
+        if let Err(failure) = encoder.begin(&job.fields) {
             link.job_failed(job.job, failure, 0, 0);
             return;
         }
@@ -147,48 +144,62 @@ impl RemoteBuffer {
         if !self.is_ready {
             self.say(link, settings, SYN);
         }
+        self.await_control(link, settings);
     }
 
-    pub(crate) fn job_data(&mut self, link: &mut Context<'_>, settings: &Settings, bytes: &[u8]) {
+    pub(crate) fn job_data(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        encoder: &mut Encoder,
+        bytes: &[u8],
+    ) {
         self.wanted = self.wanted.saturating_sub(bytes.len() as u32);
         if self.stage != Stage::Feeding {
             return;
         }
         for byte in bytes {
-            if let Err(failure) = self.encode(|encoder, sink| encoder.push(settings, *byte, sink)) {
+            if let Err(failure) = encoder.push(settings, *byte, &mut |byte| self.push(byte)) {
                 return self.fail(link, failure);
             }
         }
-        self.fill(link, settings);
+        self.fill(link, settings, encoder);
     }
 
-    pub(crate) fn job_end(&mut self, link: &mut Context<'_>, settings: &Settings) {
+    pub(crate) fn job_end(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        encoder: &mut Encoder,
+    ) {
         if self.stage == Stage::Feeding {
             self.stage = Stage::Closing;
-            self.fill(link, settings);
+            self.fill(link, settings, encoder);
         }
     }
 
     /// Answers GTD as soon as a packet is full or the data is at its end.
-    fn fill(&mut self, link: &mut Context<'_>, settings: &Settings) {
+    fn fill(&mut self, link: &mut Context<'_>, settings: &Settings, encoder: &mut Encoder) {
         if !self.is_asked {
             return;
         }
         let most = settings.packet_size as usize;
         while self.filled < most && self.stage != Stage::Closed {
-            let encoded = if self.encoder.is_waiting() {
-                self.encode(|encoder, sink| encoder.next(settings, sink))
-            } else if self.stage == Stage::Closing {
-                let finished = self.encode(|encoder, sink| encoder.finish(settings, sink));
-                if !self.encoder.is_waiting() {
+            let stage = self.stage;
+            let mut sink = |byte| self.push(byte);
+            let encoded = if encoder.is_waiting() {
+                encoder.next(settings, &mut sink)
+            } else if stage == Stage::Closing {
+                let finished = encoder.finish(settings, &mut sink);
+                if !encoder.is_waiting() {
                     self.stage = Stage::Closed;
                 }
                 finished
-            } else if self.encoder.is_ended() {
+            } else if encoder.is_ended() {
                 self.stage = Stage::Closing;
                 Ok(())
             } else {
-                return self.ask(link, settings, most - self.filled);
+                return self.ask(link, settings, encoder, (most - self.filled) as u32);
             };
             if let Err(failure) = encoded {
                 return self.fail(link, failure);
@@ -199,31 +210,23 @@ impl RemoteBuffer {
 
     /// Asks for as much data as fits, whatever it grows to; while it is waited for
     /// the control must hear something.
-    fn ask(&mut self, link: &mut Context<'_>, settings: &Settings, free: usize) {
-        if self.until.is_none() {
-            let at = link.now() + Micros::from_millis(settings.poll_time / 2);
-            set_timer(link, PACKET, &mut self.until, Some(at));
+    fn ask(&mut self, link: &mut Context<'_>, settings: &Settings, encoder: &Encoder, free: u32) {
+        if self.wanted > 0 {
+            return;
         }
-        if self.wanted == 0 {
-            let growth =
-                if self.encoder.will_wait() { free as u32 } else { self.encoder.growth(settings) };
-            self.wanted = (free as u32 / growth.max(1)).max(1);
-            link.want(self.job, self.wanted);
-        }
+        let growth = if encoder.will_wait() { free } else { encoder.growth(settings) };
+        self.wanted = free.checked_div(growth).unwrap_or_default().max(1);
+        link.want(self.job, self.wanted);
+        let at = link.now() + Micros::from_millis(settings.poll_time / 2);
+        set_timer(link, PACKET, &mut self.until, Some(at));
     }
 
-    /// Lets the encoder write behind what is in the buffer.
-    fn encode(
-        &mut self,
-        step: impl FnOnce(&mut Encoder, &mut dyn FnMut(u8)) -> Result<(), Failure>,
-    ) -> Result<(), Failure> {
-        let (buffer, filled) = (&mut self.buffer, &mut self.filled);
-        step(&mut self.encoder, &mut |byte| {
-            if let Some(place) = buffer.get_mut(*filled) {
-                *place = byte;
-                *filled += 1;
-            }
-        })
+    /// A byte from the encoder, behind what is in the buffer.
+    fn push(&mut self, byte: u8) {
+        if let Some(place) = self.buffer.get_mut(self.filled) {
+            *place = byte;
+            self.filled += 1;
+        }
     }
 
     /// Gives the control what there is.
@@ -246,32 +249,8 @@ impl RemoteBuffer {
     fn say(&mut self, link: &mut Context<'_>, settings: &Settings, command: Command) {
         self.last = command;
         let packet = if command == DAT { self.packet } else { 0 };
-        let buffer = self.buffer;
-        let data = buffer.get(..packet).unwrap_or_default();
-        self.message_out(link, settings, command, data);
-    }
-
-    /// Sends a message. Without room it is lost as on the line: the control asks
-    /// again.
-    fn message_out(
-        &mut self,
-        link: &mut Context<'_>,
-        settings: &Settings,
-        command: Command,
-        data: &[u8],
-    ) {
-        set_timer(link, PACKET, &mut self.until, None);
-        let length = HEAD + data.len() + 1;
-        if length > link.transmit_room() as usize {
-            return;
-        }
-        link.transmit(&head(settings, command, data));
-        if !data.is_empty() {
-            link.transmit(data);
-        }
-        let mark = u32::from(!self.is_marked);
-        self.is_marked = true;
-        link.transmit_marked(mark, &[with_parity(settings, end_code(settings))]);
+        let data = self.buffer.get(..packet).unwrap_or_default();
+        let length = transmit(link, settings, command, data, &mut self.is_marked);
         if is_own(command) {
             self.queued += length as u64;
         }
@@ -283,13 +262,16 @@ impl RemoteBuffer {
             return;
         }
         self.is_marked = false;
-        let is_busy = !matches!(self.stage, Stage::Idle | Stage::Stopping(_));
-        if is_busy && !self.is_asked && (self.queued > 0 || !self.is_ready) {
+        if !self.is_asked {
             self.await_control(link, settings);
         }
     }
 
+    /// Without a job silence means nothing.
     fn await_control(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        if matches!(self.stage, Stage::Idle | Stage::Stopping(_)) {
+            return;
+        }
         let at = link.now() + Micros::from_millis(settings.poll_time);
         set_timer(link, PACKET, &mut self.until, Some(at));
     }
@@ -307,13 +289,15 @@ impl RemoteBuffer {
         }
     }
 
-    pub(crate) fn byte(&mut self, link: &mut Context<'_>, settings: &Settings, byte: u8) {
-        // It is not silent.
-        if self.until.is_some() && !self.is_asked {
-            self.await_control(link, settings);
-        }
+    pub(crate) fn byte(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        encoder: &mut Encoder,
+        byte: u8,
+    ) {
+        self.await_control(link, settings);
         let Some(message) = self.reader.read(settings, byte) else { return };
-        set_timer(link, PACKET, &mut self.until, None);
         match message {
             Ok(RTY) => {
                 self.repeats += 1;
@@ -324,10 +308,7 @@ impl RemoteBuffer {
                     self.say(link, settings, self.last);
                 }
             }
-            Ok(command) => {
-                self.repeats = 0;
-                self.message(link, settings, command);
-            }
+            Ok(command) => self.message(link, settings, encoder, command),
             Err(()) => self.retry(link, settings, DAMAGED),
         }
     }
@@ -339,40 +320,39 @@ impl RemoteBuffer {
             self.retries = 0;
             self.fail(link, Failure::Checksum);
         } else {
-            self.message_out(link, settings, RTY, &[reason]);
+            transmit(link, settings, RTY, &[reason], &mut self.is_marked);
         }
     }
 
     /// A sound message. Our latest one has come through.
-    fn message(&mut self, link: &mut Context<'_>, settings: &Settings, command: Command) {
-        self.confirm();
-        let is_known = command == GTD || command == RDY;
-        let answer = ANSWERS.iter().find(|(own, ..)| *own == command);
-        if !is_known && answer.is_none() {
+    fn message(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        encoder: &mut Encoder,
+        command: Command,
+    ) {
+        self.repeats = 0;
+        let Some((_, answer, failure)) = ANSWERS.iter().find(|(own, ..)| *own == command) else {
             return self.retry(link, settings, UNKNOWN);
-        }
+        };
         self.retries = 0;
         self.is_ready = true;
-        if command == GTD {
-            if self.stage == Stage::Ending {
-                self.done(link);
-            }
-            let has_data = matches!(self.stage, Stage::Feeding | Stage::Closing | Stage::Closed);
-            if has_data && !self.is_paused {
-                self.is_asked = true;
-                self.fill(link, settings);
-            } else {
-                self.say(link, settings, WAT);
-            }
-            return;
-        }
-        let Some((_, answer, failure)) = answer else { return };
+        self.confirm();
         match failure {
-            Some(failure) if self.queued > 0 => self.lost(link, *failure),
-            _ if self.stage == Stage::Ending => self.done(link),
-            _ => {}
+            Some(failure) => self.lost(link, *failure),
+            None if self.stage == Stage::Ending => self.done(link),
+            None => {}
         }
-        self.say(link, settings, *answer);
+        let has_data = matches!(self.stage, Stage::Feeding | Stage::Closing | Stage::Closed);
+        if command == GTD && has_data && !self.is_paused {
+            self.is_asked = true;
+            self.fill(link, settings, encoder);
+        } else if command == RDY && self.last == SYN {
+            self.last = RDY;
+        } else {
+            self.say(link, settings, *answer);
+        }
     }
 
     /// What was sent is not needed again.
@@ -392,11 +372,12 @@ impl RemoteBuffer {
         &mut self,
         link: &mut Context<'_>,
         settings: &Settings,
+        encoder: &mut Encoder,
         byte: Option<u8>,
     ) {
         self.reader.damaged();
         if let Some(byte) = byte {
-            self.byte(link, settings, byte);
+            self.byte(link, settings, encoder, byte);
         }
     }
 
@@ -420,7 +401,7 @@ impl RemoteBuffer {
 
     fn done(&mut self, link: &mut Context<'_>) {
         link.job_done(self.job, self.queued);
-        self.finish();
+        self.finish(link);
     }
 
     /// Stops at once. The job fails when it is known how much was sent.
@@ -439,10 +420,11 @@ impl RemoteBuffer {
         let Stage::Stopping(failure) = self.stage else { return };
         let dropped = if self.is_own { u64::from(bytes) } else { 0 };
         link.job_failed(self.job, failure, 0, self.queued.saturating_sub(dropped));
-        self.finish();
+        self.finish(link);
     }
 
-    fn finish(&mut self) {
+    fn finish(&mut self, link: &mut Context<'_>) {
+        set_timer(link, PACKET, &mut self.until, None);
         self.stage = Stage::Idle;
         self.is_paused = false;
         self.queued = 0;
@@ -461,7 +443,6 @@ impl RemoteBuffer {
         };
         state.u8(stage);
         state.failure(failure);
-        self.encoder.save(state);
         self.reader.save(state);
         state.u32(self.job);
         state.u32(self.wanted);
@@ -478,11 +459,7 @@ impl RemoteBuffer {
         state.bytes(self.buffer.get(..self.filled).unwrap_or_default());
     }
 
-    pub(crate) fn restore(
-        &mut self,
-        settings: &Settings,
-        state: &mut StateReader<'_>,
-    ) -> Result<(), StateError> {
+    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
         self.stage = match (state.u8(), state.failure()) {
             (0, None) => Stage::Idle,
             (1, None) => Stage::Feeding,
@@ -492,7 +469,6 @@ impl RemoteBuffer {
             (5, Some(failure)) => Stage::Stopping(failure),
             _ => return Err(StateError),
         };
-        self.encoder.restore(settings, state)?;
         self.reader = Reader::restore(state);
         self.job = state.u32();
         self.wanted = state.u32();
@@ -523,4 +499,27 @@ impl RemoteBuffer {
 /// Whether a message counts as sent for the job.
 fn is_own(command: Command) -> bool {
     matches!(command, DAT | EOD)
+}
+
+/// Sends a message; its length. Without room it is lost as on the line: the control
+/// asks again.
+fn transmit(
+    link: &mut Context<'_>,
+    settings: &Settings,
+    command: Command,
+    data: &[u8],
+    is_marked: &mut bool,
+) -> usize {
+    let length = HEAD + data.len() + 1;
+    if length > link.transmit_room() as usize {
+        return 0;
+    }
+    link.transmit(&head(settings, command, data));
+    if !data.is_empty() {
+        link.transmit(data);
+    }
+    let mark = u32::from(!*is_marked);
+    *is_marked = true;
+    link.transmit_marked(mark, &[with_parity(settings, end_code(settings))]);
+    length
 }
