@@ -194,6 +194,9 @@ pub struct RemoteOptions {
     pub space: usize,
     /// End code of a message.
     pub end_code: u8,
+    /// After SYN the control tells in any case that it is ready, and awaits the
+    /// host's RDY; otherwise only a host that answers SYN is told so.
+    pub announce_ready: bool,
     /// Which of the control's own messages get a wrong sum, from 0; repetitions
     /// count.
     pub wrong_sums: Vec<u32>,
@@ -246,6 +249,7 @@ impl Default for RemoteOptions {
             period: Micros::from_secs(5),
             space: 1_024,
             end_code: b'\r',
+            announce_ready: true,
             wrong_sums: Vec::new(),
             refusals: Vec::new(),
         }

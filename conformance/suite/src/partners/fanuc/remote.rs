@@ -164,8 +164,11 @@ impl Remote {
         }
         let message = std::mem::take(&mut self.message);
         let State::Asked { asked, .. } = self.state else {
-            if self.is_sound(&message) && &message[2..5] == b"SYN" {
-                return (Heard::Nothing, Some(self.initialise(now)));
+            match message.get(2..5).filter(|_| self.is_sound(&message)) {
+                Some(b"SYN") => return (Heard::Nothing, Some(self.initialise(now))),
+                // The host is ready: whether it was asked or not is all the same.
+                Some(b"RDY") => return (Heard::Nothing, None),
+                _ => {}
             }
             self.fault(format!("unasked message {}", printable(&message)));
             return (Heard::Nothing, None);
@@ -214,6 +217,7 @@ impl Remote {
         data: &[u8],
     ) -> (Heard, Option<Vec<u8>>) {
         let until = now + self.options.period;
+        let announces = self.options.announce_ready;
         let now_do = |next| State::Turn { next, until: now };
         let mut heard = Heard::Nothing;
         let mut turn = None;
@@ -222,6 +226,7 @@ impl Remote {
                 self.report.retries_heard += 1;
                 return (Heard::Nothing, Some(self.repeat(now)));
             }
+            (Asked::Syn, b"RDY") if announces => turn = Some(now_do(Asked::Rdy)),
             (Asked::Syn | Asked::Sat, b"SYN") => turn = Some(now_do(Asked::Rdy)),
             // Not ready yet: told again after a while.
             (Asked::Rdy, b"SYN") => turn = Some(State::Turn { next: Asked::Rdy, until }),
