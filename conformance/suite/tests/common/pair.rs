@@ -3,7 +3,7 @@
 #![allow(dead_code)] // Each test file uses a part of it.
 
 use softplug_abi::manifest::Manifest;
-use softplug_abi::{Action, Failure, Instance, Micros};
+use softplug_abi::{Action, Failure, Micros};
 use softplug_conformance::partners::{Partner, Signal};
 use softplug_link::{Job, LinkOptions, Outside, Supply, VirtualLine};
 use softplug_native::{NativeInstance, NativePlugin};
@@ -177,8 +177,8 @@ impl Host {
 }
 
 /// A plug-in on a line, with a host that gives it jobs one after the other.
-pub(crate) struct PluginEnd<I: Instance> {
-    pub(crate) line: VirtualLine<I>,
+pub(crate) struct PluginEnd {
+    pub(crate) line: VirtualLine<NativeInstance>,
     pub(crate) host: Host,
     waiting: VecDeque<(Micros, u16, Vec<u8>, Vec<u8>)>,
     /// From the end of a character until the port gives it, with all that came
@@ -187,9 +187,12 @@ pub(crate) struct PluginEnd<I: Instance> {
     arrived: Vec<Signal>,
     given_at: Option<Micros>,
     answers: VecDeque<(u32, Result<Vec<u8>, Failure>)>,
+    /// When the plug-in is replaced by a new instance that takes over its state.
+    swaps: VecDeque<Micros>,
+    plugin: NativePlugin,
 }
 
-impl PluginEnd<NativeInstance> {
+impl PluginEnd {
     /// A native plug-in, opened at time 0, with these of its settings.
     pub(crate) fn native(
         plugin: NativePlugin,
@@ -203,13 +206,7 @@ impl PluginEnd<NativeInstance> {
             .resolve_settings(settings.iter().copied())
             .unwrap_or_else(|error| panic!("{error}"));
         let options = LinkOptions { settings, ..options };
-        Self::new(plugin.instantiate(), options, depth, latency)
-    }
-}
-
-impl<I: Instance> PluginEnd<I> {
-    pub(crate) fn new(instance: I, options: LinkOptions, depth: usize, latency: Micros) -> Self {
-        let mut line = VirtualLine::new(instance, options, depth);
+        let mut line = VirtualLine::new(plugin.instantiate(), options, depth);
         let mut host = Host::default();
         line.link.open(Micros::ZERO, &mut host).expect("it opens");
         line.transmit(Micros::ZERO, &mut host).expect("it transmits");
@@ -221,7 +218,14 @@ impl<I: Instance> PluginEnd<I> {
             arrived: Vec::new(),
             given_at: None,
             answers: VecDeque::new(),
+            swaps: VecDeque::new(),
+            plugin,
         }
+    }
+
+    /// Replaces the plug-in at these times, in order, by new instances.
+    pub(crate) fn swap_at(&mut self, times: impl IntoIterator<Item = Micros>) {
+        self.swaps = times.into_iter().collect();
     }
 
     /// A job of the first kind, at this time or when those before it are done.
@@ -305,7 +309,7 @@ impl<I: Instance> PluginEnd<I> {
     }
 }
 
-impl<I: Instance> Partner for PluginEnd<I> {
+impl Partner for PluginEnd {
     fn receive(&mut self, now: Micros, byte: u8) {
         self.take(now, Signal::Character(byte));
     }
@@ -327,6 +331,7 @@ impl<I: Instance> Partner for PluginEnd<I> {
             self.host.in_flight.front().map(|(end, _)| *end),
             self.host.to_put_away.front().map(|(at, _)| *at),
             self.given_at,
+            self.swaps.front().copied(),
             job.filter(|_| self.line.link.job().is_none()).map(|at| at.max(now)),
             self.answers.front().map(|_| now),
         ]
@@ -345,6 +350,11 @@ impl<I: Instance> Partner for PluginEnd<I> {
             self.host.drained += bytes;
         }
         self.line.tick(now, &mut self.host).unwrap_or_else(|fault| panic!("{fault}"));
+        while self.swaps.pop_front_if(|at| *at <= now).is_some() {
+            let successor = self.plugin.instantiate();
+            let swapped = self.line.link.swap(now, successor, &mut self.host);
+            swapped.unwrap_or_else(|error| panic!("{error}"));
+        }
         while let Some((request, answer)) = self.answers.pop_front() {
             let answer = answer.as_ref().map(Vec::as_slice).map_err(|failure| *failure);
             self.line

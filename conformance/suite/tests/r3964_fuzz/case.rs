@@ -31,6 +31,8 @@ pub(crate) struct Case {
     /// How long deliveries fill the subject's room.
     pub(crate) put_away_after: Micros,
     pub(crate) delivery_room: u32,
+    /// When the plug-in is replaced by a new instance with its state.
+    pub(crate) swaps: Vec<Micros>,
     /// What the subject sends, and when.
     pub(crate) jobs: Vec<(Micros, Vec<u8>)>,
     /// What the station sends.
@@ -96,6 +98,7 @@ impl Case {
             piece: random.pick(&[0, 1, 7]),
             put_away_after: Micros(random.pick(&[0, 0, 0, 300_000, 1_000_000])),
             delivery_room: random.pick(&[1_024, 2_048, 4_096]),
+            swaps: random.times(span),
             jobs,
             blocks,
             noise,
@@ -134,6 +137,9 @@ impl Case {
         with(&|case| case.jobs.clear());
         with(&|case| case.blocks.clear());
         with(&|case| case.noise = Noise::default());
+        with(&|case| case.swaps.clear());
+        with(&|case| case.swaps.truncate(self.swaps.len() / 2));
+        with(&|case| drop(case.swaps.drain(..self.swaps.len() / 2)));
         for n in 0..self.options.faults.plan.len() {
             with(&|case| drop(case.options.faults.plan.remove(n)));
         }
@@ -194,6 +200,14 @@ impl Random {
 
     fn at(&mut self, span: i64) -> Micros {
         Micros(self.below(span.cast_unsigned()).cast_signed())
+    }
+
+    /// At random, and none for every second case.
+    fn times(&mut self, span: i64) -> Vec<Micros> {
+        let count = self.below(2) * self.below(40);
+        let mut times: Vec<_> = (0..count).map(|_| self.at(span + 200_000)).collect();
+        times.sort();
+        times
     }
 
     pub(crate) fn data(&mut self, most: usize, is_plain: bool) -> Vec<u8> {

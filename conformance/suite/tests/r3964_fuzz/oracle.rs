@@ -1,6 +1,5 @@
 //! What must hold of a run, whatever went wrong in it.
 
-use softplug_abi::Instance;
 use softplug_abi::Micros;
 use softplug_conformance::partners::Signal;
 use softplug_conformance::partners::r3964::{Arrival, Options, Station};
@@ -73,7 +72,7 @@ impl Side {
         }
     }
 
-    pub(crate) fn of_plugin<I: Instance>(plugin: &PluginEnd<I>) -> Self {
+    pub(crate) fn of_plugin(plugin: &PluginEnd) -> Self {
         let host = &plugin.host;
         let jobs = host.jobs.iter().map(|job| Job {
             begun: job.begun,
@@ -158,11 +157,14 @@ impl Direction<'_> {
         let begun = jobs.iter().rposition(|job| job.begun <= at)?;
         let is_of = |place: &usize| jobs[*place].data == data;
         let is_under_way = |place: &usize| is_of(place) && jobs[*place].ended >= at;
-        let is_new = |place: &usize| is_under_way(place) && deliveries[*place] == 0;
-        (0..=begun)
-            .find(is_new)
-            .or_else(|| (0..=begun).rfind(is_under_way))
-            .or_else(|| (begun.saturating_sub(1)..=begun).rfind(is_of))
+        let is_last = |place: &usize| is_of(place) && *place + 1 >= begun;
+        let is_new = |place: &usize| deliveries[*place] == 0;
+        let places = || 0..=begun;
+        places()
+            .find(|place| is_under_way(place) && is_new(place))
+            .or_else(|| places().find(|place| is_last(place) && is_new(place)))
+            .or_else(|| places().rfind(is_under_way))
+            .or_else(|| places().rfind(is_last))
     }
 
     /// Whether the line altered something of this block, and the character that
@@ -193,7 +195,7 @@ impl Direction<'_> {
     /// have left before, whole and unaltered, and not longer ago than QVZ.
     fn accepted(&self, job: &Job) -> Result<Arrival, String> {
         let at_end = |arrival: &&Arrival| {
-            arrival.at >= job.begun
+            arrival.at + self.latency >= job.begun
                 && arrival.at <= job.ended
                 && arrival.at + self.latency >= job.ended
                 && arrival.signal == Signal::Character(0x10)

@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use softplug_abi::Micros;
 use softplug_conformance::partners::r3964::{Noisy, Options, Priority, Received, Sent, Station};
 use softplug_link::LinkOptions;
-use softplug_native::{NativeInstance, NativePlugin};
+use softplug_native::NativePlugin;
 
 use crate::case::{Case, Subject};
 use crate::oracle::{Direction, Side, Tally, hex};
@@ -150,6 +150,7 @@ fn with_plugin(case: &Case) -> Result<Tally, String> {
         ..LinkOptions::default()
     };
     let mut near = PluginEnd::native(plugin, &settings, options, case.depth, case.latency);
+    near.swap_at(case.swaps.iter().copied());
     near.host.piece = case.piece;
     near.host.put_away_after = case.put_away_after;
     for (at, data) in &case.jobs {
@@ -159,7 +160,7 @@ fn with_plugin(case: &Case) -> Result<Tally, String> {
     play(case, &mut pair).map_err(|why| format!("{why}\n{}", story(&pair)))
 }
 
-type Played = Pair<PluginEnd<NativeInstance>, Noisy<Station>>;
+type Played = Pair<PluginEnd, Noisy<Station>>;
 
 fn play(case: &Case, pair: &mut Played) -> Result<Tally, String> {
     for (at, data) in &case.blocks {
@@ -359,7 +360,7 @@ fn count_tries(case: &Case, near: &Side, noisy: &Noisy<Station>) -> Result<(), S
         let conflicts = noisy
             .to_outer
             .iter()
-            .filter(|arrival| in_time(arrival.at))
+            .filter(|arrival| in_time(arrival.at) || in_time(arrival.at + case.latency))
             .filter(|arrival| {
                 arrival.signal == softplug_conformance::partners::Signal::Character(0x02)
             })

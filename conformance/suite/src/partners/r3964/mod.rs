@@ -23,8 +23,10 @@ mod frame;
 mod noise;
 mod options;
 mod procedure;
+mod receiver;
 mod report;
 pub mod rk512;
+mod sender;
 #[cfg(test)]
 mod tests;
 mod transmitter;
@@ -35,7 +37,9 @@ use softplug_abi::{LineErrorKind, Micros};
 
 use self::faults::Schedule;
 use self::frame::NAK;
-use self::procedure::{Job, Reception, State};
+use self::procedure::State;
+use self::receiver::Reception;
+use self::sender::Job;
 use self::transmitter::{Item, Role, Transmitter};
 use super::{Partner, Signal};
 
@@ -119,9 +123,9 @@ impl Station {
     pub fn receive_damaged(&mut self, now: Micros, kind: LineErrorKind) {
         self.begin(now);
         if kind == LineErrorKind::Break {
-            self.take_break()
+            self.take_break();
         } else {
-            self.take(None)
+            self.take(None);
         }
         self.settle(self.now, true);
     }
