@@ -1,16 +1,18 @@
 //! Bytes of bounded number, in place.
 
+use softplug_abi::wire::copy;
 use softplug_plugin::{StateError, StateReader, StateWriter};
 
 /// Up to `N` bytes.
 #[derive(Clone, Debug)]
+#[repr(C)]
 pub(crate) struct Block<const N: usize> {
-    bytes: [u8; N],
     length: u16,
+    bytes: [u8; N],
 }
 
 impl<const N: usize> Block<N> {
-    pub(crate) fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self { bytes: [0; N], length: 0 }
     }
 
@@ -32,19 +34,12 @@ impl<const N: usize> Block<N> {
 
     /// Appends a byte; `false`: it is full.
     pub(crate) fn push(&mut self, byte: u8) -> bool {
-        let place = self.bytes.get_mut(usize::from(self.length));
-        let fits = place.is_some();
-        if let Some(place) = place {
-            *place = byte;
-            self.length += 1;
-        }
-        fits
+        self.extend(&[byte])
     }
 
     /// Appends bytes; `false`: not all of them fitted.
-    #[inline(never)]
     pub(crate) fn extend(&mut self, bytes: &[u8]) -> bool {
-        bytes.iter().all(|byte| self.push(*byte))
+        append(&mut self.bytes, &mut self.length, bytes)
     }
 
     /// Overwrites a byte that is there.
@@ -64,4 +59,14 @@ impl<const N: usize> Block<N> {
         self.clear();
         if self.extend(state.bytes(length)) { Ok(()) } else { Err(StateError) }
     }
+}
+
+/// Once for blocks of all sizes.
+#[inline(never)]
+fn append(block: &mut [u8], length: &mut u16, bytes: &[u8]) -> bool {
+    let free = block.get_mut(usize::from(*length)..).unwrap_or_default();
+    let fits = bytes.len() <= free.len();
+    *length += bytes.len().min(free.len()) as u16;
+    copy(free, bytes);
+    fits
 }

@@ -1,16 +1,18 @@
 //! Why something failed: a failure with the protocol's own number beside it.
 
-use softplug_plugin::{Context, Failure, NoteLevel, StateReader, StateWriter};
+use core::num::NonZeroU32;
+use softplug_plugin::{Failure, StateReader, StateWriter};
 
-/// A failure and its status: event class and number.
+/// A failure and its status, event class and number, in one word: it is passed
+/// on and kept in many places.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub(crate) struct Cause {
-    pub(crate) failure: Failure,
-    pub(crate) status: u16,
-}
+pub(crate) struct Cause(NonZeroU32);
 
-const fn cause(failure: Failure, status: u16) -> Cause {
-    Cause { failure, status }
+pub(crate) const fn cause(failure: Failure, status: u16) -> Cause {
+    match NonZeroU32::new((failure.code() as u32) << 16 | status as u32) {
+        Some(word) => Cause(word),
+        None => unreachable!(),
+    }
 }
 
 pub(crate) const ABORTED: Cause = cause(Failure::Aborted, 0);
@@ -48,31 +50,20 @@ pub(crate) const NAK_SENT: u16 = 0x0801;
 /// Number of the note on characters in idle.
 pub(crate) const IDLE_GARBAGE: u16 = 0x0802;
 
-/// Room in the output that notes leave free: what must be said goes first.
-const KEPT_FREE: usize = 2_048;
-
 impl Cause {
+    pub(crate) fn failure(self) -> Failure {
+        Failure::from_code((self.0.get() >> 16) as u16).unwrap_or(Failure::Internal)
+    }
+
+    pub(crate) fn status(self) -> u16 {
+        self.0.get() as u16
+    }
+
     pub(crate) fn save(cause: Option<Self>, state: &mut StateWriter<'_>) {
-        state.failure(cause.map(|cause| cause.failure));
-        state.u16(cause.map_or(0, |cause| cause.status));
+        state.u32(cause.map_or(0, |cause| cause.0.get()));
     }
 
     pub(crate) fn restore(state: &mut StateReader<'_>) -> Option<Self> {
-        let failure = state.failure();
-        let status = state.u16();
-        failure.map(|failure| Self { failure, status })
+        NonZeroU32::new(state.u32()).map(Self)
     }
-}
-
-/// A line for the log, if there is space for it.
-#[inline(never)]
-pub(crate) fn note(link: &mut Context<'_>, level: NoteLevel, status: u16, text: &str) {
-    if link.output_room() > KEPT_FREE {
-        link.note(level, status, text);
-    }
-}
-
-/// A warning for the log, if there is space for it.
-pub(crate) fn warn(link: &mut Context<'_>, status: u16, text: &str) {
-    note(link, NoteLevel::Warning, status, text);
 }

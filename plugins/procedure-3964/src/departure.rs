@@ -71,8 +71,13 @@ impl Departure {
     }
 
     pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let stages = [Stage::None, Stage::Wanted, Stage::Marked, Stage::MaybeLeft];
-        let stage = stages.get(usize::from(state.u8())).copied().ok_or(StateError)?;
+        let stage = match state.u8() {
+            0 => Stage::None,
+            1 => Stage::Wanted,
+            2 => Stage::Marked,
+            3 => Stage::MaybeLeft,
+            _ => return Err(StateError),
+        };
         Ok(Self { stage, mark: state.u32(), outstanding: state.u8() })
     }
 }

@@ -27,8 +27,14 @@ enum Part {
 
 impl Part {
     fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let parts = [Self::Data, Self::AfterDle, Self::Etx, Self::Bcc, Self::End];
-        parts.get(usize::from(state.u8())).copied().ok_or(StateError)
+        match state.u8() {
+            0 => Ok(Self::Data),
+            1 => Ok(Self::AfterDle),
+            2 => Ok(Self::Etx),
+            3 => Ok(Self::Bcc),
+            4 => Ok(Self::End),
+            _ => Err(StateError),
+        }
     }
 }
 
@@ -122,42 +128,40 @@ impl Decoder {
         limit: u16,
         byte: u8,
     ) -> Step {
-        let part = self.part;
         let bcc = self.bcc;
         self.bcc ^= byte;
         let mut data = |byte| {
             if block.len() < limit && block.push(byte) { Step::Inside } else { Step::TooLong }
         };
-        match (part, byte) {
+        match (self.part, byte) {
+            (Part::Bcc, _) => return Step::End(byte == bcc),
             (Part::AfterDle, ETX) if options.bcc => {
                 self.part = Part::Bcc;
-                Step::Inside
+                return Step::Inside;
             }
-            (Part::AfterDle, ETX) => Step::End(true),
-            (Part::AfterDle, DLE) if options.doubling => {
-                self.part = Part::Data;
-                data(DLE)
-            }
+            (Part::AfterDle, ETX) => return Step::End(true),
             (Part::AfterDle, _) if options.doubling => {
                 self.part = Part::Data;
-                Step::LoneDle
-            }
-            // Not doubled: only ETX makes an end of a DLE. This one may begin another end.
-            (Part::AfterDle, DLE) => data(DLE),
-            (Part::AfterDle, _) => {
-                self.part = Part::Data;
-                match data(DLE) {
-                    Step::Inside => data(byte),
-                    step => step,
+                if byte != DLE {
+                    return Step::LoneDle;
                 }
             }
-            (Part::Bcc, _) => Step::End(byte == bcc),
+            // Not doubled: a DLE is data unless ETX follows, and the next one may
+            // begin the end.
+            (Part::AfterDle, DLE) => {}
+            (Part::AfterDle, _) => {
+                self.part = Part::Data;
+                if data(DLE) == Step::TooLong {
+                    return Step::TooLong;
+                }
+            }
             (_, DLE) => {
                 self.part = Part::AfterDle;
-                Step::Inside
+                return Step::Inside;
             }
-            _ => data(byte),
+            _ => {}
         }
+        data(byte)
     }
 
     /// Whether the last byte was a DLE whose partner has not come.

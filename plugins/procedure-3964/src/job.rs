@@ -26,7 +26,8 @@ pub(crate) enum Stage {
 }
 
 /// The job, with the block that is sent for it.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
+#[repr(C)]
 pub(crate) struct Job {
     pub(crate) stage: Stage,
     pub(crate) id: u32,
@@ -45,7 +46,7 @@ pub(crate) struct Job {
 }
 
 impl Job {
-    pub(crate) fn none() -> Self {
+    pub(crate) const fn none() -> Self {
         Self {
             stage: Stage::None,
             id: 0,
@@ -89,7 +90,7 @@ impl Job {
     pub(crate) fn failed(&mut self, link: &mut Context<'_>, cause: Cause) {
         self.stage = Stage::None;
         self.failing = None;
-        link.job_failed(self.id, cause.failure, cause.status, self.sent);
+        link.job_failed(self.id, cause.failure(), cause.status(), self.sent);
     }
 
     pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
@@ -105,15 +106,15 @@ impl Job {
     }
 
     pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
-        let stages = [
-            Stage::None,
-            Stage::Filling,
-            Stage::Ready,
-            Stage::Begun,
-            Stage::Awaiting,
-            Stage::Failing,
-        ];
-        self.stage = stages.get(usize::from(state.u8())).copied().ok_or(StateError)?;
+        self.stage = match state.u8() {
+            0 => Stage::None,
+            1 => Stage::Filling,
+            2 => Stage::Ready,
+            3 => Stage::Begun,
+            4 => Stage::Awaiting,
+            5 => Stage::Failing,
+            _ => return Err(StateError),
+        };
         self.id = state.u32();
         self.kind = state.u16();
         self.sent = state.u64();

@@ -10,7 +10,6 @@ mod departure;
 mod frame;
 mod job;
 mod machine;
-mod options;
 mod phase;
 mod procedure;
 mod receiver;
@@ -18,8 +17,7 @@ mod rk512;
 mod sender;
 mod settings;
 
-pub use options::Options;
 pub use procedure::{Procedure, Variant};
-pub use settings::{Layer, Priority};
+pub use settings::{Layer, Options, Priority};
 #[doc(hidden)]
 pub use softplug_plugin;

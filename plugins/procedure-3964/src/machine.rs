@@ -7,10 +7,11 @@ use crate::departure::Departure;
 use crate::frame::{DLE, Decoder, Encoder, NAK, STX};
 use crate::job::{BLOCK, Job, Stage};
 use crate::phase::Phase;
-use crate::rk512::{LARGEST_DATA, LARGEST_TELEGRAM, Rk512};
+use crate::rk512::{LARGEST_TELEGRAM, Rk512, timeout_at};
 use crate::{Layer, Options, Priority};
 use softplug_plugin::{
-    Context, LineErrorKind, MarkState, Micros, Opening, StateError, StateReader, StateWriter,
+    Context, LineErrorKind, MarkState, Micros, NoteLevel, Opening, StateError, StateReader,
+    StateWriter,
 };
 
 /// Timer: QVZ, ZVZ, BWZ or the wait for a buffer, whichever is running.
@@ -26,6 +27,16 @@ const INPUT: usize = 1_040;
 /// follows from it.
 const MOST_OUTPUT: usize = 1_600;
 
+/// A wait that has no end. Waits end later than at the clock's start.
+pub(crate) const NEVER: Micros = Micros::ZERO;
+
+/// The end of a wait that begins now.
+#[inline(never)]
+pub(crate) fn after(link: &Context<'_>, millis: i64) -> Micros {
+    // The settings bound it to minutes.
+    link.now() + Micros(millis * 1_000)
+}
+
 /// Whose block is on the line.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub(crate) enum Owner {
@@ -34,15 +45,16 @@ pub(crate) enum Owner {
     Reaction,
 }
 
+/// Sender and receiver. In this order, because what stands at the front takes
+/// less code to reach.
 #[derive(Debug)]
+#[repr(C)]
 pub(crate) struct Machine {
-    pub(crate) options: Options,
     pub(crate) phase: Phase,
+    pub(crate) options: Options,
     /// When the wait of this phase is over.
-    pub(crate) deadline: Option<Micros>,
+    pub(crate) deadline: Micros,
     pub(crate) departure: Departure,
-    pub(crate) job: Job,
-    pub(crate) rk512: Rk512,
     // Sender.
     pub(crate) owner: Owner,
     pub(crate) encoder: Encoder,
@@ -50,29 +62,30 @@ pub(crate) struct Machine {
     pub(crate) transmissions: u8,
     /// The partner's STX came while we, with high priority, waited for DLE.
     pub(crate) stx_seen: bool,
-    /// Discards whose answer has not come, and whether they were the job's.
-    pub(crate) discards: u16,
+    /// Whether the latest discard was of the job's bytes, and how many are not answered.
     pub(crate) discards_job: bool,
+    pub(crate) discards: u16,
     // Receiver.
     pub(crate) decoder: Decoder,
-    pub(crate) block: Block<BLOCK>,
-    /// Most data bytes of a block, and the room that must be free for it.
-    pub(crate) limit: u16,
-    pub(crate) needed_room: u32,
-    /// Blocks that were refused since the first STX.
-    pub(crate) refused: u8,
-    pub(crate) first_error: Option<Cause>,
     /// There was an error in this block.
     pub(crate) is_faulty: bool,
     /// We withdrew an STX of our own for this block.
     pub(crate) withdrew: bool,
+    /// Blocks that were refused since the first STX.
+    pub(crate) refused: u8,
+    /// Most data bytes of a block.
+    pub(crate) limit: u16,
+    pub(crate) first_error: Option<Cause>,
     pub(crate) buffer_until: Micros,
     pub(crate) last_delivery: u32,
+    pub(crate) rk512: Rk512,
+    pub(crate) job: Job,
+    pub(crate) block: Block<BLOCK>,
     // What follows lives within one event, or follows from the above.
     /// Bytes of this instant that had to wait for space in the output.
     rest: Block<INPUT>,
-    armed: [Option<Micros>; 3],
-    named: Option<Phase>,
+    armed: [Micros; 3],
+    named: Phase,
 }
 
 impl Machine {
@@ -80,10 +93,10 @@ impl Machine {
         Self {
             options,
             phase: Phase::Idle,
-            deadline: None,
+            deadline: NEVER,
             departure: Departure::default(),
-            job: Job::none(),
-            rk512: Rk512::new(),
+            job: const { Job::none() },
+            rk512: const { Rk512::new() },
             owner: Owner::Job,
             encoder: Encoder::default(),
             setups: 0,
@@ -92,43 +105,35 @@ impl Machine {
             discards: 0,
             discards_job: false,
             decoder: Decoder::default(),
-            block: Block::new(),
-            limit: options.block_size,
-            needed_room: 0,
+            block: const { Block::new() },
+            limit: 0,
             refused: 0,
             first_error: None,
             is_faulty: false,
             withdrew: false,
             buffer_until: Micros::ZERO,
             last_delivery: 0,
-            rest: Block::new(),
-            armed: [None; 3],
-            named: None,
+            rest: const { Block::new() },
+            armed: [NEVER; 3],
+            named: Phase::Idle,
         }
     }
 
     pub(crate) fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
+        if self.options.reaction_timeout == 0 {
+            self.options.reaction_timeout = timeout_at(opening.line.baud);
+        }
         if !opening.resumed {
-            self.set_limits(opening);
+            self.limit = match self.options.layer {
+                Layer::Rk512 => LARGEST_TELEGRAM,
+                Layer::None => opening.delivery_room.min(self.options.block_size as u32) as u16,
+            };
             if self.options.nak_at_start {
                 self.put(link, NAK);
             }
         }
+        self.name(link);
         self.finish(link);
-    }
-
-    fn set_limits(&mut self, opening: &Opening) {
-        if self.options.layer == Layer::Rk512 {
-            self.limit = LARGEST_TELEGRAM;
-            self.needed_room = opening.delivery_room.min(LARGEST_DATA.into());
-            if self.options.reaction_timeout == Micros::ZERO {
-                self.options.reaction_timeout = crate::rk512::timeout_at(opening.line.baud);
-            }
-            self.rk512.timeout = self.options.reaction_timeout;
-        } else {
-            self.needed_room = opening.delivery_room.min(self.limit.into());
-            self.limit = self.needed_room as u16;
-        }
     }
 
     pub(crate) fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
@@ -158,7 +163,7 @@ impl Machine {
         span: u32,
     ) {
         if kind == LineErrorKind::Break {
-            warn(link, BREAK.status, "BREAK");
+            self.warn(link, BREAK.status());
             self.break_off(link);
         } else if span == 0 {
             self.character(link, None, byte);
@@ -166,10 +171,9 @@ impl Machine {
             // One of the last characters, which have been taken already.
             self.fault(link, DAMAGED);
         } else {
-            warn(link, DAMAGED.status, "damaged character");
+            self.warn(link, DAMAGED.status());
         }
-        self.begin_block(link);
-        self.finish(link);
+        self.settle(link);
     }
 
     /// One character: `good` if it is undamaged, `raw` as it was read.
@@ -178,7 +182,7 @@ impl Machine {
             Phase::Idle => match good {
                 Some(STX) => self.set_up_asked(link, false),
                 Some(NAK) => {}
-                None => warn(link, DAMAGED.status, "damaged character in idle"),
+                None => self.warn(link, DAMAGED.status()),
                 Some(_) => self.garbage(link),
             },
             Phase::Garbage | Phase::Disturbed => self.wait(link, self.options.zvz),
@@ -201,7 +205,7 @@ impl Machine {
                 if good == Some(NAK) {
                     self.repeat_block(link, STOPPED);
                 } else {
-                    warn(link, DISTURBED.status, "character while sending");
+                    self.warn(link, DISTURBED.status());
                     self.phase = Phase::Disturbed;
                     self.wait(link, self.options.zvz);
                 }
@@ -220,7 +224,7 @@ impl Machine {
     /// Anything but STX in idle.
     fn garbage(&mut self, link: &mut Context<'_>) {
         if self.options.nak_on_garbage {
-            warn(link, IDLE_GARBAGE, "character in idle");
+            self.warn(link, IDLE_GARBAGE);
             self.phase = Phase::Garbage;
             self.wait(link, self.options.zvz);
         }
@@ -228,7 +232,7 @@ impl Machine {
 
     pub(crate) fn timer(&mut self, link: &mut Context<'_>, id: u8) {
         if let Some(armed) = self.armed.get_mut(usize::from(id)) {
-            *armed = None;
+            *armed = NEVER;
         }
         match id {
             PROCEDURE => self.waited(link),
@@ -236,13 +240,12 @@ impl Machine {
             REQUEST => self.answer_late(link),
             _ => {}
         }
-        self.begin_block(link);
-        self.finish(link);
+        self.settle(link);
     }
 
     /// The wait of this phase is over.
     fn waited(&mut self, link: &mut Context<'_>) {
-        self.deadline = None;
+        self.deadline = NEVER;
         match self.phase {
             Phase::Idle | Phase::Sending => {}
             Phase::Garbage => {
@@ -275,7 +278,12 @@ impl Machine {
                 }
             }
             (Phase::DleWait | Phase::AcknowledgementWait, Some(MarkState::SurelyLeft)) => {
-                self.wait(link, self.options.qvz);
+                let qvz = match (self.options.qvz, self.options.bcc) {
+                    (0, true) => 2_000,
+                    (0, false) => 550,
+                    (qvz, _) => qvz,
+                };
+                self.wait(link, qvz);
             }
             (Phase::Receiving, Some(MarkState::SurelyLeft)) => self.wait(link, self.options.zvz),
             (Phase::RepetitionWait, Some(MarkState::SurelyLeft)) => {
@@ -308,25 +316,46 @@ impl Machine {
         self.idle();
     }
 
+    /// A line for the log: what happened by its number, and the state in which it did.
+    /// It is left out where the output has no space for all there might be to say.
+    #[inline(never)]
+    pub(crate) fn warn(&self, link: &mut Context<'_>, status: u16) {
+        if link.output_room() > MOST_OUTPUT {
+            let is_news = status == FIRST_REPETITION || status == NAK_SENT;
+            let level = if is_news { NoteLevel::Info } else { NoteLevel::Warning };
+            link.note(level, status, self.phase.name());
+        }
+    }
+
+    #[inline(never)]
     pub(crate) fn idle(&mut self) {
         self.phase = Phase::Idle;
-        self.deadline = None;
+        self.deadline = NEVER;
         self.departure.forget();
     }
 
     /// This phase is over after so long a time from now.
-    pub(crate) fn wait(&mut self, link: &Context<'_>, span: Micros) {
-        self.deadline = Some(link.now() + span);
+    #[inline(never)]
+    pub(crate) fn wait(&mut self, link: &Context<'_>, millis: i64) {
+        self.deadline = after(link, millis);
     }
 
     /// Sends a control character; nothing else is queued then. Where the host
     /// has no room for one byte, the partner's time-out has to do.
+    #[inline(never)]
     pub(crate) fn put(&mut self, link: &mut Context<'_>, byte: u8) -> bool {
         let has_room = link.transmit_room() > 0;
         if has_room {
             link.transmit(&[byte]);
         }
         has_room
+    }
+
+    /// What an event ends with that may have made the line idle, or a block ready.
+    #[inline(never)]
+    pub(crate) fn settle(&mut self, link: &mut Context<'_>) {
+        self.begin_block(link);
+        self.finish(link);
     }
 
     /// What each event ends with: the rest of the output, the mark, the timers.
@@ -336,26 +365,36 @@ impl Machine {
             link.again();
         }
         self.departure.set_mark(link);
-        let deadlines = [self.deadline, self.rk512.reaction_until, self.rk512.answer_until];
-        for (id, (deadline, armed)) in (0..).zip(deadlines.into_iter().zip(&mut self.armed)) {
-            if *armed == deadline {
-                continue;
-            }
-            *armed = deadline;
-            match deadline {
-                Some(deadline) => link.set_timer(id, deadline),
-                None => link.cancel_timer(id),
-            }
+        self.arm(link, PROCEDURE, self.deadline);
+        self.arm(link, REACTION, self.rk512.reaction_until);
+        self.arm(link, REQUEST, self.rk512.answer_until);
+        if self.named != self.phase {
+            self.name(link);
         }
-        if self.named != Some(self.phase) {
-            self.named = Some(self.phase);
-            link.state(self.phase.name());
+    }
+
+    fn name(&mut self, link: &mut Context<'_>) {
+        self.named = self.phase;
+        link.state(self.phase.name());
+    }
+
+    #[inline(never)]
+    fn arm(&mut self, link: &mut Context<'_>, id: u8, deadline: Micros) {
+        let Some(armed) = self.armed.get_mut(usize::from(id)) else { return };
+        if *armed == deadline {
+            return;
+        }
+        *armed = deadline;
+        if deadline == NEVER {
+            link.cancel_timer(id);
+        } else {
+            link.set_timer(id, deadline);
         }
     }
 
     pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
         state.u8(self.phase as u8);
-        state.deadline(self.deadline);
+        state.micros(self.deadline);
         self.departure.save(state);
         self.job.save(state);
         self.rk512.save(state);
@@ -369,7 +408,6 @@ impl Machine {
         self.decoder.save(state);
         self.block.save(state);
         state.u16(self.limit);
-        state.u32(self.needed_room);
         state.u8(self.refused);
         Cause::save(self.first_error, state);
         state.bool(self.is_faulty);
@@ -380,7 +418,7 @@ impl Machine {
 
     pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
         self.phase = Phase::restore(state)?;
-        self.deadline = state.deadline();
+        self.deadline = state.micros();
         self.departure = Departure::restore(state)?;
         self.job.restore(state)?;
         self.rk512.restore(state)?;
@@ -394,7 +432,6 @@ impl Machine {
         self.decoder = Decoder::restore(state)?;
         self.block.restore(state)?;
         self.limit = state.u16();
-        self.needed_room = state.u32();
         self.refused = state.u8();
         self.first_error = Cause::restore(state);
         self.is_faulty = state.bool();

@@ -50,17 +50,17 @@ impl Phase {
     }
 
     pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let phases = [
-            Self::Idle,
-            Self::Garbage,
-            Self::BufferWait,
-            Self::Receiving,
-            Self::RepetitionWait,
-            Self::DleWait,
-            Self::Sending,
-            Self::Disturbed,
-            Self::AcknowledgementWait,
-        ];
-        phases.get(usize::from(state.u8())).copied().ok_or(StateError)
+        match state.u8() {
+            0 => Ok(Self::Idle),
+            1 => Ok(Self::Garbage),
+            2 => Ok(Self::BufferWait),
+            3 => Ok(Self::Receiving),
+            4 => Ok(Self::RepetitionWait),
+            5 => Ok(Self::DleWait),
+            6 => Ok(Self::Sending),
+            7 => Ok(Self::Disturbed),
+            8 => Ok(Self::AcknowledgementWait),
+            _ => Err(StateError),
+        }
     }
 }

@@ -6,15 +6,44 @@ use core::fmt::Debug;
 use core::marker::PhantomData;
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    Opening, SettingSet, StateError, StateReader, StateWriter,
+    Opening, RawValue, SettingSet, StateError, StateReader, StateWriter,
 };
 
 /// What one plug-in of the family adds: its settings with their defaults, and its manifest.
 pub trait Variant: Debug {
-    /// The settings.
-    type Settings: SettingSet + Into<Options>;
+    /// Its settings, as its manifest tells them.
+    type Settings: SettingSet;
     /// The manifest as JSON.
     const MANIFEST: &'static str;
+}
+
+/// The settings of one plug-in: its own defaults in the manifest, one struct for
+/// all plug-ins behind it.
+#[derive(Debug)]
+pub struct Configured<V> {
+    options: Options,
+    variant: PhantomData<V>,
+}
+
+impl<V> Clone for Configured<V> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<V> Copy for Configured<V> {}
+
+impl<V: Variant> SettingSet for Configured<V> {
+    const COUNT: u16 = Options::COUNT;
+    const JSON: &'static [&'static [&'static str]] = V::Settings::JSON;
+
+    fn unset() -> Self {
+        Self { options: Options::unset(), variant: PhantomData }
+    }
+
+    fn set(&mut self, index: u16, value: &RawValue<'_>) -> bool {
+        self.options.set(index, value)
+    }
 }
 
 /// A converter of the family.
@@ -25,12 +54,12 @@ pub struct Procedure<V> {
 }
 
 impl<V: Variant> Converter for Procedure<V> {
-    type Settings = V::Settings;
+    type Settings = Configured<V>;
     const MANIFEST: &'static str = V::MANIFEST;
     const STATE_FORMAT: Option<u16> = Some(1);
 
-    fn new(settings: V::Settings) -> Self {
-        Self { machine: Machine::new(settings.into()), variant: PhantomData }
+    fn new(settings: Configured<V>) -> Self {
+        Self { machine: Machine::new(settings.options), variant: PhantomData }
     }
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {

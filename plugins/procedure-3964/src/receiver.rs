@@ -2,13 +2,14 @@
 
 use crate::cause::*;
 use crate::frame::{DLE, NAK, STX, Step};
-use crate::machine::Machine;
+use crate::machine::{Machine, NEVER, after};
 use crate::phase::Phase;
+use crate::rk512::LARGEST_DATA;
 use crate::{Layer, frame::Decoder};
-use softplug_plugin::{Context, Micros, NoteLevel};
+use softplug_plugin::Context;
 
-/// How often a free buffer is looked for.
-const BUFFER_POLL: Micros = Micros::from_millis(50);
+/// How often a free buffer is looked for, in ms.
+const BUFFER_POLL: i64 = 50;
 
 impl Machine {
     /// STX came: for a new block, or for the repetition of the one before.
@@ -32,7 +33,7 @@ impl Machine {
             return;
         }
         self.phase = Phase::BufferWait;
-        self.buffer_until = link.now() + self.options.buffer_wait;
+        self.buffer_until = after(link, self.options.buffer_wait);
         self.look_for_buffer(link);
     }
 
@@ -41,19 +42,23 @@ impl Machine {
             self.put(link, DLE);
             self.departure.watch();
             self.phase = Phase::Receiving;
-            self.deadline = None;
+            self.deadline = NEVER;
         } else if link.now() >= self.buffer_until {
             self.put(link, NAK);
             self.end_reception(link, NO_BUFFER);
         } else {
-            self.deadline = Some(self.buffer_until.min(link.now() + BUFFER_POLL));
+            self.deadline = self.buffer_until.min(after(link, BUFFER_POLL));
         }
     }
 
     /// A buffer is what the host has room for.
     fn has_buffer(&self, link: &Context<'_>) -> bool {
-        let needs_room = self.options.layer == Layer::None || self.is_reading();
-        !needs_room || link.delivery_room() >= self.needed_room
+        let needed = match self.options.layer {
+            Layer::None => self.limit.into(),
+            Layer::Rk512 if self.is_reading() => LARGEST_DATA.into(),
+            Layer::Rk512 => 0,
+        };
+        link.delivery_room() >= needed
     }
 
     pub(crate) fn receive(&mut self, link: &mut Context<'_>, good: Option<u8>, raw: Option<u8>) {
@@ -87,8 +92,9 @@ impl Machine {
     }
 
     /// Something is wrong with the block: it is taken to its end and refused.
+    #[inline(never)]
     pub(crate) fn fault(&mut self, link: &mut Context<'_>, cause: Cause) {
-        warn(link, cause.status, "bad block");
+        self.warn(link, cause.status());
         self.first_error.get_or_insert(cause);
         self.is_faulty = true;
     }
@@ -105,13 +111,13 @@ impl Machine {
         }
         self.put(link, NAK);
         self.refused = self.refused.saturating_add(1);
-        let is_last = self.refused >= self.options.transmission_attempts;
-        if is_last || self.options.bwz == Micros::ZERO {
+        let is_last = i64::from(self.refused) >= self.options.transmission_attempts;
+        if is_last || self.options.bwz == 0 {
             self.end_reception(link, WRONG_BCC);
         } else {
-            note(link, NoteLevel::Info, NAK_SENT, "repetition expected");
+            self.warn(link, NAK_SENT);
             self.phase = Phase::RepetitionWait;
-            self.deadline = None;
+            self.deadline = NEVER;
             self.departure.watch();
         }
     }
@@ -132,7 +138,7 @@ impl Machine {
     /// Gives the reception up, for its first error or else for this one.
     pub(crate) fn end_reception(&mut self, link: &mut Context<'_>, cause: Cause) {
         let cause = *self.first_error.get_or_insert(cause);
-        warn(link, cause.status, "reception failed");
+        self.warn(link, cause.status());
         if cause == NO_BUFFER {
             self.block.clear();
         }
@@ -154,8 +160,8 @@ impl Machine {
         }
         link.delivery_end(
             id,
-            cause.map(|cause| cause.failure),
-            cause.map_or(0, |cause| cause.status),
+            cause.map(|cause| cause.failure()),
+            cause.map_or(0, |cause| cause.status()),
         );
     }
 }

@@ -4,17 +4,16 @@ use crate::Layer;
 use crate::cause::*;
 use crate::frame::{DLE, ETX, Encoder, NAK, STX};
 use crate::job::Stage;
-use crate::machine::{Machine, Owner};
+use crate::machine::{Machine, NEVER, Owner};
 use crate::phase::Phase;
 
-use softplug_plugin::{Context, JobStart, NoteLevel};
+use softplug_plugin::{Context, JobStart};
 
 /// Place of `send` in the manifest's list of jobs.
 const SEND: u16 = 0;
-/// Bytes that are transmitted together.
-const PIECE: usize = 64;
-/// Output that a block leaves free for what else an event has to say.
-const KEPT_OUTPUT: usize = 384;
+/// Output that a block leaves free: a long one takes two rounds, so that none
+/// uses up a host's patience.
+const KEPT_OUTPUT: usize = 2_048;
 /// Room that a block leaves free for control characters.
 const KEPT_ROOM: u32 = 8;
 
@@ -29,13 +28,11 @@ impl Machine {
         if let Err(cause) = begun {
             self.job.failed(link, cause);
         }
-        self.begin_block(link);
-        self.finish(link);
+        self.settle(link);
     }
 
     fn begin_send(&mut self, link: &mut Context<'_>, size: Option<u64>) -> Result<(), Cause> {
-        let limit = self.options.block_size;
-        if !self.options.split && size.is_some_and(|size| size > limit.into()) {
+        if !self.options.split && size.is_some_and(|size| size > self.options.block_size as u64) {
             return Err(JOB_TOO_LONG);
         }
         self.want_block(link);
@@ -45,7 +42,7 @@ impl Machine {
     /// Asks for a block, and for one byte more where there must be no more.
     fn want_block(&mut self, link: &mut Context<'_>) {
         let more = u32::from(!self.options.split);
-        link.want(self.job.id, u32::from(self.options.block_size) + more);
+        link.want(self.job.id, self.options.block_size as u32 + more);
     }
 
     pub(crate) fn job_data(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
@@ -59,12 +56,11 @@ impl Machine {
                 self.job.failed(link, cause);
             }
         }
-        self.begin_block(link);
-        self.finish(link);
+        self.settle(link);
     }
 
     fn block_data(&mut self, fits: bool) -> Result<(), Cause> {
-        let length = self.job.block.len();
+        let length = i64::from(self.job.block.len());
         if !fits || length > self.options.block_size {
             return Err(JOB_TOO_LONG);
         }
@@ -98,14 +94,12 @@ impl Machine {
                 self.job.failed(link, cause);
             }
         }
-        self.begin_block(link);
-        self.finish(link);
+        self.settle(link);
     }
 
     pub(crate) fn set_paused(&mut self, link: &mut Context<'_>, paused: bool) {
         self.job.paused = paused;
-        self.begin_block(link);
-        self.finish(link);
+        self.settle(link);
     }
 
     /// Aborts the job. Only a reception that it waits for goes on undisturbed.
@@ -122,8 +116,7 @@ impl Machine {
             }
             self.fail_job(link, ABORTED);
         }
-        self.begin_block(link);
-        self.finish(link);
+        self.settle(link);
     }
 
     /// The job fails, if there is one: at once, or when it is known how much
@@ -180,12 +173,9 @@ impl Machine {
     }
 
     fn set_up(&mut self, link: &mut Context<'_>) {
-        let count = u64::from(self.put(link, STX));
-        if self.owner == Owner::Job {
-            self.job.sent += count;
-        }
+        self.send(link, STX);
         self.stx_seen = false;
-        self.deadline = None;
+        self.deadline = NEVER;
         if self.options.handshake {
             self.phase = Phase::DleWait;
             self.departure.watch();
@@ -196,7 +186,7 @@ impl Machine {
 
     pub(crate) fn send_block(&mut self) {
         self.phase = Phase::Sending;
-        self.deadline = None;
+        self.deadline = NEVER;
         self.departure.forget();
         self.encoder = Encoder::default();
     }
@@ -206,31 +196,24 @@ impl Machine {
         if self.phase != Phase::Sending || self.encoder.is_at_end() {
             return false;
         }
-        while link.output_room() > KEPT_OUTPUT {
-            let room = link.transmit_room().saturating_sub(KEPT_ROOM) as usize;
-            let mut piece = [0; PIECE];
-            let mut count = 0;
-            let (options, data) = (&self.options, self.owner_data());
+        while link.output_room() > KEPT_OUTPUT && link.transmit_room() > KEPT_ROOM {
             let mut encoder = self.encoder;
-            for place in piece.iter_mut().take(room) {
-                let Some(byte) = encoder.next(options, data) else { break };
-                *place = byte;
-                count += 1;
-            }
+            let Some(byte) = encoder.next(&self.options, self.owner_data()) else { break };
             self.encoder = encoder;
-            if count == 0 {
-                break;
-            }
-            link.transmit(piece.get(..count).unwrap_or_default());
-            if self.owner == Owner::Job {
-                self.job.sent += count as u64;
-            }
+            self.send(link, byte);
         }
         if self.encoder.is_at_end() {
             self.departure.watch();
             return false;
         }
         link.output_room() <= KEPT_OUTPUT
+    }
+
+    /// A byte that counts as sent for its job.
+    fn send(&mut self, link: &mut Context<'_>, byte: u8) {
+        if self.put(link, byte) && self.owner == Owner::Job {
+            self.job.sent += 1;
+        }
     }
 
     fn owner_data(&self) -> &[u8] {
@@ -247,8 +230,8 @@ impl Machine {
     }
 
     pub(crate) fn repeat_set_up(&mut self, link: &mut Context<'_>, cause: Cause) {
-        warn(link, cause.status, "set-up failed");
-        if self.setups >= self.options.setup_attempts {
+        self.warn(link, cause.status());
+        if i64::from(self.setups) >= self.options.setup_attempts {
             self.give_up(link, cause);
         } else {
             self.setups += 1;
@@ -257,14 +240,14 @@ impl Machine {
     }
 
     pub(crate) fn has_attempts(&self) -> bool {
-        self.transmissions < self.options.transmission_attempts
+        i64::from(self.transmissions) < self.options.transmission_attempts
     }
 
     pub(crate) fn repeat_block(&mut self, link: &mut Context<'_>, cause: Cause) {
-        warn(link, cause.status, "block failed");
+        self.warn(link, cause.status());
         if self.has_attempts() {
             if self.transmissions == 1 {
-                note(link, NoteLevel::Info, FIRST_REPETITION, "first repetition");
+                self.warn(link, FIRST_REPETITION);
             }
             self.transmissions += 1;
             self.setups = 1;

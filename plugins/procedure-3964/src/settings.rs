@@ -24,67 +24,55 @@ choice! {
     }
 }
 
-/// Declares the settings of a plug-in, with its own defaults, and how
-/// [`Options`](crate::Options) follow from them.
+/// Declares a struct of all settings, with the defaults of one plug-in.
 #[macro_export]
 macro_rules! procedure_settings {
     (
-        priority: $priority:literal, qvz: $qvz:literal, bwz: $bwz:literal,
-        buffer_wait: $buffer_wait:literal, setup_attempts: $setup:literal,
-        transmission_attempts: $transmission:literal, block_size: $block:literal,
-        nak_at_start: $at_start:literal, nak_on_garbage: $garbage:literal $(,)?
+        $(#[$attr:meta])*
+        $vis:vis struct $name:ident {
+            priority: $priority:literal, qvz: $qvz:literal, bwz: $bwz:literal,
+            buffer_wait: $buffer_wait:literal, setup_attempts: $setup:literal,
+            transmission_attempts: $transmission:literal, block_size: $block:literal,
+            nak_at_start: $at_start:literal, nak_on_garbage: $garbage:literal $(,)?
+        }
     ) => {
         $crate::softplug_plugin::settings! {
-            /// The settings of the procedure.
-            pub struct Settings {
-                bcc: bool = true, "3964R ends with a block check; off: 3964.";
-                handshake: bool = true, "Wait for DLE after STX; off: all in one go.";
+            $(#[$attr])*
+            $vis struct $name {
+                bcc: bool = true, "Block check: 3964R; off: 3964.";
+                handshake: bool = true, "DLE answers STX; off: all in one go.";
                 doubling: bool = true, "DLE in data is doubled.";
-                priority: $crate::Priority = $priority, "When both begin; none: STX is a wrong character.";
+                priority: $crate::Priority = $priority, "Who begins; none: STX is a wrong character.";
                 qvz: i64 = $qvz in 0..=60000 "ms", "Acknowledgement delay; 0: 2000 with BCC, 550 without.";
                 zvz: i64 = 220 in 1..=60000 "ms", "Character delay.";
-                bwz: i64 = $bwz in 0..=60000 "ms", "Block wait for a repetition; 0: not.";
+                bwz: i64 = $bwz in 0..=60000 "ms", "Block wait; 0: no repetition.";
                 buffer_wait: i64 = $buffer_wait in 0..=60000 "ms", "Wait for a free buffer.";
                 setup_attempts: i64 = $setup in 1..=255 "", "STX tries.";
-                transmission_attempts: i64 = $transmission in 1..=255 "", "Block tries, both ways.";
+                transmission_attempts: i64 = $transmission in 1..=255 "", "Block tries.";
                 block_size: i64 = $block in 1..=1024 "bytes", "Largest block.";
-                split: bool = false, "A longer job goes as several blocks.";
-                nak_at_start: bool = $at_start, "NAK when the link opens.";
-                nak_on_garbage: bool = $garbage, "NAK after characters in idle.";
+                split: bool = false, "A longer job is several blocks.";
+                nak_at_start: bool = $at_start, "NAK at the opening.";
+                nak_on_garbage: bool = $garbage, "NAK after idle garbage.";
                 layer: $crate::Layer = "none", "On top.";
-                reaction_timeout: i64 = 20000 in 0..=600000 "ms", "RK512: wait for a reaction; 0: by baud.";
-            }
-        }
-
-        impl From<Settings> for $crate::Options {
-            fn from(settings: Settings) -> Self {
-                use $crate::softplug_plugin::Micros;
-                let qvz = match (settings.qvz, settings.bcc) {
-                    (0, true) => 2_000,
-                    (0, false) => 550,
-                    (given, _) => given,
-                };
-                Self {
-                    bcc: settings.bcc,
-                    handshake: settings.handshake,
-                    doubling: settings.doubling,
-                    priority: settings.priority,
-                    qvz: Micros::from_millis(qvz),
-                    zvz: Micros::from_millis(settings.zvz),
-                    bwz: Micros::from_millis(settings.bwz),
-                    buffer_wait: Micros::from_millis(settings.buffer_wait),
-                    setup_attempts: settings.setup_attempts as u8,
-                    transmission_attempts: settings.transmission_attempts as u8,
-                    block_size: settings.block_size as u16,
-                    split: settings.split,
-                    nak_at_start: settings.nak_at_start,
-                    nak_on_garbage: settings.nak_on_garbage,
-                    layer: settings.layer,
-                    reaction_timeout: Micros::from_millis(settings.reaction_timeout),
-                }
+                reaction_timeout: i64 = 20000 in 0..=600000 "ms", "RK512; 0: by baud.";
             }
         }
     };
+}
+
+procedure_settings! {
+    /// The settings, with the defaults of 3964R.
+    pub struct Options {
+        priority: "low",
+        qvz: 0,
+        bwz: 4000,
+        buffer_wait: 400,
+        setup_attempts: 6,
+        transmission_attempts: 6,
+        block_size: 1024,
+        nak_at_start: true,
+        nak_on_garbage: true,
+    }
 }
 
 /// The part of the manifest that is the same for all plug-ins: jobs, requests,
@@ -94,36 +82,35 @@ macro_rules! procedure_manifest {
     () => {
         concat!(
             r#""jobs":[{"name":"send","text":"Sends a block."},"#,
-            r#"{"name":"write","text":"RK512 SEND.","fields":["#,
+            r#"{"name":"write","text":"RK512 SEND","fields":["#,
             $crate::place_fields!(),
             "]},",
-            r#"{"name":"read","text":"RK512 FETCH.","fields":["#,
+            r#"{"name":"read","text":"RK512 FETCH","fields":["#,
             $crate::place_fields!(),
             "]}],",
-            r#""requests":[{"name":"write","text":"RK512 SEND came.","fields":["#,
+            r#""requests":[{"name":"write","text":"SEND came","fields":["#,
             $crate::place_fields!(),
             ",",
-            r#"{"name":"data","type":"bytes","text":"Data."}]},"#,
-            r#"{"name":"read","text":"RK512 FETCH came.","fields":["#,
+            r#"{"name":"data","type":"bytes","text":""}]},"#,
+            r#"{"name":"read","text":"FETCH came","fields":["#,
             $crate::place_fields!(),
-            ",",
-            r#"{"name":"data","type":"bytes","text":"None."}]}],"#,
+            "]}],",
             r#""status":["#,
             r#"{"code":1294,"name":"(05)0E","text":"bad length"},"#,
             r#"{"code":1303,"name":"(05)17","text":"too long"},"#,
-            r#"{"code":1793,"name":"(07)01","text":"first repetition"},"#,
-            r#"{"code":1794,"name":"(07)02","text":"after STX: NAK or wrong character"},"#,
-            r#"{"code":1795,"name":"(07)03","text":"after STX: QVZ"},"#,
-            r#"{"code":1796,"name":"(07)04","text":"characters while sending"},"#,
-            r#"{"code":1797,"name":"(07)05","text":"NAK while sending"},"#,
-            r#"{"code":1798,"name":"(07)06","text":"wrong end acknowledgement"},"#,
-            r#"{"code":1799,"name":"(07)07","text":"at the end: QVZ"},"#,
+            r#"{"code":1793,"name":"(07)01","text":"repetition"},"#,
+            r#"{"code":1794,"name":"(07)02","text":"STX: refused"},"#,
+            r#"{"code":1795,"name":"(07)03","text":"STX: QVZ"},"#,
+            r#"{"code":1796,"name":"(07)04","text":"disturbed"},"#,
+            r#"{"code":1797,"name":"(07)05","text":"NAK in block"},"#,
+            r#"{"code":1798,"name":"(07)06","text":"end: refused"},"#,
+            r#"{"code":1799,"name":"(07)07","text":"end: QVZ"},"#,
             r#"{"code":1802,"name":"(07)0A","text":"attempts used up"},"#,
-            r#"{"code":1803,"name":"(07)0B","text":"both high priority"},"#,
-            r#"{"code":1804,"name":"(07)0C","text":"both low priority"},"#,
-            r#"{"code":2049,"name":"(08)01","text":"NAK sent, repetition expected"},"#,
-            r#"{"code":2050,"name":"(08)02","text":"characters in idle or before our DLE"},"#,
-            r#"{"code":2053,"name":"(08)05","text":"after DLE neither DLE nor ETX"},"#,
+            r#"{"code":1803,"name":"(07)0B","text":"both high"},"#,
+            r#"{"code":1804,"name":"(07)0C","text":"both low"},"#,
+            r#"{"code":2049,"name":"(08)01","text":"NAK sent"},"#,
+            r#"{"code":2050,"name":"(08)02","text":"garbage"},"#,
+            r#"{"code":2053,"name":"(08)05","text":"lone DLE"},"#,
             r#"{"code":2054,"name":"(08)06","text":"ZVZ"},"#,
             r#"{"code":2056,"name":"(08)08","text":"BCC"},"#,
             r#"{"code":2058,"name":"(08)0A","text":"no buffer"},"#,
@@ -135,7 +122,7 @@ macro_rules! procedure_manifest {
             r#"{"code":18,"name":"12","text":"type"},"#,
             r#"{"code":20,"name":"14","text":"not found"},"#,
             r#"{"code":22,"name":"16","text":"command"},"#,
-            r#"{"code":42,"name":"2A","text":"partner in stop"},"#,
+            r#"{"code":42,"name":"2A","text":"in stop"},"#,
             r#"{"code":50,"name":"32","text":"locked"},"#,
             r#"{"code":52,"name":"34","text":"length"},"#,
             r#"{"code":54,"name":"36","text":"sequence"}],"#,
@@ -152,12 +139,12 @@ macro_rules! place_fields {
     () => {
         concat!(
             r#"{"name":"area","type":"text","required":true,"text":"DB DX I Q M T C"},"#,
-            r#"{"name":"block","type":"int","text":"DB."},"#,
-            r#"{"name":"offset","type":"int","text":"First word or byte."},"#,
-            r#"{"name":"count","type":"int","text":"Words or bytes."},"#,
-            r#"{"name":"flag_byte","type":"int","text":"Flag."},"#,
-            r#"{"name":"flag_bit","type":"int","text":"Its bit."},"#,
-            r#"{"name":"cpu","type":"int","text":"1-4"}"#,
+            r#"{"name":"block","type":"int","text":"DB"},"#,
+            r#"{"name":"offset","type":"int","text":"start"},"#,
+            r#"{"name":"count","type":"int","text":"words or bytes"},"#,
+            r#"{"name":"flag_byte","type":"int","text":""},"#,
+            r#"{"name":"flag_bit","type":"int","text":""},"#,
+            r#"{"name":"cpu","type":"int","text":""}"#,
         )
     };
 }

@@ -1,6 +1,8 @@
 //! The settings, and the manifest with them in it.
 
 softplug_procedure_3964::procedure_settings! {
+    /// The settings of simplified 3964R.
+    pub struct Settings {
     priority: "none",
     qvz: 2000,
     bwz: 0,
@@ -10,6 +12,7 @@ softplug_procedure_3964::procedure_settings! {
     block_size: 128,
     nak_at_start: false,
     nak_on_garbage: false,
+    }
 }
 
 pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {

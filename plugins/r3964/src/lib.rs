@@ -6,9 +6,7 @@
 
 mod settings;
 
-pub use settings::Settings;
-
-use softplug_procedure_3964::{Procedure, Variant};
+use softplug_procedure_3964::{Options, Procedure, Variant};
 
 /// The converter.
 pub type R3964 = Procedure<Standard>;
@@ -20,6 +18,6 @@ pub struct Standard;
 softplug_plugin::export!(R3964);
 
 impl Variant for Standard {
-    type Settings = Settings;
+    type Settings = Options;
     const MANIFEST: &'static str = settings::MANIFEST;
 }

@@ -1,16 +1,6 @@
 //! The settings, and the manifest with them in it.
 
-softplug_procedure_3964::procedure_settings! {
-    priority: "low",
-    qvz: 0,
-    bwz: 4000,
-    buffer_wait: 400,
-    setup_attempts: 6,
-    transmission_attempts: 6,
-    block_size: 1024,
-    nak_at_start: true,
-    nak_on_garbage: true,
-}
+use softplug_procedure_3964::Options;
 
 pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
     head: concat!(
@@ -18,7 +8,7 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
         r#"","licence":""#, env!("CARGO_PKG_LICENSE"),
         r#"","protocol":"3964R","description":"3964R and 3964, with RK512.""#,
     ),
-    settings: Settings,
+    settings: Options,
     tail: concat!(
         r#""presets":["#,
         r#"{"name":"3964","text":"No block check.","values":{"bcc":false}},"#,

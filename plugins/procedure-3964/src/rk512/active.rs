@@ -1,10 +1,10 @@
 //! Our commands: a job in telegrams, each answered by a reaction.
 
-use super::header::{FOLLOW_UP, Header};
+use super::header::FOLLOW_UP;
 use super::{HEADER, LARGEST_DATA, SHORT_HEADER};
 use crate::cause::*;
 use crate::job::Stage;
-use crate::machine::Machine;
+use crate::machine::{Machine, NEVER, after};
 use softplug_plugin::{Context, Failure, JobStart};
 
 /// Place of `read` in the manifest's list of jobs.
@@ -17,13 +17,13 @@ impl Machine {
         start: &JobStart<'_>,
     ) -> Result<(), Cause> {
         let is_read = start.kind == READ;
-        let header = Header::from_fields(is_read, &start.fields).ok_or(BAD_JOB)?;
-        self.rk512.header = header;
+        self.rk512.header.take(is_read, &start.fields).ok_or(BAD_JOB)?;
+        let header = self.rk512.header;
         self.rk512.is_follow_up = false;
         self.rk512.knows_size = true;
-        self.job.block.extend(&header.to_bytes());
+        self.job.block.extend(&header.0);
         if is_read {
-            self.rk512.to_do = u32::from(header.count) * header.unit();
+            self.rk512.to_do = header.size();
             self.job.stage = Stage::Ready;
             return Ok(());
         }
@@ -95,11 +95,11 @@ impl Machine {
     /// The partner has the telegram.
     pub(crate) fn await_reaction(&mut self, link: &mut Context<'_>) {
         self.job.stage = Stage::Awaiting;
-        self.rk512.reaction_until = Some(link.now() + self.rk512.timeout);
+        self.rk512.reaction_until = after(link, self.options.reaction_timeout);
     }
 
     pub(crate) fn reaction_late(&mut self, link: &mut Context<'_>) {
-        self.rk512.reaction_until = None;
+        self.rk512.reaction_until = NEVER;
         if self.job.stage == Stage::Awaiting {
             self.fail_job(link, NO_REACTION);
         }
@@ -109,10 +109,10 @@ impl Machine {
     /// earlier one whose acknowledgement was lost.
     pub(super) fn reaction(&mut self, link: &mut Context<'_>) {
         if self.job.stage != Stage::Awaiting {
-            warn(link, 0, "reaction without a command");
+            self.warn(link, 0);
             return;
         }
-        self.rk512.reaction_until = None;
+        self.rk512.reaction_until = NEVER;
         if let Err(cause) = self.take_reaction(link) {
             self.fail_job(link, cause);
         }
@@ -149,7 +149,7 @@ impl Machine {
         self.rk512.is_follow_up = true;
         self.job.block.clear();
         let header = self.rk512.header;
-        self.job.block.extend(&[FOLLOW_UP, 0, header.command, header.area]);
+        self.job.block.extend(&[FOLLOW_UP, 0, header.command(), header.area()]);
         if header.is_read() {
             self.job.stage = Stage::Ready;
         } else {
@@ -161,10 +161,10 @@ impl Machine {
 
     /// Ends the delivery of what is read, if there is one.
     pub(crate) fn end_reading(&mut self, link: &mut Context<'_>, cause: Option<Cause>) {
-        self.rk512.reaction_until = None;
+        self.rk512.reaction_until = NEVER;
         if self.rk512.reading != 0 {
-            let status = cause.map_or(0, |cause| cause.status);
-            link.delivery_end(self.rk512.reading, cause.map(|cause| cause.failure), status);
+            let status = cause.map_or(0, |cause| cause.status());
+            link.delivery_end(self.rk512.reading, cause.map(|cause| cause.failure()), status);
             self.rk512.reading = 0;
         }
     }
@@ -179,5 +179,5 @@ fn cause_of(error: u8) -> Cause {
         0x2A | 0x32 => Failure::Refused,
         _ => Failure::Protocol,
     };
-    Cause { failure, status: error.into() }
+    cause(failure, error.into())
 }

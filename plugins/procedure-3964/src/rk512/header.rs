@@ -1,6 +1,6 @@
 //! The header of a command: what is to be transferred, from or to where.
 
-use softplug_plugin::{Micros, StateReader, StateWriter, Values};
+use softplug_plugin::Values;
 
 /// SEND to a data block.
 pub(super) const SEND_DB: u8 = 0x41;
@@ -19,139 +19,113 @@ pub(super) const COUNT: u16 = 3;
 pub(super) const FLAG_BYTE: u16 = 4;
 pub(super) const FLAG_BIT: u16 = 5;
 pub(super) const CPU: u16 = 6;
-pub(super) const DATA: u16 = 7;
 
-const TYPE_DB: u8 = b'D';
-const TYPE_DX: u8 = b'X';
-
-/// Areas by name, also by their German ones, and their type. The first name of
-/// a type is the one that we say.
-const AREAS: [(&[u8], u8); 10] = [
-    (b"DB", TYPE_DB),
-    (b"DX", TYPE_DX),
-    (b"I", b'E'),
-    (b"Q", b'A'),
-    (b"M", b'M'),
-    (b"T", b'T'),
-    (b"C", b'Z'),
-    (b"E", b'E'),
-    (b"A", b'A'),
-    (b"Z", b'Z'),
-];
-
-/// A command without its data.
-#[derive(Copy, Clone, Debug, Default)]
-pub(super) struct Header {
-    pub(super) command: u8,
-    pub(super) area: u8,
-    /// Number of the data block.
-    pub(super) block: u8,
-    /// First word or byte. A follow-up's may be larger than a first one's.
-    pub(super) offset: u32,
-    /// Words or bytes.
-    pub(super) count: u16,
-    /// Coordination flag; FF: none.
-    pub(super) flag: u8,
-    /// CPU and the flag's bit; F: none.
-    pub(super) cpu_bit: u8,
+/// The type of an area, by its English or its German name.
+fn area_type(name: &[u8]) -> Option<u8> {
+    let area = match name {
+        b"DB" => b'D',
+        b"DX" => b'X',
+        b"I" | b"E" => b'E',
+        b"Q" | b"A" => b'A',
+        b"M" => b'M',
+        b"T" => b'T',
+        b"C" | b"Z" => b'Z',
+        _ => return None,
+    };
+    Some(area)
 }
 
+/// A command without its data, as on the wire: 00, 00, command, type, block,
+/// offset, count (high byte first), flag byte, and CPU and flag bit in a nibble each.
+#[derive(Copy, Clone, Debug, Default)]
+pub(super) struct Header(pub(super) [u8; 10]);
+
 impl Header {
-    /// From the fields of a job; `None` if one of them does not fit.
-    pub(super) fn from_fields(is_read: bool, fields: &Values<'_>) -> Option<Self> {
-        let mut area = 0;
-        let mut numbers = [0, 0, 0, 0, 0xFF, 0x0F, 0x0F];
+    /// Takes the fields of a job; `None` if one of them does not fit.
+    #[inline(never)]
+    pub(super) fn take(&mut self, is_read: bool, fields: &Values<'_>) -> Option<()> {
+        // The area is the first field and must be there. Its record has a head of
+        // six bytes and is looked at as bytes: what it may be is short.
+        let [0, 0, _, _, length, 0, text @ ..] = fields.as_bytes() else { return None };
+        let area = area_type(text.get(..usize::from(*length))?)?;
+        let header = &mut self.0;
+        *header = [0, 0, 0, area, 0, 0, 0, 0, 0xFF, 0xFF];
         for field in fields.clone().raw() {
             let field = field.ok()?;
             if field.index == AREA {
-                let name = field.text()?.as_bytes();
-                area = AREAS.iter().find(|(own, _)| is_same(own, name))?.1;
                 continue;
             }
-            let most = match field.index {
-                COUNT => 0xFFFF,
-                FLAG_BIT => 7,
-                CPU => 4,
-                _ => 0xFF,
+            let number = u16::try_from(field.int()?).ok()?;
+            let (place, most) = match field.index {
+                BLOCK => (4, 0xFF),
+                OFFSET => (5, 0xFF),
+                COUNT => (7, 0xFFFF),
+                FLAG_BYTE => (8, 0xFF),
+                FLAG_BIT => (9, 7),
+                _ => (9, 4),
             };
-            let least = i64::from(matches!(field.index, COUNT | CPU));
-            let number = field.int().filter(|number| (least..=most).contains(number))?;
-            *numbers.get_mut(usize::from(field.index))? = number;
+            let mut byte = number as u8;
+            match field.index {
+                COUNT => header[6] = (number >> 8) as u8,
+                FLAG_BIT => byte |= header[9] & 0xF0,
+                CPU if byte == 0 => return None,
+                CPU => byte = byte << 4 | header[9] & 0x0F,
+                _ => {}
+            }
+            if number > most {
+                return None;
+            }
+            header[place] = byte;
         }
-        let [_, block, offset, count, flag, bit, cpu] = numbers;
-        let command = match (is_read, area) {
-            (true, 1..) => FETCH,
-            (false, TYPE_DB) => SEND_DB,
-            (false, TYPE_DX) => SEND_DX,
+        header[2] = match area {
+            _ if is_read && (header[6] | header[7]) != 0 => FETCH,
+            b'D' if !is_read => SEND_DB,
+            b'X' if !is_read => SEND_DX,
             _ => return None,
         };
-        if is_read && count == 0 {
-            return None;
-        }
-        Some(Self {
-            command,
-            area,
-            block: block as u8,
-            offset: offset as u32,
-            count: count as u16,
-            flag: flag as u8,
-            cpu_bit: (cpu << 4 | bit) as u8,
-        })
+        Some(())
     }
 
-    pub(super) fn from_bytes(bytes: [u8; 10]) -> Self {
-        let [_, _, command, area, block, offset, high, low, flag, cpu_bit] = bytes;
-        let count = u16::from_be_bytes([high, low]);
-        Self { command, area, block, offset: offset.into(), count, flag, cpu_bit }
+    pub(super) fn command(self) -> u8 {
+        self.0[2]
     }
 
-    pub(super) fn to_bytes(self) -> [u8; 10] {
-        let [high, low] = self.count.to_be_bytes();
-        let offset = self.offset as u8;
-        [0, 0, self.command, self.area, self.block, offset, high, low, self.flag, self.cpu_bit]
+    pub(super) fn area(self) -> u8 {
+        self.0[3]
     }
 
     /// The area's name; `None`: there is no such area, or this command does not
     /// go with it.
     pub(super) fn area_name(self) -> Option<&'static str> {
-        let fits = match self.command {
-            SEND_DB => self.area == TYPE_DB,
-            SEND_DX => self.area == TYPE_DX,
+        let place = b"DXEAMTZ".iter().position(|area| *area == self.area())?;
+        let fits = match self.command() {
+            SEND_DB => place == 0,
+            SEND_DX => place == 1,
             _ => true,
         };
-        let (name, _) = AREAS.iter().find(|(_, area)| *area == self.area && fits)?;
-        core::str::from_utf8(name).ok()
+        let (start, end) =
+            if place < 2 { (2 * place, 2 * place + 2) } else { (place + 2, place + 3) };
+        "DBDXIQMTC".get(start..end).filter(|_| fits)
     }
 
     pub(super) fn is_read(self) -> bool {
-        self.command == FETCH
+        self.command() == FETCH
     }
 
     /// Bytes of one unit of count and offset.
     pub(super) fn unit(self) -> u32 {
-        let is_words = matches!(self.area, TYPE_DB | TYPE_DX | b'T' | b'Z');
-        if is_words { 2 } else { 1 }
+        if matches!(self.area(), b'D' | b'X' | b'T' | b'Z') { 2 } else { 1 }
     }
 
-    pub(super) fn save(self, state: &mut StateWriter<'_>) {
-        state.bytes(&self.to_bytes());
-        state.u32(self.offset);
-    }
-
-    pub(super) fn restore(state: &mut StateReader<'_>) -> Self {
-        let bytes = state.bytes(10).first_chunk().copied().unwrap_or_default();
-        Self { offset: state.u32(), ..Self::from_bytes(bytes) }
+    /// All of its data in bytes.
+    pub(super) fn size(self) -> u32 {
+        u32::from(u16::from_be_bytes([self.0[6], self.0[7]])) * self.unit()
     }
 }
 
-/// Without the comparison of slices, which is larger than what it is for.
-fn is_same(one: &[u8], other: &[u8]) -> bool {
-    one.len() == other.len() && one.iter().zip(other).all(|(one, other)| one == other)
-}
-
-/// How long a reaction may take where it goes by the line rate. At rates in
+/// How long a reaction may take, in ms, where it goes by the line rate. At rates in
 /// between the slower one's time holds; without a rate, the longest of all.
-pub(crate) fn timeout_at(baud: u32) -> Micros {
+pub(crate) fn timeout_at(baud: u32) -> i64 {
     let seconds = match baud {
         0 => 20,
         1..600 => 10,
@@ -159,5 +133,5 @@ pub(crate) fn timeout_at(baud: u32) -> Micros {
         1_200..38_400 => 5,
         38_400.. => 3,
     };
-    Micros::from_millis(seconds * 1_000)
+    seconds * 1_000
 }

@@ -8,7 +8,9 @@ mod passive;
 pub(crate) use header::timeout_at;
 
 use crate::block::Block;
+use crate::machine::NEVER;
 use header::Header;
+use softplug_abi::wire::copy;
 use softplug_plugin::{Context, Micros, StateError, StateReader, StateWriter};
 
 /// Most data bytes of one telegram.
@@ -22,10 +24,11 @@ pub(crate) const LARGEST_TELEGRAM: u16 = HEADER as u16 + LARGEST_DATA as u16;
 /// Most bytes of a reaction.
 const LARGEST_REACTION: usize = SHORT_HEADER + LARGEST_DATA as usize;
 
-/// What the layer knows.
+/// What the layer knows. In this order: what stands at the front takes less
+/// code to reach.
 #[derive(Debug)]
+#[repr(C)]
 pub(crate) struct Rk512 {
-    pub(crate) timeout: Micros,
     // Active: our job.
     header: Header,
     /// Data bytes that are still to be transferred, this telegram's included.
@@ -36,42 +39,44 @@ pub(crate) struct Rk512 {
     is_follow_up: bool,
     /// Id of the delivery of what is read; 0: not begun.
     reading: u32,
-    pub(crate) reaction_until: Option<Micros>,
+    pub(crate) reaction_until: Micros,
     // Passive: the partner's commands.
     asked: Header,
+    /// First word or byte of this telegram's data.
+    offset: u32,
     /// Data bytes of its command that are still to come, and of this telegram.
     left: u32,
     piece: u8,
-    /// The telegram was no follow-up.
-    is_first: bool,
+    /// The telegram was a follow-up.
+    is_next: bool,
     /// The reaction has not left yet: a command now is this one once more.
     is_current: bool,
     /// The request that is not answered; 0: none.
     request: u32,
     last_request: u32,
-    pub(crate) answer_until: Option<Micros>,
-    pub(crate) reaction: Block<LARGEST_REACTION>,
+    pub(crate) answer_until: Micros,
     pub(crate) reaction_ready: bool,
+    pub(crate) reaction: Block<LARGEST_REACTION>,
 }
 
 impl Rk512 {
-    pub(crate) fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self {
-            timeout: Micros::ZERO,
-            header: Header::default(),
+            header: Header([0; HEADER]),
             to_do: 0,
             knows_size: false,
             is_follow_up: false,
             reading: 0,
-            reaction_until: None,
-            asked: Header::default(),
+            reaction_until: NEVER,
+            asked: Header([0; HEADER]),
+            offset: 0,
             left: 0,
             piece: 0,
-            is_first: true,
+            is_next: false,
             is_current: false,
             request: 0,
             last_request: 0,
-            answer_until: None,
+            answer_until: NEVER,
             reaction: Block::new(),
             reaction_ready: false,
         }
@@ -90,7 +95,7 @@ impl Rk512 {
     }
 
     fn forget_request(&mut self, link: &mut Context<'_>) {
-        self.answer_until = None;
+        self.answer_until = NEVER;
         if self.request != 0 {
             link.withdraw(self.request);
             self.request = 0;
@@ -98,41 +103,41 @@ impl Rk512 {
     }
 
     pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.micros(self.timeout);
-        self.header.save(state);
+        state.bytes(&self.header.0);
         state.u32(self.to_do);
         state.bool(self.knows_size);
         state.bool(self.is_follow_up);
         state.u32(self.reading);
-        state.deadline(self.reaction_until);
-        self.asked.save(state);
+        state.micros(self.reaction_until);
+        state.bytes(&self.asked.0);
+        state.u32(self.offset);
         state.u32(self.left);
         state.u8(self.piece);
-        state.bool(self.is_first);
+        state.bool(self.is_next);
         state.bool(self.is_current);
         state.u32(self.request);
         state.u32(self.last_request);
-        state.deadline(self.answer_until);
+        state.micros(self.answer_until);
         self.reaction.save(state);
         state.bool(self.reaction_ready);
     }
 
     pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
-        self.timeout = state.micros();
-        self.header = Header::restore(state);
+        copy(&mut self.header.0, state.bytes(HEADER));
         self.to_do = state.u32();
         self.knows_size = state.bool();
         self.is_follow_up = state.bool();
         self.reading = state.u32();
-        self.reaction_until = state.deadline();
-        self.asked = Header::restore(state);
+        self.reaction_until = state.micros();
+        copy(&mut self.asked.0, state.bytes(HEADER));
+        self.offset = state.u32();
         self.left = state.u32();
         self.piece = state.u8();
-        self.is_first = state.bool();
+        self.is_next = state.bool();
         self.is_current = state.bool();
         self.request = state.u32();
         self.last_request = state.u32();
-        self.answer_until = state.deadline();
+        self.answer_until = state.micros();
         self.reaction.restore(state)?;
         self.reaction_ready = state.bool();
         Ok(())

@@ -2,14 +2,13 @@
 //! becomes the reaction.
 
 use super::header::{
-    AREA, BLOCK, COUNT, CPU, DATA, FETCH, FLAG_BIT, FLAG_BYTE, FOLLOW_UP, Header, OFFSET, SEND_DB,
+    AREA, BLOCK, COUNT, CPU, FETCH, FLAG_BIT, FLAG_BYTE, FOLLOW_UP, Header, OFFSET, SEND_DB,
     SEND_DX,
 };
 use super::{HEADER, LARGEST_DATA, Rk512, SHORT_HEADER};
-use crate::cause::warn;
-use crate::machine::Machine;
-use softplug_abi::{Value, ValueWriter, Values};
-use softplug_plugin::{Context, Failure};
+use crate::block::Block;
+use crate::machine::{Machine, NEVER, after};
+use softplug_plugin::{Context, Failure, Values};
 
 // Errors in a reaction.
 const ACCESS: u8 = 0x0A;
@@ -21,6 +20,14 @@ const IN_STOP: u8 = 0x2A;
 const LOCKED: u8 = 0x32;
 const LENGTH: u8 = 0x34;
 const SEQUENCE: u8 = 0x36;
+
+/// Field of a `write` request only.
+const DATA: u16 = 7;
+
+// Types of values.
+const INT: u8 = 2;
+const TEXT: u8 = 3;
+const BYTES: u8 = 4;
 
 /// Longest fields of a request.
 const FIELDS: usize = 256;
@@ -38,10 +45,11 @@ impl Machine {
         match error {
             Ok(data) => {
                 let bytes = self.block.as_slice();
+                self.rk512.answer_until = after(link, self.options.reaction_timeout);
                 self.rk512.ask(link, bytes.get(data..).unwrap_or_default());
             }
             Err(error) => {
-                warn(link, error.into(), "bad command");
+                self.warn(link, error.into());
                 let is_follow_up = self.block.as_slice().first() == Some(&FOLLOW_UP);
                 self.rk512.left = 0;
                 self.rk512.react(is_follow_up, error);
@@ -59,14 +67,13 @@ impl Machine {
         if request == self.rk512.request && request != 0 {
             self.rk512.answered(link, answer, more);
         }
-        self.begin_block(link);
-        self.finish(link);
+        self.settle(link);
     }
 
     pub(crate) fn answer_late(&mut self, link: &mut Context<'_>) {
         self.rk512.forget_request(link);
         self.rk512.left = 0;
-        self.rk512.react(!self.rk512.is_first, IN_STOP);
+        self.rk512.react(self.rk512.is_next, IN_STOP);
     }
 }
 
@@ -82,19 +89,20 @@ impl Rk512 {
         }
         let start = if first == FOLLOW_UP {
             // Until our reaction has left, it is the same follow-up once more.
-            let is_due = self.left > 0 && !(self.is_current && self.is_first);
-            if !is_due || command != self.asked.command || area != self.asked.area {
+            let is_due = self.left > 0 && !(self.is_current && !self.is_next);
+            if !is_due || command != self.asked.command() || area != self.asked.area() {
                 return Err(SEQUENCE);
             }
             SHORT_HEADER
         } else {
             let header = bytes.first_chunk::<HEADER>().ok_or(HEADER_UNKNOWN)?;
-            self.asked = Header::from_bytes(*header);
+            self.asked = Header(*header);
             self.asked.area_name().ok_or(TYPE)?;
-            self.left = u32::from(self.asked.count) * self.asked.unit();
+            self.left = self.asked.size();
+            self.offset = header[5].into();
             HEADER
         };
-        self.is_first = first == 0;
+        self.is_next = first != 0;
         self.is_current = true;
         self.piece = self.left.min(LARGEST_DATA.into()) as u8;
         let expected = if self.asked.is_read() { 0 } else { usize::from(self.piece) };
@@ -108,36 +116,26 @@ impl Rk512 {
     fn ask(&mut self, link: &mut Context<'_>, data: &[u8]) {
         self.last_request = self.last_request.wrapping_add(1).max(1);
         self.request = self.last_request;
-        self.answer_until = Some(link.now() + self.timeout);
         // A granted answer is gathered behind the head of the reaction.
-        self.react(!self.is_first, 0);
+        self.react(self.is_next, 0);
         self.reaction_ready = false;
         let header = self.asked;
-        let mut buffer = [0; FIELDS];
-        let mut fields = ValueWriter::new(&mut buffer);
-        let mut put = |index, value| {
-            let fitted = fields.push(index, value);
-            debug_assert!(fitted.is_ok(), "the fields of a request are bounded");
-        };
-        let number = |value: u32| Value::Int(value.into());
-        put(AREA, Value::Text(header.area_name().unwrap_or_default()));
-        put(BLOCK, number(header.block.into()));
-        put(OFFSET, number(header.offset));
-        put(COUNT, number(u32::from(self.piece) / header.unit()));
-        if header.flag != 0xFF {
-            put(FLAG_BYTE, number(header.flag.into()));
-        }
-        let (cpu, bit) = (header.cpu_bit >> 4, header.cpu_bit & 0x0F);
-        if bit != 0x0F {
-            put(FLAG_BIT, number(bit.into()));
-        }
-        if cpu != 0x0F {
-            put(CPU, number(cpu.into()));
-        }
+        let mut fields = Block::<FIELDS>::new();
+        record(&mut fields, AREA, TEXT, header.area_name().unwrap_or_default().as_bytes());
+        let [.., block, _, _, _, flag, cpu_bit] = header.0;
+        let count = u32::from(self.piece) / header.unit();
+        // A coordination flag and a CPU that are all ones are none.
+        number(&mut fields, BLOCK, block.into(), u32::MAX);
+        number(&mut fields, OFFSET, self.offset, u32::MAX);
+        number(&mut fields, COUNT, count, u32::MAX);
+        number(&mut fields, FLAG_BYTE, flag.into(), 0xFF);
+        number(&mut fields, FLAG_BIT, (cpu_bit & 0x0F).into(), 0x0F);
+        number(&mut fields, CPU, (cpu_bit >> 4).into(), 0x0F);
         if !header.is_read() {
-            put(DATA, Value::Bytes(data));
+            record(&mut fields, DATA, BYTES, data);
         }
-        link.request(self.request, u16::from(header.is_read()), Values::new(fields.written()));
+        let kind = u16::from(header.is_read());
+        link.request(self.request, kind, Values::new(fields.as_slice()));
     }
 
     fn answered(&mut self, link: &mut Context<'_>, answer: Result<&[u8], Failure>, more: bool) {
@@ -150,12 +148,7 @@ impl Rk512 {
                 if fits && more {
                     return;
                 }
-                if fits && length == expected {
-                    0
-                } else {
-                    warn(link, LENGTH.into(), "the host's answer is not of the length asked for");
-                    LENGTH
-                }
+                if fits && length == expected { 0 } else { LENGTH }
             }
             Err(failure) => error_of(failure),
         };
@@ -164,12 +157,12 @@ impl Rk512 {
             link.withdraw(self.request);
         }
         self.request = 0;
-        self.answer_until = None;
+        self.answer_until = NEVER;
         if error == 0 {
             self.reaction_ready = true;
         } else {
             self.left = 0;
-            self.react(!self.is_first, error);
+            self.react(self.is_next, error);
         }
     }
 
@@ -184,13 +177,28 @@ impl Rk512 {
     pub(crate) fn advance(&mut self) {
         if self.is_current && self.left > 0 {
             self.left -= u32::from(self.piece);
-            self.asked.offset += u32::from(self.piece) / self.asked.unit();
+            self.offset += u32::from(self.piece) / self.asked.unit();
         }
         self.is_current = false;
     }
 
     pub(crate) fn reaction_ended(&mut self) {
         self.reaction_ready = false;
+    }
+}
+
+/// Appends a value record, as the ABI has it. The one of the SDK knows all types
+/// and costs four times the code.
+#[inline(never)]
+fn record(fields: &mut Block<FIELDS>, index: u16, kind: u8, payload: &[u8]) {
+    fields.extend(&[index as u8, 0, kind, 0, payload.len() as u8, 0]);
+    fields.extend(payload);
+}
+
+#[inline(never)]
+fn number(fields: &mut Block<FIELDS>, index: u16, number: u32, none: u32) {
+    if number != none {
+        record(fields, index, INT, &i64::from(number).to_le_bytes());
     }
 }
 
