@@ -5,6 +5,7 @@
 
 mod code;
 mod feed;
+mod fields;
 mod punch;
 mod remote_buffer;
 mod request;
@@ -20,6 +21,7 @@ pub use settings::{
 
 use code::{Code, Control, control};
 use feed::Feed;
+use fields::Fields;
 use punch::Punch;
 use remote_buffer::RemoteBuffer;
 use softplug_plugin::{
@@ -228,22 +230,27 @@ impl Converter for FanucRs232 {
     }
 
     fn save(&self, state: &mut StateWriter<'_>) {
-        state.bool(self.is_dsr_on);
         self.feed.save(state);
-        self.punch.save(state);
-        self.remote_buffer.save(state);
+        let mut fields = Fields::Save(state);
+        let mut is_dsr_on = self.is_dsr_on;
+        fields.bool(&mut is_dsr_on);
+        let mut punch = self.punch;
+        punch.fields(&mut fields);
+        let mut remote_buffer = self.remote_buffer;
+        remote_buffer.fields(&mut fields);
     }
 
     fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
         if Some(format) != Self::STATE_FORMAT {
             return Err(StateError);
         }
-        self.is_dsr_on = state.bool();
         self.feed.restore(&self.settings, state)?;
-        self.punch.restore(state)?;
-        self.remote_buffer.restore(state)?;
         self.was_busy = self.feed.is_busy();
-        Ok(())
+        let mut fields = Fields::Restore(state, Ok(()));
+        fields.bool(&mut self.is_dsr_on);
+        self.punch.fields(&mut fields);
+        self.remote_buffer.fields(&mut fields);
+        fields.end()
     }
 }
 
@@ -260,12 +267,14 @@ impl FanucRs232 {
             let code = if settings.code == SendCode::Eia { Code::Eia } else { Code::Iso };
             (code, self.feed.is_sending())
         };
+        let state = self.feed.state();
         match control(settings, code, byte, is_sending) {
             // The control reads: it does not punch, unless it holds us. So this is
             // an echo, or damaged.
-            Some(Control::Dc2) if is_sending && self.feed.state() != Some(State::Held) => {}
+            Some(Control::Dc2) if is_sending && state != Some(State::Held) => {}
             Some(control) => {
-                if !self.punch.control(link, settings, control) {
+                let is_awaited = matches!(state, Some(State::WaitingForDc1 | State::Held));
+                if !self.punch.control(link, settings, control, is_awaited) {
                     self.feed.control(link, settings, control);
                 }
             }

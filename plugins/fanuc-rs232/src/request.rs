@@ -2,10 +2,9 @@
 //! whose comment names the program that is wanted.
 
 use crate::Settings;
+use crate::fields::Fields;
 use crate::punch::Title;
-use softplug_plugin::{
-    Context, Failure, NoteLevel, StateReader, StateWriter, Value, ValueWriter, Values,
-};
+use softplug_plugin::{Context, Failure, NoteLevel, Value, ValueWriter, Values};
 
 /// The most requests that may be unanswered.
 const MOST_OPEN: u8 = 4;
@@ -14,7 +13,7 @@ const FIELDS: usize = 160;
 /// The most digits of a number.
 const DIGITS: usize = 18;
 
-#[derive(Clone, Debug, Default)]
+#[derive(Copy, Clone, Debug, Default)]
 pub(crate) struct Requests {
     last: u32,
     open: u8,
@@ -65,14 +64,9 @@ impl Requests {
         }
     }
 
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u32(self.last);
-        state.u8(self.open);
-    }
-
-    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) {
-        self.last = state.u32();
-        self.open = state.u8();
+    pub(crate) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
+        fields.u32(&mut self.last);
+        fields.u8(&mut self.open);
     }
 }
 

@@ -1,12 +1,12 @@
 //! A short text of bounded length.
 
-use softplug_plugin::{StateReader, StateWriter};
+use crate::fields::Fields;
 
 /// The most bytes in it: as long as a delivery's name may be.
 pub(crate) const MOST: usize = 128;
 
 /// Up to [`MOST`] bytes.
-#[derive(Clone, Debug)]
+#[derive(Copy, Clone, Debug)]
 pub(crate) struct Short {
     bytes: [u8; MOST],
     length: u8,
@@ -39,16 +39,8 @@ impl Short {
         self.length = 0;
     }
 
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u8(self.length);
-        state.bytes(self.as_slice());
-    }
-
-    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) {
-        self.clear();
-        let length = state.u8();
-        for byte in state.bytes(usize::from(length)) {
-            self.push(*byte);
-        }
+    pub(crate) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
+        fields.u8(&mut self.length);
+        fields.bytes(&mut self.bytes);
     }
 }

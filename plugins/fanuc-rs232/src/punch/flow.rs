@@ -1,14 +1,15 @@
 //! How the control's output is held while the host has little room.
 
 use crate::code::Code;
+use crate::fields::Fields;
 use crate::{OutputFlow, ParityMode, ResumeCode, Settings};
-use softplug_plugin::{Context, ModemLines, StateReader, StateWriter};
+use softplug_plugin::{Context, ModemLines};
 
 /// The control is held below this room and goes on above twice as much; both are
 /// less where the whole room is small. It may send ten more characters.
 const LOW: u32 = 1_024;
 
-#[derive(Clone, Debug, Default)]
+#[derive(Copy, Clone, Debug, Default)]
 pub(crate) struct Flow {
     /// The control is held.
     pub(crate) held: bool,
@@ -61,15 +62,9 @@ impl Flow {
         }
     }
 
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.bool(self.held);
-        state.u32(self.low);
-        state.u32(self.high);
-    }
-
-    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) {
-        self.held = state.bool();
-        self.low = state.u32();
-        self.high = state.u32();
+    pub(crate) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
+        fields.bool(&mut self.held);
+        fields.u32(&mut self.low);
+        fields.u32(&mut self.high);
     }
 }

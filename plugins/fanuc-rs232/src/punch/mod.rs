@@ -8,14 +8,13 @@ mod title;
 pub(crate) use title::Title;
 
 use crate::code::{Code, Control, Decoded, decode};
+use crate::fields::Fields;
 use crate::request::Requests;
 use crate::short::Short;
 use crate::state::State;
 use crate::{CAPTURE, ReceiveCode, SendCode, Settings, set_timer};
 use flow::Flow;
-use softplug_plugin::{
-    Context, Failure, LineErrorKind, Micros, StateError, StateReader, StateWriter,
-};
+use softplug_plugin::{Context, Failure, LineErrorKind, Micros};
 use text::Text;
 
 /// How far a capture is.
@@ -34,7 +33,7 @@ enum Stage {
     Closed,
 }
 
-#[derive(Clone, Debug, Default)]
+#[derive(Copy, Clone, Debug, Default)]
 pub(crate) struct Punch {
     stage: Stage,
     code: Code,
@@ -75,12 +74,13 @@ impl Punch {
         if self.stage == Stage::Unknown { Code::Eia } else { self.code }
     }
 
-    /// A control code; whether it is none for the feed.
+    /// A control code; whether it is none for the feed, which may wait for DC1.
     pub(crate) fn control(
         &mut self,
         link: &mut Context<'_>,
         settings: &Settings,
         control: Control,
+        is_awaited: bool,
     ) -> bool {
         if !self.is_capturing() {
             if control == Control::Dc2 {
@@ -102,8 +102,8 @@ impl Punch {
             }
             Control::Syn => self.finish(link, settings, Some(Failure::PartnerReset)),
             Control::Nak => self.finish(link, settings, Some(Failure::PartnerAlarm)),
-            // The operator reads already: nothing follows the DC4.
-            Control::Dc1 if self.ended => {
+            // The operator reads already: nothing follows.
+            Control::Dc1 if self.ended || is_awaited => {
                 self.finish(link, settings, None);
                 return false;
             }
@@ -326,30 +326,17 @@ impl Punch {
         is_deaf
     }
 
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u8(self.stage as u8);
-        state.u8(self.code as u8);
-        self.early.save(state);
-        self.text.save(state);
-        self.flow.save(state);
-        state.bool(self.ended);
-        state.deadline(self.ends_at);
-        state.deadline(self.deaf_until);
-        self.requests.save(state);
-    }
-
-    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
+    pub(crate) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
         let stages = [Stage::Idle, Stage::Unknown, Stage::Leader, Stage::Program, Stage::Closed];
-        self.stage = *stages.get(usize::from(state.u8())).ok_or(StateError)?;
-        self.code = if state.bool() { Code::Eia } else { Code::Iso };
-        self.early.restore(state);
-        self.text.restore(state)?;
-        self.flow.restore(state);
-        self.ended = state.bool();
-        self.ends_at = state.deadline();
-        self.deaf_until = state.deadline();
-        self.requests.restore(state);
-        Ok(())
+        self.stage = fields.choice(self.stage as u8, &stages);
+        self.code = fields.choice(self.code as u8, &[Code::Iso, Code::Eia]);
+        self.early.fields(fields);
+        self.text.fields(fields);
+        self.flow.fields(fields);
+        fields.bool(&mut self.ended);
+        fields.deadline(&mut self.ends_at);
+        fields.deadline(&mut self.deaf_until);
+        self.requests.fields(fields);
     }
 }
 

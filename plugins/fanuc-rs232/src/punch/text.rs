@@ -2,9 +2,10 @@
 //! blocks, one delivery for each program or for all.
 
 use super::Title;
+use crate::fields::Fields;
 use crate::request::Requests;
 use crate::{LineEnd, OnLineError, Programs, Settings};
-use softplug_plugin::{Context, Failure, NoteLevel, StateError, StateReader, StateWriter};
+use softplug_plugin::{Context, Failure, NoteLevel};
 
 /// Characters that are handed over together.
 const PIECE: usize = 256;
@@ -13,7 +14,7 @@ const PIECE: usize = 256;
 /// CR LF) fits in any case.
 const RESERVE: usize = 2_600;
 
-#[derive(Clone, Debug)]
+#[derive(Copy, Clone, Debug)]
 pub(crate) struct Text {
     /// Id of the delivery under way; 0: none.
     delivery: u32,
@@ -216,26 +217,14 @@ impl Text {
         }
     }
 
-    pub(super) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u32(self.delivery);
-        state.u32(self.last_delivery);
-        state.failure(self.failure);
-        self.title.save(state);
-        state.u8(self.named);
-        for flag in [self.has_lf, self.after_cr, self.odd, self.counts] {
-            state.bool(flag);
-        }
-    }
-
-    pub(super) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
-        self.delivery = state.u32();
-        self.last_delivery = state.u32();
-        self.failure = state.failure();
-        self.title.restore(state)?;
-        self.named = state.u8();
+    pub(super) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
+        fields.u32(&mut self.delivery);
+        fields.u32(&mut self.last_delivery);
+        fields.failure(&mut self.failure);
+        self.title.fields(fields);
+        fields.u8(&mut self.named);
         for flag in [&mut self.has_lf, &mut self.after_cr, &mut self.odd, &mut self.counts] {
-            *flag = state.bool();
+            fields.bool(flag);
         }
-        Ok(())
     }
 }

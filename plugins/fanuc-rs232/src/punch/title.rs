@@ -1,9 +1,9 @@
 //! What a program is called: its O number, else its first comment.
 
 use crate::Settings;
+use crate::fields::Fields;
 use crate::request::wanted;
 use crate::short::Short;
-use softplug_plugin::{StateError, StateReader, StateWriter};
 
 /// Where in a block we are.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
@@ -20,7 +20,7 @@ enum Place {
 }
 
 /// Reads along until it knows the name.
-#[derive(Clone, Debug, Default)]
+#[derive(Copy, Clone, Debug, Default)]
 pub(crate) struct Title {
     place: Place,
     /// O and its digits.
@@ -92,7 +92,7 @@ impl Title {
         let newest = self.newest.as_slice();
         let is_first = self.comment.as_slice().is_empty() && newest.len() > 2;
         if is_first || wanted(settings, newest).is_some() {
-            self.comment = self.newest.clone();
+            self.comment = self.newest;
         }
     }
 
@@ -119,22 +119,13 @@ impl Title {
         (u8::from(!text.is_empty()), text)
     }
 
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u8(self.place as u8);
-        self.number.save(state);
-        self.comment.save(state);
-        self.newest.save(state);
-        state.bool(self.has_text);
-    }
-
-    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
+    pub(crate) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
         let places = [Place::Header, Place::Start, Place::Number, Place::Comment, Place::Text];
-        self.place = *places.get(usize::from(state.u8())).ok_or(StateError)?;
-        self.number.restore(state);
-        self.comment.restore(state);
-        self.newest.restore(state);
-        self.has_text = state.bool();
-        Ok(())
+        self.place = fields.choice(self.place as u8, &places);
+        for short in [&mut self.number, &mut self.comment, &mut self.newest] {
+            short.fields(fields);
+        }
+        fields.bool(&mut self.has_text);
     }
 }
 

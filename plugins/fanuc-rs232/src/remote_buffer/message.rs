@@ -1,8 +1,8 @@
 //! Messages of protocol A: sum (two hex digits), command (three letters), data, end
 //! code.
 
+use crate::fields::Fields;
 use crate::{PacketEnd, ParityMode, Settings};
-use softplug_plugin::{StateReader, StateWriter};
 
 /// The letters of a command.
 pub(super) type Command = [u8; 3];
@@ -42,7 +42,7 @@ fn digits(sum: u8) -> [u8; 2] {
 }
 
 /// Reads messages character by character. Their data means nothing to us.
-#[derive(Clone, Debug, Default)]
+#[derive(Copy, Clone, Debug, Default)]
 pub(super) struct Reader {
     head: [u8; HEAD],
     length: u8,
@@ -84,16 +84,11 @@ impl Reader {
         self.is_damaged = true;
     }
 
-    pub(super) fn save(&self, state: &mut StateWriter<'_>) {
-        state.bytes(&self.head);
-        state.u8(self.length);
-        state.u8(self.sum);
-        state.bool(self.is_damaged);
-    }
-
-    pub(super) fn restore(state: &mut StateReader<'_>) -> Self {
-        let head = state.bytes(HEAD).first_chunk().copied().unwrap_or_default();
-        Self { head, length: state.u8(), sum: state.u8(), is_damaged: state.bool() }
+    pub(super) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
+        fields.bytes(&mut self.head);
+        fields.u8(&mut self.length);
+        fields.u8(&mut self.sum);
+        fields.bool(&mut self.is_damaged);
     }
 }
 

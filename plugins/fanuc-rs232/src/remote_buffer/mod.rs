@@ -9,13 +9,12 @@
 
 mod message;
 
+use crate::fields::Fields;
 use crate::state::State;
 use crate::tape::{Encoder, MOST_PER_BYTE};
 use crate::{PACKET, Settings, set_timer};
 use message::{Command, HEAD, Reader, end_code, head, with_parity};
-use softplug_plugin::{
-    Context, Failure, JobStart, MarkState, Micros, StateError, StateReader, StateWriter,
-};
+use softplug_plugin::{Context, Failure, JobStart, MarkState, Micros};
 
 /// The largest packet, and what the encoder gives beyond it.
 const BUFFER: usize = 1_024 + 2 * MOST_PER_BYTE;
@@ -58,13 +57,15 @@ enum Stage {
     Closed,
     /// EOD was sent.
     Ending,
-    /// The queue is being dropped; the job then fails for this reason.
-    Stopping(Failure),
+    /// The queue is being dropped; then the job fails.
+    Stopping,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Copy, Clone, Debug)]
 pub(crate) struct RemoteBuffer {
     stage: Stage,
+    /// Why the job fails.
+    failure: Option<Failure>,
     reader: Reader,
     job: u32,
     wanted: u32,
@@ -94,6 +95,7 @@ impl RemoteBuffer {
     pub(crate) fn new() -> Self {
         Self {
             stage: Stage::Idle,
+            failure: None,
             reader: Reader::default(),
             job: 0,
             wanted: 0,
@@ -269,7 +271,7 @@ impl RemoteBuffer {
 
     /// Without a job silence means nothing.
     fn await_control(&mut self, link: &mut Context<'_>, settings: &Settings) {
-        if matches!(self.stage, Stage::Idle | Stage::Stopping(_)) {
+        if matches!(self.stage, Stage::Idle | Stage::Stopping) {
             return;
         }
         let at = link.now() + Micros::from_millis(settings.poll_time);
@@ -406,10 +408,11 @@ impl RemoteBuffer {
 
     /// Stops at once. The job fails when it is known how much was sent.
     pub(crate) fn fail(&mut self, link: &mut Context<'_>, failure: Failure) {
-        if matches!(self.stage, Stage::Idle | Stage::Stopping(_)) {
+        if matches!(self.stage, Stage::Idle | Stage::Stopping) {
             return;
         }
-        self.stage = Stage::Stopping(failure);
+        self.stage = Stage::Stopping;
+        self.failure = Some(failure);
         self.is_own = is_own(self.last);
         self.is_asked = false;
         set_timer(link, PACKET, &mut self.until, None);
@@ -417,7 +420,7 @@ impl RemoteBuffer {
     }
 
     pub(crate) fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {
-        let Stage::Stopping(failure) = self.stage else { return };
+        let (Stage::Stopping, Some(failure)) = (self.stage, self.failure) else { return };
         let dropped = if self.is_own { u64::from(bytes) } else { 0 };
         link.job_failed(self.job, failure, 0, self.queued.saturating_sub(dropped));
         self.finish(link);
@@ -427,52 +430,30 @@ impl RemoteBuffer {
         set_timer(link, PACKET, &mut self.until, None);
         self.stage = Stage::Idle;
         self.is_paused = false;
+        // Nothing of the job is repeated after its end.
+        if is_own(self.last) {
+            self.last = WAT;
+        }
         self.queued = 0;
         self.filled = 0;
         self.packet = 0;
     }
 
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        let (stage, failure) = match self.stage {
-            Stage::Idle => (0, None),
-            Stage::Feeding => (1, None),
-            Stage::Closing => (2, None),
-            Stage::Closed => (3, None),
-            Stage::Ending => (4, None),
-            Stage::Stopping(failure) => (5, Some(failure)),
-        };
-        state.u8(stage);
-        state.failure(failure);
-        self.reader.save(state);
-        state.u32(self.job);
-        state.u32(self.wanted);
-        state.u64(self.queued);
-        for flag in [self.is_own, self.is_marked, self.is_paused, self.is_ready, self.is_asked] {
-            state.bool(flag);
-        }
-        state.bytes(&self.last);
-        state.u8(self.repeats);
-        state.u8(self.retries);
-        state.deadline(self.until);
-        state.u16(self.filled as u16);
-        state.u16(self.packet as u16);
-        state.bytes(self.buffer.get(..self.filled).unwrap_or_default());
-    }
-
-    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
-        self.stage = match (state.u8(), state.failure()) {
-            (0, None) => Stage::Idle,
-            (1, None) => Stage::Feeding,
-            (2, None) => Stage::Closing,
-            (3, None) => Stage::Closed,
-            (4, None) => Stage::Ending,
-            (5, Some(failure)) => Stage::Stopping(failure),
-            _ => return Err(StateError),
-        };
-        self.reader = Reader::restore(state);
-        self.job = state.u32();
-        self.wanted = state.u32();
-        self.queued = state.u64();
+    pub(crate) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
+        let stages = [
+            Stage::Idle,
+            Stage::Feeding,
+            Stage::Closing,
+            Stage::Closed,
+            Stage::Ending,
+            Stage::Stopping,
+        ];
+        self.stage = fields.choice(self.stage as u8, &stages);
+        fields.failure(&mut self.failure);
+        self.reader.fields(fields);
+        fields.u32(&mut self.job);
+        fields.u32(&mut self.wanted);
+        fields.u64(&mut self.queued);
         for flag in [
             &mut self.is_own,
             &mut self.is_marked,
@@ -480,19 +461,15 @@ impl RemoteBuffer {
             &mut self.is_ready,
             &mut self.is_asked,
         ] {
-            *flag = state.bool();
+            fields.bool(flag);
         }
-        self.last = state.bytes(3).first_chunk().copied().unwrap_or_default();
-        self.repeats = state.u8();
-        self.retries = state.u8();
-        self.until = state.deadline();
-        self.filled = usize::from(state.u16());
-        self.packet = usize::from(state.u16());
-        let place = self.buffer.get_mut(..self.filled).ok_or(StateError)?;
-        for (own, byte) in place.iter_mut().zip(state.bytes(self.filled)) {
-            *own = *byte;
-        }
-        Ok(())
+        fields.bytes(&mut self.last);
+        fields.u8(&mut self.repeats);
+        fields.u8(&mut self.retries);
+        fields.deadline(&mut self.until);
+        fields.usize(&mut self.filled);
+        fields.usize(&mut self.packet);
+        fields.bytes(self.buffer.get_mut(..self.filled).unwrap_or_default());
     }
 }
 
@@ -522,4 +499,28 @@ fn transmit(
     *is_marked = true;
     link.transmit_marked(mark, &[with_parity(settings, end_code(settings))]);
     length
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::FanucRs232;
+    use softplug_plugin::bench::Bench;
+
+    #[test]
+    fn the_control_initialises_and_asks() {
+        let mut bench = Bench::<FanucRs232>::new().set("mode", "remote-a").open();
+        for byte in b"07SYN\rECGTD\r" {
+            bench.receive(&[*byte]);
+            bench.run_for_millis(2);
+        }
+        bench.run_for_millis(20);
+        assert_eq!(bench.sent(), b"FCRDY\rF9WAT\r");
+        bench.send(b"%\nO1\nM30\n%");
+        for byte in b"ECGTD\r" {
+            bench.receive(&[*byte]);
+            bench.run_for_millis(2);
+        }
+        bench.run_for_millis(50);
+        assert_eq!(bench.sent(), b"FCRDY\rF9WAT\r7EDAT%\nO1\nM30\n%\r");
+    }
 }
