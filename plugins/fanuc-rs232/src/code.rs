@@ -79,15 +79,14 @@ const ISO_ONLY: &[u8] = b":#*=[]\r\0";
 /// does not have it.
 pub(crate) fn encode(settings: &Settings, code: Code, character: u8) -> Option<u8> {
     let standard = *TABLES.0.get(usize::from(character))?;
+    let is_there = standard != 0;
     match code {
         Code::Eia => {
-            let own = pairs(settings.eia_codes.as_slice());
-            own.filter(|[own, _]| *own == character)
-                .last()
-                .map_or((standard != 0).then_some(standard), |[_, code]| Some(*code))
+            let own = paired(settings.eia_codes.as_slice(), 0, character);
+            own.or(is_there.then_some(standard))
         }
         Code::Iso => {
-            let is_known = standard != 0
+            let is_known = is_there
                 || ISO_ONLY.iter().any(|known| *known == character)
                 || (settings.ascii && matches!(character, b' '..=b'~'));
             let odd = character.count_ones() as u8 & 1;
@@ -110,10 +109,8 @@ pub(crate) fn decode(settings: &Settings, code: Code, byte: u8) -> Decoded {
             _ => Decoded::Character(low),
         };
     }
-    if let Some([character, _]) =
-        pairs(settings.eia_codes.as_slice()).filter(|[_, own]| *own == byte).last()
-    {
-        return Decoded::Character(*character);
+    if let Some(character) = paired(settings.eia_codes.as_slice(), 1, byte) {
+        return Decoded::Character(character);
     }
     let character = TABLES.1.get(usize::from(byte)).copied().unwrap_or_default();
     match (byte, character) {
@@ -143,9 +140,18 @@ pub(crate) fn control(settings: &Settings, code: Code, byte: u8, sending: bool) 
     (!is_digit || (sending && settings.plain_codes)).then_some(control)
 }
 
-/// The pairs of a setting.
-pub(crate) fn pairs(bytes: &[u8]) -> impl Iterator<Item = &[u8; 2]> {
-    bytes.as_chunks().0.iter()
+/// What `byte` is paired with in a setting of pairs, of which it is the first (0)
+/// or the second (1). The last such pair counts.
+#[inline(never)]
+pub(crate) fn paired(pairs: &[u8], place: usize, byte: u8) -> Option<u8> {
+    let mut found = None;
+    for [first, second] in pairs.as_chunks().0 {
+        let (own, other) = if place == 0 { (first, second) } else { (second, first) };
+        if *own == byte {
+            found = Some(*other);
+        }
+    }
+    found
 }
 
 #[cfg(test)]

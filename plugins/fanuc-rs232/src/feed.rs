@@ -4,13 +4,11 @@ mod pipe;
 
 use crate::Settings;
 use crate::code::Control;
+use crate::fields::Fields;
 use crate::state::State;
 use crate::tape::{Encoder, MOST_PER_BYTE};
 use pipe::{CAPACITY, Pipe};
-use softplug_plugin::{
-    Context, Failure, JobStart, MarkState, Micros, NoteLevel, Pass, StateError, StateReader,
-    StateWriter,
-};
+use softplug_plugin::{Context, Failure, JobStart, MarkState, Micros, NoteLevel, Pass};
 
 /// Timer: no DC1 since the job began, DC3 for too long, or no final DC3.
 pub(crate) const WAIT: u8 = 0;
@@ -36,16 +34,29 @@ enum Stage {
     Draining,
     /// All has left; waiting for the final DC3.
     Waiting,
-    /// The queue is being dropped; then the job fails for this reason, or is done.
-    Stopping(Option<Failure>),
+    /// The queue is being dropped; then the job fails, or is done.
+    Stopping,
 }
 
-#[derive(Clone, Debug)]
+const STAGES: [Stage; 8] = [
+    Stage::Idle,
+    Stage::Checking,
+    Stage::Feeding,
+    Stage::Closing,
+    Stage::Trailing,
+    Stage::Draining,
+    Stage::Waiting,
+    Stage::Stopping,
+];
+
+#[derive(Copy, Clone, Debug)]
 pub(crate) struct Feed {
     /// In the remote buffer's mode it is the packets' while they have the job.
     pub(crate) encoder: Encoder,
     pipe: Pipe,
     stage: Stage,
+    /// Why the job fails that is being stopped.
+    failure: Option<Failure>,
     job: u32,
     /// The job whose check was good: its block to begin with is there.
     checked: u32,
@@ -73,6 +84,7 @@ impl Feed {
             encoder: Encoder::new(settings),
             pipe: Pipe::default(),
             stage: Stage::Idle,
+            failure: None,
             job: 0,
             checked: 0,
             wanted: 0,
@@ -102,7 +114,7 @@ impl Feed {
         let state = match self.stage {
             Stage::Idle => return None,
             Stage::Checking => State::Checking,
-            Stage::Stopping(_) => State::Stopping,
+            Stage::Stopping => State::Stopping,
             Stage::Waiting => State::Ending,
             _ if !self.is_started => State::WaitingForDc1,
             _ if !self.is_ready => State::Held,
@@ -434,13 +446,14 @@ impl Feed {
 
     fn drop_rest(&mut self, link: &mut Context<'_>, failure: Option<Failure>) {
         match self.stage {
-            Stage::Idle | Stage::Stopping(_) => {}
+            Stage::Idle | Stage::Stopping => {}
             Stage::Checking => {
                 self.stage = Stage::Idle;
                 link.job_failed(self.job, failure.unwrap_or(Failure::Internal), 0, 0);
             }
             _ => {
-                self.stage = Stage::Stopping(failure);
+                self.stage = Stage::Stopping;
+                self.failure = failure;
                 self.nuls = 0;
                 self.pipe.clear();
                 link.discard();
@@ -450,9 +463,11 @@ impl Feed {
 
     /// So many of the bytes that were queued were not sent.
     pub(crate) fn discarded(&mut self, link: &mut Context<'_>, settings: &Settings, bytes: u32) {
-        let Stage::Stopping(failure) = self.stage else { return };
+        if self.stage != Stage::Stopping {
+            return;
+        }
         let sent = self.pipe.queued().saturating_sub(u64::from(bytes));
-        match failure {
+        match self.failure {
             Some(failure) => link.job_failed(self.job, failure, 0, sent),
             None => link.job_done(self.job, sent),
         }
@@ -466,51 +481,13 @@ impl Feed {
         self.watch(link, settings);
     }
 
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        let (stage, failure) = match self.stage {
-            Stage::Idle => (0, None),
-            Stage::Checking => (1, None),
-            Stage::Feeding => (2, None),
-            Stage::Closing => (3, None),
-            Stage::Trailing => (4, None),
-            Stage::Draining => (5, None),
-            Stage::Waiting => (6, None),
-            Stage::Stopping(failure) => (7, failure),
-        };
-        state.u8(stage);
-        state.failure(failure);
-        for number in [self.job, self.checked, self.wanted, self.nuls, self.mark] {
-            state.u32(number);
-        }
-        for flag in [self.is_read, self.is_ready, self.is_started, self.is_paused, self.is_holding]
-        {
-            state.bool(flag);
-        }
-        state.deadline(self.until);
-        self.pipe.save(state);
-        self.encoder.save(state);
-    }
-
-    pub(crate) fn restore(
-        &mut self,
-        settings: &Settings,
-        state: &mut StateReader<'_>,
-    ) -> Result<(), StateError> {
-        self.stage = match (state.u8(), state.failure()) {
-            (0, None) => Stage::Idle,
-            (1, None) => Stage::Checking,
-            (2, None) => Stage::Feeding,
-            (3, None) => Stage::Closing,
-            (4, None) => Stage::Trailing,
-            (5, None) => Stage::Draining,
-            (6, None) => Stage::Waiting,
-            (7, failure) => Stage::Stopping(failure),
-            _ => return Err(StateError),
-        };
+    pub(crate) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
+        self.stage = fields.choice(self.stage as u8, &STAGES);
+        fields.failure(&mut self.failure);
         for number in
             [&mut self.job, &mut self.checked, &mut self.wanted, &mut self.nuls, &mut self.mark]
         {
-            *number = state.u32();
+            fields.u32(number);
         }
         for flag in [
             &mut self.is_read,
@@ -519,10 +496,10 @@ impl Feed {
             &mut self.is_paused,
             &mut self.is_holding,
         ] {
-            *flag = state.bool();
+            fields.bool(flag);
         }
-        self.until = state.deadline();
-        self.pipe = Pipe::restore(state)?;
-        self.encoder.restore(settings, state)
+        fields.deadline(&mut self.until);
+        self.pipe.fields(fields);
+        self.encoder.fields(fields);
     }
 }

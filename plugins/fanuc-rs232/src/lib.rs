@@ -230,8 +230,9 @@ impl Converter for FanucRs232 {
     }
 
     fn save(&self, state: &mut StateWriter<'_>) {
-        self.feed.save(state);
         let mut fields = Fields::Save(state);
+        let mut feed = self.feed;
+        feed.fields(&mut fields);
         let mut is_dsr_on = self.is_dsr_on;
         fields.bool(&mut is_dsr_on);
         let mut punch = self.punch;
@@ -244,9 +245,9 @@ impl Converter for FanucRs232 {
         if Some(format) != Self::STATE_FORMAT {
             return Err(StateError);
         }
-        self.feed.restore(&self.settings, state)?;
-        self.was_busy = self.feed.is_busy();
         let mut fields = Fields::Restore(state, Ok(()));
+        self.feed.fields(&mut fields);
+        self.was_busy = self.feed.is_busy();
         fields.bool(&mut self.is_dsr_on);
         self.punch.fields(&mut fields);
         self.remote_buffer.fields(&mut fields);

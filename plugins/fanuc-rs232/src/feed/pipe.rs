@@ -1,7 +1,8 @@
 //! Between encoder and queue: gathers single bytes, and keeps what there is no
 //! room for yet.
 
-use softplug_plugin::{Context, StateError, StateReader, StateWriter};
+use crate::fields::Fields;
+use softplug_plugin::Context;
 
 /// Bytes that the pipe holds. More than the queue's room and this must not be
 /// pushed before the next flush.
@@ -72,22 +73,9 @@ impl Pipe {
         count
     }
 
-    pub(super) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u64(self.queued);
-        state.u8(self.length);
-        state.bytes(self.bytes.get(..usize::from(self.length)).unwrap_or_default());
-    }
-
-    pub(super) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let mut pipe = Self { queued: state.u64(), ..Self::default() };
-        pipe.length = state.u8();
-        let bytes = state.bytes(usize::from(pipe.length));
-        if bytes.len() > CAPACITY {
-            return Err(StateError);
-        }
-        for (own, byte) in pipe.bytes.iter_mut().zip(bytes) {
-            *own = *byte;
-        }
-        Ok(pipe)
+    pub(super) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
+        fields.u64(&mut self.queued);
+        fields.u8(&mut self.length);
+        fields.bytes(&mut self.bytes);
     }
 }

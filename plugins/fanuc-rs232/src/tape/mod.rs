@@ -11,12 +11,13 @@ mod restart;
 #[cfg(test)]
 mod tests;
 
-use crate::code::{Code, encode, pairs};
+use crate::code::{Code, encode, paired};
+use crate::fields::Fields;
 use crate::{BlockNumbers, Eob, SendCode, Settings, Unsupported};
 use ends::Ends;
-use prefix::Prefix;
+use prefix::{NO_NUMBER, Prefix};
 use restart::Restart;
-use softplug_plugin::{Failure, StateError, StateReader, StateWriter, Values};
+use softplug_plugin::{Failure, Values};
 
 /// Most bytes that one call of [`Encoder::push`], [`Encoder::next`] or
 /// [`Encoder::finish`] gives to its sink: a delayed EOB (3), a prefix with a new
@@ -68,7 +69,7 @@ const PARTS: [Part; 7] = [
 pub(crate) type Sink<'a> = &'a mut dyn FnMut(u8);
 
 /// Turns a program into bytes on the wire; also without sending them, as a check.
-#[derive(Clone, Debug)]
+#[derive(Copy, Clone, Debug)]
 pub(crate) struct Encoder {
     /// Each byte of a file: the character that is sent for it.
     characters: [u8; 256],
@@ -80,7 +81,7 @@ pub(crate) struct Encoder {
 }
 
 /// Where the encoder is in a program.
-#[derive(Copy, Clone, Debug, Default)]
+#[derive(Copy, Clone, Debug)]
 struct Place {
     part: Part,
     /// The next byte needs no look at anything but itself.
@@ -95,8 +96,8 @@ struct Place {
     /// Only O lines and blank ones so far.
     is_head: bool,
     prefix: Prefix,
-    /// A character that waits until the preamble is out.
-    held: Option<u8>,
+    /// A character that waits until the preamble is out; [`DROPPED`]: none.
+    held: u8,
     last_number: u32,
     /// An EOB that goes out with the next character.
     eob_waits: bool,
@@ -107,6 +108,28 @@ struct Place {
     count: u8,
 }
 
+impl Default for Place {
+    fn default() -> Self {
+        Self {
+            part: Part::Leader,
+            is_plain: false,
+            line: 1,
+            column: 0,
+            ends: Ends::InLine,
+            block: 0,
+            is_open: false,
+            is_head: true,
+            prefix: Prefix::default(),
+            held: DROPPED,
+            last_number: 0,
+            eob_waits: false,
+            in_comment: false,
+            counts: 1,
+            count: 0,
+        }
+    }
+}
+
 impl Encoder {
     pub(crate) fn new(settings: &Settings) -> Self {
         let code = match settings.code {
@@ -114,12 +137,12 @@ impl Encoder {
             SendCode::Eia => Code::Eia,
         };
         let mut characters = [0; 256];
-        for (byte, own) in (0..=u8::MAX).zip(&mut characters) {
-            *own = character(settings, code, byte);
+        for (byte, own) in characters.iter_mut().enumerate() {
+            *own = character(settings, code, byte as u8);
         }
         let mut wire = [0; 128];
-        for (character, own) in (0..=u8::MAX).zip(&mut wire) {
-            *own = encode(settings, code, character).unwrap_or_default();
+        for (character, own) in wire.iter_mut().enumerate() {
+            *own = encode(settings, code, character as u8).unwrap_or_default();
         }
         let eob: &[u8] = match (code, settings.eob) {
             (Code::Eia, _) | (Code::Iso, Eob::Lf) => b"\n",
@@ -137,7 +160,7 @@ impl Encoder {
     /// # Errors
     /// [`Failure::BadJob`] if a field is out of its range.
     pub(crate) fn begin(&mut self, fields: &Values<'_>) -> Result<(), Failure> {
-        self.place = Place { line: 1, counts: 1, is_head: true, ..Place::default() };
+        self.place = Place::default();
         self.restart.take(fields)
     }
 
@@ -167,7 +190,7 @@ impl Encoder {
     /// Whether the preamble goes out now: [`next`](Self::next) is to be called until
     /// this is over.
     pub(crate) fn is_waiting(&self) -> bool {
-        self.place.held.is_some()
+        self.place.held != DROPPED
     }
 
     /// Whether the encoder will [wait](Self::is_waiting) at some byte to come. Who
@@ -195,10 +218,8 @@ impl Encoder {
         if !self.place.eob_waits {
             self.end_block(settings, sink);
         }
-        match self.place.held.take() {
-            Some(character) => self.begin_block(settings, character, sink),
-            None => Ok(()),
-        }
+        let character = core::mem::replace(&mut self.place.held, DROPPED);
+        self.begin_block(settings, character, sink)
     }
 
     /// All of the program was given. If the encoder [waits](Self::is_waiting)
@@ -250,61 +271,28 @@ impl Encoder {
         if settings.block_numbers == BlockNumbers::Renumber { eob.max(3) } else { eob }
     }
 
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        let place = &self.place;
-        state.u8(place.part as u8);
-        state.u8(place.ends as u8);
-        state.u32(place.line);
-        state.u32(place.column);
-        state.u32(place.block);
-        state.bool(place.is_open);
-        state.bool(place.is_head);
-        place.prefix.save(state);
-        state.bool(place.held.is_some());
-        state.u8(place.held.unwrap_or_default());
-        state.u32(place.last_number);
-        state.bool(place.eob_waits);
-        state.bool(place.in_comment);
-        state.u8(place.count);
-        self.restart.save(state);
-    }
-
-    pub(crate) fn restore(
-        &mut self,
-        settings: &Settings,
-        state: &mut StateReader<'_>,
-    ) -> Result<(), StateError> {
-        let part = *PARTS.get(usize::from(state.u8())).ok_or(StateError)?;
-        let ends = *Ends::ALL.get(usize::from(state.u8())).ok_or(StateError)?;
-        let (line, column, block) = (state.u32(), state.u32(), state.u32());
-        let (is_open, is_head) = (state.bool(), state.bool());
-        let prefix = Prefix::restore(state)?;
-        let is_held = state.bool();
-        let character = state.u8();
-        let held = is_held.then_some(character);
-        let last_number = state.u32();
-        let (eob_waits, in_comment) = (state.bool(), state.bool());
-        let count = state.u8() & 1;
-        let is_plain = part == Part::Block && !eob_waits;
-        let counts = u8::from(settings.tv_comments || !in_comment);
-        self.place = Place {
-            part,
-            is_plain,
-            line,
-            column,
-            ends,
-            block,
-            is_open,
-            is_head,
-            prefix,
-            held,
-            last_number,
-            eob_waits,
-            in_comment,
-            counts,
-            count,
-        };
-        self.restart.restore(state)
+    pub(crate) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
+        let place = &mut self.place;
+        place.part = fields.choice(place.part as u8, &PARTS);
+        place.ends = fields.choice(place.ends as u8, &Ends::ALL);
+        for number in [&mut place.line, &mut place.column, &mut place.block, &mut place.last_number]
+        {
+            fields.u32(number);
+        }
+        for flag in [
+            &mut place.is_plain,
+            &mut place.is_open,
+            &mut place.is_head,
+            &mut place.eob_waits,
+            &mut place.in_comment,
+        ] {
+            fields.bool(flag);
+        }
+        for byte in [&mut place.held, &mut place.counts, &mut place.count] {
+            fields.u8(byte);
+        }
+        place.prefix.fields(fields);
+        self.restart.fields(fields);
     }
 
     #[inline(never)]
@@ -429,7 +417,7 @@ impl Encoder {
             }
             place.is_head = false;
             if self.restart.has_preamble() {
-                place.held = Some(character);
+                place.held = character;
                 return Ok(());
             }
         }
@@ -453,7 +441,7 @@ impl Encoder {
         }
         self.place.part = Part::Block;
         let numbers = settings.block_numbers;
-        if prefix.number().is_none() || numbers == BlockNumbers::Keep {
+        if prefix.number() == NO_NUMBER || numbers == BlockNumbers::Keep {
             self.send_all(prefix.as_slice(), sink);
         } else {
             self.send_all(prefix.before_number(), sink);
@@ -566,8 +554,7 @@ fn is_blank(character: u8) -> bool {
 
 /// What is sent for a byte of a file.
 fn character(settings: &Settings, code: Code, byte: u8) -> u8 {
-    let replaced = pairs(settings.replace.as_slice()).filter(|[own, _]| *own == byte).last();
-    let character = replaced.map_or(byte, |[_, instead]| *instead);
+    let character = paired(settings.replace.as_slice(), 0, byte).unwrap_or(byte);
     let character = if settings.upper { character.to_ascii_uppercase() } else { character };
     match character {
         b'\n' | b'\r' | b'%' | b'(' | b')' => character | SPECIAL,

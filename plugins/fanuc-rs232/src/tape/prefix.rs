@@ -1,11 +1,13 @@
 //! The beginning of a block, up to its number: `N10`, `/N10`, `/2 N10`.
 
-use softplug_plugin::{StateError, StateReader, StateWriter};
+use crate::fields::Fields;
 
 /// Most characters of a prefix; what is longer has no number.
 const LONGEST: usize = 14;
 /// Where no N has come.
 const NONE: u8 = u8::MAX;
+/// No block number.
+pub(super) const NO_NUMBER: u32 = u32::MAX;
 
 /// The characters of a block up to where its number ends.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -14,12 +16,12 @@ pub(super) struct Prefix {
     length: u8,
     /// Where the N stands.
     letter: u8,
-    number: Option<u32>,
+    number: u32,
 }
 
 impl Default for Prefix {
     fn default() -> Self {
-        Self { characters: [0; LONGEST], length: 0, letter: NONE, number: None }
+        Self { characters: [0; LONGEST], length: 0, letter: NONE, number: NO_NUMBER }
     }
 }
 
@@ -40,8 +42,8 @@ impl Prefix {
         let place = self.characters.get_mut(usize::from(self.length)).filter(|_| fits);
         let Some(place) = place else { return false };
         if self.letter != NONE {
-            let number = self.number.unwrap_or_default();
-            self.number = Some(number.saturating_mul(10).saturating_add(digit));
+            let number = if self.number == NO_NUMBER { 0 } else { self.number };
+            self.number = number.saturating_mul(10).saturating_add(digit);
         } else if character == b'N' {
             self.letter = self.length;
         }
@@ -55,8 +57,8 @@ impl Prefix {
     }
 
     /// The number behind N, if there is one, and it is all here.
-    pub(super) fn number(&self) -> Option<u32> {
-        self.number.filter(|_| usize::from(self.length) < LONGEST)
+    pub(super) fn number(&self) -> u32 {
+        if usize::from(self.length) < LONGEST { self.number } else { NO_NUMBER }
     }
 
     /// What stands before N.
@@ -64,20 +66,10 @@ impl Prefix {
         self.characters.get(..usize::from(self.letter)).unwrap_or_default()
     }
 
-    pub(super) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u8(self.length);
-        state.bytes(self.as_slice());
-    }
-
-    /// A prefix follows from its characters.
-    pub(super) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let mut prefix = Self::default();
-        let length = usize::from(state.u8());
-        for character in state.bytes(length) {
-            if !prefix.take(*character) {
-                return Err(StateError);
-            }
-        }
-        Ok(prefix)
+    pub(super) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
+        fields.bytes(&mut self.characters);
+        fields.u8(&mut self.length);
+        fields.u8(&mut self.letter);
+        fields.u32(&mut self.number);
     }
 }

@@ -1,6 +1,8 @@
 //! Where a program begins that is not sent from its first block on.
 
-use softplug_plugin::{Failure, StateError, StateReader, StateWriter, Values};
+use super::prefix::NO_NUMBER;
+use crate::fields::Fields;
+use softplug_plugin::{Failure, Values};
 
 /// Longest preamble in bytes.
 const LONGEST: usize = 400;
@@ -11,23 +13,23 @@ pub(super) struct Restart {
     /// Whether the block is still to be found.
     pub(super) seeks: bool,
     block: u32,
-    sequence: Option<u32>,
+    sequence: u32,
     preamble: [u8; LONGEST],
-    length: u16,
-    at: u16,
+    length: usize,
+    at: usize,
 }
 
 impl Default for Restart {
     fn default() -> Self {
         let preamble = [0; LONGEST];
-        Self { seeks: false, block: 0, sequence: None, preamble, length: 0, at: 0 }
+        Self { seeks: false, block: 0, sequence: NO_NUMBER, preamble, length: 0, at: 0 }
     }
 }
 
 impl Restart {
     /// From the fields of a job.
     pub(super) fn take(&mut self, fields: &Values<'_>) -> Result<(), Failure> {
-        (self.seeks, self.block, self.sequence) = (false, 1, None);
+        (self.seeks, self.block, self.sequence) = (false, 1, NO_NUMBER);
         (self.length, self.at) = (0, 0);
         for field in fields.clone().raw() {
             let field = field.map_err(|_| Failure::BadJob)?;
@@ -36,7 +38,7 @@ impl Restart {
             let number = number.ok_or(Failure::BadJob)?;
             match field.index {
                 0 if number > 0 => self.block = number,
-                1 => self.sequence = Some(number),
+                1 => self.sequence = number,
                 2 => self.set_preamble(field.text().unwrap_or_default().as_bytes()),
                 _ => return Err(Failure::BadJob),
             }
@@ -58,8 +60,8 @@ impl Restart {
 
     /// The next byte of the preamble; `None`: it has ended.
     pub(super) fn next(&mut self) -> Option<u8> {
-        let text = self.preamble.get(..usize::from(self.length)).unwrap_or_default();
-        let byte = text.get(usize::from(self.at)).copied();
+        let text = self.preamble.get(..self.length).unwrap_or_default();
+        let byte = text.get(self.at).copied();
         match byte {
             Some(_) => self.at += 1,
             None => self.length = 0,
@@ -68,30 +70,16 @@ impl Restart {
     }
 
     /// Whether the block with this place and number is the one.
-    pub(super) fn is_found(&self, block: u32, sequence: Option<u32>) -> bool {
-        block >= self.block && (self.sequence.is_none() || self.sequence == sequence)
+    pub(super) fn is_found(&self, block: u32, sequence: u32) -> bool {
+        block >= self.block && (self.sequence == NO_NUMBER || self.sequence == sequence)
     }
 
-    pub(super) fn save(&self, state: &mut StateWriter<'_>) {
-        state.bool(self.seeks);
-        state.u32(self.block);
-        state.bool(self.sequence.is_some());
-        state.u32(self.sequence.unwrap_or_default());
-        state.u16(self.length);
-        state.u16(self.at);
-        state.bytes(self.preamble.get(..usize::from(self.length)).unwrap_or_default());
-    }
-
-    pub(super) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
-        self.seeks = state.bool();
-        self.block = state.u32();
-        let has_sequence = state.bool();
-        let sequence = state.u32();
-        self.sequence = has_sequence.then_some(sequence);
-        let length = usize::from(state.u16());
-        self.at = state.u16();
-        self.length = 0;
-        self.set_preamble(state.bytes(length));
-        if usize::from(self.length) == length { Ok(()) } else { Err(StateError) }
+    pub(super) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
+        fields.bool(&mut self.seeks);
+        fields.u32(&mut self.block);
+        fields.u32(&mut self.sequence);
+        fields.usize(&mut self.length);
+        fields.usize(&mut self.at);
+        fields.bytes(&mut self.preamble);
     }
 }
