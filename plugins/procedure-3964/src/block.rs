@@ -32,6 +32,11 @@ impl<const N: usize> Block<N> {
         self.length = 0;
     }
 
+    /// Forgets all but the first bytes.
+    pub(crate) fn truncate(&mut self, length: u16) {
+        self.length = self.length.min(length);
+    }
+
     /// Appends a byte; `false`: it is full.
     pub(crate) fn push(&mut self, byte: u8) -> bool {
         self.extend(&[byte])

@@ -135,6 +135,7 @@ impl Decoder {
         };
         match (self.part, byte) {
             (Part::Bcc, _) => return Step::End(byte == bcc),
+            (Part::End, _) => return Step::Inside,
             (Part::AfterDle, ETX) if options.bcc => {
                 self.part = Part::Bcc;
                 return Step::Inside;
@@ -162,6 +163,11 @@ impl Decoder {
             _ => {}
         }
         data(byte)
+    }
+
+    /// Passes over all that still comes.
+    pub(crate) fn close(&mut self) {
+        self.part = Part::End;
     }
 
     /// Whether the last byte was a DLE whose partner has not come.

@@ -37,8 +37,6 @@ pub(crate) struct Job {
     pub(crate) sent: u64,
     /// All data was given.
     pub(crate) ended: bool,
-    /// The partner has at least one block of it.
-    pub(crate) has_delivered: bool,
     pub(crate) paused: bool,
     /// Why it fails.
     pub(crate) failing: Option<Cause>,
@@ -53,7 +51,6 @@ impl Job {
             kind: 0,
             sent: 0,
             ended: false,
-            has_delivered: false,
             paused: false,
             failing: None,
             block: Block::new(),
@@ -67,7 +64,6 @@ impl Job {
         self.kind = kind;
         self.sent = 0;
         self.ended = false;
-        self.has_delivered = false;
         self.paused = false;
         self.failing = None;
         self.block.clear();
@@ -87,6 +83,7 @@ impl Job {
         link.job_done(self.id, self.sent);
     }
 
+    #[inline(never)]
     pub(crate) fn failed(&mut self, link: &mut Context<'_>, cause: Cause) {
         self.stage = Stage::None;
         self.failing = None;
@@ -99,7 +96,6 @@ impl Job {
         state.u16(self.kind);
         state.u64(self.sent);
         state.bool(self.ended);
-        state.bool(self.has_delivered);
         state.bool(self.paused);
         Cause::save(self.failing, state);
         self.block.save(state);
@@ -119,7 +115,6 @@ impl Job {
         self.kind = state.u16();
         self.sent = state.u64();
         self.ended = state.bool();
-        self.has_delivered = state.bool();
         self.paused = state.bool();
         self.failing = Cause::restore(state);
         self.block.restore(state)

@@ -187,7 +187,7 @@ impl Machine {
             },
             Phase::Garbage | Phase::Disturbed => self.wait(link, self.options.zvz),
             Phase::BufferWait if good == Some(STX) => {}
-            Phase::BufferWait => self.fault(link, TOO_EARLY),
+            Phase::BufferWait => self.not_waiting(link),
             Phase::Receiving => self.receive(link, good, raw),
             Phase::RepetitionWait => {
                 if good == Some(STX) {

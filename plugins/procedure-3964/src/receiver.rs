@@ -51,6 +51,15 @@ impl Machine {
         }
     }
 
+    /// The partner sends without our DLE, which would now acknowledge its block:
+    /// what comes is passed over until there is silence, then refused.
+    pub(crate) fn not_waiting(&mut self, link: &mut Context<'_>) {
+        self.fault(link, TOO_EARLY);
+        self.decoder.close();
+        self.phase = Phase::Receiving;
+        self.wait(link, self.options.zvz);
+    }
+
     /// A buffer is what the host has room for.
     fn has_buffer(&self, link: &Context<'_>) -> bool {
         let needed = match self.options.layer {
@@ -67,6 +76,8 @@ impl Machine {
                 // The same set-up once more: our DLE is still on its way.
                 return;
             }
+            // Where it can still be taken back, nobody takes it for an acknowledgement.
+            self.drop_queue(link);
             self.fault(link, TOO_EARLY);
         }
         self.departure.forget();

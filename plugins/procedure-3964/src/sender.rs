@@ -25,10 +25,7 @@ impl Machine {
             (Layer::Rk512, kind) if kind != SEND => self.begin_telegram(link, &start),
             _ => Err(NOT_SUPPORTED),
         };
-        if let Err(cause) = begun {
-            self.job.failed(link, cause);
-        }
-        self.settle(link);
+        self.took(link, begun);
     }
 
     fn begin_send(&mut self, link: &mut Context<'_>, size: Option<u64>) -> Result<(), Cause> {
@@ -52,11 +49,8 @@ impl Machine {
                 Layer::Rk512 => self.telegram_data(),
                 Layer::None => self.block_data(fits),
             };
-            if let Err(cause) = taken {
-                self.job.failed(link, cause);
-            }
+            self.took(link, taken);
         }
-        self.settle(link);
     }
 
     fn block_data(&mut self, fits: bool) -> Result<(), Cause> {
@@ -84,15 +78,22 @@ impl Machine {
         if self.job.stage == Stage::Filling {
             let ended = match self.options.layer {
                 Layer::Rk512 => self.telegram_end(),
-                Layer::None if self.job.has_delivered && self.job.block.is_empty() => {
+                // Not the first block, and there is no other.
+                Layer::None if self.job.sent > 0 && self.job.block.is_empty() => {
                     self.job.done(link);
                     Ok(())
                 }
                 Layer::None => self.block_ready(),
             };
-            if let Err(cause) = ended {
-                self.job.failed(link, cause);
-            }
+            self.took(link, ended);
+        }
+    }
+
+    /// What the host gave was taken, or the job fails; nothing of it was sent then.
+    #[inline(never)]
+    fn took(&mut self, link: &mut Context<'_>, taken: Result<(), Cause>) {
+        if let Err(cause) = taken {
+            self.job.failed(link, cause);
         }
         self.settle(link);
     }
@@ -134,10 +135,11 @@ impl Machine {
         }
     }
 
+    #[inline(never)]
     pub(crate) fn drop_queue(&mut self, link: &mut Context<'_>) {
         link.discard();
         self.discards = self.discards.saturating_add(1);
-        self.discards_job = self.owner == Owner::Job;
+        self.discards_job = self.phase.is_sender() && self.owner == Owner::Job;
         self.departure.forget();
     }
 
@@ -197,9 +199,11 @@ impl Machine {
             return false;
         }
         while link.output_room() > KEPT_OUTPUT && link.transmit_room() > KEPT_ROOM {
-            let mut encoder = self.encoder;
-            let Some(byte) = encoder.next(&self.options, self.owner_data()) else { break };
-            self.encoder = encoder;
+            let data = match self.owner {
+                Owner::Job => self.job.block.as_slice(),
+                Owner::Reaction => self.rk512.reaction.as_slice(),
+            };
+            let Some(byte) = self.encoder.next(&self.options, data) else { break };
             self.send(link, byte);
         }
         if self.encoder.is_at_end() {
@@ -213,13 +217,6 @@ impl Machine {
     fn send(&mut self, link: &mut Context<'_>, byte: u8) {
         if self.put(link, byte) && self.owner == Owner::Job {
             self.job.sent += 1;
-        }
-    }
-
-    fn owner_data(&self) -> &[u8] {
-        match self.owner {
-            Owner::Job => self.job.block.as_slice(),
-            Owner::Reaction => self.rk512.reaction.as_slice(),
         }
     }
 
@@ -279,7 +276,6 @@ impl Machine {
             self.rk512.reaction_ended();
             return;
         }
-        self.job.has_delivered = true;
         match self.options.layer {
             Layer::Rk512 => self.await_reaction(link),
             Layer::None if self.job.ended => self.job.done(link),

@@ -115,17 +115,7 @@ macro_rules! procedure_manifest {
             r#"{"code":2056,"name":"(08)08","text":"BCC"},"#,
             r#"{"code":2058,"name":"(08)0A","text":"no buffer"},"#,
             r#"{"code":2060,"name":"(08)0C","text":"damaged character"},"#,
-            r#"{"code":2061,"name":"(08)0D","text":"BREAK"},"#,
-            r#"{"code":10,"name":"0A","text":"access"},"#,
-            r#"{"code":12,"name":"0C","text":"type"},"#,
-            r#"{"code":16,"name":"10","text":"header"},"#,
-            r#"{"code":18,"name":"12","text":"type"},"#,
-            r#"{"code":20,"name":"14","text":"not found"},"#,
-            r#"{"code":22,"name":"16","text":"command"},"#,
-            r#"{"code":42,"name":"2A","text":"in stop"},"#,
-            r#"{"code":50,"name":"32","text":"locked"},"#,
-            r#"{"code":52,"name":"34","text":"length"},"#,
-            r#"{"code":54,"name":"36","text":"sequence"}],"#,
+            r#"{"code":2061,"name":"(08)0D","text":"BREAK"}],"#,
             r#""needs":{"line_errors":"used"},"#,
             r#""state":{"saves":1,"accepts":[1]}"#,
         )
@@ -138,10 +128,10 @@ macro_rules! procedure_manifest {
 macro_rules! place_fields {
     () => {
         concat!(
-            r#"{"name":"area","type":"text","required":true,"text":"DB DX I Q M T C"},"#,
-            r#"{"name":"block","type":"int","text":"DB"},"#,
-            r#"{"name":"offset","type":"int","text":"start"},"#,
-            r#"{"name":"count","type":"int","text":"words or bytes"},"#,
+            r#"{"name":"area","type":"text","required":true,"text":"DB, I …"},"#,
+            r#"{"name":"block","type":"int","text":""},"#,
+            r#"{"name":"offset","type":"int","text":""},"#,
+            r#"{"name":"count","type":"int","text":""},"#,
             r#"{"name":"flag_byte","type":"int","text":""},"#,
             r#"{"name":"flag_bit","type":"int","text":""},"#,
             r#"{"name":"cpu","type":"int","text":""}"#,

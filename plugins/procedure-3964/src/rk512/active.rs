@@ -1,6 +1,6 @@
 //! Our commands: a job in telegrams, each answered by a reaction.
 
-use super::header::FOLLOW_UP;
+use super::header::{FETCH, FOLLOW_UP, Header};
 use super::{HEADER, LARGEST_DATA, SHORT_HEADER};
 use crate::cause::*;
 use crate::job::Stage;
@@ -17,10 +17,8 @@ impl Machine {
         start: &JobStart<'_>,
     ) -> Result<(), Cause> {
         let is_read = start.kind == READ;
-        self.rk512.header.take(is_read, &start.fields).ok_or(BAD_JOB)?;
-        let header = self.rk512.header;
-        self.rk512.is_follow_up = false;
-        self.rk512.knows_size = true;
+        let header = Header::from_fields(is_read, &start.fields).ok_or(BAD_JOB)?;
+        self.rk512.to_do = 0;
         self.job.block.extend(&header.0);
         if is_read {
             self.rk512.to_do = header.size();
@@ -34,7 +32,6 @@ impl Machine {
             }
             None => {
                 // One byte more shows that it is longer than one telegram.
-                self.rk512.knows_size = false;
                 link.want(self.job.id, u32::from(LARGEST_DATA) + 1);
             }
         }
@@ -64,12 +61,12 @@ impl Machine {
     }
 
     fn piece_start(&self) -> usize {
-        if self.rk512.is_follow_up { SHORT_HEADER } else { HEADER }
+        if self.is_follow_up() { SHORT_HEADER } else { HEADER }
     }
 
     pub(crate) fn telegram_data(&mut self) -> Result<(), Cause> {
         let length = usize::from(self.job.block.len()) - self.piece_start();
-        if !self.rk512.knows_size {
+        if self.rk512.to_do == 0 {
             return if length > LARGEST_DATA.into() { Err(BAD_LENGTH) } else { Ok(()) };
         }
         if length == self.piece() as usize {
@@ -79,17 +76,20 @@ impl Machine {
     }
 
     pub(crate) fn telegram_end(&mut self) -> Result<(), Cause> {
-        if self.rk512.knows_size {
+        if self.rk512.to_do > 0 {
             return Err(BAD_LENGTH);
         }
         self.set_size(u32::from(self.job.block.len()) - HEADER as u32)?;
-        self.rk512.knows_size = true;
         self.job.stage = Stage::Ready;
         Ok(())
     }
 
     pub(crate) fn is_reading(&self) -> bool {
-        self.has_job() && self.rk512.header.is_read()
+        self.has_job() && self.job.block.as_slice().get(2) == Some(&FETCH)
+    }
+
+    fn is_follow_up(&self) -> bool {
+        self.job.block.as_slice().first() == Some(&FOLLOW_UP)
     }
 
     /// The partner has the telegram.
@@ -119,7 +119,7 @@ impl Machine {
     }
 
     fn take_reaction(&mut self, link: &mut Context<'_>) -> Result<(), Cause> {
-        let first = if self.rk512.is_follow_up { FOLLOW_UP } else { 0 };
+        let first = if self.is_follow_up() { FOLLOW_UP } else { 0 };
         let bytes = self.block.as_slice();
         let Some(([got, 0, 0, error], data)) = bytes.split_first_chunk::<SHORT_HEADER>() else {
             return Err(WRONG_REACTION);
@@ -146,11 +146,10 @@ impl Machine {
             self.job.done(link);
             return Ok(());
         }
-        self.rk512.is_follow_up = true;
-        self.job.block.clear();
-        let header = self.rk512.header;
-        self.job.block.extend(&[FOLLOW_UP, 0, header.command(), header.area()]);
-        if header.is_read() {
+        // A follow-up repeats command and area.
+        self.job.block.set(0, FOLLOW_UP);
+        self.job.block.truncate(SHORT_HEADER as u16);
+        if expected > 0 {
             self.job.stage = Stage::Ready;
         } else {
             self.job.stage = Stage::Filling;

@@ -41,15 +41,14 @@ fn area_type(name: &[u8]) -> Option<u8> {
 pub(super) struct Header(pub(super) [u8; 10]);
 
 impl Header {
-    /// Takes the fields of a job; `None` if one of them does not fit.
+    /// From the fields of a job; `None` if one of them does not fit.
     #[inline(never)]
-    pub(super) fn take(&mut self, is_read: bool, fields: &Values<'_>) -> Option<()> {
+    pub(super) fn from_fields(is_read: bool, fields: &Values<'_>) -> Option<Self> {
         // The area is the first field and must be there. Its record has a head of
         // six bytes and is looked at as bytes: what it may be is short.
         let [0, 0, _, _, length, 0, text @ ..] = fields.as_bytes() else { return None };
         let area = area_type(text.get(..usize::from(*length))?)?;
-        let header = &mut self.0;
-        *header = [0, 0, 0, area, 0, 0, 0, 0, 0xFF, 0xFF];
+        let mut header = [0, 0, 0, area, 0, 0, 0, 0, 0xFF, 0xFF];
         for field in fields.clone().raw() {
             let field = field.ok()?;
             if field.index == AREA {
@@ -83,7 +82,7 @@ impl Header {
             b'X' if !is_read => SEND_DX,
             _ => return None,
         };
-        Some(())
+        Some(Self(header))
     }
 
     pub(super) fn command(self) -> u8 {

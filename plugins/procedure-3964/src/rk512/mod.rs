@@ -30,13 +30,9 @@ const LARGEST_REACTION: usize = SHORT_HEADER + LARGEST_DATA as usize;
 #[repr(C)]
 pub(crate) struct Rk512 {
     // Active: our job.
-    header: Header,
-    /// Data bytes that are still to be transferred, this telegram's included.
+    /// Data bytes that are still to be transferred, this telegram's included; 0:
+    /// not known yet.
     to_do: u32,
-    /// The size of the data is known, so the header is.
-    knows_size: bool,
-    /// The telegram under way is a follow-up.
-    is_follow_up: bool,
     /// Id of the delivery of what is read; 0: not begun.
     reading: u32,
     pub(crate) reaction_until: Micros,
@@ -51,9 +47,8 @@ pub(crate) struct Rk512 {
     is_next: bool,
     /// The reaction has not left yet: a command now is this one once more.
     is_current: bool,
-    /// The request that is not answered; 0: none.
-    request: u32,
     last_request: u32,
+    /// The last request is to be answered until then; `NEVER`: it was.
     pub(crate) answer_until: Micros,
     pub(crate) reaction_ready: bool,
     pub(crate) reaction: Block<LARGEST_REACTION>,
@@ -62,10 +57,7 @@ pub(crate) struct Rk512 {
 impl Rk512 {
     pub(crate) const fn new() -> Self {
         Self {
-            header: Header([0; HEADER]),
             to_do: 0,
-            knows_size: false,
-            is_follow_up: false,
             reading: 0,
             reaction_until: NEVER,
             asked: Header([0; HEADER]),
@@ -74,7 +66,6 @@ impl Rk512 {
             piece: 0,
             is_next: false,
             is_current: false,
-            request: 0,
             last_request: 0,
             answer_until: NEVER,
             reaction: Block::new(),
@@ -95,18 +86,14 @@ impl Rk512 {
     }
 
     fn forget_request(&mut self, link: &mut Context<'_>) {
-        self.answer_until = NEVER;
-        if self.request != 0 {
-            link.withdraw(self.request);
-            self.request = 0;
+        if self.answer_until != NEVER {
+            self.answer_until = NEVER;
+            link.withdraw(self.last_request);
         }
     }
 
     pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.bytes(&self.header.0);
         state.u32(self.to_do);
-        state.bool(self.knows_size);
-        state.bool(self.is_follow_up);
         state.u32(self.reading);
         state.micros(self.reaction_until);
         state.bytes(&self.asked.0);
@@ -115,7 +102,6 @@ impl Rk512 {
         state.u8(self.piece);
         state.bool(self.is_next);
         state.bool(self.is_current);
-        state.u32(self.request);
         state.u32(self.last_request);
         state.micros(self.answer_until);
         self.reaction.save(state);
@@ -123,10 +109,7 @@ impl Rk512 {
     }
 
     pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
-        copy(&mut self.header.0, state.bytes(HEADER));
         self.to_do = state.u32();
-        self.knows_size = state.bool();
-        self.is_follow_up = state.bool();
         self.reading = state.u32();
         self.reaction_until = state.micros();
         copy(&mut self.asked.0, state.bytes(HEADER));
@@ -135,7 +118,6 @@ impl Rk512 {
         self.piece = state.u8();
         self.is_next = state.bool();
         self.is_current = state.bool();
-        self.request = state.u32();
         self.last_request = state.u32();
         self.answer_until = state.micros();
         self.reaction.restore(state)?;

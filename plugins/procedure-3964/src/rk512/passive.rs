@@ -64,7 +64,7 @@ impl Machine {
         answer: Result<&[u8], Failure>,
         more: bool,
     ) {
-        if request == self.rk512.request && request != 0 {
+        if request == self.rk512.last_request && self.rk512.answer_until != NEVER {
             self.rk512.answered(link, answer, more);
         }
         self.settle(link);
@@ -115,7 +115,6 @@ impl Rk512 {
     /// Asks the host.
     fn ask(&mut self, link: &mut Context<'_>, data: &[u8]) {
         self.last_request = self.last_request.wrapping_add(1).max(1);
-        self.request = self.last_request;
         // A granted answer is gathered behind the head of the reaction.
         self.react(self.is_next, 0);
         self.reaction_ready = false;
@@ -135,7 +134,7 @@ impl Rk512 {
             record(&mut fields, DATA, BYTES, data);
         }
         let kind = u16::from(header.is_read());
-        link.request(self.request, kind, Values::new(fields.as_slice()));
+        link.request(self.last_request, kind, Values::new(fields.as_slice()));
     }
 
     fn answered(&mut self, link: &mut Context<'_>, answer: Result<&[u8], Failure>, more: bool) {
@@ -154,9 +153,8 @@ impl Rk512 {
         };
         if more {
             // The rest of an answer that is too long is not for us.
-            link.withdraw(self.request);
+            link.withdraw(self.last_request);
         }
-        self.request = 0;
         self.answer_until = NEVER;
         if error == 0 {
             self.reaction_ready = true;
