@@ -42,7 +42,7 @@ pub(super) struct Remote {
     state: State,
     /// The message that comes.
     message: Vec<u8>,
-    /// The last message that went, without its sum.
+    /// The last message that went, RTY included, without its sum.
     last: Vec<u8>,
     last_asked: Asked,
     /// A message to be told as soon as it is the control's turn.
@@ -168,6 +168,10 @@ impl Remote {
                 Some(b"SYN") => return (Heard::Nothing, Some(self.initialise(now))),
                 // The host is ready: whether it was asked or not is all the same.
                 Some(b"RDY") => return (Heard::Nothing, None),
+                Some(b"RTY") => {
+                    self.report.retries_heard += 1;
+                    return (Heard::Nothing, Some(self.frame(&self.last.clone())));
+                }
                 _ => {}
             }
             self.fault(format!("unasked message {}", printable(&message)));
@@ -182,10 +186,11 @@ impl Remote {
         if !is_sound || self.options.refusals.contains(&count) {
             self.report.retries_asked += 1;
             let reason = if is_sound { b'1' } else { b'2' };
-            // The answer that is owed stays the same.
-            let retry = self.frame(&[b'R', b'T', b'Y', reason]);
-            self.state = State::Asked { asked, until: now + self.options.period };
-            return (Heard::Nothing, Some(retry));
+            // The answer that is owed stays the same; if this is damaged, it is
+            // said again and not what was asked before.
+            self.last = vec![b'R', b'T', b'Y', reason];
+            self.last_asked = asked;
+            return (Heard::Nothing, Some(self.repeat(now)));
         }
         self.report.received += 1;
         self.answer(now, asked, &message[2..5], &message[5..])
@@ -195,6 +200,7 @@ impl Remote {
     fn initialise(&mut self, now: Micros) -> Vec<u8> {
         self.report.received += 1;
         self.resume(now);
+        self.last = b"RDY".to_vec();
         self.frame(b"RDY")
     }
 
@@ -377,6 +383,18 @@ mod tests {
         assert_eq!(hear_raw(&mut remote, 4, b"00DATX"), retry);
         assert_eq!(remote.report().faults, ["damaged message 00DATX"]);
         assert_eq!((remote.report().retries_asked, remote.report().retries_heard), (2, 1));
+    }
+
+    #[test]
+    fn a_damaged_rty_is_said_again_itself() {
+        let options =
+            RemoteOptions { refusals: vec![0], wrong_sums: vec![1], ..Default::default() };
+        let mut remote = remote(options);
+        let wrong = (Heard::Nothing, Some("30RTY1\\r".to_owned()));
+        assert_eq!(turn(&mut remote, 0, "07SYN\\r", "SYN"), wrong);
+        let right = (Heard::Nothing, Some("3DRTY1\\r".to_owned()));
+        assert_eq!(hear(&mut remote, 1, "RTY1"), right);
+        assert_eq!(hear(&mut remote, 2, "SYN"), NOTHING);
     }
 
     #[test]
