@@ -82,6 +82,33 @@ fn two_plugins_exchange_ten_thousand_blocks_and_lose_none() {
     assert!(collisions.count() > count / 1_000);
 }
 
+/// A job over the block size goes as several blocks, each acknowledged before the
+/// next, also where some are repeated.
+#[test]
+fn a_split_job_arrives_whole_and_in_order() {
+    let data: Vec<u8> = (0..5_000_u32).map(|n| (n * n / 7) as u8).collect();
+    for plan in [Vec::new(), vec![(When::PerMille(200), Fault::NakAcknowledgement)]] {
+        let is_sound = plan.is_empty();
+        let faults = Faults { seed: 5, plan };
+        let options = Options { faults, ..Options::default() };
+        let settings = [("split", "on"), ("block_size", "100"), ("priority", "low")];
+        let mut near = plugin(options.line, &settings);
+        near.host.piece = 33;
+        near.send(Micros::from_secs(1), data.clone());
+        near.send(Micros::from_secs(1), b"the next".to_vec());
+        let mut pair = Pair::new(near, Station::new(options).expect("sound options"));
+        pair.run_until(LONG);
+        assert!(pair.a.host.jobs.iter().all(|job| matches!(job.result, Some(Ok(_)))));
+        let report = pair.b.report();
+        assert_eq!(report.naks_received == 1 && report.faults.is_empty(), is_sound);
+        assert_eq!(report.received.len(), 51);
+        let (last, blocks) = report.received.split_last().expect("51 blocks");
+        assert!(blocks.iter().all(|block| block.data.len() == 100));
+        let whole: Vec<u8> = blocks.iter().flat_map(|block| block.data.clone()).collect();
+        assert_eq!((whole == data, last.data.as_slice()), (true, &b"the next"[..]));
+    }
+}
+
 /// The plug-in with one job, a station with one block, one after the other.
 fn exchange(settings: &[(&str, &str)], options: Options) -> Pair<PluginEnd, Station> {
     let mut near = plugin(options.line, settings);

@@ -189,6 +189,8 @@ pub(crate) struct PluginEnd {
     answers: VecDeque<(u32, Result<Vec<u8>, Failure>)>,
     /// When the plug-in is replaced by a new instance that takes over its state.
     swaps: VecDeque<Micros>,
+    /// When the job that is then under way is aborted.
+    aborts: VecDeque<Micros>,
     plugin: NativePlugin,
 }
 
@@ -219,6 +221,7 @@ impl PluginEnd {
             given_at: None,
             answers: VecDeque::new(),
             swaps: VecDeque::new(),
+            aborts: VecDeque::new(),
             plugin,
         }
     }
@@ -226,6 +229,11 @@ impl PluginEnd {
     /// Replaces the plug-in at these times, in order, by new instances.
     pub(crate) fn swap_at(&mut self, times: impl IntoIterator<Item = Micros>) {
         self.swaps = times.into_iter().collect();
+    }
+
+    /// Aborts the jobs that are under way at these times, in order.
+    pub(crate) fn abort_at(&mut self, times: impl IntoIterator<Item = Micros>) {
+        self.aborts = times.into_iter().collect();
     }
 
     /// A job of the first kind, at this time or when those before it are done.
@@ -332,6 +340,7 @@ impl Partner for PluginEnd {
             self.host.to_put_away.front().map(|(at, _)| *at),
             self.given_at,
             self.swaps.front().copied(),
+            self.aborts.front().copied(),
             job.filter(|_| self.line.link.job().is_none()).map(|at| at.max(now)),
             self.answers.front().map(|_| now),
         ]
@@ -354,6 +363,11 @@ impl Partner for PluginEnd {
             let successor = self.plugin.instantiate();
             let swapped = self.line.link.swap(now, successor, &mut self.host);
             swapped.unwrap_or_else(|error| panic!("{error}"));
+        }
+        while self.aborts.pop_front_if(|at| *at <= now).is_some() {
+            let link = &mut self.line.link;
+            let job = link.job().map(|job| link.abort(now, job, &mut self.host));
+            job.unwrap_or(Ok(())).unwrap_or_else(|fault| panic!("{fault}"));
         }
         while let Some((request, answer)) = self.answers.pop_front() {
             let answer = answer.as_ref().map(Vec::as_slice).map_err(|failure| *failure);

@@ -33,6 +33,8 @@ pub(crate) struct Case {
     pub(crate) delivery_room: u32,
     /// When the plug-in is replaced by a new instance with its state.
     pub(crate) swaps: Vec<Micros>,
+    /// When the host aborts the subject's job.
+    pub(crate) aborts: Vec<Micros>,
     /// What the subject sends, and when.
     pub(crate) jobs: Vec<(Micros, Vec<u8>)>,
     /// What the station sends.
@@ -98,7 +100,8 @@ impl Case {
             piece: random.pick(&[0, 1, 7]),
             put_away_after: Micros(random.pick(&[0, 0, 0, 300_000, 1_000_000])),
             delivery_room: random.pick(&[1_024, 2_048, 4_096]),
-            swaps: random.times(span),
+            swaps: random.times(span, 40),
+            aborts: random.times(span, 3),
             jobs,
             blocks,
             noise,
@@ -110,7 +113,9 @@ impl Case {
     /// Whether nothing that happens may keep a block from arriving.
     pub(crate) fn is_sound(&self) -> bool {
         let is_still = self.noise == Noise { seed: self.noise.seed, ..Noise::default() };
-        let is_good = self.options.faults.plan.is_empty() && self.put_away_after == Micros::ZERO;
+        let is_good = self.options.faults.plan.is_empty()
+            && self.aborts.is_empty()
+            && self.put_away_after == Micros::ZERO;
         is_still && is_good && self.is_settled()
     }
 
@@ -137,6 +142,8 @@ impl Case {
         with(&|case| case.jobs.clear());
         with(&|case| case.blocks.clear());
         with(&|case| case.noise = Noise::default());
+        with(&|case| case.aborts.clear());
+        with(&|case| case.aborts.truncate(1));
         with(&|case| case.swaps.clear());
         with(&|case| case.swaps.truncate(self.swaps.len() / 2));
         with(&|case| drop(case.swaps.drain(..self.swaps.len() / 2)));
@@ -203,8 +210,8 @@ impl Random {
     }
 
     /// At random, and none for every second case.
-    fn times(&mut self, span: i64) -> Vec<Micros> {
-        let count = self.below(2) * self.below(40);
+    fn times(&mut self, span: i64, most: u64) -> Vec<Micros> {
+        let count = self.below(2) * self.below(most);
         let mut times: Vec<_> = (0..count).map(|_| self.at(span + 200_000)).collect();
         times.sort();
         times

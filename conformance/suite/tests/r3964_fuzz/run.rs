@@ -151,6 +151,7 @@ fn with_plugin(case: &Case) -> Result<Tally, String> {
     };
     let mut near = PluginEnd::native(plugin, &settings, options, case.depth, case.latency);
     near.swap_at(case.swaps.iter().copied());
+    near.abort_at(case.aborts.iter().copied());
     near.host.piece = case.piece;
     near.host.put_away_after = case.put_away_after;
     for (at, data) in &case.jobs {

@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use rand_chacha::rand_core::Rng;
 use softplug_abi::{Failure, LineParameters, Micros, Value, ValueWriter, Values};
 use softplug_conformance::partners::r3964::rk512::{
-    Area, Command, Computer, Fault, Memory, Options, Trouble,
+    Area, Command, Computer, Fault, Memory, Options, TELEGRAM_BYTES, Trouble,
 };
+use softplug_conformance::partners::r3964::{Noise, Noisy};
 
 use super::{LONG, blocks, plugin, random};
 use crate::pair::{Asked, Pair, PluginEnd};
@@ -196,6 +197,53 @@ fn the_plugin_and_a_computer_read_and_write_each_other() {
     }
     assert_eq!(pair.b.stray_reactions, 0);
     assert!(pair.b.served.iter().all(|served| served.error == 0));
+}
+
+/// Damaged characters cost repetitions, and a repeated telegram may have a
+/// second reaction, which nobody can tell from the next command's. As long as
+/// no telegram came twice all is as on a sound line; and all comes to rest.
+#[test]
+fn on_a_line_with_parity_errors_no_command_goes_wrong_unseen() {
+    let mut clean = 0;
+    for seed in 0..60 {
+        let mut random = random(1_000 + seed);
+        let options = Options::default();
+        let line = options.procedure.line;
+        let mut near = plugin(line, &[RK512, ("priority", "low")]);
+        let commands: Vec<_> = (0..12).map(|_| command(&mut random)).collect();
+        for (command, (at, _)) in commands.iter().zip(blocks(2_000 + seed, 12)) {
+            let kind = if command.data.is_some() { WRITE } else { READ };
+            near.job(at, kind, fields(command), command.data.clone().unwrap_or_default());
+        }
+        let mut computer = Computer::new(options).expect("sound options");
+        computer.memory = memory();
+        let noise = Noise { seed, flip_one: 1, framing: 1, ..Noise::default() };
+        let mut pair = Pair::new(near, Noisy::new(computer, line, noise));
+        let mut own = areas();
+        for (at, _) in blocks(3_000 + seed, 12) {
+            while pair.step(at) {
+                serve_all(&mut pair.a, &mut own);
+            }
+            pair.b.inner.command(at, command(&mut random));
+        }
+        while pair.step(LONG) {
+            serve_all(&mut pair.a, &mut own);
+        }
+        assert!(pair.a.is_at_rest(), "seed {seed}");
+        assert!(pair.a.host.jobs.iter().all(|job| job.result.is_some()), "seed {seed}");
+        let computer = &pair.b.inner;
+        assert_eq!((computer.waiting(), computer.outcomes.len()), (0, 12), "seed {seed}");
+        let telegrams = |command: &Command| {
+            (usize::from(command.count) * command.area.unit()).div_ceil(TELEGRAM_BYTES)
+        };
+        let expected: usize = commands.iter().map(telegrams).sum();
+        let is_failed = pair.a.host.jobs.iter().any(|job| !matches!(job.result, Some(Ok(_))));
+        if computer.served.len() == expected && !is_failed {
+            clean += 1;
+            assert_done(&pair.a, &commands, memory());
+        }
+    }
+    assert!(clean >= 10, "only {clean} of 60 runs went without a repeated command");
 }
 
 #[test]
