@@ -72,9 +72,6 @@ static TABLES: ([u8; 128], [u8; 128]) = {
 const EOB_EIA: u8 = 0x80;
 const DEL: u8 = 0x7F;
 
-/// What ISO has besides the characters of EIA.
-const ISO_ONLY: &[u8] = b":#*=[]\r\0";
-
 /// The byte on the line for a character of ASCII, LF for EOB; `None`: the code
 /// does not have it.
 pub(crate) fn encode(settings: &Settings, code: Code, character: u8) -> Option<u8> {
@@ -86,8 +83,9 @@ pub(crate) fn encode(settings: &Settings, code: Code, character: u8) -> Option<u
             own.or(is_there.then_some(standard))
         }
         Code::Iso => {
+            // What ISO has besides the characters of EIA.
             let is_known = is_there
-                || ISO_ONLY.iter().any(|known| *known == character)
+                || matches!(character, b':' | b'#' | b'*' | b'=' | b'[' | b']' | b'\r' | 0)
                 || (settings.ascii && matches!(character, b' '..=b'~'));
             let odd = character.count_ones() as u8 & 1;
             let parity = if settings.parity == ParityMode::Software { odd << 7 } else { 0 };

@@ -71,7 +71,7 @@ fn options(setup: &Setup) -> BenchOptions<FanucRs232> {
 /// What is to be sent, written the plain way.
 fn expected(setup: &Setup, blocks: &[String]) -> Vec<u8> {
     let eob = if setup.lfcrcr { "\n\r\r" } else { "\n" };
-    let mut tape = format!("%{eob}");
+    let mut tape = vec!["%".to_owned()];
     let mut number = 0;
     for block in blocks {
         let (slash, rest) = block.strip_prefix('/').map_or(("", &block[..]), |rest| ("/", rest));
@@ -79,12 +79,13 @@ fn expected(setup: &Setup, blocks: &[String]) -> Vec<u8> {
         let words = digits.trim_start_matches(|character: char| character.is_ascii_digit());
         if setup.renumber && words.len() < digits.len() {
             number += 10;
-            tape += &format!("{slash}N{number}{words}{eob}");
+            tape.push(format!("{slash}N{number}{words}"));
         } else {
-            tape += &format!("{block}{eob}");
+            tape.push(block.clone());
         }
     }
-    [&vec![0; setup.leader][..], tape.as_bytes(), b"%", &vec![0; setup.trailer]].concat()
+    tape.push("%".to_owned());
+    [&vec![0; setup.leader][..], tape.join(eob).as_bytes(), &vec![0; setup.trailer]].concat()
 }
 
 type Seen = (Micros, Observed);

@@ -10,12 +10,13 @@ mod prefix;
 mod restart;
 #[cfg(test)]
 mod tests;
+mod text;
 
 use crate::code::{Code, encode, paired};
 use crate::fields::Fields;
 use crate::{BlockNumbers, Eob, SendCode, Settings, Unsupported};
 use ends::Ends;
-use prefix::{NO_NUMBER, Prefix};
+use prefix::Prefix;
 use restart::Restart;
 use softplug_plugin::{Failure, Values};
 
@@ -24,9 +25,6 @@ use softplug_plugin::{Failure, Values};
 /// number (19), a padding space and the byte itself, with some to spare.
 /// Many calls give at most [`Encoder::growth`] bytes each, and this once.
 pub(crate) const MOST_PER_BYTE: usize = 32;
-
-/// Block numbers have at most five digits; after the highest the first comes again.
-const HIGHEST_NUMBER: u32 = 99_999;
 
 /// In the table of characters: it means something besides itself, or the like.
 const SPECIAL: u8 = 0x80;
@@ -170,7 +168,6 @@ impl Encoder {
     /// # Errors
     /// At [`position`](Self::position): [`Failure::UnsupportedCharacter`], or
     /// [`Failure::BadJob`] for text behind a `%` that may have been meant as the first.
-    #[inline]
     pub(crate) fn push(
         &mut self,
         settings: &Settings,
@@ -324,221 +321,6 @@ impl Encoder {
         self.place.is_plain = self.place.part == Part::Block && !self.place.eob_waits;
         taken
     }
-
-    /// A character of the file, its line end as LF.
-    fn take(&mut self, settings: &Settings, character: u8, sink: Sink<'_>) -> Result<(), Failure> {
-        match self.place.part {
-            Part::Leader => match character {
-                _ if is_blank(character) => return Ok(()),
-                SPECIAL_PERCENT => {
-                    self.send(character, sink);
-                    self.place.part = Part::Label;
-                    return Ok(());
-                }
-                _ => {
-                    self.open(settings, sink);
-                    return self.take(settings, character, sink);
-                }
-            },
-            Part::Label | Part::Block => {}
-            Part::Prefix if self.place.prefix.take(character) => return Ok(()),
-            Part::Prefix => return self.leave_prefix(settings, character, sink),
-            Part::Stripped if character == b' ' => return Ok(()),
-            Part::Stripped => self.place.part = Part::Block,
-            Part::Skipped => {
-                if character == SPECIAL_PERCENT && !self.place.in_comment {
-                    self.place.part = Part::End;
-                }
-                self.note_comment(settings, character);
-                if character == SPECIAL_LF {
-                    self.next_block(settings);
-                }
-                return Ok(());
-            }
-            // Without its first `%` the file has ended at what may be that one.
-            Part::End if self.place.is_open && !is_blank(character) => {
-                return Err(Failure::BadJob);
-            }
-            Part::End => return Ok(()),
-        }
-        match character {
-            SPECIAL_LF => {
-                self.end_block(settings, sink);
-                self.next_block(settings);
-                Ok(())
-            }
-            SPECIAL_PERCENT if !self.place.in_comment => {
-                self.send(character, sink);
-                self.place.part = Part::End;
-                Ok(())
-            }
-            _ => self.text(settings, character, sink),
-        }
-    }
-
-    /// A file without its first `%`.
-    fn open(&mut self, settings: &Settings, sink: Sink<'_>) {
-        self.place.is_open = true;
-        if settings.percent {
-            self.send(SPECIAL_PERCENT, sink);
-            self.place.eob_waits = true;
-        }
-        self.next_block(settings);
-    }
-
-    fn next_block(&mut self, settings: &Settings) {
-        let place = &mut self.place;
-        place.block += 1;
-        place.prefix = Prefix::default();
-        let has_prefix = self.restart.seeks || settings.block_numbers != BlockNumbers::Keep;
-        place.part = if has_prefix { Part::Prefix } else { Part::Block };
-    }
-
-    /// A block's prefix has ended before `character`.
-    fn leave_prefix(
-        &mut self,
-        settings: &Settings,
-        character: u8,
-        sink: Sink<'_>,
-    ) -> Result<(), Failure> {
-        let place = &mut self.place;
-        if self.restart.seeks {
-            if character == SPECIAL_PERCENT {
-                place.part = Part::End;
-                return Ok(());
-            }
-            // The O line, with its blank lines, comes before a preamble.
-            let is_head = place.prefix.is_empty()
-                && place.is_head
-                && matches!(character, b'O' | b':' | SPECIAL_LF);
-            if is_head {
-                place.part = Part::Block;
-                return self.take(settings, character, sink);
-            }
-            place.is_head = false;
-            if self.restart.has_preamble() {
-                place.held = character;
-                return Ok(());
-            }
-        }
-        self.begin_block(settings, character, sink)
-    }
-
-    /// Sends a block from its prefix on, or skips it.
-    fn begin_block(
-        &mut self,
-        settings: &Settings,
-        character: u8,
-        sink: Sink<'_>,
-    ) -> Result<(), Failure> {
-        let prefix = core::mem::take(&mut self.place.prefix);
-        if self.restart.seeks {
-            if !self.restart.is_found(self.place.block, prefix.number()) {
-                self.place.part = Part::Skipped;
-                return self.take(settings, character, sink);
-            }
-            self.restart.seeks = false;
-        }
-        self.place.part = Part::Block;
-        let numbers = settings.block_numbers;
-        if prefix.number() == NO_NUMBER || numbers == BlockNumbers::Keep {
-            self.send_all(prefix.as_slice(), sink);
-        } else {
-            self.send_all(prefix.before_number(), sink);
-            if numbers == BlockNumbers::Strip {
-                self.place.part = Part::Stripped;
-            } else {
-                self.send_number(settings, sink);
-            }
-        }
-        self.take(settings, character, sink)
-    }
-
-    fn send_number(&mut self, settings: &Settings, sink: Sink<'_>) {
-        let step = settings.number_step as u32;
-        let next = self.place.last_number + step;
-        let number = if next > HIGHEST_NUMBER { step } else { next };
-        self.place.last_number = number;
-        self.send(b'N', sink);
-        let mut divisor = 10_000;
-        while divisor > 0 {
-            if number >= divisor {
-                self.send(b'0' + (number / divisor % 10) as u8, sink);
-            }
-            divisor /= 10;
-        }
-    }
-
-    /// A character of the text of a block or preamble.
-    fn text(&mut self, settings: &Settings, character: u8, sink: Sink<'_>) -> Result<(), Failure> {
-        let character = match (character, settings.unsupported) {
-            (REFUSED, _) | (SPECIAL_PERCENT, Unsupported::Refuse) => {
-                return Err(Failure::UnsupportedCharacter);
-            }
-            (SPECIAL_PERCENT, Unsupported::Drop) => return Ok(()),
-            // It would end the tape: the control knows no comments on that.
-            (SPECIAL_PERCENT, Unsupported::Space) => b' ',
-            _ => character,
-        };
-        if character == SPECIAL_CLOSE {
-            self.note_comment(settings, character);
-        }
-        self.send(character, sink);
-        self.note_comment(settings, character);
-        Ok(())
-    }
-
-    /// The parentheses themselves are not of the comment, which ends with its block.
-    fn note_comment(&mut self, settings: &Settings, character: u8) {
-        match character {
-            SPECIAL_OPEN => self.place.in_comment = true,
-            SPECIAL_CLOSE | SPECIAL_LF => self.place.in_comment = false,
-            _ => return,
-        }
-        self.place.counts = u8::from(settings.tv_comments || !self.place.in_comment);
-    }
-
-    /// Pads a block, if it is to be, and ends it. The label is not counted: TV
-    /// begins behind the first EOB.
-    fn end_block(&mut self, settings: &Settings, sink: Sink<'_>) {
-        let cr = u8::from(settings.tv_cr);
-        // CRs before the EOB count for this block, those behind it for the next.
-        let (before, behind) = match self.eob {
-            b"\r\n" => (cr, 0),
-            b"\n\r" => (0, cr),
-            _ => (0, 0),
-        };
-        let is_odd = (self.place.count + before + 1) & 1 == 1;
-        if settings.tv_pad && self.place.block > 0 && is_odd {
-            self.send(b' ', sink);
-        } else {
-            self.end_waiting_block(sink);
-        }
-        self.place.eob_waits = true;
-        self.place.count = behind;
-        self.note_comment(settings, SPECIAL_LF);
-    }
-
-    fn end_waiting_block(&mut self, sink: Sink<'_>) {
-        if self.place.eob_waits {
-            self.place.eob_waits = false;
-            for byte in self.eob {
-                sink(self.wire[usize::from(byte & !SPECIAL)]);
-            }
-        }
-    }
-
-    fn send_all(&mut self, characters: &[u8], sink: Sink<'_>) {
-        for character in characters {
-            self.send(*character, sink);
-        }
-    }
-
-    fn send(&mut self, character: u8, sink: Sink<'_>) {
-        self.end_waiting_block(sink);
-        self.place.count ^= self.place.counts;
-        sink(self.wire[usize::from(character & !SPECIAL)]);
-    }
 }
 
 const SPECIAL_LF: u8 = SPECIAL | b'\n';
@@ -547,12 +329,8 @@ const SPECIAL_PERCENT: u8 = SPECIAL | b'%';
 const SPECIAL_OPEN: u8 = SPECIAL | b'(';
 const SPECIAL_CLOSE: u8 = SPECIAL | b')';
 
-/// Blank tape and blank lines.
-fn is_blank(character: u8) -> bool {
-    matches!(character, 0 | b' ' | b'\t' | 0x7F | SPECIAL_LF)
-}
-
 /// What is sent for a byte of a file.
+#[inline(never)]
 fn character(settings: &Settings, code: Code, byte: u8) -> u8 {
     let character = paired(settings.replace.as_slice(), 0, byte).unwrap_or(byte);
     let character = if settings.upper { character.to_ascii_uppercase() } else { character };

@@ -200,7 +200,7 @@ fn every_padded_block_is_even() {
             // The control's own way to count.
             let end = if eob == Eob::Cr { '\r' } else { '\n' };
             let mut blocks = sent.split_inclusive(end).skip(1).collect::<Vec<_>>();
-            assert_eq!(blocks.pop().map(|last| last.trim_start()), Some("%"));
+            assert_eq!(blocks.pop().map(str::trim_start), Some("%"));
             for block in blocks {
                 let mut in_comment = false;
                 let counted = block.chars().filter(|character| {
