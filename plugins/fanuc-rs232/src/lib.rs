@@ -145,6 +145,7 @@ impl Converter for FanucRs232 {
     }
 
     fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
+        self.punch.mark(mark, state);
         if self.is_packets {
             self.remote_buffer.mark(link, &self.settings, state);
         } else {

@@ -77,11 +77,21 @@ pub(crate) fn wanted<'a>(settings: &Settings, comment: &'a [u8]) -> Option<&'a [
 
 /// What the `*` of a pattern stands for in a text that fits it, without the
 /// spaces around it; it must be something. An empty pattern fits nothing.
-fn matched<'a>(pattern: &[u8], text: &'a [u8]) -> Option<&'a [u8]> {
-    let star = pattern.iter().position(|byte| *byte == b'*')?;
-    let rest = text.strip_prefix(pattern.get(..star)?)?;
-    let name = rest.strip_suffix(pattern.get(star + 1..)?)?.trim_ascii();
-    (!name.is_empty()).then_some(name)
+fn matched<'a>(mut pattern: &[u8], mut text: &'a [u8]) -> Option<&'a [u8]> {
+    while let Some((own, rest)) = pattern.split_first() {
+        if *own == b'*' {
+            break;
+        }
+        (pattern, text) = (rest, text.split_first().filter(|(first, _)| *first == own)?.1);
+    }
+    while let Some((own, rest)) = pattern.split_last() {
+        if *own == b'*' {
+            let name = text.trim_ascii();
+            return (!name.is_empty()).then_some(name);
+        }
+        (pattern, text) = (rest, text.split_last().filter(|(last, _)| *last == own)?.1);
+    }
+    None
 }
 
 /// The number that a text of digits alone stands for.

@@ -2,6 +2,8 @@
 //! second % and silence.
 
 mod flow;
+#[cfg(test)]
+mod tests;
 mod text;
 mod title;
 
@@ -14,8 +16,11 @@ use crate::short::Short;
 use crate::state::State;
 use crate::{CAPTURE, ReceiveCode, SendCode, Settings, set_timer};
 use flow::Flow;
-use softplug_plugin::{Context, Failure, LineErrorKind, Micros};
+use softplug_plugin::{Context, Failure, LineErrorKind, MarkState, Micros};
 use text::Text;
+
+/// Mark on our answer to DC2: the feed counts its own from 1.
+const ANSWER: u32 = u32::MAX;
 
 /// How far a capture is.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
@@ -46,6 +51,8 @@ pub(crate) struct Punch {
     /// Until then, and for as long as something comes, a % begins nothing: it is
     /// an echo, or the rest of what was aborted.
     deaf_until: Option<Micros>,
+    /// Our answer to DC2 has not left: there is one at a time.
+    is_answering: bool,
     pub(crate) requests: Requests,
 }
 
@@ -127,10 +134,16 @@ impl Punch {
         }
     }
 
-    fn answer_dc2(&self, link: &mut Context<'_>, settings: &Settings) {
-        if settings.answer_dc2 {
-            link.transmit_urgent(&[0x11]);
+    fn answer_dc2(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        if settings.answer_dc2 && !self.is_answering {
+            self.is_answering = true;
+            link.transmit_urgent_marked(ANSWER, &[0x11]);
         }
+    }
+
+    /// News of a mark that may be that on our answer.
+    pub(crate) fn mark(&mut self, mark: u32, state: MarkState) {
+        self.is_answering &= mark != ANSWER || state == MarkState::MaybeLeft;
     }
 
     /// A character that is no control code.
@@ -336,6 +349,7 @@ impl Punch {
         fields.bool(&mut self.ended);
         fields.deadline(&mut self.ends_at);
         fields.deadline(&mut self.deaf_until);
+        fields.bool(&mut self.is_answering);
         self.requests.fields(fields);
     }
 }

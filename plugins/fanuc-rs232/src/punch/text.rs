@@ -12,7 +12,7 @@ const PIECE: usize = 256;
 /// A delivery ends within an event only with this much left of the output buffer:
 /// what else the event can bring (1,024 bytes, and 128 that were kept, each as
 /// CR LF) fits in any case.
-const RESERVE: usize = 2_600;
+const RESERVE: usize = 3_200;
 
 #[derive(Copy, Clone, Debug)]
 pub(crate) struct Text {

@@ -25,7 +25,11 @@ pub(super) fn head(settings: &Settings, command: Command, data: &[u8]) -> [u8; H
     let sum = data.iter().fold(end_code(settings), |sum, byte| sum.wrapping_add(byte & 0x7F));
     let sum = sum.wrapping_add(a).wrapping_add(b).wrapping_add(c);
     let [high, low] = digits(sum);
-    [high, low, a, b, c].map(|byte| with_parity(settings, byte))
+    let mut head = [high, low, a, b, c];
+    for byte in &mut head {
+        *byte = with_parity(settings, *byte);
+    }
+    head
 }
 
 /// A character of a message as it goes on the line.
@@ -38,7 +42,8 @@ pub(super) fn with_parity(settings: &Settings, byte: u8) -> u8 {
 
 /// Two hex digits, the high one first.
 fn digits(sum: u8) -> [u8; 2] {
-    [sum >> 4, sum & 15].map(|digit| digit + if digit < 10 { b'0' } else { b'A' - 10 })
+    let digit = |digit: u8| digit + if digit < 10 { b'0' } else { b'A' - 10 };
+    [digit(sum >> 4), digit(sum & 15)]
 }
 
 /// Reads messages character by character. Their data means nothing to us.

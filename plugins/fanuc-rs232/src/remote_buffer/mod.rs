@@ -303,7 +303,10 @@ impl RemoteBuffer {
         match message {
             Ok(RTY) => {
                 self.repeats += 1;
-                if self.repeats > MOST_REPEATS {
+                // Where RTY answers our RTY, the control may have taken the data and
+                // asked for more: data must not be carried out twice.
+                let is_unsure = self.retries > 0 && self.last == DAT;
+                if is_unsure || self.repeats > MOST_REPEATS {
                     self.repeats = 0;
                     self.fail(link, Failure::AttemptsUsedUp);
                 } else {
