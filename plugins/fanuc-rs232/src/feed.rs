@@ -13,8 +13,9 @@ use softplug_plugin::{Context, Failure, JobStart, MarkState, Micros, Pass};
 /// Timer: no DC1 since the job began, DC3 for too long, or no final DC3.
 pub(crate) const WAIT: u8 = 0;
 
-/// Bytes asked for at a time: what they become fits the output buffer.
-const MOST_WANTED: u32 = 3_072;
+/// Bytes asked for at a time: what they become fits the output buffer, and work on
+/// them a call's fuel.
+const MOST_WANTED: u32 = 2_048;
 
 /// What the feed is at.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
