@@ -35,6 +35,12 @@ const CAPTURE: u8 = 4;
 /// Timer: the remote buffer is silent, or waits for us.
 const PACKET: u8 = 5;
 
+/// The most bytes in one event.
+const INPUT: usize = 1_040;
+/// What one character can bring of actions, and what follows the last one of an
+/// event: a packet, or a capture's text, name, end and request.
+const OUTPUT_RESERVE: usize = 1_800;
+
 /// The converter.
 #[derive(Debug)]
 pub struct FanucRs232 {
@@ -47,6 +53,9 @@ pub struct FanucRs232 {
     /// A job was under way after the event before.
     was_busy: bool,
     is_dsr_on: bool,
+    /// Characters of the event that did not fit into this round of actions.
+    left: [u8; INPUT],
+    left_length: usize,
     /// The state that the host knows.
     named: Option<State>,
 }
@@ -71,6 +80,8 @@ impl Converter for FanucRs232 {
             is_packets: settings.mode == Mode::RemoteA,
             was_busy: false,
             is_dsr_on: false,
+            left: [0; INPUT],
+            left_length: 0,
             named: None,
         }
     }
@@ -87,10 +98,25 @@ impl Converter for FanucRs232 {
     }
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
-        for byte in bytes {
+        let mut left = bytes;
+        while let Some((byte, after)) = left.split_first() {
+            if link.output_room() < OUTPUT_RESERVE {
+                link.again();
+                break;
+            }
             self.byte(link, *byte);
+            left = after;
+        }
+        self.left_length = left.len();
+        for (own, byte) in self.left.iter_mut().zip(left) {
+            *own = *byte;
         }
         self.after_bytes(link);
+    }
+
+    fn more(&mut self, link: &mut Context<'_>) {
+        let left = self.left;
+        self.received(link, left.get(..self.left_length).unwrap_or_default());
     }
 
     fn line_error(

@@ -9,10 +9,6 @@ use softplug_plugin::{Context, Failure, NoteLevel};
 
 /// Characters that are handed over together.
 const PIECE: usize = 256;
-/// A delivery ends within an event only with this much left of the output buffer:
-/// what else the event can bring (1,024 bytes, and 128 that were kept, each as
-/// CR LF) fits in any case.
-const RESERVE: usize = 3_200;
 
 #[derive(Copy, Clone, Debug)]
 pub(crate) struct Text {
@@ -96,10 +92,7 @@ impl Text {
             return;
         }
         self.end_at_cr(link, settings);
-        if settings.programs == Programs::Split
-            && self.title.ends_before(character)
-            && link.output_room() > RESERVE
-        {
+        if settings.programs == Programs::Split && self.title.ends_before(character) {
             self.put(link, b'%');
             self.line_end(link, settings);
             self.end(link, settings, requests, None);
