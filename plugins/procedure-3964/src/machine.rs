@@ -37,6 +37,17 @@ pub(crate) fn after(link: &Context<'_>, millis: i64) -> Micros {
     link.now() + Micros(millis * 1_000)
 }
 
+/// Sends a control character; nothing else is queued then. Where the host has no
+/// room for one byte, the partner's time-out has to do.
+#[inline(never)]
+pub(crate) fn put(link: &mut Context<'_>, byte: u8) -> bool {
+    let has_room = link.transmit_room() > 0;
+    if has_room {
+        link.transmit(&[byte]);
+    }
+    has_room
+}
+
 /// Whose block is on the line.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub(crate) enum Owner {
@@ -129,7 +140,7 @@ impl Machine {
                 Layer::None => opening.delivery_room.min(self.options.block_size as u32) as u16,
             };
             if self.options.nak_at_start {
-                self.put(link, NAK);
+                put(link, NAK);
             }
         }
         self.name(link);
@@ -249,7 +260,7 @@ impl Machine {
         match self.phase {
             Phase::Idle | Phase::Sending => {}
             Phase::Garbage => {
-                self.put(link, NAK);
+                put(link, NAK);
                 self.idle();
             }
             Phase::BufferWait => self.look_for_buffer(link),
@@ -261,7 +272,7 @@ impl Machine {
             }
             Phase::Disturbed => {
                 if self.has_attempts() {
-                    self.put(link, NAK);
+                    put(link, NAK);
                 }
                 self.repeat_block(link, DISTURBED);
             }
@@ -338,17 +349,6 @@ impl Machine {
     #[inline(never)]
     pub(crate) fn wait(&mut self, link: &Context<'_>, millis: i64) {
         self.deadline = after(link, millis);
-    }
-
-    /// Sends a control character; nothing else is queued then. Where the host
-    /// has no room for one byte, the partner's time-out has to do.
-    #[inline(never)]
-    pub(crate) fn put(&mut self, link: &mut Context<'_>, byte: u8) -> bool {
-        let has_room = link.transmit_room() > 0;
-        if has_room {
-            link.transmit(&[byte]);
-        }
-        has_room
     }
 
     /// What an event ends with that may have made the line idle, or a block ready.

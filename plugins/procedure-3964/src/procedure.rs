@@ -101,7 +101,7 @@ impl<V: Variant> Converter for Procedure<V> {
     }
 
     fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
-        self.machine.job_begin(link, job);
+        self.machine.job_begin(link, &job);
     }
 
     fn job_data(&mut self, link: &mut Context<'_>, _job: u32, bytes: &[u8]) {

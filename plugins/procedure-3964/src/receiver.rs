@@ -2,7 +2,7 @@
 
 use crate::cause::*;
 use crate::frame::{DLE, NAK, STX, Step};
-use crate::machine::{Machine, NEVER, after};
+use crate::machine::{Machine, NEVER, after, put};
 use crate::phase::Phase;
 use crate::rk512::LARGEST_DATA;
 use crate::{Layer, frame::Decoder};
@@ -39,12 +39,12 @@ impl Machine {
 
     pub(crate) fn look_for_buffer(&mut self, link: &mut Context<'_>) {
         if self.has_buffer(link) {
-            self.put(link, DLE);
+            put(link, DLE);
             self.departure.watch();
             self.phase = Phase::Receiving;
             self.deadline = NEVER;
         } else if link.now() >= self.buffer_until {
-            self.put(link, NAK);
+            put(link, NAK);
             self.end_reception(link, NO_BUFFER);
         } else {
             self.deadline = self.buffer_until.min(after(link, BUFFER_POLL));
@@ -90,7 +90,7 @@ impl Machine {
             Step::Inside => {}
             Step::LoneDle => self.fault(link, LONE_DLE),
             Step::TooLong => {
-                self.put(link, NAK);
+                put(link, NAK);
                 self.end_reception(link, BLOCK_TOO_LONG);
             }
             Step::End(is_right) => {
@@ -112,7 +112,7 @@ impl Machine {
 
     fn end_of_block(&mut self, link: &mut Context<'_>) {
         if !self.is_faulty {
-            self.put(link, DLE);
+            put(link, DLE);
             self.idle();
             match self.options.layer {
                 Layer::None => self.deliver(link, None),
@@ -120,7 +120,7 @@ impl Machine {
             }
             return;
         }
-        self.put(link, NAK);
+        put(link, NAK);
         self.refused = self.refused.saturating_add(1);
         let is_last = i64::from(self.refused) >= self.options.transmission_attempts;
         if is_last || self.options.bwz == 0 {
@@ -135,7 +135,7 @@ impl Machine {
 
     /// ZVZ has run out in a block.
     pub(crate) fn silence(&mut self, link: &mut Context<'_>) {
-        self.put(link, NAK);
+        put(link, NAK);
         // Both sides withdrew: each answered the other's STX, and nothing follows.
         if self.withdrew && self.block.is_empty() && self.decoder.is_after_dle() {
             self.first_error = Some(BOTH_LOW);
@@ -169,10 +169,6 @@ impl Machine {
         if !bytes.is_empty() {
             link.deliver(id, bytes);
         }
-        link.delivery_end(
-            id,
-            cause.map(|cause| cause.failure()),
-            cause.map_or(0, |cause| cause.status()),
-        );
+        link.delivery_end(id, cause.map(Cause::failure), cause.map_or(0, Cause::status));
     }
 }

@@ -4,7 +4,7 @@ use crate::Layer;
 use crate::cause::*;
 use crate::frame::{DLE, ETX, Encoder, NAK, STX};
 use crate::job::Stage;
-use crate::machine::{Machine, NEVER, Owner};
+use crate::machine::{Machine, NEVER, Owner, put};
 use crate::phase::Phase;
 
 use softplug_plugin::{Context, JobStart};
@@ -18,11 +18,11 @@ const KEPT_OUTPUT: usize = 2_048;
 const KEPT_ROOM: u32 = 8;
 
 impl Machine {
-    pub(crate) fn job_begin(&mut self, link: &mut Context<'_>, start: JobStart<'_>) {
+    pub(crate) fn job_begin(&mut self, link: &mut Context<'_>, start: &JobStart<'_>) {
         self.job.begin(start.job, start.kind);
         let begun = match (self.options.layer, start.kind) {
             (Layer::None, SEND) => self.begin_send(link, start.size),
-            (Layer::Rk512, kind) if kind != SEND => self.begin_telegram(link, &start),
+            (Layer::Rk512, kind) if kind != SEND => self.begin_telegram(link, start),
             _ => Err(NOT_SUPPORTED),
         };
         self.took(link, begun);
@@ -113,7 +113,7 @@ impl Machine {
                 self.idle();
             }
             if is_on_line || (self.job.sent > 0 && self.phase == Phase::Idle) {
-                self.put(link, NAK);
+                put(link, NAK);
             }
             self.fail_job(link, ABORTED);
         }
@@ -215,7 +215,7 @@ impl Machine {
 
     /// A byte that counts as sent for its job.
     fn send(&mut self, link: &mut Context<'_>, byte: u8) {
-        if self.put(link, byte) && self.owner == Owner::Job {
+        if put(link, byte) && self.owner == Owner::Job {
             self.job.sent += 1;
         }
     }
@@ -257,7 +257,7 @@ impl Machine {
     }
 
     fn give_up(&mut self, link: &mut Context<'_>, cause: Cause) {
-        self.put(link, NAK);
+        put(link, NAK);
         self.end_block(link, cause);
     }
 

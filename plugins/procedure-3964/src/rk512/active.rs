@@ -162,8 +162,8 @@ impl Machine {
     pub(crate) fn end_reading(&mut self, link: &mut Context<'_>, cause: Option<Cause>) {
         self.rk512.reaction_until = NEVER;
         if self.rk512.reading != 0 {
-            let status = cause.map_or(0, |cause| cause.status());
-            link.delivery_end(self.rk512.reading, cause.map(|cause| cause.failure()), status);
+            let status = cause.map_or(0, Cause::status);
+            link.delivery_end(self.rk512.reading, cause.map(Cause::failure), status);
             self.rk512.reading = 0;
         }
     }

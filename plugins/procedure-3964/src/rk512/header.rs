@@ -1,5 +1,6 @@
 //! The header of a command: what is to be transferred, from or to where.
 
+use super::fields;
 use softplug_plugin::Values;
 
 /// SEND to a data block.
@@ -12,13 +13,13 @@ pub(super) const FETCH: u8 = 0x45;
 pub(super) const FOLLOW_UP: u8 = 0xFF;
 
 /// Fields of jobs and requests, by their place in the manifest.
-pub(super) const AREA: u16 = 0;
-pub(super) const BLOCK: u16 = 1;
-pub(super) const OFFSET: u16 = 2;
-pub(super) const COUNT: u16 = 3;
-pub(super) const FLAG_BYTE: u16 = 4;
-pub(super) const FLAG_BIT: u16 = 5;
-pub(super) const CPU: u16 = 6;
+pub(super) const AREA: u8 = 0;
+pub(super) const BLOCK: u8 = 1;
+pub(super) const OFFSET: u8 = 2;
+pub(super) const COUNT: u8 = 3;
+pub(super) const FLAG_BYTE: u8 = 4;
+pub(super) const FLAG_BIT: u8 = 5;
+pub(super) const CPU: u8 = 6;
 
 /// The type of an area, by its English or its German name.
 fn area_type(name: &[u8]) -> Option<u8> {
@@ -42,42 +43,38 @@ pub(super) struct Header(pub(super) [u8; 10]);
 
 impl Header {
     /// From the fields of a job; `None` if one of them does not fit.
-    #[inline(never)]
     pub(super) fn from_fields(is_read: bool, fields: &Values<'_>) -> Option<Self> {
-        // The area is the first field and must be there. Its record has a head of
-        // six bytes and is looked at as bytes: what it may be is short.
-        let [0, 0, _, _, length, 0, text @ ..] = fields.as_bytes() else { return None };
-        let area = area_type(text.get(..usize::from(*length))?)?;
-        let mut header = [0, 0, 0, area, 0, 0, 0, 0, 0xFF, 0xFF];
-        for field in fields.clone().raw() {
-            let field = field.ok()?;
-            if field.index == AREA {
+        let mut header = [0, 0, 0, 0, 0, 0, 0, 0, 0xFF, 0xFF];
+        let mut rest = fields.as_bytes();
+        while let Some((index, payload)) = fields::take(&mut rest) {
+            if index == AREA {
+                header[3] = area_type(payload)?;
                 continue;
             }
-            let number = u16::try_from(field.int()?).ok()?;
-            let (place, most) = match field.index {
+            let [low, high, 0, 0, 0, 0, 0, 0] = *payload else { return None };
+            let (place, most) = match index {
                 BLOCK => (4, 0xFF),
                 OFFSET => (5, 0xFF),
-                COUNT => (7, 0xFFFF),
+                COUNT => (7, 0xFF),
                 FLAG_BYTE => (8, 0xFF),
                 FLAG_BIT => (9, 7),
                 _ => (9, 4),
             };
-            let mut byte = number as u8;
-            match field.index {
-                COUNT => header[6] = (number >> 8) as u8,
-                FLAG_BIT => byte |= header[9] & 0xF0,
-                CPU if byte == 0 => return None,
-                CPU => byte = byte << 4 | header[9] & 0x0F,
-                _ => {}
-            }
-            if number > most {
-                return None;
-            }
+            let byte = match index {
+                COUNT => {
+                    header[6] = high;
+                    low
+                }
+                _ if high > 0 || low > most => return None,
+                FLAG_BIT => header[9] & 0xF0 | low,
+                CPU if low == 0 => return None,
+                CPU => header[9] & 0x0F | low << 4,
+                _ => low,
+            };
             header[place] = byte;
         }
-        header[2] = match area {
-            _ if is_read && (header[6] | header[7]) != 0 => FETCH,
+        header[2] = match header[3] {
+            1.. if is_read && (header[6] | header[7]) != 0 => FETCH,
             b'D' if !is_read => SEND_DB,
             b'X' if !is_read => SEND_DX,
             _ => return None,
@@ -133,4 +130,132 @@ pub(crate) fn timeout_at(baud: u32) -> i64 {
         38_400.. => 3,
     };
     seconds * 1_000
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use softplug_abi::{Value, ValueWriter};
+
+    fn header(is_read: bool, fields: &[(u8, Value<'_>)]) -> Option<[u8; 10]> {
+        let mut buffer = [0; 256];
+        let mut writer = ValueWriter::new(&mut buffer);
+        for (index, value) in fields {
+            writer.push((*index).into(), *value).expect("the buffer is large enough");
+        }
+        Header::from_fields(is_read, &Values::new(writer.written())).map(|header| header.0)
+    }
+
+    fn area(name: &str) -> (u8, Value<'_>) {
+        (AREA, Value::Text(name))
+    }
+
+    fn number(index: u8, number: i64) -> (u8, Value<'static>) {
+        (index, Value::Int(number))
+    }
+
+    #[test]
+    fn fetch_of_the_vectors() {
+        let fields = [area("DB"), number(BLOCK, 5), number(OFFSET, 10), number(COUNT, 7)];
+        assert_eq!(header(true, &fields), Some([0, 0, 0x45, 0x44, 5, 0x0A, 0, 7, 0xFF, 0xFF]));
+    }
+
+    #[test]
+    fn send_knows_no_count() {
+        let fields = [area("DB"), number(BLOCK, 16), number(OFFSET, 1)];
+        assert_eq!(header(false, &fields), Some([0, 0, 0x41, 0x44, 0x10, 1, 0, 0, 0xFF, 0xFF]));
+        let fields = [area("DX"), number(BLOCK, 16)];
+        assert_eq!(header(false, &fields), Some([0, 0, 0x4F, 0x58, 0x10, 0, 0, 0, 0xFF, 0xFF]));
+    }
+
+    #[test]
+    fn areas_have_their_types_and_names() {
+        let areas = [
+            ("DB", 0x44, "DB", 2),
+            ("DX", 0x58, "DX", 2),
+            ("I", 0x45, "I", 1),
+            ("Q", 0x41, "Q", 1),
+            ("M", 0x4D, "M", 1),
+            ("T", 0x54, "T", 2),
+            ("C", 0x5A, "C", 2),
+            ("E", 0x45, "I", 1),
+            ("A", 0x41, "Q", 1),
+            ("Z", 0x5A, "C", 2),
+        ];
+        for (name, code, said, unit) in areas {
+            let fields = [area(name), number(COUNT, 300)];
+            let read = Header(header(true, &fields).expect("every area can be read"));
+            assert_eq!((read.area(), read.area_name()), (code, Some(said)), "{name}");
+            assert_eq!((read.unit(), read.size()), (unit, 300 * unit), "{name}");
+            let write = header(false, &fields[..1]);
+            assert_eq!(write.is_some(), ["DB", "DX"].contains(&name), "{name}");
+        }
+        for name in ["", "D", "db", "DBX", "X", "P", "MM"] {
+            assert_eq!(header(true, &[area(name), number(COUNT, 1)]), None, "{name}");
+        }
+        let wrong = [0, 0, SEND_DB, b'X', 0, 0, 0, 1, 0xFF, 0xFF];
+        assert_eq!(Header(wrong).area_name(), None);
+        let unknown = [0, 0, FETCH, b'B', 0, 0, 0, 1, 0xFF, 0xFF];
+        assert_eq!(Header(unknown).area_name(), None);
+    }
+
+    #[test]
+    fn flag_and_cpu_share_a_byte() {
+        let fields = |bit, cpu| {
+            let flag = [number(FLAG_BYTE, 100), number(FLAG_BIT, bit), number(CPU, cpu)];
+            [&[area("DB"), number(COUNT, 1)][..], &flag].concat()
+        };
+        let ends = |fields: &[_]| header(true, fields).map(|header| [header[8], header[9]]);
+        assert_eq!(ends(&fields(7, 4)), Some([100, 0x47]));
+        assert_eq!(ends(&fields(0, 1)), Some([100, 0x10]));
+        assert_eq!(ends(&fields(7, 4)[..4]), Some([100, 0xF7]));
+        let without_bit = [area("DB"), number(COUNT, 1), number(CPU, 2)];
+        assert_eq!(ends(&without_bit), Some([0xFF, 0x2F]));
+    }
+
+    #[test]
+    fn fields_have_ranges() {
+        let wrong = [
+            (BLOCK, 256),
+            (BLOCK, -1),
+            (OFFSET, 256),
+            (COUNT, 0x1_0000),
+            (COUNT, -1),
+            (FLAG_BYTE, 256),
+            (FLAG_BIT, 8),
+            (CPU, 0),
+            (CPU, 5),
+            (CPU, i64::MAX),
+        ];
+        for (index, value) in wrong {
+            let count = (COUNT, Value::Int(1));
+            let mut fields = vec![area("DB"), count, number(index, value)];
+            fields.retain(|field| field.0 != index || *field != count);
+            fields.sort_by_key(|field| field.0);
+            assert_eq!(header(true, &fields), None, "{index}: {value}");
+        }
+        assert_eq!(header(true, &[area("DB")]), None, "a read has a count");
+        assert_eq!(header(true, &[area("DB"), number(COUNT, 0)]), None);
+        assert_eq!(header(true, &[number(COUNT, 1)]), None, "an area is needed");
+        assert_eq!(header(true, &[]), None);
+    }
+
+    #[test]
+    fn reactions_may_take_longer_on_slow_lines() {
+        let seconds = [
+            (300, 10),
+            (599, 10),
+            (600, 7),
+            (1_199, 7),
+            (1_200, 5),
+            (9_600, 5),
+            (38_399, 5),
+            (38_400, 3),
+            (115_200, 3),
+            (0, 20),
+        ];
+        for (baud, seconds) in seconds {
+            assert_eq!(timeout_at(baud), seconds * 1_000, "{baud}");
+        }
+    }
 }

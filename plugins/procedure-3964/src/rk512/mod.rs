@@ -2,6 +2,7 @@
 //! as a block of its own in the other direction.
 
 mod active;
+mod fields;
 mod header;
 mod passive;
 

@@ -1,12 +1,12 @@
 //! The partner's commands: each becomes a request to the host, whose answer
 //! becomes the reaction.
 
+use super::fields::{self, BYTES, Fields, TEXT};
 use super::header::{
     AREA, BLOCK, COUNT, CPU, FETCH, FLAG_BIT, FLAG_BYTE, FOLLOW_UP, Header, OFFSET, SEND_DB,
     SEND_DX,
 };
 use super::{HEADER, LARGEST_DATA, Rk512, SHORT_HEADER};
-use crate::block::Block;
 use crate::machine::{Machine, NEVER, after};
 use softplug_plugin::{Context, Failure, Values};
 
@@ -22,15 +22,7 @@ const LENGTH: u8 = 0x34;
 const SEQUENCE: u8 = 0x36;
 
 /// Field of a `write` request only.
-const DATA: u16 = 7;
-
-// Types of values.
-const INT: u8 = 2;
-const TEXT: u8 = 3;
-const BYTES: u8 = 4;
-
-/// Longest fields of a request.
-const FIELDS: usize = 256;
+const DATA: u8 = 7;
 
 impl Machine {
     /// A telegram came: a reaction has 00 where a command has its letter.
@@ -89,7 +81,7 @@ impl Rk512 {
         }
         let start = if first == FOLLOW_UP {
             // Until our reaction has left, it is the same follow-up once more.
-            let is_due = self.left > 0 && !(self.is_current && !self.is_next);
+            let is_due = self.left > 0 && (self.is_next || !self.is_current);
             if !is_due || command != self.asked.command() || area != self.asked.area() {
                 return Err(SEQUENCE);
             }
@@ -119,19 +111,19 @@ impl Rk512 {
         self.react(self.is_next, 0);
         self.reaction_ready = false;
         let header = self.asked;
-        let mut fields = Block::<FIELDS>::new();
-        record(&mut fields, AREA, TEXT, header.area_name().unwrap_or_default().as_bytes());
+        let mut fields = Fields::new();
+        fields::put(&mut fields, AREA, TEXT, header.area_name().unwrap_or_default().as_bytes());
         let [.., block, _, _, _, flag, cpu_bit] = header.0;
         let count = u32::from(self.piece) / header.unit();
         // A coordination flag and a CPU that are all ones are none.
-        number(&mut fields, BLOCK, block.into(), u32::MAX);
-        number(&mut fields, OFFSET, self.offset, u32::MAX);
-        number(&mut fields, COUNT, count, u32::MAX);
-        number(&mut fields, FLAG_BYTE, flag.into(), 0xFF);
-        number(&mut fields, FLAG_BIT, (cpu_bit & 0x0F).into(), 0x0F);
-        number(&mut fields, CPU, (cpu_bit >> 4).into(), 0x0F);
+        fields::put_number(&mut fields, BLOCK, block.into(), u32::MAX);
+        fields::put_number(&mut fields, OFFSET, self.offset, u32::MAX);
+        fields::put_number(&mut fields, COUNT, count, u32::MAX);
+        fields::put_number(&mut fields, FLAG_BYTE, flag.into(), 0xFF);
+        fields::put_number(&mut fields, FLAG_BIT, (cpu_bit & 0x0F).into(), 0x0F);
+        fields::put_number(&mut fields, CPU, (cpu_bit >> 4).into(), 0x0F);
         if !header.is_read() {
-            record(&mut fields, DATA, BYTES, data);
+            fields::put(&mut fields, DATA, BYTES, data);
         }
         let kind = u16::from(header.is_read());
         link.request(self.last_request, kind, Values::new(fields.as_slice()));
@@ -182,21 +174,6 @@ impl Rk512 {
 
     pub(crate) fn reaction_ended(&mut self) {
         self.reaction_ready = false;
-    }
-}
-
-/// Appends a value record, as the ABI has it. The one of the SDK knows all types
-/// and costs four times the code.
-#[inline(never)]
-fn record(fields: &mut Block<FIELDS>, index: u16, kind: u8, payload: &[u8]) {
-    fields.extend(&[index as u8, 0, kind, 0, payload.len() as u8, 0]);
-    fields.extend(payload);
-}
-
-#[inline(never)]
-fn number(fields: &mut Block<FIELDS>, index: u16, number: u32, none: u32) {
-    if number != none {
-        record(fields, index, INT, &i64::from(number).to_le_bytes());
     }
 }
 
