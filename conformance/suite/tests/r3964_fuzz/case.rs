@@ -64,6 +64,7 @@ impl Case {
         let mut priority = Priority::None;
         if subject == Subject::Simplified {
             options.handshake = random.one_in(4, false, true);
+            options.doubling = random.one_in(4, false, true);
             options.setup_attempts = random.pick(&[1, 3]);
         } else {
             options.setup_attempts = random.pick(&[1, 2, 3, 6]);
@@ -84,8 +85,18 @@ impl Case {
         let is_plain = random.one_in(3, true, false);
         let span = random.pick(&[1, 500_000, 5_000_000]);
         let size = options.block_size;
-        let jobs = random.blocks(size, span, is_plain);
-        let blocks = random.blocks(size, span, is_plain);
+        let mut jobs = random.blocks(size, span, is_plain);
+        let mut blocks = random.blocks(size, span, is_plain);
+        if !options.doubling {
+            // What cannot be sent then.
+            for (_, data) in jobs.iter_mut().chain(&mut blocks) {
+                for place in 1..data.len() {
+                    if data[place - 1..=place] == [0x10, 0x03] {
+                        data[place] = 0x04;
+                    }
+                }
+            }
+        }
         // A third of the runs on a sound line with a sound partner.
         let trouble = random.pick(&[0, 0, 1, 2, 3, 3]);
         if trouble & 1 != 0 {
@@ -116,7 +127,9 @@ impl Case {
         let is_good = self.options.faults.plan.is_empty()
             && self.aborts.is_empty()
             && self.put_away_after == Micros::ZERO;
-        is_still && is_good && self.is_settled()
+        let mut all = self.jobs.iter().chain(&self.blocks);
+        let is_short = all.all(|(_, data)| data.len() <= self.options.block_size);
+        is_still && is_good && is_short && self.is_settled()
     }
 
     /// Whether both know who gives way, and begin when the NAKs of the start have
@@ -217,9 +230,10 @@ impl Random {
         times
     }
 
-    pub(crate) fn data(&mut self, most: usize, is_plain: bool) -> Vec<u8> {
-        let most = self.pick(&[3, 20, most]).min(most) as u64;
-        let length = self.below(most + 1);
+    pub(crate) fn data(&mut self, longest: usize, is_plain: bool) -> Vec<u8> {
+        let most = self.pick(&[3, 20, longest]).min(longest) as u64;
+        // Now and then longer than a block may be.
+        let length = self.below(most + 1) + self.one_in(20, longest as u64, 0);
         if is_plain {
             return self.plain(length.max(1));
         }

@@ -105,8 +105,11 @@ pub(crate) struct Direction<'a> {
     pub(crate) options: &'a Options,
     /// How many things went wrong in the run.
     pub(crate) disturbances: usize,
+    /// How long after its job has ended a block may arrive.
+    pub(crate) reach: Micros,
     /// Without a rule for conflicts, repeated STXs can become data on the
-    /// soundest line.
+    /// soundest line; and without handshake an aborted block and the next one
+    /// run together.
     pub(crate) is_ambiguous: bool,
     /// How late a port may give what arrived.
     pub(crate) latency: Micros,
@@ -149,15 +152,16 @@ impl Direction<'_> {
         Ok(tally)
     }
 
-    /// The job whose block this is: the one under way, or the one before if the
-    /// line delays. Of several at one instant, with the same data, the first that
+    /// The job whose block this is: the one under way, or one before if the port
+    /// is deep or the line delays. Of several at one instant, with the same data, the first that
     /// has not arrived.
     fn job_of(&self, at: Micros, data: &[u8], deliveries: &[usize]) -> Option<usize> {
         let jobs = &self.sender.jobs;
         let begun = jobs.iter().rposition(|job| job.begun <= at)?;
         let is_of = |place: &usize| jobs[*place].data == data;
         let is_under_way = |place: &usize| is_of(place) && jobs[*place].ended >= at;
-        let is_last = |place: &usize| is_of(place) && *place + 1 >= begun;
+        let is_recent = |place: &usize| jobs[*place].ended + self.reach >= at;
+        let is_last = |place: &usize| is_of(place) && (*place + 1 >= begun || is_recent(place));
         let is_new = |place: &usize| deliveries[*place] == 0;
         let places = || 0..=begun;
         places()

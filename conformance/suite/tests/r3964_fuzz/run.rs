@@ -178,7 +178,8 @@ fn play(case: &Case, pair: &mut Played) -> Result<Tally, String> {
     let near = Side::of_plugin(&pair.a);
     let faults = pair.b.inner.report().faults.len();
     let tally = judge(case, &near, &pair.b, faults)?;
-    if case.is_plain {
+    // What an aborted job left in a deep port goes out in the time of another.
+    if case.is_plain && case.aborts.is_empty() {
         count_tries(case, &near, &pair.b)?;
     }
 
@@ -288,6 +289,10 @@ fn judge(case: &Case, near: &Side, noisy: &Noisy<Station>, faults: usize) -> Res
     let far = Side::of_station(&noisy.inner);
     let disturbances = noisy.disturbances.len() + faults;
     let (options, latency) = (&case.options, case.latency);
+    let in_port = options.line.characters(20) + Micros::from_millis(1);
+    let reach = in_port + latency + case.noise.longest_delay;
+    let runs_together = !options.handshake && !case.aborts.is_empty();
+    let is_ambiguous = !case.is_settled() || runs_together;
     let out = Direction {
         sender: near,
         receiver: &far,
@@ -295,7 +300,8 @@ fn judge(case: &Case, near: &Side, noisy: &Noisy<Station>, faults: usize) -> Res
         to_receiver: &noisy.to_inner,
         options,
         disturbances,
-        is_ambiguous: !case.is_settled(),
+        reach,
+        is_ambiguous,
         latency,
     };
     let back = Direction {
@@ -305,7 +311,8 @@ fn judge(case: &Case, near: &Side, noisy: &Noisy<Station>, faults: usize) -> Res
         to_receiver: &noisy.to_outer,
         options,
         disturbances,
-        is_ambiguous: !case.is_settled(),
+        reach,
+        is_ambiguous,
         latency,
     };
     let mut tally = out.judge().map_err(|why| format!("from the subject: {why}"))?;

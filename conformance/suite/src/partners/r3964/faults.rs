@@ -43,7 +43,8 @@ pub enum Fault {
     /// wrong character behind the last DLE.
     WrongCheck,
     /// A DLE that is followed by neither DLE nor ETX, after so many characters
-    /// of our block; the check character counts it.
+    /// of our block; the check character counts it. Not without doubling, where
+    /// it would be data.
     LoneDle(u32),
     /// A gap of so long after so many characters of our block.
     Gap(u32, Micros),

@@ -265,7 +265,7 @@ mod tests {
         let (without, disturbances) = carried(Parity::None, noise);
         assert_eq!(disturbances, 1_000);
         assert!(without.iter().all(|arrival| {
-            matches!(arrival.signal, Signal::Character(byte) if (byte ^ 0x55).count_ones() == 1)
+            matches!(arrival.signal, Signal::Character(byte) if (byte ^ 0x55).is_power_of_two())
         }));
     }
 

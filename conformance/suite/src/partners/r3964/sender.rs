@@ -97,7 +97,7 @@ impl Station {
                     before.count() % 2 == 0 && ![DLE, ETX].contains(&block[*place])
                 };
                 let place = (after as usize..end).find(is_alone);
-                if let Some(place) = place {
+                if let Some(place) = place.filter(|_| self.options.doubling) {
                     block.insert(place, DLE);
                     if self.options.bcc
                         && let Some(check) = block.last_mut()
