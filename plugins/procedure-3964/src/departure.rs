@@ -37,6 +37,11 @@ impl Departure {
         self.stage = Stage::None;
     }
 
+    /// Whether the byte has not left for certain.
+    pub(crate) fn is_watching(&self) -> bool {
+        self.stage != Stage::None
+    }
+
     /// What comes now cannot be an answer to the byte.
     pub(crate) fn is_pending(&self) -> bool {
         matches!(self.stage, Stage::Wanted | Stage::Marked)

@@ -296,7 +296,9 @@ impl Machine {
                 };
                 self.wait(link, qvz);
             }
-            (Phase::Receiving, Some(MarkState::SurelyLeft)) => self.wait(link, self.options.zvz),
+            (Phase::Receiving | Phase::Idle, Some(MarkState::SurelyLeft)) => {
+                self.wait(link, self.options.zvz);
+            }
             (Phase::RepetitionWait, Some(MarkState::SurelyLeft)) => {
                 self.wait(link, self.options.bwz);
             }

@@ -114,6 +114,11 @@ impl Machine {
             }
             if is_on_line || (self.job.sent > 0 && self.phase == Phase::Idle) {
                 put(link, NAK);
+                if is_on_line && !self.options.handshake {
+                    // The partner does not answer STX, and takes one for data while
+                    // it is still in the block.
+                    self.departure.watch();
+                }
             }
             self.fail_job(link, ABORTED);
         }
@@ -158,7 +163,8 @@ impl Machine {
 
     /// Begins what may be sent, if the line is idle.
     pub(crate) fn begin_block(&mut self, link: &mut Context<'_>) {
-        if self.phase != Phase::Idle {
+        let is_quiet = self.deadline == NEVER && !self.departure.is_watching();
+        if self.phase != Phase::Idle || !is_quiet {
             return;
         }
         if self.rk512.reaction_ready {
