@@ -29,11 +29,7 @@ impl Requests {
         let Some(name) = wanted(settings, title.comment()) else { return };
         let Ok(text) = core::str::from_utf8(name) else { return };
         if self.open == MOST_OPEN {
-            link.note(
-                NoteLevel::Warning,
-                0,
-                "too many requests are unanswered; this one is dropped",
-            );
+            link.note(NoteLevel::Warning, 0, "too many requests are unanswered");
             return;
         }
         let mut buffer = [0; FIELDS];

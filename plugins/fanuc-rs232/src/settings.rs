@@ -70,10 +70,10 @@ choice! {
 settings! {
     /// The settings of FANUC RS-232.
     pub struct Settings {
-        mode: Mode = "reader", "Reader/punch interface, or remote buffer with protocol A or B.";
+        mode: Mode = "reader", "Reader/punch interface, or remote buffer A or B.";
         code: SendCode = "iso", "Code that we send.";
         receive_code: ReceiveCode = "auto", "Code of what comes; auto: by its first EOB.";
-        parity: ParityMode = "uart", "ISO's even parity: by the port, by us on an 8-bit line, or none.";
+        parity: ParityMode = "uart", "ISO's even parity: by the port, by us, or none.";
         plain_codes: bool = false, "DC1 to DC4 come without parity; in EIA 13 stops us too.";
         eob: Eob = "lf", "EOB sent in ISO.";
         line_end: LineEnd = "lf", "Line ends delivered.";
@@ -89,7 +89,7 @@ settings! {
         ascii: bool = false, "ISO: all printable ASCII may be sent.";
         eia_codes: Bytes<32> = "", "Pairs: a character, its EIA code.";
         percent: bool = true, "Add a % that lacks.";
-        block_numbers: BlockNumbers = "keep", "N numbers as they are, left out, or new.";
+        block_numbers: BlockNumbers = "keep", "N numbers kept, left out, or new.";
         number_step: i64 = 10 in 1..=1000 "", "First new number and step.";
         dc1_timeout: i64 = 0 in 0..=86400000 "ms", "No DC1 for so long fails the job; 0: never.";
         held_timeout: i64 = 0 in 0..=86400000 "ms", "DC3 for so long fails the job; 0: never.";
@@ -97,17 +97,17 @@ settings! {
         watch_dsr: bool = false, "DSR off ends a transfer.";
         output_flow: OutputFlow = "dc3", "What holds the control's output.";
         resume_code: ResumeCode = "dc1", "What resumes it after our DC3.";
-        need_dc2: bool = true, "Capture after DC2 only; off: from a first % too.";
+        need_dc2: bool = true, "Capture after DC2 only, not from a % on.";
         answer_dc2: bool = false, "Answer DC2 with DC1.";
         end_quiet: i64 = 500 in 1..=600000 "ms", "Silence after the second % that ends a capture.";
-        after_dc4: i64 = 200 in 0..=60000 "ms", "Wait for SYN or NAK after DC4.";
+        after_dc4: i64 = 200 in 0..=60000 "ms", "SYN or NAK may follow DC4 so long.";
         quiet_time: i64 = 10000 in 0..=600000 "ms", "Silence that fails a capture; 0: never.";
         programs: Programs = "keep", "Several programs: one delivery, or one each.";
-        on_line_error: OnLineError = "fail", "A damaged character fails the capture, or is kept.";
-        request_program: i64 = 9999 in 0..=99999999 "", "Program number of a request from the panel.";
+        on_line_error: OnLineError = "fail", "Damaged characters fail a capture, or not.";
+        request_program: i64 = 9999 in 0..=99999999 "", "Program number of a panel's request.";
         request_pattern: Text<32> = "(SEND *)", "Its comment, * the name; empty: no requests.";
-        poll_time: i64 = 5000 in 100..=60000 "ms", "Remote buffer: Tp.";
-        packet_size: i64 = 1024 in 16..=1024 "bytes", "Remote buffer: data of a DAT.";
+        poll_time: i64 = 5000 in 100..=60000 "ms", "Remote buffer: silence that is an error (Tp).";
+        packet_size: i64 = 1024 in 16..=1024 "bytes", "Remote buffer: most data in a DAT.";
         packet_end: PacketEnd = "cr", "Remote buffer: end code.";
     }
 }
@@ -116,7 +116,7 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
     head: concat!(
         r#""abi":"1.0","name":"fanuc-rs232","version":""#, env!("CARGO_PKG_VERSION"),
         r#"","licence":""#, env!("CARGO_PKG_LICENSE"),
-        r#"","protocol":"FANUC RS-232","description":"Reader/punch interface and remote buffer of FANUC-style controls.""#,
+        r#"","protocol":"FANUC RS-232","description":"Reader/punch interface and remote buffer.""#,
     ),
     settings: Settings,
     tail: concat!(
@@ -142,13 +142,13 @@ impl Settings {
     pub(crate) fn check(&self) -> Result<(), &'static str> {
         let is_paired = |pairs: &[u8]| pairs.len().is_multiple_of(2);
         if !is_paired(self.replace.as_slice()) || !is_paired(self.eia_codes.as_slice()) {
-            return Err("replace and eia_codes are pairs; give an even number of bytes");
+            return Err("replace and eia_codes need pairs of bytes");
         }
         if self.mode == Mode::RemoteA && self.code == SendCode::Eia {
-            return Err("packets of the remote buffer are ISO; set code to iso");
+            return Err("remote-a needs ISO; set code to iso");
         }
         if self.mode == Mode::RemoteA && self.packet_end == PacketEnd::Cr && self.eob != Eob::Lf {
-            return Err("eob has the CR that ends a packet; set eob to lf or packet_end to etx");
+            return Err("packets end with CR; set eob to lf or packet_end to etx");
         }
         let pattern = self.request_pattern.as_str();
         if !pattern.is_empty() && pattern.bytes().filter(|byte| *byte == b'*').count() != 1 {
