@@ -428,83 +428,130 @@ impl<'a> Event<'a> {
     /// Reads an event of `kind` from its payload. Value records inside are not
     /// looked at yet.
     pub fn decode(kind: EventKind, payload: &'a [u8]) -> Result<Self, MalformedReason> {
-        let mut r = Reader::new(payload);
-        let event = Self::read(kind, &mut r);
-        r.end()?;
-        Ok(event)
+        Self::decode_for(kind, payload, Itself)
     }
 
-    fn read(kind: EventKind, r: &mut Reader<'a>) -> Self {
+    /// Reads an event and gives it to `taker`, if it is well formed.
+    #[inline]
+    pub fn decode_for<T: TakeEvent<'a>>(
+        kind: EventKind,
+        payload: &'a [u8],
+        taker: T,
+    ) -> Result<T::Taken, MalformedReason> {
+        Self::read(kind, &mut Reader::new(payload), taker)
+    }
+
+    #[inline(always)]
+    fn read<T: TakeEvent<'a>>(
+        kind: EventKind,
+        r: &mut Reader<'a>,
+        taker: T,
+    ) -> Result<T::Taken, MalformedReason> {
+        // In one place for all: a fault ends at the bottom.
+        macro_rules! give {
+            ($event:expr) => {{
+                let event = $event;
+                if r.is_sound() {
+                    return Ok(taker.take(event));
+                }
+            }};
+        }
         match kind {
             EventKind::Settings => {
                 let flags = r.u8();
                 r.require("flags", flags <= 0b11);
                 let values = Values::new(r.rest());
-                Self::Settings { first: flags & 1 != 0, last: flags & 2 != 0, values }
+                give!(Self::Settings { first: flags & 1 != 0, last: flags & 2 != 0, values });
             }
-            EventKind::Open => Self::Open {
-                resumed: r.flag(),
-                line: line_parameters(r),
-                transmit_room: r.u32(),
-                delivery_room: r.u32(),
-            },
-            EventKind::Close => Self::Close,
-            EventKind::Received => Self::Received(r.rest_not_empty()),
+            EventKind::Open => {
+                give!(Self::Open {
+                    resumed: r.flag(),
+                    line: line_parameters(r),
+                    transmit_room: r.u32(),
+                    delivery_room: r.u32(),
+                });
+            }
+            EventKind::Close => give!(Self::Close),
+            EventKind::Received => give!(Self::Received(r.rest_not_empty())),
             EventKind::LineError => {
                 let kind = LineErrorKind::from_code(r.u8());
                 let kind = r.known("kind", kind, LineErrorKind::Parity);
                 let (has_byte, byte) = (r.flag(), r.u8());
                 r.require("byte", has_byte || byte == 0);
                 r.zeros(1);
-                Self::LineError { kind, byte: has_byte.then_some(byte), span: r.u32() }
+                give!(Self::LineError { kind, byte: has_byte.then_some(byte), span: r.u32() });
             }
             EventKind::ModemLines => {
                 let (known, on) = (ModemLines(r.u8()), ModemLines(r.u8()));
                 r.require("lines", ModemLines::ALL.contains(known) && known.contains(on));
-                Self::ModemLines { known, on }
+                give!(Self::ModemLines { known, on });
             }
             EventKind::LinkDown => {
                 let reason = LinkDownReason::from_code(r.u8());
-                Self::LinkDown(r.known("reason", reason, LinkDownReason::Failed))
+                give!(Self::LinkDown(r.known("reason", reason, LinkDownReason::Failed)));
             }
-            EventKind::LinkUp => Self::LinkUp,
-            EventKind::Timer => Self::Timer { id: timer_id(r), deadline: Micros(r.i64()) },
+            EventKind::LinkUp => give!(Self::LinkUp),
+            EventKind::Timer => give!(Self::Timer { id: timer_id(r), deadline: Micros(r.i64()) }),
             EventKind::Mark => {
                 let (mark, state) = (r.non_zero("mark"), MarkState::from_code(r.u8()));
-                Self::Mark { mark, state: r.known("state", state, MarkState::Dropped) }
+                give!(Self::Mark { mark, state: r.known("state", state, MarkState::Dropped) });
             }
-            EventKind::TransmitRoom => Self::TransmitRoom { grown: r.u32() },
-            EventKind::Discarded => Self::Discarded { bytes: r.u32() },
-            EventKind::DeliveryRoom => Self::DeliveryRoom { grown: r.u32() },
+            EventKind::TransmitRoom => give!(Self::TransmitRoom { grown: r.u32() }),
+            EventKind::Discarded => give!(Self::Discarded { bytes: r.u32() }),
+            EventKind::DeliveryRoom => give!(Self::DeliveryRoom { grown: r.u32() }),
             EventKind::JobBegin => {
                 let (job, kind) = (r.non_zero("job"), r.u16());
                 let pass = if r.flag() { Pass::Check } else { Pass::Run };
                 let (has_size, size) = (r.flag(), r.u64());
                 r.require("size", has_size || size == 0);
                 let fields = Values::new(r.rest());
-                Self::JobBegin { job, kind, pass, size: has_size.then_some(size), fields }
+                give!(Self::JobBegin { job, kind, pass, size: has_size.then_some(size), fields });
             }
             EventKind::JobData => {
-                Self::JobData { job: r.non_zero("job"), bytes: r.rest_not_empty() }
+                give!(Self::JobData { job: r.non_zero("job"), bytes: r.rest_not_empty() });
             }
-            EventKind::JobEnd => Self::JobEnd { job: r.non_zero("job") },
-            EventKind::Pause => Self::Pause { job: r.non_zero("job") },
-            EventKind::Resume => Self::Resume { job: r.non_zero("job") },
-            EventKind::Abort => Self::Abort { job: r.u32() },
-            EventKind::ForceResume => Self::ForceResume,
+            EventKind::JobEnd => give!(Self::JobEnd { job: r.non_zero("job") }),
+            EventKind::Pause => give!(Self::Pause { job: r.non_zero("job") }),
+            EventKind::Resume => give!(Self::Resume { job: r.non_zero("job") }),
+            EventKind::Abort => give!(Self::Abort { job: r.u32() }),
+            EventKind::ForceResume => give!(Self::ForceResume),
             EventKind::Answer => {
                 let (request, refused) = (r.non_zero("request"), failure(r, "refused"));
                 let more = r.flag();
                 r.zeros(1);
-                Self::Answer { request, refused, more, bytes: r.rest() }
+                give!(Self::Answer { request, refused, more, bytes: r.rest() });
             }
-            EventKind::Save => Self::Save,
+            EventKind::Save => give!(Self::Save),
             EventKind::Restore => {
                 let (format, offset, total, bytes) = state_piece(r);
-                Self::Restore { format, offset, total, bytes }
+                give!(Self::Restore { format, offset, total, bytes });
             }
-            EventKind::Continue => Self::Continue,
+            EventKind::Continue => give!(Self::Continue),
         }
+        Err(r.reason())
+    }
+}
+
+/// Takes an event that was decoded.
+///
+/// In a plug-in [`take`](Self::take) is inlined once for each kind of event, where nothing
+/// but that kind's part of it is left: the event itself is never put together.
+pub trait TakeEvent<'a> {
+    /// What comes of it.
+    type Taken;
+
+    /// Takes the event.
+    fn take(self, event: Event<'a>) -> Self::Taken;
+}
+
+/// Takes the event as it is.
+struct Itself;
+
+impl<'a> TakeEvent<'a> for Itself {
+    type Taken = Event<'a>;
+
+    fn take(self, event: Event<'a>) -> Event<'a> {
+        event
     }
 }
 

@@ -40,7 +40,7 @@ pub mod wire;
 pub use action::{Action, ActionWriter, Actions, NoteLevel};
 pub use event::{
     Event, EventKind, LineErrorKind, LineParameters, LinkDownReason, MarkState, ModemLines, Parity,
-    Pass,
+    Pass, TakeEvent,
 };
 pub use failure::{Failure, Refusal};
 pub use instance::{Instance, Output};

@@ -211,12 +211,20 @@ impl<'a> Reader<'a> {
     }
 
     /// Succeeds if all was there, in range, and nothing is left.
+    #[inline]
     pub fn end(&self) -> Result<(), MalformedReason> {
-        match self.fault {
-            Some(fault) => Err(fault),
-            None if self.rest.is_empty() => Ok(()),
-            None => Err(MalformedReason::TrailingBytes),
-        }
+        if self.is_sound() { Ok(()) } else { Err(self.reason()) }
+    }
+
+    #[inline(never)]
+    pub(crate) fn is_sound(&self) -> bool {
+        self.fault.is_none() && self.rest.is_empty()
+    }
+
+    #[cold]
+    #[inline(never)]
+    pub(crate) fn reason(&self) -> MalformedReason {
+        self.fault.unwrap_or(MalformedReason::TrailingBytes)
     }
 }
 

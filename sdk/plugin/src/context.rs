@@ -32,6 +32,18 @@ impl<'a> Context<'a> {
         Self { writer: ActionWriter::new(output), now, rooms, again: false }
     }
 
+    pub(crate) fn set_rooms(&mut self, transmit: u32, delivery: u32) {
+        *self.rooms = Rooms { transmit, delivery };
+    }
+
+    pub(crate) fn grow_transmit_room(&mut self, grown: u32) {
+        self.rooms.transmit = self.rooms.transmit.saturating_add(grown);
+    }
+
+    pub(crate) fn grow_delivery_room(&mut self, grown: u32) {
+        self.rooms.delivery = self.rooms.delivery.saturating_add(grown);
+    }
+
     /// Length of the output, and whether there is more to come.
     #[inline]
     pub(crate) fn finish(self) -> (usize, bool) {

@@ -5,7 +5,7 @@ use crate::state::{StateReader, emit, measure};
 use crate::{Converter, JobStart, Opening, SettingSet};
 use softplug_abi::limits::STATE_BYTES;
 use softplug_abi::wire::copy;
-use softplug_abi::{Event, EventKind, Micros, Refusal};
+use softplug_abi::{Event, EventKind, Micros, Refusal, TakeEvent};
 
 /// Largest state in bytes that this machine can restore.
 pub(crate) const STATE_CAPACITY: usize = 4_096;
@@ -26,25 +26,13 @@ enum Slot<T> {
 /// A converter with all that it needs between two events.
 #[derive(Debug)]
 pub(crate) struct Machine<C: Converter> {
-    converter: Slot<C>,
-    settings: Slot<C::Settings>,
-    next_setting: u16,
+    core: Core<C>,
     rooms: Rooms,
-    /// Where the next piece of a save begins.
-    saving: Option<usize>,
-    restored_length: usize,
 }
 
 impl<C: Converter> Machine<C> {
     pub(crate) const fn new() -> Self {
-        Self {
-            converter: Slot::Empty,
-            settings: Slot::Empty,
-            next_setting: 0,
-            rooms: Rooms { transmit: 0, delivery: 0 },
-            saving: None,
-            restored_length: 0,
-        }
+        Self { core: Core::new(), rooms: Rooms { transmit: 0, delivery: 0 } }
     }
 
     /// One event. `code` and `payload` are what the host gave; `state` gathers
@@ -60,52 +48,54 @@ impl<C: Converter> Machine<C> {
     ) -> Stepped {
         let kind = u16::try_from(code).ok().and_then(EventKind::from_code);
         let kind = kind.ok_or((Refusal::UnknownEvent, ""))?;
+        let core = &mut self.core;
+        if kind != EventKind::Continue {
+            core.saving = None;
+        }
+        let mut link = Context::new(output, now, &mut self.rooms);
         if kind == EventKind::Received
             && !payload.is_empty()
-            && let Slot::Full(converter) = &mut self.converter
+            && let Slot::Full(converter) = &mut core.converter
         {
             // By far the most events, and there is nothing to decode in them.
-            self.saving = None;
-            let mut link = Context::new(output, now, &mut self.rooms);
             converter.received(&mut link, payload);
             return Ok(link.finish());
         }
-        let event = Event::decode(kind, payload).map_err(|_| (Refusal::MalformedEvent, ""))?;
-        match event {
-            Event::Settings { first, last, values } => {
-                let taken = self.settings(first, last, values);
-                if taken.is_err() {
-                    self.settings = Slot::Empty;
-                }
-                return taken.map(|()| (0, false));
-            }
-            Event::Open { resumed: false, .. } => {
-                self.converter = Slot::Full(self.fresh()?);
-            }
-            Event::Restore { format, offset, total, bytes } => {
-                return self.restore(format, offset, total, bytes, state).map(|()| (0, false));
-            }
-            Event::Save => self.saving = Some(0),
-            Event::Continue => {}
-            _ => self.saving = None,
-        }
-        self.grow_rooms(&event);
-        let Slot::Full(converter) = &mut self.converter else {
-            return Err((Refusal::MalformedEvent, "the link is not open"));
-        };
-        let mut link = Context::new(output, now, &mut self.rooms);
-        if let Some(offset) = self.saving {
+        let taker = Step { core, link: &mut link, state };
+        let taken = Event::decode_for(kind, payload, taker);
+        taken.map_err(|_| (Refusal::MalformedEvent, ""))??;
+        if let Some(offset) = core.saving
+            && let Slot::Full(converter) = &core.converter
+        {
             let more = save(converter, &mut link, offset);
-            self.saving = more;
+            core.saving = more;
             let (length, _) = link.finish();
             return Ok((length, more.is_some()));
         }
-        handle(converter, &mut link, &event);
-        let finished = link.finish();
-        if matches!(event, Event::Close) {
-            self.converter = Slot::Empty;
+        Ok(link.finish())
+    }
+}
+
+/// Settings and converter.
+#[derive(Debug)]
+struct Core<C: Converter> {
+    converter: Slot<C>,
+    settings: Slot<C::Settings>,
+    next_setting: u16,
+    /// Where the next piece of a save begins.
+    saving: Option<usize>,
+    restored_length: usize,
+}
+
+impl<C: Converter> Core<C> {
+    const fn new() -> Self {
+        Self {
+            converter: Slot::Empty,
+            settings: Slot::Empty,
+            next_setting: 0,
+            saving: None,
+            restored_length: 0,
         }
-        Ok(finished)
     }
 
     fn settings(
@@ -186,22 +176,6 @@ impl<C: Converter> Machine<C> {
         self.converter = Slot::Full(converter);
         Ok(())
     }
-
-    fn grow_rooms(&mut self, event: &Event<'_>) {
-        let rooms = &mut self.rooms;
-        match event {
-            Event::Open { transmit_room, delivery_room, .. } => {
-                *rooms = Rooms { transmit: *transmit_room, delivery: *delivery_room };
-            }
-            Event::TransmitRoom { grown } | Event::Discarded { bytes: grown } => {
-                rooms.transmit = rooms.transmit.saturating_add(*grown);
-            }
-            Event::DeliveryRoom { grown } => {
-                rooms.delivery = rooms.delivery.saturating_add(*grown);
-            }
-            _ => {}
-        }
-    }
 }
 
 /// Writes pieces from `offset` on; returns where the next ones begin.
@@ -212,36 +186,82 @@ fn save<C: Converter>(converter: &C, link: &mut Context<'_>, offset: usize) -> O
     (next < total).then_some(next)
 }
 
-fn handle<C: Converter>(converter: &mut C, link: &mut Context<'_>, event: &Event<'_>) {
-    match *event {
-        Event::Open { resumed, line, delivery_room, .. } => {
-            converter.opened(link, &Opening { resumed, line, delivery_room });
+/// Gives one event to the converter.
+struct Step<'m, 'l, C: Converter> {
+    core: &'m mut Core<C>,
+    link: &'m mut Context<'l>,
+    state: &'m mut [u8],
+}
+
+impl<'a, C: Converter> TakeEvent<'a> for Step<'_, '_, C> {
+    type Taken = Result<(), (Refusal, &'static str)>;
+
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
+    fn take(self, event: Event<'a>) -> Self::Taken {
+        let Self { core, link, state } = self;
+        match event {
+            Event::Settings { first, last, values } => {
+                let taken = core.settings(first, last, values);
+                if taken.is_err() {
+                    core.settings = Slot::Empty;
+                }
+                return taken;
+            }
+            Event::Restore { format, offset, total, bytes } => {
+                return core.restore(format, offset, total, bytes, state);
+            }
+            Event::Open { resumed: false, .. } => core.converter = Slot::Full(core.fresh()?),
+            _ => {}
         }
-        Event::Close => converter.closed(link),
-        Event::Received(bytes) => converter.received(link, bytes),
-        Event::LineError { kind, byte, span } => converter.line_error(link, kind, byte, span),
-        Event::ModemLines { known, on } => converter.modem_lines(link, known, on),
-        Event::LinkDown(reason) => converter.link_down(link, reason),
-        Event::LinkUp => converter.link_up(link),
-        Event::Timer { id, deadline } => converter.timer(link, id, deadline),
-        Event::Mark { mark, state } => converter.mark(link, mark, state),
-        Event::TransmitRoom { .. } => converter.transmit_room(link),
-        Event::Discarded { bytes } => converter.discarded(link, bytes),
-        Event::DeliveryRoom { .. } => converter.delivery_room(link),
-        Event::JobBegin { job, kind, pass, size, ref fields } => {
-            let fields = fields.clone();
-            converter.job_begin(link, JobStart { job, kind, pass, size, fields });
+        let Slot::Full(converter) = &mut core.converter else {
+            return Err((Refusal::MalformedEvent, "the link is not open"));
+        };
+        match event {
+            Event::Open { resumed, line, transmit_room, delivery_room } => {
+                link.set_rooms(transmit_room, delivery_room);
+                converter.opened(link, &Opening { resumed, line, delivery_room });
+            }
+            Event::Close => {
+                converter.closed(link);
+                core.converter = Slot::Empty;
+            }
+            Event::Received(bytes) => converter.received(link, bytes),
+            Event::LineError { kind, byte, span } => converter.line_error(link, kind, byte, span),
+            Event::ModemLines { known, on } => converter.modem_lines(link, known, on),
+            Event::LinkDown(reason) => converter.link_down(link, reason),
+            Event::LinkUp => converter.link_up(link),
+            Event::Timer { id, deadline } => converter.timer(link, id, deadline),
+            Event::Mark { mark, state } => converter.mark(link, mark, state),
+            Event::TransmitRoom { grown } => {
+                link.grow_transmit_room(grown);
+                converter.transmit_room(link);
+            }
+            Event::Discarded { bytes } => {
+                link.grow_transmit_room(bytes);
+                converter.discarded(link, bytes);
+            }
+            Event::DeliveryRoom { grown } => {
+                link.grow_delivery_room(grown);
+                converter.delivery_room(link);
+            }
+            Event::JobBegin { job, kind, pass, size, fields } => {
+                converter.job_begin(link, JobStart { job, kind, pass, size, fields });
+            }
+            Event::JobData { job, bytes } => converter.job_data(link, job, bytes),
+            Event::JobEnd { job } => converter.job_end(link, job),
+            Event::Pause { job } => converter.pause(link, job),
+            Event::Resume { job } => converter.resume(link, job),
+            Event::Abort { job } => converter.abort(link, job),
+            Event::ForceResume => converter.force_resume(link),
+            Event::Answer { request, refused, more, bytes } => {
+                converter.answer(link, request, refused.map_or(Ok(bytes), Err), more);
+            }
+            Event::Save => core.saving = Some(0),
+            // Of a save, if one is under way: the caller writes the rest.
+            Event::Continue if core.saving.is_some() => {}
+            Event::Continue => converter.more(link),
+            Event::Settings { .. } | Event::Restore { .. } => {}
         }
-        Event::JobData { job, bytes } => converter.job_data(link, job, bytes),
-        Event::JobEnd { job } => converter.job_end(link, job),
-        Event::Pause { job } => converter.pause(link, job),
-        Event::Resume { job } => converter.resume(link, job),
-        Event::Abort { job } => converter.abort(link, job),
-        Event::ForceResume => converter.force_resume(link),
-        Event::Answer { request, refused, more, bytes } => {
-            converter.answer(link, request, refused.map_or(Ok(bytes), Err), more);
-        }
-        Event::Continue => converter.more(link),
-        Event::Settings { .. } | Event::Save | Event::Restore { .. } => {}
+        Ok(())
     }
 }
