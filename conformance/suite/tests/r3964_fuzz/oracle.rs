@@ -108,8 +108,7 @@ pub(crate) struct Direction<'a> {
     /// How long after its job has ended a block may arrive.
     pub(crate) reach: Micros,
     /// Without a rule for conflicts, repeated STXs can become data on the
-    /// soundest line; and without handshake an aborted block and the next one
-    /// run together.
+    /// soundest line; and so can the NAK and STX that follow an aborted block.
     pub(crate) is_ambiguous: bool,
     /// How late a port may give what arrived.
     pub(crate) latency: Micros,
@@ -134,7 +133,9 @@ impl Direction<'_> {
             }
         }
         tally.repeated = deliveries.iter().map(|count| count.saturating_sub(1)).sum();
-        if tally.repeated > self.disturbances {
+        // A DLE that is lost or late can spoil all tries of a block.
+        let most = self.disturbances * self.options.transmission_attempts as usize;
+        if tally.repeated > most {
             return Err(format!(
                 "{} blocks arrived twice where only {} things went wrong",
                 tally.repeated, self.disturbances

@@ -291,8 +291,8 @@ fn judge(case: &Case, near: &Side, noisy: &Noisy<Station>, faults: usize) -> Res
     let (options, latency) = (&case.options, case.latency);
     let in_port = options.line.characters(20) + Micros::from_millis(1);
     let reach = in_port + latency + case.noise.longest_delay;
-    let runs_together = !options.handshake && !case.aborts.is_empty();
-    let is_ambiguous = !case.is_settled() || runs_together;
+    let is_ambiguous = !case.is_settled() || !case.aborts.is_empty();
+    let disturbances = disturbances + case.aborts.len();
     let out = Direction {
         sender: near,
         receiver: &far,
