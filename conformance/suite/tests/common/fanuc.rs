@@ -10,6 +10,7 @@ use softplug_conformance::partners::fanuc::{
 use softplug_conformance::partners::xon_xoff::Received;
 use softplug_link::{Delivery, Job, LinkOptions, Observed, Recorder};
 use softplug_native::{NativeInstance, NativePlugin};
+use std::fmt::Write;
 
 /// Settings of the plug-in as a person gives them.
 pub(crate) type Settings<'a> = &'a [(&'a str, &'a str)];
@@ -156,7 +157,8 @@ pub(crate) fn program(blocks: usize) -> String {
     let mut program = "%\nO1234(PLATE 35/6, REV 2 - A+B&C)\nG90G21\n".to_owned();
     for n in 1..=blocks {
         let (x, y, z) = (n * 7 % 400, n * 13 % 1_000, n % 7);
-        program += &format!("N{n}G1X{x}.{y:03}Y-{y}.5Z+{z}.F{}\n", 100 + n % 900);
+        let f = 100 + n % 900;
+        writeln!(program, "N{n}G1X{x}.{y:03}Y-{y}.5Z+{z}.F{f}").expect("a string takes all");
     }
     program + "/M99\nHIJKLPQRSTUVW\nM30\n%\n"
 }

@@ -132,10 +132,6 @@ mod tests {
         (text, None)
     }
 
-    fn alarm(kind: AlarmKind) -> Option<Finding> {
-        Some(Finding::Alarm(kind))
-    }
-
     #[test]
     fn leader_and_label_are_skipped_and_the_closing_percent_ends() {
         let iso = Options::default();
@@ -151,12 +147,12 @@ mod tests {
         let iso = Options::default();
         for stray in b"!@$^_{}|\\;\"<>?'az\x11\x1B" {
             let tape = [b"%\nO1\nN".as_slice(), &[*stray]].concat();
-            assert_eq!(read(&iso, &tape).1, alarm(AlarmKind::Th), "{stray:#04x}");
+            assert_eq!(read(&iso, &tape).1, Some(Finding::Alarm(AlarmKind::Th)), "{stray:#04x}");
         }
         let line = eight_none_two(9_600);
         let software = Options { line, parity: Parity::Software, ..Options::default() };
         let tape = [0xA5, 0x0A, 0xCF, 0x31];
-        assert_eq!(read(&software, &tape), ("O".into(), alarm(AlarmKind::Th)));
+        assert_eq!(read(&software, &tape), ("O".into(), Some(Finding::Alarm(AlarmKind::Th))));
     }
 
     #[test]
@@ -165,9 +161,9 @@ mod tests {
         let tape = [0x00, 0x00, 0x0B, 0x80, 0x46, 0x13, 0x15, 0x7F, 0x16, 0x80, 0x0B];
         assert_eq!(read(&eia, &tape), ("O356\n".into(), Some(Finding::End)));
         let blank = [0x0B, 0x80, 0x46, 0x00];
-        assert_eq!(read(&eia, &blank), ("O".into(), alarm(AlarmKind::Th)));
+        assert_eq!(read(&eia, &blank), ("O".into(), Some(Finding::Alarm(AlarmKind::Th))));
         let even = [0x0B, 0x80, 0x46, 0x03];
-        assert_eq!(read(&eia, &even), ("O".into(), alarm(AlarmKind::Th)));
+        assert_eq!(read(&eia, &even), ("O".into(), Some(Finding::Alarm(AlarmKind::Th))));
     }
 
     #[test]
@@ -179,13 +175,13 @@ mod tests {
         let all = with(true, true);
         // The label's own count does not matter; O12 and its EOB are four.
         assert_eq!(read(&all, b"%\nO12\nM3 \nM30%").1, Some(Finding::End));
-        assert_eq!(read(&all, b"%\nO12\nM30 \n").1, alarm(AlarmKind::Tv));
+        assert_eq!(read(&all, b"%\nO12\nM30 \n").1, Some(Finding::Alarm(AlarmKind::Tv)));
         // CRs behind an LF belong to the next block.
         assert_eq!(read(&all, b"%\n\r\rO12\n\r\rM30\n%").1, Some(Finding::End));
-        assert_eq!(read(&all, b"%\r\nO12\r\n").1, alarm(AlarmKind::Tv));
+        assert_eq!(read(&all, b"%\r\nO12\r\n").1, Some(Finding::Alarm(AlarmKind::Tv)));
         assert_eq!(read(&with(false, true), b"%\r\nO12\r\n%").1, Some(Finding::End));
         assert_eq!(read(&with(true, false), b"%\nO12(A)\n%").1, Some(Finding::End));
-        assert_eq!(read(&all, b"%\nO12(A)\n%").1, alarm(AlarmKind::Tv));
+        assert_eq!(read(&all, b"%\nO12(A)\n%").1, Some(Finding::Alarm(AlarmKind::Tv)));
         // What is struck out is not there.
         assert_eq!(read(&all, b"%\nO1\x7F2\0\n%").1, Some(Finding::End));
     }
