@@ -39,8 +39,8 @@ macro_rules! profiles {
 profiles! {
     xon_xoff: "xon-xoff", "xon-xoff", 28;
     r3964: "r3964", "r3964", 120;
-    r3964_without_check: "3964", "r3964", 15;
-    r3964_simplified: "r3964-simplified", "r3964-simplified", 25;
+    r3964_without_check: "3964", "r3964", 16;
+    r3964_simplified: "r3964-simplified", "r3964-simplified", 26;
     rk512: "rk512", "r3964", 45;
     rk512_simplified: "rk512", "r3964-simplified", 45;
     fanuc_rs232: "fanuc-rs232", "fanuc-rs232", 20;
