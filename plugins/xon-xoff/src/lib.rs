@@ -98,9 +98,11 @@ impl Converter for XonXoff {
         link: &mut Context<'_>,
         kind: LineErrorKind,
         byte: Option<u8>,
-        _span: u32,
+        span: u32,
     ) {
         link.note(NoteLevel::Warning, u16::from(kind.code()), kind.text());
+        // With a span the character was given already.
+        let byte = if span == 0 { byte } else { None };
         if !self.ignores_data() {
             self.receiver.damaged(link, &self.settings, kind, byte);
             self.receiver.after_bytes(link, &self.settings, &self.codes);
