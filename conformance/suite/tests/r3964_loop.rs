@@ -22,7 +22,7 @@ const LONG: Micros = Micros::from_secs(1_000_000);
 /// A port without FIFO: what is stopped leaves no more than one character.
 fn plugin(line: LineParameters, settings: &[(&str, &str)]) -> PluginEnd {
     let options = LinkOptions { line, ..LinkOptions::default() };
-    PluginEnd::native(NativePlugin::R3964, settings, options, 1, Micros::ZERO)
+    PluginEnd::native(NativePlugin::R3964, settings, &options, 1, Micros::ZERO)
 }
 
 fn random(seed: u64) -> ChaCha8Rng {
@@ -59,8 +59,12 @@ fn two_plugins_exchange_ten_thousand_blocks_and_lose_none() {
     let (low, high) = (blocks(1, count / 2), blocks(2, count - count / 2));
     let mut one = plugin(line, &[("priority", "low")]);
     let mut other = plugin(line, &[("priority", "high")]);
-    low.iter().for_each(|(at, data)| one.send(*at, data.clone()));
-    high.iter().for_each(|(at, data)| other.send(*at, data.clone()));
+    for (at, data) in &low {
+        one.send(*at, data.clone());
+    }
+    for (at, data) in &high {
+        other.send(*at, data.clone());
+    }
     let mut pair = Pair::new(one, other);
     pair.run_until(LONG);
 

@@ -40,8 +40,12 @@ impl<A: Partner, B: Partner> Pair<A, B> {
             if to_a.is_none() && to_b.is_none() {
                 break;
             }
-            to_b.into_iter().for_each(|signal| give(&mut self.b, now, signal));
-            to_a.into_iter().for_each(|signal| give(&mut self.a, now, signal));
+            if let Some(signal) = to_b {
+                give(&mut self.b, now, signal);
+            }
+            if let Some(signal) = to_a {
+                give(&mut self.a, now, signal);
+            }
         }
         self.a.advance(now);
         self.b.advance(now);
@@ -199,7 +203,7 @@ impl PluginEnd {
     pub(crate) fn native(
         plugin: NativePlugin,
         settings: &[(&str, &str)],
-        options: LinkOptions,
+        options: &LinkOptions,
         depth: usize,
         latency: Micros,
     ) -> Self {
@@ -207,7 +211,7 @@ impl PluginEnd {
         let settings = manifest
             .resolve_settings(settings.iter().copied())
             .unwrap_or_else(|error| panic!("{error}"));
-        let options = LinkOptions { settings, ..options };
+        let options = LinkOptions { settings, ..options.clone() };
         let mut line = VirtualLine::new(plugin.instantiate(), options, depth);
         let mut host = Host::default();
         line.link.open(Micros::ZERO, &mut host).expect("it opens");

@@ -254,9 +254,6 @@ impl Random {
             if ![0x02, 0x03, 0x10, 0x15].contains(&check) {
                 return data;
             }
-            if length == 1 {
-                continue;
-            }
         }
     }
 

@@ -294,7 +294,7 @@ impl Direction<'_> {
         let is_stx = |arrival: &Arrival| arrival.signal == Signal::Character(0x02);
         let is_recent = |arrival: &&Arrival| arrival.at + self.latency >= start;
         let came = || self.to_receiver.iter().filter(before);
-        came().last().is_some_and(is_stx) || came().filter(is_recent).any(is_stx)
+        came().next_back().is_some_and(is_stx) || came().filter(is_recent).any(is_stx)
     }
 
     /// Whether this character of the receiver's is one of a block of its own.

@@ -149,7 +149,7 @@ fn with_plugin(case: &Case) -> Result<Tally, String> {
         delivery_room: case.delivery_room,
         ..LinkOptions::default()
     };
-    let mut near = PluginEnd::native(plugin, &settings, options, case.depth, case.latency);
+    let mut near = PluginEnd::native(plugin, &settings, &options, case.depth, case.latency);
     near.swap_at(case.swaps.iter().copied());
     near.abort_at(case.aborts.iter().copied());
     near.host.piece = case.piece;
@@ -373,7 +373,8 @@ fn count_tries(case: &Case, near: &Side, noisy: &Noisy<Station>) -> Result<(), S
                 arrival.signal == softplug_conformance::partners::Signal::Character(0x02)
             })
             .count();
-        let stx = own.iter().filter(|byte| **byte == 0x02).count();
+        let is_stx = |byte: &u8| *byte == 0x02;
+        let stx = own.iter().copied().filter(is_stx).count();
         let is_data = |byte: u8| byte >= 0x40;
         let is_first = |pair: &&[u8]| !is_data(pair[0]) && is_data(pair[1]);
         let begun = own.windows(2).filter(is_first).count();

@@ -129,7 +129,9 @@ fn memory() -> Memory {
         Area::Timers,
         Area::Counters,
     ];
-    areas.into_iter().for_each(|area| memory.set(area, content(area)));
+    for area in areas {
+        memory.set(area, content(area));
+    }
     memory
 }
 
@@ -337,8 +339,7 @@ fn refusals_of_the_host_become_reactions() {
 /// Nobody answers the request: it is withdrawn, and the reaction says so.
 #[test]
 fn a_silent_host_is_a_partner_in_stop() {
-    let mut options = Options::default();
-    options.reaction_timeout = Micros::from_secs(60);
+    let options = Options { reaction_timeout: Micros::from_secs(60), ..Options::default() };
     let near = plugin(options.procedure.line, &[RK512, ("priority", "low")]);
     let mut pair = Pair::new(near, Computer::new(options).expect("sound options"));
     pair.b.fetch(Micros::from_secs(1), Area::Db(5), 0, 4);
