@@ -23,15 +23,26 @@ pub(crate) enum BenchError {
     None,
 }
 
-/// A measurement that criterion does not make: an example that prints its
+/// A measurement that criterion does not make: a program that prints its
 /// figures as one JSON object.
 struct Hook {
-    example: &'static str,
-    /// The plug-in whose file it gets as its argument.
-    plugin: &'static str,
+    program: Program,
+    name: &'static str,
 }
 
-const HOOKS: &[Hook] = &[Hook { example: "resident", plugin: "xon-xoff" }];
+/// Which program.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+enum Program {
+    /// An example that gets the file of this plug-in as its argument.
+    Example { plugin: &'static str },
+    /// A benchmark that finds the plug-ins by itself.
+    Bench,
+}
+
+const HOOKS: &[Hook] = &[
+    Hook { program: Program::Bench, name: "fuel" },
+    Hook { program: Program::Example { plugin: "xon-xoff" }, name: "resident" },
+];
 
 /// A line of the table.
 #[derive(Clone, PartialEq, Debug)]
@@ -40,7 +51,16 @@ struct Row {
     /// The median in nanoseconds, if it is a time.
     median: Option<f64>,
     figure: String,
+    /// Time for each byte, where bytes are what is measured.
+    per_byte: String,
     spread: String,
+}
+
+impl Row {
+    /// A figure that is no time.
+    fn count(name: String, figure: String) -> Self {
+        Self { name, median: None, figure, per_byte: String::new(), spread: String::new() }
+    }
 }
 
 /// Where a benchmark's name ends like this, it is compared with the other.
@@ -49,9 +69,11 @@ const WASM: &str = "/wasm";
 
 /// Prints the table to standard output; all else goes to standard error.
 pub(crate) fn run(workspace: &Workspace, filter: Option<&str>) -> Result<(), Error> {
-    plugins::build(workspace, plugins::Report::Table)?;
+    let sizes = plugins::build(workspace, plugins::Report::Table)?;
     let started = SystemTime::now();
-    for (package, bench) in workspace.benches() {
+    let is_hook =
+        |bench: &str| HOOKS.iter().any(|hook| hook.program == Program::Bench && hook.name == bench);
+    for (package, bench) in workspace.benches().into_iter().filter(|(_, name)| !is_hook(name)) {
         let mut command = cargo();
         command
             .current_dir(workspace.root())
@@ -64,9 +86,13 @@ pub(crate) fn run(workspace: &Workspace, filter: Option<&str>) -> Result<(), Err
     let mut rows = measured_since(&workspace.target().join("criterion"), started)?;
     rows.extend(ratios(&rows));
     rows.sort_by(|a, b| a.name.cmp(&b.name));
-    for hook in HOOKS.iter().filter(|hook| filter.is_none_or(|part| hook.example.contains(part))) {
-        rows.extend(hook.run(workspace)?);
+    for hook in HOOKS {
+        rows.extend(hook.run(workspace)?.into_iter().filter(|row| is_wanted(row, filter)));
     }
+    let sizes = sizes.iter().map(|size| {
+        Row::count(format!("{}.wasm: size", size.name), format!("{} bytes", size.total))
+    });
+    rows.extend(sizes.filter(|row| is_wanted(row, filter)));
     if rows.is_empty() {
         return Err(BenchError::None.into());
     }
@@ -74,30 +100,49 @@ pub(crate) fn run(workspace: &Workspace, filter: Option<&str>) -> Result<(), Err
     Ok(())
 }
 
+fn is_wanted(row: &Row, filter: Option<&str>) -> bool {
+    filter.is_none_or(|part| row.name.contains(part))
+}
+
 impl Hook {
     fn run(&self, workspace: &Workspace) -> Result<Vec<Row>, Error> {
-        let Some(package) = workspace.package_of_example(self.example) else {
-            eprintln!("left out: there is no example {}", self.example);
-            return Ok(Vec::new());
-        };
         let mut command = cargo();
-        command
-            .current_dir(workspace.root())
-            .args(["run", "--quiet", "--release", "-p", &package, "--example", self.example, "--"])
-            .arg(workspace.plugin_folder().join(format!("{}.wasm", self.plugin)));
+        command.current_dir(workspace.root()).env("SOFTPLUG_PLUGINS", workspace.plugin_folder());
+        match self.program {
+            Program::Bench => {
+                let benches = workspace.benches();
+                let Some((package, _)) = benches.iter().find(|(_, name)| name == self.name) else {
+                    return Ok(self.left_out());
+                };
+                command.args(["bench", "--quiet", "-p", package, "--bench", self.name]);
+            }
+            Program::Example { plugin } => {
+                let Some(package) = workspace.package_of_example(self.name) else {
+                    return Ok(self.left_out());
+                };
+                command.args(["run", "--quiet", "--release", "-p", &package]);
+                command.args(["--example", self.name, "--"]);
+                command.arg(workspace.plugin_folder().join(format!("{plugin}.wasm")));
+            }
+        }
         Ok(self.rows(&output(&mut command)?)?)
     }
 
+    fn left_out(&self) -> Vec<Row> {
+        eprintln!("left out: there is no {}", self.name);
+        Vec::new()
+    }
+
     fn rows(&self, printed: &str) -> Result<Vec<Row>, BenchError> {
-        let path = || PathBuf::from(format!("the output of example {}", self.example));
+        let path = || PathBuf::from(format!("the output of {}", self.name));
         let figures: serde_json::Map<String, Value> = serde_json::from_str(printed)
             .map_err(|cause| BenchError::Format { path: path(), what: cause.to_string() })?;
-        let rows = figures.into_iter().map(|(name, figure)| Row {
-            name: format!("{}: {name} ({})", self.example, self.plugin),
-            median: None,
-            figure: figure.to_string(),
-            spread: String::new(),
-        });
+        let name = |figure: String| match self.program {
+            Program::Bench => figure,
+            Program::Example { plugin } => format!("{}: {figure} ({plugin})", self.name),
+        };
+        let rows =
+            figures.into_iter().map(|(what, value)| Row::count(name(what), value.to_string()));
         Ok(rows.collect())
     }
 }
@@ -108,12 +153,8 @@ fn ratios(rows: &[Row]) -> Vec<Row> {
     let pairs = rows.iter().filter_map(|wasm| {
         let what = wasm.name.strip_suffix(WASM)?;
         let native = rows.iter().find(|row| row.name.strip_suffix(NATIVE) == Some(what))?;
-        Some(Row {
-            name: format!("{what}/wasm : native"),
-            median: None,
-            figure: format!("{:.2}", wasm.median? / native.median?),
-            spread: String::new(),
-        })
+        let ratio = format!("{:.2}", wasm.median? / native.median?);
+        Some(Row::count(format!("{what}/wasm : native"), ratio))
     });
     pairs.collect()
 }
@@ -141,8 +182,8 @@ fn measured_since(folder: &Path, started: SystemTime) -> Result<Vec<Row>, BenchE
 }
 
 fn row(benchmark: &Path, estimates: &Path) -> Result<Row, BenchError> {
-    let name = json(benchmark)?;
-    let name = name["full_id"].as_str().ok_or_else(|| missing(benchmark, "full_id"))?;
+    let described = json(benchmark)?;
+    let name = described["full_id"].as_str().ok_or_else(|| missing(benchmark, "full_id"))?;
     let estimate = json(estimates)?;
     let median = &estimate["median"];
     let nanoseconds =
@@ -155,6 +196,10 @@ fn row(benchmark: &Path, estimates: &Path) -> Result<Row, BenchError> {
         name: name.to_owned(),
         median: Some(middle),
         figure: duration(middle),
+        per_byte: described["throughput"]["Bytes"]
+            .as_f64()
+            .map(|bytes| duration(middle / bytes))
+            .unwrap_or_default(),
         spread: format!("{} to {}", duration(low), duration(high)),
     })
 }
@@ -186,10 +231,10 @@ fn print(rows: &[Row]) {
     println!("Machine: {}", machine());
     println!("Command: cargo xtask bench");
     println!();
-    println!("| {:width$} | median | 95 % of medians |", "what");
-    println!("|{}|---:|---|", "-".repeat(width + 2));
-    for Row { name, figure, spread, .. } in rows {
-        println!("| {name:width$} | {figure} | {spread} |");
+    println!("| {:width$} | median | per byte | 95 % of medians |", "what");
+    println!("|{}|---:|---:|---|", "-".repeat(width + 2));
+    for Row { name, figure, per_byte, spread, .. } in rows {
+        println!("| {name:width$} | {figure} | {per_byte} | {spread} |");
     }
 }
 
@@ -225,10 +270,8 @@ mod tests {
     #[test]
     fn a_ratio_is_given_for_pairs_only() {
         let row = |name: &str, median| Row {
-            name: name.into(),
             median: Some(median),
-            figure: String::new(),
-            spread: String::new(),
+            ..Row::count(name.into(), String::new())
         };
         let rows = [row("a/native", 100.0), row("b/wasm", 9.0), row("a/wasm", 250.0)];
         let ratios = ratios(&rows);
@@ -240,13 +283,16 @@ mod tests {
     }
 
     #[test]
-    fn an_example_gives_its_figures_as_json() {
-        let hook = Hook { example: "resident", plugin: "xon-xoff" };
+    fn programs_give_their_figures_as_json() {
+        let hook = Hook { program: Program::Example { plugin: "xon-xoff" }, name: "resident" };
         let rows = hook.rows("{\"bytes_per_instance\":20480}\n").unwrap();
-        assert_eq!(rows.len(), 1);
-        assert_eq!(rows[0].name, "resident: bytes_per_instance (xon-xoff)");
-        assert_eq!(rows[0].figure, "20480");
+        let expected = "resident: bytes_per_instance (xon-xoff)".to_owned();
+        assert_eq!(rows, [Row::count(expected, "20480".into())]);
         assert!(hook.rows("20480 bytes").is_err());
+        let hook = Hook { program: Program::Bench, name: "fuel" };
+        let rows = hook.rows("{\"r3964: blocks sent, fuel per byte\":70.5}").unwrap();
+        assert_eq!(rows, [Row::count("r3964: blocks sent, fuel per byte".into(), "70.5".into())]);
+        assert!(is_wanted(&rows[0], Some("r3964")) && !is_wanted(&rows[0], Some("fanuc")));
     }
 
     #[test]
@@ -254,7 +300,8 @@ mod tests {
         let folder = std::env::temp_dir().join(format!("softplug-bench-{}", std::process::id()));
         let new = folder.join("step/one byte/new");
         fs::create_dir_all(&new).unwrap();
-        fs::write(new.join("benchmark.json"), r#"{"full_id":"step/one byte"}"#).unwrap();
+        let benchmark = r#"{"full_id":"step/one byte","throughput":{"Bytes":4}}"#;
+        fs::write(new.join("benchmark.json"), benchmark).unwrap();
         let estimates = r#"{"median":{"point_estimate":120.4,
             "confidence_interval":{"lower_bound":119.0,"upper_bound":121.96}}}"#;
         fs::write(new.join("estimates.json"), estimates).unwrap();
@@ -270,6 +317,7 @@ mod tests {
                 name: "step/one byte".into(),
                 median: Some(120.4),
                 figure: "120 ns".into(),
+                per_byte: "30.1 ns".into(),
                 spread: "119 ns to 122 ns".into()
             }]
         );

@@ -1,7 +1,8 @@
-//! Softplug's own tasks: `cargo xtask build | demo | test | bench | nc`.
+//! Softplug's own tasks: `cargo xtask build | demo | test | fuzz | bench | nc`.
 
 mod bench;
 mod demo;
+mod fuzz;
 mod nc;
 mod plugins;
 mod run;
@@ -49,6 +50,17 @@ enum Task {
         #[arg(long)]
         all: bool,
     },
+    /// Runs the property tests with many random cases, optimised.
+    Fuzz {
+        /// 100,000 cases a test instead of 2,000.
+        #[arg(long)]
+        long: bool,
+        /// The seed of the first case: a failure prints the one of its own.
+        #[arg(long)]
+        seed: Option<u64>,
+        /// Only tests whose name contains this.
+        filter: Option<String>,
+    },
     /// Runs the benchmarks and prints one table.
     Bench {
         /// Only benchmarks whose name contains this.
@@ -90,6 +102,9 @@ fn perform(task: Task) -> Result<ExitCode, Error> {
         }
         Task::Demo { arguments } => return demo::run(&Workspace::read()?, &arguments),
         Task::Test { all } => return test::run(&Workspace::read()?, all),
+        Task::Fuzz { long, seed, filter } => {
+            return fuzz::run(&Workspace::read()?, long, seed, filter.as_deref());
+        }
         Task::Bench { filter } => bench::run(&Workspace::read()?, filter.as_deref())?,
         Task::Nc { out, kind, bytes, seed } => nc::write(&out, kind, bytes, seed)?,
     }
@@ -109,6 +124,8 @@ enum Error {
     Plugin(#[from] plugins::PluginError),
     #[error(transparent)]
     Test(#[from] test::TestError),
+    #[error(transparent)]
+    Fuzz(#[from] fuzz::FuzzError),
     #[error(transparent)]
     Bench(#[from] bench::BenchError),
     #[error(transparent)]

@@ -67,6 +67,14 @@ impl Workspace {
         self.targets(|target| target.kind.contains(&TargetKind::Bench))
     }
 
+    /// The tests of a package that run random cases: their names end in `_fuzz`.
+    pub(crate) fn fuzz_tests(&self, package: &str) -> Vec<String> {
+        let tests = self.targets(|target| {
+            target.kind.contains(&TargetKind::Test) && target.name.ends_with("_fuzz")
+        });
+        tests.into_iter().filter(|(of, _)| of == package).map(|(_, name)| name).collect()
+    }
+
     /// The package that has an example of this name.
     pub(crate) fn package_of_example(&self, name: &str) -> Option<String> {
         let examples = self
@@ -104,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn modules_under_plugins_are_plug_ins_and_the_native_registry_is_none() {
+    fn modules_under_plugins_are_plug_ins_and_libraries_are_none() {
         let plugins = Workspace::read().unwrap().plugins();
         let xon_xoff = Plugin {
             name: "xon-xoff".into(),
@@ -112,6 +120,11 @@ mod tests {
             file: "xon_xoff.wasm".into(),
         };
         assert!(plugins.contains(&xon_xoff), "{plugins:?}");
-        assert!(plugins.iter().all(|plugin| plugin.name != "native"), "{plugins:?}");
+        for name in ["fanuc-rs232", "r3964", "r3964-simplified"] {
+            assert!(plugins.iter().any(|plugin| plugin.name == name), "{name}: {plugins:?}");
+        }
+        for library in ["native", "procedure-3964"] {
+            assert!(plugins.iter().all(|plugin| plugin.name != library), "{plugins:?}");
+        }
     }
 }

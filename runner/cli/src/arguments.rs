@@ -72,7 +72,7 @@ pub(crate) enum Command {
 
 /// What the command line asks for.
 pub(crate) enum Start {
-    Run(CommandLine),
+    Run(Box<CommandLine>),
     /// Help, the version or a usage error was printed.
     End(Exit),
 }
@@ -85,7 +85,7 @@ pub(crate) fn read() -> Start {
         .try_get_matches_from(&words)
         .and_then(|matches| CommandLine::from_arg_matches(&matches));
     match parsed {
-        Ok(command_line) => Start::Run(command_line),
+        Ok(command_line) => Start::Run(Box::new(command_line)),
         Err(error) => Start::End(end(&error, &words)),
     }
 }

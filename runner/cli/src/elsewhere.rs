@@ -1,6 +1,7 @@
 //! What needs ports, on systems where this command has none yet.
 
 use std::fmt::Display;
+use std::path::Path;
 
 use softplug_gateway::PortSpec;
 
@@ -33,6 +34,16 @@ pub(crate) fn send(
 
 pub(crate) fn receive(
     _: &receive::Arguments,
+    _: &Path,
+    _: receive::Prepared,
+    _: &Screen,
+) -> Result<Exit, Failure> {
+    Err(nowhere("receiving from a port"))
+}
+
+pub(crate) fn serve(
+    _: &receive::Arguments,
+    _: receive::Folders,
     _: receive::Prepared,
     _: &Screen,
 ) -> Result<Exit, Failure> {

@@ -4,6 +4,8 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
+use softplug_gateway::store::{numbered, rename_to_free, rename_to_new, sync_folder};
+
 use crate::failure::Failure;
 
 /// A program to send.
@@ -16,6 +18,14 @@ pub(crate) struct Program {
 }
 
 impl Program {
+    /// Of a job without data.
+    pub(crate) fn nothing() -> Result<Self, Failure> {
+        let file = tempfile::tempfile().map_err(|error| {
+            Failure::usage(format_args!("cannot make a temporary file: {error}"))
+        })?;
+        Ok(Self { file, size: 0, name: "the job".to_owned() })
+    }
+
     /// Opens the file; `-` is standard input, taken in whole, because a check
     /// reads the program before it is sent.
     pub(crate) fn open(path: &Path) -> Result<Self, Failure> {
@@ -180,8 +190,8 @@ impl Partial {
         Ok(Self { file, path, out: out.to_owned(), force })
     }
 
-    /// The reception is complete: gives the file its name.
-    pub(crate) fn complete(self) -> Result<(), Failure> {
+    /// The reception is complete: gives the file its name, and tells it.
+    pub(crate) fn complete(self) -> Result<PathBuf, Failure> {
         let named = (|| {
             self.file.sync_all()?;
             if self.force {
@@ -189,7 +199,7 @@ impl Partial {
             } else {
                 rename_to_new(&self.path, &self.out)?;
             }
-            sync_folder(&self.out)
+            sync_folder(folder_of(&self.out))
         })();
         named.map_err(|error| {
             Failure::usage(format_args!(
@@ -198,11 +208,12 @@ impl Partial {
                 self.out.display()
             ))
             .hint("what was received is complete and stays there")
-        })
+        })?;
+        Ok(self.out)
     }
 
-    /// The reception failed: what came stays, an empty file does not. Tells
-    /// where it stays.
+    /// The reception failed: what came stays as `OUT.failed`, or with a number if
+    /// there is one already; an empty file does not. Tells where it stays.
     pub(crate) fn keep(self) -> Option<PathBuf> {
         if self.file.metadata().is_ok_and(|metadata| metadata.len() == 0) {
             let _ = fs::remove_file(&self.path);
@@ -211,7 +222,11 @@ impl Partial {
         if let Err(error) = self.file.sync_all() {
             tracing::warn!(file = %self.path.display(), %error, "not known to be on the disk");
         }
-        Some(self.path)
+        let Some(name) = self.out.file_name().and_then(|name| name.to_str()) else {
+            return Some(self.path);
+        };
+        let names = numbered(self.out.parent().unwrap_or(Path::new("")), name, ".failed");
+        Some(rename_to_free(&self.path, names).unwrap_or(self.path))
     }
 }
 
@@ -223,7 +238,7 @@ fn partial_path(out: &Path) -> PathBuf {
 
 fn left_behind(partial: &Path) -> Failure {
     Failure::usage(format_args!(
-        "{} is there already, from a reception that did not end well",
+        "{} is there already, from a reception that is under way or was killed",
         partial.display()
     ))
     .hint("move it away, or overwrite it with --force")
@@ -232,25 +247,6 @@ fn left_behind(partial: &Path) -> Failure {
 fn folder_of(path: &Path) -> &Path {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     folder.unwrap_or(Path::new("."))
-}
-
-/// A rename that never overwrites, also if the name came up meanwhile.
-fn rename_to_new(from: &Path, to: &Path) -> io::Result<()> {
-    match fs::hard_link(from, to) {
-        Ok(()) => fs::remove_file(from),
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Err(error),
-        // Some file systems have no links.
-        Err(_) if fs::symlink_metadata(to).is_err() => fs::rename(from, to),
-        Err(error) => Err(error),
-    }
-}
-
-/// On Unix a new name is only on the disk once its folder is.
-fn sync_folder(path: &Path) -> io::Result<()> {
-    if !cfg!(unix) {
-        return Ok(());
-    }
-    File::open(folder_of(path))?.sync_all()
 }
 
 #[cfg(test)]
@@ -285,11 +281,14 @@ mod tests {
         let out = folder.path().join("O1.nc");
         assert_eq!(Partial::create(&out, false).unwrap().keep(), None);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
-        let mut partial = Partial::create(&out, false).unwrap();
-        partial.file.write_all(b"G1").unwrap();
-        let kept = partial.keep().unwrap();
-        assert_eq!(fs::read(&kept).unwrap(), b"G1");
-        // It is not lost to the next attempt either.
+        for (bytes, name) in [("G1", "O1.nc.failed"), ("G2", "O1-2.nc.failed")] {
+            let mut partial = Partial::create(&out, false).unwrap();
+            partial.file.write_all(bytes.as_bytes()).unwrap();
+            assert_eq!(partial.keep(), Some(folder.path().join(name)));
+            assert_eq!(fs::read(folder.path().join(name)).unwrap(), bytes.as_bytes());
+        }
+        // What a killed command left is not lost to the next attempt.
+        let _under_way = Partial::create(&out, false).unwrap();
         assert!(Partial::create(&out, false).is_err());
     }
 

@@ -61,13 +61,24 @@ impl FromStr for Assignment {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        match text.split_once('=') {
-            Some((name, value)) if !name.trim().is_empty() => {
-                Ok(Self { name: name.trim().to_owned(), value: value.to_owned() })
-            }
-            _ => Err("a setting is written NAME=VALUE".to_owned()),
-        }
+        Self::parse(text).ok_or_else(|| "a setting is written NAME=VALUE".to_owned())
     }
+}
+
+impl Assignment {
+    fn parse(text: &str) -> Option<Self> {
+        let (name, value) = text.split_once('=').filter(|(name, _)| !name.trim().is_empty())?;
+        Some(Self { name: name.trim().to_owned(), value: value.to_owned() })
+    }
+
+    pub(crate) fn as_pair(&self) -> (&str, &str) {
+        (&self.name, &self.value)
+    }
+}
+
+/// A field of a job as it was asked for.
+pub(crate) fn field(text: &str) -> Result<Assignment, String> {
+    Assignment::parse(text).ok_or_else(|| "a field is written NAME=VALUE".to_owned())
 }
 
 /// A port as people write it.

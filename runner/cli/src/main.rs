@@ -10,6 +10,7 @@ mod dump;
 mod exit;
 mod failure;
 mod files;
+mod guess;
 mod line;
 #[cfg(target_os = "linux")]
 mod live;

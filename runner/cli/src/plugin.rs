@@ -4,13 +4,14 @@ use std::env;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use softplug_abi::manifest::{Manifest, SettingValues};
+use softplug_abi::manifest::{Manifest, SettingError, SettingValues};
 use softplug_abi::{Event, Instance, Micros, Output};
 use softplug_host::{Host, HostOptions, LoadError, Plugin, Session, SessionFault};
 #[cfg(feature = "native")]
 use softplug_native::{NativeInstance, NativePlugin};
 
 use crate::failure::Failure;
+use crate::guess::nearest;
 use crate::line::Assignment;
 
 /// Where plug-ins are looked for by name.
@@ -109,12 +110,25 @@ impl Chosen {
     /// The values of all settings; those that the plug-in cannot work with are
     /// found out here, on an instance that is not used further.
     pub(crate) fn settings(&self, asked: &[Assignment]) -> Result<SettingValues, Failure> {
-        let pairs = asked.iter().map(|asked| (asked.name.as_str(), asked.value.as_str()));
-        let values = self.manifest().resolve_settings(pairs).map_err(|error| {
-            Failure::usage(error).hint(format_args!(
-                "`softplug inspect {}` shows every setting with its range",
-                self.manifest().name
-            ))
+        let manifest = self.manifest();
+        let pairs = asked.iter().map(Assignment::as_pair);
+        let values = manifest.resolve_settings(pairs).map_err(|error| {
+            let guess = match &error {
+                SettingError::Unknown { name, .. } => {
+                    nearest(name, manifest.settings.iter().map(|setting| &*setting.name))
+                }
+                SettingError::UnknownPreset { name, .. } => {
+                    nearest(name, manifest.presets.iter().map(|preset| &*preset.name))
+                }
+                SettingError::Type { .. } | SettingError::Range { .. } => None,
+            };
+            Failure::usage(&error).hint(match guess {
+                Some(guess) => format!("did you mean \"{guess}\"?"),
+                None => format!(
+                    "`softplug inspect {}` shows every setting with its range",
+                    manifest.name
+                ),
+            })
         })?;
         let mut instance = self.instantiate()?;
         let capacity = instance.input_capacity();

@@ -44,10 +44,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     for attempt in 1.. {
         let (control, sent) = run(&plugin, line, &program)?;
         let is_inconclusive = !is_clean(&control) && control.late > INCONCLUSIVE;
+        let account = account(&control, &sent, &program, attempt, is_inconclusive);
         if is_inconclusive && attempt < 5 {
+            eprintln!("{account}");
             continue;
         }
-        print(&control, &sent, &program, attempt, is_inconclusive);
+        println!("{account}");
         return Ok(());
     }
     Ok(())
@@ -129,11 +131,15 @@ fn is_clean(control: &Report) -> bool {
         && control.characters_after_dc3.max() <= TOLERATED
 }
 
-fn print(control: &Report, sent: &SendReport, program: &str, attempt: u32, is_inconclusive: bool) {
+fn account(
+    control: &Report,
+    sent: &SendReport,
+    program: &str,
+    attempt: u32,
+    is_inconclusive: bool,
+) -> serde_json::Value {
     let alarms: Vec<u16> = control.alarms.iter().map(|alarm| alarm.kind.number()).collect();
-    println!(
-        "{}",
-        serde_json::json!({
+    serde_json::json!({
             "identical": control.received.matches(&program.as_bytes()[LABEL.len()..]),
             "done": sent.outcome == SendOutcome::Done,
             "inconclusive": is_inconclusive,
@@ -149,6 +155,5 @@ fn print(control: &Report, sent: &SendReport, program: &str, attempt: u32, is_in
             "after_dc3_max": control.characters_after_dc3.max(),
             "control_late_micros": control.late.0,
             "attempt": attempt,
-        })
-    );
+    })
 }

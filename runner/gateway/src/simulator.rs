@@ -5,7 +5,7 @@ use std::os::fd::AsFd;
 use std::path::Path;
 
 use softplug_abi::Micros;
-use softplug_conformance::partners::Partner;
+use softplug_conformance::partners::{Partner, Signal};
 
 use crate::clock::Clock;
 use crate::error::PortError;
@@ -65,8 +65,8 @@ impl<P: Partner> Simulator<P> {
         self.read()?;
         let now = self.now();
         self.partner.advance(now);
-        while let Some(byte) = self.partner.poll_transmit(now) {
-            self.unwritten.push_back(byte);
+        while let Some(signal) = self.partner.poll_signal(now) {
+            self.unwritten.extend(on_a_pty(signal));
         }
         if !self.unwritten.is_empty() {
             let written = self.pty.write(self.unwritten.as_slices().0)?;
@@ -86,5 +86,15 @@ impl<P: Partner> Simulator<P> {
             }
         }
         Ok(())
+    }
+}
+
+/// A pty shows no damage, no break and no modem lines: a damaged character is
+/// what it was read as.
+fn on_a_pty(signal: Signal) -> Option<u8> {
+    match signal {
+        Signal::Character(byte) => Some(byte),
+        Signal::LineError { byte, .. } => byte,
+        Signal::ModemLines { .. } => None,
     }
 }

@@ -1,16 +1,18 @@
-//! The XON/XOFF plug-in in its sandbox against the same converter as native code.
+//! The plug-ins in their sandbox against the same converters as native code:
+//! single events of XON/XOFF, and whole exchanges of each.
 //!
 //! The module is the one that `cargo xtask build` leaves; another folder can be
 //! given as `SOFTPLUG_PLUGINS`.
+
+mod common;
 
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main};
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Event, Instance, LineParameters, Micros, Parity, Pass, Values};
-use softplug_host::{Host, HostOptions, Plugin};
+use softplug_host::Plugin;
 use softplug_native::NativePlugin;
 use std::hint::black_box;
-use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 const SIZES: [usize; 3] = [1, 64, 1_024];
@@ -46,6 +48,38 @@ fn starts(criterion: &mut Criterion) {
             session
         });
     });
+}
+
+/// What a byte costs on a line: each event of an exchange, by a fresh instance.
+fn exchanges(criterion: &mut Criterion) {
+    for recording in common::recordings() {
+        let events = recording.events();
+        let plugin = common::module(recording.plugin);
+        let name = format!("{}: {}", recording.plugin.name(), recording.name);
+        let mut group = criterion.benchmark_group(name);
+        group.throughput(Throughput::Bytes(recording.bytes));
+        group.sample_size(20);
+        group.bench_function("native", |bencher| {
+            bencher.iter_custom(|times| {
+                (0..times).map(|_| timed(&mut recording.plugin.instantiate(), &events)).sum()
+            });
+        });
+        group.bench_function("wasm", |bencher| {
+            bencher.iter_custom(|times| {
+                let instance = || plugin.instantiate().expect("an instance");
+                (0..times).map(|_| timed(&mut instance(), &events)).sum()
+            });
+        });
+        group.finish();
+    }
+}
+
+fn timed<I: Instance>(instance: &mut I, events: &[(Event<'_>, Micros)]) -> Duration {
+    let start = Instant::now();
+    for (event, now) in events {
+        black_box(must(instance.step(black_box(event), *now)).actions);
+    }
+    start.elapsed()
 }
 
 fn compare(criterion: &mut Criterion, name: &str, event: impl Fn(&[u8]) -> Event<'_> + Copy) {
@@ -125,16 +159,8 @@ fn program(size: usize) -> Vec<u8> {
 }
 
 fn plugin() -> Plugin {
-    let folder = std::env::var_os("SOFTPLUG_PLUGINS").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/plugins"),
-        PathBuf::from,
-    );
-    let file = folder.join("xon-xoff.wasm");
-    let host = Host::new(HostOptions::default()).expect("an engine");
-    host.load(&file).unwrap_or_else(|error| {
-        panic!("{}: {error}; run `cargo xtask build` first", file.display())
-    })
+    common::module(NativePlugin::XonXoff)
 }
 
-criterion_group!(benches, received, job_data, starts);
+criterion_group!(benches, received, job_data, exchanges, starts);
 criterion_main!(benches);

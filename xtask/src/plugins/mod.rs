@@ -7,7 +7,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use self::size::Size;
+pub(crate) use self::size::Size;
 use crate::Error;
 use crate::run::{cargo, succeed};
 use crate::toolchain::{WASM_TARGET, ensure_wasm_target};
@@ -45,8 +45,8 @@ pub(crate) enum Report {
     Json,
 }
 
-/// Builds every plug-in into `target/plugins/NAME.wasm`.
-pub(crate) fn build(workspace: &Workspace, report: Report) -> Result<(), Error> {
+/// Builds every plug-in into `target/plugins/NAME.wasm`; tells their sizes.
+pub(crate) fn build(workspace: &Workspace, report: Report) -> Result<Vec<Size>, Error> {
     ensure_wasm_target()?;
     let plugins = workspace.plugins();
     let folder = workspace.plugin_folder();
@@ -70,7 +70,8 @@ pub(crate) fn build(workspace: &Workspace, report: Report) -> Result<(), Error> 
         Report::Table => eprintln!("{}\n{}", folder.display(), size::table(&sizes)),
         Report::Json => println!("{}", size::list(&sizes)),
     }
-    Ok(verdicts.into_iter().collect::<Result<(), _>>()?)
+    verdicts.into_iter().collect::<Result<(), _>>()?;
+    Ok(sizes)
 }
 
 /// Builds the command, into `target/release` or `target/debug`.

@@ -6,13 +6,13 @@ use crate::wasm::{self, Kind};
 
 /// Bytes of a module by what they hold.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
-pub(super) struct Size {
-    pub(super) name: String,
+pub(crate) struct Size {
+    pub(crate) name: String,
     pub(super) code: usize,
     pub(super) data: usize,
     pub(super) names: usize,
     pub(super) manifest: usize,
-    pub(super) total: usize,
+    pub(crate) total: usize,
     /// Pages of memory at the start.
     pub(super) pages: u64,
 }

@@ -5,16 +5,16 @@ use std::ops::Add;
 
 /// Tests by result.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
-pub(super) struct Counts {
-    pub(super) passed: u64,
-    pub(super) failed: u64,
-    pub(super) skipped: u64,
+pub(crate) struct Counts {
+    pub(crate) passed: u64,
+    pub(crate) failed: u64,
+    pub(crate) skipped: u64,
 }
 
 impl Counts {
     /// Sums up every result line of cargo test in `output`; where nextest sums up
     /// itself, its summary alone: it repeats the result lines of what failed.
-    pub(super) fn read(output: &str) -> Self {
+    pub(crate) fn read(output: &str) -> Self {
         let summary = output.lines().filter_map(Self::read_summary).reduce(Add::add);
         let results = output.lines().filter_map(Self::read_result);
         summary.unwrap_or_else(|| results.fold(Self::default(), Add::add))

@@ -8,7 +8,7 @@ mod counts;
 
 use std::process::{Command, ExitCode};
 
-use self::counts::Counts;
+pub(crate) use self::counts::Counts;
 use crate::run::{self, cargo, overhear};
 use crate::workspace::Workspace;
 use crate::{Error, plugins};

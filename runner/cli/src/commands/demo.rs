@@ -4,11 +4,12 @@ use clap::Args;
 
 use crate::plugin::Library;
 
-/// Shows the whole way without a machine, in under a minute.
+/// Shows every plug-in at work without a machine, in about a minute.
 ///
-/// A simulated control sits on a pseudo-terminal and holds the line again and again. A program of
-/// 1 MB goes to it through the sandboxed XON/XOFF plug-in, comes back, and is compared; then the
-/// recorded traces are replayed.
+/// Simulated machines sit on pseudo-terminals. A program goes to a control that holds the line with
+/// XOFF, and comes back; blocks go both ways over a faulty line by 3964R and by simplified 3964R; a
+/// FANUC control is drip-fed, punches, and asks for a program from its panel. All is compared; then
+/// the recorded traces are replayed.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   softplug demo
@@ -16,8 +17,8 @@ use crate::plugin::Library;
 pub(crate) struct Arguments {
     #[command(flatten)]
     pub(crate) library: Library,
-    /// Size of the program that is sent
-    #[arg(long, default_value_t = 1_000_000, value_parser = clap::value_parser!(u32).range(1_000..=16_000_000))]
+    /// Size of the program that is sent by XON/XOFF
+    #[arg(long, default_value_t = 200_000, value_parser = clap::value_parser!(u32).range(1_000..=16_000_000))]
     pub(crate) bytes: u32,
     /// Folder with traces to replay; left out where it is not there
     #[arg(long, value_name = "DIR", default_value = "fixtures/traces")]

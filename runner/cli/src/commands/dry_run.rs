@@ -25,7 +25,7 @@ pub(super) fn run(
     prepared: Prepared,
     screen: &Screen,
 ) -> Result<Exit, Failure> {
-    let Prepared { program, plugin, settings, job_kind, check } = prepared;
+    let Prepared { program, plugin, settings, job_kind, fields, check } = prepared;
     let manifest = plugin.manifest();
     let line = arguments.link.line;
     let xon = xon(manifest, &settings);
@@ -35,7 +35,7 @@ pub(super) fn run(
     let options = LinkOptions { line, settings, ..LinkOptions::default() };
     let depth = arguments.link.depth.unwrap_or_else(|| default_depth(line.baud));
     let mut wire = VirtualLine::new(plugin.instantiate()?, options, depth as usize);
-    let job = Job { id: JOB, kind: job_kind, size: Some(paper.size), fields: Vec::new(), check };
+    let job = Job { id: JOB, kind: job_kind, size: Some(paper.size), fields, check };
     let ran = (|| {
         wire.link.open(Micros::ZERO, &mut paper)?;
         wire.link.begin_job(Micros::ZERO, job, &mut paper)?;
@@ -86,7 +86,10 @@ pub(super) fn run(
         seconds: took.as_secs_f64(),
         held_seconds: 0.0,
         holds: 0,
+        answered: None,
         received: 0,
+        file: None,
+        answer: None,
         failure: failure.map(Why::name),
         message,
         wire: Some(hex(&paper.wire)),

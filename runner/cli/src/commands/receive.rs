@@ -1,11 +1,13 @@
-//! `softplug receive`: a program from a machine into a file.
+//! `softplug receive`: programs from a machine into a file or a folder.
 
-use std::path::PathBuf;
+use std::io;
+use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 use serde::Serialize;
 use softplug_abi::manifest::SettingValues;
 use softplug_gateway::PortSpec;
+use softplug_gateway::store::{Inbox, Shelf};
 
 use super::send::NoteDocument;
 use crate::exit::Exit;
@@ -16,16 +18,27 @@ use crate::live;
 use crate::plugin::Chosen;
 use crate::screen::Screen;
 
-/// Receives a program into a file.
+/// Receives a program into a file, or all that comes into a folder.
 ///
 /// What comes is written to FILE.partial, which gets its name when the reception is complete. One
-/// that fails, or that Ctrl-C aborts, stays there. With most plug-ins a reception ends after some
-/// seconds of quiet; see the plug-in's settings.
+/// that fails, or that Ctrl-C aborts, is kept as FILE.failed. With most plug-ins a reception ends
+/// after some seconds of quiet; see the plug-in's settings.
+///
+/// With --dir it goes on until Ctrl-C: each delivery becomes a file of its own, under the name that
+/// the machine gave, made safe, or under a number. Nothing is overwritten: O1234 is followed by
+/// O1234-2. Failed ones end in .failed. With --programs, a machine that asks for a program is sent
+/// it.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
+#[command(
+    group(ArgGroup::new("where").args(["out", "dir"]).required(true)),
+    after_help = "Examples:
   softplug receive --port /dev/ttyUSB0 --line \"4800 7E2\" --plugin xon-xoff --out O0001.nc
   softplug receive --port /dev/ttyUSB0 --plugin xon-xoff --set preset=tape --out O0001.nc
-  softplug receive --port pty: --plugin xon-xoff --wait 60 --out O0001.nc")]
+  softplug receive --port pty: --plugin xon-xoff --wait 60 --out O0001.nc
+  softplug receive --port /dev/ttyUSB0 --plugin r3964 --dir telegrams
+  softplug receive --port /dev/ttyUSB0 --line \"4800 7E2\" --plugin fanuc-rs232 --dir from-machine \\
+      --programs to-machine"
+)]
 pub(crate) struct Arguments {
     /// The port: /dev/ttyUSB0, tcp://HOST:PORT or pty:
     #[arg(long, short, value_parser = port)]
@@ -34,10 +47,19 @@ pub(crate) struct Arguments {
     pub(crate) link: LinkArguments,
     /// The file to write
     #[arg(long, short, value_name = "FILE")]
-    pub(crate) out: PathBuf,
-    /// Overwrite FILE, and what an earlier reception left of it
-    #[arg(long, short)]
+    pub(crate) out: Option<PathBuf>,
+    /// Overwrite FILE, and what a killed reception left of it
+    #[arg(long, short, conflicts_with = "dir")]
     pub(crate) force: bool,
+    /// The folder to write all deliveries into
+    #[arg(long, short, value_name = "DIR")]
+    pub(crate) dir: Option<PathBuf>,
+    /// The folder with programs that the machine may ask for by name
+    #[arg(long, value_name = "DIR", requires = "dir")]
+    pub(crate) programs: Option<PathBuf>,
+    /// End after so many deliveries
+    #[arg(long, value_name = "N", requires = "dir", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) count: Option<u64>,
     /// Give up when nothing has come for so many seconds
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(1..=604_800))]
     pub(crate) wait: Option<u32>,
@@ -47,6 +69,12 @@ pub(crate) struct Arguments {
 pub(crate) struct Prepared {
     pub(crate) plugin: Chosen,
     pub(crate) settings: SettingValues,
+}
+
+/// Folders that were found to be there.
+pub(crate) struct Folders {
+    pub(crate) inbox: Inbox,
+    pub(crate) shelf: Option<Shelf>,
 }
 
 /// What machines get.
@@ -72,8 +100,27 @@ pub(crate) struct Document<'a> {
 }
 
 pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
-    Partial::check(&arguments.out, arguments.force)?;
-    let plugin = arguments.link.library.load(&arguments.link.plugin)?;
-    let settings = plugin.settings(&arguments.link.settings)?;
-    live::receive(arguments, Prepared { plugin, settings }, screen)
+    let prepare = || {
+        let plugin = arguments.link.library.load(&arguments.link.plugin)?;
+        let settings = plugin.settings(&arguments.link.settings)?;
+        Ok::<_, Failure>(Prepared { plugin, settings })
+    };
+    if let Some(out) = &arguments.out {
+        Partial::check(out, arguments.force)?;
+        return live::receive(arguments, out, prepare()?, screen);
+    }
+    let Some(dir) = &arguments.dir else {
+        return Err(Failure::internal("neither a file nor a folder was demanded"));
+    };
+    let inbox = Inbox::new(dir).map_err(|error| no_folder(dir, &error))?;
+    let shelf = arguments
+        .programs
+        .as_ref()
+        .map(|programs| Shelf::new(programs).map_err(|error| no_folder(programs, &error)));
+    let folders = Folders { inbox, shelf: shelf.transpose()? };
+    live::serve(arguments, folders, prepare()?, screen)
+}
+
+fn no_folder(path: &Path, error: &io::Error) -> Failure {
+    Failure::usage(format_args!("{} is no folder to use: {error}", path.display()))
 }

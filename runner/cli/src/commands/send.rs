@@ -5,19 +5,26 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 use softplug_abi::Failure as Why;
-use softplug_abi::manifest::{Manifest, SettingValues};
+use softplug_abi::manifest::{FieldError, Kind, Manifest, SettingValues};
 use softplug_gateway::PortSpec;
 
 use super::dry_run;
 use crate::exit::Exit;
 use crate::failure::Failure;
-use crate::files::Program;
-use crate::line::{LinkArguments, port};
+use crate::files::{Partial, Program};
+use crate::guess::nearest;
+use crate::line::{Assignment, LinkArguments, field, port};
 use crate::live;
 use crate::plugin::Chosen;
 use crate::screen::Screen;
 
-/// Sends a file through a plug-in.
+/// The kind of job that is meant if nothing else is said.
+const SEND: &str = "send";
+
+/// Sends a file through a plug-in, or carries out another of its jobs.
+///
+/// `softplug inspect PLUGIN` lists the jobs and their fields. A job that reads needs no file; what
+/// it brings goes to --out, or is shown.
 ///
 /// Ctrl-C aborts cleanly: nothing more of the program leaves, and the machine gets what the
 /// protocol has for that. A second Ctrl-C ends at once.
@@ -26,6 +33,12 @@ use crate::screen::Screen;
   softplug send --port /dev/ttyUSB0 --line \"4800 7E2\" --plugin xon-xoff O0001.nc
   softplug send --port tcp://10.0.0.7:4001 --plugin xon-xoff --set wait_for_xon=on O0001.nc
   softplug send --dry-run --plugin xon-xoff --set feed_start=\"12\" O0001.nc
+  softplug send --port /dev/ttyUSB0 --line \"4800 7E2\" --plugin fanuc-rs232 --field from_block=120 O0001.nc
+  softplug send --port /dev/ttyUSB0 --plugin r3964 --set preset=buderus telegram.bin
+  softplug send --port /dev/ttyUSB0 --plugin r3964 --set layer=rk512 --job write --field area=DB \\
+      --field block=16 --field offset=1 words.bin
+  softplug send --port /dev/ttyUSB0 --plugin r3964 --set layer=rk512 --job read --field area=DB \\
+      --field block=5 --field offset=10 --field count=7 --out words.bin
   generate | softplug send --port /dev/ttyUSB0 --plugin xon-xoff -")]
 pub(crate) struct Arguments {
     /// The port: /dev/ttyUSB0, tcp://HOST:PORT or pty:
@@ -33,15 +46,27 @@ pub(crate) struct Arguments {
     pub(crate) port: Option<PortSpec>,
     #[command(flatten)]
     pub(crate) link: LinkArguments,
+    /// The job to carry out [default: send]
+    #[arg(long, short, value_name = "KIND")]
+    pub(crate) job: Option<String>,
+    /// A field of the job; may be repeated
+    #[arg(long = "field", value_name = "NAME=VALUE", value_parser = field)]
+    pub(crate) fields: Vec<Assignment>,
+    /// Write what the job brings into this file; without it, it is shown
+    #[arg(long, short, value_name = "FILE", conflicts_with = "dry_run")]
+    pub(crate) out: Option<PathBuf>,
+    /// Overwrite the file of --out
+    #[arg(long, short, requires = "out")]
+    pub(crate) force: bool,
     /// Show what would be on the wire; no port is touched, and the partner never holds
     #[arg(long)]
     pub(crate) dry_run: bool,
     /// With --dry-run: write the bytes to standard output as they are
     #[arg(long, requires = "dry_run", conflicts_with = "json")]
     pub(crate) raw: bool,
-    /// The program to send; - is standard input
-    #[arg(value_name = "FILE")]
-    pub(crate) file: PathBuf,
+    /// The program to send, or the data of the job; - is standard input
+    #[arg(value_name = "FILE", required_unless_present = "job")]
+    pub(crate) file: Option<PathBuf>,
 }
 
 /// A sending that was checked as far as that goes without the port.
@@ -50,6 +75,8 @@ pub(crate) struct Prepared {
     pub(crate) plugin: Chosen,
     pub(crate) settings: SettingValues,
     pub(crate) job_kind: u16,
+    /// Fields of the job as value records.
+    pub(crate) fields: Vec<u8>,
     pub(crate) check: bool,
 }
 
@@ -64,8 +91,17 @@ pub(crate) struct Document<'a> {
     pub(crate) seconds: f64,
     pub(crate) held_seconds: f64,
     pub(crate) holds: u64,
+    /// Bytes that answered the job.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) answered: Option<u64>,
     /// Bytes that came meanwhile and were dropped.
     pub(crate) received: u64,
+    /// The file that holds the answer.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) file: Option<String>,
+    /// The answer in hex, where no file was given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) answer: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) failure: Option<&'a str>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -86,26 +122,84 @@ pub(crate) struct NoteDocument {
 
 pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
     // Whatever can be found out before the port is touched is.
-    let program = Program::open(&arguments.file)?;
+    let program = match &arguments.file {
+        Some(file) => Program::open(file)?,
+        None if arguments.job.as_deref() == Some(SEND) => {
+            return Err(Failure::usage("the job \"send\" sends a file: give one"));
+        }
+        None => Program::nothing()?,
+    };
+    if let Some(out) = &arguments.out {
+        Partial::check(out, arguments.force)?;
+    }
     let plugin = arguments.link.library.load(&arguments.link.plugin)?;
     let settings = plugin.settings(&arguments.link.settings)?;
-    let job_kind = job_kind(plugin.manifest())?;
-    let check = plugin.manifest().needs.check_pass;
-    let prepared = Prepared { program, plugin, settings, job_kind, check };
+    let manifest = plugin.manifest();
+    let job_kind = match &arguments.job {
+        Some(job) => kind_of(manifest, job)?,
+        None => job_kind(manifest)?,
+    };
+    let fields = fields(&manifest.jobs[usize::from(job_kind)], &arguments.fields)?;
+    let check = manifest.needs.check_pass;
+    let prepared = Prepared { program, plugin, settings, job_kind, fields, check };
     match &arguments.port {
         Some(port) if !arguments.dry_run => live::send(arguments, port, prepared, screen),
         _ => dry_run::run(arguments, prepared, screen),
     }
 }
 
-fn job_kind(manifest: &Manifest) -> Result<u16, Failure> {
-    manifest.job_kind("send").ok_or_else(|| {
-        let known: Vec<_> = manifest.jobs.iter().map(|kind| kind.name.as_str()).collect();
-        let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+/// The kind of job that sends a program.
+pub(crate) fn job_kind(manifest: &Manifest) -> Result<u16, Failure> {
+    manifest.job_kind(SEND).ok_or_else(|| {
         Failure::usage(format_args!(
-            "the plug-in {} cannot send: it has no job \"send\" (its jobs: {known})",
-            manifest.name
+            "the plug-in {} cannot send: it has no job \"send\" (its jobs: {})",
+            manifest.name,
+            jobs(manifest)
         ))
+    })
+}
+
+fn kind_of(manifest: &Manifest, job: &str) -> Result<u16, Failure> {
+    manifest.job_kind(job).ok_or_else(|| {
+        let failure = Failure::usage(format_args!(
+            "the plug-in {} has no job \"{job}\"; it has: {}",
+            manifest.name,
+            jobs(manifest)
+        ));
+        match nearest(job, manifest.jobs.iter().map(|kind| &*kind.name)) {
+            Some(meant) => failure.hint(format_args!("did you mean \"{meant}\"?")),
+            None => failure,
+        }
+    })
+}
+
+fn jobs(manifest: &Manifest) -> String {
+    let known: Vec<_> = manifest.jobs.iter().map(|kind| kind.name.as_str()).collect();
+    if known.is_empty() { "none".to_owned() } else { known.join(", ") }
+}
+
+/// The fields as value records, checked against the manifest.
+fn fields(kind: &Kind, asked: &[Assignment]) -> Result<Vec<u8>, Failure> {
+    let records = kind.records(asked.iter().map(Assignment::as_pair)).and_then(|records| {
+        kind.require(&records)?;
+        Ok(records)
+    });
+    records.map_err(|error| {
+        let meant = match &error {
+            FieldError::Unknown { name, .. } => {
+                nearest(name, kind.fields.iter().map(|field| &*field.name))
+            }
+            _ => None,
+        };
+        let failure = Failure::usage(format_args!("job {error}"));
+        let failure = match &error {
+            FieldError::Unknown { .. } | FieldError::Missing { .. } => failure,
+            _ => Failure::usage(&error),
+        };
+        match meant {
+            Some(meant) => failure.hint(format_args!("did you mean \"{meant}\"?")),
+            None => failure,
+        }
     })
 }
 

@@ -1,40 +1,43 @@
-//! A simulated control on a pty, driven until its transfer has ended.
+//! A simulated machine on a pty, driven until its work has ended.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use softplug_abi::Micros;
-use softplug_conformance::partners::Partner;
-use softplug_conformance::partners::xon_xoff::{Control, ControlReport};
+use softplug_abi::{LineErrorKind, Micros};
+use softplug_conformance::partners::{Partner, Signal};
 use softplug_gateway::PortError;
 use softplug_gateway::simulator::Simulator;
-
-use crate::commands::simulate::Simulation;
-use crate::failure::Failure;
 
 /// How often a stop is looked for.
 const TICK: Micros = Micros::from_millis(50);
 
-/// A control at work.
-pub(super) struct Machine {
-    simulator: Simulator<Watched>,
-    /// What it is to send, until it does.
-    punch: Option<Vec<u8>>,
-    punch_after: Micros,
+/// A machine with what it does by itself.
+pub(super) trait Simulated: Partner {
+    /// Does what is due beside what the line asks for.
+    fn tend(&mut self, now: Micros);
+
+    /// Whether it still has something to do.
+    fn is_busy(&self) -> bool;
+
+    /// Whether this character is data, and not only flow control.
+    fn is_data(&self, byte: u8) -> bool {
+        let _ = byte;
+        true
+    }
+}
+
+/// A machine at work.
+pub(super) struct Machine<P> {
+    simulator: Simulator<Watched<P>>,
     quiet_time: Option<Micros>,
 }
 
-impl Machine {
-    pub(super) fn new(simulation: &Simulation) -> Result<Self, Failure> {
-        let control = Control::new(simulation.control.clone()).map_err(Failure::usage)?;
-        let control_bytes = [simulation.control.xon, simulation.control.xoff];
-        let watched = Watched { control, control_bytes, moved_at: None, was_let_go: false };
-        Ok(Self {
-            simulator: Simulator::new(watched)?,
-            punch: simulation.punch.clone(),
-            punch_after: simulation.punch_after,
-            quiet_time: simulation.quiet_time,
-        })
+impl<P: Simulated> Machine<P> {
+    /// On a pty of its own; with a quiet time it ends when nothing has moved for
+    /// so long and all is done.
+    pub(super) fn new(partner: P, quiet_time: Option<Micros>) -> Result<Self, PortError> {
+        let simulator = Simulator::new(Watched { partner, moved_at: None })?;
+        Ok(Self { simulator, quiet_time })
     }
 
     /// The path to connect to.
@@ -42,75 +45,73 @@ impl Machine {
         self.simulator.path()
     }
 
+    /// The machine, to look at.
+    pub(super) fn partner(&self) -> &P {
+        &self.simulator.partner.partner
+    }
+
     /// Works until `stop`, or until a transfer has ended if only one is asked
     /// for.
-    pub(super) fn run(&mut self, stop: &AtomicBool) -> Result<ControlReport, PortError> {
+    pub(super) fn run(&mut self, stop: &AtomicBool) -> Result<(), PortError> {
         while !stop.load(Ordering::Relaxed) {
             let now = self.simulator.now();
             self.simulator.turn(now + TICK)?;
             let now = self.simulator.now();
             let watched = &mut self.simulator.partner;
-            if (watched.was_let_go || now >= self.punch_after)
-                && let Some(program) = self.punch.take()
-            {
-                watched.control.punch(now, program);
-            }
+            watched.partner.tend(now);
             let quiet = self.quiet_time.zip(watched.moved_at);
-            // The report is a copy of all that came: only when it is quiet.
-            if quiet.is_some_and(|(time, at)| now - at >= time) && !self.is_busy() {
+            if quiet.is_some_and(|(time, at)| now - at >= time) && !watched.partner.is_busy() {
                 break;
             }
         }
-        Ok(self.simulator.partner.control.report())
-    }
-
-    fn is_busy(&self) -> bool {
-        let control = &self.simulator.partner.control;
-        let report = control.report();
-        self.punch.is_some()
-            || report.punch_waiting > 0
-            || report.consumed < report.received.count()
-            || control.holds_line()
+        Ok(())
     }
 }
 
-/// A control whose data is seen to move.
+/// A machine whose data is seen to move.
 #[derive(Debug)]
-struct Watched {
-    control: Control,
-    /// XON and XOFF: they are no data.
-    control_bytes: [u8; 2],
+struct Watched<P> {
+    partner: P,
     moved_at: Option<Micros>,
-    /// The other side has sent an XON.
-    was_let_go: bool,
 }
 
-impl Watched {
+impl<P: Simulated> Watched<P> {
     fn saw(&mut self, now: Micros, byte: u8) {
-        if !self.control_bytes.contains(&byte) {
+        if self.partner.is_data(byte) {
             self.moved_at = Some(now);
         }
     }
 }
 
-impl Partner for Watched {
+impl<P: Simulated> Partner for Watched<P> {
     fn receive(&mut self, now: Micros, byte: u8) {
         self.saw(now, byte);
-        self.was_let_go |= byte == self.control_bytes[0];
-        self.control.receive(now, byte);
+        self.partner.receive(now, byte);
+    }
+
+    fn receive_damaged(&mut self, now: Micros, kind: LineErrorKind, byte: Option<u8>) {
+        self.partner.receive_damaged(now, kind, byte);
     }
 
     fn next_event(&self) -> Option<Micros> {
-        self.control.next_event()
+        self.partner.next_event()
     }
 
     fn advance(&mut self, now: Micros) {
-        self.control.advance(now);
+        self.partner.advance(now);
     }
 
     fn poll_transmit(&mut self, now: Micros) -> Option<u8> {
-        let byte = self.control.poll_transmit(now)?;
+        let byte = self.partner.poll_transmit(now)?;
         self.saw(now, byte);
         Some(byte)
+    }
+
+    fn poll_signal(&mut self, now: Micros) -> Option<Signal> {
+        let signal = self.partner.poll_signal(now)?;
+        if let Signal::Character(byte) = signal {
+            self.saw(now, byte);
+        }
+        Some(signal)
     }
 }

@@ -7,6 +7,7 @@ mod ports;
 mod progress;
 mod receive;
 mod send;
+mod serve;
 mod simulate;
 
 pub(crate) use demo::demo;
@@ -14,6 +15,7 @@ pub(crate) use doctor::doctor;
 pub(crate) use ports::ports;
 pub(crate) use receive::receive;
 pub(crate) use send::send;
+pub(crate) use serve::serve;
 pub(crate) use simulate::simulate;
 
 use softplug_abi::NoteLevel;

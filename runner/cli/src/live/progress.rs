@@ -37,6 +37,11 @@ impl Bar {
         self.bar.set_message(text(progress));
     }
 
+    /// Prints something while the bar is out of the way.
+    pub(super) fn aside(&self, print: impl FnOnce()) {
+        self.bar.suspend(print);
+    }
+
     /// Takes the bar away: the result says it all.
     pub(super) fn end(&self) {
         self.bar.finish_and_clear();

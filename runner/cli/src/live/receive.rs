@@ -1,5 +1,6 @@
 //! `softplug receive` from a port.
 
+use std::path::Path;
 use std::time::Duration;
 
 use softplug_abi::Failure as Why;
@@ -20,6 +21,7 @@ use crate::stop;
 
 pub(crate) fn receive(
     arguments: &Arguments,
+    out: &Path,
     prepared: Prepared,
     screen: &Screen,
 ) -> Result<Exit, Failure> {
@@ -30,7 +32,7 @@ pub(crate) fn receive(
     let options =
         StationOptions { settings, depth: arguments.link.depth, ..StationOptions::default() };
     let mut station = Station::new(port, instance, options)?;
-    let mut partial = Partial::create(&arguments.out, arguments.force)?;
+    let mut partial = Partial::create(out, arguments.force)?;
     let wait = arguments.wait.map(|seconds| Duration::from_secs(u64::from(seconds)));
     let bar = Bar::new(None, screen);
     let received =
@@ -66,12 +68,7 @@ pub(crate) fn receive(
             (exit_of(failure), "failed", Some(failure), Some(message))
         }
     };
-    let file = if exit == Exit::Done {
-        partial.complete()?;
-        Some(arguments.out.clone())
-    } else {
-        partial.keep()
-    };
+    let file = if exit == Exit::Done { Some(partial.complete()?) } else { partial.keep() };
     screen.document(&Document {
         result,
         bytes: report.bytes,
@@ -94,7 +91,7 @@ pub(crate) fn receive(
     screen.say(format_args!(
         "received {came} in {} into {}{}",
         numbers::span(report.elapsed),
-        arguments.out.display(),
+        out.display(),
         name.unwrap_or_default()
     ));
     Ok(exit)

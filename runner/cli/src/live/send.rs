@@ -1,17 +1,21 @@
 //! `softplug send` to a port.
 
 use std::fmt::Write as _;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
 
 use softplug_abi::Failure as Why;
 use softplug_gateway::PortSpec;
 use softplug_gateway::station::{Station, StationOptions};
-use softplug_gateway::transfer::{self, SendOptions, SendOutcome, SendReport};
+use softplug_gateway::transfer::{self, Progress, SendOptions, SendOutcome, SendReport};
 
 use super::progress::Bar;
 use super::{note_documents, open, say_notes, transfer_failure};
 use crate::commands::send::{Arguments, Document, Prepared, check_message, reason};
+use crate::dump::{Dump, hex};
 use crate::exit::Exit;
 use crate::failure::Failure;
+use crate::files::Partial;
 use crate::numbers;
 use crate::screen::Screen;
 use crate::stop;
@@ -22,20 +26,29 @@ pub(crate) fn send(
     prepared: Prepared,
     screen: &Screen,
 ) -> Result<Exit, Failure> {
-    let Prepared { mut program, plugin, settings, job_kind, check } = prepared;
+    let Prepared { mut program, plugin, settings, job_kind, fields, check } = prepared;
     let stop = stop::on_signals()?;
     let instance = plugin.instantiate()?;
     let port = open(port, &arguments.link, screen)?;
     let options =
         StationOptions { settings, depth: arguments.link.depth, ..StationOptions::default() };
     let mut station = Station::new(port, instance, options)?;
-    let options = SendOptions { check, size: Some(program.size), job_kind };
-    let bar = Bar::new(options.size, screen);
-    let sent = transfer::send(&mut station, &mut program.file, &options, &stop, &mut |progress| {
-        bar.show(progress);
-    });
+    let options = SendOptions { check, size: Some(program.size), job_kind, fields };
+    let mut answer = match &arguments.out {
+        Some(out) => Answer::File(Partial::create(out, arguments.force)?),
+        None => Answer::Shown(Vec::new()),
+    };
+    let bar = Bar::new(options.size.filter(|size| *size > 0), screen);
+    let (source, show) = (&mut program.file, &mut |progress: &Progress<'_>| bar.show(progress));
+    let sent = transfer::ask(&mut station, source, &mut answer, &options, &stop, show);
     bar.end();
-    let report = sent.map_err(transfer_failure)?;
+    let report = match sent {
+        Ok(report) => report,
+        Err(error) => {
+            answer.keep(screen);
+            return Err(transfer_failure(error));
+        }
+    };
     say_notes(&report.notes, screen);
 
     let manifest = plugin.manifest();
@@ -55,6 +68,15 @@ pub(crate) fn send(
             (exit_of(failure), "failed", Some(failure), Some(message))
         }
     };
+    let file = match (report.outcome, report.answered, answer) {
+        (SendOutcome::Done, 1.., answer) => answer.complete(screen)?,
+        (.., answer) => answer.keep(screen),
+    };
+    let (file, answer) = match file {
+        Some(Place::File(file)) => (Some(file), None),
+        Some(Place::Shown(text)) => (None, Some(text)),
+        None => (None, None),
+    };
     screen.document(&Document {
         result,
         bytes: report.bytes,
@@ -62,14 +84,17 @@ pub(crate) fn send(
         seconds: numbers::seconds(report.elapsed),
         held_seconds: numbers::seconds(report.held),
         holds: report.holds,
+        answered: Some(report.answered).filter(|answered| *answered > 0),
         received: report.received,
+        file: file.as_ref().map(|file| file.display().to_string()),
+        answer,
         failure: failure.map(Why::name),
         message: message.clone(),
         wire: None,
         notes: note_documents(&report.notes),
     });
     match message {
-        None => screen.say(done(&report)),
+        None => screen.say(done(&report, file.as_deref())),
         Some(message) => screen.error(message),
     }
     Ok(exit)
@@ -83,11 +108,68 @@ pub(super) fn exit_of(failure: Why) -> Exit {
     }
 }
 
-fn done(report: &SendReport) -> String {
-    let mut text =
-        format!("sent {} in {}", numbers::bytes(report.bytes), numbers::span(report.elapsed));
+/// Where the answer to a job goes.
+enum Answer {
+    File(Partial),
+    /// Nowhere was given.
+    Shown(Vec<u8>),
+}
+
+/// Where it went.
+enum Place {
+    File(PathBuf),
+    /// In hex.
+    Shown(String),
+}
+
+impl Answer {
+    fn complete(self, screen: &Screen) -> Result<Option<Place>, Failure> {
+        match self {
+            Self::File(partial) => Ok(Some(Place::File(partial.complete()?))),
+            Self::Shown(bytes) => {
+                screen.say(Dump(&bytes));
+                Ok(Some(Place::Shown(hex(&bytes))))
+            }
+        }
+    }
+
+    /// The job has failed, or has no answer: a part of one stays, if it has a file.
+    fn keep(self, screen: &Screen) -> Option<Place> {
+        let Self::File(partial) = self else { return None };
+        let kept = partial.keep()?;
+        screen.report(format_args!("what came is in {}", kept.display()));
+        Some(Place::File(kept))
+    }
+}
+
+impl Write for Answer {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self {
+            Self::File(partial) => partial.file.write(bytes),
+            Self::Shown(shown) => shown.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+fn done(report: &SendReport, file: Option<&Path>) -> String {
+    let mut text = match (report.bytes, report.answered) {
+        (0, 0) => format!("done in {}", numbers::span(report.elapsed)),
+        (0, answered) => {
+            format!("received {} in {}", numbers::bytes(answered), numbers::span(report.elapsed))
+        }
+        (bytes, _) => {
+            format!("sent {} in {}", numbers::bytes(bytes), numbers::span(report.elapsed))
+        }
+    };
+    if let Some(file) = file {
+        let _ = write!(text, " into {}", file.display());
+    }
     let seconds = report.elapsed.as_secs_f64();
-    if seconds > 0.0 {
+    if report.bytes > 0 && seconds > 0.0 {
         let _ =
             write!(text, ", {} bytes/s", numbers::count((report.bytes as f64 / seconds) as u64));
     }

@@ -1,28 +1,14 @@
-//! `softplug simulate`: machines to try a set-up on.
+//! `softplug simulate xon-xoff`.
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand};
+use clap::Args;
 use softplug_abi::{LineParameters, Micros};
 use softplug_conformance::partners::xon_xoff::ControlOptions;
 
-use crate::exit::Exit;
+use super::{Common, Ending, micros, seconds};
 use crate::failure::Failure;
 use crate::files;
-use crate::live;
-use crate::screen::Screen;
-
-/// Simulates a machine on a pseudo-terminal, in real time.
-#[derive(Debug, Args)]
-pub(crate) struct Arguments {
-    #[command(subcommand)]
-    machine: Machine,
-}
-
-#[derive(Debug, Subcommand)]
-enum Machine {
-    XonXoff(Box<XonXoff>),
-}
 
 /// A control with a receive buffer that holds the line with XOFF.
 ///
@@ -34,7 +20,7 @@ enum Machine {
   softplug simulate xon-xoff --rate 500
   softplug simulate xon-xoff --baud 115200 --rate 8000 --once --expect O0001.nc
   softplug simulate xon-xoff --punch O0001.nc --once")]
-pub(crate) struct XonXoff {
+pub(super) struct XonXoff {
     /// Baud rate; it paces what the control itself sends
     #[arg(long, default_value_t = 9_600, value_parser = clap::value_parser!(u32).range(50..=16_000_000))]
     baud: u32,
@@ -71,68 +57,39 @@ pub(crate) struct XonXoff {
     /// Seconds after which sending the file begins without an XON
     #[arg(long, value_name = "SECONDS", default_value_t = 2.0, requires = "punch", value_parser = seconds)]
     punch_after: f64,
-    /// Compare what was received with this file
-    #[arg(long, value_name = "FILE")]
-    expect: Option<PathBuf>,
-    /// Write what was received into this file
-    #[arg(long, value_name = "FILE")]
-    out: Option<PathBuf>,
-    /// End after one transfer, when nothing has moved for --quiet-time
-    #[arg(long)]
-    once: bool,
-    /// Seconds without a byte after which a transfer has ended [default: 2; with --punch 5, because
-    /// a receiver may wait for silence, and would lose its port]
-    #[arg(long, value_name = "SECONDS", requires = "once", value_parser = seconds)]
-    quiet_time: Option<f64>,
+    #[command(flatten)]
+    common: Common,
 }
 
 /// A simulation that was checked.
-pub(crate) struct Simulation {
+pub(crate) struct XonXoffSimulation {
     pub(crate) control: ControlOptions,
     pub(crate) punch: Option<Vec<u8>>,
     pub(crate) punch_after: Micros,
-    pub(crate) expect: Option<Vec<u8>>,
-    pub(crate) out: Option<PathBuf>,
-    /// End when nothing has moved for so long.
-    pub(crate) quiet_time: Option<Micros>,
+    pub(crate) ending: Ending,
 }
 
-pub(crate) fn run(arguments: Arguments, screen: &Screen) -> Result<Exit, Failure> {
-    let Machine::XonXoff(machine) = arguments.machine;
-    live::simulate(&prepare(*machine)?, screen)
-}
-
-fn prepare(machine: XonXoff) -> Result<Simulation, Failure> {
-    let control = ControlOptions {
-        line: LineParameters::new(machine.baud),
-        buffer: machine.buffer,
-        low: machine.low,
-        high: machine.high,
-        rate: machine.rate,
-        latency: Micros(machine.latency),
-        transmit_fifo: machine.fifo,
-        repeat_xon: machine.repeat_xon.map(Micros::from_millis),
-        xon_at_start: machine.xon_at_start.map(Micros::from_millis),
-        echo: machine.echo,
-        ..ControlOptions::default()
-    };
-    control.check().map_err(Failure::usage)?;
-    let quiet_time = machine.quiet_time.unwrap_or(if machine.punch.is_some() { 5.0 } else { 2.0 });
-    Ok(Simulation {
-        control,
-        punch: machine.punch.as_deref().map(files::read).transpose()?,
-        punch_after: micros(machine.punch_after),
-        expect: machine.expect.as_deref().map(files::read).transpose()?,
-        out: machine.out,
-        quiet_time: machine.once.then(|| micros(quiet_time)),
-    })
-}
-
-fn seconds(text: &str) -> Result<f64, String> {
-    let seconds = text.parse::<f64>().ok().filter(|seconds| (0.0..=86_400.0).contains(seconds));
-    seconds.ok_or_else(|| "give seconds, 0 to 86400".to_owned())
-}
-
-fn micros(seconds: f64) -> Micros {
-    Micros((seconds * 1e6) as i64)
+impl XonXoff {
+    pub(super) fn prepare(self) -> Result<XonXoffSimulation, Failure> {
+        let control = ControlOptions {
+            line: LineParameters::new(self.baud),
+            buffer: self.buffer,
+            low: self.low,
+            high: self.high,
+            rate: self.rate,
+            latency: Micros(self.latency),
+            transmit_fifo: self.fifo,
+            repeat_xon: self.repeat_xon.map(Micros::from_millis),
+            xon_at_start: self.xon_at_start.map(Micros::from_millis),
+            echo: self.echo,
+            ..ControlOptions::default()
+        };
+        control.check().map_err(Failure::usage)?;
+        Ok(XonXoffSimulation {
+            control,
+            punch: self.punch.as_deref().map(files::read).transpose()?,
+            punch_after: micros(self.punch_after),
+            ending: self.common.ending(self.punch.is_some())?,
+        })
+    }
 }

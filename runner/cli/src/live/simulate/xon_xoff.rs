@@ -1,27 +1,21 @@
-//! `softplug simulate`.
+//! `softplug simulate xon-xoff`.
 
 use serde::Serialize;
 use softplug_abi::Micros;
-use softplug_conformance::partners::xon_xoff::{AlarmKind, ControlReport, Counts, Received};
+use softplug_conformance::partners::Partner;
+use softplug_conformance::partners::xon_xoff::{AlarmKind, Control, ControlReport, Received};
 
-use super::machine::Machine;
-use crate::commands::simulate::Simulation;
+use super::{Distribution, on_a_pty, put_away, say_expected, seconds};
+use crate::commands::simulate::XonXoffSimulation;
 use crate::exit::Exit;
 use crate::failure::Failure;
-use crate::files;
+use crate::live::machine::Simulated;
 use crate::numbers;
-use crate::screen::{BAD, GOOD, Screen};
-use crate::stop;
-
-/// The first line for machines.
-#[derive(Serialize)]
-struct Ready {
-    port: String,
-}
+use crate::screen::{BAD, Screen};
 
 /// The last line for machines.
 #[derive(Serialize)]
-pub(super) struct Document {
+struct Document {
     result: &'static str,
     received: u64,
     consumed: u64,
@@ -41,52 +35,91 @@ pub(super) struct Document {
     as_expected: Option<bool>,
 }
 
-#[derive(Serialize)]
-struct Distribution {
-    p50: u32,
-    p99: u32,
-    max: u32,
+/// A control with what it is to send.
+#[derive(Debug)]
+pub(in crate::live) struct XonXoff {
+    pub(in crate::live) control: Control,
+    /// XON and XOFF: they are no data.
+    control_bytes: [u8; 2],
+    /// What it is to send, until it does.
+    punch: Option<Vec<u8>>,
+    punch_after: Micros,
+    /// The other side has sent an XON.
+    was_let_go: bool,
 }
 
-impl From<&Counts> for Distribution {
-    fn from(counts: &Counts) -> Self {
-        Self { p50: counts.percentile(50), p99: counts.percentile(99), max: counts.max() }
+impl XonXoff {
+    pub(in crate::live) fn new(simulation: &XonXoffSimulation) -> Result<Self, Failure> {
+        let XonXoffSimulation { control, punch, punch_after, .. } = simulation;
+        Ok(Self {
+            control: Control::new(control.clone()).map_err(Failure::usage)?,
+            control_bytes: [control.xon, control.xoff],
+            punch: punch.clone(),
+            punch_after: *punch_after,
+            was_let_go: false,
+        })
     }
 }
 
-pub(crate) fn simulate(simulation: &Simulation, screen: &Screen) -> Result<Exit, Failure> {
-    let stop = stop::on_signals()?;
-    let mut machine = Machine::new(simulation)?;
-    let port = machine.path().display().to_string();
-    screen.say(&port);
-    screen.json_line(&Ready { port });
-    let report = machine.run(&stop)?;
+impl Partner for XonXoff {
+    fn receive(&mut self, now: Micros, byte: u8) {
+        self.was_let_go |= byte == self.control_bytes[0];
+        self.control.receive(now, byte);
+    }
 
+    fn next_event(&self) -> Option<Micros> {
+        self.control.next_event()
+    }
+
+    fn advance(&mut self, now: Micros) {
+        self.control.advance(now);
+    }
+
+    fn poll_transmit(&mut self, now: Micros) -> Option<u8> {
+        self.control.poll_transmit(now)
+    }
+}
+
+impl Simulated for XonXoff {
+    fn tend(&mut self, now: Micros) {
+        if (self.was_let_go || now >= self.punch_after)
+            && let Some(program) = self.punch.take()
+        {
+            self.control.punch(now, program);
+        }
+    }
+
+    /// The report is a copy of all that came: asked only when it is quiet.
+    fn is_busy(&self) -> bool {
+        let report = self.control.report();
+        self.punch.is_some()
+            || report.punch_waiting > 0
+            || report.consumed < report.received.count()
+            || self.control.holds_line()
+    }
+
+    fn is_data(&self, byte: u8) -> bool {
+        !self.control_bytes.contains(&byte)
+    }
+}
+
+pub(super) fn run(simulation: &XonXoffSimulation, screen: &Screen) -> Result<Exit, Failure> {
+    let machine = on_a_pty(XonXoff::new(simulation)?, &simulation.ending, screen)?;
+    let report = machine.partner().control.report();
     let received = match &report.received {
         Received::Bytes(bytes) => bytes.as_slice(),
         // Only where the options say that no bytes are kept.
         Received::Digest { .. } => &[],
     };
-    if let Some(out) = &simulation.out {
-        std::fs::write(out, received).map_err(|error| files::unwritable(out, &error))?;
-    }
-    let as_expected = simulation.expect.as_ref().map(|bytes| report.received.matches(bytes));
+    let as_expected = put_away(received, &simulation.ending)?;
     let is_good = report.alarms.is_empty() && as_expected != Some(false);
     screen.say(text(&report));
-    if let (Some(false), Some(expected)) = (as_expected, &simulation.expect) {
-        screen.say(format_args!("{BAD}not as expected{BAD:#}: {}", difference(expected, received)));
-    } else if as_expected == Some(true) {
-        screen.say(format_args!("{GOOD}as expected{GOOD:#}"));
-    }
+    say_expected(received, &simulation.ending, screen);
     screen.json_line(&document(&report, as_expected, is_good));
     Ok(if is_good { Exit::Done } else { Exit::Failed })
 }
 
-pub(super) fn document(
-    report: &ControlReport,
-    as_expected: Option<bool>,
-    is_good: bool,
-) -> Document {
+fn document(report: &ControlReport, as_expected: Option<bool>, is_good: bool) -> Document {
     Document {
         result: if is_good { "done" } else { "failed" },
         received: report.received.count(),
@@ -149,29 +182,4 @@ fn text(report: &ControlReport) -> String {
         }
     }
     lines.join("\n")
-}
-
-fn seconds(span: Micros) -> String {
-    format!("{:.3} s", span.as_secs_f64())
-}
-
-/// Where two files part.
-pub(super) fn difference(expected: &[u8], received: &[u8]) -> String {
-    let same = expected.iter().zip(received).take_while(|(one, other)| one == other).count();
-    format!(
-        "{} expected, {} received, the same up to byte {same}",
-        numbers::bytes(expected.len() as u64),
-        numbers::bytes(received.len() as u64)
-    )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_difference_names_its_place() {
-        let text = difference(b"G1X1", b"G1Y");
-        assert_eq!(text, "4 bytes expected, 3 bytes received, the same up to byte 2");
-    }
 }

@@ -1,0 +1,103 @@
+//! `softplug simulate`: machines to try a set-up on.
+
+mod fanuc;
+mod faults;
+mod r3964;
+mod xon_xoff;
+
+pub(crate) use fanuc::FanucSimulation;
+pub(crate) use r3964::R3964Simulation;
+pub(crate) use xon_xoff::XonXoffSimulation;
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+use softplug_abi::Micros;
+
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::files;
+use crate::live;
+use crate::screen::Screen;
+
+/// Simulates a machine on a pseudo-terminal, in real time.
+#[derive(Debug, Args)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    machine: Machine,
+}
+
+#[derive(Debug, Subcommand)]
+enum Machine {
+    XonXoff(Box<xon_xoff::XonXoff>),
+    #[command(name = "r3964")]
+    R3964(Box<r3964::R3964>),
+    #[command(name = "r3964-simplified")]
+    R3964Simplified(Box<r3964::R3964Simplified>),
+    #[command(name = "fanuc-rs232")]
+    Fanuc(Box<fanuc::Fanuc>),
+}
+
+/// What every simulation takes.
+#[derive(Debug, Args)]
+struct Common {
+    /// Compare what was received with this file
+    #[arg(long, value_name = "FILE")]
+    expect: Option<PathBuf>,
+    /// Write what was received into this file
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// End when all is done and nothing has moved for --quiet-time
+    #[arg(long)]
+    once: bool,
+    /// Seconds without a byte after which a transfer has ended [default: 2; 5 where the machine
+    /// sends, because a receiver may wait for silence, and would lose its port]
+    #[arg(long, value_name = "SECONDS", requires = "once", value_parser = seconds)]
+    quiet_time: Option<f64>,
+}
+
+/// A simulation that was checked.
+pub(crate) enum Simulation {
+    XonXoff(XonXoffSimulation),
+    R3964(Box<R3964Simulation>),
+    Fanuc(Box<FanucSimulation>),
+}
+
+/// What becomes of what the machine got, and when it ends.
+#[derive(Default)]
+pub(crate) struct Ending {
+    pub(crate) expect: Option<Vec<u8>>,
+    pub(crate) out: Option<PathBuf>,
+    /// End when nothing has moved for so long.
+    pub(crate) quiet_time: Option<Micros>,
+}
+
+impl Common {
+    fn ending(self, sends: bool) -> Result<Ending, Failure> {
+        let quiet_time = self.quiet_time.unwrap_or(if sends { 5.0 } else { 2.0 });
+        Ok(Ending {
+            expect: self.expect.as_deref().map(files::read).transpose()?,
+            out: self.out,
+            quiet_time: self.once.then(|| micros(quiet_time)),
+        })
+    }
+}
+
+pub(crate) fn run(arguments: Arguments, screen: &Screen) -> Result<Exit, Failure> {
+    let simulation = match arguments.machine {
+        Machine::XonXoff(machine) => Simulation::XonXoff(machine.prepare()?),
+        Machine::R3964(machine) => Simulation::R3964(Box::new(machine.prepare()?)),
+        Machine::R3964Simplified(machine) => Simulation::R3964(Box::new(machine.prepare()?)),
+        Machine::Fanuc(machine) => Simulation::Fanuc(Box::new(machine.prepare()?)),
+    };
+    live::simulate(&simulation, screen)
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse::<f64>().ok().filter(|seconds| (0.0..=86_400.0).contains(seconds));
+    seconds.ok_or_else(|| "give seconds, 0 to 86400".to_owned())
+}
+
+fn micros(seconds: f64) -> Micros {
+    Micros((seconds * 1e6) as i64)
+}

@@ -1,0 +1,102 @@
+//! `softplug demo`: each plug-in against a simulated machine, in this process.
+
+mod fanuc;
+mod r3964;
+mod stage;
+mod xon_xoff;
+
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use self::stage::{Shown, Stage};
+use crate::commands::demo::Arguments;
+use crate::commands::replay;
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::numbers;
+use crate::screen::{GOOD, HEADING, Screen};
+use crate::stop;
+
+/// The plug-ins in the order of their parts.
+const PLUGINS: [&str; 4] = ["xon-xoff", "r3964", "r3964-simplified", "fanuc-rs232"];
+
+#[derive(Serialize)]
+struct Document {
+    result: &'static str,
+    #[serde(flatten)]
+    parts: Map<String, Value>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    replay: Option<Replayed>,
+}
+
+#[derive(Default, Serialize)]
+struct Replayed {
+    total: usize,
+    passed: usize,
+    failed: usize,
+}
+
+pub(crate) fn demo(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
+    let stop = stop::on_signals()?;
+    let stage = Stage { arguments, screen, stop: &stop };
+    // A plug-in that is not there is told before anything is shown.
+    let plugins = PLUGINS.map(|name| stage.plugin(name));
+    let [xon_xoff, r3964, simplified, fanuc] = plugins;
+    let plugins = [xon_xoff?, r3964?, simplified?, fanuc?];
+    let mut document = Document { result: "failed", parts: Map::new(), replay: None };
+    for (name, plugin) in PLUGINS.iter().zip(&plugins) {
+        let shown = match *name {
+            "xon-xoff" => xon_xoff::show(&stage, plugin)?,
+            "r3964" => r3964::show(&stage, plugin, &r3964::FULL)?,
+            "r3964-simplified" => r3964::show(&stage, plugin, &r3964::SIMPLIFIED)?,
+            _ => fanuc::show(&stage, plugin)?,
+        };
+        match shown {
+            Shown::Good(value) => {
+                document.parts.insert((*name).to_owned(), value);
+            }
+            Shown::Aborted => {
+                screen.document(&Document { result: "aborted", ..document });
+                screen.error("aborted");
+                return Ok(Exit::Incomplete);
+            }
+            Shown::Failed(why) => {
+                screen.document(&document);
+                screen.error(format_args!("{name}: {why}"));
+                return Ok(Exit::Failed);
+            }
+        }
+    }
+
+    screen.say(format_args!("{HEADING}5. The traces{HEADING:#}"));
+    if !arguments.traces.exists() {
+        screen.say(format_args!(
+            "Left out: there is no folder {}. From a clone of the project, run this in its root.",
+            arguments.traces.display()
+        ));
+    } else {
+        let mut replayed = Replayed::default();
+        for plugin in &plugins {
+            if let Some(summary) = replay::quick(plugin, &arguments.traces)? {
+                replayed.total += summary.total;
+                replayed.passed += summary.passed;
+                replayed.failed += summary.failed;
+            }
+        }
+        let Replayed { total, failed, .. } = replayed;
+        document.replay = Some(replayed);
+        if failed > 0 {
+            screen.document(&document);
+            screen.error(format_args!("{failed} of {total} cases failed"));
+            return Ok(Exit::Failed);
+        }
+        screen.say(format_args!(
+            "{GOOD}All passed{GOOD:#}: {} in virtual time, each trace as it is written, with its\n\
+             bytes one by one and all at once, twice in one instance, and with the plug-in replaced\n\
+             by a fresh instance after every event. `softplug replay` has more such permutations.",
+            numbers::things(total as u64, "case"),
+        ));
+    }
+    screen.document(&Document { result: "done", ..document });
+    Ok(Exit::Done)
+}
