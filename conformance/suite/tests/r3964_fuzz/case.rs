@@ -127,9 +127,13 @@ impl Case {
         let is_good = self.options.faults.plan.is_empty()
             && self.aborts.is_empty()
             && self.put_away_after == Micros::ZERO;
+        is_still && is_good && self.is_short() && self.is_settled()
+    }
+
+    /// Whether no block is longer than it may be.
+    pub(crate) fn is_short(&self) -> bool {
         let mut all = self.jobs.iter().chain(&self.blocks);
-        let is_short = all.all(|(_, data)| data.len() <= self.options.block_size);
-        is_still && is_good && is_short && self.is_settled()
+        all.all(|(_, data)| data.len() <= self.options.block_size)
     }
 
     /// Whether both know who gives way, and begin when the NAKs of the start have
