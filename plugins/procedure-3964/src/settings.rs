@@ -42,7 +42,7 @@ macro_rules! procedure_settings {
                 bcc: bool = true, "Block check: 3964R; off: 3964.";
                 handshake: bool = true, "DLE answers STX; off: all in one go.";
                 doubling: bool = true, "DLE in data is doubled.";
-                priority: $crate::Priority = $priority, "Who begins; none: STX is a wrong character.";
+                priority: $crate::Priority = $priority, "In a conflict; none: STX is a wrong character.";
                 qvz: i64 = $qvz in 0..=60000 "ms", "Acknowledgement delay; 0: 2000 with BCC, 550 without.";
                 zvz: i64 = 220 in 1..=60000 "ms", "Character delay.";
                 bwz: i64 = $bwz in 0..=60000 "ms", "Block wait; 0: no repetition.";
@@ -53,7 +53,7 @@ macro_rules! procedure_settings {
                 split: bool = false, "A longer job is several blocks.";
                 nak_at_start: bool = $at_start, "NAK at the opening.";
                 nak_on_garbage: bool = $garbage, "NAK after idle garbage.";
-                layer: $crate::Layer = "none", "On top.";
+                layer: $crate::Layer = "none", "What blocks carry: data or telegrams.";
                 reaction_timeout: i64 = 20000 in 0..=600000 "ms", "RK512; 0: by baud.";
             }
         }
