@@ -86,6 +86,42 @@ fn two_plugins_exchange_ten_thousand_blocks_and_lose_none() {
     assert!(collisions.count() > count / 1_000);
 }
 
+/// A plug-in that is replaced every millisecond, within blocks, acknowledgements
+/// and conflicts, exchanges the same as one that is not.
+#[test]
+fn replacing_the_plugins_all_the_time_loses_nothing() {
+    let line = LineParameters::new(38_400);
+    let (low, high) = (blocks(3, 150), blocks(4, 150));
+    let run = |every: Option<i64>| {
+        let mut one = plugin(line, &[("priority", "low")]);
+        let mut other = plugin(line, &[("priority", "high")]);
+        for (at, data) in &low {
+            one.send(*at, data.clone());
+        }
+        for (at, data) in &high {
+            other.send(*at, data.clone());
+        }
+        let swaps = |first: i64| {
+            every
+                .into_iter()
+                .flat_map(move |every| (0..3_000).map(move |n| Micros(first + n * every)))
+        };
+        one.swap_at(swaps(0));
+        other.swap_at(swaps(333));
+        let mut pair = Pair::new(one, other);
+        pair.run_until(LONG);
+        pair
+    };
+    let (kept, replaced) = (run(None), run(Some(1_000)));
+    assert_eq!((kept.a.host.swapped, replaced.a.host.swapped), (0, 3_000));
+    assert_eq!(kept.a.host.emitted, replaced.a.host.emitted);
+    assert_eq!(kept.b.host.emitted, replaced.b.host.emitted);
+    for (end, blocks) in [(&replaced.a, &high), (&replaced.b, &low)] {
+        let delivered = end.host.delivered.iter().map(|delivered| &delivered.data);
+        assert!(delivered.eq(blocks.iter().map(|(_, data)| data)));
+    }
+}
+
 /// A job over the block size goes as several blocks, each acknowledged before the
 /// next, also where some are repeated.
 #[test]

@@ -108,6 +108,8 @@ pub(crate) struct Host {
     pub(crate) put_away_after: Micros,
     /// Bytes that are given of a job's data at once; 0: as many as asked for.
     pub(crate) piece: usize,
+    /// How often the plug-in was replaced.
+    pub(crate) swapped: u32,
     at: usize,
     open: Option<(u32, Vec<u8>)>,
     to_put_away: VecDeque<(Micros, u32)>,
@@ -367,6 +369,7 @@ impl Partner for PluginEnd {
             let successor = self.plugin.instantiate();
             let swapped = self.line.link.swap(now, successor, &mut self.host);
             swapped.unwrap_or_else(|error| panic!("{error}"));
+            self.host.swapped += 1;
         }
         while self.aborts.pop_front_if(|at| *at <= now).is_some() {
             let link = &mut self.line.link;
