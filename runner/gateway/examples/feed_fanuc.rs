@@ -57,14 +57,17 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// Blocks of 14 to 40 characters, 25 on the average.
 fn program(characters: usize) -> String {
-    let mut program = LABEL.to_owned();
-    for n in 0.. {
+    let block = |n: usize| {
         let (x, y, z) = (n % 1_000, n / 7 % 1_000, n * n % 9_973);
-        program += &match n % 3 {
+        match n % 3 {
             0 => format!("N{} G1 X{x:03}.{y:03} Y-{y:03}.{x:03} Z{z:04}.\n", n % 100_000),
             1 => format!("X{x:03}.{y:03} Z-{z:04}.\n"),
             _ => format!("Y-{y:03}.{x:03} F{}\n", 100 + n % 900),
-        };
+        }
+    };
+    let mut program = LABEL.to_owned();
+    for n in 0.. {
+        program += &block(n);
         if program.len() >= characters {
             break;
         }
