@@ -291,8 +291,8 @@ fn judge(case: &Case, near: &Side, noisy: &Noisy<Station>, faults: usize) -> Res
     let (options, latency) = (&case.options, case.latency);
     let in_port = options.line.characters(20) + Micros::from_millis(1);
     let reach = in_port + latency + case.noise.longest_delay;
-    // So can the rest of a block that is too long, where no DLE is waited for.
-    let is_cut_off = !options.handshake && !case.is_short();
+    // So can the rest of a block that is too long, and the STXs that it provokes.
+    let is_cut_off = !case.is_short();
     let is_ambiguous = !case.is_settled() || !case.aborts.is_empty() || is_cut_off;
     let disturbances = disturbances + case.aborts.len();
     let out = Direction {

@@ -39,8 +39,7 @@ impl Station {
         let fault = self.fault(Occasion::Answer);
         match fault {
             Some(Fault::NoAnswer) => {
-                (self.state, self.deadline) = before;
-                return;
+                return self.resume(before);
             }
             Some(Fault::NakAnswer) => {
                 self.react();
@@ -51,8 +50,7 @@ impl Station {
             Some(Fault::OtherAnswer(byte)) => {
                 self.react();
                 self.say(byte, Role::Stray);
-                (self.state, self.deadline) = before;
-                return;
+                return self.resume(before);
             }
             Some(Fault::Conflict) => {
                 self.reception = None;
@@ -82,6 +80,16 @@ impl Station {
             self.say(DLE, Role::Answer);
         } else {
             self.begin_frame();
+        }
+    }
+
+    /// As if the STX had not come. One of our own that was taken back for it is
+    /// as good as unanswered.
+    fn resume(&mut self, (state, deadline): (State, Option<Micros>)) {
+        self.state = state;
+        self.deadline = deadline;
+        if state == State::Connecting && deadline.is_none() {
+            self.wait(self.options.qvz);
         }
     }
 
