@@ -292,9 +292,9 @@ fn judge(case: &Case, near: &Side, noisy: &Noisy<Station>, faults: usize) -> Res
     let in_port = options.line.characters(20) + Micros::from_millis(1);
     let reach = in_port + latency + case.noise.longest_delay;
     // So can the rest of a block that is too long, and the STXs that it provokes.
-    let is_cut_off = !case.is_short();
+    let is_cut_off = case.too_long() > 0;
     let is_ambiguous = !case.is_settled() || !case.aborts.is_empty() || is_cut_off;
-    let disturbances = disturbances + case.aborts.len();
+    let disturbances = disturbances + case.aborts.len() + case.too_long();
     let out = Direction {
         sender: near,
         receiver: &far,
