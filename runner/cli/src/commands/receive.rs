@@ -55,10 +55,10 @@ pub(crate) struct Arguments {
     #[arg(long, short, value_name = "DIR")]
     pub(crate) dir: Option<PathBuf>,
     /// The folder with programs that the machine may ask for by name
-    #[arg(long, value_name = "DIR", requires = "dir")]
+    #[arg(long, value_name = "DIR", conflicts_with = "out")]
     pub(crate) programs: Option<PathBuf>,
     /// End after so many deliveries
-    #[arg(long, value_name = "N", requires = "dir", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", conflicts_with = "out", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) count: Option<u64>,
     /// Give up when nothing has come for so many seconds
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(1..=604_800))]

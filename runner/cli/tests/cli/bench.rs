@@ -134,15 +134,20 @@ fn regex_of(path: &Path) -> String {
     escaped
 }
 
-/// The folder with `xon-xoff.wasm`: the one that SOFTPLUG_PLUGINS names, or one
-/// that is built here, so that it is never older than its source.
+const PLUGINS: [&str; 4] = ["xon-xoff", "r3964", "r3964-simplified", "fanuc-rs232"];
+
+/// The folder with the plug-ins: the one that SOFTPLUG_PLUGINS names, or one
+/// that is built here, so that they are never older than their source.
 pub(crate) fn plugins() -> PathBuf {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     let folder = FOLDER.get_or_init(|| match std::env::var_os("SOFTPLUG_PLUGINS") {
         Some(folder) if !folder.is_empty() => PathBuf::from(folder),
         _ => build(),
     });
-    assert!(folder.join("xon-xoff.wasm").is_file(), "no plug-in in {}", folder.display());
+    for name in PLUGINS {
+        let file = folder.join(format!("{name}.wasm"));
+        assert!(file.is_file(), "there is no {}", file.display());
+    }
     folder.clone()
 }
 
@@ -151,7 +156,8 @@ fn build() -> PathBuf {
     let target = executable.parent().and_then(Path::parent).unwrap();
     let built = Command::new(env!("CARGO"))
         .args(["build", "--quiet", "--profile", "plugin", "--target", "wasm32v1-none"])
-        .args(["-p", "softplug-xon-xoff"])
+        .args(["--lib", "-p", "softplug-xon-xoff", "-p", "softplug-r3964"])
+        .args(["-p", "softplug-r3964-simplified", "-p", "softplug-fanuc-rs232"])
         // For the options that stand in .cargo/config.toml.
         .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../.."))
         .env("CARGO_TARGET_DIR", target)
@@ -160,8 +166,10 @@ fn build() -> PathBuf {
     assert!(built.success(), "the plug-in cannot be built: `rustup target add wasm32v1-none`");
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("plugins");
     fs::create_dir_all(&folder).unwrap();
-    let module = target.join("wasm32v1-none/plugin/xon_xoff.wasm");
-    fs::copy(&module, folder.join("xon-xoff.wasm")).unwrap();
+    for name in PLUGINS {
+        let module = format!("wasm32v1-none/plugin/{}.wasm", name.replace('-', "_"));
+        fs::copy(target.join(module), folder.join(format!("{name}.wasm"))).unwrap();
+    }
     folder
 }
 

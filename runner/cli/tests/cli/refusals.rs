@@ -130,3 +130,61 @@ fn files_that_are_there_are_not_overwritten() {
     assert_eq!(bench.read("old.nc.partial"), b"half");
     assert_eq!(bench.names(), ["O1.nc", "empty.nc", "folder", "old.nc.partial"]);
 }
+
+#[test]
+fn fields_are_checked_before_the_port_is_touched() {
+    let bench = bench();
+    let send = "send --port /dev/none --plugin r3964 --set layer=rk512";
+    let text: String = [
+        "--job write O1.nc",
+        "--job wirte O1.nc",
+        "--job write --field area=DB --field blok=5 O1.nc",
+        "--job write --field area=DB --field block=many O1.nc",
+        "--job write --field area=DB --field area=DX O1.nc",
+        "--job write --field area O1.nc",
+        "--job send",
+        "--field colour=red O1.nc",
+    ]
+    .iter()
+    .map(|words| refused(&bench, &format!("{send} {words}"), 2))
+    .collect();
+    snapshot("bad-fields", text);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn folders_are_checked_before_the_port_is_touched() {
+    let bench = bench();
+    let receive = "receive --port /dev/none --plugin r3964";
+    let text: String = [
+        "",
+        " --dir nowhere",
+        " --dir O1.nc",
+        " --dir folder --programs nowhere",
+        " --dir folder --force",
+        " --out O2.nc --programs folder",
+        " --out O2.nc --dir folder",
+    ]
+    .iter()
+    .map(|words| refused(&bench, &format!("{receive}{words}"), 2))
+    .collect();
+    snapshot("bad-folders", text);
+}
+
+#[test]
+fn simulations_that_cannot_be_are_refused() {
+    let bench = bench();
+    let text: String = [
+        "simulate r3964 --fault nonsense",
+        "simulate r3964 --fault cut=5@0",
+        "simulate r3964 --memory DB5=64",
+        "simulate r3964-simplified --rk512",
+        "simulate fanuc-rs232 --reserve 300",
+        "simulate fanuc-rs232 --press 1:dance",
+        "simulate fanuc-rs232 --dc4 late",
+    ]
+    .iter()
+    .map(|line| refused(&bench, line, 2))
+    .collect();
+    snapshot("bad-simulations", text);
+}

@@ -24,7 +24,7 @@ fn alone() -> MutexGuard<'static, ()> {
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// `softplug simulate xon-xoff`, started.
+/// `softplug simulate`, started.
 struct Simulation {
     child: Child,
     out: BufReader<ChildStdout>,
@@ -33,7 +33,11 @@ struct Simulation {
 
 impl Simulation {
     fn start(bench: &Bench, options: &[&str]) -> Self {
-        let words = [&["simulate", "xon-xoff", "--json"], options].concat();
+        Self::of("xon-xoff", bench, options)
+    }
+
+    fn of(machine: &str, bench: &Bench, options: &[&str]) -> Self {
+        let words = [&["simulate", machine, "--json"], options].concat();
         let mut child = bench.command(&words).spawn().unwrap();
         let mut out = BufReader::new(child.stdout.take().unwrap());
         let mut line = String::new();
@@ -173,8 +177,8 @@ fn ctrl_c_keeps_what_was_received() {
     interrupt(&child);
     let ran = ended(child).with_code(5);
     snapshot("receive-aborted", ran);
-    assert_eq!(bench.names(), ["O1.nc.partial"]);
-    assert_eq!(bench.read("O1.nc.partial"), b"G1X1\nG1X2\n");
+    assert_eq!(bench.names(), ["O1.nc.failed"]);
+    assert_eq!(bench.read("O1.nc.failed"), b"G1X1\nG1X2\n");
 }
 
 #[test]
@@ -209,8 +213,8 @@ fn a_port_that_goes_away_is_told_and_what_came_is_kept() {
     wait_for("the data", || std::fs::read(&partial).is_ok_and(|bytes| bytes.len() == 5));
     drop(pty);
     let ran = ended(child).with_code(6);
-    assert!(ran.err.contains("O2.nc.partial"), "{ran}");
-    assert_eq!(bench.read("O2.nc.partial"), b"G1X1\n");
+    assert!(ran.err.contains("O2.nc.failed"), "{ran}");
+    assert_eq!(bench.read("O2.nc.failed"), b"G1X1\n");
     assert!(!bench.path("O2.nc").exists());
 }
 
@@ -224,16 +228,14 @@ fn a_reception_without_its_end_mark_fails_and_is_kept() {
     pty.write(b"G1X1\n").unwrap();
     let ran = ended(child).with_code(1);
     snapshot("receive-failed", ran);
-    assert_eq!(bench.names(), ["O1.nc.partial"]);
+    assert_eq!(bench.names(), ["O1.nc.failed"]);
 
-    // The next attempt overwrites nothing, unless it is told to.
-    bench.run(&receive).with_code(2);
-    let mut forced = bench.command(&[&receive[..], &settings, &["--force"]].concat());
-    let child = forced.spawn().unwrap();
+    // The next attempt overwrites nothing.
+    let child = bench.command(&[&receive[..], &settings].concat()).spawn().unwrap();
     pty.write(b"G1X2\n%").unwrap();
     let ran = ended(child).with_code(0);
     assert!(ran.out.starts_with("received 6 bytes in "), "{ran}");
-    assert_eq!(bench.names(), ["O1.nc"]);
+    assert_eq!(bench.names(), ["O1.nc", "O1.nc.failed"]);
     assert_eq!(bench.read("O1.nc"), b"G1X2\n%");
 }
 
@@ -296,6 +298,101 @@ fn the_demonstration_goes_all_the_way() {
     bench.write("traces/xon-xoff/xon-xoff.tx.first.spt", crate::files::TRACE);
     let demo = ["demo", "--bytes", "30000", "--traces", "traces"];
     let ran = bench.run(&demo).with_code(0);
-    assert_eq!(ran.out.matches("Identical: ").count(), 2, "{ran}");
+    assert_eq!(ran.out.matches("Identical").count(), 8, "{ran}");
     assert!(ran.out.contains("All passed"), "{ran}");
+}
+
+fn lines(ran: &Ran) -> Vec<Value> {
+    ran.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+#[test]
+fn blocks_come_into_a_folder_over_a_faulty_line() {
+    let _alone = alone();
+    let bench = Bench::new();
+    bench.write("blocks.bin", (0..=255).collect::<Vec<u8>>());
+    bench.write("in/000001", "theirs");
+    let options = ["--baud", "115200", "--send", "blocks.bin", "--block-size", "100"];
+    let faults = ["--fault", "wrong-check@2", "--once", "--quiet-time", "1"];
+    let simulation = Simulation::of("r3964", &bench, &[&options[..], &faults].concat());
+    let receive = ["receive", "--port", &simulation.port, "--plugin", "r3964", "--dir", "in"];
+    let ran = bench.run(&[&receive[..], &LINE, &["--count", "3", "--json"]].concat());
+    let ran = ran.with_code(0);
+    let end = lines(&ran).pop().unwrap();
+    assert_eq!((&end["event"], &end["complete"]), (&"end".into(), &3.into()), "{ran}");
+    let got = ["in/000002", "in/000003", "in/000004"].map(|name| bench.read(name));
+    assert_eq!(got.concat(), bench.read("blocks.bin"));
+    assert_eq!(bench.read("in/000001"), b"theirs");
+    let (code, report) = simulation.end();
+    assert_eq!((code, &report["blocks_sent"], &report["repetitions"]), (0, &3.into(), &1.into()));
+}
+
+#[test]
+fn an_area_is_written_and_read_by_rk512() {
+    let _alone = alone();
+    let bench = Bench::new();
+    bench.write("words.bin", [0x12, 0x34, 0x10, 0x03]);
+    let options = ["--baud", "115200", "--rk512", "--memory", "DB5=64"];
+    let simulation = Simulation::of("r3964", &bench, &options);
+    let job = |words: &[&str], code| {
+        let send = ["send", "--port", &simulation.port, "--plugin", "r3964", "--json"];
+        let area = ["--set", "layer=rk512", "--field", "area=DB", "--field", "block=5"];
+        let offset = ["--field", "offset=10"];
+        bench.run(&[&send[..], &LINE, &area, &offset, words].concat()).with_code(code)
+    };
+    job(&["--job", "write", "words.bin"], 0);
+    let read = ["--job", "read", "--field", "count=2"];
+    let ran = job(&[&read[..], &["--out", "back.bin"]].concat(), 0);
+    assert_eq!(ran.json()["answered"], 4, "{ran}");
+    assert_eq!(bench.read("back.bin"), bench.read("words.bin"));
+    let shown = job(&read, 0).json();
+    assert_eq!(shown["answer"], "12341003", "{shown}");
+    // A block that is not there: nothing is left of the answer.
+    let refused = [&read[..], &["--out", "none.bin"]].concat();
+    let send = ["send", "--port", &simulation.port, "--plugin", "r3964", "--json"];
+    let fields = ["--set", "layer=rk512", "--field", "area=DB", "--field", "block=6"];
+    let words = [&send[..], &LINE, &fields, &refused].concat();
+    let ran = bench.run(&words).with_code(1);
+    assert_eq!(ran.json()["failure"], "not-found", "{ran}");
+    assert_eq!(bench.names(), ["back.bin", "words.bin"]);
+    interrupt(&simulation.child);
+    let (code, report) = simulation.end();
+    assert_eq!((code, &report["commands_refused"]), (0, &1.into()), "{report}");
+}
+
+#[test]
+fn an_operator_asks_for_programs_at_the_panel() {
+    let _alone = alone();
+    let bench = Bench::new();
+    let program = "%\nO1234\nG1 X1\nM30\n%\n";
+    bench.write("programs/O1234.nc", program);
+    bench.write("secret.nc", program);
+    bench.write("in/O1234", "theirs");
+    let press = [
+        "--press",
+        "0.3:punch=programs/O1234.nc",
+        "--press",
+        "1.5:request=../secret",
+        "--press",
+        "2.5:reset",
+    ];
+    let more = ["--press", "3:request=1234", "--once", "--quiet-time", "1.5"];
+    let expect = ["--baud", "9600", "--expect", "programs/O1234.nc"];
+    let simulation = Simulation::of("fanuc-rs232", &bench, &[&press[..], &more, &expect].concat());
+    let receive = ["receive", "--port", &simulation.port, "--plugin", "fanuc-rs232"];
+    let folders = ["--dir", "in", "--programs", "programs", "--wait", "3", "--json"];
+    let line = ["--line", "9600 8N2"];
+    let ran = bench.run(&[&receive[..], &line, &folders].concat());
+    let lines = lines(&ran);
+    let of = |event: &'static str| lines.iter().filter(move |line| line["event"] == event);
+    let requests: Vec<_> = of("request")
+        .map(|line| (line["fields"]["name"].clone(), line["refused"].clone()))
+        .collect();
+    let expected = [("../secret".into(), "not-found".into()), ("1234".into(), Value::Null)];
+    assert_eq!(requests, expected, "{ran}");
+    assert_eq!(of("job").map(|line| &line["result"]).collect::<Vec<_>>(), ["done"], "{ran}");
+    assert_eq!(bench.read("in/O1234-2"), program.as_bytes());
+    assert_eq!(bench.read("in/O1234"), b"theirs");
+    let (code, report) = simulation.end();
+    assert_eq!((code, &report["as_expected"]), (0, &true.into()), "{report}");
 }

@@ -24,7 +24,7 @@ use crate::screen::{GOOD, HEADING};
 const BAUD: u32 = 9_600;
 const PROGRAM_BYTES: usize = 3_000;
 /// Less than the line brings, so that the control must hold.
-const BLOCK_TIME: Micros = Micros::from_millis(40);
+const BLOCK_TIME: Micros = Micros::from_millis(60);
 /// The program that the operator asks for.
 const NAME: &str = "O1234";
 
@@ -80,8 +80,8 @@ pub(super) fn show(stage: &Stage<'_>, plugin: &Chosen) -> Result<Shown, Failure>
         return Ok(Shown::Failed(complaint("the dialogue went wrong", &dialogue)));
     }
     screen.say(format_args!(
-        "{GOOD}Identical{GOOD:#}: the control punched {}, was asked for {NAME} at its panel, and\n\
-         read it: {}.\n",
+        "{GOOD}Identical{GOOD:#}: the control punched {}, its operator asked for {NAME}, and it\n\
+         read that: {}.\n",
         name.as_deref().unwrap_or_default().escape_debug(),
         numbers::things(dialogue.blocks, "block"),
     ));

@@ -76,18 +76,22 @@ pub(crate) fn demo(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failu
         ));
     } else {
         let mut replayed = Replayed::default();
+        let mut first = None;
         for plugin in &plugins {
             if let Some(summary) = replay::quick(plugin, &arguments.traces)? {
                 replayed.total += summary.total;
                 replayed.passed += summary.passed;
                 replayed.failed += summary.failed;
+                let failed = summary.cases.iter().find(|verdict| verdict.failure.is_some());
+                first = first.or(failed.map(|verdict| verdict.case.clone()));
             }
         }
         let Replayed { total, failed, .. } = replayed;
         document.replay = Some(replayed);
         if failed > 0 {
             screen.document(&document);
-            screen.error(format_args!("{failed} of {total} cases failed"));
+            let first = first.unwrap_or_default();
+            screen.error(format_args!("{failed} of {total} cases failed, the first is {first}"));
             return Ok(Exit::Failed);
         }
         screen.say(format_args!(

@@ -14,6 +14,9 @@ use crate::live::machine::Simulated;
 use crate::numbers;
 use crate::screen::{BAD, Screen};
 
+/// Longer than a press takes to show.
+const A_MOMENT: Micros = Micros::from_millis(500);
+
 /// The last line for machines.
 #[derive(Serialize)]
 struct Document {
@@ -106,8 +109,9 @@ impl Simulated for Fanuc {
         self.now = now;
     }
 
+    /// What the operator does last needs a moment to show.
     fn is_busy(&self) -> bool {
-        self.now <= self.last_press || !self.control.is_idle()
+        self.now <= self.last_press + A_MOMENT || !self.control.is_idle()
     }
 }
 
