@@ -209,6 +209,8 @@ impl Machine {
                 (Some(DLE), _) if !self.departure.is_pending() => self.send_block(),
                 (Some(STX), Priority::High) => self.stx_seen = true,
                 (Some(STX), Priority::Low) => self.withdraw(link),
+                // No answer to an STX that cannot have left.
+                _ if self.departure.is_pending() => {}
                 _ => self.repeat_set_up(link, SET_UP_REFUSED),
             },
             Phase::Sending => {
