@@ -58,7 +58,7 @@ struct Common {
 
 /// A simulation that was checked.
 pub(crate) enum Simulation {
-    XonXoff(XonXoffSimulation),
+    XonXoff(Box<XonXoffSimulation>),
     R3964(Box<R3964Simulation>),
     Fanuc(Box<FanucSimulation>),
 }
@@ -85,7 +85,7 @@ impl Common {
 
 pub(crate) fn run(arguments: Arguments, screen: &Screen) -> Result<Exit, Failure> {
     let simulation = match arguments.machine {
-        Machine::XonXoff(machine) => Simulation::XonXoff(machine.prepare()?),
+        Machine::XonXoff(machine) => Simulation::XonXoff(Box::new(machine.prepare()?)),
         Machine::R3964(machine) => Simulation::R3964(Box::new(machine.prepare()?)),
         Machine::R3964Simplified(machine) => Simulation::R3964(Box::new(machine.prepare()?)),
         Machine::Fanuc(machine) => Simulation::Fanuc(Box::new(machine.prepare()?)),

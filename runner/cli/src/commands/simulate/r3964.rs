@@ -10,6 +10,19 @@ use super::{Common, Ending, faults, micros, seconds};
 use crate::failure::Failure;
 use crate::files;
 
+const EXAMPLES: &str = "Examples:
+  softplug simulate r3964
+  softplug simulate r3964 --once --expect telegram.bin
+  softplug simulate r3964 --send telegrams.bin --every 0.5 --fault wrong-check@2
+  softplug simulate r3964 --fault nak-acknowledgement --fault no-answer@50/1000 --seed 7
+  softplug simulate r3964 --noise 2 --seed 1
+  softplug simulate r3964 --rk512 --memory DB5=64 --memory DB16=words.bin";
+
+const SIMPLIFIED_EXAMPLES: &str = "Examples:
+  softplug simulate r3964-simplified --once --expect telegram.bin
+  softplug simulate r3964-simplified --no-handshake --send telegrams.bin
+  softplug simulate r3964-simplified --fault nak-answer --fault wrong-check@always";
+
 /// A station that speaks 3964R or 3964, sends and receives blocks, and makes faults on demand.
 ///
 /// Prints the path to connect to, runs until Ctrl-C, then reports: blocks, repetitions, conflicts,
@@ -17,14 +30,8 @@ use crate::files;
 /// expected. It has high priority unless told otherwise, so that the plug-in's default fits. A
 /// pseudo-terminal carries no parity and no breaks.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
-  softplug simulate r3964
-  softplug simulate r3964 --once --expect telegram.bin
-  softplug simulate r3964 --send telegrams.bin --every 0.5 --fault wrong-check@2
-  softplug simulate r3964 --fault nak-acknowledgement --fault no-answer@50/1000 --seed 7
-  softplug simulate r3964 --noise 2 --seed 1
-  softplug simulate r3964 --rk512 --memory DB5=64 --memory DB16=words.bin")]
-#[command(after_long_help = LONG)]
+#[command(after_help = EXAMPLES)]
+#[command(after_long_help = format!("{EXAMPLES}\n\n{}", faults::HELP))]
 pub(super) struct R3964 {
     #[command(flatten)]
     station: Station,
@@ -41,17 +48,12 @@ pub(super) struct R3964 {
 /// Prints the path to connect to, runs until Ctrl-C, then reports. Takes all that `softplug simulate
 /// r3964` takes, except RK512.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
-  softplug simulate r3964-simplified --once --expect telegram.bin
-  softplug simulate r3964-simplified --no-handshake --send telegrams.bin
-  softplug simulate r3964-simplified --fault nak-answer --fault wrong-check@always")]
-#[command(after_long_help = LONG)]
+#[command(after_help = SIMPLIFIED_EXAMPLES)]
+#[command(after_long_help = format!("{SIMPLIFIED_EXAMPLES}\n\n{}", faults::HELP))]
 pub(super) struct R3964Simplified {
     #[command(flatten)]
     station: Station,
 }
-
-const LONG: &str = faults::HELP;
 
 #[derive(Debug, Args)]
 struct Station {

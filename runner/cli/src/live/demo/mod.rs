@@ -69,12 +69,7 @@ pub(crate) fn demo(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failu
     }
 
     screen.say(format_args!("{HEADING}5. The traces{HEADING:#}"));
-    if !arguments.traces.exists() {
-        screen.say(format_args!(
-            "Left out: there is no folder {}. From a clone of the project, run this in its root.",
-            arguments.traces.display()
-        ));
-    } else {
+    if arguments.traces.exists() {
         let mut replayed = Replayed::default();
         let mut first = None;
         for plugin in &plugins {
@@ -99,6 +94,11 @@ pub(crate) fn demo(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failu
              bytes one by one and all at once, twice in one instance, and with the plug-in replaced\n\
              by a fresh instance after every event. `softplug replay` has more such permutations.",
             numbers::things(total as u64, "case"),
+        ));
+    } else {
+        screen.say(format_args!(
+            "Left out: there is no folder {}. From a clone of the project, run this in its root.",
+            arguments.traces.display()
         ));
     }
     screen.document(&Document { result: "done", ..document });
