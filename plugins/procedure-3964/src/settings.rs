@@ -83,10 +83,10 @@ macro_rules! procedure_manifest {
         concat!(
             r#""jobs":[{"name":"send","text":"Sends a block."},"#,
             r#"{"name":"write","text":"RK512 SEND","fields":["#,
-            $crate::place_fields!(),
+            $crate::place_fields!("DB or DX"),
             "]},",
             r#"{"name":"read","text":"RK512 FETCH","fields":["#,
-            $crate::place_fields!(),
+            $crate::place_fields!("DB, DX, I, Q, M, T or C"),
             "]}],",
             r#""requests":[{"name":"write","text":"SEND came","fields":["#,
             $crate::place_fields!(),
@@ -122,19 +122,41 @@ macro_rules! procedure_manifest {
     };
 }
 
-/// Where data stands in a partner's memory, as fields of jobs and requests.
+/// Where data stands in a partner's memory, as fields of jobs, explained, and of
+/// requests.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! place_fields {
     () => {
+        $crate::place_fields!("as in jobs", "", "", "", "", "")
+    };
+    ($areas:literal) => {
+        $crate::place_fields!(
+            $areas,
+            "number of the DB or DX",
+            "first word; of I, Q, M: byte",
+            "words; of I, Q, M: bytes",
+            "coordination flag",
+            "1 to 4"
+        )
+    };
+    ($area:literal, $block:literal, $offset:literal, $count:literal, $flag:literal, $cpu:literal) => {
         concat!(
-            r#"{"name":"area","type":"text","required":true,"text":"DB, I …"},"#,
-            r#"{"name":"block","type":"int","text":""},"#,
-            r#"{"name":"offset","type":"int","text":""},"#,
-            r#"{"name":"count","type":"int","text":""},"#,
-            r#"{"name":"flag_byte","type":"int","text":""},"#,
-            r#"{"name":"flag_bit","type":"int","text":""},"#,
-            r#"{"name":"cpu","type":"int","text":""}"#,
+            r#"{"name":"area","type":"text","required":true,"text":""#,
+            $area,
+            r#""},{"name":"block","type":"int","text":""#,
+            $block,
+            r#""},{"name":"offset","type":"int","text":""#,
+            $offset,
+            r#""},{"name":"count","type":"int","text":""#,
+            $count,
+            r#""},{"name":"flag_byte","type":"int","text":""#,
+            $flag,
+            r#""},{"name":"flag_bit","type":"int","text":""#,
+            $flag,
+            r#""},{"name":"cpu","type":"int","text":""#,
+            $cpu,
+            r#""}"#,
         )
     };
 }
