@@ -13,7 +13,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("softplug-plugin", &["softplug-abi", "softplug-link"]),
     ("softplug-host", &["softplug-abi"]),
     ("softplug-xon-xoff", &["softplug-plugin"]),
-    ("softplug-procedure-3964", &["softplug-plugin"]),
+    ("softplug-procedure-3964", &["softplug-abi", "softplug-plugin"]),
     ("softplug-r3964", &["softplug-plugin", "softplug-procedure-3964"]),
     ("softplug-r3964-simplified", &["softplug-plugin", "softplug-procedure-3964"]),
     ("softplug-fanuc-rs232", &["softplug-plugin"]),
