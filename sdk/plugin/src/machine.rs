@@ -131,15 +131,19 @@ impl<C: Converter> Core<C> {
         C::check_settings(settings).map_err(|text| (Refusal::Settings, text))
     }
 
-    /// A converter with the settings that were given.
+    /// Makes a converter with the settings that were given, in its place: the stack
+    /// of a plug-in does not hold several of them.
     #[inline(never)]
-    fn fresh(&self) -> Result<C, (Refusal, &'static str)> {
-        match &self.settings {
-            Slot::Full(settings) if self.next_setting == C::Settings::COUNT => {
-                Ok(C::new(*settings))
-            }
-            Slot::Empty if C::Settings::COUNT == 0 => Ok(C::new(C::Settings::unset())),
-            _ => Err((Refusal::MalformedEvent, "open came before the settings")),
+    fn begin(&mut self) -> Result<&mut C, (Refusal, &'static str)> {
+        let settings = match &self.settings {
+            Slot::Full(settings) if self.next_setting == C::Settings::COUNT => *settings,
+            Slot::Empty if C::Settings::COUNT == 0 => C::Settings::unset(),
+            _ => return Err((Refusal::MalformedEvent, "open came before the settings")),
+        };
+        self.converter = Slot::Full(C::new(settings));
+        match &mut self.converter {
+            Slot::Full(converter) => Ok(converter),
+            Slot::Empty => unreachable!(),
         }
     }
 
@@ -167,13 +171,13 @@ impl<C: Converter> Core<C> {
         if end < total as usize {
             return Ok(());
         }
-        let mut converter = self.fresh()?;
+        let converter = self.begin()?;
         let mut reader = StateReader::new(state.get(..end).unwrap_or_default());
         let taken = converter.restore(format, &mut reader).and_then(|()| reader.end());
         if taken.is_err() {
+            self.converter = Slot::Empty;
             return refused("the state is of another format or damaged");
         }
-        self.converter = Slot::Full(converter);
         Ok(())
     }
 }
@@ -210,7 +214,7 @@ impl<'a, C: Converter> TakeEvent<'a> for Step<'_, '_, C> {
             Event::Restore { format, offset, total, bytes } => {
                 return core.restore(format, offset, total, bytes, state);
             }
-            Event::Open { resumed: false, .. } => core.converter = Slot::Full(core.fresh()?),
+            Event::Open { resumed: false, .. } => _ = core.begin()?,
             _ => {}
         }
         let Slot::Full(converter) = &mut core.converter else {
