@@ -1,11 +1,12 @@
 //! The two tape codes, ISO and EIA, and the control codes DC1 to DC4, SYN and NAK.
 
 use crate::{ParityMode, Settings};
+use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// A tape code.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(u8)]
 pub(crate) enum Code {
-    #[default]
     Iso,
     Eia,
 }

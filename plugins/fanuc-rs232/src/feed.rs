@@ -3,12 +3,13 @@
 mod holds;
 mod pipe;
 
-use crate::Settings;
-use crate::fields::Fields;
+use crate::reason::Reason;
 use crate::state::State;
-use crate::tape::{Encoder, MOST_PER_BYTE};
+use crate::tape::{Encoder, MOST_PER_BYTE, Setup};
+use crate::timer::Timer;
 use pipe::{CAPACITY, Pipe};
-use softplug_plugin::{Context, Failure, JobStart, MarkState, Micros, Pass};
+use softplug_plugin::{Context, Failure, JobStart, MarkState, Pass};
+use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Timer: no DC1 since the job began, DC3 for too long, or no final DC3.
 pub(crate) const WAIT: u8 = 0;
@@ -18,10 +19,10 @@ pub(crate) const WAIT: u8 = 0;
 const MOST_WANTED: u32 = 2_048;
 
 /// What the feed is at.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(u8)]
 enum Stage {
     /// No job.
-    #[default]
     Idle,
     /// Looking at the data of a job, sending nothing.
     Checking,
@@ -39,25 +40,10 @@ enum Stage {
     Stopping,
 }
 
-const STAGES: [Stage; 8] = [
-    Stage::Idle,
-    Stage::Checking,
-    Stage::Feeding,
-    Stage::Closing,
-    Stage::Trailing,
-    Stage::Draining,
-    Stage::Waiting,
-    Stage::Stopping,
-];
-
-#[derive(Copy, Clone, Debug)]
+#[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(C)]
 pub(crate) struct Feed {
-    /// In the remote buffer's mode it is the packets' while they have the job.
-    pub(crate) encoder: Encoder,
-    pipe: Pipe,
-    stage: Stage,
-    /// Why the job fails that is being stopped.
-    failure: Option<Failure>,
+    timer: Timer,
     job: u32,
     /// The job whose check was good: its block to begin with is there.
     checked: u32,
@@ -67,6 +53,9 @@ pub(crate) struct Feed {
     nuls: u32,
     /// The mark on the program's last byte; that on the trailer's is one more.
     mark: u32,
+    /// Why the job fails that is being stopped.
+    failure: Reason,
+    stage: Stage,
     /// The program's last byte can have left: a DC3 is the final one.
     is_read: bool,
     /// DC1 was the last that the control said.
@@ -76,30 +65,13 @@ pub(crate) struct Feed {
     is_paused: bool,
     /// Whether the queue is held for any of these reasons.
     is_holding: bool,
-    until: Option<Micros>,
+    spare: [u8; 4],
+    pipe: Pipe,
+    /// In the remote buffer's mode it is the packets' while they have the job.
+    pub(crate) encoder: Encoder,
 }
 
 impl Feed {
-    pub(crate) fn new(settings: &Settings) -> Self {
-        Self {
-            encoder: Encoder::new(settings),
-            pipe: Pipe::default(),
-            stage: Stage::Idle,
-            failure: None,
-            job: 0,
-            checked: 0,
-            wanted: 0,
-            nuls: 0,
-            mark: 0,
-            is_read: false,
-            is_ready: false,
-            is_started: false,
-            is_paused: false,
-            is_holding: false,
-            until: None,
-        }
-    }
-
     /// Whether there is a job.
     pub(crate) fn is_busy(&self) -> bool {
         self.stage != Stage::Idle
@@ -129,7 +101,7 @@ impl Feed {
     pub(crate) fn job_begin(
         &mut self,
         link: &mut Context<'_>,
-        settings: &Settings,
+        settings: &Setup,
         job: &JobStart<'_>,
     ) {
         let is_check = job.pass == Pass::Check;
@@ -156,7 +128,7 @@ impl Feed {
             self.stage = Stage::Checking;
         } else {
             self.stage = Stage::Feeding;
-            self.pipe = Pipe::default();
+            self.pipe = Pipe::new_zeroed();
             self.nuls = settings.leader as u32;
             self.is_started = self.is_ready;
             self.is_read = false;
@@ -166,7 +138,7 @@ impl Feed {
         self.go_on(link, settings);
     }
 
-    pub(crate) fn job_data(&mut self, link: &mut Context<'_>, settings: &Settings, bytes: &[u8]) {
+    pub(crate) fn job_data(&mut self, link: &mut Context<'_>, settings: &Setup, bytes: &[u8]) {
         self.wanted = self.wanted.saturating_sub(bytes.len() as u32);
         match self.stage {
             Stage::Checking => {
@@ -194,7 +166,7 @@ impl Feed {
         self.go_on(link, settings);
     }
 
-    pub(crate) fn job_end(&mut self, link: &mut Context<'_>, settings: &Settings) {
+    pub(crate) fn job_end(&mut self, link: &mut Context<'_>, settings: &Setup) {
         match self.stage {
             Stage::Checking => {
                 let mut finished = self.encoder.finish(settings, &mut |_| {});
@@ -212,7 +184,7 @@ impl Feed {
         }
     }
 
-    fn skip_preamble(&mut self, settings: &Settings) -> Result<(), Failure> {
+    fn skip_preamble(&mut self, settings: &Setup) -> Result<(), Failure> {
         while self.encoder.is_waiting() {
             self.encoder.next(settings, &mut |_| {})?;
         }
@@ -237,7 +209,7 @@ impl Feed {
     }
 
     /// Does all that there is room for: leader, program, trailer.
-    pub(crate) fn go_on(&mut self, link: &mut Context<'_>, settings: &Settings) {
+    pub(crate) fn go_on(&mut self, link: &mut Context<'_>, settings: &Setup) {
         if self.stage == Stage::Checking {
             return self.ask(link, MOST_WANTED);
         }
@@ -292,12 +264,12 @@ impl Feed {
     }
 
     /// As much data as can be taken whatever it becomes, with the pipe empty.
-    fn most(&self, link: &Context<'_>, settings: &Settings) -> u32 {
+    fn most(&self, link: &Context<'_>, settings: &Setup) -> u32 {
         if self.encoder.will_wait() {
             return 1;
         }
         let room = link.transmit_room().min(MOST_WANTED);
-        (room + (CAPACITY - MOST_PER_BYTE) as u32) / self.encoder.growth(settings)
+        (room + (CAPACITY - MOST_PER_BYTE) as u32) / settings.growth()
     }
 
     fn ask(&mut self, link: &mut Context<'_>, most: u32) {
@@ -313,7 +285,7 @@ impl Feed {
     pub(crate) fn mark(
         &mut self,
         link: &mut Context<'_>,
-        settings: &Settings,
+        settings: &Setup,
         mark: u32,
         state: MarkState,
     ) {
@@ -352,7 +324,7 @@ impl Feed {
             }
             _ => {
                 self.stage = Stage::Stopping;
-                self.failure = failure;
+                self.failure = Reason::new(failure);
                 self.nuls = 0;
                 self.pipe.clear();
                 link.discard();
@@ -361,12 +333,12 @@ impl Feed {
     }
 
     /// So many of the bytes that were queued were not sent.
-    pub(crate) fn discarded(&mut self, link: &mut Context<'_>, settings: &Settings, bytes: u32) {
+    pub(crate) fn discarded(&mut self, link: &mut Context<'_>, settings: &Setup, bytes: u32) {
         if self.stage != Stage::Stopping {
             return;
         }
         let sent = self.pipe.queued().saturating_sub(u64::from(bytes));
-        match self.failure {
+        match self.failure.failure() {
             Some(failure) => link.job_failed(self.job, failure, 0, sent),
             None => link.job_done(self.job, sent),
         }
@@ -378,27 +350,5 @@ impl Feed {
         self.is_paused = false;
         self.update_hold(link);
         self.watch(link, settings);
-    }
-
-    pub(crate) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
-        self.stage = fields.choice(self.stage as u8, &STAGES);
-        fields.failure(&mut self.failure);
-        for number in
-            [&mut self.job, &mut self.checked, &mut self.wanted, &mut self.nuls, &mut self.mark]
-        {
-            fields.u32(number);
-        }
-        for flag in [
-            &mut self.is_read,
-            &mut self.is_ready,
-            &mut self.is_started,
-            &mut self.is_paused,
-            &mut self.is_holding,
-        ] {
-            fields.bool(flag);
-        }
-        fields.deadline(&mut self.until);
-        self.pipe.fields(fields);
-        self.encoder.fields(fields);
     }
 }

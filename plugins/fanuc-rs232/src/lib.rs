@@ -5,14 +5,15 @@
 
 mod code;
 mod feed;
-mod fields;
 mod punch;
+mod reason;
 mod remote_buffer;
 mod request;
 mod settings;
 mod short;
 mod state;
 mod tape;
+mod timer;
 
 pub use settings::{
     BlockNumbers, Eob, LineEnd, Mode, OnLineError, OutputFlow, PacketEnd, ParityMode, Programs,
@@ -21,7 +22,6 @@ pub use settings::{
 
 use code::{Code, Control, control};
 use feed::Feed;
-use fields::Fields;
 use punch::Punch;
 use remote_buffer::RemoteBuffer;
 use softplug_plugin::{
@@ -29,6 +29,8 @@ use softplug_plugin::{
     ModemLines, NoteLevel, Opening, Pass, StateError, StateReader, StateWriter,
 };
 use state::State;
+use tape::Setup;
+use zerocopy::{FromZeros, Immutable, IntoBytes, TryFromBytes};
 
 /// Timer: the capture ends by silence, or after DC4. The feed has 0 to 3.
 const CAPTURE: u8 = 4;
@@ -44,20 +46,28 @@ const OUTPUT_RESERVE: usize = 1_800;
 /// The converter.
 #[derive(Debug)]
 pub struct FanucRs232 {
-    settings: Settings,
-    feed: Feed,
-    punch: Punch,
-    remote_buffer: RemoteBuffer,
+    settings: Setup,
+    kept: Kept,
     /// The remote buffer has the job that is carried out.
     is_packets: bool,
     /// A job was under way after the event before.
     was_busy: bool,
-    is_dsr_on: bool,
     /// Characters of the event that did not fit into this round of actions.
     left: [u8; INPUT],
     left_length: usize,
     /// The state that the host knows.
     named: Option<State>,
+}
+
+/// All that is saved: plain data, so that its bytes are the state.
+#[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(C)]
+struct Kept {
+    feed: Feed,
+    punch: Punch,
+    remote_buffer: RemoteBuffer,
+    is_dsr_on: bool,
+    spare: [u8; 7],
 }
 
 softplug_plugin::export!(FanucRs232);
@@ -72,14 +82,13 @@ impl Converter for FanucRs232 {
     }
 
     fn new(settings: Settings) -> Self {
+        let mut kept = Kept::new_zeroed();
+        kept.remote_buffer.begin();
         Self {
-            settings,
-            feed: Feed::new(&settings),
-            punch: Punch::default(),
-            remote_buffer: RemoteBuffer::new(),
+            settings: Setup::new(&settings),
+            kept,
             is_packets: settings.mode == Mode::RemoteA,
             was_busy: false,
-            is_dsr_on: false,
             left: [0; INPUT],
             left_length: 0,
             named: None,
@@ -88,11 +97,11 @@ impl Converter for FanucRs232 {
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
         if opening.resumed {
-            self.feed.set_timers(link);
-            self.punch.set_timers(link);
-            self.remote_buffer.set_timers(link);
+            self.kept.feed.set_timers(link);
+            self.kept.punch.set_timers(link);
+            self.kept.remote_buffer.set_timers(link);
         } else {
-            self.punch.flow.set_marks(opening.delivery_room);
+            self.kept.punch.flow.set_marks(opening.delivery_room);
         }
         self.after(link);
     }
@@ -130,95 +139,110 @@ impl Converter for FanucRs232 {
         // With a span the character was given already.
         let byte = if span == 0 { byte } else { None };
         if self.is_packets {
-            self.remote_buffer.damaged(link, &self.settings, &mut self.feed.encoder, byte);
+            self.kept.remote_buffer.damaged(
+                link,
+                &self.settings,
+                &mut self.kept.feed.encoder,
+                byte,
+            );
         } else {
-            self.punch.line_error(link, &self.settings, kind, byte);
+            self.kept.punch.line_error(link, &self.settings, kind, byte);
         }
         self.after_bytes(link);
     }
 
     fn modem_lines(&mut self, link: &mut Context<'_>, known: ModemLines, on: ModemLines) {
         let is_on = on.contains(ModemLines::DSR);
-        let is_lost = self.is_dsr_on && !is_on && known.contains(ModemLines::DSR);
-        self.is_dsr_on = is_on;
+        let is_lost = self.kept.is_dsr_on && !is_on && known.contains(ModemLines::DSR);
+        self.kept.is_dsr_on = is_on;
         if is_lost && self.settings.watch_dsr {
-            self.feed.lost(link, Failure::PartnerGone);
-            self.remote_buffer.lost(link, Failure::PartnerGone);
-            self.punch.finish(link, &self.settings, Some(Failure::PartnerGone));
+            self.kept.feed.lost(link, Failure::PartnerGone);
+            self.kept.remote_buffer.lost(link, Failure::PartnerGone);
+            self.kept.punch.finish(link, &self.settings, Some(Failure::PartnerGone));
             self.after(link);
         }
     }
 
     fn link_down(&mut self, link: &mut Context<'_>, _reason: LinkDownReason) {
-        self.feed.link_down(link);
-        self.remote_buffer.link_down(link);
-        self.punch.finish(link, &self.settings, Some(Failure::LinkDown));
+        self.kept.feed.link_down(link);
+        self.kept.remote_buffer.link_down(link);
+        self.kept.punch.finish(link, &self.settings, Some(Failure::LinkDown));
         self.after(link);
     }
 
     fn link_up(&mut self, link: &mut Context<'_>) {
-        self.punch.flow.let_go(link, &self.settings);
+        self.kept.punch.flow.let_go(link, &self.settings);
         self.after(link);
     }
 
     fn timer(&mut self, link: &mut Context<'_>, id: u8, _deadline: Micros) {
         match id {
-            CAPTURE => self.punch.finish(link, &self.settings, None),
-            PACKET => self.remote_buffer.timer(link, &self.settings),
-            _ => self.feed.timer(link),
+            CAPTURE => self.kept.punch.finish(link, &self.settings, None),
+            PACKET => self.kept.remote_buffer.timer(link, &self.settings),
+            _ => self.kept.feed.timer(link),
         }
         self.after(link);
     }
 
     fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
-        self.punch.mark(mark, state);
+        self.kept.punch.mark(mark, state);
         if self.is_packets {
-            self.remote_buffer.mark(link, &self.settings, state);
+            self.kept.remote_buffer.mark(link, &self.settings, state);
         } else {
-            self.feed.mark(link, &self.settings, mark, state);
+            self.kept.feed.mark(link, &self.settings, mark, state);
         }
         self.after(link);
     }
 
     fn transmit_room(&mut self, link: &mut Context<'_>) {
-        self.feed.go_on(link, &self.settings);
+        self.kept.feed.go_on(link, &self.settings);
     }
 
     fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {
-        self.remote_buffer.discarded(link, bytes);
-        self.feed.discarded(link, &self.settings, bytes);
+        self.kept.remote_buffer.discarded(link, bytes);
+        self.kept.feed.discarded(link, &self.settings, bytes);
         self.after(link);
     }
 
     fn delivery_room(&mut self, link: &mut Context<'_>) {
-        self.punch.drained(link, &self.settings);
+        self.kept.punch.drained(link, &self.settings);
         self.after(link);
     }
 
     fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
         // The feed does every check, and refuses what is no program.
         if self.is_packets && job.pass == Pass::Run && job.kind == 0 {
-            self.remote_buffer.job_begin(link, &self.settings, &mut self.feed.encoder, &job);
+            self.kept.remote_buffer.job_begin(
+                link,
+                &self.settings,
+                &mut self.kept.feed.encoder,
+                &job,
+            );
         } else {
-            self.feed.job_begin(link, &self.settings, &job);
+            self.kept.feed.job_begin(link, &self.settings, &job);
         }
         self.after(link);
     }
 
     fn job_data(&mut self, link: &mut Context<'_>, _job: u32, bytes: &[u8]) {
-        if self.remote_buffer.state().is_some() {
-            self.remote_buffer.job_data(link, &self.settings, &mut self.feed.encoder, bytes);
+        if self.kept.remote_buffer.state().is_some() {
+            self.kept.remote_buffer.job_data(
+                link,
+                &self.settings,
+                &mut self.kept.feed.encoder,
+                bytes,
+            );
         } else {
-            self.feed.job_data(link, &self.settings, bytes);
+            self.kept.feed.job_data(link, &self.settings, bytes);
         }
         self.after(link);
     }
 
     fn job_end(&mut self, link: &mut Context<'_>, _job: u32) {
-        if self.remote_buffer.state().is_some() {
-            self.remote_buffer.job_end(link, &self.settings, &mut self.feed.encoder);
+        if self.kept.remote_buffer.state().is_some() {
+            self.kept.remote_buffer.job_end(link, &self.settings, &mut self.kept.feed.encoder);
         } else {
-            self.feed.job_end(link, &self.settings);
+            self.kept.feed.job_end(link, &self.settings);
         }
         self.after(link);
     }
@@ -233,16 +257,16 @@ impl Converter for FanucRs232 {
 
     fn abort(&mut self, link: &mut Context<'_>, job: u32) {
         if job == 0 {
-            self.punch.abort(link, &self.settings);
+            self.kept.punch.abort(link, &self.settings);
         } else {
-            self.remote_buffer.fail(link, Failure::Aborted);
-            self.feed.stop(link, Failure::Aborted);
+            self.kept.remote_buffer.fail(link, Failure::Aborted);
+            self.kept.feed.stop(link, Failure::Aborted);
         }
         self.after(link);
     }
 
     fn force_resume(&mut self, link: &mut Context<'_>) {
-        self.feed.force_resume(link, &self.settings);
+        self.kept.feed.force_resume(link, &self.settings);
         self.after(link);
     }
 
@@ -253,32 +277,21 @@ impl Converter for FanucRs232 {
         answer: Result<&[u8], Failure>,
         more: bool,
     ) {
-        self.punch.requests.answered(link, answer.err(), more);
+        self.kept.punch.requests.answered(link, answer.err(), more);
     }
 
     fn save(&self, state: &mut StateWriter<'_>) {
-        let mut fields = Fields::Save(state);
-        let mut feed = self.feed;
-        feed.fields(&mut fields);
-        let mut is_dsr_on = self.is_dsr_on;
-        fields.bool(&mut is_dsr_on);
-        let mut punch = self.punch;
-        punch.fields(&mut fields);
-        let mut remote_buffer = self.remote_buffer;
-        remote_buffer.fields(&mut fields);
+        state.bytes(self.kept.as_bytes());
     }
 
     fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
         if Some(format) != Self::STATE_FORMAT {
             return Err(StateError);
         }
-        let mut fields = Fields::Restore(state, Ok(()));
-        self.feed.fields(&mut fields);
-        self.was_busy = self.feed.is_busy();
-        fields.bool(&mut self.is_dsr_on);
-        self.punch.fields(&mut fields);
-        self.remote_buffer.fields(&mut fields);
-        fields.end()
+        let bytes = state.bytes(size_of::<Kept>());
+        self.kept = Kept::try_read_from_bytes(bytes).map_err(|_| StateError)?;
+        self.was_busy = self.kept.feed.is_busy();
+        Ok(())
     }
 }
 
@@ -286,66 +299,55 @@ impl FanucRs232 {
     fn byte(&mut self, link: &mut Context<'_>, byte: u8) {
         let settings = &self.settings;
         if self.is_packets {
-            self.remote_buffer.byte(link, settings, &mut self.feed.encoder, byte);
+            self.kept.remote_buffer.byte(link, settings, &mut self.kept.feed.encoder, byte);
             return;
         }
-        let (code, is_sending) = if self.punch.is_capturing() {
-            (self.punch.code(), false)
+        let (code, is_sending) = if self.kept.punch.is_capturing() {
+            (self.kept.punch.code(), false)
         } else {
             let code = if settings.code == SendCode::Eia { Code::Eia } else { Code::Iso };
-            (code, self.feed.is_sending())
+            (code, self.kept.feed.is_sending())
         };
-        let state = self.feed.state();
+        let state = self.kept.feed.state();
         match control(settings, code, byte, is_sending) {
             // The control reads: it does not punch, unless it holds us. So this is
             // an echo, or damaged.
             Some(Control::Dc2) if is_sending && state != Some(State::Held) => {}
             Some(control) => {
                 let is_awaited = matches!(state, Some(State::WaitingForDc1 | State::Held));
-                if !self.punch.control(link, settings, control, is_awaited) {
-                    self.feed.control(link, settings, control);
+                if !self.kept.punch.control(link, settings, control, is_awaited) {
+                    self.kept.feed.control(link, settings, control);
                 }
             }
             // While we send it is an echo.
-            None if !is_sending => self.punch.byte(link, settings, byte),
+            None if !is_sending => self.kept.punch.byte(link, settings, byte),
             None => {}
         }
     }
 
     fn after_bytes(&mut self, link: &mut Context<'_>) {
-        self.punch.after_bytes(link, &self.settings);
+        self.kept.punch.after_bytes(link, &self.settings);
         self.after(link);
     }
 
     fn set_paused(&mut self, link: &mut Context<'_>, is_paused: bool) {
-        self.feed.set_paused(link, is_paused);
-        self.remote_buffer.set_paused(is_paused);
+        self.kept.feed.set_paused(link, is_paused);
+        self.kept.remote_buffer.set_paused(is_paused);
         self.after(link);
     }
 
     /// After each event.
     fn after(&mut self, link: &mut Context<'_>) {
-        let was_busy = core::mem::replace(&mut self.was_busy, self.feed.is_busy());
+        let was_busy = core::mem::replace(&mut self.was_busy, self.kept.feed.is_busy());
         if was_busy && !self.was_busy {
-            self.punch.deafen(link, &self.settings);
+            self.kept.punch.deafen(link, &self.settings);
         }
-        let state = self.punch.state().or(self.feed.state()).or(self.remote_buffer.state());
+        let state =
+            self.kept.punch.state().or(self.kept.feed.state()).or(self.kept.remote_buffer.state());
         let state = state.unwrap_or(State::Idle);
         if self.named != Some(state) {
             self.named = Some(state);
             link.state(state.name());
         }
-    }
-}
-
-/// Sets a timer, or cancels it, where that is news.
-fn set_timer(link: &mut Context<'_>, id: u8, known: &mut Option<Micros>, at: Option<Micros>) {
-    if *known == at {
-        return;
-    }
-    *known = at;
-    match at {
-        Some(at) => link.set_timer(id, at),
-        None => link.cancel_timer(id),
     }
 }

@@ -2,9 +2,9 @@
 //! whose comment names the program that is wanted.
 
 use crate::Settings;
-use crate::fields::Fields;
 use crate::punch::Title;
 use softplug_plugin::{Context, Failure, NoteLevel, Value, ValueWriter, Values};
+use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// The most requests that may be unanswered.
 const MOST_OPEN: u8 = 4;
@@ -13,10 +13,12 @@ const FIELDS: usize = 160;
 /// The most digits of a number.
 const DIGITS: usize = 18;
 
-#[derive(Copy, Clone, Debug, Default)]
+#[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(C)]
 pub(crate) struct Requests {
     last: u32,
     open: u8,
+    spare: [u8; 3],
 }
 
 impl Requests {
@@ -58,11 +60,6 @@ impl Requests {
         if let Some(failure) = refused {
             link.note(NoteLevel::Warning, failure.code(), "the host refused the program");
         }
-    }
-
-    pub(crate) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
-        fields.u32(&mut self.last);
-        fields.u8(&mut self.open);
     }
 }
 

@@ -1,21 +1,16 @@
 //! A short text of bounded length.
 
-use crate::fields::Fields;
+use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// The most bytes in it: as long as a delivery's name may be.
 pub(crate) const MOST: usize = 128;
 
 /// Up to [`MOST`] bytes.
-#[derive(Copy, Clone, Debug)]
+#[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(C)]
 pub(crate) struct Short {
-    bytes: [u8; MOST],
     length: u8,
-}
-
-impl Default for Short {
-    fn default() -> Self {
-        Self { bytes: [0; MOST], length: 0 }
-    }
+    bytes: [u8; MOST],
 }
 
 impl Short {
@@ -37,10 +32,5 @@ impl Short {
 
     pub(crate) fn clear(&mut self) {
         self.length = 0;
-    }
-
-    pub(crate) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
-        fields.u8(&mut self.length);
-        fields.bytes(&mut self.bytes);
     }
 }

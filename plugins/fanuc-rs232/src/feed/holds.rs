@@ -1,13 +1,13 @@
 //! What the control says to the feed: DC1 and DC3, their times, and its end.
 
 use super::{Feed, Stage, WAIT};
-use crate::Settings;
 use crate::code::Control;
-use softplug_plugin::{Context, Failure, Micros, NoteLevel};
+use crate::tape::Setup;
+use softplug_plugin::{Context, Failure, NoteLevel};
 
 impl Feed {
     /// A code of the control.
-    pub(crate) fn control(&mut self, link: &mut Context<'_>, settings: &Settings, code: Control) {
+    pub(crate) fn control(&mut self, link: &mut Context<'_>, settings: &Setup, code: Control) {
         match code {
             Control::Dc1 => self.set_ready(link, settings, true),
             Control::Dc3 if self.is_read && self.is_busy() => self.end(link),
@@ -19,7 +19,7 @@ impl Feed {
     }
 
     /// DC1 and DC3 that say nothing new change nothing, timers included.
-    fn set_ready(&mut self, link: &mut Context<'_>, settings: &Settings, is_ready: bool) {
+    fn set_ready(&mut self, link: &mut Context<'_>, settings: &Setup, is_ready: bool) {
         if self.is_ready == is_ready {
             return;
         }
@@ -47,7 +47,7 @@ impl Feed {
     }
 
     /// Goes on as after DC1.
-    pub(crate) fn force_resume(&mut self, link: &mut Context<'_>, settings: &Settings) {
+    pub(crate) fn force_resume(&mut self, link: &mut Context<'_>, settings: &Setup) {
         if self.is_busy() {
             self.set_ready(link, settings, true);
         }
@@ -69,7 +69,7 @@ impl Feed {
     }
 
     /// Times what the feed waits for now.
-    pub(super) fn watch(&mut self, link: &mut Context<'_>, settings: &Settings) {
+    pub(super) fn watch(&mut self, link: &mut Context<'_>, settings: &Setup) {
         let span = match self.stage {
             Stage::Waiting => settings.end_wait,
             Stage::Feeding | Stage::Closing | Stage::Trailing | Stage::Draining
@@ -83,22 +83,20 @@ impl Feed {
             }
             _ => 0,
         };
-        self.until = (span > 0).then(|| link.now() + Micros::from_millis(span));
-        match self.until {
-            Some(until) => link.set_timer(WAIT, until),
-            None => link.cancel_timer(WAIT),
+        if span > 0 {
+            self.timer.start(link, WAIT, span);
+        } else {
+            self.timer.stop(link, WAIT);
         }
     }
 
     pub(crate) fn set_timers(&self, link: &mut Context<'_>) {
-        if let Some(until) = self.until {
-            link.set_timer(WAIT, until);
-        }
+        self.timer.resume(link, WAIT);
     }
 
     /// What the feed waited for has not come.
     pub(crate) fn timer(&mut self, link: &mut Context<'_>) {
-        self.until = None;
+        self.timer.has_run_out();
         if self.stage == Stage::Waiting {
             link.note(NoteLevel::Warning, 0, "no DC3 after the end of the program");
             self.end(link);

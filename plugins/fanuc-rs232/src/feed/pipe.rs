@@ -1,25 +1,21 @@
 //! Between encoder and queue: gathers single bytes, and keeps what there is no
 //! room for yet.
 
-use crate::fields::Fields;
 use softplug_plugin::Context;
+use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Bytes that the pipe holds. More than the queue's room and this must not be
 /// pushed before the next flush.
 pub(super) const CAPACITY: usize = 128;
 
-#[derive(Copy, Clone, Debug)]
+#[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(C)]
 pub(super) struct Pipe {
-    bytes: [u8; CAPACITY],
-    length: u8,
     /// Bytes queued for the job.
     queued: u64,
-}
-
-impl Default for Pipe {
-    fn default() -> Self {
-        Self { bytes: [0; CAPACITY], length: 0, queued: 0 }
-    }
+    length: u8,
+    spare: [u8; 7],
+    bytes: [u8; CAPACITY],
 }
 
 impl Pipe {
@@ -71,11 +67,5 @@ impl Pipe {
             count -= some;
         }
         count
-    }
-
-    pub(super) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
-        fields.u64(&mut self.queued);
-        fields.u8(&mut self.length);
-        fields.bytes(&mut self.bytes);
     }
 }

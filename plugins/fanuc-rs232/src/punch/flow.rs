@@ -1,20 +1,22 @@
 //! How the control's output is held while the host has little room.
 
 use crate::code::Code;
-use crate::fields::Fields;
 use crate::{OutputFlow, ParityMode, ResumeCode, Settings};
 use softplug_plugin::{Context, ModemLines};
+use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// The control is held below this room and goes on above twice as much; both are
 /// less where the whole room is small. It may send ten more characters.
 const LOW: u32 = 1_024;
 
-#[derive(Copy, Clone, Debug, Default)]
+#[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(C)]
 pub(crate) struct Flow {
-    /// The control is held.
-    pub(crate) held: bool,
     low: u32,
     high: u32,
+    /// The control is held.
+    pub(crate) held: bool,
+    spare: [u8; 3],
 }
 
 impl Flow {
@@ -60,11 +62,5 @@ impl Flow {
             let is_dc2 = settings.resume_code == ResumeCode::Dc2;
             link.transmit_urgent(&[if is_dc2 { 0x12 } else { 0x11 }]);
         }
-    }
-
-    pub(crate) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
-        fields.bool(&mut self.held);
-        fields.u32(&mut self.low);
-        fields.u32(&mut self.high);
     }
 }

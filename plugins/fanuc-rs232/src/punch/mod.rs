@@ -10,23 +10,24 @@ mod title;
 pub(crate) use title::Title;
 
 use crate::code::{Code, Control, Decoded, decode};
-use crate::fields::Fields;
 use crate::request::Requests;
 use crate::short::Short;
 use crate::state::State;
-use crate::{CAPTURE, ReceiveCode, SendCode, Settings, set_timer};
+use crate::timer::Timer;
+use crate::{CAPTURE, ReceiveCode, SendCode, Settings};
 use flow::Flow;
-use softplug_plugin::{Context, Failure, LineErrorKind, MarkState, Micros};
+use softplug_plugin::{Context, Failure, LineErrorKind, MarkState};
 use text::Text;
+use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Mark on our answer to DC2: the feed counts its own from 1.
 const ANSWER: u32 = u32::MAX;
 
 /// How far a capture is.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(u8)]
 enum Stage {
     /// No capture.
-    #[default]
     Idle,
     /// The code is not known yet; what came since what may be a % is kept.
     Unknown,
@@ -38,22 +39,24 @@ enum Stage {
     Closed,
 }
 
-#[derive(Copy, Clone, Debug, Default)]
+#[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(C)]
 pub(crate) struct Punch {
-    stage: Stage,
-    code: Code,
-    early: Short,
-    text: Text,
-    pub(crate) flow: Flow,
-    /// DC4 has come: only SYN or NAK may follow.
-    ended: bool,
-    ends_at: Option<Micros>,
+    timer: Timer,
     /// Until then, and for as long as something comes, a % begins nothing: it is
     /// an echo, or the rest of what was aborted.
-    deaf_until: Option<Micros>,
+    deaf: Timer,
+    pub(crate) flow: Flow,
+    pub(crate) requests: Requests,
+    stage: Stage,
+    code: Code,
+    /// DC4 has come: only SYN or NAK may follow.
+    ended: bool,
     /// Our answer to DC2 has not left: there is one at a time.
     is_answering: bool,
-    pub(crate) requests: Requests,
+    text: Text,
+    early: Short,
+    spare: [u8; 3],
 }
 
 impl Punch {
@@ -70,9 +73,7 @@ impl Punch {
     }
 
     pub(crate) fn set_timers(&self, link: &mut Context<'_>) {
-        if let Some(at) = self.ends_at {
-            link.set_timer(CAPTURE, at);
-        }
+        self.timer.resume(link, CAPTURE);
     }
 
     /// The code that control bytes are read in: while it is unknown, what may be
@@ -104,8 +105,7 @@ impl Punch {
             Control::Dc2 => self.answer_dc2(link, settings),
             Control::Dc4 if !self.ended => {
                 self.ended = true;
-                let at = link.now() + Micros::from_millis(settings.after_dc4);
-                set_timer(link, CAPTURE, &mut self.ends_at, Some(at));
+                self.timer.start(link, CAPTURE, settings.after_dc4);
             }
             Control::Syn => self.finish(link, settings, Some(Failure::PartnerReset)),
             Control::Nak => self.finish(link, settings, Some(Failure::PartnerAlarm)),
@@ -185,7 +185,8 @@ impl Punch {
     /// The code is known: what was kept is read.
     fn settle(&mut self, link: &mut Context<'_>, settings: &Settings) {
         self.stage = Stage::Leader;
-        let early = core::mem::take(&mut self.early);
+        let early = self.early;
+        self.early.clear();
         for byte in early.as_slice() {
             self.read(link, settings, *byte);
         }
@@ -284,9 +285,11 @@ impl Punch {
         }
         let is_closed = self.stage == Stage::Closed;
         let span = if is_closed { settings.end_quiet } else { settings.quiet_time };
-        let is_timed = self.is_capturing() && !self.flow.held && span > 0;
-        let at = is_timed.then(|| link.now() + Micros::from_millis(span));
-        set_timer(link, CAPTURE, &mut self.ends_at, at);
+        if self.is_capturing() && !self.flow.held && span > 0 {
+            self.timer.start(link, CAPTURE, span);
+        } else {
+            self.timer.stop(link, CAPTURE);
+        }
     }
 
     /// The host has put deliveries away.
@@ -315,7 +318,7 @@ impl Punch {
         self.text.end(link, settings, &mut self.requests, failure);
         self.stage = Stage::Idle;
         self.ended = false;
-        set_timer(link, CAPTURE, &mut self.ends_at, None);
+        self.timer.stop(link, CAPTURE);
     }
 
     /// The control is not left waiting.
@@ -328,29 +331,15 @@ impl Punch {
     }
 
     pub(crate) fn deafen(&mut self, link: &mut Context<'_>, settings: &Settings) {
-        self.deaf_until = Some(link.now() + Micros::from_millis(settings.end_quiet));
+        self.deaf.start_silently(link, settings.end_quiet);
     }
 
     fn is_deaf(&mut self, link: &mut Context<'_>, settings: &Settings) -> bool {
-        let is_deaf = self.deaf_until.is_some_and(|until| link.now() < until);
+        let is_deaf = !self.deaf.is_over(link);
         if is_deaf {
             self.deafen(link, settings);
         }
         is_deaf
-    }
-
-    pub(crate) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
-        let stages = [Stage::Idle, Stage::Unknown, Stage::Leader, Stage::Program, Stage::Closed];
-        self.stage = fields.choice(self.stage as u8, &stages);
-        self.code = fields.choice(self.code as u8, &[Code::Iso, Code::Eia]);
-        self.early.fields(fields);
-        self.text.fields(fields);
-        self.flow.fields(fields);
-        fields.bool(&mut self.ended);
-        fields.deadline(&mut self.ends_at);
-        fields.deadline(&mut self.deaf_until);
-        fields.bool(&mut self.is_answering);
-        self.requests.fields(fields);
     }
 }
 

@@ -2,22 +2,24 @@
 //! blocks, one delivery for each program or for all.
 
 use super::Title;
-use crate::fields::Fields;
+use crate::reason::Reason;
 use crate::request::Requests;
 use crate::{LineEnd, OnLineError, Programs, Settings};
 use softplug_plugin::{Context, Failure, NoteLevel};
+use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Characters that are handed over together.
 const PIECE: usize = 256;
 
-#[derive(Copy, Clone, Debug)]
+#[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(C)]
 pub(crate) struct Text {
     /// Id of the delivery under way; 0: none.
     delivery: u32,
     last_delivery: u32,
     /// Why the delivery cannot end well: the first reason.
-    failure: Option<Failure>,
-    title: Title,
+    failure: Reason,
+    filled: u16,
     /// What the host knows of the name.
     named: u8,
     /// LFs end the lines, so CRs mean nothing.
@@ -28,34 +30,17 @@ pub(crate) struct Text {
     odd: bool,
     /// An EOB has come: blocks are checked from it on.
     counts: bool,
+    spare: [u8; 3],
+    title: Title,
     /// Empty between two events.
     piece: [u8; PIECE],
-    filled: usize,
-}
-
-impl Default for Text {
-    fn default() -> Self {
-        Self {
-            delivery: 0,
-            last_delivery: 0,
-            failure: None,
-            title: Title::default(),
-            named: 0,
-            has_lf: false,
-            after_cr: false,
-            odd: false,
-            counts: false,
-            piece: [0; PIECE],
-            filled: 0,
-        }
-    }
 }
 
 impl Text {
     /// A capture begins; its delivery does with its first %.
     pub(super) fn start(&mut self) {
-        self.failure = None;
-        self.title = Title::default();
+        self.failure = Reason::new(None);
+        self.title = Title::new();
         self.has_lf = false;
         self.after_cr = false;
         self.odd = false;
@@ -96,7 +81,7 @@ impl Text {
             self.put(link, b'%');
             self.line_end(link, settings);
             self.end(link, settings, requests, None);
-            self.failure = None;
+            self.failure = Reason::new(None);
             self.title.next_program();
             self.begin(link);
             self.put(link, b'%');
@@ -140,10 +125,10 @@ impl Text {
     }
 
     pub(super) fn put(&mut self, link: &mut Context<'_>, byte: u8) {
-        if self.filled == PIECE {
+        if usize::from(self.filled) == PIECE {
             self.flush(link);
         }
-        if let Some(place) = self.piece.get_mut(self.filled) {
+        if let Some(place) = self.piece.get_mut(usize::from(self.filled)) {
             *place = byte;
             self.filled += 1;
         }
@@ -152,20 +137,20 @@ impl Text {
     /// What finds no room is lost, and the delivery says so.
     pub(super) fn flush(&mut self, link: &mut Context<'_>) {
         let room = link.delivery_room() as usize;
-        let fitting = self.filled.min(room);
-        let is_lost = fitting < self.filled;
+        let fitting = usize::from(self.filled).min(room);
+        let is_lost = fitting < usize::from(self.filled);
         self.filled = 0;
         if fitting > 0 {
             link.deliver(self.delivery, self.piece.get(..fitting).unwrap_or_default());
         }
-        if is_lost && self.failure != Some(Failure::Overrun) {
+        if is_lost && self.failure.failure() != Some(Failure::Overrun) {
             self.lost();
             link.note(NoteLevel::Error, 0, "the control did not stop: characters are lost");
         }
     }
 
     pub(super) fn lost(&mut self) {
-        self.failure = Some(Failure::Overrun);
+        self.failure = Reason::new(Some(Failure::Overrun));
     }
 
     pub(super) fn damaged(&mut self, settings: &Settings) {
@@ -175,7 +160,7 @@ impl Text {
     }
 
     fn fail(&mut self, failure: Failure) {
-        self.failure.get_or_insert(failure);
+        self.failure = Reason::new(self.failure.failure().or(Some(failure)));
     }
 
     /// Ends the delivery; a capture of nothing has none. An earlier reason to fail
@@ -191,7 +176,7 @@ impl Text {
             return;
         }
         self.flush(link);
-        let failure = self.failure.or(failure);
+        let failure = self.failure.failure().or(failure);
         self.give_name(link);
         link.delivery_end(self.delivery, failure, 0);
         self.delivery = 0;
@@ -207,17 +192,6 @@ impl Text {
         if rank > self.named {
             self.named = rank;
             link.delivery_name(self.delivery, core::str::from_utf8(name).unwrap_or_default());
-        }
-    }
-
-    pub(super) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
-        fields.u32(&mut self.delivery);
-        fields.u32(&mut self.last_delivery);
-        fields.failure(&mut self.failure);
-        self.title.fields(fields);
-        fields.u8(&mut self.named);
-        for flag in [&mut self.has_lf, &mut self.after_cr, &mut self.odd, &mut self.counts] {
-            fields.bool(flag);
         }
     }
 }

@@ -1,15 +1,15 @@
 //! What a program is called: its O number, else its first comment.
 
 use crate::Settings;
-use crate::fields::Fields;
 use crate::request::wanted;
 use crate::short::Short;
+use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Where in a block we are.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(u8)]
 enum Place {
     /// Between the first % and its EOB: text that nobody reads.
-    #[default]
     Header,
     /// Nothing but spaces in this block yet.
     Start,
@@ -20,9 +20,12 @@ enum Place {
 }
 
 /// Reads along until it knows the name.
-#[derive(Copy, Clone, Debug, Default)]
+#[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(C)]
 pub(crate) struct Title {
     place: Place,
+    /// There was more than comments.
+    has_text: bool,
     /// O and its digits.
     number: Short,
     /// The first comment that is not empty, or one that asks for a program, with its
@@ -30,11 +33,14 @@ pub(crate) struct Title {
     comment: Short,
     /// The comment that is read, or was read last.
     newest: Short,
-    /// There was more than comments.
-    has_text: bool,
+    spare: [u8; 3],
 }
 
 impl Title {
+    pub(crate) fn new() -> Self {
+        Self { place: Place::Header, ..Self::new_zeroed() }
+    }
+
     /// Whether this character begins another program.
     pub(crate) fn ends_before(&self, character: u8) -> bool {
         self.place == Place::Start && self.has_text && is_number_letter(character)
@@ -42,7 +48,7 @@ impl Title {
 
     /// Another program begins here, in a new block.
     pub(crate) fn next_program(&mut self) {
-        *self = Self { place: Place::Start, ..Self::default() };
+        *self = Self { place: Place::Start, ..Self::new_zeroed() };
     }
 
     pub(crate) fn end_of_block(&mut self) {
@@ -118,15 +124,6 @@ impl Title {
         let text = text.strip_suffix(b")").unwrap_or(text).trim_ascii();
         (u8::from(!text.is_empty()), text)
     }
-
-    pub(crate) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
-        let places = [Place::Header, Place::Start, Place::Number, Place::Comment, Place::Text];
-        self.place = fields.choice(self.place as u8, &places);
-        for short in [&mut self.number, &mut self.comment, &mut self.newest] {
-            short.fields(fields);
-        }
-        fields.bool(&mut self.has_text);
-    }
 }
 
 fn is_number_letter(character: u8) -> bool {
@@ -140,7 +137,7 @@ mod tests {
 
     /// The name of a program, read from behind the first %.
     fn name(program: &str) -> String {
-        let mut title = Title::default();
+        let mut title = Title::new();
         for byte in program.bytes() {
             match byte {
                 b'\n' => title.end_of_block(),
@@ -179,7 +176,7 @@ mod tests {
 
     #[test]
     fn brackets_are_not_of_the_comment() {
-        let mut title = Title::default();
+        let mut title = Title::new();
         title.end_of_block();
         let marks: Vec<_> =
             b"G1(A)X".iter().map(|byte| title.read(&Settings::unset(), *byte)).collect();
@@ -188,7 +185,7 @@ mod tests {
 
     #[test]
     fn another_program_begins_with_its_number_behind_text() {
-        let mut title = Title::default();
+        let mut title = Title::new();
         assert!(!title.ends_before(b'O'), "the header");
         title.end_of_block();
         assert!(!title.ends_before(b'O'), "nothing before it");

@@ -1,8 +1,8 @@
 //! Messages of protocol A: sum (two hex digits), command (three letters), data, end
 //! code.
 
-use crate::fields::Fields;
 use crate::{PacketEnd, ParityMode, Settings};
+use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// The letters of a command.
 pub(super) type Command = [u8; 3];
@@ -47,7 +47,8 @@ fn digits(sum: u8) -> [u8; 2] {
 }
 
 /// Reads messages character by character. Their data means nothing to us.
-#[derive(Copy, Clone, Debug, Default)]
+#[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(C)]
 pub(super) struct Reader {
     head: [u8; HEAD],
     length: u8,
@@ -80,20 +81,13 @@ impl Reader {
         let [high, low, a, b, c] = self.head;
         let is_good =
             !self.is_damaged && usize::from(self.length) == HEAD && [high, low] == digits(self.sum);
-        *self = Self::default();
+        *self = Self::new_zeroed();
         Some(if is_good { Ok([a, b, c]) } else { Err(()) })
     }
 
     /// A character of the message was damaged.
     pub(super) fn damaged(&mut self) {
         self.is_damaged = true;
-    }
-
-    pub(super) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
-        fields.bytes(&mut self.head);
-        fields.u8(&mut self.length);
-        fields.u8(&mut self.sum);
-        fields.bool(&mut self.is_damaged);
     }
 }
 
@@ -108,7 +102,7 @@ mod tests {
 
     /// What a reader makes of these characters.
     fn read(settings: &Settings, bytes: &[u8]) -> Vec<Result<Command, ()>> {
-        let mut reader = Reader::default();
+        let mut reader = Reader::new_zeroed();
         bytes.iter().filter_map(|byte| reader.read(settings, *byte)).collect()
     }
 
@@ -146,7 +140,7 @@ mod tests {
         }
         let one_bit = [0x30, 0x37, 0x53, 0x59, 0x4E, 0x8D];
         assert_eq!(read(&software(), &one_bit), [Err(())]);
-        let mut reader = Reader::default();
+        let mut reader = Reader::new_zeroed();
         reader.read(&settings, b'0');
         reader.damaged();
         let rest = b"7SYN\r07SYN\r".iter().filter_map(|byte| reader.read(&settings, *byte));

@@ -10,12 +10,14 @@
 mod message;
 mod packet;
 
-use crate::fields::Fields;
+use crate::PACKET;
+use crate::reason::Reason;
 use crate::state::State;
-use crate::tape::{Encoder, MOST_PER_BYTE};
-use crate::{PACKET, Settings, set_timer};
+use crate::tape::{Encoder, MOST_PER_BYTE, Setup};
+use crate::timer::Timer;
 use message::{Command, HEAD, Reader, end_code, head, with_parity};
-use softplug_plugin::{Context, Failure, JobStart, MarkState, Micros};
+use softplug_plugin::{Context, Failure, JobStart, MarkState};
+use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// The largest packet, and what the encoder gives beyond it.
 const BUFFER: usize = 1_024 + 2 * MOST_PER_BYTE;
@@ -45,10 +47,10 @@ const ANSWERS: [(Command, Command, Option<Failure>); 6] = [
 ];
 
 /// What the remote buffer is at.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(u8)]
 enum Stage {
     /// No job.
-    #[default]
     Idle,
     /// A job; its data is pulled when the control asks.
     Feeding,
@@ -62,16 +64,19 @@ enum Stage {
     Stopping,
 }
 
-#[derive(Copy, Clone, Debug)]
+#[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(C)]
 pub(crate) struct RemoteBuffer {
-    stage: Stage,
-    /// Why the job fails.
-    failure: Option<Failure>,
-    reader: Reader,
-    job: u32,
-    wanted: u32,
+    timer: Timer,
     /// Bytes of DAT and EOD queued for the job, repetitions included.
     queued: u64,
+    job: u32,
+    wanted: u32,
+    filled: u16,
+    packet: u16,
+    /// Why the job fails.
+    failure: Reason,
+    stage: Stage,
     /// What is dropped from the queue is of the job.
     is_own: bool,
     /// The mark on the latest message is still outstanding: there is one at a time.
@@ -85,35 +90,16 @@ pub(crate) struct RemoteBuffer {
     last: Command,
     repeats: u8,
     retries: u8,
-    until: Option<Micros>,
+    reader: Reader,
+    spare: [u8; 7],
     /// The data of the latest DAT, and what follows it.
     buffer: [u8; BUFFER],
-    filled: usize,
-    packet: usize,
 }
 
 impl RemoteBuffer {
-    pub(crate) fn new() -> Self {
-        Self {
-            stage: Stage::Idle,
-            failure: None,
-            reader: Reader::default(),
-            job: 0,
-            wanted: 0,
-            queued: 0,
-            is_own: false,
-            is_marked: false,
-            is_paused: false,
-            is_ready: false,
-            is_asked: false,
-            last: WAT,
-            repeats: 0,
-            retries: 0,
-            until: None,
-            buffer: [0; BUFFER],
-            filled: 0,
-            packet: 0,
-        }
+    /// As it is before anything was said, of zeros.
+    pub(crate) fn begin(&mut self) {
+        self.last = WAT;
     }
 
     /// What people are told, if there is a job.
@@ -122,15 +108,13 @@ impl RemoteBuffer {
     }
 
     pub(crate) fn set_timers(&self, link: &mut Context<'_>) {
-        if let Some(at) = self.until {
-            link.set_timer(PACKET, at);
-        }
+        self.timer.resume(link, PACKET);
     }
 
     pub(crate) fn job_begin(
         &mut self,
         link: &mut Context<'_>,
-        settings: &Settings,
+        settings: &Setup,
         encoder: &mut Encoder,
         job: &JobStart<'_>,
     ) {
@@ -153,7 +137,7 @@ impl RemoteBuffer {
     pub(crate) fn job_data(
         &mut self,
         link: &mut Context<'_>,
-        settings: &Settings,
+        settings: &Setup,
         encoder: &mut Encoder,
         bytes: &[u8],
     ) {
@@ -172,7 +156,7 @@ impl RemoteBuffer {
     pub(crate) fn job_end(
         &mut self,
         link: &mut Context<'_>,
-        settings: &Settings,
+        settings: &Setup,
         encoder: &mut Encoder,
     ) {
         if self.stage == Stage::Feeding {
@@ -182,9 +166,9 @@ impl RemoteBuffer {
     }
 
     /// Says what may have to be repeated.
-    fn say(&mut self, link: &mut Context<'_>, settings: &Settings, command: Command) {
+    fn say(&mut self, link: &mut Context<'_>, settings: &Setup, command: Command) {
         self.last = command;
-        let packet = if command == DAT { self.packet } else { 0 };
+        let packet = if command == DAT { usize::from(self.packet) } else { 0 };
         let data = self.buffer.get(..packet).unwrap_or_default();
         let length = transmit(link, settings, command, data, &mut self.is_marked);
         if is_own(command) {
@@ -193,7 +177,7 @@ impl RemoteBuffer {
     }
 
     /// Our answer has left: the control's turn.
-    pub(crate) fn mark(&mut self, link: &mut Context<'_>, settings: &Settings, state: MarkState) {
+    pub(crate) fn mark(&mut self, link: &mut Context<'_>, settings: &Setup, state: MarkState) {
         if state == MarkState::MaybeLeft {
             return;
         }
@@ -204,17 +188,16 @@ impl RemoteBuffer {
     }
 
     /// Without a job silence means nothing.
-    fn await_control(&mut self, link: &mut Context<'_>, settings: &Settings) {
+    fn await_control(&mut self, link: &mut Context<'_>, settings: &Setup) {
         if matches!(self.stage, Stage::Idle | Stage::Stopping) {
             return;
         }
-        let at = link.now() + Micros::from_millis(settings.poll_time);
-        set_timer(link, PACKET, &mut self.until, Some(at));
+        self.timer.start(link, PACKET, settings.poll_time);
     }
 
     /// The control was silent, or the host has no data for it.
-    pub(crate) fn timer(&mut self, link: &mut Context<'_>, settings: &Settings) {
-        self.until = None;
+    pub(crate) fn timer(&mut self, link: &mut Context<'_>, settings: &Setup) {
+        self.timer.has_run_out();
         if self.is_asked {
             self.give(link, settings);
         } else if self.stage == Stage::Ending {
@@ -228,7 +211,7 @@ impl RemoteBuffer {
     pub(crate) fn byte(
         &mut self,
         link: &mut Context<'_>,
-        settings: &Settings,
+        settings: &Setup,
         encoder: &mut Encoder,
         byte: u8,
     ) {
@@ -253,7 +236,7 @@ impl RemoteBuffer {
     }
 
     /// Asks for the message again. Ours that may have to be repeated stays the same.
-    fn retry(&mut self, link: &mut Context<'_>, settings: &Settings, reason: u8) {
+    fn retry(&mut self, link: &mut Context<'_>, settings: &Setup, reason: u8) {
         self.retries += 1;
         if self.retries > MOST_REPEATS {
             self.retries = 0;
@@ -267,7 +250,7 @@ impl RemoteBuffer {
     fn message(
         &mut self,
         link: &mut Context<'_>,
-        settings: &Settings,
+        settings: &Setup,
         encoder: &mut Encoder,
         command: Command,
     ) {
@@ -297,7 +280,7 @@ impl RemoteBuffer {
     pub(crate) fn damaged(
         &mut self,
         link: &mut Context<'_>,
-        settings: &Settings,
+        settings: &Setup,
         encoder: &mut Encoder,
         byte: Option<u8>,
     ) {
@@ -310,7 +293,7 @@ impl RemoteBuffer {
     /// The port is gone: what comes back is initialised anew.
     pub(crate) fn link_down(&mut self, link: &mut Context<'_>) {
         self.is_ready = false;
-        self.reader = Reader::default();
+        self.reader = Reader::new_zeroed();
         self.fail(link, Failure::LinkDown);
     }
 
@@ -336,22 +319,22 @@ impl RemoteBuffer {
             return;
         }
         self.stage = Stage::Stopping;
-        self.failure = Some(failure);
+        self.failure = Reason::new(Some(failure));
         self.is_own = is_own(self.last);
         self.is_asked = false;
-        set_timer(link, PACKET, &mut self.until, None);
+        self.timer.stop(link, PACKET);
         link.discard();
     }
 
     pub(crate) fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {
-        let (Stage::Stopping, Some(failure)) = (self.stage, self.failure) else { return };
+        let (Stage::Stopping, Some(failure)) = (self.stage, self.failure.failure()) else { return };
         let dropped = if self.is_own { u64::from(bytes) } else { 0 };
         link.job_failed(self.job, failure, 0, self.queued.saturating_sub(dropped));
         self.finish(link);
     }
 
     fn finish(&mut self, link: &mut Context<'_>) {
-        set_timer(link, PACKET, &mut self.until, None);
+        self.timer.stop(link, PACKET);
         self.stage = Stage::Idle;
         self.is_paused = false;
         // Nothing of the job is repeated after its end.
@@ -361,39 +344,6 @@ impl RemoteBuffer {
         self.queued = 0;
         self.filled = 0;
         self.packet = 0;
-    }
-
-    pub(crate) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
-        let stages = [
-            Stage::Idle,
-            Stage::Feeding,
-            Stage::Closing,
-            Stage::Closed,
-            Stage::Ending,
-            Stage::Stopping,
-        ];
-        self.stage = fields.choice(self.stage as u8, &stages);
-        fields.failure(&mut self.failure);
-        self.reader.fields(fields);
-        fields.u32(&mut self.job);
-        fields.u32(&mut self.wanted);
-        fields.u64(&mut self.queued);
-        for flag in [
-            &mut self.is_own,
-            &mut self.is_marked,
-            &mut self.is_paused,
-            &mut self.is_ready,
-            &mut self.is_asked,
-        ] {
-            fields.bool(flag);
-        }
-        fields.bytes(&mut self.last);
-        fields.u8(&mut self.repeats);
-        fields.u8(&mut self.retries);
-        fields.deadline(&mut self.until);
-        fields.usize(&mut self.filled);
-        fields.usize(&mut self.packet);
-        fields.bytes(self.buffer.get_mut(..self.filled).unwrap_or_default());
     }
 }
 
@@ -406,7 +356,7 @@ fn is_own(command: Command) -> bool {
 /// asks again.
 fn transmit(
     link: &mut Context<'_>,
-    settings: &Settings,
+    settings: &Setup,
     command: Command,
     data: &[u8],
     is_marked: &mut bool,

@@ -3,22 +3,17 @@
 
 use super::message::HEAD;
 use super::{DAT, EOD, RemoteBuffer, Stage, WAT};
-use crate::tape::Encoder;
-use crate::{PACKET, Settings, set_timer};
-use softplug_plugin::{Context, Micros};
+use crate::PACKET;
+use crate::tape::{Encoder, Setup};
+use softplug_plugin::Context;
 
 impl RemoteBuffer {
     /// Answers GTD as soon as a packet is full or the data is at its end.
-    pub(super) fn fill(
-        &mut self,
-        link: &mut Context<'_>,
-        settings: &Settings,
-        encoder: &mut Encoder,
-    ) {
+    pub(super) fn fill(&mut self, link: &mut Context<'_>, settings: &Setup, encoder: &mut Encoder) {
         if !self.is_asked {
             return;
         }
-        let most = settings.packet_size as usize;
+        let most = settings.packet_size as u16;
         while self.filled < most && self.stage != Stage::Closed {
             let stage = self.stage;
             let mut sink = |byte| self.push(byte);
@@ -34,7 +29,7 @@ impl RemoteBuffer {
                 self.stage = Stage::Closing;
                 Ok(())
             } else {
-                return self.ask(link, settings, encoder, (most - self.filled) as u32);
+                return self.ask(link, settings, encoder, u32::from(most - self.filled));
             };
             if let Err(failure) = encoded {
                 return self.fail(link, failure);
@@ -45,30 +40,30 @@ impl RemoteBuffer {
 
     /// Asks for as much data as fits, whatever it grows to; while it is waited for
     /// the control must hear something.
-    fn ask(&mut self, link: &mut Context<'_>, settings: &Settings, encoder: &Encoder, free: u32) {
+    fn ask(&mut self, link: &mut Context<'_>, settings: &Setup, encoder: &Encoder, free: u32) {
         if self.wanted > 0 {
             return;
         }
-        let growth = if encoder.will_wait() { free } else { encoder.growth(settings) };
+        let growth = if encoder.will_wait() { free } else { settings.growth() };
         self.wanted = free.checked_div(growth).unwrap_or_default().max(1);
         link.want(self.job, self.wanted);
-        let at = link.now() + Micros::from_millis(settings.poll_time / 2);
-        set_timer(link, PACKET, &mut self.until, Some(at));
+        self.timer.start(link, PACKET, settings.poll_time / 2);
     }
 
     /// A byte from the encoder, behind what is in the buffer.
     pub(super) fn push(&mut self, byte: u8) {
-        if let Some(place) = self.buffer.get_mut(self.filled) {
+        if let Some(place) = self.buffer.get_mut(usize::from(self.filled)) {
             *place = byte;
             self.filled += 1;
         }
     }
 
     /// Gives the control what there is.
-    pub(super) fn give(&mut self, link: &mut Context<'_>, settings: &Settings) {
+    pub(super) fn give(&mut self, link: &mut Context<'_>, settings: &Setup) {
         self.is_asked = false;
-        let room = (link.transmit_room() as usize).saturating_sub(HEAD + 1);
-        self.packet = self.filled.min(settings.packet_size as usize).min(room);
+        let room = link.transmit_room().saturating_sub(HEAD as u32 + 1);
+        self.packet =
+            self.filled.min(settings.packet_size as u16).min(room.min(u32::from(u16::MAX)) as u16);
         let answer = if self.packet > 0 {
             DAT
         } else if self.stage == Stage::Closed && self.filled == 0 {
@@ -82,14 +77,14 @@ impl RemoteBuffer {
 
     /// What was sent is not needed again.
     pub(super) fn confirm(&mut self) {
-        let rest = self.filled.saturating_sub(self.packet);
-        for at in 0..rest {
-            let byte = self.buffer.get(at + self.packet).copied().unwrap_or_default();
+        let packet = usize::from(self.packet);
+        self.filled = self.filled.saturating_sub(self.packet);
+        for at in 0..usize::from(self.filled) {
+            let byte = self.buffer.get(at + packet).copied().unwrap_or_default();
             if let Some(place) = self.buffer.get_mut(at) {
                 *place = byte;
             }
         }
-        self.filled = rest;
         self.packet = 0;
     }
 }

@@ -1,17 +1,17 @@
 //! Line ends of a program file: LF, CR LF, CR, LF CR and LF CR CR are each one.
 
+use zerocopy::{FromZeros, Immutable, IntoBytes};
+
 /// What came before, over any cut.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(u8)]
 pub(super) enum Ends {
-    #[default]
     InLine,
     AfterCr,
     AfterLf,
 }
 
 impl Ends {
-    pub(super) const ALL: [Self; 3] = [Self::InLine, Self::AfterCr, Self::AfterLf];
-
     /// Takes a CR or LF; whether a line ends with it. If not, it belongs to the
     /// line end before it.
     pub(super) fn take(&mut self, is_cr: bool) -> bool {

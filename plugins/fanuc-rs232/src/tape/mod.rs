@@ -8,22 +8,22 @@
 mod ends;
 mod prefix;
 mod restart;
+mod setup;
 #[cfg(test)]
 mod tests;
 mod text;
 
-use crate::code::{Code, encode, paired};
-use crate::fields::Fields;
-use crate::{BlockNumbers, Eob, SendCode, Settings, Unsupported};
 use ends::Ends;
 use prefix::Prefix;
 use restart::Restart;
+pub(crate) use setup::Setup;
 use softplug_plugin::{Failure, Values};
+use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Most bytes that one call of [`Encoder::push`], [`Encoder::next`] or
 /// [`Encoder::finish`] gives to its sink: a delayed EOB (3), a prefix with a new
 /// number (19), a padding space and the byte itself, with some to spare.
-/// Many calls give at most [`Encoder::growth`] bytes each, and this once.
+/// Many calls give at most [`Setup::growth`] bytes each, and this once.
 pub(crate) const MOST_PER_BYTE: usize = 32;
 
 /// In the table of characters: it means something besides itself, or the like.
@@ -34,10 +34,10 @@ const REFUSED: u8 = 0xFF;
 const DROPPED: u8 = 0xFE;
 
 /// Part of the program that the next byte belongs to.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(u8)]
 enum Part {
     /// Before the first character that says something.
-    #[default]
     Leader,
     /// From the first `%` up to its EOB.
     Label,
@@ -53,50 +53,36 @@ enum Part {
     End,
 }
 
-const PARTS: [Part; 7] = [
-    Part::Leader,
-    Part::Label,
-    Part::Prefix,
-    Part::Stripped,
-    Part::Block,
-    Part::Skipped,
-    Part::End,
-];
-
 /// Where the bytes go.
 pub(crate) type Sink<'a> = &'a mut dyn FnMut(u8);
 
 /// Turns a program into bytes on the wire; also without sending them, as a check.
-#[derive(Copy, Clone, Debug)]
+#[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(C)]
 pub(crate) struct Encoder {
-    /// Each byte of a file: the character that is sent for it.
-    characters: [u8; 256],
-    /// Each character on the wire.
-    wire: [u8; 128],
-    eob: &'static [u8],
-    restart: Restart,
     place: Place,
+    restart: Restart,
 }
 
 /// Where the encoder is in a program.
-#[derive(Copy, Clone, Debug)]
+#[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(C)]
 struct Place {
+    line: u32,
+    column: u32,
+    /// Blocks so far, this one included; the label is none.
+    block: u32,
+    last_number: u32,
     part: Part,
     /// The next byte needs no look at anything but itself.
     is_plain: bool,
-    line: u32,
-    column: u32,
     ends: Ends,
-    /// Blocks so far, this one included; the label is none.
-    block: u32,
     /// The file has no first `%`.
     is_open: bool,
     /// Only O lines and blank ones so far.
     is_head: bool,
-    prefix: Prefix,
     /// A character that waits until the preamble is out; [`DROPPED`]: none.
     held: u8,
-    last_number: u32,
     /// An EOB that goes out with the next character.
     eob_waits: bool,
     in_comment: bool,
@@ -104,61 +90,22 @@ struct Place {
     counts: u8,
     /// The lowest bit tells whether the block's characters are odd so far.
     count: u8,
-}
-
-impl Default for Place {
-    fn default() -> Self {
-        Self {
-            part: Part::Leader,
-            is_plain: false,
-            line: 1,
-            column: 0,
-            ends: Ends::InLine,
-            block: 0,
-            is_open: false,
-            is_head: true,
-            prefix: Prefix::default(),
-            held: DROPPED,
-            last_number: 0,
-            eob_waits: false,
-            in_comment: false,
-            counts: 1,
-            count: 0,
-        }
-    }
+    spare: [u8; 2],
+    prefix: Prefix,
 }
 
 impl Encoder {
-    pub(crate) fn new(settings: &Settings) -> Self {
-        let code = match settings.code {
-            SendCode::Iso => Code::Iso,
-            SendCode::Eia => Code::Eia,
-        };
-        let mut characters = [0; 256];
-        for (byte, own) in characters.iter_mut().enumerate() {
-            *own = character(settings, code, byte as u8);
-        }
-        let mut wire = [0; 128];
-        for (character, own) in wire.iter_mut().enumerate() {
-            *own = encode(settings, code, character as u8).unwrap_or_default();
-        }
-        let eob: &[u8] = match (code, settings.eob) {
-            (Code::Eia, _) | (Code::Iso, Eob::Lf) => b"\n",
-            (Code::Iso, Eob::CrLf) => b"\r\n",
-            (Code::Iso, Eob::LfCrCr) => b"\n\r\r",
-            (Code::Iso, Eob::LfCr) => b"\n\r",
-            (Code::Iso, Eob::Cr) => b"\r",
-        };
-        let (restart, place) = (Restart::default(), Place::default());
-        Self { characters, wire, eob, restart, place }
-    }
-
     /// A program begins; the fields of its job say with which block.
     ///
     /// # Errors
     /// [`Failure::BadJob`] if a field is out of its range.
     pub(crate) fn begin(&mut self, fields: &Values<'_>) -> Result<(), Failure> {
-        self.place = Place::default();
+        self.place = Place::new_zeroed();
+        self.place.line = 1;
+        self.place.is_head = true;
+        self.place.held = DROPPED;
+        self.place.counts = 1;
+        self.place.prefix = Prefix::default();
         self.restart.take(fields)
     }
 
@@ -170,15 +117,15 @@ impl Encoder {
     /// [`Failure::BadJob`] for text behind a `%` that may have been meant as the first.
     pub(crate) fn push(
         &mut self,
-        settings: &Settings,
+        settings: &Setup,
         byte: u8,
         sink: Sink<'_>,
     ) -> Result<(), Failure> {
         self.place.column += 1;
-        let character = self.characters[usize::from(byte)];
+        let character = settings.characters[usize::from(byte)];
         if self.place.is_plain && character < SPECIAL {
             self.place.count ^= self.place.counts;
-            sink(self.wire[usize::from(character & !SPECIAL)]);
+            sink(settings.wire[usize::from(character & !SPECIAL)]);
             return Ok(());
         }
         self.push_special(settings, byte, character, sink)
@@ -200,9 +147,9 @@ impl Encoder {
     ///
     /// # Errors
     /// [`Failure::BadJob`]: the preamble cannot be sent.
-    pub(crate) fn next(&mut self, settings: &Settings, sink: Sink<'_>) -> Result<(), Failure> {
+    pub(crate) fn next(&mut self, settings: &Setup, sink: Sink<'_>) -> Result<(), Failure> {
         if let Some(byte) = self.restart.next() {
-            return match self.characters[usize::from(byte)] {
+            return match settings.characters[usize::from(byte)] {
                 SPECIAL_LF => {
                     self.end_block(settings, sink);
                     Ok(())
@@ -224,7 +171,7 @@ impl Encoder {
     ///
     /// # Errors
     /// [`Failure::NotFound`]: the block to begin with is not there.
-    pub(crate) fn finish(&mut self, settings: &Settings, sink: Sink<'_>) -> Result<(), Failure> {
+    pub(crate) fn finish(&mut self, settings: &Setup, sink: Sink<'_>) -> Result<(), Failure> {
         if self.place.part == Part::Leader {
             self.open(settings, sink);
         }
@@ -239,7 +186,7 @@ impl Encoder {
             if settings.percent {
                 self.take(settings, SPECIAL_PERCENT, sink)?;
             } else if !is_block_open {
-                self.end_waiting_block(sink);
+                self.end_waiting_block(settings, sink);
             }
             self.place.part = Part::End;
         }
@@ -261,41 +208,10 @@ impl Encoder {
         (self.place.line, self.place.column)
     }
 
-    /// How many bytes one byte of a program becomes at most, over many.
-    pub(crate) fn growth(&self, settings: &Settings) -> u32 {
-        let eob = self.eob.len() as u32 + u32::from(settings.tv_pad);
-        // `N1` can become `N99999`.
-        if settings.block_numbers == BlockNumbers::Renumber { eob.max(3) } else { eob }
-    }
-
-    pub(crate) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
-        let place = &mut self.place;
-        place.part = fields.choice(place.part as u8, &PARTS);
-        place.ends = fields.choice(place.ends as u8, &Ends::ALL);
-        for number in [&mut place.line, &mut place.column, &mut place.block, &mut place.last_number]
-        {
-            fields.u32(number);
-        }
-        for flag in [
-            &mut place.is_plain,
-            &mut place.is_open,
-            &mut place.is_head,
-            &mut place.eob_waits,
-            &mut place.in_comment,
-        ] {
-            fields.bool(flag);
-        }
-        for byte in [&mut place.held, &mut place.counts, &mut place.count] {
-            fields.u8(byte);
-        }
-        place.prefix.fields(fields);
-        self.restart.fields(fields);
-    }
-
     #[inline(never)]
     fn push_special(
         &mut self,
-        settings: &Settings,
+        settings: &Setup,
         byte: u8,
         character: u8,
         sink: Sink<'_>,
@@ -328,19 +244,3 @@ const SPECIAL_CR: u8 = SPECIAL | b'\r';
 const SPECIAL_PERCENT: u8 = SPECIAL | b'%';
 const SPECIAL_OPEN: u8 = SPECIAL | b'(';
 const SPECIAL_CLOSE: u8 = SPECIAL | b')';
-
-/// What is sent for a byte of a file.
-#[inline(never)]
-fn character(settings: &Settings, code: Code, byte: u8) -> u8 {
-    let character = paired(settings.replace.as_slice(), 0, byte).unwrap_or(byte);
-    let character = if settings.upper { character.to_ascii_uppercase() } else { character };
-    match character {
-        b'\n' | b'\r' | b'%' | b'(' | b')' => character | SPECIAL,
-        _ if encode(settings, code, character).is_some() => character,
-        _ => match settings.unsupported {
-            Unsupported::Refuse => REFUSED,
-            Unsupported::Space => b' ',
-            Unsupported::Drop => DROPPED,
-        },
-    }
-}

@@ -1,6 +1,6 @@
 //! The beginning of a block, up to its number: `N10`, `/N10`, `/2 N10`.
 
-use crate::fields::Fields;
+use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Most characters of a prefix; what is longer has no number.
 const LONGEST: usize = 14;
@@ -10,13 +10,14 @@ const NONE: u8 = u8::MAX;
 pub(super) const NO_NUMBER: u32 = u32::MAX;
 
 /// The characters of a block up to where its number ends.
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+#[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(C)]
 pub(super) struct Prefix {
-    characters: [u8; LONGEST],
+    number: u32,
     length: u8,
     /// Where the N stands.
     letter: u8,
-    number: u32,
+    characters: [u8; LONGEST],
 }
 
 impl Default for Prefix {
@@ -64,12 +65,5 @@ impl Prefix {
     /// What stands before N.
     pub(super) fn before_number(&self) -> &[u8] {
         self.characters.get(..usize::from(self.letter)).unwrap_or_default()
-    }
-
-    pub(super) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
-        fields.bytes(&mut self.characters);
-        fields.u8(&mut self.length);
-        fields.u8(&mut self.letter);
-        fields.u32(&mut self.number);
     }
 }

@@ -1,29 +1,24 @@
 //! Where a program begins that is not sent from its first block on.
 
 use super::prefix::NO_NUMBER;
-use crate::fields::Fields;
 use softplug_plugin::{Failure, Values};
+use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Longest preamble in bytes.
 const LONGEST: usize = 400;
 
 /// The block to begin with, and what is sent before it.
-#[derive(Copy, Clone, Debug)]
+#[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(C)]
 pub(super) struct Restart {
-    /// Whether the block is still to be found.
-    pub(super) seeks: bool,
     block: u32,
     sequence: u32,
+    length: u16,
+    at: u16,
+    /// Whether the block is still to be found.
+    pub(super) seeks: bool,
+    spare: [u8; 3],
     preamble: [u8; LONGEST],
-    length: usize,
-    at: usize,
-}
-
-impl Default for Restart {
-    fn default() -> Self {
-        let preamble = [0; LONGEST];
-        Self { seeks: false, block: 0, sequence: NO_NUMBER, preamble, length: 0, at: 0 }
-    }
 }
 
 impl Restart {
@@ -60,8 +55,8 @@ impl Restart {
 
     /// The next byte of the preamble; `None`: it has ended.
     pub(super) fn next(&mut self) -> Option<u8> {
-        let text = self.preamble.get(..self.length).unwrap_or_default();
-        let byte = text.get(self.at).copied();
+        let text = self.preamble.get(..usize::from(self.length)).unwrap_or_default();
+        let byte = text.get(usize::from(self.at)).copied();
         match byte {
             Some(_) => self.at += 1,
             None => self.length = 0,
@@ -72,14 +67,5 @@ impl Restart {
     /// Whether the block with this place and number is the one.
     pub(super) fn is_found(&self, block: u32, sequence: u32) -> bool {
         block >= self.block && (self.sequence == NO_NUMBER || self.sequence == sequence)
-    }
-
-    pub(super) fn fields(&mut self, fields: &mut Fields<'_, '_>) {
-        fields.bool(&mut self.seeks);
-        fields.u32(&mut self.block);
-        fields.u32(&mut self.sequence);
-        fields.usize(&mut self.length);
-        fields.usize(&mut self.at);
-        fields.bytes(&mut self.preamble);
     }
 }

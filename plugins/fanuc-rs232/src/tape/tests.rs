@@ -1,5 +1,7 @@
 use super::*;
 use crate::code::tests::bytes;
+use crate::code::{Code, encode};
+use crate::{BlockNumbers, Eob, SendCode, Settings, Unsupported};
 use softplug_plugin::{SettingSet, Values};
 
 /// The settings as a host gives them, all at their defaults.
@@ -35,7 +37,8 @@ fn encoded_from(
     fields: &[u8],
     program: &[u8],
 ) -> Result<Vec<u8>, (Failure, u32, u32)> {
-    let mut encoder = Encoder::new(settings);
+    let settings = &Setup::new(settings);
+    let mut encoder = Encoder::new_zeroed();
     encoder.begin(&Values::new(fields)).map_err(|failure| (failure, 0, 0))?;
     let mut sent = Vec::new();
     let mut growth = 0;
@@ -47,7 +50,7 @@ fn encoded_from(
             None => encoder.finish(settings, &mut |byte| sent.push(byte)),
         };
         assert!(sent.len() - before <= MOST_PER_BYTE);
-        growth += encoder.growth(settings) as usize;
+        growth += settings.growth() as usize;
         assert!(fields.len() > 100 || sent.len() <= growth + MOST_PER_BYTE);
         let (line, column) = encoder.position();
         done.map_err(|failure| (failure, line, column))

@@ -2,9 +2,10 @@
 
 use super::prefix::{NO_NUMBER, Prefix};
 use super::{
-    Encoder, Part, REFUSED, SPECIAL, SPECIAL_CLOSE, SPECIAL_LF, SPECIAL_OPEN, SPECIAL_PERCENT, Sink,
+    Encoder, Part, REFUSED, SPECIAL, SPECIAL_CLOSE, SPECIAL_LF, SPECIAL_OPEN, SPECIAL_PERCENT,
+    Setup, Sink,
 };
-use crate::{BlockNumbers, Settings, Unsupported};
+use crate::{BlockNumbers, Unsupported};
 use softplug_plugin::Failure;
 
 /// Block numbers have at most five digits; after the highest the first comes again.
@@ -14,7 +15,7 @@ impl Encoder {
     /// A character of the file, its line end as LF.
     pub(super) fn take(
         &mut self,
-        settings: &Settings,
+        settings: &Setup,
         character: u8,
         sink: Sink<'_>,
     ) -> Result<(), Failure> {
@@ -22,7 +23,7 @@ impl Encoder {
             Part::Leader => match character {
                 _ if is_blank(character) => return Ok(()),
                 SPECIAL_PERCENT => {
-                    self.send(character, sink);
+                    self.send(settings, character, sink);
                     self.place.part = Part::Label;
                     return Ok(());
                 }
@@ -59,7 +60,7 @@ impl Encoder {
                 Ok(())
             }
             SPECIAL_PERCENT if !self.place.in_comment => {
-                self.send(character, sink);
+                self.send(settings, character, sink);
                 self.place.part = Part::End;
                 Ok(())
             }
@@ -69,17 +70,17 @@ impl Encoder {
 
     /// A file without its first `%`.
     #[inline(never)]
-    pub(super) fn open(&mut self, settings: &Settings, sink: Sink<'_>) {
+    pub(super) fn open(&mut self, settings: &Setup, sink: Sink<'_>) {
         self.place.is_open = true;
         if settings.percent {
-            self.send(SPECIAL_PERCENT, sink);
+            self.send(settings, SPECIAL_PERCENT, sink);
             self.place.eob_waits = true;
         }
         self.next_block(settings);
     }
 
     #[inline(never)]
-    fn next_block(&mut self, settings: &Settings) {
+    fn next_block(&mut self, settings: &Setup) {
         let place = &mut self.place;
         place.block += 1;
         place.prefix = Prefix::default();
@@ -90,7 +91,7 @@ impl Encoder {
     /// A block's prefix has ended before `character`.
     fn leave_prefix(
         &mut self,
-        settings: &Settings,
+        settings: &Setup,
         character: u8,
         sink: Sink<'_>,
     ) -> Result<(), Failure> {
@@ -120,7 +121,7 @@ impl Encoder {
     /// Sends a block from its prefix on, or skips it.
     pub(super) fn begin_block(
         &mut self,
-        settings: &Settings,
+        settings: &Setup,
         character: u8,
         sink: Sink<'_>,
     ) -> Result<(), Failure> {
@@ -135,9 +136,9 @@ impl Encoder {
         self.place.part = Part::Block;
         let numbers = settings.block_numbers;
         if prefix.number() == NO_NUMBER || numbers == BlockNumbers::Keep {
-            self.send_all(prefix.as_slice(), sink);
+            self.send_all(settings, prefix.as_slice(), sink);
         } else {
-            self.send_all(prefix.before_number(), sink);
+            self.send_all(settings, prefix.before_number(), sink);
             if numbers == BlockNumbers::Strip {
                 self.place.part = Part::Stripped;
             } else {
@@ -147,16 +148,16 @@ impl Encoder {
         self.take(settings, character, sink)
     }
 
-    fn send_number(&mut self, settings: &Settings, sink: Sink<'_>) {
+    fn send_number(&mut self, settings: &Setup, sink: Sink<'_>) {
         let step = settings.number_step as u32;
         let next = self.place.last_number + step;
         let number = if next > HIGHEST_NUMBER { step } else { next };
         self.place.last_number = number;
-        self.send(b'N', sink);
+        self.send(settings, b'N', sink);
         let mut divisor = 10_000;
         while divisor > 0 {
             if number >= divisor {
-                self.send(b'0' + (number / divisor % 10) as u8, sink);
+                self.send(settings, b'0' + (number / divisor % 10) as u8, sink);
             }
             divisor /= 10;
         }
@@ -165,7 +166,7 @@ impl Encoder {
     /// A character of the text of a block or preamble.
     pub(super) fn text(
         &mut self,
-        settings: &Settings,
+        settings: &Setup,
         character: u8,
         sink: Sink<'_>,
     ) -> Result<(), Failure> {
@@ -181,13 +182,13 @@ impl Encoder {
         if character == SPECIAL_CLOSE {
             self.note_comment(settings, character);
         }
-        self.send(character, sink);
+        self.send(settings, character, sink);
         self.note_comment(settings, character);
         Ok(())
     }
 
     /// The parentheses themselves are not of the comment, which ends with its block.
-    fn note_comment(&mut self, settings: &Settings, character: u8) {
+    fn note_comment(&mut self, settings: &Setup, character: u8) {
         match character {
             SPECIAL_OPEN => self.place.in_comment = true,
             SPECIAL_CLOSE | SPECIAL_LF => self.place.in_comment = false,
@@ -198,44 +199,44 @@ impl Encoder {
 
     /// Pads a block, if it is to be, and ends it. The label is not counted: TV
     /// begins behind the first EOB.
-    pub(super) fn end_block(&mut self, settings: &Settings, sink: Sink<'_>) {
+    pub(super) fn end_block(&mut self, settings: &Setup, sink: Sink<'_>) {
         let cr = u8::from(settings.tv_cr);
         // CRs before the EOB count for this block, those behind it for the next.
-        let (before, behind) = match self.eob {
+        let (before, behind) = match settings.eob {
             b"\r\n" => (cr, 0),
             b"\n\r" => (0, cr),
             _ => (0, 0),
         };
         let is_odd = (self.place.count + before + 1) & 1 == 1;
         if settings.tv_pad && self.place.block > 0 && is_odd {
-            self.send(b' ', sink);
+            self.send(settings, b' ', sink);
         } else {
-            self.end_waiting_block(sink);
+            self.end_waiting_block(settings, sink);
         }
         self.place.eob_waits = true;
         self.place.count = behind;
         self.note_comment(settings, SPECIAL_LF);
     }
 
-    pub(super) fn end_waiting_block(&mut self, sink: Sink<'_>) {
+    pub(super) fn end_waiting_block(&mut self, settings: &Setup, sink: Sink<'_>) {
         if self.place.eob_waits {
             self.place.eob_waits = false;
-            for byte in self.eob {
-                sink(self.wire[usize::from(byte & !SPECIAL)]);
+            for byte in settings.eob {
+                sink(settings.wire[usize::from(byte & !SPECIAL)]);
             }
         }
     }
 
-    fn send_all(&mut self, characters: &[u8], sink: Sink<'_>) {
+    fn send_all(&mut self, settings: &Setup, characters: &[u8], sink: Sink<'_>) {
         for character in characters {
-            self.send(*character, sink);
+            self.send(settings, *character, sink);
         }
     }
 
-    fn send(&mut self, character: u8, sink: Sink<'_>) {
-        self.end_waiting_block(sink);
+    fn send(&mut self, settings: &Setup, character: u8, sink: Sink<'_>) {
+        self.end_waiting_block(settings, sink);
         self.place.count ^= self.place.counts;
-        sink(self.wire[usize::from(character & !SPECIAL)]);
+        sink(settings.wire[usize::from(character & !SPECIAL)]);
     }
 }
 
