@@ -205,6 +205,7 @@ pub enum Action<'a> {
 }
 
 impl<'a> Action<'a> {
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     fn kind(&self) -> u16 {
         match self {
             Self::Transmit { .. } => kind::TRANSMIT,
@@ -232,6 +233,7 @@ impl<'a> Action<'a> {
         }
     }
 
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     fn write(&self, w: &mut Writer<'_>) {
         match self {
             Self::Transmit { mark, bytes } | Self::TransmitUrgent { mark, bytes } => {
@@ -484,6 +486,10 @@ impl<'a> ActionWriter<'a> {
     }
 
     /// Appends a record; on `NoSpace` the records before it stay whole.
+    ///
+    /// In a plug-in it is inlined for each kind of action, where nothing but that
+    /// kind's fields is left: the action itself is never put together.
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     pub fn push(&mut self, action: &Action<'_>) -> Result<(), NoSpace> {
         match action {
             Action::Transmit { mark: 0, bytes } => return self.transmit(bytes),
@@ -491,10 +497,21 @@ impl<'a> ActionWriter<'a> {
             Action::SetTimer { id, deadline } => return self.set_timer(*id, *deadline),
             _ => {}
         }
-        let start = self.writer.len();
-        self.writer.u16(action.kind());
-        self.writer.u16(0);
+        let start = self.begin(action.kind());
         action.write(&mut self.writer);
+        self.end(start)
+    }
+
+    /// Begins a record, whose length is not known yet.
+    #[inline(never)]
+    fn begin(&mut self, kind: u16) -> usize {
+        let start = self.writer.len();
+        self.writer.u32(u32::from(kind));
+        start
+    }
+
+    #[inline(never)]
+    fn end(&mut self, start: usize) -> Result<(), NoSpace> {
         let length = self.writer.len() - start;
         self.writer.end(start)?;
         let Ok(length) = u16::try_from(length - 4) else {
@@ -528,6 +545,15 @@ impl<'a> ActionWriter<'a> {
         self.writer.end(start)?;
         self.open = None;
         Ok(())
+    }
+
+    /// Pushes a [`DeliveryName`](Action::DeliveryName) of ASCII characters; of any
+    /// other byte the highest bit is left out.
+    pub fn delivery_name_ascii(&mut self, delivery: u32, name: &[u8]) -> Result<(), NoSpace> {
+        let start = self.begin(kind::DELIVERY_NAME);
+        self.writer.u32(delivery);
+        self.writer.ascii(name);
+        self.end(start)
     }
 
     fn stream(&mut self, kind: u16, id: u32, bytes: &[u8]) -> Result<(), NoSpace> {

@@ -95,6 +95,11 @@ impl<'a> RawValue<'a> {
         core::str::from_utf8(self.payload).ok().filter(|_| self.kind == TEXT)
     }
 
+    /// The bytes of the text, if it is one. A host has looked whether they are UTF-8.
+    pub fn text_bytes(&self) -> Option<&'a [u8]> {
+        (self.kind == TEXT).then_some(self.payload)
+    }
+
     /// The bytes, if they are of this type.
     pub fn bytes(&self) -> Option<&'a [u8]> {
         (self.kind == BYTES).then_some(self.payload)
@@ -188,9 +193,19 @@ impl<'a> ValueWriter<'a> {
     }
 
     /// Appends one record; on `NoSpace` the records before it stay whole.
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     pub fn push(&mut self, index: u16, value: Value<'_>) -> Result<(), NoSpace> {
         let start = self.writer.len();
         self.record(index, value)?;
+        self.writer.end(start)
+    }
+
+    /// Appends a text of ASCII characters; of any other byte the highest bit is left
+    /// out. A plug-in without other texts has no need to know UTF-8.
+    pub fn push_ascii(&mut self, index: u16, text: &[u8]) -> Result<(), NoSpace> {
+        let start = self.writer.len();
+        self.head(index, TEXT, text.len())?;
+        self.writer.ascii(text);
         self.writer.end(start)
     }
 
@@ -199,8 +214,20 @@ impl<'a> ValueWriter<'a> {
         self.writer.written()
     }
 
+    #[inline(never)]
+    fn head(&mut self, index: u16, kind: u8, length: usize) -> Result<(), NoSpace> {
+        if length > VALUE_BYTES {
+            return Err(NoSpace);
+        }
+        self.writer.u16(index);
+        self.writer.u8(kind);
+        self.writer.u8(0);
+        self.writer.u16(length as u16);
+        Ok(())
+    }
+
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     fn record(&mut self, index: u16, value: Value<'_>) -> Result<(), NoSpace> {
-        let writer = &mut self.writer;
         let (kind, length) = match value {
             Value::Bool(_) => (BOOL, 1),
             Value::Int(_) => (INT, 8),
@@ -208,13 +235,8 @@ impl<'a> ValueWriter<'a> {
             Value::Bytes(bytes) => (BYTES, bytes.len()),
             Value::Choice(_) => (CHOICE, 2),
         };
-        if length > VALUE_BYTES {
-            return Err(NoSpace);
-        }
-        writer.u16(index);
-        writer.u8(kind);
-        writer.u8(0);
-        writer.u16(length as u16);
+        self.head(index, kind, length)?;
+        let writer = &mut self.writer;
         match value {
             Value::Bool(value) => writer.u8(u8::from(value)),
             Value::Int(value) => writer.i64(value),

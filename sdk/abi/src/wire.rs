@@ -279,6 +279,13 @@ impl<'a> Writer<'a> {
         self.length += bytes.len();
     }
 
+    /// Appends characters of ASCII; of any other byte the highest bit is left out.
+    pub(crate) fn ascii(&mut self, text: &[u8]) {
+        for byte in text {
+            self.u8(byte & 0x7F);
+        }
+    }
+
     /// A field of fixed length is one store, where `bytes` is a loop. In a plug-in
     /// its callers are not inlined: each would come a dozen times.
     #[inline]

@@ -183,6 +183,13 @@ impl<'a> Context<'a> {
         self.push(&Action::DeliveryName { delivery, name: cut(name, DELIVERY_NAME_BYTES) });
     }
 
+    /// Names the delivery by characters of ASCII; cut to 128 bytes. Of any other byte
+    /// the highest bit is left out: so the name is a text whatever came from the line.
+    pub fn delivery_name_ascii(&mut self, delivery: u32, name: &[u8]) {
+        let name = name.get(..DELIVERY_NAME_BYTES).unwrap_or(name);
+        fitted(self.writer.delivery_name_ascii(delivery, name));
+    }
+
     /// Ends the delivery: complete, or failed.
     pub fn delivery_end(&mut self, delivery: u32, failure: Option<Failure>, status: u16) {
         self.push(&Action::DeliveryEnd { delivery, failure, status });
@@ -229,13 +236,13 @@ impl<'a> Context<'a> {
         self.push(&Action::State { name: cut(name, STATE_NAME_BYTES) });
     }
 
-    #[inline(never)]
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     pub(crate) fn push(&mut self, action: &Action<'_>) {
         fitted(self.writer.push(action));
     }
 }
 
-#[inline]
+#[cfg_attr(target_arch = "wasm32", inline(never))]
 fn fitted(pushed: Result<(), NoSpace>) {
     if pushed.is_err() {
         too_many();

@@ -125,6 +125,11 @@ impl<const N: usize> SettingType for Bytes<N> {
 pub struct Text<const N: usize>(Bytes<N>);
 
 impl<const N: usize> Text<N> {
+    /// The text as bytes. Without [`as_str`](Self::as_str) a plug-in needs no check of UTF-8.
+    pub fn as_bytes(&self) -> &[u8] {
+        self.0.as_slice()
+    }
+
     /// The text.
     pub fn as_str(&self) -> &str {
         core::str::from_utf8(self.0.as_slice()).unwrap_or_default()
@@ -141,7 +146,7 @@ impl<const N: usize> SettingType for Text<N> {
     }
 
     fn from_value(value: &RawValue<'_>) -> Option<Self> {
-        Bytes::from_slice(value.text()?.as_bytes()).map(Self)
+        Bytes::from_slice(value.text_bytes()?).map(Self)
     }
 }
 
