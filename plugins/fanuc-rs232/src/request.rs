@@ -29,7 +29,6 @@ impl Requests {
             return;
         }
         let Some(name) = wanted(settings, title.comment()) else { return };
-        let Ok(text) = core::str::from_utf8(name) else { return };
         if self.open == MOST_OPEN {
             link.note(NoteLevel::Warning, 0, "too many requests are unanswered");
             return;
@@ -37,7 +36,7 @@ impl Requests {
         let mut buffer = [0; FIELDS];
         let mut fields = ValueWriter::new(&mut buffer);
         // Both fit: a comment has at most 128 bytes.
-        let _ = fields.push(0, Value::Text(text));
+        let _ = fields.push_ascii(0, name);
         if let Some(number) = number(name) {
             let _ = fields.push(1, Value::Int(number));
         }
@@ -65,7 +64,7 @@ impl Requests {
 
 /// The name of the program that a comment asks for.
 pub(crate) fn wanted<'a>(settings: &Settings, comment: &'a [u8]) -> Option<&'a [u8]> {
-    matched(settings.request_pattern.as_str().as_bytes(), comment)
+    matched(settings.request_pattern.as_bytes(), comment)
 }
 
 /// What the `*` of a pattern stands for in a text that fits it, without the

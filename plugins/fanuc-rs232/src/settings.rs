@@ -150,8 +150,8 @@ impl Settings {
         if self.mode == Mode::RemoteA && self.packet_end == PacketEnd::Cr && self.eob != Eob::Lf {
             return Err("packets end with CR; set eob to lf or packet_end to etx");
         }
-        let pattern = self.request_pattern.as_str();
-        if !pattern.is_empty() && pattern.bytes().filter(|byte| *byte == b'*').count() != 1 {
+        let pattern = self.request_pattern.as_bytes();
+        if !pattern.is_empty() && pattern.split(|byte| *byte == b'*').count() != 2 {
             return Err("request_pattern needs one *");
         }
         Ok(())

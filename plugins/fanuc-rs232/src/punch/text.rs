@@ -191,7 +191,7 @@ impl Text {
         let (rank, name) = self.title.name();
         if rank > self.named {
             self.named = rank;
-            link.delivery_name(self.delivery, core::str::from_utf8(name).unwrap_or_default());
+            link.delivery_name_ascii(self.delivery, name);
         }
     }
 }

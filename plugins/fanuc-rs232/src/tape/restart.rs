@@ -34,7 +34,7 @@ impl Restart {
             match field.index {
                 0 if number > 0 => self.block = number,
                 1 => self.sequence = number,
-                2 => self.set_preamble(field.text().unwrap_or_default().as_bytes()),
+                2 => self.set_preamble(field.text_bytes().unwrap_or_default()),
                 _ => return Err(Failure::BadJob),
             }
         }
