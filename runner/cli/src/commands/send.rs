@@ -205,8 +205,7 @@ fn fields(kind: &Kind, asked: &[Assignment]) -> Result<Vec<u8>, Failure> {
 
 /// Why a job failed, in a sentence, with the protocol's own code if it is known.
 pub(crate) fn reason(manifest: &Manifest, failure: Why, status: u16) -> String {
-    let name = manifest.status.iter().find(|known| known.code == status);
-    match (status, name) {
+    match (status, manifest.status(status)) {
         (0, _) => failure.text().to_owned(),
         (_, Some(known)) => format!("{} ({}: {})", failure.text(), known.name, known.text),
         (_, None) => format!("{} (status {status})", failure.text()),

@@ -19,6 +19,7 @@ pub(crate) use serve::serve;
 pub(crate) use simulate::simulate;
 
 use softplug_abi::NoteLevel;
+use softplug_abi::manifest::Manifest;
 use softplug_gateway::port::line_text;
 use softplug_gateway::station::StationError;
 use softplug_gateway::transfer::{Note, TransferError};
@@ -55,10 +56,20 @@ fn transfer_failure(error: TransferError<AnyFault>) -> Failure {
     }
 }
 
-/// Says what the plug-in said, as far as it matters.
-fn say_notes(notes: &[Note], screen: &Screen) {
+/// Says what the plug-in said, as far as it matters; with the words of the
+/// manifest where its code is a status.
+fn say_notes(notes: &[Note], manifest: &Manifest, screen: &Screen) {
     for note in notes.iter().filter(|note| note.level <= NoteLevel::Warning) {
-        screen.note(format_args!("{}: {}", note.level, note.text.escape_debug()));
+        let text = note.text.escape_debug();
+        match manifest.status(note.code) {
+            Some(status) => screen.note(format_args!(
+                "{}: {} {} ({text})",
+                note.level,
+                status.name.escape_debug(),
+                status.text.escape_debug()
+            )),
+            None => screen.note(format_args!("{}: {text}", note.level)),
+        }
     }
 }
 

@@ -50,7 +50,7 @@ pub(crate) fn receive(
             });
         }
     };
-    say_notes(&report.notes, screen);
+    say_notes(&report.notes, plugin.manifest(), screen);
 
     let came = numbers::bytes(report.bytes);
     let (exit, result, failure, message) = match report.outcome {

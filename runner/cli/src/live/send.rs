@@ -49,7 +49,7 @@ pub(crate) fn send(
             return Err(transfer_failure(error));
         }
     };
-    say_notes(&report.notes, screen);
+    say_notes(&report.notes, plugin.manifest(), screen);
 
     let manifest = plugin.manifest();
     let after = numbers::bytes(report.sent);

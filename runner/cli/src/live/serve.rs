@@ -286,7 +286,8 @@ impl Desk for Counter<'_> {
             }
             News::JobEnds(report) => self.job_ended(report),
             News::Note(note) => {
-                self.bar.aside(|| say_notes(std::slice::from_ref(note), self.screen));
+                self.bar
+                    .aside(|| say_notes(std::slice::from_ref(note), self.manifest, self.screen));
                 let (level, code) = (note.level.name(), note.code);
                 self.screen.json_line(&Line::Note { level, code, text: &note.text });
             }

@@ -283,6 +283,11 @@ impl Manifest {
         self.jobs.iter().position(|kind| kind.name == name).map(|at| at as u16)
     }
 
+    /// The protocol's own status with this code, if it is listed.
+    pub fn status(&self, code: u16) -> Option<&StatusCode> {
+        self.status.iter().find(|status| status.code == code)
+    }
+
     fn check(&self) -> Result<(), ManifestError> {
         self.check_version()?;
         check_name("name", &self.name, '-')?;
