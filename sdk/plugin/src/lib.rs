@@ -47,6 +47,7 @@ pub use converter::{Converter, JobStart, Opening};
 #[cfg(feature = "bench")]
 pub use native::{Native, NativeFault};
 pub use settings::{Bytes, Choice, SettingSet, SettingType, Text};
+pub use softplug_abi::wire::copy;
 pub use softplug_abi::{
     Failure, LineErrorKind, LineParameters, LinkDownReason, MarkState, Micros, ModemLines,
     NoteLevel, Parity, Pass, RawValue, Value, ValueWriter, Values,
