@@ -26,7 +26,7 @@ use punch::Punch;
 use remote_buffer::RemoteBuffer;
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    ModemLines, NoteLevel, Opening, Pass, StateError, StateReader, StateWriter,
+    ModemLines, NoteLevel, Opening, Pass, StateError, StateReader, StateWriter, copy,
 };
 use state::State;
 use tape::Setup;
@@ -117,9 +117,7 @@ impl Converter for FanucRs232 {
             left = after;
         }
         self.left_length = left.len();
-        for (own, byte) in self.left.iter_mut().zip(left) {
-            *own = *byte;
-        }
+        copy(&mut self.left, left);
         self.after_bytes(link);
     }
 

@@ -3,6 +3,7 @@
 
 use crate::Settings;
 use crate::punch::Title;
+use crate::short::trimmed;
 use softplug_plugin::{Context, Failure, NoteLevel, Value, ValueWriter, Values};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
@@ -78,7 +79,7 @@ fn matched<'a>(mut pattern: &[u8], mut text: &'a [u8]) -> Option<&'a [u8]> {
     }
     while let Some((own, rest)) = pattern.split_last() {
         if *own == b'*' {
-            let name = text.trim_ascii();
+            let name = trimmed(text);
             return (!name.is_empty()).then_some(name);
         }
         (pattern, text) = (rest, text.split_last().filter(|(last, _)| *last == own)?.1);
@@ -87,6 +88,7 @@ fn matched<'a>(mut pattern: &[u8], mut text: &'a [u8]) -> Option<&'a [u8]> {
 }
 
 /// The number that a text of digits alone stands for.
+#[inline(never)]
 fn number(text: &[u8]) -> Option<i64> {
     if text.is_empty() || text.len() > DIGITS {
         return None;

@@ -1,6 +1,7 @@
 //! Between encoder and queue: gathers single bytes, and keeps what there is no
 //! room for yet.
 
+use crate::short::shift;
 use softplug_plugin::Context;
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
@@ -38,11 +39,7 @@ impl Pipe {
         let count = usize::from(self.length).min(link.transmit_room() as usize);
         self.transmit(link, count);
         self.length -= count as u8;
-        let mut at = 0;
-        while at < usize::from(self.length) {
-            self.bytes[at % CAPACITY] = self.bytes[(at + count) % CAPACITY];
-            at += 1;
-        }
+        shift(&mut self.bytes, count);
         self.length == 0
     }
 

@@ -221,7 +221,6 @@ impl Punch {
             Stage::Leader if character == b'%' => {
                 self.stage = Stage::Program;
                 self.text.begin(link);
-                self.text.put(link, b'%');
             }
             Stage::Program if character == b'%' => {
                 self.stage = Stage::Closed;

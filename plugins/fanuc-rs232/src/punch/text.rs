@@ -47,12 +47,14 @@ impl Text {
         self.counts = false;
     }
 
+    #[inline(never)]
     pub(super) fn begin(&mut self, link: &mut Context<'_>) {
         self.after_cr = false;
         self.last_delivery = self.last_delivery.wrapping_add(1).max(1);
         self.delivery = self.last_delivery;
         self.named = 0;
         link.delivery_begin(self.delivery, 0);
+        self.put(link, b'%');
     }
 
     /// A CR is a line end where there are no LFs.
@@ -78,13 +80,11 @@ impl Text {
         }
         self.end_at_cr(link, settings);
         if settings.programs == Programs::Split && self.title.ends_before(character) {
-            self.put(link, b'%');
-            self.line_end(link, settings);
+            self.put_close(link, settings);
             self.end(link, settings, requests, None);
             self.failure = Reason::new(None);
             self.title.next_program();
             self.begin(link);
-            self.put(link, b'%');
             self.line_end(link, settings);
         }
         let in_comment = self.title.read(settings, character);
@@ -95,6 +95,10 @@ impl Text {
     /// The second %.
     pub(super) fn close(&mut self, link: &mut Context<'_>, settings: &Settings) {
         self.end_at_cr(link, settings);
+        self.put_close(link, settings);
+    }
+
+    fn put_close(&mut self, link: &mut Context<'_>, settings: &Settings) {
         self.put(link, b'%');
         self.line_end(link, settings);
     }

@@ -2,7 +2,7 @@
 
 use crate::Settings;
 use crate::request::wanted;
-use crate::short::Short;
+use crate::short::{Short, trimmed};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Where in a block we are.
@@ -121,7 +121,7 @@ impl Title {
         }
         let comment = self.comment();
         let text = comment.get(1..).unwrap_or_default();
-        let text = text.strip_suffix(b")").unwrap_or(text).trim_ascii();
+        let text = trimmed(text.strip_suffix(b")").unwrap_or(text));
         (u8::from(!text.is_empty()), text)
     }
 }

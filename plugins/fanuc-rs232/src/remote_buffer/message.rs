@@ -4,8 +4,13 @@
 use crate::{PacketEnd, ParityMode, Settings};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
-/// The letters of a command.
-pub(super) type Command = [u8; 3];
+/// The letters of a command, as a number.
+pub(super) type Command = u32;
+
+/// The command with these letters.
+pub(super) const fn command([a, b, c]: [u8; 3]) -> Command {
+    u32::from_be_bytes([0, a, b, c])
+}
 
 /// Length of sum and command in bytes.
 pub(super) const HEAD: usize = 5;
@@ -21,7 +26,7 @@ pub(super) fn end_code(settings: &Settings) -> u8 {
 /// the command through the end code; that the parity bit is left out is this
 /// project's reading.
 pub(super) fn head(settings: &Settings, command: Command, data: &[u8]) -> [u8; HEAD] {
-    let [a, b, c] = command;
+    let [_, a, b, c] = command.to_be_bytes();
     let sum = data.iter().fold(end_code(settings), |sum, byte| sum.wrapping_add(byte & 0x7F));
     let sum = sum.wrapping_add(a).wrapping_add(b).wrapping_add(c);
     let [high, low] = digits(sum);
@@ -82,7 +87,7 @@ impl Reader {
         let is_good =
             !self.is_damaged && usize::from(self.length) == HEAD && [high, low] == digits(self.sum);
         *self = Self::new_zeroed();
-        Some(if is_good { Ok([a, b, c]) } else { Err(()) })
+        Some(if is_good { Ok(command([a, b, c])) } else { Err(()) })
     }
 
     /// A character of the message was damaged.
@@ -110,15 +115,15 @@ mod tests {
     fn sums_worked_out_by_hand() {
         let settings = Settings::unset();
         // 53 + 59 + 4E + 0D = 107
-        assert_eq!(&head(&settings, *b"SYN", b""), b"07SYN");
+        assert_eq!(&head(&settings, command(*b"SYN"), b""), b"07SYN");
         // 44 + 41 + 54 + 25 + 0A + 0D = 115
-        assert_eq!(&head(&settings, *b"DAT", b"%\n"), b"15DAT");
+        assert_eq!(&head(&settings, command(*b"DAT"), b"%\n"), b"15DAT");
         // 53 + 45 + 54 + 03 = EF
         let etx = Settings { packet_end: PacketEnd::Etx, ..settings };
-        assert_eq!(&head(&etx, *b"SET", b""), b"EFSET");
+        assert_eq!(&head(&etx, command(*b"SET"), b""), b"EFSET");
         // Parity is no part of the sum, and stands in every character.
-        assert_eq!(&head(&software(), *b"SYN", b""), &[0x30, 0xB7, 0x53, 0x59, 0x4E]);
-        assert_eq!(&head(&software(), *b"DAT", b"\xA5\x0A")[..2], &[0xB1, 0x35]);
+        assert_eq!(&head(&software(), command(*b"SYN"), b""), &[0x30, 0xB7, 0x53, 0x59, 0x4E]);
+        assert_eq!(&head(&software(), command(*b"DAT"), b"\xA5\x0A")[..2], &[0xB1, 0x35]);
         assert_eq!(with_parity(&software(), b'\r'), 0x8D);
     }
 
@@ -127,9 +132,9 @@ mod tests {
         let settings = Settings::unset();
         // 53 + 41 + 54 + 30 + 30 + 0D = 155
         let text = b"07SYN\r\n\x0055SAT00\r";
-        assert_eq!(read(&settings, text), [Ok(*b"SYN"), Ok(*b"SAT")]);
+        assert_eq!(read(&settings, text), [Ok(command(*b"SYN")), Ok(command(*b"SAT"))]);
         let parity: Vec<u8> = text.iter().map(|byte| with_parity(&software(), *byte)).collect();
-        assert_eq!(read(&software(), &parity), [Ok(*b"SYN"), Ok(*b"SAT")]);
+        assert_eq!(read(&software(), &parity), [Ok(command(*b"SYN")), Ok(command(*b"SAT"))]);
     }
 
     #[test]
@@ -144,6 +149,6 @@ mod tests {
         reader.read(&settings, b'0');
         reader.damaged();
         let rest = b"7SYN\r07SYN\r".iter().filter_map(|byte| reader.read(&settings, *byte));
-        assert_eq!(rest.collect::<Vec<_>>(), [Err(()), Ok(*b"SYN")]);
+        assert_eq!(rest.collect::<Vec<_>>(), [Err(()), Ok(command(*b"SYN"))]);
     }
 }

@@ -15,7 +15,7 @@ use crate::reason::Reason;
 use crate::state::State;
 use crate::tape::{Encoder, MOST_PER_BYTE, Setup};
 use crate::timer::Timer;
-use message::{Command, HEAD, Reader, end_code, head, with_parity};
+use message::{Command, HEAD, Reader, command, end_code, head, with_parity};
 use softplug_plugin::{Context, Failure, JobStart, MarkState};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
@@ -28,22 +28,22 @@ const DAMAGED: u8 = b'1';
 /// Reason in our RTY: there is no such command.
 const UNKNOWN: u8 = b'2';
 
-const DAT: Command = *b"DAT";
-const EOD: Command = *b"EOD";
-const GTD: Command = *b"GTD";
-const RDY: Command = *b"RDY";
-const RTY: Command = *b"RTY";
-const SYN: Command = *b"SYN";
-const WAT: Command = *b"WAT";
+const DAT: Command = command(*b"DAT");
+const EOD: Command = command(*b"EOD");
+const GTD: Command = command(*b"GTD");
+const RDY: Command = command(*b"RDY");
+const RTY: Command = command(*b"RTY");
+const SYN: Command = command(*b"SYN");
+const WAT: Command = command(*b"WAT");
 
 /// What the control says, the answer, and what it means for data that was sent.
 const ANSWERS: [(Command, Command, Option<Failure>); 6] = [
     (GTD, WAT, None),
-    (*b"SAT", *b"SET", None),
+    (command(*b"SAT"), command(*b"SET"), None),
     (RDY, RDY, None),
     (SYN, RDY, Some(Failure::PartnerReset)),
-    (*b"RST", *b"ARS", Some(Failure::PartnerReset)),
-    (*b"ALM", *b"AAL", Some(Failure::PartnerAlarm)),
+    (command(*b"RST"), command(*b"ARS"), Some(Failure::PartnerReset)),
+    (command(*b"ALM"), command(*b"AAL"), Some(Failure::PartnerAlarm)),
 ];
 
 /// What the remote buffer is at.
@@ -72,6 +72,8 @@ pub(crate) struct RemoteBuffer {
     queued: u64,
     job: u32,
     wanted: u32,
+    /// The latest message, in case it must be repeated.
+    last: Command,
     filled: u16,
     packet: u16,
     /// Why the job fails.
@@ -86,12 +88,10 @@ pub(crate) struct RemoteBuffer {
     is_ready: bool,
     /// GTD is not answered yet.
     is_asked: bool,
-    /// The latest message, in case it must be repeated.
-    last: Command,
     repeats: u8,
     retries: u8,
     reader: Reader,
-    spare: [u8; 7],
+    spare: [u8; 6],
     /// The data of the latest DAT, and what follows it.
     buffer: [u8; BUFFER],
 }

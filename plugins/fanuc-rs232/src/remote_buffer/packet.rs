@@ -4,6 +4,7 @@
 use super::message::HEAD;
 use super::{DAT, EOD, RemoteBuffer, Stage, WAT};
 use crate::PACKET;
+use crate::short::shift;
 use crate::tape::{Encoder, Setup};
 use softplug_plugin::Context;
 
@@ -77,14 +78,8 @@ impl RemoteBuffer {
 
     /// What was sent is not needed again.
     pub(super) fn confirm(&mut self) {
-        let packet = usize::from(self.packet);
         self.filled = self.filled.saturating_sub(self.packet);
-        for at in 0..usize::from(self.filled) {
-            let byte = self.buffer.get(at + packet).copied().unwrap_or_default();
-            if let Some(place) = self.buffer.get_mut(at) {
-                *place = byte;
-            }
-        }
+        shift(&mut self.buffer, usize::from(self.packet));
         self.packet = 0;
     }
 }

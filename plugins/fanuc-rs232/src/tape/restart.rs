@@ -1,7 +1,7 @@
 //! Where a program begins that is not sent from its first block on.
 
 use super::prefix::NO_NUMBER;
-use softplug_plugin::{Failure, Values};
+use softplug_plugin::{Failure, Values, copy};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Longest preamble in bytes.
@@ -42,10 +42,8 @@ impl Restart {
     }
 
     fn set_preamble(&mut self, text: &[u8]) {
-        for (own, byte) in self.preamble.iter_mut().zip(text) {
-            *own = *byte;
-            self.length += 1;
-        }
+        self.length = text.len().min(LONGEST) as u16;
+        copy(&mut self.preamble, text);
     }
 
     /// Whether there is a preamble that has not been sent.
