@@ -10,7 +10,7 @@ use softplug_conformance::closed_loop::ClosedLoop;
 use softplug_conformance::partners::fanuc::{
     Control, FeedHold, Feeding, Options, Press, Report, seven_even_two,
 };
-use softplug_conformance::partners::xon_xoff::{Keep, Received};
+use softplug_conformance::partners::kept::{Keep, Received};
 use softplug_link::{Job, LinkOptions, Outside, Supply};
 use softplug_native::NativePlugin;
 use std::fmt::Write;

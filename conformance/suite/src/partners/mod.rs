@@ -5,6 +5,7 @@
 //! left its transmitter. None shares code with the plug-ins that it judges.
 
 pub mod fanuc;
+pub mod kept;
 pub mod r3964;
 pub mod uart;
 pub mod xon_xoff;

@@ -7,7 +7,7 @@ use softplug_conformance::closed_loop::ClosedLoop;
 use softplug_conformance::partners::fanuc::{
     Code, Control, Options, Parity, Press, Report, eight_none_two, seven_even_two,
 };
-use softplug_conformance::partners::xon_xoff::Received;
+use softplug_conformance::partners::kept::Received;
 use softplug_link::{Delivery, Job, LinkOptions, Observed, Recorder};
 use softplug_native::{NativeInstance, NativePlugin};
 use std::fmt::Write;

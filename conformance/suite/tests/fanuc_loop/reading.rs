@@ -84,8 +84,7 @@ fn blocks_are_padded_for_the_tv_check() {
             let (end, report) = read(&settings);
             assert!(end.is_ok(), "{what}: {end:?}");
             assert_eq!(report.alarms, [], "{what}");
-            let softplug_conformance::partners::xon_xoff::Received::Bytes(read_text) =
-                report.received
+            let softplug_conformance::partners::kept::Received::Bytes(read_text) = report.received
             else {
                 panic!("all bytes are kept")
             };
@@ -198,7 +197,7 @@ fn assert_next_job_is_whole(bench: &mut Bench) {
     bench.press(Press::Read);
     assert!(bench.end_of(job).is_ok());
     let report = bench.report();
-    let softplug_conformance::partners::xon_xoff::Received::Bytes(text) = report.received else {
+    let softplug_conformance::partners::kept::Received::Bytes(text) = report.received else {
         panic!("all bytes are kept")
     };
     let start = before.received.count() as usize;

@@ -2,7 +2,7 @@
 
 use softplug_abi::Micros;
 
-use crate::partners::xon_xoff::Counts;
+use crate::partners::kept::Counts;
 
 /// All holds of a control.
 #[derive(Debug, Default)]

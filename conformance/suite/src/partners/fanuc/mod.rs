@@ -42,9 +42,9 @@ use self::hold::Hold;
 use self::punch::{Punch, Stop};
 use self::reader::Reader;
 use self::remote::Remote;
-use self::report::Text;
+
+use super::kept::{Counts, Store};
 use super::uart::{Sort, Uart, UartOptions};
-use super::xon_xoff::Counts;
 use super::{Partner, Signal};
 
 pub use self::options::{
@@ -82,7 +82,7 @@ pub struct Control {
     reader: Reader,
     execution: Execution,
     remote: Remote,
-    text: Text,
+    text: Store,
     hold: Hold,
     /// Start of the silence after which DC1 is repeated.
     silent_since: Micros,
@@ -161,7 +161,7 @@ impl Control {
             reader: Reader::new(&options),
             execution: Execution::new(&options),
             remote: Remote::new(options.remote.clone()),
-            text: Text::new(options.keep),
+            text: Store::new(options.keep),
             hold: Hold::default(),
             silent_since: Micros::ZERO,
             position: 0,

@@ -3,7 +3,7 @@
 use softplug_abi::{LineErrorKind, LineParameters, Micros};
 
 use super::tape::Code;
-use crate::partners::xon_xoff::Keep;
+use crate::partners::kept::Keep;
 
 /// Settings of a [`Control`](super::Control).
 #[derive(Clone, Debug)]

@@ -1,9 +1,8 @@
 //! What a simulated FANUC control saw: the text, the alarms, the holds.
 
-use sha2::{Digest, Sha256};
 use softplug_abi::Micros;
 
-use crate::partners::xon_xoff::{Counts, Keep, Received};
+use crate::partners::kept::{Counts, Received};
 
 /// A control's account of all that it did.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -132,39 +131,4 @@ pub struct Starvation {
     pub block: u64,
     /// How long the host was free to send and did not.
     pub span: Micros,
-}
-
-/// The text so far, in the form that is kept.
-#[derive(Debug)]
-pub(super) enum Text {
-    Bytes(Vec<u8>),
-    Digest { count: u64, sha256: Box<Sha256> },
-}
-
-impl Text {
-    pub(super) fn new(keep: Keep) -> Self {
-        match keep {
-            Keep::Bytes => Self::Bytes(Vec::new()),
-            Keep::Digest => Self::Digest { count: 0, sha256: Box::default() },
-        }
-    }
-
-    pub(super) fn push(&mut self, character: u8) {
-        match self {
-            Self::Bytes(bytes) => bytes.push(character),
-            Self::Digest { count, sha256 } => {
-                *count += 1;
-                sha256.update([character]);
-            }
-        }
-    }
-
-    pub(super) fn received(&self) -> Received {
-        match self {
-            Self::Bytes(bytes) => Received::Bytes(bytes.clone()),
-            Self::Digest { count, sha256 } => {
-                Received::Digest { count: *count, sha256: Sha256::clone(sha256).finalize().into() }
-            }
-        }
-    }
 }

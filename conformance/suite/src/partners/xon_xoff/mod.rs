@@ -33,11 +33,11 @@ use std::collections::VecDeque;
 use softplug_abi::Micros;
 
 use self::execution::Execution;
-use self::report::Store;
 use super::uart::{Left, Sort, Uart, UartOptions};
 
-pub use self::options::{ControlOptions, ControlOptionsError, Keep};
-pub use self::report::{Alarm, AlarmKind, ControlReport, Counts, Received};
+pub use self::options::{ControlOptions, ControlOptionsError};
+pub use self::report::{Alarm, AlarmKind, ControlReport};
+use crate::partners::kept::{Counts, Store};
 
 /// A control with a receive buffer, two marks and a program that it executes.
 ///

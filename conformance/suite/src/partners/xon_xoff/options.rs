@@ -2,6 +2,8 @@
 
 use softplug_abi::{LineParameters, Micros};
 
+use crate::partners::kept::Keep;
+
 /// Settings of a [`Control`](super::Control).
 #[derive(Clone, Debug)]
 pub struct ControlOptions {
@@ -102,15 +104,6 @@ impl ControlOptions {
         }
         Ok(())
     }
-}
-
-/// What a control keeps of the bytes that it received.
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub enum Keep {
-    /// All of them.
-    Bytes,
-    /// Their count and SHA-256, for transfers of any length.
-    Digest,
 }
 
 /// A control's settings contradict each other.

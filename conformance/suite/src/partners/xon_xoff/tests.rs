@@ -3,6 +3,7 @@
 use softplug_abi::{LineParameters, Micros};
 
 use super::*;
+use crate::partners::kept::Keep;
 
 const XON: u8 = 0x11;
 const XOFF: u8 = 0x13;

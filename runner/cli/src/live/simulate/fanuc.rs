@@ -3,7 +3,7 @@
 use serde::Serialize;
 use softplug_abi::{LineErrorKind, Micros};
 use softplug_conformance::partners::fanuc::{AlarmKind, Control, Report};
-use softplug_conformance::partners::xon_xoff::Received;
+use softplug_conformance::partners::kept::Received;
 use softplug_conformance::partners::{Partner, Signal};
 
 use super::{Distribution, on_a_pty, put_away, say_expected, seconds};
