@@ -1,13 +1,13 @@
 //! The feed: sends a program to the control, which lets it flow by DC1 and DC3.
 
 mod holds;
-mod pipe;
+mod queue;
 
 use crate::reason::Reason;
 use crate::state::State;
 use crate::tape::{Encoder, MOST_PER_BYTE, Setup};
 use crate::timer::Timer;
-use pipe::{CAPACITY, Pipe};
+use queue::PIECE;
 use softplug_plugin::{Context, Failure, JobStart, MarkState, Pass};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
@@ -44,6 +44,8 @@ enum Stage {
 #[repr(C)]
 pub(crate) struct Feed {
     timer: Timer,
+    /// Bytes queued for the job.
+    queued: u64,
     job: u32,
     /// The job whose check was good: its block to begin with is there.
     checked: u32,
@@ -65,8 +67,6 @@ pub(crate) struct Feed {
     is_paused: bool,
     /// Whether the queue is held for any of these reasons.
     is_holding: bool,
-    spare: [u8; 4],
-    pipe: Pipe,
     /// In the remote buffer's mode it is the packets' while they have the job.
     pub(crate) encoder: Encoder,
 }
@@ -128,7 +128,7 @@ impl Feed {
             self.stage = Stage::Checking;
         } else {
             self.stage = Stage::Feeding;
-            self.pipe = Pipe::new_zeroed();
+            self.queued = 0;
             self.nuls = settings.leader as u32;
             self.is_started = self.is_ready;
             self.is_read = false;
@@ -143,7 +143,7 @@ impl Feed {
         match self.stage {
             Stage::Checking => {
                 for byte in bytes {
-                    if let Err(failure) = self.encoder.push(settings, *byte, &mut |_| {}) {
+                    if let Err(failure) = self.encoder.push(settings, *byte) {
                         let place = self.encoder.position();
                         return self.checked(link, Err(failure), place);
                     }
@@ -153,11 +153,12 @@ impl Feed {
                 }
             }
             Stage::Feeding => {
-                let (encoder, pipe) = (&mut self.encoder, &mut self.pipe);
                 for byte in bytes {
-                    let pushed = encoder.push(settings, *byte, &mut |byte| pipe.push(link, byte));
-                    if let Err(failure) = pushed {
+                    if let Err(failure) = self.encoder.push(settings, *byte) {
                         return self.stop(link, failure);
+                    }
+                    if self.encoder.output.len() > PIECE - MOST_PER_BYTE {
+                        self.flush(link);
                     }
                 }
             }
@@ -169,10 +170,10 @@ impl Feed {
     pub(crate) fn job_end(&mut self, link: &mut Context<'_>, settings: &Setup) {
         match self.stage {
             Stage::Checking => {
-                let mut finished = self.encoder.finish(settings, &mut |_| {});
+                let mut finished = self.encoder.finish(settings);
                 if self.encoder.is_waiting() {
                     finished = self.skip_preamble(settings);
-                    finished = finished.and_then(|()| self.encoder.finish(settings, &mut |_| {}));
+                    finished = finished.and_then(|()| self.encoder.finish(settings));
                 }
                 self.checked(link, finished, (0, 0));
             }
@@ -186,7 +187,7 @@ impl Feed {
 
     fn skip_preamble(&mut self, settings: &Setup) -> Result<(), Failure> {
         while self.encoder.is_waiting() {
-            self.encoder.next(settings, &mut |_| {})?;
+            self.encoder.next(settings)?;
         }
         Ok(())
     }
@@ -210,18 +211,20 @@ impl Feed {
 
     /// Does all that there is room for: leader, program, trailer.
     pub(crate) fn go_on(&mut self, link: &mut Context<'_>, settings: &Setup) {
-        if self.stage == Stage::Checking {
-            return self.ask(link, MOST_WANTED);
+        match self.stage {
+            // What the encoder gives is the packets'.
+            Stage::Idle => return,
+            Stage::Checking => return self.ask(link, MOST_WANTED),
+            _ => {}
         }
-        if !self.queue_nuls(link) || !self.pipe.flush(link) {
+        if !self.queue_nuls(link) || !self.flush(link) {
             return;
         }
         while self.encoder.is_waiting() && matches!(self.stage, Stage::Feeding | Stage::Closing) {
-            let pipe = &mut self.pipe;
-            if let Err(failure) = self.encoder.next(settings, &mut |byte| pipe.push(link, byte)) {
+            if let Err(failure) = self.encoder.next(settings) {
                 return self.stop(link, failure);
             }
-            if !self.pipe.flush(link) {
+            if !self.flush(link) {
                 return;
             }
         }
@@ -233,15 +236,13 @@ impl Feed {
             self.stage = Stage::Closing;
         }
         if self.stage == Stage::Closing {
-            let pipe = &mut self.pipe;
-            let finished = self.encoder.finish(settings, &mut |byte| pipe.push(link, byte));
-            if let Err(failure) = finished {
+            if let Err(failure) = self.encoder.finish(settings) {
                 return self.stop(link, failure);
             }
             if self.encoder.is_waiting() {
                 return self.go_on(link, settings);
             }
-            if !self.pipe.flush(link) {
+            if !self.flush(link) {
                 return;
             }
             self.mark = self.mark.wrapping_add(2).max(2);
@@ -255,21 +256,13 @@ impl Feed {
         }
     }
 
-    /// Whether leader or trailer is queued.
-    fn queue_nuls(&mut self, link: &mut Context<'_>) -> bool {
-        if self.nuls > 0 {
-            self.nuls = self.pipe.nuls(link, self.nuls);
-        }
-        self.nuls == 0
-    }
-
-    /// As much data as can be taken whatever it becomes, with the pipe empty.
+    /// As much data as can be taken whatever it becomes, with the output empty.
     fn most(&self, link: &Context<'_>, settings: &Setup) -> u32 {
         if self.encoder.will_wait() {
             return 1;
         }
         let room = link.transmit_room().min(MOST_WANTED);
-        (room + (CAPACITY - MOST_PER_BYTE) as u32) / settings.growth()
+        (room + (PIECE - MOST_PER_BYTE) as u32) / settings.growth()
     }
 
     fn ask(&mut self, link: &mut Context<'_>, most: u32) {
@@ -326,7 +319,7 @@ impl Feed {
                 self.stage = Stage::Stopping;
                 self.failure = Reason::new(failure);
                 self.nuls = 0;
-                self.pipe.clear();
+                self.encoder.output.clear();
                 link.discard();
             }
         }
@@ -337,7 +330,7 @@ impl Feed {
         if self.stage != Stage::Stopping {
             return;
         }
-        let sent = self.pipe.queued().saturating_sub(u64::from(bytes));
+        let sent = self.queued.saturating_sub(u64::from(bytes));
         match self.failure.failure() {
             Some(failure) => link.job_failed(self.job, failure, 0, sent),
             None => link.job_done(self.job, sent),

@@ -176,7 +176,7 @@ impl Converter for FanucRs232 {
     fn timer(&mut self, link: &mut Context<'_>, id: u8, _deadline: Micros) {
         match id {
             CAPTURE => self.kept.punch.finish(link, &self.settings, None),
-            PACKET => self.kept.remote_buffer.timer(link, &self.settings),
+            PACKET => self.kept.remote_buffer.timer(link, &self.settings, &self.kept.feed.encoder),
             _ => self.kept.feed.timer(link),
         }
         self.after(link);

@@ -13,14 +13,12 @@ mod packet;
 use crate::PACKET;
 use crate::reason::Reason;
 use crate::state::State;
-use crate::tape::{Encoder, MOST_PER_BYTE, Setup};
+use crate::tape::{Encoder, Setup};
 use crate::timer::Timer;
 use message::{Command, HEAD, Reader, command, end_code, head, with_parity};
 use softplug_plugin::{Context, Failure, JobStart, MarkState};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
-/// The largest packet, and what the encoder gives beyond it.
-const BUFFER: usize = 1_024 + 2 * MOST_PER_BYTE;
 /// How often a message is repeated, or asked for again.
 const MOST_REPEATS: u8 = 3;
 /// Reason in our RTY: the message was damaged.
@@ -74,7 +72,7 @@ pub(crate) struct RemoteBuffer {
     wanted: u32,
     /// The latest message, in case it must be repeated.
     last: Command,
-    filled: u16,
+    /// Bytes of the output that the latest DAT had.
     packet: u16,
     /// Why the job fails.
     failure: Reason,
@@ -91,9 +89,6 @@ pub(crate) struct RemoteBuffer {
     repeats: u8,
     retries: u8,
     reader: Reader,
-    spare: [u8; 6],
-    /// The data of the latest DAT, and what follows it.
-    buffer: [u8; BUFFER],
 }
 
 impl RemoteBuffer {
@@ -126,10 +121,9 @@ impl RemoteBuffer {
         self.job = job.job;
         self.wanted = 0;
         self.queued = 0;
-        self.filled = 0;
         self.packet = 0;
         if !self.is_ready {
-            self.say(link, settings, SYN);
+            self.say(link, settings, encoder, SYN);
         }
         self.await_control(link, settings);
     }
@@ -146,7 +140,7 @@ impl RemoteBuffer {
             return;
         }
         for byte in bytes {
-            if let Err(failure) = encoder.push(settings, *byte, &mut |byte| self.push(byte)) {
+            if let Err(failure) = encoder.push(settings, *byte) {
                 return self.fail(link, failure);
             }
         }
@@ -166,10 +160,16 @@ impl RemoteBuffer {
     }
 
     /// Says what may have to be repeated.
-    fn say(&mut self, link: &mut Context<'_>, settings: &Setup, command: Command) {
+    fn say(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Setup,
+        encoder: &Encoder,
+        command: Command,
+    ) {
         self.last = command;
         let packet = if command == DAT { usize::from(self.packet) } else { 0 };
-        let data = self.buffer.get(..packet).unwrap_or_default();
+        let data = encoder.output.first(packet);
         let length = transmit(link, settings, command, data, &mut self.is_marked);
         if is_own(command) {
             self.queued += length as u64;
@@ -196,10 +196,10 @@ impl RemoteBuffer {
     }
 
     /// The control was silent, or the host has no data for it.
-    pub(crate) fn timer(&mut self, link: &mut Context<'_>, settings: &Setup) {
+    pub(crate) fn timer(&mut self, link: &mut Context<'_>, settings: &Setup, encoder: &Encoder) {
         self.timer.has_run_out();
         if self.is_asked {
-            self.give(link, settings);
+            self.give(link, settings, encoder);
         } else if self.stage == Stage::Ending {
             self.done(link);
         } else {
@@ -227,7 +227,7 @@ impl RemoteBuffer {
                     self.repeats = 0;
                     self.fail(link, Failure::AttemptsUsedUp);
                 } else {
-                    self.say(link, settings, self.last);
+                    self.say(link, settings, encoder, self.last);
                 }
             }
             Ok(command) => self.message(link, settings, encoder, command),
@@ -260,7 +260,8 @@ impl RemoteBuffer {
         };
         self.retries = 0;
         self.is_ready = true;
-        self.confirm();
+        encoder.output.drop_first(usize::from(self.packet));
+        self.packet = 0;
         match failure {
             Some(failure) => self.lost(link, *failure),
             None if self.stage == Stage::Ending => self.done(link),
@@ -273,7 +274,7 @@ impl RemoteBuffer {
         } else if command == RDY && self.last == SYN {
             self.last = RDY;
         } else {
-            self.say(link, settings, *answer);
+            self.say(link, settings, encoder, *answer);
         }
     }
 
@@ -342,7 +343,6 @@ impl RemoteBuffer {
             self.last = WAT;
         }
         self.queued = 0;
-        self.filled = 0;
         self.packet = 0;
     }
 }

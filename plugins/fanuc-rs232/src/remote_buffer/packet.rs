@@ -4,7 +4,6 @@
 use super::message::HEAD;
 use super::{DAT, EOD, RemoteBuffer, Stage, WAT};
 use crate::PACKET;
-use crate::short::shift;
 use crate::tape::{Encoder, Setup};
 use softplug_plugin::Context;
 
@@ -14,14 +13,13 @@ impl RemoteBuffer {
         if !self.is_asked {
             return;
         }
-        let most = settings.packet_size as u16;
-        while self.filled < most && self.stage != Stage::Closed {
+        let most = settings.packet_size as usize;
+        while encoder.output.len() < most && self.stage != Stage::Closed {
             let stage = self.stage;
-            let mut sink = |byte| self.push(byte);
             let encoded = if encoder.is_waiting() {
-                encoder.next(settings, &mut sink)
+                encoder.next(settings)
             } else if stage == Stage::Closing {
-                let finished = encoder.finish(settings, &mut sink);
+                let finished = encoder.finish(settings);
                 if !encoder.is_waiting() {
                     self.stage = Stage::Closed;
                 }
@@ -30,13 +28,13 @@ impl RemoteBuffer {
                 self.stage = Stage::Closing;
                 Ok(())
             } else {
-                return self.ask(link, settings, encoder, u32::from(most - self.filled));
+                return self.ask(link, settings, encoder, (most - encoder.output.len()) as u32);
             };
             if let Err(failure) = encoded {
                 return self.fail(link, failure);
             }
         }
-        self.give(link, settings);
+        self.give(link, settings, encoder);
     }
 
     /// Asks for as much data as fits, whatever it grows to; while it is waited for
@@ -51,35 +49,20 @@ impl RemoteBuffer {
         self.timer.start(link, PACKET, settings.poll_time / 2);
     }
 
-    /// A byte from the encoder, behind what is in the buffer.
-    pub(super) fn push(&mut self, byte: u8) {
-        if let Some(place) = self.buffer.get_mut(usize::from(self.filled)) {
-            *place = byte;
-            self.filled += 1;
-        }
-    }
-
     /// Gives the control what there is.
-    pub(super) fn give(&mut self, link: &mut Context<'_>, settings: &Setup) {
+    pub(super) fn give(&mut self, link: &mut Context<'_>, settings: &Setup, encoder: &Encoder) {
         self.is_asked = false;
-        let room = link.transmit_room().saturating_sub(HEAD as u32 + 1);
-        self.packet =
-            self.filled.min(settings.packet_size as u16).min(room.min(u32::from(u16::MAX)) as u16);
+        let room = (link.transmit_room() as usize).saturating_sub(HEAD + 1);
+        let most = room.min(settings.packet_size as usize);
+        self.packet = encoder.output.len().min(most) as u16;
         let answer = if self.packet > 0 {
             DAT
-        } else if self.stage == Stage::Closed && self.filled == 0 {
+        } else if self.stage == Stage::Closed && encoder.output.len() == 0 {
             self.stage = Stage::Ending;
             EOD
         } else {
             WAT
         };
-        self.say(link, settings, answer);
-    }
-
-    /// What was sent is not needed again.
-    pub(super) fn confirm(&mut self) {
-        self.filled = self.filled.saturating_sub(self.packet);
-        shift(&mut self.buffer, usize::from(self.packet));
-        self.packet = 0;
+        self.say(link, settings, encoder, answer);
     }
 }

@@ -6,6 +6,7 @@
 //! last block.
 
 mod ends;
+mod output;
 mod prefix;
 mod restart;
 mod setup;
@@ -14,6 +15,7 @@ mod tests;
 mod text;
 
 use ends::Ends;
+use output::Output;
 use prefix::Prefix;
 use restart::Restart;
 pub(crate) use setup::Setup;
@@ -21,7 +23,7 @@ use softplug_plugin::{Failure, Values};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Most bytes that one call of [`Encoder::push`], [`Encoder::next`] or
-/// [`Encoder::finish`] gives to its sink: a delayed EOB (3), a prefix with a new
+/// [`Encoder::finish`] puts into the output: a delayed EOB (3), a prefix with a new
 /// number (19), a padding space and the byte itself, with some to spare.
 /// Many calls give at most [`Setup::growth`] bytes each, and this once.
 pub(crate) const MOST_PER_BYTE: usize = 32;
@@ -53,15 +55,15 @@ enum Part {
     End,
 }
 
-/// Where the bytes go.
-pub(crate) type Sink<'a> = &'a mut dyn FnMut(u8);
-
-/// Turns a program into bytes on the wire; also without sending them, as a check.
+/// Turns a program into bytes on the wire, in its output; also without sending them,
+/// as a check.
 #[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
 #[repr(C)]
 pub(crate) struct Encoder {
     place: Place,
     restart: Restart,
+    pub(crate) output: Output,
+    spare: [u8; 2],
 }
 
 /// Where the encoder is in a program.
@@ -106,6 +108,7 @@ impl Encoder {
         self.place.held = DROPPED;
         self.place.counts = 1;
         self.place.prefix = Prefix::default();
+        self.output.clear();
         self.restart.take(fields)
     }
 
@@ -115,20 +118,15 @@ impl Encoder {
     /// # Errors
     /// At [`position`](Self::position): [`Failure::UnsupportedCharacter`], or
     /// [`Failure::BadJob`] for text behind a `%` that may have been meant as the first.
-    pub(crate) fn push(
-        &mut self,
-        settings: &Setup,
-        byte: u8,
-        sink: Sink<'_>,
-    ) -> Result<(), Failure> {
+    pub(crate) fn push(&mut self, settings: &Setup, byte: u8) -> Result<(), Failure> {
         self.place.column += 1;
         let character = settings.characters[usize::from(byte)];
         if self.place.is_plain && character < SPECIAL {
             self.place.count ^= self.place.counts;
-            sink(settings.wire[usize::from(character & !SPECIAL)]);
+            self.output.push(settings.wire[usize::from(character & !SPECIAL)]);
             return Ok(());
         }
-        self.push_special(settings, byte, character, sink)
+        self.push_special(settings, byte, character)
     }
 
     /// Whether the preamble goes out now: [`next`](Self::next) is to be called until
@@ -147,23 +145,23 @@ impl Encoder {
     ///
     /// # Errors
     /// [`Failure::BadJob`]: the preamble cannot be sent.
-    pub(crate) fn next(&mut self, settings: &Setup, sink: Sink<'_>) -> Result<(), Failure> {
+    pub(crate) fn next(&mut self, settings: &Setup) -> Result<(), Failure> {
         if let Some(byte) = self.restart.next() {
             return match settings.characters[usize::from(byte)] {
                 SPECIAL_LF => {
-                    self.end_block(settings, sink);
+                    self.end_block(settings);
                     Ok(())
                 }
                 SPECIAL_CR | DROPPED => Ok(()),
                 SPECIAL_PERCENT => Err(Failure::BadJob),
-                character => self.text(settings, character, sink).map_err(|_| Failure::BadJob),
+                character => self.text(settings, character).map_err(|_| Failure::BadJob),
             };
         }
         if !self.place.eob_waits {
-            self.end_block(settings, sink);
+            self.end_block(settings);
         }
         let character = core::mem::replace(&mut self.place.held, DROPPED);
-        self.begin_block(settings, character, sink)
+        self.begin_block(settings, character)
     }
 
     /// All of the program was given. If the encoder [waits](Self::is_waiting)
@@ -171,22 +169,22 @@ impl Encoder {
     ///
     /// # Errors
     /// [`Failure::NotFound`]: the block to begin with is not there.
-    pub(crate) fn finish(&mut self, settings: &Setup, sink: Sink<'_>) -> Result<(), Failure> {
+    pub(crate) fn finish(&mut self, settings: &Setup) -> Result<(), Failure> {
         if self.place.part == Part::Leader {
-            self.open(settings, sink);
+            self.open(settings);
         }
         let is_block_open = !self.place.eob_waits || !self.place.prefix.is_empty();
         if self.place.part != Part::End {
             if is_block_open {
-                self.take(settings, SPECIAL_LF, sink)?;
+                self.take(settings, SPECIAL_LF)?;
             }
             if self.is_waiting() {
                 return Ok(());
             }
             if settings.percent {
-                self.take(settings, SPECIAL_PERCENT, sink)?;
+                self.take(settings, SPECIAL_PERCENT)?;
             } else if !is_block_open {
-                self.end_waiting_block(settings, sink);
+                self.end_waiting_block(settings);
             }
             self.place.part = Part::End;
         }
@@ -209,13 +207,7 @@ impl Encoder {
     }
 
     #[inline(never)]
-    fn push_special(
-        &mut self,
-        settings: &Setup,
-        byte: u8,
-        character: u8,
-        sink: Sink<'_>,
-    ) -> Result<(), Failure> {
+    fn push_special(&mut self, settings: &Setup, byte: u8, character: u8) -> Result<(), Failure> {
         if matches!(character, SPECIAL_LF | SPECIAL_CR) {
             let ends = self.place.ends.take(character == SPECIAL_CR);
             // A character that is replaced by an EOB ends no line of the file.
@@ -232,7 +224,7 @@ impl Encoder {
         let character = if character == SPECIAL_CR { SPECIAL_LF } else { character };
         let taken = match character {
             DROPPED => Ok(()),
-            _ => self.take(settings, character, sink),
+            _ => self.take(settings, character),
         };
         self.place.is_plain = self.place.part == Part::Block && !self.place.eob_waits;
         taken

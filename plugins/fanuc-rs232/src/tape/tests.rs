@@ -45,10 +45,12 @@ fn encoded_from(
     let mut step = |encoder: &mut Encoder, byte: Option<u8>| {
         let before = sent.len();
         let done = match byte {
-            Some(byte) => encoder.push(settings, byte, &mut |byte| sent.push(byte)),
-            None if encoder.is_waiting() => encoder.next(settings, &mut |byte| sent.push(byte)),
-            None => encoder.finish(settings, &mut |byte| sent.push(byte)),
+            Some(byte) => encoder.push(settings, byte),
+            None if encoder.is_waiting() => encoder.next(settings),
+            None => encoder.finish(settings),
         };
+        sent.extend_from_slice(encoder.output.first(encoder.output.len()));
+        encoder.output.clear();
         assert!(sent.len() - before <= MOST_PER_BYTE);
         growth += settings.growth() as usize;
         assert!(fields.len() > 100 || sent.len() <= growth + MOST_PER_BYTE);

@@ -3,7 +3,7 @@
 use super::prefix::{NO_NUMBER, Prefix};
 use super::{
     Encoder, Part, REFUSED, SPECIAL, SPECIAL_CLOSE, SPECIAL_LF, SPECIAL_OPEN, SPECIAL_PERCENT,
-    Setup, Sink,
+    Setup,
 };
 use crate::{BlockNumbers, Unsupported};
 use softplug_plugin::Failure;
@@ -13,28 +13,23 @@ const HIGHEST_NUMBER: u32 = 99_999;
 
 impl Encoder {
     /// A character of the file, its line end as LF.
-    pub(super) fn take(
-        &mut self,
-        settings: &Setup,
-        character: u8,
-        sink: Sink<'_>,
-    ) -> Result<(), Failure> {
+    pub(super) fn take(&mut self, settings: &Setup, character: u8) -> Result<(), Failure> {
         match self.place.part {
             Part::Leader => match character {
                 _ if is_blank(character) => return Ok(()),
                 SPECIAL_PERCENT => {
-                    self.send(settings, character, sink);
+                    self.send(settings, character);
                     self.place.part = Part::Label;
                     return Ok(());
                 }
                 _ => {
-                    self.open(settings, sink);
-                    return self.take(settings, character, sink);
+                    self.open(settings);
+                    return self.take(settings, character);
                 }
             },
             Part::Label | Part::Block => {}
             Part::Prefix if self.place.prefix.take(character) => return Ok(()),
-            Part::Prefix => return self.leave_prefix(settings, character, sink),
+            Part::Prefix => return self.leave_prefix(settings, character),
             Part::Stripped if character == b' ' => return Ok(()),
             Part::Stripped => self.place.part = Part::Block,
             Part::Skipped => {
@@ -55,25 +50,25 @@ impl Encoder {
         }
         match character {
             SPECIAL_LF => {
-                self.end_block(settings, sink);
+                self.end_block(settings);
                 self.next_block(settings);
                 Ok(())
             }
             SPECIAL_PERCENT if !self.place.in_comment => {
-                self.send(settings, character, sink);
+                self.send(settings, character);
                 self.place.part = Part::End;
                 Ok(())
             }
-            _ => self.text(settings, character, sink),
+            _ => self.text(settings, character),
         }
     }
 
     /// A file without its first `%`.
     #[inline(never)]
-    pub(super) fn open(&mut self, settings: &Setup, sink: Sink<'_>) {
+    pub(super) fn open(&mut self, settings: &Setup) {
         self.place.is_open = true;
         if settings.percent {
-            self.send(settings, SPECIAL_PERCENT, sink);
+            self.send(settings, SPECIAL_PERCENT);
             self.place.eob_waits = true;
         }
         self.next_block(settings);
@@ -89,12 +84,7 @@ impl Encoder {
     }
 
     /// A block's prefix has ended before `character`.
-    fn leave_prefix(
-        &mut self,
-        settings: &Setup,
-        character: u8,
-        sink: Sink<'_>,
-    ) -> Result<(), Failure> {
+    fn leave_prefix(&mut self, settings: &Setup, character: u8) -> Result<(), Failure> {
         let place = &mut self.place;
         if self.restart.seeks {
             if character == SPECIAL_PERCENT {
@@ -107,7 +97,7 @@ impl Encoder {
                 && matches!(character, b'O' | b':' | SPECIAL_LF);
             if is_head {
                 place.part = Part::Block;
-                return self.take(settings, character, sink);
+                return self.take(settings, character);
             }
             place.is_head = false;
             if self.restart.has_preamble() {
@@ -115,61 +105,51 @@ impl Encoder {
                 return Ok(());
             }
         }
-        self.begin_block(settings, character, sink)
+        self.begin_block(settings, character)
     }
 
     /// Sends a block from its prefix on, or skips it.
-    pub(super) fn begin_block(
-        &mut self,
-        settings: &Setup,
-        character: u8,
-        sink: Sink<'_>,
-    ) -> Result<(), Failure> {
+    pub(super) fn begin_block(&mut self, settings: &Setup, character: u8) -> Result<(), Failure> {
         let prefix = core::mem::take(&mut self.place.prefix);
         if self.restart.seeks {
             if !self.restart.is_found(self.place.block, prefix.number()) {
                 self.place.part = Part::Skipped;
-                return self.take(settings, character, sink);
+                return self.take(settings, character);
             }
             self.restart.seeks = false;
         }
         self.place.part = Part::Block;
         let numbers = settings.block_numbers;
         if prefix.number() == NO_NUMBER || numbers == BlockNumbers::Keep {
-            self.send_all(settings, prefix.as_slice(), sink);
+            self.send_all(settings, prefix.as_slice());
         } else {
-            self.send_all(settings, prefix.before_number(), sink);
+            self.send_all(settings, prefix.before_number());
             if numbers == BlockNumbers::Strip {
                 self.place.part = Part::Stripped;
             } else {
-                self.send_number(settings, sink);
+                self.send_number(settings);
             }
         }
-        self.take(settings, character, sink)
+        self.take(settings, character)
     }
 
-    fn send_number(&mut self, settings: &Setup, sink: Sink<'_>) {
+    fn send_number(&mut self, settings: &Setup) {
         let step = settings.number_step as u32;
         let next = self.place.last_number + step;
         let number = if next > HIGHEST_NUMBER { step } else { next };
         self.place.last_number = number;
-        self.send(settings, b'N', sink);
+        self.send(settings, b'N');
         let mut divisor = 10_000;
         while divisor > 0 {
             if number >= divisor {
-                self.send(settings, b'0' + (number / divisor % 10) as u8, sink);
+                self.send(settings, b'0' + (number / divisor % 10) as u8);
             }
             divisor /= 10;
         }
     }
 
     /// A character of the text of a block or preamble.
-    pub(super) fn text(
-        &mut self,
-        settings: &Setup,
-        character: u8,
-        sink: Sink<'_>,
-    ) -> Result<(), Failure> {
+    pub(super) fn text(&mut self, settings: &Setup, character: u8) -> Result<(), Failure> {
         let character = match (character, settings.unsupported) {
             (REFUSED, _) | (SPECIAL_PERCENT, Unsupported::Refuse) => {
                 return Err(Failure::UnsupportedCharacter);
@@ -182,7 +162,7 @@ impl Encoder {
         if character == SPECIAL_CLOSE {
             self.note_comment(settings, character);
         }
-        self.send(settings, character, sink);
+        self.send(settings, character);
         self.note_comment(settings, character);
         Ok(())
     }
@@ -199,7 +179,7 @@ impl Encoder {
 
     /// Pads a block, if it is to be, and ends it. The label is not counted: TV
     /// begins behind the first EOB.
-    pub(super) fn end_block(&mut self, settings: &Setup, sink: Sink<'_>) {
+    pub(super) fn end_block(&mut self, settings: &Setup) {
         let cr = u8::from(settings.tv_cr);
         // CRs before the EOB count for this block, those behind it for the next.
         let (before, behind) = match settings.eob {
@@ -209,34 +189,34 @@ impl Encoder {
         };
         let is_odd = (self.place.count + before + 1) & 1 == 1;
         if settings.tv_pad && self.place.block > 0 && is_odd {
-            self.send(settings, b' ', sink);
+            self.send(settings, b' ');
         } else {
-            self.end_waiting_block(settings, sink);
+            self.end_waiting_block(settings);
         }
         self.place.eob_waits = true;
         self.place.count = behind;
         self.note_comment(settings, SPECIAL_LF);
     }
 
-    pub(super) fn end_waiting_block(&mut self, settings: &Setup, sink: Sink<'_>) {
+    pub(super) fn end_waiting_block(&mut self, settings: &Setup) {
         if self.place.eob_waits {
             self.place.eob_waits = false;
             for byte in settings.eob {
-                sink(settings.wire[usize::from(byte & !SPECIAL)]);
+                self.output.push(settings.wire[usize::from(byte & !SPECIAL)]);
             }
         }
     }
 
-    fn send_all(&mut self, settings: &Setup, characters: &[u8], sink: Sink<'_>) {
+    fn send_all(&mut self, settings: &Setup, characters: &[u8]) {
         for character in characters {
-            self.send(settings, *character, sink);
+            self.send(settings, *character);
         }
     }
 
-    fn send(&mut self, settings: &Setup, character: u8, sink: Sink<'_>) {
-        self.end_waiting_block(settings, sink);
+    fn send(&mut self, settings: &Setup, character: u8) {
+        self.end_waiting_block(settings);
         self.place.count ^= self.place.counts;
-        sink(settings.wire[usize::from(character & !SPECIAL)]);
+        self.output.push(settings.wire[usize::from(character & !SPECIAL)]);
     }
 }
 
