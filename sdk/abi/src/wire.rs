@@ -128,11 +128,21 @@ impl<'a> Reader<'a> {
         flag == 1
     }
 
-    /// Keeps a fault unless the field is in range.
-    #[inline(never)]
+    /// Keeps a fault unless the field is in range. A plug-in does not tell which it
+    /// was: the names of the fields are not in there.
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     pub fn require(&mut self, field: &'static str, in_range: bool) {
-        if !in_range {
+        if cfg!(target_arch = "wasm32") {
+            self.demand(in_range);
+        } else if !in_range {
             self.fail(MalformedReason::OutOfRange(field));
+        }
+    }
+
+    #[inline(never)]
+    fn demand(&mut self, is_met: bool) {
+        if !is_met {
+            self.truncated();
         }
     }
 
@@ -149,10 +159,20 @@ impl<'a> Reader<'a> {
     }
 
     /// Takes four bytes that are not 0.
-    #[inline(never)]
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     pub fn non_zero(&mut self, field: &'static str) -> u32 {
+        if cfg!(target_arch = "wasm32") {
+            return self.demand_non_zero();
+        }
         let value = self.u32();
         self.require(field, value != 0);
+        value
+    }
+
+    #[inline(never)]
+    fn demand_non_zero(&mut self) -> u32 {
+        let value = self.u32();
+        self.demand(value != 0);
         value
     }
 
