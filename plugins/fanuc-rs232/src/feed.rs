@@ -262,7 +262,7 @@ impl Feed {
             return 1;
         }
         let room = link.transmit_room().min(MOST_WANTED);
-        (room + (PIECE - MOST_PER_BYTE) as u32) / settings.growth()
+        (room + (PIECE - MOST_PER_BYTE) as u32).checked_div(settings.growth()).unwrap_or_default()
     }
 
     fn ask(&mut self, link: &mut Context<'_>, most: u32) {
