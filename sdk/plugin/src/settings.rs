@@ -38,17 +38,13 @@ pub trait SettingType: Copy {
 
     /// Before a value has come.
     fn unset() -> Self;
-    /// From a value of its type.
-    fn from_value(value: &RawValue<'_>) -> Option<Self>;
-
     /// Takes a value; `false` if it is not of this type.
-    #[inline(never)]
-    fn assign(&mut self, value: &RawValue<'_>) -> bool {
-        let value = Self::from_value(value);
-        if let Some(value) = value {
-            *self = value;
-        }
-        value.is_some()
+    fn assign(&mut self, value: &RawValue<'_>) -> bool;
+
+    /// From a value of its type.
+    fn from_value(value: &RawValue<'_>) -> Option<Self> {
+        let mut own = Self::unset();
+        own.assign(value).then_some(own)
     }
 }
 
@@ -61,8 +57,9 @@ impl SettingType for bool {
         false
     }
 
-    fn from_value(value: &RawValue<'_>) -> Option<Self> {
-        value.bool()
+    #[inline(never)]
+    fn assign(&mut self, value: &RawValue<'_>) -> bool {
+        put(self, value.bool())
     }
 }
 
@@ -75,13 +72,22 @@ impl SettingType for i64 {
         0
     }
 
-    fn from_value(value: &RawValue<'_>) -> Option<Self> {
-        value.int()
+    #[inline(never)]
+    fn assign(&mut self, value: &RawValue<'_>) -> bool {
+        put(self, value.int())
     }
 }
 
+fn put<T>(own: &mut T, value: Option<T>) -> bool {
+    let is_there = value.is_some();
+    if let Some(value) = value {
+        *own = value;
+    }
+    is_there
+}
+
 /// Up to `N` bytes.
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+#[derive(Copy, Clone, Debug)]
 pub struct Bytes<const N: usize> {
     bytes: [u8; N],
     length: usize,
@@ -98,12 +104,23 @@ impl<const N: usize> Bytes<N> {
     pub fn contains(&self, byte: u8) -> bool {
         self.as_slice().iter().any(|own| *own == byte)
     }
+}
 
-    fn from_slice(bytes: &[u8]) -> Option<Self> {
-        let mut own = [0; N];
-        copy(own.get_mut(..bytes.len())?, bytes);
-        Some(Self { bytes: own, length: bytes.len() })
+impl<const N: usize> PartialEq for Bytes<N> {
+    fn eq(&self, other: &Self) -> bool {
+        self.as_slice() == other.as_slice()
     }
+}
+
+impl<const N: usize> Eq for Bytes<N> {}
+
+/// Takes bytes, if there are any and they fit: once for all lengths.
+#[inline(never)]
+fn put_bytes(own: &mut [u8], length: &mut usize, bytes: Option<&[u8]>) -> bool {
+    let Some(bytes) = bytes.filter(|bytes| bytes.len() <= own.len()) else { return false };
+    copy(own, bytes);
+    *length = bytes.len();
+    true
 }
 
 impl<const N: usize> SettingType for Bytes<N> {
@@ -115,8 +132,8 @@ impl<const N: usize> SettingType for Bytes<N> {
         Self { bytes: [0; N], length: 0 }
     }
 
-    fn from_value(value: &RawValue<'_>) -> Option<Self> {
-        Self::from_slice(value.bytes()?)
+    fn assign(&mut self, value: &RawValue<'_>) -> bool {
+        put_bytes(&mut self.bytes, &mut self.length, value.bytes())
     }
 }
 
@@ -145,8 +162,8 @@ impl<const N: usize> SettingType for Text<N> {
         Self(Bytes::unset())
     }
 
-    fn from_value(value: &RawValue<'_>) -> Option<Self> {
-        Bytes::from_slice(value.text_bytes()?).map(Self)
+    fn assign(&mut self, value: &RawValue<'_>) -> bool {
+        put_bytes(&mut self.0.bytes, &mut self.0.length, value.text_bytes())
     }
 }
 
@@ -192,7 +209,8 @@ impl<T: Choice> SettingType for T {
         T::FIRST
     }
 
-    fn from_value(value: &RawValue<'_>) -> Option<Self> {
-        T::from_index(value.choice()?)
+    #[inline(never)]
+    fn assign(&mut self, value: &RawValue<'_>) -> bool {
+        put(self, value.choice().and_then(T::from_index))
     }
 }
