@@ -13,6 +13,17 @@ impl Reason {
         Self(failure.map_or(0, Failure::code))
     }
 
+    /// Keeps a failure; the first one stays.
+    pub(crate) fn keep(&mut self, failure: Failure) {
+        if self.0 == 0 {
+            self.0 = failure.code();
+        }
+    }
+
+    pub(crate) fn is(self, failure: Failure) -> bool {
+        self.0 == failure.code()
+    }
+
     pub(crate) fn failure(self) -> Option<Failure> {
         Failure::from_code(self.0)
     }

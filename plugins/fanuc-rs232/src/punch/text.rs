@@ -147,7 +147,7 @@ impl Text {
         if fitting > 0 {
             link.deliver(self.delivery, self.piece.get(..fitting).unwrap_or_default());
         }
-        if is_lost && self.failure.failure() != Some(Failure::Overrun) {
+        if is_lost && !self.failure.is(Failure::Overrun) {
             self.lost();
             link.note(NoteLevel::Error, 0, "the control did not stop: characters are lost");
         }
@@ -164,7 +164,7 @@ impl Text {
     }
 
     fn fail(&mut self, failure: Failure) {
-        self.failure = Reason::new(self.failure.failure().or(Some(failure)));
+        self.failure.keep(failure);
     }
 
     /// Ends the delivery; a capture of nothing has none. An earlier reason to fail

@@ -107,7 +107,7 @@ impl Encoder {
         self.place.is_head = true;
         self.place.held = DROPPED;
         self.place.counts = 1;
-        self.place.prefix = Prefix::default();
+        self.place.prefix.clear();
         self.output.clear();
         self.restart.take(fields)
     }

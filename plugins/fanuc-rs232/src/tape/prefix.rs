@@ -20,13 +20,13 @@ pub(super) struct Prefix {
     characters: [u8; LONGEST],
 }
 
-impl Default for Prefix {
-    fn default() -> Self {
-        Self { characters: [0; LONGEST], length: 0, letter: NONE, number: NO_NUMBER }
-    }
-}
-
 impl Prefix {
+    pub(super) fn clear(&mut self) {
+        self.length = 0;
+        self.letter = NONE;
+        self.number = NO_NUMBER;
+    }
+
     pub(super) fn is_empty(&self) -> bool {
         self.length == 0
     }

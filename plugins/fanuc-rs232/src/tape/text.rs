@@ -1,6 +1,6 @@
 //! From one part of the program to the next, and what is sent of each.
 
-use super::prefix::{NO_NUMBER, Prefix};
+use super::prefix::NO_NUMBER;
 use super::{
     Encoder, Part, REFUSED, SPECIAL, SPECIAL_CLOSE, SPECIAL_LF, SPECIAL_OPEN, SPECIAL_PERCENT,
     Setup,
@@ -78,7 +78,7 @@ impl Encoder {
     fn next_block(&mut self, settings: &Setup) {
         let place = &mut self.place;
         place.block += 1;
-        place.prefix = Prefix::default();
+        place.prefix.clear();
         let has_prefix = self.restart.seeks || settings.block_numbers != BlockNumbers::Keep;
         place.part = if has_prefix { Part::Prefix } else { Part::Block };
     }
@@ -110,7 +110,8 @@ impl Encoder {
 
     /// Sends a block from its prefix on, or skips it.
     pub(super) fn begin_block(&mut self, settings: &Setup, character: u8) -> Result<(), Failure> {
-        let prefix = core::mem::take(&mut self.place.prefix);
+        let prefix = self.place.prefix;
+        self.place.prefix.clear();
         if self.restart.seeks {
             if !self.restart.is_found(self.place.block, prefix.number()) {
                 self.place.part = Part::Skipped;
@@ -207,6 +208,7 @@ impl Encoder {
         }
     }
 
+    #[inline(never)]
     fn send_all(&mut self, settings: &Setup, characters: &[u8]) {
         for character in characters {
             self.send(settings, *character);
