@@ -70,11 +70,11 @@ choice! {
 settings! {
     /// The settings of FANUC RS-232.
     pub struct Settings {
-        mode: Mode = "reader", "Reader/punch interface, or remote buffer A or B.";
-        code: SendCode = "iso", "Code that we send.";
-        receive_code: ReceiveCode = "auto", "Code of what comes; auto: by its first EOB.";
-        parity: ParityMode = "uart", "ISO's even parity: by the port, by us, or none.";
-        plain_codes: bool = false, "DC1 to DC4 come without parity; in EIA 13 stops us too.";
+        mode: Mode = "reader", "Reader/punch interface, remote buffer A or B.";
+        code: SendCode = "iso", "Code sent.";
+        receive_code: ReceiveCode = "auto", "Code received; auto: by the first EOB.";
+        parity: ParityMode = "uart", "ISO's even parity: the port's, ours, none.";
+        plain_codes: bool = false, "DC codes lack parity; in EIA 13 stops us too.";
         eob: Eob = "lf", "EOB sent in ISO.";
         line_end: LineEnd = "lf", "Line ends delivered.";
         leader: i64 = 0 in 0..=2000 "characters", "NULs before the first %.";
@@ -84,30 +84,30 @@ settings! {
         tv_cr: bool = true, "CRs count for TV.";
         tv_comments: bool = true, "Comments count for TV.";
         upper: bool = true, "Send lower case as upper case.";
-        unsupported: Unsupported = "refuse", "Characters outside the code, and % in comments.";
-        replace: Bytes<64> = "", "Pairs: a character, what is sent for it.";
+        unsupported: Unsupported = "refuse", "What the code lacks, and % in comments.";
+        replace: Bytes<64> = "", "Pairs: character, what is sent.";
         ascii: bool = false, "ISO: all printable ASCII may be sent.";
-        eia_codes: Bytes<32> = "", "Pairs: a character, its EIA code.";
+        eia_codes: Bytes<32> = "", "Pairs: character, EIA code.";
         percent: bool = true, "Add a % that lacks.";
-        block_numbers: BlockNumbers = "keep", "N numbers kept, left out, or new.";
+        block_numbers: BlockNumbers = "keep", "N numbers.";
         number_step: i64 = 10 in 1..=1000 "", "First new number and step.";
-        dc1_timeout: i64 = 0 in 0..=86400000 "ms", "No DC1 for so long fails the job; 0: never.";
-        held_timeout: i64 = 0 in 0..=86400000 "ms", "DC3 for so long fails the job; 0: never.";
-        end_wait: i64 = 0 in 0..=600000 "ms", "Wait for the final DC3; 0: not.";
+        dc1_timeout: i64 = 0 in 0..=86400000 "ms", "Longest wait for DC1; 0: any.";
+        held_timeout: i64 = 0 in 0..=86400000 "ms", "Longest DC3; 0: any.";
+        end_wait: i64 = 0 in 0..=600000 "ms", "Wait for the final DC3.";
         watch_dsr: bool = false, "DSR off ends a transfer.";
-        output_flow: OutputFlow = "dc3", "What holds the control's output.";
-        resume_code: ResumeCode = "dc1", "What resumes it after our DC3.";
+        output_flow: OutputFlow = "dc3", "Holds the control's output.";
+        resume_code: ResumeCode = "dc1", "Resumes it.";
         need_dc2: bool = true, "Capture after DC2 only, not from a % on.";
         answer_dc2: bool = false, "Answer DC2 with DC1.";
         end_quiet: i64 = 500 in 1..=600000 "ms", "Silence after the second % that ends a capture.";
         after_dc4: i64 = 200 in 0..=60000 "ms", "SYN or NAK may follow DC4 so long.";
-        quiet_time: i64 = 10000 in 0..=600000 "ms", "Silence that fails a capture; 0: never.";
-        programs: Programs = "keep", "Several programs: one delivery, or one each.";
-        on_line_error: OnLineError = "fail", "Damaged characters fail a capture, or not.";
-        request_program: i64 = 9999 in 0..=99999999 "", "Program number of a panel's request.";
-        request_pattern: Text<32> = "(SEND *)", "Its comment, * the name; empty: no requests.";
-        poll_time: i64 = 5000 in 100..=60000 "ms", "Remote buffer: silence that is an error (Tp).";
-        packet_size: i64 = 1024 in 16..=1024 "bytes", "Remote buffer: most data in a DAT.";
+        quiet_time: i64 = 10000 in 0..=600000 "ms", "Silence that fails a capture; 0: none.";
+        programs: Programs = "keep", "Several programs: one delivery or one each.";
+        on_line_error: OnLineError = "fail", "Damaged characters.";
+        request_program: i64 = 9999 in 0..=99999999 "", "Program number of a request.";
+        request_pattern: Text<32> = "(SEND *)", "Its comment, * the name; empty: none.";
+        poll_time: i64 = 5000 in 100..=60000 "ms", "Remote buffer: longest silence (Tp).";
+        packet_size: i64 = 1024 in 16..=1024 "bytes", "Remote buffer: data in a DAT.";
         packet_end: PacketEnd = "cr", "Remote buffer: end code.";
     }
 }
@@ -116,7 +116,7 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
     head: concat!(
         r#""abi":"1.0","name":"fanuc-rs232","version":""#, env!("CARGO_PKG_VERSION"),
         r#"","licence":""#, env!("CARGO_PKG_LICENSE"),
-        r#"","protocol":"FANUC RS-232","description":"Reader/punch interface and remote buffer.""#,
+        r#"","protocol":"FANUC RS-232","description":"Reader/punch and remote buffer.""#,
     ),
     settings: Settings,
     tail: concat!(
