@@ -349,3 +349,20 @@ impl FanucRs232 {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::mem::offset_of;
+    use softplug_plugin::SettingSet;
+
+    #[test]
+    fn a_state_of_another_length_or_with_an_impossible_value_is_refused() {
+        let state = FanucRs232::new(Settings::unset()).kept.as_bytes().to_vec();
+        assert!(Kept::try_read_from_bytes(&state).is_ok());
+        assert!(Kept::try_read_from_bytes(&state[1..]).is_err());
+        let mut damaged = state.clone();
+        damaged[offset_of!(Kept, is_dsr_on)] = 2;
+        assert!(Kept::try_read_from_bytes(&damaged).is_err());
+    }
+}
