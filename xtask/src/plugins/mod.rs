@@ -17,7 +17,7 @@ use crate::workspace::{Plugin, Workspace};
 /// A release plug-in is at most so many bytes.
 const MOST_BYTES: usize = 32 * 1024;
 /// Still larger, and how large each may be until it fits. None may be added.
-const STILL_LARGER: &[(&str, usize)] = &[("fanuc-rs232", 46 * 1024)];
+const STILL_LARGER: &[(&str, usize)] = &[("fanuc-rs232", 40 * 1024)];
 /// A plug-in declares at most so many pages of 64 KiB.
 const MOST_PAGES: u64 = 4;
 

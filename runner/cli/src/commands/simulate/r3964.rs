@@ -105,8 +105,10 @@ struct Station {
     /// Seconds from one block's beginning to the next
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0, requires = "send", value_parser = seconds)]
     every: f64,
-    /// A fault, NAME[=VALUE][@WHEN]; may be repeated; --help lists them
-    #[arg(long, value_name = "FAULT", value_parser = faults::parse)]
+    /// A fault: its name, value and when it happens.
+    #[arg(
+        help = "A fault, NAME[=VALUE][@WHEN]; may be repeated; --help lists them",
+        long, value_name = "FAULT", value_parser = faults::parse)]
     fault: Vec<(When, Fault)>,
     /// Characters in a thousand with a wrong bit, either way
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1_000))]
