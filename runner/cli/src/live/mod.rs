@@ -19,9 +19,9 @@ pub(crate) use serve::serve;
 pub(crate) use simulate::simulate;
 
 use softplug_abi::NoteLevel;
-use softplug_abi::manifest::Manifest;
+use softplug_abi::manifest::{Manifest, SettingValues};
 use softplug_gateway::port::line_text;
-use softplug_gateway::station::StationError;
+use softplug_gateway::station::{Station, StationError, StationOptions};
 use softplug_gateway::transfer::{Note, TransferError};
 use softplug_gateway::{Port, PortSpec};
 
@@ -29,7 +29,7 @@ use crate::commands::send::NoteDocument;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::line::LinkArguments;
-use crate::plugin::AnyFault;
+use crate::plugin::{AnyFault, AnyInstance, Chosen};
 use crate::screen::Screen;
 
 /// Opens the port and says what it did not take.
@@ -43,6 +43,21 @@ fn open(spec: &PortSpec, link: &LinkArguments, screen: &Screen) -> Result<Port, 
     }
     tracing::info!(port = %spec, line = line_text(&port.line()), "open");
     Ok(port)
+}
+
+/// The plug-in on the port.
+fn station(
+    spec: &PortSpec,
+    link: &LinkArguments,
+    plugin: &Chosen,
+    settings: SettingValues,
+    screen: &Screen,
+) -> Result<Station<AnyInstance>, Failure> {
+    // Compiled before the port is touched.
+    let instance = plugin.instantiate()?;
+    let port = open(spec, link, screen)?;
+    let options = StationOptions { settings, depth: link.depth, ..StationOptions::default() };
+    Ok(Station::new(port, instance, options)?)
 }
 
 fn transfer_failure(error: TransferError<AnyFault>) -> Failure {

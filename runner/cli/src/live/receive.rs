@@ -4,12 +4,11 @@ use std::path::Path;
 use std::time::Duration;
 
 use softplug_abi::Failure as Why;
-use softplug_gateway::station::{Station, StationOptions};
 use softplug_gateway::transfer::{self, ReceiveOutcome};
 
 use super::progress::Bar;
 use super::send::exit_of;
-use super::{note_documents, open, say_notes, transfer_failure};
+use super::{note_documents, say_notes, station, transfer_failure};
 use crate::commands::receive::{Arguments, Document, Prepared};
 use crate::commands::send::reason;
 use crate::exit::Exit;
@@ -27,11 +26,7 @@ pub(crate) fn receive(
 ) -> Result<Exit, Failure> {
     let Prepared { plugin, settings } = prepared;
     let stop = stop::on_signals()?;
-    let instance = plugin.instantiate()?;
-    let port = open(&arguments.port, &arguments.link, screen)?;
-    let options =
-        StationOptions { settings, depth: arguments.link.depth, ..StationOptions::default() };
-    let mut station = Station::new(port, instance, options)?;
+    let mut station = station(&arguments.port, &arguments.link, &plugin, settings, screen)?;
     let mut partial = Partial::create(out, arguments.force)?;
     let wait = arguments.wait.map(|seconds| Duration::from_secs(u64::from(seconds)));
     let bar = Bar::new(None, screen);

@@ -6,11 +6,10 @@ use std::path::{Path, PathBuf};
 
 use softplug_abi::Failure as Why;
 use softplug_gateway::PortSpec;
-use softplug_gateway::station::{Station, StationOptions};
 use softplug_gateway::transfer::{self, Progress, SendOptions, SendOutcome, SendReport};
 
 use super::progress::Bar;
-use super::{note_documents, open, say_notes, transfer_failure};
+use super::{note_documents, say_notes, station, transfer_failure};
 use crate::commands::send::{Arguments, Document, Prepared, check_message, reason};
 use crate::dump::{Dump, hex};
 use crate::exit::Exit;
@@ -28,11 +27,7 @@ pub(crate) fn send(
 ) -> Result<Exit, Failure> {
     let Prepared { mut program, plugin, settings, job_kind, fields, check } = prepared;
     let stop = stop::on_signals()?;
-    let instance = plugin.instantiate()?;
-    let port = open(port, &arguments.link, screen)?;
-    let options =
-        StationOptions { settings, depth: arguments.link.depth, ..StationOptions::default() };
-    let mut station = Station::new(port, instance, options)?;
+    let mut station = station(port, &arguments.link, &plugin, settings, screen)?;
     let options = SendOptions { check, size: Some(program.size), job_kind, fields };
     let mut answer = match &arguments.out {
         Some(out) => Answer::File(Partial::create(out, arguments.force)?),

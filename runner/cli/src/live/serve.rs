@@ -8,7 +8,6 @@ use std::time::Duration;
 use serde::Serialize;
 use softplug_abi::Failure as Why;
 use softplug_abi::manifest::{Kind, Manifest};
-use softplug_gateway::station::{Station, StationOptions};
 use softplug_gateway::store::{Inbox, Mark, Shelf};
 use softplug_gateway::transfer::{
     self, Delivered, Desk, JobReport, News, Program, Reply, Request, SendOutcome, ServeEnd,
@@ -16,7 +15,7 @@ use softplug_gateway::transfer::{
 };
 
 use super::progress::Bar;
-use super::{open, say_notes, transfer_failure};
+use super::{say_notes, station, transfer_failure};
 use crate::commands::receive::{Arguments, Folders, Prepared};
 use crate::commands::send::{check_message, reason};
 use crate::exit::Exit;
@@ -78,11 +77,7 @@ pub(crate) fn serve(
 ) -> Result<Exit, Failure> {
     let Prepared { plugin, settings } = prepared;
     let stop = stop::on_signals()?;
-    let instance = plugin.instantiate()?;
-    let port = open(&arguments.port, &arguments.link, screen)?;
-    let options =
-        StationOptions { settings, depth: arguments.link.depth, ..StationOptions::default() };
-    let mut station = Station::new(port, instance, options)?;
+    let mut station = station(&arguments.port, &arguments.link, &plugin, settings, screen)?;
     let Folders { inbox, shelf } = folders;
     let bar = Bar::new(None, screen);
     let mut counter = Counter { inbox, shelf, manifest: plugin.manifest(), bar: &bar, screen };
