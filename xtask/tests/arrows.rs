@@ -29,7 +29,11 @@ const ARROWS: &[(&str, &[&str])] = &[
         ],
     ),
     ("softplug-trace", &[]),
-    ("softplug-conformance", &["softplug-abi", "softplug-host", "softplug-link", "softplug-trace"]),
+    (
+        "softplug-conformance",
+        &["softplug-abi", "softplug-host", "softplug-link", "softplug-report", "softplug-trace"],
+    ),
+    ("softplug-report", &[]),
     ("softplug-gateway", &["softplug-abi", "softplug-conformance", "softplug-link"]),
     (
         "softplug",
@@ -40,6 +44,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-host",
             "softplug-link",
             "softplug-native",
+            "softplug-report",
             "softplug-trace",
         ],
     ),

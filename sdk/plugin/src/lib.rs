@@ -37,6 +37,7 @@ mod converter;
 pub mod export;
 mod machine;
 pub mod manifest;
+pub mod mutants;
 #[cfg(feature = "bench")]
 mod native;
 mod settings;

@@ -1,0 +1,88 @@
+//! The verdict: a function of what was executed, and of nothing else.
+
+use crate::{Counts, Selection};
+use serde::{Deserialize, Serialize};
+
+/// The five verdicts.
+#[derive(Copy, Clone, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum VerdictKind {
+    /// Every required case was executed and passed.
+    Conformant,
+    /// The same, but for cases that SHOULD pass.
+    ConformantWithWarnings,
+    /// Nothing failed unexpectedly, but not all that is required was executed, or the baseline
+    /// excuses a failure.
+    Partial,
+    /// A required case failed, or the baseline is stale.
+    NotConformant,
+    /// The plug-in cannot be judged.
+    NotJudged,
+}
+
+impl VerdictKind {
+    /// The name in reports, with spaces for people.
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::Conformant => "conformant",
+            Self::ConformantWithWarnings => "conformant with warnings",
+            Self::Partial => "partial",
+            Self::NotConformant => "not conformant",
+            Self::NotJudged => "not judged",
+        }
+    }
+}
+
+/// What can decide a verdict before any count does.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Reason {
+    /// Nothing does.
+    None,
+    /// The plug-in cannot be judged: one sentence.
+    NotJudged(String),
+    /// The baseline expects a failure that is none, or is stale: one sentence.
+    Baseline(String),
+}
+
+/// The verdict and its reason as one sentence.
+///
+/// ```
+/// use softplug_report::{Counts, Reason, Selection, VerdictKind, verdict};
+///
+/// let all = Counts { required: 2, executed: 2, passed: 2, ..Counts::default() };
+/// assert_eq!(verdict(&all, &Selection::default(), &Reason::None).0, VerdictKind::Conformant);
+/// let skipped = Counts { executed: 1, passed: 1, ..all };
+/// assert_eq!(verdict(&skipped, &Selection::default(), &Reason::None).0, VerdictKind::Partial);
+/// ```
+pub fn verdict(counts: &Counts, selection: &Selection, reason: &Reason) -> (VerdictKind, String) {
+    match reason {
+        Reason::NotJudged(why) => return (VerdictKind::NotJudged, why.clone()),
+        Reason::Baseline(why) => return (VerdictKind::NotConformant, why.clone()),
+        Reason::None => {}
+    }
+    if counts.failed > 0 {
+        let why = format!("{} of {} required cases failed", counts.failed, counts.required);
+        return (VerdictKind::NotConformant, why);
+    }
+    let is_whole = !selection.interrupted
+        && selection.cases.is_empty()
+        && counts.required > 0
+        && counts.executed == counts.required;
+    if !is_whole {
+        let why =
+            format!("only {} of {} required cases were executed", counts.executed, counts.required);
+        return (VerdictKind::Partial, why);
+    }
+    if counts.expected > 0 {
+        let why = format!(
+            "{} of {} required cases failed as the baseline expects",
+            counts.expected, counts.required
+        );
+        return (VerdictKind::Partial, why);
+    }
+    if counts.warned > 0 {
+        let why = format!("{} cases that should pass failed", counts.warned);
+        return (VerdictKind::ConformantWithWarnings, why);
+    }
+    (VerdictKind::Conformant, format!("all {} required cases passed", counts.required))
+}

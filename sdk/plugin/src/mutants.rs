@@ -1,0 +1,69 @@
+//! One-rule mutants: plug-ins that are wrong on purpose, to prove that the
+//! conformance suite notices.
+//!
+//! A build with the feature `mutants` holds every mutant of a plug-in and behaves
+//! as the real one. A cell in its data names the mutant that is active, by
+//! [`id`]; who tests the suite writes the id behind [`MARKER`] into the
+//! module's bytes. Without the feature nothing of this is left in the code.
+//!
+//! ```
+//! use softplug_plugin::mutant;
+//!
+//! fn is_held(byte: u8) -> bool {
+//!     byte == 0x13 && !mutant!("xon-xoff.tx.obey-xoff/ignored")
+//! }
+//! assert!(is_held(0x13));
+//! ```
+
+/// What stands before the eight bytes of the active mutant's [`id`], little-endian.
+pub const MARKER: [u8; 16] = *b"softplug-mutant:";
+
+/// Whether the mutant of this name is active; never without the feature `mutants`.
+#[macro_export]
+macro_rules! mutant {
+    ($name:literal) => {{
+        const ID: u64 = $crate::mutants::id($name);
+        $crate::mutants::is_active(ID)
+    }};
+}
+
+/// The number of a mutant's name: FNV-1a, 64 bits. 0 is no mutant.
+pub const fn id(name: &str) -> u64 {
+    let bytes = name.as_bytes();
+    let mut hash: u64 = 0xCBF2_9CE4_8422_2325;
+    let mut at = 0;
+    while at < bytes.len() {
+        hash = (hash ^ bytes[at] as u64).wrapping_mul(0x0000_0100_0000_01B3);
+        at += 1;
+    }
+    hash
+}
+
+/// For [`mutant!`](crate::mutant!).
+#[doc(hidden)]
+#[cfg(not(feature = "mutants"))]
+#[inline]
+pub const fn is_active(_id: u64) -> bool {
+    false
+}
+
+/// For [`mutant!`](crate::mutant!).
+#[doc(hidden)]
+#[cfg(feature = "mutants")]
+#[inline(never)]
+pub fn is_active(id: u64) -> bool {
+    // Read as if it could change: the compiler must not know what stands there.
+    let [.., a, b, c, d, e, f, g, h] = *core::hint::black_box(&CELL);
+    u64::from_le_bytes([a, b, c, d, e, f, g, h]) == id
+}
+
+#[cfg(feature = "mutants")]
+static CELL: [u8; 24] = {
+    let mut cell = [0; 24];
+    let mut at = 0;
+    while at < MARKER.len() {
+        cell[at] = MARKER[at];
+        at += 1;
+    }
+    cell
+};
