@@ -1,12 +1,38 @@
-//! Conformance reports of plug-ins: what they hold, and how the verdict follows
-//! from it.
+//! Conformance reports of plug-ins: what they hold, how the verdict follows from
+//! it, and the forms in which they are written.
 //!
 //! A [`Report`] is the source of truth. It depends on the plug-in, the corpus and
 //! the suite alone: no clock, no path and no name of a machine stands in it, so
-//! that two runs give the same bytes.
+//! that two runs give the same bytes. Everything else is made from it:
+//!
+//! | module | what |
+//! |---|---|
+//! | [`json`] | `conformance.json`: written, and read back with suspicion |
+//! | [`junit`] | `junit.xml`, for CI systems |
+//! | [`html`] | `report.html`, one file for people |
+//! | [`badge`] | `badge.json`, for shields.io |
+//! | [`annotations`] | workflow commands of GitHub Actions |
+//!
+//! [`compare()`] tells two reports apart; [`check()`] tells whether one of them
+//! follows from its own rows. Skipped is never green: no form of an incomplete
+//! run can be taken for a conformant plug-in.
 
+pub mod annotations;
+pub mod badge;
+mod check;
+mod compare;
+mod explain;
+mod hex;
+pub mod html;
+pub mod json;
+pub mod junit;
 mod model;
+mod outcome;
+mod text;
 mod verdict;
 
+pub use check::{Inconsistency, check};
+pub use compare::{Difference, compare, fuel_is_comparable};
 pub use model::*;
+pub use outcome::Outcome;
 pub use verdict::{Reason, VerdictKind, verdict};

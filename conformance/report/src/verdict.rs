@@ -1,6 +1,6 @@
 //! The verdict: a function of what was executed, and of nothing else.
 
-use crate::{Counts, Selection};
+use crate::{Counts, Selection, text};
 use serde::{Deserialize, Serialize};
 
 /// The five verdicts.
@@ -81,7 +81,7 @@ pub fn verdict(counts: &Counts, selection: &Selection, reason: &Reason) -> (Verd
         return (VerdictKind::Partial, why);
     }
     if counts.warned > 0 {
-        let why = format!("{} cases that should pass failed", counts.warned);
+        let why = format!("{} that should pass failed", text::count(counts.warned, "case"));
         return (VerdictKind::ConformantWithWarnings, why);
     }
     (VerdictKind::Conformant, format!("all {} required cases passed", counts.required))

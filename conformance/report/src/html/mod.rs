@@ -1,0 +1,236 @@
+//! `report.html`: one file for people. It needs no network and no script; it can be
+//! read in light and dark, on paper and by a screen reader.
+
+mod failure;
+mod rows;
+mod sequence;
+
+use crate::{Counts, Report, VerdictKind, text};
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use sha2::{Digest, Sha256};
+
+const STYLE: &str = include_str!("page.css");
+const SCRIPT: &str = include_str!("page.js");
+
+/// The report as a page.
+///
+/// ```
+/// use softplug_report::{html, json};
+///
+/// let text = include_str!("../../tests/reports/conformant.json");
+/// let report = json::read(std::path::Path::new("conformance.json"), text)?;
+/// assert!(html::write(&report).starts_with("<!DOCTYPE html>"));
+/// # Ok::<(), json::ReadError>(())
+/// ```
+pub fn write(report: &Report) -> String {
+    let title = format!(
+        "{} {}: {}",
+        plugin_name(report),
+        text::line(&report.profile.name),
+        report.verdict.text()
+    );
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta http-equiv="Content-Security-Policy" content=(policy());
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                meta name="referrer" content="no-referrer";
+                title { (title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                (top(report))
+                main {
+                    (lint(report))
+                    (counts(report))
+                    (failure::section(report))
+                    (rows::clauses(report))
+                    (rows::cases(report))
+                    (fuel(report))
+                    (origin(report))
+                }
+                script { (PreEscaped(SCRIPT)) }
+            }
+        }
+    };
+    let mut page = page.into_string();
+    page.push('\n');
+    page
+}
+
+/// Nothing may be fetched, and no script runs but the page's own.
+fn policy() -> String {
+    let digest = BASE64_STANDARD.encode(Sha256::digest(SCRIPT));
+    format!(
+        "default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{digest}'; \
+         base-uri 'none'; form-action 'none'"
+    )
+}
+
+fn plugin_name(report: &Report) -> String {
+    let name = text::line(&report.plugin.name);
+    if name.is_empty() { "unnamed plug-in".to_owned() } else { name }
+}
+
+/// Class and sign of a verdict.
+fn look(verdict: VerdictKind) -> (&'static str, &'static str) {
+    match verdict {
+        VerdictKind::Conformant => ("good", "✓"),
+        VerdictKind::ConformantWithWarnings => ("warn", "✓!"),
+        VerdictKind::Partial => ("part", "◐"),
+        VerdictKind::NotConformant => ("bad", "✗"),
+        VerdictKind::NotJudged => ("none", "?"),
+    }
+}
+
+fn top(report: &Report) -> Markup {
+    let (class, sign) = look(report.verdict);
+    let profile = &report.profile;
+    html! {
+        header class=(class) {
+            p.eyebrow { "Conformance report · " (text::line(&profile.name)) " revision " (profile.revision) }
+            h1 { span.sign aria-hidden="true" { (sign) } " " (sentence(report.verdict)) }
+            p.reason { (text::line(&report.reason)) "." }
+            p.who {
+                strong { (plugin_name(report)) } " " (text::line(&report.plugin.version))
+                " · judged by " (text::line(&report.suite.name)) " " (text::line(&report.suite.version))
+            }
+            @for remark in remarks(report) { p.remark { (remark) } }
+        }
+    }
+}
+
+/// The verdict as what it says of the plug-in.
+const fn sentence(verdict: VerdictKind) -> &'static str {
+    match verdict {
+        VerdictKind::Conformant => "Conformant",
+        VerdictKind::ConformantWithWarnings => "Conformant, with warnings",
+        VerdictKind::Partial => "Partial: conformance is not shown",
+        VerdictKind::NotConformant => "Not conformant",
+        VerdictKind::NotJudged => "Not judged: the plug-in could not be run",
+    }
+}
+
+/// What a reader must know beside the verdict.
+fn remarks(report: &Report) -> Vec<String> {
+    let (selection, profile) = (&report.selection, &report.profile);
+    let mut remarks = Vec::new();
+    if selection.interrupted {
+        remarks.push("The run was interrupted.".to_owned());
+    }
+    if !selection.cases.is_empty() {
+        let patterns: Vec<_> = selection.cases.iter().map(|glob| text::quoted(glob)).collect();
+        remarks.push(format!("Only cases that match {} were run.", patterns.join(", ")));
+    }
+    if selection.baseline.is_some() {
+        remarks.push("A baseline of expected failures was given.".to_owned());
+    }
+    if selection.strict {
+        remarks.push("Strict: a failed SHOULD counts as a failed MUST.".to_owned());
+    }
+    if !profile.claimed {
+        remarks.push(
+            "The manifest does not claim this profile; the plug-in was judged by its core."
+                .to_owned(),
+        );
+    } else if !profile.features.is_empty() {
+        let features: Vec<_> = profile.features.iter().map(|name| text::line(name)).collect();
+        remarks.push(format!("Optional features claimed: {}.", features.join(", ")));
+    }
+    remarks
+}
+
+fn lint(report: &Report) -> Markup {
+    html! {
+        @if !report.lint.is_empty() {
+            section id="lint" {
+                h2 { "The module is not sound" }
+                p { "Before any case is run, the module is held against the ABI:" }
+                ul { @for finding in &report.lint { li { (text::line(finding)) } } }
+            }
+        }
+    }
+}
+
+fn counts(report: &Report) -> Markup {
+    let Counts { required, executed, passed, failed, warned, informed, .. } = report.counts;
+    let Counts { expected, unscored, unclaimed, runs, .. } = report.counts;
+    let missing = required.saturating_sub(executed);
+    let rows = [
+        ("Required", required, "plain"),
+        ("Executed", executed, if missing > 0 { "part" } else { "plain" }),
+        ("Passed", passed, if passed > 0 { "good" } else { "plain" }),
+        ("Failed", failed, if failed > 0 { "bad" } else { "plain" }),
+        ("Failed (should)", warned, if warned > 0 { "warn" } else { "plain" }),
+        ("Failed (may)", informed, "plain"),
+        ("Failed as expected", expected, if expected > 0 { "part" } else { "plain" }),
+        ("Not executed", missing, if missing > 0 { "part" } else { "plain" }),
+        ("Unscored", unscored, "plain"),
+        ("Not claimed", unclaimed, "plain"),
+        ("Single runs", runs, "plain"),
+    ];
+    html! {
+        section id="counts" {
+            h2 { "Cases" }
+            dl.counts {
+                @for (name, number, class) in rows {
+                    div class=(class) { dt { (name) } dd { (number) } }
+                }
+            }
+            p.hint {
+                "A case counts once, with all its permutations. Unscored cases are newer than the \
+                 revision; cases of features that the plug-in does not claim are not run."
+            }
+        }
+    }
+}
+
+fn fuel(report: &Report) -> Markup {
+    let fuel = &report.fuel;
+    let per_byte = format!("{}.{}", fuel.tenths_per_byte / 10, fuel.tenths_per_byte % 10);
+    html! {
+        section id="fuel" {
+            h2 { "Computing" }
+            dl.facts {
+                dt { "Fuel used" }
+                dd { (fuel.units) " units for " (fuel.bytes) " bytes" }
+                @if fuel.bytes > 0 { dt { "A byte" } dd { (per_byte) " units" } }
+                @if !fuel.largest_case.is_empty() {
+                    dt { "Largest event" }
+                    dd { (fuel.largest_event) " units, in " code { (text::line(&fuel.largest_case)) } }
+                }
+                dt { "Engine" } dd { (text::line(&report.suite.engine)) }
+                dt { "Compared with" } dd { (text::line(&report.suite.second_engine)) }
+            }
+            p.hint { "From the uncut runs of the required cases. Figures hold for this engine and version only." }
+        }
+    }
+}
+
+fn origin(report: &Report) -> Markup {
+    html! {
+        section id="origin" {
+            h2 { "What was judged, and how to do it again" }
+            dl.facts {
+                dt { "Module, SHA-256" } dd { code { (report.plugin.sha256) } }
+                dt { "Module, size" } dd { (report.plugin.bytes) " bytes, ABI " (text::line(&report.plugin.abi)) }
+                dt { "Corpus, SHA-256" } dd { code { (report.suite.corpus) } }
+                @if let Some(baseline) = &report.selection.baseline {
+                    dt { "Baseline, SHA-256" } dd { code { (baseline) } }
+                }
+                dt { "Digest of the observed" } dd { code { (report.digest) } }
+                dt { "Run it again" }
+                dd { code { "softplug verify conformance.json PLUGIN" } }
+            }
+            p.hint {
+                "The digest covers id, verdict and observable actions of every uncut case. "
+                code { "PLUGIN" } " stands for the module's file."
+            }
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! `conformance.json`: the report as it is kept. Its shape is in
+//! `docs/report/conformance-1.schema.json`.
+
+use crate::{Inconsistency, Report, SCHEMA, check, text};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// Bytes that a report may have.
+pub const LARGEST: usize = 64 << 20;
+
+/// The report as JSON: indented, its keys in a fixed order, a line end at its end.
+///
+/// ```
+/// use softplug_report::json;
+///
+/// let text = include_str!("../tests/reports/conformant.json");
+/// let report = json::read(std::path::Path::new("conformance.json"), text)?;
+/// assert_eq!(json::write(&report), text);
+/// # Ok::<(), json::ReadError>(())
+/// ```
+pub fn write(report: &Report) -> String {
+    let mut text = serde_json::to_string_pretty(report)
+        .expect("a report has only names as keys, and no numbers that JSON lacks");
+    text.push('\n');
+    text
+}
+
+/// Reads a report that anyone may have written: it must have the exact shape, and
+/// follow from its own rows. `file` is for errors only.
+///
+/// ```
+/// use softplug_report::json;
+///
+/// let error = json::read(std::path::Path::new("a.json"), "{\n  \"schema\": x").unwrap_err();
+/// assert!(error.to_string().starts_with("a.json:2:13: "), "{error}");
+/// ```
+pub fn read(file: &Path, text: &str) -> Result<Report, ReadError> {
+    if text.len() > LARGEST {
+        return Err(ReadError::TooLarge { file: file.to_owned() });
+    }
+    let report: Report = serde_json::from_str(text).map_err(|error| refusal(file, text, &error))?;
+    check(&report).map_err(|source| ReadError::Inconsistent { file: file.to_owned(), source })?;
+    Ok(report)
+}
+
+/// Why a report cannot be taken.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum ReadError {
+    /// It is larger than [`LARGEST`].
+    #[error("{}: a report has at most {} MiB", .file.display(), LARGEST >> 20)]
+    TooLarge {
+        /// The file.
+        file: PathBuf,
+    },
+    /// It has another shape than this version knows.
+    #[error(
+        "{}: is a report of schema {schema}, and this version reads {SCHEMA}: take the softplug \
+         that wrote it, or a newer one", .file.display()
+    )]
+    OtherSchema {
+        /// The file.
+        file: PathBuf,
+        /// Its schema.
+        schema: u32,
+    },
+    /// It is no JSON, or not of a report's shape.
+    #[error("{}:{line}:{column}: {message}", .file.display())]
+    Malformed {
+        /// The file.
+        file: PathBuf,
+        /// From 1.
+        line: usize,
+        /// From 1, in bytes.
+        column: usize,
+        /// What is wrong there.
+        message: String,
+    },
+    /// It contradicts itself.
+    #[error("{}: the report contradicts itself: {source}", .file.display())]
+    Inconsistent {
+        /// The file.
+        file: PathBuf,
+        /// Where, and how.
+        source: Inconsistency,
+    },
+}
+
+fn refusal(file: &Path, text: &str, error: &serde_json::Error) -> ReadError {
+    /// What reports of all versions have in common.
+    #[derive(Deserialize)]
+    struct Versioned {
+        schema: u32,
+    }
+    let file = file.to_owned();
+    match serde_json::from_str(text) {
+        Ok(Versioned { schema }) if schema != SCHEMA => ReadError::OtherSchema { file, schema },
+        _ => {
+            let (line, column) = (error.line(), error.column());
+            let message = error.to_string();
+            // The place stands in front already.
+            let place = format!(" at line {line} column {column}");
+            let message = text::line(message.strip_suffix(&place).unwrap_or(&message));
+            ReadError::Malformed { file, line, column, message }
+        }
+    }
+}
