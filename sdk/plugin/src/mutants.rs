@@ -19,6 +19,17 @@
 pub const MARKER: [u8; 16] = *b"softplug-mutant:";
 
 /// Whether the mutant of this name is active; never without the feature `mutants`.
+// The bare word: a call, even of what is constant, can move the code around it.
+#[cfg(not(feature = "mutants"))]
+#[macro_export]
+macro_rules! mutant {
+    ($name:literal) => {
+        false
+    };
+}
+
+/// Whether the mutant of this name is active; never without the feature `mutants`.
+#[cfg(feature = "mutants")]
 #[macro_export]
 macro_rules! mutant {
     ($name:literal) => {{
@@ -37,14 +48,6 @@ pub const fn id(name: &str) -> u64 {
         at += 1;
     }
     hash
-}
-
-/// For [`mutant!`](crate::mutant!).
-#[doc(hidden)]
-#[cfg(not(feature = "mutants"))]
-#[inline]
-pub const fn is_active(_id: u64) -> bool {
-    false
 }
 
 /// For [`mutant!`](crate::mutant!).
