@@ -95,11 +95,7 @@ fn refusal(file: &Path, text: &str, error: &serde_json::Error) -> ReadError {
     match serde_json::from_str(text) {
         Ok(Versioned { schema }) if schema != SCHEMA => ReadError::OtherSchema { file, schema },
         _ => {
-            let (line, column) = (error.line(), error.column());
-            let message = error.to_string();
-            // The place stands in front already.
-            let place = format!(" at line {line} column {column}");
-            let message = text::line(message.strip_suffix(&place).unwrap_or(&message));
+            let (line, column, message) = text::json_error(error);
             ReadError::Malformed { file, line, column, message }
         }
     }

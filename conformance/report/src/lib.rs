@@ -12,12 +12,14 @@
 //! | [`html`] | `report.html`, one file for people |
 //! | [`badge`] | `badge.json`, for shields.io |
 //! | [`annotations`] | workflow commands of GitHub Actions |
+//! | [`attest`] | `attestation.json`: the result, signed |
 //!
 //! [`compare()`] tells two reports apart; [`check()`] tells whether one of them
 //! follows from its own rows. Skipped is never green: no form of an incomplete
 //! run can be taken for a conformant plug-in.
 
 pub mod annotations;
+pub mod attest;
 pub mod badge;
 mod check;
 mod compare;

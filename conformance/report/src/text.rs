@@ -73,6 +73,15 @@ pub(crate) fn seconds(at_us: i64) -> String {
     format!("{sign}{}.{:06}", at / 1_000_000, at % 1_000_000)
 }
 
+/// Line and column of an error in a JSON text, and what is wrong there.
+pub(crate) fn json_error(error: &serde_json::Error) -> (usize, usize, String) {
+    let (at_line, column) = (error.line(), error.column());
+    let message = error.to_string();
+    // The place stands in front already.
+    let place = format!(" at line {at_line} column {column}");
+    (at_line, column, line(message.strip_suffix(&place).unwrap_or(&message)))
+}
+
 /// `1 case`, `2 cases`.
 pub(crate) fn count(number: u32, noun: &str) -> String {
     if number == 1 { format!("1 {noun}") } else { format!("{number} {noun}s") }

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{SAMPLES, sample};
+use common::{SAMPLES, leaves, sample};
 use serde_json::Value;
 use softplug_report::{Report, compare, fuel_is_comparable};
 
@@ -44,8 +44,7 @@ fn fuel_counts_on_one_engine_only_and_the_judge_does_not() {
 fn every_other_field_counts() {
     let report = sample("not-conformant");
     let value = serde_json::to_value(&report).unwrap();
-    let mut pointers = Vec::new();
-    leaves("", &value, &mut pointers);
+    let pointers = leaves(&value);
     assert!(pointers.len() > 200, "{}", pointers.len());
     for pointer in pointers {
         let mut changed = value.clone();
@@ -67,20 +66,5 @@ fn every_other_field_counts() {
         let is_fuel = pointer.contains("/fuel") && !fuel_is_comparable(&report, &changed);
         let expected = if is_judge || is_fuel { 0 } else { 1 + usize::from(is_id) };
         assert_eq!(count, expected, "{pointer}");
-    }
-}
-
-fn leaves(pointer: &str, value: &Value, found: &mut Vec<String>) {
-    match value {
-        Value::Object(fields) => {
-            fields
-                .iter()
-                .for_each(|(name, value)| leaves(&format!("{pointer}/{name}"), value, found));
-        }
-        Value::Array(items) => {
-            let numbered = items.iter().enumerate();
-            numbered.for_each(|(n, value)| leaves(&format!("{pointer}/{n}"), value, found));
-        }
-        _ => found.push(pointer.to_owned()),
     }
 }

@@ -28,11 +28,23 @@ struct Tool {
     purpose: &'static str,
 }
 
-const TOOLS: &[Tool] = &[Tool {
-    program: "stty",
-    package: "coreutils",
-    purpose: "transfers with the kernel's own XON/XOFF as the partner (stty and cat)",
-}];
+const TOOLS: &[Tool] = &[
+    Tool {
+        program: "stty",
+        package: "coreutils",
+        purpose: "transfers with the kernel's own XON/XOFF as the partner (stty and cat)",
+    },
+    Tool {
+        program: "openssl",
+        package: "openssl",
+        purpose: "signed reports held against another program",
+    },
+    Tool {
+        program: "chromium",
+        package: "chromium",
+        purpose: "the page of a report in a real browser",
+    },
+];
 
 /// Fails where a test fails; where a tool is missing only if `all`.
 pub(crate) fn run(workspace: &Workspace, all: bool) -> Result<ExitCode, Error> {

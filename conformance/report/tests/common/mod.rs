@@ -2,6 +2,7 @@
 
 #![allow(dead_code, reason = "each test program uses some of it")]
 
+use serde_json::Value;
 use softplug_report::{Report, VerdictKind, json};
 use std::path::{Path, PathBuf};
 
@@ -67,4 +68,21 @@ pub(crate) fn hostile() -> Report {
         }
     }
     report
+}
+
+/// JSON pointers to all that is no object and no list.
+pub(crate) fn leaves(value: &Value) -> Vec<String> {
+    let below = |name: &str, value: &Value| -> Vec<String> {
+        leaves(value).into_iter().map(|pointer| format!("/{name}{pointer}")).collect()
+    };
+    match value {
+        Value::Object(fields) => {
+            fields.iter().flat_map(|(name, value)| below(name, value)).collect()
+        }
+        Value::Array(items) => {
+            let numbered = items.iter().enumerate();
+            numbered.flat_map(|(number, value)| below(&number.to_string(), value)).collect()
+        }
+        _ => vec![String::new()],
+    }
 }

@@ -1,0 +1,206 @@
+//! Ed25519 keys in PEM files, as `openssl genpkey -algorithm ed25519` and
+//! `openssl pkey -pubout` write them.
+
+use crate::text;
+use base64::prelude::BASE64_STANDARD;
+use base64::{DecodeError, Engine};
+use ed25519_dalek::pkcs8::{DecodePrivateKey, DecodePublicKey};
+use ed25519_dalek::{Signature, Signer, SigningKey, VerifyingKey};
+use sha2::{Digest, Sha256};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// Bytes that a key's file may have.
+const LARGEST: usize = 16 << 10;
+/// How the DER form of an Ed25519 public key begins (RFC 8410); its 32 bytes follow.
+const PUBLIC_PREFIX: [u8; 12] = [0x30, 0x2A, 0x30, 5, 6, 3, 0x2B, 0x65, 0x70, 3, 0x21, 0];
+
+/// A key to sign with. It is never printed, and wiped from memory when it is dropped.
+#[derive(Clone, Debug)]
+pub struct PrivateKey(SigningKey);
+
+/// A key to verify with.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct PublicKey(VerifyingKey);
+
+impl PrivateKey {
+    /// Reads a PEM file with a block `PRIVATE KEY` (PKCS#8). `file` is for errors only.
+    pub fn read(file: &Path, text: &str) -> Result<Self, KeyError> {
+        let block = Block::find(file, text, "PRIVATE KEY")?;
+        SigningKey::from_pkcs8_der(&block.der).map(Self).map_err(|error| block.unfit(&error))
+    }
+
+    /// The key that verifies what this one signs.
+    pub fn public(&self) -> PublicKey {
+        PublicKey(self.0.verifying_key())
+    }
+
+    pub(super) fn sign(&self, message: &[u8]) -> [u8; 64] {
+        self.0.sign(message).to_bytes()
+    }
+}
+
+impl PublicKey {
+    /// Reads a PEM file with a block `PUBLIC KEY`. `file` is for errors only.
+    pub fn read(file: &Path, text: &str) -> Result<Self, KeyError> {
+        let block = Block::find(file, text, "PUBLIC KEY")?;
+        let key =
+            VerifyingKey::from_public_key_der(&block.der).map_err(|error| block.unfit(&error))?;
+        // Such a key takes one signature for many messages.
+        if key.is_weak() { Err(block.unfit("it is a weak key")) } else { Ok(Self(key)) }
+    }
+
+    /// SHA-256 of the key in its DER form, as 64 hex digits: what
+    /// `openssl pkey -pubin -in FILE -outform DER | sha256sum` prints.
+    pub fn id(&self) -> String {
+        let digest = Sha256::new().chain_update(PUBLIC_PREFIX).chain_update(self.0.as_bytes());
+        hex(&digest.finalize())
+    }
+
+    pub(super) fn has_signed(&self, message: &[u8], signature: &[u8]) -> bool {
+        let signature = Signature::from_slice(signature);
+        signature.is_ok_and(|signature| self.0.verify_strict(message, &signature).is_ok())
+    }
+}
+
+/// Why a key cannot be taken.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum KeyError {
+    /// The file is too large for a key.
+    #[error("{}: a key's file has at most {} KiB", .file.display(), LARGEST >> 10)]
+    TooLarge {
+        /// The file.
+        file: PathBuf,
+    },
+    /// There is no PEM block in it.
+    #[error(
+        "{}: holds no key: a line \"-----BEGIN {expected}-----\" is expected", .file.display()
+    )]
+    Missing {
+        /// The file.
+        file: PathBuf,
+        /// The block that is expected.
+        expected: &'static str,
+    },
+    /// The block is another one.
+    #[error("{}:{line}: holds {}, and \"{expected}\" is expected: {}", .file.display(), text::quoted(.found), advice(.found))]
+    OtherBlock {
+        /// The file.
+        file: PathBuf,
+        /// Where the block begins, from 1.
+        line: usize,
+        /// What it is.
+        found: String,
+        /// What is expected.
+        expected: &'static str,
+    },
+    /// The block is damaged.
+    #[error("{}:{line}: {message}", .file.display())]
+    Damaged {
+        /// The file.
+        file: PathBuf,
+        /// From 1.
+        line: usize,
+        /// What is wrong there.
+        message: &'static str,
+    },
+    /// The block holds no Ed25519 key.
+    #[error("{}:{line}: this is no Ed25519 key: {message}", .file.display())]
+    Unfit {
+        /// The file.
+        file: PathBuf,
+        /// Where the block begins, from 1.
+        line: usize,
+        /// What is wrong with it.
+        message: String,
+    },
+}
+
+/// What to do with a block that is not the expected one.
+fn advice(found: &str) -> &'static str {
+    match found {
+        "PUBLIC KEY" => "give the private key, which signs",
+        "PRIVATE KEY" => "give the public key, as `openssl pkey -in FILE -pubout` writes it",
+        "ENCRYPTED PRIVATE KEY" => "decrypt it first, with `openssl pkey -in FILE`",
+        _ => "make a key with `openssl genpkey -algorithm ed25519`",
+    }
+}
+
+/// The content of a PEM block.
+struct Block<'a> {
+    file: &'a Path,
+    /// Where it begins.
+    line: usize,
+    der: Vec<u8>,
+}
+
+impl<'a> Block<'a> {
+    /// The only block of the file. Text around it is passed over, as RFC 7468 asks.
+    fn find(file: &'a Path, text: &str, expected: &'static str) -> Result<Self, KeyError> {
+        if text.len() > LARGEST {
+            return Err(KeyError::TooLarge { file: file.to_owned() });
+        }
+        let damaged = |line, message| KeyError::Damaged { file: file.to_owned(), line, message };
+        let mut lines = text.lines().enumerate().map(|(number, line)| (number + 1, line.trim()));
+        let Some((begin, found)) = lines.find_map(|(n, line)| Some((n, label(line, "BEGIN")?)))
+        else {
+            return Err(KeyError::Missing { file: file.to_owned(), expected });
+        };
+        if found != expected {
+            let found = found.to_owned();
+            return Err(KeyError::OtherBlock {
+                file: file.to_owned(),
+                line: begin,
+                found,
+                expected,
+            });
+        }
+        let (mut last, mut base64, mut is_closed) = (begin, String::new(), false);
+        // Where each line's base64 begins.
+        let mut starts = Vec::new();
+        for (number, line) in lines.by_ref() {
+            last = number;
+            if line.starts_with("-----") {
+                is_closed = label(line, "END") == Some(expected);
+                break;
+            }
+            starts.push((base64.len(), number));
+            base64.push_str(line);
+        }
+        if !is_closed {
+            return Err(damaged(last, "the line that ends the key is missing, or another one"));
+        }
+        if let Some((number, _)) = lines.find(|(_, line)| label(line, "BEGIN").is_some()) {
+            return Err(damaged(number, "a second key begins here, and one is expected"));
+        }
+        let der = BASE64_STANDARD.decode(&base64).map_err(|error| {
+            let offset = match error {
+                DecodeError::InvalidByte(offset, _)
+                | DecodeError::InvalidLastSymbol { offset, .. } => offset,
+                DecodeError::InvalidLength(_) | DecodeError::InvalidPadding => base64.len(),
+            };
+            let line = starts.iter().rev().find(|(start, _)| *start <= offset);
+            damaged(line.map_or(begin, |(_, line)| *line), "this is no base64: the key is damaged")
+        })?;
+        Ok(Self { file, line: begin, der })
+    }
+
+    fn unfit(&self, message: &(impl ToString + ?Sized)) -> KeyError {
+        let message = message.to_string();
+        KeyError::Unfit { file: self.file.to_owned(), line: self.line, message }
+    }
+}
+
+/// The label of a line `-----BEGIN LABEL-----`.
+fn label<'a>(line: &'a str, word: &str) -> Option<&'a str> {
+    let line = line.strip_prefix("-----")?.strip_prefix(word)?.strip_prefix(' ')?;
+    line.strip_suffix("-----")
+}
+
+/// Bytes as small hex digits.
+pub(super) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
+}
