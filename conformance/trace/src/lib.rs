@@ -31,6 +31,7 @@
 
 mod bless;
 mod error;
+pub mod exchange;
 mod file_name;
 mod format;
 mod generate;

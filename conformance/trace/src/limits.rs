@@ -21,3 +21,9 @@ pub const TITLE_CHARACTERS: usize = 120;
 pub const SECONDS: u64 = 999_999_999;
 /// The longest break that a plug-in may send, in µs.
 pub const BREAK_MICROS: u32 = 10_000_000;
+/// Bytes of a file of another format that is imported.
+pub const IMPORT_BYTES: usize = 64 << 20;
+/// Bytes on the line of a trace that is exported.
+pub const EXPORT_BYTES: usize = 8 << 20;
+/// Interfaces of a capture that is imported.
+pub const INTERFACES: usize = 1_024;

@@ -33,6 +33,17 @@ pub struct FrontMatter {
     pub permute: Permutations,
 }
 
+impl FrontMatter {
+    /// Reads front matter that stands alone, with or without the line `---` that
+    /// ends it. What follows that line is not looked at.
+    ///
+    /// # Errors
+    /// The first fault, with its line and column.
+    pub fn parse(text: &str) -> Result<Self, crate::ParseError> {
+        crate::parse::front_matter_alone(text)
+    }
+}
+
 /// How much a clause binds.
 #[derive(Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub enum Level {

@@ -99,6 +99,14 @@ impl<'a> Lines<'a> {
     }
 }
 
+/// Parses front matter without a body.
+pub(crate) fn front_matter_alone(text: &str) -> Result<crate::FrontMatter, ParseError> {
+    if text.len() > limits::FILE_BYTES {
+        return Err(Source { number: 1, text: "" }.error("", ParseErrorKind::FileTooLong));
+    }
+    front_matter(&mut Lines { lines: text.lines(), number: 0 })
+}
+
 fn front_matter(lines: &mut Lines<'_>) -> Result<crate::FrontMatter, ParseError> {
     let mut front = Front::default();
     let end = loop {
