@@ -1,7 +1,9 @@
 //! The host: an engine, its limits and its cache.
 
 use crate::cache::{Cache, CacheKey};
-use crate::engine::{Compiled, Engine, EngineError, Wasmtime};
+#[cfg(feature = "wasmi")]
+use crate::engine::Wasmi;
+use crate::engine::{Compiled, Engine, EngineError, EngineKind, Wasmtime};
 use crate::plugin::{Origin, Plugin};
 use crate::{EngineInfo, Inspection, LoadError, lint};
 use softplug_abi::limits::{FUEL_PER_EVENT, MODULE_BYTES};
@@ -13,6 +15,8 @@ use std::sync::Arc;
 /// What a host is made with.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct HostOptions {
+    /// The engine.
+    pub engine: EngineKind,
     /// Directory for compiled code; `None`: compile at every load. It is made
     /// if it is missing. It must belong to this user alone.
     pub cache: Option<PathBuf>,
@@ -25,9 +29,14 @@ pub struct HostOptions {
 }
 
 impl Default for HostOptions {
-    /// No cache, the ABI's fuel, 1,024 instances.
+    /// The compiler, no cache, the ABI's fuel, 1,024 instances.
     fn default() -> Self {
-        Self { cache: None, fuel_per_event: FUEL_PER_EVENT, instances: 1_024 }
+        Self {
+            engine: EngineKind::default(),
+            cache: None,
+            fuel_per_event: FUEL_PER_EVENT,
+            instances: 1_024,
+        }
     }
 }
 
@@ -50,10 +59,16 @@ impl Host {
     /// The engine cannot be set up on this machine. A cache that cannot be used
     /// is no error: it is logged, and plug-ins are compiled at every load.
     pub fn new(options: HostOptions) -> Result<Self, LoadError> {
-        let engine = Wasmtime::new(options.instances)
-            .map_err(|EngineError(reason)| LoadError::Engine(reason))?;
-        let cache = options.cache.as_deref().and_then(Cache::open);
-        Ok(Self { inner: Arc::new(Inner { engine: Box::new(engine), cache, options }) })
+        let (engine, cache): (Box<dyn Engine>, _) = match options.engine {
+            EngineKind::Wasmtime => {
+                let engine = Wasmtime::new(options.instances)
+                    .map_err(|EngineError(reason)| LoadError::Engine(reason))?;
+                (Box::new(engine), options.cache.as_deref().and_then(Cache::open))
+            }
+            #[cfg(feature = "wasmi")]
+            EngineKind::Wasmi => (Box::new(Wasmi::new()), None),
+        };
+        Ok(Self { inner: Arc::new(Inner { engine, cache, options }) })
     }
 
     /// Reads, checks and compiles a plug-in. Takes milliseconds, at worst seconds:

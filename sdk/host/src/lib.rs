@@ -39,7 +39,7 @@ mod state;
 mod words;
 
 pub use digest::Digest;
-pub use engine::EngineInfo;
+pub use engine::{EngineInfo, EngineKind};
 pub use fault::{LoadError, Misbehaviour, SessionFault};
 pub use host::{Host, HostOptions};
 pub use lint::{

@@ -4,13 +4,13 @@
 mod common;
 
 use arbitrary::Unstructured;
-use common::{CAPACITY, HOST, INPUT, MANIFEST, OUTPUT, WORDS, echo};
+use common::{CAPACITY, HOST, HOSTS, INPUT, MANIFEST, OUTPUT, WORDS, echo};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::test_runner::{Config as Cases, TestRunner};
 use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_abi::{Actions, Event, Instance, Micros};
-use softplug_host::{LoadError, Session, lint};
+use softplug_host::{Host, LoadError, Session, SessionFault, lint};
 use std::cell::Cell;
 use wasm_encoder::{
     CodeSection, ConstExpr, CustomSection, DataSection, ExportKind, ExportSection, Function,
@@ -91,6 +91,7 @@ fn generated_by_the_rules_of_the_abi() {
     assert!(counts.iter().sum::<u32>() > 150, "{counts:?}");
 }
 
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
 enum Outcome {
     NotLoaded,
     NotStarted,
@@ -98,30 +99,54 @@ enum Outcome {
     Ended,
 }
 
+/// Under each engine: all do the same, as far as none comes to a limit of its own.
 fn run(wasm: &[u8]) -> Outcome {
-    let plugin = match HOST.load_bytes(wasm) {
+    let runs: Vec<_> = HOSTS.iter().map(|host| run_under(host, wasm)).collect();
+    let at_a_limit = |answer: &Result<_, SessionFault>| match answer {
+        Err(SessionFault::BudgetExhausted { .. }) => true,
+        Err(SessionFault::Trapped { reason, .. }) => reason == "call stack exhausted",
+        _ => false,
+    };
+    if !runs.iter().any(|(_, answers)| answers.iter().any(at_a_limit)) {
+        let words = |(outcome, answers): &(Outcome, Vec<Answer>)| {
+            let text = |answer: &Answer| answer.clone().map_err(|fault| fault.to_string());
+            (*outcome, answers.iter().map(text).collect::<Vec<_>>())
+        };
+        for other in &runs {
+            assert_eq!(words(other), words(&runs[0]));
+        }
+    }
+    runs[0].0
+}
+
+/// The actions, and whether there are more; or the fault.
+type Answer = Result<(Vec<u8>, bool), SessionFault>;
+
+fn run_under(host: &Host, wasm: &[u8]) -> (Outcome, Vec<Answer>) {
+    let plugin = match host.load_bytes(wasm) {
         Ok(plugin) => plugin,
         Err(error) => {
             // What the lint lets through the engine takes, but for its own limits.
             assert!(matches!(error, LoadError::Lint(_) | LoadError::Compile(_)), "{error}");
-            return Outcome::NotLoaded;
+            return (Outcome::NotLoaded, Vec::new());
         }
     };
-    let Ok(mut session) = plugin.instantiate() else { return Outcome::NotStarted };
+    let Ok(mut session) = plugin.instantiate() else { return (Outcome::NotStarted, Vec::new()) };
     let events = [Event::Received(b"G1 X10"), Event::Continue, Event::ForceResume, Event::Close];
-    for event in &events {
-        step(&mut session, event);
-    }
-    if session.fault().is_some() { Outcome::Ended } else { Outcome::Answered }
+    let answers = events.iter().map(|event| step(&mut session, event)).collect();
+    let ended = session.fault().is_some();
+    (if ended { Outcome::Ended } else { Outcome::Answered }, answers)
 }
 
-fn step(session: &mut Session, event: &Event<'_>) {
-    if let Ok(output) = session.step(event, Micros(1)) {
+fn step(session: &mut Session, event: &Event<'_>) -> Answer {
+    let answer = session.step(event, Micros(1)).map(|output| {
         assert!(output.actions.len() <= CAPACITY as usize);
         let refused = Actions::new(output.actions).filter(Result::is_err).count();
         assert!(refused <= 1, "the decoder stops at the first malformed record");
-    }
+        (output.actions.to_vec(), output.more)
+    });
     assert!(session.fuel_used() <= FUEL_PER_EVENT);
+    answer
 }
 
 fn generated(seed: &[u8]) -> Option<Vec<u8>> {

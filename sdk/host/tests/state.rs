@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{CAPACITY, Guest, HOST, INPUT, MANIFEST, OUTPUT, echo};
+use common::{CAPACITY, Guest, HOST, HOSTS, INPUT, MANIFEST, OUTPUT, echo};
 use softplug_abi::limits::STATE_BYTES;
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Action, Actions, Event, EventKind, Instance, Micros, Refusal};
@@ -23,11 +23,13 @@ fn echoed(session: &mut Session, bytes: &[u8]) -> Vec<u8> {
 
 #[test]
 fn settings_reach_the_plug_in() {
-    let plugin = HOST.load_bytes(&echo()).unwrap();
-    let mut session = plugin.instantiate().unwrap();
-    let values = plugin.manifest().resolve_settings([("shift", "1")]).unwrap();
-    session.configure(&values, Micros::ZERO).unwrap();
-    assert_eq!(echoed(&mut session, b"HAL 9000"), b"IBM!:111");
+    for host in HOSTS.iter() {
+        let plugin = host.load_bytes(&echo()).unwrap();
+        let mut session = plugin.instantiate().unwrap();
+        let values = plugin.manifest().resolve_settings([("shift", "1")]).unwrap();
+        session.configure(&values, Micros::ZERO).unwrap();
+        assert_eq!(echoed(&mut session, b"HAL 9000"), b"IBM!:111");
+    }
 }
 
 #[test]
@@ -40,10 +42,14 @@ fn a_state_goes_from_one_instance_into_another() {
     assert_eq!(state, SavedState { format: 1, bytes: vec![3] });
     assert_eq!(old.save(NOW).unwrap(), state, "save changes nothing");
 
-    let mut new = plugin.instantiate().unwrap();
-    assert_eq!(echoed(&mut new, b"A"), b"A");
-    new.restore(&state, NOW).unwrap();
-    assert_eq!(echoed(&mut new, b"A"), b"D");
+    // Also into one under another engine.
+    for host in HOSTS.iter() {
+        let mut new = host.load_bytes(&echo()).unwrap().instantiate().unwrap();
+        assert_eq!(echoed(&mut new, b"A"), b"A");
+        new.restore(&state, NOW).unwrap();
+        assert_eq!(echoed(&mut new, b"A"), b"D");
+        assert_eq!(new.save(NOW).unwrap(), state);
+    }
 }
 
 #[test]

@@ -4,14 +4,32 @@
 //! another file beside `wasmtime.rs`.
 
 mod precompiled;
+#[cfg(feature = "wasmi")]
+mod wasmi;
 mod wasmtime;
 
 use crate::cache::VerifiedCode;
 use std::fmt;
 
+#[cfg(feature = "wasmi")]
+pub(crate) use self::wasmi::Wasmi;
 pub(crate) use self::wasmtime::Wasmtime;
 
-/// Which engine runs the plug-ins. Fuel figures hold for one version of one
+/// The engines that there are. Plug-ins behave the same under each of them; what
+/// differs is speed, and the fuel that the same computing takes.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Hash, Default)]
+pub enum EngineKind {
+    /// A compiler: the engine for live links.
+    #[default]
+    Wasmtime,
+    /// An interpreter that shares no code with the compiler: for comparing the
+    /// two, and for machines that the compiler does not support. It keeps nothing in
+    /// the cache, has no most number of instances, and names no functions of a trap.
+    #[cfg(feature = "wasmi")]
+    Wasmi,
+}
+
+/// Which engine runs the plug-ins, exactly. Fuel figures hold for one version of one
 /// engine only, so a report states both.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Hash)]
 pub struct EngineInfo {
@@ -25,6 +43,14 @@ impl fmt::Display for EngineInfo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} {}", self.name, self.version)
     }
+}
+
+/// Units of fuel of those operators that take longer than the rest, which cost one,
+/// by an order: so that the budget bounds time, not only a count.
+mod weights {
+    pub(super) const MEMORY_GROW: u8 = 100;
+    pub(super) const CALL_INDIRECT: u8 = 4;
+    pub(super) const DIVISION: u8 = 8;
 }
 
 /// Compiles modules that the lint has let through.

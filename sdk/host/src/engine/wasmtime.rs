@@ -1,6 +1,6 @@
 //! The wasmtime engine: configuration, pool and calls.
 
-use super::{Compiled, EngineError, EngineInfo, Running, StartError, Stop, precompiled};
+use super::{Compiled, EngineError, EngineInfo, Running, StartError, Stop, precompiled, weights};
 use crate::cache::VerifiedCode;
 use crate::lint::{ELEMENTS, FEATURES};
 use crate::words;
@@ -91,24 +91,23 @@ fn common() -> Config {
     config
 }
 
-/// One unit an operator, more for those that take longer than the rest by an
-/// order: so that the budget bounds time, not only a count.
 fn costs() -> OperatorCost {
+    use weights::{CALL_INDIRECT, DIVISION, MEMORY_GROW};
     OperatorCost {
-        MemoryGrow: 100,
-        CallIndirect: 4,
-        I32DivS: 8,
-        I32DivU: 8,
-        I32RemS: 8,
-        I32RemU: 8,
-        I64DivS: 8,
-        I64DivU: 8,
-        I64RemS: 8,
-        I64RemU: 8,
-        F32Div: 8,
-        F64Div: 8,
-        F32Sqrt: 8,
-        F64Sqrt: 8,
+        MemoryGrow: MEMORY_GROW,
+        CallIndirect: CALL_INDIRECT,
+        I32DivS: DIVISION,
+        I32DivU: DIVISION,
+        I32RemS: DIVISION,
+        I32RemU: DIVISION,
+        I64DivS: DIVISION,
+        I64DivU: DIVISION,
+        I64RemS: DIVISION,
+        I64RemU: DIVISION,
+        F32Div: DIVISION,
+        F64Div: DIVISION,
+        F32Sqrt: DIVISION,
+        F64Sqrt: DIVISION,
         ..OperatorCost::new()
     }
 }

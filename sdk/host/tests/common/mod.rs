@@ -1,13 +1,32 @@
 //! Guests made for one test each, from a template that keeps every rule.
 #![allow(dead_code, reason = "each test file uses its part")]
 
-use softplug_host::{Host, HostOptions, LoadError, Plugin, Session};
+use softplug_host::{EngineKind, Host, HostOptions, LoadError, Plugin, Session};
 use std::fmt::Write;
 use std::sync::LazyLock;
 
 /// One engine for all tests of a file.
 pub(crate) static HOST: LazyLock<Host> =
     LazyLock::new(|| Host::new(HostOptions::default()).unwrap());
+
+/// A host for each engine that there is, for what must be the same under all.
+pub(crate) static HOSTS: LazyLock<Vec<Host>> = LazyLock::new(|| {
+    let mut hosts = vec![HOST.clone()];
+    #[cfg(feature = "wasmi")]
+    hosts.push(host(HostOptions { engine: EngineKind::Wasmi, ..HostOptions::default() }));
+    hosts
+});
+
+/// Every engine.
+pub(crate) const ENGINES: &[EngineKind] = &[
+    EngineKind::Wasmtime,
+    #[cfg(feature = "wasmi")]
+    EngineKind::Wasmi,
+];
+
+pub(crate) fn host(options: HostOptions) -> Host {
+    Host::new(options).unwrap()
+}
 
 pub(crate) const MANIFEST: &str = r#"{"abi": "1.0", "name": "guest", "version": "1.0.0",
     "licence": "MIT", "protocol": "none", "description": "Does what a test needs.",
@@ -78,6 +97,19 @@ impl Guest {
         )
         .unwrap();
         wat(&text)
+    }
+
+    /// A session under each engine.
+    pub(crate) fn sessions(&self) -> impl Iterator<Item = Session> {
+        let wasm = self.wasm();
+        HOSTS.iter().map(move |host| host.load_bytes(&wasm).unwrap().instantiate().unwrap())
+    }
+
+    /// Why there is no session, under each engine.
+    pub(crate) fn start_errors(&self) -> impl Iterator<Item = LoadError> {
+        let wasm = self.wasm();
+        let start = move |host: &Host| host.load_bytes(&wasm).and_then(|found| found.instantiate());
+        HOSTS.iter().map(move |host| start(host).unwrap_err())
     }
 
     pub(crate) fn load(&self) -> Result<Plugin, LoadError> {
