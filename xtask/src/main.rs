@@ -1,8 +1,9 @@
-//! Softplug's own tasks: `cargo xtask build | demo | test | fuzz | bench | nc`.
+//! Softplug's own tasks: `cargo xtask build | demo | test | mutants | fuzz | bench | nc`.
 
 mod bench;
 mod demo;
 mod fuzz;
+mod mutants;
 mod nc;
 mod plugins;
 mod run;
@@ -49,6 +50,15 @@ enum Task {
         /// Fail where a tool is missing instead of leaving its tests out.
         #[arg(long)]
         all: bool,
+    },
+    /// Hunts the plug-ins' mutants and writes the kill matrix.
+    Mutants {
+        /// Compare the matrix with the one that is there, and run all else that
+        /// keeps the mutants in order.
+        #[arg(long)]
+        check: bool,
+        /// Only mutants whose id contains this; the matrix then stays as it is.
+        filter: Option<String>,
     },
     /// Runs the property tests with many random cases, optimised.
     Fuzz {
@@ -102,6 +112,10 @@ fn perform(task: Task) -> Result<ExitCode, Error> {
         }
         Task::Demo { arguments } => return demo::run(&Workspace::read()?, &arguments),
         Task::Test { all } => return test::run(&Workspace::read()?, all),
+        Task::Mutants { check, filter } => {
+            let matrix = if check { mutants::Matrix::Check } else { mutants::Matrix::Write };
+            return mutants::run(&Workspace::read()?, matrix, filter.as_deref());
+        }
         Task::Fuzz { long, seed, filter } => {
             return fuzz::run(&Workspace::read()?, long, seed, filter.as_deref());
         }

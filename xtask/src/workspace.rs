@@ -55,6 +55,11 @@ impl Workspace {
         self.target.join("plugins")
     }
 
+    /// Where the plug-ins with their mutants are put.
+    pub(crate) fn mutant_folder(&self) -> PathBuf {
+        self.target.join("mutants")
+    }
+
     /// The members under `plugins/` that make a module.
     pub(crate) fn plugins(&self) -> Vec<Plugin> {
         let mut plugins: Vec<_> = self.packages.iter().filter_map(|p| self.plugin(p)).collect();

@@ -17,6 +17,7 @@ mod fault;
 mod fields;
 mod lines;
 mod load;
+pub mod mutants;
 pub mod page;
 pub mod partners;
 mod permute;

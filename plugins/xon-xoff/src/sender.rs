@@ -5,7 +5,7 @@ use crate::lines::{Lines, Piece};
 use crate::state::State;
 use crate::{ControlInData, HELD, LineEnd, Settings};
 use softplug_plugin::{
-    Context, Failure, JobStart, Micros, Pass, StateError, StateReader, StateWriter,
+    Context, Failure, JobStart, Micros, Pass, StateError, StateReader, StateWriter, mutant,
 };
 
 /// Data that may be under way to us: what it grows to fits the output buffer.
@@ -70,7 +70,7 @@ impl Sender {
     }
 
     pub(crate) fn xoff(&mut self, link: &mut Context<'_>, settings: &Settings) {
-        if self.held {
+        if self.held || mutant!("xon-xoff.tx.obey-xoff/ignored") {
             return;
         }
         self.held = true;

@@ -53,7 +53,7 @@ pub(crate) fn build(workspace: &Workspace, report: Report) -> Result<Vec<Size>, 
     let plugins = workspace.plugins();
     let folder = workspace.plugin_folder();
     fs::create_dir_all(&folder).map_err(|cause| file_error(&folder, cause))?;
-    compile(workspace, &plugins)?;
+    compile(workspace, &plugins, Kind::Real)?;
     // All are put where they belong and listed before one over its limits fails.
     let mut sizes = Vec::new();
     let mut verdicts = Vec::new();
@@ -76,6 +76,23 @@ pub(crate) fn build(workspace: &Workspace, report: Report) -> Result<Vec<Size>, 
     Ok(sizes)
 }
 
+/// Builds every plug-in with its mutants into `target/mutants/NAME.wasm`: for tests only,
+/// so that no limit of size binds them.
+pub(crate) fn build_mutants(workspace: &Workspace) -> Result<(), Error> {
+    ensure_wasm_target()?;
+    let plugins = workspace.plugins();
+    let folder = workspace.mutant_folder();
+    fs::create_dir_all(&folder).map_err(|cause| file_error(&folder, cause))?;
+    compile(workspace, &plugins, Kind::Mutant)?;
+    for plugin in &plugins {
+        let built = workspace.target().join(WASM_TARGET).join("mutant").join(&plugin.file);
+        let module = fs::read(&built).map_err(|cause| file_error(&built, cause))?;
+        let out = folder.join(format!("{}.wasm", plugin.name));
+        replace(&out, &module).map_err(|cause| file_error(&out, cause))?;
+    }
+    Ok(())
+}
+
 /// Builds the command, into `target/release` or `target/debug`.
 pub(crate) fn build_command(workspace: &Workspace, dev: bool) -> Result<PathBuf, Error> {
     let mut command = cargo();
@@ -93,16 +110,27 @@ pub(crate) fn build_command(workspace: &Workspace, dev: bool) -> Result<PathBuf,
     Ok(built)
 }
 
+/// What is made of a plug-in.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+enum Kind {
+    Real,
+    Mutant,
+}
+
 /// Flags from the environment would replace those that bound the memory.
-fn compile(workspace: &Workspace, plugins: &[Plugin]) -> Result<(), Error> {
+fn compile(workspace: &Workspace, plugins: &[Plugin], kind: Kind) -> Result<(), Error> {
+    let profile = if kind == Kind::Real { "plugin" } else { "mutant" };
     let mut command = cargo();
     command
         .current_dir(workspace.root())
         .env_remove("RUSTFLAGS")
         .env_remove("CARGO_ENCODED_RUSTFLAGS")
-        .args(["build", "--profile", "plugin", "--target", WASM_TARGET, "--lib"]);
+        .args(["build", "--profile", profile, "--target", WASM_TARGET, "--lib"]);
     for plugin in plugins {
         command.args(["-p", &plugin.package]);
+        if kind == Kind::Mutant {
+            command.args(["--features", &format!("{}/mutants", plugin.package)]);
+        }
     }
     Ok(succeed(&mut command)?)
 }

@@ -56,6 +56,7 @@ pub(crate) fn run(workspace: &Workspace, all: bool) -> Result<ExitCode, Error> {
         return Err(TestError(names.collect()).into());
     }
     plugins::build(workspace, plugins::Report::Table)?;
+    plugins::build_mutants(workspace)?;
 
     let skips: Vec<_> = missing.iter().map(|tool| format!("needs_{}", tool.program)).collect();
     let mut steps = Vec::new();
@@ -63,6 +64,7 @@ pub(crate) fn run(workspace: &Workspace, all: bool) -> Result<ExitCode, Error> {
         command
             .current_dir(workspace.root())
             .env("SOFTPLUG_PLUGINS", workspace.plugin_folder())
+            .env("SOFTPLUG_MUTANTS", workspace.mutant_folder())
             .env("CARGO_TERM_COLOR", "never");
         let heard = overhear(&mut command)?;
         let counts = Counts::read(&heard.stdout) + Counts::read(&heard.stderr);

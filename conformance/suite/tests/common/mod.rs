@@ -23,13 +23,22 @@ pub(crate) fn native(name: &str) -> FromFn<impl Fn() -> NativeInstance> {
 
 /// The same in the sandbox: from the folder `SOFTPLUG_PLUGINS`, else built now.
 pub(crate) fn sandboxed(name: &str) -> Sandboxed {
-    let path = match std::env::var_os("SOFTPLUG_PLUGINS") {
+    let host = Host::new(HostOptions::default()).expect("the engine can be set up");
+    let plugin = host.load(&path(name)).unwrap_or_else(|error| panic!("{error}"));
+    Sandboxed::new(plugin)
+}
+
+/// The bytes of the same module.
+pub(crate) fn module(name: &str) -> Vec<u8> {
+    let path = path(name);
+    std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+fn path(name: &str) -> PathBuf {
+    match std::env::var_os("SOFTPLUG_PLUGINS") {
         Some(folder) => PathBuf::from(folder).join(format!("{name}.wasm")),
         None => build(name),
-    };
-    let host = Host::new(HostOptions::default()).expect("the engine can be set up");
-    let plugin = host.load(&path).unwrap_or_else(|error| panic!("{error}"));
-    Sandboxed::new(plugin)
+    }
 }
 
 /// Cargo builds only what has changed, so that never an old module is judged.

@@ -1,0 +1,90 @@
+//! Runs all mutants of some catalogues on several threads.
+
+use super::{Catalogue, Hunt, Mutant, PatchError, hunt, wake};
+use crate::{Case, Sandboxed};
+use softplug_host::{Host, HostOptions, LoadError};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::{fs, io, thread};
+
+/// A mutant cannot be run.
+#[derive(Debug, thiserror::Error)]
+pub enum HuntError {
+    /// Its module cannot be read.
+    #[error("cannot read {}: {source}; build it with `cargo xtask mutants`", path.display())]
+    Io {
+        /// The module.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// Its module does not hold mutants.
+    #[error("{}: {source}", path.display())]
+    Patch {
+        /// The module.
+        path: PathBuf,
+        /// Why.
+        source: PatchError,
+    },
+    /// Its module is no plug-in.
+    #[error("\"{mutant}\" cannot be loaded: {source}")]
+    Load {
+        /// The mutant.
+        mutant: String,
+        /// Why.
+        source: Box<LoadError>,
+    },
+}
+
+/// Hunts every mutant of the catalogues that `wanted` names, in modules called
+/// `PLUGIN.wasm` in a folder. `progress` is told of each one as it is done, in any
+/// order; the result depends on neither threads nor time.
+///
+/// # Errors
+/// The first mutant that cannot be run.
+pub fn hunt_all(
+    catalogues: &[Catalogue],
+    wanted: impl Fn(&Mutant) -> bool,
+    modules: &Path,
+    cases: &[Case],
+    threads: usize,
+    progress: &(dyn Fn(&Mutant, &Hunt) + Sync),
+) -> Result<BTreeMap<String, Hunt>, HuntError> {
+    let orders: Vec<(&Catalogue, &Mutant)> = catalogues
+        .iter()
+        .flat_map(|catalogue| catalogue.mutants.iter().map(move |mutant| (catalogue, mutant)))
+        .filter(|(_, mutant)| wanted(mutant))
+        .collect();
+    let next = AtomicUsize::new(0);
+    let done = Mutex::new(BTreeMap::new());
+    let work = || -> Result<(), HuntError> {
+        while let Some((catalogue, mutant)) = orders.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let subject = subject(modules, mutant)?;
+            let of_profile: Vec<&Case> =
+                cases.iter().filter(|case| case.trace.front.profile == catalogue.profile).collect();
+            let hunt = hunt(&subject, mutant, &of_profile);
+            progress(mutant, &hunt);
+            done.lock().expect("no other thread panicked").insert(mutant.id.clone(), hunt);
+        }
+        Ok(())
+    };
+    thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads.max(1)).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().try_for_each(|worker| {
+            worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        })
+    })?;
+    Ok(done.into_inner().expect("no thread panicked"))
+}
+
+/// The plug-in with this mutant active.
+pub fn subject(modules: &Path, mutant: &Mutant) -> Result<Sandboxed, HuntError> {
+    let path = modules.join(format!("{}.wasm", mutant.plugin));
+    let module = fs::read(&path).map_err(|source| HuntError::Io { path: path.clone(), source })?;
+    let woken = wake(&module, &mutant.id).map_err(|source| HuntError::Patch { path, source })?;
+    let load = |source| HuntError::Load { mutant: mutant.id.clone(), source: Box::new(source) };
+    let host = Host::new(HostOptions::default()).map_err(load)?;
+    Ok(Sandboxed::new(host.load_bytes(&woken).map_err(load)?))
+}
