@@ -1,6 +1,7 @@
 //! Workflow commands of GitHub Actions: failed cases as annotations.
 
-use crate::{Outcome, Report, VerdictKind, explain, text};
+use crate::explain::explain;
+use crate::{Outcome, Report, VerdictKind, text};
 use std::fmt::Write;
 
 /// The report as workflow commands, a line each: first the verdict (GitHub shows only
@@ -43,7 +44,7 @@ pub fn write(report: &Report) -> String {
             }
         }
         let title = property(&text::line(&case.id));
-        let _ = writeln!(text, "title={title}::{}", data(&explain::case(report, case)));
+        let _ = writeln!(text, "title={title}::{}", data(&explain(report, case)));
     }
     text
 }

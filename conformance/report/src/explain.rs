@@ -14,9 +14,22 @@ pub(crate) fn clauses(report: &Report, case: &CaseRow) -> Vec<String> {
     case.clauses.iter().map(line).collect()
 }
 
-/// All that there is to say about a failed case: clauses, the first failed run, and
-/// the names of the others.
-pub(crate) fn case(report: &Report, case: &CaseRow) -> String {
+/// All that there is to say about a failed case, as lines of text without a line end at
+/// the end: its clauses, the first failed run (place, expected and observed, bytes above
+/// each other, what came before, the command that runs it again), the names of the others.
+///
+/// Characters that could change a terminal are written out.
+///
+/// ```
+/// use softplug_report::{explain, json};
+///
+/// let text = include_str!("../tests/reports/not-conformant.json");
+/// let report = json::read(std::path::Path::new("conformance.json"), text)?;
+/// let text = explain(&report, &report.cases[5]);
+/// assert!(text.contains("observed  41 42 43 |ABC|"), "{text}");
+/// # Ok::<(), json::ReadError>(())
+/// ```
+pub fn explain(report: &Report, case: &CaseRow) -> String {
     let mut lines = vec![text::line(&case.id), text::line(&case.title)];
     lines.extend(clauses(report, case).iter().map(|clause| format!("clause {clause}")));
     for (number, run) in case.failures.iter().enumerate() {

@@ -1,7 +1,8 @@
 //! `junit.xml`, for CI systems: one suite, one test case for each case. No times:
 //! they would differ from run to run.
 
-use crate::{CaseResult, CaseRow, Outcome, Report, VerdictKind, explain, text};
+use crate::explain::explain;
+use crate::{CaseResult, CaseRow, Outcome, Report, VerdictKind, text};
 use quick_junit::{NonSuccessKind, Property, TestCase, TestCaseStatus, TestSuite};
 
 /// The report in JUnit's form.
@@ -86,7 +87,7 @@ fn test_case(report: &Report, case: &CaseRow) -> TestCase {
             let first = case.failures.first();
             status.set_message(first.map_or_else(String::new, |run| text::line(&run.message)));
             status.set_type(first.map_or_else(String::new, |run| text::line(&run.class)));
-            status.set_description(explain::case(report, case));
+            status.set_description(explain(report, case));
         }
         _ => {
             status.set_message(skip_reason(outcome, case));
@@ -105,7 +106,7 @@ fn test_case(report: &Report, case: &CaseRow) -> TestCase {
             Outcome::Informed => "note",
             _ => "does not count",
         };
-        test.set_system_out(format!("{weight}: {}", explain::case(report, case)));
+        test.set_system_out(format!("{weight}: {}", explain(report, case)));
     }
     test
 }

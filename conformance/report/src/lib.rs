@@ -14,7 +14,7 @@
 //! | [`annotations`] | workflow commands of GitHub Actions |
 //! | [`attest`] | `attestation.json`: the result, signed |
 //!
-//! [`compare()`] tells two reports apart; [`check()`] tells whether one of them
+//! [`explain()`] puts a failed case into words; [`compare()`] tells two reports apart; [`check()`] tells whether one of them
 //! follows from its own rows. Skipped is never green: no form of an incomplete
 //! run can be taken for a conformant plug-in.
 
@@ -35,6 +35,7 @@ mod verdict;
 
 pub use check::{Inconsistency, check};
 pub use compare::{Difference, compare, fuel_is_comparable};
+pub use explain::explain;
 pub use model::*;
 pub use outcome::Outcome;
 pub use verdict::{Reason, VerdictKind, verdict};

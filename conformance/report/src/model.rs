@@ -111,7 +111,8 @@ pub struct Counts {
     pub executed: u32,
     /// Executed, required, passed.
     pub passed: u32,
-    /// Executed, required, failed, level MUST (with `strict`: SHOULD too), not expected to fail.
+    /// Executed, required, failed, level MUST (with `strict`: SHOULD too) or by a trap and
+    /// the like, not expected to fail.
     pub failed: u32,
     /// Executed, required, failed, level SHOULD (without `strict`), not expected to fail.
     pub warned: u32,
@@ -133,7 +134,8 @@ pub struct Counts {
 pub struct Fuel {
     /// Units of fuel used.
     pub units: u64,
-    /// Bytes received, sent for jobs, and delivered.
+    /// Bytes that reached the plug-in, that left it (control bytes too), and that it
+    /// delivered.
     pub bytes: u64,
     /// Units a byte, in tenths, rounded down; 0 without bytes.
     pub tenths_per_byte: u64,
@@ -254,13 +256,15 @@ pub enum CaseResult {
 pub struct FailedRun {
     /// The case with its permutation: `xon-xoff.tx.hold/cut:1`.
     pub run: String,
-    /// What kind of failure: `diverged`, `depends-on-cuts`, `trapped`, …
+    /// What kind of failure: `diverged`, `depends-on-cuts`, `trapped`, … Where one of the
+    /// case's failed runs is no wrong behaviour, one such run is listed.
     pub class: String,
     /// One sentence.
     pub message: String,
-    /// The case's file in the corpus and the line that is not fulfilled, where there is one.
+    /// The case's file, relative to the corpus: `traces/xon-xoff/xon-xoff.tx.hold.spt`;
+    /// empty without one.
     pub file: String,
-    /// From 1.
+    /// The line of it that is not fulfilled, from 1.
     pub line: Option<u32>,
     /// When, in µs of the case's time.
     pub at_us: i64,

@@ -1,7 +1,8 @@
 //! What a case's result means for the verdict, and the counts that follow.
 
 use crate::{
-    CaseResult, CaseRow, ClauseRow, Counts, Level, ProfileInfo, Report, Selection, VerdictKind,
+    CaseKind, CaseResult, CaseRow, ClauseRow, Counts, FailedRun, Level, ProfileInfo, Report,
+    Selection, VerdictKind,
 };
 
 /// What a case's result means. Formats and counts take it from here, so that no
@@ -10,7 +11,8 @@ use crate::{
 pub enum Outcome {
     /// Required, and passed.
     Passed,
-    /// Required, and failed; it decides the verdict.
+    /// Required, and failed; it decides the verdict. A run that ended before its time (a
+    /// trap, an exhausted budget, …) does so at every level.
     Failed,
     /// Required, level SHOULD, and failed, where that only warns.
     Warned,
@@ -86,6 +88,9 @@ impl Outcome {
             CaseResult::Unscored { passed: false } => Self::UnscoredFailure,
             CaseResult::Passed => Self::Passed,
             CaseResult::ExpectedFailure { .. } => Self::ExpectedFailure,
+            CaseResult::Failed if !case.failures.iter().all(FailedRun::is_wrong_behaviour) => {
+                Self::Failed
+            }
             CaseResult::Failed => match case.level {
                 Level::Must => Self::Failed,
                 Level::Should if selection.strict => Self::Failed,
@@ -179,5 +184,24 @@ impl Level {
             Self::Should => "SHOULD",
             Self::May => "MAY",
         }
+    }
+}
+
+impl CaseKind {
+    /// `trace` or `script`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Trace => "trace",
+            Self::Script => "script",
+        }
+    }
+}
+
+impl FailedRun {
+    /// Whether the run got to its end and the plug-in did something wrong in it. If not,
+    /// it trapped, used up its budget, refused an event or broke the ABI.
+    pub fn is_wrong_behaviour(&self) -> bool {
+        let classes = ["diverged", "depends-on-cuts", "depends-on-swap", "depends-on-past"];
+        classes.contains(&self.class.as_str())
     }
 }

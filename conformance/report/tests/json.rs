@@ -171,6 +171,17 @@ fn rows_that_contradict_themselves_are_refused() {
 }
 
 #[test]
+fn a_trap_decides_at_every_level() {
+    for level in ["should", "may"] {
+        let mut report: Value = serde_json::from_str(&text("warnings")).unwrap();
+        report["cases"][4]["level"] = json!(level);
+        report["cases"][4]["failures"][0]["class"] = json!("trapped");
+        let error = read(&report.to_string()).unwrap_err().to_string();
+        assert!(error.contains("counts.failed: is 0, but the rows give 1"), "{error}");
+    }
+}
+
+#[test]
 fn a_baseline_that_only_excuses_is_never_green() {
     let report = sample("expected-failure");
     assert_eq!(report.verdict, VerdictKind::Partial);

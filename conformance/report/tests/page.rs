@@ -1,6 +1,8 @@
 //! The HTML page: what stands in it, and that nothing from outside gets out of its
 //! place.
 
+#[path = "page/browser.rs"]
+mod browser;
 mod common;
 
 use common::{SAMPLES, hostile, sample};
@@ -32,7 +34,7 @@ fn a_failed_case_says_all_that_is_needed_to_find_it() {
         "&gt; 2.000000 43 44",
         "&lt; 0.001100 13",
         "softplug certify PLUGIN --profile xon-xoff --case xon-xoff.tx.hold",
-        "xon-xoff/xon-xoff.tx.hold.spt:15",
+        "traces/xon-xoff/xon-xoff.tx.hold.spt:15",
         "xon-xoff.tx.hold/swap:all",
         "And 2 more failed runs.",
         "<svg class=\"sequence\"",
@@ -71,5 +73,85 @@ fn what_links_point_at_is_there() {
             let target = link.split('"').next().unwrap();
             assert_eq!(page.matches(&format!("id=\"{target}\"")).count(), 1, "{name}: {target}");
         }
+    }
+}
+
+mod needs_chromium {
+    use super::browser::{self, Browser};
+    use super::*;
+
+    #[test]
+    fn the_page_is_drawn_wide_and_narrow() {
+        let browser = Browser::new();
+        for width in [1280, 400] {
+            for name in ["not-conformant", "conformant"] {
+                let picture = browser.screenshot(&html::write(&sample(name)), width, 1600);
+                assert_eq!((picture.width, picture.height), (width, 1600));
+                let colours = picture.colours();
+                assert!(colours > 50, "{name} at {width} has {colours} colours: blank");
+                // Something is drawn down to the lower half, and to the right.
+                let drawn = |x: u32, y: u32| picture.has_ink(x..width, y..1600);
+                assert!(drawn(width / 2, 800), "{name} at {width} ends too early");
+            }
+        }
+    }
+
+    /// The check of pictures can fail.
+    #[test]
+    fn an_empty_page_is_blank() {
+        let picture = Browser::new().screenshot("<!DOCTYPE html><title>x</title>", 400, 300);
+        assert!(picture.colours() == 1 && !picture.has_ink(0..400, 0..300));
+    }
+
+    #[test]
+    fn nothing_is_wider_than_a_phone() {
+        let browser = Browser::new();
+        for name in ["not-conformant", "not-judged"] {
+            let page = html::write(&sample(name));
+            let ruler = "<p id=ruler></p><script>onload = () => ruler.textContent = \
+                         `wide ${document.documentElement.scrollWidth}`</script></body>";
+            // The page itself lets no other script run.
+            let page = without_policy(&page).replace("</body>", ruler);
+            let shown = browser.dump(&page, 500);
+            assert!(shown.contains("wide 500<"), "{name}: {:?}", shown.split("wide ").nth(1));
+        }
+    }
+
+    #[test]
+    fn the_texts_are_there_and_the_filter_works() {
+        let page = html::write(&sample("not-conformant"));
+        let shown = Browser::new().dump(&page, 1280);
+        for text in ["Not conformant", "3 of 5 required cases failed", "observed: nothing"] {
+            assert!(shown.contains(text), "{text}");
+        }
+        assert!(page.contains("class=\"filter\" hidden"), "without a script there is no filter");
+        assert!(!shown.contains("class=\"filter\" hidden"), "the page's own script has run");
+    }
+
+    #[test]
+    fn hostile_texts_run_nothing_and_fetch_nothing() {
+        let browser = Browser::new();
+        let (address, heard) = browser::listen();
+        let mut report = hostile();
+        let lure =
+            format!("<img src='http://{address}/a'><script src='http://{address}/b'></script>");
+        report.plugin.name.push_str(&lure);
+        report.lint = vec![lure.clone(), "<style>@import 'http://x'</style>".to_owned()];
+        report.cases[0].title = lure.clone();
+        let page = html::write(&report);
+        let shown = browser.dump(&page, 1280);
+        assert!(shown.contains("&lt;img src='http://"), "it is shown as text");
+        assert!(!heard.anything(), "the page has fetched something");
+        // Even a text that got through would find nothing to fetch.
+        browser.dump(&page.replace("<main>", &format!("<main>{lure}")), 1280);
+        assert!(!heard.anything(), "the policy has let something through");
+        // The check can fail.
+        browser.dump(&without_policy(&page).replace("<main>", &format!("<main>{lure}")), 1280);
+        assert!(heard.anything(), "a lure without the policy must be heard");
+    }
+
+    fn without_policy(page: &str) -> String {
+        assert!(page.contains("Content-Security-Policy"));
+        page.replace("Content-Security-Policy", "x-none")
     }
 }

@@ -45,12 +45,23 @@ enum Kind {
 }
 
 impl Step {
-    /// `KIND TIME[~TIME] WHAT ; GLOSS`. What is no such line is a note.
+    /// `KIND TIME[~TIME] WHAT ; GLOSS`. What is no such line is a note, with a time in
+    /// front or without.
     fn parse(line: &str) -> Self {
         let line = text::line(line);
-        let note = || Self { kind: Kind::Note, time: String::new(), what: line.trim().to_owned() };
-        let mut words = line.trim().splitn(3, char::is_whitespace);
-        let kind = match words.next() {
+        let line = line.trim();
+        let is_time = |word: &&str| {
+            word.starts_with(|c: char| c.is_ascii_digit())
+                && word.contains('.')
+                && word.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'.' | b'~'))
+        };
+        let note = || {
+            let (first, rest) = line.split_once(' ').unwrap_or((line, ""));
+            let (time, what) = if is_time(&first) { (first, rest) } else { ("", line) };
+            Self { kind: Kind::Note, time: time.to_owned(), what: words(what) }
+        };
+        let mut parts = line.splitn(3, char::is_whitespace);
+        let kind = match parts.next() {
             Some("<" | "<<") => Kind::Received,
             Some(">") => Kind::Sent,
             Some("!") => Kind::LineEvent,
@@ -59,14 +70,15 @@ impl Step {
             Some(".") => Kind::Quiet,
             _ => return note(),
         };
-        let is_time = |word: &&str| {
-            word.starts_with(|c: char| c.is_ascii_digit())
-                && word.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'.' | b'~'))
-        };
-        let Some(time) = words.next().filter(is_time) else { return note() };
-        let what = words.next().unwrap_or_default().trim().to_owned();
+        let Some(time) = parts.next().filter(is_time) else { return note() };
+        let what = words(parts.next().unwrap_or_default());
         Self { kind, time: time.to_owned(), what }
     }
+}
+
+/// The text with single spaces.
+fn words(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// How a row is drawn.
@@ -97,7 +109,7 @@ pub(super) fn picture(run: &FailedRun) -> Markup {
             div.wide tabindex="0" role="region" aria-label="Sequence picture" {
                 svg.sequence viewBox={ "0 0 " (WIDTH) " " (height) } role="img" aria-label=(label) {
                     @for (x, name) in [(PARTNER, "partner"), (PLUGIN, "plug-in"), (HOST, "host")] {
-                        line.life x1=(x) y1=(TOP - 12) x2=(x) y2=(height - 8);
+                        line.life x1=(x) y1=(TOP - 12) x2=(x) y2=(height - 8) {}
                         text.head x=(x) y=(TOP - 20) { (name) }
                     }
                     @for (number, (role, step)) in rows.iter().enumerate() {
@@ -129,7 +141,6 @@ fn row(role: Role, step: &Step, y: u32) -> Markup {
     };
     let prefix = format!("{prefix}{}", if step.kind == Kind::LineEvent { "line: " } else { "" });
     let what = if step.kind == Kind::Quiet { "nothing until here" } else { step.what.as_str() };
-    // The gloss reads better than the bytes, but both rarely have room.
     let label = shortened(&format!("{prefix}{what}"));
     let middle = u32::midpoint(from, to);
     html! {
@@ -137,11 +148,11 @@ fn row(role: Role, step: &Step, y: u32) -> Markup {
             title { (prefix) (step.time) " " (step.what) }
             text.time x=(TIME) y=(y + 4) { (step.time.split('~').next().unwrap_or_default()) }
             @if from == to {
-                circle cx=(from) cy=(y) r="4";
+                circle cx=(from) cy=(y) r="4" {}
                 text.label x=(from) y=(y - 8) { (label) }
             } @else {
-                line.arrow x1=(from) y1=(y) x2=(to) y2=(y);
-                polygon.tip points=(tip(from, to, y));
+                line.arrow x1=(from) y1=(y) x2=(to) y2=(y) {}
+                polygon.tip points=(tip(from, to, y)) {}
                 text.label x=(middle) y=(y - 6) { (label) }
             }
         }
@@ -169,7 +180,10 @@ mod tests {
     fn lines_of_traces_are_read_and_all_else_is_a_note() {
         let step = Step::parse("> 0.001500~0.002000 41 42   ; 'AB'");
         assert_eq!((step.kind, step.time.as_str()), (Kind::Sent, "0.001500~0.002000"));
-        assert_eq!(step.what, "41 42   ; 'AB'");
+        assert_eq!(step.what, "41 42 ; 'AB'");
+        let step = Step::parse("1.500000 the control  sends XON");
+        assert_eq!((step.kind, step.time.as_str()), (Kind::Note, "1.500000"));
+        assert_eq!(step.what, "the control sends XON");
         assert_eq!(Step::parse(". 5.000000").kind, Kind::Quiet);
         assert_eq!(Step::parse("<< 1.000000 11").kind, Kind::Received);
         for line in ["nothing", "", ">", "> soon 41", "nothing; then > 1.000000 41", "# 1.0 x"] {
