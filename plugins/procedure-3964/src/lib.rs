@@ -10,6 +10,7 @@ mod departure;
 mod frame;
 mod job;
 mod machine;
+mod mutants;
 mod phase;
 mod procedure;
 mod receiver;

@@ -6,12 +6,13 @@ use crate::cause::*;
 use crate::departure::Departure;
 use crate::frame::{DLE, Decoder, Encoder, NAK, STX};
 use crate::job::{BLOCK, Job, Stage};
+use crate::mutants::{is_false_acknowledgement, without_last};
 use crate::phase::Phase;
 use crate::rk512::{LARGEST_TELEGRAM, Rk512, timeout_at};
 use crate::{Layer, Options, Priority};
 use softplug_plugin::{
     Context, LineErrorKind, MarkState, Micros, NoteLevel, Opening, StateError, StateReader,
-    StateWriter,
+    StateWriter, mutant,
 };
 
 /// Timer: QVZ, ZVZ, BWZ or the wait for a buffer, whichever is running.
@@ -139,21 +140,32 @@ impl Machine {
                 Layer::Rk512 => LARGEST_TELEGRAM,
                 Layer::None => opening.delivery_room.min(self.options.block_size as u32) as u16,
             };
-            if self.options.nak_at_start {
+            if self.options.nak_at_start && !mutant!("r3964.line.start-nak/missing") {
                 put(link, NAK);
             }
         }
+        self.mutate_opening(link, opening);
         self.name(link);
         self.finish(link);
     }
 
     pub(crate) fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         let mut rest = bytes;
+        if mutant!("r3964.rx.deliver/last-of-a-read-lost") {
+            rest = without_last(bytes);
+        }
         while link.output_room() >= MOST_OUTPUT
             && let Some((byte, after)) = rest.split_first()
         {
+            let phase = self.phase;
             self.character(link, Some(*byte), Some(*byte));
             rest = after;
+            if mutant!("r3964.conflict.glued/stx-lost") && phase == Phase::AcknowledgementWait {
+                rest = &[];
+            }
+        }
+        if mutant!("r3964.rx.transparent/pair-in-one-read-only") {
+            self.decoder.forget_dle();
         }
         self.rest.clear();
         self.rest.extend(rest);
@@ -175,10 +187,14 @@ impl Machine {
     ) {
         if kind == LineErrorKind::Break {
             self.warn(link, BREAK.status());
-            self.break_off(link);
+            if !mutant!("r3964.line.break/ignored") {
+                self.break_off(link);
+            }
         } else if span == 0 {
             self.character(link, None, byte);
-        } else if self.phase == Phase::Receiving {
+        } else if self.phase == Phase::Receiving
+            && !mutant!("r3964.rx.line-error/somewhere-ignored")
+        {
             // One of the last characters, which have been taken already.
             self.fault(link, DAMAGED);
         } else {
@@ -192,28 +208,69 @@ impl Machine {
         match self.phase {
             Phase::Idle => match good {
                 Some(STX) => self.set_up_asked(link, false),
-                Some(NAK) => {}
-                None => self.warn(link, DAMAGED.status()),
+                Some(NAK) => {
+                    if mutant!("r3964.rx.ignored/nak-is-garbage") {
+                        self.garbage(link);
+                    }
+                }
+                None => {
+                    self.warn(link, DAMAGED.status());
+                    if mutant!("r3964.rx.ignored/damaged-is-garbage") {
+                        self.garbage(link);
+                    }
+                    if raw == Some(STX) && mutant!("r3964.rx.ignored/damaged-stx-taken") {
+                        self.set_up_asked(link, false);
+                    }
+                }
                 Some(_) => self.garbage(link),
             },
-            Phase::Garbage | Phase::Disturbed => self.wait(link, self.options.zvz),
+            Phase::Garbage | Phase::Disturbed => {
+                if !self.is_mutant_in_noise(link, good) {
+                    self.wait(link, self.options.zvz);
+                }
+            }
             Phase::BufferWait if good == Some(STX) => {}
             Phase::BufferWait => self.not_waiting(link),
             Phase::Receiving => self.receive(link, good, raw),
             Phase::RepetitionWait => {
-                if good == Some(STX) {
+                let is_set_up = good == Some(STX)
+                    || mutant!("r3964.rx.repetition/any-character-begins")
+                    || (mutant!("r3964.rx.repetition/damaged-stx-begins") && raw == Some(STX));
+                if is_set_up {
                     self.set_up_asked(link, true);
                 }
             }
             Phase::DleWait => match (good, self.options.priority) {
                 (Some(DLE), _) if !self.departure.is_pending() => self.send_block(),
-                (Some(STX), Priority::High) => self.stx_seen = true,
+                (Some(STX), Priority::High) => {
+                    self.stx_seen = true;
+                    if mutant!("r3964.conflict.high/delay-begun-anew") {
+                        self.wait(link, 2_000);
+                    }
+                    if mutant!("r3964.conflict.high/refuses") {
+                        put(link, NAK);
+                    }
+                }
                 (Some(STX), Priority::Low) => self.withdraw(link),
                 // No answer to an STX that cannot have left.
-                _ if self.departure.is_pending() => {}
-                _ => self.repeat_set_up(link, SET_UP_REFUSED),
+                _ if self.departure.is_pending() => {
+                    if mutant!("r3964.tx.late-dle/begins-the-block") && good == Some(DLE) {
+                        self.send_block();
+                    }
+                    if mutant!("r3964.tx.late-dle/noise-uses-up-an-attempt") {
+                        self.repeat_set_up(link, SET_UP_REFUSED);
+                    }
+                }
+                _ => {
+                    if !self.is_mutant_refused(good, raw) {
+                        self.repeat_set_up(link, SET_UP_REFUSED);
+                    }
+                }
             },
             Phase::Sending => {
+                if self.is_mutant_interrupted(link, good) {
+                    return;
+                }
                 self.drop_queue(link);
                 if good == Some(NAK) {
                     self.repeat_block(link, STOPPED);
@@ -224,7 +281,7 @@ impl Machine {
                 }
             }
             Phase::AcknowledgementWait => {
-                if good == Some(DLE) {
+                if good == Some(DLE) || is_false_acknowledgement(good, raw) {
                     self.acknowledged(link);
                 } else {
                     self.repeat_block(link, END_REFUSED);
@@ -236,7 +293,12 @@ impl Machine {
 
     /// Anything but STX in idle.
     fn garbage(&mut self, link: &mut Context<'_>) {
-        if self.options.nak_on_garbage {
+        if mutant!("r3964.rx.garbage/answered-at-once") {
+            put(link, NAK);
+            return;
+        }
+        let is_check = mutant!("3964.rx.garbage/check-character-passed-over") && !self.options.bcc;
+        if self.options.nak_on_garbage && !is_check {
             self.warn(link, IDLE_GARBAGE);
             self.phase = Phase::Garbage;
             self.wait(link, self.options.zvz);
@@ -262,23 +324,39 @@ impl Machine {
         match self.phase {
             Phase::Idle | Phase::Sending => {}
             Phase::Garbage => {
-                put(link, NAK);
+                if !mutant!("r3964.rx.garbage/not-answered") {
+                    put(link, NAK);
+                }
                 self.idle();
             }
             Phase::BufferWait => self.look_for_buffer(link),
             Phase::Receiving => self.silence(link),
-            Phase::RepetitionWait => self.end_reception(link, SILENCE),
+            Phase::RepetitionWait => {
+                if mutant!("r3964.rx.bwz/answered") {
+                    put(link, NAK);
+                }
+                self.end_reception(link, SILENCE);
+            }
             Phase::DleWait => {
-                let cause = if self.stx_seen { BOTH_HIGH } else { SET_UP_UNANSWERED };
+                let is_hidden = mutant!("r3964.conflict.both-high/not-told")
+                    || (mutant!("3964.conflict.both-high/not-told") && !self.options.bcc);
+                let is_conflict = self.stx_seen && !is_hidden;
+                let cause = if is_conflict { BOTH_HIGH } else { SET_UP_UNANSWERED };
                 self.repeat_set_up(link, cause);
             }
             Phase::Disturbed => {
-                if self.has_attempts() {
+                if self.has_attempts() && !mutant!("r3964.tx.stop-on-other/no-nak") {
                     put(link, NAK);
                 }
                 self.repeat_block(link, DISTURBED);
             }
-            Phase::AcknowledgementWait => self.repeat_block(link, END_UNANSWERED),
+            Phase::AcknowledgementWait => {
+                if mutant!("r3964.tx.no-false-success/silence") {
+                    self.acknowledged(link);
+                } else {
+                    self.repeat_block(link, END_UNANSWERED);
+                }
+            }
         }
     }
 
@@ -289,20 +367,37 @@ impl Machine {
                 if self.owner == Owner::Reaction {
                     self.rk512.advance();
                 }
+                if mutant!("r3964.tx.acknowledged/with-the-last-bit")
+                    || (mutant!("3964.tx.acknowledged/with-the-last-bit") && !self.options.bcc)
+                {
+                    self.acknowledged(link);
+                }
             }
             (Phase::DleWait | Phase::AcknowledgementWait, Some(MarkState::SurelyLeft)) => {
                 let qvz = match (self.options.qvz, self.options.bcc) {
                     (0, true) => 2_000,
-                    (0, false) => 550,
+                    (0, false) => {
+                        if mutant!("3964.tx.qvz/as-in-3964r") {
+                            2_000
+                        } else {
+                            550
+                        }
+                    }
                     (qvz, _) => qvz,
                 };
                 self.wait(link, qvz);
+                self.mutate_qvz();
             }
             (Phase::Receiving | Phase::Idle, Some(MarkState::SurelyLeft)) => {
                 self.wait(link, self.options.zvz);
+                if mutant!("r3964.rx.zvz/not-behind-our-dle") {
+                    self.deadline = NEVER;
+                }
             }
             (Phase::RepetitionWait, Some(MarkState::SurelyLeft)) => {
                 self.wait(link, self.options.bwz);
+                self.deadline.0 += i64::from(mutant!("r3964.rx.bwz/tick-late"));
+                self.deadline.0 -= i64::from(mutant!("r3964.rx.bwz/tick-early"));
             }
             _ => {}
         }
@@ -311,12 +406,22 @@ impl Machine {
 
     pub(crate) fn link_down(&mut self, link: &mut Context<'_>) {
         self.drop_queue(link);
+        if self.phase.is_receiver() && mutant!("r3964.line.down/reception-goes-on") {
+            return;
+        }
         if self.phase.is_receiver() {
             self.end_reception(link, LINK_DOWN);
         }
         self.idle();
-        self.fail_job(link, LINK_DOWN);
-        self.rk512.forget_partner(link);
+        let is_awaiting = self.job.stage == Stage::Awaiting;
+        let is_kept = mutant!("r3964.line.down/job-begins-again")
+            || (mutant!("rk512.job.abort/goes-on-without-a-port") && is_awaiting);
+        if !is_kept {
+            self.fail_job(link, LINK_DOWN);
+        }
+        if !mutant!("rk512.serve.withdrawn/kept-without-a-port") {
+            self.rk512.forget_partner(link);
+        }
         self.finish(link);
     }
 
@@ -327,6 +432,15 @@ impl Machine {
         } else if self.phase.is_sender() {
             self.drop_queue(link);
             self.end_block(link, BREAK);
+        }
+        if mutant!("rk512.react.good/broken-off") && self.job.stage == Stage::Awaiting {
+            self.fail_job(link, BREAK);
+        }
+        if mutant!("r3964.line.break/answered") {
+            put(link, NAK);
+        }
+        if mutant!("r3964.line.break/not-in-garbage") && self.phase == Phase::Garbage {
+            return;
         }
         self.idle();
     }
@@ -442,6 +556,7 @@ impl Machine {
         self.withdrew = state.bool();
         self.buffer_until = state.micros();
         self.last_delivery = state.u32();
+        self.mutate_restored();
         Ok(())
     }
 

@@ -15,6 +15,9 @@ pub trait Variant: Debug {
     type Settings: SettingSet;
     /// The manifest as JSON.
     const MANIFEST: &'static str;
+
+    /// Where mutants set their own values; see [`softplug_plugin::mutants`].
+    fn mutate(options: &mut Options);
 }
 
 /// The settings of one plug-in: its own defaults in the manifest, one struct for
@@ -59,7 +62,9 @@ impl<V: Variant> Converter for Procedure<V> {
     const STATE_FORMAT: Option<u16> = Some(1);
 
     fn new(settings: Configured<V>) -> Self {
-        Self { machine: Machine::new(settings.options), variant: PhantomData }
+        let mut options = settings.options;
+        V::mutate(&mut options);
+        Self { machine: Machine::new(options), variant: PhantomData }
     }
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {

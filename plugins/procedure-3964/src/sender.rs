@@ -7,7 +7,7 @@ use crate::job::Stage;
 use crate::machine::{Machine, NEVER, Owner, put};
 use crate::phase::Phase;
 
-use softplug_plugin::{Context, JobStart};
+use softplug_plugin::{Context, JobStart, mutant};
 
 /// Place of `send` in the manifest's list of jobs.
 const SEND: u16 = 0;
@@ -196,7 +196,12 @@ impl Machine {
         self.phase = Phase::Sending;
         self.deadline = NEVER;
         self.departure.forget();
-        self.encoder = Encoder::default();
+        let seed = if mutant!("r3964.line.bcc/stx-in-a-repetition") && self.transmissions > 1 {
+            STX
+        } else {
+            0
+        };
+        self.encoder = Encoder::seeded(seed);
     }
 
     /// Queues as much of the block as may be; whether the output cut it short.

@@ -19,13 +19,15 @@
 pub const MARKER: [u8; 16] = *b"softplug-mutant:";
 
 /// Whether the mutant of this name is active; never without the feature `mutants`.
-// The bare word: a call, even of what is constant, can move the code around it.
+// The bare word: a call, even of what is constant, can move the code around it. The
+// name beside it, so that no two conditions read the same.
 #[cfg(not(feature = "mutants"))]
 #[macro_export]
 macro_rules! mutant {
-    ($name:literal) => {
+    ($name:literal) => {{
+        const _: &str = $name;
         false
-    };
+    }};
 }
 
 /// Whether the mutant of this name is active; never without the feature `mutants`.
