@@ -14,8 +14,8 @@ pub(crate) enum Cuts {
     Singly,
     /// All at once, however many lines they stand on.
     Whole,
-    /// At random places.
-    Random(u8),
+    /// At random places: the number of the run, and the seed of all runs.
+    Random(u8, u64),
 }
 
 impl Course {
@@ -25,15 +25,15 @@ impl Course {
         joined.given.iter().any(|given| matches!(&given.what, Input::Bytes(run) if run.len() > 1))
     }
 
-    /// The same course with its bytes cut; random places depend on `id` and the
-    /// number alone.
+    /// The same course with its bytes cut; random places depend on `id`, the number
+    /// and the seed alone.
     pub(crate) fn cut(self, id: &str, cuts: Cuts) -> Self {
         let given = match cuts {
             Cuts::AsWritten => return self,
             Cuts::Singly => recut(self.given, |_, _| true),
             Cuts::Whole => recut(join(self.given), |_, _| false),
-            Cuts::Random(number) => {
-                let seed = Sha256::digest(format!("{id}/{number}"));
+            Cuts::Random(number, seed) => {
+                let seed = Sha256::digest(format!("{id}/{number}/{seed}"));
                 let mut random = ChaCha8Rng::from_seed(seed.into());
                 // Few and many cuts are both worth trying: each run draws how many.
                 let mut chance = 0;
@@ -112,11 +112,11 @@ mod tests {
         assert_eq!(pieces(&course().cut("x", Cuts::Singly)).len(), 7);
         let mut seen = std::collections::BTreeSet::new();
         for number in 1..=32 {
-            let cut = pieces(&course().cut("x", Cuts::Random(number)));
+            let cut = pieces(&course().cut("x", Cuts::Random(number, 0)));
             let joined: String = cut.iter().map(|(_, text)| text.as_str()).collect();
             assert_eq!(joined, "ABCDEFG");
             assert_eq!(cut.last(), Some(&(2, "G".to_owned())));
-            assert_eq!(cut, pieces(&course().cut("x", Cuts::Random(number))), "not reproducible");
+            assert_eq!(cut, pieces(&course().cut("x", Cuts::Random(number, 0))), "not reproducible");
             seen.insert(cut);
         }
         assert!(seen.len() > 10, "only {} different cuts", seen.len());

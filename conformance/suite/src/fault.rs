@@ -41,6 +41,32 @@ pub enum FaultClass {
 }
 
 impl FaultClass {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::Trapped,
+        Self::BudgetExhausted,
+        Self::RuleBroken,
+        Self::SettingsRefused,
+        Self::EventRefused,
+        Self::SwapFailed,
+        Self::NotStarted,
+        Self::NotApplicable,
+    ];
+
+    /// The name in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Trapped => "trapped",
+            Self::BudgetExhausted => "budget-exhausted",
+            Self::RuleBroken => "rule-broken",
+            Self::SettingsRefused => "settings-refused",
+            Self::EventRefused => "event-refused",
+            Self::SwapFailed => "swap-failed",
+            Self::NotStarted => "not-started",
+            Self::NotApplicable => "not-applicable",
+        }
+    }
+
     /// In words, as the end of "the plug-in …".
     pub const fn text(self) -> &'static str {
         match self {

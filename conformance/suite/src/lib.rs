@@ -7,14 +7,18 @@
 //! trace demands. What fails carries its first [`Divergence`].
 
 mod bless;
+pub mod certify;
 pub mod closed_loop;
 mod compare;
+mod corpus;
 mod course;
 mod cut;
 mod deed;
 mod divergence;
 mod fault;
 mod fields;
+mod file_error;
+pub mod ledger;
 mod lines;
 mod load;
 pub mod mutants;
@@ -28,13 +32,15 @@ mod subject;
 mod verdict;
 
 pub use bless::{BlessFailure, bless};
+pub use corpus::{Corpus, CorpusError, Listed, Source};
 pub use course::CourseError;
 pub use deed::{Deed, Delivered};
 pub use divergence::{Divergence, Side};
 pub use fault::{Fault, FaultClass};
+pub use file_error::FileError;
 pub use load::{Case, LoadError, load};
 pub use permute::{Permutation, UnknownPermutation};
 pub use replay::{Outcome, Seen, replay};
 pub use run::{Filter, Judge, Summary, judge, run_all};
-pub use subject::{FromFn, Sandboxed, Subject, SubjectError};
+pub use subject::{FromFn, Fuel, Sandboxed, Subject, SubjectError};
 pub use verdict::{Class, Failure, Verdict};

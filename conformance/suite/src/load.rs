@@ -4,6 +4,7 @@ use sha2::{Digest as _, Sha256};
 use softplug_trace::{Digest, FileNameError, Files, ParseError, Trace};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::{fs, io};
 
 /// A trace and where it came from.
@@ -13,20 +14,45 @@ pub struct Case {
     pub path: PathBuf,
     /// What stands in it.
     pub trace: Trace,
+    /// What its `file:` items name, by digest, if it is known already.
+    attached: Option<Arc<Attached>>,
 }
+
+/// Contents of files by their digest as hex digits.
+pub(crate) type Attached = BTreeMap<String, Vec<u8>>;
 
 impl Case {
     /// A trace that stands in no file; `file:` items are looked for beside `path`.
     pub fn new(path: impl Into<PathBuf>, trace: Trace) -> Self {
-        Self { path: path.into(), trace }
+        Self { path: path.into(), trace, attached: None }
+    }
+
+    /// A trace of a corpus, which has the files too.
+    pub(crate) fn attached(
+        path: impl Into<PathBuf>,
+        trace: Trace,
+        attached: Arc<Attached>,
+    ) -> Self {
+        Self { path: path.into(), trace, attached: Some(attached) }
     }
 
     /// Finds what `file:` items name: files called by their digest, in the folder
     /// `files` beside the trace or one above.
     pub(crate) fn files(&self) -> impl Files {
         let folder = self.path.parent().unwrap_or(Path::new("")).to_owned();
-        move |digest: &Digest| read(&folder, digest)
+        let attached = self.attached.clone();
+        move |digest: &Digest| match &attached {
+            Some(attached) => find_attached(attached, digest),
+            None => read(&folder, digest),
+        }
     }
+}
+
+fn find_attached(attached: &Attached, digest: &Digest) -> Result<Vec<u8>, String> {
+    let name = digest.to_string();
+    let bytes = attached.get(&name);
+    let bytes = bytes.ok_or_else(|| format!("the corpus has no file files/{name}"))?;
+    checked(Path::new("files").join(name), bytes.clone(), digest)
 }
 
 fn read(folder: &Path, digest: &Digest) -> Result<Vec<u8>, String> {
@@ -35,6 +61,10 @@ fn read(folder: &Path, digest: &Digest) -> Result<Vec<u8>, String> {
     let above = folder.join("../files").join(&name);
     let path = if beside.is_file() { beside } else { above };
     let bytes = fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    checked(path, bytes, digest)
+}
+
+fn checked(path: PathBuf, bytes: Vec<u8>, digest: &Digest) -> Result<Vec<u8>, String> {
     if Sha256::digest(&bytes)[..] == digest.0 {
         Ok(bytes)
     } else {
@@ -137,7 +167,7 @@ fn load_file(path: PathBuf) -> Result<Case, LoadError> {
     let trace = Trace::parse(&text)
         .map_err(|source| LoadError::Parse { path: path.clone(), source: Box::new(source) })?;
     trace.front.check_path(&path)?;
-    Ok(Case { path, trace })
+    Ok(Case::new(path, trace))
 }
 
 /// A folder's traces; a file is taken whatever its name.

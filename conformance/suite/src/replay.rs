@@ -5,13 +5,12 @@ use crate::cut::Cuts;
 use crate::deed::Deed;
 use crate::fault::{Fault, FaultClass};
 use crate::lines::{line_parameters, modem_lines};
-use crate::subject::Watched;
-use crate::{Case, Permutation, Subject};
+use crate::subject::{Meter, Watched};
+use crate::{Case, Fuel, Permutation, Subject};
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Instance, Micros, ModemLines};
 use softplug_link::{LinkFault, LinkOptions, Recorder, VirtualLine};
 use softplug_trace::Drain;
-use std::cell::Cell;
 use std::rc::Rc;
 
 /// Room in bytes where the trace names none.
@@ -27,6 +26,10 @@ pub struct Outcome {
     pub fault: Option<Fault>,
     /// At how many places the plug-in could have been swapped.
     pub swap_places: u32,
+    /// What the plug-in's computing cost.
+    pub fuel: Fuel,
+    /// Bytes that came, left, and were delivered.
+    pub bytes: u64,
 }
 
 /// A deed at its time.
@@ -38,11 +41,22 @@ pub struct Seen {
     pub deed: Deed,
 }
 
-/// Runs a trace once, in one permutation.
-pub fn replay<S: Subject>(subject: &S, case: &Case, permutation: Permutation) -> Outcome {
-    match start(subject, case, permutation) {
+/// Runs a trace once, in one permutation. The seed changes where random cuts fall.
+pub fn replay<S: Subject>(
+    subject: &S,
+    case: &Case,
+    permutation: Permutation,
+    cut_seed: u64,
+) -> Outcome {
+    match start(subject, case, permutation, cut_seed) {
         Ok(run) => run.finish(),
-        Err(fault) => Outcome { seen: Vec::new(), fault: Some(fault), swap_places: 0 },
+        Err(fault) => Outcome {
+            seen: Vec::new(),
+            fault: Some(fault),
+            swap_places: 0,
+            fuel: Fuel::default(),
+            bytes: 0,
+        },
     }
 }
 
@@ -50,6 +64,7 @@ fn start<'a, S: Subject>(
     subject: &'a S,
     case: &Case,
     permutation: Permutation,
+    cut_seed: u64,
 ) -> Result<Run<'a, S>, Fault> {
     let unfit = |reason: String| Fault::new(FaultClass::NotApplicable, Micros::ZERO, &reason);
     let manifest = subject.manifest();
@@ -61,7 +76,7 @@ fn start<'a, S: Subject>(
     let cuts = match permutation {
         Permutation::CutSingly => Cuts::Singly,
         Permutation::CutWhole => Cuts::Whole,
-        Permutation::CutRandom(number) => Cuts::Random(number),
+        Permutation::CutRandom(number) => Cuts::Random(number, cut_seed),
         _ => Cuts::AsWritten,
     };
     let course = Course::new(case, manifest, windows).map_err(|error| unfit(error.to_string()))?;
@@ -72,11 +87,9 @@ fn start<'a, S: Subject>(
         front.config.iter().map(|pair| (pair.name.as_str(), pair.value.as_str())).collect();
     let settings = manifest.resolve_settings(config).map_err(|error| unfit(error.to_string()))?;
     let options = options(case, settings);
-    let steps = Rc::new(Cell::new(0));
-    let instance = subject
-        .instantiate()
+    let meter = Rc::new(Meter::default());
+    let instance = Watched::start(subject, Rc::clone(&meter))
         .map_err(|error| Fault::new(FaultClass::NotStarted, Micros::ZERO, &error))?;
-    let instance = Watched::new(instance, Rc::clone(&steps));
     let modem = options.modem_lines.unwrap_or_default();
     Ok(Run {
         subject,
@@ -84,7 +97,7 @@ fn start<'a, S: Subject>(
         permutation,
         line: VirtualLine::new(instance, options, front.line.depth as usize),
         recorder: Recorder::default(),
-        steps,
+        meter,
         steps_seen: 0,
         swap_places: 0,
         modem,
@@ -114,8 +127,8 @@ struct Run<'a, S: Subject> {
     permutation: Permutation,
     line: VirtualLine<Watched<S::Instance>>,
     recorder: Recorder,
-    /// Steps of all instances so far, and how many the last look saw.
-    steps: Rc<Cell<u64>>,
+    meter: Rc<Meter>,
+    /// Steps that the last look saw.
     steps_seen: u64,
     swap_places: u32,
     modem: (ModemLines, ModemLines),
@@ -146,7 +159,11 @@ impl<S: Subject> Run<'_, S> {
             .collect();
         // What the port was given ahead is observed ahead.
         seen.sort_by_key(|seen| (seen.at, seen.deed.channel()));
-        Outcome { seen, fault: run.err(), swap_places: self.swap_places }
+        let bytes = received(&self.course) + seen.iter().map(|seen| moved(&seen.deed)).sum::<u64>();
+        // Fuel is counted when instances end.
+        drop(self.line);
+        let fuel = self.meter.fuel.get();
+        Outcome { seen, fault: run.err(), swap_places: self.swap_places, fuel, bytes }
     }
 
     /// From the trace's start to its end.
@@ -289,7 +306,7 @@ impl<S: Subject> Run<'_, S> {
     /// Swaps if the plug-in has stepped since the last place and the
     /// permutation asks for it.
     fn swap_here(&mut self, now: Micros) -> Result<bool, Fault> {
-        if !self.is_open || self.steps.get() == self.steps_seen {
+        if !self.is_open || self.meter.steps.get() == self.steps_seen {
             return Ok(false);
         }
         self.swap_places += 1;
@@ -301,17 +318,14 @@ impl<S: Subject> Run<'_, S> {
         if is_asked {
             self.swap(now)?;
         }
-        self.steps_seen = self.steps.get();
+        self.steps_seen = self.meter.steps.get();
         Ok(is_asked)
     }
 
     fn swap(&mut self, now: Micros) -> Result<(), Fault> {
         let at = now - self.offset;
-        let fresh = self
-            .subject
-            .instantiate()
+        let fresh = Watched::start(self.subject, Rc::clone(&self.meter))
             .map_err(|error| Fault::new(FaultClass::NotStarted, at, &error))?;
-        let fresh = Watched::new(fresh, Rc::clone(&self.steps));
         self.line
             .link
             .swap(now, fresh, &mut self.recorder)
@@ -343,5 +357,22 @@ impl<S: Subject> Run<'_, S> {
 
     fn judged(&self, now: Micros, stepped: Stepped<S>) -> Result<(), Fault> {
         stepped.map_err(|fault| Fault::of_link(now - self.offset, &fault))
+    }
+}
+
+fn received(course: &Course) -> u64 {
+    let bytes = |what: &Input| match what {
+        Input::Bytes(bytes) => bytes.len() as u64,
+        Input::Character(_) | Input::Damaged { byte: Some(_), .. } => 1,
+        _ => 0,
+    };
+    course.given.iter().map(|given| bytes(&given.what)).sum()
+}
+
+fn moved(deed: &Deed) -> u64 {
+    match deed {
+        Deed::Byte(_) => 1,
+        Deed::Deliver(delivered) => delivered.bytes.len() as u64,
+        _ => 0,
     }
 }

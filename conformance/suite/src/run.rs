@@ -1,10 +1,11 @@
 //! All permutations of all traces against all subjects.
 
 use crate::compare::{compare, first_difference};
+use crate::corpus::hex;
 use crate::deed::demands;
 use crate::fault::{Fault, FaultClass};
 use crate::lines::line_parameters;
-use crate::replay::{Outcome, replay};
+use crate::replay::{Outcome, Seen, replay};
 use crate::verdict::{Class, Failure, Verdict};
 use crate::{Case, CourseError, Divergence, Permutation, Subject, show};
 use serde::Serialize;
@@ -58,18 +59,18 @@ pub struct Summary {
 }
 
 /// A subject whatever its instances are.
-pub trait Judge {
+pub trait Judge: Sync {
     /// How reports name it.
     fn label(&self) -> &str;
 
     /// What the plug-in says of itself.
     fn manifest(&self) -> &Manifest;
 
-    /// Runs a trace once.
-    fn run(&self, case: &Case, permutation: Permutation) -> Outcome;
+    /// Runs a trace once. The seed changes where random cuts fall.
+    fn run(&self, case: &Case, permutation: Permutation, cut_seed: u64) -> Outcome;
 }
 
-impl<S: Subject> Judge for S {
+impl<S: Subject + Sync> Judge for S {
     fn label(&self) -> &str {
         Subject::label(self)
     }
@@ -78,8 +79,8 @@ impl<S: Subject> Judge for S {
         Subject::manifest(self)
     }
 
-    fn run(&self, case: &Case, permutation: Permutation) -> Outcome {
-        replay(self, case, permutation)
+    fn run(&self, case: &Case, permutation: Permutation, cut_seed: u64) -> Outcome {
+        replay(self, case, permutation, cut_seed)
     }
 }
 
@@ -98,10 +99,7 @@ pub fn run_all(subjects: &[&dyn Judge], cases: &[Case], filter: &Filter) -> Summ
     summary.total = summary.cases.len();
     summary.passed = summary.cases.iter().filter(|verdict| verdict.is_passed()).count();
     summary.failed = summary.total - summary.passed;
-    summary.digest = digest.finalize().iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    });
+    summary.digest = hex(&digest.finalize());
     summary
 }
 
@@ -109,42 +107,63 @@ pub fn run_all(subjects: &[&dyn Judge], cases: &[Case], filter: &Filter) -> Summ
 /// verdicts and what the digest holds of the uncut run.
 pub fn judge(subject: &dyn Judge, case: &Case, filter: &Filter) -> (Vec<Verdict>, String) {
     let id = &case.trace.front.id;
-    let uncut = subject.run(case, Permutation::Uncut);
-    let base = assess(subject, case, Permutation::Uncut, &uncut, None);
-    let uncut_passed = base.is_none();
-    let pure = pure(id, &uncut, base.as_ref());
-
-    let manifest = subject.manifest();
-    let permutations = Permutation::without_swaps(case, manifest).unwrap_or_else(|_| {
-        // The uncut run has failed for the same reason.
-        vec![Permutation::Uncut]
-    });
-    let swaps = Permutation::swaps(case, manifest, uncut.swap_places);
+    let start = Start::new(subject, case);
     let mut verdicts = Vec::new();
-    let mut base = Some(base);
-    for permutation in permutations.into_iter().chain(swaps) {
+    for permutation in start.permutations() {
         if !filter.takes(id, permutation) {
             continue;
         }
-        let failure = if permutation == Permutation::Uncut {
-            base.take().flatten()
-        } else {
-            let outcome = subject.run(case, permutation);
-            let compared = (uncut_passed && permutation.equals_uncut()).then_some(&uncut);
-            assess(subject, case, permutation, &outcome, compared)
-        };
         verdicts.push(Verdict {
             case: format!("{id}/{permutation}"),
             subject: subject.label().to_owned(),
             level: case.trace.front.level.name(),
-            failure,
+            failure: start.judge(permutation, 0),
         });
     }
-    (verdicts, pure)
+    (verdicts, pure(id, &start.uncut.seen, start.failure.as_ref()))
+}
+
+/// A case of which the uncut run is over: what all others are compared with.
+pub(crate) struct Start<'a> {
+    subject: &'a dyn Judge,
+    case: &'a Case,
+    pub(crate) uncut: Outcome,
+    /// Why the uncut run did not pass.
+    pub(crate) failure: Option<Failure>,
+}
+
+impl<'a> Start<'a> {
+    pub(crate) fn new(subject: &'a dyn Judge, case: &'a Case) -> Self {
+        let uncut = subject.run(case, Permutation::Uncut, 0);
+        let failure = assess(subject, case, Permutation::Uncut, &uncut, None);
+        Self { subject, case, uncut, failure }
+    }
+
+    /// Every permutation that there is, the uncut run first.
+    pub(crate) fn permutations(&self) -> Vec<Permutation> {
+        let manifest = self.subject.manifest();
+        let mut all = Permutation::without_swaps(self.case, manifest).unwrap_or_else(|_| {
+            // The uncut run has failed for the same reason.
+            vec![Permutation::Uncut]
+        });
+        all.extend(Permutation::swaps(self.case, manifest, self.uncut.swap_places));
+        all
+    }
+
+    /// Runs one of them.
+    pub(crate) fn judge(&self, permutation: Permutation, cut_seed: u64) -> Option<Failure> {
+        if permutation == Permutation::Uncut {
+            return self.failure.clone();
+        }
+        let outcome = self.subject.run(self.case, permutation, cut_seed);
+        let is_compared = self.failure.is_none() && permutation.equals_uncut();
+        let compared = is_compared.then_some(&self.uncut);
+        assess(self.subject, self.case, permutation, &outcome, compared)
+    }
 }
 
 /// Holds a run against the trace, and against the uncut run if that is given.
-fn assess(
+pub(crate) fn assess(
     subject: &dyn Judge,
     case: &Case,
     permutation: Permutation,
@@ -226,10 +245,10 @@ fn against_trace(
 }
 
 /// What the digest holds of an uncut run: nothing that depends on the engine.
-fn pure(id: &str, uncut: &Outcome, failure: Option<&Failure>) -> String {
+pub(crate) fn pure(id: &str, seen: &[Seen], failure: Option<&Failure>) -> String {
     let verdict = failure.map_or("passed", |failure| failure.class.text());
     let mut text = format!("{id}\n{verdict}\n");
-    for seen in &uncut.seen {
+    for seen in seen {
         let _ = writeln!(text, "{} {:?}", seen.at, seen.deed);
     }
     text

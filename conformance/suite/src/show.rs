@@ -14,6 +14,8 @@ use softplug_trace::{Entry, Line, Payload, SourceLine, Time, Trace, What, When};
 const WIDTH: usize = 100;
 /// Bytes that stand on one shown line.
 const BYTES: usize = 16;
+/// Bytes that stand on one line of an observed trace.
+const OBSERVED_BYTES: usize = 1_024;
 /// Lines of what was before.
 const BEFORE: usize = 8;
 
@@ -80,6 +82,16 @@ pub(crate) fn before(case: &Case, manifest: &Manifest, seen: &[Seen], at: Micros
     all.sort_by_key(|entry| entry.when.from);
     let first = all.len().saturating_sub(BEFORE);
     all[first..].iter().map(|entry| line(case, entry)).collect()
+}
+
+/// The case with what was seen in the place of what it demands. Comments are lost.
+pub(crate) fn observed(case: &Case, manifest: &Manifest, seen: &[Seen]) -> Trace {
+    let seen = entries(case, manifest, seen, OBSERVED_BYTES, |_| false);
+    let stays = |entry: &&Entry| entry.what.is_input() || matches!(entry.what, What::Quiet);
+    let mut all: Vec<Entry> = case.trace.entries().filter(stays).cloned().chain(seen).collect();
+    all.sort_by_key(|entry| entry.when.from);
+    let body = all.into_iter().map(Line::Entry).collect();
+    Trace { front: case.trace.front.clone(), body }
 }
 
 /// The first line of what follows.

@@ -24,6 +24,20 @@ pub trait Subject {
 
     /// How reports name it.
     fn label(&self) -> &str;
+
+    /// Fuel that all steps of an instance used; native code counts none.
+    fn fuel(_instance: &Self::Instance) -> Fuel {
+        Fuel::default()
+    }
+}
+
+/// Fuel, in units of one engine.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+pub struct Fuel {
+    /// All of it.
+    pub total: u64,
+    /// The most that one step used.
+    pub largest: u64,
 }
 
 /// A plug-in gives no instance.
@@ -65,6 +79,10 @@ impl Subject for Sandboxed {
     fn label(&self) -> &str {
         &self.label
     }
+
+    fn fuel(instance: &Self::Instance) -> Fuel {
+        Fuel { total: instance.total_fuel(), largest: instance.largest_fuel() }
+    }
 }
 
 /// A plug-in as native code: a function that makes instances.
@@ -99,18 +117,30 @@ impl<I: Instance, F: Fn() -> I> Subject for FromFn<F> {
     }
 }
 
+/// What the instances of one run have used, those that were swapped out included.
+#[derive(Debug, Default)]
+pub(crate) struct Meter {
+    pub(crate) steps: Cell<u64>,
+    /// Counted when an instance is dropped.
+    pub(crate) fuel: Cell<Fuel>,
+}
+
 /// An instance whose steps are counted and whose panics are caught: native code
 /// panics where a module traps.
 #[derive(Debug)]
-pub(crate) struct Watched<I> {
+pub(crate) struct Watched<I: Instance> {
     inner: I,
-    steps: Rc<Cell<u64>>,
+    meter: Rc<Meter>,
+    fuel: fn(&I) -> Fuel,
     panicked: Option<String>,
 }
 
 impl<I: Instance> Watched<I> {
-    pub(crate) fn new(inner: I, steps: Rc<Cell<u64>>) -> Self {
-        Self { inner, steps, panicked: None }
+    pub(crate) fn start<S: Subject<Instance = I>>(
+        subject: &S,
+        meter: Rc<Meter>,
+    ) -> Result<Self, SubjectError> {
+        Ok(Self { inner: subject.instantiate()?, meter, fuel: S::fuel, panicked: None })
     }
 }
 
@@ -134,7 +164,7 @@ impl<I: Instance> Instance for Watched<I> {
         if let Some(words) = &self.panicked {
             return Err(WatchedFault::Panicked(words.clone()));
         }
-        self.steps.set(self.steps.get() + 1);
+        self.meter.steps.set(self.meter.steps.get() + 1);
         let inner = &mut self.inner;
         // A panicked instance is never called again, so that a state that it
         // left half done is not seen.
@@ -149,6 +179,16 @@ impl<I: Instance> Instance for Watched<I> {
                 Err(WatchedFault::Panicked(words.clone()))
             }
         }
+    }
+}
+
+impl<I: Instance> Drop for Watched<I> {
+    fn drop(&mut self) {
+        let (before, used) = (self.meter.fuel.get(), (self.fuel)(&self.inner));
+        self.meter.fuel.set(Fuel {
+            total: before.total.saturating_add(used.total),
+            largest: before.largest.max(used.largest),
+        });
     }
 }
 

@@ -52,6 +52,37 @@ pub enum Class {
 }
 
 impl Class {
+    /// Kinds of wrong behaviour: all but faults.
+    pub const WRONG: [Self; 4] =
+        [Self::Diverged, Self::DependsOnCuts, Self::DependsOnSwap, Self::DependsOnPast];
+
+    /// All of them.
+    pub fn all() -> impl Iterator<Item = Self> {
+        Self::WRONG.into_iter().chain(FaultClass::ALL.map(Self::Fault))
+    }
+
+    /// The name in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Diverged => "diverged",
+            Self::DependsOnCuts => "depends-on-cuts",
+            Self::DependsOnSwap => "depends-on-swap",
+            Self::DependsOnPast => "depends-on-past",
+            Self::Fault(class) => class.name(),
+        }
+    }
+
+    /// The other way round.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::all().find(|class| class.name() == name)
+    }
+
+    /// Whether the plug-in did the wrong thing, as opposed to nothing more: a trap says nothing
+    /// about a clause.
+    pub fn is_wrong_behaviour(self) -> bool {
+        !matches!(self, Self::Fault(_))
+    }
+
     /// In words, as the end of "the plug-in …".
     pub const fn text(self) -> &'static str {
         match self {

@@ -383,7 +383,7 @@ fn a_summary_is_json_with_classes_by_name() {
 fn a_replay_ends_with_its_trace() {
     let text = TRACE.replace("= 1.002084 done 1\n. 2.000000\n", "");
     let case = Case::new("x.spt", Trace::parse(&text).expect("it is a trace"));
-    let outcome = replay(&subject(Flaw::None), &case, Permutation::Uncut);
+    let outcome = replay(&subject(Flaw::None), &case, Permutation::Uncut, 0);
     // D begins behind the last line of the trace, and the job ends later still.
     assert_eq!(outcome.seen.len(), 4);
     assert_eq!(outcome.seen.last().map(|seen| seen.at), Some(Micros(1_000_000)));

@@ -1,0 +1,115 @@
+//! The two engines, and a module in both.
+
+use super::CertifyError;
+use crate::{Case, FaultClass, Judge, Outcome, Permutation, Sandboxed};
+use softplug_abi::Micros;
+use softplug_abi::manifest::Manifest;
+use softplug_host::{Host, HostOptions, Plugin, SessionFault, lint};
+
+/// The first engine judges and counts fuel; the second must show the same.
+pub(super) struct Engines {
+    first: Host,
+    second: Host,
+}
+
+/// A module as far as it could be loaded.
+pub(super) struct Judged {
+    manifest: Option<Manifest>,
+    subjects: Option<Subjects>,
+    unfit: Vec<String>,
+}
+
+/// A plug-in in both engines.
+pub(super) struct Subjects {
+    pub(super) first: Sandboxed,
+    pub(super) second: Sandboxed,
+    /// Of the engines.
+    pub(super) names: [String; 2],
+}
+
+impl Engines {
+    pub(super) fn new() -> Result<Self, CertifyError> {
+        let host = || {
+            Host::new(HostOptions::default())
+                .map_err(|error| CertifyError::Internal(error.to_string()))
+        };
+        Ok(Self { first: host()?, second: host()? })
+    }
+
+    /// Name and version of the first engine.
+    pub(super) fn first(&self) -> String {
+        self.first.engine().to_string()
+    }
+
+    /// Name and version of the second engine.
+    pub(super) fn second(&self) -> String {
+        self.second.engine().to_string()
+    }
+
+    /// A module that does not fit is no error: it is judged as one that cannot be judged.
+    pub(super) fn load(&self, module: &[u8]) -> Result<Judged, CertifyError> {
+        let unfit = |manifest, reason: String| Judged { manifest, subjects: None, unfit: vec![reason] };
+        let manifest = match lint(module) {
+            Ok(inspection) => inspection.manifest,
+            Err(error) => return Ok(unfit(None, error.to_string())),
+        };
+        let plugin = match self.first.load_bytes(module) {
+            Ok(plugin) => plugin,
+            Err(error) => return Ok(unfit(Some(manifest), error.to_string())),
+        };
+        if let Err(reason) = begins(&plugin) {
+            return Ok(unfit(Some(manifest), reason));
+        }
+        let second = self.second.load_bytes(module).map_err(|error| {
+            CertifyError::Internal(format!("{} does not take the module: {error}", self.second()))
+        })?;
+        let (first, second) = (Sandboxed::new(plugin), Sandboxed::new(second));
+        let names = [self.first(), self.second()];
+        let subjects = Some(Subjects { first, second, names });
+        Ok(Judged { manifest: Some(manifest), subjects, unfit: Vec::new() })
+    }
+}
+
+/// Whether there is an instance that takes its own defaults, or refuses them: which of the two
+/// it is, the cases judge.
+fn begins(plugin: &Plugin) -> Result<(), String> {
+    let mut session = plugin.instantiate().map_err(|error| error.to_string())?;
+    let defaults = plugin.manifest().resolve_settings([]).map_err(|error| error.to_string())?;
+    match session.configure(&defaults, Micros::ZERO) {
+        Ok(()) | Err(SessionFault::Refused { .. }) => Ok(()),
+        Err(fault) => Err(fault.to_string()),
+    }
+}
+
+impl Judged {
+    pub(super) fn manifest(&self) -> Option<&Manifest> {
+        self.manifest.as_ref()
+    }
+
+    /// None where it cannot be judged.
+    pub(super) fn subjects(&self) -> Option<&Subjects> {
+        self.subjects.as_ref()
+    }
+
+    /// Why it cannot be judged.
+    pub(super) fn unfit(&self) -> Vec<String> {
+        self.unfit.clone()
+    }
+}
+
+impl Subjects {
+    /// The uncut run under the second engine; none where the engines differ.
+    pub(super) fn compared(&self, case: &Case, first: &Outcome) -> Option<Outcome> {
+        let second = Judge::run(&self.second, case, Permutation::Uncut, 0);
+        let is_same = first.seen == second.seen && class(first) == class(&second);
+        // Each engine has its own stack and its own fuel.
+        let is_own = [first, &second].into_iter().any(|outcome| {
+            matches!(class(outcome), Some(FaultClass::Trapped | FaultClass::BudgetExhausted))
+        });
+        (is_same || is_own).then_some(second)
+    }
+}
+
+fn class(outcome: &Outcome) -> Option<FaultClass> {
+    outcome.fault.as_ref().map(|fault| fault.class)
+}

@@ -1,0 +1,233 @@
+//! Runs the cases of a plan, spread over threads.
+
+use super::engines::Subjects;
+use super::plan::{Fate, Plan};
+use super::{CertifyError, Order, Progress};
+use crate::corpus::{Listed, Source};
+use crate::replay::Outcome;
+use crate::run::{Start, assess, pure};
+use crate::{Case, Class, Failure, Fuel, Permutation};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use softplug_report::{FAILURES, FailedRun};
+use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::thread;
+
+/// The name of the run under the second engine.
+pub(super) const SECOND_ENGINE: &str = "wasmi";
+
+/// What came of a case, with all its permutations.
+#[derive(Debug, Default)]
+pub(super) struct Ran {
+    pub(super) runs: u32,
+    /// The first failed runs.
+    pub(super) failures: Vec<FailedRun>,
+    pub(super) failed_runs: u32,
+    /// Kinds of all failed runs.
+    pub(super) classes: BTreeSet<&'static str>,
+    /// Of the uncut run.
+    pub(super) fuel: Fuel,
+    pub(super) bytes: u64,
+    /// What the digest holds of it.
+    pub(super) pure: String,
+}
+
+/// One for each case of the plan; none for those that did not run to their end.
+pub(super) fn run(
+    plan: &Plan<'_>,
+    subjects: &Subjects,
+    order: &Order,
+    progress: &(dyn Fn(Progress) + Sync),
+    stop: &AtomicBool,
+) -> Result<Vec<Option<Ran>>, CertifyError> {
+    let mut queue: Vec<usize> = (0..plan.cases.len())
+        .filter(|number| plan.cases[*number].fate == Fate::Runs)
+        .collect();
+    if let Some(seed) = order.shuffle {
+        shuffle(&mut queue, seed);
+    }
+    let shared = Shared {
+        plan,
+        subjects,
+        order,
+        progress,
+        stop,
+        has_failed: AtomicBool::new(false),
+        next: AtomicUsize::new(0),
+        done: AtomicUsize::new(0),
+        failed: AtomicUsize::new(0),
+        queue,
+    };
+    let threads = order.threads.clamp(1, shared.queue.len().max(1));
+    let finished = thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(|| shared.work())).collect();
+        workers.into_iter().map(|worker| worker.join()).collect::<Vec<_>>()
+    });
+    let mut all: Vec<Option<Ran>> = plan.cases.iter().map(|_| None).collect();
+    let mut errors = Vec::new();
+    for worker in finished {
+        let results = worker
+            .map_err(|_| CertifyError::Internal("a case made it panic; see above".to_owned()))?;
+        for (number, result) in results {
+            match result {
+                Ok(ran) => all[number] = ran,
+                Err(error) => errors.push((number, error)),
+            }
+        }
+    }
+    match errors.into_iter().min_by_key(|(number, _)| *number) {
+        Some((_, error)) => Err(error),
+        None => Ok(all),
+    }
+}
+
+fn shuffle(queue: &mut [usize], seed: u64) {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    for place in (1..queue.len()).rev() {
+        queue.swap(place, (random.next_u64() % (place as u64 + 1)) as usize);
+    }
+}
+
+/// What the threads share.
+struct Shared<'a> {
+    plan: &'a Plan<'a>,
+    subjects: &'a Subjects,
+    order: &'a Order,
+    progress: &'a (dyn Fn(Progress) + Sync),
+    stop: &'a AtomicBool,
+    /// A thread has met an error: the others need not go on.
+    has_failed: AtomicBool,
+    next: AtomicUsize,
+    done: AtomicUsize,
+    failed: AtomicUsize,
+    queue: Vec<usize>,
+}
+
+type Finished = Vec<(usize, Result<Option<Ran>, CertifyError>)>;
+
+impl Shared<'_> {
+    fn work(&self) -> Finished {
+        let mut finished = Vec::new();
+        while !self.is_over() {
+            let Some(number) = self.queue.get(self.next.fetch_add(1, Ordering::Relaxed)) else {
+                break;
+            };
+            let result = self.case(&self.plan.cases[*number].case);
+            match &result {
+                Ok(Some(ran)) => self.tell(ran),
+                Ok(None) => {}
+                Err(_) => self.has_failed.store(true, Ordering::Relaxed),
+            }
+            finished.push((*number, result));
+        }
+        finished
+    }
+
+    fn is_over(&self) -> bool {
+        self.stop.load(Ordering::Relaxed) || self.has_failed.load(Ordering::Relaxed)
+    }
+
+    fn tell(&self, ran: &Ran) {
+        let is_failed = usize::from(ran.failed_runs > 0);
+        let failed = self.failed.fetch_add(is_failed, Ordering::Relaxed) + is_failed;
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        (self.progress)(Progress { done, cases: self.queue.len(), failed });
+    }
+
+    /// None: it was stopped.
+    fn case(&self, listed: &Listed<'_>) -> Result<Option<Ran>, CertifyError> {
+        match listed.source {
+            Source::Trace(case) => self.trace(listed, case),
+        }
+    }
+
+    fn trace(&self, listed: &Listed<'_>, case: &Case) -> Result<Option<Ran>, CertifyError> {
+        let start = Start::new(&self.subjects.first, case);
+        let mut ran = Ran {
+            fuel: start.uncut.fuel,
+            bytes: start.uncut.bytes,
+            pure: pure(listed.id, &start.uncut.seen, start.failure.as_ref()),
+            ..Ran::default()
+        };
+        for permutation in start.permutations() {
+            if self.is_over() {
+                return Ok(None);
+            }
+            let failure = start.judge(permutation, self.order.cut_seed);
+            ran.add(listed, case, &permutation.to_string(), failure);
+            if permutation == Permutation::Uncut {
+                let failure = self.second(listed, case, &start.uncut)?;
+                ran.add(listed, case, SECOND_ENGINE, failure);
+            }
+        }
+        Ok(Some(ran))
+    }
+
+    /// The same under the second engine.
+    fn second(
+        &self,
+        listed: &Listed<'_>,
+        case: &Case,
+        uncut: &Outcome,
+    ) -> Result<Option<Failure>, CertifyError> {
+        let outcome = self.subjects.compared(case, uncut).ok_or_else(|| {
+            let (first, second) = (self.subjects.names[0].clone(), self.subjects.names[1].clone());
+            CertifyError::EnginesDiffer { case: listed.id.to_owned(), first, second }
+        })?;
+        Ok(assess(&self.subjects.second, case, Permutation::Uncut, &outcome, None))
+    }
+}
+
+impl Ran {
+    fn add(&mut self, listed: &Listed<'_>, case: &Case, run: &str, failure: Option<Failure>) {
+        self.runs += 1;
+        let Some(failure) = failure else { return };
+        self.failed_runs += 1;
+        self.classes.insert(failure.class.name());
+        // A trap is never hidden behind what merely differs.
+        let is_wrong = failure.class.is_wrong_behaviour();
+        let has_fault = self.failures.iter().any(|failed| !is_wrong_behaviour(&failed.class));
+        if self.failures.len() == FAILURES && !is_wrong && !has_fault {
+            self.failures.pop();
+        }
+        if self.failures.len() < FAILURES {
+            self.failures.push(failed_run(listed, case, run, failure));
+        }
+    }
+}
+
+fn is_wrong_behaviour(class: &str) -> bool {
+    Class::from_name(class).is_some_and(Class::is_wrong_behaviour)
+}
+
+fn failed_run(listed: &Listed<'_>, case: &Case, run: &str, failure: Failure) -> FailedRun {
+    let class = failure.class;
+    let message = match &failure.fault {
+        Some(fault) => format!("the plug-in {}: {}", class.text(), fault.message),
+        None => format!("the plug-in {}", class.text()),
+    };
+    let hex = |bytes: &[u8]| crate::corpus::hex(bytes).to_uppercase();
+    let divergence = failure.divergence.as_ref();
+    let at_fault = failure.fault.as_ref().map(|fault| fault.at_us);
+    let side = |side: fn(&crate::Divergence) -> String| divergence.map(side).unwrap_or_default();
+    FailedRun {
+        run: format!("{}/{run}", listed.id),
+        class: class.name().to_owned(),
+        message,
+        file: case.path.display().to_string(),
+        line: divergence.and_then(|divergence| divergence.line),
+        at_us: divergence.map(|divergence| divergence.at_us).or(at_fault).unwrap_or_default(),
+        expected: side(|divergence| divergence.expected.text.clone()),
+        observed: side(|divergence| divergence.observed.text.clone()),
+        expected_bytes: hex(divergence.map(|d| d.expected.bytes.as_slice()).unwrap_or_default()),
+        observed_bytes: hex(divergence.map(|d| d.observed.bytes.as_slice()).unwrap_or_default()),
+        before: failure.before,
+        again: again(listed),
+    }
+}
+
+/// The command that runs a case again, in every permutation.
+pub(super) fn again(listed: &Listed<'_>) -> String {
+    format!("softplug certify PLUGIN --profile {} --case {}", listed.profile, listed.id)
+}

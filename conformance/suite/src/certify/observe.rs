@@ -1,0 +1,62 @@
+//! What a plug-in was seen to do in single runs, as traces.
+
+use super::CertifyError;
+use super::engines::Engines;
+use crate::corpus::Source;
+use crate::{Case, Corpus, Judge, Permutation, Sandboxed, show};
+use softplug_abi::Micros;
+use softplug_trace::Line;
+
+/// The observed course of one run.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct ObservedRun {
+    /// The run: `xon-xoff.tx.hold/cut:1`.
+    pub run: String,
+    /// A trace whose expectations are what was observed. What cannot stand in one is a comment.
+    pub text: String,
+}
+
+/// Runs single runs again, as a report's failures name them, and writes down what the plug-in does.
+/// Runs that do not exist, and a module that cannot be judged, give nothing.
+///
+/// # Errors
+/// The engines fail.
+pub fn observe<'a>(
+    module: &[u8],
+    corpus: &Corpus,
+    runs: impl IntoIterator<Item = &'a str>,
+    cut_seed: u64,
+) -> Result<Vec<ObservedRun>, CertifyError> {
+    let judged = Engines::new()?.load(module)?;
+    let Some(subjects) = judged.subjects() else { return Ok(Vec::new()) };
+    let list = corpus.list();
+    let observed = runs.into_iter().filter_map(|run| {
+        let (id, name) = run.rsplit_once('/')?;
+        let listed = list.iter().find(|listed| listed.id == id)?;
+        let (subject, permutation) = match name {
+            super::execute::SECOND_ENGINE => (&subjects.second, Permutation::Uncut),
+            name => (&subjects.first, name.parse().ok()?),
+        };
+        let text = match listed.source {
+            Source::Trace(case) => of_trace(subject, case, permutation, cut_seed),
+        };
+        Some(ObservedRun { run: run.to_owned(), text })
+    });
+    Ok(observed.collect())
+}
+
+fn of_trace(subject: &Sandboxed, case: &Case, permutation: Permutation, cut_seed: u64) -> String {
+    let outcome = Judge::run(subject, case, permutation, cut_seed);
+    let mut trace = show::observed(case, Judge::manifest(subject), &outcome.seen);
+    let mut comment = |text: String| {
+        // A comment ends with its line.
+        let text = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+        trace.body.push(Line::Comment(text));
+    };
+    comment(format!(" observed in the run {permutation}"));
+    if let Some(fault) = &outcome.fault {
+        let (at, class) = (Micros(fault.at_us), fault.class.text());
+        comment(format!(" {at}: the plug-in {class}: {}", fault.message));
+    }
+    trace.format()
+}
