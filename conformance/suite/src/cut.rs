@@ -116,7 +116,11 @@ mod tests {
             let joined: String = cut.iter().map(|(_, text)| text.as_str()).collect();
             assert_eq!(joined, "ABCDEFG");
             assert_eq!(cut.last(), Some(&(2, "G".to_owned())));
-            assert_eq!(cut, pieces(&course().cut("x", Cuts::Random(number, 0))), "not reproducible");
+            assert_eq!(
+                cut,
+                pieces(&course().cut("x", Cuts::Random(number, 0))),
+                "not reproducible"
+            );
             seen.insert(cut);
         }
         assert!(seen.len() > 10, "only {} different cuts", seen.len());

@@ -26,10 +26,8 @@ pub struct FileError {
 impl FileError {
     /// A fault at a place of the text, given in bytes.
     pub(crate) fn at(file: &Path, text: &str, place: &Range<usize>, message: &str) -> Self {
-        let before: String = String::from_utf8_lossy(
-            &text.as_bytes()[..place.start.min(text.len())],
-        )
-        .into_owned();
+        let before: String =
+            String::from_utf8_lossy(&text.as_bytes()[..place.start.min(text.len())]).into_owned();
         let line = before.matches('\n').count() + 1;
         let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
         // Nothing of the file may steer a terminal.

@@ -48,7 +48,8 @@ impl Engines {
 
     /// A module that does not fit is no error: it is judged as one that cannot be judged.
     pub(super) fn load(&self, module: &[u8]) -> Result<Judged, CertifyError> {
-        let unfit = |manifest, reason: String| Judged { manifest, subjects: None, unfit: vec![reason] };
+        let unfit =
+            |manifest, reason: String| Judged { manifest, subjects: None, unfit: vec![reason] };
         let manifest = match lint(module) {
             Ok(inspection) => inspection.manifest,
             Err(error) => return Ok(unfit(None, error.to_string())),

@@ -41,9 +41,8 @@ pub(super) fn run(
     progress: &(dyn Fn(Progress) + Sync),
     stop: &AtomicBool,
 ) -> Result<Vec<Option<Ran>>, CertifyError> {
-    let mut queue: Vec<usize> = (0..plan.cases.len())
-        .filter(|number| plan.cases[*number].fate == Fate::Runs)
-        .collect();
+    let mut queue: Vec<usize> =
+        (0..plan.cases.len()).filter(|number| plan.cases[*number].fate == Fate::Runs).collect();
     if let Some(seed) = order.shuffle {
         shuffle(&mut queue, seed);
     }

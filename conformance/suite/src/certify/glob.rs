@@ -1,7 +1,7 @@
 //! Patterns of case ids.
 
-/// Whether `text` fits a pattern in which `*` stands for any characters and `?` for one.
-pub(crate) fn fits(pattern: &str, text: &str) -> bool {
+/// Whether an id fits a pattern in which `*` stands for any characters and `?` for one.
+pub fn matches(pattern: &str, text: &str) -> bool {
     let (pattern, text) = (pattern.as_bytes(), text.as_bytes());
     let (mut p, mut t) = (0, 0);
     // Behind the last star, and how much of the text it took.
@@ -29,18 +29,18 @@ pub(crate) fn fits(pattern: &str, text: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::fits;
+    use super::matches;
 
     #[test]
     fn stars_stand_for_any_characters_and_question_marks_for_one() {
         for pattern in ["a.tx.hold", "*", "a.*", "*.hold", "a.*.h?ld", "**", "a.tx.hold*", "*t*d"] {
-            assert!(fits(pattern, "a.tx.hold"), "{pattern}");
+            assert!(matches(pattern, "a.tx.hold"), "{pattern}");
         }
         for pattern in ["", "a", "a.tx", "?", "*.hol", "b*", "a.?.hold", "a.tx.hold?", "A.*"] {
-            assert!(!fits(pattern, "a.tx.hold"), "{pattern}");
+            assert!(!matches(pattern, "a.tx.hold"), "{pattern}");
         }
-        assert!(fits("", ""));
+        assert!(matches("", ""));
         // Many stars must not take for ever.
-        assert!(!fits(&"*a".repeat(60), &"a".repeat(59)));
+        assert!(!matches(&"*a".repeat(60), &"a".repeat(59)));
     }
 }

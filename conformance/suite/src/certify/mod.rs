@@ -22,6 +22,7 @@ mod plan;
 mod rows;
 
 pub use baseline::{Baseline, BaselineError, Expected};
+pub use glob::matches;
 pub use observe::{ObservedRun, observe};
 
 use crate::Corpus;
@@ -103,13 +104,17 @@ pub enum CertifyError {
         newest: u32,
     },
     /// No case fits the patterns.
-    #[error("no case of the profile \"{profile}\" is selected; `softplug cases --profile {profile}` lists them")]
+    #[error(
+        "no case of the profile \"{profile}\" is selected; `softplug cases --profile {profile}` lists them"
+    )]
     NothingSelected {
         /// The profile.
         profile: String,
     },
     /// The two engines show different things: a fault of the suite or of an engine.
-    #[error("{case}: the engines {first} and {second} do different things; this is no fault of the plug-in, report it")]
+    #[error(
+        "{case}: the engines {first} and {second} do different things; this is no fault of the plug-in, report it"
+    )]
     EnginesDiffer {
         /// The case.
         case: String,

@@ -1,6 +1,6 @@
 //! Which cases are run, and which of them count.
 
-use super::glob::fits;
+use super::glob::matches;
 use super::{CertifyError, Order};
 use crate::corpus::{Corpus, Listed};
 use crate::ledger::Ledger;
@@ -96,7 +96,8 @@ impl<'a> Plan<'a> {
         let profile = &self.ledger.profile;
         let known = |name: &String| self.ledger.features.iter().any(|known| known.name == *name);
         let features = self.features.iter().filter(|name| !known(name)).map(|name| {
-            let all: Vec<_> = self.ledger.features.iter().map(|known| known.name.as_str()).collect();
+            let all: Vec<_> =
+                self.ledger.features.iter().map(|known| known.name.as_str()).collect();
             let all = if all.is_empty() { "none".to_owned() } else { all.join(", ") };
             format!("the manifest claims the feature \"{name}\" of {profile}; there are: {all}")
         });
@@ -122,5 +123,5 @@ impl<'a> Plan<'a> {
 
 /// Whether one of the patterns takes a case; without patterns all are taken.
 fn is_selected(patterns: &[String], id: &str) -> bool {
-    patterns.is_empty() || patterns.iter().any(|pattern| fits(pattern, id))
+    patterns.is_empty() || patterns.iter().any(|pattern| matches(pattern, id))
 }

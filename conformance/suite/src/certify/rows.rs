@@ -9,8 +9,8 @@ use crate::corpus::hex;
 use crate::ledger::Clause;
 use sha2::{Digest as _, Sha256};
 use softplug_report::{
-    CaseResult, CaseRow, ClauseRow, Counts, Fuel, PluginInfo, ProfileInfo, Reason, Report,
-    SCHEMA, Selection, SuiteInfo, verdict,
+    CaseResult, CaseRow, ClauseRow, Counts, Fuel, PluginInfo, ProfileInfo, Reason, Report, SCHEMA,
+    Selection, SuiteInfo, verdict,
 };
 
 /// Everything that a report is made of.
@@ -183,8 +183,10 @@ impl Results<'_> {
 
     /// Of the required cases.
     fn fuel(&self) -> Fuel {
-        let required =
-            self.both().filter_map(|(planned, ran)| Some((planned, ran?))).filter(|(planned, _)| planned.is_scored);
+        let required = self
+            .both()
+            .filter_map(|(planned, ran)| Some((planned, ran?)))
+            .filter(|(planned, _)| planned.is_scored);
         let mut fuel = Fuel::default();
         for (planned, ran) in required {
             fuel.units = fuel.units.saturating_add(ran.fuel.total);

@@ -14,7 +14,9 @@ const PRESET: &str = "preset";
 #[non_exhaustive]
 pub enum Finding {
     /// A case belongs to no ledger.
-    #[error("{case}: there is no ledger for the profile \"{profile}\"; add requirements/{profile}.toml")]
+    #[error(
+        "{case}: there is no ledger for the profile \"{profile}\"; add requirements/{profile}.toml"
+    )]
     UnknownProfile {
         /// The case.
         case: String,
@@ -58,7 +60,9 @@ pub enum Finding {
         level: Level,
     },
     /// A case is older than a clause that it cites, or newer than its ledger.
-    #[error("{case}: since is {since}, it must be {low} to {high}: from its newest clause to its ledger's revision")]
+    #[error(
+        "{case}: since is {since}, it must be {low} to {high}: from its newest clause to its ledger's revision"
+    )]
     WrongSince {
         /// The case.
         case: String,
@@ -70,7 +74,9 @@ pub enum Finding {
         high: u32,
     },
     /// A case uses a setting that its ledger does not list.
-    #[error("{case}: its ledger does not list the setting \"{setting}\"; add it there with type and unit")]
+    #[error(
+        "{case}: its ledger does not list the setting \"{setting}\"; add it there with type and unit"
+    )]
     UnknownSetting {
         /// The case.
         case: String,
@@ -78,7 +84,9 @@ pub enum Finding {
         setting: String,
     },
     /// A clause's words are not those that its hash is of.
-    #[error("{clause}: the sentence was changed; look at its cases, then write sha256 = \"{expected}\"")]
+    #[error(
+        "{clause}: the sentence was changed; look at its cases, then write sha256 = \"{expected}\""
+    )]
     ChangedSentence {
         /// The clause.
         clause: String,
@@ -86,7 +94,9 @@ pub enum Finding {
         expected: String,
     },
     /// A MUST that no MUST case shows.
-    #[error("{clause}: it binds, and no case of level must cites it; write one, or say under excluded why there is none")]
+    #[error(
+        "{clause}: it binds, and no case of level must cites it; write one, or say under excluded why there is none"
+    )]
     WithoutCase {
         /// The clause.
         clause: String,
@@ -203,8 +213,7 @@ fn of_ledger(ledger: &Ledger, cases: &[Listed<'_>]) -> Vec<Finding> {
         }
     }
     for setting in &ledger.settings {
-        let uses =
-            |case: &&Listed<'_>| case.config().iter().any(|pair| pair.name == setting.name);
+        let uses = |case: &&Listed<'_>| case.config().iter().any(|pair| pair.name == setting.name);
         if !cases.iter().any(uses) {
             let setting = setting.name.clone();
             findings.push(Finding::IdleSetting { profile: profile(), setting });
