@@ -61,6 +61,7 @@ pub(crate) enum Command {
     Inspect(commands::inspect::Arguments),
     Send(commands::send::Arguments),
     Receive(commands::receive::Arguments),
+    Record(commands::record::Arguments),
     Replay(commands::replay::Arguments),
     Trace(commands::trace::Arguments),
     Simulate(commands::simulate::Arguments),

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use softplug_gateway::PortSpec;
 
-use crate::commands::{demo, doctor, receive, send, simulate};
+use crate::commands::{demo, doctor, receive, record, send, simulate};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::screen::Screen;
@@ -39,6 +39,14 @@ pub(crate) fn receive(
     _: &Screen,
 ) -> Result<Exit, Failure> {
     Err(nowhere("receiving from a port"))
+}
+
+pub(crate) fn record(
+    _: &record::Arguments,
+    _: Option<record::Prepared>,
+    _: &Screen,
+) -> Result<Exit, Failure> {
+    Err(nowhere("recording between ports"))
 }
 
 pub(crate) fn serve(

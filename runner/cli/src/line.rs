@@ -86,6 +86,6 @@ pub(crate) fn port(text: &str) -> Result<PortSpec, String> {
     text.parse::<PortSpec>().map_err(|error| error.to_string())
 }
 
-fn line(text: &str) -> Result<LineParameters, String> {
+pub(crate) fn line(text: &str) -> Result<LineParameters, String> {
     parse_line(text, LineParameters::new(9_600)).map_err(|error| error.to_string())
 }

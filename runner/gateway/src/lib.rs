@@ -7,6 +7,7 @@
 //!   beyond recall when the partner says stop.
 //! - [`station`]: a port with a plug-in on it; [`transfer`]: one program over it,
 //!   or all that comes and is asked for.
+//! - [`tap`]: between two ports, passing everything on and telling what passed.
 //! - [`store`]: folders for what comes and for what machines may ask for.
 //! - [`timer`] and [`poll`]: waiting for a port, a deadline and a wake-up.
 //! - [`ports`] and [`doctor`]: which ports there are and what ails one.
@@ -35,6 +36,8 @@ pub mod pty;
 pub mod simulator;
 #[cfg(target_os = "linux")]
 pub mod station;
+#[cfg(target_os = "linux")]
+pub mod tap;
 #[cfg(target_os = "linux")]
 pub mod timer;
 #[cfg(target_os = "linux")]

@@ -97,6 +97,34 @@ impl Poller {
             woken: waker_events.contains(PollFlags::IN) && self.waker.take()?,
         })
     }
+
+    /// The same for two ports, of which each may be left out. Which of them
+    /// ended the wait, whoever reads and writes finds out.
+    pub fn wait_both(
+        &mut self,
+        ports: [Option<(BorrowedFd<'_>, Interest)>; 2],
+        deadline: Option<Micros>,
+    ) -> Result<(), PortError> {
+        self.timer.set(deadline)?;
+        let mut fds =
+            vec![PollFd::new(&self.timer, PollFlags::IN), PollFd::new(&self.waker, PollFlags::IN)];
+        for (port, interest) in ports.into_iter().flatten() {
+            let mut wanted = PollFlags::empty();
+            wanted.set(PollFlags::IN, interest.read);
+            wanted.set(PollFlags::OUT, interest.write);
+            fds.push(PollFd::from_borrowed_fd(port, wanted));
+        }
+        wait_for(&mut fds)?;
+        let is_in = |fd: &PollFd<'_>| fd.revents().contains(PollFlags::IN);
+        let (has_expired, was_woken) = (is_in(&fds[0]), is_in(&fds[1]));
+        if has_expired {
+            self.timer.expired()?;
+        }
+        if was_woken {
+            self.waker.take()?;
+        }
+        Ok(())
+    }
 }
 
 /// Ends a [`Poller::wait`] from another thread. Wakes before the wait count.

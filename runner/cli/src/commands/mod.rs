@@ -8,6 +8,7 @@ pub(crate) mod inspect;
 pub(crate) mod man;
 pub(crate) mod ports;
 pub(crate) mod receive;
+pub(crate) mod record;
 pub(crate) mod replay;
 pub(crate) mod send;
 pub(crate) mod simulate;
@@ -26,6 +27,7 @@ pub(crate) fn run(command: Command, screen: &Screen) -> Result<Exit, Failure> {
         Command::Inspect(arguments) => inspect::run(&arguments, screen),
         Command::Send(arguments) => send::run(&arguments, screen),
         Command::Receive(arguments) => receive::run(&arguments, screen),
+        Command::Record(arguments) => record::run(&arguments, screen),
         Command::Replay(arguments) => replay::run(&arguments, screen),
         Command::Trace(arguments) => trace::run(arguments, screen),
         Command::Simulate(arguments) => simulate::run(arguments, screen),
