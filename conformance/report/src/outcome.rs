@@ -70,7 +70,7 @@ impl Outcome {
     }
 
     /// Of a case, held against the clauses that it may cite (sorted by id), the
-    /// profile and what was asked for.
+    /// profile (its features sorted) and what was asked for.
     pub fn of(
         case: &CaseRow,
         clauses: &[ClauseRow],
@@ -107,11 +107,14 @@ fn is_claimed(case: &CaseRow, clauses: &[ClauseRow], profile: &ProfileInfo) -> b
         let place = clauses.binary_search_by(|clause| clause.id.cmp(id)).ok()?;
         clauses[place].feature.as_ref()
     };
-    case.clauses.iter().filter_map(feature_of).all(|feature| profile.features.contains(feature))
+    case.clauses
+        .iter()
+        .filter_map(feature_of)
+        .all(|feature| profile.features.binary_search(feature).is_ok())
 }
 
 impl Counts {
-    /// The counts that follow from a report's rows.
+    /// The counts that follow from a report's rows: clauses and features are sorted.
     ///
     /// ```
     /// use softplug_report::{Counts, ProfileInfo, Selection};

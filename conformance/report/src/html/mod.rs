@@ -133,7 +133,9 @@ fn remarks(report: &Report) -> Vec<String> {
     if selection.strict {
         remarks.push("Strict: a failed SHOULD counts as a failed MUST.".to_owned());
     }
-    if !profile.claimed {
+    if report.verdict == VerdictKind::NotJudged {
+        // Nothing is known of a manifest that may not have been read.
+    } else if !profile.claimed {
         remarks.push(
             "The manifest does not claim this profile; the plug-in was judged by its core."
                 .to_owned(),
@@ -218,7 +220,8 @@ fn origin(report: &Report) -> Markup {
             h2 { "What was judged, and how to do it again" }
             dl.facts {
                 dt { "Module, SHA-256" } dd { code { (report.plugin.sha256) } }
-                dt { "Module, size" } dd { (report.plugin.bytes) " bytes, ABI " (text::line(&report.plugin.abi)) }
+                dt { "Module, size" } dd { (report.plugin.bytes) " bytes"
+                    @if !report.plugin.abi.is_empty() { ", ABI " (text::line(&report.plugin.abi)) } }
                 dt { "Corpus, SHA-256" } dd { code { (report.suite.corpus) } }
                 @if let Some(baseline) = &report.selection.baseline {
                     dt { "Baseline, SHA-256" } dd { code { (baseline) } }

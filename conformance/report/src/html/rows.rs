@@ -27,7 +27,8 @@ pub(super) fn mark(outcome: Outcome) -> Markup {
 }
 
 pub(super) fn anchor(kind: &str, id: &str) -> String {
-    let slug = id.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' });
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | '_');
+    let slug = id.chars().map(|c| if is_plain(c) { c } else { '-' });
     format!("{kind}-{}", slug.collect::<String>())
 }
 
@@ -50,7 +51,7 @@ pub(super) fn clauses(report: &Report) -> Markup {
             }
             p.hint {
                 "Mutants are reference plug-ins that break one clause on purpose; a killed one shows \
-                 that the cases notice."
+                 that the cases notice. A clause is not shown if none of its cases was executed."
             }
         }
     }

@@ -76,6 +76,15 @@ impl Step {
     }
 }
 
+impl Step {
+    /// When it begins, in µs.
+    fn micros(&self) -> Option<u64> {
+        let (seconds, fraction) = self.time.split('~').next()?.split_once('.')?;
+        let fraction: u64 = format!("{fraction:0<6}").parse().ok()?;
+        seconds.parse::<u64>().ok()?.checked_mul(1_000_000)?.checked_add(fraction)
+    }
+}
+
 /// The text with single spaces.
 fn words(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
@@ -98,6 +107,12 @@ pub(super) fn picture(run: &FailedRun) -> Markup {
         if !line.is_empty() {
             rows.push((role, Step::parse(line)));
         }
+    }
+    if let [.., (Role::Expected, expected), (Role::Observed, observed)] = &rows[..]
+        && observed.micros().is_some_and(|at| Some(at) < expected.micros())
+    {
+        let last = rows.len() - 1;
+        rows.swap(last, last - 1);
     }
     if rows.is_empty() {
         return html! {};
@@ -189,6 +204,15 @@ mod tests {
         for line in ["nothing", "", ">", "> soon 41", "nothing; then > 1.000000 41", "# 1.0 x"] {
             assert_eq!(Step::parse(line).kind, Kind::Note, "{line}");
         }
+    }
+
+    #[test]
+    fn times_are_compared_as_numbers() {
+        let micros = |time: &str| Step::parse(&format!("> {time} 41")).micros();
+        assert_eq!(micros("2.5"), Some(2_500_000));
+        assert_eq!(micros("10.000001~11.0"), Some(10_000_001));
+        assert_eq!(micros("99999999999999999999.0"), None);
+        assert_eq!(Step::parse("nothing").micros(), None);
     }
 
     #[test]

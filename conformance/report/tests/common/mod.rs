@@ -3,7 +3,7 @@
 #![allow(dead_code, reason = "each test program uses some of it")]
 
 use serde_json::Value;
-use softplug_report::{Report, VerdictKind, json};
+use softplug_report::{Report, VerdictKind, check, json};
 use std::path::{Path, PathBuf};
 
 /// The samples with their verdicts.
@@ -38,6 +38,9 @@ pub(crate) fn hostile() -> Report {
     let mut report = sample("not-conformant");
     let text = || HOSTILE.to_owned();
     report.suite.engine = text();
+    // In front of an id it leaves the order as it is.
+    let id = |id: &str| format!("{HOSTILE}{id}");
+    report.fuel.largest_case = id(&report.fuel.largest_case);
     report.plugin.name = text();
     report.plugin.version = text();
     report.plugin.abi = text();
@@ -45,13 +48,13 @@ pub(crate) fn hostile() -> Report {
     report.profile.features = vec![text()];
     for clause in &mut report.clauses {
         clause.sentence = text();
-        clause.id.push_str(HOSTILE);
-        clause.feature = clause.feature.as_ref().map(|_| text());
+        clause.id = id(&clause.id);
+        clause.feature = clause.feature.as_ref().map(|name| id(name));
     }
     for case in &mut report.cases {
-        case.id.push_str(HOSTILE);
+        case.id = id(&case.id);
         case.title = text();
-        case.clauses.iter_mut().for_each(|id| id.push_str(HOSTILE));
+        case.clauses.iter_mut().for_each(|clause| *clause = id(clause));
         for run in &mut case.failures {
             run.run = format!("{}/uncut", case.id);
             for field in [
@@ -67,6 +70,7 @@ pub(crate) fn hostile() -> Report {
             run.before = vec![text(), format!("> 0.000001 {HOSTILE}")];
         }
     }
+    assert_eq!(check(&report), Ok(()), "it is a report like any other");
     report
 }
 
