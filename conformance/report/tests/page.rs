@@ -45,6 +45,17 @@ fn a_failed_case_says_all_that_is_needed_to_find_it() {
 }
 
 #[test]
+fn the_command_that_runs_it_again_is_whole() {
+    for (name, _) in SAMPLES {
+        let report = sample(name);
+        let page = html::write(&report);
+        assert!(page.contains("softplug verify conformance.json PLUGIN"), "{name}");
+        let with_baseline = page.contains("PLUGIN --baseline BASELINE");
+        assert_eq!(with_baseline, report.selection.baseline.is_some(), "{name}");
+    }
+}
+
+#[test]
 fn time_goes_downwards() {
     let page = html::write(&sample("not-conformant"));
     let article = page.split("<article id=\"case-xon-xoff.tx.hold\"").nth(1).unwrap();

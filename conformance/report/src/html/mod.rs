@@ -151,8 +151,8 @@ fn lint(report: &Report) -> Markup {
     html! {
         @if !report.lint.is_empty() {
             section id="lint" {
-                h2 { "The module is not sound" }
-                p { "Before any case is run, the module is held against the ABI:" }
+                h2 { "Why no case was run" }
+                p { "Before the first case a module is held against the ABI, loaded and started:" }
                 ul { @for finding in &report.lint { li { (text::line(finding)) } } }
             }
         }
@@ -228,11 +228,19 @@ fn origin(report: &Report) -> Markup {
                 }
                 dt { "Digest of the observed" } dd { code { (report.digest) } }
                 dt { "Run it again" }
-                dd { code { "softplug verify conformance.json PLUGIN" } }
+                dd {
+                    code {
+                        "softplug verify conformance.json PLUGIN"
+                        @if report.selection.baseline.is_some() { " --baseline BASELINE" }
+                    }
+                }
             }
             p.hint {
                 "The digest covers id, verdict and observable actions of every uncut case. "
                 code { "PLUGIN" } " stands for the module's file."
+                @if report.selection.baseline.is_some() {
+                    " " code { "BASELINE" } " for that of the expected failures."
+                }
             }
         }
     }
