@@ -1,18 +1,33 @@
 //! What mutants need beyond a condition. Without the feature `mutants` all of this
 //! changes nothing and is left out.
 
-use crate::cause::STOPPED;
+use crate::cause::{DAMAGED, SET_UP_REFUSED, STOPPED, WRONG_BCC};
 use crate::frame::{DLE, Decoder, NAK, STX};
 use crate::machine::{Machine, NEVER, put};
 use crate::phase::Phase;
-use softplug_plugin::{Context, Opening, Parity, mutant};
+use core::sync::atomic::{AtomicBool, Ordering};
+use softplug_plugin::{Context, Micros, Opening, Parity, mutant};
+
+/// A reception that a mutant takes over a closed link.
+static RECEPTION: AtomicBool = AtomicBool::new(false);
 
 impl Machine {
+    /// Before the link closes.
+    #[inline]
+    pub(crate) fn mutate_closed(&self) {
+        if mutant!("r3964.line.close/reception-goes-on") {
+            RECEPTION.store(self.phase == Phase::Receiving, Ordering::Relaxed);
+        }
+    }
+
     /// Behind the opening, or the taking over, of a link.
     #[inline]
     pub(crate) fn mutate_opening(&mut self, link: &mut Context<'_>, opening: &Opening) {
         if mutant!("r3964.line.start-nak/when-taking-over") && opening.resumed {
             put(link, NAK);
+        }
+        if mutant!("r3964.line.close/reception-goes-on") && RECEPTION.load(Ordering::Relaxed) {
+            self.phase = Phase::Receiving;
         }
         if mutant!("r3964.line.any-format/check-needs-parity")
             && opening.line.parity == Parity::None
@@ -42,6 +57,104 @@ impl Machine {
         }
     }
 
+    /// Behind each new beginning of ZVZ in a block.
+    #[inline]
+    pub(crate) fn mutate_zvz(&mut self, link: &Context<'_>, before: Micros) {
+        if mutant!("r3964.rx.zvz/not-begun-anew") && before != NEVER {
+            self.deadline = before;
+        }
+        if mutant!("r3964.rx.zvz/acknowledgement-delay-instead") {
+            self.wait(link, 2_000);
+        }
+        self.deadline.0 += i64::from(mutant!("r3964.rx.zvz/tick-late"));
+        self.deadline.0 -= i64::from(mutant!("r3964.rx.zvz/tick-early"));
+    }
+
+    /// Whether a first byte of data is taken for something else.
+    #[inline]
+    pub(crate) fn is_mutant_first(&mut self, good: Option<u8>) -> bool {
+        let is_first = self.block.is_empty() && !self.decoder.is_after_dle();
+        if mutant!("r3964.rx.transparent/first-nak-ends") && is_first && good == Some(NAK) {
+            self.idle();
+            return true;
+        }
+        let is_lost = mutant!("r3964.rx.second-stx/ever-repeated")
+            || (mutant!("r3964-simplified.rx.no-handshake/stx-in-the-data-lost")
+                && !self.options.handshake);
+        is_lost && is_first && good == Some(STX)
+    }
+
+    /// Whether a damaged character is taken as it was read.
+    #[inline]
+    pub(crate) fn is_mutant_damage(&self, raw: Option<u8>) -> bool {
+        mutant!("r3964.rx.line-error/taken")
+            || (mutant!("r3964.rx.line-error/overrun-passed-over") && raw.is_none())
+            || (mutant!("3964.rx.repetition/damaged-taken") && !self.options.bcc)
+    }
+
+    /// Whether a good block is not acknowledged.
+    #[inline]
+    pub(crate) fn is_mutant_silent(&self) -> bool {
+        mutant!("r3964.rx.deliver/not-acknowledged")
+            || mutant!("r3964-simplified.rx.set-up/block-not-acknowledged")
+            || (mutant!("3964.rx.acknowledge/not-acknowledged") && !self.options.bcc)
+    }
+
+    /// Whether a bad block is not refused.
+    #[inline]
+    pub(crate) fn is_mutant_silent_on_error(&self) -> bool {
+        (mutant!("r3964.rx.bcc/not-answered") && self.first_error == Some(WRONG_BCC))
+            || (mutant!("r3964.rx.line-error/not-answered") && self.first_error == Some(DAMAGED))
+            || (mutant!("3964.rx.repetition/not-answered") && !self.options.bcc)
+            || mutant!("r3964-simplified.rx.one-attempt/not-answered")
+    }
+
+    /// Whether a block is passed over as the repetition of the one before, which the
+    /// place of a job's block remembers.
+    #[inline]
+    pub(crate) fn is_mutant_repeated(&mut self) -> bool {
+        let is_suspicious = mutant!("r3964.rx.at-least-once/passed-over")
+            || mutant!("r3964-simplified.rx.at-least-once/passed-over");
+        if !is_suspicious || self.has_job() {
+            return false;
+        }
+        let is_known = self.job.block.as_slice() == self.block.as_slice();
+        self.job.block.clear();
+        self.job.block.extend(self.block.as_slice());
+        is_known
+    }
+
+    /// How much longer a job's block counts than it is.
+    #[inline]
+    pub(crate) fn mutant_length(&self) -> i64 {
+        let doubled = self.job.block.as_slice().iter().filter(|byte| **byte == DLE);
+        let doubled =
+            if mutant!("r3964.tx.too-long/doubled-counted") { doubled.count() } else { 0 };
+        doubled as i64 + i64::from(mutant!("r3964.tx.too-long/one-less"))
+            - i64::from(mutant!("r3964.tx.too-long/one-more"))
+    }
+
+    /// Whether a job begins though the line is not idle.
+    #[inline]
+    pub(crate) fn is_mutant_impatient(&self) -> bool {
+        match self.phase {
+            Phase::Receiving => mutant!("r3964.tx.waits/not-for-the-block"),
+            Phase::RepetitionWait => mutant!("r3964.tx.waits/not-for-the-repetition"),
+            Phase::BufferWait => mutant!("r3964.tx.waits/not-for-the-buffer"),
+            Phase::Garbage => mutant!("r3964.tx.waits/not-for-the-silence"),
+            _ => false,
+        }
+    }
+
+    /// Low priority: whether the partner's STX is not given way to.
+    #[inline]
+    pub(crate) fn is_mutant_firm(&mut self, link: &mut Context<'_>) -> bool {
+        if mutant!("r3964.conflict.low/job-dropped") {
+            self.fail_job(link, SET_UP_REFUSED);
+        }
+        mutant!("3964.conflict.low/insists") && !self.options.bcc
+    }
+
     /// Behind the restoring of what was saved.
     #[inline]
     pub(crate) fn mutate_restored(&mut self) {
@@ -56,6 +169,9 @@ impl Machine {
         }
         if mutant!("r3964.line.swap/refusals-forgotten") {
             self.refused = 0;
+        }
+        if mutant!("r3964.line.swap/set-ups-forgotten") {
+            self.setups = 1;
         }
     }
 

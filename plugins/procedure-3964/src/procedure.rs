@@ -71,6 +71,10 @@ impl<V: Variant> Converter for Procedure<V> {
         self.machine.opened(link, opening);
     }
 
+    fn closed(&mut self, _link: &mut Context<'_>) {
+        self.machine.mutate_closed();
+    }
+
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         self.machine.received(link, bytes);
     }
