@@ -98,9 +98,6 @@ impl Codes {
     /// The two bytes that stand for a data byte in transparent mode, if it
     /// must be escaped.
     pub(crate) fn escaped(&self, byte: u8) -> Option<[u8; 2]> {
-        if mutant!("xon-xoff.tx.transparent/unchanged") {
-            return self.must_escape(byte).then_some([self.escape, byte]);
-        }
         self.must_escape(byte).then_some([self.escape, byte ^ self.escape_xor])
     }
 }

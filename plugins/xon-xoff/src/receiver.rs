@@ -242,7 +242,9 @@ impl Receiver {
         codes: &Codes,
     ) {
         self.repeat_at = None;
-        if self.xon_unanswered && self.delivery != 0 {
+        if self.xon_unanswered
+            && (self.delivery != 0 || mutant!("xon-xoff.rx.repeat-xon/goes-on-after-the-end"))
+        {
             link.transmit_urgent(&[codes.xon]);
             if mutant!("xon-xoff.rx.repeat-xon/only-once") {
                 return;

@@ -189,13 +189,6 @@ impl Sender {
         job: &JobStart<'_>,
     ) {
         if self.is_sending() {
-            if mutant!("xon-xoff.tx.one-job/other-reason") {
-                link.job_failed(job.job, Failure::NotSupported, 0, 0);
-                return;
-            }
-            if mutant!("xon-xoff.tx.one-job/first-is-aborted") {
-                self.stop(link, Failure::Aborted);
-            }
             link.job_failed(job.job, Failure::Busy, 0, 0);
             return;
         }
@@ -323,6 +316,9 @@ impl Sender {
         }
         for byte in bytes {
             match codes.escaped(*byte) {
+                Some([escape, _]) if mutant!("xon-xoff.tx.transparent/unchanged") => {
+                    self.queue(link, &[escape, *byte]);
+                }
                 Some(pair) => self.queue(link, &pair),
                 None => self.queue(link, &[*byte]),
             }
@@ -396,7 +392,7 @@ impl Sender {
             self.finish(link);
             return;
         }
-        if mutant!("xon-xoff.tx.abort-send/passes-the-hold") && is_abort {
+        if mutant!("xon-xoff.tx.abort-send/passes-the-hold") && is_abort && !last_words.is_empty() {
             link.transmit_urgent(last_words);
             self.finish(link);
             return;

@@ -1,7 +1,11 @@
 //! Catalogues: the mutants of a profile, in `fixtures/mutants/*.toml`.
 
 use super::patch::id;
+use crate::FileError;
+use crate::file_error::read_toml;
+use crate::ledger::Ledger;
 use serde::Deserialize;
+use softplug_report::Level;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -35,8 +39,8 @@ pub struct Mutant {
     pub text: String,
     /// Why no case can notice it; `None`: one must.
     pub survivor: Option<String>,
-    /// Line and column in the file, from 1.
-    pub place: (usize, usize),
+    /// Where in the file.
+    pub place: Place,
 }
 
 impl Mutant {
@@ -53,8 +57,17 @@ pub struct Unbreakable {
     pub clause: String,
     /// Why.
     pub reason: String,
-    /// Line and column in the file, from 1.
-    pub place: (usize, usize),
+    /// Where in the file.
+    pub place: Place,
+}
+
+/// Where something stands in a file.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub struct Place {
+    /// From 1.
+    pub line: u32,
+    /// In characters, from 1.
+    pub column: u32,
 }
 
 /// What is wrong with a catalogue.
@@ -68,18 +81,9 @@ pub enum CatalogueError {
         /// The system's reason.
         source: io::Error,
     },
-    /// A line of a file says what cannot be.
-    #[error("{}:{line}:{column}: {message}", file.display())]
-    Wrong {
-        /// The file.
-        file: PathBuf,
-        /// From 1.
-        line: usize,
-        /// In characters, from 1.
-        column: usize,
-        /// What, and what to do.
-        message: String,
-    },
+    /// A file says what cannot be.
+    #[error(transparent)]
+    Wrong(#[from] FileError),
 }
 
 #[derive(Deserialize)]
@@ -115,14 +119,14 @@ impl Catalogue {
     /// # Errors
     /// The text is no TOML of the catalogue's shape, or a word of it is empty or not
     /// of the shape that it needs.
-    pub fn parse(file: &Path, text: &str) -> Result<Self, CatalogueError> {
-        let wrong = |span: Range<usize>, message: String| {
-            let (line, column) = place(text, span.start);
-            CatalogueError::Wrong { file: file.to_owned(), line, column, message }
+    pub fn parse(file: &Path, text: &str) -> Result<Self, FileError> {
+        let wrong =
+            |span: Range<usize>, message: String| FileError::at(file, text, &span, &message);
+        let place = |span: Range<usize>| {
+            let FileError { line, column, .. } = FileError::at(file, text, &span, "");
+            Place { line, column }
         };
-        let raw: RawCatalogue = toml::from_str(text).map_err(|error| {
-            wrong(error.span().unwrap_or_default(), error.message().trim().to_owned())
-        })?;
+        let raw: RawCatalogue = read_toml(file, text)?;
         let words = |word: &Spanned<String>| {
             let is_empty = word.get_ref().trim().is_empty();
             let message = "this says nothing: write one sentence".to_owned();
@@ -143,7 +147,7 @@ impl Catalogue {
                 plugin: mutant.plugin.as_ref().unwrap_or(&raw.plugin).clone(),
                 text: words(&mutant.text)?,
                 survivor: mutant.survivor.as_ref().map(words).transpose()?,
-                place: place(text, mutant.id.span().start),
+                place: place(mutant.id.span()),
             });
         }
         let mut unbreakable = Vec::new();
@@ -151,7 +155,7 @@ impl Catalogue {
             unbreakable.push(Unbreakable {
                 clause: clause.clause.get_ref().clone(),
                 reason: words(&clause.reason)?,
-                place: place(text, clause.clause.span().start),
+                place: place(clause.clause.span()),
             });
         }
         Ok(Self { file: file.to_owned(), profile: raw.profile, mutants, unbreakable })
@@ -174,23 +178,20 @@ impl Catalogue {
         files.sort();
         let read = |path: &PathBuf| {
             let text = fs::read_to_string(path).map_err(|error| io(path, error))?;
-            Self::parse(path, &text)
+            Ok(Self::parse(path, &text)?)
         };
         files.iter().map(read).collect()
     }
 
-    fn wrong(&self, place: (usize, usize), message: String) -> CatalogueError {
-        let (line, column) = place;
-        CatalogueError::Wrong { file: self.file.clone(), line, column, message }
+    fn wrong(&self, place: Place, message: String) -> FileError {
+        let Place { line, column } = place;
+        FileError { file: self.file.clone(), line, column, message }
     }
 }
 
 /// Holds catalogues against each other and against the clauses that there are. All
 /// that is wrong, in the order of the files.
-pub fn check_all(
-    catalogues: &[Catalogue],
-    is_clause: impl Fn(&str) -> bool,
-) -> Vec<CatalogueError> {
+pub fn check_all(catalogues: &[Catalogue], is_clause: impl Fn(&str) -> bool) -> Vec<FileError> {
     let mut wrong = Vec::new();
     let mut numbers: BTreeMap<u64, &str> = BTreeMap::new();
     let mut broken: BTreeMap<&str, &str> = BTreeMap::new();
@@ -234,6 +235,23 @@ pub fn check_all(
     wrong
 }
 
+/// The clauses that must be kept and can be tested, for which no catalogue has a
+/// mutant or a reason why there is none. Sorted.
+pub fn unproved<'a>(catalogues: &[Catalogue], ledgers: &'a [Ledger]) -> Vec<&'a str> {
+    let broken = catalogues.iter().flat_map(|catalogue| &catalogue.mutants).map(Mutant::clause);
+    let excused = catalogues.iter().flat_map(|catalogue| &catalogue.unbreakable);
+    let proved: BTreeSet<&str> =
+        broken.chain(excused.map(|unbreakable| unbreakable.clause.as_str())).collect();
+    let binding = ledgers
+        .iter()
+        .flat_map(|ledger| &ledger.clauses)
+        .filter(|clause| clause.level == Level::Must && clause.excluded.is_none());
+    let mut unproved: Vec<&str> =
+        binding.map(|clause| clause.id.as_str()).filter(|id| !proved.contains(id)).collect();
+    unproved.sort_unstable();
+    unproved
+}
+
 fn is_mutant(id: &str) -> bool {
     let is_run = |run: &str| {
         !run.is_empty() && run.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit())
@@ -241,14 +259,6 @@ fn is_mutant(id: &str) -> bool {
     let is_part = |part: &str| part.split('-').all(is_run);
     let Some((clause, slug)) = id.split_once('/') else { return false };
     id.len() <= 128 && clause.contains('.') && clause.split('.').all(is_part) && is_part(slug)
-}
-
-/// Line and column of a byte, from 1.
-pub(super) fn place(text: &str, at: usize) -> (usize, usize) {
-    let before = text.get(..at).unwrap_or(text);
-    let line = before.matches('\n').count() + 1;
-    let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
-    (line, column)
 }
 
 #[cfg(test)]
@@ -285,7 +295,8 @@ reason = \"The host makes a new instance.\"
         let [ignored, two] = &catalogue.mutants[..] else { panic!("two mutants") };
         assert_eq!((ignored.plugin.as_str(), two.plugin.as_str()), ("xon-xoff", "other"));
         assert_eq!(ignored.clause(), "xon-xoff.tx.obey-xoff");
-        assert_eq!((ignored.place, two.place), ((5, 6), (9, 6)));
+        let place = |line, column| Place { line, column };
+        assert_eq!((ignored.place, two.place), (place(5, 6), place(9, 6)));
         assert_eq!(two.survivor.as_deref(), Some("The port holds them."));
         assert_eq!(catalogue.unbreakable[0].clause, "xon-xoff.link.close");
     }

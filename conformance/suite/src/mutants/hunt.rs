@@ -1,7 +1,8 @@
 //! Runs the cases of a profile against a mutant until one sees wrong behaviour.
 
 use super::Mutant;
-use crate::{Case, Class, Filter, Judge, Permutation, Verdict, judge};
+use crate::run::Start;
+use crate::{Case, Failure, Judge, Permutation};
 
 /// What came of one mutant.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -42,18 +43,20 @@ pub fn hunt(subject: &dyn Judge, mutant: &Mutant, cases: &[&Case]) -> Hunt {
         cases.iter().partition(|case| cites(case, mutant));
     let mut hunt = Hunt { kill: None, not_kills: Vec::new(), runs: 0 };
     for cases in [citing, others] {
-        for case in &cases {
-            let uncut = format!("{}/{}", case.trace.front.id, Permutation::Uncut);
-            let (verdicts, _) = judge(subject, case, &Filter::only([uncut]));
-            if hunt.take(&verdicts, cites(case, mutant)) {
+        let mut starts = Vec::new();
+        for case in cases {
+            let start = Start::new(subject, case);
+            if hunt.take(case, mutant, Permutation::Uncut, start.failure.as_ref()) {
                 return hunt;
             }
+            starts.push((case, start));
         }
-        for case in &cases {
-            let (verdicts, _) = judge(subject, case, &Filter::default());
-            let permuted = verdicts.get(1..).unwrap_or_default();
-            if hunt.take(permuted, cites(case, mutant)) {
-                return hunt;
+        for (case, start) in starts {
+            for permutation in start.permutations().into_iter().skip(1) {
+                let failure = start.judge(permutation, 0);
+                if hunt.take(case, mutant, permutation, failure.as_ref()) {
+                    return hunt;
+                }
             }
         }
     }
@@ -72,25 +75,23 @@ impl Hunt {
         format!(" ({count} of them failed without wrong behaviour, first {run}: {class})")
     }
 
-    /// Counts runs up to the first kill. Whether there was one.
-    fn take(&mut self, verdicts: &[Verdict], cites: bool) -> bool {
-        for verdict in verdicts {
-            self.runs += 1;
-            let Some(failure) = &verdict.failure else { continue };
-            let (run, class) = (verdict.case.clone(), name(failure.class));
-            if let Class::Fault(_) = failure.class {
-                self.not_kills.push(NotAKill { run, class });
-                continue;
-            }
-            self.kill = Some(Kill { run, class, cites });
-            return true;
+    /// Counts a run. Whether it is a kill.
+    fn take(
+        &mut self,
+        case: &Case,
+        mutant: &Mutant,
+        permutation: Permutation,
+        failure: Option<&Failure>,
+    ) -> bool {
+        self.runs += 1;
+        let Some(failure) = failure else { return false };
+        let run = format!("{}/{permutation}", case.trace.front.id);
+        let class = failure.class.name().to_owned();
+        if failure.class.is_wrong_behaviour() {
+            self.kill = Some(Kill { run, class, cites: cites(case, mutant) });
+        } else {
+            self.not_kills.push(NotAKill { run, class });
         }
-        false
+        self.kill.is_some()
     }
-}
-
-/// The name of a class in reports.
-fn name(class: Class) -> String {
-    let value = serde_json::to_value(class).unwrap_or_default();
-    value.as_str().unwrap_or_default().to_owned()
 }

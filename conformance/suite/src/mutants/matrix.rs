@@ -2,6 +2,8 @@
 //! in the repository, so that it cannot shrink unseen.
 
 use super::{Catalogue, Hunt, Mutant};
+use crate::FileError;
+use crate::file_error::read_toml;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -67,20 +69,6 @@ pub struct UnbreakableRow {
     pub profile: String,
     /// Why.
     pub reason: String,
-}
-
-/// A matrix cannot be read.
-#[derive(Debug, thiserror::Error)]
-#[error("{}:{line}:{column}: {message}; write it anew with `cargo xtask mutants`", file.display())]
-pub struct MatrixError {
-    /// The file, as it was named.
-    pub file: PathBuf,
-    /// From 1.
-    pub line: usize,
-    /// In characters, from 1.
-    pub column: usize,
-    /// What is wrong.
-    pub message: String,
 }
 
 /// A mutant that proves the opposite of what its catalogue says.
@@ -183,13 +171,8 @@ impl Matrix {
     ///
     /// # Errors
     /// The text is no matrix.
-    pub fn parse(file: &Path, text: &str) -> Result<Self, MatrixError> {
-        toml::from_str(text).map_err(|error| {
-            let (line, column) =
-                super::catalogue::place(text, error.span().unwrap_or_default().start);
-            let message = error.message().trim().to_owned();
-            MatrixError { file: file.to_owned(), line, column, message }
-        })
+    pub fn parse(file: &Path, text: &str) -> Result<Self, FileError> {
+        read_toml(file, text)
     }
 
     /// For machines.

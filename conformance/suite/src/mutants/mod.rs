@@ -14,8 +14,8 @@ mod matrix;
 mod page;
 mod patch;
 
-pub use catalogue::{Catalogue, CatalogueError, Mutant, Unbreakable, check_all};
+pub use catalogue::{Catalogue, CatalogueError, Mutant, Place, Unbreakable, check_all, unproved};
 pub use hunt::{Hunt, Kill, NotAKill, hunt};
 pub use hunt_all::{HuntError, hunt_all, subject};
-pub use matrix::{KillRow, Matrix, MatrixError, SurvivorRow, UnbreakableRow, Unproved};
+pub use matrix::{KillRow, Matrix, SurvivorRow, UnbreakableRow, Unproved};
 pub use patch::{MARKER, PatchError, id, wake};

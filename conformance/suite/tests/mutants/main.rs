@@ -13,10 +13,10 @@ mod sources;
 use common::{assert_all_pass, root};
 use modules::modules;
 use softplug_conformance::mutants::{
-    Catalogue, Hunt, KillRow, Matrix, Mutant, check_all, hunt, hunt_all, id, subject,
+    Catalogue, Hunt, KillRow, Matrix, Mutant, Place, check_all, hunt, hunt_all, id, subject,
+    unproved,
 };
-use softplug_conformance::{Case, Filter, load, run_all};
-use std::collections::BTreeSet;
+use softplug_conformance::{Case, Corpus, Filter, run_all};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{fs, thread};
@@ -37,8 +37,12 @@ fn catalogues() -> Vec<Catalogue> {
     Catalogue::read(&folder()).unwrap_or_else(|error| panic!("{error}"))
 }
 
+fn corpus() -> Corpus {
+    Corpus::read(&root().join("fixtures")).unwrap_or_else(|error| panic!("{error}"))
+}
+
 fn cases() -> Vec<Case> {
-    load([root().join("fixtures/traces")]).unwrap_or_else(|error| panic!("{}", error.report()))
+    corpus().cases
 }
 
 fn of_profile<'a>(cases: &'a [Case], profile: &str) -> Vec<&'a Case> {
@@ -52,7 +56,7 @@ fn inert(plugin: &str) -> Mutant {
         plugin: plugin.to_owned(),
         text: "Nothing is wrong".to_owned(),
         survivor: None,
-        place: (1, 1),
+        place: Place { line: 1, column: 1 },
     }
 }
 
@@ -127,13 +131,32 @@ fn the_matrix_can_be_read_again_and_counts_what_is_killed() {
 
 #[test]
 fn catalogues_are_sound() {
-    let cases = cases();
-    let cited: BTreeSet<&str> =
-        cases.iter().flat_map(|case| &case.trace.front.clauses).map(String::as_str).collect();
-    let catalogues = catalogues();
-    let wrong = check_all(&catalogues, |clause| cited.contains(clause));
+    let corpus = corpus();
+    let is_clause = |id: &str| corpus.ledgers.iter().any(|ledger| ledger.clause(id).is_some());
+    let wrong = check_all(&catalogues(), is_clause);
     let wrong: Vec<_> = wrong.iter().map(ToString::to_string).collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn every_clause_that_must_be_kept_has_a_mutant_or_a_reason() {
+    let (catalogues, corpus) = (catalogues(), corpus());
+    let missing = unproved(&catalogues, &corpus.ledgers);
+    assert!(
+        missing.is_empty(),
+        "no mutant breaks {} clauses; write one, or an [[unbreakable]] with its reason:\n{}",
+        missing.len(),
+        missing.join("\n")
+    );
+    // A clause whose only mutant is taken away is missed.
+    let fewer: Vec<Catalogue> = catalogues
+        .into_iter()
+        .map(|mut catalogue| {
+            catalogue.mutants.retain(|mutant| mutant.clause() != "xon-xoff.tx.obey-xoff");
+            catalogue
+        })
+        .collect();
+    assert_eq!(unproved(&fewer, &corpus.ledgers), ["xon-xoff.tx.obey-xoff"]);
 }
 
 #[test]
