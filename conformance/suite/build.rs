@@ -1,7 +1,7 @@
 //! The corpus is compiled in: a new file in it is a reason to compile again.
 
 fn main() {
-    for folder in ["requirements", "traces"] {
+    for folder in ["requirements", "traces", "mutants"] {
         println!("cargo:rerun-if-changed=../../fixtures/{folder}");
     }
 }

@@ -2,6 +2,7 @@
 //! stand in a folder.
 
 use crate::ledger::{Ledger, LedgerError};
+use crate::mutants::{Matrix, MatrixError};
 use crate::{Case, LoadError};
 use include_dir::{Dir, include_dir};
 use sha2::{Digest as _, Sha256};
@@ -16,7 +17,10 @@ use std::{fs, io};
 /// Parts of a corpus: a folder of `fixtures` each.
 static REQUIREMENTS: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/../../fixtures/requirements");
 static TRACES: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/../../fixtures/traces");
-const PARTS: [&str; 2] = ["requirements", "traces"];
+static MUTANTS: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/../../fixtures/mutants");
+const PARTS: [&str; 3] = ["requirements", "traces", "mutants"];
+/// What is left of the mutants for judging.
+const MATRIX: &str = "mutants/matrix.toml";
 
 /// The most bytes that a corpus may have.
 const CORPUS_BYTES: u64 = 1 << 30;
@@ -102,6 +106,9 @@ pub enum CorpusError {
         /// The profile in it.
         profile: String,
     },
+    /// The kill matrix is damaged.
+    #[error(transparent)]
+    Matrix(#[from] MatrixError),
     /// A trace is damaged or misplaced.
     #[error(transparent)]
     Trace(#[from] LoadError),
@@ -120,7 +127,7 @@ impl Corpus {
     /// The corpus of this suite.
     pub fn embedded() -> Self {
         let mut files = Files::new();
-        for (part, folder) in PARTS.into_iter().zip([&REQUIREMENTS, &TRACES]) {
+        for (part, folder) in PARTS.into_iter().zip([&REQUIREMENTS, &TRACES, &MUTANTS]) {
             embedded(part, folder, &mut files);
         }
         Self::build(Path::new(""), &files).expect("a test keeps the files that are compiled in")
@@ -143,6 +150,7 @@ impl Corpus {
     fn build(folder: &Path, files: &Files<'_>) -> Result<Self, CorpusError> {
         let mut ledgers: Vec<Ledger> = Vec::new();
         let mut cases: BTreeMap<String, Case> = BTreeMap::new();
+        let mut kills = BTreeMap::new();
         let attached = Arc::new(attachments(files));
         for (name, content) in files {
             let path = folder.join(name);
@@ -169,6 +177,11 @@ impl Corpus {
                         return Err(LoadError::Twice { id, first, second: path }.into());
                     }
                 }
+                Some("toml") if name == MATRIX => {
+                    let matrix = Matrix::parse(&path, text()?)?;
+                    let counts = matrix.killed_by_clause().into_iter();
+                    kills = counts.map(|(clause, count)| (clause.to_owned(), count)).collect();
+                }
                 _ => {}
             }
         }
@@ -177,7 +190,7 @@ impl Corpus {
         }
         ledgers.sort_by(|a, b| a.profile.cmp(&b.profile));
         let cases = cases.into_values().collect();
-        Ok(Self { ledgers, cases, kills: BTreeMap::new(), digest: digest(files) })
+        Ok(Self { ledgers, cases, kills, digest: digest(files) })
     }
 
     /// The ledger of a profile.

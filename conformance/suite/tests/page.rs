@@ -5,7 +5,7 @@ mod common;
 use common::{native, root};
 use softplug_abi::manifest::Manifest;
 use softplug_conformance::page::{presets_table, settings_table};
-use softplug_conformance::{Case, Subject, load};
+use softplug_conformance::{Case, Corpus, Subject, load};
 use std::collections::BTreeSet;
 
 /// A page of `docs/protocols`, the plug-ins whose tables stand in it, and the
@@ -109,6 +109,22 @@ fn assert_clauses(page: &Page, text: &str, cases: &[Case]) {
     let set: BTreeSet<&str> = listed.iter().copied().collect();
     assert_eq!(set, cited, "{}", page.file);
     assert_eq!(set.len(), listed.len(), "{}: a clause is listed twice", page.file);
+    assert_sentences(page, text, &set);
+}
+
+/// The ledgers have the same clauses, word for word.
+fn assert_sentences(page: &Page, text: &str, listed: &BTreeSet<&str>) {
+    let corpus = Corpus::embedded();
+    let ledgers = page.profiles.iter().map(|profile| {
+        corpus.ledger(profile).unwrap_or_else(|| panic!("there is no ledger for {profile}"))
+    });
+    let clauses: Vec<_> = ledgers.flat_map(|ledger| &ledger.clauses).collect();
+    let named: BTreeSet<&str> = clauses.iter().map(|clause| clause.id.as_str()).collect();
+    assert_eq!(&named, listed, "{}: ledger and page have different clauses", page.file);
+    for clause in clauses {
+        let row = format!("| `{}` | {} |\n", clause.id, clause.sentence);
+        assert!(text.contains(&row), "{}: another sentence than the ledger's:\n{row}", page.file);
+    }
 }
 
 /// Examples stand in the traces.

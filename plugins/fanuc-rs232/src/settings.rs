@@ -132,7 +132,7 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
         r#""requests":[{"name":"program","text":"The panel asks for a program.","fields":["#,
         r#"{"name":"name","type":"text","text":"Its name."},"#,
         r#"{"name":"number","type":"int","text":"Its number."}]}],"#,
-        r#""profiles":[{"name":"fanuc-rs232","features":[]}],"#,
+        r#""profiles":[{"name":"fanuc-rs232","features":["eia","parity","tv","restart","request","remote"]}],"#,
         r#""needs":{"line_errors":"used","modem_lines":"used","software_parity":true,"check_pass":true},"#,
         r#""state":{"saves":1,"accepts":[1]}"#,
     ),

@@ -20,7 +20,7 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
         r#"{"name":"euchner","text":"Euchner HBA.","values":{"qvz":500,"zvz":128,"setup_attempts":3,"transmission_attempts":3}},"#,
         r#"{"name":"ifm","text":"ifm efector 190.","values":{"qvz":3000,"zvz":200,"priority":"high"}},"#,
         r#"{"name":"wago","text":"WAGO.","values":{"qvz":2000,"priority":"low","block_size":128,"nak_on_garbage":false}}],"#,
-        r#""profiles":[{"name":"r3964"},{"name":"3964"},{"name":"rk512"}],"#,
+        r#""profiles":[{"name":"r3964","features":["split","presets"]},{"name":"3964"},{"name":"rk512","features":["active","passive"]}],"#,
         softplug_procedure_3964::procedure_manifest!(),
     ),
 };

@@ -78,7 +78,7 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
         r#"{"name":"tape","text":"From one percent sign to the next, without blank tape.","values":{"end_mark":"25","end_mark_count":2,"receive_drop":"00 7f"}},"#,
         r#"{"name":"binary","text":"Any bytes, escaped in both directions.","values":{"transparent":true}}],"#,
         r#""jobs":[{"name":"send","text":"Sends a program."}],"#,
-        r#""profiles":[{"name":"xon-xoff","features":["transparent","parity-mask","end-mark","line-ends"]}],"#,
+        r#""profiles":[{"name":"xon-xoff","features":["transparent","parity-mask","end-mark","line-ends","drop","strings","repeat"]}],"#,
         r#""needs":{"line_errors":"used","check_pass":true},"#,
         r#""state":{"saves":1,"accepts":[1]}"#,
     ),

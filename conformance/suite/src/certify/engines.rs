@@ -4,7 +4,7 @@ use super::CertifyError;
 use crate::{Case, FaultClass, Judge, Outcome, Permutation, Sandboxed};
 use softplug_abi::Micros;
 use softplug_abi::manifest::Manifest;
-use softplug_host::{Host, HostOptions, Plugin, SessionFault, lint};
+use softplug_host::{EngineKind, Host, HostOptions, Plugin, SessionFault, lint};
 
 /// The first engine judges and counts fuel; the second must show the same.
 pub(super) struct Engines {
@@ -29,11 +29,11 @@ pub(super) struct Subjects {
 
 impl Engines {
     pub(super) fn new() -> Result<Self, CertifyError> {
-        let host = || {
-            Host::new(HostOptions::default())
+        let host = |engine| {
+            Host::new(HostOptions { engine, ..HostOptions::default() })
                 .map_err(|error| CertifyError::Internal(error.to_string()))
         };
-        Ok(Self { first: host()?, second: host()? })
+        Ok(Self { first: host(EngineKind::Wasmtime)?, second: host(EngineKind::Wasmi)? })
     }
 
     /// Name and version of the first engine.
@@ -47,27 +47,32 @@ impl Engines {
     }
 
     /// A module that does not fit is no error: it is judged as one that cannot be judged.
-    pub(super) fn load(&self, module: &[u8]) -> Result<Judged, CertifyError> {
+    pub(super) fn load(&self, module: &[u8]) -> Judged {
         let unfit =
             |manifest, reason: String| Judged { manifest, subjects: None, unfit: vec![reason] };
         let manifest = match lint(module) {
             Ok(inspection) => inspection.manifest,
-            Err(error) => return Ok(unfit(None, error.to_string())),
+            Err(error) => return unfit(None, error.to_string()),
         };
         let plugin = match self.first.load_bytes(module) {
             Ok(plugin) => plugin,
-            Err(error) => return Ok(unfit(Some(manifest), error.to_string())),
+            Err(error) => return unfit(Some(manifest), error.to_string()),
         };
         if let Err(reason) = begins(&plugin) {
-            return Ok(unfit(Some(manifest), reason));
+            return unfit(Some(manifest), reason);
         }
-        let second = self.second.load_bytes(module).map_err(|error| {
-            CertifyError::Internal(format!("{} does not take the module: {error}", self.second()))
-        })?;
+        // What only one of them takes can be shown by one of them only.
+        let second = match self.second.load_bytes(module) {
+            Ok(second) => second,
+            Err(error) => {
+                let reason = format!("{} does not take the module: {error}", self.second());
+                return unfit(Some(manifest), reason);
+            }
+        };
         let (first, second) = (Sandboxed::new(plugin), Sandboxed::new(second));
         let names = [self.first(), self.second()];
         let subjects = Some(Subjects { first, second, names });
-        Ok(Judged { manifest: Some(manifest), subjects, unfit: Vec::new() })
+        Judged { manifest: Some(manifest), subjects, unfit: Vec::new() }
     }
 }
 

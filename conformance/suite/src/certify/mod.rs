@@ -111,6 +111,16 @@ pub enum CertifyError {
         /// The profile.
         profile: String,
     },
+    /// A case of the profile cites what its ledger does not have.
+    #[error(
+        "{case}: the ledger has no clause \"{clause}\"; `softplug cases --lint` lists all that is wrong with the corpus"
+    )]
+    UnknownClause {
+        /// The case.
+        case: String,
+        /// The clause.
+        clause: String,
+    },
     /// The two engines show different things: a fault of the suite or of an engine.
     #[error(
         "{case}: the engines {first} and {second} do different things; this is no fault of the plug-in, report it"
@@ -143,7 +153,7 @@ pub fn certify(
     stop: &AtomicBool,
 ) -> Result<Report, CertifyError> {
     let engines = Engines::new()?;
-    let judged = engines.load(module)?;
+    let judged = engines.load(module);
     let plan = Plan::new(corpus, order, judged.manifest())?;
     let mut unfit = judged.unfit();
     if unfit.is_empty() {

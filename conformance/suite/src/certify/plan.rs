@@ -67,7 +67,15 @@ impl<'a> Plan<'a> {
             cases: Vec::new(),
         };
         let own = corpus.list().into_iter().filter(|case| case.profile == ledger.profile);
+        let own: Vec<_> = own.collect();
+        for case in &own {
+            if let Some(clause) = case.clauses.iter().find(|id| ledger.clause(id).is_none()) {
+                let (case, clause) = (case.id.to_owned(), clause.clone());
+                return Err(CertifyError::UnknownClause { case, clause });
+            }
+        }
         plan.cases = own
+            .into_iter()
             .map(|case| Planned {
                 case,
                 fate: plan.fate(&case, &order.cases),

@@ -24,21 +24,17 @@ pub(crate) fn native(name: &str) -> FromFn<impl Fn() -> NativeInstance> {
 /// The same in the sandbox: from the folder `SOFTPLUG_PLUGINS`, else built now.
 pub(crate) fn sandboxed(name: &str) -> Sandboxed {
     let host = Host::new(HostOptions::default()).expect("the engine can be set up");
-    let plugin = host.load(&path(name)).unwrap_or_else(|error| panic!("{error}"));
+    let plugin = host.load_bytes(&module(name)).unwrap_or_else(|error| panic!("{error}"));
     Sandboxed::new(plugin)
 }
 
-/// The bytes of the same module.
+/// The module itself.
 pub(crate) fn module(name: &str) -> Vec<u8> {
-    let path = path(name);
-    std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
-}
-
-fn path(name: &str) -> PathBuf {
-    match std::env::var_os("SOFTPLUG_PLUGINS") {
+    let path = match std::env::var_os("SOFTPLUG_PLUGINS") {
         Some(folder) => PathBuf::from(folder).join(format!("{name}.wasm")),
         None => build(name),
-    }
+    };
+    std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
 /// Cargo builds only what has changed, so that never an old module is judged.
