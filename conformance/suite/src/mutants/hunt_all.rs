@@ -2,7 +2,7 @@
 
 use super::{Catalogue, Hunt, Mutant, PatchError, hunt, wake};
 use crate::{Case, Sandboxed};
-use softplug_host::{Host, HostOptions, LoadError};
+use softplug_host::{EngineKind, Host, HostOptions, LoadError};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -85,6 +85,8 @@ pub fn subject(modules: &Path, mutant: &Mutant) -> Result<Sandboxed, HuntError> 
     let module = fs::read(&path).map_err(|source| HuntError::Io { path: path.clone(), source })?;
     let woken = wake(&module, &mutant.id).map_err(|source| HuntError::Patch { path, source })?;
     let load = |source| HuntError::Load { mutant: mutant.id.clone(), source: Box::new(source) };
-    let host = Host::new(HostOptions::default()).map_err(load)?;
+    // Most mutants are noticed after a few short runs: compiling would take longer.
+    let options = HostOptions { engine: EngineKind::Wasmi, ..HostOptions::default() };
+    let host = Host::new(options).map_err(load)?;
     Ok(Sandboxed::new(host.load_bytes(&woken).map_err(load)?))
 }
