@@ -1,9 +1,9 @@
 //! The corpus: ledgers, cases and what the mutants showed, as they are compiled in or
 //! stand in a folder.
 
-use crate::ledger::{Ledger, LedgerError};
-use crate::mutants::{Matrix, MatrixError};
-use crate::{Case, LoadError};
+use crate::ledger::Ledger;
+use crate::mutants::Matrix;
+use crate::{Case, FileError, LoadError};
 use include_dir::{Dir, include_dir};
 use sha2::{Digest as _, Sha256};
 use softplug_report::{CaseKind, Level};
@@ -95,9 +95,9 @@ pub enum CorpusError {
         /// The line, from 1.
         line: usize,
     },
-    /// A ledger is damaged.
+    /// A ledger or the kill matrix is damaged.
     #[error(transparent)]
-    Ledger(#[from] LedgerError),
+    File(#[from] FileError),
     /// Two ledgers have one profile, or a ledger stands in another's file.
     #[error("{} holds the profile \"{profile}\"; name the file {profile}.toml", path.display())]
     LedgerName {
@@ -106,9 +106,6 @@ pub enum CorpusError {
         /// The profile in it.
         profile: String,
     },
-    /// The kill matrix is damaged.
-    #[error(transparent)]
-    Matrix(#[from] MatrixError),
     /// A trace is damaged or misplaced.
     #[error(transparent)]
     Trace(#[from] LoadError),
