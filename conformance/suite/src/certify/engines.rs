@@ -3,8 +3,13 @@
 use super::CertifyError;
 use crate::{Case, FaultClass, Judge, Outcome, Permutation, Sandboxed};
 use softplug_abi::Micros;
+use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_abi::manifest::Manifest;
 use softplug_host::{EngineKind, Host, HostOptions, Plugin, SessionFault, lint};
+
+/// The budget is the first engine's. The second one counts in other units; its own bound ends
+/// what never ends.
+const SECOND_FUEL: u64 = 10 * FUEL_PER_EVENT;
 
 /// The first engine judges and counts fuel; the second must show the same.
 pub(super) struct Engines {
@@ -29,11 +34,14 @@ pub(super) struct Subjects {
 
 impl Engines {
     pub(super) fn new() -> Result<Self, CertifyError> {
-        let host = |engine| {
-            Host::new(HostOptions { engine, ..HostOptions::default() })
+        let host = |engine, fuel_per_event| {
+            Host::new(HostOptions { engine, fuel_per_event, ..HostOptions::default() })
                 .map_err(|error| CertifyError::Internal(error.to_string()))
         };
-        Ok(Self { first: host(EngineKind::Wasmtime)?, second: host(EngineKind::Wasmi)? })
+        Ok(Self {
+            first: host(EngineKind::Wasmtime, FUEL_PER_EVENT)?,
+            second: host(EngineKind::Wasmi, SECOND_FUEL)?,
+        })
     }
 
     /// Name and version of the first engine.
