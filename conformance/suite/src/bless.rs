@@ -45,6 +45,6 @@ pub fn bless(subject: &dyn Judge, case: &Case) -> Result<Trace, BlessFailure> {
         }
     }
     let entries =
-        show::entries(case, subject.manifest(), &outcome.seen, most, |at| places.contains(&at));
+        show::entries(line, subject.manifest(), &outcome.seen, most, |at| places.contains(&at));
     Ok(case.trace.with_expectations(entries, &case.files())?)
 }

@@ -1,5 +1,6 @@
 //! How a replay can end before its time: faults, by class.
 
+use crate::script::Boxed;
 use crate::subject::WatchedFault;
 use serde::Serialize;
 use softplug_abi::{EventKind, Micros};
@@ -129,6 +130,7 @@ fn of_instance<F: Error + 'static>(event: EventKind, fault: &WatchedFault<F>) ->
         WatchedFault::Panicked(_) => return FaultClass::Trapped,
         WatchedFault::Instance(fault) => fault,
     };
+    let fault = fault.downcast_ref::<Boxed>().map_or(fault, |boxed| boxed.0.as_ref());
     match fault.downcast_ref::<SessionFault>() {
         Some(SessionFault::Trapped { .. }) => FaultClass::Trapped,
         Some(SessionFault::BudgetExhausted { .. }) => FaultClass::BudgetExhausted,

@@ -27,6 +27,7 @@ pub mod partners;
 mod permute;
 mod replay;
 mod run;
+pub mod script;
 mod show;
 mod subject;
 mod verdict;

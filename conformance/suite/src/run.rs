@@ -6,6 +6,7 @@ use crate::deed::demands;
 use crate::fault::{Fault, FaultClass};
 use crate::lines::line_parameters;
 use crate::replay::{Outcome, Seen, replay};
+use crate::script::{Script, ScriptRun};
 use crate::verdict::{Class, Failure, Verdict};
 use crate::{Case, CourseError, Divergence, Permutation, Subject, show};
 use serde::Serialize;
@@ -68,6 +69,9 @@ pub trait Judge: Sync {
 
     /// Runs a trace once. The seed changes where random cuts fall.
     fn run(&self, case: &Case, permutation: Permutation, cut_seed: u64) -> Outcome;
+
+    /// Runs a script once.
+    fn run_script(&self, script: &Script) -> ScriptRun;
 }
 
 impl<S: Subject + Sync> Judge for S {
@@ -81,6 +85,10 @@ impl<S: Subject + Sync> Judge for S {
 
     fn run(&self, case: &Case, permutation: Permutation, cut_seed: u64) -> Outcome {
         replay(self, case, permutation, cut_seed)
+    }
+
+    fn run_script(&self, script: &Script) -> ScriptRun {
+        script.run(self)
     }
 }
 

@@ -6,9 +6,9 @@ use crate::course::micros;
 use crate::deed::Deed;
 use crate::lines::line_parameters;
 use crate::replay::Seen;
-use softplug_abi::Micros;
 use softplug_abi::manifest::Manifest;
-use softplug_trace::{Entry, Line, Payload, SourceLine, Time, Trace, What, When};
+use softplug_abi::{LineParameters, Micros};
+use softplug_trace::{Entry, Payload, SourceLine, Time, What, When};
 
 /// Characters of a line that are shown.
 const WIDTH: usize = 100;
@@ -20,26 +20,24 @@ const OBSERVED_BYTES: usize = 1_024;
 const BEFORE: usize = 8;
 
 /// An entry as its trace would hold it, cut to a readable length.
-pub(crate) fn line(case: &Case, entry: &Entry) -> String {
-    let trace = Trace { front: case.trace.front.clone(), body: vec![Line::Entry(entry.clone())] };
-    let text = trace.format();
-    let line = text.lines().next_back().unwrap_or_default();
+pub(crate) fn line(entry: &Entry) -> String {
+    let line = entry.to_string();
     match line.char_indices().nth(WIDTH) {
         Some((end, _)) => format!("{}…", &line[..end]),
-        None => line.to_owned(),
+        None => line,
     }
 }
 
 /// What was seen as entries: bytes that follow each other at once stand on one
 /// line, of at most `most` bytes, unless `is_cut` cuts before one.
 pub(crate) fn entries(
-    case: &Case,
+    line: LineParameters,
     manifest: &Manifest,
     seen: &[Seen],
     most: usize,
     is_cut: impl Fn(Micros) -> bool,
 ) -> Vec<Entry> {
-    let mut run = Run::new(line_parameters(&case.trace.front.line));
+    let mut run = Run::new(line);
     let mut entries = Vec::new();
     let mut open: Option<(Micros, Vec<u8>)> = None;
     let close = |open: &mut Option<(Micros, Vec<u8>)>, entries: &mut Vec<Entry>| {
@@ -76,12 +74,12 @@ fn payload(bytes: &[u8]) -> Payload {
 /// The last lines of what was given and seen until `at`.
 pub(crate) fn before(case: &Case, manifest: &Manifest, seen: &[Seen], at: Micros) -> Vec<String> {
     let given = case.trace.inputs().cloned();
-    let seen = entries(case, manifest, seen, BYTES, |_| false);
+    let seen = entries(line_of(case), manifest, seen, BYTES, |_| false);
     let mut all: Vec<Entry> =
         given.chain(seen).filter(|entry| micros(entry.when.from) <= at).collect();
     all.sort_by_key(|entry| entry.when.from);
     let first = all.len().saturating_sub(BEFORE);
-    all[first..].iter().map(|entry| line(case, entry)).collect()
+    all[first..].iter().map(line).collect()
 }
 
 /// The case with what was seen in the place of what it demands. Comments are lost.
@@ -97,6 +95,10 @@ pub(crate) fn observed(case: &Case, manifest: &Manifest, seen: &[Seen]) -> Trace
 /// The first line of what follows.
 pub(crate) fn next(case: &Case, manifest: &Manifest, seen: &[Seen]) -> String {
     let ahead = &seen[..seen.len().min(BYTES)];
-    let entries = entries(case, manifest, ahead, BYTES, |_| false);
-    entries.first().map_or_else(|| "nothing".to_owned(), |entry| line(case, entry))
+    let entries = entries(line_of(case), manifest, ahead, BYTES, |_| false);
+    entries.first().map_or_else(|| "nothing".to_owned(), line)
+}
+
+fn line_of(case: &Case) -> LineParameters {
+    line_parameters(&case.trace.front.line)
 }

@@ -1,6 +1,6 @@
 //! The canonical text of a trace.
 
-use std::fmt::Write as _;
+use std::fmt::{self, Write as _};
 
 use crate::gloss::gloss;
 use crate::model::{
@@ -89,10 +89,7 @@ fn write_line(text: &mut String, indent: &str, line: &Line) {
         }
         Line::Entry(entry) => {
             let written = format!("{indent}{}", self::entry(entry));
-            let _ = match entry.what.payload().and_then(gloss) {
-                Some(gloss) => writeln!(text, "{written:<GLOSS_COLUMN$}  ; {gloss}"),
-                None => writeln!(text, "{written}"),
-            };
+            let _ = writeln!(text, "{}", with_gloss(&written, entry));
         }
         Line::Alternatives(block) => {
             let _ = writeln!(text, "{{ alt {}", block.clause);
@@ -106,6 +103,20 @@ fn write_line(text: &mut String, indent: &str, line: &Line) {
             }
             text.push_str("}\n");
         }
+    }
+}
+
+fn with_gloss(written: &str, entry: &Entry) -> String {
+    match entry.what.payload().and_then(gloss) {
+        Some(gloss) => format!("{written:<GLOSS_COLUMN$}  ; {gloss}"),
+        None => written.to_owned(),
+    }
+}
+
+impl fmt::Display for Entry {
+    /// The line of a trace, with its gloss.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&with_gloss(&self::entry(self), self))
     }
 }
 

@@ -1,0 +1,93 @@
+//! Any plug-in's instances as one type, so that scenarios are plain functions.
+
+use crate::{Subject, SubjectError};
+use softplug_abi::manifest::Manifest;
+use softplug_abi::{Event, Instance, Micros, Output};
+use std::error::Error;
+
+/// A subject whatever its instances are.
+pub(super) trait Starts {
+    fn start(&self) -> Result<Erased, SubjectError>;
+
+    fn manifest(&self) -> &Manifest;
+
+    fn label(&self) -> &str;
+}
+
+impl<S: Subject> Starts for S {
+    fn start(&self) -> Result<Erased, SubjectError> {
+        Ok(Erased(Box::new(Kept(self.instantiate()?))))
+    }
+
+    fn manifest(&self) -> &Manifest {
+        Subject::manifest(self)
+    }
+
+    fn label(&self) -> &str {
+        Subject::label(self)
+    }
+}
+
+/// The subject of a script.
+#[derive(Copy, Clone)]
+pub(super) struct Anything<'a>(pub(super) &'a dyn Starts);
+
+impl Subject for Anything<'_> {
+    type Instance = Erased;
+
+    fn instantiate(&self) -> Result<Erased, SubjectError> {
+        self.0.start()
+    }
+
+    fn manifest(&self) -> &Manifest {
+        self.0.manifest()
+    }
+
+    fn label(&self) -> &str {
+        self.0.label()
+    }
+}
+
+/// What an instance says when it does not take an event.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+pub(crate) struct Boxed(pub(crate) Box<dyn Error>);
+
+/// An instance of any plug-in.
+pub(super) struct Erased(Box<dyn Steps + 'static>);
+
+trait Steps {
+    fn capacity(&self) -> usize;
+
+    fn take(&mut self, event: &Event<'_>, now: Micros) -> Result<Output<'_>, Boxed>;
+}
+
+struct Kept<I>(I);
+
+impl<I: Instance> Steps for Kept<I> {
+    fn capacity(&self) -> usize {
+        self.0.input_capacity()
+    }
+
+    fn take(&mut self, event: &Event<'_>, now: Micros) -> Result<Output<'_>, Boxed> {
+        self.0.step(event, now).map_err(|fault| Boxed(Box::new(fault)))
+    }
+}
+
+impl Instance for Erased {
+    type Fault = Boxed;
+
+    fn input_capacity(&self) -> usize {
+        self.0.capacity()
+    }
+
+    fn step(&mut self, event: &Event<'_>, now: Micros) -> Result<Output<'_>, Boxed> {
+        self.0.take(event, now)
+    }
+}
+
+impl std::fmt::Debug for Erased {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Erased")
+    }
+}
