@@ -1,5 +1,6 @@
 //! The same bytes of one time, cut differently.
 
+use crate::Permutation;
 use crate::course::{Course, Given, Input};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -16,6 +17,18 @@ pub(crate) enum Cuts {
     Whole,
     /// At random places: the number of the run, and the seed of all runs.
     Random(u8, u64),
+}
+
+impl Cuts {
+    /// Those of a permutation; the seed changes where random ones fall.
+    pub(crate) fn of(permutation: Permutation, seed: u64) -> Self {
+        match permutation {
+            Permutation::CutSingly => Self::Singly,
+            Permutation::CutWhole => Self::Whole,
+            Permutation::CutRandom(number) => Self::Random(number, seed),
+            _ => Self::AsWritten,
+        }
+    }
 }
 
 impl Course {

@@ -50,13 +50,14 @@ pub fn replay<S: Subject>(
 ) -> Outcome {
     match start(subject, case, permutation, cut_seed) {
         Ok(run) => run.finish(),
-        Err(fault) => Outcome {
-            seen: Vec::new(),
-            fault: Some(fault),
-            swap_places: 0,
-            fuel: Fuel::default(),
-            bytes: 0,
-        },
+        Err(fault) => Outcome::unstarted(fault),
+    }
+}
+
+impl Outcome {
+    fn unstarted(fault: Fault) -> Self {
+        let (seen, fuel) = (Vec::new(), Fuel::default());
+        Self { seen, fault: Some(fault), swap_places: 0, fuel, bytes: 0 }
     }
 }
 
@@ -73,39 +74,33 @@ fn start<'a, S: Subject>(
         Permutation::Late(Some(number)) => Windows::LateOnly(number),
         _ => Windows::Early,
     };
-    let cuts = match permutation {
-        Permutation::CutSingly => Cuts::Singly,
-        Permutation::CutWhole => Cuts::Whole,
-        Permutation::CutRandom(number) => Cuts::Random(number, cut_seed),
-        _ => Cuts::AsWritten,
-    };
     let course = Course::new(case, manifest, windows).map_err(|error| unfit(error.to_string()))?;
-    let course = course.cut(&case.trace.front.id, cuts);
+    let course = course.cut(&case.trace.front.id, Cuts::of(permutation, cut_seed));
 
     let front = &case.trace.front;
     let config: Vec<_> =
         front.config.iter().map(|pair| (pair.name.as_str(), pair.value.as_str())).collect();
     let settings = manifest.resolve_settings(config).map_err(|error| unfit(error.to_string()))?;
     let options = options(case, settings);
-    let meter = Rc::new(Meter::default());
-    let instance = Watched::start(subject, Rc::clone(&meter))
-        .map_err(|error| Fault::new(FaultClass::NotStarted, Micros::ZERO, &error))?;
-    let modem = options.modem_lines.unwrap_or_default();
-    Ok(Run {
-        subject,
-        course,
-        permutation,
-        line: VirtualLine::new(instance, options, front.line.depth as usize),
-        recorder: Recorder::default(),
-        meter,
-        steps_seen: 0,
-        swap_places: 0,
-        modem,
-        modem_at_start: modem,
-        is_open: false,
-        is_down: false,
-        offset: Micros::ZERO,
-    })
+    let ground = Ground { course, options, depth: front.line.depth as usize };
+    Run::new(subject, ground, permutation)
+}
+
+/// Runs a course that stands in no trace.
+pub(crate) fn run<S: Subject>(subject: &S, ground: Ground, permutation: Permutation) -> Outcome {
+    let course = ground.course.cut("", Cuts::of(permutation, 0));
+    match Run::new(subject, Ground { course, ..ground }, permutation) {
+        Ok(run) => run.finish(),
+        Err(fault) => Outcome::unstarted(fault),
+    }
+}
+
+/// What a run is made of, beside the plug-in.
+pub(crate) struct Ground {
+    pub(crate) course: Course,
+    pub(crate) options: LinkOptions,
+    /// Characters that the port holds.
+    pub(crate) depth: usize,
 }
 
 fn options(case: &Case, settings: SettingValues) -> LinkOptions {
@@ -141,7 +136,30 @@ struct Run<'a, S: Subject> {
 
 type Stepped<S> = Result<(), LinkFault<<Watched<<S as Subject>::Instance> as Instance>::Fault>>;
 
-impl<S: Subject> Run<'_, S> {
+impl<'a, S: Subject> Run<'a, S> {
+    fn new(subject: &'a S, ground: Ground, permutation: Permutation) -> Result<Self, Fault> {
+        let Ground { course, options, depth } = ground;
+        let meter = Rc::new(Meter::default());
+        let instance = Watched::start(subject, Rc::clone(&meter))
+            .map_err(|error| Fault::new(FaultClass::NotStarted, Micros::ZERO, &error))?;
+        let modem = options.modem_lines.unwrap_or_default();
+        Ok(Self {
+            subject,
+            course,
+            permutation,
+            line: VirtualLine::new(instance, options, depth),
+            recorder: Recorder::default(),
+            meter,
+            steps_seen: 0,
+            swap_places: 0,
+            modem,
+            modem_at_start: modem,
+            is_open: false,
+            is_down: false,
+            offset: Micros::ZERO,
+        })
+    }
+
     fn finish(mut self) -> Outcome {
         let mut first = 0;
         let mut run = self.run_once();

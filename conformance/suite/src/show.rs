@@ -8,7 +8,7 @@ use crate::lines::line_parameters;
 use crate::replay::Seen;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{LineParameters, Micros};
-use softplug_trace::{Entry, Payload, SourceLine, Time, What, When};
+use softplug_trace::{Entry, Line, Payload, SourceLine, Time, Trace, What, When};
 
 /// Characters of a line that are shown.
 const WIDTH: usize = 100;
@@ -84,7 +84,7 @@ pub(crate) fn before(case: &Case, manifest: &Manifest, seen: &[Seen], at: Micros
 
 /// The case with what was seen in the place of what it demands. Comments are lost.
 pub(crate) fn observed(case: &Case, manifest: &Manifest, seen: &[Seen]) -> Trace {
-    let seen = entries(case, manifest, seen, OBSERVED_BYTES, |_| false);
+    let seen = entries(line_of(case), manifest, seen, OBSERVED_BYTES, |_| false);
     let stays = |entry: &&Entry| entry.what.is_input() || matches!(entry.what, What::Quiet);
     let mut all: Vec<Entry> = case.trace.entries().filter(stays).cloned().chain(seen).collect();
     all.sort_by_key(|entry| entry.when.from);

@@ -1,13 +1,13 @@
 //! Any plug-in's instances as one type, so that scenarios are plain functions.
 
-use crate::{Subject, SubjectError};
+use crate::{Fuel, Subject, SubjectError};
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Event, Instance, Micros, Output};
 use std::error::Error;
 
 /// A subject whatever its instances are.
 pub(super) trait Starts {
-    fn start(&self) -> Result<Erased, SubjectError>;
+    fn start<'a>(&'a self) -> Result<Erased<'a>, SubjectError>;
 
     fn manifest(&self) -> &Manifest;
 
@@ -15,8 +15,8 @@ pub(super) trait Starts {
 }
 
 impl<S: Subject> Starts for S {
-    fn start(&self) -> Result<Erased, SubjectError> {
-        Ok(Erased(Box::new(Kept(self.instantiate()?))))
+    fn start<'a>(&'a self) -> Result<Erased<'a>, SubjectError> {
+        Ok(Erased(Box::new(Kept { instance: self.instantiate()?, fuel: S::fuel })))
     }
 
     fn manifest(&self) -> &Manifest {
@@ -32,10 +32,10 @@ impl<S: Subject> Starts for S {
 #[derive(Copy, Clone)]
 pub(super) struct Anything<'a>(pub(super) &'a dyn Starts);
 
-impl Subject for Anything<'_> {
-    type Instance = Erased;
+impl<'a> Subject for Anything<'a> {
+    type Instance = Erased<'a>;
 
-    fn instantiate(&self) -> Result<Erased, SubjectError> {
+    fn instantiate(&self) -> Result<Erased<'a>, SubjectError> {
         self.0.start()
     }
 
@@ -46,6 +46,10 @@ impl Subject for Anything<'_> {
     fn label(&self) -> &str {
         self.0.label()
     }
+
+    fn fuel(instance: &Erased<'a>) -> Fuel {
+        instance.0.fuel()
+    }
 }
 
 /// What an instance says when it does not take an event.
@@ -54,27 +58,36 @@ impl Subject for Anything<'_> {
 pub(crate) struct Boxed(pub(crate) Box<dyn Error>);
 
 /// An instance of any plug-in.
-pub(super) struct Erased(Box<dyn Steps + 'static>);
+pub(super) struct Erased<'a>(Box<dyn Steps + 'a>);
 
 trait Steps {
     fn capacity(&self) -> usize;
 
     fn take(&mut self, event: &Event<'_>, now: Micros) -> Result<Output<'_>, Boxed>;
+
+    fn fuel(&self) -> Fuel;
 }
 
-struct Kept<I>(I);
+struct Kept<I> {
+    instance: I,
+    fuel: fn(&I) -> Fuel,
+}
 
 impl<I: Instance> Steps for Kept<I> {
     fn capacity(&self) -> usize {
-        self.0.input_capacity()
+        self.instance.input_capacity()
     }
 
     fn take(&mut self, event: &Event<'_>, now: Micros) -> Result<Output<'_>, Boxed> {
-        self.0.step(event, now).map_err(|fault| Boxed(Box::new(fault)))
+        self.instance.step(event, now).map_err(|fault| Boxed(Box::new(fault)))
+    }
+
+    fn fuel(&self) -> Fuel {
+        (self.fuel)(&self.instance)
     }
 }
 
-impl Instance for Erased {
+impl Instance for Erased<'_> {
     type Fault = Boxed;
 
     fn input_capacity(&self) -> usize {
@@ -86,7 +99,7 @@ impl Instance for Erased {
     }
 }
 
-impl std::fmt::Debug for Erased {
+impl std::fmt::Debug for Erased<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str("Erased")
     }

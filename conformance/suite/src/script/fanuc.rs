@@ -60,11 +60,8 @@ fn readers() -> Vec<Script> {
         "fanuc-rs232.feed.resume",
         "fanuc-rs232.feed.done-when-left",
     ];
-    let software = Options {
-        parity: Parity::Software,
-        line: eight_none_two(9_600),
-        ..Options::default()
-    };
+    let software =
+        Options { parity: Parity::Software, line: eight_none_two(9_600), ..Options::default() };
     let deep = Options { line: seven_even_two(19_200), ..Options::default() };
     let reader = |slug, title, settings, control, depth: usize| {
         script(slug, title, &clauses, settings, small(control), depth, move |play| {
@@ -72,7 +69,13 @@ fn readers() -> Vec<Script> {
         })
     };
     vec![
-        reader("reader", "READ: nothing before DC1, nothing lost over many DC3", &[], deep.clone(), 1),
+        reader(
+            "reader",
+            "READ: nothing before DC1, nothing lost over many DC3",
+            &[],
+            deep.clone(),
+            1,
+        ),
         reader("reader-deep-port", "READ with a port that holds four characters", &[], deep, 4),
         reader(
             "reader-software-parity",
@@ -138,7 +141,8 @@ fn drip_feed() -> Script {
 }
 
 fn punch() -> Script {
-    let clauses = ["fanuc-rs232.punch.dc2-dc4", "fanuc-rs232.punch.leader", "fanuc-rs232.punch.name"];
+    let clauses =
+        ["fanuc-rs232.punch.dc2-dc4", "fanuc-rs232.punch.leader", "fanuc-rs232.punch.name"];
     let punch = PunchOptions {
         leader: b"\0\0\0\0\x1B&HE:\0\0".to_vec(),
         trailer: 20,
@@ -227,13 +231,11 @@ fn broken_punches() -> Vec<Script> {
 
 /// The operator asks for a program at the panel; the host grants it and sends it.
 fn request() -> Script {
-    let clauses = [
-        "fanuc-rs232.request.ask",
-        "fanuc-rs232.request.answer",
-        "fanuc-rs232.request.program",
-    ];
+    let clauses =
+        ["fanuc-rs232.request.ask", "fanuc-rs232.request.answer", "fanuc-rs232.request.program"];
     let control = small(Options { line: seven_even_two(9_600), ..Options::default() });
-    let title = "A request from the panel is asked of the host, granted, and answered with its program";
+    let title =
+        "A request from the panel is asked of the host, granted, and answered with its program";
     script("request", title, &clauses, &[], control, 1, |play| {
         let now = play.now();
         play.partner().press(now, Press::Request("1234".to_owned()));
@@ -269,11 +271,8 @@ fn remote_buffers() -> Vec<Script> {
         ..Options::default()
     };
     let settings: Settings = &[("mode", "remote-a"), ("packet_size", "100")];
-    let damaged = RemoteOptions {
-        wrong_sums: vec![0, 8],
-        refusals: vec![3, 9],
-        ..RemoteOptions::default()
-    };
+    let damaged =
+        RemoteOptions { wrong_sums: vec![0, 8], refusals: vec![3, 9], ..RemoteOptions::default() };
     let remote = |slug, title, clauses: &[&'static str], options: RemoteOptions| {
         let retries = options.wrong_sums.len() + options.refusals.len();
         script(slug, title, clauses, settings, control(options), 1, move |play| {

@@ -5,13 +5,17 @@
 //! log of all that can be seen from outside: for the same plug-in it is the same on
 //! every machine and under every engine.
 
+mod abi;
 mod erased;
+mod fanuc;
 mod play;
 mod r3964;
+mod rk512;
 mod stage;
+mod xon_xoff;
 
 use crate::fault::Fault;
-use crate::{Class, Subject};
+use crate::{Class, Fuel, Subject};
 use serde::Serialize;
 use softplug_trace::Level;
 use std::fmt;
@@ -48,6 +52,10 @@ pub struct ScriptRun {
     pub log: Vec<String>,
     /// `None`: passed.
     pub failure: Option<ScriptFailure>,
+    /// What the plug-in's computing cost.
+    pub fuel: Fuel,
+    /// Bytes that left and were delivered.
+    pub bytes: u64,
 }
 
 /// Why a script failed.
@@ -88,7 +96,7 @@ impl Script {
     pub fn run<S: Subject>(&self, subject: &S) -> ScriptRun {
         let mut stage = Stage::new(subject);
         let failure = (self.scenario)(&mut stage).err().map(|failure| *failure);
-        ScriptRun { log: stage.log, failure }
+        ScriptRun { log: stage.log, failure, fuel: stage.fuel, bytes: stage.bytes }
     }
 }
 
@@ -123,7 +131,11 @@ impl fmt::Display for ScriptFailure {
 
 /// All scripts, sorted by id.
 pub fn all() -> Vec<Script> {
-    let mut all = r3964::scripts();
+    let mut all = abi::scripts();
+    all.extend(fanuc::scripts());
+    all.extend(r3964::scripts());
+    all.extend(rk512::scripts());
+    all.extend(xon_xoff::scripts());
     all.sort_by(|a, b| a.id.cmp(&b.id));
     all
 }

@@ -7,12 +7,11 @@ use crate::deed::Deed;
 use crate::fault::{Fault, FaultClass};
 use crate::partners::Partner;
 use crate::replay::Seen;
-use crate::subject::{Watched, WatchedFault};
-use crate::{Subject, SubjectError};
+use crate::subject::{Meter, Watched, WatchedFault};
+use crate::{Fuel, SubjectError};
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Failure, Micros};
 use softplug_link::{Delivery, Job, LinkFault, Observed, Recorder};
-use std::cell::Cell;
 use std::fmt::Debug;
 use std::rc::Rc;
 
@@ -25,9 +24,9 @@ const MOST_EVENTS: u64 = 200_000;
 /// The plug-in's end of the line, the machine's, and the host.
 pub(super) struct Play<'a, P> {
     subject: Anything<'a>,
-    pub(super) line: ClosedLoop<Watched<Erased>, P>,
+    pub(super) line: ClosedLoop<Watched<Erased<'a>>, P>,
     pub(super) host: Recorder,
-    steps: Rc<Cell<u64>>,
+    meter: Rc<Meter>,
     jobs: u32,
 }
 
@@ -37,11 +36,11 @@ pub(super) type End = Result<u64, (Failure, u16)>;
 impl<'a, P: Partner> Play<'a, P> {
     pub(super) fn new(subject: Anything<'a>, setup: &Setup, partner: P) -> Outcome<Self> {
         let options = setup.options(subject.0.manifest())?;
-        let steps = Rc::default();
-        let instance = instance(subject, &steps)?;
+        let meter = Rc::default();
+        let instance = instance(subject, &meter)?;
         let mut line = ClosedLoop::new(instance, options, setup.depth, partner);
         line.reaction = setup.reaction;
-        Ok(Self { subject, line, host: Recorder::default(), steps, jobs: 0 })
+        Ok(Self { subject, line, host: Recorder::default(), meter, jobs: 0 })
     }
 
     pub(super) fn open(&mut self) -> Outcome {
@@ -50,12 +49,22 @@ impl<'a, P: Partner> Play<'a, P> {
         self.settle()
     }
 
-    pub(super) fn into_seen(self) -> Vec<Seen> {
-        let observed = self.host.observed.into_iter();
+    /// What was seen, what it cost, and the bytes that left and were delivered.
+    pub(super) fn finish(self) -> (Vec<Seen>, Fuel, u64) {
+        let Self { line, host, meter, .. } = self;
+        // The instance counts its fuel when it goes.
+        drop(line);
+        let observed = host.observed.into_iter();
         let mut seen: Vec<Seen> =
             observed.filter_map(|(at, what)| Some(Seen { at, deed: Deed::of(what)? })).collect();
         seen.sort_by_key(|seen| (seen.at, seen.deed.channel()));
-        seen
+        let bytes = |seen: &Seen| match &seen.deed {
+            Deed::Byte(_) => 1,
+            Deed::Deliver(delivered) => delivered.bytes.len() as u64,
+            _ => 0,
+        };
+        let bytes = seen.iter().map(bytes).sum();
+        (seen, meter.fuel.get(), bytes)
     }
 
     pub(super) fn manifest(&self) -> &'a Manifest {
@@ -108,7 +117,7 @@ impl<'a, P: Partner> Play<'a, P> {
     /// Goes on to the next instant at which something happens; `false` if nothing
     /// happens up to `until`.
     pub(super) fn step(&mut self, until: Micros) -> Outcome<bool> {
-        if self.steps.get() > MOST_EVENTS {
+        if self.meter.steps.get() > MOST_EVENTS {
             let message = format!("it does not come to rest within {MOST_EVENTS} events");
             return Err(diverged(self.now(), message, "", ""));
         }
@@ -178,7 +187,7 @@ impl<'a, P: Partner> Play<'a, P> {
     /// The plug-in is saved, and a fresh instance takes over.
     pub(super) fn swap(&mut self) -> Outcome {
         let now = self.now();
-        let fresh = instance(self.subject, &self.steps)?;
+        let fresh = instance(self.subject, &self.meter)?;
         let swapped = self.line.line.link.swap(now, fresh, &mut self.host);
         swapped.map_err(|error| Fault::of_swap(now, &error))?;
         self.settle()
@@ -222,11 +231,10 @@ impl<'a, P: Partner> Play<'a, P> {
     }
 }
 
-fn instance(subject: Anything<'_>, steps: &Rc<Cell<u64>>) -> Outcome<Watched<Erased>> {
+fn instance<'a>(subject: Anything<'a>, meter: &Rc<Meter>) -> Outcome<Watched<Erased<'a>>> {
     let not_started =
         |error: SubjectError| Fault::new(FaultClass::NotStarted, Micros::ZERO, &error);
-    let instance = subject.instantiate().map_err(not_started)?;
-    Ok(Watched::new(instance, Rc::clone(steps)))
+    Ok(Watched::start(&subject, Rc::clone(meter)).map_err(not_started)?)
 }
 
 /// What fits on a line.

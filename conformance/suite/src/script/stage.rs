@@ -6,7 +6,7 @@ use super::play::Play;
 use crate::fault::{Fault, FaultClass};
 use crate::partners::Partner;
 use crate::replay::Seen;
-use crate::{Class, Subject, show};
+use crate::{Class, Fuel, show};
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{LineParameters, Micros, ModemLines};
 use softplug_link::LinkOptions;
@@ -24,6 +24,8 @@ const BYTES: usize = 16;
 pub(super) struct Stage<'a> {
     pub(super) subject: Anything<'a>,
     pub(super) log: Vec<String>,
+    pub(super) fuel: Fuel,
+    pub(super) bytes: u64,
 }
 
 /// What a link is made with.
@@ -71,7 +73,7 @@ impl Setup {
 
 impl<'a> Stage<'a> {
     pub(super) fn new(subject: &'a dyn Starts) -> Self {
-        Self { subject: Anything(subject), log: Vec::new() }
+        Self { subject: Anything(subject), log: Vec::new(), fuel: Fuel::default(), bytes: 0 }
     }
 
     pub(super) fn manifest(&self) -> &'a Manifest {
@@ -88,7 +90,9 @@ impl<'a> Stage<'a> {
     ) -> Outcome {
         let mut play = Play::new(self.subject, setup, partner)?;
         let done = play.open().and_then(|()| scenario(&mut play));
-        self.write(setup.line, &play.into_seen());
+        let (seen, fuel, bytes) = play.finish();
+        self.write(setup.line, &seen);
+        self.count(fuel, bytes);
         done
     }
 
@@ -96,6 +100,15 @@ impl<'a> Stage<'a> {
     pub(super) fn write(&mut self, line: LineParameters, seen: &[Seen]) {
         let entries = show::entries(line, self.manifest(), seen, BYTES, |_| false);
         self.log.extend(entries.iter().map(ToString::to_string));
+    }
+}
+
+impl Stage<'_> {
+    /// Adds to what the plug-in's computing has cost.
+    pub(super) fn count(&mut self, fuel: Fuel, bytes: u64) {
+        self.fuel.total = self.fuel.total.saturating_add(fuel.total);
+        self.fuel.largest = self.fuel.largest.max(fuel.largest);
+        self.bytes += bytes;
     }
 }
 

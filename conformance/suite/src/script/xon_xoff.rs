@@ -31,6 +31,7 @@ const FEEDS: [Feed; 4] = [
 
 pub(super) fn scripts() -> Vec<Script> {
     let mut all: Vec<Script> = FEEDS.into_iter().map(feed).collect();
+    all.push(swapped());
     all.push(punch());
     all
 }
@@ -74,15 +75,47 @@ fn fed(play: &mut Play<'_, Control>, program: &[u8], most: u32) -> Outcome {
     play.demand(&format!("at most {most} characters after XOFF"), after <= most, after)
 }
 
+/// A fresh instance takes over ten times a second, also while the line is held.
+fn swapped() -> Script {
+    let title = "A fed control does not notice that the plug-in is replaced ten times a second";
+    let clauses = ["xon-xoff.link.swap", "xon-xoff.tx.obey-xoff"];
+    Script::new("xon-xoff", "xon-xoff.loop.feed-swapped", title, &clauses, |stage| {
+        let options =
+            ControlOptions { buffer: 256, low: 96, high: 128, rate: 480, ..Default::default() };
+        let setup = Setup::new(options.line, &[]);
+        let control = Control::new(options).expect("the scenario's control is sound");
+        stage.play(&setup, control, |play| {
+            let program = program(1_000);
+            let job = play.send(&program)?;
+            while play.ended(job).is_none() && play.now() < Micros::from_secs(60) {
+                play.run(Micros::from_millis(100))?;
+                play.swap()?;
+            }
+            play.equal("the job's end", Some(Ok(program.len() as u64)), play.ended(job))?;
+            play.run(Micros::from_secs(1))?;
+            let report = play.partner().report();
+            let has_all = report.received.matches(&program);
+            play.demand("the control has all of it", has_all, report.arrived)?;
+            play.demand("the control held the line", report.holds > 2, report.holds)?;
+            let after = report.characters_after_xoff.max();
+            play.demand("at most 1 character after XOFF", after <= 1, after)
+        })
+    })
+}
+
 /// The host puts 50 bytes away five times a second, of a program that comes at 960.
 fn punch() -> Script {
-    let title = "A program to a slow host: the control is held, nothing overflows, all is delivered";
+    let title =
+        "A program to a slow host: the control is held, nothing overflows, all is delivered";
     let clauses = ["xon-xoff.rx.low-mark", "xon-xoff.rx.high-mark", "xon-xoff.rx.deliver"];
     Script::new("xon-xoff", "xon-xoff.loop.slow-host", title, &clauses, |stage| {
         let options = ControlOptions::default();
         let line = options.line;
         let control = Control::new(options).expect("the scenario's control is sound");
-        let setup = Setup { delivery_room: 512, ..Setup::new(line, &[("low_mark", "128"), ("high_mark", "256")]) };
+        let setup = Setup {
+            delivery_room: 512,
+            ..Setup::new(line, &[("low_mark", "128"), ("high_mark", "256")])
+        };
         stage.play(&setup, control, |play| {
             let program = program(2_000);
             play.host.drain_by_hand = true;
@@ -97,7 +130,11 @@ fn punch() -> Script {
             let holds = report.punched_after_xoff.0.len();
             play.demand("the control was held again and again", holds > 3, holds)?;
             let ends: Vec<_> = play.deliveries().into_iter().map(|(_, one)| one).collect();
-            play.equal("failures of deliveries", vec![None; ends.len()], ends.iter().map(|one| one.failure).collect())?;
+            play.equal(
+                "failures of deliveries",
+                vec![None; ends.len()],
+                ends.iter().map(|one| one.failure).collect(),
+            )?;
             let delivered: Vec<u8> = ends.into_iter().flat_map(|one| one.bytes).collect();
             play.same_bytes("what was delivered", &program, &delivered)
         })

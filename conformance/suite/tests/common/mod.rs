@@ -3,7 +3,7 @@
 
 use softplug_abi::manifest::Manifest;
 use softplug_conformance::{FromFn, Judge, Sandboxed};
-use softplug_host::{Host, HostOptions};
+use softplug_host::{EngineKind, Host, HostOptions};
 use softplug_native::{NativeInstance, NativePlugin};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -23,7 +23,13 @@ pub(crate) fn native(name: &str) -> FromFn<impl Fn() -> NativeInstance> {
 
 /// The same in the sandbox: from the folder `SOFTPLUG_PLUGINS`, else built now.
 pub(crate) fn sandboxed(name: &str) -> Sandboxed {
-    let host = Host::new(HostOptions::default()).expect("the engine can be set up");
+    sandboxed_under(EngineKind::Wasmtime, name)
+}
+
+/// The same under an engine.
+pub(crate) fn sandboxed_under(engine: EngineKind, name: &str) -> Sandboxed {
+    let options = HostOptions { engine, ..HostOptions::default() };
+    let host = Host::new(options).expect("the engine can be set up");
     let plugin = host.load_bytes(&module(name)).unwrap_or_else(|error| panic!("{error}"));
     Sandboxed::new(plugin)
 }

@@ -1,0 +1,147 @@
+//! The ABI, whatever the protocol: what any plug-in must bear.
+//!
+//! A generator makes legal input from a seed and the plug-in's own manifest; the plug-in
+//! must neither fault on it nor do anything else when the same input is cut differently,
+//! comes twice, is interrupted by saves or carried over into fresh instances.
+
+mod random;
+mod saving;
+mod settings;
+
+use super::Script;
+use super::stage::{Outcome, Stage, diverged};
+use crate::fault::{Fault, FaultClass};
+use crate::replay;
+use crate::{Class, Permutation};
+use random::{Shape, ground};
+use saving::Saving;
+use softplug_abi::Micros;
+
+/// What is drawn from each seed, and how often.
+const SEEDS: u64 = 4;
+
+pub(super) fn scripts() -> Vec<Script> {
+    let mut all = settings::scripts();
+    for shape in Shape::ALL {
+        for seed in 1..=SEEDS {
+            let id = format!("abi.input.{}-{seed}", shape.slug());
+            let title = format!("{} (seed {seed}): no fault, no rule broken", shape.title());
+            all.push(Script::new("abi", id, title, shape.clauses(), move |stage| {
+                run(stage, shape, seed, Permutation::Uncut).map(|_| ())
+            }));
+        }
+    }
+    let again = [
+        ("cuts-singly", "cut into single bytes", "abi.cuts.one-time", Permutation::CutSingly),
+        ("cuts-whole", "joined to the longest runs", "abi.cuts.one-time", Permutation::CutWhole),
+        ("cuts-random", "cut at random", "abi.cuts.one-time", Permutation::CutRandom(1)),
+        ("twice", "again after close and open", "abi.close.as-new", Permutation::Twice),
+        (
+            "swaps",
+            "with a fresh instance after every event",
+            "abi.state.goes-on",
+            Permutation::SwapAll,
+        ),
+    ];
+    for (slug, words, clause, permutation) in again {
+        for seed in 1..=SEEDS {
+            let id = format!("abi.{slug}.{seed}");
+            let title = format!("The same input {words} (seed {seed}): the same is done");
+            let clauses: &[_] = match permutation {
+                Permutation::SwapAll => {
+                    &["abi.state.goes-on", "abi.swap.timers", "abi.swap.pieces"]
+                }
+                _ => &[clause],
+            };
+            all.push(Script::new("abi", id, title, clauses, move |stage| {
+                alike(stage, seed, permutation)
+            }));
+        }
+    }
+    for seed in 1..=SEEDS {
+        let id = format!("abi.saves.{seed}");
+        let title =
+            format!("The same input with a save after every event (seed {seed}): the same is done");
+        all.push(Script::new("abi", id, title, &["abi.swap.save-changes-nothing"], move |stage| {
+            saves_change_nothing(stage, seed)
+        }));
+    }
+    all
+}
+
+/// One run; what it showed goes into the log.
+fn run(
+    stage: &mut Stage<'_>,
+    shape: Shape,
+    seed: u64,
+    way: Permutation,
+) -> Outcome<replay::Outcome> {
+    let ground = ground(stage.manifest(), shape, seed)?;
+    let line = ground.options.line;
+    let outcome = replay::run(&stage.subject, ground, way);
+    stage.write(line, &outcome.seen);
+    stage.count(outcome.fuel, outcome.bytes);
+    match outcome.fault {
+        Some(fault) => Err(fault.into()),
+        None => Ok(outcome),
+    }
+}
+
+/// The same input once as it is and once in another way.
+fn alike(stage: &mut Stage<'_>, seed: u64, way: Permutation) -> Outcome {
+    if way == Permutation::SwapAll && stage.manifest().state.saves.is_none() {
+        // A plug-in may save nothing: it is then never asked to.
+        return Ok(());
+    }
+    let shape = match way {
+        Permutation::Twice => Shape::Session,
+        _ => Shape::Everything,
+    };
+    let first = run(stage, shape, seed, Permutation::Uncut)?;
+    let ground = ground(stage.manifest(), shape, seed)?;
+    let second = replay::run(&stage.subject, ground, way);
+    if let Some(fault) = second.fault {
+        return Err(fault.into());
+    }
+    let class = match way {
+        Permutation::Twice => Class::DependsOnPast,
+        Permutation::SwapAll => Class::DependsOnSwap,
+        _ => Class::DependsOnCuts,
+    };
+    same(class, &first, &second)
+}
+
+fn saves_change_nothing(stage: &mut Stage<'_>, seed: u64) -> Outcome {
+    if stage.manifest().state.saves.is_none() {
+        return Ok(());
+    }
+    let first = run(stage, Shape::Everything, seed, Permutation::Uncut)?;
+    let ground = ground(stage.manifest(), Shape::Everything, seed)?;
+    let second = replay::run(&Saving(stage.subject), ground, Permutation::Uncut);
+    if let Some(fault) = second.fault {
+        return Err(fault.into());
+    }
+    same(Class::DependsOnSwap, &first, &second)
+}
+
+fn same(class: Class, first: &replay::Outcome, second: &replay::Outcome) -> Outcome {
+    let both = first.seen.iter().zip(&second.seen);
+    let place = both.take_while(|(first, second)| first == second).count();
+    let (expected, observed) = (first.seen.get(place), second.seen.get(place));
+    if expected.is_none() && observed.is_none() {
+        return Ok(());
+    }
+    let at = expected.or(observed).map_or(Micros::ZERO, |seen| seen.at);
+    let text = |seen: Option<&replay::Seen>| match seen {
+        Some(seen) => format!("at {} {:?}", seen.at, seen.deed),
+        None => "nothing".to_owned(),
+    };
+    let mut failure = diverged(at, class.text(), text(expected), text(observed));
+    failure.class = class;
+    Err(failure)
+}
+
+/// The plug-in cannot be asked for what its own manifest offers.
+fn unfit(reason: &dyn std::fmt::Display) -> Fault {
+    Fault::new(FaultClass::NotApplicable, Micros::ZERO, &reason.to_string())
+}
