@@ -1,6 +1,7 @@
 //! Softplug's own tasks: `cargo xtask build | demo | test | mutants | fuzz | bench | nc`.
 
 mod bench;
+mod code_mutants;
 mod demo;
 mod fuzz;
 mod mutants;
@@ -55,9 +56,13 @@ enum Task {
     Mutants {
         /// Compare the matrix with the one that is there, and run all else that
         /// keeps the mutants in order.
-        #[arg(long)]
+        #[arg(long, conflicts_with = "long")]
         check: bool,
-        /// Only mutants whose id contains this; the matrix then stays as it is.
+        /// Break the code itself at random places instead, with cargo-mutants: hours.
+        #[arg(long)]
+        long: bool,
+        /// Only mutants whose id contains this; the matrix then stays as it is. With
+        /// --long: only this part, `trace`, `suite` or `plugins`.
         filter: Option<String>,
     },
     /// Runs the property tests with many random cases, optimised.
@@ -112,7 +117,10 @@ fn perform(task: Task) -> Result<ExitCode, Error> {
         }
         Task::Demo { arguments } => return demo::run(&Workspace::read()?, &arguments),
         Task::Test { all } => return test::run(&Workspace::read()?, all),
-        Task::Mutants { check, filter } => {
+        Task::Mutants { long: true, filter, .. } => {
+            return code_mutants::run(&Workspace::read()?, filter.as_deref());
+        }
+        Task::Mutants { check, filter, .. } => {
             let matrix = if check { mutants::Matrix::Check } else { mutants::Matrix::Write };
             return mutants::run(&Workspace::read()?, matrix, filter.as_deref());
         }
@@ -138,6 +146,8 @@ enum Error {
     Plugin(#[from] plugins::PluginError),
     #[error(transparent)]
     Test(#[from] test::TestError),
+    #[error(transparent)]
+    CodeMutants(#[from] code_mutants::UnknownPart),
     #[error(transparent)]
     Fuzz(#[from] fuzz::FuzzError),
     #[error(transparent)]
