@@ -38,7 +38,7 @@ impl Case {
 
     /// Finds what `file:` items name: files called by their digest, in the folder
     /// `files` beside the trace or one above.
-    pub(crate) fn files(&self) -> impl Files {
+    pub fn files(&self) -> impl Files {
         let folder = self.path.parent().unwrap_or(Path::new("")).to_owned();
         let attached = self.attached.clone();
         move |digest: &Digest| match &attached {

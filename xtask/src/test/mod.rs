@@ -44,6 +44,11 @@ const TOOLS: &[Tool] = &[
         package: "chromium",
         purpose: "the page of a report in a real browser",
     },
+    Tool {
+        program: "tshark",
+        package: "tshark",
+        purpose: "captures and hex dumps in Wireshark's own tools (tshark and text2pcap)",
+    },
 ];
 
 /// Fails where a test fails; where a tool is missing only if `all`.

@@ -11,6 +11,8 @@ const VERBS: &[&[&str]] = &[
     &["replay"],
     &["trace"],
     &["trace", "fmt"],
+    &["trace", "import"],
+    &["trace", "export"],
     &["simulate"],
     &["simulate", "xon-xoff"],
     &["simulate", "r3964"],

@@ -1,6 +1,7 @@
 //! The built command from outside: what it prints and how it ends.
 
 mod bench;
+mod exchange;
 mod files;
 mod help;
 mod plugins;

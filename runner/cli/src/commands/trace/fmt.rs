@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand};
+use clap::Args;
 use serde::Serialize;
 use softplug_trace::Trace;
 
@@ -10,18 +10,6 @@ use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files;
 use crate::screen::Screen;
-
-/// Works on trace files.
-#[derive(Debug, Args)]
-pub(crate) struct Arguments {
-    #[command(subcommand)]
-    verb: Verb,
-}
-
-#[derive(Debug, Subcommand)]
-enum Verb {
-    Fmt(FormatArguments),
-}
 
 /// Writes traces in their canonical form, or checks that they are in it.
 #[derive(Debug, Args)]
@@ -31,7 +19,7 @@ enum Verb {
 
 A file that cannot be parsed is reported with line and column, and left as it is; the others are
 done all the same, and the exit code is 2.")]
-struct FormatArguments {
+pub(super) struct Arguments {
     /// Change nothing; list the files that are in another form and exit with 1
     #[arg(long)]
     check: bool,
@@ -58,13 +46,7 @@ struct Fault {
     message: String,
 }
 
-pub(crate) fn run(arguments: Arguments, screen: &Screen) -> Result<Exit, Failure> {
-    match arguments.verb {
-        Verb::Fmt(arguments) => format(&arguments, screen),
-    }
-}
-
-fn format(arguments: &FormatArguments, screen: &Screen) -> Result<Exit, Failure> {
+pub(super) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
     let files = files::gather(&arguments.files, "spt")?;
     if files.is_empty() {
         return Err(Failure::new(Exit::NothingSelected, "there is no .spt file in these folders"));
