@@ -6,7 +6,7 @@ use crate::cause::*;
 use crate::departure::Departure;
 use crate::frame::{DLE, Decoder, Encoder, NAK, STX};
 use crate::job::{BLOCK, Job, Stage};
-use crate::mutants::{is_false_acknowledgement, without_last};
+use crate::mutants::without_last;
 use crate::phase::Phase;
 use crate::rk512::{LARGEST_TELEGRAM, Rk512, timeout_at};
 use crate::{Layer, Options, Priority};
@@ -205,72 +205,35 @@ impl Machine {
 
     /// One character: `good` if it is undamaged, `raw` as it was read.
     fn character(&mut self, link: &mut Context<'_>, good: Option<u8>, raw: Option<u8>) {
+        if self.is_mutant_character(link, good, raw) {
+            self.begin_block(link);
+            return;
+        }
         match self.phase {
             Phase::Idle => match good {
                 Some(STX) => self.set_up_asked(link, false),
-                Some(NAK) => {
-                    if mutant!("r3964.rx.ignored/nak-is-garbage") {
-                        self.garbage(link);
-                    }
-                }
-                None => {
-                    self.warn(link, DAMAGED.status());
-                    if mutant!("r3964.rx.ignored/damaged-is-garbage") {
-                        self.garbage(link);
-                    }
-                    if raw == Some(STX) && mutant!("r3964.rx.ignored/damaged-stx-taken") {
-                        self.set_up_asked(link, false);
-                    }
-                }
+                Some(NAK) => {}
+                None => self.warn(link, DAMAGED.status()),
                 Some(_) => self.garbage(link),
             },
-            Phase::Garbage | Phase::Disturbed => {
-                if !self.is_mutant_in_noise(link, good) {
-                    self.wait(link, self.options.zvz);
-                }
-            }
+            Phase::Garbage | Phase::Disturbed => self.wait(link, self.options.zvz),
             Phase::BufferWait if good == Some(STX) => {}
             Phase::BufferWait => self.not_waiting(link),
             Phase::Receiving => self.receive(link, good, raw),
             Phase::RepetitionWait => {
-                let is_set_up = good == Some(STX)
-                    || mutant!("r3964.rx.repetition/any-character-begins")
-                    || (mutant!("r3964.rx.repetition/damaged-stx-begins") && raw == Some(STX));
-                if is_set_up {
+                if good == Some(STX) {
                     self.set_up_asked(link, true);
                 }
             }
             Phase::DleWait => match (good, self.options.priority) {
                 (Some(DLE), _) if !self.departure.is_pending() => self.send_block(),
-                (Some(STX), Priority::High) => {
-                    self.stx_seen = true;
-                    if mutant!("r3964.conflict.high/delay-begun-anew") {
-                        self.wait(link, 2_000);
-                    }
-                    if mutant!("r3964.conflict.high/refuses") {
-                        put(link, NAK);
-                    }
-                }
+                (Some(STX), Priority::High) => self.stx_seen = true,
                 (Some(STX), Priority::Low) => self.withdraw(link),
                 // No answer to an STX that cannot have left.
-                _ if self.departure.is_pending() => {
-                    if mutant!("r3964.tx.late-dle/begins-the-block") && good == Some(DLE) {
-                        self.send_block();
-                    }
-                    if mutant!("r3964.tx.late-dle/noise-uses-up-an-attempt") {
-                        self.repeat_set_up(link, SET_UP_REFUSED);
-                    }
-                }
-                _ => {
-                    if !self.is_mutant_refused(good, raw) {
-                        self.repeat_set_up(link, SET_UP_REFUSED);
-                    }
-                }
+                _ if self.departure.is_pending() => {}
+                _ => self.repeat_set_up(link, SET_UP_REFUSED),
             },
             Phase::Sending => {
-                if self.is_mutant_interrupted(link, good) {
-                    return;
-                }
                 self.drop_queue(link);
                 if good == Some(NAK) {
                     self.repeat_block(link, STOPPED);
@@ -281,7 +244,7 @@ impl Machine {
                 }
             }
             Phase::AcknowledgementWait => {
-                if good == Some(DLE) || is_false_acknowledgement(good, raw) {
+                if good == Some(DLE) {
                     self.acknowledged(link);
                 } else {
                     self.repeat_block(link, END_REFUSED);
@@ -292,7 +255,7 @@ impl Machine {
     }
 
     /// Anything but STX in idle.
-    fn garbage(&mut self, link: &mut Context<'_>) {
+    pub(crate) fn garbage(&mut self, link: &mut Context<'_>) {
         if mutant!("r3964.rx.garbage/answered-at-once") {
             put(link, NAK);
             return;

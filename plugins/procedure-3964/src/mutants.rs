@@ -1,6 +1,7 @@
 //! What mutants need beyond a condition. Without the feature `mutants` all of this
 //! changes nothing and is left out.
 
+use crate::Priority;
 use crate::cause::{DAMAGED, SET_UP_REFUSED, STOPPED, WRONG_BCC};
 use crate::frame::{DLE, Decoder, NAK, STX};
 use crate::machine::{Machine, NEVER, put};
@@ -175,9 +176,65 @@ impl Machine {
         }
     }
 
+    /// A character in any state: whether a mutant took it.
+    #[inline]
+    pub(crate) fn is_mutant_character(
+        &mut self,
+        link: &mut Context<'_>,
+        good: Option<u8>,
+        raw: Option<u8>,
+    ) -> bool {
+        match self.phase {
+            Phase::Idle => self.is_mutant_in_idle(link, good, raw),
+            Phase::Garbage | Phase::Disturbed => self.is_mutant_in_noise(link, good),
+            Phase::RepetitionWait => {
+                let is_set_up = mutant!("r3964.rx.repetition/any-character-begins")
+                    || (mutant!("r3964.rx.repetition/damaged-stx-begins") && raw == Some(STX));
+                if is_set_up {
+                    self.set_up_asked(link, true);
+                }
+                is_set_up
+            }
+            Phase::DleWait => self.is_mutant_awaiting(link, good, raw),
+            Phase::Sending => self.is_mutant_interrupted(link, good),
+            Phase::AcknowledgementWait => {
+                let is_false = (mutant!("r3964.tx.no-false-success/nak") && good == Some(NAK))
+                    || (mutant!("r3964.tx.no-false-success/stx") && good == Some(STX))
+                    || (mutant!("r3964.tx.no-false-success/damaged-dle")
+                        && good.is_none()
+                        && raw == Some(DLE));
+                if is_false {
+                    self.acknowledged(link);
+                }
+                is_false
+            }
+            Phase::BufferWait | Phase::Receiving => false,
+        }
+    }
+
+    /// A character in idle: whether a mutant took it.
+    #[inline]
+    fn is_mutant_in_idle(
+        &mut self,
+        link: &mut Context<'_>,
+        good: Option<u8>,
+        raw: Option<u8>,
+    ) -> bool {
+        if mutant!("r3964.rx.ignored/damaged-stx-taken") && good.is_none() && raw == Some(STX) {
+            self.set_up_asked(link, false);
+            return true;
+        }
+        let is_garbage = (mutant!("r3964.rx.ignored/nak-is-garbage") && good == Some(NAK))
+            || (mutant!("r3964.rx.ignored/damaged-is-garbage") && good.is_none());
+        if is_garbage {
+            self.garbage(link);
+        }
+        is_garbage
+    }
+
     /// A character where silence is awaited: whether a mutant took it.
     #[inline]
-    pub(crate) fn is_mutant_in_noise(&mut self, link: &mut Context<'_>, good: Option<u8>) -> bool {
+    fn is_mutant_in_noise(&mut self, link: &mut Context<'_>, good: Option<u8>) -> bool {
         if self.phase == Phase::Disturbed {
             if mutant!("r3964.tx.stop-on-other/nak-ends-the-silence") && good == Some(NAK) {
                 self.repeat_block(link, STOPPED);
@@ -192,9 +249,37 @@ impl Machine {
         mutant!("r3964.rx.garbage/silence-not-begun-anew")
     }
 
-    /// Another character than DLE for our STX: whether a mutant took it.
+    /// While DLE is awaited: whether a mutant took the character.
     #[inline]
-    pub(crate) fn is_mutant_refused(&mut self, good: Option<u8>, raw: Option<u8>) -> bool {
+    fn is_mutant_awaiting(
+        &mut self,
+        link: &mut Context<'_>,
+        good: Option<u8>,
+        raw: Option<u8>,
+    ) -> bool {
+        let is_conflict = good == Some(STX) && self.options.priority != Priority::None;
+        if is_conflict && self.options.priority == Priority::High {
+            if mutant!("r3964.conflict.high/delay-begun-anew") {
+                self.wait(link, 2_000);
+            }
+            if mutant!("r3964.conflict.high/refuses") {
+                put(link, NAK);
+            }
+        }
+        if is_conflict {
+            return false;
+        }
+        if self.departure.is_pending() {
+            let is_accepted = mutant!("r3964.tx.late-dle/begins-the-block") && good == Some(DLE);
+            if is_accepted {
+                self.send_block();
+            }
+            let is_refused = mutant!("r3964.tx.late-dle/noise-uses-up-an-attempt");
+            if is_refused {
+                self.repeat_set_up(link, SET_UP_REFUSED);
+            }
+            return is_accepted || is_refused;
+        }
         let is_accepted = (mutant!("r3964.tx.set-up-refused/nak-taken-for-dle")
             && good == Some(NAK))
             || (mutant!("r3964.tx.set-up-refused/damaged-dle-taken") && raw == Some(DLE));
@@ -203,6 +288,7 @@ impl Machine {
             return true;
         }
         match good {
+            Some(DLE) => false,
             Some(NAK) => mutant!("r3964.tx.set-up-refused/nak-ignored"),
             Some(_) => mutant!("r3964.tx.set-up-refused/other-ignored"),
             None => mutant!("r3964.tx.set-up-refused/damaged-ignored"),
@@ -211,11 +297,7 @@ impl Machine {
 
     /// A character in our block: whether a mutant took it.
     #[inline]
-    pub(crate) fn is_mutant_interrupted(
-        &mut self,
-        link: &mut Context<'_>,
-        good: Option<u8>,
-    ) -> bool {
+    fn is_mutant_interrupted(&mut self, link: &mut Context<'_>, good: Option<u8>) -> bool {
         let is_early = (mutant!("r3964.tx.late-dle/acknowledges") && self.encoder.is_at_end())
             || mutant!("r3964-simplified.tx.late-dle/acknowledges")
             || (mutant!("r3964-simplified.tx.no-handshake/early-dle-acknowledges")
@@ -245,14 +327,6 @@ impl Machine {
         }
         mutant!("r3964.tx.stop-on-nak/ignored")
     }
-}
-
-/// Whether something else than a good DLE acknowledges our block.
-#[inline]
-pub(crate) fn is_false_acknowledgement(good: Option<u8>, raw: Option<u8>) -> bool {
-    (mutant!("r3964.tx.no-false-success/nak") && good == Some(NAK))
-        || (mutant!("r3964.tx.no-false-success/stx") && good == Some(STX))
-        || (mutant!("r3964.tx.no-false-success/damaged-dle") && raw == Some(DLE))
 }
 
 /// All but the last of several bytes.
