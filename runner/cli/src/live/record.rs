@@ -51,7 +51,7 @@ pub(crate) fn record(
     let lines = tap.modem_lines(side.other());
     let rehearsal = prepared.zip(instance).map(|(prepared, instance)| {
         let name = &prepared.plugin.manifest().name;
-        Rehearsal::new(name, instance, prepared.settings, arguments.line, lines)
+        Rehearsal::new(name, instance, prepared.settings, arguments.line, lines, !arguments.redact)
     });
     let mut front = front(arguments, &profile, side);
     if let Some((_, on)) = lines {
@@ -107,31 +107,46 @@ fn run(
     let begin = tap.now();
     let mut moved_at = None;
     recording.begin()?;
-    let end = loop {
-        let now = tap.now();
-        if stop.load(Ordering::Relaxed) {
-            break End::Stopped;
-        }
-        if duration.is_some_and(|duration| now - begin >= duration) {
-            break End::Duration;
-        }
-        let quiet = idle.zip(moved_at);
-        if quiet.is_some_and(|(idle, at)| now - at >= idle) {
-            break End::Idle;
-        }
-        let turn = tap.turn(now + TICK, &mut |at, event| {
-            if matches!(event, Event::Heard { .. } | Event::Passed { .. }) {
-                moved_at = Some(at);
+    let mut pump = || -> Result<End, Failure> {
+        loop {
+            let now = tap.now();
+            if stop.load(Ordering::Relaxed) {
+                return Ok(End::Stopped);
             }
-            recording.tell(at, &event, screen);
-        })?;
-        recording.write(tap.now())?;
-        if let Turn::Gone(side, reason) = turn {
-            break End::Lost(side, reason.text().to_owned());
+            if duration.is_some_and(|duration| now - begin >= duration) {
+                return Ok(End::Duration);
+            }
+            let quiet = idle.zip(moved_at);
+            if quiet.is_some_and(|(idle, at)| now - at >= idle) {
+                return Ok(End::Idle);
+            }
+            let turn = tap.turn(now + TICK, &mut |at, event| {
+                if matches!(event, Event::Heard { .. } | Event::Passed { .. }) {
+                    moved_at = Some(at);
+                }
+                recording.tell(at, &event, screen);
+            })?;
+            recording.write(tap.now())?;
+            if let Turn::Gone(side, reason) = turn {
+                return Ok(End::Lost(side, reason.text().to_owned()));
+            }
         }
     };
-    let held = tap.finish(&mut |at, event| recording.tell(at, &event, screen))?;
-    report(&tap, &end, held, begin, recording, screen)
+    let end = pump();
+    let held = tap.finish(&mut |at, event| recording.tell(at, &event, screen));
+    match (end, held) {
+        (Ok(end), Ok(held)) => report(&tap, &end, held, begin, recording, screen),
+        (Err(failure), _) => Err(kept(recording, tap.now(), failure)),
+        (Ok(_), Err(error)) => Err(kept(recording, tap.now(), error.into())),
+    }
+}
+
+/// Of a recording that cannot go on everything stays that was seen.
+fn kept(recording: Recording, now: Micros, failure: Failure) -> Failure {
+    match recording.finish(now) {
+        Ok(_) => failure,
+        Err(second) => failure.hint(second.message),
+    }
 }
 
 fn report(

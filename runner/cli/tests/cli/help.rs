@@ -8,6 +8,7 @@ const VERBS: &[&[&str]] = &[
     &["inspect"],
     &["send"],
     &["receive"],
+    &["record"],
     &["replay"],
     &["trace"],
     &["trace", "fmt"],

@@ -5,6 +5,8 @@ mod exchange;
 mod files;
 mod help;
 mod plugins;
+#[cfg(target_os = "linux")]
+mod record;
 mod refusals;
 mod replay;
 #[cfg(target_os = "linux")]

@@ -11,10 +11,15 @@ use crate::failure::Failure;
 use crate::files::{Partial, unwritable};
 
 /// Where a part ends: with room for a last batch below what a trace may have.
-const PART_BYTES: usize = limits::FILE_BYTES / 4 * 3;
-const PART_LINES: usize = limits::LINES / 4 * 3;
+const PART: Limits = Limits { bytes: limits::FILE_BYTES / 4 * 3, lines: limits::LINES / 4 * 3 };
 /// Lines that wait for the disk at the most.
 const BATCH: usize = 256;
+
+/// How long a part may get.
+struct Limits {
+    bytes: usize,
+    lines: usize,
+}
 
 /// Writes lines into a file, and into further ones as it gets long.
 pub(super) struct Book {
@@ -27,6 +32,7 @@ pub(super) struct Book {
     bytes: usize,
     lines: usize,
     complete: Vec<PathBuf>,
+    limits: Limits,
 }
 
 impl Book {
@@ -43,6 +49,7 @@ impl Book {
             bytes: 0,
             lines: 0,
             complete: Vec::new(),
+            limits: PART,
         };
         let head = book.head();
         book.write(&head)?;
@@ -60,7 +67,7 @@ impl Book {
         if self.batch.is_empty() {
             return Ok(());
         }
-        if self.bytes >= PART_BYTES || self.lines >= PART_LINES {
+        if self.bytes >= self.limits.bytes || self.lines >= self.limits.lines {
             self.next_part()?;
         }
         let body = std::mem::take(&mut self.batch);
@@ -117,4 +124,39 @@ fn numbered(out: &Path, part: u32) -> PathBuf {
         name.push(extension);
     }
     out.with_file_name(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use softplug_trace::{Entry, Payload, SourceLine, Time, What, When};
+
+    use super::*;
+
+    #[test]
+    fn what_is_too_long_goes_on_in_another_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("session.spt");
+        let head = "id: a.b\ntitle: T\nprofile: a\nclauses: a.c\nlevel: may\n\
+                    line: 9600 8N1\nsince: 1\norigin: hand-written\n---\n. 0.0\n";
+        let front = Trace::parse(head).unwrap().front;
+        let mut book = Book::create(&out, false, front).unwrap();
+        book.limits = Limits { bytes: usize::MAX, lines: 300 };
+        for at in 0..1_000 {
+            let what = What::Receive(Payload::from_bytes(b"A"));
+            let when = When::at(Time(at));
+            book.add(Line::Entry(Entry { when, what, line: SourceLine::default() })).unwrap();
+        }
+        let files = book.finish().unwrap();
+        assert_eq!(files, [out.clone(), folder.path().join("session-2.spt")]);
+        let traces: Vec<_> = files
+            .iter()
+            .map(|file| Trace::parse(&std::fs::read_to_string(file).unwrap()).unwrap())
+            .collect();
+        let times = traces.iter().flat_map(Trace::entries).map(|entry| entry.when.from.0);
+        assert!(times.eq(0..1_000));
+        assert_eq!((&*traces[0].front.id, &*traces[1].front.id), ("a.b", "a.b.part-2"));
+        // Nothing is left behind, and nothing is overwritten by the next one.
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+        assert!(Book::create(&out, false, traces[0].front.clone()).is_err());
+    }
 }

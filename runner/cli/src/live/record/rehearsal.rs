@@ -9,6 +9,7 @@ use softplug_link::{LinkFault, LinkOptions, Outside, VirtualLine};
 use softplug_trace::{BadKind, LineEvent, ModemLevels, ModemLine};
 
 use super::story::{Character, Happening};
+use crate::numbers;
 use crate::plugin::{AnyFault, AnyInstance};
 
 /// Rooms as a gateway gives them.
@@ -37,6 +38,7 @@ impl Rehearsal {
         settings: SettingValues,
         parameters: LineParameters,
         modem_lines: Option<(ModemLines, ModemLines)>,
+        shows_data: bool,
     ) -> Self {
         let options = LinkOptions {
             line: parameters,
@@ -49,7 +51,7 @@ impl Rehearsal {
             name: name.to_owned(),
             line: VirtualLine::new(instance, options, 1),
             parameters,
-            watcher: Watcher::default(),
+            watcher: Watcher { shows_data, ..Watcher::default() },
             sent: Vec::new(),
             modem: modem_lines.map_or(ModemLines::default(), |(_, on)| on),
             has_ended: false,
@@ -100,13 +102,23 @@ impl Rehearsal {
         }
         let bytes: Vec<u8> = would.iter().map(|(_, byte)| *byte).collect();
         let mut text = match would.first() {
-            Some((first, _)) => format!("would have sent {} at {}", hex(&bytes), seconds(*first)),
+            Some((first, _)) => {
+                format!("would have sent {} at {}", self.shown(&bytes), seconds(*first))
+            }
             None => "would have sent nothing".to_owned(),
         };
         if !did.is_empty() {
-            let _ = write!(text, ", not {}", hex(did));
+            let _ = write!(text, ", not {}", self.shown(did));
         }
         Some(text)
+    }
+
+    fn shown(&self, bytes: &[u8]) -> String {
+        if self.watcher.shows_data {
+            hex(bytes)
+        } else {
+            numbers::things(bytes.len() as u64, "byte")
+        }
     }
 
     fn give(&mut self, at: Micros, what: &Happening) {
@@ -206,6 +218,8 @@ impl Rehearsal {
 /// Keeps what concerns a person who reads the trace, and of data only how much.
 #[derive(Default)]
 struct Watcher {
+    /// Whether what is said may hold data.
+    shows_data: bool,
     deeds: Vec<String>,
     bytes: Vec<(Micros, u8)>,
     delivered: u64,
@@ -239,8 +253,13 @@ impl Outside for Watcher {
             }
             Action::Request { .. } => format!("would have asked the host at {at}"),
             Action::Break { micros } => format!("would have sent a break of {micros} µs at {at}"),
-            Action::Note { level: NoteLevel::Error | NoteLevel::Warning, text, .. } => {
-                format!("notes at {at}: {}", text.escape_debug())
+            Action::Note { level: NoteLevel::Error | NoteLevel::Warning, code, text } => {
+                let text = if self.shows_data {
+                    text.escape_debug().to_string()
+                } else {
+                    format!("{code:04X}")
+                };
+                format!("would have noted at {at}: {text}")
             }
             _ => return,
         };

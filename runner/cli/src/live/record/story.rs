@@ -151,7 +151,7 @@ impl Story {
             Input::Bytes(bytes) => (bytes.to_vec(), None),
             Input::LineError { kind, byte: Some(byte), .. } => {
                 let name = trace_kind(*kind).name();
-                (vec![*byte], Some(format!(" {byte:02X} came with a line error: {name}.")))
+                (vec![*byte], Some(format!(" The next byte came with a line error: {name}.")))
             }
             Input::LineError { kind: LineErrorKind::Break, .. } => {
                 self.put(

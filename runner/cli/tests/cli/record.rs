@@ -1,0 +1,238 @@
+//! `softplug record` between two ptys: in real time, with a partner on each side.
+
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, ChildStderr};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+use softplug_abi::LineParameters;
+use softplug_gateway::port::ReadOutcome;
+use softplug_gateway::pty::PtyPair;
+use softplug_gateway::{Input, Port, PortOptions, PortSpec};
+use softplug_trace::{NoFiles, Trace, What};
+
+use crate::bench::{Bench, Ran};
+
+/// Longer than anything here takes; only a hang gets there.
+const HANG: Duration = Duration::from_mins(2);
+
+/// `softplug record`, started, with the paths that it gives out for `pty:`.
+struct Recording {
+    child: Child,
+    err: BufReader<ChildStderr>,
+    ptys: Vec<String>,
+}
+
+impl Recording {
+    /// Waits until `ptys` paths were told.
+    fn start(bench: &Bench, ports: [&str; 2], ptys: usize, options: &[&str]) -> Self {
+        let words = ["record", "--json", "--a", ports[0], "--b", ports[1], "--out", "s.spt"];
+        let mut child = bench.command(&[&words[..], options].concat()).spawn().unwrap();
+        let mut err = BufReader::new(child.stderr.take().unwrap());
+        let mut found = Vec::new();
+        let mut line = String::new();
+        while found.len() < ptys {
+            line.clear();
+            assert!(err.read_line(&mut line).unwrap() > 0, "it ended: {found:?}");
+            if let Some((_, path)) = line.trim_end().split_once("may open ") {
+                found.push(path.to_owned());
+            }
+        }
+        Self { child, err, ptys: found }
+    }
+
+    fn interrupt(&self) {
+        kill_process(Pid::from_child(&self.child), Signal::INT).unwrap();
+    }
+
+    fn end(mut self) -> Ran {
+        let mut rest = String::new();
+        self.err.read_to_string(&mut rest).unwrap();
+        let mut ran: Ran = self.child.wait_with_output().unwrap().into();
+        ran.err = rest;
+        ran
+    }
+}
+
+fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
+    let begin = Instant::now();
+    while !there() {
+        assert!(begin.elapsed() < HANG, "{what} did not come about");
+        sleep(Duration::from_millis(2));
+    }
+}
+
+fn open(path: &str) -> Port {
+    let options = PortOptions::new(LineParameters::new(9_600));
+    Port::open(&PortSpec::Device(path.into()), &options).unwrap()
+}
+
+/// One partner says it, the other hears it.
+fn say(from: &mut Port, to: &mut Port, bytes: &[u8]) {
+    assert_eq!(from.write(bytes).unwrap(), bytes.len());
+    let mut got = Vec::new();
+    wait_for("what was said", || {
+        to.read(usize::MAX, &mut |input| match input {
+            Input::Bytes(bytes) => got.extend_from_slice(bytes),
+            other @ Input::LineError { .. } => panic!("{other:?}"),
+        })
+        .unwrap();
+        got.len() >= bytes.len()
+    });
+    assert_eq!(got, bytes);
+}
+
+/// The trace, which is canonical, and its bytes by direction.
+fn trace(bench: &Bench) -> (Trace, Vec<u8>, Vec<u8>) {
+    let text = String::from_utf8(bench.read("s.spt")).unwrap();
+    let trace = Trace::parse(&text).unwrap();
+    assert_eq!(trace.format(), text);
+    let joined = |sign: &str| -> Vec<u8> {
+        let entries = trace.entries().filter(|entry| entry.what.sign() == sign);
+        entries.flat_map(|entry| entry.what.payload().unwrap().bytes(&NoFiles).unwrap()).collect()
+    };
+    let (given, sent) = (joined("<"), joined(">"));
+    (trace, given, sent)
+}
+
+#[test]
+fn the_trace_is_what_was_exchanged() {
+    for side in ["a", "b"] {
+        let bench = Bench::new();
+        let options = ["--as", side, "--line", "4800 7E2", "--device", "a lathe"];
+        let recording = Recording::start(&bench, ["pty:", "pty:"], 2, &options);
+        let (mut a, mut b) = (open(&recording.ptys[0]), open(&recording.ptys[1]));
+        let all: Vec<u8> = (0..=255).collect();
+        say(&mut a, &mut b, b"%\nO1\n");
+        say(&mut b, &mut a, b"\x13");
+        say(&mut b, &mut a, b"\x11");
+        say(&mut a, &mut b, &all);
+        recording.interrupt();
+        let json = recording.end().with_code(0).json();
+        assert_eq!((&json["result"], &json["files"][0]), (&"stopped".into(), &"s.spt".into()));
+        assert_eq!((&json["a_to_b"], &json["b_to_a"]), (&261.into(), &2.into()));
+        let (trace, given, sent) = trace(&bench);
+        let (from_a, from_b) = if side == "a" { (sent, given) } else { (given, sent) };
+        assert_eq!(from_a, [b"%\nO1\n", &all[..]].concat());
+        assert_eq!(from_b, b"\x13\x11");
+        assert_eq!(trace.front.id, "recorded.s");
+        assert_eq!((trace.front.line.baud, trace.front.line.data_bits), (4_800, 7));
+        let signs: Vec<_> = trace.entries().map(|entry| entry.what.sign()).collect();
+        assert!(matches!(trace.entries().last().unwrap().what, What::Quiet));
+        let (ours, theirs) = if side == "a" { (">", "<") } else { ("<", ">") };
+        assert_eq!(signs.first(), Some(&ours));
+        assert!(signs.contains(&theirs));
+        assert_eq!(trace.entries().next().unwrap().when.from.0, 0);
+        assert_eq!(bench.names(), ["s.spt"]);
+    }
+}
+
+#[test]
+fn a_port_that_is_unplugged_ends_it_and_the_trace_stays() {
+    let bench = Bench::new();
+    let machine = PtyPair::open().unwrap();
+    let path = machine.slave_path().to_str().unwrap().to_owned();
+    let recording = Recording::start(&bench, ["pty:", &path], 1, &[]);
+    let mut software = open(&recording.ptys[0]);
+    assert_eq!(software.write(b"G1X1").unwrap(), 4);
+    let mut buffer = [0; 16];
+    wait_for("the bytes", || matches!(machine.read(&mut buffer).unwrap(), ReadOutcome::Read(4)));
+    machine.write(b"\x13\x11").unwrap();
+    let mut got = 0;
+    wait_for("the answer", || {
+        software.read(usize::MAX, &mut |_| got += 1).unwrap();
+        got > 0
+    });
+    drop(machine);
+    let json = recording.end().with_code(6).json();
+    assert_eq!(json["result"], "port-lost");
+    assert!(json["message"].as_str().unwrap().contains("side b"), "{json}");
+    let (_, given, sent) = trace(&bench);
+    assert_eq!((&given[..], &sent[..]), (&b"\x13\x11"[..], &b"G1X1"[..]));
+    assert_eq!(bench.names(), ["s.spt"]);
+}
+
+#[test]
+fn what_a_stalled_side_does_not_take_is_told() {
+    let bench = Bench::new();
+    let recording = Recording::start(&bench, ["pty:", "pty:"], 2, &[]);
+    let mut a = open(&recording.ptys[0]);
+    // Nobody reads on side b: the ptys and the tap fill up.
+    let block = [b'X'; 4_096];
+    let mut idle = 0;
+    while idle < 100 {
+        idle = if a.write(&block).unwrap() > 0 { 0 } else { idle + 1 };
+        sleep(Duration::from_millis(1));
+    }
+    recording.interrupt();
+    let json = recording.end().with_code(5).json();
+    assert!(json["not_passed"].as_u64().unwrap() > 0, "{json}");
+    let (_, given, sent) = trace(&bench);
+    let (passed, held) = (json["a_to_b"].as_u64(), json["not_passed"].as_u64());
+    assert_eq!(sent.len() as u64, passed.unwrap() + held.unwrap());
+    assert!(given.is_empty());
+}
+
+#[test]
+fn a_plug_in_is_compared_and_a_program_redacted() {
+    let bench = Bench::new();
+    let options = ["--plugin", "r3964", "--set", "nak_at_start=off", "--redact", "--idle", "1"];
+    let recording = Recording::start(&bench, ["pty:", "pty:"], 2, &options);
+    let (mut a, mut b) = (open(&recording.ptys[0]), open(&recording.ptys[1]));
+    let block = b"SECRET7\x10\x03";
+    let check = |data: &[u8]| data.iter().fold(0, |sum, byte| sum ^ byte);
+    say(&mut b, &mut a, b"\x02");
+    say(&mut a, &mut b, b"\x10");
+    say(&mut b, &mut a, &[block, &[check(block)][..]].concat());
+    // The plug-in would have acknowledged this.
+    say(&mut a, &mut b, b"\x15");
+    say(&mut b, &mut a, b"\x02");
+    recording.end().with_code(0);
+    let (trace, given, _) = trace(&bench);
+    let text = trace.format();
+    assert_eq!((&*trace.front.profile, &*trace.front.id), ("r3964", "r3964.s"));
+    assert_eq!((given[0], given.len()), (0x02, 12));
+    assert_eq!(check(&given[1..10]), given[10], "the check fits the redacted block");
+    assert_ne!(&given[1..8], &block[..7]);
+    assert!(!text.contains("SECRET") && text.contains("# Redacted"), "{text}");
+    assert!(
+        text.contains("# r3964 would have sent 1 byte at") && text.contains("not 1 byte"),
+        "{text}"
+    );
+    assert!(text.contains("# r3964 would have delivered 7 bytes"), "{text}");
+}
+
+#[test]
+fn a_recording_ends_after_its_time_even_if_nothing_came() {
+    let bench = Bench::new();
+    let recording = Recording::start(&bench, ["pty:", "pty:"], 2, &["--duration", "1"]);
+    let json = recording.end().with_code(0).json();
+    assert_eq!((&json["result"], &json["a_to_b"]), (&"duration".into(), &0.into()));
+    let (trace, ..) = trace(&bench);
+    assert_eq!(trace.entries().count(), 1);
+}
+
+#[test]
+fn what_cannot_be_recorded_is_refused() {
+    let bench = Bench::new();
+    bench.write("old.spt", "precious");
+    let refused = |words: &str, code: i32, what: &str| {
+        let words: Vec<_> = words.split(' ').collect();
+        let ran = bench.run(&[&["record"], &words[..]].concat()).with_code(code);
+        assert!(ran.err.contains(what), "{}", ran.err);
+    };
+    refused("--a pty: --b pty:", 2, "--out");
+    refused("--a /dev/none --b /dev/none --out s.spt", 2, "the same port");
+    refused("--a pty: --b COM3 --out s.spt", 2, "names no port");
+    refused("--a pty: --b pty: --out old.spt", 2, "there already");
+    refused("--a pty: --b pty: --out s.spt --id Lathe", 2, "an id is");
+    refused("--a pty: --b pty: --out s.spt --device a,b", 2, "without commas");
+    refused("--a pty: --b pty: --out s.spt --set xon=1", 2, "--plugin");
+    refused("--a pty: --b pty: --out s.spt --plugin xon-xoff --set xon=999", 2, "xon");
+    bench.write("bad.wasm", "no module");
+    refused("--a pty: --b pty: --out s.spt --plugin bad.wasm", 3, "bad.wasm");
+    refused("--a pty: --b /dev/none --out s.spt", 6, "there is no /dev/none");
+    assert_eq!(bench.read("old.spt"), b"precious");
+    assert_eq!(bench.names(), ["bad.wasm", "old.spt"]);
+}
