@@ -133,7 +133,7 @@ impl Converter for FanucRs232 {
         byte: Option<u8>,
         span: u32,
     ) {
-        link.note(NoteLevel::Warning, u16::from(kind.code()), kind.text());
+        link.note(NoteLevel::Warning, u16::from(kind.code()), "line error");
         // With a span the character was given already.
         let byte = if span == 0 { byte } else { None };
         if self.is_packets {
@@ -328,6 +328,7 @@ impl FanucRs232 {
         self.after(link);
     }
 
+    #[inline(never)]
     fn set_paused(&mut self, link: &mut Context<'_>, is_paused: bool) {
         self.kept.feed.set_paused(link, is_paused);
         self.kept.remote_buffer.set_paused(is_paused);

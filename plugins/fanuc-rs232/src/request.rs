@@ -31,7 +31,7 @@ impl Requests {
         }
         let Some(name) = wanted(settings, title.comment()) else { return };
         if self.open == MOST_OPEN {
-            link.note(NoteLevel::Warning, 0, "too many requests are unanswered");
+            link.note(NoteLevel::Warning, 0, "too many requests");
             return;
         }
         let mut buffer = [0; FIELDS];
@@ -58,7 +58,7 @@ impl Requests {
         }
         self.open = self.open.saturating_sub(1);
         if let Some(failure) = refused {
-            link.note(NoteLevel::Warning, failure.code(), "the host refused the program");
+            link.note(NoteLevel::Warning, failure.code(), "request refused");
         }
     }
 }

@@ -70,45 +70,45 @@ choice! {
 settings! {
     /// The settings of FANUC RS-232.
     pub struct Settings {
-        mode: Mode = "reader", "Reader/punch interface, remote buffer A or B.";
+        mode: Mode = "reader", "Interface.";
         code: SendCode = "iso", "Code sent.";
-        receive_code: ReceiveCode = "auto", "Code received; auto: by the first EOB.";
-        parity: ParityMode = "uart", "ISO's even parity: the port's, ours, none.";
-        plain_codes: bool = false, "DC codes lack parity; in EIA 13 stops us too.";
+        receive_code: ReceiveCode = "auto", "Code received.";
+        parity: ParityMode = "uart", "Who makes ISO's parity.";
+        plain_codes: bool = false, "DC codes without parity.";
         eob: Eob = "lf", "EOB sent in ISO.";
         line_end: LineEnd = "lf", "Line ends delivered.";
-        leader: i64 = 0 in 0..=2000 "characters", "NULs before the first %.";
-        trailer: i64 = 0 in 0..=2000 "characters", "NULs after the last %.";
-        tv_pad: bool = false, "Pad odd blocks with a space.";
-        tv_check: bool = false, "Odd blocks fail a capture.";
+        leader: i64 = 0 in 0..=2000 "characters", "NULs before.";
+        trailer: i64 = 0 in 0..=2000 "characters", "NULs behind.";
+        tv_pad: bool = false, "Pad odd blocks.";
+        tv_check: bool = false, "Odd blocks fail.";
         tv_cr: bool = true, "CRs count for TV.";
         tv_comments: bool = true, "Comments count for TV.";
-        upper: bool = true, "Send lower case as upper case.";
-        unsupported: Unsupported = "refuse", "What the code lacks, and % in comments.";
-        replace: Bytes<64> = "", "Pairs: character, what is sent.";
-        ascii: bool = false, "ISO: all printable ASCII may be sent.";
+        upper: bool = true, "Capitals.";
+        unsupported: Unsupported = "refuse", "What the code lacks.";
+        replace: Bytes<64> = "", "Pairs: character, sent.";
+        ascii: bool = false, "ISO: all of ASCII.";
         eia_codes: Bytes<32> = "", "Pairs: character, EIA code.";
         percent: bool = true, "Add a % that lacks.";
         block_numbers: BlockNumbers = "keep", "N numbers.";
-        number_step: i64 = 10 in 1..=1000 "", "First new number and step.";
-        dc1_timeout: i64 = 0 in 0..=86400000 "ms", "Longest wait for DC1; 0: any.";
+        number_step: i64 = 10 in 1..=1000 "", "First number and step.";
+        dc1_timeout: i64 = 0 in 0..=86400000 "ms", "Wait for DC1; 0: any.";
         held_timeout: i64 = 0 in 0..=86400000 "ms", "Longest DC3; 0: any.";
-        end_wait: i64 = 0 in 0..=600000 "ms", "Wait for the final DC3.";
-        watch_dsr: bool = false, "DSR off ends a transfer.";
+        end_wait: i64 = 0 in 0..=600000 "ms", "Wait for final DC3.";
+        watch_dsr: bool = false, "DSR off ends all.";
         output_flow: OutputFlow = "dc3", "Holds the control's output.";
         resume_code: ResumeCode = "dc1", "Resumes it.";
-        need_dc2: bool = true, "Capture after DC2 only, not from a % on.";
+        need_dc2: bool = true, "Capture after DC2 only.";
         answer_dc2: bool = false, "Answer DC2 with DC1.";
-        end_quiet: i64 = 500 in 1..=600000 "ms", "Silence after the second % that ends a capture.";
-        after_dc4: i64 = 200 in 0..=60000 "ms", "SYN or NAK may follow DC4 so long.";
-        quiet_time: i64 = 10000 in 0..=600000 "ms", "Silence that fails a capture; 0: none.";
-        programs: Programs = "keep", "Several programs: one delivery or one each.";
+        end_quiet: i64 = 500 in 1..=600000 "ms", "Silence that ends one.";
+        after_dc4: i64 = 200 in 0..=60000 "ms", "Wait for SYN or NAK.";
+        quiet_time: i64 = 10000 in 0..=600000 "ms", "Silence that fails one; 0: none.";
+        programs: Programs = "keep", "Several in one capture.";
         on_line_error: OnLineError = "fail", "Damaged characters.";
-        request_program: i64 = 9999 in 0..=99999999 "", "Program number of a request.";
-        request_pattern: Text<32> = "(SEND *)", "Its comment, * the name; empty: none.";
-        poll_time: i64 = 5000 in 100..=60000 "ms", "Remote buffer: longest silence (Tp).";
-        packet_size: i64 = 1024 in 16..=1024 "bytes", "Remote buffer: data in a DAT.";
-        packet_end: PacketEnd = "cr", "Remote buffer: end code.";
+        request_program: i64 = 9999 in 0..=99999999 "", "Number of a request.";
+        request_pattern: Text<32> = "(SEND *)", "Its comment; * the name.";
+        poll_time: i64 = 5000 in 100..=60000 "ms", "Longest silence (Tp).";
+        packet_size: i64 = 1024 in 16..=1024 "bytes", "Data in a DAT.";
+        packet_end: PacketEnd = "cr", "End of a packet.";
     }
 }
 
@@ -121,15 +121,15 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
     settings: Settings,
     tail: concat!(
         r#""presets":["#,
-        r#"{"name":"series-0","text":"Codes without parity, LF CR CR.","values":{"plain_codes":true,"eob":"lfcrcr"}},"#,
-        r#"{"name":"15-remote-a","text":"Remote buffer, protocol A.","values":{"mode":"remote-a"}},"#,
-        r#"{"name":"eia","text":"EIA both ways, 8N2.","values":{"code":"eia","receive_code":"eia","parity":"none"}},"#,
-        r#"{"name":"software-parity","text":"ISO on an 8-bit line.","values":{"parity":"software"}}],"#,
+        r#"{"name":"series-0","text":"As series 0.","values":{"plain_codes":true,"eob":"lfcrcr"}},"#,
+        r#"{"name":"15-remote-a","text":"Remote buffer A.","values":{"mode":"remote-a"}},"#,
+        r#"{"name":"eia","text":"EIA, 8N2.","values":{"code":"eia","receive_code":"eia","parity":"none"}},"#,
+        r#"{"name":"software-parity","text":"8-bit line.","values":{"parity":"software"}}],"#,
         r#""jobs":[{"name":"send","text":"Sends a program.","fields":["#,
         r#"{"name":"from_block","type":"int","text":"First block, from 1."},"#,
-        r#"{"name":"from_sequence","type":"int","text":"First block by its N number."},"#,
-        r#"{"name":"preamble","type":"text","text":"Blocks sent before it."}]}],"#,
-        r#""requests":[{"name":"program","text":"The panel asks for a program.","fields":["#,
+        r#"{"name":"from_sequence","type":"int","text":"Its N number."},"#,
+        r#"{"name":"preamble","type":"text","text":"Sent before it."}]}],"#,
+        r#""requests":[{"name":"program","text":"The panel asks.","fields":["#,
         r#"{"name":"name","type":"text","text":"Its name."},"#,
         r#"{"name":"number","type":"int","text":"Its number."}]}],"#,
         r#""profiles":[{"name":"fanuc-rs232","features":["eia","parity","tv","restart","request","remote"]}],"#,

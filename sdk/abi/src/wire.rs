@@ -40,27 +40,9 @@ pub enum MalformedReason {
 /// Copies as many bytes as both slices hold. A copy that can panic, or an index
 /// that can, would bring the formatting of its message into every plug-in: some 5 KiB.
 pub fn copy(to: &mut [u8], from: &[u8]) {
-    #[cfg(target_arch = "wasm32")]
-    let (to, from) = copy_pieces(to, from);
     for (to, from) in to.iter_mut().zip(from) {
         *to = *from;
     }
-}
-
-/// Copies whole pieces and gives the rest back. What the compiler would call for
-/// a loop over all bytes goes by four bytes at a time: three times as slow.
-#[cfg(target_arch = "wasm32")]
-fn copy_pieces<'a, 'b>(to: &'a mut [u8], from: &'b [u8]) -> (&'a mut [u8], &'b [u8]) {
-    const PIECE: usize = 32;
-    let length = to.len().min(from.len()) / PIECE * PIECE;
-    let (to, to_rest) = to.split_at_mut_checked(length).unwrap_or_default();
-    let (from, from_rest) = from.split_at_checked(length).unwrap_or_default();
-    for (to, from) in to.as_chunks_mut::<PIECE>().0.iter_mut().zip(from.as_chunks::<PIECE>().0) {
-        *to = *from;
-        // Nothing but keeps the compiler from making that call after all.
-        core::sync::atomic::compiler_fence(core::sync::atomic::Ordering::SeqCst);
-    }
-    (to_rest, from_rest)
 }
 
 /// Takes fields from the front of a slice.

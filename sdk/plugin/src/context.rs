@@ -257,9 +257,11 @@ fn too_many() -> ! {
 
 fn cut(text: &str, limit: usize) -> &str {
     let mut end = text.len().min(limit);
-    while !text.is_char_boundary(end) {
-        end -= 1;
+    loop {
+        // Slicing would bring the text of its panic into every plug-in.
+        match text.get(..end) {
+            Some(cut) => return cut,
+            None => end -= 1,
+        }
     }
-    // Slicing would bring the text of its panic into every plug-in.
-    text.get(..end).unwrap_or_default()
 }

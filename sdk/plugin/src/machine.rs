@@ -109,7 +109,7 @@ impl<C: Converter> Core<C> {
             self.next_setting = 0;
         }
         let Slot::Full(settings) = &mut self.settings else {
-            return Err((Refusal::MalformedEvent, "settings do not begin with a first piece"));
+            return Err((Refusal::MalformedEvent, "the first settings are missing"));
         };
         for value in values.raw() {
             let value = value.map_err(|_| (Refusal::MalformedEvent, ""))?;
@@ -117,7 +117,7 @@ impl<C: Converter> Core<C> {
             if index != self.next_setting || !settings.set(index, &value) {
                 return Err((
                     Refusal::Settings,
-                    "a setting is not of the manifest's type or order",
+                    "a setting is of another type or order",
                 ));
             }
             self.next_setting += 1;
@@ -126,7 +126,7 @@ impl<C: Converter> Core<C> {
             return Ok(());
         }
         if self.next_setting != C::Settings::COUNT {
-            return Err((Refusal::Settings, "a value is missing; every setting needs one"));
+            return Err((Refusal::Settings, "a setting has no value"));
         }
         C::check_settings(settings).map_err(|text| (Refusal::Settings, text))
     }
@@ -160,11 +160,11 @@ impl<C: Converter> Core<C> {
             self.restored_length = 0;
         }
         if offset as usize != self.restored_length || total > STATE_BYTES {
-            return refused("the pieces of the state do not follow each other");
+            return refused("a piece of the state is missing");
         }
         let end = self.restored_length + bytes.len();
         let Some(place) = state.get_mut(self.restored_length..end) else {
-            return refused("the state is longer than this plug-in ever saves");
+            return refused("the state is too long");
         };
         copy(place, bytes);
         self.restored_length = end;

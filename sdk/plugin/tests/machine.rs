@@ -246,10 +246,10 @@ fn a_state_that_does_not_fit_is_refused() {
     let trailing = [state.as_slice(), &[9]].concat();
     assert_eq!(words(restore(&trailing, 3, 5).unwrap_err()), damaged);
     let long = vec![0; 4_097];
-    let too_long = "the state is longer than this plug-in ever saves";
+    let too_long = "the state is too long";
     assert_eq!(words(restore(&long, 3, 1_000).unwrap_err()), too_long);
 
-    let gap = "the pieces of the state do not follow each other";
+    let gap = "a piece of the state is missing";
     let piece = |offset, bytes| Event::Restore { format: 3, offset, total: 12, bytes };
     let mut native = Native::<Probe>::new();
     assert_eq!(words(refused(&mut native, &piece(4, &state[4..]))), gap);

@@ -193,8 +193,8 @@ fn settings_come_complete_in_order_and_of_their_type() {
         assert_eq!(open(&mut native).unwrap_err().refusal, Refusal::MalformedEvent);
         fault.words
     };
-    let order = "a setting is not of the manifest's type or order";
-    let missing = "a value is missing; every setting needs one";
+    let order = "a setting is of another type or order";
+    let missing = "a setting has no value";
     let with = |at: usize, value| {
         let mut values = good();
         values[at].1 = value;
@@ -229,7 +229,7 @@ fn settings_come_in_pieces_and_begin_with_a_first_one() {
     let values = good();
     let fault = give(&mut native, (false, true), &values).unwrap_err();
     assert_eq!(fault.refusal, Refusal::MalformedEvent);
-    assert_eq!(fault.words, "settings do not begin with a first piece");
+    assert_eq!(fault.words, "the first settings are missing");
 
     give(&mut native, (true, false), &values[..3]).unwrap();
     let fault = open(&mut native).unwrap_err();

@@ -2,7 +2,10 @@
 //! stay readable.
 //!
 //! A mangled symbol spells out crate, modules, generics and a hash: of a small
-//! plug-in some 12 of 43 kB. What a reader needs is `Type::method`.
+//! plug-in some 12 of 43 kB. What a reader needs is the method, and its type where several have
+//! one of that name.
+
+use std::collections::BTreeMap;
 
 use crate::wasm::{HEADER, Kind, bytes, number, push_bytes, push_number, sections};
 
@@ -30,29 +33,49 @@ pub(super) fn shorten(module: &[u8]) -> Option<Vec<u8>> {
 }
 
 /// Of all subsections only the function names.
-fn names(mut section: &[u8]) -> Option<Vec<u8>> {
-    let mut out = Vec::new();
-    while let Some((&id, rest)) = section.split_first() {
-        section = rest;
-        let subsection = bytes(&mut section)?;
-        if id == FUNCTION_NAMES {
-            out.push(id);
-            push_bytes(&mut out, &function_names(subsection)?);
-        }
+fn names(section: &[u8]) -> Option<Vec<u8>> {
+    let functions = shortest(&functions(section)?);
+    let mut names = Vec::new();
+    push_number(&mut names, functions.len() as u64);
+    for (index, name) in functions {
+        push_number(&mut names, index);
+        push_bytes(&mut names, name.as_bytes());
     }
+    let mut out = vec![FUNCTION_NAMES];
+    push_bytes(&mut out, &names);
     Some(out)
 }
 
-fn function_names(mut names: &[u8]) -> Option<Vec<u8>> {
-    let mut out = Vec::new();
-    let count = number(&mut names)?;
-    push_number(&mut out, count);
-    for _ in 0..count {
-        push_number(&mut out, number(&mut names)?);
-        let symbol = std::str::from_utf8(bytes(&mut names)?).ok()?;
-        push_bytes(&mut out, short(symbol).as_bytes());
+/// Number and symbol of each function in a section `name`.
+pub(super) fn functions(mut section: &[u8]) -> Option<Vec<(u64, &str)>> {
+    while let Some((&id, rest)) = section.split_first() {
+        section = rest;
+        let mut names = bytes(&mut section)?;
+        if id == FUNCTION_NAMES {
+            let count = number(&mut names)?;
+            let mut function = || {
+                let index = number(&mut names)?;
+                Some((index, std::str::from_utf8(bytes(&mut names)?).ok()?))
+            };
+            return (0..count).map(|_| function()).collect();
+        }
     }
-    Some(out)
+    Some(Vec::new())
+}
+
+/// `method` where no other function is called so, else `Type.method`.
+fn shortest(functions: &[(u64, &str)]) -> Vec<(u64, String)> {
+    let names: Vec<_> = functions.iter().map(|(index, symbol)| (*index, short(symbol))).collect();
+    let bare = |name: &str| name.split_once("::").map_or(name, |(_, method)| method).to_owned();
+    let mut uses = BTreeMap::new();
+    for (_, name) in &names {
+        *uses.entry(bare(name)).or_insert(0) += 1;
+    }
+    let name = |name: String| match uses[&bare(&name)] {
+        1 => bare(&name),
+        _ => name.replacen("::", ".", 1),
+    };
+    names.into_iter().map(|(index, own)| (index, name(own))).collect()
 }
 
 /// `Type::method` or `function` of a symbol, mangled or not.
@@ -181,7 +204,7 @@ mod tests {
             }
         }
         let functions: Vec<_> = functions.iter().map(|n| (n.index, n.name)).collect();
-        assert_eq!(functions, [(0, "Event::decode"), (1, "memset")]);
+        assert_eq!(functions, [(0, "decode"), (1, "memset")]);
     }
 
     #[test]

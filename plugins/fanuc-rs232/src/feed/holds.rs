@@ -98,7 +98,7 @@ impl Feed {
     pub(crate) fn timer(&mut self, link: &mut Context<'_>) {
         self.timer.has_run_out();
         if self.stage == Stage::Waiting {
-            link.note(NoteLevel::Warning, 0, "no DC3 after the end of the program");
+            link.note(NoteLevel::Warning, 0, "no DC3 after the end");
             self.end(link);
         } else {
             let failure = if self.is_started { Failure::HeldTooLong } else { Failure::NoAnswer };

@@ -149,7 +149,7 @@ impl Text {
         }
         if is_lost && !self.failure.is(Failure::Overrun) {
             self.lost();
-            link.note(NoteLevel::Error, 0, "the control did not stop: characters are lost");
+            link.note(NoteLevel::Error, 0, "characters are lost");
         }
     }
 

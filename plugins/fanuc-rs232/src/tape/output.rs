@@ -34,8 +34,9 @@ impl Output {
 
     /// The first `count` bytes are not needed any more.
     pub(crate) fn drop_first(&mut self, count: usize) {
+        let filled = self.bytes.get_mut(..usize::from(self.length)).unwrap_or_default();
+        shift(filled, count);
         self.length = self.length.saturating_sub(count as u16);
-        shift(&mut self.bytes, count);
     }
 
     pub(crate) fn clear(&mut self) {
