@@ -8,7 +8,7 @@ use crate::state::State;
 use crate::tape::{Encoder, MOST_PER_BYTE, Setup};
 use crate::timer::Timer;
 use queue::PIECE;
-use softplug_plugin::{Context, Failure, JobStart, MarkState, Pass};
+use softplug_plugin::{Context, Failure, JobStart, MarkState, Pass, mutant};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Timer: no DC1 since the job began, DC3 for too long, or no final DC3.
@@ -129,7 +129,13 @@ impl Feed {
         } else {
             self.stage = Stage::Feeding;
             self.queued = 0;
-            self.nuls = settings.leader as u32;
+            self.nuls = if mutant!("fanuc-rs232.feed.leader-trailer/no-leader") {
+                0
+            } else {
+                settings.leader as u32
+            };
+            self.is_ready |= mutant!("fanuc-rs232.feed.wait-dc1/not-awaited");
+            self.is_ready &= !mutant!("fanuc-rs232.feed.dc1-remembered/forgotten");
             self.is_started = self.is_ready;
             self.is_read = false;
             self.update_hold(link);
@@ -247,7 +253,11 @@ impl Feed {
             }
             self.mark = self.mark.wrapping_add(2).max(2);
             link.transmit_marked(self.mark, &[]);
-            self.nuls = settings.trailer as u32;
+            self.nuls = if mutant!("fanuc-rs232.feed.leader-trailer/no-trailer") {
+                0
+            } else {
+                settings.trailer as u32
+            };
             self.stage = Stage::Trailing;
         }
         if self.stage == Stage::Trailing && self.queue_nuls(link) {
@@ -287,10 +297,11 @@ impl Feed {
             self.is_read = true;
         }
         let is_last = mark == self.mark.wrapping_add(1) && self.stage == Stage::Draining;
-        if !is_last || state != MarkState::SurelyLeft {
+        let is_missed = mutant!("fanuc-rs232.feed.done-when-left/never");
+        if !is_last || state != MarkState::SurelyLeft || is_missed {
             return;
         }
-        if settings.end_wait == 0 {
+        if settings.end_wait == 0 || mutant!("fanuc-rs232.feed.end-wait/ignored") {
             self.end(link);
         } else {
             self.stage = Stage::Waiting;
@@ -338,7 +349,7 @@ impl Feed {
         // Nothing that the control said for this job counts for the next.
         self.stage = Stage::Idle;
         self.is_read = false;
-        self.is_ready = false;
+        self.is_ready &= mutant!("fanuc-rs232.feed.abort-clean/dc1-kept");
         self.is_started = false;
         self.is_paused = false;
         self.update_hold(link);

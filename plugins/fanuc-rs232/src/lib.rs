@@ -26,7 +26,7 @@ use punch::Punch;
 use remote_buffer::RemoteBuffer;
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    ModemLines, NoteLevel, Opening, Pass, StateError, StateReader, StateWriter, copy,
+    ModemLines, NoteLevel, Opening, Pass, StateError, StateReader, StateWriter, copy, mutant,
 };
 use state::State;
 use tape::Setup;
@@ -87,7 +87,9 @@ impl Converter for FanucRs232 {
         Self {
             settings: Setup::new(&settings),
             kept,
-            is_packets: settings.mode == Mode::RemoteA,
+            is_packets: settings.mode == Mode::RemoteA
+                || (mutant!("fanuc-rs232.remote.protocol-b/packets")
+                    && settings.mode == Mode::RemoteB),
             was_busy: false,
             left: [0; INPUT],
             left_length: 0,
@@ -143,6 +145,10 @@ impl Converter for FanucRs232 {
                 &mut self.kept.feed.encoder,
                 byte,
             );
+        } else if let Some(byte) = byte
+            && mutant!("fanuc-rs232.code.damaged/control")
+        {
+            self.byte(link, byte);
         } else {
             self.kept.punch.line_error(link, &self.settings, kind, byte);
         }
@@ -154,9 +160,13 @@ impl Converter for FanucRs232 {
         let is_lost = self.kept.is_dsr_on && !is_on && known.contains(ModemLines::DSR);
         self.kept.is_dsr_on = is_on;
         if is_lost && self.settings.watch_dsr {
-            self.kept.feed.lost(link, Failure::PartnerGone);
+            if !mutant!("fanuc-rs232.feed.dsr/goes-on") {
+                self.kept.feed.lost(link, Failure::PartnerGone);
+            }
             self.kept.remote_buffer.lost(link, Failure::PartnerGone);
-            self.kept.punch.finish(link, &self.settings, Some(Failure::PartnerGone));
+            if !mutant!("fanuc-rs232.punch.dsr/goes-on") {
+                self.kept.punch.finish(link, &self.settings, Some(Failure::PartnerGone));
+            }
             self.after(link);
         }
     }
@@ -257,7 +267,9 @@ impl Converter for FanucRs232 {
         if job == 0 {
             self.kept.punch.abort(link, &self.settings);
         } else {
-            self.kept.remote_buffer.fail(link, Failure::Aborted);
+            if !mutant!("fanuc-rs232.remote.abort/ignored") {
+                self.kept.remote_buffer.fail(link, Failure::Aborted);
+            }
             self.kept.feed.stop(link, Failure::Aborted);
         }
         self.after(link);
@@ -288,6 +300,9 @@ impl Converter for FanucRs232 {
         }
         let bytes = state.bytes(size_of::<Kept>());
         self.kept = Kept::try_read_from_bytes(bytes).map_err(|_| StateError)?;
+        if mutant!("fanuc-rs232.link.swap/feed-forgotten") {
+            self.kept.feed = Feed::new_zeroed();
+        }
         self.was_busy = self.kept.feed.is_busy();
         Ok(())
     }
@@ -319,7 +334,11 @@ impl FanucRs232 {
             }
             // While we send it is an echo.
             None if !is_sending => self.kept.punch.byte(link, settings, byte),
-            None => {}
+            None => {
+                if mutant!("fanuc-rs232.feed.echo/ends") {
+                    self.kept.feed.lost(link, Failure::LineError);
+                }
+            }
         }
     }
 

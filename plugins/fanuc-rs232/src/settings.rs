@@ -90,19 +90,19 @@ settings! {
         eia_codes: Bytes<32> = "", "Pairs: character, EIA code.";
         percent: bool = true, "Add a % that lacks.";
         block_numbers: BlockNumbers = "keep", "N numbers.";
-        number_step: i64 = 10 in 1..=1000 "", "First number and step.";
+        number_step: i64 = 10 in 1..=1000 "", "Number step.";
         dc1_timeout: i64 = 0 in 0..=86400000 "ms", "Wait for DC1; 0: any.";
         held_timeout: i64 = 0 in 0..=86400000 "ms", "Longest DC3; 0: any.";
         end_wait: i64 = 0 in 0..=600000 "ms", "Wait for final DC3.";
         watch_dsr: bool = false, "DSR off ends all.";
-        output_flow: OutputFlow = "dc3", "Holds the control's output.";
+        output_flow: OutputFlow = "dc3", "Holds the control.";
         resume_code: ResumeCode = "dc1", "Resumes it.";
         need_dc2: bool = true, "Capture after DC2 only.";
         answer_dc2: bool = false, "Answer DC2 with DC1.";
         end_quiet: i64 = 500 in 1..=600000 "ms", "Silence that ends one.";
         after_dc4: i64 = 200 in 0..=60000 "ms", "Wait for SYN or NAK.";
-        quiet_time: i64 = 10000 in 0..=600000 "ms", "Silence that fails one; 0: none.";
-        programs: Programs = "keep", "Several in one capture.";
+        quiet_time: i64 = 10000 in 0..=600000 "ms", "Silence that fails; 0: none.";
+        programs: Programs = "keep", "Several programs.";
         on_line_error: OnLineError = "fail", "Damaged characters.";
         request_program: i64 = 9999 in 0..=99999999 "", "Number of a request.";
         request_pattern: Text<32> = "(SEND *)", "Its comment; * the name.";
@@ -116,13 +116,13 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
     head: concat!(
         r#""abi":"1.0","name":"fanuc-rs232","version":""#, env!("CARGO_PKG_VERSION"),
         r#"","licence":""#, env!("CARGO_PKG_LICENSE"),
-        r#"","protocol":"FANUC RS-232","description":"Reader/punch and remote buffer.""#,
+        r#"","protocol":"FANUC RS-232","description":"Reader/punch, remote buffer.""#,
     ),
     settings: Settings,
     tail: concat!(
         r#""presets":["#,
         r#"{"name":"series-0","text":"As series 0.","values":{"plain_codes":true,"eob":"lfcrcr"}},"#,
-        r#"{"name":"15-remote-a","text":"Remote buffer A.","values":{"mode":"remote-a"}},"#,
+        r#"{"name":"15-remote-a","text":"Buffer A.","values":{"mode":"remote-a"}},"#,
         r#"{"name":"eia","text":"EIA, 8N2.","values":{"code":"eia","receive_code":"eia","parity":"none"}},"#,
         r#"{"name":"software-parity","text":"8-bit line.","values":{"parity":"software"}}],"#,
         r#""jobs":[{"name":"send","text":"Sends a program.","fields":["#,
@@ -142,13 +142,13 @@ impl Settings {
     pub(crate) fn check(&self) -> Result<(), &'static str> {
         let is_paired = |pairs: &[u8]| pairs.len().is_multiple_of(2);
         if !is_paired(self.replace.as_slice()) || !is_paired(self.eia_codes.as_slice()) {
-            return Err("replace and eia_codes need pairs of bytes");
+            return Err("replace and eia_codes need pairs");
         }
         if self.mode == Mode::RemoteA && self.code == SendCode::Eia {
-            return Err("remote-a needs ISO; set code to iso");
+            return Err("remote-a needs code iso");
         }
         if self.mode == Mode::RemoteA && self.packet_end == PacketEnd::Cr && self.eob != Eob::Lf {
-            return Err("packets end with CR; set eob to lf or packet_end to etx");
+            return Err("packets end with CR; set eob to lf");
         }
         let pattern = self.request_pattern.as_bytes();
         if !pattern.is_empty() && pattern.split(|byte| *byte == b'*').count() != 2 {

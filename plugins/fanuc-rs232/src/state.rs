@@ -21,14 +21,14 @@ impl State {
         match self {
             Self::Idle => "idle",
             Self::Capturing => "capturing",
-            Self::Holding => "holding the control",
+            Self::Holding => "holding",
             Self::Answering => "feeding packets",
             Self::Checking => "checking",
             Self::WaitingForDc1 => "waiting for DC1",
             Self::Sending => "sending",
             Self::Held => "held",
             Self::Paused => "paused",
-            Self::Ending => "waiting for the final DC3",
+            Self::Ending => "waiting for DC3",
             Self::Stopping => "stopping",
         }
     }

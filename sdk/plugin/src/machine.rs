@@ -115,10 +115,7 @@ impl<C: Converter> Core<C> {
             let value = value.map_err(|_| (Refusal::MalformedEvent, ""))?;
             let index = value.index;
             if index != self.next_setting || !settings.set(index, &value) {
-                return Err((
-                    Refusal::Settings,
-                    "a setting is of another type or order",
-                ));
+                return Err((Refusal::Settings, "a setting is of another type or order"));
             }
             self.next_setting += 1;
         }

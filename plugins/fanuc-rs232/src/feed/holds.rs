@@ -3,24 +3,45 @@
 use super::{Feed, Stage, WAIT};
 use crate::code::Control;
 use crate::tape::Setup;
-use softplug_plugin::{Context, Failure, NoteLevel};
+use softplug_plugin::{Context, Failure, NoteLevel, mutant};
 
 impl Feed {
     /// A code of the control.
     pub(crate) fn control(&mut self, link: &mut Context<'_>, settings: &Setup, code: Control) {
         match code {
-            Control::Dc1 => self.set_ready(link, settings, true),
-            Control::Dc3 if self.is_read && self.is_busy() => self.end(link),
-            Control::Dc3 => self.set_ready(link, settings, false),
-            Control::Syn => self.lost(link, Failure::PartnerReset),
-            Control::Nak => self.lost(link, Failure::PartnerAlarm),
+            Control::Dc1 => {
+                if !(mutant!("fanuc-rs232.feed.resume/ignored") && self.is_started) {
+                    self.set_ready(link, settings, true);
+                }
+            }
+            Control::Dc3
+                if self.is_read
+                    && self.is_busy()
+                    && !mutant!("fanuc-rs232.feed.final-dc3/held") =>
+            {
+                self.end(link)
+            }
+            Control::Dc3 => {
+                let is_ready = mutant!("fanuc-rs232.feed.obey-dc3/ignored");
+                self.set_ready(link, settings, is_ready);
+            }
+            Control::Syn => {
+                let is_alarm = mutant!("fanuc-rs232.feed.reset/other-reason");
+                let failure = if is_alarm { Failure::PartnerAlarm } else { Failure::PartnerReset };
+                self.lost(link, failure);
+            }
+            Control::Nak => {
+                let is_reset = mutant!("fanuc-rs232.feed.alarm/other-reason");
+                let failure = if is_reset { Failure::PartnerReset } else { Failure::PartnerAlarm };
+                self.lost(link, failure);
+            }
             Control::Dc2 | Control::Dc4 => {}
         }
     }
 
     /// DC1 and DC3 that say nothing new change nothing, timers included.
     fn set_ready(&mut self, link: &mut Context<'_>, settings: &Setup, is_ready: bool) {
-        if self.is_ready == is_ready {
+        if self.is_ready == is_ready && !mutant!("fanuc-rs232.feed.repeats-harmless/timed-again") {
             return;
         }
         self.is_ready = is_ready;
@@ -42,19 +63,20 @@ impl Feed {
 
     /// The port is gone, and with it what is in the queue.
     pub(crate) fn link_down(&mut self, link: &mut Context<'_>) {
-        self.stop(link, Failure::LinkDown);
+        let is_abort = mutant!("fanuc-rs232.link.down/other-reason");
+        self.stop(link, if is_abort { Failure::Aborted } else { Failure::LinkDown });
         self.is_ready = false;
     }
 
     /// Goes on as after DC1.
     pub(crate) fn force_resume(&mut self, link: &mut Context<'_>, settings: &Setup) {
-        if self.is_busy() {
+        if self.is_busy() && !mutant!("fanuc-rs232.feed.force-resume/ignored") {
             self.set_ready(link, settings, true);
         }
     }
 
     pub(crate) fn set_paused(&mut self, link: &mut Context<'_>, is_paused: bool) {
-        self.is_paused = is_paused;
+        self.is_paused = is_paused && !mutant!("fanuc-rs232.feed.pause/ignored");
         self.update_hold(link);
     }
 
@@ -77,8 +99,10 @@ impl Feed {
             {
                 if self.is_started {
                     settings.held_timeout
+                        * i64::from(!mutant!("fanuc-rs232.feed.held-timeout/not-timed"))
                 } else {
                     settings.dc1_timeout
+                        * i64::from(!mutant!("fanuc-rs232.feed.dc1-timeout/not-timed"))
                 }
             }
             _ => 0,

@@ -16,7 +16,7 @@ use crate::state::State;
 use crate::timer::Timer;
 use crate::{CAPTURE, ReceiveCode, SendCode, Settings};
 use flow::Flow;
-use softplug_plugin::{Context, Failure, LineErrorKind, MarkState};
+use softplug_plugin::{Context, Failure, LineErrorKind, MarkState, mutant};
 use text::Text;
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
@@ -97,20 +97,37 @@ impl Punch {
             return matches!(control, Control::Dc2 | Control::Dc4);
         }
         match control {
-            Control::Dc2 if self.ended || self.stage == Stage::Closed => {
+            Control::Dc2
+                if self.ended
+                    || self.stage == Stage::Closed
+                    || mutant!("fanuc-rs232.punch.dc2-repeated/anew") =>
+            {
                 self.finish(link, settings, None);
                 self.start(link, settings, true);
             }
             // Repeated until it is answered.
             Control::Dc2 => self.answer_dc2(link, settings),
-            Control::Dc4 if !self.ended => {
+            Control::Dc4 if !self.ended && !mutant!("fanuc-rs232.punch.dc2-dc4/dc4-ignored") => {
                 self.ended = true;
-                self.timer.start(link, CAPTURE, settings.after_dc4);
+                let span =
+                    settings.after_dc4 * i64::from(!mutant!("fanuc-rs232.punch.after-dc4/at-once"));
+                self.timer.start(link, CAPTURE, span);
             }
-            Control::Syn => self.finish(link, settings, Some(Failure::PartnerReset)),
-            Control::Nak => self.finish(link, settings, Some(Failure::PartnerAlarm)),
+            Control::Syn => {
+                let is_alarm = mutant!("fanuc-rs232.punch.reset/other-reason");
+                let failure = if is_alarm { Failure::PartnerAlarm } else { Failure::PartnerReset };
+                self.finish(link, settings, Some(failure));
+            }
+            Control::Nak => {
+                let is_reset = mutant!("fanuc-rs232.punch.alarm/other-reason");
+                let failure = if is_reset { Failure::PartnerReset } else { Failure::PartnerAlarm };
+                self.finish(link, settings, Some(failure));
+            }
             // The operator reads already: nothing follows.
-            Control::Dc1 if self.ended || is_awaited => {
+            Control::Dc1
+                if self.ended
+                    || (is_awaited && !mutant!("fanuc-rs232.punch.while-waiting/dc1-ignored")) =>
+            {
                 self.finish(link, settings, None);
                 return false;
             }
@@ -135,7 +152,10 @@ impl Punch {
     }
 
     fn answer_dc2(&mut self, link: &mut Context<'_>, settings: &Settings) {
-        if settings.answer_dc2 && !self.is_answering {
+        if settings.answer_dc2
+            && !self.is_answering
+            && !mutant!("fanuc-rs232.punch.answer-dc2/not-answered")
+        {
             self.is_answering = true;
             link.transmit_urgent_marked(ANSWER, &[0x11]);
         }
@@ -148,11 +168,24 @@ impl Punch {
 
     /// A character that is no control code.
     pub(crate) fn byte(&mut self, link: &mut Context<'_>, settings: &Settings, byte: u8) {
+        if mutant!("fanuc-rs232.punch.dc4-late/nul-ends")
+            && self.stage == Stage::Closed
+            && byte == 0
+        {
+            return self.finish(link, settings, None);
+        }
+        if mutant!("fanuc-rs232.punch.flow-late/dropped") && self.flow.held {
+            return;
+        }
         if self.ended {
             return;
         }
         if self.stage == Stage::Idle {
-            if settings.need_dc2 || self.is_deaf(link, settings) || !is_percent(settings, byte) {
+            if settings.need_dc2
+                || mutant!("fanuc-rs232.punch.need-dc2/always")
+                || self.is_deaf(link, settings)
+                || !is_percent(settings, byte)
+            {
                 return;
             }
             self.start(link, settings, false);
@@ -161,14 +194,20 @@ impl Punch {
             self.read(link, settings, byte);
             return;
         }
-        if byte == 0 || (!self.has_text() && !is_percent(settings, byte)) {
+        if byte == 0
+            || (!self.has_text()
+                && !mutant!("fanuc-rs232.punch.leader/begins")
+                && !is_percent(settings, byte))
+        {
             return;
         }
         self.early.push(byte);
         match byte {
             // CR is no EIA code.
             0x0A | 0x0D | 0x8D => self.code = Code::Iso,
-            0x80 => self.code = Code::Eia,
+            0x80 => {
+                self.code = if mutant!("fanuc-rs232.code.auto/iso") { Code::Iso } else { Code::Eia }
+            }
             _ if self.early.is_full() => self.guess(settings),
             _ => return,
         }
@@ -218,7 +257,7 @@ impl Punch {
 
     fn character(&mut self, link: &mut Context<'_>, settings: &Settings, character: u8) {
         match self.stage {
-            Stage::Leader if character == b'%' => {
+            Stage::Leader if character == b'%' || mutant!("fanuc-rs232.punch.leader/begins") => {
                 self.stage = Stage::Program;
                 self.text.begin(link);
             }
@@ -229,7 +268,11 @@ impl Punch {
             Stage::Program => {
                 self.text.character(link, settings, &mut self.requests, character);
             }
-            _ => {}
+            _ => {
+                if mutant!("fanuc-rs232.punch.after-end/delivered") && self.stage == Stage::Closed {
+                    self.text.character(link, settings, &mut self.requests, character);
+                }
+            }
         }
     }
 
@@ -260,7 +303,7 @@ impl Punch {
         if !was_text && !self.has_text() {
             return;
         }
-        if kind == LineErrorKind::Overrun {
+        if kind == LineErrorKind::Overrun && !mutant!("fanuc-rs232.punch.overrun/line-error") {
             self.text.lost();
         } else {
             self.text.damaged(settings);
@@ -282,8 +325,11 @@ impl Punch {
         if self.ended {
             return;
         }
-        let is_closed = self.stage == Stage::Closed;
+        let is_closed = self.stage == Stage::Closed
+            && !mutant!("fanuc-rs232.punch.second-percent/long-silence");
         let span = if is_closed { settings.end_quiet } else { settings.quiet_time };
+        let span =
+            if mutant!("fanuc-rs232.punch.quiet-time/never") && !is_closed { 0 } else { span };
         if self.is_capturing() && !self.flow.held && span > 0 {
             self.timer.start(link, CAPTURE, span);
         } else {
@@ -312,7 +358,8 @@ impl Punch {
             self.guess(settings);
             self.settle(link, settings);
         }
-        let lacks_end = self.stage != Stage::Closed;
+        let lacks_end =
+            self.stage != Stage::Closed && !mutant!("fanuc-rs232.punch.no-end-mark/complete");
         let failure = failure.or(lacks_end.then_some(Failure::NoEndMark));
         self.text.end(link, settings, &mut self.requests, failure);
         self.stage = Stage::Idle;
@@ -323,7 +370,9 @@ impl Punch {
     /// The control is not left waiting.
     pub(crate) fn abort(&mut self, link: &mut Context<'_>, settings: &Settings) {
         if self.is_capturing() {
-            self.finish(link, settings, Some(Failure::Aborted));
+            let is_reset = mutant!("fanuc-rs232.punch.abort/other-reason");
+            let failure = if is_reset { Failure::PartnerReset } else { Failure::Aborted };
+            self.finish(link, settings, Some(failure));
             self.deafen(link, settings);
         }
         self.flow.let_go(link, settings);

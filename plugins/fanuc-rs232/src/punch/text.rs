@@ -5,7 +5,7 @@ use super::Title;
 use crate::reason::Reason;
 use crate::request::Requests;
 use crate::{LineEnd, OnLineError, Programs, Settings};
-use softplug_plugin::{Context, Failure, NoteLevel};
+use softplug_plugin::{Context, Failure, NoteLevel, mutant};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Characters that are handed over together.
@@ -78,8 +78,14 @@ impl Text {
             self.end_of_block(link, settings);
             return;
         }
+        if mutant!("fanuc-rs232.punch.header/dropped") && !self.counts {
+            return;
+        }
         self.end_at_cr(link, settings);
-        if settings.programs == Programs::Split && self.title.ends_before(character) {
+        if settings.programs == Programs::Split
+            && !mutant!("fanuc-rs232.punch.programs/one")
+            && self.title.ends_before(character)
+        {
             self.put_close(link, settings);
             self.end(link, settings, requests, None);
             self.failure = Reason::new(None);
@@ -111,7 +117,11 @@ impl Text {
     }
 
     fn end_of_block(&mut self, link: &mut Context<'_>, settings: &Settings) {
-        if self.odd && self.counts && settings.tv_check {
+        if self.odd
+            && self.counts
+            && settings.tv_check
+            && !mutant!("fanuc-rs232.punch.tv-check/ignored")
+        {
             self.fail(Failure::ParityCheck);
         }
         self.odd = false;
@@ -122,7 +132,7 @@ impl Text {
     }
 
     fn line_end(&mut self, link: &mut Context<'_>, settings: &Settings) {
-        if settings.line_end == LineEnd::CrLf {
+        if settings.line_end == LineEnd::CrLf && !mutant!("fanuc-rs232.punch.line-ends/lf") {
             self.put(link, b'\r');
         }
         self.put(link, b'\n');
@@ -158,7 +168,9 @@ impl Text {
     }
 
     pub(super) fn damaged(&mut self, settings: &Settings) {
-        if settings.on_line_error == OnLineError::Fail {
+        if settings.on_line_error == OnLineError::Fail
+            && !mutant!("fanuc-rs232.punch.line-error/kept")
+        {
             self.fail(Failure::LineError);
         }
     }
@@ -184,7 +196,7 @@ impl Text {
         self.give_name(link);
         link.delivery_end(self.delivery, failure, 0);
         self.delivery = 0;
-        if failure.is_none() {
+        if failure.is_none() || mutant!("fanuc-rs232.request.ask/failed-too") {
             requests.look(link, settings, &self.title);
         }
     }

@@ -16,7 +16,7 @@ use crate::state::State;
 use crate::tape::{Encoder, Setup};
 use crate::timer::Timer;
 use message::{Command, HEAD, Reader, command, end_code, head, with_parity};
-use softplug_plugin::{Context, Failure, JobStart, MarkState};
+use softplug_plugin::{Context, Failure, JobStart, MarkState, mutant};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// How often a message is repeated, or asked for again.
@@ -31,13 +31,14 @@ const EOD: Command = command(*b"EOD");
 const GTD: Command = command(*b"GTD");
 const RDY: Command = command(*b"RDY");
 const RTY: Command = command(*b"RTY");
+const STATUS: Command = command(*b"SET");
 const SYN: Command = command(*b"SYN");
 const WAT: Command = command(*b"WAT");
 
 /// What the control says, the answer, and what it means for data that was sent.
 const ANSWERS: [(Command, Command, Option<Failure>); 6] = [
     (GTD, WAT, None),
-    (command(*b"SAT"), command(*b"SET"), None),
+    (command(*b"SAT"), STATUS, None),
     (RDY, RDY, None),
     (SYN, RDY, Some(Failure::PartnerReset)),
     (command(*b"RST"), command(*b"ARS"), Some(Failure::PartnerReset)),
@@ -122,7 +123,7 @@ impl RemoteBuffer {
         self.wanted = 0;
         self.queued = 0;
         self.packet = 0;
-        if !self.is_ready {
+        if !self.is_ready && !mutant!("fanuc-rs232.remote.initialise/no-syn") {
             self.say(link, settings, encoder, SYN);
         }
         self.await_control(link, settings);
@@ -215,7 +216,9 @@ impl RemoteBuffer {
         encoder: &mut Encoder,
         byte: u8,
     ) {
-        self.await_control(link, settings);
+        if !mutant!("fanuc-rs232.remote.silence/not-restarted") {
+            self.await_control(link, settings);
+        }
         let Some(message) = self.reader.read(settings, byte) else { return };
         match message {
             Ok(RTY) => {
@@ -223,7 +226,10 @@ impl RemoteBuffer {
                 // Where RTY answers our RTY, the control may have taken the data and
                 // asked for more: data must not be carried out twice.
                 let is_unsure = self.retries > 0 && self.last == DAT;
-                if is_unsure || self.repeats > MOST_REPEATS {
+                if is_unsure
+                    || self.repeats
+                        > MOST_REPEATS + u8::from(mutant!("fanuc-rs232.remote.repeat/one-more"))
+                {
                     self.repeats = 0;
                     self.fail(link, Failure::AttemptsUsedUp);
                 } else {
@@ -231,7 +237,11 @@ impl RemoteBuffer {
                 }
             }
             Ok(command) => self.message(link, settings, encoder, command),
-            Err(()) => self.retry(link, settings, DAMAGED),
+            Err(()) => self.retry(
+                link,
+                settings,
+                if mutant!("fanuc-rs232.remote.ask-again/reason") { UNKNOWN } else { DAMAGED },
+            ),
         }
     }
 
@@ -273,6 +283,10 @@ impl RemoteBuffer {
             self.fill(link, settings, encoder);
         } else if command == RDY && self.last == SYN {
             self.last = RDY;
+        } else if mutant!("fanuc-rs232.remote.wait/eod") && command == GTD {
+            self.say(link, settings, encoder, EOD);
+        } else if mutant!("fanuc-rs232.remote.status/wait") && *answer == STATUS {
+            self.say(link, settings, encoder, WAT);
         } else {
             self.say(link, settings, encoder, *answer);
         }
@@ -300,6 +314,11 @@ impl RemoteBuffer {
 
     /// The control is gone; a job that it has not begun to read stays.
     pub(crate) fn lost(&mut self, link: &mut Context<'_>, failure: Failure) {
+        if mutant!("fanuc-rs232.remote.reset/goes-on") && failure == Failure::PartnerReset
+            || mutant!("fanuc-rs232.remote.alarm/goes-on") && failure == Failure::PartnerAlarm
+        {
+            return;
+        }
         if self.queued > 0 {
             self.fail(link, failure);
         }

@@ -19,7 +19,7 @@ use output::Output;
 use prefix::Prefix;
 use restart::Restart;
 pub(crate) use setup::Setup;
-use softplug_plugin::{Failure, Values};
+use softplug_plugin::{Failure, Values, mutant};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Most bytes that one call of [`Encoder::push`], [`Encoder::next`] or
@@ -157,7 +157,7 @@ impl Encoder {
                 character => self.text(settings, character).map_err(|_| Failure::BadJob),
             };
         }
-        if !self.place.eob_waits {
+        if !self.place.eob_waits && !mutant!("fanuc-rs232.feed.preamble/no-eob") {
             self.end_block(settings);
         }
         let character = core::mem::replace(&mut self.place.held, DROPPED);

@@ -6,7 +6,7 @@ use super::{
     Setup,
 };
 use crate::{BlockNumbers, Unsupported};
-use softplug_plugin::Failure;
+use softplug_plugin::{Failure, mutant};
 
 /// Block numbers have at most five digits; after the highest the first comes again.
 const HIGHEST_NUMBER: u32 = 99_999;
@@ -54,9 +54,13 @@ impl Encoder {
                 self.next_block(settings);
                 Ok(())
             }
-            SPECIAL_PERCENT if !self.place.in_comment => {
+            SPECIAL_PERCENT
+                if !self.place.in_comment
+                    || mutant!("fanuc-rs232.tape.percent-in-comment/ends") =>
+            {
                 self.send(settings, character);
-                self.place.part = Part::End;
+                let goes_on = mutant!("fanuc-rs232.tape.after-end/sent");
+                self.place.part = if goes_on { Part::Block } else { Part::End };
                 Ok(())
             }
             _ => self.text(settings, character),
@@ -67,7 +71,7 @@ impl Encoder {
     #[inline(never)]
     pub(super) fn open(&mut self, settings: &Setup) {
         self.place.is_open = true;
-        if settings.percent {
+        if settings.percent && !mutant!("fanuc-rs232.tape.percent/not-added") {
             self.send(settings, SPECIAL_PERCENT);
             self.place.eob_waits = true;
         }
@@ -136,7 +140,8 @@ impl Encoder {
 
     fn send_number(&mut self, settings: &Setup) {
         let step = settings.number_step as u32;
-        let next = self.place.last_number + step;
+        let next = self.place.last_number
+            + if mutant!("fanuc-rs232.tape.block-numbers/step") { 1 } else { step };
         let number = if next > HIGHEST_NUMBER { step } else { next };
         self.place.last_number = number;
         self.send(settings, b'N');
@@ -188,7 +193,8 @@ impl Encoder {
             b"\n\r" => (0, cr),
             _ => (0, 0),
         };
-        let is_odd = (self.place.count + before + 1) & 1 == 1;
+        let is_odd = (self.place.count + before + 1) & 1
+            == u8::from(!mutant!("fanuc-rs232.tape.tv-pad/even"));
         if settings.tv_pad && self.place.block > 0 && is_odd {
             self.send(settings, b' ');
         } else {
