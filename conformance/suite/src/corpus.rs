@@ -3,6 +3,7 @@
 
 use crate::ledger::Ledger;
 use crate::mutants::Matrix;
+use crate::script::{self, Script};
 use crate::{Case, FileError, LoadError};
 use include_dir::{Dir, include_dir};
 use sha2::{Digest as _, Sha256};
@@ -34,6 +35,8 @@ pub struct Corpus {
     pub ledgers: Vec<Ledger>,
     /// Traces, sorted by id. Their paths begin at the corpus' folder.
     pub cases: Vec<Case>,
+    /// Scripts whose clauses the ledgers have, sorted by id.
+    pub scripts: Vec<Script>,
     /// How many mutants of the reference plug-ins are killed, by the clause that they break.
     pub kills: BTreeMap<String, u32>,
     /// SHA-256 over the names and contents of all files, as 64 hex digits.
@@ -67,6 +70,8 @@ pub struct Listed<'a> {
 pub enum Source<'a> {
     /// In a trace.
     Trace(&'a Case),
+    /// In code.
+    Script(&'a Script),
 }
 
 /// A corpus that cannot be read.
@@ -187,7 +192,13 @@ impl Corpus {
         }
         ledgers.sort_by(|a, b| a.profile.cmp(&b.profile));
         let cases = cases.into_values().collect();
-        Ok(Self { ledgers, cases, kills, digest: digest(files) })
+        let has_clauses = |script: &Script| {
+            let ledger = ledgers.iter().find(|ledger| ledger.profile == script.profile);
+            let has = |ledger: &Ledger| script.clauses.iter().all(|id| ledger.clause(id).is_some());
+            ledger.is_some_and(has)
+        };
+        let scripts = script::all().into_iter().filter(has_clauses).collect();
+        Ok(Self { ledgers, cases, scripts, kills, digest: digest(files) })
     }
 
     /// The ledger of a profile.
@@ -197,7 +208,8 @@ impl Corpus {
 
     /// Every case, sorted by id.
     pub fn list(&self) -> Vec<Listed<'_>> {
-        let mut list: Vec<_> = self.cases.iter().map(Listed::of_trace).collect();
+        let scripts = self.scripts.iter().map(Listed::of_script);
+        let mut list: Vec<_> = self.cases.iter().map(Listed::of_trace).chain(scripts).collect();
         list.sort_by_key(|case| case.id);
         list
     }
@@ -218,6 +230,19 @@ impl<'a> Listed<'a> {
         }
     }
 
+    fn of_script(script: &'a Script) -> Self {
+        Self {
+            id: &script.id,
+            title: &script.title,
+            profile: script.profile,
+            clauses: &script.clauses,
+            level: level(script.level),
+            since: script.since,
+            kind: CaseKind::Script,
+            source: Source::Script(script),
+        }
+    }
+
     /// Whether it cites this clause.
     pub fn cites(&self, clause: &str) -> bool {
         self.clauses.iter().any(|cited| cited == clause)
@@ -227,13 +252,18 @@ impl<'a> Listed<'a> {
     pub(crate) fn config(&self) -> &'a [Assignment] {
         match self.source {
             Source::Trace(case) => &case.trace.front.config,
+            // Its settings are looked up in the manifest when it runs.
+            Source::Script(_) => &[],
         }
     }
 
     /// Clauses that leave a choice in it.
     pub(crate) fn alternatives(&self) -> impl Iterator<Item = &'a String> + use<'a> {
-        let Source::Trace(case) = self.source;
-        case.trace.alternatives().map(|block| &block.clause)
+        let trace = match self.source {
+            Source::Trace(case) => Some(&case.trace),
+            Source::Script(_) => None,
+        };
+        trace.into_iter().flat_map(|trace| trace.alternatives().map(|block| &block.clause))
     }
 }
 

@@ -67,7 +67,9 @@ fn judged(subject: &dyn Judge, folder: &str) -> Summary {
 fn assert_alike_and_passed(profile: &Profile) {
     let native = judged(&native(profile.plugin), profile.folder);
     assert_permutations(&native, profile);
-    let report = conformant(profile, &Corpus::embedded());
+    // Scripts are held against native code by a test of their own.
+    let traces = Corpus { scripts: Vec::new(), ..Corpus::embedded() };
+    let report = conformant(profile, &traces);
     assert_eq!(report.digest, native.digest, "native and sandboxed code do different things");
     // The second engine's is the one run more.
     assert_eq!(report.counts.runs as usize, native.total + report.cases.len());
@@ -87,6 +89,21 @@ fn conformant(profile: &Profile, corpus: &Corpus) -> Report {
     assert_eq!(report.verdict, VerdictKind::Conformant, "{}", failed.join("\n"));
     assert_eq!(report.counts.unclaimed, 0, "a reference plug-in has every feature");
     report
+}
+
+#[test]
+fn scripts_are_part_of_a_certification() {
+    let scripts = Corpus { cases: Vec::new(), ..Corpus::embedded() };
+    let all = softplug_conformance::script::all().len();
+    assert_eq!(scripts.scripts.len(), all, "a script cites a clause that is in no ledger");
+    let abi = NativePlugin::ALL.iter().map(|plugin| ("abi", plugin.name()));
+    let own = PROFILES.iter().map(|profile| (profile.folder, profile.plugin));
+    for (profile, plugin) in own.chain(abi) {
+        if scripts.list().iter().any(|case| case.profile == profile) {
+            let report = conformant(&Profile { folder: profile, plugin, at_least: 1 }, &scripts);
+            assert!(report.cases.iter().all(|case| case.runs == 2));
+        }
+    }
 }
 
 fn names(summary: &Summary) -> Vec<&str> {

@@ -1,7 +1,8 @@
 //! The two engines, and a module in both.
 
 use super::CertifyError;
-use crate::{Case, FaultClass, Judge, Outcome, Permutation, Sandboxed};
+use super::execute::met_limit;
+use crate::{Case, Class, Judge, Outcome, Permutation, Sandboxed};
 use softplug_abi::Micros;
 use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_abi::manifest::Manifest;
@@ -117,13 +118,11 @@ impl Subjects {
         let second = Judge::run(&self.second, case, Permutation::Uncut, 0);
         let is_same = first.seen == second.seen && class(first) == class(&second);
         // Each engine has its own stack and its own fuel.
-        let is_own = [first, &second].into_iter().any(|outcome| {
-            matches!(class(outcome), Some(FaultClass::Trapped | FaultClass::BudgetExhausted))
-        });
+        let is_own = [first, &second].into_iter().any(|outcome| met_limit(class(outcome)));
         (is_same || is_own).then_some(second)
     }
 }
 
-fn class(outcome: &Outcome) -> Option<FaultClass> {
-    outcome.fault.as_ref().map(|fault| fault.class)
+fn class(outcome: &Outcome) -> Option<Class> {
+    outcome.fault.as_ref().map(|fault| Class::Fault(fault.class))
 }

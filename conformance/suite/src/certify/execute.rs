@@ -6,7 +6,8 @@ use super::{CertifyError, Order, Progress};
 use crate::corpus::{Listed, Source};
 use crate::replay::Outcome;
 use crate::run::{Start, assess, pure};
-use crate::{Case, Class, Failure, Fuel, Permutation};
+use crate::script::{Script, ScriptFailure, ScriptRun};
+use crate::{Case, Class, Failure, FaultClass, Fuel, Judge, Permutation};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use softplug_report::{FAILURES, FailedRun};
@@ -25,7 +26,7 @@ pub(super) struct Ran {
     pub(super) failures: Vec<FailedRun>,
     pub(super) failed_runs: u32,
     /// Kinds of all failed runs.
-    pub(super) classes: BTreeSet<&'static str>,
+    pub(super) classes: BTreeSet<String>,
     /// Of the uncut run.
     pub(super) fuel: Fuel,
     pub(super) bytes: u64,
@@ -138,6 +139,7 @@ impl Shared<'_> {
     fn case(&self, listed: &Listed<'_>) -> Result<Option<Ran>, CertifyError> {
         match listed.source {
             Source::Trace(case) => self.trace(listed, case),
+            Source::Script(script) => self.script(listed, script),
         }
     }
 
@@ -154,13 +156,38 @@ impl Shared<'_> {
                 return Ok(None);
             }
             let failure = start.judge(permutation, self.order.cut_seed);
-            ran.add(listed, case, &permutation.to_string(), failure);
+            let name = permutation.to_string();
+            ran.add(failure.map(|failure| failed_run(listed, case, &name, failure)));
             if permutation == Permutation::Uncut {
                 let failure = self.second(listed, case, &start.uncut)?;
-                ran.add(listed, case, SECOND_ENGINE, failure);
+                ran.add(failure.map(|failure| failed_run(listed, case, SECOND_ENGINE, failure)));
             }
         }
         Ok(Some(ran))
+    }
+
+    fn script(&self, listed: &Listed<'_>, script: &Script) -> Result<Option<Ran>, CertifyError> {
+        let Subjects { first, second, .. } = self.subjects;
+        let run = Judge::run_script(first, script);
+        let again = Judge::run_script(second, script);
+        let class = |run: &ScriptRun| run.failure.as_ref().map(|failure| failure.class);
+        let is_same = run.log == again.log && class(&run) == class(&again);
+        if !is_same && ![&run, &again].into_iter().any(|run| met_limit(class(run))) {
+            return Err(self.differ(listed));
+        }
+        let verdict = class(&run).map_or("passed", Class::text);
+        let pure = format!("{}\n{verdict}\n{}\n", script.id, run.log.join("\n"));
+        let mut ran = Ran { fuel: run.fuel, bytes: run.bytes, pure, ..Ran::default() };
+        for (name, run) in [("uncut", run), (SECOND_ENGINE, again)] {
+            let ScriptRun { log, failure, .. } = run;
+            ran.add(failure.map(|failure| failed_script(listed, name, &log, failure)));
+        }
+        Ok(Some(ran))
+    }
+
+    fn differ(&self, listed: &Listed<'_>) -> CertifyError {
+        let [first, second] = self.subjects.names.clone();
+        CertifyError::EnginesDiffer { case: listed.id.to_owned(), first, second }
     }
 
     /// The same under the second engine.
@@ -170,34 +197,58 @@ impl Shared<'_> {
         case: &Case,
         uncut: &Outcome,
     ) -> Result<Option<Failure>, CertifyError> {
-        let outcome = self.subjects.compared(case, uncut).ok_or_else(|| {
-            let (first, second) = (self.subjects.names[0].clone(), self.subjects.names[1].clone());
-            CertifyError::EnginesDiffer { case: listed.id.to_owned(), first, second }
-        })?;
+        let outcome = self.subjects.compared(case, uncut).ok_or_else(|| self.differ(listed))?;
         Ok(assess(&self.subjects.second, case, Permutation::Uncut, &outcome, None))
     }
 }
 
 impl Ran {
-    fn add(&mut self, listed: &Listed<'_>, case: &Case, run: &str, failure: Option<Failure>) {
+    /// A run that failed, or passed.
+    fn add(&mut self, failed: Option<FailedRun>) {
         self.runs += 1;
-        let Some(failure) = failure else { return };
+        let Some(failed) = failed else { return };
         self.failed_runs += 1;
-        self.classes.insert(failure.class.name());
         // A trap is never hidden behind what merely differs.
-        let is_wrong = failure.class.is_wrong_behaviour();
-        let has_fault = self.failures.iter().any(|failed| !is_wrong_behaviour(&failed.class));
+        let is_wrong = failed.is_wrong_behaviour();
+        let has_fault = self.failures.iter().any(|failed| !failed.is_wrong_behaviour());
+        self.classes.insert(failed.class.clone());
         if self.failures.len() == FAILURES && !is_wrong && !has_fault {
             self.failures.pop();
         }
         if self.failures.len() < FAILURES {
-            self.failures.push(failed_run(listed, case, run, failure));
+            self.failures.push(failed);
         }
     }
 }
 
-fn is_wrong_behaviour(class: &str) -> bool {
-    Class::from_name(class).is_some_and(Class::is_wrong_behaviour)
+/// Whether a run ended at a limit of its engine.
+pub(super) fn met_limit(class: Option<Class>) -> bool {
+    matches!(class, Some(Class::Fault(FaultClass::Trapped | FaultClass::BudgetExhausted)))
+}
+
+/// Lines of a script's log that are shown.
+const BEFORE: usize = 8;
+
+fn failed_script(
+    listed: &Listed<'_>,
+    run: &str,
+    log: &[String],
+    failure: ScriptFailure,
+) -> FailedRun {
+    FailedRun {
+        run: format!("{}/{run}", listed.id),
+        class: failure.class.name().to_owned(),
+        message: format!("the plug-in {}: {}", failure.class.text(), failure.message),
+        file: String::new(),
+        line: None,
+        at_us: failure.at_us,
+        expected: failure.expected,
+        observed: failure.observed,
+        expected_bytes: String::new(),
+        observed_bytes: String::new(),
+        before: log[log.len().saturating_sub(BEFORE)..].to_vec(),
+        again: again(listed),
+    }
 }
 
 fn failed_run(listed: &Listed<'_>, case: &Case, run: &str, failure: Failure) -> FailedRun {

@@ -3,6 +3,7 @@
 use super::CertifyError;
 use super::engines::Engines;
 use crate::corpus::Source;
+use crate::script::Script;
 use crate::{Case, Corpus, Judge, Permutation, Sandboxed, show};
 use softplug_abi::Micros;
 use softplug_trace::Line;
@@ -39,10 +40,29 @@ pub fn observe<'a>(
         };
         let text = match listed.source {
             Source::Trace(case) => of_trace(subject, case, permutation, cut_seed),
+            Source::Script(script) => of_script(subject, script),
         };
         Some(ObservedRun { run: run.to_owned(), text })
     });
     Ok(observed.collect())
+}
+
+/// A script has no trace: its log, line by line.
+fn of_script(subject: &Sandboxed, script: &Script) -> String {
+    let run = Judge::run_script(subject, script);
+    let mut text = format!("# {}: {}\n", script.id, script.title);
+    for line in &run.log {
+        text.push_str(line);
+        text.push('\n');
+    }
+    if let Some(failure) = &run.failure {
+        for line in failure.to_string().lines() {
+            text.push_str("# ");
+            text.push_str(line);
+            text.push('\n');
+        }
+    }
+    text
 }
 
 fn of_trace(subject: &Sandboxed, case: &Case, permutation: Permutation, cut_seed: u64) -> String {

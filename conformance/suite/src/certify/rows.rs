@@ -247,7 +247,7 @@ fn stale(entry: &Expected, planned: &Planned<'_>, ran: Option<&Ran>) -> Option<S
         return Some("it passes; drop the entry".to_owned());
     }
     let expected = entry.class.name();
-    let is_other = |class: &&&str| **class != expected;
+    let is_other = |class: &&String| *class != expected;
     let other = ran.classes.iter().find(is_other)?;
     Some(format!("it fails as {other}, {expected} is expected"))
 }
