@@ -7,7 +7,7 @@ use std::error::Error;
 
 /// A subject whatever its instances are.
 pub(super) trait Starts {
-    fn start<'a>(&'a self) -> Result<Erased<'a>, SubjectError>;
+    fn start(&self) -> Result<Erased<'_>, SubjectError>;
 
     fn manifest(&self) -> &Manifest;
 
@@ -15,7 +15,7 @@ pub(super) trait Starts {
 }
 
 impl<S: Subject> Starts for S {
-    fn start<'a>(&'a self) -> Result<Erased<'a>, SubjectError> {
+    fn start(&self) -> Result<Erased<'_>, SubjectError> {
         Ok(Erased(Box::new(Kept { instance: self.instantiate()?, fuel: S::fuel })))
     }
 

@@ -12,6 +12,9 @@ const NAK: u8 = 0x15;
 /// Longer than every scenario takes.
 const LONG: Micros = Micros::from_secs(1_000);
 
+/// The end of a job whose last STX was not answered.
+const NO_ANSWER: End = Err((Failure::NoAnswer, 0x0703));
+
 /// A dialect: its profile, the station that speaks it, and the settings for it.
 #[derive(Copy, Clone)]
 struct Dialect {
@@ -78,7 +81,6 @@ fn set_up_limits() -> Vec<Script> {
             })
         })
     };
-    let count = |attempts: u64| Err::<u64, _>((Failure::NoAnswer, 0x0700 + attempts as u16));
     vec![
         limit(
             R3964,
@@ -86,7 +88,7 @@ fn set_up_limits() -> Vec<Script> {
             "A partner that never answers STX: all set-up attempts, one NAK, and no more",
             &["r3964.tx.set-up-attempts", "r3964.tx.qvz"],
             Fault::NoAnswer,
-            count(3),
+            NO_ANSWER,
         ),
         limit(
             R3964,
@@ -102,7 +104,7 @@ fn set_up_limits() -> Vec<Script> {
             "A partner that never answers STX: all set-up attempts, one NAK, and no more",
             &["3964.tx.repeat", "3964.tx.qvz"],
             Fault::NoAnswer,
-            count(3),
+            NO_ANSWER,
         ),
         limit(
             SIMPLIFIED,
@@ -110,7 +112,7 @@ fn set_up_limits() -> Vec<Script> {
             "A partner that never answers STX: three STX, one NAK, and no more",
             &["r3964-simplified.tx.set-up-attempts"],
             Fault::NoAnswer,
-            count(3),
+            NO_ANSWER,
         ),
     ]
 }

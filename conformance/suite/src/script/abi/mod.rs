@@ -143,5 +143,5 @@ fn same(class: Class, first: &replay::Outcome, second: &replay::Outcome) -> Outc
 
 /// The plug-in cannot be asked for what its own manifest offers.
 fn unfit(reason: &dyn std::fmt::Display) -> Fault {
-    Fault::new(FaultClass::NotApplicable, Micros::ZERO, &reason.to_string())
+    Fault::new(FaultClass::NotApplicable, Micros::ZERO, reason)
 }

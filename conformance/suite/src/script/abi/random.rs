@@ -97,12 +97,12 @@ const TELLING: &[u8] =
 
 /// What one run needs: settings, rooms, a line, and what comes over it.
 pub(super) fn ground(manifest: &Manifest, shape: Shape, seed: u64) -> Outcome<Ground> {
-    let mut draw = Draw::new(seed ^ (shape as u64) << 32);
+    let mut draw = Draw::new(seed ^ ((shape as u64) << 32));
     // The defaults first, then one preset after the other.
     let preset = manifest.presets.get((seed as usize).wrapping_sub(2));
     let asked = preset.map(|preset| ("preset", preset.name.as_str()));
     let settings = manifest.resolve_settings(asked).map_err(|error| unfit(&error))?;
-    let is_tight = matches!(shape, Shape::Rooms);
+    let is_tight = shape == Shape::Rooms;
     let mut room = || if is_tight { 1 + draw.below(200) } else { 4_096 };
     let (transmit_room, delivery_room) = (room(), room());
     let known = ModemLines::CTS.union(ModemLines::DSR).union(ModemLines::DCD);
@@ -144,8 +144,8 @@ impl Draw {
             let what = match topic {
                 Topic::Line => self.line(),
                 Topic::Host => self.host(manifest),
-                Topic::Room => self.room(),
-                Topic::Port => self.port(),
+                Topic::Room => Some(self.room()),
+                Topic::Port => Some(self.port()),
             };
             given.extend(what.map(|what| Given { at, what }));
         }
@@ -256,26 +256,26 @@ impl Draw {
         kind.records(given).unwrap_or_default()
     }
 
-    fn room(&mut self) -> Option<Input> {
+    fn room(&mut self) -> Input {
         let drain = match self.below(4) {
             0 => Asked::Drain(softplug_trace::Drain::Off),
             1 => Asked::Drain(softplug_trace::Drain::Auto),
             _ => Asked::Room(1 + self.below(100)),
         };
-        Some(Input::Host(drain))
+        Input::Host(drain)
     }
 
-    fn port(&mut self) -> Option<Input> {
+    fn port(&mut self) -> Input {
         if self.is_down {
             self.is_down = false;
-            return Some(Input::Up);
+            return Input::Up;
         }
         if self.below(4) > 0 {
             let line = [ModemLines::CTS, ModemLines::DSR, ModemLines::DCD][self.below(3) as usize];
             let on = if self.below(2) == 0 { line } else { ModemLines::default() };
-            return Some(Input::Modem(line, on));
+            return Input::Modem(line, on);
         }
         self.is_down = true;
-        Some(Input::Down(LinkDownReason::Unplugged))
+        Input::Down(LinkDownReason::Unplugged)
     }
 }
