@@ -14,6 +14,7 @@ mod state;
 pub use settings::{ControlInData, LineEnd, OnLineError, Settings, WhileSending};
 
 use codes::{Codes, Control};
+use core::sync::atomic::{AtomicBool, Ordering};
 use receiver::Receiver;
 use sender::Sender;
 use softplug_plugin::{
@@ -30,6 +31,9 @@ const REPEAT_XON: u8 = 1;
 const HELD: u8 = 2;
 /// Timer of mutants that are late.
 const LATE: u8 = 3;
+
+/// Only mutants ask for it: the state was saved, or the link opened.
+static SAVED: AtomicBool = AtomicBool::new(false);
 
 /// The converter.
 #[derive(Debug)]
@@ -66,10 +70,11 @@ impl Converter for XonXoff {
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
         if opening.resumed {
-            if !mutant!("xon-xoff.link.swap/hold-not-timed") {
+            let is_timed = !mutant!("abi.swap.timers/not-set-again");
+            if is_timed && !mutant!("xon-xoff.link.swap/hold-not-timed") {
                 self.sender.set_timers(link);
             }
-            if !mutant!("xon-xoff.link.swap/silence-not-timed") {
+            if is_timed && !mutant!("xon-xoff.link.swap/silence-not-timed") {
                 self.receiver.set_timers(link);
             }
             if self.settings.xon_at_open && mutant!("xon-xoff.rx.xon-at-open/on-take-over") {
@@ -77,6 +82,11 @@ impl Converter for XonXoff {
             }
         } else {
             self.receiver.set_marks(&self.settings, opening.delivery_room);
+            if mutant!("abi.close.as-new/second-opening-speaks")
+                && SAVED.swap(true, Ordering::Relaxed)
+            {
+                link.transmit_urgent(&[self.codes.xon]);
+            }
             if mutant!("xon-xoff.link.close/hold-kept") {
                 self.sender.hold_as_before(link, &self.settings);
             }
@@ -92,6 +102,17 @@ impl Converter for XonXoff {
         let mut rest = bytes;
         if mutant!("xon-xoff.rx.deliver/last-of-burst-lost") && rest.len() > 1 {
             rest = rest.get(..rest.len() - 1).unwrap_or_default();
+        }
+        if mutant!("abi.cuts.one-time/first-of-read-lost") && rest.len() > 1 {
+            rest = rest.get(1..).unwrap_or_default();
+        }
+        if mutant!("abi.swap.save-changes-nothing/next-byte-lost")
+            && SAVED.swap(false, Ordering::Relaxed)
+        {
+            rest = rest.get(1..).unwrap_or_default();
+        }
+        if mutant!("abi.output.rounds/endless") {
+            link.again();
         }
         let mut is_first = true;
         loop {
@@ -177,7 +198,16 @@ impl Converter for XonXoff {
         self.name_state(link);
     }
 
+    fn more(&mut self, link: &mut Context<'_>) {
+        if mutant!("abi.output.rounds/endless") {
+            link.again();
+        }
+    }
+
     fn timer(&mut self, link: &mut Context<'_>, id: u8, _deadline: Micros) {
+        if mutant!("abi.timers.step-limit/again-at-once") {
+            link.set_timer(id, link.now());
+        }
         match id {
             QUIET => self.receiver.quiet(link, &self.settings),
             REPEAT_XON => self.receiver.repeat_xon(link, &self.settings, &self.codes),
@@ -258,6 +288,9 @@ impl Converter for XonXoff {
     }
 
     fn save(&self, state: &mut StateWriter<'_>) {
+        if mutant!("abi.swap.save-changes-nothing/next-byte-lost") {
+            SAVED.store(true, Ordering::Relaxed);
+        }
         self.sender.save(state);
         self.receiver.save(state);
     }

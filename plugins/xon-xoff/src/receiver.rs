@@ -208,6 +208,9 @@ impl Receiver {
                 self.stopped = true;
                 self.xoff_at = link.now();
                 self.after_xoff = 0;
+                if mutant!("abi.credit.outstanding/seventeen-urgent") {
+                    link.transmit_urgent(&[codes.xoff; 16]);
+                }
                 if mutant!("xon-xoff.rx.low-mark/waits-its-turn") {
                     link.transmit(&[codes.xoff]);
                     return;
@@ -452,7 +455,7 @@ impl Receiver {
             xoff_at: state.deadline().unwrap_or_default(),
             after_xoff: state.u32(),
             xon_unanswered: state.bool(),
-            quiet_at: state.deadline(),
+            quiet_at: state.deadline().filter(|_| !mutant!("abi.state.goes-on/silence-forgotten")),
             repeat_at: state.deadline(),
             low: state.u32(),
             high: state.u32(),

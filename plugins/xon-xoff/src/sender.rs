@@ -333,6 +333,9 @@ impl Sender {
     pub(crate) fn data_ended(&mut self, link: &mut Context<'_>, settings: &Settings) {
         match self.stage {
             Stage::Checking => {
+                if mutant!("abi.check.sequence/good-twice") {
+                    link.check_good(self.job);
+                }
                 link.check_good(self.job);
                 self.stage = Stage::Idle;
             }
@@ -356,6 +359,9 @@ impl Sender {
         if self.stage == Stage::Draining && mark == self.mark {
             if mutant!("xon-xoff.tx.done-when-left/one-byte-less") {
                 self.queued = self.queued.saturating_sub(1);
+            }
+            if mutant!("abi.ids.one-each/another-job-done") {
+                self.job += 1;
             }
             link.job_done(self.job, self.queued);
             self.finish(link);

@@ -2,7 +2,8 @@
 
 use super::Mutant;
 use crate::run::Start;
-use crate::{Case, Failure, Judge, Permutation};
+use crate::script::Script;
+use crate::{Case, Class, FaultClass, Judge, Permutation};
 
 /// What came of one mutant.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -36,25 +37,34 @@ pub struct NotAKill {
     pub class: String,
 }
 
-/// Runs the mutant's cases, as they are written first and then in every
-/// permutation: those that cite its clause, then the others. Ends at the first kill.
-pub fn hunt(subject: &dyn Judge, mutant: &Mutant, cases: &[&Case]) -> Hunt {
-    let (citing, others): (Vec<&Case>, Vec<&Case>) =
-        cases.iter().partition(|case| cites(case, mutant));
+/// Runs the cases of the mutant's profile: those that cite its clause, as they are written, then in
+/// every permutation; then the others in the same way. Ends at the first kill.
+pub fn hunt(subject: &dyn Judge, mutant: &Mutant, cases: &[&Case], scripts: &[&Script]) -> Hunt {
+    let clause = mutant.clause();
+    let cites = |clauses: &[String]| clauses.iter().any(|cited| cited == clause);
     let mut hunt = Hunt { kill: None, not_kills: Vec::new(), runs: 0 };
-    for cases in [citing, others] {
+    for is_citing in [true, false] {
         let mut starts = Vec::new();
-        for case in cases {
+        for case in cases.iter().filter(|case| cites(&case.trace.front.clauses) == is_citing) {
             let start = Start::new(subject, case);
-            if hunt.take(case, mutant, Permutation::Uncut, start.failure.as_ref()) {
+            let class = start.failure.as_ref().map(|failure| failure.class);
+            let id = &case.trace.front.id;
+            if hunt.take(clause, format!("{id}/{}", Permutation::Uncut), class, is_citing) {
                 return hunt;
             }
-            starts.push((case, start));
+            starts.push((id, start));
         }
-        for (case, start) in starts {
+        for script in scripts.iter().filter(|script| cites(&script.clauses) == is_citing) {
+            let class = subject.run_script(script).failure.map(|failure| failure.class);
+            let run = format!("{}/{}", script.id, Permutation::Uncut);
+            if hunt.take(clause, run, class, is_citing) {
+                return hunt;
+            }
+        }
+        for (id, start) in starts {
             for permutation in start.permutations().into_iter().skip(1) {
-                let failure = start.judge(permutation, 0);
-                if hunt.take(case, mutant, permutation, failure.as_ref()) {
+                let class = start.judge(permutation, 0).map(|failure| failure.class);
+                if hunt.take(clause, format!("{id}/{permutation}"), class, is_citing) {
                     return hunt;
                 }
             }
@@ -63,8 +73,11 @@ pub fn hunt(subject: &dyn Judge, mutant: &Mutant, cases: &[&Case]) -> Hunt {
     hunt
 }
 
-fn cites(case: &Case, mutant: &Mutant) -> bool {
-    case.trace.front.clauses.iter().any(|clause| clause == mutant.clause())
+/// Whether a failure of this kind shows that the clause is broken. What a clause of the ABI
+/// itself forbids is seen as a broken rule of the ABI and as nothing else.
+fn is_kill(clause: &str, class: Class) -> bool {
+    let is_of_abi = clause.starts_with("abi.");
+    class.is_wrong_behaviour() || (is_of_abi && class == Class::Fault(FaultClass::RuleBroken))
 }
 
 impl Hunt {
@@ -76,21 +89,14 @@ impl Hunt {
     }
 
     /// Counts a run. Whether it is a kill.
-    fn take(
-        &mut self,
-        case: &Case,
-        mutant: &Mutant,
-        permutation: Permutation,
-        failure: Option<&Failure>,
-    ) -> bool {
+    fn take(&mut self, clause: &str, run: String, class: Option<Class>, cites: bool) -> bool {
         self.runs += 1;
-        let Some(failure) = failure else { return false };
-        let run = format!("{}/{permutation}", case.trace.front.id);
-        let class = failure.class.name().to_owned();
-        if failure.class.is_wrong_behaviour() {
-            self.kill = Some(Kill { run, class, cites: cites(case, mutant) });
+        let Some(class) = class else { return false };
+        let name = class.name().to_owned();
+        if is_kill(clause, class) {
+            self.kill = Some(Kill { run, class: name, cites });
         } else {
-            self.not_kills.push(NotAKill { run, class });
+            self.not_kills.push(NotAKill { run, class: name });
         }
         self.kill.is_some()
     }

@@ -1,6 +1,7 @@
 //! Runs all mutants of some catalogues on several threads.
 
 use super::{Catalogue, Hunt, Mutant, PatchError, hunt, wake};
+use crate::script::{self, Script};
 use crate::{Case, Sandboxed};
 use softplug_host::{EngineKind, Host, HostOptions, LoadError};
 use std::collections::BTreeMap;
@@ -57,6 +58,7 @@ pub fn hunt_all(
         .flat_map(|catalogue| catalogue.mutants.iter().map(move |mutant| (catalogue, mutant)))
         .filter(|(_, mutant)| wanted(mutant))
         .collect();
+    let scripts = script::all();
     let next = AtomicUsize::new(0);
     let done = Mutex::new(BTreeMap::new());
     let work = || -> Result<(), HuntError> {
@@ -64,7 +66,9 @@ pub fn hunt_all(
             let subject = subject(modules, mutant)?;
             let of_profile: Vec<&Case> =
                 cases.iter().filter(|case| case.trace.front.profile == catalogue.profile).collect();
-            let hunt = hunt(&subject, mutant, &of_profile);
+            let scripts: Vec<&Script> =
+                scripts.iter().filter(|script| script.profile == catalogue.profile).collect();
+            let hunt = hunt(&subject, mutant, &of_profile, &scripts);
             progress(mutant, &hunt);
             done.lock().expect("no other thread panicked").insert(mutant.id.clone(), hunt);
         }

@@ -165,7 +165,10 @@ fn a_mutant_that_is_none_survives_all_cases() {
     let mutant = inert("xon-xoff");
     let subject = subject(&modules(), &mutant).unwrap_or_else(|error| panic!("{error}"));
     let of_profile = of_profile(&cases, "xon-xoff");
-    let hunt = hunt(&subject, &mutant, &of_profile);
+    let scripts = softplug_conformance::script::all();
+    let scripts: Vec<_> = scripts.iter().filter(|script| script.profile == "xon-xoff").collect();
+    assert!(!scripts.is_empty());
+    let hunt = hunt(&subject, &mutant, &of_profile, &scripts);
     assert_eq!(hunt.kill, None);
     assert_eq!(hunt.not_kills, []);
     assert!(hunt.runs > 10 * of_profile.len(), "only {} runs", hunt.runs);
