@@ -10,7 +10,7 @@ const HEAD: &str = "\
 
 Does the conformance suite notice a plug-in that is wrong? For every clause that binds there is a *mutant*: a reference plug-in with this one
 rule broken. Each row names the first run that notices it. Only wrong behaviour counts: a trap, an exhausted budget, a broken rule of the ABI and
-a refusal prove nothing.
+a refusal prove nothing. (What a clause of the ABI itself forbids shows as a broken rule; there it counts.)
 
 This page is written by `cargo xtask mutants` and compared with a new hunt in every run of the tests. How to add a mutant:
 [CONTRIBUTING.md](../CONTRIBUTING.md).
