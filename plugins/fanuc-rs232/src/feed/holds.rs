@@ -19,7 +19,7 @@ impl Feed {
                     && self.is_busy()
                     && !mutant!("fanuc-rs232.feed.final-dc3/held") =>
             {
-                self.end(link)
+                self.end(link);
             }
             Control::Dc3 => {
                 let is_ready = mutant!("fanuc-rs232.feed.obey-dc3/ignored");
