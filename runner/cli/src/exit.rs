@@ -47,11 +47,11 @@ impl Exit {
     pub(crate) const fn text(self) -> &'static str {
         match self {
             Self::Done => "done",
-            Self::Failed => "failed: a transfer, or a verdict",
+            Self::Failed => "failed: a transfer, a verdict, or what was to be verified",
             Self::Usage => "wrong usage, or a file that cannot be read or written",
-            Self::PlugIn => "the plug-in cannot be loaded",
+            Self::PlugIn => "the plug-in cannot be loaded, or judged",
             Self::NothingSelected => "nothing was selected",
-            Self::Incomplete => "incomplete or aborted",
+            Self::Incomplete => "incomplete, partial or aborted",
             Self::Port => "the port or the network",
             Self::Internal => "a bug in this command",
         }

@@ -6,6 +6,7 @@
 
 mod arguments;
 mod commands;
+mod corpus;
 mod dump;
 mod exit;
 mod failure;
@@ -18,6 +19,7 @@ mod live;
 #[path = "elsewhere.rs"]
 mod live;
 mod numbers;
+mod picture;
 mod plugin;
 mod screen;
 mod stop;

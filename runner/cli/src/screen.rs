@@ -16,6 +16,7 @@ const HINT: Style = AnsiColor::Cyan.on_default().bold();
 /// Column titles and headings.
 pub(crate) const HEADING: Style = Style::new().bold();
 pub(crate) const GOOD: Style = AnsiColor::Green.on_default();
+pub(crate) const WARNING: Style = AnsiColor::Yellow.on_default();
 pub(crate) const BAD: Style = AnsiColor::Red.on_default().bold();
 
 /// The terminal, a pipe or a file that we speak to.

@@ -1,9 +1,12 @@
 //! The verbs, one file each: what they take, and what they say.
 
+pub(crate) mod cases;
+pub(crate) mod certify;
 pub(crate) mod completions;
 pub(crate) mod demo;
 pub(crate) mod doctor;
 mod dry_run;
+pub(crate) mod explain;
 pub(crate) mod inspect;
 pub(crate) mod man;
 pub(crate) mod ports;
@@ -13,6 +16,7 @@ pub(crate) mod replay;
 pub(crate) mod send;
 pub(crate) mod simulate;
 pub(crate) mod trace;
+pub(crate) mod verify;
 
 use crate::arguments::Command;
 use crate::exit::Exit;
@@ -29,6 +33,10 @@ pub(crate) fn run(command: Command, screen: &Screen) -> Result<Exit, Failure> {
         Command::Receive(arguments) => receive::run(&arguments, screen),
         Command::Record(arguments) => record::run(&arguments, screen),
         Command::Replay(arguments) => replay::run(&arguments, screen),
+        Command::Certify(arguments) => certify::run(&arguments, screen),
+        Command::Verify(arguments) => verify::run(&arguments, screen),
+        Command::Cases(arguments) => cases::run(&arguments, screen),
+        Command::Explain(arguments) => explain::run(&arguments, screen),
         Command::Trace(arguments) => trace::run(arguments, screen),
         Command::Simulate(arguments) => simulate::run(arguments, screen),
         Command::Doctor(arguments) => live::doctor(&arguments, screen),

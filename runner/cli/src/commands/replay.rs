@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
+use softplug_conformance::certify::matches;
 use softplug_conformance::{
     Case, FaultClass, Filter, Judge, LoadError, Sandboxed, Summary, Verdict, bless, load, run_all,
 };
@@ -173,7 +174,7 @@ fn filter(arguments: &Arguments, cases: &[Case]) -> Result<Filter, Failure> {
             Some((id, way)) => (id, Some(way)),
             None => (pattern.as_str(), None),
         };
-        for id in ids().filter(|id| matches(pattern.as_bytes(), id.as_bytes())) {
+        for id in ids().filter(|id| matches(pattern, id)) {
             names.push(match asked.or(way) {
                 Some(way) => format!("{id}/{way}"),
                 None => id.to_owned(),
@@ -182,17 +183,6 @@ fn filter(arguments: &Arguments, cases: &[Case]) -> Result<Filter, Failure> {
     }
     // An empty filter would take all.
     if names.is_empty() { Err(nothing_selected(arguments)) } else { Ok(Filter::only(names)) }
-}
-
-/// `*` stands for any text, `?` for one character.
-fn matches(pattern: &[u8], text: &[u8]) -> bool {
-    match pattern.split_first() {
-        None => text.is_empty(),
-        Some((b'*', rest)) => (0..=text.len()).any(|from| matches(rest, &text[from..])),
-        Some((first, rest)) => text
-            .split_first()
-            .is_some_and(|(byte, text)| (*first == b'?' || first == byte) && matches(rest, text)),
-    }
 }
 
 fn show(summary: &Summary, traces: usize, arguments: &Arguments, screen: &Screen) {
@@ -262,18 +252,4 @@ fn bless_all(
     }
     screen.document(&document);
     Ok(Exit::Done)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn patterns_match_as_in_a_shell() {
-        let matches = |pattern: &str, text: &str| matches(pattern.as_bytes(), text.as_bytes());
-        assert!(matches("xon-xoff.tx.*", "xon-xoff.tx.hold"));
-        assert!(matches("*.hold", "xon-xoff.tx.hold") && matches("a?c", "abc"));
-        assert!(matches("*", "") && matches("abc", "abc"));
-        assert!(!matches("xon-xoff.tx", "xon-xoff.tx.hold") && !matches("a?", "a"));
-    }
 }

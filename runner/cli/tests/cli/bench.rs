@@ -44,7 +44,12 @@ impl Bench {
 
     /// Names of all files in the folder.
     pub(crate) fn names(&self) -> Vec<String> {
-        let entries = fs::read_dir(self.folder.path()).unwrap();
+        Self::names_in(self.folder.path())
+    }
+
+    /// The same of any folder.
+    pub(crate) fn names_in(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap();
         let name = |entry: std::io::Result<fs::DirEntry>| {
             entry.unwrap().file_name().into_string().unwrap()
         };

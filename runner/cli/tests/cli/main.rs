@@ -1,6 +1,8 @@
 //! The built command from outside: what it prints and how it ends.
 
 mod bench;
+mod certify;
+mod ci_kit;
 mod exchange;
 mod files;
 mod help;

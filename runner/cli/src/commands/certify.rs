@@ -1,0 +1,171 @@
+//! `softplug certify`: a verdict on a plug-in that others can reproduce.
+
+pub(super) mod files;
+mod show;
+
+use std::path::{Path, PathBuf};
+use std::thread::available_parallelism;
+
+use clap::Args;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use softplug_conformance::Corpus;
+use softplug_conformance::certify::{
+    Baseline, CertifyError, Order, Progress, certify, observe,
+};
+use softplug_report::attest::{self, PrivateKey};
+use softplug_report::{Report, VerdictKind, annotations};
+
+use self::files::Folder;
+use crate::corpus;
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::files as disk;
+use crate::plugin::Library;
+use crate::screen::Screen;
+use crate::stop;
+
+/// Failed cases whose observed course is written down.
+const OBSERVED: usize = 100;
+
+/// Runs all cases of a profile against a plug-in and writes the verdict with its grounds.
+///
+/// Every case also runs with its bytes cut differently, twice in one instance, saved and restored
+/// in the middle, and under a second engine. Two runs give the same reports to the byte.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  softplug certify my-plugin.wasm --profile xon-xoff --out report
+  softplug certify r3964 --profile rk512 --strict --annotations --out report
+  softplug certify my-plugin.wasm --profile r3964 --case \"r3964.tx.*\" --out report
+  softplug certify my-plugin.wasm --profile abi --key key.pem --out report")]
+pub(crate) struct Arguments {
+    /// The plug-in: a .wasm file, or a name to look up
+    plugin: String,
+    #[command(flatten)]
+    library: Library,
+    /// The profile to judge it by; `softplug cases` shows which there are
+    #[arg(long, value_name = "PROFILE")]
+    profile: String,
+    /// Folder for the reports; it is made if it is missing
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// A failed SHOULD counts as a failed MUST
+    #[arg(long)]
+    strict: bool,
+    /// Failures that are expected, each with its reason (TOML)
+    #[arg(long, value_name = "FILE")]
+    baseline: Option<PathBuf>,
+    /// Only cases whose id matches; * and ? stand for anything; the verdict is then partial at best
+    #[arg(long = "case", value_name = "GLOB")]
+    cases: Vec<String>,
+    /// Score the cases up to this revision of the profile; later ones run unscored
+    #[arg(long, value_name = "N")]
+    revision: Option<u32>,
+    /// Sign the result with this Ed25519 private key (PEM)
+    #[arg(long, value_name = "FILE")]
+    key: Option<PathBuf>,
+    /// Print failures as annotations for GitHub
+    #[arg(long)]
+    annotations: bool,
+    /// Threads to run on
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    threads: Option<u16>,
+    #[command(flatten)]
+    corpus: corpus::Source,
+}
+
+pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
+    // All that can be wrong is found before the work begins.
+    let module = disk::read(&arguments.library.find(&arguments.plugin)?)?;
+    let corpus = arguments.corpus.load()?;
+    let baseline = arguments.baseline.as_deref().map(read_baseline).transpose()?;
+    let key = arguments.key.as_deref().map(read_key).transpose()?;
+    let folder = Folder::make(&arguments.out)?;
+    let order = Order {
+        revision: arguments.revision,
+        strict: arguments.strict,
+        cases: arguments.cases.clone(),
+        baseline,
+        threads: arguments.threads.map_or_else(threads, usize::from),
+        ..Order::new(&arguments.profile)
+    };
+    let report = certified(&module, &corpus, &order, screen)?;
+    let attestation = key.as_ref().map(|key| sign(&report, key)).transpose()?;
+    let runs = report.cases.iter().filter_map(|case| case.failures.first());
+    let runs: Vec<_> = runs.take(OBSERVED).map(|failure| failure.run.as_str()).collect();
+    let observed = observe(&module, &corpus, runs, order.cut_seed).map_err(certify_failure)?;
+    folder.write(&report, &observed, attestation.as_deref())?;
+
+    if arguments.annotations {
+        Screen::raw(annotations::write(&report).as_bytes());
+    }
+    show::report(&report, &arguments.plugin, &folder, screen);
+    screen.document(&report);
+    Ok(exit(report.verdict))
+}
+
+/// Runs the certification with a progress bar. A signal ends it, and the report says so.
+pub(super) fn certified(
+    module: &[u8],
+    corpus: &Corpus,
+    order: &Order,
+    screen: &Screen,
+) -> Result<Report, Failure> {
+    let bar = bar(screen);
+    let progress = |progress: Progress| {
+        bar.set_length(progress.cases as u64);
+        bar.set_position(progress.done as u64);
+        if progress.failed > 0 {
+            bar.set_message(format!("{} failed", progress.failed));
+        }
+    };
+    let stop = stop::on_signals()?;
+    let certified = certify(module, corpus, order, &progress, &stop);
+    bar.finish_and_clear();
+    certified.map_err(certify_failure)
+}
+
+pub(super) fn threads() -> usize {
+    available_parallelism().map_or(1, usize::from)
+}
+
+fn bar(screen: &Screen) -> ProgressBar {
+    if !screen.shows_progress() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+    let style = ProgressStyle::with_template("[{bar:24}] {pos} of {len} cases  {msg}");
+    bar.with_style(style.expect("the template is sound").progress_chars("=> "))
+}
+
+pub(super) fn read_baseline(path: &Path) -> Result<Baseline, Failure> {
+    Baseline::read(path).map_err(Failure::usage)
+}
+
+fn read_key(path: &Path) -> Result<PrivateKey, Failure> {
+    PrivateKey::read(path, &disk::read_text(path)?).map_err(Failure::usage)
+}
+
+fn sign(report: &Report, key: &PrivateKey) -> Result<String, Failure> {
+    attest::sign(report, key).map_err(Failure::internal)
+}
+
+fn certify_failure(error: CertifyError) -> Failure {
+    match &error {
+        CertifyError::UnknownProfile { .. } => {
+            Failure::usage(error).hint("`softplug cases` shows which cases each has")
+        }
+        CertifyError::UnknownRevision { .. } => Failure::usage(error),
+        CertifyError::NothingSelected { .. } => Failure::new(Exit::NothingSelected, error),
+        _ => Failure::internal(error),
+    }
+}
+
+/// Of a verdict.
+pub(super) const fn exit(verdict: VerdictKind) -> Exit {
+    match verdict {
+        VerdictKind::Conformant | VerdictKind::ConformantWithWarnings => Exit::Done,
+        VerdictKind::NotConformant => Exit::Failed,
+        VerdictKind::NotJudged => Exit::PlugIn,
+        VerdictKind::Partial => Exit::Incomplete,
+    }
+}

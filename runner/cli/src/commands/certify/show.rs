@@ -1,0 +1,74 @@
+//! The verdict for people.
+
+use softplug_report::{Report, VerdictKind, explain};
+
+use super::files::{Folder, REPORT, failure_file};
+use crate::numbers::{count, things};
+use crate::screen::{BAD, GOOD, HEADING, Screen, WARNING};
+
+/// Failed cases that are told in full.
+const SHOWN: usize = 3;
+
+pub(super) fn report(report: &Report, plugin: &str, folder: &Folder, screen: &Screen) {
+    for finding in &report.lint {
+        screen.say(format_args!("  {finding}"));
+    }
+    let failed: Vec<_> = report.cases.iter().filter(|case| !case.failures.is_empty()).collect();
+    for case in failed.iter().take(SHOWN) {
+        let text = explain(report, case).replace("PLUGIN", plugin);
+        let observed = folder.file(&failure_file(&case.failures[0].run));
+        screen.say(format_args!("{BAD}FAILED{BAD:#} {text}\n  observed course: {observed}\n"));
+    }
+    if failed.len() > SHOWN {
+        screen.say("failed too:");
+        failed[SHOWN..].iter().for_each(|case| screen.say(format_args!("  {}", case.id)));
+    }
+    let style = match report.verdict {
+        VerdictKind::Conformant => GOOD,
+        VerdictKind::ConformantWithWarnings | VerdictKind::Partial => WARNING,
+        VerdictKind::NotConformant | VerdictKind::NotJudged => BAD,
+    };
+    let verdict = report.verdict.text();
+    screen.say(format_args!("{style}{verdict}{style:#}: {}", report.reason));
+    let row = |title: &str, text: String| {
+        screen.say(format_args!("  {HEADING}{title:<9}{HEADING:#}{text}"));
+    };
+    let (plug_in, profile, counts) = (&report.plugin, &report.profile, &report.counts);
+    row("plug-in", format!("{} {}, sha256 {}", plug_in.name, plug_in.version, plug_in.sha256));
+    let mut text = format!("{}, revision {}", profile.name, profile.revision);
+    if !profile.features.is_empty() {
+        text += &format!(", with {}", profile.features.join(", "));
+    }
+    if !profile.claimed {
+        text += ", not claimed by the plug-in: its core";
+    }
+    row("profile", text);
+    let number = |number: u32| count(u64::from(number));
+    let mut cases = format!(
+        "{} required, {} executed, {} passed",
+        number(counts.required),
+        number(counts.executed),
+        number(counts.passed)
+    );
+    for (many, what) in [
+        (counts.failed, "failed"),
+        (counts.warned, "failed that should pass"),
+        (counts.informed, "failed that may"),
+        (counts.expected, "failed as expected"),
+        (counts.unscored, "unscored"),
+        (counts.unclaimed, "of features that are not claimed"),
+    ] {
+        if many > 0 {
+            cases += &format!(", {} {what}", number(many));
+        }
+    }
+    row("cases", format!("{cases}; {}", things(u64::from(counts.runs), "run")));
+    let fuel = &report.fuel;
+    if fuel.bytes > 0 {
+        let (whole, tenth) = (fuel.tenths_per_byte / 10, fuel.tenths_per_byte % 10);
+        let largest = format!("{} for one event ({})", count(fuel.largest_event), fuel.largest_case);
+        row("fuel", format!("{whole}.{tenth} units a byte, at most {largest}"));
+    }
+    row("digest", report.digest.clone());
+    row("files", format!("{}, {}", folder.file("report.html"), folder.file(REPORT)));
+}

@@ -1,0 +1,139 @@
+//! `softplug verify`: runs a certification again and compares.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde::Serialize;
+use softplug_conformance::certify::Order;
+use softplug_report::attest::{self, PublicKey, Source, VerifyError};
+use softplug_report::{Difference, Report, compare, fuel_is_comparable, json};
+
+use super::certify::{certified, files::ATTESTATION, read_baseline, threads};
+use crate::corpus;
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::files;
+use crate::plugin::Library;
+use crate::screen::{BAD, GOOD, Screen};
+
+/// Runs the certification that a report tells of again, and compares.
+///
+/// With a key, the attestation beside the report must be signed with it, and say what the report
+/// says.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  softplug verify report/conformance.json my-plugin.wasm
+  softplug verify report/conformance.json my-plugin.wasm --key public.pem")]
+pub(crate) struct Arguments {
+    /// The report: the conformance.json that `softplug certify` wrote
+    report: PathBuf,
+    /// The plug-in: a .wasm file, or a name to look up
+    plugin: String,
+    #[command(flatten)]
+    library: Library,
+    /// The public key (PEM) that the attestation must be signed with
+    #[arg(long, value_name = "FILE")]
+    key: Option<PathBuf>,
+    /// The attestation, if it is not the attestation.json beside the report
+    #[arg(long, value_name = "FILE", requires = "key")]
+    attestation: Option<PathBuf>,
+    /// The baseline that the report was made with, if it names one
+    #[arg(long, value_name = "FILE")]
+    baseline: Option<PathBuf>,
+    #[command(flatten)]
+    corpus: corpus::Source,
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    reproduced: bool,
+    verdict: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    signed: Option<String>,
+    differences: Vec<Told<'a>>,
+}
+
+#[derive(Serialize)]
+struct Told<'a> {
+    field: &'a str,
+    sentence: &'a str,
+}
+
+pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
+    let text = files::read_text(&arguments.report)?;
+    let report = json::read(&arguments.report, &text).map_err(Failure::usage)?;
+    let signed = arguments.key.as_deref().map(|key| signed(arguments, key, &text)).transpose()?;
+    let module = files::read(&arguments.library.find(&arguments.plugin)?)?;
+    let corpus = arguments.corpus.load()?;
+    let baseline = arguments.baseline.as_deref().map(read_baseline).transpose()?;
+    if report.selection.baseline.is_some() && baseline.is_none() {
+        return Err(Failure::usage("the report was made with a baseline, and none is given")
+            .hint("give the same file with --baseline"));
+    }
+    let order = Order {
+        revision: Some(report.profile.revision),
+        strict: report.selection.strict,
+        cases: report.selection.cases.clone(),
+        baseline,
+        threads: threads(),
+        ..Order::new(&report.profile.name)
+    };
+    let again = certified(&module, &corpus, &order, screen)?;
+    let differences = compare(&report, &again);
+    show(&report, &again, signed.as_deref(), &differences, screen);
+    Ok(if differences.is_empty() { Exit::Done } else { Exit::Failed })
+}
+
+/// The id of the key that has signed the report.
+fn signed(arguments: &Arguments, key: &Path, report: &str) -> Result<String, Failure> {
+    let key = PublicKey::read(key, &files::read_text(key)?).map_err(Failure::usage)?;
+    let beside = || arguments.report.with_file_name(ATTESTATION);
+    let file = arguments.attestation.clone().unwrap_or_else(beside);
+    let text = files::read_text(&file)?;
+    let envelope = Source { file: &file, text: &text };
+    let report = Source { file: &arguments.report, text: report };
+    attest::verify(envelope, report, &key).map_err(|error| match error {
+        VerifyError::TooLarge { .. } | VerifyError::Malformed { .. } | VerifyError::Report(_) => {
+            Failure::usage(error)
+        }
+        error => Failure::new(Exit::Failed, error),
+    })?;
+    Ok(key.id())
+}
+
+fn show(
+    report: &Report,
+    again: &Report,
+    signed: Option<&str>,
+    differences: &[Difference],
+    screen: &Screen,
+) {
+    for difference in differences {
+        screen.say(format_args!("  {difference}"));
+    }
+    if differences.is_empty() {
+        let verdict = report.verdict.text();
+        screen.say(format_args!("{GOOD}reproduced{GOOD:#}: {verdict}; {}", report.reason));
+    } else {
+        screen.say(format_args!("{BAD}NOT REPRODUCED{BAD:#}: the report says something else"));
+    }
+    if let Some(key) = signed {
+        screen.say(format_args!("signed with the key {key}"));
+    }
+    if !fuel_is_comparable(report, again) {
+        screen.note(format_args!(
+            "fuel is not compared: {} measured it, here it is {}",
+            report.suite.engine, again.suite.engine
+        ));
+    }
+    let told = differences
+        .iter()
+        .map(|Difference { field, sentence }| Told { field, sentence })
+        .collect();
+    screen.document(&Document {
+        reproduced: differences.is_empty(),
+        verdict: report.verdict.text(),
+        signed: signed.map(str::to_owned),
+        differences: told,
+    });
+}
