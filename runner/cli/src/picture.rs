@@ -21,7 +21,8 @@ pub(crate) struct Glyphs {
 impl Glyphs {
     const BOXES: Self = Self { life: '│', shaft: '─', left: '◀', right: '▶', more: "…" };
     /// For terminals that know nothing else.
-    pub(crate) const ASCII: Self = Self { life: '|', shaft: '-', left: '<', right: '>', more: "..." };
+    pub(crate) const ASCII: Self =
+        Self { life: '|', shaft: '-', left: '<', right: '>', more: "..." };
 
     /// Box-drawing characters where the terminal's locale knows them.
     pub(crate) fn of_locale() -> Self {

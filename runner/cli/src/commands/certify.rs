@@ -9,9 +9,7 @@ use std::thread::available_parallelism;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use softplug_conformance::Corpus;
-use softplug_conformance::certify::{
-    Baseline, CertifyError, Order, Progress, certify, observe,
-};
+use softplug_conformance::certify::{Baseline, CertifyError, Order, Progress, certify, observe};
 use softplug_report::attest::{self, PrivateKey};
 use softplug_report::{Report, VerdictKind, annotations};
 

@@ -61,14 +61,19 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     };
     let trace = match case.source {
         CaseSource::Trace(case) => Some(case.trace.format()),
-        _ => None,
+        CaseSource::Script(_) => None,
     };
     let clauses: Vec<_> = case.clauses.iter().filter_map(|id| clause(&corpus, id)).collect();
 
     let (level, kind) = (case.level.keyword(), case.kind.name());
     screen.say(format_args!("{HEADING}{id}{HEADING:#}  {level}, {kind}\n{}\n", case.title));
     for clause in &clauses {
-        screen.say(format_args!("  {} ({}): {}", clause.id, clause.level.keyword(), clause.sentence));
+        screen.say(format_args!(
+            "  {} ({}): {}",
+            clause.id,
+            clause.level.keyword(),
+            clause.sentence
+        ));
     }
     match trace.as_deref().and_then(|text| text.split_once("\n---\n")) {
         Some((front, body)) => {

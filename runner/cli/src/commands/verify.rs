@@ -126,10 +126,8 @@ fn show(
             report.suite.engine, again.suite.engine
         ));
     }
-    let told = differences
-        .iter()
-        .map(|Difference { field, sentence }| Told { field, sentence })
-        .collect();
+    let told =
+        differences.iter().map(|Difference { field, sentence }| Told { field, sentence }).collect();
     screen.document(&Document {
         reproduced: differences.is_empty(),
         verdict: report.verdict.text(),

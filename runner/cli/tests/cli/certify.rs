@@ -119,8 +119,9 @@ fn expected_failures_must_fail_as_expected() {
     add_hopeless_case(&bench, "must");
     let words = with(&SMALL, &["--corpus", "corpus", "--baseline", "baseline.toml"]);
     let entry = |case: &str, class: &str, reason: &str| {
-        let entry =
-            format!("[[expected]]\ncase = \"{case}\"\nclass = \"{class}\"\nreason = \"{reason}\"\n");
+        let entry = format!(
+            "[[expected]]\ncase = \"{case}\"\nclass = \"{class}\"\nreason = \"{reason}\"\n"
+        );
         bench.write("baseline.toml", entry);
     };
     entry("3964.tx.bell", "diverged", "the bell is broken");
@@ -173,7 +174,8 @@ fn an_interrupted_run_reads_conformant_nowhere() {
 
 /// No form of the report can be taken for that of a conformant plug-in.
 fn assert_not_green(bench: &Bench, ran: &Ran) {
-    let json: serde_json::Value = serde_json::from_slice(&bench.read("out/conformance.json")).unwrap();
+    let json: serde_json::Value =
+        serde_json::from_slice(&bench.read("out/conformance.json")).unwrap();
     assert_eq!(json["verdict"], "partial");
     let badge: serde_json::Value = serde_json::from_slice(&bench.read("out/badge.json")).unwrap();
     assert!(badge["message"].as_str().unwrap().contains("partial"), "{badge}");
@@ -202,8 +204,10 @@ fn what_cannot_be_judged_says_why() {
 #[test]
 fn what_cannot_be_read_is_named_by_its_place() {
     let bench = Bench::new();
-    let mut told = bench.run(&["certify", "r3964", "--profile", "3946", "--out", "o"]).with_code(2).err;
-    told += &bench.run(&["certify", "none.wasm", "--profile", "3964", "--out", "o"]).with_code(2).err;
+    let mut told =
+        bench.run(&["certify", "r3964", "--profile", "3946", "--out", "o"]).with_code(2).err;
+    told +=
+        &bench.run(&["certify", "none.wasm", "--profile", "3964", "--out", "o"]).with_code(2).err;
     bench.write("baseline.toml", "[[expected]]\ncase = 5\n");
     told += &bench.run(&with(&SMALL, &["--baseline", "baseline.toml"])).with_code(2).err;
     bench.write("key.pem", "-----BEGIN PRIVATE KEY-----\nG1\n");

@@ -39,9 +39,8 @@ fn bench() -> Bench {
 /// The names of what a run wrote into its folder.
 fn written(bench: &Bench, folder: &str) -> Vec<String> {
     let Ok(entries) = fs::read_dir(bench.path(folder)) else { return Vec::new() };
-    let name = |entry: std::io::Result<fs::DirEntry>| {
-        entry.unwrap().file_name().into_string().unwrap()
-    };
+    let name =
+        |entry: std::io::Result<fs::DirEntry>| entry.unwrap().file_name().into_string().unwrap();
     let mut names: Vec<_> = entries.map(name).collect();
     names.sort();
     names
@@ -121,7 +120,13 @@ mod github {
         for (name, _) in inputs {
             assert!(action.inputs.contains_key(*name), "there is no input {name}");
         }
-        let mut outcome = Outcome { code: 0, outputs: BTreeMap::new(), log: String::new(), summary: String::new(), uploaded: None };
+        let mut outcome = Outcome {
+            code: 0,
+            outputs: BTreeMap::new(),
+            log: String::new(),
+            summary: String::new(),
+            uploaded: None,
+        };
         bench.write("summary.md", "");
         for step in &action.runs.steps {
             if !is_due(step.condition.as_deref(), outcome.code, &values) {
@@ -231,7 +236,8 @@ mod github {
         let outcome = run(&bench, &inputs);
         assert_eq!(outcome.code, 2, "{}", outcome.log);
         assert!(outcome.log.contains("strict must be true or false"), "{}", outcome.log);
-        let inputs = [("plugin", "xon-xoff.wasm"), ("profile", "xon-xoff"), ("baseline", "none.toml")];
+        let inputs =
+            [("plugin", "xon-xoff.wasm"), ("profile", "xon-xoff"), ("baseline", "none.toml")];
         assert_eq!(run(&bench, &inputs).code, 2);
     }
 
@@ -290,7 +296,11 @@ mod gitlab {
     #[test]
     fn a_good_plug_in_passes_and_its_artifacts_are_there() {
         let bench = bench();
-        let variables = [("SOFTPLUG_PLUGIN", "xon-xoff.wasm"), ("SOFTPLUG_PROFILE", "xon-xoff"), ("SOFTPLUG_STRICT", "true")];
+        let variables = [
+            ("SOFTPLUG_PLUGIN", "xon-xoff.wasm"),
+            ("SOFTPLUG_PROFILE", "xon-xoff"),
+            ("SOFTPLUG_STRICT", "true"),
+        ];
         run(&bench, &variables).with_code(0);
         assert_eq!(verdict(&bench, "conformance"), "conformant");
         let job = kit::<Pipeline>("gitlab/softplug.yml").job;
@@ -305,12 +315,20 @@ mod gitlab {
     #[test]
     fn what_fails_has_the_exit_code_of_the_command() {
         let bench = bench();
-        let codes = [("xon-xoff.wasm", "r3964", 1), ("none.wasm", "xon-xoff", 2), ("broken.wasm", "xon-xoff", 3)];
+        let codes = [
+            ("xon-xoff.wasm", "r3964", 1),
+            ("none.wasm", "xon-xoff", 2),
+            ("broken.wasm", "xon-xoff", 3),
+        ];
         for (plugin, profile, code) in codes {
             let variables = [("SOFTPLUG_PLUGIN", plugin), ("SOFTPLUG_PROFILE", profile)];
             run(&bench, &variables).with_code(code);
         }
-        let variables = [("SOFTPLUG_PLUGIN", "xon-xoff.wasm"), ("SOFTPLUG_PROFILE", "xon-xoff"), ("SOFTPLUG_STRICT", "1")];
+        let variables = [
+            ("SOFTPLUG_PLUGIN", "xon-xoff.wasm"),
+            ("SOFTPLUG_PROFILE", "xon-xoff"),
+            ("SOFTPLUG_STRICT", "1"),
+        ];
         run(&bench, &variables).with_code(2);
     }
 }

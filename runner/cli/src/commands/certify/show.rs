@@ -66,7 +66,8 @@ pub(super) fn report(report: &Report, plugin: &str, folder: &Folder, screen: &Sc
     let fuel = &report.fuel;
     if fuel.bytes > 0 {
         let (whole, tenth) = (fuel.tenths_per_byte / 10, fuel.tenths_per_byte % 10);
-        let largest = format!("{} for one event ({})", count(fuel.largest_event), fuel.largest_case);
+        let largest =
+            format!("{} for one event ({})", count(fuel.largest_event), fuel.largest_case);
         row("fuel", format!("{whole}.{tenth} units a byte, at most {largest}"));
     }
     row("digest", report.digest.clone());
