@@ -32,7 +32,7 @@ impl Requests {
             return;
         }
         let Some(name) = wanted(settings, title.comment()) else { return };
-        if self.open == MOST_OPEN + u8::from(mutant!("fanuc-rs232.request.answer/five")) {
+        if self.open == MOST_OPEN - u8::from(mutant!("fanuc-rs232.request.answer/three")) {
             link.note(NoteLevel::Warning, 0, "too many requests");
             return;
         }
