@@ -331,7 +331,7 @@ fn attachments(files: &Files<'_>) -> BTreeMap<String, Vec<u8>> {
 fn as_text<'a>(path: &Path, content: &'a [u8]) -> Result<&'a str, CorpusError> {
     std::str::from_utf8(content).map_err(|error| {
         let good = &content[..error.valid_up_to()];
-        let line = 1 + good.iter().filter(|byte| **byte == b'\n').count();
+        let line = good.split(|byte| *byte == b'\n').count();
         CorpusError::NotText { path: path.to_owned(), line }
     })
 }

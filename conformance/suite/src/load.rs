@@ -52,7 +52,7 @@ fn find_attached(attached: &Attached, digest: &Digest) -> Result<Vec<u8>, String
     let name = digest.to_string();
     let bytes = attached.get(&name);
     let bytes = bytes.ok_or_else(|| format!("the corpus has no file files/{name}"))?;
-    checked(Path::new("files").join(name), bytes.clone(), digest)
+    checked(&Path::new("files").join(name), bytes.clone(), digest)
 }
 
 fn read(folder: &Path, digest: &Digest) -> Result<Vec<u8>, String> {
@@ -61,10 +61,10 @@ fn read(folder: &Path, digest: &Digest) -> Result<Vec<u8>, String> {
     let above = folder.join("../files").join(&name);
     let path = if beside.is_file() { beside } else { above };
     let bytes = fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
-    checked(path, bytes, digest)
+    checked(&path, bytes, digest)
 }
 
-fn checked(path: PathBuf, bytes: Vec<u8>, digest: &Digest) -> Result<Vec<u8>, String> {
+fn checked(path: &Path, bytes: Vec<u8>, digest: &Digest) -> Result<Vec<u8>, String> {
     if Sha256::digest(&bytes)[..] == digest.0 {
         Ok(bytes)
     } else {

@@ -62,7 +62,7 @@ pub(super) fn run(
     let threads = order.threads.clamp(1, shared.queue.len().max(1));
     let finished = thread::scope(|scope| {
         let workers: Vec<_> = (0..threads).map(|_| scope.spawn(|| shared.work())).collect();
-        workers.into_iter().map(|worker| worker.join()).collect::<Vec<_>>()
+        workers.into_iter().map(thread::ScopedJoinHandle::join).collect::<Vec<_>>()
     });
     let mut all: Vec<Option<Ran>> = plan.cases.iter().map(|_| None).collect();
     let mut errors = Vec::new();

@@ -165,7 +165,7 @@ fn what_is_no_plug_in_is_not_judged() {
         let report = judge(&module, &corpus, &order()).expect("there is a report");
         assert_eq!(report.verdict, VerdictKind::NotJudged);
         assert!(report.reason.contains(reason), "{}", report.reason);
-        assert_eq!(report.lint, [report.reason.clone()]);
+        assert_eq!(report.lint, std::slice::from_ref(&report.reason));
         assert_eq!((report.counts.required, report.counts.executed), (1, 0));
         assert!(!report.selection.interrupted);
     }
