@@ -61,7 +61,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     };
     let trace = match case.source {
         CaseSource::Trace(case) => Some(case.trace.format()),
-        CaseSource::Script(_) => None,
+        _ => None,
     };
     let clauses: Vec<_> = case.clauses.iter().filter_map(|id| clause(&corpus, id)).collect();
 
