@@ -53,16 +53,9 @@ enum Row<'a> {
 /// Draws the lines of a trace; lines that are none are left out.
 pub(crate) fn picture<'a>(lines: impl IntoIterator<Item = &'a str>, glyphs: Glyphs) -> String {
     let title = |name: &str| format!("{name:^9}");
-    let mut picture = format!(
-        "{:>width$}{:gap$}{}{:gap$}{}\n",
-        title("partner"),
-        "",
-        title("plug-in"),
-        "",
-        title("host"),
-        width = MARGIN + 5,
-        gap = LANE - 8
-    );
+    let (partner, plug_in) = (title("partner"), title("plug-in"));
+    let (start, gap) = (MARGIN - 4, LANE - 8);
+    let mut picture = format!("{:start$}{partner}{:gap$}{plug_in}{:gap$}  host\n", "", "", "");
     for line in lines {
         let Some((time, row)) = row(line) else { continue };
         let left = |text| arrow(glyphs, false, text);

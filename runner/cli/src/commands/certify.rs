@@ -43,9 +43,9 @@ pub(crate) struct Arguments {
     /// The profile to judge it by; `softplug cases` shows which there are
     #[arg(long, value_name = "PROFILE")]
     profile: String,
-    /// Folder for the reports; it is made if it is missing
+    /// Folder for the reports, made if it is missing; without it the verdict is only printed
     #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    out: Option<PathBuf>,
     /// A failed SHOULD counts as a failed MUST
     #[arg(long)]
     strict: bool,
@@ -59,7 +59,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N")]
     revision: Option<u32>,
     /// Sign the result with this Ed25519 private key (PEM)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", requires = "out")]
     key: Option<PathBuf>,
     /// Print failures as annotations for GitHub
     #[arg(long)]
@@ -77,7 +77,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let corpus = arguments.corpus.load()?;
     let baseline = arguments.baseline.as_deref().map(read_baseline).transpose()?;
     let key = arguments.key.as_deref().map(read_key).transpose()?;
-    let folder = Folder::make(&arguments.out)?;
+    let folder = arguments.out.as_deref().map(Folder::make).transpose()?;
     let order = Order {
         revision: arguments.revision,
         strict: arguments.strict,
@@ -87,16 +87,18 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         ..Order::new(&arguments.profile)
     };
     let report = certified(&module, &corpus, &order, screen)?;
-    let attestation = key.as_ref().map(|key| sign(&report, key)).transpose()?;
-    let runs = report.cases.iter().filter_map(|case| case.failures.first());
-    let runs: Vec<_> = runs.take(OBSERVED).map(|failure| failure.run.as_str()).collect();
-    let observed = observe(&module, &corpus, runs, order.cut_seed).map_err(certify_failure)?;
-    folder.write(&report, &observed, attestation.as_deref())?;
+    if let Some(folder) = &folder {
+        let attestation = key.as_ref().map(|key| sign(&report, key)).transpose()?;
+        let runs = report.cases.iter().filter_map(|case| case.failures.first());
+        let runs: Vec<_> = runs.take(OBSERVED).map(|failure| failure.run.as_str()).collect();
+        let observed = observe(&module, &corpus, runs, order.cut_seed).map_err(certify_failure)?;
+        folder.write(&report, &observed, attestation.as_deref())?;
+    }
 
     if arguments.annotations {
         Screen::raw(annotations::write(&report).as_bytes());
     }
-    show::report(&report, &arguments.plugin, &folder, screen);
+    show::report(&report, &arguments.plugin, folder.as_ref(), screen);
     screen.document(&report);
     Ok(exit(report.verdict))
 }

@@ -121,6 +121,7 @@ pub(crate) fn snapshot(name: &str, text: impl std::fmt::Display) {
     settings.add_filter(r#"("version": )"[^"]*""#, "$1[version]");
     settings.add_filter(r"(size +)[\d,]+ bytes", "$1[size]");
     settings.add_filter(r#"("size": )\d+"#, "$1[size]");
+    settings.add_filter(r"(fuel +)[\d,.]+ units a byte, at most [\d,]+", "$1[fuel]");
     settings.add_filter(&regex_of(&plugins()), "[plugins]");
     let executable = Path::new(env!("CARGO_BIN_EXE_softplug"));
     let beside = executable.parent().and_then(Path::parent).unwrap();

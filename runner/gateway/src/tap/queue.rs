@@ -102,6 +102,6 @@ mod tests {
                 }
             }
         }
-        assert_eq!((out.as_str(), queue.len()), ("AB<parity error Some('C')><break None>DE", 0));
+        assert_eq!((out.as_str(), queue.len()), ("AB<parity Some('C')><break None>DE", 0));
     }
 }

@@ -9,15 +9,19 @@ use crate::screen::{BAD, GOOD, HEADING, Screen, WARNING};
 /// Failed cases that are told in full.
 const SHOWN: usize = 3;
 
-pub(super) fn report(report: &Report, plugin: &str, folder: &Folder, screen: &Screen) {
+pub(super) fn report(report: &Report, plugin: &str, folder: Option<&Folder>, screen: &Screen) {
     for finding in &report.lint {
         screen.say(format_args!("  {finding}"));
     }
     let failed: Vec<_> = report.cases.iter().filter(|case| !case.failures.is_empty()).collect();
     for case in failed.iter().take(SHOWN) {
         let text = explain(report, case).replace("PLUGIN", plugin);
-        let observed = folder.file(&failure_file(&case.failures[0].run));
-        screen.say(format_args!("{BAD}FAILED{BAD:#} {text}\n  observed course: {observed}\n"));
+        screen.say(format_args!("{BAD}FAILED{BAD:#} {text}"));
+        if let Some(folder) = folder {
+            let observed = folder.file(&failure_file(&case.failures[0].run));
+            screen.say(format_args!("  observed course: {observed}"));
+        }
+        screen.say("");
     }
     if failed.len() > SHOWN {
         screen.say("failed too:");
@@ -71,5 +75,7 @@ pub(super) fn report(report: &Report, plugin: &str, folder: &Folder, screen: &Sc
         row("fuel", format!("{whole}.{tenth} units a byte, at most {largest}"));
     }
     row("digest", report.digest.clone());
-    row("files", format!("{}, {}", folder.file("report.html"), folder.file(REPORT)));
+    if let Some(folder) = folder {
+        row("files", format!("{}, {}", folder.file("report.html"), folder.file(REPORT)));
+    }
 }
