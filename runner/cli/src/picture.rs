@@ -85,7 +85,7 @@ fn arrow(glyphs: Glyphs, to_right: bool, text: &str) -> String {
         text = text.chars().take(most - glyphs.more.len().min(3)).collect::<String>() + glyphs.more;
     }
     let shafts = LANE - 3 - text.chars().count();
-    let shaft = |count: usize| String::from_iter(std::iter::repeat_n(glyphs.shaft, count));
+    let shaft = |count: usize| std::iter::repeat_n(glyphs.shaft, count).collect::<String>();
     let (before, after) = (shaft(shafts / 2), shaft(shafts - shafts / 2));
     if to_right {
         format!("{before} {text} {after}{}", glyphs.right)

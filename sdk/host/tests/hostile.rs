@@ -267,7 +267,7 @@ fn mailboxes_that_cannot_be() {
         });
         let errors: Vec<_> = errors.collect();
         assert!(errors.iter().all(|error| *error == errors[0]), "{errors:?}");
-        errors[0].clone()
+        errors[0]
     };
     let good = Guest::default().descriptor;
     let changed = |at: usize, value| {

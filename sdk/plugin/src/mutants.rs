@@ -58,17 +58,16 @@ pub const fn id(name: &str) -> u64 {
 #[inline(never)]
 pub fn is_active(id: u64) -> bool {
     // Read as if it could change: the compiler must not know what stands there.
-    let [.., a, b, c, d, e, f, g, h] = *core::hint::black_box(&CELL);
-    u64::from_le_bytes([a, b, c, d, e, f, g, h]) == id
+    u64::from_le_bytes(core::hint::black_box(&CELL).active) == id
+}
+
+/// What is looked for in the module's bytes, and what is written behind it.
+#[cfg(feature = "mutants")]
+#[repr(C)]
+struct Cell {
+    marker: [u8; 16],
+    active: [u8; 8],
 }
 
 #[cfg(feature = "mutants")]
-static CELL: [u8; 24] = {
-    let mut cell = [0; 24];
-    let mut at = 0;
-    while at < MARKER.len() {
-        cell[at] = MARKER[at];
-        at += 1;
-    }
-    cell
-};
+static CELL: Cell = Cell { marker: MARKER, active: [0; 8] };

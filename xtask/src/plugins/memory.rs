@@ -59,11 +59,11 @@ mod tests {
     use super::*;
     use wasmparser::Validator;
 
-    const MODULE: &str = r#"(module
+    const MODULE: &str = r"(module
         (memory 1 1)
         (func $other (result i32) i32.const 7)
         (func $memset (param i32 i32 i32) (result i32) unreachable)
-        (func $memcpy (param i32 i32 i32) (result i32) unreachable))"#;
+        (func $memcpy (param i32 i32 i32) (result i32) unreachable))";
 
     #[test]
     fn both_are_replaced_wherever_they_stand_and_nothing_else() {

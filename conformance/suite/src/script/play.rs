@@ -194,6 +194,7 @@ impl<'a, P: Partner> Play<'a, P> {
     }
 
     /// A thing that must be as the scenario says.
+    #[expect(clippy::needless_pass_by_value, reason = "what is compared is often made in place")]
     pub(super) fn equal<T: PartialEq + Debug>(
         &self,
         what: &str,

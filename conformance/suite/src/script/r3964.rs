@@ -129,7 +129,7 @@ fn transmission_limits() -> Vec<Script> {
                 let ended = play.end_of(job, LONG)?;
                 play.run(Micros::from_secs(30))?;
                 // The partner answers each STX, so that each one has its block.
-                let begun = play.host.sent().iter().filter(|byte| **byte == STX).count();
+                let begun = play.host.sent().iter().copied().filter(|byte| *byte == STX).count();
                 play.equal("blocks that were begun", attempts, begun)?;
                 play.demand("the job must fail", ended.is_err(), ended)?;
                 let naks = play.host.sent().iter().rev().take_while(|byte| **byte == NAK).count();
@@ -322,12 +322,11 @@ fn in_order(
     let known: Vec<_> = (0..=BLOCKS).map(|number| block(from, number)).collect();
     let mut places = Vec::new();
     for found in blocks {
-        match known.iter().position(|block| block == found) {
-            Some(place) => places.push(place),
-            None => {
-                let shown = found.escape_ascii().to_string();
-                return play.demand(&format!("{what} was never sent"), false, shown);
-            }
+        if let Some(place) = known.iter().position(|block| block == found) {
+            places.push(place);
+        } else {
+            let shown = found.escape_ascii().to_string();
+            return play.demand(&format!("{what} was never sent"), false, shown);
         }
     }
     play.demand(&format!("{what} is in order"), places.is_sorted(), &places)?;

@@ -113,6 +113,7 @@ impl Stage<'_> {
 }
 
 /// A failure that the plug-in's behaviour shows.
+#[expect(clippy::unnecessary_box_returns, reason = "it is the error of a small result")]
 pub(super) fn diverged(
     at: Micros,
     message: impl Into<String>,
@@ -129,6 +130,7 @@ pub(super) fn diverged(
 }
 
 impl Stage<'_> {
+    #[expect(clippy::unnecessary_box_returns, reason = "it is the error of a small result")]
     pub(super) fn not_applicable(reason: &str) -> Box<ScriptFailure> {
         Fault::new(FaultClass::NotApplicable, Micros::ZERO, reason).into()
     }

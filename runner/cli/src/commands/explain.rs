@@ -36,13 +36,13 @@ pub(crate) struct Arguments {
 struct Document<'a> {
     #[serde(flatten)]
     case: Entry<'a>,
-    sentences: Vec<Sentence<'a>>,
+    wording: Vec<Wording<'a>>,
     /// The whole file; of a script there is none.
     trace: Option<String>,
 }
 
 #[derive(Serialize)]
-struct Sentence<'a> {
+struct Wording<'a> {
     clause: &'a str,
     level: Level,
     sentence: &'a str,
@@ -86,13 +86,13 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         }
         None => screen.say("\nA partner that reacts to the plug-in: there is no fixed course."),
     }
-    let sentences = clauses.iter().map(|clause| Sentence {
+    let wording = clauses.iter().map(|clause| Wording {
         clause: &clause.id,
         level: clause.level,
         sentence: &clause.sentence,
     });
-    let sentences = sentences.collect();
-    screen.document(&Document { case: case.into(), sentences, trace });
+    let wording = wording.collect();
+    screen.document(&Document { case: case.into(), wording, trace });
     Ok(Exit::Done)
 }
 

@@ -163,7 +163,7 @@ fn report(
     let not_passed: usize = held.iter().sum();
     let lost = match end {
         End::Lost(side, reason) => {
-            Some(format!("the port on side {side} is lost: {}; check the cable", reason))
+            Some(format!("the port on side {side} is lost: {reason}; check the cable"))
         }
         _ => None,
     };
@@ -448,7 +448,9 @@ fn date(now: SystemTime) -> String {
     let seconds = now.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     let mut days = seconds / 86_400;
     let mut year = 1970_u64;
-    let is_leap = |year: u64| year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
+    let is_leap = |year: u64| {
+        year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400))
+    };
     let length = |year| 365 + u64::from(is_leap(year));
     while days >= length(year) {
         days -= length(year);

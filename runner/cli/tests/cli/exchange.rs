@@ -1,5 +1,7 @@
 //! Traces from and for other tools.
 
+use std::fmt::Write as _;
+
 use crate::bench::{Bench, snapshot};
 
 const TRACE: &str = "\
@@ -72,12 +74,13 @@ fn what_cannot_be_held_is_told() {
     let mut text = String::new();
     for format in ["pcapng", "hexdump", "candump", "saleae"] {
         let line = format!("trace export case.spt --format {format} --out out.{format}");
-        text += &format!("$ softplug {line}\n{}", run(&bench, &line).with_code(0));
+        let ran = run(&bench, &line).with_code(0);
+        let _ = write!(text, "$ softplug {line}\n{ran}");
     }
     let line = "trace export case.spt --format candump --out out.candump --force --json";
     let json = run(&bench, line).with_code(0);
     assert_eq!(json.json()["notes"][1]["what"], "requests");
-    text += &format!("$ softplug {line}\n{json}");
+    let _ = write!(text, "$ softplug {line}\n{json}");
     snapshot("exchange-notes", text);
     snapshot("exchange-candump", String::from_utf8(bench.read("out.candump")).unwrap());
 }
@@ -107,7 +110,7 @@ fn what_cannot_be_exchanged_is_refused() {
     bench.write("good.log", "(0.5) port#11 R\n");
     bench.write("text.txt", "G1X1\n");
     let import = "--id p.case --line 9600~8N1 --out out.spt";
-    let text: String = [
+    let text: Vec<String> = [
         "trace export none.spt --format pcapng --out out".to_owned(),
         "trace export wrong.spt --format pcapng --out out".to_owned(),
         "trace export file.spt --format pcapng --out out".to_owned(),
@@ -132,7 +135,7 @@ fn what_cannot_be_exchanged_is_refused() {
         format!("$ softplug {line}\n{}\n", ran.err)
     })
     .collect();
-    snapshot("exchange-refusals", text);
+    snapshot("exchange-refusals", text.concat());
     let json =
         run(&bench, "trace export none.spt --format pcapng --out out --json").with_code(2).json();
     assert_eq!(json["error"]["code"], 2);

@@ -57,14 +57,13 @@ impl Lines {
             self.set[index] = Some(wanted);
             let to = from.other();
             match ports[to.index()].set_modem_lines(ModemLines::OUTPUTS, wanted) {
-                Ok(()) => {}
+                // Of a port that is gone the next read or write says so, and which side it was.
+                Ok(()) | Err(PortError::Gone(_)) => {}
                 Err(PortError::Unsupported { what }) => {
                     if !std::mem::replace(&mut self.told[to.index()], true) {
                         tell(Event::Cannot { side: to, what });
                     }
                 }
-                // The next read or write says the same, and which side it was.
-                Err(PortError::Gone(_)) => {}
                 Err(error) => return Err(error),
             }
         }

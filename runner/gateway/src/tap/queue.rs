@@ -78,6 +78,7 @@ impl Queue {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fmt::Write as _;
 
     #[test]
     fn marks_keep_their_place_among_the_bytes() {
@@ -97,7 +98,7 @@ mod tests {
                     queue.take_bytes(1);
                 }
                 Some(First::Mark(mark)) => {
-                    out += &format!("<{} {:?}>", mark.kind, mark.byte.map(char::from));
+                    let _ = write!(out, "<{} {:?}>", mark.kind, mark.byte.map(char::from));
                     queue.take_mark();
                 }
             }

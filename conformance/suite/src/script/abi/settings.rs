@@ -61,13 +61,13 @@ fn give(player: &mut Player<'_>, event: &Event<'_>) -> Outcome<Result<(), Refusa
         match player.step(asked, Micros::ZERO) {
             Ok(output) if output.more => asked = &Event::Continue,
             Ok(_) => return Ok(Ok(())),
-            Err(fault) => match refusal(&fault) {
-                Some(refusal) => return Ok(Err(refusal)),
-                None => {
-                    let fault = LinkFault::Instance { event: event.kind(), source: fault };
-                    return Err(Fault::of_link(Micros::ZERO, &fault).into());
+            Err(fault) => {
+                if let Some(refusal) = refusal(&fault) {
+                    return Ok(Err(refusal));
                 }
-            },
+                let fault = LinkFault::Instance { event: event.kind(), source: fault };
+                return Err(Fault::of_link(Micros::ZERO, &fault).into());
+            }
         }
     }
     Err(diverged(Micros::ZERO, format!("its answer to {} has no end", event.kind()), "", ""))

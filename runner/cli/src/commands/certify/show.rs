@@ -1,5 +1,7 @@
 //! The verdict for people.
 
+use std::fmt::Write as _;
+
 use softplug_report::{Report, VerdictKind, explain};
 
 use super::files::{Folder, REPORT, failure_file};
@@ -41,7 +43,7 @@ pub(super) fn report(report: &Report, plugin: &str, folder: Option<&Folder>, scr
     row("plug-in", format!("{} {}, sha256 {}", plug_in.name, plug_in.version, plug_in.sha256));
     let mut text = format!("{}, revision {}", profile.name, profile.revision);
     if !profile.features.is_empty() {
-        text += &format!(", with {}", profile.features.join(", "));
+        let _ = write!(text, ", with {}", profile.features.join(", "));
     }
     if !profile.claimed {
         text += ", not claimed by the plug-in: its core";
@@ -63,7 +65,7 @@ pub(super) fn report(report: &Report, plugin: &str, folder: Option<&Folder>, scr
         (counts.unclaimed, "of features that are not claimed"),
     ] {
         if many > 0 {
-            cases += &format!(", {} {what}", number(many));
+            let _ = write!(cases, ", {} {what}", number(many));
         }
     }
     row("cases", format!("{cases}; {}", things(u64::from(counts.runs), "run")));

@@ -141,7 +141,7 @@ fn stand_in(byte: u8) -> u8 {
         b'0'..=b'9' => (b'0', b'1'),
         _ => return byte,
     };
-    let low = if (byte & 0x7F).count_ones() % 2 == 0 { even } else { odd };
+    let low = if (byte & 0x7F).count_ones().is_multiple_of(2) { even } else { odd };
     low | byte & 0x80
 }
 
