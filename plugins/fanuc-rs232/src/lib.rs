@@ -36,6 +36,8 @@ use zerocopy::{FromZeros, Immutable, IntoBytes, TryFromBytes};
 const CAPTURE: u8 = 4;
 /// Timer: the remote buffer is silent, or waits for us.
 const PACKET: u8 = 5;
+/// Timer of mutants: what the real plug-in does at once.
+const LATE: u8 = 7;
 
 /// The most bytes in one event.
 const INPUT: usize = 1_040;
@@ -98,7 +100,12 @@ impl Converter for FanucRs232 {
     }
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
-        if opening.resumed {
+        if mutant!("fanuc-rs232.link.close/hold-kept") {
+            self.kept.feed.remember();
+        }
+        if opening.resumed && mutant!("fanuc-rs232.link.swap/not-timed") {
+            self.kept.punch.set_timers(link);
+        } else if opening.resumed {
             self.kept.feed.set_timers(link);
             self.kept.punch.set_timers(link);
             self.kept.remote_buffer.set_timers(link);
@@ -187,6 +194,11 @@ impl Converter for FanucRs232 {
         match id {
             CAPTURE => self.kept.punch.finish(link, &self.settings, None),
             PACKET => self.kept.remote_buffer.timer(link, &self.settings, &self.kept.feed.encoder),
+            LATE if mutant!("fanuc-rs232.feed.at-boundary/tick-late")
+                || mutant!("fanuc-rs232.feed.depth/one-more") =>
+            {
+                self.kept.feed.update_hold(link);
+            }
             _ => self.kept.feed.timer(link),
         }
         self.after(link);
@@ -325,7 +337,10 @@ impl FanucRs232 {
         match control(settings, code, byte, is_sending) {
             // The control reads: it does not punch, unless it holds us. So this is
             // an echo, or damaged.
-            Some(Control::Dc2) if is_sending && state != Some(State::Held) => {}
+            Some(Control::Dc2)
+                if is_sending
+                    && state != Some(State::Held)
+                    && !mutant!("fanuc-rs232.feed.echo/dc2-taken") => {}
             Some(control) => {
                 let is_awaited = matches!(state, Some(State::WaitingForDc1 | State::Held));
                 if !self.kept.punch.control(link, settings, control, is_awaited) {
@@ -337,6 +352,8 @@ impl FanucRs232 {
             None => {
                 if mutant!("fanuc-rs232.feed.echo/ends") {
                     self.kept.feed.lost(link, Failure::LineError);
+                } else if mutant!("fanuc-rs232.feed.echo/taken") {
+                    self.kept.punch.byte(link, settings, byte);
                 }
             }
         }

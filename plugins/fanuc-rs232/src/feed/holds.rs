@@ -1,11 +1,22 @@
 //! What the control says to the feed: DC1 and DC3, their times, and its end.
 
+use core::sync::atomic::{AtomicBool, Ordering};
+
 use super::{Feed, Stage, WAIT};
+use crate::LATE;
 use crate::code::Control;
 use crate::tape::Setup;
-use softplug_plugin::{Context, Failure, NoteLevel, mutant};
+use softplug_plugin::{Context, Failure, Micros, NoteLevel, mutant};
+
+/// For a mutant: whether the control was ready before the link was closed.
+static READY_BEFORE: AtomicBool = AtomicBool::new(false);
 
 impl Feed {
+    /// For a mutant: what the control said before the link was closed.
+    pub(crate) fn remember(&mut self) {
+        self.is_ready |= READY_BEFORE.load(Ordering::Relaxed);
+    }
+
     /// A code of the control.
     pub(crate) fn control(&mut self, link: &mut Context<'_>, settings: &Setup, code: Control) {
         match code {
@@ -45,9 +56,18 @@ impl Feed {
             return;
         }
         self.is_ready = is_ready;
+        if mutant!("fanuc-rs232.link.close/hold-kept") {
+            READY_BEFORE.store(is_ready, Ordering::Relaxed);
+        }
         if !matches!(self.stage, Stage::Idle | Stage::Checking | Stage::Waiting) {
             self.is_started |= is_ready;
-            self.update_hold(link);
+            if !is_ready && mutant!("fanuc-rs232.feed.at-boundary/tick-late") {
+                link.set_timer_after(LATE, Micros(1));
+            } else if !is_ready && mutant!("fanuc-rs232.feed.depth/one-more") {
+                link.set_timer_after(LATE, Micros::from_millis(1));
+            } else {
+                self.update_hold(link);
+            }
             self.watch(link, settings);
         }
     }
@@ -81,7 +101,7 @@ impl Feed {
     }
 
     /// Nothing leaves before DC1, after DC3 and in a pause.
-    pub(super) fn update_hold(&mut self, link: &mut Context<'_>) {
+    pub(crate) fn update_hold(&mut self, link: &mut Context<'_>) {
         let is_active = !matches!(self.stage, Stage::Idle | Stage::Checking);
         let is_holding = is_active && (!self.is_ready || self.is_paused);
         if is_holding != self.is_holding {

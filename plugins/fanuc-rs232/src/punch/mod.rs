@@ -153,7 +153,7 @@ impl Punch {
 
     fn answer_dc2(&mut self, link: &mut Context<'_>, settings: &Settings) {
         if settings.answer_dc2
-            && !self.is_answering
+            && (!self.is_answering || mutant!("fanuc-rs232.punch.answer-dc2/twice"))
             && !mutant!("fanuc-rs232.punch.answer-dc2/not-answered")
         {
             self.is_answering = true;
