@@ -169,3 +169,37 @@ pub(super) const fn exit(verdict: VerdictKind) -> Exit {
         VerdictKind::Partial => Exit::Incomplete,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_of_the_suite_is_nobody_elses() {
+        let (profile, case) = ("3964".to_owned(), "3964.tx.hold".to_owned());
+        let (first, second) = ("wasmtime".to_owned(), "wasmi".to_owned());
+        let errors = [
+            (CertifyError::EnginesDiffer { case, first, second }, Exit::Internal),
+            (CertifyError::Internal("no memory".to_owned()), Exit::Internal),
+            (CertifyError::NothingSelected { profile: profile.clone() }, Exit::NothingSelected),
+            (CertifyError::UnknownRevision { profile, revision: 2, newest: 1 }, Exit::Usage),
+        ];
+        for (error, expected) in errors {
+            assert_eq!(certify_failure(error).exit, expected);
+        }
+    }
+
+    #[test]
+    fn every_verdict_has_its_code() {
+        let codes = [
+            (VerdictKind::Conformant, 0),
+            (VerdictKind::ConformantWithWarnings, 0),
+            (VerdictKind::NotConformant, 1),
+            (VerdictKind::NotJudged, 3),
+            (VerdictKind::Partial, 5),
+        ];
+        for (verdict, code) in codes {
+            assert_eq!(exit(verdict).code(), code, "{verdict:?}");
+        }
+    }
+}
