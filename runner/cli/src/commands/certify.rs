@@ -4,6 +4,7 @@ pub(super) mod files;
 mod show;
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use std::thread::available_parallelism;
 
 use clap::Args;
@@ -77,6 +78,8 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let corpus = arguments.corpus.load()?;
     let baseline = arguments.baseline.as_deref().map(read_baseline).transpose()?;
     let key = arguments.key.as_deref().map(read_key).transpose()?;
+    // Before anything is made: whoever sees the folder can end the run cleanly.
+    let stop = stop::on_signals()?;
     let folder = arguments.out.as_deref().map(Folder::make).transpose()?;
     let order = Order {
         revision: arguments.revision,
@@ -86,7 +89,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         threads: arguments.threads.map_or_else(threads, usize::from),
         ..Order::new(&arguments.profile)
     };
-    let report = certified(&module, &corpus, &order, screen)?;
+    let report = certified(&module, &corpus, &order, &stop, screen)?;
     if let Some(folder) = &folder {
         let attestation = key.as_ref().map(|key| sign(&report, key)).transpose()?;
         let runs = report.cases.iter().filter_map(|case| case.failures.first());
@@ -103,11 +106,12 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     Ok(exit(report.verdict))
 }
 
-/// Runs the certification with a progress bar. A signal ends it, and the report says so.
+/// Runs the certification with a progress bar. `stop` ends it, and the report says so.
 pub(super) fn certified(
     module: &[u8],
     corpus: &Corpus,
     order: &Order,
+    stop: &AtomicBool,
     screen: &Screen,
 ) -> Result<Report, Failure> {
     let bar = bar(screen);
@@ -118,8 +122,7 @@ pub(super) fn certified(
             bar.set_message(format!("{} failed", progress.failed));
         }
     };
-    let stop = stop::on_signals()?;
-    let certified = certify(module, corpus, order, &progress, &stop);
+    let certified = certify(module, corpus, order, &progress, stop);
     bar.finish_and_clear();
     certified.map_err(certify_failure)
 }

@@ -15,6 +15,7 @@ use crate::failure::Failure;
 use crate::files;
 use crate::plugin::Library;
 use crate::screen::{BAD, GOOD, Screen};
+use crate::stop;
 
 /// Runs the certification that a report tells of again, and compares.
 ///
@@ -78,7 +79,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         threads: threads(),
         ..Order::new(&report.profile.name)
     };
-    let again = certified(&module, &corpus, &order, screen)?;
+    let again = certified(&module, &corpus, &order, &*stop::on_signals()?, screen)?;
     let differences = compare(&report, &again);
     show(&report, &again, signed.as_deref(), &differences, screen);
     Ok(if differences.is_empty() { Exit::Done } else { Exit::Failed })
