@@ -39,6 +39,7 @@ pub use deed::{Deed, Delivered};
 pub use divergence::{Divergence, Side};
 pub use fault::{Fault, FaultClass};
 pub use file_error::FileError;
+pub use lines::modem_lines;
 pub use load::{Case, LoadError, load};
 pub use permute::{Permutation, UnknownPermutation};
 pub use replay::{Outcome, Seen, replay};

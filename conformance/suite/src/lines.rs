@@ -19,8 +19,18 @@ pub(crate) fn line_parameters(line: &LineSettings) -> LineParameters {
     }
 }
 
-/// The lines named, and those of them that are on.
-pub(crate) fn modem_lines(levels: &ModemLevels) -> (ModemLines, ModemLines) {
+/// The lines that a trace names, and those of them that are on.
+///
+/// ```
+/// use softplug_abi::ModemLines;
+/// use softplug_conformance::modem_lines;
+/// use softplug_trace::{ModemLevels, ModemLine};
+///
+/// let levels = ModemLevels([(ModemLine::Cts, true), (ModemLine::Dsr, false)].into());
+/// let named = ModemLines::CTS.union(ModemLines::DSR);
+/// assert_eq!(modem_lines(&levels), (named, ModemLines::CTS));
+/// ```
+pub fn modem_lines(levels: &ModemLevels) -> (ModemLines, ModemLines) {
     let none = (ModemLines::default(), ModemLines::default());
     levels.0.iter().fold(none, |(named, on), (line, level)| {
         let line = match line {

@@ -5,7 +5,6 @@ mod show;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
-use std::thread::available_parallelism;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -81,13 +80,14 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     // Before anything is made: whoever sees the folder can end the run cleanly.
     let stop = stop::on_signals()?;
     let folder = arguments.out.as_deref().map(Folder::make).transpose()?;
+    let profile = Order::new(&arguments.profile);
     let order = Order {
         revision: arguments.revision,
         strict: arguments.strict,
         cases: arguments.cases.clone(),
         baseline,
-        threads: arguments.threads.map_or_else(threads, usize::from),
-        ..Order::new(&arguments.profile)
+        threads: arguments.threads.map_or(profile.threads, usize::from),
+        ..profile
     };
     let report = certified(&module, &corpus, &order, &stop, screen)?;
     if let Some(folder) = &folder {
@@ -125,10 +125,6 @@ pub(super) fn certified(
     let certified = certify(module, corpus, order, &progress, stop);
     bar.finish_and_clear();
     certified.map_err(certify_failure)
-}
-
-pub(super) fn threads() -> usize {
-    available_parallelism().map_or(1, usize::from)
 }
 
 fn bar(screen: &Screen) -> ProgressBar {

@@ -8,7 +8,7 @@ use softplug_conformance::certify::Order;
 use softplug_report::attest::{self, PublicKey, Source, VerifyError};
 use softplug_report::{Difference, Report, compare, fuel_is_comparable, json};
 
-use super::certify::{certified, files::ATTESTATION, read_baseline, threads};
+use super::certify::{certified, files::ATTESTATION, read_baseline};
 use crate::corpus;
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -76,7 +76,6 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         strict: report.selection.strict,
         cases: report.selection.cases.clone(),
         baseline,
-        threads: threads(),
         ..Order::new(&report.profile.name)
     };
     let again = certified(&module, &corpus, &order, &*stop::on_signals()?, screen)?;

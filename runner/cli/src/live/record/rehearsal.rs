@@ -5,8 +5,9 @@ use std::fmt::Write as _;
 
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Action, LineErrorKind, LineParameters, Micros, ModemLines, NoteLevel};
+use softplug_conformance::modem_lines;
 use softplug_link::{LinkFault, LinkOptions, Outside, VirtualLine};
-use softplug_trace::{BadKind, LineEvent, ModemLevels, ModemLine};
+use softplug_trace::{BadKind, LineEvent, ModemLevels};
 
 use super::story::{Character, Happening};
 use crate::numbers;
@@ -296,16 +297,6 @@ fn seconds(at: Micros) -> String {
 }
 
 fn changed(on: ModemLines, levels: &ModemLevels) -> ModemLines {
-    let bit = |line: &ModemLine| match line {
-        ModemLine::Cts => ModemLines::CTS,
-        ModemLine::Dsr => ModemLines::DSR,
-        ModemLine::Dcd => ModemLines::DCD,
-        ModemLine::Ri => ModemLines::RI,
-        ModemLine::Rts => ModemLines::RTS,
-        ModemLine::Dtr => ModemLines::DTR,
-    };
-    levels.0.iter().fold(on, |on, (line, is_on)| {
-        let bit = bit(line);
-        if *is_on { on.union(bit) } else { ModemLines(on.0 & !bit.0) }
-    })
+    let (named, set) = modem_lines(levels);
+    ModemLines(on.0 & !named.0).union(set)
 }
