@@ -77,6 +77,16 @@ impl Library {
     }
 }
 
+/// A plug-in as it was named, as one word of a command to run again.
+pub(crate) fn as_word(plugin: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-:+=".contains(c);
+    if plugin.chars().all(is_plain) {
+        plugin.to_owned()
+    } else {
+        format!("'{}'", plugin.replace('\'', r"'\''"))
+    }
+}
+
 /// A plug-in to make instances of.
 #[derive(Clone, Debug)]
 pub(crate) enum Chosen {

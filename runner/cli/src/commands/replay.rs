@@ -15,7 +15,7 @@ use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files;
 use crate::numbers;
-use crate::plugin::{Chosen, Library};
+use crate::plugin::{Chosen, Library, as_word};
 use crate::screen::{BAD, GOOD, Screen};
 
 /// Permutations of a quick run.
@@ -207,13 +207,7 @@ fn show(summary: &Summary, traces: usize, arguments: &Arguments, screen: &Screen
 
 /// The beginning of the command that runs a case again.
 fn again(arguments: &Arguments) -> String {
-    let plugin = &arguments.plugin;
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-:+=".contains(c);
-    if plugin.chars().all(is_plain) {
-        format!("replay {plugin}")
-    } else {
-        format!("replay '{}'", plugin.replace('\'', r"'\''"))
-    }
+    format!("replay {}", as_word(&arguments.plugin))
 }
 
 fn exit(summary: &Summary) -> Exit {

@@ -6,6 +6,7 @@ use softplug_report::{Report, VerdictKind, explain};
 
 use super::files::{Folder, REPORT, failure_file};
 use crate::numbers::{count, things};
+use crate::plugin::as_word;
 use crate::screen::{BAD, GOOD, HEADING, Screen, WARNING};
 
 /// Failed cases that are told in full.
@@ -15,9 +16,10 @@ pub(super) fn report(report: &Report, plugin: &str, folder: Option<&Folder>, scr
     for finding in &report.lint {
         screen.say(format_args!("  {finding}"));
     }
+    let again = format!("certify {} ", as_word(plugin));
     let failed: Vec<_> = report.cases.iter().filter(|case| !case.failures.is_empty()).collect();
     for case in failed.iter().take(SHOWN) {
-        let text = explain(report, case).replace("PLUGIN", plugin);
+        let text = explain(report, case).replace("certify PLUGIN ", &again);
         screen.say(format_args!("{BAD}FAILED{BAD:#} {text}"));
         if let Some(folder) = folder {
             let observed = folder.file(&failure_file(&case.failures[0].run));
