@@ -1,7 +1,9 @@
 //! Breaks the code at random places and runs the tests against that, with
 //! cargo-mutants: for the evening, it takes hours.
 
+use std::path::PathBuf;
 use std::process::{Command, ExitCode};
+use std::{fs, io};
 
 use crate::run::{self, cargo, status, succeed};
 use crate::workspace::Workspace;
@@ -46,17 +48,21 @@ const PARTS: &[Part] = &[
     },
 ];
 
-/// No part has this name.
+/// Why nothing is broken.
 #[derive(Debug, thiserror::Error)]
-#[error("there is no part \"{0}\" to break; there are trace, suite and plugins")]
-pub(crate) struct UnknownPart(String);
+pub(crate) enum CodeMutantsError {
+    #[error("there is no part \"{0}\" to break; there are trace, suite and plugins")]
+    UnknownPart(String),
+    #[error("the folder {path} for the results cannot be made: {source}")]
+    Folder { path: PathBuf, source: io::Error },
+}
 
 /// Runs all parts, or the one with this name. Results stand in `target/code-mutants`.
 pub(crate) fn run(workspace: &Workspace, part: Option<&str>) -> Result<ExitCode, Error> {
     let parts: Vec<&Part> =
         PARTS.iter().filter(|known| part.is_none_or(|name| known.name == name)).collect();
     if parts.is_empty() {
-        return Err(UnknownPart(part.unwrap_or_default().to_owned()).into());
+        return Err(CodeMutantsError::UnknownPart(part.unwrap_or_default().to_owned()).into());
     }
     if run::find("cargo-mutants").is_none() {
         eprintln!("cargo-mutants is missing: installing it");
@@ -66,11 +72,14 @@ pub(crate) fn run(workspace: &Workspace, part: Option<&str>) -> Result<ExitCode,
     plugins::build(workspace, plugins::Report::Table)?;
     let mut all_noticed = true;
     for part in parts {
+        let results = workspace.target().join("code-mutants").join(part.name);
+        let folder = |source| CodeMutantsError::Folder { path: results.clone(), source };
+        fs::create_dir_all(&results).map_err(folder)?;
         let mut command = command(part);
         command
             .current_dir(workspace.root())
             .arg("--output")
-            .arg(workspace.target().join("code-mutants").join(part.name))
+            .arg(&results)
             .env("SOFTPLUG_PLUGINS", workspace.plugin_folder());
         if !part.only.is_empty() {
             command.arg("--").args(part.only);

@@ -147,7 +147,7 @@ enum Error {
     #[error(transparent)]
     Test(#[from] test::TestError),
     #[error(transparent)]
-    CodeMutants(#[from] code_mutants::UnknownPart),
+    CodeMutants(#[from] code_mutants::CodeMutantsError),
     #[error(transparent)]
     Fuzz(#[from] fuzz::FuzzError),
     #[error(transparent)]

@@ -36,6 +36,10 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("softplug-report", &[]),
     ("softplug-gateway", &["softplug-abi", "softplug-conformance", "softplug-link"]),
     (
+        "softplug-service",
+        &["softplug-abi", "softplug-gateway", "softplug-host", "softplug-link", "softplug-trace"],
+    ),
+    (
         "softplug",
         &[
             "softplug-abi",
@@ -45,6 +49,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-link",
             "softplug-native",
             "softplug-report",
+            "softplug-service",
             "softplug-trace",
         ],
     ),

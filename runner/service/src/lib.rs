@@ -1,0 +1,1 @@
+//! The Softplug gateway as a service.
