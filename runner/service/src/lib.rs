@@ -1,1 +1,3 @@
 //! The Softplug gateway as a service.
+
+pub mod http;

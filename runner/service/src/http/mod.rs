@@ -1,0 +1,21 @@
+//! The HTTP API: who is let in, what can be asked for, and within which limits.
+//!
+//! HTTP runs on a thread of its own, with a runtime of its own; calls into the gateway run on
+//! threads that may block. Nothing here is on the way of the bytes.
+
+mod connections;
+mod entry;
+mod extract;
+mod options;
+mod problem;
+mod server;
+mod stream;
+mod tls;
+mod tokens;
+mod upload;
+
+pub use options::{Certificate, Limits, Options};
+pub use problem::Problem;
+pub use server::{ServeError, Server};
+pub use tls::CertificateError;
+pub use tokens::{Entry, Role, Tokens, TokensError, new_token};
