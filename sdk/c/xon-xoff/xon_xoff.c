@@ -1,0 +1,724 @@
+/* XON/XOFF in both directions, in C: does what plugins/xon-xoff does in Rust, byte for byte.
+ *
+ * The protocol's page is docs/protocols/xon-xoff.md.
+ *
+ * SPDX-License-Identifier: MIT OR Apache-2.0
+ */
+#define SP_SETTING_NUMBER int32_t
+#include "../softplug.h"
+
+/* ---- settings, in the manifest's order: first those that every XON/XOFF needs ---- */
+
+enum {
+    XON,
+    XOFF,
+    WAIT_FOR_XON,
+    HELD_TIMEOUT,
+    CONTROL_IN_DATA,
+    WHILE_SENDING,
+    SPEAK,
+    LOW_MARK,
+    HIGH_MARK,
+    XON_AT_OPEN,
+    QUIET_TIME,
+    ON_LINE_ERROR,
+    CORE_SETTINGS,
+    PARITY_MASK = CORE_SETTINGS,
+    FEED_START,
+    FEED_END,
+    ABORT_SEND,
+    SEND_LINE_END,
+    SEND_DROP,
+    TRANSPARENT,
+    ESCAPE,
+    ESCAPE_XOR,
+    XON_REPEAT,
+    XOFF_REPEAT,
+    RECEIVE_LINE_END,
+    RECEIVE_DROP,
+    END_MARK,
+    END_MARK_COUNT,
+    END_QUIET,
+    ALL_SETTINGS
+};
+
+/* The smallest plug-in has the protocol's core alone. */
+#ifdef XON_XOFF_CORE
+#define SETTINGS CORE_SETTINGS
+#else
+#define SETTINGS ALL_SETTINGS
+#endif
+
+enum {
+    B = SP_VALUE_BOOL,
+    I = SP_VALUE_INT,
+    S = SP_VALUE_BYTES,
+    C2 = SP_VALUE_CHOICE | SP_CHOICES(2),
+    C3 = SP_VALUE_CHOICE | SP_CHOICES(3),
+    C5 = SP_VALUE_CHOICE | SP_CHOICES(5),
+};
+static const uint8_t types[] = {I,  I, B, I, C3, C2, B, I, I, B,  I, C2, /* the core ends here */
+                                I,  S, S, S, C5, S,  B, I, I, I,  I, C5, S,  S,  I,  I};
+
+enum { KEEP, LF, CR, CR_LF, LF_CR_CR }; /* how lines end */
+enum { REFUSE, DROP, SEND };            /* control bytes in a program */
+
+static sp_setting settings[SETTINGS];
+
+/* What is not among the settings is as if it were off. */
+#define IS_THERE(which) ((which) < SETTINGS)
+#define NUMBER(which) (IS_THERE(which) ? settings[which].number : (which) == PARITY_MASK ? 0xFF : 0)
+#define LENGTH(which) (IS_THERE(which) ? settings[which].length : 0)
+
+static bool is_among(uint32_t which, uint8_t byte) {
+    for (uint32_t i = 0; i < settings[which].length; i++)
+        if (settings[which].bytes[i] == byte)
+            return true;
+    return false;
+}
+
+#define CONTAINS(which, byte) (IS_THERE(which) && is_among(which, byte))
+
+/* ---- what is kept between two events; all of it is saved and restored ---- */
+
+/* What the sender is at. */
+enum { IDLE, CHECKING, FEEDING, DRAINING, STOPPING };
+/* Where in a line end a reader is. */
+enum { IN_LINE, AFTER_CR, AFTER_LF };
+/* Timers: silence, a repeated XON, a hold that lasts too long. */
+enum { QUIET, REPEAT_XON, HELD, TIMERS };
+
+#define NEVER (-1)
+
+static struct {
+    int64_t timers[TIMERS]; /* deadlines, or NEVER */
+    uint64_t queued;        /* bytes queued for the job */
+    int64_t xoff_at;
+    uint32_t job;
+    uint32_t wanted; /* asked for and not yet given */
+    uint32_t line, column;
+    uint32_t mark;
+    uint32_t delivery, last_delivery;
+    uint32_t mark_progress, marks_seen;
+    uint32_t after_xoff; /* characters since our XOFF, those of its own time left out */
+    uint32_t low, high;
+    uint8_t stage;
+    uint8_t stopping; /* why the job fails once the queue is dropped */
+    uint8_t send_lines, receive_lines;
+    uint8_t failure;       /* why the delivery under way cannot end well */
+    bool held;             /* the partner has sent XOFF, and no XON since */
+    bool waits_for_xon;    /* the first XON of the job has not come */
+    bool paused;
+    bool holding;          /* the queue is held for any of these reasons */
+    bool escaped;
+    bool stopped;          /* we have sent XOFF, and no XON since */
+    bool xon_unanswered;   /* nothing came since our XON */
+    bool heard;            /* something came in the event under way */
+} s;
+
+/* The state that the host knows; not saved: a restored plug-in tells it anew. */
+static const char *named;
+static bool is_open;
+
+static void clear(void *at, uint32_t count) {
+    for (uint8_t *byte = at; count > 0; count--)
+        *byte++ = 0;
+}
+
+static void set_timer(uint8_t id, int64_t at) {
+    if (s.timers[id] == at)
+        return;
+    s.timers[id] = at;
+    if (at == NEVER)
+        sp_cancel_timer(id);
+    else
+        sp_set_timer(id, at);
+}
+
+static uint32_t least(uint32_t a, uint32_t b) { return a < b ? a : b; }
+
+static int64_t after(int32_t millis) { return sp_link.now + (int64_t)millis * 1000; }
+
+/* ---- codes ---- */
+
+static bool is_like(uint8_t byte, uint32_t which) {
+    return ((byte ^ (uint8_t)settings[which].number) & (uint8_t)NUMBER(PARITY_MASK)) == 0;
+}
+
+/* XOFF, XON, or SETTINGS for a byte that is neither. */
+static uint32_t control(uint8_t byte) {
+    return is_like(byte, XOFF) ? XOFF : is_like(byte, XON) ? XON : SETTINGS;
+}
+
+/* Whether a data byte must be escaped: controls with either parity bit, the escape itself. */
+static bool must_escape(uint8_t byte) {
+    return byte == (uint8_t)NUMBER(ESCAPE) || ((byte ^ NUMBER(XON)) & 0x7F) == 0 ||
+           ((byte ^ NUMBER(XOFF)) & 0x7F) == 0;
+}
+
+static void say(uint32_t which) {
+    uint8_t byte = (uint8_t)settings[which].number;
+    sp_transmit_urgent(0, &byte, 1);
+}
+
+static const char *const line_ends[] = {"", "\n", "\r", "\r\n", "\n\r\r"};
+
+/* Reads line ends over any cut: LF, CR LF, CR, LF CR and LF CR CR are each one. What `byte`
+ * becomes stands at `out`; returns its length. */
+static uint32_t map_line(uint8_t *state, uint32_t form, uint8_t byte, uint8_t *out) {
+    *out = byte;
+    if (form == KEEP)
+        return 1;
+    uint8_t before = *state;
+    *state = IN_LINE;
+    if (byte == '\n' && before == AFTER_CR)
+        return 0;
+    if (byte == '\r' && before == AFTER_LF) {
+        *state = AFTER_LF;
+        return 0;
+    }
+    if (byte != '\n' && byte != '\r')
+        return 1;
+    *state = byte == '\n' ? AFTER_LF : AFTER_CR;
+    uint32_t length = 0;
+    for (const char *end = line_ends[form]; end[length] != 0; length++)
+        out[length] = (uint8_t)end[length];
+    return length;
+}
+
+/* ---- the sender ---- */
+
+static void update_hold(void) {
+    bool holding = s.held || s.waits_for_xon || s.paused;
+    if (holding == s.holding)
+        return;
+    s.holding = holding;
+    sp_begin(holding ? SP_ACTION_HOLD : SP_ACTION_RELEASE, 0);
+}
+
+static void forget_hold(void) {
+    s.held = s.waits_for_xon = false;
+    set_timer(HELD, NEVER);
+    update_hold();
+}
+
+/* A hold is timed only while there is a job to fail. */
+static void watch_hold(void) {
+    if (s.held && (s.stage == FEEDING || s.stage == DRAINING) && NUMBER(HELD_TIMEOUT) > 0)
+        set_timer(HELD, after(NUMBER(HELD_TIMEOUT)));
+}
+
+static void queue(const uint8_t *bytes, uint32_t count) {
+    s.queued += count;
+    sp_transmit(bytes, count);
+}
+
+#define QUEUE(which) (IS_THERE(which) ? queue(settings[which].bytes, settings[which].length) : (void)0)
+
+/* What belonged to the job alone ends with it; a partner's XOFF stays. */
+static void finish(void) {
+    s.stage = IDLE;
+    s.paused = s.waits_for_xon = false;
+    s.wanted = 0;
+    set_timer(HELD, NEVER);
+    update_hold();
+}
+
+/* Stops at once and drops what is queued; the job fails when it is known how much that was. */
+static void stop(uint8_t failure) {
+    if (s.stage == FEEDING || s.stage == DRAINING) {
+        sp_discard();
+        s.stage = STOPPING;
+        s.stopping = failure;
+    } else if (s.stage == CHECKING) {
+        sp_job_failed(s.job, failure, 0, 0);
+        finish();
+    }
+}
+
+static void discarded(uint32_t bytes) {
+    if (s.stage != STOPPING)
+        return;
+    sp_job_failed(s.job, s.stopping, 0, s.queued - bytes);
+    if (s.stopping == SP_FAILURE_ABORTED && IS_THERE(ABORT_SEND) &&
+        LENGTH(ABORT_SEND) <= sp_link.transmit_room)
+        sp_transmit(settings[ABORT_SEND].bytes, LENGTH(ABORT_SEND));
+    finish();
+}
+
+/* Asks for as much as can be queued whatever it grows to, the feed's end kept in reserve. */
+static void ask(void) {
+    uint32_t most = 3072;
+    if (s.stage == FEEDING) {
+        uint32_t room = sp_link.transmit_room;
+        most = least(most, room - least(room, LENGTH(FEED_END)));
+        uint32_t form = (uint32_t)NUMBER(SEND_LINE_END);
+        most /= (form == LF_CR_CR ? 3 : form == CR_LF ? 2 : 1) << NUMBER(TRANSPARENT);
+    } else if (s.stage != CHECKING) {
+        return;
+    }
+    /* Small requests would make many small events. */
+    if (most > s.wanted && (most - s.wanted >= most / 4 || s.wanted == 0)) {
+        sp_want(s.job, most - s.wanted);
+        s.wanted = most;
+    }
+}
+
+static void job_begin(const uint8_t *payload) {
+    uint32_t job = sp_u32(payload);
+    if (s.stage != IDLE || sp_u16(payload + 4) != 0) {
+        sp_job_failed(job, s.stage != IDLE ? SP_FAILURE_BUSY : SP_FAILURE_NOT_SUPPORTED, 0, 0);
+        return;
+    }
+    s.job = job;
+    s.wanted = 0;
+    s.queued = 0;
+    s.send_lines = IN_LINE;
+    s.line = 1;
+    s.column = 0;
+    s.stage = CHECKING;
+    if (payload[6] == 0) {
+        s.stage = FEEDING;
+        s.waits_for_xon = NUMBER(WAIT_FOR_XON) != 0;
+        update_hold();
+        watch_hold();
+        QUEUE(FEED_START);
+    }
+    ask();
+}
+
+static bool is_refused(uint8_t byte) {
+    return NUMBER(CONTROL_IN_DATA) == REFUSE && !NUMBER(TRANSPARENT) &&
+           control(byte) != SETTINGS && !CONTAINS(SEND_DROP, byte);
+}
+
+static bool is_dropped(uint8_t byte) {
+    return CONTAINS(SEND_DROP, byte) ||
+           (NUMBER(CONTROL_IN_DATA) == DROP && !NUMBER(TRANSPARENT) && control(byte) != SETTINGS);
+}
+
+static void feed(uint8_t byte) {
+    uint8_t out[3];
+    uint32_t count = map_line(&s.send_lines, (uint32_t)NUMBER(SEND_LINE_END), byte, out);
+    for (uint32_t i = 0; i < count; i++) {
+        uint8_t pair[] = {(uint8_t)NUMBER(ESCAPE), out[i] ^ (uint8_t)NUMBER(ESCAPE_XOR)};
+        if (NUMBER(TRANSPARENT) && must_escape(out[i]))
+            queue(pair, 2);
+        else
+            queue(&out[i], 1);
+    }
+}
+
+static void job_data(const uint8_t *bytes, uint32_t count) {
+    s.wanted -= count;
+    if (s.stage != CHECKING && s.stage != FEEDING)
+        return;
+    for (uint32_t i = 0; i < count; i++) {
+        uint8_t byte = bytes[i];
+        s.column += 1;
+        if (is_refused(byte)) {
+            if (s.stage == FEEDING) {
+                stop(SP_FAILURE_UNSUPPORTED_CHARACTER);
+            } else {
+                sp_check_result(s.job, SP_FAILURE_UNSUPPORTED_CHARACTER, 0, s.line, s.column);
+                finish();
+            }
+            break;
+        }
+        if (byte == '\n') {
+            s.line += 1;
+            s.column = 0;
+        }
+        if (s.stage == FEEDING && !is_dropped(byte))
+            feed(byte);
+    }
+    ask();
+}
+
+static void job_end(void) {
+    if (s.stage == CHECKING) {
+        sp_check_result(s.job, 0, 0, 0, 0);
+        s.stage = IDLE;
+    } else if (s.stage == FEEDING) {
+        QUEUE(FEED_END);
+        s.mark += 1;
+        s.mark += s.mark == 0;
+        sp_transmit_marked(s.mark, 0, 0);
+        s.stage = DRAINING;
+    }
+}
+
+static void left(uint32_t mark) {
+    if (s.stage == DRAINING && mark == s.mark) {
+        sp_job_done(s.job, s.queued);
+        finish();
+    }
+}
+
+/* ---- the receiver ---- */
+
+static bool is_complete(void) {
+    return LENGTH(END_MARK) > 0 && s.marks_seen >= (uint32_t)NUMBER(END_MARK_COUNT);
+}
+
+/* Silence counts only while the partner may send. */
+static void await_quiet(void) {
+    int32_t span = NUMBER(is_complete() ? END_QUIET : QUIET_TIME);
+    set_timer(QUIET, s.delivery != 0 && !s.stopped && span > 0 ? after(span) : NEVER);
+}
+
+static void await_repeat(void) {
+    int32_t span = NUMBER(XON_REPEAT);
+    set_timer(REPEAT_XON, s.delivery != 0 && span > 0 ? after(span) : NEVER);
+}
+
+/* A partner that we stopped, or may have, is to go on. */
+static void let_go(void) {
+    if (!s.stopped)
+        return;
+    s.stopped = false;
+    say(XON);
+}
+
+/* Ends the delivery under way; an earlier reason to fail goes first. */
+static void end_delivery(uint8_t failure) {
+    if (s.delivery == 0)
+        return;
+    sp_delivery_end(s.delivery, s.failure != 0 ? s.failure : failure, 0);
+    s.delivery = 0;
+    s.xon_unanswered = false;
+    set_timer(QUIET, NEVER);
+    set_timer(REPEAT_XON, NEVER);
+}
+
+static void begin_delivery(void) {
+    s.heard = true;
+    if (s.delivery != 0)
+        return;
+    s.last_delivery += 1;
+    s.last_delivery += s.last_delivery == 0;
+    s.delivery = s.last_delivery;
+    s.failure = 0;
+    s.escaped = false;
+    s.receive_lines = IN_LINE;
+    s.mark_progress = 0;
+    s.marks_seen = 0;
+    sp_delivery_begin(s.delivery, 0);
+}
+
+/* What finds no room is lost, and the delivery says so. */
+static void deliver(const uint8_t *bytes, uint32_t count) {
+    uint32_t fitting = least(count, sp_link.delivery_room);
+    sp_deliver(s.delivery, bytes, fitting);
+    if (fitting < count && s.failure != SP_FAILURE_OVERRUN) {
+        s.failure = SP_FAILURE_OVERRUN;
+        sp_note(SP_NOTE_ERROR, 0, "the partner did not stop: characters are lost");
+    }
+}
+
+/* The end mark over any cut, overlaps with itself included. */
+static void look_for_end(uint8_t byte) {
+    if (LENGTH(END_MARK) == 0)
+        return;
+    const uint8_t *mark = settings[END_MARK].bytes;
+    uint32_t length = LENGTH(END_MARK), progress = s.mark_progress;
+    while (progress > 0 && mark[progress] != byte) {
+        /* The longest proper prefix of what was seen that is also its suffix. */
+        uint32_t seen = progress, at = 0;
+        for (progress -= 1; progress > 0; progress--) {
+            for (at = 0; at < progress && mark[at] == mark[seen - progress + at]; at++)
+                ;
+            if (at == progress)
+                break;
+        }
+    }
+    if (mark[progress] == byte)
+        progress += 1;
+    if (progress == length) {
+        s.marks_seen += s.marks_seen != UINT32_MAX;
+        progress = 0;
+    }
+    s.mark_progress = progress;
+}
+
+static void receive(uint8_t byte) {
+    begin_delivery();
+    if (s.stopped && sp_link.now > s.xoff_at)
+        s.after_xoff += s.after_xoff != UINT32_MAX;
+    if (NUMBER(TRANSPARENT)) {
+        if (!s.escaped && byte == (uint8_t)NUMBER(ESCAPE)) {
+            s.escaped = true;
+            return;
+        }
+        if (s.escaped)
+            byte ^= (uint8_t)NUMBER(ESCAPE_XOR);
+        s.escaped = false;
+    }
+    look_for_end(byte);
+    if (CONTAINS(RECEIVE_DROP, byte))
+        return;
+    uint8_t out[3];
+    deliver(out, map_line(&s.receive_lines, (uint32_t)NUMBER(RECEIVE_LINE_END), byte, out));
+}
+
+/* After the bytes of one time: marks, repeats, silence. */
+static void after_bytes(void) {
+    if (!s.heard)
+        return;
+    s.heard = false;
+    s.xon_unanswered = false;
+    set_timer(REPEAT_XON, NEVER);
+    bool is_full = !s.stopped && sp_link.delivery_room < s.low;
+    bool is_ignored =
+        s.stopped && NUMBER(XOFF_REPEAT) > 0 && s.after_xoff >= (uint32_t)NUMBER(XOFF_REPEAT);
+    if (NUMBER(SPEAK) && (is_full || is_ignored)) {
+        s.stopped = true;
+        s.xoff_at = sp_link.now;
+        s.after_xoff = 0;
+        say(XOFF);
+    }
+    await_quiet();
+}
+
+/* A damaged character keeps its place, so that its neighbours keep theirs. */
+static void damaged(uint8_t kind, bool has_byte, uint8_t byte) {
+    if (s.delivery == 0 && (kind == SP_LINE_ERROR_BREAK || !has_byte))
+        return;
+    begin_delivery();
+    if (kind == SP_LINE_ERROR_OVERRUN)
+        s.failure = SP_FAILURE_OVERRUN; /* what is lost cannot be kept */
+    else if (NUMBER(ON_LINE_ERROR) == 0 && s.failure == 0)
+        s.failure = SP_FAILURE_LINE_ERROR;
+    if (has_byte)
+        deliver(&byte, 1);
+    after_bytes();
+}
+
+static void delivery_room(void) {
+    if (!s.stopped || sp_link.delivery_room <= s.high)
+        return;
+    let_go();
+    s.xon_unanswered = true;
+    await_repeat();
+    await_quiet();
+}
+
+/* Marks must leave the host space to report room in between. */
+static void set_marks(void) {
+    uint32_t low = sp_link.delivery_room / 2, high = sp_link.delivery_room / 4 * 3;
+    s.low = least((uint32_t)NUMBER(LOW_MARK), low);
+    uint32_t wanted = (uint32_t)NUMBER(HIGH_MARK);
+    s.high = least(wanted > s.low ? wanted : s.low, high);
+}
+
+/* ---- events ---- */
+
+/* Whether what comes while we send is only an echo. */
+static bool ignores_data(void) { return NUMBER(WHILE_SENDING) == 1 && s.stage != IDLE; }
+
+static void received(const uint8_t *bytes, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        switch (control(bytes[i])) {
+        case XOFF:
+            if (!s.held) {
+                s.held = true;
+                update_hold();
+                watch_hold();
+            }
+            break;
+        case XON:
+            forget_hold();
+            break;
+        default:
+            if (!ignores_data())
+                receive(bytes[i]);
+        }
+    }
+    after_bytes();
+}
+
+static void line_error(const uint8_t *payload) {
+    static const char *const texts[] = {
+        "the parity bit is wrong",
+        "the stop bit is missing",
+        "parity or framing, the port cannot tell",
+        "characters were lost in the port",
+        "the line was held low for longer than a character",
+    };
+    uint8_t kind = payload[0];
+    sp_note(SP_NOTE_WARNING, kind, texts[kind - 1]);
+    /* With a span the character was given already. */
+    bool has_byte = payload[1] && sp_u32(payload + 4) == 0;
+    if (!ignores_data())
+        damaged(kind, has_byte, payload[2]);
+}
+
+static void timer(uint8_t id) {
+    if (id == HELD) {
+        stop(SP_FAILURE_HELD_TOO_LONG);
+        return;
+    }
+    s.timers[id] = NEVER;
+    if (id == QUIET)
+        end_delivery(LENGTH(END_MARK) > 0 && !is_complete() ? SP_FAILURE_NO_END_MARK : 0);
+    else if (s.xon_unanswered && s.delivery != 0) {
+        say(XON);
+        await_repeat();
+    }
+}
+
+static void name_state(void) {
+    const char *name = s.stopped ? "stopped" : s.delivery != 0 ? "receiving" : "idle";
+    if (s.stage == CHECKING)
+        name = "checking";
+    else if (s.stage == STOPPING)
+        name = "stopping";
+    else if (s.stage != IDLE)
+        name = s.held            ? "held"
+               : s.waits_for_xon ? "waiting for XON"
+               : s.paused        ? "paused"
+                                 : "sending";
+    if (name != named)
+        sp_state(name);
+    named = name;
+}
+
+static int32_t take_settings(const uint8_t *payload, uint32_t length) {
+    int32_t refusal = sp_take_settings(settings, types, SETTINGS, payload, length);
+    if (refusal < 0 || !(payload[0] & 2))
+        return refusal;
+    if (control((uint8_t)NUMBER(XON)) == control((uint8_t)NUMBER(XOFF)))
+        return SP_REFUSE_SETTINGS;
+    if (!NUMBER(TRANSPARENT))
+        return 0;
+    /* The escape must be no control byte, and no escaped byte may be one. */
+    bool clashes = control((uint8_t)NUMBER(ESCAPE)) != SETTINGS;
+    for (uint32_t byte = 0; byte < 256; byte++)
+        clashes |= must_escape((uint8_t)byte) &&
+                   must_escape((uint8_t)byte ^ (uint8_t)NUMBER(ESCAPE_XOR));
+    return clashes ? SP_REFUSE_SETTINGS : 0;
+}
+
+static int32_t restore(const uint8_t *payload, uint32_t length) {
+    uint32_t offset = sp_u32(payload + 4), count = length - 12;
+    if (sp_settings_given != SETTINGS)
+        return SP_REFUSE_MALFORMED_EVENT;
+    if (sp_u16(payload) != 1 || sp_u32(payload + 8) != sizeof s || offset > sizeof s ||
+        count > sizeof s - offset)
+        return SP_REFUSE_STATE;
+    is_open = false;
+    for (uint32_t i = 0; i < count; i++)
+        ((uint8_t *)&s)[offset + i] = payload[12 + i];
+    if (offset + count < sizeof s)
+        return 0;
+    if (s.stage > STOPPING || s.mark_progress >= SP_SETTING_BYTES)
+        return SP_REFUSE_STATE;
+    is_open = true;
+    return 0;
+}
+
+static void begin(void) {
+    clear(&s, sizeof s);
+    for (uint32_t id = 0; id < TIMERS; id++)
+        s.timers[id] = NEVER;
+    set_marks();
+    if (NUMBER(XON_AT_OPEN))
+        say(XON);
+}
+
+static int32_t plugin_event(int32_t kind, const uint8_t *payload, uint32_t length) {
+    switch (kind) {
+    case SP_EVENT_SETTINGS:
+        return take_settings(payload, length);
+    case SP_EVENT_RESTORE:
+        return restore(payload, length);
+    case SP_EVENT_OPEN:
+        named = 0;
+        if (sp_settings_given != SETTINGS)
+            return SP_REFUSE_MALFORMED_EVENT;
+        if (payload[0] == 0) {
+            begin();
+            is_open = true;
+        }
+        break;
+    }
+    if (!is_open)
+        return SP_REFUSE_MALFORMED_EVENT;
+    switch (kind) {
+    case SP_EVENT_OPEN:
+        for (uint8_t id = 0; id < TIMERS; id++)
+            if (s.timers[id] != NEVER)
+                sp_set_timer(id, s.timers[id]);
+        break;
+    case SP_EVENT_CLOSE:
+        is_open = false;
+        return 0;
+    case SP_EVENT_RECEIVED:
+        received(payload, length);
+        break;
+    case SP_EVENT_LINE_ERROR:
+        if ((uint8_t)(payload[0] - 1) >= SP_LINE_ERROR_BREAK)
+            return SP_REFUSE_MALFORMED_EVENT;
+        line_error(payload);
+        break;
+    case SP_EVENT_LINK_DOWN:
+        stop(SP_FAILURE_LINK_DOWN);
+        end_delivery(SP_FAILURE_LINK_DOWN);
+        break;
+    case SP_EVENT_LINK_UP:
+        forget_hold();
+        let_go();
+        break;
+    case SP_EVENT_TIMER:
+        if (payload[0] >= TIMERS)
+            return 0;
+        timer(payload[0]);
+        break;
+    case SP_EVENT_MARK:
+        if (payload[4] != SP_MARK_SURELY_LEFT)
+            return 0;
+        left(sp_u32(payload));
+        break;
+    case SP_EVENT_TRANSMIT_ROOM:
+        ask();
+        return 0;
+    case SP_EVENT_DISCARDED:
+        discarded(sp_u32(payload));
+        break;
+    case SP_EVENT_DELIVERY_ROOM:
+        delivery_room();
+        break;
+    case SP_EVENT_JOB_BEGIN:
+        job_begin(payload);
+        break;
+    case SP_EVENT_JOB_DATA:
+        job_data(payload + 4, length - 4);
+        return 0;
+    case SP_EVENT_JOB_END:
+        job_end();
+        return 0;
+    case SP_EVENT_PAUSE:
+    case SP_EVENT_RESUME:
+        s.paused = kind == SP_EVENT_PAUSE;
+        update_hold();
+        break;
+    case SP_EVENT_ABORT:
+        if (sp_u32(payload) != 0) {
+            stop(SP_FAILURE_ABORTED);
+        } else {
+            end_delivery(SP_FAILURE_ABORTED);
+            let_go();
+        }
+        break;
+    case SP_EVENT_FORCE_RESUME:
+        forget_hold();
+        break;
+    case SP_EVENT_SAVE:
+        sp_saved(1, 0, sizeof s, &s, sizeof s);
+        return 0;
+    default: /* modem lines, answers, the rest of an output: nothing to do */
+        return 0;
+    }
+    name_state();
+    return 0;
+}
