@@ -67,6 +67,16 @@ pub enum PortError {
         /// What the system said.
         source: io::Error,
     },
+    /// The other side of the connection is no device server of RFC 2217.
+    #[error(
+        "{address} does not speak RFC 2217: {reason}; choose the device server's RFC 2217 port, or write tcp:// for a raw one"
+    )]
+    NotRfc2217 {
+        /// Host and port.
+        address: String,
+        /// What it did instead.
+        reason: &'static str,
+    },
     /// The port was there and is gone.
     #[error("the port is lost: {}; check the cable", .0.text())]
     Gone(LinkDownReason),
@@ -96,6 +106,7 @@ impl PortError {
             | Self::InUse { .. }
             | Self::NotATerminal { .. }
             | Self::NoHardware { .. }
+            | Self::NotRfc2217 { .. }
             | Self::Unsupported { .. } => Blame::Setup,
             Self::Connect { .. } | Self::Gone(_) => Blame::Line,
             Self::Io { .. } => Blame::System,
@@ -113,10 +124,12 @@ impl PortError {
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum BadSpec {
     /// Neither a device, nor an address, nor a pty.
-    #[error("`{0}` names no port; give a device such as /dev/ttyUSB0, tcp://host:port, or pty:")]
+    #[error(
+        "`{0}` names no port; give a device such as /dev/ttyUSB0, tcp://host:port, rfc2217://host:port, or pty:"
+    )]
     Form(String),
     /// The address of a device server is incomplete.
-    #[error("`{0}` is not a host and port; write it as tcp://host:4001")]
+    #[error("`{0}` is not a host and port; write it as tcp://host:4001 or rfc2217://host:4001")]
     Address(String),
     /// The number is not a rate that a line can have.
     #[error("`{0}` is not a baud rate; give a number from 50 to 16000000, such as 9600")]

@@ -10,9 +10,8 @@ use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcseta
 use softplug_abi::{LineParameters, LinkDownReason};
 
 use crate::error::PortError;
+use crate::port::scratch::with_scratch;
 use crate::port::{Input, ReadOutcome};
-
-const READ_BYTES: usize = 4_096;
 
 /// A pty: we have the master, somebody opens the slave.
 ///
@@ -111,13 +110,12 @@ impl AsFd for PtyPair {
 pub struct PtyPort {
     pair: PtyPair,
     line: LineParameters,
-    buffer: Box<[u8]>,
 }
 
 impl PtyPort {
     /// A port over the master; `line` is what the far end is to believe in.
     pub fn new(pair: PtyPair, line: LineParameters) -> Self {
-        Self { pair, line, buffer: vec![0; READ_BYTES].into_boxed_slice() }
+        Self { pair, line }
     }
 
     /// The descriptor to wait for.
@@ -141,12 +139,14 @@ impl PtyPort {
         most: usize,
         sink: &mut impl FnMut(Input<'_>),
     ) -> Result<ReadOutcome, PortError> {
-        let most = most.min(READ_BYTES);
-        let outcome = self.pair.read(&mut self.buffer[..most])?;
-        if let ReadOutcome::Read(count) = outcome {
-            sink(Input::Bytes(&self.buffer[..count]));
-        }
-        Ok(outcome)
+        with_scratch(|buffer| {
+            let most = most.min(buffer.len());
+            let outcome = self.pair.read(&mut buffer[..most])?;
+            if let ReadOutcome::Read(count) = outcome {
+                sink(Input::Bytes(&buffer[..count]));
+            }
+            Ok(outcome)
+        })
     }
 
     /// Writes what the pty takes; 0 if it is full.

@@ -1,12 +1,13 @@
-//! Requests to serial drivers for which rustix has no function.
+//! Requests to serial drivers and sockets for which rustix has no function.
 //!
 //! Unsafe, because each request's number must be paired with the type that the
 //! kernel reads or writes. What keeps it sound: every pair stands in this file
-//! once, as declared in Linux's `asm-generic/ioctls.h` and `linux/serial.h`,
-//! all types are `repr(C)` and valid for any bits, and descriptors are borrowed.
+//! once, as declared in Linux's `asm-generic/ioctls.h`, `linux/serial.h` and
+//! `linux/tcp.h`, all types are `repr(C)` and valid for any bits, and
+//! descriptors are borrowed.
 #![allow(unsafe_code)]
 
-use std::os::fd::AsFd;
+use std::os::fd::{AsFd, AsRawFd};
 
 use rustix::io::{Errno, Result};
 use rustix::ioctl::{Getter, NoArg, Opcode, Setter, ioctl};
@@ -121,6 +122,30 @@ pub(crate) fn output_queue(fd: impl AsFd) -> Result<usize> {
     // SAFETY: TIOCOUTQ, which is SIOCOUTQ as well, writes one int.
     let bytes: i32 = unsafe { ioctl(fd, Getter::<OUTPUT_QUEUE, i32>::new())? };
     Ok(usize::try_from(bytes).unwrap_or(0))
+}
+
+/// How often the oldest bytes of a TCP connection were sent again, and how
+/// many questions for room in a row had no answer.
+pub(crate) fn unanswered(fd: impl AsFd) -> Result<(u8, u8)> {
+    let mut info = [0_u8; 8];
+    let mut length = info.len() as libc::socklen_t;
+    // SAFETY: TCP_INFO writes at most `length` bytes of a tcp_info, whose first
+    // eight are single bytes (linux/tcp.h).
+    let asked = unsafe {
+        libc::getsockopt(
+            fd.as_fd().as_raw_fd(),
+            libc::IPPROTO_TCP,
+            libc::TCP_INFO,
+            info.as_mut_ptr().cast(),
+            &raw mut length,
+        )
+    };
+    let [_state, _congestion, retransmits, probes, ..] = info;
+    if asked == 0 { Ok((retransmits, probes)) } else { Err(last_error()) }
+}
+
+fn last_error() -> Errno {
+    std::io::Error::last_os_error().raw_os_error().map_or(Errno::IO, Errno::from_raw_os_error)
 }
 
 /// Whether the UART has sent everything, its shift register included.

@@ -11,12 +11,20 @@ pub(crate) mod ioctl;
 #[cfg(target_os = "linux")]
 mod open;
 #[cfg(target_os = "linux")]
+mod rfc2217;
+#[cfg(target_os = "linux")]
+pub(crate) mod scratch;
+#[cfg(target_os = "linux")]
 mod settings;
+#[cfg(target_os = "linux")]
+pub(crate) mod stream;
 #[cfg(target_os = "linux")]
 mod tcp;
 #[cfg(target_os = "linux")]
 mod tty;
 
+#[cfg(target_os = "linux")]
+pub use self::rfc2217::Rfc2217Port;
 pub use marks::{Input, LineCounters, MarkDecoder};
 #[cfg(target_os = "linux")]
 pub use open::{Port, ReadOutcome};

@@ -3,9 +3,10 @@
 use std::os::fd::{AsFd, BorrowedFd};
 use std::path::{Path, PathBuf};
 
-use softplug_abi::{LineParameters, LinkDownReason, ModemLines, Parity};
+use softplug_abi::{LineParameters, LinkDownReason, Micros, ModemLines, Parity};
 
 use super::marks::Input;
+use super::rfc2217::Rfc2217Port;
 use super::settings::SettingDifference;
 use super::spec::{PortOptions, PortSpec};
 use super::tcp::TcpPort;
@@ -20,6 +21,8 @@ pub enum Port {
     Tty(TtyPort),
     /// A connection to a device server.
     Tcp(TcpPort),
+    /// A device server that sets its port as asked.
+    Rfc2217(Box<Rfc2217Port>),
     /// The master of a pty made here.
     Pty(PtyPort),
 }
@@ -36,12 +39,15 @@ pub enum ReadOutcome {
 }
 
 impl Port {
-    /// Opens a port. Of a device server, looking up and connecting blocks, at
-    /// most for the time-out once the name is known.
+    /// Opens a port. Of a device server, looking up, connecting and setting its
+    /// port blocks, at most for the time-out once the name is known.
     pub fn open(spec: &PortSpec, options: &PortOptions) -> Result<Self, PortError> {
         Ok(match spec {
             PortSpec::Device(path) => Self::Tty(TtyPort::open(path, options)?),
             PortSpec::Tcp { host, port } => Self::Tcp(TcpPort::connect(host, *port, options)?),
+            PortSpec::Rfc2217 { host, port } => {
+                Self::Rfc2217(Box::new(Rfc2217Port::connect(host, *port, options)?))
+            }
             PortSpec::Pty => Self::Pty(PtyPort::new(PtyPair::open()?, options.line)),
         })
     }
@@ -51,6 +57,7 @@ impl Port {
         match self {
             Self::Tty(port) => port.fd(),
             Self::Tcp(port) => port.fd(),
+            Self::Rfc2217(port) => port.fd(),
             Self::Pty(port) => port.fd(),
         }
     }
@@ -59,7 +66,7 @@ impl Port {
     pub fn slave_path(&self) -> Option<&Path> {
         match self {
             Self::Pty(port) => Some(port.slave_path()),
-            Self::Tty(_) | Self::Tcp(_) => None,
+            Self::Tty(_) | Self::Tcp(_) | Self::Rfc2217(_) => None,
         }
     }
 
@@ -68,7 +75,7 @@ impl Port {
         match self {
             Self::Tty(port) => Some(port.path().to_owned()),
             Self::Pty(port) => Some(port.slave_path().to_owned()),
-            Self::Tcp(_) => None,
+            Self::Tcp(_) | Self::Rfc2217(_) => None,
         }
     }
 
@@ -82,6 +89,7 @@ impl Port {
         match self {
             Self::Tty(port) => port.read(most, sink),
             Self::Tcp(port) => port.read(most, sink),
+            Self::Rfc2217(port) => port.read(most, sink),
             Self::Pty(port) => port.read(most, sink),
         }
     }
@@ -92,6 +100,7 @@ impl Port {
         match self {
             Self::Tty(port) => port.write(bytes),
             Self::Tcp(port) => port.write(bytes),
+            Self::Rfc2217(port) => port.write(bytes),
             Self::Pty(port) => port.write(bytes),
         }
     }
@@ -102,6 +111,7 @@ impl Port {
         match self {
             Self::Tty(port) => port.unsent(),
             Self::Tcp(port) => port.unsent(),
+            Self::Rfc2217(port) => port.unsent(),
             Self::Pty(_) => 0,
         }
     }
@@ -111,15 +121,16 @@ impl Port {
     pub fn transmitter_empty(&self) -> Option<bool> {
         match self {
             Self::Tty(port) => port.transmitter_empty(),
-            Self::Tcp(_) | Self::Pty(_) => None,
+            Self::Tcp(_) | Self::Rfc2217(_) | Self::Pty(_) => None,
         }
     }
 
     /// Drops what the port has taken and not sent, as far as it can be called
-    /// back; nothing of a TCP connection can.
+    /// back; nothing of a raw TCP connection can.
     pub fn discard_output(&mut self) -> Result<(), PortError> {
         match self {
             Self::Tty(port) => port.discard_output(),
+            Self::Rfc2217(port) => port.discard_output(),
             Self::Pty(port) => port.discard_output(),
             Self::Tcp(_) => Ok(()),
         }
@@ -130,6 +141,7 @@ impl Port {
     pub fn modem_lines(&self) -> Option<(ModemLines, ModemLines)> {
         match self {
             Self::Tty(port) => port.modem_lines(),
+            Self::Rfc2217(port) => Some(port.modem_lines()),
             Self::Tcp(_) | Self::Pty(_) => None,
         }
     }
@@ -138,6 +150,7 @@ impl Port {
     pub fn set_modem_lines(&mut self, mask: ModemLines, on: ModemLines) -> Result<(), PortError> {
         match self {
             Self::Tty(port) => port.set_modem_lines(mask, on),
+            Self::Rfc2217(port) => port.set_modem_lines(mask, on),
             Self::Tcp(_) | Self::Pty(_) => Err(PortError::Unsupported { what: "set modem lines" }),
         }
     }
@@ -160,13 +173,15 @@ impl Port {
 
     /// Whether the port makes and checks the parity bit that was asked for.
     pub fn makes_parity(&self) -> bool {
-        let line = self.line();
         match self {
-            Self::Tty(port) => !port
+            Self::Tty(_) | Self::Rfc2217(_) => !self
                 .differences()
                 .iter()
                 .any(|difference| matches!(difference.setting, "parity" | "data bits")),
-            Self::Tcp(_) | Self::Pty(_) => line.parity == Parity::None && line.data_bits == 8,
+            Self::Tcp(_) | Self::Pty(_) => {
+                let line = self.line();
+                line.parity == Parity::None && line.data_bits == 8
+            }
         }
     }
 
@@ -176,6 +191,7 @@ impl Port {
         match self {
             Self::Tty(port) => port.line(),
             Self::Tcp(port) => port.line(),
+            Self::Rfc2217(port) => port.line(),
             Self::Pty(port) => port.line(),
         }
     }
@@ -184,13 +200,53 @@ impl Port {
     pub fn differences(&self) -> &[SettingDifference] {
         match self {
             Self::Tty(port) => port.differences(),
+            Self::Rfc2217(port) => port.differences(),
             Self::Tcp(_) | Self::Pty(_) => &[],
         }
+    }
+
+    /// Does what the port does of its own: a device server is answered, and
+    /// asked whether it lives. Call it when the port becomes writable and when
+    /// [`attention`](Self::attention) has come; then read, because what came
+    /// may have waited. [`PortError::Gone`] if the other side is dead.
+    pub fn attend(&mut self, now: Micros) -> Result<(), PortError> {
+        match self {
+            Self::Tcp(port) => port.attend(now),
+            Self::Rfc2217(port) => port.attend(now),
+            Self::Tty(_) | Self::Pty(_) => Ok(()),
+        }
+    }
+
+    /// When [`attend`](Self::attend) wants to be called.
+    pub fn attention(&self) -> Option<Micros> {
+        match self {
+            Self::Tcp(port) => Some(port.attention()),
+            Self::Rfc2217(port) => Some(port.attention()),
+            Self::Tty(_) | Self::Pty(_) => None,
+        }
+    }
+
+    /// Whether bytes of the port's own wait for room: then wait for room, too.
+    pub fn has_output(&self) -> bool {
+        matches!(self, Self::Rfc2217(port) if port.has_output())
+    }
+
+    /// Whether the other side wants a pause: room to write says nothing then,
+    /// and the end of the pause comes with what is read.
+    pub fn is_suspended(&self) -> bool {
+        matches!(self, Self::Rfc2217(port) if port.is_suspended())
+    }
+
+    /// Whether changes of modem lines come with what is read. Elsewhere they
+    /// must be looked for.
+    pub fn tells_modem_lines(&self) -> bool {
+        matches!(self, Self::Rfc2217(_))
     }
 
     fn set_break(&mut self, on: bool) -> Result<(), PortError> {
         match self {
             Self::Tty(port) => port.set_break(on),
+            Self::Rfc2217(port) => port.set_break(on),
             Self::Tcp(_) | Self::Pty(_) => Err(PortError::Unsupported { what: "send a break" }),
         }
     }

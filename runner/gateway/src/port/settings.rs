@@ -146,13 +146,13 @@ fn differences(wanted: &Termios, has: &Termios, asked: LineParameters) -> Vec<Se
             differences.push(SettingDifference { setting, asked, has });
         }
     };
-    let got = line_of(has);
-    if asked.baud != 0 {
-        compare("baud rate", asked.baud.to_string(), got.baud.to_string());
+    let (asked_texts, has_texts) = (setting_texts(&asked), setting_texts(&line_of(has)));
+    for ((setting, asked_text), (_, has_text)) in asked_texts.into_iter().zip(has_texts) {
+        // Without a rate, it is left to the other side.
+        if setting != BAUD_RATE || asked.baud != 0 {
+            compare(setting, asked_text, has_text);
+        }
     }
-    compare("data bits", asked.data_bits.to_string(), got.data_bits.to_string());
-    compare("parity", parity_name(asked.parity).to_owned(), parity_name(got.parity).to_owned());
-    compare("stop bits", stop_text(asked.stop_half_bits), stop_text(got.stop_half_bits));
     let flags = [
         ("parity checking", InputModes::INPCK),
         ("marks of damaged characters", InputModes::PARMRK),
@@ -165,6 +165,19 @@ fn differences(wanted: &Termios, has: &Termios, asked: LineParameters) -> Vec<Se
         compare(setting, text(wanted).to_owned(), text(has).to_owned());
     }
     differences
+}
+
+/// Name of the first of [`setting_texts`].
+pub(super) const BAUD_RATE: &str = "baud rate";
+
+/// The settings of a line by name, as people write them.
+pub(super) fn setting_texts(line: &LineParameters) -> [(&'static str, String); 4] {
+    [
+        (BAUD_RATE, line.baud.to_string()),
+        ("data bits", line.data_bits.to_string()),
+        ("parity", parity_name(line.parity).to_owned()),
+        ("stop bits", stop_text(line.stop_half_bits)),
+    ]
 }
 
 fn parity_name(parity: Parity) -> &'static str {

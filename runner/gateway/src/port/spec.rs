@@ -29,6 +29,13 @@ pub enum PortSpec {
         /// TCP port.
         port: u16,
     },
+    /// A device server that sets its port as asked (RFC 2217).
+    Rfc2217 {
+        /// Name or address.
+        host: String,
+        /// TCP port.
+        port: u16,
+    },
     /// A new pty; the other side opens its slave.
     Pty,
 }
@@ -40,9 +47,13 @@ impl FromStr for PortSpec {
         if text == "pty:" || text == "pty" {
             return Ok(Self::Pty);
         }
-        if let Some(address) = text.strip_prefix("tcp:") {
-            let address = address.strip_prefix("//").unwrap_or(address);
-            return tcp(address).ok_or_else(|| BadSpec::Address(text.to_owned()));
+        for (scheme, spec) in SCHEMES {
+            if let Some(address) = text.strip_prefix(scheme) {
+                let address = address.strip_prefix("//").unwrap_or(address);
+                let (host, port) =
+                    host_and_port(address).ok_or_else(|| BadSpec::Address(text.to_owned()))?;
+                return Ok(spec(host, port));
+            }
         }
         if text.contains('/') && !text.contains("://") && !text.contains('\0') {
             return Ok(Self::Device(PathBuf::from(text)));
@@ -55,14 +66,26 @@ impl fmt::Display for PortSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Device(path) => path.display().fmt(f),
-            Self::Tcp { host, port } if host.contains(':') => write!(f, "tcp://[{host}]:{port}"),
-            Self::Tcp { host, port } => write!(f, "tcp://{host}:{port}"),
+            Self::Tcp { host, port } => write!(f, "tcp://{}", address_text(host, *port)),
+            Self::Rfc2217 { host, port } => write!(f, "rfc2217://{}", address_text(host, *port)),
             Self::Pty => f.write_str("pty:"),
         }
     }
 }
 
-fn tcp(address: &str) -> Option<PortSpec> {
+type MakeSpec = fn(String, u16) -> PortSpec;
+
+const SCHEMES: [(&str, MakeSpec); 2] = [
+    ("tcp:", |host, port| PortSpec::Tcp { host, port }),
+    ("rfc2217:", |host, port| PortSpec::Rfc2217 { host, port }),
+];
+
+/// Host and port as they are written in an address.
+pub(super) fn address_text(host: &str, port: u16) -> String {
+    if host.contains(':') { format!("[{host}]:{port}") } else { format!("{host}:{port}") }
+}
+
+fn host_and_port(address: &str) -> Option<(String, u16)> {
     let (host, port) = address.trim_end_matches('/').rsplit_once(':')?;
     let host = match host.strip_prefix('[') {
         Some(inner) => inner.strip_suffix(']')?,
@@ -72,7 +95,7 @@ fn tcp(address: &str) -> Option<PortSpec> {
     };
     let port = port.parse().ok().filter(|port| *port != 0)?;
     let good = !host.is_empty() && !host.contains(|c: char| c.is_whitespace() || c == '/');
-    good.then(|| PortSpec::Tcp { host: host.to_owned(), port })
+    good.then(|| (host.to_owned(), port))
 }
 
 /// Who reacts to XON/XOFF.
@@ -208,15 +231,23 @@ mod tests {
             ("pty:", PortSpec::Pty),
             ("tcp:moxa:4001", PortSpec::Tcp { host: "moxa".into(), port: 4001 }),
             ("tcp://moxa:4001/", PortSpec::Tcp { host: "moxa".into(), port: 4001 }),
+            ("rfc2217:moxa:4001", PortSpec::Rfc2217 { host: "moxa".into(), port: 4001 }),
+            ("rfc2217://[fe80::1]:1", PortSpec::Rfc2217 { host: "fe80::1".into(), port: 1 }),
             ("tcp://[::1]:7", PortSpec::Tcp { host: "::1".into(), port: 7 }),
         ];
         for (text, spec) in cases {
             assert_eq!(text.parse(), Ok(spec.clone()), "{text}");
             assert_eq!(spec.to_string().parse(), Ok(spec), "{text}");
         }
-        for text in
-            ["tcp:moxa", "tcp://:1", "tcp://a:0", "tcp://::1:7", "tcp://a:99999", "tcp:a b:1"]
-        {
+        for text in [
+            "tcp:moxa",
+            "tcp://:1",
+            "tcp://a:0",
+            "tcp://::1:7",
+            "tcp://a:99999",
+            "tcp:a b:1",
+            "rfc2217:a",
+        ] {
             assert_eq!(text.parse::<PortSpec>(), Err(BadSpec::Address(text.into())), "{text}");
         }
         for text in ["", "COM3", "ttyUSB0", "http://host:1", "/dev/\0"] {

@@ -1,48 +1,37 @@
 //! A raw TCP connection to a device server as a port.
 
-use std::io;
-use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
-use std::os::fd::{AsFd, BorrowedFd};
-use std::time::{Duration, Instant};
+use std::os::fd::BorrowedFd;
 
-use rustix::io::{Errno, read, retry_on_intr};
-use rustix::net::{SendFlags, send, sockopt};
-use softplug_abi::{LineParameters, LinkDownReason};
+use softplug_abi::{LineParameters, LinkDownReason, Micros};
 
-use super::ioctl;
 use super::marks::Input;
 use super::open::ReadOutcome;
+use super::scratch::with_scratch;
 use super::spec::PortOptions;
+use super::stream::Stream;
 use crate::error::PortError;
 
-const READ_BYTES: usize = 4_096;
-/// Silence after which the peer is probed, then how often and how many times:
-/// a half-open connection is found within half a minute.
-const KEEPALIVE: (Duration, Duration, u32) = (Duration::from_secs(10), Duration::from_secs(5), 4);
+/// How often it is asked whether the server still answers.
+const LOOK_EVERY: Micros = Micros::from_secs(10);
 
-/// A connection, non-blocking. The server's own flow control holds us by the
-/// TCP window, so there is no time-out on unacknowledged bytes.
+/// A connection, non-blocking. The server's own flow control holds us.
 #[derive(Debug)]
 pub struct TcpPort {
-    stream: TcpStream,
+    stream: Stream,
     line: LineParameters,
-    buffer: Box<[u8]>,
+    next_look: Micros,
 }
 
 impl TcpPort {
     /// Connects. Looking a name up may take longer than the time-out.
     pub fn connect(host: &str, port: u16, options: &PortOptions) -> Result<Self, PortError> {
-        let failed = |source| PortError::Connect { address: format!("{host}:{port}"), source };
-        let addresses: Vec<SocketAddr> = (host, port).to_socket_addrs().map_err(failed)?.collect();
-        let stream = connect_any(&addresses, options.connect_timeout).map_err(failed)?;
-        prepare(&stream).map_err(|error| PortError::io("set up the connection", error))?;
-        let buffer = vec![0; READ_BYTES].into_boxed_slice();
-        Ok(Self { stream, line: options.line, buffer })
+        let stream = Stream::connect(host, port, options.connect_timeout)?;
+        Ok(Self { stream, line: options.line, next_look: Micros(0) })
     }
 
     /// The descriptor to wait for.
     pub fn fd(&self) -> BorrowedFd<'_> {
-        self.stream.as_fd()
+        self.stream.fd()
     }
 
     /// The characters on the line behind the server, as they were given.
@@ -56,73 +45,37 @@ impl TcpPort {
         most: usize,
         sink: &mut impl FnMut(Input<'_>),
     ) -> Result<ReadOutcome, PortError> {
-        let most = most.min(READ_BYTES);
-        match retry_on_intr(|| read(&self.stream, &mut self.buffer[..most])) {
-            Ok(0) => Ok(ReadOutcome::Gone(LinkDownReason::Disconnected)),
-            Ok(count) => {
-                sink(Input::Bytes(&self.buffer[..count]));
-                Ok(ReadOutcome::Read(count))
+        with_scratch(|buffer| {
+            let most = most.min(buffer.len());
+            let outcome = self.stream.read(&mut buffer[..most])?;
+            if let ReadOutcome::Read(count) = outcome {
+                sink(Input::Bytes(&buffer[..count]));
             }
-            Err(Errno::AGAIN) => Ok(ReadOutcome::Empty),
-            Err(error) => match reason(error) {
-                Some(reason) => Ok(ReadOutcome::Gone(reason)),
-                None => Err(PortError::io("read from the connection", error)),
-            },
-        }
+            Ok(outcome)
+        })
     }
 
     /// Writes what the connection takes at once; 0 if it is full.
     pub fn write(&mut self, bytes: &[u8]) -> Result<usize, PortError> {
-        if bytes.is_empty() {
-            return Ok(0);
-        }
-        match retry_on_intr(|| send(&self.stream, bytes, SendFlags::NOSIGNAL)) {
-            Ok(count) => Ok(count),
-            Err(Errno::AGAIN) => Ok(0),
-            Err(error) => Err(match reason(error) {
-                Some(reason) => PortError::Gone(reason),
-                None => PortError::io("write to the connection", error),
-            }),
-        }
+        self.stream.write(bytes)
     }
 
     /// Bytes that the server has not acknowledged.
     pub fn unsent(&self) -> usize {
-        ioctl::output_queue(&self.stream).unwrap_or(0)
+        self.stream.unsent()
     }
-}
 
-fn connect_any(addresses: &[SocketAddr], timeout: Duration) -> io::Result<TcpStream> {
-    let end = Instant::now() + timeout;
-    let mut last = io::Error::new(io::ErrorKind::NotFound, "the name has no address");
-    for address in addresses {
-        let left = end.saturating_duration_since(Instant::now());
-        match TcpStream::connect_timeout(address, left.max(Duration::from_millis(1))) {
-            Ok(stream) => return Ok(stream),
-            Err(error) => last = error,
+    /// Looks now and then whether the server still answers.
+    pub fn attend(&mut self, now: Micros) -> Result<(), PortError> {
+        if now < self.next_look {
+            return Ok(());
         }
+        self.next_look = now + LOOK_EVERY;
+        if self.stream.is_dead() { Err(PortError::Gone(LinkDownReason::Failed)) } else { Ok(()) }
     }
-    Err(last)
-}
 
-fn prepare(stream: &TcpStream) -> io::Result<()> {
-    let (idle, interval, count) = KEEPALIVE;
-    stream.set_nonblocking(true)?;
-    stream.set_nodelay(true)?;
-    sockopt::set_socket_keepalive(stream, true)?;
-    sockopt::set_tcp_keepidle(stream, idle)?;
-    sockopt::set_tcp_keepintvl(stream, interval)?;
-    sockopt::set_tcp_keepcnt(stream, count)?;
-    Ok(())
-}
-
-/// Why the connection is gone, if this error says that it is.
-fn reason(error: Errno) -> Option<LinkDownReason> {
-    match error {
-        Errno::CONNRESET | Errno::PIPE | Errno::CONNABORTED => Some(LinkDownReason::Disconnected),
-        Errno::TIMEDOUT | Errno::HOSTUNREACH | Errno::NETUNREACH | Errno::NETDOWN => {
-            Some(LinkDownReason::Failed)
-        }
-        _ => None,
+    /// When [`attend`](Self::attend) wants to be called.
+    pub fn attention(&self) -> Micros {
+        self.next_look
     }
 }

@@ -16,12 +16,11 @@ use super::holders::{group, holders, holders_but, is_pty};
 use super::ioctl;
 use super::marks::{Input, LineCounters, MarkDecoder};
 use super::open::ReadOutcome;
+use super::scratch::{READ_BYTES, with_scratch};
 use super::settings::{SettingDifference, apply, line_of};
 use super::spec::PortOptions;
 use crate::error::{BadSpec, PortError};
 
-/// The kernel's own buffer of a terminal.
-const READ_BYTES: usize = 4_096;
 /// More than a pty holds.
 const EARLY_BYTES: usize = 65_536;
 
@@ -47,7 +46,6 @@ pub struct TtyPort {
     gone: bool,
     /// Bytes that had come before the port was set, not marked.
     early: Vec<u8>,
-    buffer: Box<[u8]>,
 }
 
 impl TtyPort {
@@ -99,7 +97,6 @@ impl TtyPort {
             low_latency,
             gone: false,
             early,
-            buffer: vec![0; READ_BYTES].into_boxed_slice(),
             fd,
         })
     }
@@ -171,19 +168,19 @@ impl TtyPort {
             sink(Input::Bytes(&early));
             return Ok(ReadOutcome::Read(early.len()));
         }
-        match retry_on_intr(|| read(&self.fd, &mut self.buffer[..most])) {
+        with_scratch(|buffer| match retry_on_intr(|| read(&self.fd, &mut buffer[..most])) {
             // VMIN is 1: a read of nothing is a hang-up.
             Ok(0) => Ok(self.lost()),
             Ok(count) => {
                 // After the read: a mark is never older than its count.
                 let counters = if self.has_counters { self.counters() } else { None };
-                self.decoder.decode(&self.buffer[..count], counters, sink);
+                self.decoder.decode(&buffer[..count], counters, sink);
                 Ok(ReadOutcome::Read(count))
             }
             Err(Errno::AGAIN) => Ok(ReadOutcome::Empty),
             Err(error) if is_gone(error) => Ok(self.lost()),
             Err(error) => Err(PortError::io("read from the port", error)),
-        }
+        })
     }
 
     /// Writes what the port takes at once; 0 if it is full.
