@@ -191,7 +191,13 @@ impl Corpus {
             return Err(CorpusError::Empty { path: folder.to_owned() });
         }
         ledgers.sort_by(|a, b| a.profile.cmp(&b.profile));
-        let cases = cases.into_values().collect();
+        let mut cases: Vec<Case> = cases.into_values().collect();
+        for case in &mut cases {
+            let profile = &case.trace.front.profile;
+            if let Some(ledger) = ledgers.iter().find(|ledger| ledger.profile == *profile) {
+                case.dispense_with(&ledger.settings);
+            }
+        }
         let has_clauses = |script: &Script| {
             let ledger = ledgers.iter().find(|ledger| ledger.profile == script.profile);
             let has = |ledger: &Ledger| script.clauses.iter().all(|id| ledger.clause(id).is_some());

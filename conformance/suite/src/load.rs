@@ -1,7 +1,9 @@
 //! Traces from files and folders.
 
+use crate::ledger::SettingUse;
 use sha2::{Digest as _, Sha256};
-use softplug_trace::{Digest, FileNameError, Files, ParseError, Trace};
+use softplug_abi::manifest::Manifest;
+use softplug_trace::{Assignment, Digest, FileNameError, Files, ParseError, Trace};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,6 +18,8 @@ pub struct Case {
     pub trace: Trace,
     /// What its `file:` items name, by digest, if it is known already.
     attached: Option<Arc<Attached>>,
+    /// Settings of the case that a plug-in may lack: they ask for nothing.
+    dispensable: Vec<String>,
 }
 
 /// Contents of files by their digest as hex digits.
@@ -24,7 +28,7 @@ pub(crate) type Attached = BTreeMap<String, Vec<u8>>;
 impl Case {
     /// A trace that stands in no file; `file:` items are looked for beside `path`.
     pub fn new(path: impl Into<PathBuf>, trace: Trace) -> Self {
-        Self { path: path.into(), trace, attached: None }
+        Self { path: path.into(), trace, attached: None, dispensable: Vec::new() }
     }
 
     /// A trace of a corpus, which has the files too.
@@ -33,7 +37,27 @@ impl Case {
         trace: Trace,
         attached: Arc<Attached>,
     ) -> Self {
-        Self { path: path.into(), trace, attached: Some(attached) }
+        Self { path: path.into(), trace, attached: Some(attached), dispensable: Vec::new() }
+    }
+
+    /// Learns which of its settings ask for nothing.
+    pub(crate) fn dispense_with(&mut self, settings: &[SettingUse]) {
+        let asks_for_nothing = |pair: &&Assignment| {
+            let of_profile = settings.iter().find(|setting| setting.name == pair.name);
+            of_profile.is_some_and(|setting| setting.off.as_ref() == Some(&pair.value))
+        };
+        let pairs = self.trace.front.config.iter().filter(asks_for_nothing);
+        self.dispensable = pairs.map(|pair| pair.name.clone()).collect();
+    }
+
+    /// The settings of the case, for a plug-in with this manifest.
+    pub(crate) fn config_for(&self, manifest: &Manifest) -> Vec<(&str, &str)> {
+        let is_needless = |name: &String| {
+            let has = || manifest.settings.iter().any(|setting| setting.name == *name);
+            self.dispensable.contains(name) && !has()
+        };
+        let pairs = self.trace.front.config.iter().filter(|pair| !is_needless(&pair.name));
+        pairs.map(|pair| (pair.name.as_str(), pair.value.as_str())).collect()
     }
 
     /// Finds what `file:` items name: files called by their digest, in the folder

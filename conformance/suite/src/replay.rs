@@ -78,8 +78,7 @@ fn start<'a, S: Subject>(
     let course = course.cut(&case.trace.front.id, Cuts::of(permutation, cut_seed));
 
     let front = &case.trace.front;
-    let config: Vec<_> =
-        front.config.iter().map(|pair| (pair.name.as_str(), pair.value.as_str())).collect();
+    let config = case.config_for(manifest);
     let settings = manifest.resolve_settings(config).map_err(|error| unfit(error.to_string()))?;
     let options = options(case, settings);
     let ground = Ground { course, options, depth: front.line.depth as usize };

@@ -80,6 +80,10 @@ pub struct SettingUse {
     /// Unit of an int; empty without.
     #[serde(default)]
     pub unit: String,
+    /// The value that asks for nothing. A plug-in without the setting, which lacks the
+    /// optional feature that it belongs to, takes a case with this value as it stands.
+    #[serde(default)]
+    pub off: Option<String>,
 }
 
 /// A clause.
