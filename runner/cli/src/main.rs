@@ -11,7 +11,6 @@ mod dump;
 mod exit;
 mod failure;
 mod files;
-mod guess;
 mod line;
 #[cfg(target_os = "linux")]
 mod live;
@@ -32,6 +31,7 @@ use crate::arguments::Start;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::screen::Screen;
+use softplug_service::guess;
 
 fn main() -> ExitCode {
     match arguments::read() {

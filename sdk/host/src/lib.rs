@@ -38,7 +38,7 @@ mod session;
 mod state;
 mod words;
 
-pub use digest::Digest;
+pub use digest::{Digest, NotADigest};
 pub use engine::{EngineInfo, EngineKind};
 pub use fault::{LoadError, Misbehaviour, SessionFault};
 pub use host::{Host, HostOptions};
