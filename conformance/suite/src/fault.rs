@@ -113,7 +113,9 @@ impl Fault {
                 FaultClass::SettingsRefused | FaultClass::EventRefused => FaultClass::SwapFailed,
                 worse => worse,
             },
-            SwapError::NoState => FaultClass::SwapFailed,
+            SwapError::NoState | SwapError::Format { .. } | SwapError::NoProbation => {
+                FaultClass::SwapFailed
+            }
             SwapError::Malformed(_) | SwapError::Rule { .. } => FaultClass::RuleBroken,
         };
         Self::new(class, at, error)

@@ -5,8 +5,8 @@ use crate::fault::RuleBroken;
 use crate::job::ActiveJob;
 use crate::queue::Queue;
 use crate::timers::Timers;
-use softplug_abi::limits::{REQUESTS, STATE_BYTES};
-use softplug_abi::{Action, Failure, Micros, Pass, Values};
+use softplug_abi::limits::REQUESTS;
+use softplug_abi::{Action, Actions, Failure, Micros, Pass, Values};
 
 /// Whether the plug-in holds the transmit queue.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -22,13 +22,11 @@ pub enum HoldState {
 pub(crate) enum Answering {
     /// Anything but state.
     Ordinary,
-    /// Nothing: settings and restore.
+    /// Nothing: settings.
     Nothing,
-    /// Only saved state.
-    Save,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Core {
     pub(crate) queue: Queue,
     pub(crate) timers: Timers,
@@ -40,9 +38,6 @@ pub(crate) struct Core {
     delivery_room: u32,
     drained: u32,
     requests: Vec<u32>,
-    pub(crate) saved: Vec<u8>,
-    /// Format and total length of the state that is being saved.
-    pub(crate) saving: Option<(u16, u32)>,
 }
 
 impl Core {
@@ -56,8 +51,6 @@ impl Core {
             delivery_room,
             drained: 0,
             requests: Vec::with_capacity(REQUESTS),
-            saved: Vec::new(),
-            saving: None,
         }
     }
 
@@ -69,12 +62,9 @@ impl Core {
         outside: &mut dyn Outside,
     ) -> Result<(), RuleBroken> {
         match (answering, action) {
-            (Answering::Save, Action::Saved { format, offset, total, bytes }) => {
-                return self.save_piece(*format, *offset, *total, bytes);
-            }
             (Answering::Ordinary, Action::Saved { .. }) => return Err(RuleBroken::StateUnasked),
             (_, Action::Note { .. } | Action::State { .. }) | (Answering::Ordinary, _) => {}
-            (Answering::Nothing | Answering::Save, _) => return Err(RuleBroken::ActedOnState),
+            (Answering::Nothing, _) => return Err(RuleBroken::ActedOnState),
         }
         match action {
             Action::Transmit { mark, bytes } => return self.queue.transmit(*mark, bytes),
@@ -117,6 +107,19 @@ impl Core {
             Action::Saved { .. } => unreachable!("answered above"),
         }
         outside.handle(now, action);
+        Ok(())
+    }
+
+    /// Applies all actions of an answer that is known to be readable.
+    pub(crate) fn apply_all(
+        &mut self,
+        now: Micros,
+        actions: &[u8],
+        outside: &mut dyn Outside,
+    ) -> Result<(), RuleBroken> {
+        for action in Actions::new(actions).flatten() {
+            self.apply(now, &action, Answering::Ordinary, outside)?;
+        }
         Ok(())
     }
 
@@ -189,26 +192,6 @@ impl Core {
         waits
     }
 
-    fn save_piece(
-        &mut self,
-        format: u16,
-        offset: u32,
-        total: u32,
-        bytes: &[u8],
-    ) -> Result<(), RuleBroken> {
-        let is_whole = self.saving.is_some_and(|(_, total)| total as usize == self.saved.len());
-        let follows = !is_whole
-            && offset as usize == self.saved.len()
-            && total <= STATE_BYTES
-            && self.saving.is_none_or(|known| known == (format, total));
-        if !follows {
-            return Err(RuleBroken::StatePieces);
-        }
-        self.saving = Some((format, total));
-        self.saved.extend(bytes);
-        Ok(())
-    }
-
     /// Growth of room for deliveries to report: an eighth of the capacity, or
     /// all of it once nothing is left to put away.
     pub(crate) fn next_delivery_room(&mut self, outside: &mut dyn Outside) -> Option<u32> {
@@ -232,6 +215,14 @@ impl Core {
     pub(crate) fn restate_rooms(&mut self) {
         self.queue.restate_room();
         self.delivery_room += std::mem::take(&mut self.drained);
+    }
+
+    /// Whether nothing is under way that a plug-in would have to know of.
+    pub(crate) fn is_idle(&self) -> bool {
+        self.job.is_none()
+            && self.delivery.is_none()
+            && self.requests.is_empty()
+            && self.queue.is_idle()
     }
 
     /// Ends what the plug-in had under way, because it can no longer.

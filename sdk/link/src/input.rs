@@ -13,7 +13,10 @@ impl<I: Instance> Link<I> {
         outside: &mut dyn Outside,
     ) -> Result<(), LinkFault<I::Fault>> {
         self.begin_input(now, outside)?;
-        for piece in bytes.chunks(self.instance.input_capacity()) {
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            let (piece, later) = rest.split_at(rest.len().min(self.capacity()));
+            rest = later;
             self.steps = 0;
             self.step(&Event::Received(piece), outside)?;
         }
@@ -56,7 +59,7 @@ impl<I: Instance> Link<I> {
         outside: &mut dyn Outside,
     ) -> Result<(), LinkFault<I::Fault>> {
         self.begin_input(now, outside)?;
-        if std::mem::replace(&mut self.is_down, true) {
+        if self.down.replace(reason).is_some() {
             return Ok(());
         }
         self.step(&Event::LinkDown(reason), outside)
@@ -69,7 +72,7 @@ impl<I: Instance> Link<I> {
         outside: &mut dyn Outside,
     ) -> Result<(), LinkFault<I::Fault>> {
         self.begin_input(now, outside)?;
-        if !std::mem::replace(&mut self.is_down, false) {
+        if self.down.take().is_none() {
             return Ok(());
         }
         self.step(&Event::LinkUp, outside)?;

@@ -18,7 +18,7 @@ pub struct Job {
 }
 
 /// A job that the plug-in knows of.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct ActiveJob {
     pub(crate) job: Job,
     pub(crate) pass: Pass,

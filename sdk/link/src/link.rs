@@ -3,11 +3,12 @@
 
 use crate::core::{Answering, Core, HoldState};
 use crate::fault::{LinkFault, RuleBroken};
+use crate::probation::{Probation, Reverted};
 use crate::queue::Taken;
 use crate::{Outside, Supply};
 use softplug_abi::limits::{OUTPUT_ROUNDS, STEPS_PER_INSTANT};
 use softplug_abi::manifest::SettingValues;
-use softplug_abi::{Actions, Event, EventKind, Instance, LineParameters, Micros, ModemLines};
+use softplug_abi::{Actions, Event, Instance, LineParameters, LinkDownReason, Micros, ModemLines};
 
 /// What a link is opened with.
 #[derive(Clone, Debug)]
@@ -52,8 +53,10 @@ pub struct Link<I: Instance> {
     pub(crate) steps: u32,
     is_open: bool,
     /// The port is gone: nothing is sent until it is back.
-    pub(crate) is_down: bool,
+    pub(crate) down: Option<LinkDownReason>,
     has_ended: bool,
+    pub(crate) probation: Option<Box<Probation<I>>>,
+    pub(crate) reverted: Option<Box<Reverted<I>>>,
 }
 
 impl<I: Instance> Link<I> {
@@ -69,8 +72,10 @@ impl<I: Instance> Link<I> {
             now: Micros::ZERO,
             steps: 0,
             is_open: false,
-            is_down: false,
+            down: None,
             has_ended: false,
+            probation: None,
+            reverted: None,
         }
     }
 
@@ -89,7 +94,7 @@ impl<I: Instance> Link<I> {
         self.options.settings = settings;
         given?;
         self.is_open = true;
-        self.is_down = false;
+        self.down = None;
         let opening = self.opening(false);
         self.core.restate_rooms();
         self.step(&opening, outside)?;
@@ -117,6 +122,7 @@ impl<I: Instance> Link<I> {
             return Ok(());
         }
         let closed = if self.has_ended { Ok(()) } else { self.tell_close(now, outside) };
+        self.keep();
         self.is_open = false;
         self.core.interrupt(self.now, outside);
         self.core.queue.clear();
@@ -129,6 +135,7 @@ impl<I: Instance> Link<I> {
         outside: &mut dyn Outside,
     ) -> Result<(), LinkFault<I::Fault>> {
         self.run(now, outside)?;
+        self.keep();
         self.steps = 0;
         self.step(&Event::Close, outside)
     }
@@ -190,7 +197,7 @@ impl<I: Instance> Link<I> {
 
     /// One event of the job: its beginning after a good check, data, or its end.
     fn feed(&mut self, outside: &mut dyn Outside) -> Result<bool, LinkFault<I::Fault>> {
-        let capacity = self.instance.input_capacity();
+        let capacity = self.capacity();
         let Some(active) = &mut self.core.job else { return Ok(false) };
         let job = active.job.id;
         if active.run_next {
@@ -211,7 +218,10 @@ impl<I: Instance> Link<I> {
                 self.steps = 0;
                 let scratch = std::mem::take(&mut self.scratch);
                 let given = self.step(&Event::JobData { job, bytes: &scratch[..count] }, outside);
-                self.scratch = scratch;
+                // Another plug-in may have come with its own.
+                if self.scratch.is_empty() {
+                    self.scratch = scratch;
+                }
                 given?;
             }
         }
@@ -221,7 +231,7 @@ impl<I: Instance> Link<I> {
     /// Gives the port what it may now send, as much as fits into `buffer`.
     /// Call it only when [`run`](Self::run) has left nothing for this instant.
     pub fn take(&mut self, buffer: &mut [u8]) -> Taken {
-        if self.has_ended || self.is_down {
+        if self.has_ended || self.down.is_some() {
             return Taken::Nothing;
         }
         self.core.queue.take(buffer)
@@ -244,7 +254,7 @@ impl<I: Instance> Link<I> {
 
     /// Whether [`take`](Self::take) would give something.
     pub fn has_to_send(&self) -> bool {
-        !self.has_ended && !self.is_down && self.core.queue.has_to_send()
+        !self.has_ended && !self.down.is_some() && self.core.queue.has_to_send()
     }
 
     /// Bytes that may be delivered before the host has to put some away.
@@ -274,6 +284,12 @@ impl<I: Instance> Link<I> {
     /// A host request: steps at this instant count anew.
     pub(crate) fn begin_request(&mut self) {
         self.steps = 0;
+    }
+
+    /// Whether nothing is under way: no job, delivery or request, nothing to send
+    /// and no hold. A plug-in may still be in the middle of what it receives.
+    pub fn is_idle(&self) -> bool {
+        self.core.is_idle()
     }
 
     /// The instance, to look at.
@@ -310,26 +326,24 @@ impl<I: Instance> Link<I> {
         if self.has_ended {
             return Err(LinkFault::Ended);
         }
-        let stepped = self.rounds(event, answering, OUTPUT_ROUNDS, outside);
+        if self.probation.is_some() {
+            return self.step_on_probation(event, outside);
+        }
+        let stepped = self.rounds(event, answering, outside);
         self.ended_by(stepped, outside)
     }
 
-    /// `continued`: how many rounds of `continue` may follow the event.
     fn rounds(
         &mut self,
         event: &Event<'_>,
         answering: Answering,
-        continued: u32,
         outside: &mut dyn Outside,
     ) -> Result<(), LinkFault<I::Fault>> {
+        self.count_step(event)?;
         let now = self.now;
         let broken = |source| LinkFault::Rule { event: event.kind(), source };
-        self.steps += 1;
-        if self.steps > STEPS_PER_INSTANT {
-            return Err(broken(RuleBroken::TimeStandsStill));
-        }
         let mut asked = event;
-        for _ in 0..=continued {
+        for _ in 0..=OUTPUT_ROUNDS {
             let output = self
                 .instance
                 .step(asked, now)
@@ -347,40 +361,29 @@ impl<I: Instance> Link<I> {
         Err(broken(RuleBroken::OutputWithoutEnd))
     }
 
+    /// One more event at this instant.
+    pub(crate) fn count_step(&mut self, event: &Event<'_>) -> Result<(), LinkFault<I::Fault>> {
+        self.steps += 1;
+        if self.steps > STEPS_PER_INSTANT {
+            let source = RuleBroken::TimeStandsStill;
+            return Err(LinkFault::Rule { event: event.kind(), source });
+        }
+        Ok(())
+    }
+
+    /// The largest payload that the plug-in takes, and also the one that may
+    /// have to take its place.
+    pub(crate) fn capacity(&self) -> usize {
+        let own = self.instance.input_capacity();
+        self.probation.as_ref().map_or(own, |probation| own.min(probation.capacity()))
+    }
+
     /// Puts `instance` in the place of the plug-in; timers are cancelled.
     pub(crate) fn put(&mut self, instance: I) -> I {
         self.scratch = vec![0; instance.input_capacity()].into();
         self.core.timers.clear();
         self.has_ended = false;
         std::mem::replace(&mut self.instance, instance)
-    }
-
-    /// Applies what a successor answered to its opening, then goes on.
-    pub(crate) fn resume_with(
-        &mut self,
-        actions: &[u8],
-        more: bool,
-        outside: &mut dyn Outside,
-    ) -> Result<(), LinkFault<I::Fault>> {
-        let event = EventKind::Open;
-        for action in Actions::new(actions) {
-            let applied = action.map_err(|source| LinkFault::Malformed { event, source }).and_then(
-                |action| {
-                    let now = self.now;
-                    self.core
-                        .apply(now, &action, Answering::Ordinary, outside)
-                        .map_err(|source| LinkFault::Rule { event, source })
-                },
-            );
-            self.ended_by(applied, outside)?;
-        }
-        if more {
-            let rest = OUTPUT_ROUNDS - 1;
-            let went_on = self.rounds(&Event::Continue, Answering::Ordinary, rest, outside);
-            self.ended_by(went_on, outside)?;
-        }
-        self.tell_modem_lines(outside)?;
-        self.run(self.now, outside)
     }
 
     pub(crate) fn ended_by(

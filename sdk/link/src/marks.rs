@@ -6,14 +6,14 @@ use std::collections::VecDeque;
 
 /// Positions count bytes since the link began: in the queue, all that was ever
 /// queued; on the wire, all that the port was ever given.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Marks {
     queued: VecDeque<(u32, u64)>,
     given: VecDeque<Given>,
     dropped: VecDeque<u32>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Given {
     mark: u32,
     wire: u64,
@@ -23,7 +23,12 @@ struct Given {
 impl Marks {
     /// Whether one more may be outstanding.
     pub(crate) fn has_room(&self) -> bool {
-        self.queued.len() + self.given.len() + self.dropped.len() < MARKS
+        self.count() < MARKS
+    }
+
+    /// Marks that are outstanding.
+    pub(crate) fn count(&self) -> usize {
+        self.queued.len() + self.given.len() + self.dropped.len()
     }
 
     /// A mark on the queued byte that ends at `position`.

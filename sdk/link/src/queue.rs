@@ -18,13 +18,13 @@ pub enum Taken {
     Break(u32),
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 enum Urgent {
     Byte { byte: u8, mark: u32 },
     Break(u32),
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Queue {
     bytes: VecDeque<u8>,
     urgent: VecDeque<Urgent>,
@@ -195,6 +195,12 @@ impl Queue {
         Some(bytes)
     }
 
+    /// Takes the answer to a discard back: it will be given again.
+    pub(crate) fn undo_discarded(&mut self, bytes: u32) {
+        self.room -= bytes;
+        self.discarded.push_front(bytes);
+    }
+
     /// Growth of room to report: a quarter of the capacity, or all that there
     /// is once the queue has run empty.
     pub(crate) fn next_room(&mut self) -> Option<u32> {
@@ -216,6 +222,12 @@ impl Queue {
     /// The plug-in was told the [whole room](Self::whole_room).
     pub(crate) fn restate_room(&mut self) {
         self.room += std::mem::take(&mut self.unreported);
+    }
+
+    /// Whether nothing waits, nothing is held and no mark is outstanding.
+    pub(crate) fn is_idle(&self) -> bool {
+        let nothing_waits = self.bytes.is_empty() && self.urgent.is_empty();
+        nothing_waits && !self.held && self.discarded.is_empty() && self.marks.count() == 0
     }
 
     /// Drops all that waits, and the hold. Positions go on: the port still

@@ -8,6 +8,11 @@ use softplug_abi::{Action, Event, Failure, Instance, Micros, Values};
 /// Bytes of a job's beginning before its fields.
 const JOB_BEGIN_HEAD: usize = 16;
 
+/// Whether the beginning of a job with these fields fits no event.
+pub(crate) fn is_too_long(fields: &[u8], input_capacity: usize) -> bool {
+    fields.len() + JOB_BEGIN_HEAD > input_capacity
+}
+
 impl<I: Instance> Link<I> {
     /// Begins a job. One that finds another under way fails as busy, one whose
     /// fields do not fit an event as a bad job.
@@ -19,7 +24,7 @@ impl<I: Instance> Link<I> {
     ) -> Result<(), LinkFault<I::Fault>> {
         self.run(now, outside)?;
         self.steps = 0;
-        let too_long = job.fields.len() + JOB_BEGIN_HEAD > self.instance.input_capacity();
+        let too_long = is_too_long(&job.fields, self.instance.input_capacity());
         let failure = match &self.core.job {
             Some(_) => Some(Failure::Busy),
             None => too_long.then_some(Failure::BadJob),
@@ -119,11 +124,12 @@ impl<I: Instance> Link<I> {
             Ok(bytes) => (None, bytes),
             Err(failure) => (Some(failure), [].as_slice()),
         };
-        let most = self.instance.input_capacity() - 8;
-        let mut pieces = bytes.chunks(most).peekable();
+        let mut rest = bytes;
         loop {
-            let piece = pieces.next().unwrap_or_default();
-            let more = pieces.peek().is_some();
+            let most = self.capacity() - 8;
+            let (piece, later) = rest.split_at(rest.len().min(most));
+            rest = later;
+            let more = !rest.is_empty();
             if self.core.awaits_answer(request, !more) {
                 self.step(&Event::Answer { request, refused, more, bytes: piece }, outside)?;
                 self.give_due(outside)?;

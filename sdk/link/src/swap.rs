@@ -1,20 +1,35 @@
 //! Another plug-in takes over a link, in the middle of what it does.
 
-use crate::core::Answering;
 use crate::fault::{LinkFault, RuleBroken};
+use crate::probation::{Probation, Silent};
+use crate::saving::{SavedState, answer_of, saved_by};
 use crate::{Link, Outside};
-use softplug_abi::limits::OUTPUT_ROUNDS;
+use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Action, Actions, Event, EventKind, Instance, Malformed, Micros};
 use std::error::Error;
 use thiserror::Error;
 
-/// A plug-in's state, as it saved it.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct SavedState {
-    /// The format; a plug-in's manifest lists those that it accepts.
-    pub format: u16,
-    /// The state, at most 64 KiB.
-    pub bytes: Vec<u8>,
+/// What takes over.
+#[derive(Clone, Debug)]
+pub struct Successor<I> {
+    /// A new instance.
+    pub instance: I,
+    /// A value for each of its settings.
+    pub settings: SettingValues,
+    /// The formats of state that it accepts, as its manifest lists them.
+    pub accepts: Vec<u16>,
+    /// With one, the successor is on [probation](Link::on_probation).
+    pub spare: Option<Spare<I>>,
+}
+
+/// What goes on if a successor fails on probation.
+#[derive(Clone, Debug)]
+pub struct Spare<I> {
+    /// A new instance of the plug-in that runs now. It gets the settings that
+    /// the link has now.
+    pub instance: I,
+    /// The formats of state that it accepts, as its manifest lists them.
+    pub accepts: Vec<u16>,
 }
 
 /// Why the plug-in was not replaced. The old one goes on.
@@ -26,6 +41,17 @@ pub enum SwapError<F: Error + 'static> {
     /// The old plug-in saves nothing.
     #[error("the running plug-in saves no state; swap it when the link is idle")]
     NoState,
+    /// The new plug-in's manifest does not list the format.
+    #[error(
+        "the new plug-in does not accept a state of format {format}; swap it when the link is idle"
+    )]
+    Format {
+        /// The format of the running plug-in's state.
+        format: u16,
+    },
+    /// The new plug-in saves nothing.
+    #[error("the new plug-in saves no state, so that it cannot be on probation")]
+    NoProbation,
     /// The new plug-in did not take settings or state.
     #[error("the new plug-in did not take over on the event \"{event}\": {source}")]
     Refused {
@@ -52,41 +78,25 @@ pub enum SwapError<F: Error + 'static> {
     Failed(#[source] LinkFault<F>),
 }
 
-impl<I: Instance> Link<I> {
-    /// Asks the plug-in for its state. Changes nothing.
-    ///
-    /// # Errors
-    /// A fault of the plug-in; `Ok(None)` if it saves nothing.
-    pub fn save(
-        &mut self,
-        now: Micros,
-        outside: &mut dyn Outside,
-    ) -> Result<Option<SavedState>, LinkFault<I::Fault>> {
-        if !self.is_open() {
-            return Ok(None);
+impl<F: Error + 'static> From<LinkFault<F>> for SwapError<F> {
+    /// What a successor did wrong before it was put in place.
+    fn from(fault: LinkFault<F>) -> Self {
+        match fault {
+            LinkFault::Instance { event, source } => Self::Refused { event, source },
+            LinkFault::Malformed { source, .. } => Self::Malformed(source),
+            LinkFault::Rule { event, source } => Self::Rule { event, source },
+            LinkFault::Ended => Self::Failed(fault),
         }
-        self.run(now, outside)?;
-        self.begin_request();
-        self.core.saved.clear();
-        self.core.saving = None;
-        self.step_as(&Event::Save, Answering::Save, outside)?;
-        let bytes = std::mem::take(&mut self.core.saved);
-        let Some((format, total)) = self.core.saving else { return Ok(None) };
-        if bytes.len() != total as usize {
-            let cut_off =
-                LinkFault::Rule { event: EventKind::Save, source: RuleBroken::StatePieces };
-            self.ended_by(Err(cut_off), outside)?;
-        }
-        Ok(Some(SavedState { format, bytes }))
     }
+}
 
-    /// Replaces the plug-in by `successor`, which gets the settings of
-    /// this link and the state. Queue, marks, hold and lines stay. Returns the
-    /// plug-in that was replaced.
+impl<I: Instance> Link<I> {
+    /// Replaces the plug-in by another instance of itself, which gets the
+    /// settings of this link and the state. Queue, marks, hold and lines stay.
+    /// Returns the plug-in that was replaced.
     ///
     /// # Errors
-    /// In every case but [`SwapError::Failed`] the old plug-in goes on as if
-    /// nothing had been asked.
+    /// As for [`swap_to`](Self::swap_to).
     pub fn swap(
         &mut self,
         now: Micros,
@@ -94,35 +104,68 @@ impl<I: Instance> Link<I> {
         outside: &mut dyn Outside,
     ) -> Result<I, SwapError<I::Fault>> {
         let state = self.save(now, outside).map_err(SwapError::Save)?.ok_or(SwapError::NoState)?;
-        let now = self.now();
-        let mut successor = successor;
-        self.prepare(now, &mut successor, &state, outside)?;
-        let opening = self.opening(true);
-        let first = successor
-            .step(&opening, now)
-            .map_err(|source| SwapError::Refused { event: opening.kind(), source })?;
-        let more = first.more;
-        let actions = first.actions.to_vec();
-        if let Some(Err(malformed)) = Actions::new(&actions).find(Result::is_err) {
-            return Err(SwapError::Malformed(malformed));
+        let settings = self.options.settings.clone();
+        self.take_over(successor, settings, &state, None, outside)
+    }
+
+    /// Replaces the plug-in by another one, which gets its settings and the
+    /// state. Queue, marks, hold and lines stay. Returns the plug-in that was
+    /// replaced.
+    ///
+    /// # Errors
+    /// In every case but [`SwapError::Failed`] and [`SwapError::Save`] the old
+    /// plug-in goes on as if nothing had been asked.
+    pub fn swap_to(
+        &mut self,
+        now: Micros,
+        successor: Successor<I>,
+        outside: &mut dyn Outside,
+    ) -> Result<I, SwapError<I::Fault>> {
+        let state = self.save(now, outside).map_err(SwapError::Save)?.ok_or(SwapError::NoState)?;
+        let Successor { instance, settings, accepts, spare } = successor;
+        if !accepts.contains(&state.format) {
+            return Err(SwapError::Format { format: state.format });
         }
-        self.core.restate_rooms();
-        let old = self.put(successor);
-        self.resume_with(&actions, more, outside).map_err(SwapError::Failed)?;
+        self.take_over(instance, settings, &state, spare, outside)
+    }
+
+    fn take_over(
+        &mut self,
+        mut successor: I,
+        settings: SettingValues,
+        state: &SavedState,
+        spare: Option<Spare<I>>,
+        outside: &mut dyn Outside,
+    ) -> Result<I, SwapError<I::Fault>> {
+        let answer = self.resumed(&mut successor, &settings, state, outside)?;
+        let mut probation = None;
+        if let Some(spare) = spare {
+            let state = saved_by(&mut successor, self.now(), outside)?;
+            let state = state.ok_or(SwapError::NoProbation)?;
+            let settings = self.options.settings.clone();
+            probation = Some(Box::new(Probation::new(spare, settings, state)));
+        }
+        let old = self.seat(successor, settings, &answer, outside);
+        self.probation = probation;
+        let told = self.tell_modem_lines(outside);
+        told.and_then(|()| self.run(self.now(), outside)).map_err(SwapError::Failed)?;
         Ok(old)
     }
 
-    /// Settings and state.
-    fn prepare(
+    /// Gives settings, state and the opening to an instance that is not in place
+    /// yet. Returns its answer to the opening, of which nothing was applied and
+    /// all can be.
+    pub(crate) fn resumed(
         &self,
-        now: Micros,
-        successor: &mut I,
+        instance: &mut I,
+        settings: &SettingValues,
         state: &SavedState,
         outside: &mut dyn Outside,
-    ) -> Result<(), SwapError<I::Fault>> {
-        let capacity = successor.input_capacity();
-        let mut give = |event: &Event<'_>| give_quiet(successor, event, now, outside);
-        self.options.settings.pieces(capacity, &mut give)?;
+    ) -> Result<Vec<u8>, LinkFault<I::Fault>> {
+        let now = self.now();
+        let capacity = instance.input_capacity();
+        let mut give = |event: &Event<'_>| give_quiet(instance, event, now, outside);
+        settings.pieces(capacity, &mut give)?;
         let total = state.bytes.len() as u32;
         let most = capacity - 12;
         let mut offset = 0;
@@ -131,10 +174,34 @@ impl<I: Instance> Link<I> {
             let bytes = &state.bytes[offset..end];
             give(&Event::Restore { format: state.format, offset: offset as u32, total, bytes })?;
             if end == state.bytes.len() {
-                return Ok(());
+                break;
             }
             offset = end;
         }
+        let answer = answer_of(instance, &self.opening(true), now)?;
+        let mut trial = self.core.clone();
+        trial.restate_rooms();
+        trial
+            .apply_all(now, &answer, &mut Silent)
+            .map_err(|source| LinkFault::Rule { event: EventKind::Open, source })?;
+        Ok(answer)
+    }
+
+    /// Puts an instance that was [`resumed`](Self::resumed) in place. Returns the
+    /// one that was there.
+    pub(crate) fn seat(
+        &mut self,
+        instance: I,
+        settings: SettingValues,
+        answer: &[u8],
+        outside: &mut dyn Outside,
+    ) -> I {
+        self.core.restate_rooms();
+        self.options.settings = settings;
+        let old = self.put(instance);
+        let applied = self.core.apply_all(self.now, answer, outside);
+        debug_assert_eq!(applied, Ok(()), "a trial has shown that it can be applied");
+        old
     }
 }
 
@@ -144,24 +211,14 @@ fn give_quiet<I: Instance>(
     event: &Event<'_>,
     now: Micros,
     outside: &mut dyn Outside,
-) -> Result<(), SwapError<I::Fault>> {
-    let kind = event.kind();
-    let mut asked = event;
-    for _ in 0..=OUTPUT_ROUNDS {
-        let refused = |source| SwapError::Refused { event: kind, source };
-        let output = instance.step(asked, now).map_err(refused)?;
-        for action in Actions::new(output.actions) {
-            let action = action.map_err(SwapError::Malformed)?;
-            if !matches!(action, Action::Note { .. } | Action::State { .. }) {
-                let source = RuleBroken::ActedOnState;
-                return Err(SwapError::Rule { event: kind, source });
-            }
-            outside.handle(now, &action);
+) -> Result<(), LinkFault<I::Fault>> {
+    let answer = answer_of(instance, event, now)?;
+    for action in Actions::new(&answer).flatten() {
+        if !matches!(action, Action::Note { .. } | Action::State { .. }) {
+            let source = RuleBroken::ActedOnState;
+            return Err(LinkFault::Rule { event: event.kind(), source });
         }
-        if !output.more {
-            return Ok(());
-        }
-        asked = &Event::Continue;
+        outside.handle(now, &action);
     }
-    Err(SwapError::Rule { event: kind, source: RuleBroken::OutputWithoutEnd })
+    Ok(())
 }

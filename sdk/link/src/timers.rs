@@ -5,7 +5,7 @@ use softplug_abi::limits::TIMERS;
 
 /// One deadline for each id. Setting replaces; a cancelled or replaced timer
 /// never fires.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Timers {
     deadlines: [Option<Micros>; TIMERS as usize],
 }

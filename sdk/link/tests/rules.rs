@@ -13,6 +13,8 @@ mod left;
 mod line;
 #[path = "rules/order.rs"]
 mod order;
+#[path = "rules/probation.rs"]
+mod probation;
 #[path = "rules/swap.rs"]
 mod swap;
 #[path = "rules/timers.rs"]

@@ -1,18 +1,18 @@
 //! Another plug-in takes over.
 
+use crate::assert_events;
 use crate::common::{Plugin, Rig, Script, rooms};
-use crate::{assert_events, assert_given};
 use softplug_abi::limits::STATE_BYTES;
 use softplug_abi::{Action, Failure, Micros, ModemLines, NoteLevel, Values};
 use softplug_link::{
     Link, LinkFault, LinkOptions, Observed, Outside, Recorder, RuleBroken, Supply, SwapError,
 };
 
-fn saved(offset: u32, total: u32, bytes: &[u8]) -> Action<'_> {
+pub(super) fn saved(offset: u32, total: u32, bytes: &[u8]) -> Action<'_> {
     Action::Saved { format: 1, offset, total, bytes }
 }
 
-fn swap(
+pub(super) fn swap(
     rig: &mut Rig,
     at: i64,
     next: &Script,
@@ -302,83 +302,4 @@ fn swap_pieces() {
     let restored: Vec<_> = next.take().into_iter().map(|(_, event)| event).collect();
     let expected = ["restore 1 0+500/1300", "restore 1 500+500/1300", "restore 1 1000+300/1300"];
     assert_eq!(restored[1..4], expected);
-}
-
-#[test]
-fn swap_probation() {
-    // Up to its first action the old one simply goes on.
-    let hold = [Action::Hold];
-    let prepare: [&dyn Fn(&Script); 7] = [
-        &|next| next.refuse("settings"),
-        &|next| next.refuse("restore"),
-        &|next| next.refuse("open"),
-        &|next| next.once_raw("open", &[3, 0, 0, 0, 99, 0]),
-        &|next| next.once_raw("restore", &[99, 0, 0, 0]),
-        &|next| next.once("settings", &hold),
-        &|next| next.on_more("restore", &[]),
-    ];
-    for (case, fails) in prepare.iter().enumerate() {
-        let mut rig = Rig::new(rooms(64, 64), 1);
-        rig.script.on("save", &[saved(0, 2, b"AB")]);
-        rig.begin(0, 1, b"data", false);
-        rig.does(
-            0,
-            &[
-                Action::Transmit { mark: 1, bytes: b"ABC" },
-                Action::SetTimer { id: 1, deadline: Micros(2_000) },
-            ],
-        );
-        rig.given();
-        let next = Script::default();
-        fails(&next);
-        next.on_more("continue", &[]);
-        let error = swap(&mut rig, 500, &next).unwrap_err();
-        assert!(!matches!(error, SwapError::Failed(_)), "case {case}: {error}");
-        rig.until(3_000);
-        assert_given!(
-            rig,
-            [
-                (500, "save"),
-                (2_000, "timer 1 set for 2000"),
-                (2_000, "transmit-room 3"),
-                (3_000, "mark 1 maybe-left"),
-                (3_000, "mark 1 surely-left"),
-            ]
-        );
-        assert_eq!(rig.wire().len(), 3);
-        assert_eq!((rig.line.link.job(), rig.observed().len()), (Some(1), 0), "case {case}");
-    }
-    // One that saves nothing is not replaced.
-    let mut rig = Rig::new(rooms(64, 64), 1);
-    let next = Script::default();
-    assert!(matches!(swap(&mut rig, 10, &next), Err(SwapError::NoState)));
-    assert_eq!(next.take(), []);
-
-    // After its first action a fault ends the job.
-    let failed = Observed::Failed { job: 1, failure: Failure::Interrupted, status: 0, sent: 0 };
-    let mut rig = Rig::new(rooms(64, 64), 1);
-    rig.script.on("save", &[saved(0, 0, b"")]);
-    rig.begin(0, 1, b"data", false);
-    let next = Script::default();
-    next.once("open", &[Action::State { name: "resumed" }, Action::Want { job: 2, bytes: 1 }]);
-    let error = swap(&mut rig, 10, &next).unwrap_err();
-    assert!(matches!(error, SwapError::Failed(LinkFault::Rule { .. })));
-    assert_eq!(
-        rig.observed(),
-        [(10, Observed::State("resumed".to_owned())), (10, failed.clone()),]
-    );
-    assert!(rig.line.link.has_ended());
-
-    let mut rig = Rig::new(rooms(64, 64), 1);
-    rig.script.on("save", &[saved(0, 0, b"")]);
-    rig.begin(0, 1, b"data", false);
-    rig.does(0, &[Action::Transmit { mark: 0, bytes: b"ABC" }]);
-    let next = Script::default();
-    next.refuse("received");
-    swap(&mut rig, 10, &next).unwrap();
-    rig.receive(20, &[b"x"]).unwrap_err();
-    assert_eq!(rig.observed(), [(20, failed)]);
-    // Nothing more is sent.
-    rig.until(9_000);
-    assert_eq!(rig.wire(), [(0, b'A')]);
 }

@@ -1,0 +1,165 @@
+//! A plug-in on probation: its state is saved after every event, and if it
+//! fails, the one before it goes on from there.
+
+use crate::fault::{LinkFault, RuleBroken};
+use crate::requests::is_too_long;
+use crate::saving::{SavedState, answer_of, saved_by};
+use crate::swap::Spare;
+use crate::{Link, Outside};
+use softplug_abi::manifest::SettingValues;
+use softplug_abi::{Action, Event, EventKind, Failure, Instance, Micros};
+
+/// What a return needs.
+#[derive(Debug)]
+pub(crate) struct Probation<I> {
+    spare: Spare<I>,
+    /// The settings of the one before.
+    settings: SettingValues,
+    /// After the last event whose actions were applied.
+    state: SavedState,
+    events: u64,
+}
+
+/// A plug-in has failed on probation, and the one before it has gone on.
+#[derive(Debug)]
+pub struct Reverted<I: Instance> {
+    /// When.
+    pub at: Micros,
+    /// The event that the plug-in failed on; the one before it was given it again.
+    pub event: EventKind,
+    /// How it failed.
+    pub fault: LinkFault<I::Fault>,
+    /// The plug-in that failed.
+    pub failed: I,
+}
+
+impl<I: Instance> Probation<I> {
+    pub(crate) fn new(spare: Spare<I>, settings: SettingValues, state: SavedState) -> Self {
+        Self { spare, settings, state, events: 0 }
+    }
+
+    pub(crate) fn capacity(&self) -> usize {
+        self.spare.instance.input_capacity()
+    }
+
+    pub(crate) fn state(&self) -> &SavedState {
+        &self.state
+    }
+}
+
+impl<I: Instance> Link<I> {
+    /// While a plug-in is on probation: how many events it has mastered.
+    pub fn on_probation(&self) -> Option<u64> {
+        self.probation.as_ref().map(|probation| probation.events)
+    }
+
+    /// Ends the probation: the plug-in stays, whatever comes.
+    pub fn keep(&mut self) {
+        self.probation = None;
+    }
+
+    /// What became of a plug-in that has failed on probation, told once.
+    pub fn take_reverted(&mut self) -> Option<Reverted<I>> {
+        self.reverted.take().map(|reverted| *reverted)
+    }
+
+    /// One event with all of its output. Nothing of it is applied before all of
+    /// it is known to be good and the state after it is saved: the one before
+    /// can take the event as if it had never been given.
+    pub(crate) fn step_on_probation(
+        &mut self,
+        event: &Event<'_>,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        let (answer, state) = match self.tried(event, outside) {
+            Ok(tried) => tried,
+            Err(fault) => return self.go_back(event, fault, outside),
+        };
+        if let Some(probation) = &mut self.probation {
+            probation.state = state;
+            probation.events += 1;
+        }
+        let applied = self.core.apply_all(self.now, &answer, outside);
+        let applied = applied.map_err(|source| LinkFault::Rule { event: event.kind(), source });
+        self.ended_by(applied, outside)
+    }
+
+    fn tried(
+        &mut self,
+        event: &Event<'_>,
+        outside: &mut dyn Outside,
+    ) -> Result<(Vec<u8>, SavedState), LinkFault<I::Fault>> {
+        let broken = |event, source| LinkFault::Rule { event, source };
+        self.count_step(event)?;
+        let answer = answer_of(&mut self.instance, event, self.now)?;
+        let mut trial = self.core.clone();
+        trial
+            .apply_all(self.now, &answer, &mut Silent)
+            .map_err(|source| broken(event.kind(), source))?;
+        let state = saved_by(&mut self.instance, self.now, outside)?;
+        let state = state.ok_or_else(|| broken(EventKind::Save, RuleBroken::StatePieces))?;
+        Ok((answer, state))
+    }
+
+    /// The one before goes on with the last state and that event. If it cannot,
+    /// the link has ended.
+    fn go_back(
+        &mut self,
+        event: &Event<'_>,
+        fault: LinkFault<I::Fault>,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        let Some(probation) = self.probation.take() else { return Err(fault) };
+        let Probation { spare: Spare { mut instance, accepts }, settings, state, .. } = *probation;
+        if !accepts.contains(&state.format) {
+            return self.ended_by(Err(fault), outside);
+        }
+        if let Event::Discarded { bytes } = event {
+            self.core.queue.undo_discarded(*bytes);
+        }
+        let Ok(answer) = self.resumed(&mut instance, &settings, &state, outside) else {
+            return self.ended_by(Err(fault), outside);
+        };
+        let failed = self.seat(instance, settings, &answer, outside);
+        let (at, kind) = (self.now, event.kind());
+        self.reverted = Some(Box::new(Reverted { at, event: kind, fault, failed }));
+        self.begin_request();
+        self.tell_modem_lines(outside)?;
+        self.give_again(event, outside)
+    }
+
+    fn give_again(
+        &mut self,
+        event: &Event<'_>,
+        outside: &mut dyn Outside,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        match event {
+            // The opening told the rooms, and the lines followed it. Timers were
+            // set anew, and answers to discards are due again.
+            Event::TransmitRoom { .. }
+            | Event::DeliveryRoom { .. }
+            | Event::ModemLines { .. }
+            | Event::Timer { .. }
+            | Event::Discarded { .. } => Ok(()),
+            Event::JobBegin { job, fields, .. }
+                if is_too_long(fields.as_bytes(), self.instance.input_capacity()) =>
+            {
+                self.core.job = None;
+                let failure = Failure::BadJob;
+                outside.handle(
+                    self.now,
+                    &Action::JobFailed { job: *job, failure, status: 0, sent: 0 },
+                );
+                Ok(())
+            }
+            _ => self.step(event, outside),
+        }
+    }
+}
+
+/// Hears nothing: for a trial.
+pub(crate) struct Silent;
+
+impl Outside for Silent {
+    fn handle(&mut self, _now: Micros, _action: &Action<'_>) {}
+}
