@@ -17,6 +17,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("softplug-r3964", &["softplug-plugin", "softplug-procedure-3964"]),
     ("softplug-r3964-simplified", &["softplug-plugin", "softplug-procedure-3964"]),
     ("softplug-fanuc-rs232", &["softplug-plugin"]),
+    ("softplug-heidenhain-fe", &["softplug-plugin"]),
     (
         "softplug-native",
         &[

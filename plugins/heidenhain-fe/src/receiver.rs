@@ -1,0 +1,75 @@
+//! The reception of a program that the control sends.
+
+use crate::settings::{LineEnd, Settings};
+use softplug_plugin::{Context, Failure, StateReader, StateWriter};
+
+#[derive(Copy, Clone, Debug, Default)]
+pub(crate) struct Receiver {
+    delivery: u32,
+    /// How often the block under way has been refused.
+    refusals: u32,
+    /// ETX has come.
+    at_end: bool,
+}
+
+impl Receiver {
+    pub(crate) fn begin(&mut self, link: &mut Context<'_>, name: &[u8]) {
+        *self = Self { delivery: self.delivery.wrapping_add(1).max(1), ..Self::default() };
+        link.delivery_begin(self.delivery, 0);
+        if !name.is_empty() {
+            link.delivery_name_ascii(self.delivery, name);
+        }
+    }
+
+    /// Delivers a line; `false` if there is no room for it.
+    pub(crate) fn take(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        text: &[u8],
+    ) -> bool {
+        let end = match settings.line_end {
+            LineEnd::Lf => b"\n".as_slice(),
+            LineEnd::CrLf => b"\r\n",
+        };
+        let has_room = text.len() + end.len() <= link.delivery_room() as usize;
+        if has_room {
+            self.refusals = 0;
+            self.at_end = false;
+            if !text.is_empty() {
+                link.deliver(self.delivery, text);
+            }
+            link.deliver(self.delivery, end);
+        }
+        has_room
+    }
+
+    /// Whether a bad block may be asked for once more.
+    pub(crate) fn refuses(&mut self, most: i64) -> bool {
+        self.refusals += 1;
+        i64::from(self.refusals) <= most
+    }
+
+    pub(crate) fn at_end(&mut self) {
+        self.at_end = true;
+    }
+
+    /// Whether EOT now ends the whole program.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.at_end
+    }
+
+    pub(crate) fn end(&mut self, link: &mut Context<'_>, failure: Option<Failure>) {
+        link.delivery_end(self.delivery, failure, 0);
+    }
+
+    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
+        state.u32(self.delivery);
+        state.u32(self.refusals);
+        state.bool(self.at_end);
+    }
+
+    pub(crate) fn restore(state: &mut StateReader<'_>) -> Self {
+        Self { delivery: state.u32(), refusals: state.u32(), at_end: state.bool() }
+    }
+}

@@ -1,0 +1,344 @@
+//! The job: its check, its lines as blocks, their marks and repeats.
+
+use crate::frame::{DC1, EOT, ETB, ETX, LINE, STX, Text, block_check, is_control};
+use crate::line::Line;
+use crate::name_of;
+use crate::settings::Settings;
+use crate::stage::Stage;
+use softplug_plugin::{
+    Context, Failure, JobStart, MarkState, Pass, StateError, StateReader, StateWriter, copy,
+};
+
+/// Data that may wait here.
+const PENDING: usize = 256;
+
+#[derive(Copy, Clone, Debug)]
+pub(crate) struct Sender {
+    /// Id of the job; 0: none.
+    job: u32,
+    is_checking: bool,
+    pub(crate) is_paused: bool,
+    /// The name that the control must ask for.
+    name: Text,
+    has_name: bool,
+    /// Data that belongs to later lines.
+    pending: [u8; PENDING],
+    pending_length: u16,
+    wanted: u32,
+    has_ended: bool,
+    /// The line of the block under way, and whether it is whole.
+    text: Text,
+    is_whole: bool,
+    repeats: u32,
+    /// The mark of the latest block; whether it can have left.
+    mark: u32,
+    has_left: bool,
+    /// Bytes queued for the job.
+    queued: u64,
+    /// Place in the program, for the check.
+    line: u32,
+    column: u32,
+    after_cr: bool,
+}
+
+impl Default for Sender {
+    fn default() -> Self {
+        Self {
+            job: 0,
+            is_checking: false,
+            is_paused: false,
+            name: Text::default(),
+            has_name: false,
+            pending: [0; PENDING],
+            pending_length: 0,
+            wanted: 0,
+            has_ended: false,
+            text: Text::default(),
+            is_whole: false,
+            repeats: 0,
+            mark: 0,
+            has_left: false,
+            queued: 0,
+            line: 1,
+            column: 0,
+            after_cr: false,
+        }
+    }
+}
+
+impl Sender {
+    /// A job to check or to send; one that cannot be taken fails at once.
+    pub(crate) fn begin(
+        &mut self,
+        link: &mut Context<'_>,
+        job: &JobStart<'_>,
+        name_field: u16,
+    ) -> bool {
+        if self.job != 0 || job.kind != 0 {
+            let why = if self.job == 0 { Failure::NotSupported } else { Failure::Busy };
+            link.job_failed(job.job, why, 0, 0);
+            return false;
+        }
+        *self = Self { job: job.job, mark: self.mark, ..Self::default() };
+        self.is_checking = job.pass == Pass::Check;
+        if let Some(name) = name_of(&job.fields, name_field) {
+            self.has_name = true;
+            for byte in name.bytes() {
+                self.name.push(byte);
+            }
+        }
+        true
+    }
+
+    pub(crate) fn is_checking(&self) -> bool {
+        self.is_checking
+    }
+
+    /// Whether there is a job to send.
+    pub(crate) fn is_waiting(&self) -> bool {
+        self.job != 0 && !self.is_checking
+    }
+
+    /// Whether the job may go where this name was asked for.
+    pub(crate) fn fits(&self, asked: &[u8]) -> bool {
+        !self.has_name || self.name.as_slice() == asked
+    }
+
+    /// Asks for data, if none is under way.
+    pub(crate) fn ask(&mut self, link: &mut Context<'_>) {
+        if self.wanted == 0 && !self.has_ended {
+            self.wanted = PENDING as u32;
+            link.want(self.job, self.wanted);
+        }
+    }
+
+    pub(crate) fn check(&mut self, link: &mut Context<'_>, settings: &Settings, bytes: &[u8]) {
+        self.wanted = self.wanted.saturating_sub(bytes.len() as u32);
+        for byte in bytes {
+            let failure = self.check_byte(settings, *byte);
+            if let Some(failure) = failure {
+                link.check_failed(self.job, failure, self.line, self.column);
+                self.over();
+                return;
+            }
+        }
+        self.ask(link);
+    }
+
+    fn check_byte(&mut self, settings: &Settings, byte: u8) -> Option<Failure> {
+        self.column += 1;
+        let follows_cr = core::mem::take(&mut self.after_cr);
+        if byte == b'\n' {
+            self.line += 1;
+            self.column = 0;
+            return None;
+        }
+        self.after_cr = byte == b'\r';
+        let most = LINE - u32::from(settings.bcc_space);
+        let is_text = (0x20..0x7F).contains(&byte) || self.after_cr;
+        if follows_cr || !is_text {
+            // A CR inside of a line is found out behind it.
+            self.column -= u32::from(follows_cr);
+            return Some(Failure::UnsupportedCharacter);
+        }
+        (self.column > most && !self.after_cr).then_some(Failure::TooLong)
+    }
+
+    pub(crate) fn checked(&mut self, link: &mut Context<'_>) {
+        if self.after_cr {
+            link.check_failed(self.job, Failure::UnsupportedCharacter, self.line, self.column);
+        } else {
+            link.check_good(self.job);
+        }
+        self.over();
+    }
+
+    pub(crate) fn data(&mut self, bytes: &[u8]) {
+        self.wanted = self.wanted.saturating_sub(bytes.len() as u32);
+        let free = self.pending.get_mut(usize::from(self.pending_length)..).unwrap_or_default();
+        let count = bytes.len().min(free.len());
+        copy(free, bytes);
+        self.pending_length += count as u16;
+    }
+
+    pub(crate) fn data_ended(&mut self) {
+        self.has_ended = true;
+        self.wanted = 0;
+    }
+
+    /// Sends the next block or the end, if line, room and host allow it.
+    pub(crate) fn next(
+        &mut self,
+        link: &mut Context<'_>,
+        line: &Line,
+        settings: &Settings,
+    ) -> Stage {
+        if !self.is_whole {
+            self.gather();
+        }
+        if !self.is_whole && !self.has_ended {
+            self.ask(link);
+            return Stage::Filling;
+        }
+        // STX, space, ETB, check, DC1.
+        let has_room = self.text.as_slice().len() + 5 <= link.transmit_room() as usize;
+        if self.is_paused || !has_room {
+            return Stage::Filling;
+        }
+        if self.is_whole {
+            self.block(link, line, settings);
+            Stage::Answer
+        } else {
+            self.marked(link, line, settings, &[ETX, EOT]);
+            Stage::Ending
+        }
+    }
+
+    /// Takes data up to the end of a line. What stands behind the last one is a line too.
+    fn gather(&mut self) {
+        let mut taken = 0;
+        for byte in self.pending.iter().take(usize::from(self.pending_length)) {
+            taken += 1;
+            if *byte == b'\n' {
+                self.is_whole = true;
+                break;
+            }
+            self.text.push(*byte);
+        }
+        let end = usize::from(self.pending_length);
+        self.pending.copy_within(taken.min(end)..end, 0);
+        self.pending_length -= taken as u16;
+        if self.has_ended && self.pending_length == 0 && !self.text.as_slice().is_empty() {
+            self.is_whole = true;
+        }
+        if self.is_whole && self.text.as_slice().last() == Some(&b'\r') {
+            self.text.pop();
+        }
+    }
+
+    fn block(&mut self, link: &mut Context<'_>, line: &Line, settings: &Settings) {
+        let mut check = block_check(STX, self.text.as_slice());
+        let mut tail = Text::default();
+        if settings.bcc_space && is_control(check) {
+            tail.push(b' ');
+            check ^= b' ';
+        }
+        tail.push(ETB);
+        tail.push(check);
+        if settings.dc1 {
+            tail.push(DC1);
+        }
+        let text = self.text;
+        self.send(link, line, settings, &[STX]);
+        self.send(link, line, settings, text.as_slice());
+        self.marked(link, line, settings, tail.as_slice());
+    }
+
+    fn send(&mut self, link: &mut Context<'_>, line: &Line, settings: &Settings, bytes: &[u8]) {
+        for byte in bytes {
+            link.transmit(&[line.spoken(settings, *byte)]);
+        }
+        self.queued += bytes.len() as u64;
+    }
+
+    /// The last bytes of a block.
+    fn marked(&mut self, link: &mut Context<'_>, line: &Line, settings: &Settings, bytes: &[u8]) {
+        self.send(link, line, settings, bytes);
+        self.mark = self.mark.wrapping_add(1).max(1);
+        self.has_left = false;
+        link.transmit_marked(self.mark, &[]);
+    }
+
+    /// Whether the mark is that of the latest block.
+    pub(crate) fn left(&mut self, mark: u32, state: MarkState) -> bool {
+        let is_latest = mark == self.mark && state != MarkState::Dropped;
+        self.has_left |= is_latest;
+        is_latest
+    }
+
+    pub(crate) fn has_left(&self) -> bool {
+        self.has_left
+    }
+
+    pub(crate) fn acknowledged(&mut self) {
+        self.text.clear();
+        self.is_whole = false;
+        self.repeats = 0;
+    }
+
+    /// Whether the block may be sent once more.
+    pub(crate) fn repeats(&mut self, most: i64) -> bool {
+        self.repeats += 1;
+        i64::from(self.repeats) <= most
+    }
+
+    pub(crate) fn dropped(&mut self, bytes: u32) {
+        self.queued = self.queued.saturating_sub(u64::from(bytes));
+    }
+
+    pub(crate) fn done(&mut self, link: &mut Context<'_>) {
+        link.job_done(self.job, self.queued);
+        self.over();
+    }
+
+    pub(crate) fn fail(&mut self, link: &mut Context<'_>, failure: Failure) {
+        if self.job != 0 {
+            link.job_failed(self.job, failure, 0, self.queued);
+            self.over();
+        }
+    }
+
+    /// What belonged to the job alone ends with it.
+    fn over(&mut self) {
+        *self = Self { mark: self.mark, ..Self::default() };
+    }
+
+    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
+        state.u32(self.job);
+        state.bool(self.is_checking);
+        state.bool(self.is_paused);
+        self.name.save(state);
+        state.bool(self.has_name);
+        state.u16(self.pending_length);
+        state.bytes(self.pending.get(..usize::from(self.pending_length)).unwrap_or_default());
+        state.u32(self.wanted);
+        state.bool(self.has_ended);
+        self.text.save(state);
+        state.bool(self.is_whole);
+        state.u32(self.repeats);
+        state.u32(self.mark);
+        state.bool(self.has_left);
+        state.u64(self.queued);
+        state.u32(self.line);
+        state.u32(self.column);
+        state.bool(self.after_cr);
+    }
+
+    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
+        let mut sender = Self {
+            job: state.u32(),
+            is_checking: state.bool(),
+            is_paused: state.bool(),
+            name: Text::restore(state)?,
+            has_name: state.bool(),
+            pending_length: state.u16(),
+            ..Self::default()
+        };
+        if usize::from(sender.pending_length) > PENDING {
+            return Err(StateError);
+        }
+        copy(&mut sender.pending, state.bytes(usize::from(sender.pending_length)));
+        sender.wanted = state.u32();
+        sender.has_ended = state.bool();
+        sender.text = Text::restore(state)?;
+        sender.is_whole = state.bool();
+        sender.repeats = state.u32();
+        sender.mark = state.u32();
+        sender.has_left = state.bool();
+        sender.queued = state.u64();
+        sender.line = state.u32();
+        sender.column = state.u32();
+        sender.after_cr = state.bool();
+        Ok(sender)
+    }
+}
