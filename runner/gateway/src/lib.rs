@@ -1,8 +1,9 @@
 //! Serial lines on Linux: ports that never block, pacing at the line's rate,
 //! and the answers to "why does nothing arrive?".
 //!
-//! - [`port`]: a terminal, a TCP connection or a pty behind one non-blocking
-//!   interface, with marks of damaged characters decoded.
+//! - [`port`]: a terminal, a TCP connection, a device server of RFC 2217 or a
+//!   pty behind one non-blocking interface, with marks of damaged characters
+//!   decoded.
 //! - [`pacer`]: how many bytes may be given to a port now, so that few are
 //!   beyond recall when the partner says stop.
 //! - [`station`]: a port with a plug-in on it; [`transfer`]: one program over it,
@@ -24,6 +25,8 @@ pub mod suggest;
 
 #[cfg(target_os = "linux")]
 pub mod clock;
+#[cfg(all(target_os = "linux", feature = "simulate"))]
+pub mod device_server;
 #[cfg(target_os = "linux")]
 pub mod doctor;
 #[cfg(target_os = "linux")]

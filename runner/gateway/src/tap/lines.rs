@@ -42,7 +42,8 @@ impl Lines {
     ) -> Result<(), PortError> {
         for from in [Side::A, Side::B] {
             let index = from.index();
-            if self.seen[index].is_none() {
+            // A device server tells its lines when it likes.
+            if self.seen[index].is_none() && !ports[index].tells_modem_lines() {
                 continue;
             }
             let Some((known, on)) = inputs(&ports[index]) else { continue };
@@ -71,11 +72,11 @@ impl Lines {
     }
 }
 
-/// The lines that the partner sets.
+/// The lines that the partner sets, if any are known.
 fn inputs(port: &Port) -> Option<(ModemLines, ModemLines)> {
     let (known, on) = port.modem_lines()?;
     let inputs = !ModemLines::OUTPUTS.0;
-    Some((ModemLines(known.0 & inputs), ModemLines(on.0 & inputs)))
+    (known.0 & inputs != 0).then_some((ModemLines(known.0 & inputs), ModemLines(on.0 & inputs)))
 }
 
 fn crossed(on: ModemLines) -> ModemLines {

@@ -169,6 +169,7 @@ impl Tap {
             self.lines.pass(&mut self.ports, &mut |event| sink(now, event))?;
             let mut moved = false;
             for from in [Side::A, Side::B] {
+                self.attend(from, now)?;
                 moved |= self.read(from, sink)?;
                 moved |= self.write(from, sink)?;
             }
@@ -193,6 +194,8 @@ impl Tap {
         loop {
             for from in [Side::A, Side::B] {
                 while self.is_open(from.other()) && self.write(from, sink)? {}
+                let now = self.now();
+                self.attend(from, now)?;
             }
             let is_done = |from: Side| self.held(from) == 0 || !self.is_open(from.other());
             if (is_done(Side::A) && is_done(Side::B)) || self.now() >= until {
@@ -205,6 +208,17 @@ impl Tap {
             way.end_break(&mut self.ports[to.index()])?;
         }
         Ok([self.held(Side::A), self.held(Side::B)])
+    }
+
+    /// Lets a port do what it does of its own.
+    fn attend(&mut self, side: Side, now: Micros) -> Result<(), PortError> {
+        match self.ports[side.index()].attend(now) {
+            Err(PortError::Gone(reason)) => {
+                self.gone.get_or_insert((side, reason));
+                Ok(())
+            }
+            attended => attended,
+        }
     }
 
     fn is_open(&self, side: Side) -> bool {
@@ -260,7 +274,12 @@ impl Tap {
             if !self.is_open(to) {
                 continue;
             }
-            interests[to.index()].write = way.waits_for_port(now);
+            let port = &self.ports[to.index()];
+            let waits = way.waits_for_port(now) && !port.is_suspended();
+            interests[to.index()].write = waits || port.has_output();
+            if let Some(attention) = port.attention() {
+                deadline = deadline.min(attention);
+            }
             if let Some(next) = way.next(now) {
                 deadline = deadline.min(next);
             }

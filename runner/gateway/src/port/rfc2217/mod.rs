@@ -36,7 +36,8 @@ pub struct Rfc2217Port {
     liveness: Liveness,
     /// What came from the line before the port was open.
     early: Vec<u8>,
-    /// Lost after some bytes of a write were taken: told at the next call.
+    /// Lost, maybe found out when some bytes were taken: told by every call from
+    /// then on.
     lost: Option<LinkDownReason>,
 }
 
@@ -62,9 +63,6 @@ impl Rfc2217Port {
             }
         })?;
         port_of_server.session.compare();
-        if let Some(signature) = port_of_server.session.signature() {
-            tracing::debug!(server = address_text(host, port), signature, "device server");
-        }
         Ok(port_of_server)
     }
 
@@ -101,10 +99,14 @@ impl Rfc2217Port {
             sink(Input::Bytes(&early));
             return Ok(ReadOutcome::Read(early.len()));
         }
-        match self.take_in(most, sink) {
-            Err(PortError::Gone(reason)) => Ok(ReadOutcome::Gone(reason)),
-            outcome => outcome,
+        let outcome = match self.take_in(most, sink) {
+            Err(PortError::Gone(reason)) => ReadOutcome::Gone(reason),
+            outcome => outcome?,
+        };
+        if let ReadOutcome::Gone(reason) = outcome {
+            self.lost = Some(reason);
         }
+        Ok(outcome)
     }
 
     /// Writes what finds room at once; 0 if there is none, or if the server

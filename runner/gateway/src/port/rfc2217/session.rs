@@ -340,7 +340,9 @@ impl Session {
             Event::LineState(state) => self.line_state(*state, sink),
             Event::ComPortRefused => self.broken = Some(Broken::Refused),
             Event::Signature(text) if !text.as_bytes().is_empty() => {
-                self.signature = Some(text.as_bytes().escape_ascii().to_string());
+                let signature = text.as_bytes().escape_ascii().to_string();
+                tracing::debug!(signature, "the device server names itself");
+                self.signature = Some(signature);
             }
             Event::BaudRate(_) => {
                 self.rates += 1;

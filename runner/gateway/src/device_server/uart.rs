@@ -1,0 +1,196 @@
+//! The serial port of a simulated device server: characters take their time,
+//! and its own flow control holds them.
+
+use std::collections::VecDeque;
+
+use rfc2217::{DataBits, FlowControl, Parity as WireParity, PortSettings, StopBits};
+use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines, Parity};
+use softplug_conformance::partners::{Partner, Signal};
+
+/// What a device server holds for its serial port.
+pub(super) const TRANSMIT: usize = 1_024;
+/// What it holds of what came; more is an overrun.
+const RECEIVE: usize = 4_096;
+const XON: u8 = 0x11;
+const XOFF: u8 = 0x13;
+
+/// What the serial port has for the client.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(super) enum Heard {
+    Byte(u8),
+    Error(LineErrorKind),
+    /// The inputs of the machine's, and those that are on.
+    Lines(ModemLines, ModemLines),
+}
+
+#[derive(Debug)]
+pub(super) struct Uart<P> {
+    pub(super) partner: P,
+    settings: PortSettings,
+    line: LineParameters,
+    queue: VecDeque<u8>,
+    /// When the character in the shift register has left, and which it is.
+    shifting: Option<(Micros, u8)>,
+    /// From when on the next one could leave: the line was free, there was one,
+    /// and nobody held it.
+    free_since: Micros,
+    /// The machine holds us, and the port obeys.
+    is_held: bool,
+    heard: VecDeque<Heard>,
+}
+
+impl<P: Partner> Uart<P> {
+    pub(super) fn new(partner: P, settings: PortSettings) -> Self {
+        Self {
+            partner,
+            settings,
+            line: line_of(&settings),
+            queue: VecDeque::new(),
+            shifting: None,
+            free_since: Micros(0),
+            is_held: false,
+            heard: VecDeque::new(),
+        }
+    }
+
+    /// The port as another client finds it: what was not sent is dropped, and
+    /// nobody holds it. Its settings stay.
+    pub(super) fn closed(self) -> Self {
+        Self::new(self.partner, self.settings)
+    }
+
+    pub(super) fn settings(&self) -> PortSettings {
+        self.settings
+    }
+
+    pub(super) fn set(&mut self, settings: PortSettings) {
+        self.settings = settings;
+        self.line = line_of(&settings);
+        if settings.flow_control != FlowControl::XonXoff {
+            self.is_held = false;
+        }
+    }
+
+    /// Bytes that may be given to [`send`](Self::send).
+    pub(super) fn room(&self) -> usize {
+        TRANSMIT - self.queue.len()
+    }
+
+    pub(super) fn send(&mut self, now: Micros, bytes: &[u8]) {
+        if self.queue.is_empty() {
+            self.free_since = self.free_since.max(now);
+        }
+        self.queue.extend(bytes);
+    }
+
+    pub(super) fn purge_transmit(&mut self) {
+        self.queue.clear();
+    }
+
+    pub(super) fn purge_receive(&mut self) {
+        self.heard.clear();
+    }
+
+    pub(super) fn inject(&mut self, now: Micros, signal: Signal) {
+        self.hear(now, signal);
+    }
+
+    pub(super) fn next_heard(&self) -> Option<Heard> {
+        self.heard.front().copied()
+    }
+
+    pub(super) fn take_heard(&mut self) {
+        self.heard.pop_front();
+    }
+
+    /// Does what is due.
+    pub(super) fn turn(&mut self, now: Micros) {
+        while let Some((at, byte)) = self.next_character() {
+            if at > now {
+                self.shifting = Some((at, byte));
+                break;
+            }
+            self.free_since = at;
+            self.partner.advance(at);
+            self.partner.receive(at, byte);
+            self.listen(at);
+        }
+        self.partner.advance(now);
+        self.listen(now);
+    }
+
+    /// When [`turn`](Self::turn) has something to do.
+    pub(super) fn next(&self) -> Option<Micros> {
+        let leaves = self.shifting.map(|(at, _)| at);
+        [leaves, self.partner.next_event()].into_iter().flatten().min()
+    }
+
+    /// The character in the shift register, or the next one put there.
+    fn next_character(&mut self) -> Option<(Micros, u8)> {
+        if let Some(shifting) = self.shifting.take() {
+            return Some(shifting);
+        }
+        if self.is_held {
+            return None;
+        }
+        let byte = self.queue.pop_front()?;
+        Some((self.free_since + self.line.characters(1), byte))
+    }
+
+    fn listen(&mut self, now: Micros) {
+        while let Some(signal) = self.partner.poll_signal(now) {
+            self.hear(now, signal);
+        }
+    }
+
+    fn hear(&mut self, now: Micros, signal: Signal) {
+        match signal {
+            Signal::Character(byte @ (XON | XOFF))
+                if self.settings.flow_control == FlowControl::XonXoff =>
+            {
+                self.is_held = byte == XOFF;
+                self.free_since = self.free_since.max(now);
+            }
+            Signal::Character(byte) => self.keep(Heard::Byte(byte)),
+            Signal::LineError { kind, byte } => {
+                if let Some(byte) = byte {
+                    self.keep(Heard::Byte(byte));
+                }
+                self.keep(Heard::Error(kind));
+            }
+            Signal::ModemLines { lines, on } => self.keep(Heard::Lines(lines, on)),
+        }
+    }
+
+    fn keep(&mut self, heard: Heard) {
+        match self.heard.len() {
+            ..RECEIVE => self.heard.push_back(heard),
+            RECEIVE => self.heard.push_back(Heard::Error(LineErrorKind::Overrun)),
+            _ => {}
+        }
+    }
+}
+
+fn line_of(settings: &PortSettings) -> LineParameters {
+    LineParameters {
+        baud: settings.baud_rate,
+        data_bits: match settings.data_bits {
+            DataBits::Five => 5,
+            DataBits::Six => 6,
+            DataBits::Seven => 7,
+            DataBits::Eight => 8,
+        },
+        parity: match settings.parity {
+            WireParity::None => Parity::None,
+            WireParity::Odd => Parity::Odd,
+            WireParity::Even => Parity::Even,
+            WireParity::Mark => Parity::Mark,
+            WireParity::Space => Parity::Space,
+        },
+        stop_half_bits: match settings.stop_bits {
+            StopBits::One => 2,
+            StopBits::OnePointFive => 3,
+            StopBits::Two => 4,
+        },
+    }
+}
