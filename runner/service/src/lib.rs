@@ -1,6 +1,20 @@
-//! The Softplug gateway as a service.
+//! The Softplug gateway as a service: many serial links, each through a
+//! plug-in in its sandbox, with jobs, programs, a library of plug-ins and HTTP.
+//!
+//! [`config`] reads `gateway.toml`; [`gateway`] runs what it describes and is the
+//! one door for whoever wants something of it, be it HTTP, the command or a test;
+//! [`view`] is what they are shown.
+#![cfg(target_os = "linux")]
 
+pub mod config;
 pub mod disk;
+pub mod gateway;
 pub mod guess;
 pub mod http;
 pub mod library;
+pub mod refusal;
+pub mod view;
+
+pub use config::Config;
+pub use gateway::Gateway;
+pub use refusal::Refusal;

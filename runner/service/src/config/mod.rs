@@ -1,0 +1,88 @@
+//! `gateway.toml`: read, checked as a whole, every problem told with its place.
+//!
+//! [`Config::read`] finds out all that can be known without a plug-in;
+//! whether plug-ins exist and take their settings is checked with the library.
+
+mod hint;
+mod link;
+mod problem;
+mod service;
+mod unit;
+mod written;
+
+pub(crate) use hint::of_names;
+pub use link::{
+    Buffer, Endpoint, EndpointKind, Framing, LinkConfig, PortConfig, Probation, Reopen, SwapPolicy,
+    Watchdogs,
+};
+pub use problem::{ConfigError, Place, Problem};
+pub use service::{GatewayConfig, HttpConfig, LogFormat, Supervision};
+
+use std::fs;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use problem::Problems;
+
+/// A configuration of a thousand links has some 300 KiB.
+const LARGEST_FILE: u64 = 8 << 20;
+/// Most links of one gateway.
+pub const MOST_LINKS: usize = 4_096;
+
+/// What a gateway is to do.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Config {
+    /// The file; folders that it names are relative to its own.
+    pub file: PathBuf,
+    /// The gateway itself.
+    pub gateway: GatewayConfig,
+    /// The HTTP API; none if it is not wanted.
+    pub http: Option<HttpConfig>,
+    /// What becomes of plug-ins that fail.
+    pub supervision: Supervision,
+    /// The links, in the order of the file; names and ports are distinct.
+    pub links: Vec<LinkConfig>,
+}
+
+impl Config {
+    /// Reads and checks a file.
+    pub fn read(file: &Path) -> Result<Self, ConfigError> {
+        let text = read_text(file)
+            .map_err(|reason| ConfigError::Unreadable { file: file.to_owned(), reason })?;
+        Self::parse(file, &text)
+    }
+
+    /// Checks the text of a file.
+    pub fn parse(file: &Path, text: &str) -> Result<Self, ConfigError> {
+        let mut problems = Problems::new(file, text);
+        let written: written::File = match toml::from_str(text) {
+            Ok(written) => written,
+            Err(error) => {
+                problems.syntax(&error);
+                problems.end()?;
+                unreachable!("the parser's error was just added");
+            }
+        };
+        let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let folder = folder.unwrap_or(Path::new("."));
+        let gateway = service::gateway(&written.gateway, folder, &mut problems);
+        let http = written.http.as_ref().map(|http| service::http(http, folder, &mut problems));
+        let supervision = service::supervision(&written.supervision, &mut problems);
+        let links = link::all(written.link, &written.defaults, &mut problems);
+        problems.end()?;
+        Ok(Self { file: file.to_owned(), gateway, http, supervision, links })
+    }
+}
+
+fn read_text(file: &Path) -> Result<String, String> {
+    let opened = fs::File::open(file).map_err(|error| error.to_string())?;
+    let mut text = String::new();
+    let read = opened.take(LARGEST_FILE + 1).read_to_string(&mut text);
+    match read {
+        Err(error) => Err(error.to_string()),
+        Ok(_) if text.len() as u64 > LARGEST_FILE => {
+            Err(format!("it is larger than {LARGEST_FILE} bytes"))
+        }
+        Ok(_) => Ok(text),
+    }
+}

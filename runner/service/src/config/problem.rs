@@ -1,0 +1,135 @@
+//! What is wrong with a configuration: each problem with its place and a hint.
+
+use std::fmt;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use thiserror::Error;
+
+use super::hint;
+
+/// A place in a file.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+pub struct Place {
+    /// The file.
+    pub file: PathBuf,
+    /// Line, counted from 1.
+    pub line: usize,
+    /// Column in characters, counted from 1.
+    pub column: usize,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}:{}", self.file.display(), self.line, self.column)
+    }
+}
+
+/// One problem.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+pub struct Problem {
+    /// Where.
+    #[serde(flatten)]
+    pub place: Place,
+    /// What is wrong.
+    pub message: String,
+    /// What to do.
+    pub hint: String,
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}; {}", self.place, self.message, self.hint)
+    }
+}
+
+/// Why there is no configuration.
+#[derive(Clone, PartialEq, Eq, Debug, Error)]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("{} cannot be read: {reason}", file.display())]
+    Unreadable {
+        /// The file.
+        file: PathBuf,
+        /// What the system says.
+        reason: String,
+    },
+    /// It can be read, and says what cannot be done.
+    #[error("{}", list(.0))]
+    Wrong(Vec<Problem>),
+}
+
+fn list(problems: &[Problem]) -> String {
+    let lines: Vec<_> = problems.iter().map(Problem::to_string).collect();
+    lines.join("\n")
+}
+
+/// Collects problems of one file.
+#[derive(Debug)]
+pub(super) struct Problems<'a> {
+    file: &'a Path,
+    text: &'a str,
+    found: Vec<Problem>,
+}
+
+impl<'a> Problems<'a> {
+    pub(super) fn new(file: &'a Path, text: &'a str) -> Self {
+        Self { file, text, found: Vec::new() }
+    }
+
+    pub(super) fn place(&self, span: Range<usize>) -> Place {
+        let (line, column) = line_and_column(self.text, span.start);
+        Place { file: self.file.to_owned(), line, column }
+    }
+
+    pub(super) fn add(
+        &mut self,
+        span: Range<usize>,
+        message: impl fmt::Display,
+        hint: impl fmt::Display,
+    ) {
+        let place = self.place(span);
+        self.found.push(Problem { place, message: message.to_string(), hint: hint.to_string() });
+    }
+
+    /// What the parser found.
+    pub(super) fn syntax(&mut self, error: &toml::de::Error) {
+        let message = error.message().lines().next().unwrap_or_default();
+        let hint = hint::of_parser(message);
+        self.add(error.span().unwrap_or(0..0), message, hint);
+    }
+
+    /// In the order of their places.
+    pub(super) fn end(mut self) -> Result<(), ConfigError> {
+        if self.found.is_empty() {
+            return Ok(());
+        }
+        self.found.sort_by_key(|problem| (problem.place.line, problem.place.column));
+        Err(ConfigError::Wrong(self.found))
+    }
+}
+
+fn line_and_column(text: &str, at: usize) -> (usize, usize) {
+    let mut at = at.min(text.len());
+    while !text.is_char_boundary(at) {
+        at -= 1;
+    }
+    let before = &text[..at];
+    let begin = before.rfind('\n').map_or(0, |newline| newline + 1);
+    (before.matches('\n').count() + 1, before[begin..].chars().count() + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_count_lines_and_characters() {
+        let text = "a = 1\nüb = 2\n";
+        assert_eq!(line_and_column(text, 0), (1, 1));
+        assert_eq!(line_and_column(text, text.find('2').unwrap()), (2, 6));
+        assert_eq!(line_and_column(text, 999), (3, 1));
+        assert_eq!(line_and_column(text, 7), (2, 1), "in the middle of a character");
+    }
+}

@@ -1,0 +1,291 @@
+//! The tables `[gateway]`, `[http]` and `[supervision]`.
+
+use std::net::SocketAddr;
+use std::num::NonZeroU32;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use toml::{Spanned, Value};
+
+use super::problem::Problems;
+use super::unit;
+use super::written::{self, Text};
+use crate::view::StopHow;
+
+/// The gateway itself.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct GatewayConfig {
+    /// Folder of the database and the snapshots.
+    pub state: PathBuf,
+    /// Folder of the plug-ins.
+    pub library: PathBuf,
+    /// Folders of programs; uploads go to the first.
+    pub programs: Vec<PathBuf>,
+    /// Folder below which each link's receptions are put.
+    pub receptions: PathBuf,
+    /// Folder of the traces that led to faults.
+    pub traces: PathBuf,
+    /// I/O threads; by the number of links if `None`.
+    pub threads: Option<usize>,
+    /// Links that one thread serves.
+    pub links_per_thread: usize,
+    /// How to log.
+    pub log: LogFormat,
+    /// What a stop does with jobs.
+    pub stop: StopHow,
+    /// How long a stop waits for them.
+    pub stop_patience: Duration,
+    /// A change of the file takes effect at once.
+    pub watch: bool,
+    /// Entries that the journal keeps.
+    pub journal: u64,
+}
+
+/// How to log.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+pub enum LogFormat {
+    /// For people.
+    #[default]
+    Human,
+    /// One JSON object a line.
+    Json,
+}
+
+/// The HTTP API.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct HttpConfig {
+    /// Address and port.
+    pub listen: SocketAddr,
+    /// File with the tokens' digests and roles.
+    pub tokens: Option<PathBuf>,
+    /// Certificate and key, as PEM.
+    pub tls: Option<(PathBuf, PathBuf)>,
+    /// Most bytes of an uploaded program.
+    pub largest_upload: u64,
+    /// Most connections at one time.
+    pub connections: u32,
+    /// Requests a second from one address, in the long run.
+    pub requests_per_second: NonZeroU32,
+    /// Requests that may come at once.
+    pub burst: NonZeroU32,
+}
+
+/// What becomes of plug-ins that fail.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub struct Supervision {
+    /// Time until the first restart.
+    pub first_delay: Duration,
+    /// It doubles up to this.
+    pub longest_delay: Duration,
+    /// So many faults …
+    pub faults: u32,
+    /// … within this time lead into quarantine.
+    pub within: Duration,
+}
+
+pub(super) fn gateway(
+    written: &written::Gateway,
+    folder: &Path,
+    problems: &mut Problems<'_>,
+) -> GatewayConfig {
+    let path = |text: &Option<Text>, default: PathBuf| {
+        text.as_ref().map_or(default, |text| folder.join(text.get_ref()))
+    };
+    let state = path(&written.state, folder.join("state"));
+    let programs = match &written.programs {
+        None => vec![folder.join("programs")],
+        Some(folders) => folders.iter().map(|text| folder.join(text.get_ref())).collect(),
+    };
+    if let Some(threads) = &written.threads
+        && *threads.get_ref() == 0
+    {
+        problems.add(threads.span(), "threads is 0", "give at least 1, or leave it out");
+    }
+    let links_per_thread = written.links_per_thread.as_ref().map_or(256, |links| {
+        if *links.get_ref() == 0 {
+            problems.add(links.span(), "links-per-thread is 0", "256 suits most");
+        }
+        usize::from(*links.get_ref())
+    });
+    let journal = written.journal.as_ref().map_or(100_000, |entries| {
+        if !(100..=100_000_000).contains(entries.get_ref()) {
+            let range = "give a number of entries from 100 to 100000000";
+            problems.add(entries.span(), "the journal cannot be so large or small", range);
+        }
+        *entries.get_ref()
+    });
+    GatewayConfig {
+        library: path(&written.library, state.join("plugins")),
+        programs,
+        receptions: path(&written.receptions, state.join("receptions")),
+        traces: path(&written.traces, state.join("traces")),
+        state,
+        threads: written.threads.as_ref().map(|threads| usize::from(*threads.get_ref())),
+        links_per_thread,
+        log: choice(
+            written.log.as_ref(),
+            &[("human", LogFormat::Human), ("json", LogFormat::Json)],
+            problems,
+        ),
+        stop: choice(
+            written.stop.as_ref(),
+            &[("park", StopHow::Park), ("finish", StopHow::Finish)],
+            problems,
+        ),
+        stop_patience: span(written.stop_patience.as_ref(), 30_000, problems),
+        watch: written.watch.unwrap_or(true),
+        journal,
+    }
+}
+
+pub(super) fn http(
+    written: &Spanned<written::Http>,
+    folder: &Path,
+    problems: &mut Problems<'_>,
+) -> HttpConfig {
+    let at = written.span();
+    let written = written.get_ref();
+    let mut listen = SocketAddr::from(([127, 0, 0, 1], 8117));
+    if let Some(text) = &written.listen {
+        listen = address(text, problems).unwrap_or(listen);
+    }
+    let path = |text: &Option<Text>| text.as_ref().map(|text| folder.join(text.get_ref()));
+    let tokens = path(&written.tokens);
+    if tokens.is_none() && !listen.ip().is_loopback() {
+        let span = written.listen.as_ref().map_or(at.clone(), Spanned::span);
+        problems.add(
+            span,
+            format_args!("{listen} can be reached from elsewhere, and there are no tokens"),
+            "name a file with tokens (tokens = \"tokens.toml\"), or listen on 127.0.0.1",
+        );
+    }
+    let tls = match (path(&written.certificate), path(&written.key)) {
+        (Some(certificate), Some(key)) => Some((certificate, key)),
+        (None, None) => None,
+        _ => {
+            let given = written.certificate.as_ref().or(written.key.as_ref());
+            let span = given.map_or(at.clone(), Spanned::span);
+            problems.add(span, "certificate and key go together", "give both, or none");
+            None
+        }
+    };
+    let largest_upload = written
+        .largest_upload
+        .as_ref()
+        .map_or(256 << 20, |value| bytes(value, 1, 1 << 40, problems).unwrap_or_default());
+    let mut at_least_one = |value: &Option<Spanned<u32>>, default: u32| {
+        let number = value.as_ref().map_or(default, |value| {
+            if *value.get_ref() == 0 {
+                problems.add(value.span(), "it is 0", "give at least 1, or leave it out");
+            }
+            *value.get_ref()
+        });
+        NonZeroU32::new(number).unwrap_or(NonZeroU32::MIN)
+    };
+    HttpConfig {
+        listen,
+        tokens,
+        tls,
+        largest_upload,
+        connections: at_least_one(&written.connections, 512).get(),
+        requests_per_second: at_least_one(&written.requests_per_second, 50),
+        burst: at_least_one(&written.burst, 200),
+    }
+}
+
+pub(super) fn supervision(
+    written: &written::Supervision,
+    problems: &mut Problems<'_>,
+) -> Supervision {
+    let first_delay = span(written.first_delay.as_ref(), 100, problems);
+    let longest_delay = span(written.longest_delay.as_ref(), 30_000, problems);
+    if let Some(text) = &written.longest_delay
+        && longest_delay < first_delay
+    {
+        problems.add(text.span(), "longest-delay is under first-delay", "make it larger");
+    }
+    let faults = written.faults.as_ref().map_or(5, |faults| {
+        if *faults.get_ref() == 0 {
+            problems.add(faults.span(), "faults is 0", "1 puts a link into quarantine at once");
+        }
+        *faults.get_ref()
+    });
+    let within = span(written.within.as_ref(), 600_000, problems);
+    Supervision { first_delay, longest_delay, faults, within }
+}
+
+pub(super) fn address(text: &Text, problems: &mut Problems<'_>) -> Option<SocketAddr> {
+    let parsed = text.get_ref().parse().ok();
+    if parsed.is_none() {
+        problems.add(
+            text.span(),
+            format_args!("\"{}\" is not an address and a port", text.get_ref().escape_debug()),
+            "write it as 127.0.0.1:8117 or [::1]:8117; a host's name does not do",
+        );
+    }
+    parsed
+}
+
+pub(super) fn choice<T: Copy + Default>(
+    text: Option<&Text>,
+    choices: &[(&str, T)],
+    problems: &mut Problems<'_>,
+) -> T {
+    let Some(text) = text else { return T::default() };
+    if let Some((_, value)) = choices.iter().find(|(name, _)| name == text.get_ref()) {
+        return *value;
+    }
+    let given = text.get_ref();
+    problems.add(
+        text.span(),
+        format_args!("\"{}\" is not known here", given.escape_debug()),
+        super::of_names("known here", given, choices.iter().map(|(name, _)| *name)),
+    );
+    T::default()
+}
+
+pub(super) fn span(
+    text: Option<&Text>,
+    default_millis: u64,
+    problems: &mut Problems<'_>,
+) -> Duration {
+    optional_span(text, problems).unwrap_or(Duration::from_millis(default_millis))
+}
+
+pub(super) fn optional_span(text: Option<&Text>, problems: &mut Problems<'_>) -> Option<Duration> {
+    let text = text?;
+    match unit::span(text.get_ref()) {
+        Ok(span) => Some(span),
+        Err(hint) => {
+            let given = text.get_ref().escape_debug();
+            problems.add(text.span(), format_args!("\"{given}\" is not a span of time"), hint);
+            None
+        }
+    }
+}
+
+/// A number of bytes: a number, or a text with a unit.
+pub(super) fn bytes(
+    value: &Spanned<Value>,
+    least: u64,
+    most: u64,
+    problems: &mut Problems<'_>,
+) -> Option<u64> {
+    let parsed = match value.get_ref() {
+        Value::Integer(number) => u64::try_from(*number).map_err(|_| "it is negative"),
+        Value::String(text) => unit::bytes(text),
+        _ => Err("write a number of bytes: 512, \"16KiB\" or \"64MiB\""),
+    };
+    match parsed {
+        Ok(bytes) if (least..=most).contains(&bytes) => Some(bytes),
+        Ok(bytes) => {
+            let hint = format!("give {least} to {most} bytes");
+            problems.add(value.span(), format_args!("{bytes} bytes do not do here"), hint);
+            None
+        }
+        Err(hint) => {
+            problems.add(value.span(), "this is not a number of bytes", hint);
+            None
+        }
+    }
+}

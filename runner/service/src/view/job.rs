@@ -1,0 +1,190 @@
+//! A job as it is shown, and as it is ordered.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use utoipa::{IntoParams, ToSchema};
+
+use super::{FieldView, TimeMs};
+
+/// A job.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, ToSchema)]
+pub struct JobView {
+    /// Its number; never used again.
+    pub id: u32,
+    /// The link.
+    pub link: String,
+    /// The kind, as the plug-in's manifest names it: `send`, `read`, `write` …
+    pub kind: String,
+    /// How far it is.
+    pub state: JobState,
+    /// Who wanted it.
+    pub origin: JobOrigin,
+    /// The program.
+    pub program: Option<String>,
+    /// Its fields.
+    pub fields: BTreeMap<String, String>,
+    /// Jobs of a higher priority come first.
+    pub priority: i32,
+    /// Bytes of data, if that is known.
+    pub size: Option<u64>,
+    /// The byte of the program at which it begins.
+    pub start_byte: u64,
+    /// The block at which it begins, counted from 1; 1 is the program's first.
+    pub start_block: u64,
+    /// Bytes of the program that the plug-in has taken, the ones before `start_byte` included.
+    pub taken: u64,
+    /// Bytes that have left for it on the line.
+    pub sent: u64,
+    /// The program up to this byte has surely left.
+    pub surely_left: u64,
+    /// The program up to this byte may have left.
+    pub maybe_left: u64,
+    /// The last block that has surely left as a whole.
+    pub last_block: Option<u64>,
+    /// When it was ordered.
+    pub created_ms: TimeMs,
+    /// When it began.
+    pub started_ms: Option<TimeMs>,
+    /// When it ended.
+    pub ended_ms: Option<TimeMs>,
+    /// Why it failed, as the ABI names it.
+    pub failure: Option<String>,
+    /// The same in a sentence, with the protocol's own words.
+    pub message: Option<String>,
+    /// The fault that a check found in the program.
+    pub check: Option<CheckFault>,
+    /// The reception that holds what a job brought.
+    pub answer: Option<String>,
+    /// The job that this one is a restart of.
+    pub restart_of: Option<u32>,
+}
+
+/// A job in short, on its link.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize, ToSchema)]
+pub struct JobBrief {
+    /// Its number.
+    pub id: u32,
+    /// The kind.
+    pub kind: String,
+    /// The program.
+    pub program: Option<String>,
+    /// How far it is.
+    pub state: JobState,
+    /// Bytes of data, if that is known.
+    pub size: Option<u64>,
+    /// Bytes of it that the plug-in has taken.
+    pub taken: u64,
+    /// Bytes that have surely left.
+    pub surely_left: u64,
+}
+
+/// How far a job is.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum JobState {
+    /// It waits.
+    Queued,
+    /// It is being carried out.
+    Running,
+    /// Someone has paused it.
+    Paused,
+    /// Done: the last bit has left.
+    Done,
+    /// It has failed.
+    Failed,
+    /// Someone has aborted it.
+    Aborted,
+    /// The gateway, the plug-in or the port ended in the middle of it; it can be restarted at a block.
+    Interrupted,
+}
+
+impl JobState {
+    /// Its name, as in JSON.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Queued => "queued",
+            Self::Running => "running",
+            Self::Paused => "paused",
+            Self::Done => "done",
+            Self::Failed => "failed",
+            Self::Aborted => "aborted",
+            Self::Interrupted => "interrupted",
+        }
+    }
+
+    /// Whether nothing more happens to it by itself.
+    pub const fn is_final(self) -> bool {
+        matches!(self, Self::Done | Self::Failed | Self::Aborted | Self::Interrupted)
+    }
+}
+
+/// Who wanted a job.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum JobOrigin {
+    /// Someone at the API, the page or the command.
+    #[default]
+    Order,
+    /// The operator at the machine's panel.
+    Panel,
+    /// The client of the link's endpoint.
+    Endpoint,
+}
+
+/// A fault that a check found in a program.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize, ToSchema)]
+pub struct CheckFault {
+    /// Line, counted from 1; 0 if unknown.
+    pub line: u32,
+    /// Column, counted from 1; 0 if unknown.
+    pub column: u32,
+}
+
+/// A job that is wanted.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct JobOrder {
+    /// The kind, as the plug-in's manifest names it; `send` if nothing is said.
+    #[serde(default)]
+    pub kind: Option<String>,
+    /// The program, for kinds that send one.
+    #[serde(default)]
+    pub program: Option<String>,
+    /// Fields of the job, as text.
+    #[serde(default)]
+    pub fields: BTreeMap<String, String>,
+    /// Jobs of a higher priority come first; 0 if nothing is said.
+    #[serde(default)]
+    pub priority: i32,
+    /// Begin at this block of the program, counted from 1.
+    #[serde(default)]
+    pub from_block: Option<u64>,
+}
+
+/// Which jobs to list.
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize, IntoParams, ToSchema)]
+#[serde(deny_unknown_fields, default)]
+#[into_params(parameter_in = Query)]
+pub struct JobFilter {
+    /// Of this link only.
+    pub link: Option<String>,
+    /// In this state only.
+    #[param(inline)]
+    pub state: Option<JobState>,
+    /// Only jobs with a lower number than this one: the next page.
+    pub before: Option<u32>,
+    /// At most so many, the newest first; 100 if nothing is said, 1,000 at most.
+    #[param(maximum = 1000)]
+    pub limit: Option<u32>,
+}
+
+/// A kind of job that a link's plug-in takes, or of a request that it makes.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize, ToSchema)]
+pub struct KindView {
+    /// Its name.
+    pub name: String,
+    /// What it does.
+    pub text: String,
+    /// Its fields.
+    pub fields: Vec<FieldView>,
+}

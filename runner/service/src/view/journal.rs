@@ -1,0 +1,68 @@
+//! The journal as it is shown.
+
+use serde::{Deserialize, Serialize};
+use utoipa::{IntoParams, ToSchema};
+
+use super::TimeMs;
+
+/// An entry of the journal.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize, ToSchema)]
+pub struct JournalEntry {
+    /// Its number, rising.
+    pub number: u64,
+    /// When.
+    pub at_ms: TimeMs,
+    /// What it is about.
+    pub kind: JournalKind,
+    /// The link.
+    pub link: Option<String>,
+    /// The job.
+    pub job: Option<u32>,
+    /// What happened, in a sentence.
+    pub text: String,
+}
+
+/// What an entry of the journal is about.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum JournalKind {
+    /// The gateway started, stopped, or took a new configuration.
+    Gateway,
+    /// A port came, went, or has other settings than asked for.
+    Port,
+    /// A job changed its state.
+    Job,
+    /// Something was received.
+    Reception,
+    /// A machine asked for something.
+    Request,
+    /// A plug-in was swapped.
+    Swap,
+    /// A plug-in failed, was started again or went into quarantine.
+    Fault,
+    /// A watchdog barked.
+    Alarm,
+    /// A plug-in or a program was added or removed.
+    Library,
+    /// A plug-in said something that matters.
+    Note,
+}
+
+/// Which entries of the journal to list.
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize, IntoParams, ToSchema)]
+#[serde(deny_unknown_fields, default)]
+#[into_params(parameter_in = Query)]
+pub struct JournalFilter {
+    /// Of this link only.
+    pub link: Option<String>,
+    /// Of this kind only.
+    #[param(inline)]
+    pub kind: Option<JournalKind>,
+    /// Of this job only.
+    pub job: Option<u32>,
+    /// Only entries with a lower number than this one: the next page.
+    pub before: Option<u64>,
+    /// At most so many, the newest first; 100 if nothing is said, 1,000 at most.
+    #[param(maximum = 1000)]
+    pub limit: Option<u32>,
+}

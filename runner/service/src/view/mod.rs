@@ -1,0 +1,37 @@
+//! What the gateway shows and takes: plain data, the same in the HTTP API, its
+//! OpenAPI document, the command and the web page.
+//!
+//! Times of day are milliseconds since 1970 (UTC), spans are microseconds; a
+//! field's name says which (`_ms` is a time of day, `_us` a span).
+
+mod change;
+mod health;
+mod job;
+mod journal;
+mod link;
+mod plugin;
+mod program;
+mod swap;
+
+pub use change::{Change, Seen, SeenWhat};
+pub use health::{HealthView, LinkCounts, ReadyView, ReloadView, RemadeLink, StopHow};
+pub use job::{CheckFault, JobBrief, JobFilter, JobOrder, JobOrigin, JobState, JobView, KindView};
+pub use journal::{JournalEntry, JournalFilter, JournalKind};
+pub use link::{
+    AlarmView, BufferView, CountersView, DownView, EndpointView, FaultView, LinkState, LinkView,
+    PortView, QuarantineView, ReceivingView,
+};
+pub use plugin::{FieldView, PluginRef, PluginView, SettingView};
+pub use program::{Compared, ProgramView, ReceptionView};
+pub use swap::{ProbationOrder, ProbationView, SwapOrder, SwapState, SwapView, SwapWhen};
+
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// A time of day, in milliseconds since 1970 (UTC).
+pub type TimeMs = u64;
+
+/// Now.
+pub fn now_ms() -> TimeMs {
+    // A clock before 1970 is one that was never set.
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |span| span.as_millis() as u64)
+}
