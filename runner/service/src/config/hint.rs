@@ -1,15 +1,6 @@
 //! What to do about what the parser of TOML says.
 
-/// The known name that is so near to `name` that it was probably meant.
-pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let likeness = |known: &str| strsim::jaro_winkler(&name.to_lowercase(), &known.to_lowercase());
-    known
-        .into_iter()
-        .map(|known| (likeness(known), known))
-        .filter(|(likeness, _)| *likeness > 0.8)
-        .max_by(|(one, _), (other, _)| one.total_cmp(other))
-        .map(|(_, known)| known)
-}
+use crate::guess::nearest;
 
 /// "did you mean", or what there is.
 pub(crate) fn of_names<'a>(

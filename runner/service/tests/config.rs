@@ -1,0 +1,201 @@
+//! `gateway.toml`: what may stand in it, and what is said of what may not.
+#![cfg(target_os = "linux")]
+
+use std::path::Path;
+use std::time::Duration;
+
+use softplug_gateway::{Flow, PortSpec};
+use softplug_service::config::{
+    Config, ConfigError, EndpointKind, Framing, LogFormat, PortConfig, SwapPolicy,
+};
+
+const FULL: &str = r#"
+[gateway]
+state = "/var/lib/softplug"
+library = "plugins"
+programs = ["programs", "/srv/nc"]
+threads = 2
+log = "json"
+stop = "finish"
+
+[http]
+listen = "127.0.0.1:8118"
+tokens = "tokens.toml"
+largest-upload = "64 MiB"
+
+[supervision]
+faults = 3
+within = "5m"
+
+[defaults]
+plugin = "xon-xoff@0.1"
+line = "19200 7E2"
+settings = { stop-level = 64, wait_for_xon = true }
+
+[[link]]
+name = "lathe-1"
+port = "/dev/ttyUSB0"
+flow = "device"
+settings = { stop-level = 32 }
+search = ["lathes", "common"]
+buffer = { size = 16384, low = 4096, high = "12 KiB" }
+endpoint = { listen = "127.0.0.1:4001", kind = "rfc2217", gap = "20ms" }
+watchdog = { no-bytes = "10m" }
+swap = "follow"
+
+[[link]]
+name = "mill"
+port = "tcp://moxa:4001"
+line = "8N1"
+plugin = "r3964"
+"#;
+
+fn parse(text: &str) -> Result<Config, ConfigError> {
+    Config::parse(Path::new("shop/gateway.toml"), text)
+}
+
+/// Each problem as `line:column: message; hint`.
+fn problems(text: &str) -> Vec<String> {
+    match parse(text) {
+        Err(ConfigError::Wrong(problems)) => problems
+            .iter()
+            .map(|problem| problem.to_string().replace("shop/gateway.toml:", ""))
+            .collect(),
+        other => panic!("no problems but {other:?}"),
+    }
+}
+
+#[test]
+fn all_of_it_is_understood() {
+    let config = parse(FULL).unwrap();
+    assert_eq!(config.gateway.state, Path::new("/var/lib/softplug"));
+    assert_eq!(config.gateway.library, Path::new("shop/plugins"));
+    assert_eq!(config.gateway.programs[1], Path::new("/srv/nc"));
+    assert_eq!(config.gateway.receptions, Path::new("/var/lib/softplug/receptions"));
+    assert_eq!(config.gateway.log, LogFormat::Json);
+    assert_eq!(config.http.unwrap().largest_upload, 64 << 20);
+    assert_eq!(config.supervision.faults, 3);
+    let [lathe, mill] = &config.links[..] else { panic!("two links") };
+    assert_eq!(lathe.port, PortConfig::Port(PortSpec::Device("/dev/ttyUSB0".into())));
+    assert_eq!(lathe.line_text(), "19200 7E2");
+    assert_eq!(lathe.flow, Flow::Device);
+    assert_eq!(lathe.plugin, "xon-xoff@0.1");
+    let settings: Vec<_> = lathe.settings.iter().collect();
+    let expected = [("stop_level", "32"), ("wait_for_xon", "on")];
+    assert!(settings.iter().map(|(n, v)| (n.as_str(), v.as_str())).eq(expected), "{settings:?}");
+    assert_eq!(lathe.buffer.high, 12_288);
+    let endpoint = lathe.endpoint.unwrap();
+    assert_eq!(endpoint.kind, EndpointKind::Rfc2217);
+    assert_eq!(endpoint.framing, Framing::Gap(Duration::from_millis(20)));
+    assert_eq!(lathe.watchdogs.no_bytes, Some(Duration::from_secs(600)));
+    assert_eq!(lathe.swap, SwapPolicy::Follow);
+    assert_eq!(mill.line_text(), "8N1", "a device server keeps its own rate");
+    assert!(mill.settings.is_empty(), "settings belong to the plug-in of the defaults");
+    assert_eq!(mill.receive, "mill");
+}
+
+#[test]
+fn an_empty_file_is_a_gateway_without_links() {
+    let config = parse("").unwrap();
+    assert!(config.links.is_empty() && config.http.is_none() && config.gateway.watch);
+    assert_eq!(parse("[http]").unwrap().http.unwrap().listen.to_string(), "127.0.0.1:8117");
+}
+
+#[test]
+fn every_problem_has_its_place_and_a_hint() {
+    let link = |rest: &str| format!("[[link]]\nname = \"a\"\nplugin = \"x\"\n{rest}\n");
+    let cases = [
+        ("[gateway]\nthreds = 2\n", "2:1: unknown field `threds`, "),
+        ("[[link]\n", "1:"),
+        ("[gateway]\nthreads = \"two\"\n", "2:11: invalid type: string \"two\", expected u16; "),
+        ("[gateway]\nthreads = 0\n", "2:11: threads is 0; give at least 1"),
+        ("[gateway]\nstop = \"prak\"\n", "2:8: \"prak\" is not known here; did you mean \"park\"?"),
+        ("[http]\nlisten = \"0.0.0.0:80\"\n", "2:10: 0.0.0.0:80 can be reached from elsewhere"),
+        ("[http]\nlisten = \"gateway:80\"\n", "2:10: \"gateway:80\" is not an address and a port"),
+        ("[http]\nkey = \"key.pem\"\n", "2:7: certificate and key go together"),
+        ("[http]\nburst = 0\n", "2:9: it is 0"),
+        ("[supervision]\nwithin = \"5\"\n", "2:10: \"5\" is not a span of time; write a number"),
+        ("[[link]]\nport = \"pty:\"\n", "1:1: this link has no name; add a line"),
+        (&link(""), "1:1: the link \"a\" has no port; add a line"),
+        ("[[link]]\nname = \"../a\"\n", "2:8: \"../a\" cannot name a link; use 1 to 64"),
+        (&link("port = \"COM3\""), "4:8: `COM3` names no port; give a device"),
+        (&link("port = \"simulate:r3965\""), "4:8: \"r3965\" is no machine to simulate; did you"),
+        (&link("port = \"/dev/ttyS0\""), "1:1: a serial port needs a baud rate; add one"),
+        (&link("port = \"pty:\"\nline = \"9600 9N1\""), "5:8: `9N1` is not a form of characters; "),
+        (&link("port = \"pty:\"\ndepth = 0"), "5:9: so many characters cannot be in flight; "),
+        (&link("port = \"pty:\"\nsearch = [\"a/b\"]"), "5:11: \"a/b\" cannot name a folder; use"),
+        (&link("port = \"pty:\"\nsettings = { a = 1.5 }"), "5:18: the setting \"a\" has no such"),
+        (
+            &link("port = \"pty:\"\nbuffer = { low = 9, high = 9 }"),
+            "5:10: the marks do not fit: size 16384, low 9, high 9; low must",
+        ),
+        (&link("port = \"pty:\"\nbuffer = { size = \"1T\" }"), "5:19: this is not a number of by"),
+        (&link("port = \"pty:\"\nendpoint = { kind = \"raw\" }"), "5:12: the endpoint has no addr"),
+        ("[defaults]\nport = \"pty:\"\n", "2:8: port cannot be the same for all links; move"),
+    ];
+    for (text, expected) in cases {
+        let found = problems(text);
+        assert!(found[0].starts_with(expected), "{text}\n{found:#?}");
+        assert!(found[0].contains("; "), "a hint is missing: {found:#?}");
+    }
+}
+
+#[test]
+fn links_may_not_be_in_each_others_way() {
+    let two = |one: &str, other: &str| {
+        let one = format!("[[link]]\nplugin = \"x\"\n{one}\n");
+        problems(&format!("{one}[[link]]\nplugin = \"x\"\n{other}\n"))
+    };
+    let found = two("name = \"a\"\nport = \"pty:\"", "name = \"A\"\nport = \"pty:\"");
+    assert!(found[0].starts_with("7:8: there are two links \"A\"; "), "{found:?}");
+    let port = "line = \"9600\"\nport = \"/dev/ttyS0\"";
+    let found = two(&format!("name = \"a\"\n{port}"), &format!("name = \"b\"\n{port}"));
+    assert!(found[0].contains("the link \"a\" has the same port /dev/ttyS0; "), "{found:?}");
+    let end = "port = \"pty:\"\nendpoint = { listen = \"127.0.0.1:4001\" }";
+    let found = two(&format!("name = \"a\"\n{end}"), &format!("name = \"b\"\n{end}"));
+    assert!(found[0].contains("the endpoint of \"a\" listens on 127.0.0.1:4001 too"), "{found:?}");
+    let found =
+        two("name = \"a\"\nport = \"pty:\"\nreceive = \"b\"", "name = \"b\"\nport = \"pty:\"");
+    assert!(found[0].contains("receives into the same folder \"b\""), "{found:?}");
+}
+
+#[test]
+fn all_problems_are_told_at_once() {
+    let found = problems("[gateway]\nthreads = 0\nstop = \"x\"\n[[link]]\n[[link]]\nname = \"\"\n");
+    assert_eq!(found.len(), 4, "{found:#?}");
+}
+
+#[test]
+fn what_changed_is_seen_key_by_key() {
+    let one = parse(FULL).unwrap();
+    let other = parse(&FULL.replace("size = 16384", "size = 32768").replace("\"8N1\"", "\"7E1\""));
+    let other = other.unwrap();
+    assert_eq!(one.links[0].changed_keys(&other.links[0]), ["buffer"]);
+    assert_eq!(one.links[1].changed_keys(&other.links[1]), ["line"]);
+    let moved = parse(&format!("\n\n{FULL}")).unwrap();
+    assert_eq!(one, moved, "where something is written says nothing of what it is");
+}
+
+#[test]
+fn files_that_cannot_be_read_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let missing = folder.path().join("gateway.toml");
+    let error = Config::read(&missing).unwrap_err();
+    assert!(error.to_string().starts_with(&format!("{} cannot be read", missing.display())));
+    std::fs::write(&missing, [0xFF, 0xFE, b'a']).unwrap();
+    assert!(matches!(Config::read(&missing), Err(ConfigError::Unreadable { .. })));
+}
+
+proptest::proptest! {
+    /// Whatever stands in the file, it is a configuration or a list of problems.
+    #[test]
+    fn no_text_panics(at in 0_usize..FULL.len(), cut in 0_usize..40, put in ".{0,8}") {
+        let mut text = FULL.to_owned();
+        let floor = |mut at: usize| { while !FULL.is_char_boundary(at) { at -= 1; } at };
+        let (from, to) = (floor(at), floor((at + cut).min(FULL.len())));
+        text.replace_range(from..to, &put);
+        if let Err(error) = parse(&text) {
+            proptest::prop_assert!(!error.to_string().is_empty());
+        }
+    }
+}
