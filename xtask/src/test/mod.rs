@@ -45,6 +45,11 @@ const TOOLS: &[Tool] = &[
         purpose: "the page of a report in a real browser",
     },
     Tool {
+        program: "ser2net",
+        package: "ser2net",
+        purpose: "device servers: our RFC 2217 against that of ser2net",
+    },
+    Tool {
         program: "tshark",
         package: "tshark",
         purpose: "captures and hex dumps in Wireshark's own tools (tshark and text2pcap)",

@@ -32,13 +32,6 @@ impl Machine {
         self.0.lock().unwrap()
     }
 
-    /// Sends back what it gets.
-    pub(crate) fn echo() -> Self {
-        let machine = Self::default();
-        machine.state().echoes = true;
-        machine
-    }
-
     /// Sends XOFF once it has `count` characters.
     pub(crate) fn holding_after(count: usize) -> Self {
         let machine = Self::default();

@@ -4,6 +4,7 @@
 mod liveness;
 mod session;
 
+use std::io;
 use std::os::fd::BorrowedFd;
 use std::time::{Duration, Instant};
 
@@ -61,6 +62,13 @@ impl Rfc2217Port {
             Failed::Peer(reason) => {
                 PortError::NotRfc2217 { address: address_text(host, port), reason }
             }
+            Failed::HungUp => PortError::Connect {
+                address: address_text(host, port),
+                source: io::Error::new(
+                    io::ErrorKind::ConnectionReset,
+                    "the server hung up at once; maybe another client has its port",
+                ),
+            },
         })?;
         port_of_server.session.compare();
         Ok(port_of_server)
@@ -280,10 +288,14 @@ impl Rfc2217Port {
                 Some(Broken::Echo) => return Err(Failed::Peer("it sends back what it is sent")),
                 Some(Broken::Deaf) | None => {}
             }
-            match outcome.map_err(Failed::Port)? {
+            let outcome = outcome.map_err(|error| match error {
+                PortError::Gone(_) => Failed::HungUp,
+                error => Failed::Port(error),
+            })?;
+            match outcome {
                 ReadOutcome::Read(_) if self.early.len() < EARLY_BYTES => {}
                 ReadOutcome::Read(_) | ReadOutcome::Empty => return Ok(()),
-                ReadOutcome::Gone(reason) => return Err(Failed::Port(PortError::Gone(reason))),
+                ReadOutcome::Gone(_) => return Err(Failed::HungUp),
             }
         }
     }
@@ -304,4 +316,5 @@ impl Rfc2217Port {
 enum Failed {
     Port(PortError),
     Peer(&'static str),
+    HungUp,
 }
