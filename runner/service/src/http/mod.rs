@@ -8,6 +8,7 @@ mod entry;
 mod extract;
 mod options;
 mod problem;
+mod routes;
 mod server;
 mod stream;
 mod tls;
@@ -15,7 +16,19 @@ mod tokens;
 mod upload;
 
 pub use options::{Certificate, Limits, Options};
+pub(crate) use entry::Tally;
 pub use problem::Problem;
+pub use routes::MeView;
 pub use server::{ServeError, Server};
 pub use tls::CertificateError;
 pub use tokens::{Entry, Role, Tokens, TokensError, new_token};
+
+use crate::Gateway;
+
+/// Serves the API and the page for a gateway.
+///
+/// # Errors
+/// The address, the tokens or the certificate cannot be used.
+pub fn serve(gateway: Gateway, options: &Options) -> Result<Server, ServeError> {
+    Server::start(options, |surroundings| routes::all(gateway, options.limits, surroundings))
+}

@@ -68,15 +68,30 @@ pub(super) const HEAD_PATIENCE: Duration = Duration::from_secs(30);
 pub(super) const DOCUMENT_PATIENCE: Duration = Duration::from_secs(10);
 /// A client that takes nothing of its answer for as long is gone.
 pub(super) const WRITE_PATIENCE: Duration = Duration::from_secs(60);
-/// An upload is looked at as often, and must have brought [`UPLOAD_PACE`] bytes since.
-pub(super) const UPLOAD_PATIENCE: Duration = Duration::from_secs(30);
-/// See [`UPLOAD_PATIENCE`].
-pub(super) const UPLOAD_PACE: u64 = 4096;
-/// Uploads and direct feeds at one time.
-pub(super) const UPLOADS: usize = 64;
+/// How slowly a body may come, while we are ready to take it.
+#[derive(Copy, Clone, Debug)]
+pub(super) struct Pace {
+    /// In this time …
+    pub(super) patience: Duration,
+    /// … so many bytes at least.
+    pub(super) bytes: u64,
+}
+
+/// Of an upload.
+pub(super) const UPLOAD_PACE: Pace = Pace { patience: Duration::from_secs(30), bytes: 4096 };
+/// Of a direct feed, whose source may be a person or a machine too.
+pub(super) const FEED_PACE: Pace = Pace { patience: Duration::from_mins(10), bytes: 1 };
+/// Largest plug-in, in bytes; it is held in memory.
+pub(super) const PLUGIN_BYTES: u64 = 16 * 1024 * 1024;
+/// Uploads at one time.
+pub(super) const UPLOADS: usize = 32;
+/// Direct feeds at one time; each has a thread.
+pub(super) const FEEDS: usize = 64;
 /// Streams of events at one time.
 pub(super) const STREAMS: usize = 256;
 /// A stream without news says so as often; less than [`HEAD_PATIENCE`].
 pub(super) const HEARTBEAT: Duration = Duration::from_secs(10);
-/// News are looked for as often.
+/// What passes on a line is looked for as often.
 pub(super) const GATHER: Duration = Duration::from_millis(50);
+/// Changes are looked for as often.
+pub(super) const GATHER_CHANGES: Duration = Duration::from_millis(200);

@@ -1,15 +1,15 @@
 //! News as server-sent events.
 
 use std::convert::Infallible;
-use std::sync::mpsc::{Receiver, TryRecvError};
+use std::time::Duration;
 
-use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::sse::{Event, KeepAlive, KeepAliveStream, Sse};
 use serde::Serialize;
 use tokio::sync::{OwnedSemaphorePermit, mpsc, watch};
 use tokio::time::{MissedTickBehavior, interval};
 use tokio_stream::wrappers::ReceiverStream;
 
-use super::options::{GATHER, HEARTBEAT};
+use super::options::HEARTBEAT;
 
 /// Most news in one event.
 const BATCH: usize = 256;
@@ -17,17 +17,38 @@ const BATCH: usize = 256;
 const WAITING: usize = 4;
 
 /// The answer to whoever listens.
-pub(super) type Stream = Sse<axum::response::sse::KeepAliveStream<ReceiverStream<News>>>;
+pub(super) type Stream = Sse<KeepAliveStream<ReceiverStream<Result<Event, Infallible>>>>;
 
-/// What such an answer is made of.
-pub(super) type News = Result<Event, Infallible>;
+/// What a look at a source brought.
+#[derive(Debug)]
+pub(super) enum Polled<T> {
+    /// The next of its news.
+    News(T),
+    /// So many were dropped, because they were not taken in time.
+    Missed(u64),
+    /// None at the moment.
+    Nothing,
+    /// None ever again.
+    End,
+}
 
-/// Tells on what comes: lists of news, gathered for a short while, as JSON.
+/// How news are told.
+#[derive(Debug)]
+pub(super) struct Telling<T> {
+    /// Name of the events, each a list of news.
+    pub(super) name: &'static str,
+    /// News are looked for as often.
+    pub(super) gather: Duration,
+    /// Takes out of a list what later news in it make superfluous.
+    pub(super) thin: fn(Vec<T>) -> Vec<T>,
+}
+
+/// Tells on what a source brings, until it ends, the client is gone, or the gateway stops.
 ///
-/// Ends when the source does, when the client is gone, or when the gateway stops.
+/// The source is looked at without waiting.
 pub(super) fn of<T>(
-    source: Receiver<T>,
-    name: &'static str,
+    mut source: impl FnMut() -> Polled<T> + Send + 'static,
+    telling: Telling<T>,
     mut stopping: watch::Receiver<bool>,
     permit: OwnedSemaphorePermit,
 ) -> Stream
@@ -37,7 +58,7 @@ where
     let (sender, receiver) = mpsc::channel(WAITING);
     tokio::spawn(async move {
         let _permit = permit;
-        let mut ticks = interval(GATHER);
+        let mut ticks = interval(telling.gather);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             tokio::select! {
@@ -45,26 +66,52 @@ where
                 () = sender.closed() => return,
                 _ = stopping.wait_for(|stop| *stop) => return,
             }
-            let mut batch = Vec::new();
-            let over = loop {
-                match source.try_recv() {
-                    Ok(news) => batch.push(news),
-                    Err(end) => break end == TryRecvError::Disconnected,
-                }
-                if batch.len() == BATCH {
-                    break false;
-                }
-            };
-            if !batch.is_empty() {
-                let Ok(event) = Event::default().event(name).json_data(&batch) else { return };
+            let gathered = gather(&mut source);
+            let ended = gathered.ended;
+            for event in events(&telling, gathered) {
                 if sender.send(Ok(event)).await.is_err() {
                     return;
                 }
             }
-            if over {
+            if ended {
                 return;
             }
         }
     });
     Sse::new(ReceiverStream::new(receiver)).keep_alive(KeepAlive::new().interval(HEARTBEAT))
+}
+
+struct Gathered<T> {
+    news: Vec<T>,
+    missed: u64,
+    ended: bool,
+}
+
+fn gather<T>(source: &mut impl FnMut() -> Polled<T>) -> Gathered<T> {
+    let mut gathered = Gathered { news: Vec::new(), missed: 0, ended: false };
+    while gathered.news.len() < BATCH {
+        match source() {
+            Polled::News(news) => gathered.news.push(news),
+            Polled::Missed(count) => gathered.missed += count,
+            Polled::Nothing => break,
+            Polled::End => {
+                gathered.ended = true;
+                break;
+            }
+        }
+    }
+    gathered
+}
+
+fn events<T: Serialize>(telling: &Telling<T>, gathered: Gathered<T>) -> Vec<Event> {
+    let mut events = Vec::new();
+    if gathered.missed > 0 {
+        events.push(Event::default().event("missed").data(gathered.missed.to_string()));
+    }
+    let news = (telling.thin)(gathered.news);
+    if !news.is_empty() {
+        // Views are plain data, which is always JSON.
+        events.extend(Event::default().event(telling.name).json_data(news).ok());
+    }
+    events
 }

@@ -12,7 +12,7 @@ use tokio::task::spawn_blocking;
 use tokio::time::{Instant, timeout};
 use tokio_stream::StreamExt as _;
 
-use super::options::{UPLOAD_PACE, UPLOAD_PATIENCE};
+use super::options::Pace;
 use super::problem::Problem;
 
 /// Pieces between the network and the reader.
@@ -46,7 +46,12 @@ impl Read for BodyReader {
 }
 
 /// Does `work` with the body as it comes, on a thread of its own.
-pub(super) async fn receive<T, F>(body: Body, most: u64, work: F) -> Result<T, Problem>
+pub(super) async fn receive<T, F>(
+    body: Body,
+    pace: Pace,
+    most: u64,
+    work: F,
+) -> Result<T, Problem>
 where
     T: Send + 'static,
     F: FnOnce(&mut dyn Read) -> Result<T, Problem> + Send + 'static,
@@ -54,15 +59,18 @@ where
     let (sender, pieces) = mpsc::channel(PIECES);
     let mut reader = BodyReader { pieces, rest: Bytes::new(), ended: false };
     let worker = spawn_blocking(move || work(&mut reader));
-    let came = pass_on(body, sender, most).await;
-    let done = worker.await.map_err(|_| {
-        Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "the gateway failed at this; its log tells")
-    })?;
+    let came = pass_on(body, sender, pace, most).await;
+    let done = worker.await.map_err(|_| Problem::ours())?;
     came.and(done)
 }
 
 /// Ends without error too if the reader wants no more: then it has its own reason.
-async fn pass_on(body: Body, pieces: mpsc::Sender<Piece>, most: u64) -> Result<(), Problem> {
+async fn pass_on(
+    body: Body,
+    pieces: mpsc::Sender<Piece>,
+    pace: Pace,
+    most: u64,
+) -> Result<(), Problem> {
     let too_large = || {
         let sentence =
             format!("more than {most} bytes are not taken; `upload-bytes` says how many");
@@ -74,7 +82,7 @@ async fn pass_on(body: Body, pieces: mpsc::Sender<Piece>, most: u64) -> Result<(
     let mut body = body.into_data_stream();
     let mut total = 0_u64;
     let mut since_look = 0_u64;
-    let mut patience = UPLOAD_PATIENCE;
+    let mut patience = pace.patience;
     loop {
         let began = Instant::now();
         let bytes = match timeout(patience, body.next()).await {
@@ -92,8 +100,8 @@ async fn pass_on(body: Body, pieces: mpsc::Sender<Piece>, most: u64) -> Result<(
         patience = patience.saturating_sub(began.elapsed());
         total += bytes.len() as u64;
         since_look += bytes.len() as u64;
-        if since_look >= UPLOAD_PACE {
-            (since_look, patience) = (0, UPLOAD_PATIENCE);
+        if since_look >= pace.bytes {
+            (since_look, patience) = (0, pace.patience);
         }
         if total > most {
             return too_large();
@@ -106,6 +114,7 @@ async fn pass_on(body: Body, pieces: mpsc::Sender<Piece>, most: u64) -> Result<(
 
 #[cfg(test)]
 mod tests {
+    use super::super::options::UPLOAD_PACE;
     use super::*;
 
     fn run<T>(future: impl Future<Output = T>) -> T {
@@ -134,8 +143,8 @@ mod tests {
     #[test]
     fn a_body_arrives_whole() {
         let body = pieces(&[Ok("G0"), Ok(""), Ok(" X1\n"), Ok("M30")]);
-        assert_eq!(run(receive(body, 9, read)).unwrap(), b"G0 X1\nM30");
-        assert_eq!(run(receive(Body::empty(), 0, read)).unwrap(), b"");
+        assert_eq!(run(receive(body, UPLOAD_PACE, 9, read)).unwrap(), b"G0 X1\nM30");
+        assert_eq!(run(receive(Body::empty(), UPLOAD_PACE, 0, read)).unwrap(), b"");
     }
 
     #[test]
@@ -145,7 +154,7 @@ mod tests {
             assert!(read(reader).is_err());
             Ok(())
         };
-        assert_eq!(run(receive(body, 9, seen)).unwrap_err().status, 400);
+        assert_eq!(run(receive(body, UPLOAD_PACE, 9, seen)).unwrap_err().status, 400);
     }
 
     #[test]
@@ -155,14 +164,14 @@ mod tests {
             Ok(())
         };
         let body = pieces(&[Ok("G0 X1"), Ok("X")]);
-        assert_eq!(run(receive(body, 5, seen)).unwrap_err().status, 413);
-        assert_eq!(run(receive(Body::from("G0 X1X"), 5, seen)).unwrap_err().status, 413);
+        assert_eq!(run(receive(body, UPLOAD_PACE, 5, seen)).unwrap_err().status, 413);
+        assert_eq!(run(receive(Body::from("G0 X1X"), UPLOAD_PACE, 5, seen)).unwrap_err().status, 413);
     }
 
     #[test]
     fn a_reader_that_refuses_says_why() {
         let body = pieces(&[Ok("a"); 20]);
         let refuse = |_: &mut dyn Read| Err::<(), _>(Problem::unavailable("the disk is full"));
-        assert_eq!(run(receive(body, 99, refuse)).unwrap_err().detail, "the disk is full");
+        assert_eq!(run(receive(body, UPLOAD_PACE, 99, refuse)).unwrap_err().detail, "the disk is full");
     }
 }

@@ -1,0 +1,178 @@
+//! Jobs: the queue, and feeding one from the request itself.
+
+use std::collections::BTreeMap;
+use std::io;
+
+use axum::Json;
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode, header};
+use serde::Deserialize;
+use utoipa::{IntoParams, ToSchema};
+
+use super::super::extract::{Document, Filter, Segments};
+use super::super::options::FEED_PACE;
+use super::super::problem::{Problem, Refused};
+use super::super::upload;
+use super::{Answer, At};
+use crate::view::{JobFilter, JobOrder, JobView};
+
+/// Put a job into a link's queue
+///
+/// The program is copied first: editing it afterwards changes nothing.
+#[utoipa::path(post, path = "/links/{link}/jobs", tag = "jobs",
+    params(("link" = String, Path, description = "Name of the link")),
+    request_body = JobOrder,
+    responses((status = CREATED, body = JobView), Refused))]
+pub(super) async fn submit(
+    State(desk): At,
+    Segments(link): Segments<String>,
+    Document(order): Document<JobOrder>,
+) -> Answer<(StatusCode, Json<JobView>)> {
+    let job = desk.ask(move |gateway| gateway.submit(&link, &order)).await?;
+    Ok((StatusCode::CREATED, Json(job)))
+}
+
+/// A job whose data is the request's body.
+#[derive(Debug, Default, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields, default)]
+#[into_params(parameter_in = Query)]
+pub(super) struct FeedOrder {
+    /// The kind, as the plug-in's manifest names it; `send` if nothing is said.
+    kind: Option<String>,
+    /// What the program is called.
+    program: Option<String>,
+    /// Fields of the job: a JSON object of texts.
+    fields: Option<String>,
+}
+
+/// Send the request's body to the machine as it comes
+///
+/// The body is taken as fast as the machine takes it, and is not stored. The link must be free. The
+/// answer comes when all of the body was taken.
+#[utoipa::path(post, path = "/links/{link}/feed", tag = "jobs",
+    params(("link" = String, Path, description = "Name of the link"), FeedOrder),
+    request_body(content = Vec<u8>, content_type = "application/octet-stream"),
+    responses((status = CREATED, body = JobView), Refused))]
+pub(super) async fn feed(
+    State(desk): At,
+    Segments(link): Segments<String>,
+    Filter(order): Filter<FeedOrder>,
+    headers: HeaderMap,
+    body: Body,
+) -> Answer<(StatusCode, Json<JobView>)> {
+    let _slot = desk.feed_slot()?;
+    let order = order.read()?;
+    let length = headers.get(header::CONTENT_LENGTH).and_then(|length| length.to_str().ok());
+    let length = length.and_then(|length| length.parse().ok());
+    let gateway = desk.gateway.clone();
+    let job = upload::receive(body, FEED_PACE, u64::MAX, move |body| {
+        let (job, mut feeding) = gateway.feed(&link, &order, length)?;
+        match io::copy(body, &mut feeding) {
+            Ok(_) => feeding.finish(),
+            // Dropped: the job fails, and says why.
+            Err(_) => drop(feeding),
+        }
+        Ok(gateway.job(job.id)?)
+    });
+    Ok((StatusCode::CREATED, Json(job.await?)))
+}
+
+impl FeedOrder {
+    fn read(self) -> Answer<JobOrder> {
+        let fields = match self.fields.as_deref() {
+            None => BTreeMap::new(),
+            Some(text) => serde_json::from_str(text).map_err(|error| {
+                Problem::bad(format!("fields must be a JSON object of texts: {error}"))
+                    .of_field("fields")
+            })?,
+        };
+        Ok(JobOrder { kind: self.kind, program: self.program, fields, ..JobOrder::default() })
+    }
+}
+
+/// Jobs, the newest first
+#[utoipa::path(get, path = "/jobs", tag = "jobs", params(JobFilter),
+    responses((status = OK, body = Vec<JobView>), Refused))]
+pub(super) async fn list(
+    State(desk): At,
+    Filter(filter): Filter<JobFilter>,
+) -> Answer<Json<Vec<JobView>>> {
+    desk.ask(move |gateway| gateway.jobs(&filter)).await.map(Json)
+}
+
+/// One job
+#[utoipa::path(get, path = "/jobs/{id}", tag = "jobs",
+    params(("id" = u32, Path, description = "Number of the job")),
+    responses((status = OK, body = JobView), Refused))]
+pub(super) async fn show(State(desk): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
+    desk.ask(move |gateway| gateway.job(id)).await.map(Json)
+}
+
+/// Pause a job
+#[utoipa::path(post, path = "/jobs/{id}/pause", tag = "jobs",
+    params(("id" = u32, Path, description = "Number of the job")),
+    responses((status = OK, body = JobView), Refused))]
+pub(super) async fn pause(State(desk): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
+    desk.ask(move |gateway| gateway.pause(id)).await.map(Json)
+}
+
+/// End a job's pause
+#[utoipa::path(post, path = "/jobs/{id}/resume", tag = "jobs",
+    params(("id" = u32, Path, description = "Number of the job")),
+    responses((status = OK, body = JobView), Refused))]
+pub(super) async fn resume(State(desk): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
+    desk.ask(move |gateway| gateway.resume(id)).await.map(Json)
+}
+
+/// Abort a job, or take it out of the queue
+#[utoipa::path(post, path = "/jobs/{id}/abort", tag = "jobs",
+    params(("id" = u32, Path, description = "Number of the job")),
+    responses((status = OK, body = JobView), Refused))]
+pub(super) async fn abort(State(desk): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
+    desk.ask(move |gateway| gateway.abort(id)).await.map(Json)
+}
+
+/// Where a job that has ended begins again.
+#[derive(Debug, Default, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RestartOrder {
+    /// The block, counted from 1; the whole program if nothing is said.
+    #[serde(default)]
+    from_block: Option<u64>,
+}
+
+/// Put a job that has ended into the queue again, as a new job
+#[utoipa::path(post, path = "/jobs/{id}/restart", tag = "jobs",
+    params(("id" = u32, Path, description = "Number of the job")),
+    request_body = RestartOrder,
+    responses((status = CREATED, body = JobView), Refused))]
+pub(super) async fn restart(
+    State(desk): At,
+    Segments(id): Segments<u32>,
+    Document(order): Document<RestartOrder>,
+) -> Answer<(StatusCode, Json<JobView>)> {
+    let job = desk.ask(move |gateway| gateway.restart(id, order.from_block)).await?;
+    Ok((StatusCode::CREATED, Json(job)))
+}
+
+/// Another priority for a job that waits.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PriorityOrder {
+    /// Jobs of a higher priority come first.
+    priority: i32,
+}
+
+/// Give a job that waits another priority
+#[utoipa::path(put, path = "/jobs/{id}/priority", tag = "jobs",
+    params(("id" = u32, Path, description = "Number of the job")),
+    request_body = PriorityOrder,
+    responses((status = OK, body = JobView), Refused))]
+pub(super) async fn prioritise(
+    State(desk): At,
+    Segments(id): Segments<u32>,
+    Document(order): Document<PriorityOrder>,
+) -> Answer<Json<JobView>> {
+    desk.ask(move |gateway| gateway.prioritise(id, order.priority)).await.map(Json)
+}

@@ -1,0 +1,115 @@
+//! Links: what they do, and bringing them back to work.
+
+use std::time::Duration;
+
+use axum::Json;
+use axum::extract::State;
+
+use super::super::entry::Admin;
+use super::super::extract::{Document, Segments};
+use super::super::options::GATHER;
+use super::super::problem::Refused;
+use super::super::stream::{self, Polled, Stream, Telling};
+use super::{Answer, At};
+use crate::gateway::Next;
+use crate::view::{KindView, LinkView, Seen, SwapOrder, SwapView};
+
+/// All links, in the order of their names
+#[utoipa::path(get, path = "/links", tag = "links",
+    responses((status = OK, body = Vec<LinkView>), Refused))]
+pub(super) async fn list(State(desk): At) -> Answer<Json<Vec<LinkView>>> {
+    desk.ask(|gateway| gateway.links()).await.map(Json)
+}
+
+/// One link
+#[utoipa::path(get, path = "/links/{link}", tag = "links",
+    params(("link" = String, Path, description = "Name of the link")),
+    responses((status = OK, body = LinkView), Refused))]
+pub(super) async fn show(
+    State(desk): At,
+    Segments(link): Segments<String>,
+) -> Answer<Json<LinkView>> {
+    desk.ask(move |gateway| gateway.link(&link)).await.map(Json)
+}
+
+/// The kinds of job that a link's plug-in takes
+#[utoipa::path(get, path = "/links/{link}/kinds", tag = "links",
+    params(("link" = String, Path, description = "Name of the link")),
+    responses((status = OK, body = Vec<KindView>), Refused))]
+pub(super) async fn kinds(
+    State(desk): At,
+    Segments(link): Segments<String>,
+) -> Answer<Json<Vec<KindView>>> {
+    desk.ask(move |gateway| gateway.job_kinds(&link)).await.map(Json)
+}
+
+/// Close a link's port and open it again
+#[utoipa::path(post, path = "/links/{link}/reopen", tag = "links",
+    params(("link" = String, Path, description = "Name of the link")),
+    responses((status = OK, body = LinkView), Refused))]
+pub(super) async fn reopen(
+    State(desk): At,
+    Segments(link): Segments<String>,
+) -> Answer<Json<LinkView>> {
+    desk.ask(move |gateway| gateway.reopen(&link)).await.map(Json)
+}
+
+/// Go on although the machine holds the line
+#[utoipa::path(post, path = "/links/{link}/force-resume", tag = "links",
+    params(("link" = String, Path, description = "Name of the link")),
+    responses((status = OK, body = LinkView), Refused))]
+pub(super) async fn force_resume(
+    State(desk): At,
+    Segments(link): Segments<String>,
+) -> Answer<Json<LinkView>> {
+    desk.ask(move |gateway| gateway.force_resume(&link)).await.map(Json)
+}
+
+/// Let a link out of quarantine
+#[utoipa::path(post, path = "/links/{link}/release", tag = "links",
+    params(("link" = String, Path, description = "Name of the link")),
+    responses((status = OK, body = LinkView), Refused))]
+pub(super) async fn release(
+    State(desk): At,
+    Segments(link): Segments<String>,
+) -> Answer<Json<LinkView>> {
+    desk.ask(move |gateway| gateway.release(&link)).await.map(Json)
+}
+
+/// Swap a link's plug-in
+///
+/// Goes on with the same port, in the middle of a job where the plug-ins' states fit. An admin's.
+#[utoipa::path(post, path = "/links/{link}/swap", tag = "plug-ins",
+    params(("link" = String, Path, description = "Name of the link")),
+    request_body = SwapOrder,
+    responses((status = OK, body = SwapView), Refused))]
+pub(super) async fn swap(
+    _: Admin,
+    State(desk): At,
+    Segments(link): Segments<String>,
+    Document(order): Document<SwapOrder>,
+) -> Answer<Json<SwapView>> {
+    desk.ask(move |gateway| gateway.swap(&link, &order)).await.map(Json)
+}
+
+/// Watch what passes on a link's line
+///
+/// Server-sent events: `seen` with a list of what was seen. The link never waits for its watchers;
+/// what they are too slow for is counted.
+#[utoipa::path(get, path = "/links/{link}/watch", tag = "links",
+    params(("link" = String, Path, description = "Name of the link")),
+    responses((status = OK, body = Vec<Seen>, content_type = "text/event-stream"), Refused))]
+pub(super) async fn watch(
+    State(desk): At,
+    Segments(link): Segments<String>,
+) -> Answer<Stream> {
+    let slot = desk.stream_slot()?;
+    let mut watching = desk.ask(move |gateway| gateway.watch(&link)).await?;
+    let source = move || match watching.next(Duration::ZERO) {
+        Next::Seen(seen) => Polled::News(seen),
+        Next::Nothing => Polled::Nothing,
+        Next::End => Polled::End,
+    };
+    let telling = Telling { name: "seen", gather: GATHER, thin: |seen: Vec<Seen>| seen };
+    Ok(stream::of(source, telling, desk.stopping.clone(), slot))
+}

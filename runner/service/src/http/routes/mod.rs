@@ -1,0 +1,187 @@
+//! What can be asked for, and the document that says so.
+
+mod download;
+mod jobs;
+mod library;
+mod links;
+mod pages;
+mod programs;
+mod system;
+
+use std::sync::Arc;
+
+use axum::extract::State;
+use axum::http::StatusCode;
+use axum::middleware::from_fn_with_state;
+use axum::routing::get;
+use axum::{Json, Router};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
+use tokio::task::spawn_blocking;
+use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityScheme};
+use utoipa::{Modify, OpenApi, ToSchema as _};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+pub use system::MeView;
+
+use super::entry::{self, Door};
+use super::options::{FEEDS, Limits, STREAMS, UPLOADS};
+use super::problem::Problem;
+use super::server::Surroundings;
+use crate::{Gateway, Refusal};
+
+/// What every handler can reach.
+pub(super) struct Desk {
+    pub(super) gateway: Gateway,
+    pub(super) door: Arc<Door>,
+    pub(super) limits: Limits,
+    pub(super) stopping: watch::Receiver<bool>,
+    uploads: Arc<Semaphore>,
+    feeds: Arc<Semaphore>,
+    streams: Arc<Semaphore>,
+}
+
+/// [`Desk`] as a handler takes it.
+pub(super) type At = State<Arc<Desk>>;
+
+/// What a handler that may refuse gives.
+pub(super) type Answer<T> = Result<T, Problem>;
+
+impl Desk {
+    /// Asks the gateway, on a thread that may block.
+    pub(super) async fn ask<T: Send + 'static>(
+        &self,
+        question: impl FnOnce(&Gateway) -> Result<T, Refusal> + Send + 'static,
+    ) -> Answer<T> {
+        let gateway = self.gateway.clone();
+        match spawn_blocking(move || question(&gateway)).await {
+            Ok(answer) => answer.map_err(Problem::from),
+            Err(_) => Err(Problem::ours()),
+        }
+    }
+
+    fn a_slot(slots: &Arc<Semaphore>, what: &str) -> Answer<OwnedSemaphorePermit> {
+        slots.clone().try_acquire_owned().map_err(|_| {
+            Problem::unavailable(format!("there are too many {what} at present; try again later"))
+        })
+    }
+
+    pub(super) fn upload_slot(&self) -> Answer<OwnedSemaphorePermit> {
+        Self::a_slot(&self.uploads, "uploads")
+    }
+
+    pub(super) fn feed_slot(&self) -> Answer<OwnedSemaphorePermit> {
+        Self::a_slot(&self.feeds, "feeds")
+    }
+
+    pub(super) fn stream_slot(&self) -> Answer<OwnedSemaphorePermit> {
+        Self::a_slot(&self.streams, "streams")
+    }
+}
+
+#[derive(OpenApi)]
+#[openapi(
+    info(
+        title = "Softplug gateway",
+        description = "Serial links of machines: jobs, programs, plug-ins and what happens. \
+            Every refusal is a problem document (RFC 9457).",
+    ),
+    modifiers(&Bearer),
+    security(("token" = [])),
+    tags(
+        (name = "links", description = "Machines' lines with their plug-ins"),
+        (name = "jobs", description = "What is sent, read or written"),
+        (name = "programs", description = "What can be sent"),
+        (name = "receptions", description = "What was received"),
+        (name = "plug-ins", description = "The library, and swapping"),
+        (name = "gateway", description = "The gateway itself"),
+    )
+)]
+struct Document;
+
+struct Bearer;
+
+impl Modify for Bearer {
+    fn modify(&self, document: &mut utoipa::openapi::OpenApi) {
+        let scheme = SecurityScheme::Http(Http::new(HttpAuthScheme::Bearer));
+        document.components.get_or_insert_default().add_security_scheme("token", scheme);
+        // Named by the answers of all operations, which are not read for schemas.
+        let schema = <Problem as utoipa::PartialSchema>::schema();
+        let components = document.components.get_or_insert_default();
+        components.schemas.insert(Problem::name().into_owned(), schema);
+    }
+}
+
+fn known_only() -> OpenApiRouter<Arc<Desk>> {
+    OpenApiRouter::new()
+        .routes(routes!(links::list))
+        .routes(routes!(links::show))
+        .routes(routes!(links::kinds))
+        .routes(routes!(links::reopen))
+        .routes(routes!(links::force_resume))
+        .routes(routes!(links::release))
+        .routes(routes!(links::swap))
+        .routes(routes!(links::watch))
+        .routes(routes!(jobs::submit))
+        .routes(routes!(jobs::feed))
+        .routes(routes!(jobs::list))
+        .routes(routes!(jobs::show))
+        .routes(routes!(jobs::pause))
+        .routes(routes!(jobs::resume))
+        .routes(routes!(jobs::abort))
+        .routes(routes!(jobs::restart))
+        .routes(routes!(jobs::prioritise))
+        .routes(routes!(programs::list))
+        .routes(routes!(programs::download, programs::upload, programs::delete))
+        .routes(routes!(programs::receptions))
+        .routes(routes!(programs::download_reception, programs::delete_reception))
+        .routes(routes!(programs::download_trace))
+        .routes(routes!(library::list, library::add))
+        .routes(routes!(library::remove))
+        .routes(routes!(library::collect_garbage))
+        .routes(routes!(system::me))
+        .routes(routes!(system::health))
+        .routes(routes!(system::journal))
+        .routes(routes!(system::events))
+        .routes(routes!(system::reload))
+}
+
+/// All routes.
+pub(super) fn all(gateway: Gateway, limits: Limits, surroundings: Surroundings) -> Router {
+    let Surroundings { door, stopping } = surroundings;
+    let desk = Arc::new(Desk {
+        gateway,
+        door: door.clone(),
+        limits,
+        stopping,
+        uploads: Arc::new(Semaphore::new(UPLOADS)),
+        feeds: Arc::new(Semaphore::new(FEEDS)),
+        streams: Arc::new(Semaphore::new(STREAMS)),
+    });
+    let (api, document) = OpenApiRouter::with_openapi(Document::openapi())
+        .nest("/api/v1", known_only())
+        .split_for_parts();
+    let document = Arc::new(document);
+    let with_token = api
+        .route("/metrics", get(system::metrics))
+        .route_layer(from_fn_with_state(door.clone(), entry::known));
+    Router::new()
+        .route("/api/v1/openapi.json", get(move || async move { Json(document.as_ref().clone()) }))
+        .route("/healthz", get(system::healthz))
+        .route("/readyz", get(system::readyz))
+        .merge(pages::routes())
+        .merge(with_token)
+        .fallback(nothing_here)
+        .method_not_allowed_fallback(no_such_method)
+        .layer(from_fn_with_state(door, entry::pass))
+        .with_state(desk)
+}
+
+async fn nothing_here() -> Problem {
+    Problem::new(StatusCode::NOT_FOUND, "there is nothing at this path; see /api/v1/openapi.json")
+}
+
+async fn no_such_method() -> Problem {
+    Problem::new(StatusCode::METHOD_NOT_ALLOWED, "this path does not take this method")
+}
+

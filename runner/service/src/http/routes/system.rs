@@ -1,0 +1,132 @@
+//! The gateway itself: who asks, how it is, what happens.
+
+use std::collections::HashSet;
+use std::sync::Arc;
+
+use axum::Json;
+use axum::extract::{Extension, State};
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse as _, Response};
+use serde::{Deserialize, Serialize};
+use tokio::sync::broadcast::error::TryRecvError;
+use utoipa::ToSchema;
+
+use super::super::entry::Admin;
+use super::super::extract::Filter;
+use super::super::options::GATHER_CHANGES;
+use super::super::problem::{Problem, Refused};
+use super::super::stream::{self, Polled, Stream, Telling};
+use super::super::tokens::Role;
+use super::{Answer, At};
+use crate::metrics;
+use crate::view::{Change, HealthView, JournalEntry, JournalFilter, ReadyView, ReloadView};
+
+/// Who asks.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Serialize, Deserialize, ToSchema)]
+pub struct MeView {
+    /// What the token allows.
+    pub role: Role,
+}
+
+/// What the token allows
+#[utoipa::path(get, path = "/me", tag = "gateway",
+    responses((status = OK, body = MeView), Refused))]
+pub(super) async fn me(Extension(role): Extension<Role>) -> Json<MeView> {
+    Json(MeView { role })
+}
+
+/// How the gateway is
+#[utoipa::path(get, path = "/health", tag = "gateway",
+    responses((status = OK, body = HealthView), Refused))]
+pub(super) async fn health(State(desk): At) -> Answer<Json<HealthView>> {
+    desk.ask(|gateway| Ok(gateway.health())).await.map(Json)
+}
+
+/// The journal, the newest first
+#[utoipa::path(get, path = "/journal", tag = "gateway", params(JournalFilter),
+    responses((status = OK, body = Vec<JournalEntry>), Refused))]
+pub(super) async fn journal(
+    State(desk): At,
+    Filter(filter): Filter<JournalFilter>,
+) -> Answer<Json<Vec<JournalEntry>>> {
+    desk.ask(move |gateway| gateway.journal(&filter)).await.map(Json)
+}
+
+/// All that changes from now on
+///
+/// Server-sent events: `changes` with a list of changes; `missed` with their number if the client was
+/// too slow for some.
+#[utoipa::path(get, path = "/events", tag = "gateway",
+    responses((status = OK, body = Vec<Change>, content_type = "text/event-stream"), Refused))]
+pub(super) async fn events(State(desk): At) -> Answer<Stream> {
+    let slot = desk.stream_slot()?;
+    let mut changes = desk.gateway.subscribe();
+    let source = move || match changes.try_recv() {
+        Ok(change) => Polled::News(change),
+        Err(TryRecvError::Lagged(count)) => Polled::Missed(count),
+        Err(TryRecvError::Empty) => Polled::Nothing,
+        Err(TryRecvError::Closed) => Polled::End,
+    };
+    let telling = Telling { name: "changes", gather: GATHER_CHANGES, thin: newest };
+    Ok(stream::of(source, telling, desk.stopping.clone(), slot))
+}
+
+/// Of each link and each job only the newest view.
+fn newest(mut changes: Vec<Arc<Change>>) -> Vec<Arc<Change>> {
+    let (mut links, mut jobs) = (HashSet::new(), HashSet::new());
+    let mut kept = Vec::with_capacity(changes.len());
+    while let Some(change) = changes.pop() {
+        let is_new = match &*change {
+            Change::Link(link) => links.insert(link.name.clone()),
+            Change::LinkRemoved { name } => links.insert(name.clone()),
+            Change::Job(job) => jobs.insert(job.id),
+            _ => true,
+        };
+        if is_new {
+            kept.push(change);
+        }
+    }
+    kept.reverse();
+    kept
+}
+
+/// Read the configuration again and apply what changed in it
+///
+/// Does not touch other links. An admin's.
+#[utoipa::path(post, path = "/reload", tag = "gateway",
+    responses((status = OK, body = ReloadView), Refused))]
+pub(super) async fn reload(_: Admin, State(desk): At) -> Answer<Json<ReloadView>> {
+    desk.ask(|gateway| gateway.reload()).await.map(Json)
+}
+
+/// Whether the gateway is alive; for whoever restarts it, so without a token.
+pub(super) async fn healthz(State(desk): At) -> Answer<Response> {
+    let HealthView { is_healthy, .. } = desk.ask(|gateway| Ok(gateway.health())).await?;
+    Ok(plainly(is_healthy, if is_healthy { "healthy\n" } else { "not healthy\n" }))
+}
+
+/// Whether the gateway takes work; for whoever waits for it, so without a token.
+pub(super) async fn readyz(State(desk): At) -> Answer<Response> {
+    let ReadyView { is_ready, .. } = desk.ask(|gateway| Ok(gateway.ready())).await?;
+    Ok(plainly(is_ready, if is_ready { "ready\n" } else { "not ready\n" }))
+}
+
+fn plainly(well: bool, text: &'static str) -> Response {
+    let status = if well { StatusCode::OK } else { StatusCode::SERVICE_UNAVAILABLE };
+    (status, text).into_response()
+}
+
+/// Metrics as Prometheus reads them.
+pub(super) async fn metrics(State(desk): At) -> Answer<Response> {
+    let seen = desk.ask(|gateway| Ok((gateway.health(), gateway.links()?))).await?;
+    let (health, links) = seen;
+    let door = metrics::Door {
+        tally: &desk.door.tally,
+        connections: desk.door.connections(),
+    };
+    let text = metrics::text(&health, &links, door).map_err(|_| Problem::ours())?;
+    let mut response = text.into_response();
+    let kind = HeaderValue::from_static(metrics::CONTENT_TYPE);
+    response.headers_mut().insert(header::CONTENT_TYPE, kind);
+    Ok(response)
+}

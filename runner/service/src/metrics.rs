@@ -1,0 +1,231 @@
+//! Metrics of the gateway as Prometheus reads them, in the OpenMetrics form.
+//!
+//! They are made of the same views that the API shows, at the moment at which they are asked for.
+
+use std::fmt;
+use std::sync::atomic::Ordering;
+
+use prometheus_client::collector::Collector;
+use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric, text as openmetrics};
+use prometheus_client::metrics::counter::ConstCounter;
+use prometheus_client::metrics::gauge::ConstGauge;
+use prometheus_client::registry::{Registry, Unit};
+
+use crate::http::Tally;
+use crate::view::{CountersView, HealthView, LinkState, LinkView};
+
+/// What the text is.
+pub(crate) const CONTENT_TYPE: &str =
+    "application/openmetrics-text; version=1.0.0; charset=utf-8";
+
+/// What the HTTP side counts.
+#[derive(Copy, Clone, Debug)]
+pub(crate) struct Door<'a> {
+    pub(crate) tally: &'a Tally,
+    pub(crate) connections: usize,
+}
+
+/// All metrics as text.
+pub(crate) fn text(
+    health: &HealthView,
+    links: &[LinkView],
+    door: Door<'_>,
+) -> Result<String, fmt::Error> {
+    let mut registry = Registry::default();
+    registry.register_collector(Box::new(Snapshot::new(health, links, door)));
+    let mut text = String::new();
+    openmetrics::encode(&mut text, &registry)?;
+    Ok(text)
+}
+
+#[derive(Debug)]
+struct Snapshot {
+    health: HealthView,
+    links: Vec<LinkView>,
+    connections: u64,
+    /// By name, with what they count.
+    requests: [(&'static str, &'static str, u64); 4],
+}
+
+impl Snapshot {
+    fn new(health: &HealthView, links: &[LinkView], door: Door<'_>) -> Self {
+        let Tally { requests, strangers, hasty, failed } = door.tally;
+        let [requests, strangers, hasty, failed] =
+            [requests, strangers, hasty, failed].map(|count| count.load(Ordering::Relaxed));
+        Self {
+            health: health.clone(),
+            links: links.to_vec(),
+            connections: door.connections as u64,
+            requests: [
+                ("requests", "HTTP requests", requests),
+                ("unauthorised", "HTTP requests without a known token", strangers),
+                ("throttled", "HTTP requests over the rate", hasty),
+                ("failed", "HTTP requests answered with a status of 500 or above", failed),
+            ],
+        }
+    }
+}
+
+type Counted = fn(&CountersView) -> u64;
+
+/// Name, what it is, how it is had.
+const COUNTERS: [(&str, &str, Counted); 10] = [
+    ("holds", "How often the machine has held the line", |of| of.holds),
+    ("after_stop_characters", "Characters sent after the machine had said stop", |of| {
+        of.after_stop
+    }),
+    ("starved", "How often the buffer ran empty in the middle of a job", |of| of.starved),
+    ("events", "Events that the plug-in was given", |of| of.events),
+    ("fuel", "Units of fuel that the plug-in used", |of| of.fuel),
+    ("restarts", "How often the plug-in was started again after a fault", |of| of.restarts),
+    ("reopened", "How often the port was opened again", |of| of.reopened),
+    ("notes_dropped", "Messages of the plug-in that were dropped", |of| of.notes_dropped),
+    ("received_bytes", "Good bytes from the machine", |of| of.bytes_in),
+    ("sent_bytes", "Bytes to the machine", |of| of.bytes_out),
+];
+
+/// The same for times, in microseconds.
+const TIMES: [(&str, &str, Counted); 2] = [
+    ("held", "Time for which the machine held the line", |of| of.held_us),
+    ("starved_time", "Time for which the buffer was empty in the middle of a job", |of| {
+        of.starved_us
+    }),
+];
+
+type Measured = fn(&LinkView) -> u64;
+
+const GAUGES: [(&str, &str, Measured); 8] = [
+    ("up", "1 if the port is open and the plug-in runs", |link| link.is_up().into()),
+    ("is_held", "1 while the machine holds the line", |link| link.is_held.into()),
+    ("queued_jobs", "Jobs that wait", |link| link.queued.into()),
+    ("alarms", "Watchdogs that have found something", |link| link.alarms.len() as u64),
+    ("buffer_bytes", "Bytes in the buffer before the machine", |link| link.buffer.level),
+    ("buffer_low_bytes", "Its low mark", |link| link.buffer.low),
+    ("buffer_high_bytes", "Its high mark", |link| link.buffer.high),
+    ("buffer_size_bytes", "Its size", |link| link.buffer.size),
+];
+
+impl LinkView {
+    fn is_up(&self) -> bool {
+        use LinkState::*;
+        match self.state {
+            Idle | Sending | Receiving | Paused => true,
+            Opening | Down | Restarting | Quarantined | Closing => false,
+        }
+    }
+}
+
+impl Collector for Snapshot {
+    fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> fmt::Result {
+        self.gateway(&mut encoder)?;
+        self.http(&mut encoder)?;
+        self.links(&mut encoder)
+    }
+}
+
+impl Snapshot {
+    fn gateway(&self, encoder: &mut DescriptorEncoder<'_>) -> fmt::Result {
+        let HealthView { is_healthy, version, started_ms, .. } = &self.health;
+        let mut gauge = |name: &str, help: &str, unit, value: f64| {
+            let value = ConstGauge::new(value);
+            value.encode(encoder.encode_descriptor(name, help, unit, value.metric_type())?)
+        };
+        gauge("softplug_healthy", "1 if the gateway is healthy", None, f64::from(*is_healthy))?;
+        let started = *started_ms as f64 / 1000.0;
+        gauge("softplug_start_time", "When it started, since 1970", Some(&Unit::Seconds), started)?;
+        let one = ConstGauge::new(1_u64);
+        let help = "The gateway's version";
+        let mut info =
+            encoder.encode_descriptor("softplug_build", help, None, one.metric_type())?;
+        one.encode(info.encode_family(&[("version", version.as_str())])?)
+    }
+
+    fn http(&self, encoder: &mut DescriptorEncoder<'_>) -> fmt::Result {
+        let open = ConstGauge::new(self.connections);
+        let help = "HTTP connections that are open";
+        open.encode(encoder.encode_descriptor(
+            "softplug_http_connections",
+            help,
+            None,
+            open.metric_type(),
+        )?)?;
+        for (name, help, count) in self.requests {
+            let count = ConstCounter::new(count);
+            let name = format!("softplug_http_{name}");
+            count.encode(encoder.encode_descriptor(&name, help, None, count.metric_type())?)?;
+        }
+        Ok(())
+    }
+
+    fn links(&self, encoder: &mut DescriptorEncoder<'_>) -> fmt::Result {
+        if self.links.is_empty() {
+            return Ok(());
+        }
+        for (name, help, value) in GAUGES {
+            self.each(encoder, (name, help, None), |link| ConstGauge::new(value(link)))?;
+        }
+        for (name, help, count) in COUNTERS {
+            let counter = |link: &LinkView| ConstCounter::new(count(&link.counters));
+            self.each(encoder, (name, help, None), counter)?;
+        }
+        for (name, help, micros) in TIMES {
+            let seconds = |link: &LinkView| micros(&link.counters) as f64 / 1e6;
+            let counter = |link: &LinkView| ConstCounter::new(seconds(link));
+            self.each(encoder, (name, help, Some(&Unit::Seconds)), counter)?;
+        }
+        self.labelled(encoder)
+    }
+
+    /// One value of each link.
+    fn each<M: EncodeMetric>(
+        &self,
+        encoder: &mut DescriptorEncoder<'_>,
+        (name, help, unit): (&str, &str, Option<&Unit>),
+        value: impl Fn(&LinkView) -> M,
+    ) -> fmt::Result {
+        let name = format!("softplug_link_{name}");
+        let kind = value(&self.links[0]).metric_type();
+        let mut metric = encoder.encode_descriptor(&name, help, unit, kind)?;
+        for link in &self.links {
+            let labels = [("link", link.name.as_str())];
+            value(link).encode(metric.encode_family(&labels)?)?;
+        }
+        Ok(())
+    }
+
+    /// What a link has several of, or says in words.
+    fn labelled(&self, encoder: &mut DescriptorEncoder<'_>) -> fmt::Result {
+        let one = ConstGauge::new(1_u64);
+        let help = "1 for the state that the link is in";
+        let mut state =
+            encoder.encode_descriptor("softplug_link_state", help, None, one.metric_type())?;
+        for link in &self.links {
+            let labels = [("link", link.name.as_str()), ("state", link.state.name())];
+            one.encode(state.encode_family(&labels)?)?;
+        }
+        let help = "1 for the plug-in that the link runs";
+        let mut plugin =
+            encoder.encode_descriptor("softplug_link_plugin", help, None, one.metric_type())?;
+        for link in &self.links {
+            let Some(runs) = &link.plugin else { continue };
+            let labels = [
+                ("link", link.name.as_str()),
+                ("plugin", runs.name.as_str()),
+                ("version", runs.version.as_str()),
+                ("sha256", runs.digest.as_str()),
+            ];
+            one.encode(plugin.encode_family(&labels)?)?;
+        }
+        let help = "Damaged characters and breaks";
+        let kind = ConstCounter::new(0_u64).metric_type();
+        let mut errors =
+            encoder.encode_descriptor("softplug_link_line_errors", help, None, kind)?;
+        for link in &self.links {
+            for (kind, count) in &link.counters.line_errors {
+                let labels = [("link", link.name.as_str()), ("kind", kind.as_str())];
+                ConstCounter::new(*count).encode(errors.encode_family(&labels)?)?;
+            }
+        }
+        Ok(())
+    }
+}
