@@ -11,5 +11,39 @@ pub(crate) struct File {
     pub(crate) text: &'static str,
 }
 
+const SCRIPT: &str = "text/javascript; charset=utf-8";
+
+macro_rules! script {
+    ($name:literal) => {
+        File {
+            path: concat!("/page/", $name),
+            kind: SCRIPT,
+            text: include_str!(concat!("files/", $name)),
+        }
+    };
+}
+
 /// All of them.
-pub(crate) const FILES: &[File] = &[];
+pub(crate) const FILES: &[File] = &[
+    File { path: "/", kind: "text/html; charset=utf-8", text: include_str!("files/index.html") },
+    File {
+        path: "/page/style.css",
+        kind: "text/css; charset=utf-8",
+        text: include_str!("files/style.css"),
+    },
+    File { path: "/page/icon.svg", kind: "image/svg+xml", text: include_str!("files/icon.svg") },
+    script!("api.js"),
+    script!("app.js"),
+    script!("chart.js"),
+    script!("dom.js"),
+    script!("jobs.js"),
+    script!("journal.js"),
+    script!("link.js"),
+    script!("links.js"),
+    script!("message.js"),
+    script!("plugins.js"),
+    script!("programs.js"),
+    script!("sequence.js"),
+    script!("store.js"),
+    script!("text.js"),
+];

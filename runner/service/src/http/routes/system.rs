@@ -62,7 +62,7 @@ pub(super) async fn events(State(desk): At) -> Answer<Stream> {
     let slot = desk.stream_slot()?;
     let mut changes = desk.gateway.subscribe();
     let source = move || match changes.try_recv() {
-        Ok(change) => Polled::News(change),
+        Ok(change) => Polled::News(Arc::unwrap_or_clone(change)),
         Err(TryRecvError::Lagged(count)) => Polled::Missed(count),
         Err(TryRecvError::Empty) => Polled::Nothing,
         Err(TryRecvError::Closed) => Polled::End,
@@ -72,11 +72,11 @@ pub(super) async fn events(State(desk): At) -> Answer<Stream> {
 }
 
 /// Of each link and each job only the newest view.
-fn newest(mut changes: Vec<Arc<Change>>) -> Vec<Arc<Change>> {
+fn newest(mut changes: Vec<Change>) -> Vec<Change> {
     let (mut links, mut jobs) = (HashSet::new(), HashSet::new());
     let mut kept = Vec::with_capacity(changes.len());
     while let Some(change) = changes.pop() {
-        let is_new = match &*change {
+        let is_new = match &change {
             Change::Link(link) => links.insert(link.name.clone()),
             Change::LinkRemoved { name } => links.insert(name.clone()),
             Change::Job(job) => jobs.insert(job.id),

@@ -1,0 +1,103 @@
+// The page's frame: who is there, which part is shown.
+
+import * as api from './api.js';
+import { field, h, say, show } from './dom.js';
+import { tell, whenStranger } from './message.js';
+import * as store from './store.js';
+import * as journal from './journal.js';
+import * as jobs from './jobs.js';
+import * as link from './link.js';
+import * as links from './links.js';
+import * as plugins from './plugins.js';
+import * as programs from './programs.js';
+
+const main = document.getElementById('main');
+const nav = document.getElementById('nav');
+const connection = document.getElementById('connection');
+const leave = document.getElementById('leave');
+
+const pages = {
+  links: links.page, jobs: jobs.page, programs: programs.page, plugins: plugins.page, journal: journal.page,
+  link: (name) => link.page(name),
+};
+
+let shown = null;
+let unfollow = null;
+
+function route() {
+  if (!unfollow) return;
+  const [name, argument] = location.hash.replace(/^#\/?/, '').split('/', 2);
+  const make = pages[name] ?? pages.links;
+  shown?.end?.();
+  shown = make(argument === undefined ? undefined : decodeURIComponent(argument));
+  main.replaceChildren(shown.node);
+  for (const one of nav.children) {
+    const isThis = one.hash === `#/${name === 'link' ? 'links' : name || 'links'}`;
+    if (isThis) one.setAttribute('aria-current', 'page');
+    else one.removeAttribute('aria-current');
+  }
+  document.title = `${shown.node.querySelector('h1')?.textContent ?? 'Softplug'} – Softplug`;
+  window.scrollTo(0, 0);
+}
+
+async function enter() {
+  await store.load();
+  show(nav, true);
+  show(leave, true);
+  unfollow = store.follow((isConnected, error) => {
+    say(connection, isConnected ? `live, ${store.role}` : 'not connected');
+    connection.classList.toggle('off', !isConnected);
+    if (error instanceof api.Refused && error.status === 401) signOut('The gateway no longer knows this token.');
+  });
+  route();
+}
+
+function signOut(why) {
+  unfollow?.();
+  unfollow = null;
+  shown?.end?.();
+  shown = null;
+  api.forgetToken();
+  show(nav, false);
+  show(leave, false);
+  say(connection, '');
+  askForToken(why);
+}
+
+function askForToken(why) {
+  const token = h('input', { type: 'password', name: 'token', required: true, autocomplete: 'current-password', spellcheck: false });
+  const keep = h('input', { type: 'checkbox', name: 'keep' });
+  const wrong = h('p', { class: 'wrong', role: 'alert' }, why ?? '');
+  const form = h('form', {
+    class: 'panel token',
+    onsubmit: async (event) => {
+      event.preventDefault();
+      api.keepToken(token.value, keep.checked);
+      try {
+        await enter();
+      } catch (error) {
+        api.forgetToken();
+        say(wrong, error.message);
+        show(wrong, true);
+        token.select();
+      }
+    },
+  }, h('h1', {}, 'Sign in'), wrong, field('Token', token, 'An admin of the gateway has it from: softplug gateway token'),
+  h('label', { class: 'check' }, keep, ' keep it on this device'), h('button', { class: 'main' }, 'Sign in'));
+  show(wrong, why);
+  main.replaceChildren(form);
+  token.focus();
+}
+
+window.addEventListener('hashchange', () => { route(); main.focus({ preventScroll: true }); });
+leave.addEventListener('click', () => signOut());
+whenStranger(() => unfollow && signOut('The gateway no longer knows this token.'));
+store.watch(() => shown?.update());
+
+if (api.hasToken()) {
+  enter().catch((error) => {
+    if (error instanceof api.Refused && error.status === 401) return signOut(error.message);
+    tell(`The gateway cannot be reached: ${error.message}`, true);
+    return setTimeout(() => location.reload(), 5000);
+  });
+} else askForToken();

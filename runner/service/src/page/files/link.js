@@ -1,0 +1,244 @@
+// One link: what it does, its jobs, its plug-in, its line.
+
+import * as api from './api.js';
+import { act } from './message.js';
+import { field, h, keyed, options, say, show, sureButton } from './dom.js';
+import { badge, doing, errors, trouble } from './links.js';
+import { chart } from './chart.js';
+import { table as jobTable } from './jobs.js';
+import { sequence } from './sequence.js';
+import * as store from './store.js';
+import * as text from './text.js';
+
+export function page(name) {
+  const path = `/links/${api.part(name)}`;
+  const missing = h('p', { class: 'empty' }, `There is no link ${name}.`);
+  const parts = [overview(name, path), sendForm(path), swapForm(name, path), quarantine(path), queue(name), received(name, path), counters(name)];
+  const line = sequence(path);
+  const body = h('div', {}, parts.slice(0, 4).map((part) => part.node), line.node, parts.slice(4).map((part) => part.node));
+  const node = h('section', {},
+    h('p', { class: 'back' }, h('a', { href: '#/links' }, '← All links')), h('h1', {}, name), missing, body);
+  const update = () => {
+    const link = store.links.get(name);
+    show(missing, !link);
+    show(body, link);
+    if (link) for (const part of parts) part.update(link);
+  };
+  update();
+  return { node, update, end: line.end };
+}
+
+function overview(name, path) {
+  const state = badge();
+  const what = h('p', { class: 'what large' });
+  const bar = h('progress', { max: 100, 'aria-label': 'Progress' });
+  const wrong = h('p', { class: 'wrong' });
+  const facts = h('dl', { class: 'pairs' });
+  const picture = chart();
+  const legend = h('p', { class: 'facts' });
+  const order = (verb) => async () => {
+    const link = store.links.get(name);
+    if (link?.job) await act(async () => store.took(await api.post(`/jobs/${link.job.id}/${verb}`)));
+  };
+  const onLink = (verb) => () => act(async () => store.took(await api.post(`${path}/${verb}`)));
+  const pause = h('button', { onclick: order('pause') }, 'Pause');
+  const resume = h('button', { onclick: order('resume') }, 'Resume');
+  const abort = sureButton('Abort', order('abort'));
+  const force = h('button', { onclick: onLink('force-resume') }, 'Go on although held');
+  const reopen = h('button', { onclick: onLink('reopen'), class: 'quiet' }, 'Reopen the port');
+  const node = h('div', { class: 'panel' },
+    h('div', { class: 'row' }, state.node, what), bar, wrong,
+    h('div', { class: 'buttons' }, pause, resume, abort, force, reopen),
+    h('div', { class: 'wide' }, picture.node), legend, facts);
+  return {
+    node,
+    update(link) {
+      state.update(link);
+      say(what, doing(link));
+      show(bar, link.job?.size);
+      if (link.job?.size) bar.value = text.percent(link.job.surely_left, link.job.size);
+      say(wrong, trouble(link));
+      show(wrong, trouble(link));
+      show(pause, link.job?.state === 'running');
+      show(resume, link.job?.state === 'paused');
+      show(abort, link.job);
+      show(force, link.is_held);
+      picture.update(link.buffer, store.levels.get(name));
+      say(legend, `Buffer: ${text.bytes(link.buffer.level)} of ${text.bytes(link.buffer.size)}; dashed: the marks, at ${text.bytes(link.buffer.low)} and ${text.bytes(link.buffer.high)}; shaded: held by the machine`);
+      pairs(facts, [
+        ['Port', link.port.spec],
+        ['Line', link.port.line],
+        ['Differs', link.port.differences.join('; ')],
+        ['Other side', link.port.other_side],
+        ['Plug-in', text.plugin(link.plugin)],
+        ['Says', link.condition],
+        ['Endpoint', link.endpoint && `${link.endpoint.kind} at ${link.endpoint.listen}${link.endpoint.client ? `, ${link.endpoint.client}` : ''}${link.endpoint.failure ? `: ${link.endpoint.failure}` : ''}`],
+        ['Change waits', link.is_change_waiting && 'until the link is idle'],
+      ]);
+    },
+  };
+}
+
+/** A list of names and values; empty values are left out. */
+function pairs(list, values) {
+  keyed(list, values.filter(([, value]) => value), ([name]) => name, ([name]) => {
+    const value = h('dd');
+    return { node: h('div', {}, h('dt', {}, name), value), update: ([, now]) => say(value, now) };
+  });
+}
+
+function sendForm(path) {
+  const program = h('select', { name: 'program', required: true });
+  const priority = h('input', { type: 'number', name: 'priority', value: '0', step: '1' });
+  const block = h('input', { type: 'number', name: 'block', min: '1', placeholder: '1' });
+  const none = h('p', { class: 'empty' }, 'No programs yet: ', h('a', { href: '#/programs' }, 'upload one'), '.');
+  const form = h('form', {
+    class: 'fields',
+    onsubmit: (event) => {
+      event.preventDefault();
+      const order = { program: program.value, priority: Number(priority.value) || 0 };
+      if (block.value) order.from_block = Number(block.value);
+      act(async () => {
+        const job = await api.post(`${path}/jobs`, order);
+        store.took(job);
+        return `Job ${job.id}: ${job.program} ${job.state}`;
+      });
+    },
+  }, field('Program', program), field('Priority', priority), field('From block', block), h('button', { class: 'main' }, 'Send'));
+  return {
+    node: h('div', { class: 'panel' }, h('h2', {}, 'Send'), form, none),
+    update() {
+      options(program, store.programs.map(({ name, bytes }) => [name, `${name} (${text.bytes(bytes)})`]));
+      show(form, store.programs.length);
+      show(none, !store.programs.length);
+    },
+  };
+}
+
+function swapForm(name, path) {
+  const choice = h('select', { name: 'plugin', 'aria-label': 'Plug-in' });
+  const when = h('select', { name: 'when', 'aria-label': 'When' },
+    h('option', { value: 'now-or-idle' }, 'at once if the state fits, else when idle'),
+    h('option', { value: 'now' }, 'at once or not at all'),
+    h('option', { value: 'idle' }, 'when idle'));
+  const swap = (plugin, moment) => act(async () => {
+    const view = await api.post(`${path}/swap`, { plugin, when: moment });
+    return `Swap to ${text.plugin(view.to)}: ${view.state}${view.message ? `, ${view.message}` : ''}`;
+  });
+  const one = h('button', { class: 'main', onclick: () => one.plugin && swap(one.plugin, 'now-or-idle') });
+  const form = h('form', { class: 'fields', onsubmit: (event) => { event.preventDefault(); swap(choice.value, when.value); } },
+    field('Plug-in', choice), field('When', when), h('button', {}, 'Swap'));
+  const last = h('p', { class: 'facts', role: 'status' });
+  const forbidden = h('p', { class: 'facts' }, 'Only an admin may swap.');
+  const more = h('details', {}, h('summary', {}, 'Another plug-in or moment'), form);
+  return {
+    node: h('div', { class: 'panel' }, h('h2', {}, 'Plug-in'), one, more, forbidden, last),
+    update(link) {
+      const isAdmin = store.role === 'admin';
+      const newer = isAdmin ? newest(link) : null;
+      one.plugin = newer && text.pluginKey(newer);
+      say(one, newer ? `Swap to ${text.plugin(newer)}` : '');
+      show(one, newer);
+      show(more, isAdmin);
+      show(forbidden, !isAdmin);
+      options(choice, store.plugins.map((of) => [text.pluginKey(of), `${text.plugin(of)} (${of.digest.slice(0, 8)})${of.digest === link.plugin?.digest ? ', runs' : ''}`]));
+      const { swap: view, probation } = link;
+      say(last, [
+        `Runs ${text.plugin(link.plugin)}.`,
+        view && `Last swap, ${text.time(view.at_ms)}: ${view.from ? `${text.plugin(view.from)} → ` : ''}${text.plugin(view.to)}, ${view.state}${view.pause_us === null ? '' : ` in ${text.span(view.pause_us)}`}${view.message ? `: ${view.message}` : ''}.`,
+        probation && `On probation; returns to ${text.plugin(probation.returns_to)} if it fails.`,
+      ].filter(Boolean).join(' '));
+    },
+  };
+}
+
+/** The last added plug-in of the same name that is another one than that which runs. */
+function newest(link) {
+  const others = store.plugins.filter((of) => of.name === link.plugin?.name && of.digest !== link.plugin.digest);
+  const newer = (a, b) => a.version.localeCompare(b.version, 'en', { numeric: true });
+  return others.sort(newer).at(-1) ?? null;
+}
+
+function quarantine(path) {
+  const list = h('ol', { class: 'faults' });
+  const since = h('p', { class: 'facts' });
+  const release = h('button', { class: 'main', onclick: () => act(async () => store.took(await api.post(`${path}/release`))) }, 'Let it out');
+  const node = h('div', { class: 'panel bad' }, h('h2', {}, 'Quarantine'), since, list, release);
+  return {
+    node,
+    update(link) {
+      show(node, link.quarantine);
+      if (!link.quarantine) return;
+      say(since, `The plug-in failed too often; since ${text.time(link.quarantine.since_ms)} it is not started again. Its line is silent, others see nothing of it.`);
+      keyed(list, link.quarantine.faults, (fault) => fault.at_ms, (fault) => ({ node: faultItem(path, fault), update() {} }));
+    },
+  };
+}
+
+function faultItem(path, fault) {
+  return h('li', {},
+    h('p', {}, h('strong', {}, fault.text)),
+    h('p', { class: 'facts' }, `${text.time(fault.at_ms)}, ${text.plugin(fault.plugin)}, at the event ${fault.event}`),
+    fault.last_words && h('pre', {}, fault.last_words),
+    fault.trace && h('button', {
+      class: 'quiet',
+      onclick: () => act(() => api.save(`${path}/traces/${api.part(fault.trace)}`, fault.trace)),
+    }, `Save the trace ${fault.trace}`));
+}
+
+function queue(name) {
+  const jobs = jobTable(() => store.newestJobs().filter((job) => job.link === name).slice(0, 20), false);
+  return { node: h('div', { class: 'panel' }, h('h2', {}, 'Jobs'), jobs.node), update: jobs.update };
+}
+
+function received(name, path) {
+  const body = h('tbody');
+  const empty = h('p', { class: 'empty' }, 'Nothing was received yet.');
+  store.loadReceptions(name).catch(() => {});
+  const node = h('div', { class: 'panel' }, h('h2', {}, 'Received'),
+    h('div', { class: 'scroll' }, h('table', {}, h('thead', {}, h('tr', {}, ['File', 'Size', 'When', 'Compared', ''].map((title) => h('th', {}, title)))), body)), empty);
+  return {
+    node,
+    update() {
+      const all = store.receptions.get(name) ?? [];
+      show(empty, !all.length);
+      show(body.parentNode, all.length);
+      keyed(body, all.slice(0, 100), (of) => of.file, (of) => ({
+        node: h('tr', { class: of.failure ? 'bad' : '' },
+          h('td', {}, of.file), h('td', {}, text.bytes(of.bytes)), h('td', {}, text.time(of.at_ms)), h('td', {}, compared(of)),
+          h('td', {}, h('button', { class: 'quiet', onclick: () => act(() => api.save(`${path}/receptions/${api.part(of.file)}`, of.file)) }, 'Save'))),
+        update() {},
+      }));
+    },
+  };
+}
+
+function compared(of) {
+  if (of.failure) return `failed: ${of.failure}`;
+  if (!of.compared) return '';
+  if (of.compared.is_same) return 'same as sent';
+  return `differs from what was sent${of.compared.differs_at === null ? '' : ` at byte ${text.count(of.compared.differs_at)}`}`;
+}
+
+function counters(name) {
+  const list = h('dl', { class: 'pairs' });
+  return {
+    node: h('details', { class: 'panel' }, h('summary', {}, h('h2', {}, 'Counters')), list),
+    update({ counters: of, buffer }) {
+      pairs(list, [
+        ['From the machine', `${text.count(of.bytes_in)} bytes`],
+        ['To the machine', `${text.count(of.bytes_out)} bytes`],
+        ['Line errors', Object.entries(of.line_errors).filter(([, n]) => n).map(([kind, n]) => `${kind} ${text.count(n)}`).join(', ') || `${errors(store.links.get(name))}`],
+        ['Held', `${text.count(of.holds)} times, ${text.span(of.held_us)}`],
+        ['Sent after stop', `${text.count(of.after_stop)} characters`],
+        ['Starved', `${text.count(of.starved)} times, ${text.span(of.starved_us)}`],
+        ['Buffer', `${text.count(buffer.smallest ?? 0)} to ${text.count(buffer.largest)} bytes`],
+        ['Events', text.count(of.events)],
+        ['Fuel', text.count(of.fuel)],
+        ['Plug-in restarts', text.count(of.restarts)],
+        ['Port reopened', text.count(of.reopened)],
+        ['Messages dropped', text.count(of.notes_dropped)],
+      ]);
+    },
+  };
+}

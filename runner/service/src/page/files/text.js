@@ -1,0 +1,82 @@
+// Numbers, times and bytes for people.
+
+const UNITS = ['B', 'KB', 'MB', 'GB'];
+
+export function bytes(count) {
+  if (count === null || count === undefined) return '–';
+  let unit = 0;
+  let value = count;
+  while (value >= 1000 && unit < UNITS.length - 1) {
+    value /= 1000;
+    unit += 1;
+  }
+  return unit === 0 ? `${count} B` : `${value.toFixed(value < 10 ? 2 : value < 100 ? 1 : 0)} ${UNITS[unit]}`;
+}
+
+export function count(number) {
+  return (number ?? 0).toLocaleString('en');
+}
+
+export function time(ms) {
+  if (!ms) return '–';
+  const date = new Date(ms);
+  const clock = date.toLocaleTimeString('en-GB');
+  return date.toDateString() === new Date().toDateString() ? clock : `${date.toLocaleDateString('en-CA')} ${clock}`;
+}
+
+export function span(us) {
+  const seconds = us / 1e6;
+  if (seconds === 0) return '0 s';
+  if (seconds < 0.001) return `${us} µs`;
+  if (seconds < 1) return `${Math.round(seconds * 1000)} ms`;
+  if (seconds < 60) return `${seconds.toFixed(1)} s`;
+  const minutes = Math.floor(seconds / 60);
+  if (minutes < 60) return `${minutes} min ${Math.floor(seconds % 60)} s`;
+  return `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
+}
+
+export function since(ms) {
+  return ms ? span(Math.max(0, Date.now() - ms) * 1000) : '';
+}
+
+export function percent(part, whole) {
+  return whole ? Math.min(100, Math.floor((100 * part) / whole)) : 0;
+}
+
+/** A plug-in's name and version. */
+export function plugin(of) {
+  return of ? `${of.name} ${of.version}` : 'none';
+}
+
+/** How the API names it: by its digest, which means one module only. */
+export function pluginKey(of) {
+  return `${of.name}@sha256:${of.digest}`;
+}
+
+const CONTROLS = [
+  'NUL', 'SOH', 'STX', 'ETX', 'EOT', 'ENQ', 'ACK', 'BEL', 'BS', 'HT', 'LF', 'VT', 'FF', 'CR', 'SO', 'SI',
+  'DLE', 'DC1', 'DC2', 'DC3', 'DC4', 'NAK', 'SYN', 'ETB', 'CAN', 'EM', 'SUB', 'ESC', 'FS', 'GS', 'RS', 'US',
+];
+
+/** Splits bytes in hex into runs of text and single codes: [{text} | {code}]. */
+export function runs(hex) {
+  const found = [];
+  let text = '';
+  for (let at = 0; at + 1 < hex.length; at += 2) {
+    const byte = parseInt(hex.slice(at, at + 2), 16);
+    if (byte >= 0x20 && byte < 0x7f) {
+      text += String.fromCharCode(byte);
+      continue;
+    }
+    if (text) found.push({ text });
+    text = '';
+    found.push({ code: CONTROLS[byte] ?? (byte === 0x7f ? 'DEL' : hex.slice(at, at + 2).toUpperCase()) });
+  }
+  if (text) found.push({ text });
+  return found;
+}
+
+/** Bytes in hex, with gaps. */
+export function spaced(hex) {
+  return (hex.match(/../g) ?? []).join(' ').toUpperCase();
+}
