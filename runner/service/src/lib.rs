@@ -12,6 +12,8 @@ pub mod gateway;
 pub mod guess;
 pub mod http;
 pub mod library;
+mod metrics;
+mod page;
 pub mod refusal;
 pub mod view;
 

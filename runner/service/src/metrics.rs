@@ -15,8 +15,7 @@ use crate::http::Tally;
 use crate::view::{CountersView, HealthView, LinkState, LinkView};
 
 /// What the text is.
-pub(crate) const CONTENT_TYPE: &str =
-    "application/openmetrics-text; version=1.0.0; charset=utf-8";
+pub(crate) const CONTENT_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
 /// What the HTTP side counts.
 #[derive(Copy, Clone, Debug)]

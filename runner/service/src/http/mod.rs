@@ -15,8 +15,8 @@ mod tls;
 mod tokens;
 mod upload;
 
-pub use options::{Certificate, Limits, Options};
 pub(crate) use entry::Tally;
+pub use options::{Certificate, Limits, Options};
 pub use problem::Problem;
 pub use routes::MeView;
 pub use server::{ServeError, Server};

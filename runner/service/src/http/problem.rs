@@ -50,7 +50,10 @@ impl Problem {
 
     /// A bug of the gateway's.
     pub(super) fn ours() -> Self {
-        Self::new(StatusCode::INTERNAL_SERVER_ERROR, "the gateway failed at this; its log tells more")
+        Self::new(
+            StatusCode::INTERNAL_SERVER_ERROR,
+            "the gateway failed at this; its log tells more",
+        )
     }
 
     pub(super) fn unavailable(detail: impl Into<String>) -> Self {

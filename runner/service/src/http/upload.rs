@@ -46,12 +46,7 @@ impl Read for BodyReader {
 }
 
 /// Does `work` with the body as it comes, on a thread of its own.
-pub(super) async fn receive<T, F>(
-    body: Body,
-    pace: Pace,
-    most: u64,
-    work: F,
-) -> Result<T, Problem>
+pub(super) async fn receive<T, F>(body: Body, pace: Pace, most: u64, work: F) -> Result<T, Problem>
 where
     T: Send + 'static,
     F: FnOnce(&mut dyn Read) -> Result<T, Problem> + Send + 'static,
@@ -165,13 +160,19 @@ mod tests {
         };
         let body = pieces(&[Ok("G0 X1"), Ok("X")]);
         assert_eq!(run(receive(body, UPLOAD_PACE, 5, seen)).unwrap_err().status, 413);
-        assert_eq!(run(receive(Body::from("G0 X1X"), UPLOAD_PACE, 5, seen)).unwrap_err().status, 413);
+        assert_eq!(
+            run(receive(Body::from("G0 X1X"), UPLOAD_PACE, 5, seen)).unwrap_err().status,
+            413
+        );
     }
 
     #[test]
     fn a_reader_that_refuses_says_why() {
         let body = pieces(&[Ok("a"); 20]);
         let refuse = |_: &mut dyn Read| Err::<(), _>(Problem::unavailable("the disk is full"));
-        assert_eq!(run(receive(body, UPLOAD_PACE, 99, refuse)).unwrap_err().detail, "the disk is full");
+        assert_eq!(
+            run(receive(body, UPLOAD_PACE, 99, refuse)).unwrap_err().detail,
+            "the disk is full"
+        );
     }
 }

@@ -82,6 +82,9 @@ mod tests {
     #[test]
     fn names_cannot_break_out_of_the_header() {
         assert_eq!(disposition("O1.nc"), "attachment; filename*=UTF-8''O1.nc");
-        assert_eq!(disposition("a\"\r\nx: ä"), "attachment; filename*=UTF-8''a%22%0D%0Ax%3A%20%C3%A4");
+        assert_eq!(
+            disposition("a\"\r\nx: ä"),
+            "attachment; filename*=UTF-8''a%22%0D%0Ax%3A%20%C3%A4"
+        );
     }
 }

@@ -99,10 +99,7 @@ pub(super) async fn swap(
 #[utoipa::path(get, path = "/links/{link}/watch", tag = "links",
     params(("link" = String, Path, description = "Name of the link")),
     responses((status = OK, body = Vec<Seen>, content_type = "text/event-stream"), Refused))]
-pub(super) async fn watch(
-    State(desk): At,
-    Segments(link): Segments<String>,
-) -> Answer<Stream> {
+pub(super) async fn watch(State(desk): At, Segments(link): Segments<String>) -> Answer<Stream> {
     let slot = desk.stream_slot()?;
     let mut watching = desk.ask(move |gateway| gateway.watch(&link)).await?;
     let source = move || match watching.next(Duration::ZERO) {

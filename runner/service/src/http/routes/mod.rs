@@ -184,4 +184,3 @@ async fn nothing_here() -> Problem {
 async fn no_such_method() -> Problem {
     Problem::new(StatusCode::METHOD_NOT_ALLOWED, "this path does not take this method")
 }
-

@@ -120,10 +120,7 @@ fn plainly(well: bool, text: &'static str) -> Response {
 pub(super) async fn metrics(State(desk): At) -> Answer<Response> {
     let seen = desk.ask(|gateway| Ok((gateway.health(), gateway.links()?))).await?;
     let (health, links) = seen;
-    let door = metrics::Door {
-        tally: &desk.door.tally,
-        connections: desk.door.connections(),
-    };
+    let door = metrics::Door { tally: &desk.door.tally, connections: desk.door.connections() };
     let text = metrics::text(&health, &links, door).map_err(|_| Problem::ours())?;
     let mut response = text.into_response();
     let kind = HeaderValue::from_static(metrics::CONTENT_TYPE);

@@ -82,7 +82,7 @@ function askForToken(why) {
         token.select();
       }
     },
-  }, h('h1', {}, 'Sign in'), wrong, field('Token', token, 'An admin of the gateway has it from: softplug gateway token'),
+  }, h('h1', {}, 'Sign in'), wrong, h('input', { type: 'text', name: 'username', autocomplete: 'username', hidden: true }), field('Token', token, 'An admin of the gateway has it from: softplug gateway token'),
   h('label', { class: 'check' }, keep, ' keep it on this device'), h('button', { class: 'main' }, 'Sign in'));
   show(wrong, why);
   main.replaceChildren(form);

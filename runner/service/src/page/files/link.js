@@ -3,7 +3,7 @@
 import * as api from './api.js';
 import { act } from './message.js';
 import { field, h, keyed, options, say, show, sureButton } from './dom.js';
-import { badge, doing, errors, trouble } from './links.js';
+import { badge, doing, trouble } from './links.js';
 import { chart } from './chart.js';
 import { table as jobTable } from './jobs.js';
 import { sequence } from './sequence.js';
@@ -13,9 +13,17 @@ import * as text from './text.js';
 export function page(name) {
   const path = `/links/${api.part(name)}`;
   const missing = h('p', { class: 'empty' }, `There is no link ${name}.`);
-  const parts = [overview(name, path), sendForm(path), swapForm(name, path), quarantine(path), queue(name), received(name, path), counters(name)];
+  const now = overview(name, path);
+  const isolated = quarantine(path);
+  const send = sendForm(path);
+  const swap = swapForm(path);
+  const jobs = queue(name);
+  const came = received(name, path);
+  const counted = counters();
+  const parts = [now, isolated, send, swap, jobs, came, counted];
   const line = sequence(path);
-  const body = h('div', {}, parts.slice(0, 4).map((part) => part.node), line.node, parts.slice(4).map((part) => part.node));
+  const body = h('div', {}, now.node, isolated.node, h('div', { class: 'columns' }, send.node, swap.node), line.node,
+    jobs.node, came.node, counted.node);
   const node = h('section', {},
     h('p', { class: 'back' }, h('a', { href: '#/links' }, '← All links')), h('h1', {}, name), missing, body);
   const update = () => {
@@ -115,7 +123,7 @@ function sendForm(path) {
   };
 }
 
-function swapForm(name, path) {
+function swapForm(path) {
   const choice = h('select', { name: 'plugin', 'aria-label': 'Plug-in' });
   const when = h('select', { name: 'when', 'aria-label': 'When' },
     h('option', { value: 'now-or-idle' }, 'at once if the state fits, else when idle'),
@@ -220,15 +228,16 @@ function compared(of) {
   return `differs from what was sent${of.compared.differs_at === null ? '' : ` at byte ${text.count(of.compared.differs_at)}`}`;
 }
 
-function counters(name) {
+function counters() {
   const list = h('dl', { class: 'pairs' });
   return {
     node: h('details', { class: 'panel' }, h('summary', {}, h('h2', {}, 'Counters')), list),
-    update({ counters: of, buffer }) {
+    update(link) {
+      const { counters: of, buffer } = link;
       pairs(list, [
         ['From the machine', `${text.count(of.bytes_in)} bytes`],
         ['To the machine', `${text.count(of.bytes_out)} bytes`],
-        ['Line errors', Object.entries(of.line_errors).filter(([, n]) => n).map(([kind, n]) => `${kind} ${text.count(n)}`).join(', ') || `${errors(store.links.get(name))}`],
+        ['Line errors', Object.entries(of.line_errors).filter(([, n]) => n).map(([kind, n]) => `${kind} ${text.count(n)}`).join(', ') || 'none'],
         ['Held', `${text.count(of.holds)} times, ${text.span(of.held_us)}`],
         ['Sent after stop', `${text.count(of.after_stop)} characters`],
         ['Starved', `${text.count(of.starved)} times, ${text.span(of.starved_us)}`],

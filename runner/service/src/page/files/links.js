@@ -24,9 +24,11 @@ export function badge() {
   return {
     node,
     update(link) {
-      say(sign, SIGNS[link.state] ?? '?');
-      say(word, link.is_held ? `${link.state}, held` : link.state);
-      const kind = TROUBLE.has(link.state) ? 'bad' : link.alarms.length ? 'warn' : WORK.has(link.state) ? 'work' : 'calm';
+      const isHeld = link.is_held && !TROUBLE.has(link.state);
+      say(sign, isHeld ? '✋\ufe0e' : SIGNS[link.state] ?? '?');
+      say(word, isHeld ? `${link.state}, held` : link.state);
+      const isOdd = link.alarms.length || isHeld || link.state === 'paused';
+      const kind = TROUBLE.has(link.state) ? 'bad' : isOdd ? 'warn' : WORK.has(link.state) ? 'work' : 'calm';
       node.className = `badge ${kind}`;
     },
   };

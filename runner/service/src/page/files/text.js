@@ -1,16 +1,17 @@
 // Numbers, times and bytes for people.
 
-const UNITS = ['B', 'KB', 'MB', 'GB'];
+const UNITS = ['B', 'KiB', 'MiB', 'GiB'];
 
 export function bytes(count) {
   if (count === null || count === undefined) return '–';
   let unit = 0;
   let value = count;
-  while (value >= 1000 && unit < UNITS.length - 1) {
-    value /= 1000;
+  while (value >= 1024 && unit < UNITS.length - 1) {
+    value /= 1024;
     unit += 1;
   }
-  return unit === 0 ? `${count} B` : `${value.toFixed(value < 10 ? 2 : value < 100 ? 1 : 0)} ${UNITS[unit]}`;
+  const digits = unit === 0 || value >= 100 || Number.isInteger(value) ? 0 : 1;
+  return `${value.toFixed(digits)} ${UNITS[unit]}`;
 }
 
 export function count(number) {
