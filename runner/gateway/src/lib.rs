@@ -6,7 +6,9 @@
 //!   decoded.
 //! - [`pacer`]: how many bytes may be given to a port now, so that few are
 //!   beyond recall when the partner says stop.
-//! - [`station`]: a port with a plug-in on it; [`transfer`]: one program over it,
+//! - [`channel`]: a port with a plug-in on it; [`reactor`]: many of them on few
+//!   threads, fed and emptied through [`reservoir`]s.
+//! - [`station`]: a channel that waits for itself; [`transfer`]: one program over it,
 //!   or all that comes and is asked for.
 //! - [`tap`]: between two ports, passing everything on and telling what passed.
 //! - [`store`]: folders for what comes and for what machines may ask for.
@@ -24,6 +26,8 @@ pub mod store;
 pub mod suggest;
 
 #[cfg(target_os = "linux")]
+pub mod channel;
+#[cfg(target_os = "linux")]
 pub mod clock;
 #[cfg(all(target_os = "linux", feature = "simulate"))]
 pub mod device_server;
@@ -35,6 +39,9 @@ pub mod poll;
 pub mod ports;
 #[cfg(target_os = "linux")]
 pub mod pty;
+#[cfg(target_os = "linux")]
+pub mod reactor;
+pub mod reservoir;
 #[cfg(all(target_os = "linux", feature = "simulate"))]
 pub mod simulator;
 #[cfg(target_os = "linux")]

@@ -111,6 +111,12 @@ impl Pacer {
         ceil_div(rest, self.character()) as u64
     }
 
+    /// When all that the port was given has left, by the model.
+    pub fn free_at(&self) -> Micros {
+        let free = ceil_div(self.free, self.ticks_per_micro());
+        Micros(free.clamp(i128::from(i64::MIN), i128::from(i64::MAX)) as i64)
+    }
+
     /// Bytes that may be written now; no bound where the rate is unknown.
     pub fn available(&self, now: Micros) -> usize {
         if self.line.baud == 0 {

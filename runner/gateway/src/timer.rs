@@ -58,6 +58,11 @@ impl Timer {
         Ok(())
     }
 
+    /// Whoever waits for edges knows that the deadline has passed; none is set now.
+    pub(crate) fn has_expired(&mut self) {
+        self.deadline = None;
+    }
+
     /// Takes the news that the deadline has passed; then none is set.
     pub fn expired(&mut self) -> Result<bool, PortError> {
         match read(&self.fd, &mut [0; 8]) {

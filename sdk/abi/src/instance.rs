@@ -21,6 +21,16 @@ pub trait Instance {
     /// The event was refused, or the instance has ended: it then answers every
     /// later step with the same fault.
     fn step(&mut self, event: &Event<'_>, now: Micros) -> Result<Output<'_>, Self::Fault>;
+
+    /// Units of fuel that all steps used; 0 where nobody counts.
+    fn total_fuel(&self) -> u64 {
+        0
+    }
+
+    /// What the plug-in said as it trapped.
+    fn last_words(&self) -> Option<&str> {
+        None
+    }
 }
 
 /// What a step wrote.

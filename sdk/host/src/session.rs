@@ -192,6 +192,14 @@ impl Instance for Session {
         let (actions, more) = self.call(event, now)?;
         Ok(Output { actions: &self.running.memory()[actions], more })
     }
+
+    fn total_fuel(&self) -> u64 {
+        Self::total_fuel(self)
+    }
+
+    fn last_words(&self) -> Option<&str> {
+        Self::last_words(self)
+    }
 }
 
 /// Lies inside the memory: the mailbox was checked, and a memory never shrinks.

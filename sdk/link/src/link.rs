@@ -51,6 +51,8 @@ pub struct Link<I: Instance> {
     scratch: Box<[u8]>,
     pub(crate) now: Micros,
     pub(crate) steps: u32,
+    /// Events given so far.
+    events: u64,
     is_open: bool,
     /// The port is gone: nothing is sent until it is back.
     pub(crate) down: Option<LinkDownReason>,
@@ -71,6 +73,7 @@ impl<I: Instance> Link<I> {
             scratch,
             now: Micros::ZERO,
             steps: 0,
+            events: 0,
             is_open: false,
             down: None,
             has_ended: false,
@@ -267,6 +270,17 @@ impl<I: Instance> Link<I> {
         self.core.queue.waiting()
     }
 
+    /// Events that the plug-in was given.
+    pub fn events(&self) -> u64 {
+        self.events
+    }
+
+    /// Whether a report waits for bytes to leave: only then does it matter when
+    /// [`left`](Self::left) is told. Telling all of it then makes up for before.
+    pub fn awaits_departures(&self) -> bool {
+        self.core.queue.awaits_departures()
+    }
+
     /// Whether the plug-in has ended by a fault.
     pub fn has_ended(&self) -> bool {
         self.has_ended
@@ -364,6 +378,7 @@ impl<I: Instance> Link<I> {
     /// One more event at this instant.
     pub(crate) fn count_step(&mut self, event: &Event<'_>) -> Result<(), LinkFault<I::Fault>> {
         self.steps += 1;
+        self.events += 1;
         if self.steps > STEPS_PER_INSTANT {
             let source = RuleBroken::TimeStandsStill;
             return Err(LinkFault::Rule { event: event.kind(), source });

@@ -55,6 +55,11 @@ impl Marks {
         self.dropped.extend(self.queued.drain(..).map(|(mark, _)| mark));
     }
 
+    /// Whether a byte that the port was given carries one.
+    pub(crate) fn awaits_departures(&self) -> bool {
+        !self.given.is_empty()
+    }
+
     /// The next report, given how many characters maybe and surely have left.
     pub(crate) fn next_report(&mut self, maybe: u64, surely: u64) -> Option<(u32, MarkState)> {
         if let Some(mark) = self.dropped.pop_front() {

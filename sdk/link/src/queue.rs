@@ -184,6 +184,11 @@ impl Queue {
         self.maybe_left = self.maybe_left.max(self.surely_left);
     }
 
+    /// Whether a mark is on a byte that the port was given.
+    pub(crate) fn awaits_departures(&self) -> bool {
+        self.marks.awaits_departures()
+    }
+
     pub(crate) fn next_mark(&mut self) -> Option<(u32, MarkState)> {
         self.marks.next_report(self.maybe_left, self.surely_left)
     }

@@ -1,4 +1,4 @@
-//! What a station counts.
+//! What a channel counts.
 
 use softplug_abi::{LineErrorKind, Micros};
 
@@ -17,6 +17,10 @@ pub struct Counters {
     pub holds: u64,
     /// How long it was held in all.
     pub held: Micros,
+    /// Characters in flight, beyond recall, when it was held: in all.
+    pub after_hold: u64,
+    /// The most at one time.
+    pub after_hold_most: u64,
     /// Since when it has been held.
     held_since: Option<Micros>,
 }
@@ -44,8 +48,10 @@ impl Counters {
         }
     }
 
-    pub(crate) fn hold(&mut self, now: Micros) {
+    pub(crate) fn hold(&mut self, now: Micros, in_flight: u64) {
         if self.held_since.is_none() {
+            self.after_hold += in_flight;
+            self.after_hold_most = self.after_hold_most.max(in_flight);
             self.holds += 1;
             self.held_since = Some(now);
         }

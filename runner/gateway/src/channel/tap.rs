@@ -4,25 +4,37 @@
 use softplug_abi::{Action, Micros, ModemLines};
 use softplug_link::{Outside, Supply};
 
-use super::Counters;
+use super::{Counters, Surroundings};
+use crate::pacer::Pacer;
+use crate::port::Input;
 
 pub(super) struct Tap<'a> {
-    outside: &'a mut dyn Outside,
-    pub(super) counters: &'a mut Counters,
+    outside: &'a mut dyn Surroundings,
+    counters: &'a mut Counters,
+    pacer: &'a Pacer,
     /// Lines to set: which, and which of them on.
     pub(super) modem_lines: Option<(ModemLines, ModemLines)>,
 }
 
 impl<'a> Tap<'a> {
-    pub(super) fn new(outside: &'a mut dyn Outside, counters: &'a mut Counters) -> Self {
-        Self { outside, counters, modem_lines: None }
+    pub(super) fn new(
+        outside: &'a mut dyn Surroundings,
+        counters: &'a mut Counters,
+        pacer: &'a Pacer,
+    ) -> Self {
+        Self { outside, counters, pacer, modem_lines: None }
+    }
+
+    pub(super) fn heard(&mut self, now: Micros, input: &Input<'_>) {
+        self.counters.count_input(input);
+        self.outside.heard(now, input);
     }
 }
 
 impl Outside for Tap<'_> {
     fn handle(&mut self, now: Micros, action: &Action<'_>) {
         match action {
-            Action::Hold => self.counters.hold(now),
+            Action::Hold => self.counters.hold(now, self.pacer.in_flight(now)),
             Action::Release => self.counters.release(now),
             Action::ModemLines { mask, on } => {
                 let (set, set_on) = self.modem_lines.unwrap_or_default();

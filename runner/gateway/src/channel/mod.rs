@@ -1,0 +1,493 @@
+//! A channel: one port, one plug-in, and what lies between them: pacing, what
+//! has left, breaks, modem lines, counters. It never waits and has no thread.
+
+mod counters;
+mod departures;
+mod sending;
+mod tap;
+
+pub use counters::Counters;
+
+use departures::Departures;
+use softplug_abi::manifest::SettingValues;
+use softplug_abi::{Instance, LineParameters, LinkDownReason, Micros, ModemLines};
+use softplug_link::{Link, LinkFault, LinkOptions, Outside};
+use std::error::Error;
+use tap::Tap;
+use thiserror::Error;
+
+use crate::clock::Clock;
+use crate::error::PortError;
+use crate::pacer::{Pacer, default_depth};
+use crate::port::{Input, Port, ReadOutcome};
+
+/// A received byte is delivered as at most so many: a line end can become LF CR CR.
+const GROWTH: u32 = 3;
+/// Most reads and writes of one turn: then others have their say.
+const ROUNDS: usize = 16;
+/// Longest turn: then others have their say.
+const TURN: Micros = Micros(500);
+/// Most bytes that are taken from the link at once.
+const CHUNK: usize = 64;
+/// When to look again whether the port has sent what it should have.
+const LOOK_AGAIN: Micros = Micros::from_millis(1);
+/// How often modem lines are looked at.
+const MODEM_LINES_EVERY: Micros = Micros::from_millis(20);
+
+/// What a channel is made with.
+#[derive(Clone, Debug)]
+pub struct StationOptions {
+    /// A value for every setting of the plug-in.
+    pub settings: SettingValues,
+    /// Characters that may be in flight; by baud if `None`.
+    pub depth: Option<u32>,
+    /// Bytes that the transmit queue takes.
+    pub transmit_room: u32,
+    /// Bytes of deliveries that may wait to be put away.
+    pub delivery_room: u32,
+}
+
+impl Default for StationOptions {
+    /// No settings, depth by baud, 4,096 bytes to transmit, 16,384 to deliver.
+    fn default() -> Self {
+        Self {
+            settings: SettingValues::default(),
+            depth: None,
+            transmit_room: 4_096,
+            delivery_room: 16_384,
+        }
+    }
+}
+
+/// Why a channel cannot go on.
+#[derive(Debug, Error)]
+pub enum ChannelError<F: Error + 'static> {
+    /// The port, or the system below it.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// The plug-in has ended.
+    #[error(transparent)]
+    Plugin(#[from] LinkFault<F>),
+}
+
+/// What a channel needs from around it: what the link needs, and somebody who
+/// looks at what passes on the line.
+pub trait Surroundings: Outside {
+    /// The port heard this.
+    fn heard(&mut self, now: Micros, input: &Input<'_>) {
+        let _ = (now, input);
+    }
+
+    /// The port took these bytes.
+    fn wrote(&mut self, now: Micros, bytes: &[u8]) {
+        let _ = (now, bytes);
+    }
+
+    /// The port's modem lines are these now: which it has, and those that are on.
+    fn modem_lines(&mut self, now: Micros, known: ModemLines, on: ModemLines) {
+        let _ = (now, known, on);
+    }
+}
+
+/// How far [`Channel::work`] came.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub enum Work {
+    /// There is nothing to do before something of [`Channel::wants`] comes.
+    Done,
+    /// There is more to do at once; others first.
+    More,
+}
+
+/// What a channel waits for. A hang-up is always to be told.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+pub struct Wants {
+    /// Bytes to read.
+    pub read: bool,
+    /// Room to write: the port was full.
+    pub write: bool,
+    /// This time, on the clock that [`Channel::work`] is given.
+    pub deadline: Option<Micros>,
+}
+
+/// One port with a plug-in on it. The port may be lost and come back.
+///
+/// [`work`](Self::work) reads, delivers what is due and writes what may leave,
+/// without waiting. Requests of the host go through [`ask`](Self::ask).
+#[derive(Debug)]
+pub struct Channel<I: Instance> {
+    port: Option<Port>,
+    link: Link<I>,
+    pacer: Pacer,
+    departures: Departures,
+    /// Given out by the link, not yet taken by the port.
+    pending: [u8; CHUNK],
+    pending_from: usize,
+    pending_to: usize,
+    /// A break to send as soon as nothing is in flight, and one under way.
+    break_next: Option<u32>,
+    break_until: Option<Micros>,
+    modem_lines: Option<(ModemLines, ModemLines)>,
+    /// When modem lines are looked at next.
+    modem_lines_at: Micros,
+    counters: Counters,
+    /// The port may have something to read.
+    readable: bool,
+    gone: Option<LinkDownReason>,
+    depth: Option<u32>,
+}
+
+impl<I: Instance> Channel<I> {
+    /// A channel whose link is not open yet.
+    pub fn new(port: Port, instance: I, options: StationOptions) -> Self {
+        let line = port.line();
+        let modem_lines = port.modem_lines();
+        let link = Link::new(
+            instance,
+            LinkOptions {
+                line,
+                transmit_room: options.transmit_room,
+                delivery_room: options.delivery_room,
+                modem_lines,
+                settings: options.settings,
+            },
+        );
+        let departures = Departures::new(port.rate_known());
+        Self {
+            pacer: pacer(line, options.depth),
+            port: Some(port),
+            link,
+            departures,
+            pending: [0; CHUNK],
+            pending_from: 0,
+            pending_to: 0,
+            break_next: None,
+            break_until: None,
+            modem_lines,
+            modem_lines_at: Micros::ZERO,
+            counters: Counters::default(),
+            readable: true,
+            gone: None,
+            depth: options.depth,
+        }
+    }
+
+    /// The port, unless it has been taken away.
+    pub fn port(&self) -> Option<&Port> {
+        self.port.as_ref()
+    }
+
+    /// The plug-in's link.
+    pub fn link(&self) -> &Link<I> {
+        &self.link
+    }
+
+    /// What has been counted up to `now`.
+    pub fn counters(&self, now: Micros) -> Counters {
+        self.counters.at(now)
+    }
+
+    /// Why the port is gone, if it is.
+    pub fn gone(&self) -> Option<LinkDownReason> {
+        self.gone
+    }
+
+    /// The characters in flight at most.
+    pub fn depth(&self) -> u32 {
+        self.pacer.depth()
+    }
+
+    /// The port may have something to read: the channel looks until it finds
+    /// nothing more.
+    pub fn set_readable(&mut self) {
+        self.readable = true;
+    }
+
+    /// A request of the host: whatever `act` does with the link, with what it
+    /// sets on the port.
+    pub fn ask<R>(
+        &mut self,
+        now: Micros,
+        outside: &mut dyn Surroundings,
+        act: impl FnOnce(&mut Link<I>, Micros, &mut dyn Outside) -> R,
+    ) -> Result<R, PortError> {
+        let mut tap = Tap::new(outside, &mut self.counters, &self.pacer);
+        let asked = act(&mut self.link, now, &mut tap);
+        let lines = tap.modem_lines;
+        self.set_modem_lines(lines)?;
+        Ok(asked)
+    }
+
+    /// Gives the settings to the plug-in and opens the link.
+    pub fn open(
+        &mut self,
+        now: Micros,
+        outside: &mut dyn Surroundings,
+    ) -> Result<(), ChannelError<I::Fault>> {
+        Ok(self.ask(now, outside, |link, now, outside| link.open(now, outside))??)
+    }
+
+    /// What can be done without waiting, up to a bound. Reads before each write: a
+    /// stop that is already there must stop the next byte. One read before each
+    /// write, too: a partner that never pauses must not keep our own stop from
+    /// leaving.
+    pub fn work(
+        &mut self,
+        clock: Clock,
+        outside: &mut dyn Surroundings,
+    ) -> Result<Work, ChannelError<I::Fault>> {
+        let mut now = clock.now();
+        let until = now + TURN;
+        for _ in 0..ROUNDS {
+            let has_read = self.read(now, outside)?;
+            self.look_at_modem_lines(now, outside)?;
+            self.note_departures(now);
+            self.ask(now, outside, |link, now, outside| link.run(now, outside))??;
+            let has_sent = self.gone.is_none() && self.send_some(now, outside)?;
+            if !has_read && !has_sent {
+                return Ok(Work::Done);
+            }
+            now = clock.now();
+            if now > until {
+                break;
+            }
+        }
+        Ok(Work::More)
+    }
+
+    /// What to wait for, after [`Work::Done`].
+    pub fn wants(&self, now: Micros) -> Wants {
+        if self.gone.is_some() || self.link.has_ended() {
+            return Wants { deadline: self.link.next_timer(), ..Wants::default() };
+        }
+        let is_stuck = self.is_stuck(now);
+        let waiting = self.link.waiting().max(1);
+        let deadline = [
+            self.link.next_timer(),
+            self.wants_to_send(is_stuck).then(|| self.pacer.next(now, waiting)),
+            self.next_departure(now),
+            self.break_until,
+            self.break_next.is_some().then_some(now + LOOK_AGAIN),
+            self.modem_lines.is_some().then_some(self.modem_lines_at),
+        ];
+        let deadline = deadline.into_iter().flatten().min();
+        Wants { read: self.readable_bytes() > 0, write: is_stuck, deadline }
+    }
+
+    /// A port that still holds what should have left by now is looked at again.
+    fn next_departure(&self, now: Micros) -> Option<Micros> {
+        let next = self.link.awaits_departures().then(|| self.departures.next()).flatten()?;
+        Some(if next > now { next } else { now + LOOK_AGAIN })
+    }
+
+    /// Whether something is still to leave.
+    pub fn is_sending(&self, now: Micros) -> bool {
+        let unsent = || self.port.as_ref().is_some_and(|port| port.unsent() > 0);
+        self.gone.is_none()
+            && (self.link.has_to_send()
+                || self.pending_from < self.pending_to
+                || self.pacer.in_flight(now) > 0
+                || unsent())
+    }
+
+    /// Of all bytes that the port was given, how many may have left, and how many
+    /// surely have.
+    pub fn left(&mut self, now: Micros) -> (u64, u64) {
+        let unsent = self.port.as_ref().map_or(0, Port::unsent);
+        self.departures.left(now, unsent)
+    }
+
+    /// The port is lost, or taken away by the host: the plug-in is told. What
+    /// the port had taken and not sent is lost with it.
+    pub fn lose(
+        &mut self,
+        now: Micros,
+        reason: LinkDownReason,
+        outside: &mut dyn Surroundings,
+    ) -> Result<(), ChannelError<I::Fault>> {
+        self.gone = Some(reason);
+        (self.pending_from, self.pending_to) = (0, 0);
+        (self.break_next, self.break_until) = (None, None);
+        self.ask(now, outside, |link, now, outside| {
+            link.link_down(now, reason, outside)?;
+            link.run(now, outside)
+        })??;
+        Ok(())
+    }
+
+    /// The same as of the last time that it was asked.
+    pub(crate) fn left_lately(&self) -> (u64, u64) {
+        self.departures.lately()
+    }
+
+    /// When to look again whether all that the port took has left.
+    pub(crate) fn next_look_at_the_line(&self, now: Micros) -> Option<Micros> {
+        if self.link.has_to_send() || self.pending_from < self.pending_to {
+            return None;
+        }
+        let free = self.pacer.free_at();
+        let holds = || self.port.as_ref().is_some_and(|port| port.unsent() > 0);
+        if free > now { Some(free) } else { holds().then_some(now + LOOK_AGAIN) }
+    }
+
+    /// Puts another plug-in in the place of one that has ended. What that one had
+    /// to send is dropped.
+    pub(crate) fn replace(
+        &mut self,
+        now: Micros,
+        instance: I,
+        settings: SettingValues,
+        outside: &mut dyn Surroundings,
+    ) -> Result<(), ChannelError<I::Fault>> {
+        (self.pending_from, self.pending_to) = (0, 0);
+        self.readable = true;
+        self.ask(now, outside, |link, now, outside| {
+            link.replace(now, instance, settings, outside).map(drop)
+        })??;
+        Ok(())
+    }
+
+    /// A port for a plug-in that has ended; its successor opens on it.
+    pub(crate) fn put_port(&mut self, port: Port) {
+        self.pacer = pacer(port.line(), self.depth);
+        self.departures.begin_anew(port.rate_known());
+        self.modem_lines = port.modem_lines();
+        self.port = Some(port);
+        self.gone = None;
+        self.readable = true;
+    }
+
+    /// Takes the port out, to be closed where closing may take its time.
+    pub fn detach(&mut self) -> Option<Port> {
+        self.port.take()
+    }
+
+    /// The port is back: the plug-in is told. Whatever the old port was given
+    /// counts as left from here on; the plug-in knows that the port was lost.
+    pub fn attach(
+        &mut self,
+        port: Port,
+        now: Micros,
+        outside: &mut dyn Surroundings,
+    ) -> Result<(), ChannelError<I::Fault>> {
+        self.put_port(port);
+        let lines = self.modem_lines;
+        self.ask(now, outside, |link, now, outside| {
+            link.link_up(now, outside)?;
+            if let Some((known, on)) = lines {
+                link.modem_lines(now, known, on, outside)?;
+            }
+            link.run(now, outside)
+        })??;
+        Ok(())
+    }
+
+    /// Reads once; whether something came.
+    fn read(
+        &mut self,
+        now: Micros,
+        outside: &mut dyn Surroundings,
+    ) -> Result<bool, ChannelError<I::Fault>> {
+        if self.gone.is_some() || !self.readable {
+            return Ok(false);
+        }
+        let most = self.readable_bytes();
+        let Some(port) = self.port.as_mut().filter(|_| most > 0) else { return Ok(false) };
+        let mut tap = Tap::new(outside, &mut self.counters, &self.pacer);
+        let (link, mut fault) = (&mut self.link, None);
+        let outcome = port.read(most, &mut |input| {
+            if fault.is_some() {
+                return;
+            }
+            tap.heard(now, &input);
+            let told = match input {
+                Input::Bytes(bytes) => link.received(now, bytes, &mut tap),
+                Input::LineError { kind, byte, span } => {
+                    link.line_error(now, kind, byte, span, &mut tap)
+                }
+            };
+            fault = told.err();
+        })?;
+        let lines = tap.modem_lines;
+        self.set_modem_lines(lines)?;
+        if let Some(fault) = fault {
+            return Err(fault.into());
+        }
+        match outcome {
+            ReadOutcome::Read(_) => Ok(true),
+            ReadOutcome::Empty => {
+                self.readable = false;
+                Ok(false)
+            }
+            ReadOutcome::Gone(reason) => self.lose(now, reason, outside).map(|()| false),
+        }
+    }
+
+    /// How many bytes may be read: what finds no room for delivery stays with
+    /// the kernel, which loses nothing as long as the partner obeys.
+    fn readable_bytes(&self) -> usize {
+        (self.link.delivery_room() / GROWTH) as usize
+    }
+
+    fn note_departures(&mut self, now: Micros) {
+        if self.link.awaits_departures() {
+            let (maybe, surely) = self.left(now);
+            self.link.left(maybe, surely);
+        }
+    }
+
+    fn look_at_modem_lines(
+        &mut self,
+        now: Micros,
+        outside: &mut dyn Surroundings,
+    ) -> Result<(), ChannelError<I::Fault>> {
+        if self.modem_lines.is_none() || now < self.modem_lines_at {
+            return Ok(());
+        }
+        self.modem_lines_at = now + MODEM_LINES_EVERY;
+        let Some(port) = &self.port else { return Ok(()) };
+        let lines = port.modem_lines();
+        if lines == self.modem_lines {
+            return Ok(());
+        }
+        self.modem_lines = lines;
+        let (known, on) = lines.unwrap_or_default();
+        outside.modem_lines(now, known, on);
+        self.ask(now, outside, |link, now, outside| link.modem_lines(now, known, on, outside))??;
+        Ok(())
+    }
+
+    /// Holds the line low, or no longer; nothing on a port that cannot.
+    pub(crate) fn set_break(&mut self, on: bool) -> Result<(), PortError> {
+        let Some(port) = &mut self.port else { return Ok(()) };
+        match if on { port.start_break() } else { port.stop_break() } {
+            Err(PortError::Unsupported { .. } | PortError::Gone(_)) => {
+                self.readable = true;
+                Ok(())
+            }
+            set => set,
+        }
+    }
+
+    pub(crate) fn set_modem_lines(
+        &mut self,
+        lines: Option<(ModemLines, ModemLines)>,
+    ) -> Result<(), PortError> {
+        let Some(((mask, on), port)) = lines.zip(self.port.as_mut()) else { return Ok(()) };
+        match port.set_modem_lines(mask, on) {
+            Err(PortError::Unsupported { what }) => {
+                tracing::warn!("this port cannot {what}; the plug-in asked for it");
+                Ok(())
+            }
+            // A read will find out and tell the plug-in.
+            Err(PortError::Gone(_)) => {
+                self.readable = true;
+                Ok(())
+            }
+            set => set,
+        }
+    }
+}
+
+fn pacer(line: LineParameters, depth: Option<u32>) -> Pacer {
+    Pacer::new(line, depth.unwrap_or_else(|| default_depth(line.baud)))
+}

@@ -1,0 +1,184 @@
+//! A lane's jobs: begun, fed from a reservoir or from the endpoint, ended.
+
+use softplug_abi::{Failure, Instance, Micros, ModemLines};
+use softplug_link::{HoldState, Job};
+
+use super::{Lane, Phase};
+use crate::reactor::ENDPOINT_JOBS;
+use crate::reactor::endpoint::{EndpointNews, EndpointWish};
+use crate::reactor::floor::Ended;
+use crate::reactor::report::{JobEnd, JobOutcome, Report};
+use crate::reactor::setup::Feed;
+use crate::reactor::thread::Thread;
+
+impl<I: Instance + Send + 'static> Lane<I> {
+    pub(super) fn begin(&mut self, thread: &Thread<I>, feed: Feed) {
+        let job = feed.job.id;
+        let Some(left) = self.left_if_up() else { return self.refuse(job, Failure::LinkDown) };
+        if self.floor.job.is_some() || self.closing_until.is_some() {
+            return self.refuse(job, Failure::Busy);
+        }
+        let job = self.floor.begin(feed, left);
+        self.ask(thread, |link, now, outside| link.begin_job(now, job, outside));
+    }
+
+    /// What has left so far, on a link that can take a job.
+    fn left_if_up(&mut self) -> Option<(u64, u64)> {
+        match &mut self.phase {
+            Phase::Open(channel) if !self.is_faulted && channel.gone().is_none() => {
+                Some(channel.left(self.clock.now()))
+            }
+            _ => None,
+        }
+    }
+
+    fn refuse(&mut self, job: u32, failure: Failure) {
+        let outcome = JobOutcome::Failed { failure, status: 0 };
+        let (taken, sent, maybe_left, surely_left) = (0, 0, 0, 0);
+        let end = JobEnd { job, outcome, taken, sent, maybe_left, surely_left };
+        self.floor.tell(Report::JobEnded(end));
+    }
+
+    /// What the endpoint has to say, and data that came in there, which becomes a
+    /// job.
+    pub(super) fn turn_endpoint(&mut self, thread: &Thread<I>) {
+        let Some(lane) = &mut self.floor.endpoint else { return };
+        lane.endpoint.turn(&thread.registry, self.clock.now());
+        while let Some(news) = self.floor.endpoint_news() {
+            self.floor.tell(Report::Endpoint(news));
+        }
+        while let Some(wish) = self.floor.endpoint_wish() {
+            self.grant(thread, wish);
+        }
+        if !self.endpoint_waits() {
+            return;
+        }
+        let Some(left) = self.left_if_up() else { return };
+        let Some(lane) = &self.floor.endpoint else { return };
+        let job = Job {
+            id: self.next_endpoint_job,
+            kind: lane.job_kind,
+            size: None,
+            fields: lane.fields.clone(),
+            check: lane.check,
+        };
+        self.next_endpoint_job = self.next_endpoint_job.checked_add(1).unwrap_or(ENDPOINT_JOBS);
+        self.floor.begin_endpoint(job.id, left);
+        self.ask(thread, |link, now, outside| link.begin_job(now, job, outside));
+    }
+
+    /// Whether data at the endpoint could begin a job.
+    pub(super) fn endpoint_waits(&self) -> bool {
+        let waits = self.floor.endpoint.as_ref().is_some_and(|lane| lane.endpoint.wants_job());
+        let is_up = matches!(&self.phase, Phase::Open(channel) if channel.gone().is_none());
+        waits
+            && is_up
+            && !self.is_faulted
+            && self.closing_until.is_none()
+            && self.floor.job.is_none()
+    }
+
+    fn grant(&mut self, thread: &Thread<I>, wish: EndpointWish) {
+        match wish {
+            EndpointWish::ModemLines(mask, on) => self.set_modem_lines(thread, mask, on),
+            EndpointWish::Break(on) => self.set_break(thread, on),
+            EndpointWish::Purge => {
+                if let Some(job) = self
+                    .floor
+                    .job
+                    .as_ref()
+                    .map(|active| active.id)
+                    .filter(|id| *id >= ENDPOINT_JOBS)
+                {
+                    self.ask(thread, |link, now, outside| link.abort(now, job, outside));
+                }
+            }
+        }
+    }
+
+    fn set_modem_lines(&mut self, thread: &Thread<I>, mask: ModemLines, on: ModemLines) {
+        let Phase::Open(channel) = &mut self.phase else { return };
+        if let Err(error) = channel.set_modem_lines(Some((mask, on))) {
+            self.port_failed(thread, &error);
+        }
+    }
+
+    fn set_break(&mut self, thread: &Thread<I>, on: bool) {
+        let Phase::Open(channel) = &mut self.phase else { return };
+        if let Err(error) = channel.set_break(on) {
+            self.port_failed(thread, &error);
+        }
+    }
+
+    /// A job whose source failed is aborted: it must not pass for whole.
+    pub(super) fn abort_without_source(&mut self, thread: &Thread<I>) {
+        let Some(active) = &mut self.floor.job else { return };
+        if active.source_failed.is_some() && !active.is_aborted {
+            active.is_aborted = true;
+            let job = active.id;
+            self.ask(thread, |link, now, outside| link.abort(now, job, outside));
+        }
+    }
+
+    /// Tells of a job that has ended.
+    pub(super) fn conclude(&mut self, now: Micros) {
+        let Some(Ended { active, outcome, sent }) = self.floor.ended.take() else { return };
+        let Phase::Open(channel) = &mut self.phase else { return };
+        let (maybe, surely) = channel.left(now);
+        let outcome = match active.source_failed {
+            Some(why) if outcome != JobOutcome::Done => JobOutcome::SourceFailed(why),
+            _ => outcome,
+        };
+        if active.id < ENDPOINT_JOBS {
+            self.floor.tell(Report::JobEnded(JobEnd {
+                job: active.id,
+                outcome,
+                taken: active.taken,
+                sent,
+                maybe_left: maybe - active.left_before.0.min(maybe),
+                surely_left: surely - active.left_before.1.min(surely),
+            }));
+            return;
+        }
+        if let Some(lane) = &mut self.floor.endpoint {
+            lane.endpoint.job_ended(&outcome);
+        }
+        if outcome != JobOutcome::Done {
+            self.floor.tell(Report::Endpoint(EndpointNews::JobFailed(outcome)));
+        }
+    }
+
+    /// Whether the job waits for data that does not come, so that the line will
+    /// stand idle.
+    pub(super) fn is_about_to_starve(&self) -> bool {
+        let is_hungry = self.floor.job.as_ref().is_some_and(|active| {
+            active.is_hungry && active.taken > 0 && active.id < ENDPOINT_JOBS
+        });
+        let is_free = |channel: &crate::channel::Channel<I>| {
+            channel.gone().is_none() && channel.link().hold() == HoldState::Free
+        };
+        is_hungry
+            && !self.is_faulted
+            && self.starved_since.is_none()
+            && matches!(&self.phase, Phase::Open(channel) if is_free(channel))
+    }
+
+    /// Counts the time for which a job waits for data while the line stands idle.
+    pub(super) fn count_starved(&mut self, now: Micros) {
+        let was_since = self.starved_since.take();
+        let idle = |channel: &crate::channel::Channel<I>| !channel.is_sending(now);
+        let is_starved = self.is_about_to_starve()
+            && matches!(&self.phase, Phase::Open(channel) if idle(channel));
+        match (was_since, is_starved) {
+            (None, true) => {
+                self.floor.own.starvations += 1;
+                self.starved_since = Some(now);
+            }
+            (Some(since), true) => self.starved_since = Some(since),
+            (Some(since), false) => {
+                self.floor.own.starved = self.floor.own.starved + (now - since);
+            }
+            (None, false) => {}
+        }
+    }
+}

@@ -1,0 +1,251 @@
+//! A lane: a channel, its port that comes and goes, its jobs, its watchdogs.
+
+mod faults;
+mod jobs;
+mod port;
+mod watchdogs;
+
+use softplug_abi::{Instance, Micros};
+use softplug_link::{Link, LinkFault, Outside};
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::LaneId;
+use super::endpoint::EndpointNews;
+use super::floor::Floor;
+use super::report::Report;
+use super::setup::{Command, LaneSetup};
+use super::status::{Condition, JobFigures, LaneStatus};
+use super::thread::Thread;
+use crate::channel::{Channel, StationOptions, Wants, Work};
+use crate::clock::Clock;
+use port::PortSetup;
+use watchdogs::Watching;
+
+/// Tokens of one lane: its port, then its endpoint's.
+pub(super) const TOKENS: usize = 4;
+
+/// What a turn of a lane left behind.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(super) enum Turn {
+    /// There is more to do at once; others first.
+    More,
+    /// Nothing before something comes, or this time of the thread's clock.
+    Until(Option<Micros>),
+    /// The lane is no more.
+    Removed,
+}
+
+pub(super) struct Lane<I: Instance> {
+    pub(super) id: LaneId,
+    tokens: Range<usize>,
+    phase: Phase<I>,
+    floor: Floor,
+    port: PortSetup,
+    /// The lane's clock began here on the thread's.
+    clock: Clock,
+    began: Micros,
+    watching: Watching,
+    status: Arc<LaneStatus>,
+    next_endpoint_job: u32,
+    /// No plug-in that works is in it.
+    is_faulted: bool,
+    starved_since: Option<Micros>,
+    closing_until: Option<Micros>,
+}
+
+enum Phase<I: Instance> {
+    /// The port has not been open yet.
+    New(Option<(I, StationOptions)>),
+    Open(Box<Channel<I>>),
+}
+
+impl<I: Instance + Send + 'static> Lane<I> {
+    /// A lane in `slot`, whose port is asked for. `floor` is made with the room
+    /// for deliveries and the endpoint.
+    pub(super) fn new(
+        id: LaneId,
+        slot: usize,
+        setup: LaneSetup<I>,
+        floor: impl FnOnce(u32, Option<super::LaneEndpoint>) -> Floor,
+        status: Arc<LaneStatus>,
+        thread: &Thread<I>,
+    ) -> Self {
+        let first = slot * TOKENS;
+        let mut lane = Self {
+            id,
+            tokens: first..first + TOKENS,
+            floor: floor(setup.station.delivery_room, setup.endpoint),
+            phase: Phase::New(Some((setup.instance, setup.station))),
+            port: PortSetup::new(setup.port, setup.port_options, setup.reopen),
+            clock: Clock::start(),
+            began: thread.clock.now(),
+            watching: Watching::new(setup.watchdogs),
+            status,
+            next_endpoint_job: super::ENDPOINT_JOBS,
+            is_faulted: false,
+            starved_since: None,
+            closing_until: None,
+        };
+        let tokens = first + 1..first + TOKENS;
+        if let Some(endpoint) = &mut lane.floor.endpoint
+            && let Err(error) = endpoint.endpoint.attach(&thread.registry, tokens)
+        {
+            lane.floor.tell(Report::Endpoint(EndpointNews::Failed(error.to_string())));
+        }
+        lane.ask_for_port(thread);
+        lane
+    }
+
+    /// Something came for one of the lane's tokens.
+    pub(super) fn ready(&mut self, thread: &Thread<I>, event: &mio::event::Event) {
+        if event.token().0 == self.tokens.start {
+            if let Phase::Open(channel) = &mut self.phase {
+                // A hang-up is read, too.
+                channel.set_readable();
+            }
+        } else if let Some(lane) = &mut self.floor.endpoint {
+            lane.endpoint.ready(&thread.registry, event, self.clock.now());
+        }
+    }
+
+    pub(super) fn tell(&mut self, thread: &Thread<I>, command: Command<I>) {
+        match command {
+            Command::Watch(watch) => self.floor.watch = watch,
+            Command::Refill { job, source } => self.floor.refill(job, source),
+            Command::Begin(feed) => self.begin(thread, feed),
+            Command::Pause(job) => self.ask(thread, |link, now, out| link.pause(now, job, out)),
+            Command::Resume(job) => self.ask(thread, |link, now, out| link.resume(now, job, out)),
+            Command::Abort(job) => self.ask(thread, |link, now, out| link.abort(now, job, out)),
+            Command::ForceResume => self.ask(thread, |link, now, out| link.force_resume(now, out)),
+            Command::Answer { request, answer } => self.ask(thread, |link, now, out| {
+                link.answer(now, request, answer.as_deref().map_err(|failure| *failure), out)
+            }),
+            Command::Swap(swap) => self.swap(thread, swap),
+            Command::Replace { instance, settings } => self.replace(thread, instance, settings),
+            Command::Reopen => self.reopen(thread),
+            Command::Close { patience } => self.close(patience),
+        }
+    }
+
+    /// One turn: what came, what is due, what may leave, up to a bound.
+    pub(super) fn turn(&mut self, thread: &Thread<I>) -> Turn {
+        self.retry_port(thread);
+        self.turn_endpoint(thread);
+        let mut more = false;
+        if !self.is_faulted
+            && let Phase::Open(channel) = &mut self.phase
+        {
+            match channel.work(self.clock, &mut self.floor) {
+                Ok(work) => more = work == Work::More,
+                Err(error) => self.failed(thread, error),
+            }
+        }
+        self.look_after_plugin(thread);
+        self.look_after_port(thread);
+        let now = self.clock.now();
+        self.conclude(now);
+        self.count_starved(now);
+        self.floor.tell_state(now);
+        if self.is_closed(now) {
+            self.end(thread);
+            return Turn::Removed;
+        }
+        let counters = match &self.phase {
+            Phase::Open(channel) => channel.counters(now),
+            Phase::New(_) => crate::channel::Counters::default(),
+        };
+        self.watch(now, &counters);
+        self.show(now, &counters);
+        if more || self.has_news() {
+            return Turn::More;
+        }
+        let deadline = self.wants(thread, now);
+        Turn::Until(deadline.map(|at| at + self.began))
+    }
+
+    /// A request of the host to the link; of a plug-in that has ended nothing is
+    /// asked.
+    fn ask(
+        &mut self,
+        thread: &Thread<I>,
+        act: impl FnOnce(&mut Link<I>, Micros, &mut dyn Outside) -> Result<(), LinkFault<I::Fault>>,
+    ) {
+        if self.is_faulted {
+            return;
+        }
+        let Phase::Open(channel) = &mut self.phase else { return };
+        match channel.ask(self.clock.now(), &mut self.floor, act) {
+            Ok(Ok(())) => {}
+            Ok(Err(fault)) => self.failed(thread, fault.into()),
+            Err(error) => self.failed(thread, error.into()),
+        }
+    }
+
+    /// Whether something has come up that the turn was too early for.
+    fn has_news(&self) -> bool {
+        !self.is_faulted && (self.floor.is_supplied() || self.endpoint_waits())
+    }
+
+    /// When to be called next if nothing comes.
+    fn wants(&mut self, thread: &Thread<I>, now: Micros) -> Option<Micros> {
+        let mut wants = Wants::default();
+        let mut line_free = None;
+        if let Phase::Open(channel) = &self.phase {
+            if !self.is_faulted {
+                wants = channel.wants(now);
+            }
+            let waits_for_the_line = self.is_about_to_starve() || self.closing_until.is_some();
+            line_free = waits_for_the_line.then(|| channel.next_look_at_the_line(now)).flatten();
+        }
+        self.want_write(thread, wants.write);
+        let endpoint = self.floor.endpoint.as_ref().and_then(|lane| lane.endpoint.deadline());
+        [
+            wants.deadline,
+            line_free,
+            endpoint,
+            self.port.retry_at,
+            self.watching.next(),
+            self.floor.state_due(),
+            self.closing_until,
+        ]
+        .into_iter()
+        .flatten()
+        .min()
+    }
+
+    /// Stores what is shown of the lane.
+    fn show(&mut self, now: Micros, counters: &crate::channel::Counters) {
+        self.status.set_condition(self.condition());
+        self.status.store_own(&self.floor.own, self.starved_since, now);
+        let Phase::Open(channel) = &mut self.phase else { return };
+        self.status.store_counters(counters);
+        let link = channel.link();
+        let (events, fuel) = (link.events(), link.instance().total_fuel());
+        self.status.store_plugin(events, fuel, link.waiting(), self.floor.to_put_away());
+        let mut figures = JobFigures::default();
+        if let Some(active) = &self.floor.job {
+            let (maybe, surely) = channel.left_lately();
+            figures = JobFigures {
+                job: active.id,
+                taken: active.taken,
+                maybe_left: maybe - active.left_before.0.min(maybe),
+                surely_left: surely - active.left_before.1.min(surely),
+                level: self.floor.level(),
+            };
+        }
+        self.status.store_job(&figures);
+    }
+
+    fn condition(&self) -> Condition {
+        if self.closing_until.is_some() {
+            return Condition::Closing;
+        }
+        match &self.phase {
+            _ if self.is_faulted => Condition::Faulted,
+            Phase::New(_) => Condition::Opening,
+            Phase::Open(channel) if channel.gone().is_some() => Condition::Down,
+            Phase::Open(_) => Condition::Up,
+        }
+    }
+}

@@ -1,0 +1,210 @@
+//! The reactor: many links on few threads, none of which ever waits for one of
+//! them.
+//!
+//! Each link is a *lane*: a port, a plug-in and what belongs to them. Each
+//! thread drives up to some 256 lanes with one poll, one timer and one heap of
+//! deadlines, and gives each that has something to do a bounded turn.
+//!
+//! [`Reactor::add`] makes a lane, [`Reactor::tell`] gives it commands, and what
+//! comes of them is told through the channel of reports. Job data comes, and
+//! deliveries go, through [reservoirs](crate::reservoir). Nothing is locked,
+//! allocated or sent for each byte or event.
+
+mod deadlines;
+pub mod endpoint;
+mod floor;
+mod lane;
+mod opener;
+mod report;
+mod setup;
+mod status;
+mod swap;
+mod thread;
+mod watch;
+
+pub use endpoint::{ENDPOINT_JOBS, Endpoint, EndpointNews, EndpointWish, LaneEndpoint, LineNews};
+pub use report::{Alarm, AlarmKind, JobEnd, JobOutcome, LaneFault, Report};
+pub use setup::{Backoff, Command, Feed, LaneId, LaneSetup, Watchdogs};
+pub use status::{Condition, LaneFigures, LaneStatus};
+pub use swap::{Swap, SwapReport};
+pub use watch::{Seen, Sight, Watch};
+
+use opener::Opener;
+use softplug_abi::Instance;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use thread::{Driver, Order, Reach};
+
+use crate::error::PortError;
+
+/// Stack of a thread that drives lanes: a plug-in's step needs 512 KiB.
+const STACK: usize = 1024 * 1024;
+
+/// Where reports go.
+type Reports = Arc<dyn Fn(LaneId, Report) + Send + Sync>;
+
+/// How a reactor divides its work.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub struct ReactorOptions {
+    /// How many threads; as many as the lanes need if `None`.
+    pub threads: Option<usize>,
+    /// Lanes after which another thread is begun.
+    pub links_per_thread: usize,
+}
+
+impl Default for ReactorOptions {
+    /// A thread for each 256 links.
+    fn default() -> Self {
+        Self { threads: None, links_per_thread: 256 }
+    }
+}
+
+/// Drives lanes. Dropping it ends them all at once.
+pub struct Reactor<I: Instance> {
+    options: ReactorOptions,
+    reports: Reports,
+    opener: Opener,
+    state: Mutex<State<I>>,
+}
+
+struct State<I> {
+    threads: Vec<Running<I>>,
+    lanes: HashMap<LaneId, (usize, Arc<LaneStatus>)>,
+}
+
+struct Running<I> {
+    reach: Reach<I>,
+    thread: Option<JoinHandle<()>>,
+    lanes: usize,
+}
+
+impl<I: Instance + Send + 'static> Reactor<I> {
+    /// A reactor without lanes. What happens is told to `reports`, on the threads
+    /// that drive lanes: it must only pass it on.
+    pub fn start(
+        options: ReactorOptions,
+        reports: impl Fn(LaneId, Report) + Send + Sync + 'static,
+    ) -> Result<Self, PortError> {
+        let reports: Reports = Arc::new(reports);
+        let opener = Opener::start()?;
+        let count = options.threads.unwrap_or(1).max(1);
+        let threads =
+            (0..count).map(|at| begin(at, &opener, &reports)).collect::<Result<_, _>>()?;
+        let state = Mutex::new(State { threads, lanes: HashMap::new() });
+        Ok(Self { options, reports, opener, state })
+    }
+
+    /// Adds a lane; its port is opened at once, elsewhere. An id that is taken
+    /// already is not added.
+    pub fn add(&self, id: LaneId, setup: LaneSetup<I>) {
+        let mut state = self.state();
+        if state.lanes.contains_key(&id) {
+            return;
+        }
+        let at = self.thread_for_one_more(&mut state);
+        let status = Arc::new(LaneStatus::default());
+        state.lanes.insert(id, (at, Arc::clone(&status)));
+        state.threads[at].lanes += 1;
+        state.threads[at].reach.give(Order::Add(id, Box::new(setup), status));
+    }
+
+    /// Tells a lane something; one that is no more is told nothing.
+    pub fn tell(&self, id: LaneId, command: Command<I>) {
+        let state = self.state();
+        if let Some((at, _)) = state.lanes.get(&id) {
+            state.threads[*at].reach.give(Order::Tell(id, command));
+        }
+    }
+
+    /// Ends a lane at once; [`Report::Removed`] follows. [`Command::Close`] before
+    /// lets what was given to its port leave. Its status is forgotten.
+    pub fn remove(&self, id: LaneId) {
+        let mut state = self.state();
+        if let Some((at, _)) = state.lanes.remove(&id) {
+            state.threads[at].lanes -= 1;
+            state.threads[at].reach.give(Order::Remove(id));
+        }
+    }
+
+    /// What the lane is doing; it stays readable after the lane's end.
+    pub fn status(&self, id: LaneId) -> Option<Arc<LaneStatus>> {
+        self.state().lanes.get(&id).map(|(_, status)| Arc::clone(status))
+    }
+
+    /// How many threads drive lanes.
+    pub fn threads(&self) -> usize {
+        self.state().threads.len()
+    }
+
+    fn thread_for_one_more(&self, state: &mut State<I>) -> usize {
+        let least = state.threads.iter().enumerate().min_by_key(|(_, thread)| thread.lanes);
+        let (at, lanes) = least.map_or((0, 0), |(at, thread)| (at, thread.lanes));
+        if self.options.threads.is_some() || lanes < self.options.links_per_thread.max(1) {
+            return at;
+        }
+        match begin(state.threads.len(), &self.opener, &self.reports) {
+            Ok(thread) => {
+                state.threads.push(thread);
+                state.threads.len() - 1
+            }
+            Err(error) => {
+                tracing::warn!(%error, "no further thread for links; the others take more");
+                at
+            }
+        }
+    }
+}
+
+impl<I: Instance> Reactor<I> {
+    fn state(&self) -> MutexGuard<'_, State<I>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn begin<I: Instance + Send + 'static>(
+    at: usize,
+    opener: &Opener,
+    reports: &Reports,
+) -> Result<Running<I>, PortError> {
+    let (opener, reports) = (opener.clone(), Arc::clone(reports));
+    let (made, wait) = std::sync::mpsc::sync_channel(1);
+    // Made where it runs: plug-ins' faults need not be sent anywhere.
+    let drive = move || match Driver::new(opener, reports) {
+        Ok((driver, reach)) => {
+            let _ = made.send(Ok(reach));
+            driver.run();
+        }
+        Err(error) => {
+            let _ = made.send(Err(error));
+        }
+    };
+    let failed = |error| PortError::io("start a thread", error);
+    let thread = std::thread::Builder::new()
+        .name(format!("softplug-io-{at}"))
+        .stack_size(STACK)
+        .spawn(drive)
+        .map_err(failed)?;
+    let reach = wait.recv().map_err(|_| failed(std::io::ErrorKind::Other.into()))??;
+    Ok(Running { reach, thread: Some(thread), lanes: 0 })
+}
+
+impl<I: Instance> Drop for Reactor<I> {
+    fn drop(&mut self) {
+        let mut state = self.state();
+        for running in &state.threads {
+            running.reach.give(Order::Stop);
+        }
+        for running in &mut state.threads {
+            if let Some(thread) = running.thread.take() {
+                let _ = thread.join();
+            }
+        }
+    }
+}
+
+impl<I: Instance> std::fmt::Debug for Reactor<I> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Reactor").field("options", &self.options).finish_non_exhaustive()
+    }
+}

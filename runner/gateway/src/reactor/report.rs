@@ -1,0 +1,198 @@
+//! What lanes tell.
+
+use softplug_abi::{EventKind, Failure, LinkDownReason, Micros, NoteLevel};
+use std::path::PathBuf;
+
+use super::endpoint::EndpointNews;
+use super::swap::SwapReport;
+use crate::port::SettingDifference;
+use crate::reservoir::ReservoirReader;
+
+/// What a lane tells. Never about single bytes: these are in its
+/// [status](super::LaneStatus) and, while somebody watches, in what is
+/// [seen](super::Seen).
+#[derive(Debug)]
+pub enum Report {
+    /// The port is open.
+    Opened {
+        /// The device, where there is one.
+        path: Option<PathBuf>,
+        /// Settings that it did not take.
+        differences: Vec<SettingDifference>,
+    },
+    /// The plug-in knows that the port is open.
+    Up,
+    /// The port is lost, or could not be opened.
+    Down {
+        /// Why, as the plug-in is told.
+        reason: LinkDownReason,
+        /// Why, in words.
+        detail: String,
+        /// When it is tried again.
+        retry_in: Micros,
+    },
+    /// A job has ended.
+    JobEnded(JobEnd),
+    /// The job's check was good: its data is needed again, from the start.
+    Rewind {
+        /// The job.
+        job: u32,
+    },
+    /// Something comes from the machine.
+    DeliveryBegun {
+        /// The plug-in's id for it.
+        delivery: u32,
+        /// The job that it answers.
+        job: Option<u32>,
+        /// Its bytes, to be put away. Reading makes room; dropping it drops what
+        /// is still to come.
+        bytes: ReservoirReader,
+    },
+    /// Its name was found.
+    DeliveryNamed {
+        /// The delivery.
+        delivery: u32,
+        /// The name, as the machine gave it.
+        name: String,
+    },
+    /// It is over.
+    DeliveryEnded {
+        /// The delivery.
+        delivery: u32,
+        /// `None`: complete.
+        failure: Option<Failure>,
+        /// The protocol's own code, 0 without.
+        status: u16,
+        /// How many bytes it has.
+        bytes: u64,
+    },
+    /// The machine asks for something.
+    Request {
+        /// Its id, for the answer.
+        request: u32,
+        /// Place of its kind in the manifest.
+        kind: u16,
+        /// Its fields as value records.
+        fields: Vec<u8>,
+    },
+    /// It no longer does.
+    Withdrawn {
+        /// Its id.
+        request: u32,
+    },
+    /// The plug-in says something. Some are left out if there are too many; the
+    /// status counts them.
+    Note {
+        /// How grave it is.
+        level: NoteLevel,
+        /// Its code in the manifest.
+        code: u16,
+        /// Its text.
+        text: String,
+    },
+    /// The state that the plug-in is in. Some are left out if there are too many,
+    /// never the latest for long.
+    State(String),
+    /// A watchdog, or its end.
+    Alarm(Alarm),
+    /// What came of a swap.
+    Swapped(SwapReport),
+    /// The plug-in has ended. The port stays open, nothing is read or sent.
+    Fault(Box<LaneFault>),
+    /// From the endpoint.
+    Endpoint(EndpointNews),
+    /// The lane has ended, its port is closed.
+    Removed,
+}
+
+/// How a job ended.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct JobEnd {
+    /// The job.
+    pub job: u32,
+    /// How.
+    pub outcome: JobOutcome,
+    /// Bytes of its data that the plug-in took.
+    pub taken: u64,
+    /// Bytes that left for it, as the plug-in counts.
+    pub sent: u64,
+    /// Characters that may have left the line since it began, the protocol's
+    /// own ones included.
+    pub maybe_left: u64,
+    /// Characters that surely have.
+    pub surely_left: u64,
+}
+
+/// How a job ended.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum JobOutcome {
+    /// The last bit has left.
+    Done,
+    /// It was given up, or aborted.
+    Failed {
+        /// Why.
+        failure: Failure,
+        /// The protocol's own code, 0 without.
+        status: u16,
+    },
+    /// The program cannot be sent; nothing was.
+    CheckFailed {
+        /// Why.
+        failure: Failure,
+        /// The protocol's own code, 0 without.
+        status: u16,
+        /// Line of the fault, from 1; 0 without.
+        line: u32,
+        /// Column of the fault in bytes, from 1; 0 without.
+        column: u32,
+    },
+    /// Its data could not be read to the end; the job was aborted.
+    SourceFailed(String),
+}
+
+/// A watchdog has struck, or what it complained of is over.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub struct Alarm {
+    /// Which.
+    pub kind: AlarmKind,
+    /// Raised, or over.
+    pub raised: bool,
+}
+
+/// What a watchdog watches.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub enum AlarmKind {
+    /// Nothing comes from the line.
+    NoBytes,
+    /// A job does not get on.
+    NoProgress,
+    /// The partner holds us.
+    StuckHeld,
+}
+
+impl AlarmKind {
+    /// Every kind.
+    pub const ALL: [Self; 3] = [Self::NoBytes, Self::NoProgress, Self::StuckHeld];
+
+    /// Its name, as metrics and interfaces have it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NoBytes => "no-bytes",
+            Self::NoProgress => "no-progress",
+            Self::StuckHeld => "stuck-held",
+        }
+    }
+}
+
+/// The end of a plug-in.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct LaneFault {
+    /// The event that it failed on, if it was one.
+    pub event: Option<EventKind>,
+    /// What happened, in one sentence.
+    pub sentence: String,
+    /// What the plug-in said last.
+    pub last_words: Option<String>,
+    /// What led there, as the flight recorder has it; empty without one.
+    pub recording: Vec<u8>,
+}
