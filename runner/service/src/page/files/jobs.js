@@ -12,7 +12,7 @@ const ENDED = new Set(['done', 'failed', 'aborted', 'interrupted']);
 export function table(list, withLink = true) {
   const body = h('tbody');
   const titles = ['Job', withLink && 'Link', 'Program', 'State', 'Progress', 'Ordered', ''].filter((title) => title !== false);
-  const frame = h('div', { class: 'scroll' }, h('table', { class: 'jobs' }, h('thead', {}, h('tr', {}, titles.map((title) => h('th', {}, title)))), body));
+  const frame = h('div', { class: 'scroll' }, h('table', { class: 'stack' }, h('thead', {}, h('tr', {}, titles.map((title) => h('th', {}, title)))), body));
   const empty = h('p', { class: 'empty' }, 'No jobs yet.');
   const update = () => {
     const jobs = list();

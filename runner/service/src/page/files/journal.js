@@ -21,6 +21,6 @@ export function page() {
   }
   update();
   const node = h('section', {}, h('h1', {}, 'Journal'), h('div', { class: 'panel' }, h('div', { class: 'tools' }, search),
-    h('div', { class: 'scroll' }, h('table', {}, h('thead', {}, h('tr', {}, ['When', 'About', 'Link', 'What'].map((title) => h('th', {}, title)))), body))));
+    h('div', { class: 'scroll' }, h('table', { class: 'stack' }, h('thead', {}, h('tr', {}, ['When', 'About', 'Link', 'What'].map((title) => h('th', {}, title)))), body))));
   return { node, update };
 }

@@ -204,7 +204,7 @@ function received(name, path) {
   const empty = h('p', { class: 'empty' }, 'Nothing was received yet.');
   store.loadReceptions(name).catch(() => {});
   const node = h('div', { class: 'panel' }, h('h2', {}, 'Received'),
-    h('div', { class: 'scroll' }, h('table', {}, h('thead', {}, h('tr', {}, ['File', 'Size', 'When', 'Compared', ''].map((title) => h('th', {}, title)))), body)), empty);
+    h('div', { class: 'scroll' }, h('table', { class: 'stack' }, h('thead', {}, h('tr', {}, ['File', 'Size', 'When', 'Compared', ''].map((title) => h('th', {}, title)))), body)), empty);
   return {
     node,
     update() {

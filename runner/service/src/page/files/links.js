@@ -25,7 +25,7 @@ export function badge() {
     node,
     update(link) {
       const isHeld = link.is_held && !TROUBLE.has(link.state);
-      say(sign, isHeld ? '✋\ufe0e' : SIGNS[link.state] ?? '?');
+      say(sign, isHeld ? '■' : SIGNS[link.state] ?? '?');
       say(word, isHeld ? `${link.state}, held` : link.state);
       const isOdd = link.alarms.length || isHeld || link.state === 'paused';
       const kind = TROUBLE.has(link.state) ? 'bad' : isOdd ? 'warn' : WORK.has(link.state) ? 'work' : 'calm';

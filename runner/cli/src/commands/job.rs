@@ -1,0 +1,147 @@
+//! `softplug job`: the jobs of a running gateway.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+use super::remote::Remote;
+
+/// Orders jobs of a running gateway, and steers them.
+#[derive(Debug, Args)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub(crate) verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Verb {
+    List(List),
+    Show(Numbered),
+    Submit(Submit),
+    Feed(Feed),
+    Wait(Numbered),
+    Pause(Numbered),
+    Resume(Numbered),
+    Abort(Numbered),
+    Restart(Restart),
+    Priority(Priority),
+}
+
+impl Verb {
+    pub(crate) fn remote(&self) -> &Remote {
+        match self {
+            Self::List(of) => &of.remote,
+            Self::Show(of)
+            | Self::Wait(of)
+            | Self::Pause(of)
+            | Self::Resume(of)
+            | Self::Abort(of) => &of.remote,
+            Self::Submit(of) => &of.remote,
+            Self::Feed(of) => &of.remote,
+            Self::Restart(of) => &of.remote,
+            Self::Priority(of) => &of.remote,
+        }
+    }
+}
+
+/// Lists jobs, the newest first
+#[derive(Debug, Args)]
+pub(crate) struct List {
+    /// Of this link only
+    #[arg(long, value_name = "LINK")]
+    pub(crate) link: Option<String>,
+    /// In this state only: queued, running, paused, done, failed, aborted or interrupted
+    #[arg(long, value_name = "STATE")]
+    pub(crate) state: Option<String>,
+    /// At most so many
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    pub(crate) limit: u32,
+    #[command(flatten)]
+    pub(crate) remote: Remote,
+}
+
+/// One job: all that is known (show), until it has ended (wait), stopped for a while (pause), on
+/// again (resume), ended or taken out of the queue (abort)
+#[derive(Debug, Args)]
+pub(crate) struct Numbered {
+    /// Number of the job
+    pub(crate) id: u32,
+    #[command(flatten)]
+    pub(crate) remote: Remote,
+}
+
+/// Puts a job into a link's queue
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  softplug job submit lathe-1 O1234.nc --wait
+  softplug job submit press-2 --kind read --field area=DB --field block=5 --field count=7")]
+pub(crate) struct Submit {
+    /// Name of the link
+    pub(crate) link: String,
+    /// The program, for kinds that send one
+    pub(crate) program: Option<String>,
+    /// The kind, as the plug-in's manifest names it
+    #[arg(long, value_name = "KIND")]
+    pub(crate) kind: Option<String>,
+    /// A field of the job; may be repeated
+    #[arg(long = "field", value_name = "NAME=VALUE", value_parser = field)]
+    pub(crate) fields: Vec<Assignment>,
+    /// Jobs of a higher priority come first
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    pub(crate) priority: i32,
+    /// Begin at this block of the program, counted from 1
+    #[arg(long, value_name = "N")]
+    pub(crate) from_block: Option<u64>,
+    /// Wait until it has ended; then the exit code tells how
+    #[arg(long)]
+    pub(crate) wait: bool,
+    #[command(flatten)]
+    pub(crate) remote: Remote,
+}
+
+/// Sends a file or standard input to a machine as it comes, without storing it
+#[derive(Debug, Args)]
+pub(crate) struct Feed {
+    /// Name of the link, which must be free
+    pub(crate) link: String,
+    /// The file; - is standard input
+    pub(crate) file: PathBuf,
+    /// What the program is called; the file's name if nothing is said
+    #[arg(long, value_name = "NAME")]
+    pub(crate) program: Option<String>,
+    /// The kind, as the plug-in's manifest names it
+    #[arg(long, value_name = "KIND")]
+    pub(crate) kind: Option<String>,
+    /// A field of the job; may be repeated
+    #[arg(long = "field", value_name = "NAME=VALUE", value_parser = field)]
+    pub(crate) fields: Vec<Assignment>,
+    /// Wait until the last bit has left; then the exit code tells how it ended
+    #[arg(long)]
+    pub(crate) wait: bool,
+    #[command(flatten)]
+    pub(crate) remote: Remote,
+}
+
+/// Puts a job that has ended into the queue again, as a new one
+#[derive(Debug, Args)]
+pub(crate) struct Restart {
+    /// Number of the job
+    pub(crate) id: u32,
+    /// Begin at this block of the program, counted from 1
+    #[arg(long, value_name = "N")]
+    pub(crate) from_block: Option<u64>,
+    #[command(flatten)]
+    pub(crate) remote: Remote,
+}
+
+/// Gives a job that waits another priority
+#[derive(Debug, Args)]
+pub(crate) struct Priority {
+    /// Number of the job
+    pub(crate) id: u32,
+    /// Jobs of a higher priority come first
+    #[arg(allow_negative_numbers = true)]
+    pub(crate) priority: i32,
+    #[command(flatten)]
+    pub(crate) remote: Remote,
+}

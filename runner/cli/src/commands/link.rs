@@ -1,0 +1,118 @@
+//! `softplug link`: the links of a running gateway.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand, ValueEnum};
+
+use super::remote::Remote;
+
+/// Shows the links of a running gateway, swaps their plug-ins, and brings them back to work.
+#[derive(Debug, Args)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub(crate) verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Verb {
+    List(List),
+    Show(Named),
+    Reopen(Named),
+    ForceResume(Named),
+    Release(Named),
+    Swap(Swap),
+    Watch(Watch),
+    Received(Received),
+}
+
+impl Verb {
+    pub(crate) fn remote(&self) -> &Remote {
+        match self {
+            Self::List(of) => &of.remote,
+            Self::Show(of) | Self::Reopen(of) | Self::ForceResume(of) | Self::Release(of) => {
+                &of.remote
+            }
+            Self::Swap(of) => &of.remote,
+            Self::Watch(of) => &of.remote,
+            Self::Received(of) => &of.remote,
+        }
+    }
+}
+
+/// Lists the links: state, job, buffer, what is wrong
+#[derive(Debug, Args)]
+pub(crate) struct List {
+    #[command(flatten)]
+    pub(crate) remote: Remote,
+}
+
+/// One link: all that is known (show), its port closed and opened again (reopen), on although the
+/// machine holds the line (force-resume), out of quarantine (release)
+#[derive(Debug, Args)]
+pub(crate) struct Named {
+    /// Name of the link
+    pub(crate) link: String,
+    #[command(flatten)]
+    pub(crate) remote: Remote,
+}
+
+/// Swaps a link's plug-in while the machine goes on
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  softplug link swap lathe-1 xon-xoff@0.2
+  softplug link swap lathe-1 fanuc-rs232 --when idle --set code=eia")]
+pub(crate) struct Swap {
+    /// Name of the link
+    pub(crate) link: String,
+    /// The plug-in: NAME, NAME@VERSION or NAME@sha256:DIGEST
+    pub(crate) plugin: String,
+    /// When
+    #[arg(long, value_enum, value_name = "WHEN", default_value_t)]
+    pub(crate) when: When,
+    /// A setting of the new one, instead of those that the link has; may be repeated
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = setting)]
+    pub(crate) settings: Vec<Assignment>,
+    #[command(flatten)]
+    pub(crate) remote: Remote,
+}
+
+/// When to swap.
+#[derive(Copy, Clone, Debug, Default, ValueEnum)]
+pub(crate) enum When {
+    /// At once with the state carried over, or not at all
+    Now,
+    /// When nothing is under way
+    Idle,
+    /// At once if the states fit, else when nothing is under way
+    #[default]
+    NowOrIdle,
+}
+
+/// Shows what passes on a link's line, until Ctrl-C
+#[derive(Debug, Args)]
+pub(crate) struct Watch {
+    /// Name of the link
+    pub(crate) link: String,
+    /// End after so many things seen
+    #[arg(long, value_name = "N")]
+    pub(crate) count: Option<u64>,
+    #[command(flatten)]
+    pub(crate) remote: Remote,
+}
+
+/// Lists what a link has received, or fetches one of it
+#[derive(Debug, Args)]
+pub(crate) struct Received {
+    /// Name of the link
+    pub(crate) link: String,
+    /// The file to fetch
+    pub(crate) file: Option<String>,
+    /// Where to put it; its own name here if nothing is said
+    #[arg(long, short, value_name = "FILE", requires = "file")]
+    pub(crate) out: Option<PathBuf>,
+    /// Replace a file that is there
+    #[arg(long, requires = "file")]
+    pub(crate) force: bool,
+    #[command(flatten)]
+    pub(crate) remote: Remote,
+}

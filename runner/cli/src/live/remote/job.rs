@@ -1,0 +1,134 @@
+//! `softplug job …`
+
+use std::fs::File;
+use std::io;
+use std::thread::sleep;
+use std::time::Duration;
+
+use serde::Serialize;
+use softplug_service::view::{JobOrder, JobState, JobView};
+use ureq::SendBody;
+
+use super::{Client, pairs, printable, segment, show};
+use crate::commands::job::{Arguments, Feed, List, Submit, Verb};
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::files;
+use crate::screen::Screen;
+use crate::table::Table;
+
+/// Between two looks at a job that is waited for.
+const LOOK: Duration = Duration::from_millis(250);
+
+#[derive(Serialize)]
+struct Restart {
+    from_block: Option<u64>,
+}
+
+#[derive(Serialize)]
+struct Priority {
+    priority: i32,
+}
+
+pub(crate) fn job(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
+    let client = Client::new(arguments.verb.remote())?;
+    let order = |id: u32, verb: &str| {
+        client.post::<JobView>(&format!("/jobs/{id}/{verb}"), None::<&()>)
+    };
+    let (job, waits) = match &arguments.verb {
+        Verb::List(of) => return list(&client, of, screen),
+        Verb::Show(of) => (client.get(&format!("/jobs/{}", of.id))?, false),
+        Verb::Wait(of) => (client.get(&format!("/jobs/{}", of.id))?, true),
+        Verb::Submit(of) => (submit(&client, of)?, of.wait),
+        Verb::Feed(of) => (feed(&client, of)?, of.wait),
+        Verb::Pause(of) => (order(of.id, "pause")?, false),
+        Verb::Resume(of) => (order(of.id, "resume")?, false),
+        Verb::Abort(of) => (order(of.id, "abort")?, false),
+        Verb::Restart(of) => {
+            let order = Restart { from_block: of.from_block };
+            (client.post(&format!("/jobs/{}/restart", of.id), Some(&order))?, false)
+        }
+        Verb::Priority(of) => {
+            let order = Priority { priority: of.priority };
+            (client.put(&format!("/jobs/{}/priority", of.id), &order)?, false)
+        }
+    };
+    if !waits {
+        screen.say(show::job(&job));
+        screen.document(&job);
+        return Ok(Exit::Done);
+    }
+    let job = wait(&client, job, screen)?;
+    screen.say(show::job(&job));
+    screen.document(&job);
+    Ok(match job.state {
+        JobState::Done => Exit::Done,
+        JobState::Aborted | JobState::Interrupted => Exit::Incomplete,
+        JobState::Failed | JobState::Queued | JobState::Running | JobState::Paused => Exit::Failed,
+    })
+}
+
+fn list(client: &Client, of: &List, screen: &Screen) -> Result<Exit, Failure> {
+    let mut path = format!("/jobs?limit={}", of.limit);
+    for (name, value) in [("link", &of.link), ("state", &of.state)] {
+        if let Some(value) = value {
+            path.push_str(&format!("&{name}={}", segment(value)));
+        }
+    }
+    let jobs: Vec<JobView> = client.get(&path)?;
+    let mut table = Table::new(["job", "link", "program", "state", "left", "message"]);
+    for job in &jobs {
+        table.row([
+            job.id.to_string(),
+            job.link.clone(),
+            printable(job.program.as_ref().unwrap_or(&job.kind)),
+            job.state.name().to_owned(),
+            show::progress(job),
+            printable(job.message.as_deref().unwrap_or_default()),
+        ]);
+    }
+    screen.say(table);
+    screen.document(&jobs);
+    Ok(Exit::Done)
+}
+
+fn submit(client: &Client, of: &Submit) -> Result<JobView, Failure> {
+    let order = JobOrder {
+        kind: of.kind.clone(),
+        program: of.program.clone(),
+        fields: pairs(&of.fields),
+        priority: of.priority,
+        from_block: of.from_block,
+    };
+    client.post(&format!("/links/{}/jobs", segment(&of.link)), Some(&order))
+}
+
+fn feed(client: &Client, of: &Feed) -> Result<JobView, Failure> {
+    let is_input = of.file.as_os_str() == "-";
+    let name = of.file.file_name().and_then(|name| name.to_str()).map(str::to_owned);
+    let program = of.program.clone().or(name.filter(|_| !is_input));
+    let fields = serde_json::to_string(&pairs(&of.fields)).map_err(Failure::internal)?;
+    let mut path = format!("/links/{}/feed?fields={}", segment(&of.link), segment(&fields));
+    for (name, value) in [("program", &program), ("kind", &of.kind)] {
+        if let Some(value) = value {
+            path.push_str(&format!("&{name}={}", segment(value)));
+        }
+    }
+    if is_input {
+        return client.send("POST", &path, SendBody::from_owned_reader(io::stdin()));
+    }
+    let file = File::open(&of.file).map_err(|error| files::unreadable(&of.file, &error))?;
+    client.send("POST", &path, file)
+}
+
+fn wait(client: &Client, mut job: JobView, screen: &Screen) -> Result<JobView, Failure> {
+    let mut state = None;
+    while !job.state.is_final() {
+        if state.replace(job.state) != Some(job.state) {
+            screen.note(show::job(&job));
+        }
+        sleep(LOOK);
+        job = client.get(&format!("/jobs/{}", job.id))?;
+    }
+    Ok(job)
+}

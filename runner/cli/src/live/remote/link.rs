@@ -1,0 +1,166 @@
+//! `softplug link …`
+
+use std::path::Path;
+
+use softplug_service::view::{
+    LinkView, ReceptionView, Seen, SwapOrder, SwapState, SwapView, SwapWhen,
+};
+
+use super::{Client, pairs, printable, segment, show};
+use crate::commands::link::{Arguments, Received, Swap, Verb, Watch, When};
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::numbers;
+use crate::screen::Screen;
+use crate::table::Table;
+
+pub(crate) fn link(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
+    let client = Client::new(arguments.verb.remote())?;
+    match &arguments.verb {
+        Verb::List(_) => list(&client, screen),
+        Verb::Show(of) => {
+            let link: LinkView = client.get(&format!("/links/{}", segment(&of.link)))?;
+            tell(&link, screen);
+            Ok(Exit::Done)
+        }
+        Verb::Reopen(of) => order(&client, &of.link, "reopen", screen),
+        Verb::ForceResume(of) => order(&client, &of.link, "force-resume", screen),
+        Verb::Release(of) => order(&client, &of.link, "release", screen),
+        Verb::Swap(of) => swap(&client, of, screen),
+        Verb::Watch(of) => watch(&client, of, screen),
+        Verb::Received(of) => received(&client, of, screen),
+    }
+}
+
+fn list(client: &Client, screen: &Screen) -> Result<Exit, Failure> {
+    let links: Vec<LinkView> = client.get("/links")?;
+    let mut table = Table::new(["link", "state", "plug-in", "job", "buffer", "trouble"]);
+    for link in &links {
+        table.row([
+            link.name.clone(),
+            show::state(link),
+            show::plugin(link.plugin.as_ref()),
+            show::doing(link),
+            numbers::count(link.buffer.level),
+            show::trouble(link),
+        ]);
+    }
+    screen.say(table);
+    screen.document(&links);
+    Ok(Exit::Done)
+}
+
+fn order(client: &Client, link: &str, verb: &str, screen: &Screen) -> Result<Exit, Failure> {
+    let path = format!("/links/{}/{verb}", segment(link));
+    let link: LinkView = client.post(&path, None::<&()>)?;
+    screen.say(format_args!("{}: {}", link.name, show::state(&link)));
+    screen.document(&link);
+    Ok(Exit::Done)
+}
+
+fn tell(link: &LinkView, screen: &Screen) {
+    let counters = &link.counters;
+    let errors: u64 = counters.line_errors.values().sum();
+    let buffer = &link.buffer;
+    let number = numbers::count;
+    let mut table = Table::new(["link", ""]);
+    let rows = [
+        ("name", link.name.clone()),
+        ("state", show::state(link)),
+        ("port", printable(&format!("{} {} flow {}", link.port.spec, link.port.line, link.port.flow))),
+        ("other side", printable(link.port.other_side.as_deref().unwrap_or_default())),
+        ("plug-in", show::plugin(link.plugin.as_ref())),
+        ("says", printable(link.condition.as_deref().unwrap_or_default())),
+        ("job", show::doing(link)),
+        ("trouble", show::trouble(link)),
+        ("buffer", format!("{} of {} bytes", number(buffer.level), number(buffer.size))),
+        ("received", format!("{} bytes, {} damaged", number(counters.bytes_in), number(errors))),
+        ("sent", format!("{} bytes", number(counters.bytes_out))),
+        ("held", format!("{} times, {:.1} s", counters.holds, counters.held_us as f64 / 1e6)),
+        ("starved", format!("{} times", number(counters.starved))),
+        ("restarts", number(counters.restarts)),
+        ("last swap", link.swap.as_ref().map(show::swap).unwrap_or_default()),
+    ];
+    for (name, value) in rows {
+        if !value.is_empty() {
+            table.row([name.to_owned(), value]);
+        }
+    }
+    screen.say(table);
+    screen.document(link);
+}
+
+fn swap(client: &Client, of: &Swap, screen: &Screen) -> Result<Exit, Failure> {
+    let settings = pairs(&of.settings);
+    let order = SwapOrder {
+        plugin: of.plugin.clone(),
+        settings: (!settings.is_empty()).then_some(settings),
+        when: match of.when {
+            When::Now => SwapWhen::Now,
+            When::Idle => SwapWhen::Idle,
+            When::NowOrIdle => SwapWhen::NowOrIdle,
+        },
+        probation: None,
+    };
+    let swap: SwapView =
+        client.post(&format!("/links/{}/swap", segment(&of.link)), Some(&order))?;
+    screen.say(show::swap(&swap));
+    screen.document(&swap);
+    Ok(match swap.state {
+        SwapState::Refused | SwapState::Reverted => Exit::Failed,
+        SwapState::Ordered | SwapState::Waiting | SwapState::Probation | SwapState::Done => {
+            Exit::Done
+        }
+    })
+}
+
+fn watch(client: &Client, of: &Watch, screen: &Screen) -> Result<Exit, Failure> {
+    let mut left = of.count.unwrap_or(u64::MAX);
+    client.events(&format!("/links/{}/watch", segment(&of.link)), |name, data| {
+        if name != "seen" {
+            return Ok(true);
+        }
+        let list: Vec<Seen> = serde_json::from_str(data).map_err(|error| {
+            Failure::new(Exit::Port, format_args!("the gateway sent something else: {error}"))
+        })?;
+        for seen in list.iter().take(usize::try_from(left).unwrap_or(usize::MAX)) {
+            if seen.dropped > 0 {
+                screen.note(format_args!("{} not shown", numbers::count(seen.dropped)));
+            }
+            screen.say(show::seen(seen));
+            screen.json_line(seen);
+            left -= 1;
+        }
+        Ok(left > 0)
+    })?;
+    Ok(Exit::Done)
+}
+
+fn received(client: &Client, of: &Received, screen: &Screen) -> Result<Exit, Failure> {
+    let path = format!("/links/{}/receptions", segment(&of.link));
+    if let Some(file) = &of.file {
+        let out = of.out.clone().unwrap_or_else(|| Path::new(file).to_owned());
+        if of.out.is_none() && out.components().count() != 1 {
+            return Err(Failure::usage(format_args!("\"{}\" is no file's name", printable(file))));
+        }
+        let kept = client.fetch(&format!("{path}/{}", segment(file)), &out, of.force)?;
+        screen.say(format_args!("{}", kept.display()));
+        return Ok(Exit::Done);
+    }
+    let receptions: Vec<ReceptionView> = client.get(&path)?;
+    let mut table = Table::new(["file", "bytes", "compared", "failure"]);
+    for of in &receptions {
+        let compared = of.compared.as_ref().map_or("", |compared| {
+            if compared.is_same { "same as sent" } else { "differs from what was sent" }
+        });
+        table.row([
+            printable(&of.file),
+            numbers::count(of.bytes),
+            compared.to_owned(),
+            printable(of.failure.as_deref().unwrap_or_default()),
+        ]);
+    }
+    screen.say(table);
+    screen.document(&receptions);
+    Ok(Exit::Done)
+}
