@@ -71,6 +71,9 @@ pub(crate) enum Command {
     Simulate(commands::simulate::Arguments),
     Doctor(commands::doctor::Arguments),
     Demo(commands::demo::Arguments),
+    Link(commands::link::Arguments),
+    Job(commands::job::Arguments),
+    Program(commands::program::Arguments),
     Completions(commands::completions::Arguments),
     Man(commands::man::Arguments),
 }

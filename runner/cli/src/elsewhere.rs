@@ -5,7 +5,7 @@ use std::path::Path;
 
 use softplug_gateway::PortSpec;
 
-use crate::commands::{demo, doctor, receive, record, send, simulate};
+use crate::commands::{demo, doctor, job, link, program, receive, record, send, simulate};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::screen::Screen;
@@ -64,4 +64,16 @@ pub(crate) fn simulate(_: &simulate::Simulation, _: &Screen) -> Result<Exit, Fai
 
 pub(crate) fn demo(_: &demo::Arguments, _: &Screen) -> Result<Exit, Failure> {
     Err(nowhere("the demonstration"))
+}
+
+pub(crate) fn link(_: &link::Arguments, _: &Screen) -> Result<Exit, Failure> {
+    Err(nowhere("speaking with a gateway"))
+}
+
+pub(crate) fn job(_: &job::Arguments, _: &Screen) -> Result<Exit, Failure> {
+    Err(nowhere("speaking with a gateway"))
+}
+
+pub(crate) fn program(_: &program::Arguments, _: &Screen) -> Result<Exit, Failure> {
+    Err(nowhere("speaking with a gateway"))
 }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::remote::Remote;
+use crate::line::{Assignment, field};
 
 /// Orders jobs of a running gateway, and steers them.
 #[derive(Debug, Args)]
@@ -16,12 +17,17 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
     List(List),
+    /// Shows all that is known of a job
     Show(Numbered),
     Submit(Submit),
     Feed(Feed),
+    /// Waits until a job has ended; the exit code tells how
     Wait(Numbered),
+    /// Pauses a job
     Pause(Numbered),
+    /// Ends a job's pause
     Resume(Numbered),
+    /// Aborts a job, or takes it out of the queue
     Abort(Numbered),
     Restart(Restart),
     Priority(Priority),
@@ -60,8 +66,7 @@ pub(crate) struct List {
     pub(crate) remote: Remote,
 }
 
-/// One job: all that is known (show), until it has ended (wait), stopped for a while (pause), on
-/// again (resume), ended or taken out of the queue (abort)
+// A job by its number; the verb says what for.
 #[derive(Debug, Args)]
 pub(crate) struct Numbered {
     /// Number of the job

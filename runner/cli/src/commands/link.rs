@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand, ValueEnum};
 
 use super::remote::Remote;
+use crate::line::Assignment;
 
 /// Shows the links of a running gateway, swaps their plug-ins, and brings them back to work.
 #[derive(Debug, Args)]
@@ -16,9 +17,13 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
     List(List),
+    /// Shows all that is known of a link
     Show(Named),
+    /// Closes a link's port and opens it again
     Reopen(Named),
+    /// Goes on although the machine holds the line
     ForceResume(Named),
+    /// Lets a link out of quarantine: its plug-in is started again
     Release(Named),
     Swap(Swap),
     Watch(Watch),
@@ -46,8 +51,7 @@ pub(crate) struct List {
     pub(crate) remote: Remote,
 }
 
-/// One link: all that is known (show), its port closed and opened again (reopen), on although the
-/// machine holds the line (force-resume), out of quarantine (release)
+// A link by its name; the verb says what for.
 #[derive(Debug, Args)]
 pub(crate) struct Named {
     /// Name of the link
@@ -70,7 +74,7 @@ pub(crate) struct Swap {
     #[arg(long, value_enum, value_name = "WHEN", default_value_t)]
     pub(crate) when: When,
     /// A setting of the new one, instead of those that the link has; may be repeated
-    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = setting)]
+    #[arg(long = "set", value_name = "NAME=VALUE")]
     pub(crate) settings: Vec<Assignment>,
     #[command(flatten)]
     pub(crate) remote: Remote,

@@ -8,10 +8,14 @@ pub(crate) mod doctor;
 mod dry_run;
 pub(crate) mod explain;
 pub(crate) mod inspect;
+pub(crate) mod job;
+pub(crate) mod link;
 pub(crate) mod man;
 pub(crate) mod ports;
+pub(crate) mod program;
 pub(crate) mod receive;
 pub(crate) mod record;
+pub(crate) mod remote;
 pub(crate) mod replay;
 pub(crate) mod send;
 pub(crate) mod simulate;
@@ -41,6 +45,9 @@ pub(crate) fn run(command: Command, screen: &Screen) -> Result<Exit, Failure> {
         Command::Simulate(arguments) => simulate::run(arguments, screen),
         Command::Doctor(arguments) => live::doctor(&arguments, screen),
         Command::Demo(arguments) => live::demo(&arguments, screen),
+        Command::Link(arguments) => live::link(&arguments, screen),
+        Command::Job(arguments) => live::job(&arguments, screen),
+        Command::Program(arguments) => live::program(&arguments, screen),
         Command::Completions(arguments) => Ok(completions::run(&arguments)),
         Command::Man(arguments) => man::run(&arguments),
     }

@@ -10,6 +10,8 @@ mod plugins;
 #[cfg(target_os = "linux")]
 mod record;
 mod refusals;
+#[cfg(target_os = "linux")]
+mod remote;
 mod replay;
 #[cfg(target_os = "linux")]
 mod transfers;

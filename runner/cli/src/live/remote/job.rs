@@ -32,9 +32,8 @@ struct Priority {
 
 pub(crate) fn job(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
     let client = Client::new(arguments.verb.remote())?;
-    let order = |id: u32, verb: &str| {
-        client.post::<JobView>(&format!("/jobs/{id}/{verb}"), None::<&()>)
-    };
+    let order =
+        |id: u32, verb: &str| client.post::<JobView>(&format!("/jobs/{id}/{verb}"), None::<&()>);
     let (job, waits) = match &arguments.verb {
         Verb::List(of) => return list(&client, of, screen),
         Verb::Show(of) => (client.get(&format!("/jobs/{}", of.id))?, false),

@@ -67,7 +67,10 @@ fn tell(link: &LinkView, screen: &Screen) {
     let rows = [
         ("name", link.name.clone()),
         ("state", show::state(link)),
-        ("port", printable(&format!("{} {} flow {}", link.port.spec, link.port.line, link.port.flow))),
+        (
+            "port",
+            printable(&format!("{} {} flow {}", link.port.spec, link.port.line, link.port.flow)),
+        ),
         ("other side", printable(link.port.other_side.as_deref().unwrap_or_default())),
         ("plug-in", show::plugin(link.plugin.as_ref())),
         ("says", printable(link.condition.as_deref().unwrap_or_default())),

@@ -9,6 +9,7 @@ pub(crate) use job::job;
 pub(crate) use link::link;
 pub(crate) use program::program;
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -25,6 +26,7 @@ use crate::commands::remote::Remote;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files::{self, Partial};
+use crate::line::Assignment;
 
 const ADDRESS: &str = "http://127.0.0.1:8117";
 const CONNECT: Duration = Duration::from_secs(10);
@@ -41,7 +43,8 @@ struct Client {
 
 impl Client {
     fn new(remote: &Remote) -> Result<Self, Failure> {
-        let from_environment = || std::env::var("SOFTPLUG_GATEWAY").ok().filter(|is| !is.is_empty());
+        let from_environment =
+            || std::env::var("SOFTPLUG_GATEWAY").ok().filter(|is| !is.is_empty());
         let address = remote.gateway.clone().or_else(from_environment);
         let address = address.unwrap_or_else(|| ADDRESS.to_owned());
         if !address.starts_with("http://") && !address.starts_with("https://") {
@@ -192,8 +195,9 @@ impl Client {
 
     fn unreachable(&self, error: &ureq::Error) -> Failure {
         let what = format_args!("the gateway at {} cannot be reached: {error}", self.address);
-        Failure::new(Exit::Port, what)
-            .hint("`softplug gateway run` starts one; --gateway or SOFTPLUG_GATEWAY says where it is")
+        Failure::new(Exit::Port, what).hint(
+            "`softplug gateway run` starts one; --gateway or SOFTPLUG_GATEWAY says where it is",
+        )
     }
 
     fn refusal(&self, answer: Response<Body>) -> Failure {
@@ -218,9 +222,15 @@ fn exit_of(status: StatusCode) -> Exit {
     match status {
         StatusCode::NOT_FOUND => Exit::NothingSelected,
         StatusCode::CONFLICT => Exit::Failed,
+        StatusCode::REQUEST_TIMEOUT | StatusCode::TOO_MANY_REQUESTS => Exit::Port,
         status if status.is_client_error() => Exit::Usage,
         _ => Exit::Port,
     }
+}
+
+/// Names with their values, as orders hold them.
+fn pairs(assignments: &[Assignment]) -> BTreeMap<String, String> {
+    assignments.iter().map(|of| (of.name.clone(), of.value.clone())).collect()
 }
 
 /// A text from elsewhere, so that it cannot steer the terminal.
