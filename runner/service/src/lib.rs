@@ -11,9 +11,11 @@ pub mod disk;
 pub mod gateway;
 pub mod guess;
 pub mod http;
+pub mod jobs;
 pub mod library;
 mod metrics;
 mod page;
+pub mod programs;
 pub mod refusal;
 pub mod view;
 

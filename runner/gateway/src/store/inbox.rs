@@ -62,12 +62,20 @@ impl Inbox {
     /// # Errors
     /// No file can be made.
     pub fn begin(&mut self) -> io::Result<()> {
+        self.begin_as("delivery")
+    }
+
+    /// The same; while it comes, its file is called `stem.partial`.
+    ///
+    /// # Errors
+    /// No file can be made.
+    pub fn begin_as(&mut self, stem: &str) -> io::Result<()> {
         if self.under_way.is_some() {
             self.end(None, Mark::Failed)?;
         }
         let mut options = OpenOptions::new();
         options.write(true).create_new(true);
-        for path in numbered(&self.folder, "delivery", ".partial") {
+        for path in numbered(&self.folder, stem, ".partial") {
             match options.open(&path) {
                 // Of another reception, or of one that was killed.
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
@@ -122,6 +130,39 @@ impl Inbox {
         };
         sync_folder(&self.folder)?;
         Ok(Kept { path: Some(to), bytes })
+    }
+
+    /// What earlier ones left behind that were killed: keeps it as failed, each with a number of
+    /// its own; tells what its file was called without `.partial`. Only for whoever has the
+    /// folder to himself, before the first delivery.
+    ///
+    /// # Errors
+    /// The folder cannot be read, or a file not renamed.
+    pub fn keep_left_over(&mut self) -> io::Result<Vec<(String, Kept)>> {
+        let mut left = Vec::new();
+        for entry in fs::read_dir(&self.folder)? {
+            let name = entry?.file_name().into_string().unwrap_or_default();
+            let Some(stem) = name.strip_suffix(".partial") else { continue };
+            let path = self.folder.join(&name);
+            let metadata = fs::symlink_metadata(&path)?;
+            if metadata.is_file() {
+                left.push((stem.to_owned(), path, metadata.len()));
+            }
+        }
+        left.sort_unstable();
+        let mut kept = Vec::new();
+        for (stem, path, bytes) in left {
+            let path = if bytes == 0 {
+                fs::remove_file(&path)?;
+                None
+            } else {
+                File::open(&path)?.sync_all()?;
+                Some(self.number(&path, ".failed")?)
+            };
+            kept.push((stem, Kept { path, bytes }));
+        }
+        sync_folder(&self.folder)?;
+        Ok(kept)
     }
 
     /// Deliveries without a name are counted, so that their order is seen.

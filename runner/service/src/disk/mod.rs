@@ -1,6 +1,7 @@
 //! Files that are whole or not there: written under a temporary name, brought
 //! onto the disk, renamed, and their folder brought onto the disk too.
 
+pub mod digest_text;
 mod objects;
 
 pub use objects::{Object, Objects};
@@ -144,7 +145,7 @@ pub(crate) fn sweep(folder: &Path) {
     }
 }
 
-fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
+pub(crate) fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
     tempfile::Builder::new().prefix(TEMPORARY).tempfile_in(above(path))
 }
 

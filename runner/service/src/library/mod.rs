@@ -23,7 +23,7 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use softplug_abi::limits::MODULE_BYTES;
 use softplug_host::{Digest, Inspection, lint};
 
@@ -39,14 +39,14 @@ pub struct Library {
 }
 
 /// A plug-in in the library.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Entry {
     /// Its name.
     pub name: String,
     /// Its version.
     pub version: String,
     /// SHA-256 of the module, 64 hex digits.
-    #[serde(rename = "sha256", serialize_with = "as_text")]
+    #[serde(rename = "sha256", with = "disk::digest_text")]
     pub digest: Digest,
     /// Bytes of the module.
     pub size: u64,
@@ -324,8 +324,4 @@ impl Library {
         self.objects.sweep();
         Ok(file)
     }
-}
-
-fn as_text<S: serde::Serializer>(digest: &Digest, to: S) -> Result<S::Ok, S::Error> {
-    to.collect_str(digest)
 }

@@ -1,0 +1,98 @@
+//! What can go wrong with jobs, by blame.
+
+use std::io;
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use super::{State, Step};
+use crate::disk::{self, DiskError};
+
+/// Why it cannot be done.
+#[derive(Debug, Error)]
+pub enum JobsError {
+    /// There is no such job, or it is too old to be known.
+    #[error("there is no job {0}")]
+    NotFound(u32),
+    /// The job is not in a state for it.
+    #[error("job {id} is {state}: it cannot be {step}{}", hint(*state))]
+    State {
+        /// The job.
+        id: u32,
+        /// Where it stands.
+        state: State,
+        /// What was asked for.
+        step: Step,
+    },
+    /// What was asked for does not fit the job.
+    #[error("{0}")]
+    Order(String),
+    /// Too many jobs wait already.
+    #[error("{waiting} jobs wait on \"{link}\", no more are taken: abort some, or wait")]
+    QueueFull {
+        /// The link.
+        link: String,
+        /// How many.
+        waiting: usize,
+    },
+    /// Our disk.
+    #[error(transparent)]
+    Disk(#[from] DiskError),
+    /// Our database.
+    #[error(transparent)]
+    Book(#[from] BookError),
+}
+
+impl JobsError {
+    /// There was no room on the disk.
+    pub fn is_full(&self) -> bool {
+        match self {
+            Self::Disk(error) => error.is_full(),
+            Self::Book(error) => error.is_full(),
+            _ => false,
+        }
+    }
+}
+
+/// The database would not do it. What was to be written is not, as far as can be known.
+#[derive(Debug, Error)]
+#[error("the jobs and the journal in {} cannot be used: {}", path.display(), text(source))]
+pub struct BookError {
+    /// The database.
+    pub path: PathBuf,
+    /// Why.
+    pub source: Box<redb::Error>,
+}
+
+impl BookError {
+    /// There was no room on the disk.
+    pub fn is_full(&self) -> bool {
+        io_error(&self.source).is_some_and(disk::is_full)
+    }
+}
+
+pub(super) fn io_error(error: &redb::Error) -> Option<&io::Error> {
+    match error {
+        redb::Error::Io(error) => Some(error),
+        _ => None,
+    }
+}
+
+fn text(error: &redb::Error) -> String {
+    match error {
+        redb::Error::DatabaseAlreadyOpen => {
+            "another gateway uses them; each needs a state folder of its own".to_owned()
+        }
+        redb::Error::Io(error) if disk::is_full(error) => format!("{error}; make room on the disk"),
+        error => error.to_string(),
+    }
+}
+
+fn hint(state: State) -> &'static str {
+    match state {
+        State::Interrupted | State::Failed | State::Aborted => {
+            "; restart it, from a block if need be"
+        }
+        _ => "",
+    }
+}

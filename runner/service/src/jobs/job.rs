@@ -1,0 +1,274 @@
+//! A job as it is written down.
+
+use serde::{Deserialize, Serialize};
+use softplug_host::Digest;
+
+use super::State;
+
+/// What kind of work a job is.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// A program goes to the machine.
+    Send,
+    /// The machine is asked for something, which comes as a reception.
+    Fetch,
+    /// The machine sends of its own accord.
+    Receive,
+}
+
+/// Who wants it.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Origin {
+    /// A person or a program through the API or the command.
+    #[default]
+    Api,
+    /// The operator at the machine's panel.
+    Panel,
+    /// Software that is connected to the link's endpoint.
+    Endpoint,
+    /// The machine sends.
+    Machine,
+}
+
+/// A program's content as it was when the job was given.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct Data {
+    /// SHA-256.
+    #[serde(rename = "sha256", with = "crate::disk::digest_text")]
+    pub digest: Digest,
+    /// Bytes.
+    pub size: u64,
+}
+
+/// What to do: a job before it has a number.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct Order {
+    /// The link.
+    pub link: String,
+    /// What kind of work.
+    pub kind: Kind,
+    /// The plug-in's name for such a job, from its manifest; empty for a reception.
+    #[serde(default)]
+    pub job_kind: String,
+    /// Its fields, name and value.
+    #[serde(default)]
+    pub fields: Vec<(String, String)>,
+    /// The program's name.
+    #[serde(default)]
+    pub program: Option<String>,
+    /// The snapshot that is sent; none for a job without data, and for one whose data come
+    /// from a connection.
+    #[serde(default)]
+    pub data: Option<Data>,
+    /// Its first byte that is sent.
+    #[serde(default)]
+    pub from: u64,
+    /// The highest goes first.
+    #[serde(default)]
+    pub priority: i16,
+    /// Who wants it.
+    #[serde(default)]
+    pub origin: Origin,
+    /// The job that this one does again, or goes on with.
+    #[serde(default)]
+    pub restarts: Option<u32>,
+}
+
+impl Order {
+    /// A program to send, with nothing said beyond what is needed.
+    pub fn send(link: impl Into<String>, program: impl Into<String>, data: Data) -> Self {
+        let program = Some(program.into());
+        Self { program, data: Some(data), ..Self::new(link, Kind::Send, "send") }
+    }
+
+    /// A job without data.
+    pub fn new(link: impl Into<String>, kind: Kind, job_kind: impl Into<String>) -> Self {
+        Self {
+            link: link.into(),
+            kind,
+            job_kind: job_kind.into(),
+            fields: Vec::new(),
+            program: None,
+            data: None,
+            from: 0,
+            priority: 0,
+            origin: Origin::default(),
+            restarts: None,
+        }
+    }
+}
+
+/// Which bytes of the data have left. Counted from the beginning of the snapshot, also for
+/// a job that begins further on.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub struct Extent {
+    /// All before this byte have surely left.
+    pub surely: u64,
+    /// None from this byte on can have left. Written down before they are given away.
+    pub maybe: u64,
+}
+
+/// Why a job did not end well.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct Reason {
+    /// Its name: the ABI's failures, `interrupted`, `disk`.
+    pub failure: String,
+    /// The protocol's own code, 0 without.
+    #[serde(default)]
+    pub status: u16,
+    /// For people.
+    pub text: String,
+}
+
+impl Reason {
+    /// Without a code of the protocol.
+    pub fn new(failure: impl Into<String>, text: impl Into<String>) -> Self {
+        Self { failure: failure.into(), status: 0, text: text.into() }
+    }
+}
+
+/// What came, and where it is.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct Reception {
+    /// Its file's name in the link's folder of receptions; none if nothing came.
+    pub file: Option<String>,
+    /// Bytes.
+    pub bytes: u64,
+    /// Whether it is whole.
+    pub is_complete: bool,
+    /// How it compares with what was sent last under this name.
+    #[serde(default)]
+    pub compared: Option<Comparison>,
+}
+
+/// A reception beside what was sent last under its name.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct Comparison {
+    /// The job that sent it.
+    pub with: u32,
+    /// The first byte that differs; none: they are the same.
+    pub differs_at: Option<u64>,
+}
+
+/// A job with a number.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct Job {
+    /// Its number, never given twice.
+    pub id: u32,
+    /// What to do.
+    #[serde(flatten)]
+    pub order: Order,
+    /// Where it stands.
+    pub state: State,
+    /// Which bytes have left.
+    #[serde(default)]
+    pub extent: Extent,
+    /// Why it did not end well.
+    #[serde(default)]
+    pub reason: Option<Reason>,
+    /// What came.
+    #[serde(default)]
+    pub reception: Option<Reception>,
+    /// When it was given, in milliseconds since 1970.
+    pub created: u64,
+    /// When it began.
+    #[serde(default)]
+    pub began: Option<u64>,
+    /// When it ended.
+    #[serde(default)]
+    pub ended: Option<u64>,
+}
+
+impl Job {
+    /// The plug-in has, or had, it.
+    pub fn has_begun(&self) -> bool {
+        self.began.is_some()
+    }
+
+    /// The link is busy with it. A reception does not keep the link from sending.
+    pub fn occupies(&self) -> bool {
+        self.order.kind != Kind::Receive && self.has_begun() && !self.state.is_final()
+    }
+
+    /// Bytes of the snapshot, 0 without.
+    pub fn size(&self) -> u64 {
+        self.order.data.map_or(0, |data| data.size)
+    }
+}
+
+/// The job whose turn it is among those of one link: none while one is under way.
+pub(super) fn next<'a>(jobs: impl Iterator<Item = &'a Job> + Clone) -> Option<&'a Job> {
+    if jobs.clone().any(Job::occupies) {
+        return None;
+    }
+    let queued = jobs.filter(|job| job.state == State::Queued);
+    queued.max_by_key(|job| (job.order.priority, std::cmp::Reverse(job.id)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn job(id: u32, priority: i16, state: State, has_begun: bool, kind: Kind) -> Job {
+        Job {
+            id,
+            order: Order { priority, ..Order::new("a", kind, "send") },
+            state,
+            extent: Extent::default(),
+            reason: None,
+            reception: None,
+            created: 0,
+            began: has_begun.then_some(1),
+            ended: None,
+        }
+    }
+
+    #[test]
+    fn the_highest_goes_first_and_among_equals_the_oldest() {
+        let queued = |id, priority| job(id, priority, State::Queued, false, Kind::Send);
+        let mut jobs = vec![queued(1, 0), queued(2, 5), queued(3, 5), queued(4, -1)];
+        assert_eq!(next(jobs.iter()).map(|job| job.id), Some(2));
+        jobs.push(job(5, 0, State::Running, true, Kind::Receive));
+        assert_eq!(next(jobs.iter()).map(|job| job.id), Some(2));
+        jobs.push(job(6, 0, State::Paused, true, Kind::Send));
+        assert_eq!(next(jobs.iter()), None);
+    }
+
+    proptest! {
+        #[test]
+        fn one_at_a_time_and_only_what_waits(
+            jobs in proptest::collection::vec((any::<i16>(), 0..7_usize, any::<bool>()), 0..12)
+        ) {
+            let jobs: Vec<_> = (1..).zip(jobs).map(|(id, (priority, state, begun))| {
+                job(id, priority, State::ALL[state], begun, Kind::Send)
+            }).collect();
+            match next(jobs.iter()) {
+                None => prop_assert!(
+                    jobs.iter().any(Job::occupies) || jobs.iter().all(|job| job.state != State::Queued)
+                ),
+                Some(found) => {
+                    prop_assert!(!jobs.iter().any(Job::occupies));
+                    prop_assert_eq!(found.state, State::Queued);
+                    for other in jobs.iter().filter(|other| other.state == State::Queued) {
+                        prop_assert!(found.order.priority >= other.order.priority);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_read_also_if_it_is_from_an_older_gateway() {
+        let data = Data { digest: Digest::of(b"G1"), size: 2 };
+        let mut one = job(1, 3, State::Running, true, Kind::Send);
+        one.order = Order::send("lathe", "O1", data);
+        let text = serde_json::to_string(&one).unwrap();
+        assert_eq!(serde_json::from_str::<Job>(&text).unwrap(), one);
+        let old = r#"{"id": 7, "link": "a", "kind": "send", "state": "queued", "created": 1}"#;
+        let old: Job = serde_json::from_str(old).unwrap();
+        assert_eq!((old.id, old.order.origin, old.size()), (7, Origin::Api, 0));
+    }
+}

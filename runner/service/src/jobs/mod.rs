@@ -1,0 +1,621 @@
+//! Jobs and the journal: written down before they take effect outside, so that after
+//! a crash it is known what may have left, and nothing is sent again unasked.
+//!
+//! Every call that changes something returns when the change is on the disk. After
+//! an error nothing has changed.
+
+mod ballast;
+pub mod blocks;
+mod book;
+mod error;
+mod job;
+mod journal;
+mod state;
+
+pub use blocks::{Between, Block};
+pub use book::Sent;
+pub use error::{BookError, JobsError};
+pub use job::{Comparison, Data, Extent, Job, Kind, Order, Origin, Reason, Reception};
+pub use journal::{Entry, EntryFilter, Keep, Note, Subject, Weight};
+pub use state::{State, Step, after};
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use redb::Database;
+use softplug_host::Digest;
+
+use crate::disk::{DiskError, make_folder};
+use crate::programs::Snapshots;
+use ballast::Ballast;
+use book::{Book, Change};
+
+/// Most jobs that wait on one link.
+const WAITING: usize = 1_000;
+
+/// All jobs and the journal of a gateway. Clones are the same.
+#[derive(Clone)]
+pub struct Jobs {
+    book: Arc<Mutex<Book>>,
+}
+
+/// What was found at the start.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct Recovery {
+    /// Jobs that were under way when the gateway ended. They are not begun again.
+    pub interrupted: Vec<Job>,
+    /// Jobs that wait for their turn.
+    pub queued: usize,
+}
+
+/// Which jobs are wanted.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct JobFilter {
+    /// Of this link only.
+    pub link: Option<String>,
+    /// In this state only.
+    pub state: Option<State>,
+    /// Of this kind only.
+    pub kind: Option<Kind>,
+    /// Older than the job of this number.
+    pub before: Option<u32>,
+    /// At most so many, the newest first.
+    pub most: usize,
+}
+
+/// How a job ends.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Ending {
+    /// All of it has left, or come.
+    Done,
+    /// It could not be carried out.
+    Failed(Reason),
+    /// Somebody ended it.
+    Aborted,
+    /// The plug-in ended, or the gateway does. Says why.
+    Interrupted(String),
+}
+
+/// How far a job may go, or has come.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub struct Advance {
+    /// The job.
+    pub id: u32,
+    /// Nothing from this byte on is given away before more is granted.
+    pub grant: Option<u64>,
+    /// All before this byte has left.
+    pub surely: Option<u64>,
+}
+
+/// Where a job is done again from.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub enum RestartAt {
+    /// From its beginning.
+    Start,
+    /// From the block of this number, counted from 1 at the program's beginning.
+    Block(u64),
+    /// From this byte of the program.
+    Byte(u64),
+}
+
+impl Jobs {
+    /// The jobs in a state folder, which is made if need be. What was under way when the last
+    /// gateway ended is interrupted now.
+    ///
+    /// # Errors
+    /// They cannot be read or written, or another gateway has them.
+    pub fn open(folder: &Path, keep: Keep) -> Result<(Self, Recovery), JobsError> {
+        make_folder(folder)?;
+        let path = folder.join("jobs.redb");
+        let ballast = Ballast::new(folder.join("reserve"));
+        let opener = book::in_file(path.clone());
+        Self::start(Book::open(&path, opener, Some(ballast), keep)?)
+    }
+
+    /// The same in a database that somebody else opens, each time anew after an error.
+    ///
+    /// # Errors
+    /// It cannot be read or written.
+    pub fn open_with(
+        mut open: impl FnMut() -> Result<Database, redb::DatabaseError> + Send + 'static,
+        keep: Keep,
+    ) -> Result<(Self, Recovery), JobsError> {
+        let opener = Box::new(move || Ok(open()?));
+        Self::start(Book::open(Path::new("a database"), opener, None, keep)?)
+    }
+
+    fn start(mut book: Book) -> Result<(Self, Recovery), JobsError> {
+        let now = now();
+        let mut change = Change::default();
+        let mut recovery = Recovery::default();
+        for job in book.live().values() {
+            let mut job = job.clone();
+            match after(job.state, job.has_begun(), Step::Recover) {
+                Some(State::Interrupted) => {
+                    interrupt(&mut job, "the gateway ended in the middle of it", now);
+                    change.notes.push(ended_note(&job));
+                    recovery.interrupted.push(job.clone());
+                    change.jobs.push(job);
+                }
+                _ => recovery.queued += usize::from(job.state == State::Queued),
+            }
+        }
+        if !change.jobs.is_empty() {
+            book.write(&change, now)?;
+        }
+        // Without it a disk that is full now is found out at the first job.
+        if let Err(error) = book.load_ballast() {
+            tracing::warn!(%error, "no room is kept for the case of a full disk");
+        }
+        Ok((Self { book: Arc::new(Mutex::new(book)) }, recovery))
+    }
+
+    /// Takes a job into the queue of its link.
+    ///
+    /// # Errors
+    /// It cannot be written down, or too many wait. It is not taken then.
+    pub fn submit(&self, order: Order) -> Result<Job, JobsError> {
+        let mut book = self.book();
+        if order.from > order.data.map_or(0, |data| data.size) {
+            return Err(JobsError::Order(
+                "the job would begin behind the program's end".to_owned(),
+            ));
+        }
+        let on_link = |job: &&Job| job.order.link == order.link && job.order.kind != Kind::Receive;
+        let waiting = book.live().values().filter(on_link).count();
+        if waiting >= WAITING {
+            return Err(JobsError::QueueFull { link: order.link, waiting });
+        }
+        // New work is taken only with the reserve in place.
+        book.load_ballast()?;
+        let job = created(book.next_job(), order, State::Queued);
+        let note = note(&job, format!("job {} is queued: {}", job.id, what(&job)));
+        put(&mut book, job, vec![note])
+    }
+
+    /// The job whose turn it is on a link, if the link is not busy.
+    pub fn next(&self, link: &str) -> Option<Job> {
+        let book = self.book();
+        job::next(book.live().values().filter(|job| job.order.link == link)).cloned()
+    }
+
+    /// The job is about to be given to the plug-in.
+    ///
+    /// # Errors
+    /// It cannot be written down, or does not wait. It must not be given away then.
+    pub fn begin(&self, id: u32) -> Result<Job, JobsError> {
+        self.step(id, Step::Begin, |job, now| {
+            job.began = Some(now);
+            job.extent = Extent { surely: job.order.from, maybe: job.order.from };
+            Some(format!("job {} begins: {}", job.id, what(job)))
+        })
+    }
+
+    /// The job shall pause. If it has begun, the plug-in must be told.
+    ///
+    /// # Errors
+    /// It has ended, or is paused, or it cannot be written down.
+    pub fn pause(&self, id: u32) -> Result<Job, JobsError> {
+        self.step(id, Step::Pause, |job, _| Some(format!("job {} is paused", job.id)))
+    }
+
+    /// The job shall go on. If it has begun, the plug-in must be told.
+    ///
+    /// # Errors
+    /// It is not paused, or it cannot be written down.
+    pub fn resume(&self, id: u32) -> Result<Job, JobsError> {
+        self.step(id, Step::Resume, |job, _| Some(format!("job {} goes on", job.id)))
+    }
+
+    /// The job shall end. One that has not begun has ended then; one that has is ended by
+    /// the plug-in, which must be told.
+    ///
+    /// # Errors
+    /// It has ended, or it cannot be written down.
+    pub fn abort(&self, id: u32) -> Result<Job, JobsError> {
+        self.step(id, Step::Abort, |job, now| {
+            if job.has_begun() {
+                return Some(format!("job {} is to be aborted", job.id));
+            }
+            job.ended = Some(now);
+            Some(format!("job {} is aborted, it had not begun", job.id))
+        })
+    }
+
+    /// The job shall go before those with a lower priority.
+    ///
+    /// # Errors
+    /// It has ended, or it cannot be written down.
+    pub fn prioritise(&self, id: u32, priority: i16) -> Result<Job, JobsError> {
+        let mut book = self.book();
+        let mut job = live(&mut book, id, Step::Pause)?;
+        job.order.priority = priority;
+        let note = note(&job, format!("job {id} has priority {priority}"));
+        put(&mut book, job, vec![note])
+    }
+
+    /// The job has ended. `left` is what the link knows of the bytes that left, which may be
+    /// more exact than what was granted.
+    ///
+    /// # Errors
+    /// It is not under way, or it cannot be written down.
+    pub fn end(&self, id: u32, ending: Ending, left: Option<Extent>) -> Result<Job, JobsError> {
+        let mut book = self.book();
+        let mut job = live(&mut book, id, Step::End(State::Done))?;
+        let (state, reason) = match ending {
+            Ending::Done => (State::Done, None),
+            Ending::Failed(reason) => (State::Failed, Some(reason)),
+            Ending::Aborted => (State::Aborted, None),
+            Ending::Interrupted(text) => {
+                (State::Interrupted, Some(Reason::new("interrupted", text)))
+            }
+        };
+        let step = Step::End(state);
+        job.state = after(job.state, job.has_begun(), step).ok_or(JobsError::State {
+            id,
+            state: job.state,
+            step,
+        })?;
+        job.reason = reason;
+        job.ended = Some(now());
+        if state == State::Done && job.order.data.is_some() {
+            job.extent = Extent { surely: job.size(), maybe: job.size() };
+        } else if let Some(left) = left {
+            job.extent = narrowed(job.extent, left);
+        }
+        let notes = vec![ended_note(&job)];
+        let sent = sent(&job);
+        let change = Change { jobs: vec![job.clone()], notes, sent };
+        book.write(&change, now())?;
+        Ok(job)
+    }
+
+    /// Notes how far jobs may go and have come, all at once. What has ended meanwhile is left
+    /// out.
+    ///
+    /// # Errors
+    /// It cannot be written down: then nothing more may be given away.
+    pub fn advance(&self, advances: &[Advance]) -> Result<(), JobsError> {
+        let mut book = self.book();
+        let mut change = Change::default();
+        for advance in advances {
+            let Some(job) = book.live().get(&advance.id).filter(|job| job.has_begun()) else {
+                continue;
+            };
+            let Extent { surely, maybe } = job.extent;
+            let maybe = maybe.max(advance.grant.unwrap_or(0));
+            let surely = surely.max(advance.surely.unwrap_or(0)).min(maybe);
+            let extent = Extent { surely, maybe };
+            if extent != job.extent {
+                change.jobs.push(Job { extent, ..job.clone() });
+            }
+        }
+        if change.jobs.is_empty() {
+            return Ok(());
+        }
+        Ok(book.write(&change, now())?)
+    }
+
+    /// A new job that does an ended one again, from its beginning or further on, with the
+    /// data as they were then. `field`: the field of the job's kind that takes the number of the
+    /// first block, for a plug-in that finds blocks itself.
+    ///
+    /// # Errors
+    /// The job has not ended or has no data, there is no such block or byte, or it cannot be
+    /// written down.
+    pub fn restart(
+        &self,
+        id: u32,
+        at: RestartAt,
+        field: Option<&str>,
+        snapshots: &Snapshots,
+    ) -> Result<Job, JobsError> {
+        let job = self.job(id)?;
+        if !job.state.is_final() {
+            return Err(JobsError::Order(format!(
+                "job {id} is {}: it can be restarted when it has ended",
+                job.state
+            )));
+        }
+        let mut order = Order { restarts: Some(id), origin: Origin::Api, from: 0, ..job.order };
+        if order.kind == Kind::Receive || (order.kind == Kind::Send && order.data.is_none()) {
+            return Err(JobsError::Order(format!(
+                "job {id} cannot be restarted: the gateway has no data to send"
+            )));
+        }
+        if let Some(field) = field {
+            order.fields.retain(|(name, _)| name != field);
+        }
+        match (at, field, order.data) {
+            (RestartAt::Start, ..) => {}
+            (RestartAt::Block(number), Some(field), Some(_)) if number > 0 => {
+                order.fields.push((field.to_owned(), number.to_string()));
+            }
+            (RestartAt::Block(number), _, Some(data)) => {
+                let program = snapshots.open(data)?;
+                let path = || Path::new("the snapshot");
+                let block =
+                    blocks::block(program, number).map_err(DiskError::when("read", path()))?;
+                let Some(block) = block else {
+                    return Err(JobsError::Order(format!(
+                        "the program of job {id} has no block {number}"
+                    )));
+                };
+                order.from = block.start;
+            }
+            (RestartAt::Byte(byte), _, Some(data)) if byte < data.size => order.from = byte,
+            (RestartAt::Byte(byte), ..) => {
+                return Err(JobsError::Order(format!(
+                    "the program of job {id} has no byte {byte}"
+                )));
+            }
+            (RestartAt::Block(_), _, None) => {
+                return Err(JobsError::Order(format!("job {id} has no program, and so no blocks")));
+            }
+        }
+        self.submit(order)
+    }
+
+    /// A machine sends of its own accord: a job that is under way already.
+    ///
+    /// # Errors
+    /// It cannot be written down.
+    pub fn receive(&self, link: &str) -> Result<Job, JobsError> {
+        let mut book = self.book();
+        let order = Order { origin: Origin::Machine, ..Order::new(link, Kind::Receive, "") };
+        let mut job = created(book.next_job(), order, State::Running);
+        job.began = Some(job.created);
+        let note = note(&job, format!("job {}: the machine sends", job.id));
+        put(&mut book, job, vec![note])
+    }
+
+    /// What came is on the disk, under its name. Ends the job if it is a reception of the
+    /// machine's own accord; notes the answer otherwise.
+    ///
+    /// # Errors
+    /// The job is not under way, or it cannot be written down.
+    pub fn received(
+        &self,
+        id: u32,
+        name: Option<String>,
+        reception: Reception,
+        reason: Option<Reason>,
+    ) -> Result<Job, JobsError> {
+        let mut book = self.book();
+        let mut job = live(&mut book, id, Step::End(State::Done))?;
+        let text = received_text(id, name.as_deref(), &reception, reason.as_ref());
+        let weight = if reason.is_some() { Weight::Warning } else { Weight::Normal };
+        let note = Note::new(Subject::Reception, text).of_link(&*job.order.link).of_job(id);
+        job.reception = Some(reception);
+        if job.order.kind == Kind::Receive {
+            job.state = if reason.is_some() { State::Failed } else { State::Done };
+            job.reason = reason;
+            job.order.program = name.or(job.order.program);
+            job.ended = Some(now());
+        }
+        put(&mut book, job, vec![note.weighing(weight)])
+    }
+
+    /// A job, also one that has ended.
+    ///
+    /// # Errors
+    /// There is none, or the database cannot be read.
+    pub fn job(&self, id: u32) -> Result<Job, JobsError> {
+        self.book().job(id)?.ok_or(JobsError::NotFound(id))
+    }
+
+    /// Jobs, the newest first.
+    ///
+    /// # Errors
+    /// The database cannot be read.
+    pub fn list(&self, filter: &JobFilter) -> Result<Vec<Job>, JobsError> {
+        let takes = |job: &Job| {
+            filter.link.as_ref().is_none_or(|link| job.order.link == *link)
+                && filter.state.is_none_or(|state| job.state == state)
+                && filter.kind.is_none_or(|kind| job.order.kind == kind)
+                && filter.before.is_none_or(|before| job.id < before)
+        };
+        Ok(self.book().jobs(filter.most, takes)?)
+    }
+
+    /// All jobs that have not ended, the oldest first. Asks no disk.
+    pub fn live(&self) -> Vec<Job> {
+        self.book().live().values().cloned().collect()
+    }
+
+    /// Writes something into the journal.
+    ///
+    /// # Errors
+    /// It cannot be written down.
+    pub fn note(&self, note: Note) -> Result<(), JobsError> {
+        let change = Change { notes: vec![note.tamed()], ..Change::default() };
+        Ok(self.book().write(&change, now())?)
+    }
+
+    /// Entries of the journal, the newest first.
+    ///
+    /// # Errors
+    /// The database cannot be read.
+    pub fn journal(&self, filter: &EntryFilter) -> Result<Vec<Entry>, JobsError> {
+        Ok(self.book().entries(filter)?)
+    }
+
+    /// What was sent last to a link under this name, as a whole.
+    ///
+    /// # Errors
+    /// The database cannot be read.
+    pub fn last_sent(&self, link: &str, program: &str) -> Result<Option<Sent>, JobsError> {
+        Ok(self.book().sent(link, program)?)
+    }
+
+    /// The snapshots that a job or a comparison may need yet.
+    ///
+    /// # Errors
+    /// The database cannot be read.
+    pub fn needed_data(&self) -> Result<BTreeSet<Digest>, JobsError> {
+        Ok(self.book().data()?.into_iter().map(|data| data.digest).collect())
+    }
+
+    fn step(
+        &self,
+        id: u32,
+        step: Step,
+        change: impl FnOnce(&mut Job, u64) -> Option<String>,
+    ) -> Result<Job, JobsError> {
+        let mut book = self.book();
+        let mut job = live(&mut book, id, step)?;
+        job.state = after(job.state, job.has_begun(), step).ok_or(JobsError::State {
+            id,
+            state: job.state,
+            step,
+        })?;
+        let text = change(&mut job, now());
+        let notes = text.map(|text| note(&job, text)).into_iter().collect();
+        put(&mut book, job, notes)
+    }
+
+    fn book(&self) -> MutexGuard<'_, Book> {
+        // What a panicking thread left is what the disk says.
+        self.book.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl std::fmt::Debug for Jobs {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Jobs").finish_non_exhaustive()
+    }
+}
+
+/// Milliseconds since 1970.
+pub fn now() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH);
+    since.map_or(0, |since| since.as_millis() as u64)
+}
+
+fn created(id: u32, order: Order, state: State) -> Job {
+    Job {
+        id,
+        order,
+        state,
+        extent: Extent::default(),
+        reason: None,
+        reception: None,
+        created: now(),
+        began: None,
+        ended: None,
+    }
+}
+
+fn put(book: &mut Book, job: Job, notes: Vec<Note>) -> Result<Job, JobsError> {
+    let change = Change { jobs: vec![job], notes, sent: None };
+    book.write(&change, now())?;
+    Ok(change.jobs.into_iter().next().expect("it was just put there"))
+}
+
+fn live(book: &mut Book, id: u32, step: Step) -> Result<Job, JobsError> {
+    if let Some(job) = book.live().get(&id) {
+        return Ok(job.clone());
+    }
+    let job = book.job(id)?.ok_or(JobsError::NotFound(id))?;
+    Err(JobsError::State { id, state: job.state, step })
+}
+
+fn interrupt(job: &mut Job, text: &str, now: u64) {
+    job.state = State::Interrupted;
+    job.reason = Some(Reason::new("interrupted", text));
+    job.ended = Some(now);
+}
+
+/// Neither bound gets worse than what is known already.
+fn narrowed(known: Extent, left: Extent) -> Extent {
+    let maybe = known.maybe.min(left.maybe).max(known.surely);
+    Extent { surely: known.surely.max(left.surely).min(maybe), maybe }
+}
+
+/// Only a whole program is what the machine has.
+fn sent(job: &Job) -> Option<(String, String, Sent)> {
+    let is_whole = job.state == State::Done && job.order.kind == Kind::Send && job.order.from == 0;
+    let (program, data) = (job.order.program.clone()?, job.order.data?);
+    is_whole.then(|| (job.order.link.clone(), program, Sent { job: job.id, data }))
+}
+
+fn note(job: &Job, text: String) -> Note {
+    Note::new(Subject::Job, text).of_link(&*job.order.link).of_job(job.id).tamed()
+}
+
+fn what(job: &Job) -> String {
+    let mut text = match job.order.kind {
+        Kind::Send => "sends",
+        Kind::Fetch => "fetches",
+        Kind::Receive => "receives",
+    }
+    .to_owned();
+    if let Some(program) = &job.order.program {
+        let _ = write!(text, " {program}");
+    }
+    if let Some(data) = job.order.data {
+        let _ = write!(text, ", {} bytes", data.size - job.order.from);
+    }
+    if job.order.from > 0 {
+        let _ = write!(text, " from byte {}", job.order.from);
+    }
+    if let Some(before) = job.order.restarts {
+        let _ = write!(text, ", in place of job {before}");
+    }
+    text
+}
+
+fn ended_note(job: &Job) -> Note {
+    let mut text = format!("job {} is {}", job.id, job.state);
+    if let Some(reason) = &job.reason {
+        let _ = write!(text, ": {}", reason.text);
+    }
+    if job.state != State::Done && job.order.kind == Kind::Send {
+        let Extent { surely, maybe } = job.extent;
+        if maybe == job.order.from {
+            text.push_str("; nothing of it has left");
+        } else if surely == maybe {
+            let _ = write!(text, "; it has left up to byte {maybe}");
+        } else {
+            let _ = write!(text, "; bytes {surely} to {maybe} may have left");
+        }
+    }
+    let weight = match job.state {
+        State::Failed | State::Interrupted => Weight::Warning,
+        _ => Weight::Normal,
+    };
+    note(job, text).weighing(weight)
+}
+
+fn received_text(
+    id: u32,
+    name: Option<&str>,
+    reception: &Reception,
+    reason: Option<&Reason>,
+) -> String {
+    let Reception { file, bytes, compared, .. } = reception;
+    let mut text = format!("job {id}: {bytes} bytes");
+    if let Some(name) = name {
+        let _ = write!(text, " of {name}");
+    }
+    text.push_str(" came");
+    if let Some(reason) = reason {
+        let _ = write!(text, ", not all: {}", reason.text);
+    }
+    if let Some(file) = file {
+        let _ = write!(text, "; kept as {file}");
+    }
+    match compared {
+        None => {}
+        Some(Comparison { with, differs_at: None }) => {
+            let _ = write!(text, "; the same as job {with} sent");
+        }
+        Some(Comparison { with, differs_at: Some(at) }) => {
+            let _ = write!(text, "; differs from what job {with} sent at byte {at}");
+        }
+    }
+    text
+}

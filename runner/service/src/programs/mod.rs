@@ -1,0 +1,14 @@
+//! Programs: the folders that people and machines take them from, the snapshots
+//! that are sent, and what machines have sent.
+
+mod compare;
+mod error;
+mod folders;
+mod receptions;
+mod snapshots;
+
+pub use compare::first_difference;
+pub use error::ProgramError;
+pub use folders::{Program, ProgramName, Programs};
+pub use receptions::{Arrival, Arrived, ReceptionFile, Receptions};
+pub use snapshots::Snapshots;

@@ -1,0 +1,303 @@
+//! What machines have sent: a folder for each link. Nothing is overwritten, what is not
+//! whole is marked, and what is said to be there is on the disk.
+
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
+
+use serde::{Deserialize, Serialize};
+use softplug_gateway::store::{Inbox, Mark, safe_name};
+
+use super::ProgramError;
+use crate::disk::{self, DiskError, make_folder};
+
+/// A program says its name near its beginning.
+const HEAD_BYTES: usize = 2_048;
+/// The end of a failed one's name.
+const FAILED: &str = ".failed";
+
+/// The folders of receptions.
+#[derive(Clone, Debug)]
+pub struct Receptions {
+    folder: PathBuf,
+}
+
+/// A reception in a folder.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct ReceptionFile {
+    /// Its name.
+    pub name: String,
+    /// Bytes.
+    pub size: u64,
+    /// When it was written, in milliseconds since 1970.
+    pub modified: u64,
+    /// It is not all, or not as it was sent.
+    pub is_failed: bool,
+}
+
+/// A reception that is being written.
+#[derive(Debug)]
+pub struct Arrival {
+    inbox: Inbox,
+    folder: PathBuf,
+    head: Vec<u8>,
+}
+
+/// One that is on the disk.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Arrived {
+    /// Its file; none if nothing came.
+    pub path: Option<PathBuf>,
+    /// The program's name, as far as it could be found out.
+    pub name: Option<String>,
+    /// Bytes.
+    pub bytes: u64,
+}
+
+impl Arrived {
+    /// The name of its file.
+    pub fn file(&self) -> Option<String> {
+        Some(self.path.as_ref()?.file_name()?.to_string_lossy().into_owned())
+    }
+}
+
+impl Receptions {
+    /// The folder of the folders, which is made if need be.
+    ///
+    /// # Errors
+    /// It cannot be made.
+    pub fn open(folder: &Path) -> Result<Self, DiskError> {
+        make_folder(folder)?;
+        Ok(Self { folder: folder.to_owned() })
+    }
+
+    /// A reception begins. `place` is the link's name or what the configuration says.
+    ///
+    /// # Errors
+    /// No file can be made.
+    pub fn begin(&self, place: &str, job: u32) -> Result<Arrival, ProgramError> {
+        let folder = self.place(place)?;
+        make_folder(&folder)?;
+        let mut inbox = Inbox::new(&folder).map_err(DiskError::when("write into", &folder))?;
+        inbox.begin_as(&format!("job-{job}")).map_err(DiskError::when("write into", &folder))?;
+        Ok(Arrival { inbox, folder, head: Vec::new() })
+    }
+
+    /// Keeps as failed what a gateway that was killed left behind; tells the jobs and the files.
+    ///
+    /// # Errors
+    /// A folder cannot be read, or a file not renamed.
+    pub fn recover(&self) -> Result<Vec<(u32, Arrived)>, DiskError> {
+        let mut recovered = Vec::new();
+        for place in disk::names_in(&self.folder)? {
+            let folder = self.folder.join(place);
+            if !folder.is_dir() {
+                continue;
+            }
+            let failed = |error| DiskError::when("mend", &folder)(error);
+            let left = Inbox::new(&folder).and_then(|mut inbox| inbox.keep_left_over());
+            for (stem, kept) in left.map_err(failed)? {
+                // A second one of the same job has a number behind it.
+                let job = stem.strip_prefix("job-").and_then(|rest| rest.split('-').next());
+                if let Some(job) = job.and_then(|job| job.parse().ok()) {
+                    let (path, bytes) = (kept.path, kept.bytes);
+                    recovered.push((job, Arrived { path, name: None, bytes }));
+                }
+            }
+        }
+        Ok(recovered)
+    }
+
+    /// What is there of a link, the newest first.
+    ///
+    /// # Errors
+    /// The folder cannot be read.
+    pub fn list(&self, place: &str) -> Result<Vec<ReceptionFile>, ProgramError> {
+        let folder = self.place(place)?;
+        let names = match disk::names_in(&folder) {
+            Err(error) if error.is_missing() => return Ok(Vec::new()),
+            names => names?,
+        };
+        let file = |name: String| {
+            let metadata = fs::symlink_metadata(folder.join(&name)).ok()?;
+            let is_ours = metadata.is_file() && !name.ends_with(".partial");
+            is_ours.then(|| ReceptionFile {
+                size: metadata.len(),
+                modified: modified(&metadata),
+                is_failed: name.ends_with(FAILED),
+                name,
+            })
+        };
+        let mut files: Vec<_> = names.into_iter().filter_map(file).collect();
+        files.sort_by(|one, other| {
+            other.modified.cmp(&one.modified).then_with(|| one.name.cmp(&other.name))
+        });
+        Ok(files)
+    }
+
+    /// A reception, to be read, and its length.
+    ///
+    /// # Errors
+    /// There is none of this name.
+    pub fn read(&self, place: &str, name: &str) -> Result<(File, u64), ProgramError> {
+        let path = self.file(place, name)?;
+        let open = || {
+            let file = File::open(&path)?;
+            let size = file.metadata()?.len();
+            Ok((file, size))
+        };
+        Ok(open().map_err(DiskError::when("read", &path))?)
+    }
+
+    /// Removes a reception.
+    ///
+    /// # Errors
+    /// There is none of this name, or it cannot be removed.
+    pub fn delete(&self, place: &str, name: &str) -> Result<(), ProgramError> {
+        Ok(disk::remove(&self.file(place, name)?)?)
+    }
+
+    fn place(&self, place: &str) -> Result<PathBuf, ProgramError> {
+        let is_plain = safe_name(place).is_some_and(|safe| safe == place);
+        let bad =
+            || ProgramError::Name(place.chars().take(80).flat_map(char::escape_debug).collect());
+        is_plain.then(|| self.folder.join(place)).ok_or_else(bad)
+    }
+
+    /// The name is compared with what is there: nothing else can be meant by it.
+    fn file(&self, place: &str, name: &str) -> Result<PathBuf, ProgramError> {
+        if self.list(place)?.iter().any(|file| file.name == name) {
+            return Ok(self.place(place)?.join(name));
+        }
+        Err(ProgramError::NotFound(name.chars().take(80).flat_map(char::escape_debug).collect()))
+    }
+}
+
+impl Arrival {
+    /// More bytes of it.
+    ///
+    /// # Errors
+    /// They cannot be written; how many of them are is not known, and none may follow.
+    pub fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let room = HEAD_BYTES - self.head.len();
+        self.head.extend_from_slice(&bytes[..bytes.len().min(room)]);
+        self.inbox.write(bytes)
+    }
+
+    /// It has ended. When this returns it is on the disk under its name. Without a name from the
+    /// line it gets the one that stands in it, or a number.
+    ///
+    /// # Errors
+    /// It cannot be brought onto the disk; what came stays under its temporary name.
+    pub fn end(mut self, name: Option<&str>, mark: Mark) -> Result<Arrived, DiskError> {
+        let name = name.map(ToOwned::to_owned).or_else(|| name_in(&self.head));
+        let kept = self.inbox.end(name.as_deref(), mark);
+        let kept = kept.map_err(DiskError::when("keep what came in", &self.folder))?;
+        Ok(Arrived { path: kept.path, name, bytes: kept.bytes })
+    }
+}
+
+/// The name that a program gives itself: `O1234` and `:1234`, Siemens' `%_N_PART_MPF`,
+/// Heidenhain's `0 BEGIN PGM PART MM`.
+fn name_in(head: &[u8]) -> Option<String> {
+    let text: String = head.iter().map(|byte| (byte & 0x7f) as char).collect();
+    let lines = text.lines().map(|line| line.trim_matches(|c: char| c.is_control() || c == ' '));
+    lines.filter(|line| !line.is_empty()).take(10).find_map(name_of)
+}
+
+fn name_of(line: &str) -> Option<String> {
+    let word = |rest: &str| {
+        let end = rest.find(|c: char| !c.is_ascii_alphanumeric() && c != '_' && c != '-');
+        let word = &rest[..end.unwrap_or(rest.len())];
+        (!word.is_empty()).then(|| word.to_owned())
+    };
+    if let Some(rest) = line.strip_prefix("%_N_") {
+        return word(rest);
+    }
+    if let Some((_, rest)) = line.split_once("BEGIN PGM ") {
+        return word(rest.trim_start());
+    }
+    let number = line.strip_prefix('%').unwrap_or(line).trim_start();
+    let digits = number.strip_prefix(['O', ':'])?;
+    let count = digits.bytes().take_while(u8::is_ascii_digit).count();
+    let is_word = digits[count..].starts_with(|c: char| c.is_ascii_alphanumeric());
+    ((1..=8).contains(&count) && !is_word).then(|| format!("O{}", &digits[..count]))
+}
+
+fn modified(metadata: &fs::Metadata) -> u64 {
+    let since = metadata.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+    since.map_or(0, |since| since.as_millis() as u64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_says_its_name() {
+        for (head, name) in [
+            ("%\nO1234 (PART A)\nN10", Some("O1234")),
+            ("\0\0\r\n%\r\n:0007\r\nN10", Some("O0007")),
+            ("%O12\n", Some("O12")),
+            ("%_N_WELLE_12_MPF\n", Some("WELLE_12_MPF")),
+            ("0 BEGIN PGM FLANSCH MM\n", Some("FLANSCH")),
+            ("%\nN10 G1 X10\nN20 O\n", None),
+            ("O123456789\n", None),
+            ("OXYGEN\nO12B\n", None),
+            ("", None),
+        ] {
+            assert_eq!(name_in(head.as_bytes()).as_deref(), name, "{head:?}");
+        }
+    }
+
+    #[test]
+    fn receptions_keep_all_versions_and_what_was_left_behind() {
+        let folder = tempfile::tempdir().unwrap();
+        let receptions = Receptions::open(folder.path()).unwrap();
+        let receive = |job, text: &str, name, mark| {
+            let mut arrival = receptions.begin("lathe 1", job).unwrap();
+            arrival.write(text.as_bytes()).unwrap();
+            arrival.end(name, mark).unwrap().file()
+        };
+        let file = |name: &str| Some(name.to_owned());
+        assert_eq!(receive(1, "%\nO7\nM30", None, Mark::Complete), file("O7"));
+        assert_eq!(receive(2, "%\nO7\nM30", Some("O7"), Mark::Complete), file("O7-2"));
+        assert_eq!(receive(3, "%\nO7\nM3", None, Mark::Failed), file("O7.failed"));
+        assert_eq!(receive(4, "N10", Some("../x"), Mark::Complete), file("_x"));
+        let mut killed = receptions.begin("lathe 1", 5).unwrap();
+        killed.write(b"half").unwrap();
+        let nothing = receptions.begin("lathe 1", 6).unwrap();
+        std::mem::forget((killed, nothing));
+
+        let recovered = receptions.recover().unwrap();
+        assert_eq!(recovered.len(), 2);
+        let of = |job| recovered.iter().find(|(id, _)| *id == job).unwrap().1.clone();
+        assert_eq!((of(5).file(), of(5).bytes), (file("000001.failed"), 4));
+        assert_eq!((of(6).file(), of(6).bytes), (None, 0));
+        assert_eq!(receptions.recover().unwrap(), []);
+
+        let listed = receptions.list("lathe 1").unwrap();
+        let mut names: Vec<_> = listed.iter().map(|file| (&*file.name, file.is_failed)).collect();
+        names.sort_unstable();
+        assert_eq!(
+            names,
+            [
+                ("000001.failed", true),
+                ("O7", false),
+                ("O7-2", false),
+                ("O7.failed", true),
+                ("_x", false)
+            ]
+        );
+        assert_eq!(receptions.read("lathe 1", "O7").unwrap().1, 8);
+        for (place, name) in
+            [("lathe 1", "../lathe 1/O7"), ("..", "O7"), ("lathe 1", "O8"), ("", "O7")]
+        {
+            assert!(receptions.read(place, name).is_err(), "{place}/{name}");
+        }
+        receptions.delete("lathe 1", "O7").unwrap();
+        assert!(receptions.delete("lathe 1", "O7").is_err());
+        assert_eq!(receptions.list("mill").unwrap(), []);
+    }
+}

@@ -1,0 +1,160 @@
+//! Programs as they were when a job was given: what is sent does not change any more.
+
+use std::collections::BTreeSet;
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::Path;
+use std::time::SystemTime;
+
+use softplug_host::Digest;
+
+use super::ProgramError;
+use crate::disk::{DiskError, Object, Objects};
+use crate::jobs::Data;
+
+/// A program that changes while it is copied is copied again so often.
+const ATTEMPTS: usize = 3;
+
+/// A folder of snapshots, by content.
+#[derive(Clone, Debug)]
+pub struct Snapshots {
+    objects: Objects,
+}
+
+impl Snapshots {
+    /// The folder, which is made if need be. It belongs to one gateway.
+    ///
+    /// # Errors
+    /// It cannot be made.
+    pub fn open_folder(folder: &Path) -> Result<Self, DiskError> {
+        let objects = Objects::open(folder, "")?;
+        objects.sweep();
+        Ok(Self { objects })
+    }
+
+    /// Takes one of a file, as it is at one moment. `name` is what people call it.
+    ///
+    /// # Errors
+    /// It cannot be read, is empty or being written, or the disk would not take it.
+    pub fn take(&self, path: &Path, name: &str) -> Result<Data, ProgramError> {
+        for _ in 0..ATTEMPTS {
+            let mut file = File::open(path).map_err(DiskError::when("read", path))?;
+            let before = state(&file, path)?;
+            let object = self.objects.put(&mut file)?;
+            // Of the path: it may lead to another file by now.
+            let now = File::open(path).map_err(DiskError::when("read", path))?;
+            if state(&now, path)? != before || object.size != before.0 {
+                continue;
+            }
+            return filled(object, name);
+        }
+        Err(ProgramError::Busy(name.to_owned()))
+    }
+
+    /// Takes one of all that comes, at most so many bytes.
+    ///
+    /// # Errors
+    /// It cannot be read, is empty or too large, or the disk would not take it.
+    pub fn take_all(
+        &self,
+        from: &mut dyn Read,
+        name: &str,
+        most: u64,
+    ) -> Result<Data, ProgramError> {
+        let object = self.objects.put(&mut from.take(most.saturating_add(1)))?;
+        if object.size > most {
+            self.objects.remove(object.digest)?;
+            return Err(ProgramError::TooLarge { most });
+        }
+        filled(object, name)
+    }
+
+    /// A snapshot, to be read.
+    ///
+    /// # Errors
+    /// It is not there.
+    pub fn open(&self, data: Data) -> Result<File, DiskError> {
+        self.objects.open_object(data.digest)
+    }
+
+    /// Removes all but these; tells how many bytes. Only while no job is being submitted.
+    ///
+    /// # Errors
+    /// The folder cannot be read, or a file not removed.
+    pub fn collect_garbage(&self, needed: &BTreeSet<Digest>) -> Result<u64, DiskError> {
+        let mut freed = 0;
+        for object in self.objects.all()? {
+            if !needed.contains(&object.digest) {
+                self.objects.remove(object.digest)?;
+                freed += object.size;
+            }
+        }
+        Ok(freed)
+    }
+}
+
+fn filled(object: Object, name: &str) -> Result<Data, ProgramError> {
+    if object.size == 0 {
+        return Err(ProgramError::Empty(name.to_owned()));
+    }
+    Ok(Data { digest: object.digest, size: object.size })
+}
+
+/// What changes when somebody writes to a file or puts another in its place.
+fn state(file: &File, path: &Path) -> Result<(u64, Option<SystemTime>, u64), DiskError> {
+    let metadata = file.metadata().map_err(DiskError::when("read", path))?;
+    Ok((metadata.len(), metadata.modified().ok(), inode(&metadata)))
+}
+
+#[cfg(unix)]
+fn inode(metadata: &fs::Metadata) -> u64 {
+    std::os::unix::fs::MetadataExt::ino(metadata)
+}
+
+#[cfg(not(unix))]
+fn inode(_: &fs::Metadata) -> u64 {
+    0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn text(snapshots: &Snapshots, data: Data) -> String {
+        let mut text = String::new();
+        snapshots.open(data).unwrap().read_to_string(&mut text).unwrap();
+        text
+    }
+
+    #[test]
+    fn editing_a_program_changes_nothing_that_was_taken() {
+        let folder = tempfile::tempdir().unwrap();
+        let snapshots = Snapshots::open_folder(&folder.path().join("snapshots")).unwrap();
+        let path = folder.path().join("O1.nc");
+        fs::write(&path, "G1 X1").unwrap();
+        let first = snapshots.take(&path, "O1.nc").unwrap();
+        fs::write(&path, "G1 X2").unwrap();
+        let second = snapshots.take(&path, "O1.nc").unwrap();
+        fs::remove_file(&path).unwrap();
+        assert_eq!((&*text(&snapshots, first), &*text(&snapshots, second)), ("G1 X1", "G1 X2"));
+
+        let needed = BTreeSet::from([first.digest]);
+        assert_eq!(snapshots.collect_garbage(&needed).unwrap(), 5);
+        assert!(snapshots.open(second).unwrap_err().is_missing());
+        assert_eq!(text(&snapshots, first), "G1 X1");
+    }
+
+    #[test]
+    fn nothing_and_too_much_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let snapshots = Snapshots::open_folder(folder.path()).unwrap();
+        let refused =
+            |bytes: &[u8]| snapshots.take_all(&mut &*bytes, "O1", 4).unwrap_err().to_string();
+        assert_eq!(refused(b""), "the program \"O1\" is empty: there is nothing to send");
+        assert_eq!(
+            refused(b"12345"),
+            "the program is larger than 4 bytes, which is the most that is taken"
+        );
+        assert_eq!(snapshots.take_all(&mut &b"1234"[..], "O1", 4).unwrap().size, 4);
+    }
+}
