@@ -5,8 +5,8 @@ use std::path::Path;
 use proptest::prelude::*;
 use softplug_host::Digest;
 use softplug_service::jobs::{
-    Advance, Comparison, Data, Ending, EntryFilter, Extent, Job, JobFilter, Jobs, Keep, Kind, Note,
-    Order, Origin, Reason, Reception, RestartAt, State, Subject, Weight,
+    Advance, BeginAt, Comparison, Data, Ending, EntryFilter, Extent, Job, JobFilter, Jobs, Keep,
+    Kind, Left, Note, Order, Origin, Reason, Reception, State, Subject, Weight,
 };
 use softplug_service::programs::Snapshots;
 
@@ -16,7 +16,7 @@ fn open(folder: &Path) -> Jobs {
     Jobs::open(folder, Keep::default()).unwrap().0
 }
 
-fn send(jobs: &Jobs, link: &str, priority: i16) -> u32 {
+fn send(jobs: &Jobs, link: &str, priority: i32) -> u32 {
     jobs.submit(Order { priority, ..Order::send(link, "O1", DATA()) }).unwrap().id
 }
 
@@ -83,7 +83,7 @@ fn refusals_say_what_to_do() {
         Err("job 1 is queued: it cannot be ended".to_owned())
     );
     assert_eq!(
-        refused(jobs.restart(id, RestartAt::Start, None, &snapshots)),
+        refused(jobs.restart(id, BeginAt::Start, None, &snapshots)),
         Err("job 1 is queued: it can be restarted when it has ended".to_owned())
     );
     jobs.abort(id).unwrap();
@@ -94,10 +94,10 @@ fn refusals_say_what_to_do() {
     let fetch = jobs.submit(Order::new("lathe", Kind::Fetch, "fetch")).unwrap().id;
     jobs.abort(fetch).unwrap();
     assert_eq!(
-        refused(jobs.restart(fetch, RestartAt::Block(2), None, &snapshots)),
-        Err("job 2 has no program, and so no blocks".to_owned())
+        refused(jobs.restart(fetch, BeginAt::Block(2), None, &snapshots)),
+        Err("the job has no program, and so no blocks".to_owned())
     );
-    assert!(jobs.restart(fetch, RestartAt::Start, None, &snapshots).is_ok());
+    assert!(jobs.restart(fetch, BeginAt::Start, None, &snapshots).is_ok());
     let behind = Order { from: 1_001, ..Order::send("lathe", "O1", DATA()) };
     assert!(jobs.submit(behind).is_err());
     for _ in 0..1_000 {
@@ -179,7 +179,9 @@ fn what_the_link_knows_narrows_what_was_granted_and_never_widens_it() {
         jobs.begin(id).unwrap();
         jobs.advance(&[Advance { id, grant: Some(granted), surely: Some(100) }]).unwrap();
         let reason = Reason::new("link-down", "the port is gone");
-        jobs.end(id, Ending::Failed(reason), Some(left)).unwrap().extent
+        jobs.end(id, Ending::Failed(reason), Some(Left { extent: left, taken: 7, sent: 8 }))
+            .unwrap()
+            .extent
     };
     assert_eq!(
         end("a", 400, Extent { surely: 200, maybe: 210 }),
@@ -208,19 +210,22 @@ fn a_job_is_done_again_from_a_block_with_the_data_as_they_were() {
     jobs.begin(first.id).unwrap();
     jobs.end(first.id, Ending::Interrupted("stopped".into()), None).unwrap();
 
-    let again = jobs.restart(first.id, RestartAt::Block(4), None, &snapshots).unwrap();
-    assert_eq!((again.order.from, again.order.restarts), (12, Some(first.id)));
+    let again = jobs.restart(first.id, BeginAt::Block(4), None, &snapshots).unwrap();
+    assert_eq!(
+        (again.order.from, again.order.from_block, again.order.restarts),
+        (12, 4, Some(first.id))
+    );
     assert_eq!(&program[12..18], "N20 G1");
     assert!(again.id != first.id && again.state == State::Queued);
-    let again = jobs.restart(first.id, RestartAt::Byte(5), None, &snapshots).unwrap();
+    let again = jobs.restart(first.id, BeginAt::Byte(5), None, &snapshots).unwrap();
     assert_eq!(again.order.from, 5);
     let by_plug_in =
-        jobs.restart(first.id, RestartAt::Block(4), Some("from_block"), &snapshots).unwrap();
+        jobs.restart(first.id, BeginAt::Block(4), Some("from_block"), &snapshots).unwrap();
     assert_eq!(
         (by_plug_in.order.from, &by_plug_in.order.fields[..]),
         (0, &[("from_block".into(), "4".into())][..])
     );
-    for at in [RestartAt::Block(0), RestartAt::Block(7), RestartAt::Byte(31)] {
+    for at in [BeginAt::Block(0), BeginAt::Block(7), BeginAt::Byte(31)] {
         assert!(jobs.restart(first.id, at, None, &snapshots).is_err(), "{at:?}");
     }
     // What was sent in part does not count as what the machine has.
@@ -315,7 +320,7 @@ fn lists_and_the_journal_are_bounded_and_can_be_filtered() {
 /// What a gateway or a person may do, at random.
 #[derive(Clone, Debug)]
 enum Deed {
-    Submit(i16),
+    Submit(i32),
     Begin,
     Pause(u32),
     Resume(u32),
@@ -328,7 +333,7 @@ enum Deed {
 fn deed() -> impl Strategy<Value = Deed> {
     let id = 1..12_u32;
     prop_oneof![
-        (-3..3_i16).prop_map(Deed::Submit),
+        (-3..3_i32).prop_map(Deed::Submit),
         Just(Deed::Begin),
         id.clone().prop_map(Deed::Pause),
         id.clone().prop_map(Deed::Resume),

@@ -15,7 +15,7 @@ pub enum JobsError {
     #[error("there is no job {0}")]
     NotFound(u32),
     /// The job is not in a state for it.
-    #[error("job {id} is {state}: it cannot be {step}{}", hint(*state))]
+    #[error("job {id} is {}: it cannot be {step}{}", state.name(), hint(*state))]
     State {
         /// The job.
         id: u32,

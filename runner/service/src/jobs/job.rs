@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use softplug_host::Digest;
 
 use super::State;
+pub use crate::view::{CheckFault, JobOrigin as Origin};
 
 /// What kind of work a job is.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -15,21 +16,6 @@ pub enum Kind {
     Fetch,
     /// The machine sends of its own accord.
     Receive,
-}
-
-/// Who wants it.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Origin {
-    /// A person or a program through the API or the command.
-    #[default]
-    Api,
-    /// The operator at the machine's panel.
-    Panel,
-    /// Software that is connected to the link's endpoint.
-    Endpoint,
-    /// The machine sends.
-    Machine,
 }
 
 /// A program's content as it was when the job was given.
@@ -65,9 +51,12 @@ pub struct Order {
     /// Its first byte that is sent.
     #[serde(default)]
     pub from: u64,
+    /// The block that it begins with, counted from 1; 0 for a byte within one.
+    #[serde(default = "first_block")]
+    pub from_block: u64,
     /// The highest goes first.
     #[serde(default)]
-    pub priority: i16,
+    pub priority: i32,
     /// Who wants it.
     #[serde(default)]
     pub origin: Origin,
@@ -93,11 +82,16 @@ impl Order {
             program: None,
             data: None,
             from: 0,
+            from_block: 1,
             priority: 0,
             origin: Origin::default(),
             restarts: None,
         }
     }
+}
+
+fn first_block() -> u64 {
+    1
 }
 
 /// Which bytes of the data have left. Counted from the beginning of the snapshot, also for
@@ -110,6 +104,17 @@ pub struct Extent {
     pub maybe: u64,
 }
 
+/// What the link knows of a job that has ended.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+pub struct Left {
+    /// Which bytes have left.
+    pub extent: Extent,
+    /// Bytes of the program that the plug-in took, counted like these.
+    pub taken: u64,
+    /// Bytes that left for it, as the plug-in counts.
+    pub sent: u64,
+}
+
 /// Why a job did not end well.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Reason {
@@ -120,12 +125,15 @@ pub struct Reason {
     pub status: u16,
     /// For people.
     pub text: String,
+    /// Where in the program the fault is.
+    #[serde(default)]
+    pub check: Option<CheckFault>,
 }
 
 impl Reason {
     /// Without a code of the protocol.
     pub fn new(failure: impl Into<String>, text: impl Into<String>) -> Self {
-        Self { failure: failure.into(), status: 0, text: text.into() }
+        Self { failure: failure.into(), status: 0, text: text.into(), check: None }
     }
 }
 
@@ -165,6 +173,13 @@ pub struct Job {
     /// Which bytes have left.
     #[serde(default)]
     pub extent: Extent,
+    /// Bytes of the program that the plug-in took, those before the first one sent
+    /// included; known when the job has ended.
+    #[serde(default)]
+    pub taken: u64,
+    /// Bytes that left for it, as the plug-in counts; known when the job has ended.
+    #[serde(default)]
+    pub sent: u64,
     /// Why it did not end well.
     #[serde(default)]
     pub reason: Option<Reason>,
@@ -212,12 +227,14 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn job(id: u32, priority: i16, state: State, has_begun: bool, kind: Kind) -> Job {
+    fn job(id: u32, priority: i32, state: State, has_begun: bool, kind: Kind) -> Job {
         Job {
             id,
             order: Order { priority, ..Order::new("a", kind, "send") },
             state,
             extent: Extent::default(),
+            taken: 0,
+            sent: 0,
             reason: None,
             reception: None,
             created: 0,
@@ -240,10 +257,10 @@ mod tests {
     proptest! {
         #[test]
         fn one_at_a_time_and_only_what_waits(
-            jobs in proptest::collection::vec((any::<i16>(), 0..7_usize, any::<bool>()), 0..12)
+            jobs in proptest::collection::vec((any::<i32>(), 0..7_usize, any::<bool>()), 0..12)
         ) {
             let jobs: Vec<_> = (1..).zip(jobs).map(|(id, (priority, state, begun))| {
-                job(id, priority, State::ALL[state], begun, Kind::Send)
+                job(id, priority, super::super::state::ALL[state], begun, Kind::Send)
             }).collect();
             match next(jobs.iter()) {
                 None => prop_assert!(
@@ -269,6 +286,6 @@ mod tests {
         assert_eq!(serde_json::from_str::<Job>(&text).unwrap(), one);
         let old = r#"{"id": 7, "link": "a", "kind": "send", "state": "queued", "created": 1}"#;
         let old: Job = serde_json::from_str(old).unwrap();
-        assert_eq!((old.id, old.order.origin, old.size()), (7, Origin::Api, 0));
+        assert_eq!((old.id, old.order.origin, old.size()), (7, Origin::Order, 0));
     }
 }

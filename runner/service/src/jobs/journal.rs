@@ -2,28 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+pub use crate::view::JournalKind as Subject;
+
 /// A text that comes from a machine or a plug-in is no longer than this here.
 const TEXT_BYTES: usize = 2_000;
-
-/// What an entry is about.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Subject {
-    /// A job.
-    Job,
-    /// What a machine sent.
-    Reception,
-    /// A plug-in was swapped, or should have been.
-    Swap,
-    /// A plug-in misbehaved: restarts, quarantine, release.
-    Fault,
-    /// A port or a connection.
-    Link,
-    /// The library of plug-ins.
-    Library,
-    /// The gateway itself: start, stop, configuration, disk.
-    Gateway,
-}
 
 /// How much it matters.
 #[derive(Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize)]

@@ -5,17 +5,22 @@
 //! an error nothing has changed.
 
 mod ballast;
+mod begin;
 pub mod blocks;
 mod book;
 mod error;
 mod job;
 mod journal;
+mod shown;
 mod state;
 
+pub use begin::{BeginAt, beginning_at};
 pub use blocks::{Between, Block};
 pub use book::Sent;
 pub use error::{BookError, JobsError};
-pub use job::{Comparison, Data, Extent, Job, Kind, Order, Origin, Reason, Reception};
+pub use job::{
+    CheckFault, Comparison, Data, Extent, Job, Kind, Left, Order, Origin, Reason, Reception,
+};
 pub use journal::{Entry, EntryFilter, Keep, Note, Subject, Weight};
 pub use state::{State, Step, after};
 
@@ -28,7 +33,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use redb::Database;
 use softplug_host::Digest;
 
-use crate::disk::{DiskError, make_folder};
+use crate::disk::make_folder;
 use crate::programs::Snapshots;
 use ballast::Ballast;
 use book::{Book, Change};
@@ -88,17 +93,6 @@ pub struct Advance {
     pub grant: Option<u64>,
     /// All before this byte has left.
     pub surely: Option<u64>,
-}
-
-/// Where a job is done again from.
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub enum RestartAt {
-    /// From its beginning.
-    Start,
-    /// From the block of this number, counted from 1 at the program's beginning.
-    Block(u64),
-    /// From this byte of the program.
-    Byte(u64),
 }
 
 impl Jobs {
@@ -229,7 +223,7 @@ impl Jobs {
     ///
     /// # Errors
     /// It has ended, or it cannot be written down.
-    pub fn prioritise(&self, id: u32, priority: i16) -> Result<Job, JobsError> {
+    pub fn prioritise(&self, id: u32, priority: i32) -> Result<Job, JobsError> {
         let mut book = self.book();
         let mut job = live(&mut book, id, Step::Pause)?;
         job.order.priority = priority;
@@ -242,7 +236,7 @@ impl Jobs {
     ///
     /// # Errors
     /// It is not under way, or it cannot be written down.
-    pub fn end(&self, id: u32, ending: Ending, left: Option<Extent>) -> Result<Job, JobsError> {
+    pub fn end(&self, id: u32, ending: Ending, left: Option<Left>) -> Result<Job, JobsError> {
         let mut book = self.book();
         let mut job = live(&mut book, id, Step::End(State::Done))?;
         let (state, reason) = match ending {
@@ -261,10 +255,12 @@ impl Jobs {
         })?;
         job.reason = reason;
         job.ended = Some(now());
+        if let Some(left) = left {
+            (job.taken, job.sent) = (left.taken, left.sent);
+            job.extent = narrowed(job.extent, left.extent);
+        }
         if state == State::Done && job.order.data.is_some() {
             job.extent = Extent { surely: job.size(), maybe: job.size() };
-        } else if let Some(left) = left {
-            job.extent = narrowed(job.extent, left);
         }
         let notes = vec![ended_note(&job)];
         let sent = sent(&job);
@@ -309,7 +305,7 @@ impl Jobs {
     pub fn restart(
         &self,
         id: u32,
-        at: RestartAt,
+        at: BeginAt,
         field: Option<&str>,
         snapshots: &Snapshots,
     ) -> Result<Job, JobsError> {
@@ -317,46 +313,16 @@ impl Jobs {
         if !job.state.is_final() {
             return Err(JobsError::Order(format!(
                 "job {id} is {}: it can be restarted when it has ended",
-                job.state
+                job.state.name()
             )));
         }
-        let mut order = Order { restarts: Some(id), origin: Origin::Api, from: 0, ..job.order };
+        let order = Order { restarts: Some(id), origin: Origin::Order, ..job.order };
         if order.kind == Kind::Receive || (order.kind == Kind::Send && order.data.is_none()) {
             return Err(JobsError::Order(format!(
                 "job {id} cannot be restarted: the gateway has no data to send"
             )));
         }
-        if let Some(field) = field {
-            order.fields.retain(|(name, _)| name != field);
-        }
-        match (at, field, order.data) {
-            (RestartAt::Start, ..) => {}
-            (RestartAt::Block(number), Some(field), Some(_)) if number > 0 => {
-                order.fields.push((field.to_owned(), number.to_string()));
-            }
-            (RestartAt::Block(number), _, Some(data)) => {
-                let program = snapshots.open(data)?;
-                let path = || Path::new("the snapshot");
-                let block =
-                    blocks::block(program, number).map_err(DiskError::when("read", path()))?;
-                let Some(block) = block else {
-                    return Err(JobsError::Order(format!(
-                        "the program of job {id} has no block {number}"
-                    )));
-                };
-                order.from = block.start;
-            }
-            (RestartAt::Byte(byte), _, Some(data)) if byte < data.size => order.from = byte,
-            (RestartAt::Byte(byte), ..) => {
-                return Err(JobsError::Order(format!(
-                    "the program of job {id} has no byte {byte}"
-                )));
-            }
-            (RestartAt::Block(_), _, None) => {
-                return Err(JobsError::Order(format!("job {id} has no program, and so no blocks")));
-            }
-        }
-        self.submit(order)
+        self.submit(beginning_at(order, at, field, snapshots)?)
     }
 
     /// A machine sends of its own accord: a job that is under way already.
@@ -501,6 +467,8 @@ fn created(id: u32, order: Order, state: State) -> Job {
         order,
         state,
         extent: Extent::default(),
+        taken: 0,
+        sent: 0,
         reason: None,
         reception: None,
         created: now(),
@@ -569,7 +537,7 @@ fn what(job: &Job) -> String {
 }
 
 fn ended_note(job: &Job) -> Note {
-    let mut text = format!("job {} is {}", job.id, job.state);
+    let mut text = format!("job {} is {}", job.id, job.state.name());
     if let Some(reason) = &job.reason {
         let _ = write!(text, ": {}", reason.text);
     }

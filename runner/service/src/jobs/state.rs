@@ -2,65 +2,19 @@
 
 use std::fmt;
 
-use serde::{Deserialize, Serialize};
+pub use crate::view::JobState as State;
 
-/// Where a job stands.
-#[derive(Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum State {
-    /// It waits for its turn.
-    Queued,
-    /// The plug-in has it.
-    Running,
-    /// It waits until somebody lets it go on; it may have begun or not.
-    Paused,
-    /// All of it has left, or all that was asked for has come.
-    Done,
-    /// It could not be carried out.
-    Failed,
-    /// Somebody ended it.
-    Aborted,
-    /// The gateway or the plug-in ended in the middle of it. It is never begun again
-    /// unasked.
-    Interrupted,
-}
-
-impl State {
-    /// All of them.
-    pub const ALL: [Self; 7] = [
-        Self::Queued,
-        Self::Running,
-        Self::Paused,
-        Self::Done,
-        Self::Failed,
-        Self::Aborted,
-        Self::Interrupted,
-    ];
-
-    /// Nothing more becomes of it.
-    pub fn is_final(self) -> bool {
-        matches!(self, Self::Done | Self::Failed | Self::Aborted | Self::Interrupted)
-    }
-
-    /// As it is written.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Queued => "queued",
-            Self::Running => "running",
-            Self::Paused => "paused",
-            Self::Done => "done",
-            Self::Failed => "failed",
-            Self::Aborted => "aborted",
-            Self::Interrupted => "interrupted",
-        }
-    }
-}
-
-impl fmt::Display for State {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
+/// All states.
+#[cfg(test)]
+pub(super) const ALL: [State; 7] = [
+    State::Queued,
+    State::Running,
+    State::Paused,
+    State::Done,
+    State::Failed,
+    State::Aborted,
+    State::Interrupted,
+];
 
 /// What happens to a job.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -123,7 +77,7 @@ mod tests {
             Just(Step::Resume),
             Just(Step::Abort),
             Just(Step::Recover),
-            proptest::sample::select(&State::ALL[..]).prop_map(Step::End),
+            proptest::sample::select(&ALL[..]).prop_map(Step::End),
         ]
     }
 
@@ -133,7 +87,7 @@ mod tests {
             let (mut state, mut has_begun) = (State::Queued, false);
             for step in steps {
                 let Some(next) = after(state, has_begun, step) else { continue };
-                prop_assert!(!state.is_final(), "{state} became {next}");
+                prop_assert!(!state.is_final(), "{} became {}", state.name(), next.name());
                 if step == Step::Begin {
                     prop_assert!(!has_begun);
                     has_begun = true;
@@ -157,12 +111,12 @@ mod tests {
             (State::Paused, true),
         ] {
             let aborted = after(state, has_begun, Step::Abort);
-            assert!(aborted == Some(State::Aborted) || has_begun, "{state}");
+            assert!(aborted == Some(State::Aborted) || has_begun, "{}", state.name());
             let ended =
                 aborted.and_then(|state| after(state, has_begun, Step::End(State::Aborted)));
             assert_eq!(ended.is_some(), has_begun);
         }
-        for state in State::ALL.into_iter().filter(|state| state.is_final()) {
+        for state in ALL.into_iter().filter(|state| state.is_final()) {
             assert_eq!(after(state, true, Step::Resume), None);
         }
     }

@@ -10,7 +10,7 @@ use softplug_host::Digest;
 
 use super::ProgramError;
 use crate::disk::{DiskError, Object, Objects};
-use crate::jobs::Data;
+use crate::jobs::{Between, Data, Extent, Job, blocks};
 
 /// A program that changes while it is copied is copied again so often.
 const ATTEMPTS: usize = 3;
@@ -75,6 +75,17 @@ impl Snapshots {
     /// It is not there.
     pub fn open(&self, data: Data) -> Result<File, DiskError> {
         self.objects.open_object(data.digest)
+    }
+
+    /// Between which blocks of its program a job stopped; nothing if it has none.
+    ///
+    /// # Errors
+    /// The snapshot cannot be read.
+    pub fn between(&self, job: &Job) -> Result<Between, DiskError> {
+        let Some(data) = job.order.data else { return Ok(Between::default()) };
+        let Extent { surely, maybe } = job.extent;
+        let found = blocks::between(self.open(data)?, surely, maybe);
+        found.map_err(DiskError::when("read", &self.objects.path(data.digest)))
     }
 
     /// Removes all but these; tells how many bytes. Only while no job is being submitted.

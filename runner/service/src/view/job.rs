@@ -129,6 +129,8 @@ pub enum JobOrigin {
     Panel,
     /// The client of the link's endpoint.
     Endpoint,
+    /// The machine, which sends of its own accord.
+    Machine,
 }
 
 /// A fault that a check found in a program.

@@ -1,0 +1,65 @@
+//! Jobs that begin further on in their program.
+
+use std::path::Path;
+
+use super::{JobsError, Order, blocks};
+use crate::disk::DiskError;
+use crate::programs::Snapshots;
+
+/// Where a job begins.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub enum BeginAt {
+    /// At the program's beginning.
+    Start,
+    /// At the block of this number, counted from 1 at the program's beginning.
+    Block(u64),
+    /// At this byte of the program.
+    Byte(u64),
+}
+
+/// The same order, beginning there. `field`: the field of the job's kind that takes the number of
+/// the first block, for a plug-in that finds blocks itself.
+///
+/// # Errors
+/// There is no such block or byte, or the program cannot be read.
+pub fn beginning_at(
+    mut order: Order,
+    at: BeginAt,
+    field: Option<&str>,
+    snapshots: &Snapshots,
+) -> Result<Order, JobsError> {
+    (order.from, order.from_block) = (0, 1);
+    if let Some(field) = field {
+        order.fields.retain(|(name, _)| name != field);
+    }
+    let data = match (at, order.data) {
+        (BeginAt::Start, _) => return Ok(order),
+        (_, Some(data)) => data,
+        (_, None) => {
+            return Err(JobsError::Order("the job has no program, and so no blocks".to_owned()));
+        }
+    };
+    match at {
+        BeginAt::Byte(byte) if byte < data.size => (order.from, order.from_block) = (byte, 0),
+        BeginAt::Byte(byte) => {
+            return Err(JobsError::Order(format!(
+                "the program has no byte {byte}, it has {}",
+                data.size
+            )));
+        }
+        BeginAt::Block(number) => {
+            let program = snapshots.open(data)?;
+            let failed = DiskError::when("read", Path::new("the snapshot"));
+            let Some(block) = blocks::block(program, number).map_err(failed)? else {
+                return Err(JobsError::Order(format!("the program has no block {number}")));
+            };
+            order.from_block = number;
+            match field {
+                Some(field) => order.fields.push((field.to_owned(), number.to_string())),
+                None => order.from = block.start,
+            }
+        }
+        BeginAt::Start => {}
+    }
+    Ok(order)
+}
