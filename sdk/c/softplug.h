@@ -8,7 +8,7 @@
  * refusal (SP_REFUSE_...). Build it with
  *
  *     clang --target=wasm32 -mcpu=mvp -Oz -ffreestanding -nostdlib \
- *         -Wl,--no-entry -Wl,--strip-debug -Wl,-zstack-size=1024 \
+ *         -Wl,--no-entry -Wl,--strip-all -Wl,--compress-relocations -Wl,-zstack-size=1024 \
  *         -Wl,--initial-memory=65536 -Wl,--max-memory=65536 -o my-plugin.wasm my_plugin.c
  *     softplug pack my-plugin.wasm --manifest my-plugin.json
  *
@@ -175,8 +175,8 @@ enum {
     SP_LINE_DTR = 32,
 };
 
-/* Types of a value record. A plug-in's own table says of a choice how many there are:
- * SP_VALUE_CHOICE | SP_CHOICES(3). */
+/* Types of a value record. A plug-in's own table says of a bool and of a choice how many values
+ * there are: SP_VALUE_BOOL | SP_CHOICES(2). */
 enum {
     SP_VALUE_BOOL = 1,
     SP_VALUE_INT = 2,
@@ -201,6 +201,10 @@ enum {
     SP_MORE_OUTPUT = 0x40000000,
 };
 
+/* The optimiser repeats small functions in their callers where that costs more than it saves. */
+#define SP_SHARED __attribute__((noinline))
+#define SP_IN_PLACE __attribute__((always_inline)) inline
+
 static int32_t plugin_event(int32_t kind, const uint8_t *payload, uint32_t length);
 
 /* The link, as long as one event is handled. */
@@ -209,7 +213,7 @@ static struct {
     uint32_t transmit_room; /* bytes that may be transmitted now */
     uint32_t delivery_room; /* bytes that may be delivered now */
     uint32_t written;       /* bytes of actions so far */
-    uint32_t last;          /* where the latest record of bytes begins, from 1; 0: none */
+    uint8_t *last;          /* the latest record, if it is one that can grow */
     bool more;              /* call again with SP_EVENT_CONTINUE */
 } sp_link;
 
@@ -217,15 +221,27 @@ static uint8_t sp_input[SP_INPUT_BYTES];
 static uint8_t sp_output[SP_OUTPUT_BYTES];
 static uint8_t sp_words[SP_WORDS_BYTES];
 
-/* Leaves a sentence for the host and ends the instance. */
+static void sp_copy(void *to, const void *from, uint32_t count) {
+    uint8_t *at = to;
+    const uint8_t *next = from;
+    for (; count > 0; count--)
+        *at++ = *next++;
+}
+
+static uint32_t sp_length(const char *text) {
+    const char *end = text;
+    while (*end != 0)
+        end++;
+    return (uint32_t)(end - text);
+}
+
+/* Leaves a sentence for the host, of which it keeps SP_WORDS_BYTES - 4, and ends the instance. */
 static _Noreturn void sp_panic(const char *text) {
-    uint32_t length = 0;
-    while (text[length] != 0 && length < SP_WORDS_BYTES - 4) {
-        sp_words[4 + length] = (uint8_t)text[length];
-        length += 1;
-    }
-    sp_words[0] = (uint8_t)length;
-    sp_words[1] = (uint8_t)(length >> 8);
+    uint32_t length = sp_length(text);
+    if (length > SP_WORDS_BYTES - 4)
+        length = SP_WORDS_BYTES - 4;
+    __builtin_memcpy(sp_words, &length, 4);
+    sp_copy(sp_words + 4, text, length);
     __builtin_trap();
 }
 
@@ -245,84 +261,107 @@ static inline int64_t sp_i64(const uint8_t *at) {
     return value;
 }
 
-/* One setting as it was given: `number` of a bool, int or choice, `bytes` of the others. */
+/* One setting as it was given: the `number` of a bool, int or choice, `length` and `bytes` of the
+ * others. */
 #ifndef SP_SETTING_BYTES
-#define SP_SETTING_BYTES 32 /* the longest text or list of bytes of this plug-in's settings */
+#define SP_SETTING_BYTES 32 /* of the longest text or bytes among this plug-in's settings, at least 8 */
 #endif
 #ifndef SP_SETTING_NUMBER
 #define SP_SETTING_NUMBER int64_t /* int32_t makes a smaller plug-in, if its ranges fit */
 #endif
 typedef struct {
-    SP_SETTING_NUMBER number;
     uint32_t length;
-    uint8_t bytes[SP_SETTING_BYTES];
+    union {
+        SP_SETTING_NUMBER number;
+        uint8_t bytes[SP_SETTING_BYTES];
+    };
 } sp_setting;
 
 /* How many settings have been given so far. */
 static uint32_t sp_settings_given;
 
 /* Takes an event `settings` into a table of `count`; `types` has the type of each (SP_VALUE_...).
- * Returns what plugin_event returns for it, before checks of its own; when `count` have been given
- * and bit 1 of payload[0] is set, the table is complete. */
+ * Returns what plugin_event returns for it, before checks of its own; if that is 0 and bit 1 of
+ * payload[0] is set, the table is complete. */
 static int32_t sp_take_settings(sp_setting *table, const uint8_t *types, uint32_t count,
                                 const uint8_t *payload, uint32_t length) {
-    if (payload[0] & 1)
-        sp_settings_given = 0;
-    uint32_t at = 1;
-    while (at < length) {
+    static const uint8_t sizes[] = {0, 1, 8, 0, 0, 2}; /* 0: any */
+    uint32_t at = 1, index = payload[0] & 1 ? 0 : sp_settings_given;
+    sp_settings_given = 0; /* none, if one of these is refused */
+    for (; at < length; index++) {
         if (length - at < 6)
             return SP_REFUSE_MALFORMED_EVENT;
-        uint32_t size = sp_u16(payload + at + 4);
-        const uint8_t *value = payload + at + 6;
-        uint8_t type = payload[at + 2];
-        if (length - at - 6 < size)
-            return SP_REFUSE_MALFORMED_EVENT;
-        uint32_t index = sp_u16(payload + at);
+        const uint8_t *record = payload + at;
+        uint32_t size = sp_u16(record + 4);
         at += 6 + size;
-        if (index != sp_settings_given || index >= count || type != (types[index] & 15))
+        if (at > length)
+            return SP_REFUSE_MALFORMED_EVENT;
+        if (index >= count)
             return SP_REFUSE_SETTINGS;
         sp_setting *setting = &table[index];
-        sp_settings_given += 1;
-        setting->length = 0;
-        if (type == SP_VALUE_TEXT || type == SP_VALUE_BYTES) {
-            if (size > SP_SETTING_BYTES)
-                return SP_REFUSE_SETTINGS;
-            setting->length = size;
-            for (uint32_t i = 0; i < size; i++)
-                setting->bytes[i] = value[i];
-            continue;
-        }
-        static const uint8_t sizes[] = {0, 1, 8, 0, 0, 2};
-        if (size != sizes[type])
-            return SP_REFUSE_MALFORMED_EVENT;
-        int64_t number = size == 8 ? sp_i64(value) : size == 2 ? (int64_t)sp_u16(value) : value[0];
-        if (size != 8 && number >= (size == 1 ? 2 : types[index] >> 4))
+        uint32_t type = types[index] & 15, choices = types[index] >> 4;
+        if (sp_u32(record) != (index | type << 16))
             return SP_REFUSE_SETTINGS;
-        setting->number = (SP_SETTING_NUMBER)number;
-        if (setting->number != number)
+        if (sizes[type] != 0 && size != sizes[type])
+            return SP_REFUSE_MALFORMED_EVENT;
+        if (size > SP_SETTING_BYTES)
+            return SP_REFUSE_SETTINGS;
+        setting->number = 0;
+        sp_copy(setting->bytes, record + 6, size);
+        setting->length = size;
+        if ((uint64_t)setting->number > (uint64_t)choices - 1) /* of no choices all are good */
             return SP_REFUSE_SETTINGS;
     }
-    return (payload[0] & 2) && sp_settings_given != count ? SP_REFUSE_SETTINGS : 0;
+    sp_settings_given = index;
+    return (payload[0] & 2) && index != count ? SP_REFUSE_SETTINGS : 0;
+}
+
+/* Takes an event `restore` into `state`, which was saved as `format` and has `size` bytes. Returns
+ * a refusal, 0 if there is more to come, or 1 when the state is complete. */
+static int32_t sp_take_state(void *state, uint32_t size, uint32_t format, const uint8_t *payload,
+                             uint32_t length) {
+    uint32_t offset = sp_u32(payload + 4), count = length - 12, end = offset + count;
+    if (sp_u32(payload) != format || sp_u32(payload + 8) != size || offset > size || end > size)
+        return SP_REFUSE_STATE;
+    sp_copy((uint8_t *)state + offset, payload + 12, count);
+    return end == size;
 }
 
 /* ---- writing actions ---- */
 
-static void sp_bytes(const void *bytes, uint32_t count) {
-    const uint8_t *from = bytes;
-    if (count > SP_OUTPUT_BYTES - sp_link.written)
-        sp_panic("more actions than the output buffer holds");
-    while (count-- > 0)
-        sp_output[sp_link.written++] = *from++;
+/* Room for `count` more bytes of actions. */
+static uint8_t *sp_reserve(uint32_t count) {
+    uint32_t at = sp_link.written;
+    if (count > SP_OUTPUT_BYTES - at)
+        sp_panic("the output buffer is full");
+    sp_link.written = at + count;
+    return sp_output + at;
 }
 
-static void sp_put(uint32_t value) { sp_bytes(&value, 4); }
+static void sp_bytes(const void *bytes, uint32_t count) {
+    sp_copy(sp_reserve(count), bytes, count);
+}
 
-static void sp_put_long(int64_t value) { sp_bytes(&value, 8); }
+static void sp_put(uint32_t value) { __builtin_memcpy(sp_reserve(4), &value, 4); }
+
+static void sp_put_long(uint64_t value) { __builtin_memcpy(sp_reserve(8), &value, 8); }
 
 /* Begins a record of `length` bytes of payload, at most 65,535. */
-static void sp_begin(uint32_t kind, uint32_t length) {
+SP_SHARED static void sp_begin(uint32_t kind, uint32_t length) {
     sp_link.last = 0;
     sp_put(kind | length << 16);
+}
+
+/* A record of one number, or of two. */
+static inline void sp_one(uint32_t kind, uint32_t number) {
+    sp_begin(kind, 4);
+    sp_put(number);
+}
+
+static void sp_two(uint32_t kind, uint32_t first, uint32_t second) {
+    sp_begin(kind, 8);
+    sp_put(first);
+    sp_put(second);
 }
 
 /* A record that begins with a number, then bytes. */
@@ -332,38 +371,37 @@ static void sp_record(uint32_t kind, uint32_t number, const void *bytes, uint32_
     sp_bytes(bytes, count);
 }
 
-/* The same; neighbours of one kind and number become one record. */
-static void sp_append(uint32_t kind, uint32_t number, const void *bytes, uint32_t count) {
-    uint32_t at = sp_link.last;
-    if (at != 0) {
-        uint8_t *record = sp_output + at - 1;
-        uint32_t header = sp_u32(record);
-        if ((header & 0xFFFF) == kind && sp_u32(record + 4) == number) {
-            header += count << 16;
-            __builtin_memcpy(record, &header, 4);
-            sp_bytes(bytes, count);
-            return;
-        }
-    }
-    at = sp_link.written + 1;
-    sp_record(kind, number, bytes, count);
-    sp_link.last = at;
-}
-
 /* Bytes left in the output buffer, headers of 4 bytes included. */
 static inline uint32_t sp_output_room(void) { return SP_OUTPUT_BYTES - sp_link.written; }
 
-static void sp_use(uint32_t *room, uint32_t count) {
+SP_IN_PLACE static void sp_use(uint32_t *room, uint32_t count) {
     if (count > *room)
-        sp_panic("more bytes than there is room for");
+        sp_panic("more bytes than room");
     *room -= count;
 }
 
+/* A record of bytes for which there is `room`; with its neighbour of the same kind and number it
+ * becomes one. */
+static void sp_append(uint32_t *room, uint32_t kind, uint32_t number, const void *bytes,
+                      uint32_t count) {
+    if (count == 0)
+        return;
+    sp_use(room, count);
+    uint8_t *record = sp_link.last;
+    if (record != 0 && record[0] == kind && sp_u32(record + 4) == number) {
+        uint32_t header = sp_u32(record) + (count << 16);
+        __builtin_memcpy(record, &header, 4);
+        sp_bytes(bytes, count);
+        return;
+    }
+    record = sp_output + sp_link.written;
+    sp_record(kind, number, bytes, count);
+    sp_link.last = record;
+}
+
 /* Appends bytes to the transmit queue; nothing for 0 bytes. */
-static void sp_transmit(const void *bytes, uint32_t count) {
-    sp_use(&sp_link.transmit_room, count);
-    if (count > 0)
-        sp_append(SP_ACTION_TRANSMIT, 0, bytes, count);
+static inline void sp_transmit(const void *bytes, uint32_t count) {
+    sp_append(&sp_link.transmit_room, SP_ACTION_TRANSMIT, 0, bytes, count);
 }
 
 /* The same with a mark, not 0: SP_EVENT_MARK tells when the last of the bytes has left; with
@@ -386,42 +424,38 @@ static inline void sp_discard(void) { sp_begin(SP_ACTION_DISCARD, 0); }
 /* Sets timer `id` (0 to 15) to an absolute time in µs; the past runs out now. */
 static inline void sp_set_timer(uint8_t id, int64_t deadline) {
     sp_begin(SP_ACTION_SET_TIMER, 9);
-    sp_bytes(&id, 1);
-    sp_put_long(deadline);
+    *sp_reserve(1) = id;
+    sp_put_long((uint64_t)deadline);
 }
 
 static inline void sp_cancel_timer(uint8_t id) {
     sp_begin(SP_ACTION_CANCEL_TIMER, 1);
-    sp_bytes(&id, 1);
+    *sp_reserve(1) = id;
 }
 
 /* Sets RTS and DTR: those in `mask`, on where they are in `on` too. */
 static inline void sp_set_modem_lines(uint8_t mask, uint8_t on) {
-    uint8_t lines[] = {mask, on};
     sp_begin(SP_ACTION_MODEM_LINES, 2);
-    sp_bytes(lines, 2);
+    *sp_reserve(1) = mask;
+    *sp_reserve(1) = on;
 }
 
 /* Sends a break of 1 to 10,000,000 µs. */
-static inline void sp_break(uint32_t micros) {
-    sp_record(SP_ACTION_BREAK, micros, 0, 0);
-}
+static inline void sp_break(uint32_t micros) { sp_one(SP_ACTION_BREAK, micros); }
 
 /* Asks for `count` more bytes of the job's data, at least 1. */
 static inline void sp_want(uint32_t job, uint32_t count) {
-    sp_record(SP_ACTION_WANT, job, &count, 4);
+    sp_two(SP_ACTION_WANT, job, count);
 }
 
 /* Begins a delivery under an id of your choice, not 0; `job` that it answers, or 0. */
 static inline void sp_delivery_begin(uint32_t delivery, uint32_t job) {
-    sp_record(SP_ACTION_DELIVERY_BEGIN, delivery, &job, 4);
+    sp_two(SP_ACTION_DELIVERY_BEGIN, delivery, job);
 }
 
 /* Hands bytes to the host; nothing for 0 bytes. */
-static void sp_deliver(uint32_t delivery, const void *bytes, uint32_t count) {
-    sp_use(&sp_link.delivery_room, count);
-    if (count > 0)
-        sp_append(SP_ACTION_DELIVER, delivery, bytes, count);
+static inline void sp_deliver(uint32_t delivery, const void *bytes, uint32_t count) {
+    sp_append(&sp_link.delivery_room, SP_ACTION_DELIVER, delivery, bytes, count);
 }
 
 /* Names the delivery: at most 128 bytes of UTF-8. */
@@ -436,13 +470,14 @@ static inline uint32_t sp_why(uint16_t failure, uint16_t status) {
 
 /* Ends the delivery: failure 0 is complete. */
 static inline void sp_delivery_end(uint32_t delivery, uint16_t failure, uint16_t status) {
-    uint32_t why = sp_why(failure, status);
-    sp_record(SP_ACTION_DELIVERY_END, delivery, &why, 4);
+    sp_two(SP_ACTION_DELIVERY_END, delivery, sp_why(failure, status));
 }
 
 /* The job is done; so many bytes left for it. */
 static inline void sp_job_done(uint32_t job, uint64_t sent) {
-    sp_record(SP_ACTION_JOB_DONE, job, &sent, 8);
+    sp_begin(SP_ACTION_JOB_DONE, 12);
+    sp_put(job);
+    sp_put_long(sent);
 }
 
 /* The job has failed; so many bytes left for it. */
@@ -450,7 +485,7 @@ static inline void sp_job_failed(uint32_t job, uint16_t failure, uint16_t status
     sp_begin(SP_ACTION_JOB_FAILED, 16);
     sp_put(job);
     sp_put(sp_why(failure, status));
-    sp_put_long((int64_t)sent);
+    sp_put_long(sent);
 }
 
 /* The check pass has ended: good with failure 0, else where the fault lies, from 1. */
@@ -468,22 +503,15 @@ static inline void sp_request(uint32_t request, uint16_t kind, const void *field
                               uint32_t length) {
     sp_begin(SP_ACTION_REQUEST, 6 + length);
     sp_put(request);
-    sp_bytes(&kind, 2);
+    sp_bytes(&kind, 2); /* little-endian, as all of wasm is */
     sp_bytes(fields, length);
 }
 
 /* Takes a request back. */
-static inline void sp_withdraw(uint32_t request) { sp_record(SP_ACTION_WITHDRAW, request, 0, 0); }
-
-static inline uint32_t sp_length(const char *text) {
-    uint32_t length = 0;
-    while (text[length] != 0)
-        length += 1;
-    return length;
-}
+static inline void sp_withdraw(uint32_t request) { sp_one(SP_ACTION_WITHDRAW, request); }
 
 /* A line for the log: at most 240 bytes of UTF-8. */
-static inline void sp_note(uint8_t level, uint16_t code, const char *text) {
+SP_IN_PLACE static void sp_note(uint8_t level, uint16_t code, const char *text) {
     sp_record(SP_ACTION_NOTE, level | (uint32_t)code << 16, text, sp_length(text));
 }
 
@@ -506,15 +534,17 @@ static inline void sp_saved(uint16_t format, uint32_t offset, uint32_t total, co
 
 /* ---- the two exported functions ---- */
 
+static const struct {
+    const uint8_t *input;
+    uint32_t input_bytes;
+    const uint8_t *output;
+    uint32_t output_bytes;
+    const uint8_t *words;
+    uint32_t words_bytes;
+} sp_mailbox = {sp_input, SP_INPUT_BYTES, sp_output, SP_OUTPUT_BYTES, sp_words, SP_WORDS_BYTES};
+
 __attribute__((export_name("softplug_v1"))) int32_t softplug_v1(void) {
-    static uint32_t descriptor[6];
-    descriptor[0] = (uint32_t)(uintptr_t)sp_input;
-    descriptor[1] = SP_INPUT_BYTES;
-    descriptor[2] = (uint32_t)(uintptr_t)sp_output;
-    descriptor[3] = SP_OUTPUT_BYTES;
-    descriptor[4] = (uint32_t)(uintptr_t)sp_words;
-    descriptor[5] = SP_WORDS_BYTES;
-    return (int32_t)(uintptr_t)descriptor;
+    return (int32_t)(uintptr_t)&sp_mailbox;
 }
 
 /* Whether a payload has a length that its event can have. */
@@ -539,19 +569,14 @@ __attribute__((export_name("softplug_v1_step"))) int32_t softplug_v1_step(int32_
     sp_link.written = 0;
     sp_link.last = 0;
     sp_link.more = false;
-    switch (kind) {
-    case SP_EVENT_OPEN:
+    if (kind == SP_EVENT_OPEN) {
         sp_link.transmit_room = sp_u32(sp_input + 8);
         sp_link.delivery_room = sp_u32(sp_input + 12);
-        break;
-    case SP_EVENT_TRANSMIT_ROOM:
-    case SP_EVENT_DISCARDED:
-        sp_link.transmit_room += sp_u32(sp_input);
-        break;
-    case SP_EVENT_DELIVERY_ROOM:
-        sp_link.delivery_room += sp_u32(sp_input);
-        break;
     }
+    if (kind == SP_EVENT_TRANSMIT_ROOM || kind == SP_EVENT_DISCARDED)
+        sp_link.transmit_room += sp_u32(sp_input);
+    if (kind == SP_EVENT_DELIVERY_ROOM)
+        sp_link.delivery_room += sp_u32(sp_input);
     int32_t refusal = plugin_event(kind, sp_input, (uint32_t)length);
     if (refusal < 0)
         return refusal;

@@ -5,6 +5,9 @@
  * SPDX-License-Identifier: MIT OR Apache-2.0
  */
 #define SP_SETTING_NUMBER int32_t
+#ifdef XON_XOFF_CORE
+#define SP_SETTING_BYTES 8 /* no setting of the core is longer */
+#endif
 #include "../softplug.h"
 
 /* ---- settings, in the manifest's order: first those that every XON/XOFF needs ---- */
@@ -50,7 +53,7 @@ enum {
 #endif
 
 enum {
-    B = SP_VALUE_BOOL,
+    B = SP_VALUE_BOOL | SP_CHOICES(2),
     I = SP_VALUE_INT,
     S = SP_VALUE_BYTES,
     C2 = SP_VALUE_CHOICE | SP_CHOICES(2),
@@ -120,9 +123,9 @@ static struct {
 static const char *named;
 static bool is_open;
 
-static void clear(void *at, uint32_t count) {
+static void fill(void *at, uint8_t with, uint32_t count) {
     for (uint8_t *byte = at; count > 0; count--)
-        *byte++ = 0;
+        *byte++ = with;
 }
 
 static void set_timer(uint8_t id, int64_t at) {
@@ -146,7 +149,7 @@ static bool is_like(uint8_t byte, uint32_t which) {
 }
 
 /* XOFF, XON, or SETTINGS for a byte that is neither. */
-static uint32_t control(uint8_t byte) {
+SP_SHARED static uint32_t control(uint8_t byte) {
     return is_like(byte, XOFF) ? XOFF : is_like(byte, XON) ? XON : SETTINGS;
 }
 
@@ -157,33 +160,33 @@ static bool must_escape(uint8_t byte) {
 }
 
 static void say(uint32_t which) {
-    uint8_t byte = (uint8_t)settings[which].number;
-    sp_transmit_urgent(0, &byte, 1);
+    sp_transmit_urgent(0, settings[which].bytes, 1); /* the lowest byte of its number */
 }
 
-static const char *const line_ends[] = {"", "\n", "\r", "\r\n", "\n\r\r"};
+typedef struct {
+    const void *bytes;
+    uint32_t count;
+} piece;
 
-/* Reads line ends over any cut: LF, CR LF, CR, LF CR and LF CR CR are each one. What `byte`
- * becomes stands at `out`; returns its length. */
-static uint32_t map_line(uint8_t *state, uint32_t form, uint8_t byte, uint8_t *out) {
-    *out = byte;
+/* What the byte at `at` becomes. Reads line ends over any cut: LF, CR LF, CR, LF CR and LF CR CR
+ * are each one. */
+static piece map_line(uint8_t *state, uint32_t form, const uint8_t *at) {
+    static const piece line_ends[] = {{0, 0}, {"\n", 1}, {"\r", 1}, {"\r\n", 2}, {"\n\r\r", 3}};
+    uint8_t byte = *at, before = *state;
     if (form == KEEP)
-        return 1;
-    uint8_t before = *state;
-    *state = IN_LINE;
-    if (byte == '\n' && before == AFTER_CR)
-        return 0;
+        return (piece){at, 1};
+    *state = byte == '\n' ? AFTER_LF : byte == '\r' ? AFTER_CR : IN_LINE;
+    if (*state == IN_LINE)
+        return (piece){at, 1};
+    if (byte == '\n' && before == AFTER_CR) {
+        *state = IN_LINE;
+        return line_ends[KEEP];
+    }
     if (byte == '\r' && before == AFTER_LF) {
         *state = AFTER_LF;
-        return 0;
+        return line_ends[KEEP];
     }
-    if (byte != '\n' && byte != '\r')
-        return 1;
-    *state = byte == '\n' ? AFTER_LF : AFTER_CR;
-    uint32_t length = 0;
-    for (const char *end = line_ends[form]; end[length] != 0; length++)
-        out[length] = (uint8_t)end[length];
-    return length;
+    return line_ends[form];
 }
 
 /* ---- the sender ---- */
@@ -208,7 +211,7 @@ static void watch_hold(void) {
         set_timer(HELD, after(NUMBER(HELD_TIMEOUT)));
 }
 
-static void queue(const uint8_t *bytes, uint32_t count) {
+static void queue(const void *bytes, uint32_t count) {
     s.queued += count;
     sp_transmit(bytes, count);
 }
@@ -287,25 +290,18 @@ static void job_begin(const uint8_t *payload) {
     ask();
 }
 
-static bool is_refused(uint8_t byte) {
-    return NUMBER(CONTROL_IN_DATA) == REFUSE && !NUMBER(TRANSPARENT) &&
-           control(byte) != SETTINGS && !CONTAINS(SEND_DROP, byte);
-}
-
-static bool is_dropped(uint8_t byte) {
-    return CONTAINS(SEND_DROP, byte) ||
-           (NUMBER(CONTROL_IN_DATA) == DROP && !NUMBER(TRANSPARENT) && control(byte) != SETTINGS);
-}
-
-static void feed(uint8_t byte) {
-    uint8_t out[3];
-    uint32_t count = map_line(&s.send_lines, (uint32_t)NUMBER(SEND_LINE_END), byte, out);
-    for (uint32_t i = 0; i < count; i++) {
-        uint8_t pair[] = {(uint8_t)NUMBER(ESCAPE), out[i] ^ (uint8_t)NUMBER(ESCAPE_XOR)};
-        if (NUMBER(TRANSPARENT) && must_escape(out[i]))
+static void feed(const uint8_t *at) {
+    piece mapped = map_line(&s.send_lines, (uint32_t)NUMBER(SEND_LINE_END), at);
+    if (!NUMBER(TRANSPARENT)) {
+        queue(mapped.bytes, mapped.count);
+        return;
+    }
+    for (const uint8_t *byte = mapped.bytes; mapped.count > 0; mapped.count--, byte++) {
+        uint8_t pair[] = {(uint8_t)NUMBER(ESCAPE), *byte ^ (uint8_t)NUMBER(ESCAPE_XOR)};
+        if (must_escape(*byte))
             queue(pair, 2);
         else
-            queue(&out[i], 1);
+            queue(byte, 1);
     }
 }
 
@@ -313,24 +309,27 @@ static void job_data(const uint8_t *bytes, uint32_t count) {
     s.wanted -= count;
     if (s.stage != CHECKING && s.stage != FEEDING)
         return;
-    for (uint32_t i = 0; i < count; i++) {
-        uint8_t byte = bytes[i];
+    for (; count > 0; count--, bytes++) {
+        uint8_t byte = *bytes;
         s.column += 1;
-        if (is_refused(byte)) {
+        int32_t fate = CONTAINS(SEND_DROP, byte)                         ? DROP
+                       : NUMBER(TRANSPARENT) || control(byte) == SETTINGS ? SEND
+                                                                         : NUMBER(CONTROL_IN_DATA);
+        if (fate == REFUSE) {
             if (s.stage == FEEDING) {
                 stop(SP_FAILURE_UNSUPPORTED_CHARACTER);
             } else {
                 sp_check_result(s.job, SP_FAILURE_UNSUPPORTED_CHARACTER, 0, s.line, s.column);
                 finish();
             }
-            break;
+            return;
         }
         if (byte == '\n') {
             s.line += 1;
             s.column = 0;
         }
-        if (s.stage == FEEDING && !is_dropped(byte))
-            feed(byte);
+        if (s.stage == FEEDING && fate == SEND)
+            feed(bytes);
     }
     ask();
 }
@@ -367,9 +366,13 @@ static void await_quiet(void) {
     set_timer(QUIET, s.delivery != 0 && !s.stopped && span > 0 ? after(span) : NEVER);
 }
 
-static void await_repeat(void) {
-    int32_t span = NUMBER(XON_REPEAT);
-    set_timer(REPEAT_XON, s.delivery != 0 && span > 0 ? after(span) : NEVER);
+/* An XON is repeated until something comes. */
+static void await_answer(bool unanswered) {
+    if (!IS_THERE(XON_REPEAT))
+        return;
+    s.xon_unanswered = unanswered;
+    bool repeats = unanswered && s.delivery != 0 && NUMBER(XON_REPEAT) > 0;
+    set_timer(REPEAT_XON, repeats ? after(NUMBER(XON_REPEAT)) : NEVER);
 }
 
 /* A partner that we stopped, or may have, is to go on. */
@@ -386,9 +389,8 @@ static void end_delivery(uint8_t failure) {
         return;
     sp_delivery_end(s.delivery, s.failure != 0 ? s.failure : failure, 0);
     s.delivery = 0;
-    s.xon_unanswered = false;
     set_timer(QUIET, NEVER);
-    set_timer(REPEAT_XON, NEVER);
+    await_answer(false);
 }
 
 static void begin_delivery(void) {
@@ -407,7 +409,7 @@ static void begin_delivery(void) {
 }
 
 /* What finds no room is lost, and the delivery says so. */
-static void deliver(const uint8_t *bytes, uint32_t count) {
+static void deliver(const void *bytes, uint32_t count) {
     uint32_t fitting = least(count, sp_link.delivery_room);
     sp_deliver(s.delivery, bytes, fitting);
     if (fitting < count && s.failure != SP_FAILURE_OVERRUN) {
@@ -441,24 +443,24 @@ static void look_for_end(uint8_t byte) {
     s.mark_progress = progress;
 }
 
-static void receive(uint8_t byte) {
+static void receive(uint8_t *at) {
     begin_delivery();
-    if (s.stopped && sp_link.now > s.xoff_at)
+    if (IS_THERE(XOFF_REPEAT) && s.stopped && sp_link.now > s.xoff_at)
         s.after_xoff += s.after_xoff != UINT32_MAX;
     if (NUMBER(TRANSPARENT)) {
-        if (!s.escaped && byte == (uint8_t)NUMBER(ESCAPE)) {
+        if (!s.escaped && *at == (uint8_t)NUMBER(ESCAPE)) {
             s.escaped = true;
             return;
         }
         if (s.escaped)
-            byte ^= (uint8_t)NUMBER(ESCAPE_XOR);
+            *at ^= (uint8_t)NUMBER(ESCAPE_XOR);
         s.escaped = false;
     }
-    look_for_end(byte);
-    if (CONTAINS(RECEIVE_DROP, byte))
+    look_for_end(*at);
+    if (CONTAINS(RECEIVE_DROP, *at))
         return;
-    uint8_t out[3];
-    deliver(out, map_line(&s.receive_lines, (uint32_t)NUMBER(RECEIVE_LINE_END), byte, out));
+    piece mapped = map_line(&s.receive_lines, (uint32_t)NUMBER(RECEIVE_LINE_END), at);
+    deliver(mapped.bytes, mapped.count);
 }
 
 /* After the bytes of one time: marks, repeats, silence. */
@@ -466,22 +468,23 @@ static void after_bytes(void) {
     if (!s.heard)
         return;
     s.heard = false;
-    s.xon_unanswered = false;
-    set_timer(REPEAT_XON, NEVER);
+    await_answer(false);
     bool is_full = !s.stopped && sp_link.delivery_room < s.low;
     bool is_ignored =
         s.stopped && NUMBER(XOFF_REPEAT) > 0 && s.after_xoff >= (uint32_t)NUMBER(XOFF_REPEAT);
     if (NUMBER(SPEAK) && (is_full || is_ignored)) {
         s.stopped = true;
-        s.xoff_at = sp_link.now;
-        s.after_xoff = 0;
+        if (IS_THERE(XOFF_REPEAT)) {
+            s.xoff_at = sp_link.now;
+            s.after_xoff = 0;
+        }
         say(XOFF);
     }
     await_quiet();
 }
 
 /* A damaged character keeps its place, so that its neighbours keep theirs. */
-static void damaged(uint8_t kind, bool has_byte, uint8_t byte) {
+static void damaged(uint8_t kind, bool has_byte, const uint8_t *byte) {
     if (s.delivery == 0 && (kind == SP_LINE_ERROR_BREAK || !has_byte))
         return;
     begin_delivery();
@@ -490,7 +493,7 @@ static void damaged(uint8_t kind, bool has_byte, uint8_t byte) {
     else if (NUMBER(ON_LINE_ERROR) == 0 && s.failure == 0)
         s.failure = SP_FAILURE_LINE_ERROR;
     if (has_byte)
-        deliver(&byte, 1);
+        deliver(byte, 1);
     after_bytes();
 }
 
@@ -498,8 +501,7 @@ static void delivery_room(void) {
     if (!s.stopped || sp_link.delivery_room <= s.high)
         return;
     let_go();
-    s.xon_unanswered = true;
-    await_repeat();
+    await_answer(true);
     await_quiet();
 }
 
@@ -514,11 +516,11 @@ static void set_marks(void) {
 /* ---- events ---- */
 
 /* Whether what comes while we send is only an echo. */
-static bool ignores_data(void) { return NUMBER(WHILE_SENDING) == 1 && s.stage != IDLE; }
+SP_SHARED static bool ignores_data(void) { return NUMBER(WHILE_SENDING) == 1 && s.stage != IDLE; }
 
-static void received(const uint8_t *bytes, uint32_t count) {
-    for (uint32_t i = 0; i < count; i++) {
-        switch (control(bytes[i])) {
+static void received(uint8_t *bytes, uint32_t count) {
+    for (; count > 0; count--, bytes++) {
+        switch (control(*bytes)) {
         case XOFF:
             if (!s.held) {
                 s.held = true;
@@ -531,13 +533,17 @@ static void received(const uint8_t *bytes, uint32_t count) {
             break;
         default:
             if (!ignores_data())
-                receive(bytes[i]);
+                receive(bytes);
         }
     }
     after_bytes();
 }
 
 static void line_error(const uint8_t *payload) {
+    uint8_t kind = payload[0];
+#ifdef XON_XOFF_CORE
+    sp_note(SP_NOTE_WARNING, kind, "line error"); /* the kind stands beside it */
+#else
     static const char *const texts[] = {
         "the parity bit is wrong",
         "the stop bit is missing",
@@ -545,12 +551,12 @@ static void line_error(const uint8_t *payload) {
         "characters were lost in the port",
         "the line was held low for longer than a character",
     };
-    uint8_t kind = payload[0];
     sp_note(SP_NOTE_WARNING, kind, texts[kind - 1]);
+#endif
     /* With a span the character was given already. */
     bool has_byte = payload[1] && sp_u32(payload + 4) == 0;
     if (!ignores_data())
-        damaged(kind, has_byte, payload[2]);
+        damaged(kind, has_byte, payload + 2);
 }
 
 static void timer(uint8_t id) {
@@ -561,9 +567,9 @@ static void timer(uint8_t id) {
     s.timers[id] = NEVER;
     if (id == QUIET)
         end_delivery(LENGTH(END_MARK) > 0 && !is_complete() ? SP_FAILURE_NO_END_MARK : 0);
-    else if (s.xon_unanswered && s.delivery != 0) {
+    else if (IS_THERE(XON_REPEAT) && s.xon_unanswered && s.delivery != 0) {
         say(XON);
-        await_repeat();
+        await_answer(true);
     }
 }
 
@@ -600,47 +606,33 @@ static int32_t take_settings(const uint8_t *payload, uint32_t length) {
 }
 
 static int32_t restore(const uint8_t *payload, uint32_t length) {
-    uint32_t offset = sp_u32(payload + 4), count = length - 12;
-    if (sp_settings_given != SETTINGS)
-        return SP_REFUSE_MALFORMED_EVENT;
-    if (sp_u16(payload) != 1 || sp_u32(payload + 8) != sizeof s || offset > sizeof s ||
-        count > sizeof s - offset)
+    int32_t taken = sp_take_state(&s, sizeof s, 1, payload, length);
+    if (taken > 0 && (s.stage > STOPPING || s.mark_progress >= SP_SETTING_BYTES))
         return SP_REFUSE_STATE;
-    is_open = false;
-    for (uint32_t i = 0; i < count; i++)
-        ((uint8_t *)&s)[offset + i] = payload[12 + i];
-    if (offset + count < sizeof s)
-        return 0;
-    if (s.stage > STOPPING || s.mark_progress >= SP_SETTING_BYTES)
-        return SP_REFUSE_STATE;
-    is_open = true;
-    return 0;
+    is_open = taken > 0;
+    return taken < 0 ? taken : 0;
 }
 
 static void begin(void) {
-    clear(&s, sizeof s);
-    for (uint32_t id = 0; id < TIMERS; id++)
-        s.timers[id] = NEVER;
+    fill(&s, 0, sizeof s);
+    fill(s.timers, 0xFF, sizeof s.timers); /* NEVER */
     set_marks();
     if (NUMBER(XON_AT_OPEN))
         say(XON);
+    is_open = true;
 }
 
 static int32_t plugin_event(int32_t kind, const uint8_t *payload, uint32_t length) {
-    switch (kind) {
-    case SP_EVENT_SETTINGS:
+    if (kind == SP_EVENT_SETTINGS)
         return take_settings(payload, length);
-    case SP_EVENT_RESTORE:
+    if (sp_settings_given != SETTINGS)
+        return SP_REFUSE_MALFORMED_EVENT;
+    if (kind == SP_EVENT_RESTORE)
         return restore(payload, length);
-    case SP_EVENT_OPEN:
+    if (kind == SP_EVENT_OPEN) {
         named = 0;
-        if (sp_settings_given != SETTINGS)
-            return SP_REFUSE_MALFORMED_EVENT;
-        if (payload[0] == 0) {
+        if (payload[0] == 0)
             begin();
-            is_open = true;
-        }
-        break;
     }
     if (!is_open)
         return SP_REFUSE_MALFORMED_EVENT;
@@ -654,7 +646,7 @@ static int32_t plugin_event(int32_t kind, const uint8_t *payload, uint32_t lengt
         is_open = false;
         return 0;
     case SP_EVENT_RECEIVED:
-        received(payload, length);
+        received(sp_input, length); /* which may be changed */
         break;
     case SP_EVENT_LINE_ERROR:
         if ((uint8_t)(payload[0] - 1) >= SP_LINE_ERROR_BREAK)
