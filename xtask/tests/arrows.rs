@@ -23,6 +23,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         &[
             "softplug-abi",
             "softplug-fanuc-rs232",
+            "softplug-heidenhain-fe",
             "softplug-plugin",
             "softplug-r3964",
             "softplug-r3964-simplified",

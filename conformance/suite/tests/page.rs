@@ -39,6 +39,15 @@ fn fanuc_rs232() {
     });
 }
 
+#[test]
+fn heidenhain_fe() {
+    assert_sound(&Page {
+        file: "heidenhain-fe.md",
+        plugins: &["heidenhain-fe"],
+        profiles: &["heidenhain-fe"],
+    });
+}
+
 fn assert_sound(page: &Page) {
     let path = root().join("docs/protocols").join(page.file);
     let text = std::fs::read_to_string(&path)

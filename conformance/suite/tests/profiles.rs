@@ -47,6 +47,7 @@ profiles! {
     rk512: "rk512", "r3964", 45;
     rk512_simplified: "rk512", "r3964-simplified", 45;
     fanuc_rs232: "fanuc-rs232", "fanuc-rs232", 20;
+    heidenhain_fe: "heidenhain-fe", "heidenhain-fe", 60;
 }
 
 fn traces() -> std::path::PathBuf {

@@ -14,7 +14,7 @@ use wrong::{Wrong, caught};
 /// A profile and the reference plug-ins that claim it.
 const PROFILES: &[(&str, &[&str])] = &[
     ("3964", &["r3964"]),
-    ("abi", &["fanuc-rs232", "r3964", "r3964-simplified", "xon-xoff"]),
+    ("abi", &["fanuc-rs232", "heidenhain-fe", "r3964", "r3964-simplified", "xon-xoff"]),
     ("fanuc-rs232", &["fanuc-rs232"]),
     ("r3964", &["r3964"]),
     ("r3964-simplified", &["r3964-simplified"]),

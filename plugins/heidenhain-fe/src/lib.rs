@@ -1,6 +1,7 @@
 //! Heidenhain blockwise transfer (FE1 mode): lines in blocks with a check character, each
 //! answered by ACK or NAK; the control asks for programs and sends them.
 //!
+//! The protocol's page is `docs/protocols/heidenhain-fe.md`.
 #![cfg_attr(target_arch = "wasm32", no_std)]
 
 mod frame;
@@ -12,13 +13,14 @@ mod stage;
 
 pub use settings::{LineEnd, Parity, Settings};
 
+use core::sync::atomic::{AtomicBool, Ordering};
 use frame::{ACK, DC1, DC3, EOT, ETX, Frame, Heard, NAK, Reader, SOH, Text};
 use line::{Line, Timer};
 use receiver::Receiver;
 use sender::Sender;
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    NoteLevel, Opening, StateError, StateReader, StateWriter, Value, ValueWriter, Values,
+    NoteLevel, Opening, StateError, StateReader, StateWriter, Value, ValueWriter, Values, mutant,
 };
 use stage::Stage;
 
@@ -26,6 +28,10 @@ use stage::Stage;
 const NAME: u16 = 0;
 /// The field of a request with the program's kind.
 const KIND: u16 = 1;
+
+/// Only mutants ask for it: the control has held the line at any time since the module was
+/// loaded.
+static HELD_BEFORE: AtomicBool = AtomicBool::new(false);
 
 /// The converter.
 #[derive(Debug)]
@@ -70,6 +76,10 @@ impl Converter for HeidenhainFe {
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
         if opening.resumed {
             self.line.set_timers(link);
+        } else if mutant!("heidenhain-fe.line.close/hold-kept")
+            && HELD_BEFORE.load(Ordering::Relaxed)
+        {
+            self.line.hold(link);
         }
         self.name_state(link);
     }
@@ -100,6 +110,9 @@ impl Converter for HeidenhainFe {
 
     fn link_down(&mut self, link: &mut Context<'_>, _reason: LinkDownReason) {
         self.reader.forget();
+        if mutant!("heidenhain-fe.line.down/goes-on") {
+            return;
+        }
         self.give_up(link, Failure::LinkDown);
         if !self.stage.is_sending() {
             self.sender.fail(link, Failure::LinkDown);
@@ -109,7 +122,9 @@ impl Converter for HeidenhainFe {
     }
 
     fn link_up(&mut self, link: &mut Context<'_>) {
-        self.line.release(link);
+        if !mutant!("heidenhain-fe.line.down/hold-kept") {
+            self.line.release(link);
+        }
         self.name_state(link);
     }
 
@@ -127,7 +142,9 @@ impl Converter for HeidenhainFe {
             Some(Timer::Block) => {
                 self.line.ran_out(Timer::Block);
                 self.end_reception(link, Some(Failure::NoAnswer));
-                self.line.say(link, &self.settings, EOT);
+                if !mutant!("heidenhain-fe.rx.silence/control-not-told") {
+                    self.line.say(link, &self.settings, EOT);
+                }
             }
             Some(Timer::Job) => {
                 self.line.ran_out(Timer::Job);
@@ -142,6 +159,7 @@ impl Converter for HeidenhainFe {
     fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
         if self.sender.left(mark, state) && state == MarkState::SurelyLeft {
             match self.stage {
+                Stage::Answer if mutant!("heidenhain-fe.tx.answer-time/never") => {}
                 Stage::Answer => {
                     self.line.set_after(link, Timer::Answer, self.settings.answer_time);
                 }
@@ -167,7 +185,9 @@ impl Converter for HeidenhainFe {
         self.sender.fail(link, failure);
         let partner_knows =
             matches!(failure, Failure::Refused | Failure::PartnerReset | Failure::LinkDown);
-        if !partner_knows {
+        let is_silent =
+            failure == Failure::Aborted && mutant!("heidenhain-fe.tx.abort/control-not-told");
+        if !partner_knows && !is_silent {
             self.line.say(link, &self.settings, EOT);
         }
         if core::mem::take(&mut self.has_header) {
@@ -192,6 +212,8 @@ impl Converter for HeidenhainFe {
         if self.sender.is_checking() {
             self.sender.ask(link);
         } else if self.stage == Stage::Granted {
+            self.supply(link);
+        } else if mutant!("heidenhain-fe.tx.on-request/at-once") {
             self.supply(link);
         } else {
             self.await_control(link);
@@ -234,7 +256,9 @@ impl Converter for HeidenhainFe {
         if job == 0 {
             if self.stage.is_receiving() {
                 self.end_reception(link, Some(Failure::Aborted));
-                self.line.say(link, &self.settings, EOT);
+                if !mutant!("heidenhain-fe.rx.abort/control-not-told") {
+                    self.line.say(link, &self.settings, EOT);
+                }
             }
         } else if self.stage.is_sending() {
             self.stop(link, Failure::Aborted);
@@ -265,7 +289,9 @@ impl Converter for HeidenhainFe {
             Ok(_) if self.sender.is_waiting() => self.supply(link),
             Ok(_) => {
                 self.stage = Stage::Granted;
-                self.line.set_after(link, Timer::Job, self.settings.job_time);
+                if !mutant!("heidenhain-fe.tx.granted/never-too-late") {
+                    self.line.set_after(link, Timer::Job, self.settings.job_time);
+                }
             }
             Err(failure) => {
                 link.note(NoteLevel::Warning, failure.code(), "the program was refused");
@@ -303,14 +329,26 @@ impl HeidenhainFe {
     fn character(&mut self, link: &mut Context<'_>, byte: u8) {
         let heard = self.reader.take(byte, self.settings.dc1, self.settings.bcc_space);
         match heard {
+            Heard::Inside if byte == DC3 && mutant!("heidenhain-fe.line.hold/in-text") => {
+                self.line.hold(link);
+            }
             Heard::Inside | Heard::Alone(_) if self.reader.is_inside() => {}
             Heard::Whole(frame) => self.frame(link, frame),
-            Heard::Alone(DC3) => self.line.hold(link),
+            Heard::Alone(DC3) if mutant!("heidenhain-fe.line.hold/ignored") => {}
+            Heard::Alone(DC3) => {
+                if mutant!("heidenhain-fe.line.close/hold-kept") {
+                    HELD_BEFORE.store(true, Ordering::Relaxed);
+                }
+                self.line.hold(link);
+            }
             Heard::Alone(DC1) => self.line.release(link),
             Heard::Alone(ACK) => self.acknowledged(link),
             Heard::Alone(NAK) => self.refused(link),
             Heard::Alone(ETX) => self.receiver.at_end(),
             Heard::Alone(EOT) => self.ended(link),
+            Heard::Alone(_) if mutant!("heidenhain-fe.line.noise/ends-it") => {
+                self.ended(link);
+            }
             Heard::Alone(_) | Heard::Inside => {}
         }
     }
@@ -321,10 +359,14 @@ impl HeidenhainFe {
         if frame.begin == SOH {
             if !frame.is_good {
                 // Of a transfer that is under way, a header is no part.
-                if !self.stage.is_sending() {
+                let is_silent = mutant!("heidenhain-fe.rx.bad-header/not-answered");
+                if !self.stage.is_sending() && !is_silent {
                     self.line.say(link, &self.settings, NAK);
                 }
             } else if self.stage.is_sending() {
+                if mutant!("heidenhain-fe.tx.header-between/ignored") {
+                    return;
+                }
                 self.has_header = true;
                 self.stop(link, Failure::PartnerReset);
             } else {
@@ -332,7 +374,8 @@ impl HeidenhainFe {
             }
         } else if self.stage != Stage::Receiving {
             // Nobody waits for a block: a control that sends one is told that it is over.
-            if frame.is_good && !self.stage.is_sending() {
+            let is_silent = mutant!("heidenhain-fe.rx.stray-block/not-answered");
+            if frame.is_good && !self.stage.is_sending() && !is_silent {
                 self.line.say(link, &self.settings, EOT);
             }
         } else if frame.is_good {
@@ -347,8 +390,13 @@ impl HeidenhainFe {
 
     /// A good header: what came before it is over.
     fn header(&mut self, link: &mut Context<'_>) {
-        self.end_reception(link, Some(Failure::PartnerReset));
+        let is_failure = !mutant!("heidenhain-fe.rx.new-header/ends-well");
+        self.end_reception(link, is_failure.then_some(Failure::PartnerReset));
         self.withdraw(link);
+        if mutant!("heidenhain-fe.rx.several/refused") && self.receiver.has_had() {
+            self.line.say(link, &self.settings, NAK);
+            return;
+        }
         let text = self.reader.text();
         let (Some((kind, rest)), Some(mode)) = (text.split_first(), text.last()) else {
             self.line.say(link, &self.settings, NAK);
@@ -359,7 +407,9 @@ impl HeidenhainFe {
             b'A' if !rest.is_empty() => {
                 self.receiver.begin(link, name);
                 self.stage = Stage::Receiving;
-                self.line.say(link, &self.settings, ACK);
+                if !mutant!("heidenhain-fe.rx.header/not-answered") {
+                    self.line.say(link, &self.settings, ACK);
+                }
             }
             b'E' if !rest.is_empty() => {
                 self.asked.clear();
@@ -380,7 +430,9 @@ impl HeidenhainFe {
         let mut buffer = [0; 300];
         let mut fields = ValueWriter::new(&mut buffer);
         // Both fit: a header has at most 242 characters.
-        let _ = fields.push_ascii(NAME, self.asked.as_slice());
+        if !mutant!("heidenhain-fe.tx.ask-host/name-missing") {
+            let _ = fields.push_ascii(NAME, self.asked.as_slice());
+        }
         let _ = fields.push_ascii(KIND, &[kind]);
         self.request = self.request.wrapping_add(1).max(1);
         link.request(self.request, 0, Values::new(fields.written()));
@@ -404,12 +456,16 @@ impl HeidenhainFe {
     fn refuse(&mut self, link: &mut Context<'_>) {
         self.await_control(link);
         self.stage = Stage::Idle;
-        self.line.say(link, &self.settings, EOT);
+        if !mutant!("heidenhain-fe.tx.refused/control-not-told") {
+            self.line.say(link, &self.settings, EOT);
+        }
     }
 
     /// A job waits until the control asks for it, if there is one.
     fn await_control(&mut self, link: &mut Context<'_>) {
-        if self.sender.is_waiting() && self.settings.request_time > 0 {
+        let is_timed =
+            self.settings.request_time > 0 && !mutant!("heidenhain-fe.tx.request-time/never");
+        if self.sender.is_waiting() && is_timed {
             self.line.set_after(link, Timer::Job, self.settings.request_time);
         } else {
             self.line.cancel(link, Timer::Job);
@@ -428,6 +484,7 @@ impl HeidenhainFe {
 
     fn withdraw(&mut self, link: &mut Context<'_>) {
         match self.stage {
+            Stage::Asking if mutant!("heidenhain-fe.tx.withdrawn/kept") => {}
             Stage::Asking => link.withdraw(self.request),
             Stage::Granted => self.line.cancel(link, Timer::Job),
             _ => return,
@@ -457,6 +514,12 @@ impl HeidenhainFe {
             return;
         }
         self.line.cancel(link, Timer::Answer);
+        if mutant!("heidenhain-fe.tx.repeat/next-block") {
+            self.sender.acknowledged();
+            self.stage = Stage::Filling;
+            self.go_on(link);
+            return;
+        }
         if self.sender.repeats(self.settings.repeats) {
             self.stage = Stage::Filling;
             self.go_on(link);
@@ -468,6 +531,7 @@ impl HeidenhainFe {
     /// EOT: the control ends what is under way.
     fn ended(&mut self, link: &mut Context<'_>) {
         match self.stage {
+            Stage::Filling | Stage::Answer if mutant!("heidenhain-fe.tx.partner-ends/ignored") => {}
             Stage::Filling | Stage::Answer => self.stop(link, Failure::Refused),
             Stage::Receiving | Stage::Waiting => {
                 let is_whole = self.receiver.is_whole();
@@ -500,9 +564,11 @@ impl HeidenhainFe {
     /// A good block is put away and acknowledged, or waits until there is room.
     fn accept(&mut self, link: &mut Context<'_>) {
         let is_taken = self.receiver.take(link, &self.settings, self.reader.text());
-        if is_taken {
+        if is_taken || mutant!("heidenhain-fe.rx.room/answered-and-lost") {
             self.stage = Stage::Receiving;
-            self.line.say(link, &self.settings, ACK);
+            if !mutant!("heidenhain-fe.rx.block/not-answered") {
+                self.line.say(link, &self.settings, ACK);
+            }
         } else {
             self.stage = Stage::Waiting;
         }
@@ -519,11 +585,14 @@ impl HeidenhainFe {
     fn watch(&mut self, link: &mut Context<'_>) {
         if self.reader.is_inside() {
             self.line.cancel(link, Timer::Block);
-            self.line.set_after(link, Timer::Character, self.settings.character_time);
+            if !mutant!("heidenhain-fe.line.cut-off/never") {
+                self.line.set_after(link, Timer::Character, self.settings.character_time);
+            }
             return;
         }
         self.line.cancel(link, Timer::Character);
-        if self.stage == Stage::Receiving && self.settings.block_time > 0 {
+        let is_timed = self.settings.block_time > 0 && !mutant!("heidenhain-fe.rx.silence/never");
+        if self.stage == Stage::Receiving && is_timed {
             self.line.set_after(link, Timer::Block, self.settings.block_time);
         } else {
             self.line.cancel(link, Timer::Block);

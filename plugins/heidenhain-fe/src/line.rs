@@ -1,7 +1,7 @@
 //! The line: parity, single characters, the control's hold, timers.
 
 use crate::settings::{Parity, Settings};
-use softplug_plugin::{Context, Micros, StateReader, StateWriter};
+use softplug_plugin::{Context, Micros, StateReader, StateWriter, mutant};
 
 /// What time is kept for.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -35,12 +35,16 @@ impl Line {
             Parity::Port => byte < 0x80,
             Parity::Even => byte.count_ones() % 2 == 0,
         };
+        let is_good = is_good
+            || (mutant!("heidenhain-fe.line.parity/not-checked")
+                && settings.parity == Parity::Even);
         is_good.then_some(byte & 0x7F)
     }
 
     /// A character as it goes on the line.
     pub(crate) fn spoken(&self, settings: &Settings, byte: u8) -> u8 {
         let is_odd = settings.parity == Parity::Even && byte.count_ones() % 2 == 1;
+        let is_odd = is_odd && !mutant!("heidenhain-fe.line.parity/not-made");
         byte | if is_odd { 0x80 } else { 0 }
     }
 
@@ -97,6 +101,9 @@ impl Line {
     }
 
     pub(crate) fn set_timers(&self, link: &mut Context<'_>) {
+        if mutant!("heidenhain-fe.line.swap/timers-forgotten") {
+            return;
+        }
         for (id, at) in (0..).zip(self.deadlines) {
             if let Some(at) = at {
                 link.set_timer(id, at);

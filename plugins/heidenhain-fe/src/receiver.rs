@@ -1,7 +1,7 @@
 //! The reception of a program that the control sends.
 
 use crate::settings::{LineEnd, Settings};
-use softplug_plugin::{Context, Failure, StateReader, StateWriter};
+use softplug_plugin::{Context, Failure, StateReader, StateWriter, mutant};
 
 #[derive(Copy, Clone, Debug, Default)]
 pub(crate) struct Receiver {
@@ -16,7 +16,7 @@ impl Receiver {
     pub(crate) fn begin(&mut self, link: &mut Context<'_>, name: &[u8]) {
         *self = Self { delivery: self.delivery.wrapping_add(1).max(1), ..Self::default() };
         link.delivery_begin(self.delivery, 0);
-        if !name.is_empty() {
+        if !name.is_empty() && !mutant!("heidenhain-fe.rx.header/name-missing") {
             link.delivery_name_ascii(self.delivery, name);
         }
     }
@@ -34,12 +34,16 @@ impl Receiver {
         };
         let has_room = text.len() + end.len() <= link.delivery_room() as usize;
         if has_room {
-            self.refusals = 0;
+            if !mutant!("heidenhain-fe.rx.bad-block/count-kept") {
+                self.refusals = 0;
+            }
             self.at_end = false;
             if !text.is_empty() {
                 link.deliver(self.delivery, text);
             }
-            link.deliver(self.delivery, end);
+            if !mutant!("heidenhain-fe.rx.block/end-missing") {
+                link.deliver(self.delivery, end);
+            }
         }
         has_room
     }
@@ -47,7 +51,8 @@ impl Receiver {
     /// Whether a bad block may be asked for once more.
     pub(crate) fn refuses(&mut self, most: i64) -> bool {
         self.refusals += 1;
-        i64::from(self.refusals) <= most
+        let more = i64::from(mutant!("heidenhain-fe.rx.bad-block/one-more"));
+        i64::from(self.refusals) <= most + more
     }
 
     pub(crate) fn at_end(&mut self) {
@@ -56,7 +61,13 @@ impl Receiver {
 
     /// Whether EOT now ends the whole program.
     pub(crate) fn is_whole(&self) -> bool {
-        self.at_end
+        (self.at_end && !mutant!("heidenhain-fe.rx.end/never-whole"))
+            || mutant!("heidenhain-fe.rx.no-end/ends-well")
+    }
+
+    /// For a mutant: whether there was a delivery.
+    pub(crate) fn has_had(&self) -> bool {
+        self.delivery > 0
     }
 
     pub(crate) fn end(&mut self, link: &mut Context<'_>, failure: Option<Failure>) {

@@ -2,6 +2,7 @@
 //! built as WebAssembly, for comparing the two and for running without a sandbox.
 
 use fanuc_rs232::FanucRs232;
+use heidenhain_fe::HeidenhainFe;
 use r3964::R3964;
 use r3964_simplified::R3964Simplified;
 use softplug_abi::{Event, Instance, Micros, Output};
@@ -80,6 +81,8 @@ plugins! {
     R3964Simplified(R3964Simplified) = "r3964-simplified";
     /// FANUC-style RS-232.
     FanucRs232(FanucRs232) = "fanuc-rs232";
+    /// Heidenhain blockwise transfer.
+    HeidenhainFe(HeidenhainFe) = "heidenhain-fe";
 }
 
 impl NativePlugin {

@@ -204,6 +204,7 @@ sleeping! {
     asleep_r3964_simplified_passes: "r3964-simplified", "r3964-simplified";
     asleep_rk512_passes: "r3964", "rk512";
     asleep_fanuc_rs232_passes: "fanuc-rs232", "fanuc-rs232";
+    asleep_heidenhain_fe_passes: "heidenhain-fe", "heidenhain-fe";
 }
 
 #[test]

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::sync::OnceLock;
 
-const PLUGINS: [&str; 4] = ["fanuc-rs232", "r3964", "r3964-simplified", "xon-xoff"];
+const PLUGINS: [&str; 5] =
+    ["fanuc-rs232", "heidenhain-fe", "r3964", "r3964-simplified", "xon-xoff"];
 
 /// Their folder: `SOFTPLUG_MUTANTS`, else built now.
 pub(crate) fn modules() -> PathBuf {

@@ -30,7 +30,7 @@ fn names_are_found_over_any_line_break() {
 
 #[test]
 fn a_real_module_holds_no_mutants() {
-    for plugin in ["fanuc-rs232", "r3964", "r3964-simplified", "xon-xoff"] {
+    for plugin in ["fanuc-rs232", "heidenhain-fe", "r3964", "r3964-simplified", "xon-xoff"] {
         // The module that the others of these tests judge.
         let module = crate::common::module(plugin);
         assert_eq!(wake(&module, "a.b/c"), Err(PatchError::NoMarker), "{plugin}");
