@@ -3,9 +3,11 @@
 
 use std::collections::VecDeque;
 
-use rfc2217::{DataBits, FlowControl, Parity as WireParity, PortSettings, StopBits};
-use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines, Parity};
+use rfc2217::{FlowControl, PortSettings};
+use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines};
 use softplug_conformance::partners::{Partner, Signal};
+
+use crate::port::rfc2217_values::line_of;
 
 /// What a device server holds for its serial port.
 pub(super) const TRANSMIT: usize = 1_024;
@@ -168,29 +170,5 @@ impl<P: Partner> Uart<P> {
             RECEIVE => self.heard.push_back(Heard::Error(LineErrorKind::Overrun)),
             _ => {}
         }
-    }
-}
-
-fn line_of(settings: &PortSettings) -> LineParameters {
-    LineParameters {
-        baud: settings.baud_rate,
-        data_bits: match settings.data_bits {
-            DataBits::Five => 5,
-            DataBits::Six => 6,
-            DataBits::Seven => 7,
-            DataBits::Eight => 8,
-        },
-        parity: match settings.parity {
-            WireParity::None => Parity::None,
-            WireParity::Odd => Parity::Odd,
-            WireParity::Even => Parity::Even,
-            WireParity::Mark => Parity::Mark,
-            WireParity::Space => Parity::Space,
-        },
-        stop_half_bits: match settings.stop_bits {
-            StopBits::One => 2,
-            StopBits::OnePointFive => 3,
-            StopBits::Two => 4,
-        },
     }
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
-use rfc2217::{CommandError, LineState, ModemState, PortSettings, Purge, Server, ServerEvent};
+use rfc2217::{CommandError, PortSettings, Purge, Server, ServerEvent};
 use rustix::net::sockopt;
 use softplug_abi::{LineErrorKind, Micros, ModemLines};
 use softplug_conformance::partners::{Partner, Signal};
@@ -16,6 +16,7 @@ use super::{Log, Seen};
 use crate::error::PortError;
 use crate::poll::{Interest, Poller};
 use crate::port::ReadOutcome;
+use crate::port::rfc2217_values::{line_state, modem_state};
 use crate::port::stream::Stream;
 
 /// What a server is told from outside.
@@ -266,27 +267,6 @@ fn apply<P: Partner>(event: &ServerEvent, uart: &mut Uart<P>, now: Micros, seen:
 
 fn lines_if(on: bool, lines: ModemLines) -> ModemLines {
     if on { lines } else { ModemLines::default() }
-}
-
-fn line_state(kind: LineErrorKind) -> LineState {
-    match kind {
-        LineErrorKind::Parity => LineState::PARITY_ERROR,
-        LineErrorKind::Framing => LineState::FRAMING_ERROR,
-        LineErrorKind::ParityOrFraming => LineState::PARITY_ERROR | LineState::FRAMING_ERROR,
-        LineErrorKind::Overrun => LineState::OVERRUN_ERROR,
-        LineErrorKind::Break => LineState::BREAK_DETECT,
-    }
-}
-
-fn modem_state(on: ModemLines) -> ModemState {
-    let bits = [
-        (ModemLines::CTS, ModemState::CTS),
-        (ModemLines::DSR, ModemState::DSR),
-        (ModemLines::DCD, ModemState::CD),
-        (ModemLines::RI, ModemState::RI),
-    ];
-    let set = bits.into_iter().filter(|(line, _)| on.contains(*line));
-    set.fold(ModemState::default(), |all, (_, bit)| all | bit)
 }
 
 /// A connection that is reset when it is dropped, as by a crash.

@@ -59,12 +59,22 @@ impl Stream {
 
     /// Reads once into `buffer`, which is not empty.
     pub(crate) fn read(&self, buffer: &mut [u8]) -> Result<ReadOutcome, PortError> {
+        Ok(match self.receive(buffer)? {
+            Received::Bytes(count) => ReadOutcome::Read(count),
+            Received::Nothing => ReadOutcome::Empty,
+            Received::End => ReadOutcome::Gone(LinkDownReason::Disconnected),
+            Received::Lost(reason) => ReadOutcome::Gone(reason),
+        })
+    }
+
+    /// The same, telling an orderly end from a connection that was lost.
+    pub(crate) fn receive(&self, buffer: &mut [u8]) -> Result<Received, PortError> {
         match retry_on_intr(|| read(&self.0, &mut *buffer)) {
-            Ok(0) => Ok(ReadOutcome::Gone(LinkDownReason::Disconnected)),
-            Ok(count) => Ok(ReadOutcome::Read(count)),
-            Err(Errno::AGAIN) => Ok(ReadOutcome::Empty),
+            Ok(0) => Ok(Received::End),
+            Ok(count) => Ok(Received::Bytes(count)),
+            Err(Errno::AGAIN) => Ok(Received::Nothing),
             Err(error) => match reason(error) {
-                Some(reason) => Ok(ReadOutcome::Gone(reason)),
+                Some(reason) => Ok(Received::Lost(reason)),
                 None => Err(PortError::io("read from the connection", error)),
             },
         }
@@ -96,6 +106,17 @@ impl Stream {
         let unanswered = ioctl::unanswered(&self.0);
         unanswered.is_ok_and(|(again, probes)| again >= RETRANSMITS || probes >= PROBES)
     }
+}
+
+/// What a read of a connection found.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(crate) enum Received {
+    Bytes(usize),
+    Nothing,
+    /// The other side has said all.
+    End,
+    /// The connection is lost.
+    Lost(LinkDownReason),
 }
 
 fn connect_any(addresses: &[SocketAddr], timeout: Duration) -> io::Result<TcpStream> {

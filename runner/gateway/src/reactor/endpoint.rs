@@ -63,6 +63,9 @@ pub trait Endpoint: Debug + Send {
     /// Whether data waits that no job has been begun for.
     fn wants_job(&self) -> bool;
 
+    /// A job has been begun for it.
+    fn job_begun(&mut self) {}
+
     /// Data of the job that was begun for it: straight from the socket where that
     /// can be. [`Supply::End`] ends the job's data.
     fn supply(&mut self, buffer: &mut [u8]) -> Supply;

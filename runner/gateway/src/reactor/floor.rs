@@ -122,6 +122,9 @@ impl Floor {
     /// The same for what comes in at the endpoint.
     pub(super) fn begin_endpoint(&mut self, id: u32, left_before: (u64, u64)) {
         self.job = Some(Active::new(id, Source::Endpoint, left_before));
+        if let Some(lane) = &mut self.endpoint {
+            lane.endpoint.job_begun();
+        }
     }
 
     /// Data from the start, for a job that was rewound.

@@ -10,11 +10,12 @@ use std::collections::VecDeque;
 
 use rfc2217::{
     Client, ComPortState, CommandError, DataBits, Event, FlowControl, LineState, PartialSettings,
-    PortSettings, Purge, StopBits,
+    Purge, StopBits,
 };
-use softplug_abi::{LineErrorKind, LineParameters, ModemLines, Parity};
+use softplug_abi::{LineErrorKind, LineParameters, ModemLines};
 
 use super::super::marks::Input;
+use super::super::rfc2217_values::{inputs_of, settings_of};
 use super::super::settings::{BAUD_RATE, SettingDifference, setting_texts};
 use super::super::spec::{Flow, PortOptions};
 
@@ -96,32 +97,7 @@ pub(super) struct Session {
 
 impl Session {
     pub(super) fn new(options: &PortOptions) -> Self {
-        let line = &options.line;
-        let client = Client::new(PortSettings {
-            baud_rate: line.baud,
-            data_bits: match line.data_bits {
-                5 => DataBits::Five,
-                6 => DataBits::Six,
-                7 => DataBits::Seven,
-                _ => DataBits::Eight,
-            },
-            parity: match line.parity {
-                Parity::None => rfc2217::Parity::None,
-                Parity::Odd => rfc2217::Parity::Odd,
-                Parity::Even => rfc2217::Parity::Even,
-                Parity::Mark => rfc2217::Parity::Mark,
-                Parity::Space => rfc2217::Parity::Space,
-            },
-            stop_bits: match line.stop_half_bits {
-                3 => StopBits::OnePointFive,
-                4 => StopBits::Two,
-                _ => StopBits::One,
-            },
-            flow_control: match options.flow {
-                Flow::Host => FlowControl::None,
-                Flow::Device => FlowControl::XonXoff,
-            },
-        });
+        let client = Client::new(settings_of(&options.line, options.flow));
         Self {
             client,
             asked: options.line,
@@ -242,14 +218,7 @@ impl Session {
         let Some(state) = self.client.modem_state() else {
             return (ModemLines::OUTPUTS, self.outputs);
         };
-        let inputs = [
-            (state.cts(), ModemLines::CTS),
-            (state.dsr(), ModemLines::DSR),
-            (state.cd(), ModemLines::DCD),
-            (state.ri(), ModemLines::RI),
-        ];
-        let on = inputs.iter().filter(|(is_on, _)| *is_on);
-        (ModemLines::ALL, on.fold(self.outputs, |all, (_, line)| all.union(*line)))
+        (ModemLines::ALL, inputs_of(state).union(self.outputs))
     }
 
     /// The rate as the server tells it, the rest as it was asked for: where a

@@ -1,0 +1,283 @@
+//! The server's half of RFC 2217 for an endpoint's client, without its socket.
+//!
+//! The crate `rfc2217` does the protocol. It takes every setting that a client
+//! asks for and says so; where the port's own are to be told, its answer is
+//! replaced by one with the port's own value, and its model of the port set back.
+
+use std::collections::VecDeque;
+
+use rfc2217::{
+    DataBits, ModemState, Parity, PortSettings, Progress, Purge, Server, ServerEvent, StopBits,
+};
+use softplug_abi::{LineParameters, ModemLines};
+
+use super::LineAnswer;
+use crate::port::Flow;
+use crate::port::rfc2217_values::{line_state, modem_state, settings_of};
+use crate::reactor::{EndpointWish, LineNews};
+
+/// Bytes that may wait for a client that does not read; then nothing more is
+/// taken from it.
+const WAITING: usize = 2_048;
+/// Wishes that may wait to be granted; the same.
+const WISHES: usize = 16;
+/// Deliveries are encoded as far as so many bytes wait. Much less than above, so
+/// that they alone never keep us from reading.
+const DELIVERIES: usize = 512;
+
+#[derive(Debug)]
+pub(super) struct Telnet {
+    server: Server,
+    answer: LineAnswer,
+    /// What the port has, where it is known.
+    own: PortSettings,
+    is_known: bool,
+    /// What the server believes that the port has.
+    model: PortSettings,
+    output: VecDeque<u8>,
+    wishes: VecDeque<EndpointWish>,
+    /// The client wants what was received and not sent to it to be dropped.
+    purges_received: bool,
+}
+
+impl Telnet {
+    pub(super) fn new(answer: LineAnswer, line: Option<&LineParameters>) -> Self {
+        let own = line.map_or_else(PortSettings::default, known_settings);
+        let server =
+            Server::new(own).with_signature(concat!("softplug ", env!("CARGO_PKG_VERSION")));
+        let mut telnet = Self {
+            server,
+            answer,
+            own,
+            model: own,
+            is_known: line.is_some(),
+            output: VecDeque::new(),
+            wishes: VecDeque::new(),
+            purges_received: false,
+        };
+        telnet.gather();
+        telnet
+    }
+
+    /// Takes what the client sent, as far as there is room for its answers, and
+    /// gives the data in it to `payload`.
+    pub(super) fn receive(&mut self, input: &[u8], payload: &mut [u8]) -> (usize, usize) {
+        let (mut taken, mut count) = (0, 0);
+        while self.output.len() < WAITING && self.wishes.len() < WISHES {
+            let progress = self.server.receive_into(&input[taken..], &mut payload[count..]);
+            let Progress { consumed, payload_len, .. } = progress;
+            (taken, count) = (taken + consumed, count + payload_len);
+            let event = self.server.poll_event();
+            self.gather();
+            match &event {
+                Some(event) => self.event(event),
+                None if consumed == 0 => break,
+                None => {}
+            }
+        }
+        (taken, count)
+    }
+
+    /// Encodes as much of what was delivered as may wait; how much that was.
+    pub(super) fn deliver(&mut self, bytes: &[u8]) -> usize {
+        let mut taken = 0;
+        while taken < bytes.len() && self.output.len() < DELIVERIES {
+            match self.server.try_write_data(&bytes[taken..]) {
+                Ok(count) => taken += count,
+                Err(_) => break,
+            }
+            self.gather();
+        }
+        taken
+    }
+
+    /// Bytes for the connection.
+    pub(super) fn output(&self) -> &[u8] {
+        self.output.as_slices().0
+    }
+
+    /// So many of them have left.
+    pub(super) fn sent(&mut self, count: usize) {
+        self.output.drain(..count);
+    }
+
+    pub(super) fn next_wish(&mut self) -> Option<EndpointWish> {
+        self.wishes.pop_front()
+    }
+
+    /// Whether what was received and not sent to the client is to be dropped.
+    pub(super) fn purges_received(&mut self) -> bool {
+        std::mem::take(&mut self.purges_received)
+    }
+
+    /// Tells the client of the line what it wants to know.
+    pub(super) fn line_news(&mut self, news: &LineNews) {
+        // There is room: all output is taken out at once. What the client does
+        // not want to know is not sent.
+        match news {
+            LineNews::Up(line, lines) => {
+                self.own = known_settings(line);
+                self.is_known = true;
+                self.tell_lines(*lines);
+            }
+            LineNews::Down => {
+                let _ = self.server.try_set_modem_state(ModemState::default());
+            }
+            LineNews::ModemLines(known, on) => self.tell_lines(Some((*known, *on))),
+            LineNews::LineError(kind) => {
+                let _ = self.server.try_notify_line_state(line_state(*kind));
+            }
+            LineNews::Held(_) => {}
+        }
+        self.gather();
+    }
+
+    /// A port without such lines has them on, so that software which waits for
+    /// them goes on.
+    fn tell_lines(&mut self, lines: Option<(ModemLines, ModemLines)>) {
+        let (known, on) = lines.unwrap_or_default();
+        let ready = ModemLines::CTS.union(ModemLines::DSR).union(ModemLines::DCD);
+        let on = ModemLines(on.0 | ready.0 & !known.0);
+        let _ = self.server.try_set_modem_state(modem_state(on));
+    }
+
+    /// Takes the server's output over, so that it never lacks room.
+    fn gather(&mut self) {
+        while self.server.has_output() {
+            let output = self.server.output();
+            self.output.extend(output);
+            let count = output.len();
+            self.server.consume_output(count);
+        }
+    }
+
+    fn event(&mut self, event: &ServerEvent) {
+        match event {
+            ServerEvent::SettingsChanged(settings) => self.settings_changed(*settings),
+            ServerEvent::Dtr(on) => self.wish_lines(ModemLines::DTR, *on),
+            ServerEvent::Rts(on) => self.wish_lines(ModemLines::RTS, *on),
+            ServerEvent::Break(on) => self.wishes.push_back(EndpointWish::Break(*on)),
+            ServerEvent::Purge(purge) => {
+                if *purge != Purge::Receive {
+                    self.wishes.push_back(EndpointWish::Purge);
+                }
+                self.purges_received |= *purge != Purge::Transmit;
+            }
+            _ => {}
+        }
+    }
+
+    fn wish_lines(&mut self, line: ModemLines, on: bool) {
+        let on = if on { line } else { ModemLines::default() };
+        self.wishes.push_back(EndpointWish::ModemLines(line, on));
+    }
+
+    /// The client asked for one setting that the model did not have, and the
+    /// answer that gives it is the last of the output.
+    fn settings_changed(&mut self, asked: PortSettings) {
+        let before = std::mem::replace(&mut self.model, asked);
+        if self.answer == LineAnswer::AsAsked || !self.is_known {
+            return;
+        }
+        let [before, asked, own] = [before, asked, self.own].map(|settings| commands(&settings));
+        let Some(changed) = (0..before.len()).find(|index| before[*index] != asked[*index]) else {
+            return;
+        };
+        let (given, own) = (asked[changed], own[changed]);
+        if given == own {
+            return;
+        }
+        self.take_back(&subnegotiation(given.code + SERVER, given.value()));
+        // The same request with the port's own value: it is answered in place of
+        // what was taken back, and sets the model. The client's own request has
+        // just ended, so this one stands between two of its commands.
+        let request = subnegotiation(own.code, own.value());
+        let _ = self.server.receive_into(&request, &mut []);
+        while self.server.poll_event().is_some() {}
+        self.model = self.server.settings();
+        self.gather();
+    }
+
+    fn take_back(&mut self, answer: &[u8]) {
+        let kept = self.output.len().saturating_sub(answer.len());
+        let is_last = self.output.iter().skip(kept).eq(answer);
+        debug_assert!(is_last, "the answer to a setting is given at once");
+        if is_last {
+            self.output.truncate(kept);
+        }
+    }
+}
+
+const IAC: u8 = 255;
+const COM_PORT_OPTION: u8 = 44;
+/// What the codes of a server have more than those of a client.
+const SERVER: u8 = 100;
+
+/// A command that sets one setting.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+struct Set {
+    code: u8,
+    bytes: [u8; 4],
+    length: usize,
+}
+
+impl Set {
+    fn byte(code: u8, value: u8) -> Self {
+        Self { code, bytes: [value, 0, 0, 0], length: 1 }
+    }
+
+    fn value(&self) -> &[u8] {
+        &self.bytes[..self.length]
+    }
+}
+
+/// The settings of a line as commands. Flow control is the port's own affair,
+/// and taken as asked.
+fn commands(settings: &PortSettings) -> [Set; 4] {
+    let data_bits = match settings.data_bits {
+        DataBits::Five => 5,
+        DataBits::Six => 6,
+        DataBits::Seven => 7,
+        DataBits::Eight => 8,
+    };
+    let parity = match settings.parity {
+        Parity::None => 1,
+        Parity::Odd => 2,
+        Parity::Even => 3,
+        Parity::Mark => 4,
+        Parity::Space => 5,
+    };
+    let stop_bits = match settings.stop_bits {
+        StopBits::One => 1,
+        StopBits::Two => 2,
+        StopBits::OnePointFive => 3,
+    };
+    [
+        Set { code: 1, bytes: settings.baud_rate.to_be_bytes(), length: 4 },
+        Set::byte(2, data_bits),
+        Set::byte(3, parity),
+        Set::byte(4, stop_bits),
+    ]
+}
+
+fn subnegotiation(code: u8, value: &[u8]) -> Vec<u8> {
+    let mut bytes = vec![IAC, 250, COM_PORT_OPTION, code];
+    for byte in value {
+        bytes.push(*byte);
+        if *byte == IAC {
+            bytes.push(IAC);
+        }
+    }
+    bytes.extend([IAC, 240]);
+    bytes
+}
+
+/// The settings of a port; a rate of 0 cannot be told.
+fn known_settings(line: &LineParameters) -> PortSettings {
+    let settings = settings_of(line, Flow::Host);
+    let known = PortSettings::default();
+    match settings.baud_rate {
+        0 => PortSettings { baud_rate: known.baud_rate, ..settings },
+        _ => settings,
+    }
+}
