@@ -20,7 +20,8 @@ use crate::view::{JobFilter, JobOrder, JobView};
 /// Put a job into a link's queue
 ///
 /// The program is copied first: editing it afterwards changes nothing.
-#[utoipa::path(post, path = "/links/{link}/jobs", tag = "jobs",
+#[utoipa::path(post, operation_id = "job_submit", path = "/links/{link}/jobs",
+    tag = "jobs",
     params(("link" = String, Path, description = "Name of the link")),
     request_body = JobOrder,
     responses((status = CREATED, body = JobView), Refused))]
@@ -50,7 +51,8 @@ pub(super) struct FeedOrder {
 ///
 /// The body is taken as fast as the machine takes it, and is not stored. The link must be free. The
 /// answer comes when all of the body was taken.
-#[utoipa::path(post, path = "/links/{link}/feed", tag = "jobs",
+#[utoipa::path(post, operation_id = "job_feed", path = "/links/{link}/feed",
+    tag = "jobs",
     params(("link" = String, Path, description = "Name of the link"), FeedOrder),
     request_body(content = Vec<u8>, content_type = "application/octet-stream"),
     responses((status = CREATED, body = JobView), Refused))]
@@ -92,7 +94,8 @@ impl FeedOrder {
 }
 
 /// Jobs, the newest first
-#[utoipa::path(get, path = "/jobs", tag = "jobs", params(JobFilter),
+#[utoipa::path(get, operation_id = "job_list", path = "/jobs",
+    tag = "jobs", params(JobFilter),
     responses((status = OK, body = Vec<JobView>), Refused))]
 pub(super) async fn list(
     State(desk): At,
@@ -102,7 +105,8 @@ pub(super) async fn list(
 }
 
 /// One job
-#[utoipa::path(get, path = "/jobs/{id}", tag = "jobs",
+#[utoipa::path(get, operation_id = "job_show", path = "/jobs/{id}",
+    tag = "jobs",
     params(("id" = u32, Path, description = "Number of the job")),
     responses((status = OK, body = JobView), Refused))]
 pub(super) async fn show(State(desk): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
@@ -110,7 +114,8 @@ pub(super) async fn show(State(desk): At, Segments(id): Segments<u32>) -> Answer
 }
 
 /// Pause a job
-#[utoipa::path(post, path = "/jobs/{id}/pause", tag = "jobs",
+#[utoipa::path(post, operation_id = "job_pause", path = "/jobs/{id}/pause",
+    tag = "jobs",
     params(("id" = u32, Path, description = "Number of the job")),
     responses((status = OK, body = JobView), Refused))]
 pub(super) async fn pause(State(desk): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
@@ -118,7 +123,8 @@ pub(super) async fn pause(State(desk): At, Segments(id): Segments<u32>) -> Answe
 }
 
 /// End a job's pause
-#[utoipa::path(post, path = "/jobs/{id}/resume", tag = "jobs",
+#[utoipa::path(post, operation_id = "job_resume", path = "/jobs/{id}/resume",
+    tag = "jobs",
     params(("id" = u32, Path, description = "Number of the job")),
     responses((status = OK, body = JobView), Refused))]
 pub(super) async fn resume(State(desk): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
@@ -126,7 +132,8 @@ pub(super) async fn resume(State(desk): At, Segments(id): Segments<u32>) -> Answ
 }
 
 /// Abort a job, or take it out of the queue
-#[utoipa::path(post, path = "/jobs/{id}/abort", tag = "jobs",
+#[utoipa::path(post, operation_id = "job_abort", path = "/jobs/{id}/abort",
+    tag = "jobs",
     params(("id" = u32, Path, description = "Number of the job")),
     responses((status = OK, body = JobView), Refused))]
 pub(super) async fn abort(State(desk): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
@@ -143,7 +150,8 @@ pub(super) struct RestartOrder {
 }
 
 /// Put a job that has ended into the queue again, as a new job
-#[utoipa::path(post, path = "/jobs/{id}/restart", tag = "jobs",
+#[utoipa::path(post, operation_id = "job_restart", path = "/jobs/{id}/restart",
+    tag = "jobs",
     params(("id" = u32, Path, description = "Number of the job")),
     request_body = RestartOrder,
     responses((status = CREATED, body = JobView), Refused))]
@@ -165,7 +173,8 @@ pub(super) struct PriorityOrder {
 }
 
 /// Give a job that waits another priority
-#[utoipa::path(put, path = "/jobs/{id}/priority", tag = "jobs",
+#[utoipa::path(put, operation_id = "job_prioritise", path = "/jobs/{id}/priority",
+    tag = "jobs",
     params(("id" = u32, Path, description = "Number of the job")),
     request_body = PriorityOrder,
     responses((status = OK, body = JobView), Refused))]

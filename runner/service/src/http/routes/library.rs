@@ -14,7 +14,8 @@ use super::{Answer, At};
 use crate::view::{PluginRef, PluginView};
 
 /// All plug-ins
-#[utoipa::path(get, path = "/plugins", tag = "plug-ins",
+#[utoipa::path(get, operation_id = "plugin_list", path = "/plugins",
+    tag = "plug-ins",
     responses((status = OK, body = Vec<PluginView>), Refused))]
 pub(super) async fn list(State(desk): At) -> Answer<Json<Vec<PluginView>>> {
     desk.ask(|gateway| gateway.plugins()).await.map(Json)
@@ -23,7 +24,8 @@ pub(super) async fn list(State(desk): At) -> Answer<Json<Vec<PluginView>>> {
 /// Check a module and add it
 ///
 /// An admin's.
-#[utoipa::path(post, path = "/plugins", tag = "plug-ins",
+#[utoipa::path(post, operation_id = "plugin_add", path = "/plugins",
+    tag = "plug-ins",
     request_body(content = Vec<u8>, content_type = "application/wasm"),
     responses((status = CREATED, body = PluginView), Refused))]
 pub(super) async fn add(
@@ -45,7 +47,8 @@ pub(super) async fn add(
 /// Remove a plug-in that no link runs
 ///
 /// An admin's.
-#[utoipa::path(delete, path = "/plugins/{plugin}", tag = "plug-ins",
+#[utoipa::path(delete, operation_id = "plugin_remove", path = "/plugins/{plugin}",
+    tag = "plug-ins",
     params(("plugin" = String, Path, description = "`name@version` or `name@sha256:…`")),
     responses((status = NO_CONTENT), Refused))]
 pub(super) async fn remove(
@@ -59,7 +62,8 @@ pub(super) async fn remove(
 /// Remove modules that nothing refers to
 ///
 /// An admin's.
-#[utoipa::path(post, path = "/plugins/collect-garbage", tag = "plug-ins",
+#[utoipa::path(post, operation_id = "plugin_collect_garbage", path = "/plugins/collect-garbage",
+    tag = "plug-ins",
     responses((status = OK, body = Vec<PluginRef>), Refused))]
 pub(super) async fn collect_garbage(_: Admin, State(desk): At) -> Answer<Json<Vec<PluginRef>>> {
     desk.ask(|gateway| gateway.collect_garbage()).await.map(Json)

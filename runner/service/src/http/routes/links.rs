@@ -15,14 +15,16 @@ use crate::gateway::Next;
 use crate::view::{KindView, LinkView, Seen, SwapOrder, SwapView};
 
 /// All links, in the order of their names
-#[utoipa::path(get, path = "/links", tag = "links",
+#[utoipa::path(get, operation_id = "link_list", path = "/links",
+    tag = "links",
     responses((status = OK, body = Vec<LinkView>), Refused))]
 pub(super) async fn list(State(desk): At) -> Answer<Json<Vec<LinkView>>> {
     desk.ask(|gateway| gateway.links()).await.map(Json)
 }
 
 /// One link
-#[utoipa::path(get, path = "/links/{link}", tag = "links",
+#[utoipa::path(get, operation_id = "link_show", path = "/links/{link}",
+    tag = "links",
     params(("link" = String, Path, description = "Name of the link")),
     responses((status = OK, body = LinkView), Refused))]
 pub(super) async fn show(
@@ -33,7 +35,8 @@ pub(super) async fn show(
 }
 
 /// The kinds of job that a link's plug-in takes
-#[utoipa::path(get, path = "/links/{link}/kinds", tag = "links",
+#[utoipa::path(get, operation_id = "link_kinds", path = "/links/{link}/kinds",
+    tag = "links",
     params(("link" = String, Path, description = "Name of the link")),
     responses((status = OK, body = Vec<KindView>), Refused))]
 pub(super) async fn kinds(
@@ -44,7 +47,8 @@ pub(super) async fn kinds(
 }
 
 /// Close a link's port and open it again
-#[utoipa::path(post, path = "/links/{link}/reopen", tag = "links",
+#[utoipa::path(post, operation_id = "link_reopen", path = "/links/{link}/reopen",
+    tag = "links",
     params(("link" = String, Path, description = "Name of the link")),
     responses((status = OK, body = LinkView), Refused))]
 pub(super) async fn reopen(
@@ -55,7 +59,8 @@ pub(super) async fn reopen(
 }
 
 /// Go on although the machine holds the line
-#[utoipa::path(post, path = "/links/{link}/force-resume", tag = "links",
+#[utoipa::path(post, operation_id = "link_force_resume", path = "/links/{link}/force-resume",
+    tag = "links",
     params(("link" = String, Path, description = "Name of the link")),
     responses((status = OK, body = LinkView), Refused))]
 pub(super) async fn force_resume(
@@ -66,7 +71,8 @@ pub(super) async fn force_resume(
 }
 
 /// Let a link out of quarantine
-#[utoipa::path(post, path = "/links/{link}/release", tag = "links",
+#[utoipa::path(post, operation_id = "link_release", path = "/links/{link}/release",
+    tag = "links",
     params(("link" = String, Path, description = "Name of the link")),
     responses((status = OK, body = LinkView), Refused))]
 pub(super) async fn release(
@@ -79,7 +85,8 @@ pub(super) async fn release(
 /// Swap a link's plug-in
 ///
 /// Goes on with the same port, in the middle of a job where the plug-ins' states fit. An admin's.
-#[utoipa::path(post, path = "/links/{link}/swap", tag = "plug-ins",
+#[utoipa::path(post, operation_id = "link_swap", path = "/links/{link}/swap",
+    tag = "plug-ins",
     params(("link" = String, Path, description = "Name of the link")),
     request_body = SwapOrder,
     responses((status = OK, body = SwapView), Refused))]
@@ -96,7 +103,8 @@ pub(super) async fn swap(
 ///
 /// Server-sent events: `seen` with a list of what was seen. The link never waits for its watchers;
 /// what they are too slow for is counted.
-#[utoipa::path(get, path = "/links/{link}/watch", tag = "links",
+#[utoipa::path(get, operation_id = "link_watch", path = "/links/{link}/watch",
+    tag = "links",
     params(("link" = String, Path, description = "Name of the link")),
     responses((status = OK, body = Vec<Seen>, content_type = "text/event-stream"), Refused))]
 pub(super) async fn watch(State(desk): At, Segments(link): Segments<String>) -> Answer<Stream> {

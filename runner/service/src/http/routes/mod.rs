@@ -146,6 +146,11 @@ fn known_only() -> OpenApiRouter<Arc<Desk>> {
         .routes(routes!(system::reload))
 }
 
+/// The routes that stand in the API's document.
+fn described() -> OpenApiRouter<Arc<Desk>> {
+    OpenApiRouter::with_openapi(Document::openapi()).nest("/api/v1", known_only())
+}
+
 /// All routes.
 pub(super) fn all(gateway: Gateway, limits: Limits, surroundings: Surroundings) -> Router {
     let Surroundings { door, stopping } = surroundings;
@@ -158,9 +163,7 @@ pub(super) fn all(gateway: Gateway, limits: Limits, surroundings: Surroundings) 
         feeds: Arc::new(Semaphore::new(FEEDS)),
         streams: Arc::new(Semaphore::new(STREAMS)),
     });
-    let (api, document) = OpenApiRouter::with_openapi(Document::openapi())
-        .nest("/api/v1", known_only())
-        .split_for_parts();
+    let (api, document) = described().split_for_parts();
     let document = Arc::new(document);
     let with_token = api
         .route("/metrics", get(system::metrics))
@@ -183,4 +186,64 @@ async fn nothing_here() -> Problem {
 
 async fn no_such_method() -> Problem {
     Problem::new(StatusCode::METHOD_NOT_ALLOWED, "this path does not take this method")
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use serde_json::Value;
+
+    use super::*;
+
+    fn document() -> Value {
+        serde_json::to_value(described().into_openapi()).unwrap()
+    }
+
+    fn references(value: &Value, found: &mut HashSet<String>) {
+        match value {
+            Value::Object(fields) => {
+                if let Some(Value::String(to)) = fields.get("$ref") {
+                    found.insert(to.clone());
+                }
+                fields.values().for_each(|value| references(value, found));
+            }
+            Value::Array(values) => values.iter().for_each(|value| references(value, found)),
+            _ => {}
+        }
+    }
+
+    #[test]
+    fn the_document_is_closed_in_itself() {
+        let document = document();
+        let mut found = HashSet::new();
+        references(&document, &mut found);
+        assert!(found.len() > 20, "{found:?}");
+        for to in found {
+            let pointer = to.strip_prefix('#').unwrap();
+            assert!(document.pointer(pointer).is_some(), "{to}");
+        }
+    }
+
+    #[test]
+    fn every_operation_is_named_described_and_may_be_refused() {
+        let document = document();
+        assert_eq!(document["security"][0]["token"], Value::Array(Vec::new()));
+        let mut names = HashSet::new();
+        let mut count = 0;
+        for (path, item) in document["paths"].as_object().unwrap() {
+            assert!(path.starts_with("/api/v1/"), "{path}");
+            for (method, operation) in item.as_object().unwrap() {
+                let name = operation["operationId"].as_str().unwrap();
+                assert!(names.insert(name.to_owned()), "{method} {path}: {name} is there twice");
+                assert!(!operation["summary"].as_str().unwrap().is_empty(), "{path}");
+                for status in ["401", "404", "429", "503"] {
+                    let answer = &operation["responses"][status]["content"];
+                    assert!(answer["application/problem+json"].is_object(), "{path} {status}");
+                }
+                count += 1;
+            }
+        }
+        assert_eq!(count, 34);
+    }
 }

@@ -17,14 +17,16 @@ use super::{Answer, At, download};
 use crate::view::{ProgramView, ReceptionView};
 
 /// All programs
-#[utoipa::path(get, path = "/programs", tag = "programs",
+#[utoipa::path(get, operation_id = "program_list", path = "/programs",
+    tag = "programs",
     responses((status = OK, body = Vec<ProgramView>), Refused))]
 pub(super) async fn list(State(desk): At) -> Answer<Json<Vec<ProgramView>>> {
     desk.ask(|gateway| gateway.programs()).await.map(Json)
 }
 
 /// A program's bytes
-#[utoipa::path(get, path = "/programs/{name}", tag = "programs",
+#[utoipa::path(get, operation_id = "program_download", path = "/programs/{name}",
+    tag = "programs",
     params(("name" = String, Path, description = "Name of the program; a slash in it as %2F")),
     responses((status = OK, body = Vec<u8>, content_type = "application/octet-stream"), Refused))]
 pub(super) async fn download(
@@ -44,7 +46,8 @@ pub(super) struct Overwrite {
 }
 
 /// Store a program: all of the body, or nothing
-#[utoipa::path(put, path = "/programs/{name}", tag = "programs",
+#[utoipa::path(put, operation_id = "program_upload", path = "/programs/{name}",
+    tag = "programs",
     params(
         ("name" = String, Path, description = "Name of the program; a slash in it as %2F"),
         Overwrite,
@@ -69,7 +72,8 @@ pub(super) async fn upload(
 /// Delete a program
 ///
 /// Jobs that send it have a copy. An admin's.
-#[utoipa::path(delete, path = "/programs/{name}", tag = "programs",
+#[utoipa::path(delete, operation_id = "program_delete", path = "/programs/{name}",
+    tag = "programs",
     params(("name" = String, Path, description = "Name of the program; a slash in it as %2F")),
     responses((status = NO_CONTENT), Refused))]
 pub(super) async fn delete(
@@ -81,7 +85,8 @@ pub(super) async fn delete(
 }
 
 /// What a link has received, the newest first
-#[utoipa::path(get, path = "/links/{link}/receptions", tag = "receptions",
+#[utoipa::path(get, operation_id = "program_receptions", path = "/links/{link}/receptions",
+    tag = "receptions",
     params(("link" = String, Path, description = "Name of the link")),
     responses((status = OK, body = Vec<ReceptionView>), Refused))]
 pub(super) async fn receptions(
@@ -92,7 +97,8 @@ pub(super) async fn receptions(
 }
 
 /// The bytes of something that was received
-#[utoipa::path(get, path = "/links/{link}/receptions/{file}", tag = "receptions",
+#[utoipa::path(get, operation_id = "program_download_reception", path = "/links/{link}/receptions/{file}",
+    tag = "receptions",
     params(
         ("link" = String, Path, description = "Name of the link"),
         ("file" = String, Path, description = "Name of the file"),
@@ -108,7 +114,8 @@ pub(super) async fn download_reception(
 /// Delete something that was received
 ///
 /// An admin's.
-#[utoipa::path(delete, path = "/links/{link}/receptions/{file}", tag = "receptions",
+#[utoipa::path(delete, operation_id = "program_delete_reception", path = "/links/{link}/receptions/{file}",
+    tag = "receptions",
     params(
         ("link" = String, Path, description = "Name of the link"),
         ("file" = String, Path, description = "Name of the file"),
@@ -124,7 +131,8 @@ pub(super) async fn delete_reception(
 }
 
 /// The trace that led to a fault, for `softplug replay`
-#[utoipa::path(get, path = "/links/{link}/traces/{file}", tag = "plug-ins",
+#[utoipa::path(get, operation_id = "program_download_trace", path = "/links/{link}/traces/{file}",
+    tag = "plug-ins",
     params(
         ("link" = String, Path, description = "Name of the link"),
         ("file" = String, Path, description = "Name of the file"),

@@ -29,21 +29,24 @@ pub struct MeView {
 }
 
 /// What the token allows
-#[utoipa::path(get, path = "/me", tag = "gateway",
+#[utoipa::path(get, operation_id = "gateway_me", path = "/me",
+    tag = "gateway",
     responses((status = OK, body = MeView), Refused))]
 pub(super) async fn me(Extension(role): Extension<Role>) -> Json<MeView> {
     Json(MeView { role })
 }
 
 /// How the gateway is
-#[utoipa::path(get, path = "/health", tag = "gateway",
+#[utoipa::path(get, operation_id = "gateway_health", path = "/health",
+    tag = "gateway",
     responses((status = OK, body = HealthView), Refused))]
 pub(super) async fn health(State(desk): At) -> Answer<Json<HealthView>> {
     desk.ask(|gateway| Ok(gateway.health())).await.map(Json)
 }
 
 /// The journal, the newest first
-#[utoipa::path(get, path = "/journal", tag = "gateway", params(JournalFilter),
+#[utoipa::path(get, operation_id = "gateway_journal", path = "/journal",
+    tag = "gateway", params(JournalFilter),
     responses((status = OK, body = Vec<JournalEntry>), Refused))]
 pub(super) async fn journal(
     State(desk): At,
@@ -56,7 +59,8 @@ pub(super) async fn journal(
 ///
 /// Server-sent events: `changes` with a list of changes; `missed` with their number if the client was
 /// too slow for some.
-#[utoipa::path(get, path = "/events", tag = "gateway",
+#[utoipa::path(get, operation_id = "gateway_events", path = "/events",
+    tag = "gateway",
     responses((status = OK, body = Vec<Change>, content_type = "text/event-stream"), Refused))]
 pub(super) async fn events(State(desk): At) -> Answer<Stream> {
     let slot = desk.stream_slot()?;
@@ -93,7 +97,8 @@ fn newest(mut changes: Vec<Change>) -> Vec<Change> {
 /// Read the configuration again and apply what changed in it
 ///
 /// Does not touch other links. An admin's.
-#[utoipa::path(post, path = "/reload", tag = "gateway",
+#[utoipa::path(post, operation_id = "gateway_reload", path = "/reload",
+    tag = "gateway",
     responses((status = OK, body = ReloadView), Refused))]
 pub(super) async fn reload(_: Admin, State(desk): At) -> Answer<Json<ReloadView>> {
     desk.ask(|gateway| gateway.reload()).await.map(Json)
