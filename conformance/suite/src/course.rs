@@ -129,6 +129,7 @@ impl Course {
                 | What::SetLines(_)
                 | What::SendBreak(_)
                 | What::Act(_)
+                | What::Exact(_)
                 | What::Quiet => {}
             }
         }

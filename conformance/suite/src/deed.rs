@@ -271,7 +271,12 @@ fn demanded(case: &Case, manifest: &Manifest, what: &What) -> Result<Demanded, S
         What::Act(Expected::Check { id, fault }) => check(*id, fault.as_ref())?,
         What::Act(Expected::Request { id, kind, fields }) => request(manifest, *id, kind, fields)?,
         What::Act(Expected::Withdraw(id)) => Deed::Withdraw(*id),
-        What::Receive(_) | What::Burst(_) | What::Line(_) | What::Host(_) | What::Quiet => {
+        What::Receive(_)
+        | What::Burst(_)
+        | What::Line(_)
+        | What::Host(_)
+        | What::Exact(_)
+        | What::Quiet => {
             unreachable!("only expectations are asked for")
         }
     }))

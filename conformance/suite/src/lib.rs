@@ -26,6 +26,7 @@ pub mod page;
 pub mod partners;
 mod permute;
 mod replay;
+mod rerun;
 mod run;
 pub mod script;
 mod show;

@@ -5,6 +5,7 @@ use crate::cut::Cuts;
 use crate::deed::Deed;
 use crate::fault::{Fault, FaultClass};
 use crate::lines::{line_parameters, modem_lines};
+use crate::rerun::rerun;
 use crate::subject::{Meter, Watched};
 use crate::{Case, Fuel, Permutation, Subject};
 use softplug_abi::manifest::SettingValues;
@@ -48,6 +49,9 @@ pub fn replay<S: Subject>(
     permutation: Permutation,
     cut_seed: u64,
 ) -> Outcome {
+    if case.trace.is_recording() {
+        return rerun(subject, case);
+    }
     match start(subject, case, permutation, cut_seed) {
         Ok(run) => run.finish(),
         Err(fault) => Outcome::unstarted(fault),
@@ -55,7 +59,7 @@ pub fn replay<S: Subject>(
 }
 
 impl Outcome {
-    fn unstarted(fault: Fault) -> Self {
+    pub(crate) fn unstarted(fault: Fault) -> Self {
         let (seen, fuel) = (Vec::new(), Fuel::default());
         Self { seen, fault: Some(fault), swap_places: 0, fuel, bytes: 0 }
     }

@@ -4,9 +4,10 @@ use std::fmt::{self, Write as _};
 
 use crate::gloss::gloss;
 use crate::model::{
-    Assignment, DeliveryEnd, Drain, Entry, Expected, FrontMatter, HostRequest, Item, Line,
+    Assignment, DeliveryEnd, Drain, Entry, Exact, Expected, FrontMatter, HostRequest, Item, Line,
     LineErrorKind, LineEvent, ModemLevels, Origin, Payload, Permutations, Room, Trace, What,
 };
+use crate::parse::UNDER_WAY;
 
 /// Where the gloss begins, unless the line is longer.
 const GLOSS_COLUMN: usize = 24;
@@ -142,6 +143,14 @@ fn entry(entry: &Entry) -> String {
         What::Line(event) => part(&line_event(event)),
         What::Host(request) => part(&host(request)),
         What::Act(action) => part(&expected(action)),
+        What::Exact(Exact::UnderWay(facts)) => {
+            part(UNDER_WAY);
+            part(&assignments(facts));
+        }
+        What::Exact(Exact::Event { name, payload: bytes }) => {
+            part(name);
+            part(&payload(bytes));
+        }
         What::Quiet => {}
     }
     text

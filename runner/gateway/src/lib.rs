@@ -4,6 +4,7 @@
 //! - [`port`]: a terminal, a TCP connection, a device server of RFC 2217 or a
 //!   pty behind one non-blocking interface, with marks of damaged characters
 //!   decoded.
+//! - [`recorder`]: the last events that a plug-in was given.
 //! - [`pacer`]: how many bytes may be given to a port now, so that few are
 //!   beyond recall when the partner says stop.
 //! - [`channel`]: a port with a plug-in on it; [`reactor`]: many of them on few
@@ -22,6 +23,7 @@
 pub mod error;
 pub mod pacer;
 pub mod port;
+pub mod recorder;
 pub mod store;
 pub mod suggest;
 

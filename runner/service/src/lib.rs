@@ -17,6 +17,7 @@ mod metrics;
 mod page;
 pub mod programs;
 pub mod refusal;
+pub mod supervise;
 pub mod view;
 
 pub use config::Config;

@@ -32,12 +32,12 @@ pub(crate) struct Core {
     pub(crate) timers: Timers,
     pub(crate) job: Option<ActiveJob>,
     /// The delivery under way.
-    delivery: Option<u32>,
+    pub(crate) delivery: Option<u32>,
     delivery_capacity: u32,
     /// What the plug-in knows to be free for deliveries.
     delivery_room: u32,
     drained: u32,
-    requests: Vec<u32>,
+    pub(crate) requests: Vec<u32>,
 }
 
 impl Core {
@@ -204,6 +204,19 @@ impl Core {
         let grown = std::mem::take(&mut self.drained);
         self.delivery_room += grown;
         Some(grown)
+    }
+
+    pub(crate) fn set_delivery_room(&mut self, room: u32) {
+        self.delivery_room = room;
+    }
+
+    pub(crate) fn grow_delivery_room(&mut self, grown: u32) {
+        self.delivery_room = self.delivery_room.saturating_add(grown);
+    }
+
+    /// What the plug-in knows to be free for deliveries.
+    pub(crate) fn known_delivery_room(&self) -> u32 {
+        self.delivery_room
     }
 
     /// All that is free for deliveries, reported or not.

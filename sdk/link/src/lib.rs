@@ -28,9 +28,11 @@ mod queue;
 mod recorder;
 mod replace;
 mod requests;
+mod rerun;
 mod saving;
 mod swap;
 mod timers;
+mod under_way;
 mod virtual_line;
 mod wire;
 
@@ -41,8 +43,10 @@ pub use link::{Link, LinkOptions};
 pub use probation::Reverted;
 pub use queue::Taken;
 pub use recorder::{Delivery, Observed, Recorder};
+pub use rerun::Rerun;
 pub use saving::SavedState;
 pub use swap::{Spare, Successor, SwapError};
+pub use under_way::UnderWay;
 pub use virtual_line::VirtualLine;
 pub use wire::Wire;
 

@@ -5,7 +5,7 @@ use crate::core::{Answering, Core, HoldState};
 use crate::fault::{LinkFault, RuleBroken};
 use crate::probation::{Probation, Reverted};
 use crate::queue::Taken;
-use crate::{Outside, Supply};
+use crate::{Outside, Supply, UnderWay};
 use softplug_abi::limits::{OUTPUT_ROUNDS, STEPS_PER_INSTANT};
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Actions, Event, Instance, LineParameters, LinkDownReason, Micros, ModemLines};
@@ -59,6 +59,7 @@ pub struct Link<I: Instance> {
     has_ended: bool,
     pub(crate) probation: Option<Box<Probation<I>>>,
     pub(crate) reverted: Option<Box<Reverted<I>>>,
+    pub(crate) taken_over_with: UnderWay,
 }
 
 impl<I: Instance> Link<I> {
@@ -79,6 +80,7 @@ impl<I: Instance> Link<I> {
             has_ended: false,
             probation: None,
             reverted: None,
+            taken_over_with: UnderWay::default(),
         }
     }
 
@@ -98,11 +100,27 @@ impl<I: Instance> Link<I> {
         given?;
         self.is_open = true;
         self.down = None;
+        self.taken_over_with = UnderWay::default();
         let opening = self.opening(false);
         self.core.restate_rooms();
         self.step(&opening, outside)?;
         self.tell_modem_lines(outside)?;
         self.run(self.now, outside)
+    }
+
+    /// The opening that tells a plug-in of the same state what this one knows.
+    pub fn standing(&self) -> Event<'static> {
+        Event::Open {
+            resumed: true,
+            line: self.options.line,
+            transmit_room: self.core.queue.known_room(),
+            delivery_room: self.core.known_delivery_room(),
+        }
+    }
+
+    /// The modem lines as they were told last.
+    pub fn modem_lines_told(&self) -> Option<(ModemLines, ModemLines)> {
+        self.options.modem_lines
     }
 
     pub(crate) fn opening(&self, resumed: bool) -> Event<'static> {
@@ -309,6 +327,16 @@ impl<I: Instance> Link<I> {
     /// The instance, to look at.
     pub fn instance(&self) -> &I {
         &self.instance
+    }
+
+    /// The instance. Whoever steps it by himself breaks the link.
+    pub fn instance_mut(&mut self) -> &mut I {
+        &mut self.instance
+    }
+
+    /// The settings that the plug-in was given.
+    pub fn settings(&self) -> &SettingValues {
+        &self.options.settings
     }
 
     /// Time never goes back: an earlier `now` counts as the latest.

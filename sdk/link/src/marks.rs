@@ -50,6 +50,25 @@ impl Marks {
         }
     }
 
+    /// This mark is no longer outstanding; or, if it is not known, one without a
+    /// name.
+    pub(crate) fn settle(&mut self, mark: u32) {
+        for mark in [mark, 0] {
+            if let Some(at) = self.queued.iter().position(|(known, _)| *known == mark) {
+                self.queued.remove(at);
+                return;
+            }
+            if let Some(at) = self.dropped.iter().position(|known| *known == mark) {
+                self.dropped.remove(at);
+                return;
+            }
+            if let Some(at) = self.given.iter().position(|given| given.mark == mark) {
+                self.given.remove(at);
+                return;
+            }
+        }
+    }
+
     /// The queue was dropped.
     pub(crate) fn drop_queued(&mut self) {
         self.dropped.extend(self.queued.drain(..).map(|(mark, _)| mark));

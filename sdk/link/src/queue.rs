@@ -4,7 +4,7 @@
 use crate::fault::RuleBroken;
 use crate::marks::Marks;
 use softplug_abi::MarkState;
-use softplug_abi::limits::URGENT_BYTES;
+use softplug_abi::limits::{MARKS, URGENT_BYTES};
 use std::collections::VecDeque;
 
 /// What [`Link::take`](crate::Link::take) gave to the port.
@@ -219,6 +219,11 @@ impl Queue {
         Some(grown)
     }
 
+    /// What the plug-in knows to be free.
+    pub(crate) fn known_room(&self) -> u32 {
+        self.room
+    }
+
     /// All that is free, reported or not.
     pub(crate) fn whole_room(&self) -> u32 {
         self.room + self.unreported
@@ -233,6 +238,42 @@ impl Queue {
     pub(crate) fn is_idle(&self) -> bool {
         let nothing_waits = self.bytes.is_empty() && self.urgent.is_empty();
         nothing_waits && !self.held && self.discarded.is_empty() && self.marks.count() == 0
+    }
+
+    pub(crate) fn marks_outstanding(&self) -> u32 {
+        self.marks.count() as u32
+    }
+
+    /// For a rerun: so many marks are outstanding of which nothing else is known.
+    pub(crate) fn mark_unnamed(&mut self, count: u32) {
+        (0..count.min(MARKS as u32)).for_each(|_| self.marks.give(0, u64::MAX));
+    }
+
+    /// For a rerun: the plug-in was told the end of this mark.
+    pub(crate) fn settle_mark(&mut self, mark: u32) {
+        self.marks.settle(mark);
+    }
+
+    /// For a rerun: the plug-in was told so much room.
+    pub(crate) fn set_room(&mut self, room: u32) {
+        self.room = room;
+    }
+
+    /// For a rerun: the plug-in was told so much more room.
+    pub(crate) fn grow_room(&mut self, grown: u32) {
+        self.room = self.room.saturating_add(grown);
+    }
+
+    /// For a rerun: the plug-in was told that a discard dropped so much.
+    pub(crate) fn told_discarded(&mut self, bytes: u32) {
+        self.discarded.pop_front();
+        self.grow_room(bytes);
+    }
+
+    /// For a rerun: what waits is not looked at any more.
+    pub(crate) fn forget_waiting(&mut self) {
+        self.bytes.clear();
+        self.urgent.clear();
     }
 
     /// Drops all that waits, and the hold. Positions go on: the port still

@@ -196,6 +196,7 @@ impl<I: Instance> Link<I> {
         answer: &[u8],
         outside: &mut dyn Outside,
     ) -> I {
+        self.taken_over_with = self.under_way();
         self.core.restate_rooms();
         self.options.settings = settings;
         let old = self.put(instance);
@@ -206,7 +207,7 @@ impl<I: Instance> Link<I> {
 }
 
 /// Gives an event that may be answered by notes and state names only.
-fn give_quiet<I: Instance>(
+pub(crate) fn give_quiet<I: Instance>(
     instance: &mut I,
     event: &Event<'_>,
     now: Micros,

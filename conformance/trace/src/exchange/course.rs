@@ -80,7 +80,7 @@ impl Course {
         notes: &mut Notes,
     ) -> Result<(), ExportError> {
         let place = entry.line.0;
-        if let what @ (What::Host(_) | What::Act(_) | What::Quiet) = &entry.what {
+        if let what @ (What::Host(_) | What::Act(_) | What::Exact(_) | What::Quiet) = &entry.what {
             notes.unheld(what, place);
             return Ok(());
         }

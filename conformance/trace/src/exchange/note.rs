@@ -24,6 +24,8 @@ pub enum Left {
     Requests,
     /// `=` lines.
     Actions,
+    /// Events of a flight recording.
+    ExactEvents,
     /// `.` lines.
     Quiet,
     /// Windows of time.
@@ -71,6 +73,7 @@ impl Left {
             Self::FrontMatter => "front-matter",
             Self::Requests => "requests",
             Self::Actions => "actions",
+            Self::ExactEvents => "exact-events",
             Self::Quiet => "quiet",
             Self::Windows => "windows",
             Self::Alternatives => "alternatives",
@@ -98,6 +101,7 @@ impl Left {
             Self::FrontMatter => "the front matter stays in the trace",
             Self::Requests => "requests of the host (`?`) stay in the trace",
             Self::Actions => "expected actions (`=`) stay in the trace",
+            Self::ExactEvents => "events of a flight recording (`@`) stay in the trace",
             Self::Quiet => "`.` lines stay in the trace",
             Self::Windows => "of each window only its start was written",
             Self::Alternatives => "of each block of alternatives only the first was written",
@@ -161,6 +165,7 @@ impl Notes {
             What::Line(LineEvent::Error { .. }) => Left::LineErrors,
             What::Line(LineEvent::Down(_) | LineEvent::Up) => Left::Links,
             What::Host(_) => Left::Requests,
+            What::Exact(_) => Left::ExactEvents,
             What::Act(_) => Left::Actions,
             What::Quiet => Left::Quiet,
             What::Receive(_) | What::Burst(_) | What::Send(_) => return,

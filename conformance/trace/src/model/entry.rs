@@ -50,8 +50,24 @@ pub enum What {
     Host(HostRequest),
     /// `=`: the plug-in takes this action.
     Act(Expected),
+    /// `@`: this, exactly, is given to the plug-in, and nothing else is.
+    Exact(Exact),
     /// `.`: nothing that is not listed happens until here.
     Quiet,
+}
+
+/// A line of a flight recording.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Exact {
+    /// What is under way on the link when the recording begins.
+    UnderWay(Vec<Assignment>),
+    /// An event of the ABI.
+    Event {
+        /// Its name.
+        name: String,
+        /// Its payload, as the ABI encodes it.
+        payload: Payload,
+    },
 }
 
 /// Which way an entry goes.
@@ -69,7 +85,9 @@ impl What {
     /// Which way it goes.
     pub fn direction(&self) -> Direction {
         match self {
-            Self::Receive(_) | Self::Burst(_) | Self::Line(_) | Self::Host(_) => Direction::Input,
+            Self::Receive(_) | Self::Burst(_) | Self::Line(_) | Self::Host(_) | Self::Exact(_) => {
+                Direction::Input
+            }
             Self::Send(_) | Self::SetLines(_) | Self::SendBreak(_) | Self::Act(_) => {
                 Direction::Expectation
             }
@@ -96,6 +114,7 @@ impl What {
             Self::Line(_) => "!",
             Self::Host(_) => "?",
             Self::Act(_) => "=",
+            Self::Exact(_) => "@",
             Self::Quiet => ".",
         }
     }
@@ -106,6 +125,7 @@ impl What {
             Self::Receive(payload)
             | Self::Burst(payload)
             | Self::Send(payload)
+            | Self::Exact(Exact::Event { payload, .. })
             | Self::Host(
                 HostRequest::Job { data: payload, .. } | HostRequest::Grant { data: payload, .. },
             )
@@ -120,6 +140,7 @@ impl What {
             Self::Receive(payload)
             | Self::Burst(payload)
             | Self::Send(payload)
+            | Self::Exact(Exact::Event { payload, .. })
             | Self::Host(
                 HostRequest::Job { data: payload, .. } | HostRequest::Grant { data: payload, .. },
             )

@@ -6,7 +6,7 @@ mod payload;
 mod time;
 
 pub use entry::{
-    Assignment, CheckFault, DeliveryEnd, Direction, Drain, Entry, Expected, HostRequest,
+    Assignment, CheckFault, DeliveryEnd, Direction, Drain, Entry, Exact, Expected, HostRequest,
     LineErrorKind, LineEvent, LinkDownReason, ModemLevels, ModemLine, SourceLine, What,
 };
 pub use front::{Edge, FrontMatter, Level, LineSettings, Origin, Parity, Permutations, Room};
@@ -69,6 +69,11 @@ impl Trace {
     /// What the plug-in is given, in order. Alternatives hold none of it.
     pub fn inputs(&self) -> impl Iterator<Item = &Entry> {
         self.entries().filter(|entry| entry.what.is_input())
+    }
+
+    /// Whether it is a flight recording: the plug-in is given exact events.
+    pub fn is_recording(&self) -> bool {
+        self.inputs().any(|entry| matches!(entry.what, What::Exact(_)))
     }
 
     /// The blocks of alternatives, in order.

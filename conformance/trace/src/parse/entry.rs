@@ -12,7 +12,7 @@ use super::payload::{self, Damage, levels, named};
 use crate::error::ParseErrorKind;
 use crate::limits::BREAK_MICROS;
 use crate::model::{
-    CheckFault, DeliveryEnd, Drain, Entry, Expected, HostRequest, LineErrorKind, LineEvent,
+    CheckFault, DeliveryEnd, Drain, Entry, Exact, Expected, HostRequest, LineErrorKind, LineEvent,
     LinkDownReason, ModemLine, Room, SourceLine, Time, What, When,
 };
 
@@ -25,15 +25,18 @@ const CODE: &str = "a reason like no-answer";
 const STATUS: &str = "a status of 1 to 4 hex digits";
 const SENT: &str = "a number of bytes sent";
 
+/// Not an event: what stands on the link before the first.
+pub(crate) const UNDER_WAY: &str = "under-way";
+
 /// An entry that begins at `floor` or later.
 pub(super) fn entry(input: &str, floor: Time, line: u32) -> Parsed<'_, Entry> {
     let (rest, sign) = demand(
-        "one of `<` `<<` `>` `!` `?` `=` `.` `#` `{ alt`",
-        alt((tag("<<"), tag("<"), tag(">"), tag("!"), tag("?"), tag("="), tag("."))),
+        "one of `<` `<<` `>` `!` `?` `=` `@` `.` `#` `{ alt`",
+        alt((tag("<<"), tag("<"), tag(">"), tag("!"), tag("?"), tag("="), tag("@"), tag("."))),
     )
     .parse(input)?;
     let (time_at, ()) = close(rest, ())?;
-    let (rest, when) = when(time_at, sign == ".")?;
+    let (rest, when) = when(time_at, matches!(sign, "." | "@"))?;
     if when.from < floor {
         return fail(time_at, ParseErrorKind::NotSorted { time: when.from, before: floor });
     }
@@ -47,6 +50,7 @@ pub(super) fn entry(input: &str, floor: Time, line: u32) -> Parsed<'_, Entry> {
             "!" => line_event(rest).map(|(rest, event)| (rest, What::Line(event))),
             "?" => host(rest).map(|(rest, request)| (rest, What::Host(request))),
             "=" => action(rest).map(|(rest, action)| (rest, What::Act(action))),
+            "@" => exact(rest).map(|(rest, exact)| (rest, What::Exact(exact))),
             _ => Ok((rest, What::Quiet)),
         }?;
     end(rest, NOTHING_MORE)?;
@@ -57,7 +61,7 @@ fn when(input: &str, only_a_time: bool) -> Parsed<'_, When> {
     let (rest, from) = time(input)?;
     let Some(to_at) = rest.strip_prefix('~') else { return close(rest, When::at(from)) };
     if only_a_time {
-        return expected(rest, "a single time; `.` has no window");
+        return expected(rest, "a single time; `.` and `@` have no window");
     }
     let (rest, to) = time(to_at)?;
     if to < from {
@@ -85,6 +89,20 @@ fn output(input: &str) -> Parsed<'_, What> {
         input,
         "bytes (41 42, \"text\", file:SHA256, gen:NAME(SEED,LENGTH)), modem lines (rts+ dtr-) or break MICROSECONDS",
     )
+}
+
+fn exact(input: &str) -> Parsed<'_, Exact> {
+    let (rest, event) = name("an event of the ABI, or under-way", input)?;
+    if event == UNDER_WAY {
+        let (rest, facts) = assignments(rest, |_| true)?;
+        return Ok((rest, Exact::UnderWay(facts)));
+    }
+    let (rest, payload) = if at_end(rest) {
+        (rest, crate::Payload::default())
+    } else {
+        payload::bytes(rest, Damage::Refused)?
+    };
+    Ok((rest, Exact::Event { name: event.to_owned(), payload }))
 }
 
 fn line_event(input: &str) -> Parsed<'_, LineEvent> {

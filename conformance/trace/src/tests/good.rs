@@ -276,3 +276,22 @@ fn the_example_of_the_documentation_is_canonical() {
     let trace = Trace::parse(example).unwrap_or_else(|error| panic!("{}", error.report(path)));
     assert_eq!(trace.format(), example);
 }
+
+#[test]
+fn exact_events() {
+    stays(
+        "@ 0.000000 under-way job=3 pass=run requests=1,2\n\
+         @ 0.000000 open 01 08 00 02  ; SOH BS NUL STX\n\
+         @ 0.000000 save\n\
+         @ 0.001500 received 47 31 13  ; 'G1' DC3=XOFF\n\
+         . 1.000000\n",
+    );
+    let trace = parse_body("@ 0.0 received \"G1\"\n").unwrap();
+    assert!(trace.is_recording() && trace.inputs().count() == 1);
+    assert!(!Trace::parse(HOLD).unwrap().is_recording());
+    for wrong in
+        ["@ 0.0~1.0 received 41", "@ 0.0", "@ 0.0 received ~p41", "@ 0.0 under-way a=1 a=2"]
+    {
+        assert!(parse_body(&format!("{wrong}\n")).is_err(), "{wrong}");
+    }
+}
