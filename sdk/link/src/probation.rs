@@ -5,7 +5,7 @@ use crate::fault::{LinkFault, RuleBroken};
 use crate::requests::is_too_long;
 use crate::saving::{SavedState, answer_of, saved_by};
 use crate::swap::Spare;
-use crate::{Link, Outside};
+use crate::{Link, Outside, UnderWay};
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Action, Event, EventKind, Failure, Instance, Micros};
 
@@ -31,6 +31,8 @@ pub struct Reverted<I: Instance> {
     pub fault: LinkFault<I::Fault>,
     /// The plug-in that failed.
     pub failed: I,
+    /// What was under way on the link when it had taken over.
+    pub taken_over_with: UnderWay,
 }
 
 impl<I: Instance> Probation<I> {
@@ -120,9 +122,11 @@ impl<I: Instance> Link<I> {
         let Ok(answer) = self.resumed(&mut instance, &settings, &state, outside) else {
             return self.ended_by(Err(fault), outside);
         };
+        let taken_over_with = std::mem::take(&mut self.taken_over_with);
         let failed = self.seat(instance, settings, &answer, outside);
         let (at, kind) = (self.now, event.kind());
-        self.reverted = Some(Box::new(Reverted { at, event: kind, fault, failed }));
+        self.reverted =
+            Some(Box::new(Reverted { at, event: kind, fault, failed, taken_over_with }));
         self.begin_request();
         self.tell_modem_lines(outside)?;
         self.give_again(event, outside)

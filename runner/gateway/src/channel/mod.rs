@@ -181,6 +181,10 @@ impl<I: Instance> Channel<I> {
         &self.link
     }
 
+    pub(crate) fn link_mut(&mut self) -> &mut Link<I> {
+        &mut self.link
+    }
+
     /// What has been counted up to `now`.
     pub fn counters(&self, now: Micros) -> Counters {
         self.counters.at(now)
@@ -337,17 +341,15 @@ impl<I: Instance> Channel<I> {
         instance: I,
         settings: SettingValues,
         outside: &mut dyn Surroundings,
-    ) -> Result<(), ChannelError<I::Fault>> {
+    ) -> Result<I, ChannelError<I::Fault>> {
         (self.pending_from, self.pending_to) = (0, 0);
         self.readable = true;
-        self.ask(now, outside, |link, now, outside| {
-            link.replace(now, instance, settings, outside).map(drop)
-        })??;
-        Ok(())
+        Ok(self.ask(now, outside, |link, now, outside| {
+            link.replace(now, instance, settings, outside)
+        })??)
     }
 
-    /// A port for a plug-in that has ended; its successor opens on it.
-    pub(crate) fn put_port(&mut self, port: Port) {
+    fn put_port(&mut self, port: Port) {
         self.pacer = pacer(port.line(), self.depth);
         self.departures.begin_anew(port.rate_known());
         self.modem_lines = port.modem_lines();
@@ -372,10 +374,11 @@ impl<I: Instance> Channel<I> {
         self.put_port(port);
         let lines = self.modem_lines;
         self.ask(now, outside, |link, now, outside| {
-            link.link_up(now, outside)?;
-            if let Some((known, on)) = lines {
-                link.modem_lines(now, known, on, outside)?;
-            }
+            // Also where the plug-in has ended: its successor finds the port back.
+            let up = link.link_up(now, outside);
+            let told =
+                lines.map_or(Ok(()), |(known, on)| link.modem_lines(now, known, on, outside));
+            up.and(told)?;
             link.run(now, outside)
         })??;
         Ok(())

@@ -26,7 +26,7 @@ pub use endpoint::{ENDPOINT_JOBS, Endpoint, EndpointNews, EndpointWish, LaneEndp
 pub use report::{Alarm, AlarmKind, JobEnd, JobOutcome, LaneFault, Report};
 pub use setup::{Backoff, Command, Feed, LaneId, LaneSetup, Watchdogs};
 pub use status::{Condition, LaneFigures, LaneStatus};
-pub use swap::{Swap, SwapReport};
+pub use swap::{Probation, Swap, SwapReport, When};
 pub use watch::{Seen, Sight, Watch};
 
 use opener::Opener;

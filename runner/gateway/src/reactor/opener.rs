@@ -16,6 +16,7 @@ type Opened = Box<dyn FnOnce(Result<Port, PortError>) + Send>;
 enum Task {
     Open { spec: PortSpec, options: PortOptions, opened: Opened },
     Close(Port),
+    Bury(Box<dyn Send>),
 }
 
 /// Devices are opened one after the other; what may wait for somebody else has a
@@ -45,12 +46,18 @@ impl Opener {
     pub(super) fn close(&self, port: Port) {
         let _ = self.devices.send(Task::Close(port));
     }
+
+    /// Drops a plug-in: its memory is given back to the system.
+    pub(super) fn bury(&self, instance: Box<dyn Send>) {
+        let _ = self.devices.send(Task::Bury(instance));
+    }
 }
 
 fn serve(tasks: &Receiver<Task>) {
     for task in tasks {
         match task {
             Task::Close(port) => drop(port),
+            Task::Bury(instance) => drop(instance),
             Task::Open { spec: spec @ (PortSpec::Device(_) | PortSpec::Pty), options, opened } => {
                 opened(Port::open(&spec, &options));
             }

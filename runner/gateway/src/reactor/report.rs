@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use super::endpoint::EndpointNews;
 use super::swap::SwapReport;
 use crate::port::SettingDifference;
+use crate::recorder::Recording;
 use crate::reservoir::ReservoirReader;
 
 /// What a lane tells. Never about single bytes: these are in its
@@ -194,5 +195,8 @@ pub struct LaneFault {
     /// What the plug-in said last.
     pub last_words: Option<String>,
     /// What led there, as the flight recorder has it; empty without one.
-    pub recording: Vec<u8>,
+    pub recording: Recording,
+    /// It was on probation. As a [fault](Report::Fault): the plug-in before it could
+    /// not go on either.
+    pub on_probation: bool,
 }

@@ -60,6 +60,14 @@ impl<I: Instance> Instance for Recorded<I> {
         self.log.add(event, now);
         self.inner.step(event, now)
     }
+
+    fn total_fuel(&self) -> u64 {
+        self.inner.total_fuel()
+    }
+
+    fn last_words(&self) -> Option<&str> {
+        self.inner.last_words()
+    }
 }
 
 /// Has the plug-in save its state, from which its record goes on. To be called

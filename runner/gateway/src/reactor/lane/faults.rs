@@ -1,4 +1,4 @@
-//! A lane's plug-in: at fault, replaced, swapped.
+//! A lane's plug-in: at fault, and replaced.
 
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{EventKind, Instance};
@@ -6,11 +6,12 @@ use softplug_link::LinkFault;
 use std::error::Error;
 use std::fmt::Write as _;
 
+use super::swapping::event_of;
 use super::{Lane, Phase};
 use crate::channel::ChannelError;
 use crate::reactor::report::{LaneFault, Report};
-use crate::reactor::swap::{Swap, SwapReport};
 use crate::reactor::thread::Thread;
+use crate::recorder::{Recorded, Recording, checkpoint, recording};
 
 impl<I: Instance + Send + 'static> Lane<I> {
     /// The channel could not go on.
@@ -22,24 +23,22 @@ impl<I: Instance + Send + 'static> Lane<I> {
     }
 
     pub(super) fn plugin_failed(&mut self, fault: &LinkFault<I::Fault>) {
-        let event = match fault {
-            LinkFault::Instance { event, .. }
-            | LinkFault::Malformed { event, .. }
-            | LinkFault::Rule { event, .. } => Some(*event),
-            LinkFault::Ended => None,
-        };
-        self.fault(event, sentence(fault));
+        self.fault(event_of(fault), sentence(fault));
     }
 
     fn fault(&mut self, event: Option<EventKind>, sentence: String) {
         if std::mem::replace(&mut self.is_faulted, true) {
             return;
         }
-        let last_words = match &self.phase {
-            Phase::Open(channel) => channel.link().instance().last_words().map(str::to_owned),
-            Phase::New(_) => None,
+        let (last_words, recording) = match &self.phase {
+            Phase::Open(channel) => {
+                let link = channel.link();
+                (link.instance().last_words().map(str::to_owned), recording(link))
+            }
+            Phase::New(_) => (None, Recording::default()),
         };
-        let fault = LaneFault { event, sentence, last_words, recording: Vec::new() };
+        let on_probation = self.swapping.ends();
+        let fault = LaneFault { event, sentence, last_words, recording, on_probation };
         self.floor.tell(Report::Fault(Box::new(fault)));
     }
 
@@ -50,52 +49,58 @@ impl<I: Instance + Send + 'static> Lane<I> {
             self.fault(None, "the plug-in tells more than anybody can take in".to_owned());
         }
         self.abort_without_source(thread);
+        self.look_after_swap(thread);
+        if let Phase::Open(channel) = &self.phase
+            && channel.link().instance().wants_checkpoint()
+        {
+            self.ask(thread, checkpoint);
+        }
     }
 
     /// Another plug-in on the same port, after a fault.
     pub(super) fn replace(&mut self, thread: &Thread<I>, instance: I, settings: SettingValues) {
-        let Phase::Open(channel) = &mut self.phase else {
-            if let Phase::New(Some((made, options))) = &mut self.phase {
-                *made = instance;
-                options.settings = settings;
-            }
+        if let Phase::New(Some((made, options))) = &mut self.phase {
+            *made = Recorded::new(instance, self.recorder_bytes);
+            options.settings = settings;
             return;
-        };
-        self.is_faulted = false;
-        self.floor.has_flooded = false;
+        }
         self.floor.own.restarts += 1;
-        let replaced = channel.replace(self.clock.now(), instance, settings, &mut self.floor);
-        match replaced {
+        match self.put(thread, instance, settings) {
             Ok(()) => self.floor.tell(Report::Up),
             Err(error) => self.failed(thread, error),
         }
     }
 
-    pub(super) fn swap(&mut self, thread: &Thread<I>, swap: Swap<I>) {
-        let Phase::Open(channel) = &mut self.phase else {
-            let sentence = "the link's port has not been open yet".to_owned();
-            return self.floor.tell(Report::Swapped(SwapReport::Refused { sentence }));
-        };
-        let now = self.clock.now();
-        let swapped = channel.ask(now, &mut self.floor, |link, now, outside| {
-            link.swap_to(now, swap.successor, outside)
-        });
-        match swapped {
-            Ok(Ok(_old)) => {
-                let pause = self.clock.now() - now;
-                self.floor.tell(Report::Swapped(SwapReport::Done { pause }));
-            }
-            Ok(Err(error)) => {
-                let sentence = sentence(&error);
-                self.floor.tell(Report::Swapped(SwapReport::Refused { sentence }));
-            }
-            Err(error) => self.port_failed(thread, &error),
-        }
+    /// Puts a plug-in in place, as new.
+    pub(super) fn put(
+        &mut self,
+        thread: &Thread<I>,
+        instance: I,
+        settings: SettingValues,
+    ) -> Result<(), ChannelError<I::Fault>> {
+        let Phase::Open(channel) = &mut self.phase else { return Ok(()) };
+        self.is_faulted = false;
+        self.swapping.ends();
+        self.floor.has_flooded = false;
+        let instance = Recorded::new(instance, self.recorder_bytes);
+        let old = channel.replace(self.clock.now(), instance, settings, &mut self.floor)?;
+        thread.opener.bury(Box::new(old));
+        Ok(())
     }
 }
 
+/// What is told of a plug-in's fault.
+pub(super) fn fault_of<F: Error + 'static>(
+    fault: &LinkFault<F>,
+    last_words: Option<String>,
+    recording: Recording,
+) -> LaneFault {
+    let (event, sentence) = (event_of(fault), sentence(fault));
+    LaneFault { event, sentence, last_words, recording, on_probation: false }
+}
+
 /// An error with all that caused it, which it does not say itself.
-fn sentence(error: &dyn Error) -> String {
+pub(super) fn sentence(error: &dyn Error) -> String {
     let mut sentence = error.to_string();
     let mut cause = error.source();
     while let Some(error) = cause {

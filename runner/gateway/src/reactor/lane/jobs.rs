@@ -10,6 +10,7 @@ use crate::reactor::floor::Ended;
 use crate::reactor::report::{JobEnd, JobOutcome, Report};
 use crate::reactor::setup::Feed;
 use crate::reactor::thread::Thread;
+use crate::recorder::Recorded;
 
 impl<I: Instance + Send + 'static> Lane<I> {
     pub(super) fn begin(&mut self, thread: &Thread<I>, feed: Feed) {
@@ -154,7 +155,7 @@ impl<I: Instance + Send + 'static> Lane<I> {
         let is_hungry = self.floor.job.as_ref().is_some_and(|active| {
             active.is_hungry && active.taken > 0 && active.id < ENDPOINT_JOBS
         });
-        let is_free = |channel: &crate::channel::Channel<I>| {
+        let is_free = |channel: &crate::channel::Channel<Recorded<I>>| {
             channel.gone().is_none() && channel.link().hold() == HoldState::Free
         };
         is_hungry
@@ -166,7 +167,7 @@ impl<I: Instance + Send + 'static> Lane<I> {
     /// Counts the time for which a job waits for data while the line stands idle.
     pub(super) fn count_starved(&mut self, now: Micros) {
         let was_since = self.starved_since.take();
-        let idle = |channel: &crate::channel::Channel<I>| !channel.is_sending(now);
+        let idle = |channel: &crate::channel::Channel<Recorded<I>>| !channel.is_sending(now);
         let is_starved = self.is_about_to_starve()
             && matches!(&self.phase, Phase::Open(channel) if idle(channel));
         match (was_since, is_starved) {

@@ -3,6 +3,7 @@
 mod faults;
 mod jobs;
 mod port;
+mod swapping;
 mod watchdogs;
 
 use softplug_abi::{Instance, Micros};
@@ -19,7 +20,9 @@ use super::status::{Condition, JobFigures, LaneStatus};
 use super::thread::Thread;
 use crate::channel::{Channel, StationOptions, Wants, Work};
 use crate::clock::Clock;
+use crate::recorder::Recorded;
 use port::PortSetup;
+use swapping::Swapping;
 use watchdogs::Watching;
 
 /// Tokens of one lane: its port, then its endpoint's.
@@ -46,6 +49,8 @@ pub(super) struct Lane<I: Instance> {
     clock: Clock,
     began: Micros,
     watching: Watching,
+    swapping: Swapping<I>,
+    recorder_bytes: usize,
     status: Arc<LaneStatus>,
     next_endpoint_job: u32,
     /// No plug-in that works is in it.
@@ -56,8 +61,8 @@ pub(super) struct Lane<I: Instance> {
 
 enum Phase<I: Instance> {
     /// The port has not been open yet.
-    New(Option<(I, StationOptions)>),
-    Open(Box<Channel<I>>),
+    New(Option<(Recorded<I>, StationOptions)>),
+    Open(Box<Channel<Recorded<I>>>),
 }
 
 impl<I: Instance + Send + 'static> Lane<I> {
@@ -72,11 +77,14 @@ impl<I: Instance + Send + 'static> Lane<I> {
         thread: &Thread<I>,
     ) -> Self {
         let first = slot * TOKENS;
+        let instance = Recorded::new(setup.instance, setup.recorder_bytes);
         let mut lane = Self {
             id,
             tokens: first..first + TOKENS,
             floor: floor(setup.station.delivery_room, setup.endpoint),
-            phase: Phase::New(Some((setup.instance, setup.station))),
+            phase: Phase::New(Some((instance, setup.station))),
+            swapping: Swapping::new(),
+            recorder_bytes: setup.recorder_bytes,
             port: PortSetup::new(setup.port, setup.port_options, setup.reopen),
             clock: Clock::start(),
             began: thread.clock.now(),
@@ -169,7 +177,11 @@ impl<I: Instance + Send + 'static> Lane<I> {
     fn ask(
         &mut self,
         thread: &Thread<I>,
-        act: impl FnOnce(&mut Link<I>, Micros, &mut dyn Outside) -> Result<(), LinkFault<I::Fault>>,
+        act: impl FnOnce(
+            &mut Link<Recorded<I>>,
+            Micros,
+            &mut dyn Outside,
+        ) -> Result<(), LinkFault<I::Fault>>,
     ) {
         if self.is_faulted {
             return;
@@ -208,6 +220,7 @@ impl<I: Instance + Send + 'static> Lane<I> {
             self.watching.next(),
             self.floor.state_due(),
             self.closing_until,
+            self.swap_deadline(now),
         ]
         .into_iter()
         .flatten()

@@ -85,7 +85,7 @@ impl<I: Instance + Send + 'static> Lane<I> {
                 began
             }
             Phase::Open(channel) if self.is_faulted => {
-                channel.put_port(port);
+                let _ = channel.attach(port, self.clock.now(), &mut self.floor);
                 Ok(())
             }
             Phase::Open(channel) => channel.attach(port, self.clock.now(), &mut self.floor),
