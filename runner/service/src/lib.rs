@@ -6,8 +6,10 @@
 //! [`view`] is what they are shown.
 #![cfg(target_os = "linux")]
 
+pub mod clerk;
 pub mod config;
 pub mod disk;
+pub mod feeder;
 pub mod gateway;
 pub mod guess;
 pub mod http;
@@ -19,6 +21,7 @@ pub mod programs;
 pub mod refusal;
 pub mod supervise;
 pub mod view;
+mod wakes;
 
 pub use config::Config;
 pub use gateway::Gateway;

@@ -2,7 +2,7 @@
 //! kept and marked.
 
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, Write};
+use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::{numbered, rename_to_free, safe_name, sync_folder};
@@ -92,11 +92,16 @@ impl Inbox {
     /// More bytes of the delivery under way.
     ///
     /// # Errors
-    /// They cannot be written.
+    /// They cannot be written. None of them is in the file then; they may be given again.
     pub fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         let Some(under_way) = &mut self.under_way else { return Ok(()) };
-        under_way.file.write_all(bytes)?;
-        under_way.bytes += bytes.len() as u64;
+        let UnderWay { file, bytes: before, .. } = under_way;
+        if let Err(error) = file.write_all(bytes) {
+            file.set_len(*before)?;
+            file.seek(SeekFrom::Start(*before))?;
+            return Err(error);
+        }
+        *before += bytes.len() as u64;
         Ok(())
     }
 
@@ -108,8 +113,8 @@ impl Inbox {
     /// The delivery under way has ended; `name` is from the line.
     ///
     /// # Errors
-    /// The file cannot be brought onto the disk or get its name; what came stays
-    /// in the `.partial` one.
+    /// The file cannot be brought onto the disk, and is kept as failed then; or it cannot get its
+    /// name: what came stays in the `.partial` one.
     pub fn end(&mut self, name: Option<&str>, mark: Mark) -> io::Result<Kept> {
         let Some(UnderWay { file, path, bytes }) = self.under_way.take() else {
             return Ok(Kept { path: None, bytes: 0 });
@@ -118,16 +123,17 @@ impl Inbox {
             fs::remove_file(&path)?;
             return Ok(Kept { path: None, bytes });
         }
-        file.sync_all()?;
+        let synced = file.sync_all();
         drop(file);
         let end = match mark {
-            Mark::Complete => "",
-            Mark::Failed => ".failed",
+            Mark::Complete if synced.is_ok() => "",
+            _ => ".failed",
         };
         let to = match name.and_then(safe_name) {
             Some(name) => rename_to_free(&path, numbered(&self.folder, &name, end))?,
             None => self.number(&path, end)?,
         };
+        synced?;
         sync_folder(&self.folder)?;
         Ok(Kept { path: Some(to), bytes })
     }

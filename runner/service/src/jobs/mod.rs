@@ -414,7 +414,7 @@ impl Jobs {
     /// # Errors
     /// The database cannot be read.
     pub fn last_sent(&self, link: &str, program: &str) -> Result<Option<Sent>, JobsError> {
-        Ok(self.book().sent(link, program)?)
+        Ok(self.book().sent(link, plain_name(program))?)
     }
 
     /// The snapshots that a job or a comparison may need yet.
@@ -507,7 +507,14 @@ fn narrowed(known: Extent, left: Extent) -> Extent {
 fn sent(job: &Job) -> Option<(String, String, Sent)> {
     let is_whole = job.state == State::Done && job.order.kind == Kind::Send && job.order.from == 0;
     let (program, data) = (job.order.program.clone()?, job.order.data?);
-    is_whole.then(|| (job.order.link.clone(), program, Sent { job: job.id, data }))
+    let name = plain_name(&program).to_owned();
+    is_whole.then(|| (job.order.link.clone(), name, Sent { job: job.id, data }))
+}
+
+/// As a machine would call it: without folders and extension.
+fn plain_name(program: &str) -> &str {
+    let file = program.rsplit('/').next().unwrap_or(program);
+    file.rsplit_once('.').map_or(file, |(stem, _)| if stem.is_empty() { file } else { stem })
 }
 
 fn note(job: &Job, text: String) -> Note {

@@ -1,0 +1,227 @@
+//! One delivery on its way to the disk. Every step can be tried again.
+
+use std::fs::File;
+
+use softplug_abi::Failure;
+use softplug_gateway::reactor::LaneId;
+use softplug_gateway::reservoir::{Drawn, ReservoirReader};
+use softplug_gateway::store::Mark;
+
+use super::{ClerkNews, Incoming, Office};
+use crate::jobs::{Comparison, Reason, Reception};
+use crate::programs::{Arrival, Arrived, first_difference};
+
+/// Turns of one delivery before the next has its turn, in buffers.
+const TURNS: usize = 4;
+
+pub(super) struct Delivery {
+    pub(super) lane: LaneId,
+    pub(super) id: u32,
+    pub(super) link: String,
+    place: String,
+    answers: Option<u32>,
+    bytes: ReservoirReader,
+    pub(super) name: Option<String>,
+    end: Option<End>,
+    /// There may be something to read, or it has ended.
+    pub(super) is_woken: bool,
+    /// The disk refused; when it is tried again.
+    pub(super) retry_at: Option<std::time::Instant>,
+    /// Read, and not yet written.
+    pending: Vec<u8>,
+    written: u64,
+    stage: Stage,
+}
+
+/// How it ended.
+struct End {
+    failure: Option<Failure>,
+    status: u16,
+    /// How many bytes the plug-in gave, if it said so.
+    bytes: Option<u64>,
+}
+
+enum Stage {
+    /// No job and no file yet.
+    New,
+    /// Its job is known.
+    Numbered(u32),
+    /// Its file is being written.
+    Coming(u32, Box<Arrival>),
+    /// It is on the disk, and not yet in the book.
+    Kept(u32, Arrived, Option<Reason>),
+    Over,
+}
+
+/// What a delivery waits for.
+pub(super) enum Next {
+    /// Being woken.
+    Woken,
+    /// Its next turn.
+    Again,
+    /// Nothing.
+    Over,
+}
+
+impl Delivery {
+    pub(super) fn new(incoming: Incoming) -> Self {
+        let Incoming { lane, link, place, delivery, job, bytes } = incoming;
+        Self {
+            lane,
+            id: delivery,
+            link,
+            place,
+            answers: job,
+            bytes,
+            name: None,
+            end: None,
+            is_woken: true,
+            retry_at: None,
+            pending: Vec::new(),
+            written: 0,
+            stage: Stage::New,
+        }
+    }
+
+    pub(super) fn has_ended(&self) -> bool {
+        self.end.is_some()
+    }
+
+    /// The first end counts.
+    pub(super) fn end(&mut self, failure: Option<Failure>, status: u16, bytes: Option<u64>) {
+        self.end.get_or_insert(End { failure, status, bytes });
+        self.is_woken = true;
+    }
+
+    /// Goes as far as it can.
+    pub(super) fn work(
+        &mut self,
+        office: &Office,
+        buffer: &mut [u8],
+        tell: &mut dyn FnMut(ClerkNews),
+    ) -> Result<Next, String> {
+        if let Stage::New = self.stage {
+            let job = match self.answers {
+                Some(job) => job,
+                None => {
+                    let job = office.jobs.receive(&self.link).map_err(|error| error.to_string())?;
+                    let id = job.id;
+                    tell(ClerkNews::Begun(Box::new(job)));
+                    id
+                }
+            };
+            self.stage = Stage::Numbered(job);
+        }
+        if let Stage::Numbered(job) = self.stage {
+            let arrival = office.receptions.begin(&self.place, job);
+            let arrival = arrival.map_err(|error| error.to_string())?;
+            self.stage = Stage::Coming(job, Box::new(arrival));
+        }
+        if let Stage::Coming(..) = self.stage
+            && let Some(next) = self.take(buffer)?
+        {
+            return Ok(next);
+        }
+        self.keep()?;
+        self.write_down(office, tell)?;
+        Ok(Next::Over)
+    }
+
+    /// Writes what there is; `None` when that was all.
+    fn take(&mut self, buffer: &mut [u8]) -> Result<Option<Next>, String> {
+        let Stage::Coming(_, arrival) = &mut self.stage else { return Ok(None) };
+        let cannot = |error| format!("what comes on \"{}\" cannot be written: {error}", self.link);
+        if !self.pending.is_empty() {
+            arrival.write(&self.pending).map_err(cannot)?;
+            self.written += self.pending.len() as u64;
+            self.pending.clear();
+        }
+        for _ in 0..TURNS {
+            match self.bytes.read(buffer) {
+                Drawn::Bytes(count) => {
+                    let bytes = &buffer[..count];
+                    if let Err(error) = arrival.write(bytes) {
+                        self.pending.extend_from_slice(bytes);
+                        return Err(cannot(error));
+                    }
+                    self.written += count as u64;
+                }
+                Drawn::Later if self.end.is_none() => return Ok(Some(Next::Woken)),
+                // The lane says when it ends, and closes the buffer before.
+                Drawn::End | Drawn::Failed if self.end.is_none() => return Ok(Some(Next::Woken)),
+                Drawn::Later | Drawn::End | Drawn::Failed => return Ok(None),
+            }
+        }
+        Ok(Some(Next::Again))
+    }
+
+    fn keep(&mut self) -> Result<(), String> {
+        let (job, arrival) = match std::mem::replace(&mut self.stage, Stage::Over) {
+            Stage::Coming(job, arrival) => (job, arrival),
+            other => {
+                self.stage = other;
+                return Ok(());
+            }
+        };
+        let reason = self.reason();
+        let mark = if reason.is_some() { Mark::Failed } else { Mark::Complete };
+        let (arrived, reason) = match arrival.end(self.name.as_deref(), mark) {
+            Ok(arrived) => (arrived, reason),
+            // Not to be tried again: after a failed write the system forgets what it had.
+            Err(error) => {
+                let lost = Arrived { path: None, name: self.name.clone(), bytes: self.written };
+                (lost, Some(Reason::new("disk", error.to_string())))
+            }
+        };
+        self.stage = Stage::Kept(job, arrived, reason);
+        Ok(())
+    }
+
+    fn reason(&self) -> Option<Reason> {
+        let end = self.end.as_ref()?;
+        match (end.failure, end.bytes) {
+            (Some(failure), _) => {
+                Some(Reason { status: end.status, ..Reason::new(failure.name(), failure.text()) })
+            }
+            (None, Some(bytes)) if bytes != self.written => Some(Reason::new(
+                "internal",
+                format!("{bytes} bytes came, and {} were put away", self.written),
+            )),
+            (None, _) => None,
+        }
+    }
+
+    fn write_down(
+        &mut self,
+        office: &Office,
+        tell: &mut dyn FnMut(ClerkNews),
+    ) -> Result<(), String> {
+        let Stage::Kept(job, arrived, reason) = &self.stage else { return Ok(()) };
+        let reception = Reception {
+            file: arrived.file(),
+            bytes: arrived.bytes,
+            is_complete: reason.is_none(),
+            compared: compare(office, &self.link, arrived),
+        };
+        let name = arrived.name.clone();
+        match office.jobs.received(*job, name, reception, reason.clone()) {
+            Ok(job) => tell(ClerkNews::Kept(Box::new(job))),
+            Err(error @ (crate::jobs::JobsError::Disk(_) | crate::jobs::JobsError::Book(_))) => {
+                return Err(error.to_string());
+            }
+            // The job that it answers has ended in the meantime; the file stays.
+            Err(error) => tracing::warn!(job, %error, "a reception belongs to no job any more"),
+        }
+        self.stage = Stage::Over;
+        Ok(())
+    }
+}
+
+/// With what was sent last under this name. What cannot be compared is not.
+fn compare(office: &Office, link: &str, arrived: &Arrived) -> Option<Comparison> {
+    let (name, path) = (arrived.name.as_ref()?, arrived.path.as_ref()?);
+    let sent = office.jobs.last_sent(link, name).ok()??;
+    let (one, other) = (File::open(path).ok()?, office.snapshots.open(sent.data).ok()?);
+    let differs_at = first_difference(one, other).ok()?;
+    Some(Comparison { with: sent.job, differs_at })
+}

@@ -1,0 +1,305 @@
+//! The feeder and the clerk: what they pass on is whole, between the marks, and
+//! written down before.
+
+use std::io::Write;
+use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use softplug_abi::Failure;
+use softplug_gateway::reactor::LaneId;
+use softplug_gateway::reservoir::{Drawn, ReservoirReader, reservoir};
+use softplug_service::clerk::{Clerk, ClerkNews, Incoming};
+use softplug_service::feeder::{Feeder, Feeding, Pace, Stream};
+use softplug_service::jobs::{Data, Ending, Extent, Jobs, Keep, Kind, Order, State};
+use softplug_service::programs::{Receptions, Snapshots};
+
+struct Shop {
+    folder: tempfile::TempDir,
+    jobs: Jobs,
+    snapshots: Snapshots,
+    receptions: Receptions,
+}
+
+impl Shop {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let (jobs, _) = Jobs::open(&folder.path().join("state"), Keep::default()).unwrap();
+        let snapshots = Snapshots::open_folder(&folder.path().join("snapshots")).unwrap();
+        let receptions = Receptions::open(&folder.path().join("receptions")).unwrap();
+        Self { folder, jobs, snapshots, receptions }
+    }
+
+    fn feeder(&self) -> Feeder {
+        Feeder::start(self.jobs.clone(), self.snapshots.clone(), |news| panic!("{news:?}")).unwrap()
+    }
+
+    fn begun(&self, link: &str, program: &[u8], from: u64) -> (u32, Data) {
+        let data = self.snapshots.take_all(&mut &*program, "O1", u64::MAX - 1).unwrap();
+        let order = Order { from, ..Order::send(link, "O1", data) };
+        let id = self.jobs.submit(order).unwrap().id;
+        self.jobs.begin(id).unwrap();
+        (id, data)
+    }
+
+    fn clerk(&self) -> (Clerk, Receiver<ClerkNews>) {
+        let (tell, news) = channel();
+        let tell = move |what| tell.send(what).unwrap();
+        let receptions = self.receptions.clone();
+        let clerk = Clerk::start(self.jobs.clone(), receptions, self.snapshots.clone(), tell);
+        (clerk.unwrap(), news)
+    }
+}
+
+fn program(bytes: usize) -> Vec<u8> {
+    (0..).flat_map(|n| format!("N{n} G1 X{}\n", n * 7 % 1_000).into_bytes()).take(bytes).collect()
+}
+
+/// Takes all that comes, in pieces of different sizes; `look` sees how much came.
+fn drain(mut reader: ReservoirReader, mut look: impl FnMut(u64)) -> (Vec<u8>, Drawn) {
+    let mut taken = Vec::new();
+    let mut buffer = [0; 700];
+    loop {
+        let size = 1 + taken.len() * 31 % buffer.len();
+        match reader.read(&mut buffer[..size]) {
+            Drawn::Bytes(count) => {
+                taken.extend_from_slice(&buffer[..count]);
+                look(taken.len() as u64);
+            }
+            Drawn::Later => std::thread::yield_now(),
+            end => return (taken, end),
+        }
+    }
+}
+
+fn feeding(
+    job: u32,
+    data: Data,
+    from: u64,
+    to: softplug_gateway::reservoir::ReservoirWriter,
+) -> Feeding {
+    let pace = Pace { packet: 512, characters_a_second: None };
+    Feeding { job, data, from, to, pace, is_check: false, status: None }
+}
+
+#[test]
+fn every_byte_arrives_and_none_before_it_was_written_down() {
+    let shop = Shop::new();
+    let feeder = shop.feeder();
+    std::thread::scope(|scope| {
+        for (link, size, from) in
+            [("a", 100_000, 0), ("b", 77_777, 1_234), ("c", 3, 1), ("d", 4_096, 0)]
+        {
+            let (shop, feeder) = (&shop, &feeder);
+            scope.spawn(move || {
+                let program = program(size);
+                let (id, data) = shop.begun(link, &program, from);
+                let (writer, reader) = reservoir(8_192, 2_048, 6_000);
+                let figures = reader.figures();
+                feeder.feed(feeding(id, data, from, writer));
+                let mut looks = 0;
+                let (taken, end) = drain(reader, |count| {
+                    looks += 1;
+                    if looks % 16 == 1 {
+                        let extent = shop.jobs.job(id).unwrap().extent;
+                        assert!(extent.maybe >= from + count, "{extent:?}, and {count} came");
+                        assert!(extent.maybe <= from + count + 2 * 6_000, "{extent:?}: too much");
+                    }
+                });
+                assert_eq!(end, Drawn::End);
+                assert!(taken == program[from as usize..], "{link}");
+                assert!(figures.highest() <= 6_000, "over the high mark");
+                assert_eq!(shop.jobs.job(id).unwrap().extent.maybe, size as u64);
+                feeder.forget(id);
+            });
+        }
+    });
+}
+
+#[test]
+fn a_check_reads_all_and_grants_nothing_and_the_run_after_it_begins_anew() {
+    let shop = Shop::new();
+    let feeder = shop.feeder();
+    let program = program(30_000);
+    let (id, data) = shop.begun("lathe", &program, 0);
+    let (writer, reader) = reservoir(8_192, 2_048, 6_000);
+    feeder.feed(Feeding { is_check: true, ..feeding(id, data, 0, writer) });
+    assert!(drain(reader, |_| ()) == (program.clone(), Drawn::End));
+    assert_eq!(shop.jobs.job(id).unwrap().extent, Extent::default());
+    let (writer, reader) = reservoir(8_192, 2_048, 6_000);
+    feeder.feed(feeding(id, data, 0, writer));
+    assert!(drain(reader, |_| ()) == (program, Drawn::End));
+    assert_eq!(shop.jobs.job(id).unwrap().extent.maybe, 30_000);
+}
+
+#[test]
+fn a_machine_that_takes_nothing_gets_no_more_than_the_buffer_holds() {
+    let shop = Shop::new();
+    let feeder = shop.feeder();
+    let (held, data) = shop.begun("held", &program(100_000), 0);
+    let (writer, reader) = reservoir(8_192, 2_048, 6_000);
+    feeder.feed(feeding(held, data, 0, writer));
+    // While another is served as ever.
+    let (other, data) = shop.begun("other", &program(60_000), 0);
+    let (writer, busy) = reservoir(8_192, 2_048, 6_000);
+    feeder.feed(feeding(other, data, 0, writer));
+    assert_eq!(drain(busy, |_| ()).0.len(), 60_000);
+    assert!((6_000 - 512..=6_000).contains(&reader.level()), "{}", reader.level());
+    let extent = shop.jobs.job(held).unwrap().extent;
+    assert!(extent.maybe <= 2 * 6_000, "{extent:?}");
+    feeder.forget(held);
+    // What it was promised is not all, and it is told so.
+    let (taken, end) = drain(reader, |_| ());
+    assert!(end == Drawn::Failed && taken.len() <= 6_000);
+}
+
+#[test]
+fn a_snapshot_that_is_gone_or_too_short_fails_the_job() {
+    let shop = Shop::new();
+    let feeder = shop.feeder();
+    let (id, data) = shop.begun("lathe", &program(10_000), 0);
+    let (writer, reader) = reservoir(8_192, 2_048, 6_000);
+    feeder.feed(feeding(id, Data { size: 20_000, ..data }, 0, writer));
+    assert_eq!(drain(reader, |_| ()).1, Drawn::Failed);
+    shop.snapshots.collect_garbage(&std::collections::BTreeSet::new()).unwrap();
+    let (writer, reader) = reservoir(8_192, 2_048, 6_000);
+    feeder.feed(feeding(id, data, 0, writer));
+    assert_eq!(drain(reader, |_| ()), (Vec::new(), Drawn::Failed));
+}
+
+#[test]
+fn a_stream_is_held_back_and_written_down_too() {
+    let shop = Shop::new();
+    let order = Order::new("lathe", Kind::Send, "send");
+    let id = shop.jobs.submit(order).unwrap().id;
+    shop.jobs.begin(id).unwrap();
+    let (writer, reader) = reservoir(4_096, 1_024, 3_000);
+    let (figures, jobs) = (reader.figures(), shop.jobs.clone());
+    let program = program(50_000);
+    let source = program.clone();
+    let upload = std::thread::spawn(move || {
+        let mut stream = Stream::new(jobs, id, writer);
+        stream.write_all(&source).unwrap();
+        stream.finish();
+    });
+    let (taken, end) = drain(reader, |count| {
+        assert!(shop.jobs.live()[0].extent.maybe >= count);
+    });
+    upload.join().unwrap();
+    assert!(end == Drawn::End && taken == program);
+    assert!(figures.highest() <= 3_000);
+
+    let (writer, reader) = reservoir(4_096, 1_024, 3_000);
+    let mut stream = Stream::new(shop.jobs.clone(), id, writer);
+    drop(reader);
+    assert_eq!(stream.write(b"G1").unwrap_err().kind(), std::io::ErrorKind::BrokenPipe);
+}
+
+fn kept(news: &Receiver<ClerkNews>) -> softplug_service::jobs::Job {
+    loop {
+        match news.recv_timeout(Duration::from_secs(60)).expect("news comes") {
+            ClerkNews::Kept(job) => return *job,
+            ClerkNews::Begun(job) => assert_eq!(job.state, State::Running),
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+#[test]
+fn receptions_are_put_away_named_and_compared() {
+    let shop = Shop::new();
+    let (clerk, news) = shop.clerk();
+    let sent = b"%\nO7\nN10 G1 X1\n%\n";
+    let data = shop.snapshots.take_all(&mut &sent[..], "lathes/O7.nc", 1_000).unwrap();
+    let job = shop.jobs.submit(Order::send("lathe", "lathes/O7.nc", data)).unwrap().id;
+    shop.jobs.begin(job).unwrap();
+    shop.jobs.end(job, Ending::Done, None).unwrap();
+
+    let receive = |delivery: u32, bytes: &[u8], name: Option<&str>, failure: Option<Failure>| {
+        let (mut writer, reader) = reservoir(64, 0, 64);
+        let (link, place) = ("lathe".to_owned(), "from lathe".to_owned());
+        let lane = LaneId(1);
+        clerk.take(Incoming { lane, link, place, delivery, job: None, bytes: reader });
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            let count = writer.write(rest);
+            rest = &rest[count..];
+            std::thread::yield_now();
+        }
+        if let Some(name) = name {
+            clerk.name(lane, delivery, name.to_owned());
+        }
+        writer.finish();
+        clerk.end(lane, delivery, failure, 0, bytes.len() as u64);
+        kept(&news)
+    };
+    let same = receive(1, sent, Some("O7"), None);
+    let reception = same.reception.clone().unwrap();
+    assert_eq!((same.state, reception.file.as_deref()), (State::Done, Some("O7")));
+    assert_eq!(reception.compared.unwrap().differs_at, None);
+    let other = receive(1, b"%\nO7\nN10 G1 X2\n%\n", None, None).reception.unwrap();
+    assert_eq!(other.file.as_deref(), Some("O7-2"));
+    assert_eq!(other.compared.unwrap().differs_at, Some(13));
+    let failed = receive(2, b"%\nO7\nN1", Some("O7"), Some(Failure::NoEndMark));
+    let reception = failed.reception.unwrap();
+    assert_eq!((failed.state, reception.file.as_deref()), (State::Failed, Some("O7.failed")));
+    assert_eq!((reception.is_complete, reception.bytes), (false, 7));
+    let nothing = receive(3, b"", None, Some(Failure::Aborted));
+    assert_eq!(nothing.reception.unwrap().file, None);
+    let names: Vec<_> = shop.receptions.list("from lathe").unwrap();
+    assert_eq!(names.len(), 3);
+    assert_eq!(std::fs::read(shop.folder.path().join("receptions/from lathe/O7")).unwrap(), sent);
+}
+
+#[test]
+fn what_is_under_way_when_the_gateway_ends_is_kept_as_failed() {
+    let shop = Shop::new();
+    let (clerk, news) = shop.clerk();
+    let (mut writer, reader) = reservoir(64, 0, 64);
+    let (link, place) = ("lathe".to_owned(), "lathe".to_owned());
+    clerk.take(Incoming { lane: LaneId(1), link, place, delivery: 1, job: None, bytes: reader });
+    writer.write(b"O1 half");
+    drop(clerk);
+    let job = kept(&news);
+    assert_eq!((job.state, job.reception.unwrap().bytes), (State::Failed, 7));
+    assert_eq!(shop.receptions.list("lathe").unwrap()[0].name, "O1.failed");
+    assert_eq!(shop.jobs.live(), []);
+}
+
+#[test]
+fn while_the_disk_takes_nothing_nothing_is_read_and_nothing_is_lost() {
+    let shop = Shop::new();
+    let (clerk, news) = shop.clerk();
+    // A file where the link's folder should be: nothing can be written.
+    let place = shop.folder.path().join("receptions/lathe");
+    std::fs::write(&place, "in the way").unwrap();
+    let (mut writer, reader) = reservoir(64, 0, 64);
+    let incoming = Incoming {
+        lane: LaneId(1),
+        link: "lathe".to_owned(),
+        place: "lathe".to_owned(),
+        delivery: 1,
+        job: None,
+        bytes: reader,
+    };
+    clerk.take(incoming);
+    assert_eq!(writer.write(&[b'X'; 100]), 64);
+    let said = Mutex::new(Vec::new());
+    let said = Arc::new(said);
+    loop {
+        match news.recv_timeout(Duration::from_secs(60)).unwrap() {
+            ClerkNews::Stuck { link, why } => {
+                said.lock().unwrap().push(why);
+                assert_eq!((&*link, writer.level()), ("lathe", 64));
+                std::fs::remove_file(&place).unwrap();
+            }
+            ClerkNews::GoesOn { .. } => break,
+            _ => {}
+        }
+    }
+    writer.finish();
+    clerk.end(LaneId(1), 1, None, 0, 64);
+    let job = kept(&news);
+    assert_eq!((job.state, job.reception.unwrap().bytes), (State::Done, 64));
+    assert_eq!(said.lock().unwrap().len(), 1);
+}
