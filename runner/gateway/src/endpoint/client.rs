@@ -125,6 +125,11 @@ impl Client {
         self.has_said_all && self.front.is_empty() && self.input.is_empty()
     }
 
+    /// Whether, but for a job under way, there is nothing left to do.
+    pub(super) fn is_done(&self) -> bool {
+        self.has_said_all() && !self.has_output()
+    }
+
     /// Whether the connection is lost.
     pub(super) fn is_lost(&self) -> bool {
         self.is_lost

@@ -7,13 +7,16 @@
 //! either side.
 
 mod client;
+mod door;
+mod setup;
 mod telnet;
+
+pub use setup::{EndpointKind, EndpointSetup, Framing, LineAnswer};
 
 use std::collections::VecDeque;
 use std::io;
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{SocketAddr, TcpStream};
 use std::ops::Range;
-use std::os::fd::AsRawFd;
 
 use mio::event::Event;
 use mio::unix::SourceFd;
@@ -22,91 +25,20 @@ use softplug_abi::Micros;
 use softplug_link::Supply;
 
 use self::client::{Client, Taken};
+use self::door::Door;
 use crate::reactor::{Endpoint, EndpointNews, EndpointWish, JobOutcome, LineNews};
 
 /// Deliveries are sent once so many bytes are gathered: a packet of Ethernet.
 const PACKET: usize = 1_400;
-/// Clients that are let in or turned away in a second; others wait.
-const ACCEPTS: u32 = 16;
-const ACCEPTS_EVERY: Micros = Micros::from_millis(1_000);
 /// How often a client that takes nothing is looked at.
 const LOOK_EVERY: Micros = Micros::from_millis(10_000);
-/// How long after a failure the endpoint tries again to listen.
-const LISTEN_AGAIN: Micros = Micros::from_millis(5_000);
-
-/// What an endpoint speaks.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
-pub enum EndpointKind {
-    /// Bytes and nothing else.
-    #[default]
-    Raw,
-    /// Telnet with the serial port's settings and lines (RFC 2217).
-    Rfc2217,
-}
-
-/// How what a client sends becomes jobs.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
-pub enum Framing {
-    /// One job, which ends with the connection. If the job fails, the connection
-    /// is closed.
-    #[default]
-    Stream,
-    /// A job ends when nothing comes for so long. If it fails, what comes until
-    /// such a pause is dropped.
-    Gap(Micros),
-}
-
-/// What an RFC 2217 client is told that asks for line settings. The port keeps
-/// its own in any case.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
-pub enum LineAnswer {
-    /// The port's own settings.
-    #[default]
-    Own,
-    /// What the client asked for, for software that insists.
-    AsAsked,
-}
-
-/// What an endpoint is made with.
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub struct EndpointSetup {
-    /// Where to listen.
-    pub listen: SocketAddr,
-    /// What to speak.
-    pub kind: EndpointKind,
-    /// For how long small deliveries are gathered; zero: not at all.
-    pub gather: Micros,
-    /// How what comes becomes jobs.
-    pub framing: Framing,
-    /// What is told about line settings.
-    pub line: LineAnswer,
-}
-
-impl EndpointSetup {
-    /// Bytes and nothing else, one job a connection, nothing gathered.
-    pub fn new(listen: SocketAddr) -> Self {
-        Self {
-            listen,
-            kind: EndpointKind::default(),
-            gather: Micros::ZERO,
-            framing: Framing::default(),
-            line: LineAnswer::default(),
-        }
-    }
-}
 
 /// A listener and at most one client, for a lane.
 #[derive(Debug)]
 pub struct ServerEndpoint {
     setup: EndpointSetup,
     tokens: Range<usize>,
-    listener: Option<TcpListener>,
-    listen_again: Option<Micros>,
-    /// Somebody may wait to be let in.
-    acceptable: bool,
-    accepts: u32,
-    /// When more are let in.
-    accept_again: Option<Micros>,
+    door: Door,
     client: Option<Client>,
     /// A job of the client's is under way; its data may have ended.
     job: Option<Job>,
@@ -143,19 +75,12 @@ impl ServerEndpoint {
     /// that gets the endpoint tells it and tries again: the address may be
     /// another's for a moment.
     pub fn new(setup: EndpointSetup) -> Self {
-        let (listener, failure) = match bind(setup.listen) {
-            Ok(listener) => (Some(listener), None),
-            Err(error) => (None, Some(error)),
-        };
-        let news = failure.map(|error| EndpointNews::Failed(failed_to_listen(&setup, &error)));
+        let (door, failure) = Door::new(setup.listen);
+        let news = failure.map(EndpointNews::Failed);
         Self {
             setup,
             tokens: 0..0,
-            listener,
-            listen_again: None,
-            acceptable: false,
-            accepts: ACCEPTS,
-            accept_again: None,
+            door,
             client: None,
             job: None,
             is_dropping: false,
@@ -173,53 +98,19 @@ impl ServerEndpoint {
 
     /// Where it listens, if it does.
     pub fn address(&self) -> Option<SocketAddr> {
-        self.listener.as_ref().and_then(|listener| listener.local_addr().ok())
+        self.door.address()
     }
 
-    fn register(&mut self, registry: &Registry) -> io::Result<()> {
-        let Some(listener) = &self.listener else {
-            self.listen_again = Some(self.now + LISTEN_AGAIN);
-            return Ok(());
-        };
-        let token = Token(self.tokens.start);
-        registry.register(&mut SourceFd(&listener.as_raw_fd()), token, Interest::READABLE)?;
-        self.acceptable = true;
-        Ok(())
-    }
-
-    fn listen_again(&mut self, registry: &Registry) {
-        self.listener = bind(self.setup.listen).ok();
-        self.listen_again = None;
-        if let Err(error) = self.register(registry) {
-            self.news.push_back(EndpointNews::Failed(failed_to_listen(&self.setup, &error)));
-        }
-    }
-
+    /// Lets in who is at the door, or sends away.
     fn accept(&mut self, registry: &Registry) {
-        if self.accept_again.is_some_and(|at| at <= self.now) {
-            self.accept_again = None;
-            self.accepts = ACCEPTS;
-        }
-        while self.acceptable && self.accepts > 0 {
-            let Some(listener) = &self.listener else { return };
-            match listener.accept() {
-                Ok((stream, address)) => {
-                    self.accepts -= 1;
-                    match self.client.as_ref().map(Client::address) {
-                        None => self.let_in(registry, stream, address),
-                        Some(first) => {
-                            Client::turn_away(stream, first);
-                            self.news.push_back(EndpointNews::Busy(address));
-                        }
-                    }
+        while let Some((stream, address)) = self.door.next(self.now) {
+            match self.client.as_ref().map(Client::address) {
+                None => self.let_in(registry, stream, address),
+                Some(first) => {
+                    Client::turn_away(stream, first);
+                    self.news.push_back(EndpointNews::Busy(address));
                 }
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => self.acceptable = false,
-                // Somebody who went before being let in, or no descriptors left.
-                Err(_) => self.accepts = 0,
             }
-        }
-        if self.acceptable && self.accepts == 0 {
-            self.accept_again.get_or_insert(self.now + ACCEPTS_EVERY);
         }
     }
 
@@ -259,8 +150,6 @@ impl ServerEndpoint {
             self.job = Some(Job::Orphaned);
             self.wishes.push_back(EndpointWish::Purge);
         }
-        // Somebody who came when this one was there has been turned away.
-        self.acceptable = true;
     }
 
     fn serve(&mut self, registry: &Registry) {
@@ -303,7 +192,7 @@ impl ServerEndpoint {
     /// Hangs up on a client that is gone, or that is done.
     fn look_after_client(&mut self, registry: &Registry) {
         let Some(client) = &mut self.client else { return };
-        let is_done = client.has_said_all() && self.job.is_none() && !client.has_output();
+        let is_done = self.job.is_none() && client.is_done();
         let is_due = self.look_at.is_some_and(|at| at <= self.now);
         if is_due {
             self.look_at = Some(self.now + LOOK_EVERY);
@@ -318,13 +207,8 @@ impl ServerEndpoint {
     /// is looked at at once.
     fn set_time(&mut self, now: Micros) {
         if now < self.now {
-            for at in [
-                &mut self.listen_again,
-                &mut self.accept_again,
-                &mut self.gap_at,
-                &mut self.gather_until,
-                &mut self.look_at,
-            ] {
+            self.door.look_at(now);
+            for at in [&mut self.gap_at, &mut self.gather_until, &mut self.look_at] {
                 *at = at.map(|_| now);
             }
         }
@@ -332,26 +216,16 @@ impl ServerEndpoint {
     }
 }
 
-fn bind(address: SocketAddr) -> io::Result<TcpListener> {
-    let listener = TcpListener::bind(address)?;
-    listener.set_nonblocking(true)?;
-    Ok(listener)
-}
-
-fn failed_to_listen(setup: &EndpointSetup, error: &io::Error) -> String {
-    format!("failed to listen on {}: {error}", setup.listen)
-}
-
 impl Endpoint for ServerEndpoint {
     fn attach(&mut self, registry: &Registry, tokens: Range<usize>) -> io::Result<()> {
         self.tokens = tokens;
-        self.register(registry)
+        self.door.attach(registry, Token(self.tokens.start), self.now)
     }
 
     fn ready(&mut self, _registry: &Registry, event: &Event, now: Micros) {
         self.set_time(now);
         if event.token().0 == self.tokens.start {
-            self.acceptable = true;
+            self.door.ready();
         } else if let Some(client) = &mut self.client {
             client.ready(event.is_readable(), event.is_writable(), event.is_error());
         }
@@ -361,12 +235,12 @@ impl Endpoint for ServerEndpoint {
         let has_more = self.news.len() + self.wishes.len() > 0
             || self.is_ending
             || self.client.as_ref().is_some_and(|client| {
-                client.is_lost() || self.job.is_none() && client.has_unread()
+                client.is_lost() || self.job.is_none() && (client.has_unread() || client.is_done())
             });
         if has_more {
             return Some(self.now);
         }
-        [self.listen_again, self.accept_again, self.gap_at, self.gather_until, self.look_at]
+        [self.door.deadline(), self.gap_at, self.gather_until, self.look_at]
             .into_iter()
             .flatten()
             .min()
@@ -374,8 +248,8 @@ impl Endpoint for ServerEndpoint {
 
     fn turn(&mut self, registry: &Registry, now: Micros) {
         self.set_time(now);
-        if self.listener.is_none() && self.listen_again.is_some_and(|at| at <= now) {
-            self.listen_again(registry);
+        if let Some(failure) = self.door.turn(registry, now) {
+            self.news.push_back(EndpointNews::Failed(failure));
         }
         self.serve(registry);
         self.accept(registry);
@@ -497,9 +371,6 @@ impl Endpoint for ServerEndpoint {
         if let Some(client) = self.client.take() {
             let _ = registry.deregister(&mut SourceFd(&client.fd()));
         }
-        if let Some(listener) = self.listener.take() {
-            let _ = registry.deregister(&mut SourceFd(&listener.as_raw_fd()));
-        }
-        self.listen_again = None;
+        self.door.detach(registry);
     }
 }
