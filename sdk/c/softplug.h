@@ -186,20 +186,46 @@ enum {
 };
 #define SP_CHOICES(count) ((count) << 4)
 
-/* Limits; the others are the host's. */
+/* Limits. */
 enum {
+    SP_LIMIT_MODULE_BYTES = 262144,
+    SP_LIMIT_MEMORY_PAGES = 4,
+    SP_LIMIT_MANIFEST_BYTES = 65536,
+    SP_LIMIT_INPUT_BYTES_LEAST = 512,
+    SP_LIMIT_INPUT_BYTES_MOST = 32768,
+    SP_LIMIT_OUTPUT_BYTES_LEAST = 512,
+    SP_LIMIT_OUTPUT_BYTES_MOST = 32768,
+    SP_LIMIT_WORDS_BYTES_LEAST = 64,
+    SP_LIMIT_WORDS_BYTES_MOST = 1024,
     SP_LIMIT_TIMERS = 16,
+    SP_LIMIT_RECORD_BYTES = 65535,
     SP_LIMIT_URGENT_BYTES = 16,
     SP_LIMIT_MARKS = 64,
+    SP_LIMIT_STEPS_PER_INSTANT = 1000,
+    SP_LIMIT_OUTPUT_ROUNDS = 256,
     SP_LIMIT_STATE_BYTES = 65536,
+    SP_LIMIT_FUEL_PER_EVENT = 1000000,
+    SP_LIMIT_SETTINGS = 128,
     SP_LIMIT_VALUE_BYTES = 400,
+    SP_LIMIT_FIELDS = 16,
     SP_LIMIT_NOTE_BYTES = 240,
     SP_LIMIT_STATE_NAME_BYTES = 48,
     SP_LIMIT_DELIVERY_NAME_BYTES = 128,
     SP_LIMIT_REQUESTS = 4,
     SP_LIMIT_BREAK_MICROS = 10000000,
-    SP_MORE_OUTPUT = 0x40000000,
 };
+_Static_assert(SP_INPUT_BYTES >= SP_LIMIT_INPUT_BYTES_LEAST &&
+                   SP_INPUT_BYTES <= SP_LIMIT_INPUT_BYTES_MOST,
+               "SP_INPUT_BYTES is outside the ABI's limits");
+_Static_assert(SP_OUTPUT_BYTES >= SP_LIMIT_OUTPUT_BYTES_LEAST &&
+                   SP_OUTPUT_BYTES <= SP_LIMIT_OUTPUT_BYTES_MOST,
+               "SP_OUTPUT_BYTES is outside the ABI's limits");
+_Static_assert(SP_WORDS_BYTES >= SP_LIMIT_WORDS_BYTES_LEAST &&
+                   SP_WORDS_BYTES <= SP_LIMIT_WORDS_BYTES_MOST,
+               "SP_WORDS_BYTES is outside the ABI's limits");
+
+/* Of a step's result: call again with SP_EVENT_CONTINUE. */
+enum { SP_MORE_OUTPUT = 0x40000000 };
 
 /* The optimiser repeats small functions in their callers where that costs more than it saves. */
 #define SP_SHARED __attribute__((noinline))
