@@ -49,4 +49,12 @@ impl<I: Instance> Instance for Fragile<I> {
         }
         self.inner.step(event, now).map_err(Broken::Inner)
     }
+
+    fn total_fuel(&self) -> u64 {
+        self.inner.total_fuel()
+    }
+
+    fn last_words(&self) -> Option<&str> {
+        self.inner.last_words()
+    }
 }

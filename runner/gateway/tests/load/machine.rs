@@ -28,7 +28,8 @@ pub struct Machine {
     /// The gateway has stopped it.
     is_stopped: bool,
     holds_until: Option<Instant>,
-    next_hold: Instant,
+    /// `None`: it never holds.
+    next_hold: Option<Instant>,
     /// All that came but the control characters.
     pub received: Vec<u8>,
 }
@@ -49,24 +50,33 @@ impl Machine {
             began: None,
             is_stopped: false,
             holds_until: None,
-            next_hold: Instant::now() + HOLD_EVERY,
+            next_hold: Some(Instant::now() + HOLD_EVERY),
             received: Vec::new(),
         }
     }
 
-    /// Runs all of them until `stop`; gives them back.
+    /// The same, which knows no flow control.
+    pub fn without_holds(self) -> Self {
+        Self { next_hold: None, ..self }
+    }
+
+    /// Runs all of them until `stop`, and then until nothing more comes; gives them
+    /// back.
     pub fn run_all(mut machines: Vec<Self>, stop: Arc<AtomicBool>) -> JoinHandle<Vec<Self>> {
         thread::spawn(move || {
-            while !stop.load(Ordering::Relaxed) {
+            loop {
+                let is_last = stop.load(Ordering::Relaxed);
                 let mut was_busy = false;
                 for machine in &mut machines {
                     was_busy |= machine.turn();
+                }
+                if !was_busy && is_last {
+                    return machines;
                 }
                 if !was_busy {
                     thread::sleep(Duration::from_millis(1));
                 }
             }
-            machines
         })
     }
 
@@ -75,9 +85,10 @@ impl Machine {
         let now = Instant::now();
         if self.holds_until.is_some_and(|until| until <= now) && self.write(&[XON]) == 1 {
             self.holds_until = None;
-            self.next_hold = now + HOLD_EVERY;
+            self.next_hold = Some(now + HOLD_EVERY);
         }
-        if self.holds_until.is_none() && self.next_hold <= now && self.write(&[XOFF]) == 1 {
+        let is_due = self.holds_until.is_none() && self.next_hold.is_some_and(|at| at <= now);
+        if is_due && self.write(&[XOFF]) == 1 {
             self.holds_until = Some(now + HOLD);
         }
         self.send(now) || has_read

@@ -1,11 +1,13 @@
 //! Many links under load both ways, machines that hold now and then, and swaps in
 //! the middle of it.
-#![allow(unreachable_pub, dead_code)]
+#![allow(unreachable_pub, dead_code, unused_imports)]
 
 mod fragile;
+mod hostile;
 mod machine;
 
 pub use fragile::Fragile;
+pub use hostile::{Guests, HOSTILE};
 pub use machine::{Machine, pattern};
 
 use std::collections::HashMap;

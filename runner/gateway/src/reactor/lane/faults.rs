@@ -49,7 +49,6 @@ impl<I: Instance + Send + 'static> Lane<I> {
             self.fault(None, "the plug-in tells more than anybody can take in".to_owned());
         }
         self.abort_without_source(thread);
-        self.look_after_swap(thread);
         if let Phase::Open(channel) = &self.phase
             && channel.link().instance().wants_checkpoint()
         {

@@ -153,6 +153,7 @@ impl<I: Instance + Send + 'static> Lane<I> {
         self.look_after_port(thread);
         let now = self.clock.now();
         self.conclude(now);
+        self.look_after_swap(thread);
         self.count_starved(now);
         self.floor.tell_state(now);
         if self.is_closed(now) {
