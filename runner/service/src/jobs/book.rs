@@ -211,7 +211,7 @@ impl Book {
     fn try_to_write(&mut self, change: &Change, now: u64) -> Result<(), redb::Error> {
         // First: it may bring the numbers up to date.
         self.database()?;
-        let (first_new, keep) = (self.next_entry, self.keep);
+        let (first_new, keep, live) = (self.next_entry, self.keep, self.live.len());
         let next_job = change.jobs.iter().map(|job| job.id + 1).fold(self.next_job, u32::max);
         let writing = self.database()?.begin_write()?;
         {
@@ -220,7 +220,8 @@ impl Book {
                 jobs.insert(job.id, &*encoded(job))?;
             }
             if change.jobs.iter().any(|job| job.state.is_final()) {
-                prune_jobs(&mut jobs, keep.jobs)?;
+                // Those that have not ended do not count.
+                prune_jobs(&mut jobs, keep.jobs + live)?;
             }
             if let Some((link, program, sent)) = &change.sent {
                 writing.open_table(SENT)?.insert((&**link, &**program), &*encoded(sent))?;
