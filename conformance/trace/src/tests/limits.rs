@@ -1,7 +1,7 @@
 //! Sizes, and numbers that do not fit.
 
 use super::{HOLD, parse_body, with_body};
-use crate::{ParseErrorKind, Trace, limits};
+use crate::{FrontMatter, ParseErrorKind, Trace, limits};
 
 fn kind(body: &str) -> ParseErrorKind {
     parse_body(body).unwrap_err().kind
@@ -21,6 +21,50 @@ fn long_files_lines_and_many_lines() {
     let error = parse_body(&wide).unwrap_err();
     assert_eq!(error.kind, ParseErrorKind::LineTooLong);
     assert!(error.source_line.len() <= 80 && error.report("x").len() < 400);
+}
+
+/// A body that is its own canonical form, of exactly so many bytes.
+fn comments(bytes: usize) -> String {
+    const LINE: usize = 1_024;
+    let whole = format!("#{}\n", "x".repeat(LINE - 2));
+    // A comment has at least two bytes; the last one takes what is left.
+    let lines = (bytes - 2) / LINE;
+    format!("{}#{}\n", whole.repeat(lines), "x".repeat(bytes - lines * LINE - 2))
+}
+
+#[test]
+fn the_last_byte_and_line_that_fit_do() {
+    let front = with_body(". 1.000000\n");
+    let full = format!("{front}{}", comments(limits::FILE_BYTES - front.len()));
+    assert_eq!(full.len(), limits::FILE_BYTES);
+    assert!(Trace::parse(&full).is_ok());
+    assert_eq!(Trace::parse(&format!("{full}\n")).unwrap_err().kind, ParseErrorKind::FileTooLong);
+    // The front matter alone, with what may stand behind it.
+    assert!(FrontMatter::parse(&full).is_ok());
+    let over = format!("{full}\n\n");
+    for long in [&over[..over.len() - 1], &over] {
+        assert_eq!(FrontMatter::parse(long).unwrap_err().kind, ParseErrorKind::FileTooLong);
+    }
+    let lines = front.lines().count();
+    let many = format!("{front}{}", "#\n".repeat(limits::LINES - lines));
+    assert!(Trace::parse(&many).is_ok());
+    assert_eq!(Trace::parse(&format!("{many}#\n")).unwrap_err().kind, ParseErrorKind::TooManyLines);
+}
+
+#[test]
+fn the_longest_line_that_fits_does() {
+    // In alternatives a comment stands two spaces deep.
+    for (spare, fits) in [(3, true), (2, false)] {
+        let comment = format!("#{}\n. 1.0\n", "x".repeat(limits::LINE_BYTES - spare));
+        assert_eq!(parse_body(&comment).is_ok(), fits, "{spare}");
+    }
+    // A tab is two bytes in the canonical form, which keeps 256 for indent and gloss.
+    let room = limits::LINE_BYTES - 256 - "? 0.000000 send 1 \"\"".len();
+    for (tabs, letters, fits) in [(room / 2, room % 2, true), (room / 2, room % 2 + 1, false)] {
+        let text = format!("{}{}", "\t".repeat(tabs), "A".repeat(letters));
+        let body = format!("? 0.0 send 1 \"{text}\"\n");
+        assert_eq!(parse_body(&body).is_ok(), fits, "{tabs} and {letters}");
+    }
 }
 
 #[test]
