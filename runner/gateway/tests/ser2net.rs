@@ -2,6 +2,9 @@
 //! a simulated device server, because a pty has no modem lines and no break.
 #![cfg(target_os = "linux")]
 
+#[path = "net/killed.rs"]
+mod killed;
+mod lanes;
 #[path = "net/machine.rs"]
 mod machine;
 #[path = "net/port.rs"]
@@ -10,6 +13,7 @@ mod port;
 mod ser2net;
 
 mod needs_ser2net {
+    use std::cell::RefCell;
     use std::thread;
     use std::time::{Duration, Instant};
 
@@ -20,8 +24,10 @@ mod needs_ser2net {
     use softplug_gateway::device_server::{DeviceServer, Seen};
     use softplug_gateway::port::read_line;
     use softplug_gateway::pty::{PtyPair, PtyPort};
-    use softplug_gateway::{Port, PortError, PortOptions, PortSpec};
+    use softplug_gateway::{Port, PortError, PortOptions, PortSpec, ReadOutcome};
 
+    use super::killed::{self, Server};
+    use super::lanes::Bench;
     use super::machine::{Machine, PATIENCE};
     use super::port::*;
     use super::ser2net::Ser2net;
@@ -180,5 +186,64 @@ mod needs_ser2net {
         let mut port = open_port(&spec, &options("115200"));
         pair.write(b"two").unwrap();
         serve(&mut port, &mut heard, |_, heard| heard.bytes == b"onetwo");
+    }
+
+    /// ser2net on a pty, whose far end the test reads.
+    struct OnPty {
+        server: Ser2net,
+        machine: PtyPair,
+        received: RefCell<Vec<u8>>,
+    }
+
+    impl OnPty {
+        /// Reads what is there.
+        fn read(&self) -> bool {
+            let mut buffer = [0; 512];
+            let outcome = self.machine.read(&mut buffer).unwrap();
+            if let ReadOutcome::Read(count) = outcome {
+                self.received.borrow_mut().extend_from_slice(&buffer[..count]);
+            }
+            matches!(outcome, ReadOutcome::Read(_))
+        }
+    }
+
+    impl Server for OnPty {
+        fn kill(&mut self) {
+            self.server.kill();
+        }
+
+        fn restart(&mut self) {
+            self.server.start_again();
+        }
+
+        fn wait_received(&self, count: usize) -> Vec<u8> {
+            let end = Instant::now() + PATIENCE;
+            while self.received.borrow().len() < count {
+                if !self.read() {
+                    thread::sleep(Duration::from_millis(1));
+                }
+                assert!(Instant::now() < end, "{} bytes", self.received.borrow().len());
+            }
+            self.received.borrow().clone()
+        }
+
+        fn received(&self) -> Vec<u8> {
+            while self.read() {}
+            self.received.borrow().clone()
+        }
+    }
+
+    #[test]
+    fn a_server_that_is_killed_in_mid_job_is_taken_up_again() {
+        let machine = PtyPair::open().unwrap();
+        let server = on_pty(&machine);
+        let spec = rfc2217(server.address());
+        let mut on_pty = OnPty { server, machine, received: RefCell::default() };
+        let mut bench = Bench::start();
+        let lane = bench.add_with(115_200, |setup| {
+            setup.port = spec;
+            setup.port_options = options("115200");
+        });
+        killed::kill_in_mid_job(&mut bench, lane, &mut on_pty);
     }
 }
