@@ -40,7 +40,7 @@ use crate::screen::Screen;
       --programs to-machine"
 )]
 pub(crate) struct Arguments {
-    /// The port: /dev/ttyUSB0, tcp://HOST:PORT or pty:
+    /// The port: /dev/ttyUSB0, tcp://HOST:PORT, rfc2217://HOST:PORT or pty:
     #[arg(long, short, value_parser = port)]
     pub(crate) port: PortSpec,
     #[command(flatten)]

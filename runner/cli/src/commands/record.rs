@@ -34,7 +34,7 @@ use crate::screen::Screen;
   softplug record --a /dev/ttyUSB0 --b /dev/ttyUSB1 --plugin r3964 --set priority=low \\
       --id r3964.rx.press-line --out r3964.rx.press-line.spt")]
 pub(crate) struct Arguments {
-    /// The port to one partner: /dev/ttyUSB0, tcp://HOST:PORT or pty:
+    /// The port to one partner: /dev/ttyUSB0, tcp://HOST:PORT, rfc2217://HOST:PORT or pty:
     #[arg(long, value_name = "PORT", value_parser = port)]
     pub(crate) a: PortSpec,
     /// The port to the other partner

@@ -41,7 +41,7 @@ const SEND: &str = "send";
       --field block=5 --field offset=10 --field count=7 --out words.bin
   generate | softplug send --port /dev/ttyUSB0 --plugin xon-xoff -")]
 pub(crate) struct Arguments {
-    /// The port: /dev/ttyUSB0, tcp://HOST:PORT or pty:
+    /// The port: /dev/ttyUSB0, tcp://HOST:PORT, rfc2217://HOST:PORT or pty:
     #[arg(long, short, value_parser = port, required_unless_present = "dry_run")]
     pub(crate) port: Option<PortSpec>,
     #[command(flatten)]
