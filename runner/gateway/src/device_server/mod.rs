@@ -21,7 +21,7 @@ use crate::poll::{Poller, Waker};
 use worker::{Order, Worker};
 
 /// What the server's TCP takes in before anybody reads.
-const RECEIVE_BUFFER: usize = 65_536;
+const RECEIVE_BUFFER: usize = 16_384;
 
 /// What a device server has seen of its client.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]

@@ -281,3 +281,131 @@ fn known_settings(line: &LineParameters) -> PortSettings {
         _ => settings,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use rfc2217::{Client, PartialSettings};
+    use softplug_abi::Parity as LineParity;
+
+    use super::*;
+
+    /// Both halves over a wire that carries at most so many bytes at once, until
+    /// nothing is left to say. Gives what each got of data.
+    fn talk(
+        client: &mut Client,
+        telnet: &mut Telnet,
+        pieces: &[usize],
+        (to_send, to_deliver): (&[u8], &[u8]),
+    ) -> (Vec<u8>, Vec<u8>) {
+        let (mut to_telnet, mut to_client) = (Vec::new(), Vec::new());
+        let (mut at_telnet, mut at_client) = (Vec::new(), Vec::new());
+        let (mut sent, mut delivered) = (0, 0);
+        for piece in pieces.iter().cycle().copied() {
+            let output = client.output();
+            let count = output.len().min(piece);
+            to_telnet.extend_from_slice(&output[..count]);
+            client.consume_output(count);
+            let output = telnet.output();
+            let back = output.len().min(piece);
+            to_client.extend_from_slice(&output[..back]);
+            telnet.sent(back);
+
+            let mut payload = [0; 40];
+            let (taken, got) = telnet.receive(&to_telnet, &mut payload);
+            to_telnet.drain(..taken);
+            at_telnet.extend_from_slice(&payload[..got]);
+            let progress = client.receive_into(&to_client, &mut payload);
+            to_client.drain(..progress.consumed);
+            at_client.extend_from_slice(&payload[..progress.payload_len]);
+            while client.poll_event().is_some() {}
+            while telnet.next_wish().is_some() {}
+
+            sent += client.try_write_data(&to_send[sent..]).unwrap_or(0);
+            delivered += telnet.deliver(&to_deliver[delivered..]);
+            let is_said = sent == to_send.len() && delivered == to_deliver.len();
+            let is_over = count + back + taken + progress.consumed == 0;
+            if is_said && is_over && !client.has_output() && telnet.output().is_empty() {
+                break;
+            }
+        }
+        (at_telnet, at_client)
+    }
+
+    fn line() -> impl Strategy<Value = LineParameters> {
+        let parities = [
+            LineParity::None,
+            LineParity::Odd,
+            LineParity::Even,
+            LineParity::Mark,
+            LineParity::Space,
+        ];
+        // Rates with FF in them are doubled on the wire.
+        let rates = prop_oneof![Just(65_535_u32), Just(0xFF_FFFF), 1_u32..16_000_000];
+        (rates, 5_u8..=8, prop::sample::select(parities.to_vec()), 2_u8..=4).prop_map(
+            |(baud, data_bits, parity, stop_half_bits)| LineParameters {
+                baud,
+                data_bits,
+                parity,
+                stop_half_bits,
+            },
+        )
+    }
+
+    fn four(settings: PortSettings) -> PartialSettings {
+        PartialSettings {
+            baud_rate: Some(settings.baud_rate),
+            data_bits: Some(settings.data_bits),
+            parity: Some(settings.parity),
+            stop_bits: Some(settings.stop_bits),
+            flow_control: Some(settings.flow_control),
+        }
+    }
+
+    proptest! {
+        /// Whatever a client asks for, and asks for again, it is told what the port
+        /// has; and the data passes.
+        #[test]
+        fn a_client_is_told_the_ports_own_settings(
+            own in line(), asked in line(), again in line(),
+            pieces in prop::collection::vec(1_usize..60, 1..8),
+            data in prop::collection::vec(prop_oneof![Just(0xFF_u8), any::<u8>()], 0..600),
+        ) {
+            let mut telnet = Telnet::new(LineAnswer::Own, Some(&own));
+            let mut client = Client::new(settings_of(&asked, Flow::Host));
+            let got = talk(&mut client, &mut telnet, &pieces, (&data, &data));
+            prop_assert_eq!(got, (data.clone(), data));
+            let known = four(settings_of(&own, Flow::Host));
+            prop_assert_eq!(client.reported_settings(), known);
+            client.try_set_port_settings(settings_of(&again, Flow::Host)).unwrap();
+            talk(&mut client, &mut telnet, &pieces, (&[], &[]));
+            prop_assert_eq!(client.reported_settings(), known);
+        }
+
+        #[test]
+        fn software_that_insists_is_told_what_it_asked_for(own in line(), asked in line()) {
+            let mut telnet = Telnet::new(LineAnswer::AsAsked, Some(&own));
+            let mut client = Client::new(settings_of(&asked, Flow::Device));
+            talk(&mut client, &mut telnet, &[50], (&[], &[]));
+            prop_assert_eq!(client.readiness(), Ok(()));
+        }
+
+        /// A client that reads nothing and asks without end.
+        #[test]
+        fn what_waits_for_a_client_is_bounded(
+            bytes in prop::collection::vec(
+                prop_oneof![Just(0xFF_u8), Just(250), Just(253), Just(44), Just(240), 0_u8..13], 64,
+            ),
+        ) {
+            let mut telnet = Telnet::new(LineAnswer::Own, None);
+            let mut input = vec![0xFF, 251, 44];
+            for _ in 0..200 {
+                input.extend_from_slice(&bytes);
+                input.extend([0xFF, 250, 44, 5, 8, 0xFF, 240, 0xFF, 250, 44, 0, 0xFF, 240]);
+            }
+            telnet.receive(&input, &mut vec![0; input.len()]);
+            prop_assert!(telnet.output.len() < WAITING + 512);
+            prop_assert!(telnet.wishes.len() <= WISHES);
+        }
+    }
+}
