@@ -39,7 +39,14 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("softplug-gateway", &["softplug-abi", "softplug-conformance", "softplug-link"]),
     (
         "softplug-service",
-        &["softplug-abi", "softplug-gateway", "softplug-host", "softplug-link", "softplug-trace"],
+        &[
+            "softplug-abi",
+            "softplug-conformance",
+            "softplug-gateway",
+            "softplug-host",
+            "softplug-link",
+            "softplug-trace",
+        ],
     ),
     (
         "softplug",

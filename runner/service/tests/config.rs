@@ -4,10 +4,10 @@
 use std::path::Path;
 use std::time::Duration;
 
+use softplug_abi::Micros;
+use softplug_gateway::endpoint::{EndpointKind, Framing};
 use softplug_gateway::{Flow, PortSpec};
-use softplug_service::config::{
-    Config, ConfigError, EndpointKind, Framing, LogFormat, PortConfig, SwapPolicy,
-};
+use softplug_service::config::{Config, ConfigError, LogFormat, PortConfig, SwapPolicy};
 
 const FULL: &str = r#"
 [gateway]
@@ -21,7 +21,7 @@ stop = "finish"
 [http]
 listen = "127.0.0.1:8118"
 tokens = "tokens.toml"
-largest-upload = "64 MiB"
+upload-bytes = "32 MiB"
 
 [supervision]
 faults = 3
@@ -73,7 +73,7 @@ fn all_of_it_is_understood() {
     assert_eq!(config.gateway.programs[1], Path::new("/srv/nc"));
     assert_eq!(config.gateway.receptions, Path::new("/var/lib/softplug/receptions"));
     assert_eq!(config.gateway.log, LogFormat::Json);
-    assert_eq!(config.http.unwrap().largest_upload, 64 << 20);
+    assert_eq!(config.http.unwrap().limits.upload_bytes, 32 << 20);
     assert_eq!(config.supervision.faults, 3);
     let [lathe, mill] = &config.links[..] else { panic!("two links") };
     assert_eq!(lathe.port, PortConfig::Port(PortSpec::Device("/dev/ttyUSB0".into())));
@@ -86,7 +86,7 @@ fn all_of_it_is_understood() {
     assert_eq!(lathe.buffer.high, 12_288);
     let endpoint = lathe.endpoint.unwrap();
     assert_eq!(endpoint.kind, EndpointKind::Rfc2217);
-    assert_eq!(endpoint.framing, Framing::Gap(Duration::from_millis(20)));
+    assert_eq!(endpoint.framing, Framing::Gap(Micros::from_millis(20)));
     assert_eq!(lathe.watchdogs.no_bytes, Some(Duration::from_secs(600)));
     assert_eq!(lathe.swap, SwapPolicy::Follow);
     assert_eq!(mill.line_text(), "8N1", "a device server keeps its own rate");
@@ -111,6 +111,10 @@ fn every_problem_has_its_place_and_a_hint() {
         ("[gateway]\nthreads = 0\n", "2:11: threads is 0; give at least 1"),
         ("[gateway]\nstop = \"prak\"\n", "2:8: \"prak\" is not known here; did you mean \"park\"?"),
         ("[http]\nlisten = \"0.0.0.0:80\"\n", "2:10: 0.0.0.0:80 can be reached from elsewhere"),
+        (
+            "[http]\nlisten = \"10.0.0.1:80\"\ntokens = \"t\"\n",
+            "2:10: 10.0.0.1:80 can be reached from elsewhere, and tokens would pass in the clear; ",
+        ),
         ("[http]\nlisten = \"gateway:80\"\n", "2:10: \"gateway:80\" is not an address and a port"),
         ("[http]\nkey = \"key.pem\"\n", "2:7: certificate and key go together"),
         ("[http]\nburst = 0\n", "2:9: it is 0"),

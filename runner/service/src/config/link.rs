@@ -6,7 +6,8 @@ use std::net::SocketAddr;
 use std::ops::Range;
 use std::time::Duration;
 
-use softplug_abi::LineParameters;
+use softplug_abi::{LineParameters, Micros};
+use softplug_gateway::endpoint::{EndpointKind, EndpointSetup, Framing, LineAnswer};
 use softplug_gateway::port::{line_text, parse_line};
 use softplug_gateway::{Flow, PortSpec};
 use toml::{Spanned, Value};
@@ -52,7 +53,7 @@ pub struct LinkConfig {
     /// The buffer between server and machine.
     pub buffer: Buffer,
     /// The server endpoint.
-    pub endpoint: Option<Endpoint>,
+    pub endpoint: Option<EndpointSetup>,
     /// When to bark.
     pub watchdogs: Watchdogs,
     /// What becomes of new versions in the library.
@@ -113,38 +114,6 @@ pub struct Buffer {
     pub high: u32,
     /// How much is given to it at once.
     pub packet: u32,
-}
-
-/// A server endpoint.
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub struct Endpoint {
-    /// Address and port.
-    pub listen: SocketAddr,
-    /// What it speaks.
-    pub kind: EndpointKind,
-    /// For how long small deliveries are gathered.
-    pub gather: Duration,
-    /// How what the client sends becomes jobs.
-    pub framing: Framing,
-}
-
-/// What an endpoint speaks.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
-pub enum EndpointKind {
-    /// Bytes and nothing else.
-    #[default]
-    Raw,
-    /// Telnet with RFC 2217.
-    Rfc2217,
-}
-
-/// How what an endpoint's client sends becomes jobs.
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub enum Framing {
-    /// One job a connection.
-    Stream,
-    /// A job ends when nothing comes for so long.
-    Gap(Duration),
 }
 
 /// When a link's watchdogs bark; never if `None`.
@@ -303,7 +272,7 @@ fn one(
     let recorder = link
         .recorder
         .as_ref()
-        .map_or(65_536, |value| bytes(value, 0, 1 << 24, problems).unwrap_or_default() as u32);
+        .map_or(8_192, |value| bytes(value, 0, 1 << 24, problems).unwrap_or_default() as u32);
     let depth = link.depth.map(|depth| {
         if !(1..=4_096).contains(depth.get_ref()) {
             let hint = "give 1 to 4096 characters, or leave it out: it follows the baud rate";
@@ -556,7 +525,7 @@ fn endpoint(
     name: &str,
     taken: &mut Taken,
     problems: &mut Problems<'_>,
-) -> Option<Endpoint> {
+) -> Option<EndpointSetup> {
     let (at, written) = (written.span(), written.get_ref());
     let Some(text) = &written.listen else {
         let hint = "add listen = \"127.0.0.1:4001\"";
@@ -571,11 +540,18 @@ fn endpoint(
         problems.add(text.span(), message, "give each endpoint a port of its own");
     }
     let kinds = [("raw", EndpointKind::Raw), ("rfc2217", EndpointKind::Rfc2217)];
+    let answers = [("own", LineAnswer::Own), ("as-asked", LineAnswer::AsAsked)];
     let gap = optional_span(written.gap.as_ref(), problems);
-    Some(Endpoint {
+    Some(EndpointSetup {
         listen,
         kind: choice(written.kind.as_ref(), &kinds, problems),
-        gather: optional_span(written.gather.as_ref(), problems).unwrap_or_default(),
-        framing: gap.map_or(Framing::Stream, Framing::Gap),
+        gather: micros(optional_span(written.gather.as_ref(), problems).unwrap_or_default()),
+        framing: gap.map_or(Framing::Stream, |gap| Framing::Gap(micros(gap))),
+        line: choice(written.line.as_ref(), &answers, problems),
     })
+}
+
+/// A span on a link's clock.
+pub(crate) fn micros(span: Duration) -> Micros {
+    Micros(i64::try_from(span.as_micros()).unwrap_or(i64::MAX))
 }

@@ -11,17 +11,16 @@ mod unit;
 mod written;
 
 pub(crate) use hint::of_names;
-pub use link::{
-    Buffer, Endpoint, EndpointKind, Framing, LinkConfig, PortConfig, Probation, Reopen, SwapPolicy,
-    Watchdogs,
-};
+pub(crate) use link::micros;
+pub use link::{Buffer, LinkConfig, PortConfig, Probation, Reopen, SwapPolicy, Watchdogs};
 pub use problem::{ConfigError, Place, Problem};
-pub use service::{GatewayConfig, HttpConfig, LogFormat, Supervision};
+pub use service::{GatewayConfig, LogFormat, Supervision};
 
 use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use crate::http;
 use problem::Problems;
 
 /// A configuration of a thousand links has some 300 KiB.
@@ -37,7 +36,7 @@ pub struct Config {
     /// The gateway itself.
     pub gateway: GatewayConfig,
     /// The HTTP API; none if it is not wanted.
-    pub http: Option<HttpConfig>,
+    pub http: Option<http::Options>,
     /// What becomes of plug-ins that fail.
     pub supervision: Supervision,
     /// The links, in the order of the file; names and ports are distinct.

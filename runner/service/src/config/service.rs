@@ -1,7 +1,6 @@
 //! The tables `[gateway]`, `[http]` and `[supervision]`.
 
 use std::net::SocketAddr;
-use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -10,6 +9,7 @@ use toml::{Spanned, Value};
 use super::problem::Problems;
 use super::unit;
 use super::written::{self, Text};
+use crate::http::{Certificate, Limits, Options};
 use crate::view::StopHow;
 
 /// The gateway itself.
@@ -49,25 +49,6 @@ pub enum LogFormat {
     Human,
     /// One JSON object a line.
     Json,
-}
-
-/// The HTTP API.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct HttpConfig {
-    /// Address and port.
-    pub listen: SocketAddr,
-    /// File with the tokens' digests and roles.
-    pub tokens: Option<PathBuf>,
-    /// Certificate and key, as PEM.
-    pub tls: Option<(PathBuf, PathBuf)>,
-    /// Most bytes of an uploaded program.
-    pub largest_upload: u64,
-    /// Most connections at one time.
-    pub connections: u32,
-    /// Requests a second from one address, in the long run.
-    pub requests_per_second: NonZeroU32,
-    /// Requests that may come at once.
-    pub burst: NonZeroU32,
 }
 
 /// What becomes of plug-ins that fail.
@@ -142,7 +123,7 @@ pub(super) fn http(
     written: &Spanned<written::Http>,
     folder: &Path,
     problems: &mut Problems<'_>,
-) -> HttpConfig {
+) -> Options {
     let at = written.span();
     let written = written.get_ref();
     let mut listen = SocketAddr::from(([127, 0, 0, 1], 8117));
@@ -159,8 +140,8 @@ pub(super) fn http(
             "name a file with tokens (tokens = \"tokens.toml\"), or listen on 127.0.0.1",
         );
     }
-    let tls = match (path(&written.certificate), path(&written.key)) {
-        (Some(certificate), Some(key)) => Some((certificate, key)),
+    let certificate = match (path(&written.certificate), path(&written.key)) {
+        (Some(chain), Some(key)) => Some(Certificate { chain, key }),
         (None, None) => None,
         _ => {
             let given = written.certificate.as_ref().or(written.key.as_ref());
@@ -169,28 +150,40 @@ pub(super) fn http(
             None
         }
     };
-    let largest_upload = written
-        .largest_upload
-        .as_ref()
-        .map_or(256 << 20, |value| bytes(value, 1, 1 << 40, problems).unwrap_or_default());
+    let is_plain = certificate.is_none() && !written.plain.unwrap_or(false);
+    if tokens.is_some() && is_plain && !listen.ip().is_loopback() {
+        let span = written.listen.as_ref().map_or(at.clone(), Spanned::span);
+        problems.add(
+            span,
+            format_args!(
+                "{listen} can be reached from elsewhere, and tokens would pass in the clear"
+            ),
+            "give a certificate and a key, or say `plain = true` where something else encrypts",
+        );
+    }
+    let default = Limits::default();
+    let upload_bytes = written.upload_bytes.as_ref().map_or(default.upload_bytes, |value| {
+        bytes(value, 1, 1 << 40, problems).unwrap_or_default()
+    });
     let mut at_least_one = |value: &Option<Spanned<u32>>, default: u32| {
-        let number = value.as_ref().map_or(default, |value| {
+        value.as_ref().map_or(default, |value| {
             if *value.get_ref() == 0 {
                 problems.add(value.span(), "it is 0", "give at least 1, or leave it out");
             }
             *value.get_ref()
-        });
-        NonZeroU32::new(number).unwrap_or(NonZeroU32::MIN)
+        })
     };
-    HttpConfig {
-        listen,
-        tokens,
-        tls,
-        largest_upload,
-        connections: at_least_one(&written.connections, 512).get(),
-        requests_per_second: at_least_one(&written.requests_per_second, 50),
-        burst: at_least_one(&written.burst, 200),
-    }
+    let limits = Limits {
+        upload_bytes,
+        connections: at_least_one(&written.connections, default.connections as u32) as usize,
+        requests_per_second: at_least_one(
+            &written.requests_per_second,
+            default.requests_per_second,
+        ),
+        burst: at_least_one(&written.burst, default.burst),
+        ..default
+    };
+    Options { listen, tokens, certificate, limits }
 }
 
 pub(super) fn supervision(

@@ -43,7 +43,8 @@ pub(super) struct Http {
     pub(super) tokens: Option<Text>,
     pub(super) certificate: Option<Text>,
     pub(super) key: Option<Text>,
-    pub(super) largest_upload: Option<Spanned<Value>>,
+    pub(super) plain: Option<bool>,
+    pub(super) upload_bytes: Option<Spanned<Value>>,
     pub(super) connections: Option<Spanned<u32>>,
     pub(super) requests_per_second: Option<Spanned<u32>>,
     pub(super) burst: Option<Spanned<u32>>,
@@ -106,6 +107,7 @@ pub(super) struct Endpoint {
     pub(super) kind: Option<Text>,
     pub(super) gather: Option<Text>,
     pub(super) gap: Option<Text>,
+    pub(super) line: Option<Text>,
 }
 
 #[derive(Clone, Debug, Default, Deserialize)]

@@ -1,14 +1,219 @@
-//! What the handles and the control loop share.
+//! The control loop: one thread that owns what is decided about links.
+//!
+//! It hears of what happened from the reactor, is asked by handles, and tells the
+//! reactor what to do. It writes down what must be known after a crash; it never
+//! compiles, never reads programs and never waits for a machine.
 
+use std::collections::{BTreeMap, HashMap};
+use std::fmt;
+use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, sync_channel};
+use std::time::{Duration, Instant};
 
+use softplug_gateway::reactor::{LaneId, Reactor, Report};
+use softplug_host::Session;
 use tokio::sync::broadcast;
 
-use crate::view::{Change, TimeMs};
+use super::link::Link;
+use super::loading::Loader;
+use super::scribe::Scribe;
+use super::watching::Audiences;
+use super::worker::Worker;
+use crate::clerk::Clerk;
+use crate::config::Config;
+use crate::feeder::Feeder;
+use crate::jobs::{Job, Jobs, JobsError};
+use crate::programs::{Programs, Receptions, Snapshots};
+use crate::view::{Change, LinkView, StopHow, TimeMs};
+use crate::{Refusal, library};
 
-/// Shared by all handles.
-#[derive(Debug)]
+/// How long a handle waits for the loop: it answers in microseconds, a disk that
+/// stands still may hold it up.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// How often what nobody tells is looked at, and shown.
+const TICK: Duration = Duration::from_millis(250);
+
+/// What the loop is told.
+pub(crate) enum Message {
+    /// By the reactor.
+    Report(LaneId, Report),
+    /// By a handle, or by work that was done elsewhere.
+    Do(Box<dyn FnOnce(&mut Control) + Send>),
+    /// By the library.
+    Library(library::LibraryNews),
+}
+
+/// What can be used from every thread.
 pub(crate) struct Shared {
+    pub(crate) inbox: Sender<Message>,
     pub(crate) changes: broadcast::Sender<Arc<Change>>,
     pub(crate) started_ms: TimeMs,
+    pub(crate) traces: PathBuf,
+    pub(crate) upload_bytes: u64,
+    pub(crate) parts: Parts,
+    pub(crate) is_stopping: AtomicBool,
+}
+
+/// The parts that guard themselves.
+pub(crate) struct Parts {
+    pub(crate) loader: Loader,
+    pub(crate) jobs: Jobs,
+    pub(crate) programs: Programs,
+    pub(crate) snapshots: Snapshots,
+    pub(crate) receptions: Receptions,
+    pub(crate) scribe: Scribe,
+    /// For what takes time and concerns one link or all.
+    pub(crate) worker: Worker,
+}
+
+/// What the loop owns.
+pub(crate) struct Control {
+    pub(super) shared: Arc<Shared>,
+    pub(super) config: Config,
+    pub(super) reactor: Reactor<Session>,
+    pub(super) feeder: Feeder,
+    pub(super) clerk: Clerk,
+    pub(super) links: BTreeMap<String, Link>,
+    pub(super) lanes: HashMap<LaneId, String>,
+    pub(super) audiences: Audiences,
+    /// Links as they were last shown.
+    pub(super) shown: HashMap<String, LinkView>,
+    pub(super) next_lane: u32,
+    pub(super) began: Instant,
+    pub(super) stopping: Option<Stopping>,
+    /// What a disk or a database last refused.
+    pub(super) trouble: Option<String>,
+}
+
+/// A stop under way.
+#[derive(Debug)]
+pub(super) struct Stopping {
+    pub(super) how: StopHow,
+    /// When jobs are no longer waited for.
+    pub(super) until: Option<Instant>,
+    /// Lanes are told to close; until then they may.
+    pub(super) closing: Option<Instant>,
+}
+
+impl Shared {
+    /// Has the loop do something, and waits for what comes of it.
+    pub(crate) fn ask<T: Send + 'static>(
+        &self,
+        what: impl FnOnce(&mut Control) -> Result<T, Refusal> + Send + 'static,
+    ) -> Result<T, Refusal> {
+        let (to, answer) = sync_channel(1);
+        let asked = self.inbox.send(Message::Do(Box::new(move |control| {
+            // Who asked may have gone away meanwhile.
+            let _ = to.send(what(control));
+        })));
+        if asked.is_err() {
+            return Err(Refusal::Unavailable("the gateway has stopped".to_owned()));
+        }
+        answer.recv_timeout(PATIENCE).map_err(|error| {
+            Refusal::Unavailable(match error {
+                RecvTimeoutError::Timeout => "the gateway is too busy to answer".to_owned(),
+                RecvTimeoutError::Disconnected => "the gateway stops".to_owned(),
+            })
+        })?
+    }
+
+    /// Has the loop do something later.
+    pub(crate) fn tell(&self, what: impl FnOnce(&mut Control) + Send + 'static) {
+        // After its end there is nothing to be done.
+        let _ = self.inbox.send(Message::Do(Box::new(what)));
+    }
+
+    /// Tells whoever listens.
+    pub(crate) fn changed(&self, change: Change) {
+        // Nobody need listen.
+        let _ = self.changes.send(Arc::new(change));
+    }
+
+    pub(crate) fn is_stopping(&self) -> bool {
+        self.is_stopping.load(Ordering::Relaxed)
+    }
+}
+
+impl Control {
+    /// Runs until the gateway has stopped.
+    pub(super) fn run(mut self, inbox: &Receiver<Message>) {
+        let mut next_tick = Instant::now();
+        loop {
+            let now = Instant::now();
+            if now >= next_tick {
+                next_tick = now + TICK;
+                self.tick();
+            }
+            if self.has_stopped() {
+                break;
+            }
+            let until = self.next_start().map_or(next_tick, |start| start.min(next_tick));
+            match inbox.recv_timeout(until.saturating_duration_since(Instant::now())) {
+                Ok(message) => self.take(message),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+            self.start_again();
+        }
+        self.end();
+    }
+
+    fn take(&mut self, message: Message) {
+        match message {
+            Message::Report(lane, report) => self.hear(lane, report),
+            Message::Do(what) => what(self),
+            Message::Library(news) => self.library_news(news),
+        }
+    }
+
+    /// What nobody tells.
+    fn tick(&mut self) {
+        self.tend_changes();
+        self.begin_where_possible();
+        self.tend_stop();
+        if self.shared.changes.receiver_count() > 0 {
+            self.show_links();
+        }
+    }
+
+    /// Time since the gateway began, as the supervisors count it.
+    pub(super) fn time(&self) -> Duration {
+        self.began.elapsed()
+    }
+
+    pub(super) fn link(&mut self, name: &str) -> Result<&mut Link, Refusal> {
+        self.links.get_mut(name).ok_or_else(|| Refusal::no_link(name))
+    }
+
+    /// What could not be written down is told once, until it can be again.
+    pub(super) fn wrote<T>(&mut self, result: Result<T, JobsError>) -> Option<T> {
+        match result {
+            Ok(value) => {
+                self.trouble = None;
+                Some(value)
+            }
+            Err(error) => {
+                let text = error.to_string();
+                if self.trouble.as_ref() != Some(&text) {
+                    tracing::error!(%error, "the journal of jobs cannot be written");
+                }
+                self.trouble = Some(text);
+                None
+            }
+        }
+    }
+
+    /// Shows a job to whoever listens.
+    pub(super) fn show_job(&self, job: &Job) {
+        self.shared.changed(Change::Job(Box::new(job.view(None))));
+        self.shared.parts.scribe.look();
+    }
+}
+
+impl fmt::Debug for Shared {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Shared").field("started_ms", &self.started_ms).finish_non_exhaustive()
+    }
 }

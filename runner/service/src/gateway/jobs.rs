@@ -1,0 +1,259 @@
+//! Jobs: from the queue to the plug-in, and what people do with them meanwhile.
+
+use std::sync::Arc;
+
+use softplug_gateway::reactor::{Command, Feed};
+use softplug_gateway::reservoir::{ReservoirReader, reservoir};
+use softplug_link::Job as LaneJob;
+
+use super::Feeding;
+use super::control::Control;
+use super::link::{EndsAs, Link, Running};
+use crate::Refusal;
+use crate::clerk::ClerkNews;
+use crate::feeder::{FeederNews, Feeding as ToFeed, Pace};
+use crate::jobs::{Ending, Job, JobsError, Order, Reason, State};
+use crate::view::{Change, JobView};
+
+impl From<JobsError> for Refusal {
+    fn from(error: JobsError) -> Self {
+        let text = error.to_string();
+        match error {
+            JobsError::NotFound(_) => Self::NotFound(text),
+            JobsError::State { .. } | JobsError::QueueFull { .. } => Self::Conflict(text),
+            JobsError::Order(_) => Self::invalid("job", text),
+            JobsError::Disk(_) | JobsError::Book(_) => Self::Unavailable(text),
+        }
+    }
+}
+
+impl Control {
+    /// Begins what waits on every link that can take it. Most are begun at once
+    /// where their turn comes; this is for what nobody told.
+    pub(super) fn begin_where_possible(&mut self) {
+        let mut waiting: Vec<String> = self
+            .shared
+            .parts
+            .jobs
+            .live()
+            .into_iter()
+            .filter(|job| job.state == State::Queued)
+            .map(|job| job.order.link)
+            .collect();
+        waiting.sort_unstable();
+        waiting.dedup();
+        for name in waiting {
+            self.begin_next(&name);
+        }
+    }
+
+    /// Begins the job whose turn it is on a link, if it can take one.
+    pub(super) fn begin_next(&mut self, name: &str) {
+        while self.stopping.is_none() && self.links.get(name).is_some_and(Link::takes_jobs) {
+            let Some(job) = self.shared.parts.jobs.next(name) else { return };
+            // Written down before it takes effect: after a crash it is known to have begun.
+            let begun = self.shared.parts.jobs.begin(job.id);
+            let Some(job) = self.wrote(begun) else { return };
+            self.show_job(&job);
+            let needs_check = self.links.get(name).is_some_and(|link| {
+                link.plugin.plugin.manifest().needs.check_pass && job.order.data.is_some()
+            });
+            let source = self.source(name, &job, needs_check);
+            let size = Some(job.size() - job.order.from);
+            if let Err(reason) = self.give(name, &job, source, size, needs_check) {
+                self.feeder.forget(job.id);
+                let ended = self.shared.parts.jobs.end(job.id, Ending::Failed(reason), None);
+                match self.wrote(ended) {
+                    Some(job) => self.show_job(&job),
+                    None => return,
+                }
+            }
+        }
+    }
+
+    /// Gives a job to the plug-in; why it cannot be.
+    fn give(
+        &mut self,
+        name: &str,
+        job: &Job,
+        source: ReservoirReader,
+        size: Option<u64>,
+        check: bool,
+    ) -> Result<(), Reason> {
+        let Some(link) = self.links.get_mut(name) else {
+            return Err(Reason::new("interrupted", "the link is gone"));
+        };
+        let manifest = link.plugin.plugin.manifest();
+        let kind = manifest.job_kind(&job.order.job_kind).ok_or_else(|| {
+            let text =
+                format!("the plug-in {} has no job \"{}\"", manifest.name, job.order.job_kind);
+            Reason::new("not-supported", text)
+        })?;
+        let fields = job.order.fields.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+        let fields = manifest.jobs[usize::from(kind)]
+            .records(fields)
+            .map_err(|error| Reason::new("bad-job", error.to_string()))?;
+        link.gauge = Some(source.figures());
+        link.job = Some(Running { job: job.clone(), ends_as: EndsAs::ItIs });
+        let lane_job = LaneJob { id: job.id, kind, size, fields, check };
+        let lane = link.lane_id();
+        self.reactor.tell(lane, Command::Begin(Feed { job: lane_job, source }));
+        Ok(())
+    }
+
+    /// The job's data from its beginning on: all at once for a check, else paced.
+    fn source(&self, name: &str, job: &Job, is_check: bool) -> ReservoirReader {
+        let link = &self.links[name];
+        let buffer = link.config.buffer;
+        let (mut writer, reader) =
+            reservoir(buffer.size as usize, buffer.low as usize, buffer.high as usize);
+        let Some(data) = job.order.data else {
+            writer.finish();
+            return reader;
+        };
+        let line = link.config.line;
+        let characters_a_second =
+            (line.baud > 0).then(|| f64::from(line.baud) * 2.0 / f64::from(line.half_bits()));
+        self.feeder.feed(ToFeed {
+            job: job.id,
+            data,
+            from: job.order.from,
+            to: writer,
+            pace: Pace { packet: buffer.packet as usize, characters_a_second },
+            is_check,
+            status: Some(Arc::clone(&link.status)),
+        });
+        reader
+    }
+
+    /// A job whose data comes from a connection: begun at once or not at all.
+    pub(super) fn feed(
+        &mut self,
+        name: &str,
+        order: Order,
+        size: Option<u64>,
+    ) -> Result<(JobView, Feeding), Refusal> {
+        let waits = self.shared.parts.jobs.next(name).is_some();
+        let link = self.link(name)?;
+        if waits || !link.takes_jobs() {
+            return Err(Refusal::Conflict(format!(
+                "the link \"{name}\" cannot take a job at once: upload the program, and send it then"
+            )));
+        }
+        let jobs = self.shared.parts.jobs.clone();
+        let job = jobs.submit(order)?;
+        let job = jobs.begin(job.id)?;
+        let buffer = self.link(name)?.config.buffer;
+        let (writer, source) =
+            reservoir(buffer.size as usize, buffer.low as usize, buffer.high as usize);
+        if let Err(reason) = self.give(name, &job, source, size, false) {
+            let text = reason.text.clone();
+            jobs.end(job.id, Ending::Failed(reason), None)?;
+            return Err(Refusal::invalid("job", text));
+        }
+        self.show_job(&job);
+        Ok((self.job_view(&job), Feeding::new(jobs, job.id, writer)))
+    }
+
+    /// The check was good: the data once more.
+    pub(super) fn refill(&mut self, name: &str, id: u32) {
+        let Some(running) = self.links.get(name).and_then(|link| link.job.as_ref()) else { return };
+        if running.job.id != id {
+            return;
+        }
+        let job = running.job.clone();
+        let source = self.source(name, &job, false);
+        let Some(link) = self.links.get_mut(name) else { return };
+        link.gauge = Some(source.figures());
+        let lane = link.lane_id();
+        self.reactor.tell(lane, Command::Refill { job: id, source });
+    }
+
+    /// What the feeder tells: the disk, or what is written on it.
+    pub(super) fn feeder_news(&mut self, news: FeederNews) {
+        match news {
+            FeederNews::Stalled(why) => {
+                let text = format!("no job is fed further: {why}");
+                tracing::error!("{text}");
+                self.trouble = Some(text);
+            }
+            FeederNews::GoesOn => {
+                tracing::info!("jobs are fed again");
+                self.trouble = None;
+            }
+        }
+    }
+
+    /// What the clerk tells of receptions.
+    pub(super) fn clerk_news(&mut self, news: ClerkNews) {
+        match news {
+            ClerkNews::Begun(job) => self.show_job(&job),
+            ClerkNews::Kept(job) => {
+                self.shared.changed(Change::Receptions { link: job.order.link.clone() });
+                self.show_job(&job);
+            }
+            ClerkNews::Stuck { link, why } => {
+                let text = format!("what \"{link}\" receives cannot be put away: {why}");
+                tracing::error!(link, "{text}; the machine is held");
+                self.trouble = Some(text);
+            }
+            ClerkNews::GoesOn { link } => {
+                tracing::info!(link, "what it receives is put away again");
+                self.trouble = None;
+            }
+        }
+    }
+
+    /// Somebody wants a job to pause, to go on or to end.
+    pub(super) fn steer(&mut self, id: u32, wish: Wish) -> Result<JobView, Refusal> {
+        let jobs = &self.shared.parts.jobs;
+        let job = match wish {
+            Wish::Pause => jobs.pause(id)?,
+            Wish::Resume => jobs.resume(id)?,
+            Wish::Abort => jobs.abort(id)?,
+            Wish::Prioritise(priority) => jobs.prioritise(id, priority)?,
+        };
+        let name = job.order.link.clone();
+        if let Some(link) = self.links.get_mut(&name)
+            && let Some(running) = link.job.as_mut().filter(|running| running.job.id == id)
+        {
+            running.job = job.clone();
+            let command = match wish {
+                Wish::Pause => Some(Command::Pause(id)),
+                Wish::Resume => Some(Command::Resume(id)),
+                Wish::Abort => {
+                    running.ends_as = EndsAs::Aborted;
+                    Some(Command::Abort(id))
+                }
+                Wish::Prioritise(_) => None,
+            };
+            let lane = link.lane_id();
+            if let Some(command) = command {
+                self.reactor.tell(lane, command);
+            }
+        }
+        self.show_job(&job);
+        self.begin_next(&name);
+        Ok(self.job_view(&job))
+    }
+
+    /// A job as it is now, with what its lane knows of it.
+    pub(super) fn job_view(&self, job: &Job) -> JobView {
+        let mut view = job.view(None);
+        if let Some(link) = self.links.get(&job.order.link)
+            && link.job.as_ref().is_some_and(|running| running.job.id == job.id)
+        {
+            view.taken = super::show::brief(job, &link.status.read()).taken;
+        }
+        view
+    }
+}
+
+/// What somebody wants of a job.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(super) enum Wish {
+    Pause,
+    Resume,
+    Abort,
+    Prioritise(i32),
+}

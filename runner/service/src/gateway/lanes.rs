@@ -1,0 +1,223 @@
+//! Lanes: made for links, closed, made anew.
+
+use std::sync::Arc;
+
+use softplug_abi::Micros;
+use softplug_gateway::channel::StationOptions;
+use softplug_gateway::endpoint::ServerEndpoint;
+use softplug_gateway::reactor::{
+    Backoff, Command, LaneEndpoint, LaneId, LaneSetup, LaneStatus, Watchdogs,
+};
+use softplug_gateway::{PortOptions, PortSpec};
+use softplug_host::Session;
+
+use super::control::Control;
+use super::link::{After, Before, Lane, Link, PortFacts};
+use super::loading::Prepared;
+use super::simulated::Simulated;
+use crate::config::{LinkConfig, PortConfig, micros};
+use crate::jobs::{Subject, Weight};
+use crate::library::Use;
+use crate::supervise::{Follow, Limits, Supervisor};
+
+/// How long a closing lane may take to send what its port was given.
+const CLOSING: Micros = Micros::from_millis(1_000);
+
+impl Control {
+    /// A new link.
+    pub(super) fn add(&mut self, config: LinkConfig, plugin: Prepared) {
+        let name = config.name.clone();
+        let limits = limits(&self.config.supervision);
+        let digest = plugin.digest();
+        self.note_use(&name, &plugin, None);
+        let link = Link {
+            next: None,
+            lane: Lane::Open(LaneId(0)),
+            status: Arc::new(LaneStatus::default()),
+            supervisor: Supervisor::new(limits),
+            follow: Follow::new(digest),
+            port: PortFacts::default(),
+            condition: None,
+            alarms: Vec::new(),
+            job: None,
+            deliveries: std::collections::BTreeMap::new(),
+            requests: std::collections::HashMap::new(),
+            swap: None,
+            faults: std::collections::VecDeque::new(),
+            gauge: None,
+            before: Before::default(),
+            machine: None,
+            config,
+            plugin,
+        };
+        self.links.insert(name.clone(), link);
+        self.open_lane(&name);
+    }
+
+    /// Makes the lane of a link.
+    fn open_lane(&mut self, name: &str) {
+        let id = LaneId(self.next_lane);
+        self.next_lane += 1;
+        let Some(link) = self.links.get_mut(name) else { return };
+        link.lane = Lane::Open(id);
+        link.status = Arc::new(LaneStatus::default());
+        link.machine = None;
+        link.port = PortFacts::default();
+        link.condition = None;
+        link.alarms.clear();
+        self.lanes.insert(id, name.to_owned());
+        let setup = match setup(link) {
+            Ok(setup) => setup,
+            Err(text) => {
+                self.cannot_open(name, &text);
+                return;
+            }
+        };
+        self.reactor.add(id, setup);
+        if let Some(status) = self.reactor.status(id)
+            && let Some(link) = self.links.get_mut(name)
+        {
+            link.status = status;
+        }
+    }
+
+    fn cannot_open(&mut self, name: &str, text: &str) {
+        let Some(link) = self.links.get_mut(name) else { return };
+        link.port.down = Some(crate::view::DownView {
+            reason: text.to_owned(),
+            since_ms: crate::view::now_ms(),
+            retry_at_ms: None,
+        });
+        let text = format!("the link cannot be opened: {text}");
+        self.shared.parts.scribe.link(Subject::Port, Weight::Alarm, name, text);
+    }
+
+    /// Closes a link's lane.
+    pub(super) fn close(&mut self, name: &str, after: After) {
+        let Some(link) = self.links.get_mut(name) else { return };
+        let id = link.lane_id();
+        let has_lane = self.reactor.status(id).is_some();
+        link.lane = Lane::Closing(id, after);
+        if has_lane {
+            self.reactor.tell(id, Command::Close { patience: CLOSING });
+        } else {
+            self.shared.tell(move |control| {
+                control.hear(id, softplug_gateway::reactor::Report::Removed);
+            });
+        }
+    }
+
+    /// The lane of a link was closed: opens it as the configuration says now.
+    pub(super) fn remake(&mut self, name: &str) {
+        let Some(link) = self.links.get_mut(name) else { return };
+        link.before.add(&link.status.read());
+        if let Some(next) = link.next.take() {
+            let (config, plugin) = *next;
+            link.config = config;
+            link.plugin = plugin;
+            link.follow.runs(link.plugin.digest());
+            link.supervisor.begin_anew();
+            let plugin = link.plugin.clone();
+            self.note_use(name, &plugin, None);
+        }
+        self.open_lane(name);
+    }
+
+    /// Closes a port and opens it again.
+    pub(super) fn reopen(&mut self, name: &str) -> Result<(), crate::Refusal> {
+        let link = self.link(name)?;
+        let (lane, id) = (link.lane, link.lane_id());
+        match lane {
+            Lane::Open(_) if self.reactor.status(id).is_some() => {
+                self.reactor.tell(id, Command::Reopen);
+                Ok(())
+            }
+            Lane::Open(_) => {
+                self.lanes.remove(&id);
+                self.open_lane(name);
+                Ok(())
+            }
+            Lane::Closing(..) => {
+                Err(crate::Refusal::Conflict(format!("the link \"{name}\" is being closed")))
+            }
+        }
+    }
+
+    /// The library keeps what links run, and what they would go back to.
+    pub(super) fn note_use(&self, name: &str, running: &Prepared, former: Option<&Prepared>) {
+        let used = Use {
+            running: Some(running.digest()),
+            last_good: Some(former.unwrap_or(running).digest()),
+        };
+        let (shared, name) = (Arc::clone(&self.shared), name.to_owned());
+        self.shared.parts.worker.give(move || {
+            if let Err(error) = shared.parts.loader.library().note_use(&name, used) {
+                tracing::warn!(%error, "the library does not know what a link uses");
+            }
+        });
+    }
+}
+
+fn setup(link: &mut Link) -> Result<LaneSetup<Session>, String> {
+    let config = &link.config;
+    let port = match &config.port {
+        PortConfig::Port(spec) => spec.clone(),
+        PortConfig::Simulated(machine) => {
+            let simulated = Simulated::start(machine, config.line)?;
+            let port = PortSpec::Device(simulated.path().to_owned());
+            link.machine = Some(simulated);
+            port
+        }
+    };
+    let instance = link.plugin.instance().map_err(|error| error.to_string())?;
+    let mut port_options = PortOptions::new(config.line);
+    port_options.flow = config.flow;
+    port_options.exclusive = config.exclusive;
+    port_options.connect_timeout = config.connect;
+    if matches!(config.port, PortConfig::Simulated(_)) && port_options.line.baud == 0 {
+        port_options.line.baud = 9_600;
+    }
+    let watchdogs = config.watchdogs;
+    Ok(LaneSetup {
+        port,
+        port_options,
+        station: StationOptions {
+            settings: link.plugin.values.clone(),
+            depth: config.depth,
+            transmit_room: config.transmit_room,
+            delivery_room: config.delivery_room,
+        },
+        instance,
+        endpoint: endpoint(link)?,
+        watchdogs: Watchdogs {
+            no_bytes: watchdogs.no_bytes.map(micros),
+            no_progress: watchdogs.no_progress.map(micros),
+            stuck_held: watchdogs.stuck_held.map(micros),
+        },
+        reopen: Backoff {
+            first: micros(config.reopen.first),
+            longest: micros(config.reopen.longest),
+        },
+        recorder_bytes: config.recorder as usize,
+    })
+}
+
+/// What its client sends becomes a job that sends.
+fn endpoint(link: &Link) -> Result<Option<LaneEndpoint>, String> {
+    let Some(setup) = link.config.endpoint else { return Ok(None) };
+    let manifest = link.plugin.plugin.manifest();
+    let job_kind = manifest.job_kind("send").ok_or_else(|| {
+        format!("the plug-in {} cannot have an endpoint: it has no job \"send\"", manifest.name)
+    })?;
+    let endpoint = Box::new(ServerEndpoint::new(setup));
+    Ok(Some(LaneEndpoint { endpoint, job_kind, fields: Vec::new(), check: false }))
+}
+
+pub(super) fn limits(config: &crate::config::Supervision) -> Limits {
+    Limits {
+        first_delay: config.first_delay,
+        longest_delay: config.longest_delay,
+        faults: config.faults,
+        within: config.within,
+    }
+}

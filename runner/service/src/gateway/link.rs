@@ -1,0 +1,216 @@
+//! What the control loop knows of one link.
+
+use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::mpsc::SyncSender;
+
+use softplug_abi::Failure;
+use softplug_gateway::reactor::{AlarmKind, Condition, LaneFigures, LaneId, LaneStatus};
+use softplug_gateway::reservoir::Gauge;
+use softplug_host::Digest;
+
+use super::loading::Prepared;
+use super::simulated::Simulated;
+use crate::config::LinkConfig;
+use crate::jobs::Job;
+use crate::supervise::{Follow, State, Supervisor};
+use crate::view::{FaultView, LinkState, SwapState, SwapView, TimeMs};
+
+/// Faults that are shown.
+const FAULTS: usize = 10;
+
+/// One link.
+pub(crate) struct Link {
+    pub(crate) config: LinkConfig,
+    /// Its configuration has changed; it is made anew once it is idle.
+    pub(crate) next: Option<Box<(LinkConfig, Prepared)>>,
+    pub(crate) lane: Lane,
+    pub(crate) status: Arc<LaneStatus>,
+    pub(crate) plugin: Prepared,
+    pub(crate) supervisor: Supervisor,
+    pub(crate) follow: Follow<Digest>,
+    pub(crate) port: PortFacts,
+    pub(crate) condition: Option<String>,
+    pub(crate) alarms: Vec<(AlarmKind, TimeMs)>,
+    pub(crate) job: Option<Running>,
+    /// What comes, by the plug-in's numbers.
+    pub(crate) deliveries: BTreeMap<u32, Arriving>,
+    /// Requests that are being answered, with the job that an answer is.
+    pub(crate) requests: HashMap<u32, Option<u32>>,
+    pub(crate) swap: Option<Swapping>,
+    pub(crate) faults: VecDeque<FaultView>,
+    pub(crate) gauge: Option<Gauge>,
+    /// Counts of lanes that were closed.
+    pub(crate) before: Before,
+    /// Ends with the lane.
+    pub(crate) machine: Option<Simulated>,
+}
+
+/// Where its lane is.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(crate) enum Lane {
+    Open(LaneId),
+    /// It is closed, to be made anew or to go.
+    Closing(LaneId, After),
+}
+
+impl Lane {
+    pub(crate) fn id(self) -> LaneId {
+        match self {
+            Self::Open(id) | Self::Closing(id, _) => id,
+        }
+    }
+}
+
+/// What comes after a lane was closed.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(crate) enum After {
+    Remake,
+    Remove,
+}
+
+/// What is known of the port.
+#[derive(Debug, Default)]
+pub(crate) struct PortFacts {
+    pub(crate) is_up: bool,
+    pub(crate) path: Option<PathBuf>,
+    pub(crate) differences: Vec<String>,
+    pub(crate) down: Option<crate::view::DownView>,
+    pub(crate) client: Option<String>,
+    pub(crate) endpoint_failure: Option<String>,
+}
+
+/// The job that the plug-in has.
+#[derive(Debug)]
+pub(crate) struct Running {
+    pub(crate) job: Job,
+    pub(crate) ends_as: EndsAs,
+}
+
+/// How a job that is aborted is written down.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub(crate) enum EndsAs {
+    /// As the plug-in says.
+    ItIs,
+    /// Somebody wanted it.
+    Aborted,
+    /// The gateway wanted it, for this reason.
+    Interrupted(&'static str),
+}
+
+/// A delivery under way.
+#[derive(Debug)]
+pub(crate) struct Arriving {
+    pub(crate) name: Option<String>,
+    pub(crate) since_ms: TimeMs,
+    pub(crate) gauge: Gauge,
+}
+
+/// A swap that was ordered, or the last one.
+#[derive(Debug)]
+pub(crate) struct Swapping {
+    pub(crate) view: SwapView,
+    pub(crate) successor: Prepared,
+    /// The one before, while there is a way back to it.
+    pub(crate) former: Option<Prepared>,
+    /// Who waits for what comes of it.
+    pub(crate) waits: Option<SyncSender<SwapView>>,
+}
+
+/// Counts of closed lanes.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Before(pub(crate) Option<LaneFigures>);
+
+impl Before {
+    /// Adds what a lane had counted when it ended.
+    pub(crate) fn add(&mut self, figures: &LaneFigures) {
+        let Some(before) = &mut self.0 else {
+            self.0 = Some(figures.clone());
+            return;
+        };
+        for (sum, count) in before.line_errors.iter_mut().zip(figures.line_errors) {
+            *sum += count;
+        }
+        before.bytes_in += figures.bytes_in;
+        before.bytes_out += figures.bytes_out;
+        before.holds += figures.holds;
+        before.held_micros += figures.held_micros;
+        before.after_hold += figures.after_hold;
+        before.starvations += figures.starvations;
+        before.starved_micros += figures.starved_micros;
+        before.events += figures.events;
+        before.fuel += figures.fuel;
+        before.restarts += figures.restarts;
+        before.opened += figures.opened;
+        before.left_out += figures.left_out;
+    }
+}
+
+impl Link {
+    pub(crate) fn lane_id(&self) -> LaneId {
+        self.lane.id()
+    }
+
+    /// Something is under way that a change would break off.
+    pub(crate) fn is_busy(&self) -> bool {
+        self.job.is_some() || !self.deliveries.is_empty() || self.status.read().job != 0
+    }
+
+    /// Whether a job may be begun.
+    pub(crate) fn takes_jobs(&self) -> bool {
+        let waits_for_idle = self
+            .swap
+            .as_ref()
+            .is_some_and(|swap| matches!(swap.view.state, SwapState::Ordered | SwapState::Waiting));
+        matches!(self.lane, Lane::Open(_))
+            && self.port.is_up
+            && self.job.is_none()
+            && self.next.is_none()
+            && !waits_for_idle
+            && self.supervisor.state() == State::Running
+            && self.status.condition() == Condition::Up
+    }
+
+    /// What it is doing, in one word.
+    pub(crate) fn state(&self, figures: &LaneFigures) -> LinkState {
+        if matches!(self.lane, Lane::Closing(..)) {
+            return LinkState::Closing;
+        }
+        match self.supervisor.state() {
+            State::Quarantined { .. } => return LinkState::Quarantined,
+            State::Waiting { .. } => return LinkState::Restarting,
+            State::Running => {}
+        }
+        match figures.condition {
+            Condition::Opening if self.port.down.is_none() => return LinkState::Opening,
+            Condition::Opening | Condition::Down => return LinkState::Down,
+            Condition::Faulted => return LinkState::Restarting,
+            Condition::Closing | Condition::Removed => return LinkState::Closing,
+            Condition::Up => {}
+        }
+        match &self.job {
+            Some(running) if running.job.state == crate::jobs::State::Paused => LinkState::Paused,
+            Some(_) => LinkState::Sending,
+            None if figures.job != 0 => LinkState::Sending,
+            None if self.deliveries.is_empty() => LinkState::Idle,
+            None => LinkState::Receiving,
+        }
+    }
+
+    pub(crate) fn keep_fault(&mut self, fault: FaultView) {
+        if self.faults.len() == FAULTS {
+            self.faults.pop_front();
+        }
+        self.faults.push_back(fault);
+    }
+
+    /// A failure in the words of the protocol, where the manifest knows them.
+    pub(crate) fn words(&self, failure: Failure, status: u16) -> String {
+        match (status, self.plugin.plugin.manifest().status(status)) {
+            (0, _) => failure.text().to_owned(),
+            (_, Some(known)) => format!("{} ({}: {})", failure.text(), known.name, known.text),
+            (_, None) => format!("{} (status {status})", failure.text()),
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! Plug-ins from the library, compiled once and shared by all links that run them.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::{Mutex, PoisonError};
+
+use softplug_abi::manifest::{SettingError, SettingValues};
+use softplug_host::{Digest, Host, Plugin, Session};
+use thiserror::Error;
+
+use crate::Refusal;
+use crate::library::{BadReference, Entry, Library, LibraryError, Reference};
+use crate::view::PluginRef;
+use softplug_abi::Micros;
+
+/// Finds, compiles and starts plug-ins. Slow: never on a thread that serves links.
+#[derive(Debug)]
+pub(crate) struct Loader {
+    host: Host,
+    library: Library,
+    loaded: Mutex<HashMap<Digest, Plugin>>,
+}
+
+/// A plug-in with settings that it takes.
+#[derive(Clone, Debug)]
+pub(crate) struct Prepared {
+    pub(crate) which: PluginRef,
+    pub(crate) plugin: Plugin,
+    pub(crate) values: SettingValues,
+    /// As they were given.
+    pub(crate) settings: BTreeMap<String, String>,
+}
+
+/// Why a plug-in cannot be put on a link.
+#[derive(Debug, Error)]
+pub(crate) enum Unloadable {
+    #[error(transparent)]
+    Reference(#[from] BadReference),
+    #[error(transparent)]
+    Library(#[from] LibraryError),
+    #[error("{0}")]
+    Plugin(String),
+    #[error("{text}")]
+    Setting {
+        /// The setting, if it is one in particular.
+        name: Option<String>,
+        text: String,
+        hint: String,
+    },
+}
+
+impl From<Unloadable> for Refusal {
+    fn from(error: Unloadable) -> Self {
+        match error {
+            Unloadable::Setting { name, text, .. } => {
+                let field = name.map_or("settings".to_owned(), |name| format!("settings.{name}"));
+                Self::invalid(field, text)
+            }
+            error => Self::invalid("plugin", error),
+        }
+    }
+}
+
+impl Loader {
+    pub(crate) fn new(host: Host, library: Library) -> Self {
+        Self { host, library, loaded: Mutex::default() }
+    }
+
+    pub(crate) fn library(&self) -> &Library {
+        &self.library
+    }
+
+    /// The plug-in that a reference means now.
+    pub(crate) fn resolve(&self, reference: &str) -> Result<Entry, Unloadable> {
+        let reference: Reference = reference.parse()?;
+        Ok(self.library.resolve(&reference)?)
+    }
+
+    /// A plug-in of the library, with these settings checked.
+    pub(crate) fn prepare(
+        &self,
+        reference: &str,
+        settings: &BTreeMap<String, String>,
+    ) -> Result<Prepared, Unloadable> {
+        let entry = self.resolve(reference)?;
+        let plugin = self.plugin(entry.digest)?;
+        let values = values(&plugin, settings)?;
+        let settings = settings.clone();
+        Ok(Prepared { which: reference_of(&entry), plugin, values, settings })
+    }
+
+    fn plugin(&self, digest: Digest) -> Result<Plugin, Unloadable> {
+        let loaded = || self.loaded.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(plugin) = loaded().get(&digest) {
+            return Ok(plugin.clone());
+        }
+        let module = self.library.read(digest)?;
+        let plugin = self.host.load_bytes(&module);
+        let plugin = plugin.map_err(|error| Unloadable::Plugin(error.to_string()))?;
+        loaded().insert(digest, plugin.clone());
+        Ok(plugin)
+    }
+
+    /// Lets go of the code of plug-ins that no link runs.
+    pub(crate) fn forget_all_but(&self, used: &[Digest]) {
+        let mut loaded = self.loaded.lock().unwrap_or_else(PoisonError::into_inner);
+        loaded.retain(|digest, _| used.contains(digest));
+    }
+}
+
+impl Prepared {
+    pub(crate) fn digest(&self) -> Digest {
+        self.plugin.digest()
+    }
+
+    /// A new instance.
+    pub(crate) fn instance(&self) -> Result<Session, Unloadable> {
+        self.plugin.instantiate().map_err(|error| Unloadable::Plugin(error.to_string()))
+    }
+}
+
+/// Which plug-in an entry of the library is.
+pub(crate) fn reference_of(entry: &Entry) -> PluginRef {
+    PluginRef {
+        name: entry.name.clone(),
+        version: entry.version.clone(),
+        digest: entry.digest.to_string(),
+    }
+}
+
+/// A value for every setting; what the plug-in itself refuses is found out on an
+/// instance that is not used further.
+fn values(
+    plugin: &Plugin,
+    settings: &BTreeMap<String, String>,
+) -> Result<SettingValues, Unloadable> {
+    let manifest = plugin.manifest();
+    let pairs = settings.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+    let values = manifest.resolve_settings(pairs).map_err(|error| {
+        let known = manifest.settings.iter().map(|setting| setting.name.as_str());
+        let presets = manifest.presets.iter().map(|preset| preset.name.as_str());
+        let (name, hint) = match &error {
+            SettingError::Unknown { name, .. } => {
+                (name.clone(), crate::config::of_names("its settings", name, known))
+            }
+            SettingError::UnknownPreset { name, .. } => {
+                ("preset".to_owned(), crate::config::of_names("its presets", name, presets))
+            }
+            SettingError::Type { name, .. } | SettingError::Range { name, .. } => {
+                let hint = format!("`softplug plugin show {}` lists them", manifest.name);
+                (name.clone(), hint)
+            }
+        };
+        Unloadable::Setting { name: Some(name), text: error.to_string(), hint }
+    })?;
+    let mut instance =
+        plugin.instantiate().map_err(|error| Unloadable::Plugin(error.to_string()))?;
+    instance.configure(&values, Micros::ZERO).map_err(|fault| Unloadable::Setting {
+        name: None,
+        text: format!("the plug-in does not take these settings: {fault}"),
+        hint: format!("`softplug plugin show {}` lists them", manifest.name),
+    })?;
+    Ok(values)
+}

@@ -1,0 +1,189 @@
+//! A new configuration: what changed in it is applied, other links are not touched.
+
+use std::collections::{BTreeMap, HashSet};
+
+use super::control::{Control, Shared};
+use super::lanes::limits;
+use super::link::{After, Lane};
+use super::loading::{Prepared, Unloadable};
+use super::swaps::Wanted;
+use crate::config::{Config, ConfigError, LinkConfig, Problem};
+use crate::jobs::{Note, Subject};
+use crate::view::{ReloadView, RemadeLink, SwapWhen};
+
+/// Keys that say what the loop does with a link, and nothing of its lane.
+const AT_ONCE: [&str; 4] = ["search", "receive", "swap", "probation"];
+/// Keys for which a swap does.
+const BY_SWAP: [&str; 2] = ["plugin", "settings"];
+
+/// A configuration with every link's plug-in.
+pub(super) struct Ready {
+    pub(super) config: Config,
+    pub(super) plugins: BTreeMap<String, Prepared>,
+}
+
+impl Shared {
+    /// Finds the plug-ins of all links and checks their settings.
+    pub(super) fn make_ready(&self, config: Config) -> Result<Ready, ConfigError> {
+        let (mut plugins, mut problems) = (BTreeMap::new(), Vec::new());
+        for link in &config.links {
+            match self.parts.loader.prepare(&link.plugin, &link.settings) {
+                Ok(prepared) => {
+                    plugins.insert(link.name.clone(), prepared);
+                }
+                Err(error) => problems.push(problem(link, &error)),
+            }
+        }
+        if problems.is_empty() {
+            Ok(Ready { config, plugins })
+        } else {
+            Err(ConfigError::Wrong(problems))
+        }
+    }
+}
+
+/// What is wrong with a link's plug-in, where it is written.
+pub(crate) fn problem(link: &LinkConfig, error: &Unloadable) -> Problem {
+    let (place, message, hint) = match error {
+        Unloadable::Setting { name, text, hint } => {
+            let place = name.as_ref().and_then(|name| link.places.settings.get(name));
+            (place.unwrap_or(&link.places.plugin), text.clone(), hint.clone())
+        }
+        error => {
+            let text = error.to_string();
+            let (message, hint) = match text.split_once("; ") {
+                Some((message, hint)) => (message.to_owned(), hint.to_owned()),
+                None => (text, "`softplug plugin list` shows what the library has".to_owned()),
+            };
+            (&link.places.plugin, message, hint)
+        }
+    };
+    Problem { place: place.clone(), message, hint }
+}
+
+impl Control {
+    /// Applies a configuration.
+    pub(super) fn apply(&mut self, ready: Ready) -> ReloadView {
+        let Ready { config, mut plugins } = ready;
+        let mut view = ReloadView { needs_restart: self.fixed(&config), ..ReloadView::default() };
+        let names: HashSet<&str> = config.links.iter().map(|link| link.name.as_str()).collect();
+        let gone: Vec<String> =
+            self.links.keys().filter(|name| !names.contains(name.as_str())).cloned().collect();
+        for name in gone {
+            self.close(&name, After::Remove);
+            view.removed.push(name);
+        }
+        for link in &config.links {
+            let Some(plugin) = plugins.remove(&link.name) else { continue };
+            let Some(known) = self.links.get(&link.name) else {
+                self.add(link.clone(), plugin);
+                view.added.push(link.name.clone());
+                continue;
+            };
+            // What waits already is what it will be.
+            let will_be = known.next.as_ref().map_or(&known.config, |next| &next.0);
+            let keys = will_be.changed_keys(link);
+            if keys.is_empty() {
+                view.untouched += 1;
+                continue;
+            }
+            let waits = self.change(link, plugin, &keys);
+            let keys = keys.into_iter().map(ToOwned::to_owned).collect();
+            view.changed.push(RemadeLink { name: link.name.clone(), keys, waits });
+        }
+        let limits = limits(&config.supervision);
+        for link in self.links.values_mut() {
+            link.supervisor.limit(limits);
+        }
+        self.config = config;
+        self.tell_reload(&view);
+        view
+    }
+
+    /// Changes one link; whether the change waits.
+    fn change(&mut self, config: &LinkConfig, plugin: Prepared, keys: &[&str]) -> bool {
+        let name = &config.name;
+        let Some(link) = self.links.get_mut(name) else { return false };
+        let is_small = link.next.is_none() && matches!(link.lane, Lane::Open(_));
+        if is_small && keys.iter().all(|key| AT_ONCE.contains(key)) {
+            link.config = config.clone();
+            return false;
+        }
+        if is_small && keys.iter().all(|key| AT_ONCE.contains(key) || BY_SWAP.contains(key)) {
+            let wanted = Wanted {
+                successor: plugin.clone(),
+                when: SwapWhen::NowOrIdle,
+                probation: None,
+                waits: None,
+            };
+            if self.order_swap(name, wanted).is_ok() {
+                if let Some(link) = self.links.get_mut(name) {
+                    link.config = config.clone();
+                }
+                return false;
+            }
+        }
+        let Some(link) = self.links.get_mut(name) else { return false };
+        link.next = Some(Box::new((config.clone(), plugin)));
+        self.tend_change(name);
+        self.links.get(name).is_some_and(|link| matches!(link.lane, Lane::Open(_)))
+    }
+
+    /// Makes a link anew whose configuration has changed, once it is idle.
+    pub(super) fn tend_change(&mut self, name: &str) {
+        let Some(link) = self.links.get(name) else { return };
+        if link.next.is_some() && matches!(link.lane, Lane::Open(_)) && !link.is_busy() {
+            self.close(name, After::Remake);
+        }
+    }
+
+    pub(super) fn tend_changes(&mut self) {
+        let waiting: Vec<String> = self
+            .links
+            .iter()
+            .filter(|(_, link)| link.next.is_some())
+            .map(|(name, _)| name.clone())
+            .collect();
+        for name in waiting {
+            self.tend_change(&name);
+        }
+    }
+
+    /// Keys that cannot change while the gateway runs.
+    fn fixed(&self, config: &Config) -> Vec<String> {
+        let (old, new) = (&self.config.gateway, &config.gateway);
+        let keys = [
+            ("gateway.state", old.state == new.state),
+            ("gateway.library", old.library == new.library),
+            ("gateway.programs", old.programs == new.programs),
+            ("gateway.receptions", old.receptions == new.receptions),
+            ("gateway.traces", old.traces == new.traces),
+            ("gateway.threads", old.threads == new.threads),
+            ("gateway.links-per-thread", old.links_per_thread == new.links_per_thread),
+            ("gateway.log", old.log == new.log),
+            ("gateway.watch", old.watch == new.watch),
+            ("gateway.journal", old.journal == new.journal),
+            ("http", self.config.http == config.http),
+        ];
+        keys.into_iter().filter(|(_, same)| !same).map(|(key, _)| key.to_owned()).collect()
+    }
+
+    fn tell_reload(&self, view: &ReloadView) {
+        let mut parts = Vec::new();
+        let mut part = |what: &str, names: Vec<&str>| {
+            if !names.is_empty() {
+                parts.push(format!("{what} {}", names.join(", ")));
+            }
+        };
+        part("added", view.added.iter().map(String::as_str).collect());
+        part("removed", view.removed.iter().map(String::as_str).collect());
+        part("changed", view.changed.iter().map(|link| link.name.as_str()).collect());
+        part("only after a new start:", view.needs_restart.iter().map(String::as_str).collect());
+        let text = if parts.is_empty() {
+            "the configuration was read again; nothing changed".to_owned()
+        } else {
+            format!("the configuration was read again; {}", parts.join("; "))
+        };
+        self.shared.parts.scribe.note(Note::new(Subject::Gateway, text));
+    }
+}

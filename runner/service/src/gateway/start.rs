@@ -1,0 +1,183 @@
+//! Starting a gateway: folders, library, journal, links, one after the other,
+//! and what went wrong by blame.
+
+use std::collections::{BTreeMap, HashMap};
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::channel;
+use std::thread::{self, JoinHandle};
+use std::time::Instant;
+
+use softplug_gateway::PortError;
+use softplug_gateway::reactor::{Reactor, ReactorOptions};
+use softplug_host::{Host, HostOptions, LoadError};
+use thiserror::Error;
+use tokio::sync::broadcast;
+
+use super::Gateway;
+use super::control::{Control, Message, Parts, Shared};
+use super::loading::Loader;
+use super::reload::problem;
+use super::scribe::Scribe;
+use super::worker::Worker;
+use crate::clerk::Clerk;
+use crate::config::{Config, ConfigError};
+use crate::disk::DiskError;
+use crate::feeder::Feeder;
+use crate::jobs::{Jobs, JobsError, Keep, Note, Recovery, Subject, Weight};
+use crate::library::{Library, LibraryError, Watch};
+use crate::programs::{Programs, Receptions, Snapshots};
+use crate::view::now_ms;
+
+/// Changes that a reader who is slow may fall behind.
+const CHANGES: usize = 4_096;
+/// The wasm of instances: the one that runs, a successor, one to go back to.
+const INSTANCES_A_LINK: usize = 3;
+
+/// Why a gateway does not start.
+#[derive(Debug, Error)]
+pub enum StartError {
+    /// What the configuration asks for cannot be had.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A folder cannot be used.
+    #[error(transparent)]
+    Disk(#[from] DiskError),
+    /// The library cannot be used.
+    #[error(transparent)]
+    Library(#[from] LibraryError),
+    /// The jobs and the journal cannot be used.
+    #[error(transparent)]
+    Jobs(#[from] JobsError),
+    /// No plug-in can run on this machine.
+    #[error(transparent)]
+    Host(#[from] LoadError),
+    /// The reactor cannot be started.
+    #[error(transparent)]
+    Reactor(#[from] PortError),
+    /// The system gives no thread.
+    #[error("no thread can be started: {0}")]
+    Thread(#[from] io::Error),
+}
+
+/// A gateway that runs, and the thread that it runs on.
+#[derive(Debug)]
+pub struct Running {
+    gateway: Gateway,
+    thread: JoinHandle<()>,
+    _library: Option<Watch>,
+}
+
+impl Running {
+    /// The handle.
+    pub fn gateway(&self) -> &Gateway {
+        &self.gateway
+    }
+
+    /// Waits until it has stopped.
+    pub fn wait(self) {
+        if self.thread.join().is_err() {
+            tracing::error!("the control loop has met a state that it should not");
+        }
+    }
+}
+
+/// Checks what only the library can tell: that plug-ins are there and take
+/// their settings. Nothing is started or written.
+pub fn check(config: &Config) -> Result<(), StartError> {
+    let library = Library::existing(&config.gateway.library)?;
+    let loader = Loader::new(Host::new(HostOptions::default())?, library);
+    let prepare = |link: &crate::config::LinkConfig| {
+        let error = loader.prepare(&link.plugin, &link.settings).err()?;
+        Some(problem(link, &error))
+    };
+    let problems: Vec<_> = config.links.iter().filter_map(prepare).collect();
+    if problems.is_empty() { Ok(()) } else { Err(ConfigError::Wrong(problems).into()) }
+}
+
+/// Starts what a configuration describes.
+pub fn start(config: Config) -> Result<Running, StartError> {
+    let state = &config.gateway.state;
+    let keep = Keep { entries: config.gateway.journal, ..Keep::default() };
+    let (jobs, recovery) = Jobs::open(state, keep)?;
+    let snapshots = Snapshots::open_folder(&state.join("snapshots"))?;
+    snapshots.collect_garbage(&jobs.needed_data()?)?;
+    let receptions = Receptions::open(&config.gateway.receptions)?;
+    let left_over = receptions.recover()?;
+    let programs = Programs::open(&config.gateway.programs)?;
+    let library = Library::open(&config.gateway.library)?;
+    let instances = (config.links.len() * INSTANCES_A_LINK).max(1_024) as u32;
+    let cache = Some(state.join("cache"));
+    let host = Host::new(HostOptions { cache, instances, ..HostOptions::default() })?;
+    let (changes, _) = broadcast::channel(CHANGES);
+    let (inbox, messages) = channel();
+    let scribe = Scribe::start(jobs.clone(), changes.clone())?;
+    let worker = Worker::start("softplug-worker")?;
+    let loader = Loader::new(host, library.clone());
+    let shared = Arc::new(Shared {
+        inbox: inbox.clone(),
+        changes,
+        started_ms: now_ms(),
+        traces: config.gateway.traces.clone(),
+        upload_bytes: config.http.as_ref().map_or(u64::MAX, |http| http.limits.upload_bytes),
+        parts: Parts { loader, jobs, programs, snapshots, receptions, scribe, worker },
+        is_stopping: AtomicBool::new(false),
+    });
+    let ready = shared.make_ready(config)?;
+    tell_recovery(&shared.parts.scribe, &recovery, left_over.len());
+    let options = ReactorOptions {
+        threads: ready.config.gateway.threads,
+        links_per_thread: ready.config.gateway.links_per_thread,
+    };
+    let reports = inbox.clone();
+    let reactor = Reactor::start(options, move |lane, report| {
+        // Nobody listens only while the gateway is being taken down.
+        let _ = reports.send(Message::Report(lane, report));
+    })?;
+    let news = inbox;
+    let watch = library.watch(move |entry| {
+        let _ = news.send(Message::Library(entry));
+    });
+    let watch = watch.map_err(|error| tracing::warn!(%error, "the library is not watched")).ok();
+    let (jobs, snapshots) = (shared.parts.jobs.clone(), shared.parts.snapshots.clone());
+    let to = Arc::clone(&shared);
+    let feeder = Feeder::start(jobs.clone(), snapshots.clone(), move |news| {
+        to.tell(move |control| control.feeder_news(news));
+    })?;
+    let (to, receptions) = (Arc::clone(&shared), shared.parts.receptions.clone());
+    let clerk = Clerk::start(jobs, receptions, snapshots, move |news| {
+        to.tell(move |control| control.clerk_news(news));
+    })?;
+    let mut control = Control {
+        shared: Arc::clone(&shared),
+        config: ready.config.clone(),
+        reactor,
+        feeder,
+        clerk,
+        links: BTreeMap::new(),
+        lanes: HashMap::new(),
+        audiences: HashMap::new(),
+        shown: HashMap::new(),
+        next_lane: 1,
+        began: Instant::now(),
+        stopping: None,
+        trouble: None,
+    };
+    let thread = thread::Builder::new().name("softplug-control".to_owned()).spawn(move || {
+        control.apply(ready);
+        control.run(&messages);
+    })?;
+    Ok(Running { gateway: Gateway { shared }, thread, _library: watch })
+}
+
+fn tell_recovery(scribe: &Scribe, recovery: &Recovery, left_over: usize) {
+    let interrupted = recovery.interrupted.len();
+    let text = format!(
+        "the gateway starts; {interrupted} jobs were interrupted, {} wait, {left_over} receptions \
+         were kept as failed",
+        recovery.queued
+    );
+    let weight = if interrupted + left_over > 0 { Weight::Warning } else { Weight::Normal };
+    scribe.note(Note::new(Subject::Gateway, text).weighing(weight));
+}

@@ -1,0 +1,259 @@
+//! Swaps of plug-ins: ordered, reported, taken back; and links that follow the
+//! library.
+
+use std::sync::Arc;
+use std::sync::mpsc::SyncSender;
+
+use softplug_gateway::reactor::{Command, LaneFault, Probation, Swap, SwapReport, When};
+use softplug_link::{Spare, Successor};
+
+use super::control::Control;
+use super::faults::described;
+use super::link::{Lane, Swapping};
+use super::loading::Prepared;
+use crate::Refusal;
+use crate::config::{self, SwapPolicy, micros};
+use crate::jobs::{Note, Subject, Weight};
+use crate::library::LibraryNews;
+use crate::supervise::{State, Taking};
+use crate::view::{Change, SwapState, SwapView, SwapWhen, now_ms};
+
+/// A swap that was prepared.
+#[derive(Debug)]
+pub(super) struct Wanted {
+    pub(super) successor: Prepared,
+    pub(super) when: SwapWhen,
+    /// As configured if `None`.
+    pub(super) probation: Option<config::Probation>,
+    pub(super) waits: Option<SyncSender<SwapView>>,
+}
+
+impl Control {
+    /// Orders a swap.
+    pub(super) fn order_swap(&mut self, name: &str, wanted: Wanted) -> Result<SwapView, Refusal> {
+        let link = self.link(name)?;
+        if let Some(swap) = &link.swap
+            && matches!(swap.view.state, SwapState::Ordered | SwapState::Waiting)
+        {
+            return Err(Refusal::Conflict(format!(
+                "the link \"{name}\" is about to take {} {}",
+                swap.view.to.name, swap.view.to.version
+            )));
+        }
+        if !matches!(link.lane, Lane::Open(_)) || link.next.is_some() {
+            return Err(Refusal::Conflict(format!(
+                "the link \"{name}\" is being made anew with another configuration"
+            )));
+        }
+        let Wanted { successor, when, probation, waits } = wanted;
+        let view = SwapView {
+            link: name.to_owned(),
+            from: Some(link.plugin.which.clone()),
+            to: successor.which.clone(),
+            state: SwapState::Ordered,
+            at_ms: now_ms(),
+            pause_us: None,
+            message: None,
+        };
+        link.follow.ordered(successor.digest());
+        if link.supervisor.state() != State::Running {
+            return Ok(self.put_in_place(name, successor, view));
+        }
+        let swap = swap(&link.plugin, &successor, when, probation.unwrap_or(link.config.probation));
+        let swap = swap.map_err(|error| Refusal::invalid("plugin", error))?;
+        let former = Some(link.plugin.clone());
+        link.swap = Some(Swapping { view: view.clone(), successor, former, waits });
+        let lane = link.lane_id();
+        self.reactor.tell(lane, Command::Swap(swap));
+        Ok(view)
+    }
+
+    /// Nothing runs that a state could be taken of: the new plug-in is started.
+    fn put_in_place(&mut self, name: &str, successor: Prepared, view: SwapView) -> SwapView {
+        let view = SwapView { state: SwapState::Done, ..view };
+        let text = format!("{} takes the place of one that had failed", described(&successor));
+        if let Some(link) = self.links.get_mut(name) {
+            link.follow.runs(successor.digest());
+            link.supervisor.begin_anew();
+            let waits = None;
+            let former = None;
+            link.plugin = successor.clone();
+            link.swap = Some(Swapping { view: view.clone(), successor, former, waits });
+            let plugin = link.plugin.clone();
+            self.note_use(name, &plugin, None);
+        }
+        self.shared.parts.scribe.link(Subject::Swap, Weight::Normal, name, text);
+        self.start_plugin(name);
+        view
+    }
+
+    /// What came of a swap.
+    pub(super) fn swapped(&mut self, name: &str, report: SwapReport) {
+        let Some(link) = self.links.get_mut(name) else { return };
+        let Some(swap) = &mut link.swap else { return };
+        let (new, old) = (described(&swap.successor), swap.former.as_ref().map(described));
+        let old = old.unwrap_or_default();
+        swap.view.at_ms = now_ms();
+        let mut used = None;
+        let (weight, text) = match report {
+            SwapReport::Waiting => {
+                swap.view.state = SwapState::Waiting;
+                (Weight::Normal, format!("{new} waits until the link is idle"))
+            }
+            SwapReport::Done { pause, with_state, on_probation } => {
+                swap.view.state = if on_probation { SwapState::Probation } else { SwapState::Done };
+                swap.view.pause_us = Some(pause.0.max(0) as u64);
+                link.plugin = swap.successor.clone();
+                link.follow.runs(link.plugin.digest());
+                link.supervisor.begin_anew();
+                used = Some((link.plugin.clone(), swap.former.clone().filter(|_| on_probation)));
+                if !on_probation {
+                    swap.former = None;
+                }
+                let how = if with_state { "with its state" } else { "as new" };
+                let how_long = if on_probation { ", on probation" } else { "" };
+                let pause = pause.0;
+                (
+                    Weight::Normal,
+                    format!(
+                        "{new} runs in place of {old}, {how}{how_long}; the link stood still for {pause} µs"
+                    ),
+                )
+            }
+            SwapReport::Refused { sentence } => {
+                swap.view.state = SwapState::Refused;
+                let (failed, running) = (swap.successor.digest(), link.plugin.digest());
+                link.follow.rejected(failed, running);
+                let text = format!("{new} was not taken, {old} goes on: {sentence}");
+                swap.view.message = Some(sentence);
+                (Weight::Warning, text)
+            }
+            SwapReport::Kept => {
+                swap.view.state = SwapState::Done;
+                swap.former = None;
+                used = Some((link.plugin.clone(), None));
+                (Weight::Normal, format!("{new} has passed its probation"))
+            }
+            SwapReport::Reverted(fault) => {
+                swap.view.state = SwapState::Reverted;
+                swap.view.message = Some(fault.sentence.clone());
+                let failed = swap.successor.clone();
+                if let Some(former) = swap.former.take() {
+                    link.follow.rejected(failed.digest(), former.digest());
+                    used = Some((former.clone(), None));
+                    link.plugin = former;
+                }
+                let text = format!("{new} failed on probation, {old} goes on: {}", fault.sentence);
+                self.keep_fault(name, &failed, *fault);
+                (Weight::Alarm, text)
+            }
+        };
+        self.shared.parts.scribe.link(Subject::Swap, weight, name, text);
+        if let Some((running, former)) = used {
+            self.note_use(name, &running, former.as_ref());
+        }
+        if let Some(swap) = self.links.get_mut(name).and_then(|link| link.swap.as_mut())
+            && let Some(waits) = swap.waits.take()
+        {
+            // It may have become tired of waiting.
+            let _ = waits.try_send(swap.view.clone());
+        }
+        self.begin_next(name);
+    }
+
+    fn keep_fault(&mut self, name: &str, plugin: &Prepared, fault: LaneFault) {
+        let view = self.shared.fault_view(name, plugin, fault);
+        if let Some(link) = self.links.get_mut(name) {
+            link.keep_fault(view);
+        }
+    }
+
+    /// A plug-in came into the library, or went.
+    pub(super) fn library_news(&mut self, news: LibraryNews) {
+        let text = match news {
+            LibraryNews::Available(entry) => {
+                self.follow();
+                format!("{} {} is available", entry.name, entry.version)
+            }
+            LibraryNews::Gone { name, version } => format!("{name} {version} is gone"),
+            LibraryNews::Refused { file, error } => {
+                format!("{} was not taken: {error}", file.display())
+            }
+        };
+        self.shared.parts.scribe.note(Note::new(Subject::Library, text));
+        self.shared.changed(Change::Plugins);
+    }
+
+    /// Swaps the links that follow the library and have something new there.
+    fn follow(&mut self) {
+        for (name, link) in &self.links {
+            let when = match link.config.swap {
+                SwapPolicy::Manual => continue,
+                SwapPolicy::Follow => SwapWhen::NowOrIdle,
+                SwapPolicy::FollowWhenIdle => SwapWhen::Idle,
+            };
+            let (shared, name) = (Arc::clone(&self.shared), name.clone());
+            let (plugin, settings) = (link.config.plugin.clone(), link.plugin.settings.clone());
+            self.shared.parts.worker.give(move || {
+                let prepared = shared.parts.loader.prepare(&plugin, &settings);
+                let control = Arc::clone(&shared);
+                control.tell(move |control| match prepared {
+                    Ok(successor) => control.follow_one(&name, successor, when),
+                    Err(error) => {
+                        let text = format!("what is new in the library is not taken: {error}");
+                        control.shared.parts.scribe.link(
+                            Subject::Swap,
+                            Weight::Warning,
+                            &name,
+                            text,
+                        );
+                    }
+                });
+            });
+        }
+    }
+
+    fn follow_one(&mut self, name: &str, successor: Prepared, when: SwapWhen) {
+        let Some(link) = self.links.get(name) else { return };
+        if link.follow.asks(&successor.digest()) != Taking::Take {
+            return;
+        }
+        let wanted = Wanted { successor, when, probation: None, waits: None };
+        if let Err(refusal) = self.order_swap(name, wanted) {
+            tracing::warn!(link = name, %refusal, "a new version is not taken now");
+        }
+    }
+}
+
+/// What the reactor needs for it.
+fn swap(
+    running: &Prepared,
+    successor: &Prepared,
+    when: SwapWhen,
+    probation: config::Probation,
+) -> Result<Swap<softplug_host::Session>, super::loading::Unloadable> {
+    let accepts = |plugin: &Prepared| plugin.plugin.manifest().state.accepts.clone();
+    // There is a way back in the middle only with a state that the one before takes.
+    let saves = successor.plugin.manifest().state.saves;
+    let goes_back = saves.is_some_and(|format| accepts(running).contains(&format));
+    let has_probation = probation != config::Probation::default() && goes_back;
+    let spare = if has_probation {
+        Some(Spare { instance: running.instance()?, accepts: accepts(running) })
+    } else {
+        None
+    };
+    Ok(Swap {
+        successor: Successor {
+            instance: successor.instance()?,
+            settings: successor.values.clone(),
+            accepts: accepts(successor),
+            spare,
+        },
+        when: match when {
+            SwapWhen::Now => When::Now,
+            SwapWhen::Idle => When::Idle,
+            SwapWhen::NowOrIdle => When::NowOrIdle,
+        },
+        probation: Probation { events: probation.events, span: micros(probation.span) },
+    })
+}

@@ -1,0 +1,34 @@
+//! Work that takes time, away from the control loop, in the order in which it came.
+
+use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::mpsc::{Sender, channel};
+use std::thread;
+
+type Work = Box<dyn FnOnce() + Send>;
+
+/// A thread for work that takes time.
+#[derive(Debug)]
+pub(crate) struct Worker {
+    to: Sender<Work>,
+}
+
+impl Worker {
+    pub(crate) fn start(name: &str) -> io::Result<Self> {
+        let (to, work) = channel::<Work>();
+        thread::Builder::new().name(name.to_owned()).spawn(move || {
+            for work in work {
+                // One piece of work that fails must not keep the others from being done.
+                if catch_unwind(AssertUnwindSafe(work)).is_err() {
+                    tracing::error!("a piece of work has met a state that it should not");
+                }
+            }
+        })?;
+        Ok(Self { to })
+    }
+
+    pub(crate) fn give(&self, work: impl FnOnce() + Send + 'static) {
+        // The thread ends only with this sender.
+        let _ = self.to.send(Box::new(work));
+    }
+}
