@@ -74,6 +74,7 @@ pub(crate) enum Command {
     Link(commands::link::Arguments),
     Job(commands::job::Arguments),
     Program(commands::program::Arguments),
+    Plugin(commands::plugin::Arguments),
     Completions(commands::completions::Arguments),
     Man(commands::man::Arguments),
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use softplug_gateway::PortSpec;
 
-use crate::commands::{demo, doctor, job, link, program, receive, record, send, simulate};
+use crate::commands::{demo, doctor, job, link, plugin, program, receive, record, send, simulate};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::screen::Screen;
@@ -76,4 +76,8 @@ pub(crate) fn job(_: &job::Arguments, _: &Screen) -> Result<Exit, Failure> {
 
 pub(crate) fn program(_: &program::Arguments, _: &Screen) -> Result<Exit, Failure> {
     Err(nowhere("speaking with a gateway"))
+}
+
+pub(crate) fn plugin(_: &plugin::Arguments, _: &Screen) -> Result<Exit, Failure> {
+    Err(nowhere("the library of a gateway"))
 }

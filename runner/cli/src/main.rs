@@ -31,7 +31,7 @@ use crate::arguments::Start;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::screen::Screen;
-use softplug_service::guess;
+use softplug_gateway::guess;
 
 fn main() -> ExitCode {
     match arguments::read() {

@@ -15,12 +15,14 @@
 //! - [`store`]: folders for what comes and for what machines may ask for.
 //! - [`timer`] and [`poll`]: waiting for a port, a deadline and a wake-up.
 //! - [`ports`] and [`doctor`]: which ports there are and what ails one.
+//! - [`guess`]: what was meant, where a name is not known.
 //! - [`suggest`]: baud and parity from what was heard.
 //!
 //! What needs Linux is compiled there only; settings, pacing and the pure
 //! decoders are everywhere.
 
 pub mod error;
+pub mod guess;
 pub mod pacer;
 pub mod port;
 pub mod recorder;

@@ -11,7 +11,6 @@ pub mod config;
 pub mod disk;
 pub mod feeder;
 pub mod gateway;
-pub mod guess;
 pub mod http;
 pub mod jobs;
 pub mod library;

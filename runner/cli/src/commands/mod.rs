@@ -11,6 +11,7 @@ pub(crate) mod inspect;
 pub(crate) mod job;
 pub(crate) mod link;
 pub(crate) mod man;
+pub(crate) mod plugin;
 pub(crate) mod ports;
 pub(crate) mod program;
 pub(crate) mod receive;
@@ -48,6 +49,7 @@ pub(crate) fn run(command: Command, screen: &Screen) -> Result<Exit, Failure> {
         Command::Link(arguments) => live::link(&arguments, screen),
         Command::Job(arguments) => live::job(&arguments, screen),
         Command::Program(arguments) => live::program(&arguments, screen),
+        Command::Plugin(arguments) => live::plugin(&arguments, screen),
         Command::Completions(arguments) => Ok(completions::run(&arguments)),
         Command::Man(arguments) => man::run(&arguments),
     }

@@ -3,6 +3,7 @@
 mod demo;
 mod doctor;
 mod machine;
+mod plugin;
 mod ports;
 mod progress;
 mod receive;
@@ -14,6 +15,7 @@ mod simulate;
 
 pub(crate) use demo::demo;
 pub(crate) use doctor::doctor;
+pub(crate) use plugin::plugin;
 pub(crate) use ports::ports;
 pub(crate) use receive::receive;
 pub(crate) use record::record;

@@ -50,6 +50,12 @@ const VERBS: &[&[&str]] = &[
     &["program", "upload"],
     &["program", "download"],
     &["program", "delete"],
+    &["plugin"],
+    &["plugin", "add"],
+    &["plugin", "list"],
+    &["plugin", "show"],
+    &["plugin", "remove"],
+    &["plugin", "gc"],
     &["completions"],
     &["man"],
 ];

@@ -6,6 +6,8 @@ mod ci_kit;
 mod exchange;
 mod files;
 mod help;
+#[cfg(target_os = "linux")]
+mod library;
 mod plugins;
 #[cfg(target_os = "linux")]
 mod record;

@@ -1,6 +1,6 @@
 //! What to do about what the parser of TOML says.
 
-use crate::guess::nearest;
+use softplug_gateway::guess::nearest;
 
 /// "did you mean", or what there is.
 pub(crate) fn of_names<'a>(

@@ -28,8 +28,8 @@ use softplug_abi::limits::MODULE_BYTES;
 use softplug_host::{Digest, Inspection, lint};
 
 use crate::disk::{self, DiskError, Object, Objects, make_folder};
-use crate::guess::nearest;
 use index::Index;
+use softplug_gateway::guess::nearest;
 
 /// A folder of plug-ins.
 #[derive(Clone, Debug)]
