@@ -59,6 +59,7 @@ pub(crate) enum Color {
 pub(crate) enum Command {
     Ports(commands::ports::Arguments),
     Inspect(commands::inspect::Arguments),
+    Pack(commands::pack::Arguments),
     Send(commands::send::Arguments),
     Receive(commands::receive::Arguments),
     Record(commands::record::Arguments),

@@ -140,6 +140,27 @@ pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     replaced.map(drop).map_err(|error| unwritable(path, &error))
 }
 
+/// Writes a file, new or in the place of another: all of it or nothing.
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    if path.exists() {
+        return replace(path, bytes);
+    }
+    let written = (|| {
+        let mut builder = tempfile::Builder::new();
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            // Temporary files are their owner's alone; this one is an ordinary file.
+            builder.permissions(fs::Permissions::from_mode(0o666));
+        }
+        let mut file = builder.tempfile_in(folder_of(path))?;
+        file.write_all(bytes)?;
+        file.as_file().sync_all()?;
+        file.persist(path).map_err(|error| error.error)
+    })();
+    written.map(drop).map_err(|error| unwritable(path, &error))
+}
+
 /// A file that is being received: it has its own name only once it is complete.
 #[derive(Debug)]
 pub(crate) struct Partial {

@@ -22,8 +22,8 @@ pub(crate) struct TestError(Vec<String>);
 struct Tool {
     /// The program; its tests stand in modules named `needs_PROGRAM`.
     program: &'static str,
-    /// The Debian package that has it.
-    package: &'static str,
+    /// Where to get it.
+    source: &'static str,
     /// What the tests do with it.
     purpose: &'static str,
 }
@@ -31,28 +31,48 @@ struct Tool {
 const TOOLS: &[Tool] = &[
     Tool {
         program: "stty",
-        package: "coreutils",
+        source: "Debian package coreutils",
         purpose: "transfers with the kernel's own XON/XOFF as the partner (stty and cat)",
     },
     Tool {
         program: "openssl",
-        package: "openssl",
+        source: "Debian package openssl",
         purpose: "signed reports held against another program",
     },
     Tool {
         program: "chromium",
-        package: "chromium",
+        source: "Debian package chromium",
         purpose: "the page of a report in a real browser",
     },
     Tool {
         program: "ser2net",
-        package: "ser2net",
+        source: "Debian package ser2net",
         purpose: "device servers: our RFC 2217 against that of ser2net",
     },
     Tool {
         program: "tshark",
-        package: "tshark",
+        source: "Debian package tshark",
         purpose: "captures and hex dumps in Wireshark's own tools (tshark and text2pcap)",
+    },
+    Tool {
+        program: "clang",
+        source: "Debian packages clang and lld",
+        purpose: "XON/XOFF in C, certified like the one in Rust",
+    },
+    Tool {
+        program: "asc",
+        source: "`npm ci` in sdk/assemblyscript, then its node_modules/.bin in PATH",
+        purpose: "XON/XOFF in AssemblyScript, certified like the one in Rust",
+    },
+    Tool {
+        program: "node",
+        source: "Debian package nodejs",
+        purpose: "the host in JavaScript",
+    },
+    Tool {
+        program: "python_wasmtime",
+        source: "a Python with docs/hosts/requirements.txt, under that name",
+        purpose: "the host in Python",
     },
 ];
 
@@ -62,7 +82,7 @@ pub(crate) fn run(workspace: &Workspace, all: bool) -> Result<ExitCode, Error> {
     if all && !missing.is_empty() {
         let names = missing
             .iter()
-            .map(|tool| format!("`{}` (Debian package {})", tool.program, tool.package));
+            .map(|tool| format!("`{}` ({})", tool.program, tool.source));
         return Err(TestError(names.collect()).into());
     }
     plugins::build(workspace, plugins::Report::Table)?;
@@ -130,8 +150,8 @@ fn conclude(steps: &[Step], missing: &[&Tool]) -> ExitCode {
     println!();
     for tool in missing {
         println!(
-            "left out: {}, because `{}` is missing (Debian package {})",
-            tool.purpose, tool.program, tool.package
+            "left out: {}, because `{}` is missing ({})",
+            tool.purpose, tool.program, tool.source
         );
     }
     println!("left out: benchmarks, because they measure and judge nothing (cargo xtask bench)");

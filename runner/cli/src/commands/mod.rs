@@ -1,5 +1,6 @@
 //! The verbs, one file each: what they take, and what they say.
 
+mod calls;
 pub(crate) mod cases;
 pub(crate) mod certify;
 pub(crate) mod completions;
@@ -11,6 +12,7 @@ pub(crate) mod inspect;
 pub(crate) mod job;
 pub(crate) mod link;
 pub(crate) mod man;
+pub(crate) mod pack;
 pub(crate) mod plugin;
 pub(crate) mod ports;
 pub(crate) mod program;
@@ -34,6 +36,7 @@ pub(crate) fn run(command: Command, screen: &Screen) -> Result<Exit, Failure> {
     match command {
         Command::Ports(_) => live::ports(screen),
         Command::Inspect(arguments) => inspect::run(&arguments, screen),
+        Command::Pack(arguments) => pack::run(&arguments, screen),
         Command::Send(arguments) => send::run(&arguments, screen),
         Command::Receive(arguments) => receive::run(&arguments, screen),
         Command::Record(arguments) => record::run(&arguments, screen),

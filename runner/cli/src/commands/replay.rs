@@ -11,6 +11,7 @@ use softplug_conformance::{
 #[cfg(feature = "native")]
 use {softplug_conformance::FromFn, softplug_native::NativePlugin};
 
+use super::calls;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files;
@@ -33,7 +34,8 @@ const SHOWN: usize = 3;
   softplug replay xon-xoff fixtures/traces/xon-xoff
   softplug replay xon-xoff fixtures/traces --only \"xon-xoff.tx.*\" --no-permutations
   softplug replay my-plugin.wasm case.spt --only my.case/cut:1
-  softplug replay xon-xoff case.spt --bless")]
+  softplug replay xon-xoff case.spt --bless
+  softplug replay xon-xoff case.spt --calls calls.jsonl")]
 pub(crate) struct Arguments {
     /// The plug-in: a .wasm file, a name to look up, or native:NAME
     plugin: String,
@@ -54,6 +56,9 @@ pub(crate) struct Arguments {
     /// Rewrite the traces' expectations to what the plug-in does; read the difference well
     #[arg(long, conflicts_with = "native")]
     bless: bool,
+    /// Write every call of the traces as they are written, with its result, as JSON lines
+    #[arg(long, value_name = "FILE", conflicts_with = "bless")]
+    calls: Option<PathBuf>,
 }
 
 /// What machines get.
@@ -92,6 +97,10 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         #[cfg(feature = "native")]
         Chosen::Native(..) => None,
     };
+    if let Some(file) = &arguments.calls {
+        let taken = cases.iter().filter(|case| filter.takes_trace(&case.trace.front.id));
+        files::write(file, &calls::of(&plugin, taken))?;
+    }
     screen.document(&Document { sha256, summary: &summary });
     show(&summary, cases.len(), arguments, screen);
     Ok(exit(&summary))

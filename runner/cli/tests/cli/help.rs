@@ -6,6 +6,7 @@ const VERBS: &[&[&str]] = &[
     &[],
     &["ports"],
     &["inspect"],
+    &["pack"],
     &["send"],
     &["receive"],
     &["record"],

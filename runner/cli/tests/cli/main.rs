@@ -6,8 +6,10 @@ mod ci_kit;
 mod exchange;
 mod files;
 mod help;
+mod languages;
 #[cfg(target_os = "linux")]
 mod library;
+mod pack;
 mod plugins;
 #[cfg(target_os = "linux")]
 mod record;
