@@ -1,11 +1,13 @@
 //! Jobs and journal on the disk: what is in memory here is what is there.
 
 use std::collections::BTreeMap;
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
 use redb::{Database, ReadableDatabase, ReadableTable, ReadableTableMetadata, TableDefinition};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use softplug_gateway::store::sync_folder;
 
 use super::ballast::Ballast;
 use super::error::BookError;
@@ -293,7 +295,37 @@ impl Book {
 
 /// The database in a file.
 pub(super) fn in_file(path: PathBuf) -> Open {
-    Box::new(move || Ok(redb::Builder::new().set_cache_size(CACHE_BYTES).create(&path)?))
+    Box::new(move || {
+        if !path.exists() {
+            make_file(&path)?;
+        }
+        Ok(builder().create(&path)?)
+    })
+}
+
+fn builder() -> redb::Builder {
+    let mut builder = redb::Builder::new();
+    builder.set_cache_size(CACHE_BYTES);
+    builder
+}
+
+/// A new database gets its name when it is whole: one that is killed while it is being made could
+/// never be opened again.
+fn make_file(path: &Path) -> Result<(), redb::Error> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let lock = File::create(folder.join(".lock"))?;
+    lock.lock()?;
+    if path.exists() {
+        return Ok(());
+    }
+    let new = path.with_extension("new");
+    if new.exists() {
+        fs::remove_file(&new)?;
+    }
+    builder().create(&new)?.close()?;
+    File::open(&new)?.sync_all()?;
+    fs::rename(&new, path)?;
+    Ok(sync_folder(folder)?)
 }
 
 type Table<'txn, K> = redb::Table<'txn, K, &'static [u8]>;

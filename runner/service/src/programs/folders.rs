@@ -132,10 +132,14 @@ impl Programs {
         most: u64,
         replace: bool,
     ) -> Result<Program, ProgramError> {
-        if !replace && self.find(name).is_ok() {
+        let there = self.find(name).ok();
+        if there.is_some() && !replace {
             return Err(ProgramError::Exists(name.to_string()));
         }
-        let root = self.roots.first().ok_or(ProgramError::NoFolder)?;
+        // What is replaced is replaced where it is.
+        let has_it = |root: &&PathBuf| there.as_ref().is_some_and(|there| there.starts_with(root));
+        let root = self.roots.iter().find(has_it).or(self.roots.first());
+        let root = root.ok_or(ProgramError::NoFolder)?;
         let path = root.join(name.as_str());
         let folder = path.parent().unwrap_or(root);
         if let Some(there) = folder.ancestors().find(|folder| folder.exists())
