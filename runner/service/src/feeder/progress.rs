@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use softplug_gateway::reactor::{LaneFigures, LaneStatus};
 
 /// It is written down at least so far apart, but at once when the partner holds us.
-const APART: Duration = Duration::from_secs(1);
+const APART: Duration = Duration::from_secs(2);
 /// Bytes that a plug-in may have taken and not yet passed on.
 const IN_THE_PLUG_IN: u64 = 1_024;
 

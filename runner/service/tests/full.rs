@@ -1,0 +1,109 @@
+//! A disk that is full for a while: nothing that was acknowledged is lost, nothing goes
+//! out that is not written down, it is said, and with room all goes on. The limit is the
+//! process's, so there is one test in this file.
+
+use std::fs;
+use std::sync::mpsc::{Receiver, channel};
+use std::time::Duration;
+
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use softplug_gateway::reactor::LaneId;
+use softplug_gateway::reservoir::{Drawn, reservoir};
+use softplug_service::clerk::{Clerk, ClerkNews, Incoming};
+use softplug_service::feeder::{Feeder, FeederNews, Feeding, Pace};
+use softplug_service::jobs::{Jobs, Keep, Order, State};
+use softplug_service::programs::{Receptions, Snapshots};
+
+/// No file may grow beyond this, or be written there.
+fn limit(bytes: Option<u64>) {
+    let maximum = getrlimit(Resource::Fsize).maximum;
+    let current = bytes.or(maximum);
+    setrlimit(Resource::Fsize, Rlimit { current, maximum }).unwrap();
+}
+
+fn next<T>(news: &Receiver<T>) -> T {
+    news.recv_timeout(Duration::from_secs(60)).expect("news comes")
+}
+
+#[test]
+fn while_the_disk_is_full_nothing_is_lost_and_with_room_it_goes_on() {
+    // Else the signal ends the process.
+    let seen = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
+    signal_hook::flag::register(signal_hook::consts::SIGXFSZ, seen).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let (jobs, _) = Jobs::open(&folder.path().join("state"), Keep::default()).unwrap();
+    let snapshots = Snapshots::open_folder(&folder.path().join("snapshots")).unwrap();
+    let receptions = Receptions::open(&folder.path().join("receptions")).unwrap();
+
+    // A reception: the machine is held where the disk ends.
+    let (tell, news) = channel();
+    let tell = move |what| tell.send(what).unwrap();
+    let clerk = Clerk::start(jobs.clone(), receptions.clone(), snapshots.clone(), tell).unwrap();
+    let (mut writer, reader) = reservoir(10_000, 0, 10_000);
+    let (link, place) = ("lathe".to_owned(), "lathe".to_owned());
+    clerk.take(Incoming { lane: LaneId(1), link, place, delivery: 1, job: None, bytes: reader });
+    assert!(matches!(next(&news), ClerkNews::Begun(_)));
+    let database = fs::metadata(folder.path().join("state/jobs.redb")).unwrap().len();
+    let most = database + 12_345;
+    let program: Vec<u8> =
+        (0..).map(|n: u32| (n % 251) as u8).take(most as usize + 50_000).collect();
+    limit(Some(most));
+    let mut given = 0;
+    let said = loop {
+        given += writer.write(&program[given..]);
+        match news.try_recv() {
+            Ok(ClerkNews::Stuck { why, .. }) => break why,
+            Ok(other) => panic!("{other:?}"),
+            Err(_) => std::thread::yield_now(),
+        }
+    };
+    assert!(said.contains("what comes on \"lathe\" cannot be written: "), "{said}");
+    given += writer.write(&program[given..]);
+    assert_eq!((writer.level(), writer.write(&program[given..])), (10_000, 0));
+    limit(None);
+    assert!(matches!(next(&news), ClerkNews::GoesOn { .. }));
+    while given < program.len() {
+        given += writer.write(&program[given..]);
+        std::thread::yield_now();
+    }
+    writer.finish();
+    clerk.end(LaneId(1), 1, None, 0, given as u64);
+    let ClerkNews::Kept(job) = next(&news) else { panic!("it is kept") };
+    assert_eq!(job.state, State::Done);
+    let file = job.reception.unwrap().file.unwrap();
+    assert!(fs::read(folder.path().join("receptions/lathe").join(file)).unwrap() == program);
+
+    // A job: what can't be written down does not go out.
+    let data = snapshots.take_all(&mut &program[..60_000], "O1", 1 << 20).unwrap();
+    let id = jobs.submit(Order::send("lathe", "O1", data)).unwrap().id;
+    jobs.begin(id).unwrap();
+    let (tell, news) = channel();
+    let tell = move |what| tell.send(what).unwrap();
+    let feeder = Feeder::start(jobs.clone(), snapshots.clone(), tell).unwrap();
+    let (to, mut reader) = reservoir(8_192, 2_048, 6_000);
+    let pace = Pace { packet: 512, characters_a_second: None };
+    limit(Some(1));
+    feeder.feed(Feeding { job: id, data, from: 0, to, pace, is_check: false, status: None });
+    let stalled = next(&news);
+    let mut buffer = [0; 1_000];
+    let drawn = reader.read(&mut buffer);
+    let refused = jobs.submit(Order::send("lathe", "O1", data)).map(drop);
+    limit(None);
+    assert!(
+        matches!(&stalled, FeederNews::Stalled(why) if why.ends_with("make room on the disk")),
+        "{stalled:?}"
+    );
+    assert_eq!(drawn, Drawn::Later);
+    assert!(refused.unwrap_err().is_full());
+    assert_eq!(next(&news), FeederNews::GoesOn);
+    let mut taken = Vec::new();
+    loop {
+        match reader.read(&mut buffer) {
+            Drawn::Bytes(count) => taken.extend_from_slice(&buffer[..count]),
+            Drawn::Later => std::thread::yield_now(),
+            end => break assert_eq!(end, Drawn::End),
+        }
+    }
+    assert!(taken == program[..60_000]);
+    assert_eq!(jobs.job(id).unwrap().extent.maybe, 60_000);
+}
