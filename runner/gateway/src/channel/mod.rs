@@ -241,13 +241,14 @@ impl<I: Instance> Channel<I> {
     ) -> Result<Work, ChannelError<I::Fault>> {
         let mut now = clock.now();
         let until = now + TURN;
+        self.attend_port(now, outside)?;
         for _ in 0..ROUNDS {
             let has_read = self.read(now, outside)?;
             self.look_at_modem_lines(now, outside)?;
             self.note_departures(now);
             self.ask(now, outside, |link, now, outside| link.run(now, outside))??;
             let has_sent = self.gone.is_none() && self.send_some(now, outside)?;
-            if !has_read && !has_sent {
+            if !has_read && !has_sent && !self.may_read() {
                 return Ok(Work::Done);
             }
             now = clock.now();
@@ -264,6 +265,9 @@ impl<I: Instance> Channel<I> {
             return Wants { deadline: self.link.next_timer(), ..Wants::default() };
         }
         let is_stuck = self.is_stuck(now);
+        let port = self.port.as_ref();
+        let is_suspended = port.is_some_and(Port::is_suspended);
+        let has_output = port.is_some_and(Port::has_output);
         let waiting = self.link.waiting().max(1);
         let deadline = [
             self.link.next_timer(),
@@ -271,10 +275,12 @@ impl<I: Instance> Channel<I> {
             self.next_departure(now),
             self.break_until,
             self.break_next.is_some().then_some(now + LOOK_AGAIN),
-            self.modem_lines.is_some().then_some(self.modem_lines_at),
+            self.looks_for_modem_lines().then_some(self.modem_lines_at),
+            port.and_then(Port::attention),
         ];
         let deadline = deadline.into_iter().flatten().min();
-        Wants { read: self.readable_bytes() > 0, write: is_stuck, deadline }
+        let write = (is_stuck && !is_suspended) || has_output;
+        Wants { read: self.readable_bytes() > 0, write, deadline }
     }
 
     /// A port that still holds what should have left by now is looked at again.
@@ -425,6 +431,12 @@ impl<I: Instance> Channel<I> {
         }
     }
 
+    /// Whether there is something to read and room for it, which may have come
+    /// only after a look that found none.
+    fn may_read(&self) -> bool {
+        self.readable && self.gone.is_none() && self.readable_bytes() > 0
+    }
+
     /// How many bytes may be read: what finds no room for delivery stays with
     /// the kernel, which loses nothing as long as the partner obeys.
     fn readable_bytes(&self) -> usize {
@@ -438,16 +450,45 @@ impl<I: Instance> Channel<I> {
         }
     }
 
+    /// The port's own business: probing the other side, what it has to answer.
+    fn attend_port(
+        &mut self,
+        now: Micros,
+        outside: &mut dyn Surroundings,
+    ) -> Result<(), ChannelError<I::Fault>> {
+        let Some(port) = self.port.as_mut().filter(|_| self.gone.is_none()) else {
+            return Ok(());
+        };
+        if !port.has_output() && port.attention().is_none_or(|at| at > now) {
+            return Ok(());
+        }
+        self.readable = true;
+        match port.attend(now) {
+            Err(PortError::Gone(reason)) => self.lose(now, reason, outside),
+            attended => Ok(attended?),
+        }
+    }
+
+    /// Whether nobody tells of modem lines, so that they are looked at again and
+    /// again.
+    fn looks_for_modem_lines(&self) -> bool {
+        let tells = self.port.as_ref().is_some_and(Port::tells_modem_lines);
+        self.modem_lines.is_some() && !tells
+    }
+
     fn look_at_modem_lines(
         &mut self,
         now: Micros,
         outside: &mut dyn Surroundings,
     ) -> Result<(), ChannelError<I::Fault>> {
-        if self.modem_lines.is_none() || now < self.modem_lines_at {
+        if self.looks_for_modem_lines() && now < self.modem_lines_at {
             return Ok(());
         }
         self.modem_lines_at = now + MODEM_LINES_EVERY;
         let Some(port) = &self.port else { return Ok(()) };
+        if self.modem_lines.is_none() && !port.tells_modem_lines() {
+            return Ok(());
+        }
         let lines = port.modem_lines();
         if lines == self.modem_lines {
             return Ok(());

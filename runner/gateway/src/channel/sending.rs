@@ -1,6 +1,6 @@
 //! From the link to the port: what may leave now, and breaks between.
 
-use softplug_abi::{Instance, LinkDownReason, Micros};
+use softplug_abi::{Instance, Micros};
 use softplug_link::Taken;
 
 use super::{CHUNK, Channel, ChannelError, Surroundings};
@@ -36,8 +36,8 @@ impl<I: Instance> Channel<I> {
         let Some(port) = &mut self.port else { return Ok(false) };
         let written = match port.write(&self.pending[self.pending_from..end]) {
             Ok(written) => written,
-            Err(PortError::Gone(_)) => {
-                self.lose(now, LinkDownReason::Unplugged, outside)?;
+            Err(PortError::Gone(reason)) => {
+                self.lose(now, reason, outside)?;
                 return Ok(false);
             }
             Err(error) => return Err(error.into()),

@@ -6,7 +6,8 @@ use std::fs::File;
 use std::io::{ErrorKind, Read};
 use std::os::fd::AsFd;
 use std::sync::mpsc::{Receiver, channel};
-use std::time::Duration;
+use std::thread;
+use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, poll};
 use softplug_abi::LineParameters;
@@ -32,16 +33,23 @@ pub struct Bench {
     /// Reports that were not asked for yet.
     early: Vec<(LaneId, Report)>,
     pub machines: HashMap<LaneId, PtyPair>,
+    added: u32,
 }
 
 impl Bench {
     pub fn start() -> Self {
+        Self::start_with(ReactorOptions::default().links_per_thread)
+    }
+
+    /// With so many lanes for each thread.
+    pub fn start_with(links_per_thread: usize) -> Self {
         let (sender, reports) = channel();
-        let reactor = Reactor::start(ReactorOptions::default(), move |lane, report| {
+        let options = ReactorOptions { links_per_thread, ..ReactorOptions::default() };
+        let reactor = Reactor::start(options, move |lane, report| {
             let _ = sender.send((lane, report));
         })
         .unwrap();
-        Self { reactor, reports, early: Vec::new(), machines: HashMap::new() }
+        Self { reactor, reports, early: Vec::new(), machines: HashMap::new(), added: 0 }
     }
 
     /// A lane on a new pty.
@@ -55,8 +63,25 @@ impl Bench {
         baud: u32,
         change: impl FnOnce(&mut LaneSetup<NativeInstance>),
     ) -> LaneId {
-        let id = LaneId(self.machines.len() as u32 + 1);
-        let machine = PtyPair::open().unwrap();
+        self.add_on(PtyPair::open().unwrap(), baud, change)
+    }
+
+    /// A lane that works.
+    pub fn add_up(&mut self, baud: u32) -> LaneId {
+        let lane = self.add(baud);
+        self.wait_for(lane, |report| matches!(report, Report::Up));
+        lane
+    }
+
+    /// A lane on this pty.
+    pub fn add_on(
+        &mut self,
+        machine: PtyPair,
+        baud: u32,
+        change: impl FnOnce(&mut LaneSetup<NativeInstance>),
+    ) -> LaneId {
+        self.added += 1;
+        let id = LaneId(self.added);
         let mut setup = setup(PortSpec::Device(machine.slave_path().to_owned()), baud);
         change(&mut setup);
         self.machines.insert(id, machine);
@@ -102,6 +127,15 @@ impl Bench {
         read_exactly(&self.machines[&lane], count)
     }
 
+    /// Waits until the lane's figures are so.
+    pub fn until(&self, lane: LaneId, is_so: impl Fn(&LaneFigures) -> bool) {
+        let end = Instant::now() + PATIENCE;
+        while !is_so(&self.figures(lane)) {
+            assert!(Instant::now() < end, "it never came to that: {:?}", self.figures(lane));
+            thread::sleep(Duration::from_millis(1));
+        }
+    }
+
     pub fn figures(&self, lane: LaneId) -> LaneFigures {
         self.reactor.status(lane).unwrap().read()
     }
@@ -138,6 +172,15 @@ pub fn read_exactly(machine: &PtyPair, count: usize) -> Vec<u8> {
         }
     }
     received
+}
+
+/// Writes all, as fast as it is taken.
+pub fn write_all(machine: &PtyPair, bytes: &[u8]) {
+    let mut at = 0;
+    while at < bytes.len() {
+        let _ = poll(&mut [PollFd::new(machine.master(), PollFlags::OUT)], None);
+        at += machine.write(&bytes[at..]).unwrap();
+    }
 }
 
 /// A program of so many bytes, no two blocks alike.
