@@ -201,6 +201,11 @@ impl ReservoirWriter {
         self.shared.wake_writer(now);
     }
 
+    /// Whether a wake that was asked for is still to come.
+    pub fn is_armed(&self) -> bool {
+        self.shared.wake_writer_at.load(Ordering::Relaxed) != NEVER
+    }
+
     /// What was counted.
     pub fn figures(&self) -> Gauge {
         Gauge(Arc::clone(&self.shared))

@@ -6,8 +6,9 @@ mod lanes;
 
 use std::sync::mpsc::sync_channel;
 use std::thread;
+use std::time::Duration;
 
-use lanes::{Bench, program, read_exactly, settings, write_all};
+use lanes::{Bench, program, read_exactly, write_all};
 use softplug_abi::{Failure, LinkDownReason, Micros};
 use softplug_gateway::PortSpec;
 use softplug_gateway::pty::PtyPair;
@@ -190,41 +191,39 @@ fn drain(reader: &mut ReservoirReader, received: &mut Vec<u8>) -> Drawn {
 #[test]
 fn what_a_machine_sends_waits_for_room_and_arrives_whole() {
     let mut bench = Bench::start();
-    let lane = bench.add_with(921_600, |setup| {
-        setup.station.delivery_room = 1_024;
-        setup.station.settings = settings(&[("quiet_time", "200")]);
-    });
+    let lane = bench.add_with(921_600, |setup| setup.station.delivery_room = 1_024);
     bench.wait_for(lane, |report| matches!(report, Report::Up));
-    let sent = program(30_000);
-    let machine = bench.machines.remove(&lane).unwrap();
-    let far = {
-        let sent = sent.clone();
-        thread::spawn(move || {
-            write_all(&machine, &sent);
-            machine
-        })
-    };
-    let begun = bench.wait_for(lane, |report| matches!(report, Report::DeliveryBegun { .. }));
-    let Report::DeliveryBegun { delivery, job: None, mut bytes } = begun else { unreachable!() };
-    // Nobody puts anything away: reading stops where the room ends.
-    bench.until(lane, |figures| figures.to_put_away > 600);
-    for _ in 0..200 {
-        thread::yield_now();
-        assert!(bench.figures(lane).to_put_away <= 1_024);
-    }
-    assert!(bench.figures(lane).bytes_in <= 1_024);
+    // The kernel holds as much, whatever the plug-in says to the machine.
+    let sent = program(3_000);
+    write_all(&bench.machines[&lane], &sent);
     let mut received = Vec::new();
-    while drain(&mut bytes, &mut received) != Drawn::End {
-        thread::yield_now();
+    // The plug-in may take a pause for the end; the rest is the next delivery.
+    while received.len() < sent.len() {
+        let begun = bench.wait_for(lane, |report| matches!(report, Report::DeliveryBegun { .. }));
+        let Report::DeliveryBegun { delivery, job: None, mut bytes } = begun else {
+            unreachable!()
+        };
+        if received.is_empty() {
+            // Nobody puts anything away: reading stops where the room ends.
+            bench.until(lane, |figures| figures.to_put_away > 600);
+            for _ in 0..200 {
+                thread::yield_now();
+                assert!(bench.figures(lane).to_put_away <= 1_024);
+            }
+            assert!(bench.figures(lane).bytes_in <= 1_024);
+        }
+        let before = received.len();
+        while drain(&mut bytes, &mut received) != Drawn::End {
+            thread::sleep(Duration::from_micros(100));
+        }
+        let ended = bench.wait_for(lane, |report| matches!(report, Report::DeliveryEnded { .. }));
+        let Report::DeliveryEnded { delivery: same, failure, bytes, .. } = ended else {
+            unreachable!()
+        };
+        let count = (received.len() - before) as u64;
+        assert_eq!((same, failure, bytes), (delivery, None, count));
     }
-    assert_eq!(received.len(), sent.len());
     assert_eq!(received, sent);
-    let ended = bench.wait_for(lane, |report| matches!(report, Report::DeliveryEnded { .. }));
-    let Report::DeliveryEnded { delivery: same, failure, bytes, .. } = ended else {
-        unreachable!()
-    };
-    assert_eq!((same, failure, bytes), (delivery, None, 30_000));
-    far.join().unwrap();
 }
 
 #[test]
@@ -283,6 +282,7 @@ fn whoever_watches_sees_both_ways_and_a_slow_one_costs_only_its_own_view() {
     assert_eq!(first, [Sight::Heard(vec![XOFF]), Sight::Held]);
     // One that has gone away costs nothing.
     drop(seen);
+    bench.until(lane, |figures| figures.job == 0);
     let unseen = bench.figures(lane).unseen;
     bench.send(lane, 2, &program);
     assert_eq!(bench.read_from_machine(lane, program.len()), program);

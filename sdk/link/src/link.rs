@@ -283,6 +283,12 @@ impl<I: Instance> Link<I> {
         self.core.whole_delivery_room()
     }
 
+    /// Bytes that the plug-in knows it may deliver: a host that gives it no more
+    /// than fits in there makes it lose nothing.
+    pub fn known_delivery_room(&self) -> u32 {
+        self.core.known_delivery_room()
+    }
+
     /// Bytes that wait in the transmit queue.
     pub fn waiting(&self) -> usize {
         self.core.queue.waiting()

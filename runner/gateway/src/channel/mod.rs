@@ -440,7 +440,7 @@ impl<I: Instance> Channel<I> {
     /// How many bytes may be read: what finds no room for delivery stays with
     /// the kernel, which loses nothing as long as the partner obeys.
     fn readable_bytes(&self) -> usize {
-        (self.link.delivery_room() / GROWTH) as usize
+        (self.link.known_delivery_room() / GROWTH) as usize
     }
 
     fn note_departures(&mut self, now: Micros) {

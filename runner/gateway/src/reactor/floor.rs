@@ -252,7 +252,7 @@ impl Floor {
         }
         // The link's room for deliveries is the reservoir's size.
         let _ = to.write(bytes);
-        to.wake_at(to.level().saturating_sub(self.delivery_room / 8));
+        delivery.wake_when_read(self.delivery_room);
     }
 
     fn end_delivery(&mut self, now: Micros, id: u32, failure: Option<Failure>, status: u16) {
@@ -291,6 +291,15 @@ impl Active {
 }
 
 impl Delivery {
+    /// Has the lane woken when enough is put away to tell of it, as long as there
+    /// is something to be put away.
+    fn wake_when_read(&self, room: usize) {
+        let Some(to) = self.to.as_ref().filter(|to| !to.is_armed()) else { return };
+        if self.counted < self.bytes {
+            to.wake_at(to.level().saturating_sub(room / 8));
+        }
+    }
+
     /// Bytes put away since the last call.
     fn drained(&mut self) -> u64 {
         let Some(to) = &self.to else { return 0 };
@@ -426,6 +435,7 @@ impl Outside for Floor {
         let mut drained = self.endpoint.as_mut().map_or(0, |lane| lane.endpoint.drained());
         for delivery in &mut self.deliveries {
             drained += delivery.drained() as u32;
+            delivery.wake_when_read(self.delivery_room);
         }
         self.deliveries.retain(|delivery| delivery.is_open || delivery.counted < delivery.bytes);
         drained

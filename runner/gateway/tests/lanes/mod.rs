@@ -24,7 +24,7 @@ use softplug_link::Job;
 use softplug_native::{NativeInstance, NativePlugin};
 
 /// After so long a report that does not come fails the test.
-const PATIENCE: Duration = Duration::from_mins(1);
+pub const PATIENCE: Duration = Duration::from_secs(20);
 
 /// A reactor, its reports, and the far ends of its lanes.
 pub struct Bench {
@@ -34,6 +34,12 @@ pub struct Bench {
     early: Vec<(LaneId, Report)>,
     pub machines: HashMap<LaneId, PtyPair>,
     added: u32,
+}
+
+impl std::fmt::Debug for Bench {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_list().entries(self.reports.try_iter()).entries(&self.early).finish()
+    }
 }
 
 impl Bench {
@@ -95,7 +101,10 @@ impl Bench {
             return self.early.remove(at).1;
         }
         loop {
-            let (id, report) = self.reports.recv_timeout(PATIENCE).expect("no such report");
+            let (id, report) = self
+                .reports
+                .recv_timeout(PATIENCE)
+                .unwrap_or_else(|error| panic!("{error}, but {:?}", self.early));
             if id == lane && is_it(&report) {
                 return report;
             }
