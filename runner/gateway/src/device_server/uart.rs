@@ -46,7 +46,7 @@ impl<P: Partner> Uart<P> {
         Self {
             partner,
             settings,
-            line: line_of(&settings),
+            line: line_of(settings),
             queue: VecDeque::new(),
             shifting: None,
             free_since: Micros(0),
@@ -67,7 +67,7 @@ impl<P: Partner> Uart<P> {
 
     pub(super) fn set(&mut self, settings: PortSettings) {
         self.settings = settings;
-        self.line = line_of(&settings);
+        self.line = line_of(settings);
         if settings.flow_control != FlowControl::XonXoff {
             self.is_held = false;
         }

@@ -132,9 +132,8 @@ impl<P: Partner> Worker<P> {
             if client.flush()? == Fate::Gone {
                 return Ok(Fate::Gone);
             }
-            let has_read = match client.take_in(uart, now, &self.seen)? {
-                None => return Ok(Fate::Gone),
-                Some(has_read) => has_read,
+            let Some(has_read) = client.take_in(uart, now, &self.seen)? else {
+                return Ok(Fate::Gone);
             };
             let has_told = client.tell(uart, &mut self.lines);
             if !has_read && !has_told {

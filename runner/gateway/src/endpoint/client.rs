@@ -60,7 +60,7 @@ impl Client {
         stream: TcpStream,
         address: SocketAddr,
         setup: &EndpointSetup,
-        line: Option<&LineParameters>,
+        line: Option<LineParameters>,
     ) -> io::Result<Self> {
         let telnet = match setup.kind {
             EndpointKind::Raw => None,
@@ -245,11 +245,11 @@ impl Client {
     }
 
     /// Sends a word to whoever is not let in.
-    pub(super) fn turn_away(stream: TcpStream, first: SocketAddr) {
+    pub(super) fn turn_away(stream: &TcpStream, first: SocketAddr) {
         let word = format!("the link is in use by {first}\r\n");
         // If even this has no room, hanging up is all there is to say.
         let _ = stream.set_nonblocking(true);
-        let _ = io::Write::write(&mut &stream, word.as_bytes());
+        let _ = io::Write::write(&mut &*stream, word.as_bytes());
     }
 
     /// Whether the connection was not read to the end while nothing of it waits.
@@ -271,7 +271,7 @@ impl Client {
             return self.nothing();
         }
         let received = self.stream.receive(buffer);
-        match self.received(received) {
+        match self.received(&received) {
             0 => self.nothing(),
             count => Taken::Bytes(count),
         }
@@ -288,7 +288,7 @@ impl Client {
                     }
                     received
                 });
-                if self.received(received) == 0 {
+                if self.received(&received) == 0 {
                     break;
                 }
             }
@@ -311,9 +311,9 @@ impl Client {
     }
 
     /// What that means; how many bytes it brought.
-    fn received(&mut self, received: Result<Received, PortError>) -> usize {
+    fn received(&mut self, received: &Result<Received, PortError>) -> usize {
         match received {
-            Ok(Received::Bytes(count)) => return count,
+            Ok(Received::Bytes(count)) => return *count,
             Ok(Received::Nothing) => self.readable = false,
             Ok(Received::End) => self.has_said_all = true,
             Ok(Received::Lost(_)) | Err(_) => self.is_lost = true,

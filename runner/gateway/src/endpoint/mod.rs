@@ -107,7 +107,7 @@ impl ServerEndpoint {
             match self.client.as_ref().map(Client::address) {
                 None => self.let_in(registry, stream, address),
                 Some(first) => {
-                    Client::turn_away(stream, first);
+                    Client::turn_away(&stream, first);
                     self.news.push_back(EndpointNews::Busy(address));
                 }
             }
@@ -119,7 +119,7 @@ impl ServerEndpoint {
             Some(LineNews::Up(line, _)) => Some(*line),
             _ => None,
         };
-        let Ok(mut client) = Client::new(stream, address, &self.setup, line.as_ref()) else {
+        let Ok(mut client) = Client::new(stream, address, &self.setup, line) else {
             return;
         };
         let token = Token(self.tokens.start + 1);

@@ -41,7 +41,7 @@ pub(super) struct Telnet {
 }
 
 impl Telnet {
-    pub(super) fn new(answer: LineAnswer, line: Option<&LineParameters>) -> Self {
+    pub(super) fn new(answer: LineAnswer, line: Option<LineParameters>) -> Self {
         let own = line.map_or_else(PortSettings::default, known_settings);
         let server =
             Server::new(own).with_signature(concat!("softplug ", env!("CARGO_PKG_VERSION")));
@@ -116,7 +116,7 @@ impl Telnet {
         // not want to know is not sent.
         match news {
             LineNews::Up(line, lines) => {
-                self.own = known_settings(line);
+                self.own = known_settings(*line);
                 self.is_known = true;
                 self.tell_lines(*lines);
             }
@@ -179,7 +179,7 @@ impl Telnet {
         if self.answer == LineAnswer::AsAsked || !self.is_known {
             return;
         }
-        let [before, asked, own] = [before, asked, self.own].map(|settings| commands(&settings));
+        let [before, asked, own] = [before, asked, self.own].map(commands);
         let Some(changed) = (0..before.len()).find(|index| before[*index] != asked[*index]) else {
             return;
         };
@@ -233,7 +233,7 @@ impl Set {
 
 /// The settings of a line as commands. Flow control is the port's own affair,
 /// and taken as asked.
-fn commands(settings: &PortSettings) -> [Set; 4] {
+fn commands(settings: PortSettings) -> [Set; 4] {
     let data_bits = match settings.data_bits {
         DataBits::Five => 5,
         DataBits::Six => 6,
@@ -273,7 +273,7 @@ fn subnegotiation(code: u8, value: &[u8]) -> Vec<u8> {
 }
 
 /// The settings of a port; a rate of 0 cannot be told.
-fn known_settings(line: &LineParameters) -> PortSettings {
+fn known_settings(line: LineParameters) -> PortSettings {
     let settings = settings_of(line, Flow::Host);
     let known = PortSettings::default();
     match settings.baud_rate {
@@ -371,21 +371,21 @@ mod tests {
             pieces in prop::collection::vec(1_usize..60, 1..8),
             data in prop::collection::vec(prop_oneof![Just(0xFF_u8), any::<u8>()], 0..600),
         ) {
-            let mut telnet = Telnet::new(LineAnswer::Own, Some(&own));
-            let mut client = Client::new(settings_of(&asked, Flow::Host));
+            let mut telnet = Telnet::new(LineAnswer::Own, Some(own));
+            let mut client = Client::new(settings_of(asked, Flow::Host));
             let got = talk(&mut client, &mut telnet, &pieces, (&data, &data));
             prop_assert_eq!(got, (data.clone(), data));
-            let known = four(settings_of(&own, Flow::Host));
+            let known = four(settings_of(own, Flow::Host));
             prop_assert_eq!(client.reported_settings(), known);
-            client.try_set_port_settings(settings_of(&again, Flow::Host)).unwrap();
+            client.try_set_port_settings(settings_of(again, Flow::Host)).unwrap();
             talk(&mut client, &mut telnet, &pieces, (&[], &[]));
             prop_assert_eq!(client.reported_settings(), known);
         }
 
         #[test]
         fn software_that_insists_is_told_what_it_asked_for(own in line(), asked in line()) {
-            let mut telnet = Telnet::new(LineAnswer::AsAsked, Some(&own));
-            let mut client = Client::new(settings_of(&asked, Flow::Device));
+            let mut telnet = Telnet::new(LineAnswer::AsAsked, Some(own));
+            let mut client = Client::new(settings_of(asked, Flow::Device));
             talk(&mut client, &mut telnet, &[50], (&[], &[]));
             prop_assert_eq!(client.readiness(), Ok(()));
         }

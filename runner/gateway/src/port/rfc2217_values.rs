@@ -13,7 +13,7 @@ const INPUTS: [(ModemLines, ModemState); 4] = [
 ];
 
 /// The line's settings; without flow control the plug-in sees the codes.
-pub(crate) fn settings_of(line: &LineParameters, flow: Flow) -> PortSettings {
+pub(crate) fn settings_of(line: LineParameters, flow: Flow) -> PortSettings {
     PortSettings {
         baud_rate: line.baud,
         data_bits: match line.data_bits {
@@ -43,7 +43,7 @@ pub(crate) fn settings_of(line: &LineParameters, flow: Flow) -> PortSettings {
 
 /// The line that has these settings.
 #[cfg(feature = "simulate")]
-pub(crate) fn line_of(settings: &PortSettings) -> LineParameters {
+pub(crate) fn line_of(settings: PortSettings) -> LineParameters {
     LineParameters {
         baud: settings.baud_rate,
         data_bits: match settings.data_bits {

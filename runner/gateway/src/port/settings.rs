@@ -146,7 +146,7 @@ fn differences(wanted: &Termios, has: &Termios, asked: LineParameters) -> Vec<Se
             differences.push(SettingDifference { setting, asked, has });
         }
     };
-    let (asked_texts, has_texts) = (setting_texts(&asked), setting_texts(&line_of(has)));
+    let (asked_texts, has_texts) = (setting_texts(asked), setting_texts(line_of(has)));
     for ((setting, asked_text), (_, has_text)) in asked_texts.into_iter().zip(has_texts) {
         // Without a rate, it is left to the other side.
         if setting != BAUD_RATE || asked.baud != 0 {
@@ -171,7 +171,7 @@ fn differences(wanted: &Termios, has: &Termios, asked: LineParameters) -> Vec<Se
 pub(super) const BAUD_RATE: &str = "baud rate";
 
 /// The settings of a line by name, as people write them.
-pub(super) fn setting_texts(line: &LineParameters) -> [(&'static str, String); 4] {
+pub(super) fn setting_texts(line: LineParameters) -> [(&'static str, String); 4] {
     [
         (BAUD_RATE, line.baud.to_string()),
         ("data bits", line.data_bits.to_string()),

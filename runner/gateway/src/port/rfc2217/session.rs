@@ -97,7 +97,7 @@ pub(super) struct Session {
 
 impl Session {
     pub(super) fn new(options: &PortOptions) -> Self {
-        let client = Client::new(settings_of(&options.line, options.flow));
+        let client = Client::new(settings_of(options.line, options.flow));
         Self {
             client,
             asked: options.line,
@@ -259,7 +259,7 @@ impl Session {
         self.compared = Some(told);
         self.differences.clear();
         let not_told = || "what it does not tell".to_owned();
-        for ((setting, asked), has) in setting_texts(&self.asked).into_iter().zip(texts(&told)) {
+        for ((setting, asked), has) in setting_texts(self.asked).into_iter().zip(texts(&told)) {
             let has = has.unwrap_or_else(not_told);
             // Without a rate, it is left to the server.
             if asked != has && (setting != BAUD_RATE || self.asked.baud != 0) {
@@ -364,13 +364,12 @@ impl Session {
                 Command::PurgeTransmit => client.try_purge(Purge::Transmit),
                 Command::Signature => client.try_request_signature(),
             };
-            match sent {
-                Ok(()) => self.commands.pop_front(),
-                // Before the option is on, and until output has left.
-                Err(CommandError::Negotiating | CommandError::OutputFull) => return,
-                // The session is broken, and says so.
-                Err(_) => self.commands.pop_front(),
-            };
+            // Before the option is on, and until output has left. After any other
+            // error the session is broken, and says so.
+            if matches!(sent, Err(CommandError::Negotiating | CommandError::OutputFull)) {
+                return;
+            }
+            self.commands.pop_front();
         }
     }
 }
