@@ -43,6 +43,7 @@ def sections(module):
 def load(wasm):
     """Checks that a module is a plug-in and compiles it; returns engine, module and manifest."""
     require(len(wasm) <= 256 * 1024, "the file is larger than 256 KiB")
+    require(wasm.startswith(b"\0asm"), "it is no WebAssembly module")
     config = wasmtime.Config()
     config.consume_fuel = config.cranelift_nan_canonicalization = True
     for feature in FEATURES.split():

@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::bench::Bench;
+use crate::files::TRACE;
+use crate::pack::{BARE, MANIFEST};
 
 /// A file of the repository.
 fn repository(path: &str) -> PathBuf {
@@ -84,6 +86,72 @@ mod needs_asc {
     }
 }
 
+/// A module that says "ALARM" and traps at its first event.
+fn trapping() -> Vec<u8> {
+    let mut module = BARE.to_vec();
+    let step = module.windows(5).position(|bytes| bytes == *b"\x04\0\x41\0\x0b").unwrap();
+    module[step..step + 5].copy_from_slice(b"\x04\0\0\x01\x0b");
+    // The data goes on to the last words: the lengths of the section and of what is in it.
+    let data = module.len() - 32;
+    module[data + 1] += 33;
+    module[data + 7] += 33;
+    module.extend([0; 24]);
+    module.extend(b"\x05\0\0\0ALARM");
+    module
+}
+
+/// A host must end an instance that traps, and hear its last words.
+fn hears_last_words(mut host: impl FnMut() -> Command) {
+    let bench = Bench::new();
+    bench.write("m.wasm", trapping());
+    let jobs = "\"jobs\": [{\"name\": \"send\", \"text\": \"traps\"}], \"protocol\"";
+    bench.write("m.json", MANIFEST.replace("\"protocol\"", jobs));
+    bench.run(&["pack", "m.wasm", "--manifest", "m.json"]).with_code(0);
+    bench.write("xon-xoff/xon-xoff.tx.first.spt", TRACE);
+    bench.run(&["replay", "m.wasm", "xon-xoff", "--calls", "calls.jsonl"]).with_code(1);
+    let mut calls = String::from_utf8(bench.read("calls.jsonl")).unwrap();
+    assert!(calls.contains("\"last_words\":\"ALARM\""), "{calls}");
+    // Whoever calls it again hears the same.
+    let last = calls.lines().last().unwrap().to_owned();
+    calls += &last;
+    let count = calls.lines().count() - 1;
+    let calls = bench.write("calls.jsonl", calls);
+    let said = succeed(host().arg(bench.path("m.wasm")).arg(&calls));
+    assert_eq!(said, format!("{count} calls, identical\n"));
+    let other = String::from_utf8(bench.read("calls.jsonl")).unwrap().replace("ALARM", "alarm");
+    let output = host().arg(bench.path("m.wasm")).arg(bench.write("o.jsonl", other)).output();
+    assert_eq!(output.unwrap().status.code(), Some(1));
+}
+
+/// A host must refuse what is no plug-in.
+fn refuses_what_is_none(mut host: impl FnMut() -> Command) {
+    let bench = Bench::new();
+    bench.write("calls.jsonl", "{\"calls\":1,\"instance\":1}\n");
+    let mut refuses = |module: &[u8], sentence: &str| {
+        bench.write("m.wasm", module);
+        let output =
+            host().arg(bench.path("m.wasm")).arg(bench.path("calls.jsonl")).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success() && said.contains(sentence), "{said}");
+    };
+    refuses(b"G1X1", "module");
+    refuses(BARE, "it has no manifest");
+    refuses(
+        &[&BARE[..22], b"\x02\x07\x01\x01e\x01f\0\0", &BARE[22..]].concat(),
+        "it imports something",
+    );
+    let mut grows = BARE.to_vec();
+    let memory = grows.windows(4).position(|bytes| bytes == [5, 4, 1, 1]).unwrap();
+    grows[memory + 5] = 2;
+    grows.extend(b"\0\x14\x11softplug.manifest{}");
+    refuses(&grows, "its memory can grow");
+    let mut overlaps = BARE.to_vec();
+    let mailbox = overlaps.len() - 24;
+    overlaps[mailbox + 9] = 4;
+    overlaps.extend(b"\0\x14\x11softplug.manifest{}");
+    refuses(&overlaps, "the mailbox overlaps");
+}
+
 /// Lets a host replay the calls of some traces of every reference plug-in; of these one is
 /// falsified afterwards, which it must find.
 fn replays_all(mut host: impl FnMut() -> Command) {
@@ -120,25 +188,41 @@ fn replays_all(mut host: impl FnMut() -> Command) {
 mod needs_python_wasmtime {
     use super::*;
 
+    fn host() -> Command {
+        let mut python = Command::new("python_wasmtime");
+        python.arg(repository("docs/hosts/host.py"));
+        python
+    }
+
     #[test]
     fn the_host_in_python_sees_the_same() {
-        replays_all(|| {
-            let mut python = Command::new("python_wasmtime");
-            python.arg(repository("docs/hosts/host.py"));
-            python
-        });
+        replays_all(host);
+    }
+
+    #[test]
+    fn the_host_in_python_is_strict() {
+        hears_last_words(host);
+        refuses_what_is_none(host);
     }
 }
 
 mod needs_node {
     use super::*;
 
+    fn host() -> Command {
+        let mut node = Command::new("node");
+        node.arg(repository("docs/hosts/host.mjs"));
+        node
+    }
+
     #[test]
     fn the_host_in_javascript_sees_the_same() {
-        replays_all(|| {
-            let mut node = Command::new("node");
-            node.arg(repository("docs/hosts/host.mjs"));
-            node
-        });
+        replays_all(host);
+    }
+
+    #[test]
+    fn the_host_in_javascript_is_strict() {
+        hears_last_words(host);
+        refuses_what_is_none(host);
     }
 }

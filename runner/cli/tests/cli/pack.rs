@@ -3,7 +3,7 @@
 use crate::bench::{Bench, snapshot};
 use crate::files::TRACE;
 
-const MANIFEST: &str = r#"{
+pub(crate) const MANIFEST: &str = r#"{
     "abi": "1.0",
     "name": "packed",
     "version": "2.0.0",
@@ -13,7 +13,7 @@ const MANIFEST: &str = r#"{
 }"#;
 
 /// The smallest module that can be started: one page of memory, a mailbox, a step.
-const BARE: &[u8] = b"\0asm\x01\0\0\0\
+pub(crate) const BARE: &[u8] = b"\0asm\x01\0\0\0\
     \x01\x0c\x02\x60\0\x01\x7f\x60\x03\x7f\x7f\x7e\x01\x7f\
     \x03\x03\x02\0\x01\
     \x05\x04\x01\x01\x01\x01\
