@@ -216,7 +216,7 @@ fn check(folder: &Path, said: &[String]) -> (usize, usize) {
                 assert!(is_whole(&bytes), "{line}");
             }
             Some(("added", plugin)) => {
-                drop(shop.library.resolve(&plugin.parse().unwrap()).unwrap())
+                drop(shop.library.resolve(&plugin.parse().unwrap()).unwrap());
             }
             _ => {}
         }

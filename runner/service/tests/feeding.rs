@@ -197,7 +197,7 @@ fn a_stream_is_held_back_and_written_down_too() {
 
 fn kept(news: &Receiver<ClerkNews>) -> softplug_service::jobs::Job {
     loop {
-        match news.recv_timeout(Duration::from_secs(60)).expect("news comes") {
+        match news.recv_timeout(Duration::from_mins(1)).expect("news comes") {
             ClerkNews::Kept(job) => return *job,
             ClerkNews::Begun(job) => assert_eq!(job.state, State::Running),
             other => panic!("{other:?}"),
@@ -287,7 +287,7 @@ fn while_the_disk_takes_nothing_nothing_is_read_and_nothing_is_lost() {
     let said = Mutex::new(Vec::new());
     let said = Arc::new(said);
     loop {
-        match news.recv_timeout(Duration::from_secs(60)).unwrap() {
+        match news.recv_timeout(Duration::from_mins(1)).unwrap() {
             ClerkNews::Stuck { link, why } => {
                 said.lock().unwrap().push(why);
                 assert_eq!((&*link, writer.level()), ("lathe", 64));

@@ -22,7 +22,7 @@ fn limit(bytes: Option<u64>) {
 }
 
 fn next<T>(news: &Receiver<T>) -> T {
-    news.recv_timeout(Duration::from_secs(60)).expect("news comes")
+    news.recv_timeout(Duration::from_mins(1)).expect("news comes")
 }
 
 #[test]

@@ -209,7 +209,7 @@ fn watched(library: &Library) -> (Watch, Receiver<LibraryNews>) {
 }
 
 fn next(news: &Receiver<LibraryNews>) -> String {
-    match news.recv_timeout(Duration::from_secs(60)).expect("news comes") {
+    match news.recv_timeout(Duration::from_mins(1)).expect("news comes") {
         LibraryNews::Available(entry) => format!("{}@{}", entry.name, entry.version),
         LibraryNews::Gone { name, version } => format!("gone {name}@{version}"),
         LibraryNews::Refused { file, error } => {

@@ -101,14 +101,13 @@ impl Delivery {
         tell: &mut dyn FnMut(ClerkNews),
     ) -> Result<Next, String> {
         if let Stage::New = self.stage {
-            let job = match self.answers {
-                Some(job) => job,
-                None => {
-                    let job = office.jobs.receive(&self.link).map_err(|error| error.to_string())?;
-                    let id = job.id;
-                    tell(ClerkNews::Begun(Box::new(job)));
-                    id
-                }
+            let job = if let Some(job) = self.answers {
+                job
+            } else {
+                let job = office.jobs.receive(&self.link).map_err(|error| error.to_string())?;
+                let id = job.id;
+                tell(ClerkNews::Begun(Box::new(job)));
+                id
             };
             self.stage = Stage::Numbered(job);
         }
@@ -122,7 +121,7 @@ impl Delivery {
         {
             return Ok(next);
         }
-        self.keep()?;
+        self.keep();
         self.write_down(office, tell)?;
         Ok(Next::Over)
     }
@@ -146,21 +145,20 @@ impl Delivery {
                     }
                     self.written += count as u64;
                 }
-                Drawn::Later if self.end.is_none() => return Ok(Some(Next::Woken)),
                 // The lane says when it ends, and closes the buffer before.
-                Drawn::End | Drawn::Failed if self.end.is_none() => return Ok(Some(Next::Woken)),
+                _ if self.end.is_none() => return Ok(Some(Next::Woken)),
                 Drawn::Later | Drawn::End | Drawn::Failed => return Ok(None),
             }
         }
         Ok(Some(Next::Again))
     }
 
-    fn keep(&mut self) -> Result<(), String> {
+    fn keep(&mut self) {
         let (job, arrival) = match std::mem::replace(&mut self.stage, Stage::Over) {
             Stage::Coming(job, arrival) => (job, arrival),
             other => {
                 self.stage = other;
-                return Ok(());
+                return;
             }
         };
         let reason = self.reason();
@@ -174,7 +172,6 @@ impl Delivery {
             }
         };
         self.stage = Stage::Kept(job, arrived, reason);
-        Ok(())
     }
 
     fn reason(&self) -> Option<Reason> {

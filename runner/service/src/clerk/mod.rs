@@ -186,7 +186,7 @@ impl<T: FnMut(ClerkNews)> Desk<T> {
                 None if self.deliveries.iter().flatten().any(|delivery| delivery.is_woken) => {}
                 None => thread::park(),
                 Some(retry) => {
-                    thread::park_timeout(retry.saturating_duration_since(Instant::now()))
+                    thread::park_timeout(retry.saturating_duration_since(Instant::now()));
                 }
             }
         }

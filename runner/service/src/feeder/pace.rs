@@ -19,7 +19,7 @@ impl Pace {
     pub fn packet_time(&self) -> Duration {
         let rate = self.characters_a_second.filter(|rate| rate.is_finite() && *rate > 0.0);
         let seconds = rate.map_or(0.0, |rate| self.packet as f64 / rate);
-        Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX).min(Duration::from_secs(60))
+        Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX).min(Duration::from_mins(1))
     }
 }
 
@@ -77,7 +77,7 @@ mod tests {
         assert_eq!(time(512, Some(19_200.0 / 11.0)).as_millis(), 293);
         assert_eq!(time(512, None), Duration::ZERO);
         assert_eq!(time(512, Some(0.0)), Duration::ZERO);
-        assert_eq!(time(usize::MAX, Some(1e-9)), Duration::from_secs(60));
+        assert_eq!(time(usize::MAX, Some(1e-9)), Duration::from_mins(1));
     }
 
     #[test]

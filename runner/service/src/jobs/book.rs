@@ -274,7 +274,7 @@ impl Book {
                 Some(job) if job.state.is_final() => {}
                 Some(job) => drop(live.insert(id.value(), job)),
                 None => {
-                    tracing::error!(job = id.value(), "this job cannot be read, it is left out")
+                    tracing::error!(job = id.value(), "this job cannot be read, it is left out");
                 }
             }
         }

@@ -270,16 +270,16 @@ impl Library {
     fn not_found(&self, asked: &Reference) -> Result<LibraryError, LibraryError> {
         let index = self.index();
         let versions = index.versions(&asked.name)?;
-        let hint = if !versions.is_empty() {
-            let versions: Vec<_> = versions.into_iter().map(|named| named.version).collect();
-            format!("its versions are {}", versions.join(", "))
-        } else {
+        let hint = if versions.is_empty() {
             let names = index.names()?;
             match nearest(&asked.name, names.iter().map(String::as_str)) {
                 Some(name) => format!("did you mean \"{name}\"?"),
                 None if names.is_empty() => "it is empty".to_owned(),
                 None => format!("it has {}", names.join(", ")),
             }
+        } else {
+            let versions: Vec<_> = versions.into_iter().map(|named| named.version).collect();
+            format!("its versions are {}", versions.join(", "))
         };
         Ok(LibraryError::NotFound { asked: asked.clone(), hint })
     }

@@ -179,7 +179,9 @@ impl<T: FnMut(LibraryNews)> Desk<T> {
         let names = disk::names_in(&incoming).unwrap_or_default();
         self.refused.retain(|path, _| path.exists());
         let mut waits = false;
-        for name in names.iter().filter(|name| name.ends_with(".wasm")) {
+        for name in
+            names.iter().filter(|name| Path::new(name).extension().is_some_and(|end| end == "wasm"))
+        {
             let path = incoming.join(name);
             let Ok(metadata) = fs::metadata(&path) else { continue };
             let state = (metadata.len(), metadata.modified().ok());

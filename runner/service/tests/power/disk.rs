@@ -125,7 +125,8 @@ impl StorageBackend for Disk {
 
     fn sync_data(&self) -> io::Result<()> {
         let mut state = self.powered()?;
-        state.durable = state.current.clone();
+        let State { durable, current, .. } = &mut *state;
+        durable.clone_from(current);
         state.pending.clear();
         Ok(())
     }
