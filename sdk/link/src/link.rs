@@ -275,7 +275,7 @@ impl<I: Instance> Link<I> {
 
     /// Whether [`take`](Self::take) would give something.
     pub fn has_to_send(&self) -> bool {
-        !self.has_ended && !self.down.is_some() && self.core.queue.has_to_send()
+        !self.has_ended && self.down.is_none() && self.core.queue.has_to_send()
     }
 
     /// Bytes that may be delivered before the host has to put some away.
