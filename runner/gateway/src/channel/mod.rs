@@ -19,6 +19,7 @@ use thiserror::Error;
 use crate::clock::Clock;
 use crate::error::PortError;
 use crate::pacer::{Pacer, default_depth};
+use crate::port::scratch::READ_BYTES;
 use crate::port::{Input, Port, ReadOutcome};
 
 /// A received byte is delivered as at most so many: a line end can become LF CR CR.
@@ -422,7 +423,13 @@ impl<I: Instance> Channel<I> {
             return Err(fault.into());
         }
         match outcome {
-            ReadOutcome::Read(_) => Ok(true),
+            ReadOutcome::Read(count) => {
+                // A terminal that gives less than was asked for has no more: what
+                // comes later is told anew.
+                let is_terminal = matches!(self.port, Some(Port::Tty(_) | Port::Pty(_)));
+                self.readable = !is_terminal || count >= most.min(READ_BYTES);
+                Ok(true)
+            }
             ReadOutcome::Empty => {
                 self.readable = false;
                 Ok(false)
