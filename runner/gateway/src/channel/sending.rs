@@ -77,14 +77,13 @@ impl<I: Instance> Channel<I> {
             return Ok(true);
         }
         self.break_next = None;
-        start_break(port).map(|is_sent| {
-            if is_sent {
-                let until = now + Micros(i64::from(micros));
-                self.pacer.busy_until(until);
-                self.break_until = Some(until);
-            }
-            is_sent
-        })
+        let is_sent = start_break(port)?;
+        if is_sent {
+            let until = now + Micros(i64::from(micros));
+            self.pacer.busy_until(until);
+            self.break_until = Some(until);
+        }
+        Ok(is_sent)
     }
 }
 

@@ -172,10 +172,11 @@ impl Floor {
 
     /// Tells a state that was held back, once it may.
     pub(super) fn tell_state(&mut self, now: Micros) {
-        if self.state.is_some() && self.words.take(now) {
-            if let Some(state) = self.state.take() {
-                self.tell(Report::State(state));
-            }
+        if self.state.is_some()
+            && self.words.take(now)
+            && let Some(state) = self.state.take()
+        {
+            self.tell(Report::State(state));
         }
     }
 
@@ -337,11 +338,11 @@ impl Outside for Floor {
         match action {
             Action::DeliveryBegin { delivery, job } => self.begin_delivery(now, *delivery, *job),
             Action::Deliver { bytes, .. } => self.deliver(bytes),
-            Action::DeliveryName { delivery, name } => {
-                if self.deliveries.back().is_some_and(|delivery| delivery.to.is_some()) {
-                    let (delivery, name) = (*delivery, (*name).to_owned());
-                    self.tell_of_action(now, Report::DeliveryNamed { delivery, name });
-                }
+            Action::DeliveryName { delivery, name }
+                if self.deliveries.back().is_some_and(|delivery| delivery.to.is_some()) =>
+            {
+                let (delivery, name) = (*delivery, (*name).to_owned());
+                self.tell_of_action(now, Report::DeliveryNamed { delivery, name });
             }
             Action::DeliveryEnd { delivery, failure, status } => {
                 self.end_delivery(now, *delivery, *failure, *status);

@@ -99,16 +99,13 @@ impl Log {
         let bytes = &mut self.newer.bytes;
         let start = bytes.len();
         bytes.resize(start + HEAD + size, 0);
-        match event.encode(&mut bytes[start + HEAD..]) {
-            Ok(length) => {
-                put_head(&mut bytes[start..], now, event.kind(), length);
-                bytes.truncate(start + HEAD + length);
-            }
+        if let Ok(length) = event.encode(&mut bytes[start + HEAD..]) {
+            put_head(&mut bytes[start..], now, event.kind(), length);
+            bytes.truncate(start + HEAD + length);
+        } else {
             // The bound is large enough; if it ever is not, there is a gap.
-            Err(_) => {
-                bytes.truncate(start);
-                self.newer.is_whole = false;
-            }
+            bytes.truncate(start);
+            self.newer.is_whole = false;
         }
     }
 

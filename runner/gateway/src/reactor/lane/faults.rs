@@ -58,7 +58,8 @@ impl<I: Instance + Send + 'static> Lane<I> {
 
     /// Another plug-in on the same port, after a fault.
     pub(super) fn replace(&mut self, thread: &Thread<I>, instance: I, settings: SettingValues) {
-        if let Phase::New(Some((made, options))) = &mut self.phase {
+        if let Phase::New(Some(made)) = &mut self.phase {
+            let (made, options) = &mut **made;
             *made = Recorded::new(instance, self.recorder_bytes);
             options.settings = settings;
             return;

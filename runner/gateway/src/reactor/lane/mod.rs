@@ -61,7 +61,7 @@ pub(super) struct Lane<I: Instance> {
 
 enum Phase<I: Instance> {
     /// The port has not been open yet.
-    New(Option<(Recorded<I>, StationOptions)>),
+    New(Option<Box<(Recorded<I>, StationOptions)>>),
     Open(Box<Channel<Recorded<I>>>),
 }
 
@@ -82,7 +82,7 @@ impl<I: Instance + Send + 'static> Lane<I> {
             id,
             tokens: first..first + TOKENS,
             floor: floor(setup.station.delivery_room, setup.endpoint),
-            phase: Phase::New(Some((instance, setup.station))),
+            phase: Phase::New(Some(Box::new((instance, setup.station)))),
             swapping: Swapping::new(),
             recorder_bytes: setup.recorder_bytes,
             port: PortSetup::new(setup.port, setup.port_options, setup.reopen),

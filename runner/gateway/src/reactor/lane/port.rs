@@ -75,7 +75,8 @@ impl<I: Instance + Send + 'static> Lane<I> {
         let up = LineNews::Up(port.line(), port.modem_lines());
         let began = match &mut self.phase {
             Phase::New(made) => {
-                let Some((instance, options)) = made.take() else { return };
+                let Some(made) = made.take() else { return };
+                let (instance, options) = *made;
                 // The link's time begins with its first open.
                 self.clock = Clock::start();
                 self.began = thread.clock.now();

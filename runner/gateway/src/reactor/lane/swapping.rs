@@ -95,7 +95,8 @@ impl<I: Instance + Send + 'static> Lane<I> {
     }
 
     fn swap_before_open(&mut self, swap: Swap<I>) {
-        if let Phase::New(Some((made, options))) = &mut self.phase {
+        if let Phase::New(Some(made)) = &mut self.phase {
+            let (made, options) = &mut **made;
             *made = Recorded::new(swap.successor.instance, self.recorder_bytes);
             options.settings = swap.successor.settings;
             self.tell_done(Micros::ZERO, false);
