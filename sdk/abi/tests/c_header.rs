@@ -5,7 +5,7 @@ mod common;
 
 use std::collections::BTreeMap;
 
-use common::{golden, read};
+use common::{Golden, golden, read};
 use softplug_abi::{
     EventKind, Failure, LineErrorKind, LinkDownReason, MORE_OUTPUT, MarkState, ModemLines,
     NoteLevel, Refusal, Value, ValueWriter,
@@ -17,22 +17,22 @@ type Constants = BTreeMap<String, i64>;
 /// Every set of codes, by the prefix of its constants in C and its enum in AssemblyScript.
 fn sets() -> Vec<(&'static str, &'static str, Constants)> {
     macro_rules! codes {
-        ($codes:ty, $sign:literal) => {
+        ($codes:ty) => {
             <$codes>::ALL
                 .iter()
-                .map(|code| (code.name().to_owned(), $sign * i64::from(code.code())))
+                .map(|code| (code.name().to_owned(), i64::from(code.code())))
                 .collect()
         };
     }
     vec![
-        ("SP_EVENT_", "Event", codes!(EventKind, 1)),
+        ("SP_EVENT_", "Event", codes!(EventKind)),
         ("SP_ACTION_", "Action", actions()),
-        ("SP_FAILURE_", "Failure", codes!(Failure, 1)),
-        ("SP_REFUSE_", "Refusal", codes!(Refusal, -1)),
-        ("SP_LINE_ERROR_", "LineError", codes!(LineErrorKind, 1)),
-        ("SP_LINK_DOWN_", "", codes!(LinkDownReason, 1)),
-        ("SP_MARK_", "Mark", codes!(MarkState, 1)),
-        ("SP_NOTE_", "Level", codes!(NoteLevel, 1)),
+        ("SP_FAILURE_", "Failure", codes!(Failure)),
+        ("SP_REFUSE_", "Refusal", refusals()),
+        ("SP_LINE_ERROR_", "LineError", codes!(LineErrorKind)),
+        ("SP_LINK_DOWN_", "", codes!(LinkDownReason)),
+        ("SP_MARK_", "Mark", codes!(MarkState)),
+        ("SP_NOTE_", "Level", codes!(NoteLevel)),
         ("SP_LINE_", "", modem_lines()),
         ("SP_VALUE_", "Value", value_types()),
         ("SP_LIMIT_", "", limits()),
@@ -42,9 +42,17 @@ fn sets() -> Vec<(&'static str, &'static str, Constants)> {
 /// The actions have no enum of their kinds; their frozen encodings have.
 fn actions() -> Constants {
     let lines = golden("actions.txt").into_iter().filter(|line| !line.name.contains('/'));
-    lines
-        .map(|line| (line.name, i64::from(u16::from_le_bytes([line.bytes[0], line.bytes[1]]))))
-        .collect()
+    let kind = |line: Golden| {
+        assert_eq!(line.bytes[..2], line.kind.to_le_bytes(), "{}", line.name);
+        (line.name, i64::from(line.kind))
+    };
+    lines.map(kind).collect()
+}
+
+/// As a step returns them.
+fn refusals() -> Constants {
+    let code = |refusal: &Refusal| (refusal.name().to_owned(), -i64::from(refusal.code()));
+    Refusal::ALL.iter().map(code).collect()
 }
 
 fn modem_lines() -> Constants {

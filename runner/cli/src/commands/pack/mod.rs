@@ -114,9 +114,8 @@ fn pack(module: &[u8], manifest: &[u8], strip: Option<Strip>) -> Option<Vec<u8>>
     let mut packed = module::HEADER.to_vec();
     for section in module::sections(module)? {
         let stays = match (section.custom, strip) {
-            (None, _) => true,
             (Some(name), _) if name == MANIFEST_SECTION.as_bytes() => false,
-            (Some(_), None) => true,
+            (None, _) | (_, None) => true,
             (Some(name), Some(Strip::Debug)) => name == b"name",
             (Some(_), Some(Strip::All)) => false,
         };
