@@ -140,7 +140,7 @@ impl Subject {
     }
 
     fn ser2net(chardelay: bool, machines: &[PtyPair]) -> Outcome<Self> {
-        let mut text = String::new();
+        let mut text = Vec::new();
         let (mut addresses, mut kept) = (Vec::new(), Vec::new());
         for (at, machine) in machines.iter().enumerate() {
             let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
@@ -148,10 +148,11 @@ impl Subject {
             // Kept until all have one, so that no two get the same.
             kept.push(listener);
             let path = machine.slave_path().display();
-            text += &format!(
-                "connection: &l{at}\n  accepter: tcp,127.0.0.1,{}\n  connector: serialdev,{path},{BAUD}n81,local\n  options:\n    chardelay: {chardelay}\n",
-                address.port()
-            );
+            let port = address.port();
+            writeln!(text, "connection: &l{at}")?;
+            writeln!(text, "  accepter: tcp,127.0.0.1,{port}")?;
+            writeln!(text, "  connector: serialdev,{path},{BAUD}n81,local")?;
+            writeln!(text, "  options:\n    chardelay: {chardelay}")?;
             addresses.push(address);
         }
         drop(kept);

@@ -81,7 +81,7 @@ fn a_partner_that_holds_is_felt_at_the_source() {
     let mut bench = Bench::start();
     let lane = bench.add_up(921_600);
     let (mut writer, source) = reservoir(1_024, 256, 768);
-    let job = bench.job(5, None);
+    let job = lanes::job(5, None);
     write_all(&bench.machines[&lane], &[XOFF]);
     bench.until(lane, |figures| figures.is_held);
     bench.reactor.tell(lane, Command::Begin(Feed { job, source }));
@@ -119,7 +119,7 @@ fn a_source_that_runs_dry_starves_the_line_and_one_that_fails_ends_the_job() {
     let mut bench = Bench::start();
     let lane = bench.add_up(115_200);
     let (mut writer, source) = reservoir(1_024, 256, 768);
-    let job = bench.job(5, None);
+    let job = lanes::job(5, None);
     bench.reactor.tell(lane, Command::Begin(Feed { job, source }));
     let starvations = |figures: &LaneFigures| figures.starvations;
     assert_eq!(starvations(&bench.figures(lane)), 0, "nothing was there to run dry");

@@ -117,12 +117,8 @@ impl Bench {
         let (mut writer, source) = reservoir(data.len(), 0, data.len());
         assert_eq!(writer.write(data), data.len());
         writer.finish();
-        let job = self.job(job, Some(data.len() as u64));
+        let job = self::job(job, Some(data.len() as u64));
         self.reactor.tell(lane, Command::Begin(Feed { job, source }));
-    }
-
-    pub fn job(&self, id: u32, size: Option<u64>) -> Job {
-        Job { id, kind: 0, size, fields: Vec::new(), check: false }
     }
 
     pub fn end_of_job(&mut self, lane: LaneId) -> JobEnd {
@@ -148,6 +144,10 @@ impl Bench {
     pub fn figures(&self, lane: LaneId) -> LaneFigures {
         self.reactor.status(lane).unwrap().read()
     }
+}
+
+pub fn job(id: u32, size: Option<u64>) -> Job {
+    Job { id, kind: 0, size, fields: Vec::new(), check: false }
 }
 
 pub fn setup(port: PortSpec, baud: u32) -> LaneSetup<NativeInstance> {

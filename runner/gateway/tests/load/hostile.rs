@@ -6,8 +6,8 @@ use softplug_host::{Host, HostOptions, Plugin, Session};
 /// said of it then.
 pub const HOSTILE: [(&str, &str); 4] = [
     (
-        r#"(i32.store (i32.const 64) (i32.const 4)) (i32.store (i32.const 68) (i32.const 0x65696c20))
-        unreachable"#,
+        r"(i32.store (i32.const 64) (i32.const 4)) (i32.store (i32.const 68) (i32.const 0x65696c20))
+        unreachable",
         "trapped",
     ),
     ("(loop (br 0)) unreachable", "used up its budget"),
