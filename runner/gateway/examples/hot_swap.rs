@@ -33,7 +33,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // A probation takes 50 ms and some 20 events; the load outlasts all swaps.
     let bytes = (swaps / links as usize + 10) * RATE as usize / 5;
 
-    let host = Host::new(HostOptions { instances: links * 3 + 16, ..HostOptions::default() })?;
+    let host = Host::new(HostOptions { instances: links * 8 + 64, ..HostOptions::default() })?;
     let plugin = host.load(&path)?;
     let settings = plugin.manifest().resolve_settings([])?;
     let made = plugin.clone();

@@ -210,6 +210,10 @@ impl Core {
         self.delivery_room = room;
     }
 
+    pub(crate) fn shrink_delivery_room(&mut self, grown: u32) {
+        self.delivery_room -= grown;
+    }
+
     pub(crate) fn grow_delivery_room(&mut self, grown: u32) {
         self.delivery_room = self.delivery_room.saturating_add(grown);
     }

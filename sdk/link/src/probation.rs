@@ -4,7 +4,7 @@
 use crate::fault::{LinkFault, RuleBroken};
 use crate::requests::is_too_long;
 use crate::saving::{SavedState, answer_of, saved_by};
-use crate::swap::Spare;
+use crate::swap::{Rooms, Spare};
 use crate::{Link, Outside, UnderWay};
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Action, Event, EventKind, Failure, Instance, Micros};
@@ -116,14 +116,13 @@ impl<I: Instance> Link<I> {
         if !accepts.contains(&state.format) {
             return self.ended_by(Err(fault), outside);
         }
-        if let Event::Discarded { bytes } = event {
-            self.core.queue.undo_discarded(*bytes);
-        }
-        let Ok(answer) = self.resumed(&mut instance, &settings, &state, outside) else {
+        self.take_back(event);
+        let Ok(answer) = self.resumed(&mut instance, &settings, &state, Rooms::Known, outside)
+        else {
             return self.ended_by(Err(fault), outside);
         };
         let taken_over_with = std::mem::take(&mut self.taken_over_with);
-        let failed = self.seat(instance, settings, &answer, outside);
+        let failed = self.seat(instance, settings, &answer, Rooms::Known, outside);
         let (at, kind) = (self.now, event.kind());
         self.reverted =
             Some(Box::new(Reverted { at, event: kind, fault, failed, taken_over_with }));
@@ -132,19 +131,34 @@ impl<I: Instance> Link<I> {
         self.give_again(event, outside)
     }
 
+    /// What the event told counts as not told yet. A plug-in may do nothing about
+    /// room that an opening tells: it waits for the event.
+    fn take_back(&mut self, event: &Event<'_>) {
+        match event {
+            Event::Discarded { bytes } => self.core.queue.undo_discarded(*bytes),
+            Event::TransmitRoom { grown } => self.core.queue.shrink_room(*grown),
+            Event::DeliveryRoom { grown } => self.core.shrink_delivery_room(*grown),
+            _ => {}
+        }
+    }
+
     fn give_again(
         &mut self,
         event: &Event<'_>,
         outside: &mut dyn Outside,
     ) -> Result<(), LinkFault<I::Fault>> {
         match event {
-            // The opening told the rooms, and the lines followed it. Timers were
-            // set anew, and answers to discards are due again.
-            Event::TransmitRoom { .. }
-            | Event::DeliveryRoom { .. }
-            | Event::ModemLines { .. }
-            | Event::Timer { .. }
-            | Event::Discarded { .. } => Ok(()),
+            Event::TransmitRoom { grown } => {
+                self.core.queue.grow_room(*grown);
+                self.step(event, outside)
+            }
+            Event::DeliveryRoom { grown } => {
+                self.core.grow_delivery_room(*grown);
+                self.step(event, outside)
+            }
+            // Modem lines followed the opening, timers were set anew, and answers to
+            // discards are due again.
+            Event::ModemLines { .. } | Event::Timer { .. } | Event::Discarded { .. } => Ok(()),
             Event::JobBegin { job, fields, .. }
                 if is_too_long(fields.as_bytes(), self.instance.input_capacity()) =>
             {

@@ -259,7 +259,12 @@ impl Queue {
         self.room = room;
     }
 
-    /// For a rerun: the plug-in was told so much more room.
+    /// Growth that was told counts as not told.
+    pub(crate) fn shrink_room(&mut self, grown: u32) {
+        self.room -= grown;
+    }
+
+    /// The plug-in was told so much more room.
     pub(crate) fn grow_room(&mut self, grown: u32) {
         self.room = self.room.saturating_add(grown);
     }

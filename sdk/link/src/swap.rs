@@ -137,7 +137,8 @@ impl<I: Instance> Link<I> {
         spare: Option<Spare<I>>,
         outside: &mut dyn Outside,
     ) -> Result<I, SwapError<I::Fault>> {
-        let answer = self.resumed(&mut successor, &settings, state, outside)?;
+        let whole = Rooms::Whole;
+        let answer = self.resumed(&mut successor, &settings, state, whole, outside)?;
         let mut probation = None;
         if let Some(spare) = spare {
             let state = saved_by(&mut successor, self.now(), outside)?;
@@ -145,7 +146,7 @@ impl<I: Instance> Link<I> {
             let settings = self.options.settings.clone();
             probation = Some(Box::new(Probation::new(spare, settings, state)));
         }
-        let old = self.seat(successor, settings, &answer, outside);
+        let old = self.seat(successor, settings, &answer, whole, outside);
         self.probation = probation;
         let told = self.tell_modem_lines(outside);
         told.and_then(|()| self.run(self.now(), outside)).map_err(SwapError::Failed)?;
@@ -160,6 +161,7 @@ impl<I: Instance> Link<I> {
         instance: &mut I,
         settings: &SettingValues,
         state: &SavedState,
+        rooms: Rooms,
         outside: &mut dyn Outside,
     ) -> Result<Vec<u8>, LinkFault<I::Fault>> {
         let now = self.now();
@@ -178,9 +180,15 @@ impl<I: Instance> Link<I> {
             }
             offset = end;
         }
-        let answer = answer_of(instance, &self.opening(true), now)?;
         let mut trial = self.core.clone();
-        trial.restate_rooms();
+        let opening = match rooms {
+            Rooms::Known => self.standing(),
+            Rooms::Whole => {
+                trial.restate_rooms();
+                self.opening(true)
+            }
+        };
+        let answer = answer_of(instance, &opening, now)?;
         trial
             .apply_all(now, &answer, &mut Silent)
             .map_err(|source| LinkFault::Rule { event: EventKind::Open, source })?;
@@ -194,16 +202,29 @@ impl<I: Instance> Link<I> {
         instance: I,
         settings: SettingValues,
         answer: &[u8],
+        rooms: Rooms,
         outside: &mut dyn Outside,
     ) -> I {
         self.taken_over_with = self.under_way();
-        self.core.restate_rooms();
+        if rooms == Rooms::Whole {
+            self.core.restate_rooms();
+        }
         self.options.settings = settings;
         let old = self.put(instance);
         let applied = self.core.apply_all(self.now, answer, outside);
         debug_assert_eq!(applied, Ok(()), "a trial has shown that it can be applied");
         old
     }
+}
+
+/// Which rooms an opening tells that resumes.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(crate) enum Rooms {
+    /// All that there is. Only when nothing is due: growth that is not told as an
+    /// event would be missed by a plug-in that waits for it.
+    Whole,
+    /// What was told so far; the rest is still told as it is due.
+    Known,
 }
 
 /// Gives an event that may be answered by notes and state names only.

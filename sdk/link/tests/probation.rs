@@ -113,6 +113,8 @@ impl State {
                 if let Some(deadline) = self.silent_at {
                     out.put(&Action::SetTimer { id: 1, deadline });
                 }
+                // Whoever waits for room waits for the event that tells it.
+                return;
             }
             Event::JobBegin { job, .. } => {
                 self.job = Some(*job);

@@ -29,6 +29,10 @@ use softplug_link::{Job, Spare, Successor};
 /// Without any report for so long, the load stands still.
 const PATIENCE: Duration = Duration::from_mins(1);
 
+/// Characters in flight at most: with fewer, a thread that drives many saturated
+/// links wakes too often.
+const DEPTH: u32 = 16;
+
 /// Links under load.
 pub struct Load<I: Instance> {
     pub reactor: Reactor<Fragile<I>>,
@@ -86,7 +90,7 @@ impl<I: Instance + Send + 'static> Load<I> {
         let setup = LaneSetup {
             port: PortSpec::Device(machine.slave_path().to_owned()),
             port_options: PortOptions::new(LineParameters::new(baud)),
-            station: StationOptions { settings, ..StationOptions::default() },
+            station: StationOptions { settings, depth: Some(DEPTH), ..StationOptions::default() },
             instance,
             endpoint: None,
             watchdogs: Watchdogs::default(),
