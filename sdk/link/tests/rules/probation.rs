@@ -111,7 +111,7 @@ fn swap_probation() {
             (30, "settings first=true last=true".to_owned()),
             // As it was after the cue.
             (30, "restore 1 0+2/2".to_owned()),
-            (30, "open resumed transmit=61 delivery=64".to_owned()),
+            (30, "open resumed transmit=62 delivery=64".to_owned()),
             (30, "received \"x\"".to_owned()),
         ]
     );
