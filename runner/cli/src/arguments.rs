@@ -72,12 +72,20 @@ pub(crate) enum Command {
     Simulate(commands::simulate::Arguments),
     Doctor(commands::doctor::Arguments),
     Demo(commands::demo::Arguments),
+    Gateway(commands::gateway::Arguments),
     Link(commands::link::Arguments),
     Job(commands::job::Arguments),
     Program(commands::program::Arguments),
     Plugin(commands::plugin::Arguments),
     Completions(commands::completions::Arguments),
     Man(commands::man::Arguments),
+}
+
+impl Command {
+    /// The gateway's configuration says how it logs.
+    pub(crate) fn has_its_own_log(&self) -> bool {
+        matches!(self, Self::Gateway(arguments) if arguments.runs())
+    }
 }
 
 /// What the command line asks for.

@@ -5,7 +5,10 @@ use std::path::Path;
 
 use softplug_gateway::PortSpec;
 
-use crate::commands::{demo, doctor, job, link, plugin, program, receive, record, send, simulate};
+use crate::arguments::Global;
+use crate::commands::{
+    demo, doctor, gateway, job, link, plugin, program, receive, record, send, simulate,
+};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::screen::Screen;
@@ -17,6 +20,10 @@ fn nowhere(what: impl Display) -> Failure {
 
 pub(crate) fn ports(_: &Screen) -> Result<Exit, Failure> {
     Err(nowhere("listing the ports"))
+}
+
+pub(crate) fn gateway(_: &gateway::Arguments, _: &Global, _: &Screen) -> Result<Exit, Failure> {
+    Err(nowhere("the gateway"))
 }
 
 pub(crate) fn doctor(_: &doctor::Arguments, _: &Screen) -> Result<Exit, Failure> {

@@ -27,7 +27,7 @@ mod table;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 
-use crate::arguments::Start;
+use crate::arguments::{CommandLine, Start};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::screen::Screen;
@@ -37,7 +37,11 @@ fn main() -> ExitCode {
     match arguments::read() {
         Start::Run(command_line) => {
             let screen = Screen::new(&command_line.global);
-            guard(&screen, || commands::run(command_line.command, &screen)).into()
+            if !command_line.command.has_its_own_log() {
+                screen::start_log(&command_line.global);
+            }
+            let CommandLine { command, global } = *command_line;
+            guard(&screen, || commands::run(command, &global, &screen)).into()
         }
         Start::End(exit) => exit.into(),
     }

@@ -27,7 +27,7 @@ pub(crate) struct Screen {
 }
 
 impl Screen {
-    /// Also sets the colours and the log.
+    /// Also sets the colours.
     pub(crate) fn new(global: &Global) -> Self {
         match global.color {
             // Asks NO_COLOR, CLICOLOR_FORCE and the terminal.
@@ -36,7 +36,6 @@ impl Screen {
             Color::Never => anstream::ColorChoice::Never,
         }
         .write_global();
-        start_log(global);
         Self { json: global.json, quiet: global.quiet }
     }
 
@@ -105,6 +104,14 @@ impl Screen {
             forgive(writeln!(io::stdout().lock(), "{}", failure.json()));
             return;
         }
+        self.report_failure(failure);
+    }
+
+    /// One of several, for people.
+    pub(crate) fn report_failure(&self, failure: &Failure) {
+        if self.json {
+            return;
+        }
         self.error(&failure.message);
         if let Some(hint) = &failure.hint {
             forgive(writeln!(anstream::stderr(), "{HINT}hint:{HINT:#} {hint}"));
@@ -119,27 +126,36 @@ fn forgive(written: io::Result<()>) {
     }
 }
 
-fn start_log(global: &Global) {
+/// Which lines the log has: SOFTPLUG_LOG, or a level by the options.
+pub(crate) fn log_filter(global: &Global, plain: &str) -> String {
     let level = match (global.quiet, global.verbose) {
         (true, _) => "error",
-        (false, 0) => "warn",
+        (false, 0) => plain,
         (false, 1) => "info",
         (false, 2) => "debug",
         (false, _) => "trace",
     };
     let filter = std::env::var("SOFTPLUG_LOG").ok().filter(|filter| !filter.is_empty());
-    let filter = EnvFilter::new(filter.as_deref().unwrap_or(level));
-    let colours = match global.color {
+    filter.unwrap_or_else(|| level.to_owned())
+}
+
+/// Whether the log has colours.
+pub(crate) fn log_colours(global: &Global) -> bool {
+    match global.color {
         Color::Auto => io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none(),
         Color::Always => true,
         Color::Never => false,
-    };
+    }
+}
+
+/// Begins to log.
+pub(crate) fn start_log(global: &Global) {
     let log = tracing_subscriber::fmt()
-        .with_env_filter(filter)
+        .with_env_filter(EnvFilter::new(log_filter(global, "warn")))
         .with_writer(io::stderr)
-        .with_ansi(colours)
+        .with_ansi(log_colours(global))
         .without_time()
         .with_target(false);
-    // A second screen in one process (tests) keeps the first log.
+    // A second one in one process (tests) keeps the first log.
     let _ = log.try_init();
 }

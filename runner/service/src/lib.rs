@@ -14,11 +14,13 @@ pub mod gateway;
 pub mod http;
 pub mod jobs;
 pub mod library;
+pub mod logs;
 mod metrics;
 mod page;
 pub mod programs;
 pub mod refusal;
 pub mod supervise;
+pub mod systemd;
 pub mod view;
 mod wakes;
 

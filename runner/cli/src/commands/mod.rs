@@ -8,6 +8,7 @@ pub(crate) mod demo;
 pub(crate) mod doctor;
 mod dry_run;
 pub(crate) mod explain;
+pub(crate) mod gateway;
 pub(crate) mod inspect;
 pub(crate) mod job;
 pub(crate) mod link;
@@ -25,14 +26,14 @@ pub(crate) mod simulate;
 pub(crate) mod trace;
 pub(crate) mod verify;
 
-use crate::arguments::Command;
+use crate::arguments::{Command, Global};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::live;
 use crate::screen::Screen;
 
 /// Does what the command line asks for.
-pub(crate) fn run(command: Command, screen: &Screen) -> Result<Exit, Failure> {
+pub(crate) fn run(command: Command, global: &Global, screen: &Screen) -> Result<Exit, Failure> {
     match command {
         Command::Ports(_) => live::ports(screen),
         Command::Inspect(arguments) => inspect::run(&arguments, screen),
@@ -49,6 +50,7 @@ pub(crate) fn run(command: Command, screen: &Screen) -> Result<Exit, Failure> {
         Command::Simulate(arguments) => simulate::run(arguments, screen),
         Command::Doctor(arguments) => live::doctor(&arguments, screen),
         Command::Demo(arguments) => live::demo(&arguments, screen),
+        Command::Gateway(arguments) => live::gateway(&arguments, global, screen),
         Command::Link(arguments) => live::link(&arguments, screen),
         Command::Job(arguments) => live::job(&arguments, screen),
         Command::Program(arguments) => live::program(&arguments, screen),

@@ -2,6 +2,7 @@
 
 mod demo;
 mod doctor;
+mod gateway;
 mod machine;
 mod plugin;
 mod ports;
@@ -15,6 +16,7 @@ mod simulate;
 
 pub(crate) use demo::demo;
 pub(crate) use doctor::doctor;
+pub(crate) use gateway::gateway;
 pub(crate) use plugin::plugin;
 pub(crate) use ports::ports;
 pub(crate) use receive::receive;

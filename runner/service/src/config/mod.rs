@@ -8,6 +8,7 @@ mod link;
 mod problem;
 mod service;
 mod unit;
+mod watch;
 mod written;
 
 pub(crate) use hint::of_names;
@@ -15,6 +16,7 @@ pub(crate) use link::micros;
 pub use link::{Buffer, LinkConfig, PortConfig, Probation, Reopen, SwapPolicy, Watchdogs};
 pub use problem::{ConfigError, Place, Problem};
 pub use service::{GatewayConfig, LogFormat, Supervision};
+pub use watch::FileWatch;
 
 use std::fs;
 use std::io::Read;

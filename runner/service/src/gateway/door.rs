@@ -288,6 +288,11 @@ impl Gateway {
         }
     }
 
+    /// Whether its control loop answers.
+    pub fn is_alive(&self) -> bool {
+        self.shared.ask(|_| Ok(())).is_ok()
+    }
+
     /// Whether it takes work.
     pub fn ready(&self) -> ReadyView {
         let mut reasons = Vec::new();

@@ -12,7 +12,7 @@ use softplug_gateway::{PortOptions, PortSpec};
 use softplug_host::Session;
 
 use super::control::Control;
-use super::link::{After, Before, Lane, Link, PortFacts};
+use super::link::{After, Before, EndsAs, Lane, Link, PortFacts};
 use super::loading::Prepared;
 use super::simulated::Simulated;
 use crate::config::{LinkConfig, PortConfig, micros};
@@ -96,6 +96,11 @@ impl Control {
     pub(super) fn close(&mut self, name: &str, after: After) {
         let Some(link) = self.links.get_mut(name) else { return };
         let id = link.lane_id();
+        if let Some(running) = link.job.as_mut().filter(|running| running.ends_as == EndsAs::ItIs) {
+            // In the way that the protocol has for it, as far as there is time.
+            running.ends_as = EndsAs::Interrupted("the link was closed in the middle of it");
+            self.reactor.tell(id, Command::Abort(running.job.id));
+        }
         let has_lane = self.reactor.status(id).is_some();
         link.lane = Lane::Closing(id, after);
         if has_lane {

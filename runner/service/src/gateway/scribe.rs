@@ -3,7 +3,7 @@
 
 use std::io;
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::thread;
+use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use tokio::sync::broadcast;
@@ -22,16 +22,27 @@ const WAITING: usize = 10_000;
 /// Writes into the journal.
 #[derive(Debug)]
 pub(crate) struct Scribe {
-    to: Sender<Option<Note>>,
+    to: Option<Sender<Option<Note>>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// What it was given is written before it ends.
+impl Drop for Scribe {
+    fn drop(&mut self) {
+        drop(self.to.take());
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
 }
 
 impl Scribe {
     pub(crate) fn start(jobs: Jobs, changes: broadcast::Sender<Arc<Change>>) -> io::Result<Self> {
         let (to, notes) = channel();
-        thread::Builder::new()
+        let thread = thread::Builder::new()
             .name("softplug-scribe".to_owned())
             .spawn(move || write(&jobs, &changes, &notes))?;
-        Ok(Self { to })
+        Ok(Self { to: Some(to), thread: Some(thread) })
     }
 
     /// Something happened to a link.
@@ -51,12 +62,18 @@ impl Scribe {
             Weight::Normal => tracing::info!(link = note.link, job = note.job, "{}", note.text),
             _ => tracing::warn!(link = note.link, job = note.job, "{}", note.text),
         }
-        let _ = self.to.send(Some(note));
+        self.send(Some(note));
     }
 
     /// Something was written by somebody else.
     pub(crate) fn look(&self) {
-        let _ = self.to.send(None);
+        self.send(None);
+    }
+
+    fn send(&self, note: Option<Note>) {
+        if let Some(to) = &self.to {
+            let _ = to.send(note);
+        }
     }
 }
 

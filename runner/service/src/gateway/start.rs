@@ -32,7 +32,9 @@ use crate::view::now_ms;
 
 /// Changes that a reader who is slow may fall behind.
 const CHANGES: usize = 4_096;
-/// The wasm of instances: the one that runs, a successor, one to go back to.
+/// How often it is looked whether the end has come.
+const LOOK: std::time::Duration = std::time::Duration::from_millis(20);
+/// Instances of plug-ins: the one that runs, a successor, one to go back to.
 const INSTANCES_A_LINK: usize = 3;
 
 /// Why a gateway does not start.
@@ -75,7 +77,15 @@ impl Running {
         &self.gateway
     }
 
-    /// Waits until it has stopped.
+    /// Waits until the links are closed; the handle still answers for the rest.
+    pub fn wait_for_stop(&self) {
+        while !self.thread.is_finished() {
+            thread::sleep(LOOK);
+        }
+    }
+
+    /// Waits until it has stopped. If there is no other handle any more, its database is
+    /// closed when this returns.
     pub fn wait(self) {
         if self.thread.join().is_err() {
             tracing::error!("the control loop has met a state that it should not");

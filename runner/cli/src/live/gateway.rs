@@ -1,0 +1,220 @@
+//! `softplug gateway run`, `check` and `token`.
+
+use std::path::Path;
+use std::process;
+use std::thread;
+use std::time::Duration;
+
+use serde::Serialize;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+use softplug_service::config::{Config, ConfigError, FileWatch, LogFormat, Problem};
+use softplug_service::gateway::{self, Gateway, StartError};
+use softplug_service::http::{self, Role, ServeError};
+use softplug_service::view::StopHow;
+use softplug_service::{logs, systemd};
+
+use crate::arguments::Global;
+use crate::commands::gateway::{Arguments, Role as AskedRole, Token, Verb};
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::numbers;
+use crate::screen::{self, Screen};
+
+/// How long requests may take that are under way at the end.
+const GRACE: Duration = Duration::from_secs(5);
+
+/// The first line for machines.
+#[derive(Serialize)]
+struct Ready<'a> {
+    event: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    address: Option<String>,
+    links: Vec<&'a str>,
+}
+
+/// What `check` says to machines.
+#[derive(Serialize)]
+struct Checked<'a> {
+    result: &'static str,
+    links: usize,
+    problems: &'a [Problem],
+}
+
+pub(crate) fn gateway(
+    arguments: &Arguments,
+    global: &Global,
+    screen: &Screen,
+) -> Result<Exit, Failure> {
+    match &arguments.verb {
+        Verb::Run(configured) => run(&configured.file, global, screen),
+        Verb::Check(configured) => check(&configured.file, screen),
+        Verb::Token(asked) => token(asked, screen),
+    }
+}
+
+fn check(file: &Path, screen: &Screen) -> Result<Exit, Failure> {
+    let checked = Config::read(file).map_err(StartError::from).and_then(|config| {
+        gateway::check(&config)?;
+        Ok(config)
+    });
+    let config = match checked {
+        Ok(config) => config,
+        Err(error) => return wrong(error, screen),
+    };
+    let links = config.links.len();
+    screen.document(&Checked { result: "right", links, problems: &[] });
+    screen.say(format_args!(
+        "{} is right: {}",
+        file.display(),
+        numbers::things(links as u64, "link")
+    ));
+    Ok(Exit::Done)
+}
+
+/// Says all that is wrong with a configuration; anything else is a failure.
+fn wrong(error: StartError, screen: &Screen) -> Result<Exit, Failure> {
+    match error {
+        StartError::Config(ConfigError::Wrong(problems)) => {
+            screen.document(&Checked { result: "wrong", links: 0, problems: &problems });
+            for Problem { place, message, hint } in &problems {
+                let failure = Failure::usage(format_args!("{place}: {message}")).hint(hint);
+                screen.report_failure(&failure);
+            }
+            Ok(Exit::Usage)
+        }
+        error => Err(start_failure(&error)),
+    }
+}
+
+fn start_failure(error: &StartError) -> Failure {
+    match error {
+        StartError::Config(_)
+        | StartError::Disk(_)
+        | StartError::Library(_)
+        | StartError::Jobs(_) => Failure::usage(error),
+        StartError::Host(_) => Failure::plug_in(error),
+        StartError::Reactor(_) => Failure::new(Exit::Port, error),
+        StartError::Thread(_) => Failure::internal(error),
+    }
+}
+
+fn serve_failure(error: &ServeError) -> Failure {
+    match error {
+        ServeError::Listen { .. } => Failure::new(Exit::Port, error),
+        ServeError::Tokens(_) | ServeError::Certificate(_) => Failure::usage(error),
+        ServeError::Thread(_) => Failure::internal(error),
+    }
+}
+
+fn run(file: &Path, global: &Global, screen: &Screen) -> Result<Exit, Failure> {
+    let config = match Config::read(file) {
+        Ok(config) => config,
+        Err(error) => return wrong(error.into(), screen),
+    };
+    let format = if screen.is_json() { LogFormat::Json } else { config.gateway.log };
+    logs::start(format, &screen::log_filter(global, "info"), screen::log_colours(global));
+    // Before the first thread: a signal that comes early is not lost.
+    let signals = Signals::new([SIGTERM, SIGINT, SIGHUP]).map_err(|error| {
+        Failure::internal(format_args!("failed to listen for signals: {error}"))
+    })?;
+    let options = config.http.clone();
+    let (how, watches) = (config.gateway.stop, config.gateway.watch);
+    let names: Vec<String> = config.links.iter().map(|link| link.name.clone()).collect();
+    let running = match gateway::start(config) {
+        Ok(running) => running,
+        Err(error) => return wrong(error, screen),
+    };
+    let handle = running.gateway().clone();
+    let server = match options.map(|options| http::serve(handle.clone(), &options)).transpose() {
+        Ok(server) => server,
+        Err(error) => {
+            handle.stop(StopHow::Park);
+            running.wait();
+            return Err(serve_failure(&error));
+        }
+    };
+    let address = server.as_ref().map(|server| server.address().to_string());
+    say_ready(address, &names, screen);
+    heed(signals, handle.clone(), how);
+    let _watch = watches.then(|| watch(file, handle.clone())).flatten();
+    systemd::watchdog(handle.clone());
+    systemd::ready(&numbers::things(names.len() as u64, "link"));
+    drop(handle);
+    running.wait_for_stop();
+    if let Some(server) = server {
+        server.stop(GRACE);
+    }
+    running.wait();
+    screen.say("stopped");
+    Ok(Exit::Done)
+}
+
+fn say_ready(address: Option<String>, names: &[String], screen: &Screen) {
+    let links = numbers::things(names.len() as u64, "link");
+    match &address {
+        Some(address) => screen.say(format_args!("{links}; the API and the page are at {address}")),
+        None => screen.say(format_args!("{links}; no API, the configuration has no [http]")),
+    }
+    let links = names.iter().map(String::as_str).collect();
+    screen.json_line(&Ready { event: "ready", address, links });
+}
+
+/// Does what signals ask for, on a thread of its own.
+fn heed(mut signals: Signals, gateway: Gateway, how: StopHow) {
+    let heeding = move || {
+        let mut stops = 0;
+        for signal in signals.forever() {
+            if signal == SIGHUP {
+                reload(&gateway);
+                continue;
+            }
+            stops += 1;
+            match (stops, how) {
+                (1, how) => {
+                    systemd::stopping();
+                    gateway.stop(how);
+                }
+                (2, StopHow::Finish) => gateway.stop(StopHow::Park),
+                _ => process::exit(Exit::Incomplete.code().into()),
+            }
+        }
+    };
+    if let Err(error) = thread::Builder::new().name("signals".to_owned()).spawn(heeding) {
+        tracing::error!(%error, "signals are not heeded");
+    }
+}
+
+fn reload(gateway: &Gateway) {
+    systemd::reloading();
+    if let Err(refusal) = gateway.reload() {
+        tracing::error!("the configuration is not taken, all goes on as before: {refusal}");
+    }
+    let links = gateway.health().links.all;
+    systemd::ready(&numbers::things(links.into(), "link"));
+}
+
+fn watch(file: &Path, gateway: Gateway) -> Option<FileWatch> {
+    let started = FileWatch::start(file, move || reload(&gateway));
+    started.map_err(|error| tracing::warn!(%error, "the configuration is not watched")).ok()
+}
+
+fn token(asked: &Token, screen: &Screen) -> Result<Exit, Failure> {
+    #[derive(Serialize)]
+    struct Made<'a> {
+        token: &'a str,
+        entry: &'a http::Entry,
+    }
+    let role = match asked.role {
+        AskedRole::Operator => Role::Operator,
+        AskedRole::Admin => Role::Admin,
+    };
+    let (token, entry) = http::new_token(&asked.name, role)
+        .map_err(|error| Failure::internal(format_args!("no random bytes: {error}")))?;
+    screen.document(&Made { token: &token, entry: &entry });
+    screen.say(entry.text());
+    if !screen.is_json() {
+        screen.note(format_args!("the token, shown this once: {token}"));
+    }
+    Ok(Exit::Done)
+}

@@ -1,0 +1,258 @@
+//! A shop floor for tests: a gateway in a folder of its own, and machines at the
+//! other ends of ptys.
+
+use std::fs;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::{self, JoinHandle, sleep};
+use std::time::{Duration, Instant};
+
+use softplug_abi::Micros;
+use softplug_conformance::partners::fanuc::{Control, Options, Press, eight_none_two};
+use softplug_gateway::port::ReadOutcome;
+use softplug_gateway::pty::PtyPair;
+use softplug_gateway::simulator::Simulator;
+use softplug_service::config::Config;
+use softplug_service::gateway::{Gateway, Running, start};
+use softplug_service::library::Library;
+use softplug_service::view::{LinkState, StopHow};
+use tempfile::TempDir;
+
+/// Longer than anything here takes; only a hang gets there.
+const HANG: Duration = Duration::from_secs(120);
+
+/// A gateway and its machines.
+pub(crate) struct Shop {
+    folder: TempDir,
+    running: Option<Running>,
+    ptys: Vec<PtyPair>,
+    panel: Option<Panel>,
+}
+
+/// A simulated FANUC control on its thread.
+struct Panel {
+    press: Arc<Mutex<Vec<Press>>>,
+    report: Arc<Mutex<Vec<u8>>>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// The plug-ins as they were built for tests.
+pub(crate) fn plugins() -> PathBuf {
+    let folder = std::env::var_os("SOFTPLUG_PLUGINS").filter(|folder| !folder.is_empty());
+    let beside = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../target/plugins");
+    let folder = folder.map_or_else(beside, PathBuf::from);
+    let file = folder.join("xon-xoff.wasm");
+    assert!(file.is_file(), "there is no {}: run `cargo xtask build-plugins`", file.display());
+    folder
+}
+
+/// Waits for something that comes about in another thread.
+pub(crate) fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
+    let begin = Instant::now();
+    while !there() {
+        assert!(begin.elapsed() < HANG, "{what} did not come about");
+        sleep(Duration::from_millis(5));
+    }
+}
+
+impl Shop {
+    /// So many links, each with these lines, on ptys whose masters are the machines.
+    pub(crate) fn with(links: usize, lines: &str) -> Self {
+        let ptys: Vec<_> = (0..links).map(|_| PtyPair::open().unwrap()).collect();
+        let ports: Vec<_> = ptys.iter().map(|pty| pty.slave_path().display().to_string()).collect();
+        Self::of(&ports, lines, ptys, None)
+    }
+
+    /// One link with a FANUC control whose operator can press keys.
+    pub(crate) fn simulated_fanuc() -> Self {
+        let line = eight_none_two(9_600);
+        let options = Options { line, receive_fifo: 65_536, ..Options::default() };
+        let mut simulator = Simulator::new(Control::new(options).unwrap()).unwrap();
+        let port = simulator.path().display().to_string();
+        let (press, report) = (Arc::new(Mutex::new(Vec::new())), Arc::new(Mutex::new(Vec::new())));
+        let stop = Arc::new(AtomicBool::new(false));
+        let (keys, got, ends) = (Arc::clone(&press), Arc::clone(&report), Arc::clone(&stop));
+        let thread = thread::spawn(move || {
+            while !ends.load(Ordering::Relaxed) {
+                let now = simulator.now();
+                for key in keys.lock().unwrap().drain(..) {
+                    simulator.partner.press(now, key);
+                }
+                simulator.turn(now + Micros::from_millis(20)).unwrap();
+                let report = simulator.partner.report();
+                if let softplug_conformance::partners::kept::Received::Bytes(bytes) =
+                    report.received
+                {
+                    *got.lock().unwrap() = bytes;
+                }
+            }
+        });
+        let panel = Panel { press, report, stop, thread: Some(thread) };
+        let lines = "plugin = \"fanuc-rs232\"\nline = \"9600 8N2\"\n";
+        Self::of(&[port], lines, Vec::new(), Some(panel))
+    }
+
+    fn of(ports: &[String], lines: &str, ptys: Vec<PtyPair>, panel: Option<Panel>) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let library = Library::open(&folder.path().join("state/plugins")).unwrap();
+        for name in ["xon-xoff", "fanuc-rs232", "r3964"] {
+            library.add_file(&plugins().join(format!("{name}.wasm"))).unwrap();
+        }
+        let mut text = "[gateway]\nwatch = false\nstop-patience = \"20s\"\n".to_owned();
+        for (at, port) in ports.iter().enumerate() {
+            text += &format!("[[link]]\nname = \"link-{at}\"\nport = \"{port}\"\n");
+            text += &format!("search = [\"b\"]\n{lines}");
+        }
+        fs::write(folder.path().join("gateway.toml"), text).unwrap();
+        let mut shop = Self { folder, running: None, ptys, panel };
+        shop.start();
+        shop
+    }
+
+    /// Starts the gateway and waits until its ports are open.
+    pub(crate) fn start(&mut self) {
+        let config = Config::read(&self.folder.path().join("gateway.toml")).unwrap();
+        self.running = Some(start(config).unwrap());
+        wait_for("open ports", || {
+            let links = self.gateway().links().unwrap();
+            links.iter().all(|link| !matches!(link.state, LinkState::Opening | LinkState::Down))
+        });
+    }
+
+    /// Waits for the end of a stop.
+    pub(crate) fn stopped(&mut self) {
+        let running = self.running.take().unwrap();
+        running.wait();
+    }
+
+    pub(crate) fn gateway(&self) -> &Gateway {
+        self.running.as_ref().unwrap().gateway()
+    }
+
+    pub(crate) fn name(&self, link: usize) -> String {
+        format!("link-{link}")
+    }
+
+    /// Changes the configuration's file.
+    pub(crate) fn configure(&self, change: impl FnOnce(String) -> String) {
+        let file = self.folder.path().join("gateway.toml");
+        let text = fs::read_to_string(&file).unwrap();
+        fs::write(&file, change(text)).unwrap();
+    }
+
+    /// Puts a program of so many bytes into the folder of programs.
+    pub(crate) fn program(&self, name: &str, bytes: usize) -> Vec<u8> {
+        self.program_in("", name, bytes)
+    }
+
+    pub(crate) fn program_in(&self, folder: &str, name: &str, bytes: usize) -> Vec<u8> {
+        let mut text = format!("%\n{} (TEST)\n", if name.starts_with('O') { name } else { "O1" });
+        let mut number = 10;
+        while text.len() + 30 < bytes {
+            text += &format!("N{number} G1 X{}.5 Y-{}.25\n", number % 97, number % 89);
+            number += 10;
+        }
+        text += "M30\n%\n";
+        let folder = self.folder.path().join("programs").join(folder);
+        fs::create_dir_all(&folder).unwrap();
+        fs::write(folder.join(name), &text).unwrap();
+        text.into_bytes()
+    }
+
+    /// Reads what a machine gets, without the control codes of flow control.
+    pub(crate) fn read(&self, link: usize, count: usize) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        wait_for("the machine's data", || {
+            bytes.extend(self.take(link));
+            bytes.len() >= count
+        });
+        bytes
+    }
+
+    fn take(&self, link: usize) -> Vec<u8> {
+        let mut buffer = [0; 4_096];
+        let mut bytes = Vec::new();
+        while let ReadOutcome::Read(count) = self.ptys[link].read(&mut buffer).unwrap() {
+            bytes.extend(buffer[..count].iter().filter(|byte| !matches!(byte, 0x11..=0x14)));
+        }
+        bytes
+    }
+
+    /// The machine takes all that comes until something is so.
+    pub(crate) fn drain(&self, link: usize, mut until: impl FnMut() -> bool) {
+        wait_for("what the machine is drained for", || {
+            self.take(link);
+            until()
+        });
+    }
+
+    pub(crate) fn drain_all(&self, mut until: impl FnMut() -> bool) {
+        wait_for("what the machines are drained for", || {
+            for link in 0..self.ptys.len() {
+                self.take(link);
+            }
+            until()
+        });
+    }
+
+    /// The machine sends.
+    pub(crate) fn write(&self, link: usize, bytes: &[u8]) {
+        assert_eq!(self.ptys[link].write(bytes).unwrap(), bytes.len());
+    }
+
+    /// The machine says stop, and it has arrived.
+    pub(crate) fn hold(&self, link: usize) {
+        self.write(link, b"\x13");
+        let name = self.name(link);
+        wait_for("the hold", || self.gateway().link(&name).unwrap().is_held);
+    }
+
+    pub(crate) fn release(&self, link: usize) {
+        self.write(link, b"\x11");
+    }
+
+    /// The operator asks for a program by name.
+    pub(crate) fn press_read(&self, name: &str) {
+        let panel = self.panel.as_ref().unwrap();
+        panel.press.lock().unwrap().push(Press::Request(name.to_owned()));
+    }
+
+    /// Whether the control has the program: what it keeps begins after the first block.
+    pub(crate) fn panel_got(&self, program: &[u8]) -> bool {
+        let kept = program.strip_prefix(b"%\n").and_then(|rest| rest.strip_suffix(b"\n")).unwrap();
+        let panel = self.panel.as_ref().unwrap();
+        let begin = Instant::now();
+        while begin.elapsed() < HANG {
+            if panel.report.lock().unwrap().as_slice() == kept {
+                return true;
+            }
+            sleep(Duration::from_millis(20));
+        }
+        false
+    }
+}
+
+impl Drop for Shop {
+    fn drop(&mut self) {
+        if let Some(running) = self.running.take() {
+            running.gateway().stop(StopHow::Park);
+            // A machine that takes nothing would make the stop wait for it.
+            let until = Instant::now() + Duration::from_secs(2);
+            while Instant::now() < until && running.gateway().links().is_ok() {
+                for link in 0..self.ptys.len() {
+                    self.take(link);
+                }
+                sleep(Duration::from_millis(5));
+            }
+            running.wait();
+        }
+        if let Some(panel) = &mut self.panel {
+            panel.stop.store(true, Ordering::Relaxed);
+            if let Some(thread) = panel.thread.take() {
+                let _ = thread.join();
+            }
+        }
+    }
+}
