@@ -12,7 +12,8 @@ use clap::{Args, Subcommand, ValueEnum};
   softplug gateway token --name page --role operator >> tokens.toml
 
 SIGTERM and SIGINT stop it: jobs are parked or finished, as the configuration says; a second one
-parks what is being finished, one more ends it at once. SIGHUP reads the configuration again.")]
+parks what is being finished, one more ends it at once. SIGHUP reads the configuration again.
+SIGUSR2 puts a newer command in its place, unless a link is busy.")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub(crate) verb: Verb,

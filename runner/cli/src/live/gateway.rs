@@ -1,12 +1,16 @@
 //! `softplug gateway run`, `check` and `token`.
 
-use std::path::Path;
-use std::process;
+use std::io;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{self, Command};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
 use serde::Serialize;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR2};
 use signal_hook::iterator::Signals;
 use softplug_service::config::{Config, ConfigError, FileWatch, LogFormat, Problem};
 use softplug_service::gateway::{self, Gateway, StartError};
@@ -115,9 +119,11 @@ fn run(file: &Path, global: &Global, screen: &Screen) -> Result<Exit, Failure> {
     let format = if screen.is_json() { LogFormat::Json } else { config.gateway.log };
     logs::start(format, &screen::log_filter(global, "info"), screen::log_colours(global));
     // Before the first thread: a signal that comes early is not lost.
-    let signals = Signals::new([SIGTERM, SIGINT, SIGHUP]).map_err(|error| {
+    let signals = Signals::new([SIGTERM, SIGINT, SIGHUP, SIGUSR2]).map_err(|error| {
         Failure::internal(format_args!("failed to listen for signals: {error}"))
     })?;
+    // By its name now: a new command takes the old one's place under it.
+    let executable = std::env::current_exe();
     let options = config.http.clone();
     let (how, watches) = (config.gateway.stop, config.gateway.watch);
     let names: Vec<String> = config.links.iter().map(|link| link.name.clone()).collect();
@@ -136,7 +142,8 @@ fn run(file: &Path, global: &Global, screen: &Screen) -> Result<Exit, Failure> {
     };
     let address = server.as_ref().map(|server| server.address().to_string());
     say_ready(address, &names, screen);
-    heed(signals, handle.clone(), how);
+    let is_replaced = Arc::new(AtomicBool::new(false));
+    heed(signals, handle.clone(), how, Arc::clone(&is_replaced));
     let _watch = watches.then(|| watch(file, handle.clone())).flatten();
     systemd::watchdog(handle.clone());
     systemd::ready(&numbers::things(names.len() as u64, "link"));
@@ -146,8 +153,20 @@ fn run(file: &Path, global: &Global, screen: &Screen) -> Result<Exit, Failure> {
         server.stop(GRACE);
     }
     running.wait();
+    if is_replaced.load(Ordering::Relaxed) {
+        return Err(replace(executable));
+    }
     screen.say("stopped");
     Ok(Exit::Done)
+}
+
+/// Goes on as the command that stands there now, in the same process; why it cannot be.
+fn replace(executable: io::Result<PathBuf>) -> Failure {
+    let error = match executable {
+        Ok(executable) => Command::new(executable).args(std::env::args_os().skip(1)).exec(),
+        Err(error) => error,
+    };
+    Failure::internal(format_args!("the new gateway cannot be started: {error}"))
 }
 
 fn say_ready(address: Option<String>, names: &[String], screen: &Screen) {
@@ -161,12 +180,19 @@ fn say_ready(address: Option<String>, names: &[String], screen: &Screen) {
 }
 
 /// Does what signals ask for, on a thread of its own.
-fn heed(mut signals: Signals, gateway: Gateway, how: StopHow) {
+fn heed(mut signals: Signals, gateway: Gateway, how: StopHow, is_replaced: Arc<AtomicBool>) {
     let heeding = move || {
         let mut stops = 0;
         for signal in signals.forever() {
             if signal == SIGHUP {
                 reload(&gateway);
+                continue;
+            }
+            if signal == SIGUSR2 {
+                match gateway.make_way() {
+                    Ok(()) => is_replaced.store(true, Ordering::Relaxed),
+                    Err(refusal) => tracing::error!("{refusal}"),
+                }
                 continue;
             }
             stops += 1;

@@ -5,6 +5,8 @@ mod certify;
 mod ci_kit;
 mod exchange;
 mod files;
+#[cfg(target_os = "linux")]
+mod gateway;
 mod help;
 mod languages;
 #[cfg(target_os = "linux")]

@@ -106,6 +106,8 @@ impl<'a> Problems<'a> {
             return Ok(());
         }
         self.found.sort_by_key(|problem| (problem.place.line, problem.place.column));
+        // What the defaults have wrong is found at each link.
+        self.found.dedup();
         Err(ConfigError::Wrong(self.found))
     }
 }

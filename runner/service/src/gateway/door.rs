@@ -314,6 +314,13 @@ impl Gateway {
         self.shared.ask(move |control| Ok(control.apply(ready)))
     }
 
+    /// Stops the gateway for a new one that takes its place, if no link is busy: what a
+    /// link has under way lives in this process and cannot be handed over byte by byte.
+    pub fn make_way(&self) -> Result<(), Refusal> {
+        self.refuse_while_stopping()?;
+        self.shared.ask(Control::make_way)
+    }
+
     /// Stops the gateway; returns at once.
     pub fn stop(&self, how: StopHow) {
         self.shared.tell(move |control| control.stop(how));

@@ -8,6 +8,7 @@ use softplug_gateway::reactor::Command;
 
 use super::control::{Control, Stopping};
 use super::link::{After, EndsAs, Lane};
+use crate::Refusal;
 use crate::jobs::{Note, Subject};
 use crate::view::{Change, StopHow};
 
@@ -40,6 +41,22 @@ impl Control {
             self.park();
         }
         self.tend_stop();
+    }
+
+    /// Stops for a new gateway, unless that would break something off.
+    pub(super) fn make_way(&mut self) -> Result<(), Refusal> {
+        let links =
+            self.links.iter().filter(|(_, link)| link.is_busy() || link.port.client.is_some());
+        let busy: Vec<&str> = links.map(|(name, _)| name.as_str()).collect();
+        if !busy.is_empty() {
+            return Err(Refusal::Conflict(format!(
+                "the gateway cannot be replaced now: {} {} busy; try again when that has ended",
+                busy.join(", "),
+                if busy.len() == 1 { "is" } else { "are" }
+            )));
+        }
+        self.stop(StopHow::Park);
+        Ok(())
     }
 
     /// Ends the jobs that run, in the way that the protocol has for that.

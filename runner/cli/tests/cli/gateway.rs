@@ -1,0 +1,177 @@
+//! `softplug gateway`: configurations checked, and the real process from its start to
+//! its end, orderly or not.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, ChildStdout};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+use serde_json::Value;
+use softplug_gateway::port::ReadOutcome;
+use softplug_gateway::pty::PtyPair;
+use softplug_service::library::Library;
+
+use crate::bench::{Bench, plugins, snapshot};
+
+/// Longer than anything here takes; only a hang gets there.
+const HANG: Duration = Duration::from_mins(2);
+
+fn bench(links: &str) -> Bench {
+    let bench = Bench::new();
+    let library = Library::open(&bench.path("state/plugins")).unwrap();
+    library.add_file(&plugins().join("xon-xoff.wasm")).unwrap();
+    bench.write(
+        "gateway.toml",
+        format!("[http]\nlisten = \"127.0.0.1:0\"\ntokens = \"t.toml\"\n{links}"),
+    );
+    bench
+}
+
+fn link(name: &str, port: &str) -> String {
+    format!(
+        "[[link]]\nname = \"{name}\"\nport = \"{port}\"\nline = \"115200 8N1\"\nplugin = \"xon-xoff\"\n"
+    )
+}
+
+/// A gateway's process.
+struct Gateway {
+    child: Child,
+    out: BufReader<ChildStdout>,
+    address: String,
+}
+
+impl Gateway {
+    fn start(bench: &Bench) -> Self {
+        let mut child =
+            bench.command(&["gateway", "run", "gateway.toml", "--json"]).spawn().unwrap();
+        let mut out = BufReader::new(child.stdout.take().unwrap());
+        let address = ready(&mut out);
+        Self { child, out, address }
+    }
+
+    fn signal(&self, signal: Signal) {
+        kill_process(Pid::from_child(&self.child), signal).unwrap();
+    }
+
+    fn end(mut self) -> (Option<i32>, String) {
+        let code = self.child.wait().unwrap().code();
+        let mut log = String::new();
+        self.child.stderr.take().unwrap().read_to_string(&mut log).unwrap();
+        (code, log)
+    }
+}
+
+fn ready(out: &mut BufReader<ChildStdout>) -> String {
+    let mut line = String::new();
+    out.read_line(&mut line).unwrap();
+    let ready: Value = serde_json::from_str(&line).unwrap_or_else(|_| panic!("not ready: {line}"));
+    ready["address"].as_str().unwrap().to_owned()
+}
+
+fn token(bench: &Bench) -> String {
+    let ran = bench.run(&["gateway", "token", "--name", "t", "--role", "admin", "--json"]);
+    let made = ran.with_code(0).json();
+    let entry = &made["entry"];
+    let (role, sha256) = (entry["role"].as_str().unwrap(), entry["sha256"].as_str().unwrap());
+    let text = format!("[[token]]\nname = \"t\"\nrole = \"{role}\"\nsha256 = \"{sha256}\"\n");
+    bench.write("t.toml", text);
+    made["token"].as_str().unwrap().to_owned()
+}
+
+fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
+    let begin = Instant::now();
+    while !there() {
+        assert!(begin.elapsed() < HANG, "{what} did not come about");
+        sleep(Duration::from_millis(20));
+    }
+}
+
+/// Takes what the machine gets, without XON and XOFF.
+fn take(pty: &PtyPair, got: &mut Vec<u8>) {
+    let mut buffer = [0; 4_096];
+    while let ReadOutcome::Read(count) = pty.read(&mut buffer).unwrap() {
+        got.extend(buffer[..count].iter().filter(|byte| !matches!(byte, 0x11..=0x14)));
+    }
+}
+
+#[test]
+fn every_problem_of_a_configuration_is_told_with_its_place() {
+    let bench = bench(&link("lathe", "pty:"));
+    let right = bench.run(&["gateway", "check", "gateway.toml"]).with_code(0);
+    snapshot("gateway-right", right);
+    let mut wrong = link("lathe", "COM3") + &link("lathe", "pty:");
+    wrong += "[[link]]\nname = \"mill\"\nport = \"pty:\"\nplugin = \"xonxoff\"\n[defaults]\nflow = \"hots\"\n";
+    bench.write("wrong.toml", &wrong);
+    let ran = bench.run(&["gateway", "check", "wrong.toml"]).with_code(2);
+    assert_eq!(bench.run(&["gateway", "run", "wrong.toml"]).with_code(2).err, ran.err);
+    snapshot("gateway-wrong", ran);
+    let unknown = link("lathe", "pty:").replace("\"xon-xoff\"", "\"xonxoff\"")
+        + &link("mill", "pty:")
+            .replace("plugin = \"xon-xoff\"", "plugin = \"xon-xoff\"\nsettings = { xon = 999 }");
+    bench.write("plugins.toml", &unknown);
+    snapshot("gateway-plugins", bench.run(&["gateway", "check", "plugins.toml"]).with_code(2));
+    let json = bench.run(&["gateway", "check", "plugins.toml", "--json"]).with_code(2).json();
+    let problems = json["problems"].as_array().unwrap();
+    let places: Vec<_> =
+        problems.iter().map(|p| (p["line"].as_u64(), p["column"].as_u64())).collect();
+    assert_eq!(places, [(Some(5), Some(10)), (Some(11), Some(20))]);
+}
+
+#[test]
+fn a_gateway_that_is_killed_knows_what_was_under_way() {
+    let pty = PtyPair::open().unwrap();
+    let bench = bench(&link("lathe", pty.slave_path().to_str().unwrap()));
+    let token = token(&bench);
+    let program = format!("%\nO1\n{}M30\n%\n", "N10 G1 X12.5 Y25\n".repeat(40_000));
+    bench.write("programs/O1.nc", &program);
+    let run = |address: &str, words: &[&str]| {
+        let mut command = bench.command(words);
+        let address = format!("http://{address}");
+        command.env("SOFTPLUG_GATEWAY", address).env("SOFTPLUG_TOKEN", &token);
+        command.output().unwrap()
+    };
+
+    let gateway = Gateway::start(&bench);
+    let sent = run(&gateway.address, &["job", "submit", "lathe", "O1.nc", "--json"]);
+    assert!(sent.status.success(), "{}", String::from_utf8_lossy(&sent.stderr));
+    let mut got = Vec::new();
+    wait_for("bytes", || {
+        take(&pty, &mut got);
+        got.len() > 20_000
+    });
+    // While it is busy, no other command takes its place.
+    gateway.signal(Signal::USR2);
+    let reached = got.len() + 5_000;
+    wait_for("more bytes", || {
+        take(&pty, &mut got);
+        got.len() > reached
+    });
+    gateway.signal(Signal::KILL);
+    let (code, log) = gateway.end();
+    assert_eq!(code, None);
+    assert!(log.contains("cannot be replaced now: lathe is busy"), "{log}");
+    take(&pty, &mut got);
+    assert_eq!(got, program.as_bytes()[..got.len()]);
+
+    let mut gateway = Gateway::start(&bench);
+    let shown = run(&gateway.address, &["job", "show", "1", "--json"]);
+    let job: Value = serde_json::from_slice(&shown.stdout).unwrap();
+    assert_eq!(job["state"], "interrupted", "{job}");
+    let (surely, maybe) =
+        (job["surely_left"].as_u64().unwrap(), job["maybe_left"].as_u64().unwrap());
+    assert!(surely <= got.len() as u64 && got.len() as u64 <= maybe, "{surely} {maybe} {job}");
+    // Nothing is sent again unasked, also by the command that takes its place.
+    gateway.signal(Signal::USR2);
+    gateway.address = ready(&mut gateway.out);
+    let shown = run(&gateway.address, &["job", "list", "--json"]);
+    assert!(shown.status.success());
+    let before = got.len();
+    take(&pty, &mut got);
+    assert_eq!(got.len(), before);
+    fs::write(bench.path("gateway.toml"), "[[link]]\n").unwrap();
+    gateway.signal(Signal::TERM);
+    let (code, log) = gateway.end();
+    assert_eq!(code, Some(0), "{log}");
+}
