@@ -1,8 +1,7 @@
 //! The connections there are: how many, and for how long one may keep us waiting.
 //!
-//! A connection that brings no request head within [`HEAD_PATIENCE`] of the last answer is
-//! closed, however it spreads its bytes, and so is one that takes nothing of its answer for
-//! [`WRITE_PATIENCE`]. While a request is being handled the handler has the say.
+//! A connection that brings no request head in time after the last answer is closed, however it
+//! spreads its bytes, and so is one that takes nothing of its answer. While a request is being handled the handler has the say.
 
 use std::collections::HashMap;
 use std::future::Future;
@@ -18,12 +17,12 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::time::{Instant, Sleep, sleep_until};
 
-use super::options::{HEAD_PATIENCE, WRITE_PATIENCE};
+use super::options::Limits;
 
 /// All connections, by where they come from.
 #[derive(Clone, Debug)]
 pub(super) struct Connections {
-    most: usize,
+    limits: Limits,
     open: Arc<Mutex<HashMap<SocketAddr, Arc<Course>>>>,
 }
 
@@ -37,8 +36,8 @@ struct Course {
 }
 
 impl Connections {
-    pub(super) fn new(most: usize) -> Self {
-        Self { most, open: Arc::default() }
+    pub(super) fn new(limits: Limits) -> Self {
+        Self { limits, open: Arc::default() }
     }
 
     pub(super) fn count(&self) -> usize {
@@ -59,7 +58,7 @@ impl Connections {
         let course = Arc::<Course>::default();
         {
             let mut open = self.open.lock().map_err(|_| io::ErrorKind::Other)?;
-            if open.len() >= self.most {
+            if open.len() >= self.limits.connections {
                 return Err(io::ErrorKind::ConnectionRefused.into());
             }
             open.insert(peer, course.clone());
@@ -67,9 +66,9 @@ impl Connections {
         Ok(Guarded {
             stream,
             course,
-            head: Box::pin(sleep_until(Instant::now() + HEAD_PATIENCE)),
+            head: Box::pin(sleep_until(Instant::now() + self.limits.head_patience)),
             stalled: None,
-            _entry: Entered { peer, connections: self.clone() },
+            entry: Entered { peer, connections: self.clone() },
         })
     }
 }
@@ -118,7 +117,7 @@ pub(super) struct Guarded {
     head: Pin<Box<Sleep>>,
     /// Since when nothing can be written.
     stalled: Option<Pin<Box<Sleep>>>,
-    _entry: Entered,
+    entry: Entered,
 }
 
 impl Guarded {
@@ -129,12 +128,13 @@ impl Guarded {
     ) -> Poll<io::Result<usize>> {
         if result.is_ready() {
             self.stalled = None;
-            self.head.as_mut().reset(Instant::now() + HEAD_PATIENCE);
+            let patience = self.entry.connections.limits.head_patience;
+            self.head.as_mut().reset(Instant::now() + patience);
             return result;
         }
-        let stalled = self
-            .stalled
-            .get_or_insert_with(|| Box::pin(sleep_until(Instant::now() + WRITE_PATIENCE)));
+        let patience = self.entry.connections.limits.write_patience;
+        let stalled =
+            self.stalled.get_or_insert_with(|| Box::pin(sleep_until(Instant::now() + patience)));
         ready!(stalled.as_mut().poll(context));
         Poll::Ready(Err(io::ErrorKind::TimedOut.into()))
     }
@@ -151,7 +151,8 @@ impl AsyncRead for Guarded {
             return read;
         }
         if self.course.answered.swap(false, Ordering::Relaxed) {
-            self.head.as_mut().reset(Instant::now() + HEAD_PATIENCE);
+            let patience = self.entry.connections.limits.head_patience;
+            self.head.as_mut().reset(Instant::now() + patience);
         }
         // Looked at even when something came: a drop now and then is no request.
         match self.head.as_mut().poll(context) {

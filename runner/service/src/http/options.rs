@@ -4,8 +4,6 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use serde::{Deserialize, Serialize};
-
 /// What [`serve`](super::serve) goes by.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Options {
@@ -36,8 +34,7 @@ pub struct Certificate {
 }
 
 /// Limits of the API; what goes past one gets a problem as its answer.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Limits {
     /// Largest program or plug-in that is taken, in bytes.
     pub upload_bytes: u64,
@@ -47,6 +44,11 @@ pub struct Limits {
     pub requests_per_second: u32,
     /// Requests that it may make at once.
     pub burst: u32,
+    /// Until a request's head has come, counted from the last answer; then the connection is
+    /// closed.
+    pub head_patience: Duration,
+    /// A client that takes nothing of its answer for as long is gone.
+    pub write_patience: Duration,
 }
 
 impl Default for Limits {
@@ -56,18 +58,16 @@ impl Default for Limits {
             connections: 1024,
             requests_per_second: 50,
             burst: 200,
+            head_patience: Duration::from_secs(30),
+            write_patience: Duration::from_secs(30),
         }
     }
 }
 
 /// Largest JSON document in a request, in bytes.
 pub(super) const DOCUMENT_BYTES: usize = 64 * 1024;
-/// Until a request's head has come, counted from the last answer; then the connection is closed.
-pub(super) const HEAD_PATIENCE: Duration = Duration::from_secs(30);
 /// Until a JSON document has come.
 pub(super) const DOCUMENT_PATIENCE: Duration = Duration::from_secs(10);
-/// A client that takes nothing of its answer for as long is gone.
-pub(super) const WRITE_PATIENCE: Duration = Duration::from_secs(60);
 /// How slowly a body may come, while we are ready to take it.
 #[derive(Copy, Clone, Debug)]
 pub(super) struct Pace {
@@ -89,7 +89,7 @@ pub(super) const UPLOADS: usize = 32;
 pub(super) const FEEDS: usize = 64;
 /// Streams of events at one time.
 pub(super) const STREAMS: usize = 256;
-/// A stream without news says so as often; less than [`HEAD_PATIENCE`].
+/// A stream without news says so as often; less than [`Limits::head_patience`].
 pub(super) const HEARTBEAT: Duration = Duration::from_secs(10);
 /// What passes on a line is looked for as often.
 pub(super) const GATHER: Duration = Duration::from_millis(50);

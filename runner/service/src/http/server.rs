@@ -79,7 +79,7 @@ impl Server {
         let refused = |error| ServeError::Listen { address: options.listen, error };
         let listener = listen(&runtime, options.listen).map_err(refused)?;
         let address = listener.local_addr().map_err(refused)?;
-        let connections = Connections::new(options.limits.connections);
+        let connections = Connections::new(options.limits);
         let door = Arc::new(Door::new(tokens, connections.clone(), &options.limits));
         let (stopping, stop) = watch::channel(false);
         let routes = routes(Surroundings { door, stopping: stop });

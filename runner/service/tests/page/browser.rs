@@ -6,6 +6,8 @@ use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD as BASE64;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use tungstenite::stream::MaybeTlsStream;
@@ -209,6 +211,18 @@ impl Browser {
         let files: Vec<_> = files.iter().map(|file| file.to_str().unwrap()).collect();
         let node = &found["nodeId"];
         self.call("DOM.setFileInputFiles", json!({ "nodeId": node, "files": files }));
+    }
+
+    /// Light or dark, as the system would have it.
+    pub(crate) fn prefer(&mut self, scheme: &str) {
+        let features = json!([{ "name": "prefers-color-scheme", "value": scheme }]);
+        self.call("Emulation.setEmulatedMedia", json!({ "features": features }));
+    }
+
+    /// What is seen, as a PNG file.
+    pub(crate) fn screenshot(&mut self) -> Vec<u8> {
+        let answer = self.call("Page.captureScreenshot", json!({ "format": "png" }));
+        BASE64.decode(answer["data"].as_str().unwrap()).unwrap()
     }
 
     /// How much wider the page is than its window.

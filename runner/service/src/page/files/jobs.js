@@ -65,7 +65,8 @@ function progressOf(job) {
   if (job.state === 'queued') return job.size === null ? '' : text.bytes(job.size);
   const whole = job.size === null ? '' : ` of ${text.bytes(job.size)}`;
   const surely = `${text.bytes(job.surely_left)}${whole}`;
-  if (job.state === 'done' || job.maybe_left <= job.surely_left) return surely;
+  // While it runs there is always something on its way.
+  if (!ENDED.has(job.state) || job.state === 'done' || job.maybe_left <= job.surely_left) return surely;
   return `${surely}; up to ${text.bytes(job.maybe_left)} may have left`;
 }
 

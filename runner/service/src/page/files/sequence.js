@@ -1,4 +1,4 @@
-// What passes on a line, as it passes: the machine on the right, we on the left.
+// What passes on a line, as it passes: we on the left, the machine on the right.
 
 import * as api from './api.js';
 import { h, say, show } from './dom.js';
@@ -80,7 +80,7 @@ export function sequence(path) {
   return {
     node: h('div', { class: 'panel' }, h('h2', {}, 'Line'),
       h('div', { class: 'tools' }, start, clear, h('label', { class: 'inline' }, hexBox, ' hex'), status),
-      h('p', { class: 'facts' }, '▶ to the machine, ◀ from it; seconds'), rows),
+      h('p', { class: 'facts' }, 'Seconds; ▶ to the machine, ◀ from it'), rows),
     end: stop,
   };
 }

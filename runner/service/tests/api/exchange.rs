@@ -1,0 +1,142 @@
+//! Programs and jobs over the API, down to a simulated machine.
+
+use serde_json::json;
+
+use crate::bench::Bench;
+
+/// A program of so many blocks.
+fn program(blocks: usize) -> Vec<u8> {
+    (1..=blocks).map(|n| format!("N{n} G01 X{n} Y-{n}\n")).collect::<String>().into_bytes()
+}
+
+#[test]
+fn a_program_comes_back_as_it_was() {
+    let bench = Bench::new();
+    let all_bytes: Vec<u8> = (0..=255).cycle().take(100_000).collect();
+    for (name, path) in [("O1.nc", "O1.nc"), ("lathes/O2 b.nc", "lathes%2FO2%20b.nc")] {
+        let stored = bench.upload(path, &all_bytes).with(201).json();
+        assert_eq!((&stored["name"], &stored["bytes"]), (&json!(name), &json!(100_000)));
+        assert_eq!(bench.get(&format!("/programs/{path}")).with(200).body, all_bytes);
+    }
+    let names = bench.get("/programs").with(200).json();
+    assert_eq!(names.as_array().unwrap().len(), 2);
+    bench.upload("O1.nc", b"other").with(409);
+    bench.upload("O1.nc?overwrite=true", b"other").with(201);
+    assert_eq!(bench.get("/programs/O1.nc").with(200).body, b"other");
+    bench.upload("empty.nc", b"").with(201);
+    assert_eq!(bench.get("/programs/empty.nc").with(200).body, b"");
+    bench.ask("DELETE", "/programs/O1.nc", &bench.admin, b"").with(204);
+    bench.get("/programs/O1.nc").with(404);
+}
+
+#[test]
+fn a_job_goes_to_the_machine_and_tells_how_it_went() {
+    let bench = Bench::new();
+    bench.until_link("lathe-1", "idle");
+    let sent = program(40);
+    bench.upload("O1.nc", &sent).with(201);
+    let job = bench.post("/links/lathe-1/jobs", &json!({ "program": "O1.nc" })).with(201).json();
+    assert_eq!(job["link"], "lathe-1");
+    let path = format!("/jobs/{}", job["id"]);
+    let job = bench.until(&path, |job| job["state"] == "done");
+    assert_eq!(job["surely_left"], sent.len());
+    let listed = bench.get("/jobs?link=lathe-1&state=done").with(200).json();
+    assert_eq!(listed[0]["id"], job["id"]);
+    let link = bench.get("/links/lathe-1").with(200).json();
+    assert!(link["counters"]["bytes_out"].as_u64().unwrap() >= sent.len() as u64, "{link:#}");
+    let entries = bench.get(&format!("/journal?job={}", job["id"])).with(200).json();
+    assert!(!entries.as_array().unwrap().is_empty());
+    bench.post(&format!("{path}/abort"), &json!({})).with(409);
+    bench.post("/links/lathe-1/jobs", &json!({ "program": "none.nc" })).with(404);
+}
+
+#[test]
+fn a_job_is_paused_resumed_aborted_and_begun_again() {
+    let bench = Bench::new();
+    bench.until_link("mill 2", "idle");
+    bench.upload("long.nc", &program(4_000)).with(201);
+    let order = json!({ "program": "long.nc" });
+    let job = bench.post("/links/mill%202/jobs", &order).with(201).json();
+    let waiting = bench.post("/links/mill%202/jobs", &order).with(201).json();
+    let path = format!("/jobs/{}", job["id"]);
+    bench.until(&path, |job| job["surely_left"].as_u64() > Some(100));
+    bench.post(&format!("{path}/pause"), &json!({})).with(200);
+    bench.until(&path, |job| job["state"] == "paused");
+    bench.post(&format!("{path}/resume"), &json!({})).with(200);
+    bench.until(&path, |job| job["state"] == "running");
+    let waits = format!("/jobs/{}", waiting["id"]);
+    let first =
+        bench.ask("PUT", &format!("{waits}/priority"), &bench.operator, br#"{"priority": 7}"#);
+    assert_eq!(first.with(200).json()["priority"], 7);
+    bench.post(&format!("{waits}/abort"), &json!({})).with(200);
+    bench.until(&waits, |job| job["state"] == "aborted");
+    bench.post(&format!("{path}/abort"), &json!({})).with(200);
+    let ended = bench.until(&path, |job| job["state"] == "aborted");
+    assert!(ended["maybe_left"].as_u64() >= ended["surely_left"].as_u64(), "{ended:#}");
+    let again =
+        bench.post(&format!("{path}/restart"), &json!({ "from_block": 3_999 })).with(201).json();
+    assert_eq!((&again["restart_of"], &again["start_block"]), (&job["id"], &json!(3_999)));
+    bench.until(&format!("/jobs/{}", again["id"]), |job| job["state"] == "done");
+}
+
+#[test]
+fn a_feed_goes_through_without_being_stored() {
+    let bench = Bench::new();
+    bench.until_link("lathe-1", "idle");
+    let body = program(60);
+    let kind = "application/octet-stream";
+    let path = "/links/lathe-1/feed?program=live.nc";
+    let job = bench.ask_as("POST", path, &bench.operator, kind, &body).with(201).json();
+    assert_eq!(job["program"], "live.nc");
+    let job = bench.until(&format!("/jobs/{}", job["id"]), |job| job["state"] == "done");
+    assert_eq!(job["surely_left"], body.len());
+    assert_eq!(bench.get("/programs").with(200).json(), json!([]));
+    bench.ask_as("POST", "/links/none/feed", &bench.operator, kind, &body).with(404);
+}
+
+#[test]
+fn a_feed_that_breaks_off_fails_its_job() {
+    let bench = Bench::new();
+    bench.until_link("lathe-1", "idle");
+    let head = "Content-Length: 100000\r\n";
+    let request = bench.request("POST", "/api/v1/links/lathe-1/feed?program=half.nc", head);
+    bench.raw((request + "N1 G0\nN2 G0\n").as_bytes());
+    let jobs = bench.until("/jobs?link=lathe-1", |jobs| {
+        jobs[0]["state"] == "failed" || jobs[0]["state"] == "aborted"
+    });
+    assert_ne!(jobs[0]["state"], "done");
+    bench.until_link("lathe-1", "idle");
+}
+
+#[test]
+fn metrics_show_the_links() {
+    let bench = Bench::new();
+    bench.until_link("lathe-1", "idle");
+    let answer = bench.raw(bench.request("GET", "/metrics", "").as_bytes());
+    for line in [
+        "softplug_link_up{link=\"lathe-1\"} 1",
+        "softplug_link_state{link=\"lathe-1\",state=\"idle\"} 1",
+        "softplug_link_buffer_bytes{link=\"mill 2\"} 0",
+        "softplug_link_starved_total{link=\"lathe-1\"} 0",
+        "softplug_healthy 1.0",
+        "# EOF",
+    ] {
+        assert!(answer.contains(line), "{line}: {answer}");
+    }
+}
+
+#[test]
+fn plug_ins_are_listed_added_and_swapped() {
+    let bench = Bench::new();
+    bench.until_link("lathe-1", "idle");
+    let plugins = bench.get("/plugins").with(200).json();
+    assert_eq!(plugins[0]["name"], "xon-xoff");
+    assert_eq!(plugins[0]["links"], json!(["lathe-1", "mill 2"]));
+    let kind = "application/wasm";
+    bench.ask_as("POST", "/plugins", &bench.admin, kind, b"\0asm nonsense").with(422);
+    let order = json!({ "plugin": "xon-xoff", "when": "now-or-idle" });
+    let swap = bench.post("/links/lathe-1/swap", &order).with(200).json();
+    assert_eq!(swap["link"], "lathe-1");
+    bench.post("/links/lathe-1/swap", &json!({ "plugin": "none" })).with(404);
+    bench.post("/links/none/swap", &order).with(404);
+}

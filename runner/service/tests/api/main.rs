@@ -1,0 +1,10 @@
+//! The HTTP API from outside: who is let in, what can be done, and what cannot be done to it.
+#![cfg(target_os = "linux")]
+
+#[path = "../common/bench.rs"]
+mod bench;
+mod exchange;
+mod hostile;
+mod streams;
+mod tls;
+mod tokens;

@@ -1,0 +1,173 @@
+//! The web page in a real browser.
+#![cfg(target_os = "linux")]
+
+#[path = "../common/bench.rs"]
+mod bench;
+mod browser;
+mod picture;
+
+mod needs_chromium {
+    use std::fs;
+
+    use serde_json::Value;
+
+    use crate::bench::Bench;
+    use crate::browser::Browser;
+    use crate::picture::Picture;
+
+    /// A program that takes a simulated machine minutes.
+    fn long_program() -> Vec<u8> {
+        (1..=5_000).map(|n| format!("N{n} G01 X{n} Y-{n}\n")).collect::<String>().into_bytes()
+    }
+
+    /// Signs in by mouse.
+    fn sign_in(browser: &mut Browser, bench: &Bench, token: &str) {
+        browser.go(&bench.url("/"));
+        browser.until("document.activeElement.name === 'token'");
+        browser.type_text(token);
+        browser.click("button", "Sign in");
+        browser.until("document.querySelectorAll('.card').length === 2");
+    }
+
+    #[test]
+    fn upload_send_watch_swap_and_abort_by_mouse() {
+        let bench = Bench::new();
+        bench.add_plugin_of_version("9.9.9");
+        let mut browser = Browser::open();
+        browser.size(1280, 900);
+        sign_in(&mut browser, &bench, &bench.admin);
+        browser.sees("live, admin");
+
+        browser.click("nav a", "Programs");
+        let file = bench.path("long.nc");
+        fs::write(&file, long_program()).unwrap();
+        browser.choose("file", &[file]);
+        browser.click("button", "Upload");
+        browser.sees("Uploaded long.nc");
+        assert_eq!(bench.get("/programs/long.nc").with(200).body, long_program());
+
+        browser.click("nav a", "Links");
+        browser.click(".card a", "lathe-1");
+        browser.click("button", "Watch the line");
+        browser.sees("watching");
+        browser.until("document.querySelector('select[name=program]').value === 'long.nc'");
+        browser.click("form button", "Send");
+        browser.sees("sending");
+        browser.until("[...document.querySelectorAll('.sequence .out')].some((row) => row.innerText.includes('G01'))");
+        browser.until("document.querySelector('.chart .line').getAttribute('points').length > 0");
+
+        browser.click("button", "Swap to xon-xoff 9.9.9");
+        browser.sees("Runs xon-xoff 9.9.9");
+        let link = bench.get("/links/lathe-1").with(200).json();
+        assert_eq!(link["plugin"]["version"], "9.9.9");
+        assert_eq!(link["job"]["program"], "long.nc", "the job goes on: {link:#}");
+
+        browser.click("button", "Pause");
+        browser.sees("paused");
+        browser.click("button", "Resume");
+        browser.click("button", "Abort");
+        browser.click("button", "Abort: sure?");
+        browser.sees("aborted");
+        bench.until("/jobs?link=lathe-1", |jobs| jobs[0]["state"] == "aborted");
+        bench.until_link("lathe-1", "idle");
+        assert_eq!(browser.complaints, Vec::<String>::new());
+    }
+
+    #[test]
+    fn all_of_it_by_keyboard() {
+        let bench = Bench::new();
+        bench.upload("long.nc", &long_program()).with(201);
+        let mut browser = Browser::open();
+        browser.size(1280, 900);
+        browser.go(&bench.url("/"));
+        browser.until("document.activeElement.name === 'token'");
+        browser.type_text(&bench.operator);
+        browser.press("Enter");
+        browser.until("document.querySelectorAll('.card').length === 2");
+        browser.tab_to("lathe-1");
+        browser.press("Enter");
+        browser.until("document.querySelector('select[name=program]')?.value === 'long.nc'");
+        browser.tab_to("Send");
+        browser.press("Enter");
+        browser.sees("sending");
+        bench.until("/jobs", |jobs| jobs[0]["state"] == "running");
+        browser.value("document.querySelector('.skip').focus()");
+        browser.tab_to("Abort");
+        browser.press("Enter");
+        browser.until("document.activeElement.innerText === 'Abort: sure?'");
+        browser.press("Space");
+        bench.until("/jobs", |jobs| jobs[0]["state"] == "aborted");
+        // What has the focus can be seen.
+        browser.press("Tab");
+        let outline = browser.value("getComputedStyle(document.activeElement).outlineStyle");
+        assert_eq!(outline, "solid");
+        assert_eq!(browser.complaints, Vec::<String>::new());
+    }
+
+    #[test]
+    fn every_page_fits_a_phone_in_light_and_dark() {
+        let bench = Bench::new();
+        let name = "a-folder/a-program-with-a-name-that-is-rather-long-for-a-phone.nc";
+        bench.upload(&name.replace('/', "%2F"), b"G0 X1\n").with(201);
+        bench.until_link("lathe-1", "idle");
+        bench.post("/links/lathe-1/jobs", &serde_json::json!({ "program": name })).with(201);
+        let mut browser = Browser::open();
+        browser.size(360, 740);
+        sign_in(&mut browser, &bench, &bench.admin);
+        for scheme in ["light", "dark"] {
+            browser.prefer(scheme);
+            for page in ["links", "link/lathe-1", "jobs", "programs", "plugins", "journal"] {
+                browser.value(&format!("location.hash = '#/{page}'"));
+                browser.until("document.querySelector('main h1')");
+                browser.value("new Promise((go) => setTimeout(go, 300))");
+                assert!(browser.overhang() <= 0, "{page} is wider than a phone");
+                let small = browser.value(
+                    "[...document.querySelectorAll('button, nav a, select, input')] \
+                     .filter((of) => of.checkVisibility() && of.getBoundingClientRect().height < 22) \
+                     .map((of) => of.outerHTML)",
+                );
+                assert_eq!(small, Value::Array(Vec::new()), "too small for a thumb");
+                let picture = Picture::read(&browser.screenshot());
+                assert_eq!((picture.width, picture.height), (360, 740));
+                assert!(picture.colours() > 10, "{page} shows nothing");
+                let is_dark = picture.brightness() < 100;
+                assert_eq!(is_dark, scheme == "dark", "{page}: {}", picture.brightness());
+            }
+        }
+        assert_eq!(browser.complaints, Vec::<String>::new());
+    }
+
+    #[test]
+    fn texts_from_outside_are_only_texts() {
+        let bench = Bench::new();
+        bench.until_link("lathe-1", "idle");
+        let marked = "<img src=x onerror=document.title='owned'><script>document.title='owned'</script>";
+        let path = format!("/links/lathe-1/feed?program={}", "%3Cimg%20src=x%20onerror=alert(1)%3E");
+        let kind = "application/octet-stream";
+        let fed = bench.ask_as("POST", &path, &bench.operator, kind, marked.as_bytes());
+        assert!([201, 422].contains(&fed.status), "{fed:?}");
+        let mut browser = Browser::open();
+        browser.size(1280, 900);
+        sign_in(&mut browser, &bench, &bench.operator);
+        for page in ["link/lathe-1", "jobs", "journal", "link/%3Cimg%20src=x%20onerror=alert(1)%3E"] {
+            browser.value(&format!("location.hash = '#/{page}'"));
+            browser.until("document.querySelector('main h1')");
+            browser.value("new Promise((go) => setTimeout(go, 300))");
+            assert_eq!(browser.value("document.querySelectorAll('main img').length"), 0);
+            assert_ne!(browser.value("document.title"), "owned");
+        }
+        assert_eq!(browser.complaints, Vec::<String>::new());
+    }
+
+    #[test]
+    fn a_token_that_is_not_known_is_said_so() {
+        let bench = Bench::new();
+        let mut browser = Browser::open();
+        browser.go(&bench.url("/"));
+        browser.until("document.activeElement.name === 'token'");
+        browser.type_text("softplug_wrong");
+        browser.press("Enter");
+        browser.sees("this token is not known");
+        assert_eq!(browser.value("document.querySelectorAll('.card').length"), 0);
+    }
+}
