@@ -11,9 +11,9 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
+use softplug_service::gateway::{self, Running};
 use softplug_service::http::{self, Limits, Options, Role, Server};
 use softplug_service::library::Library;
-use softplug_service::gateway::{self, Running};
 use softplug_service::view::StopHow;
 use softplug_service::{Config, Gateway};
 use tempfile::TempDir;

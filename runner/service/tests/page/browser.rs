@@ -192,7 +192,8 @@ impl Browser {
     /// Goes on with the Tab key until what has the focus has this text or name.
     #[track_caller]
     pub(crate) fn tab_to(&mut self, text: &str) {
-        let focused = "(document.activeElement.innerText || document.activeElement.name || '').trim()";
+        let focused =
+            "(document.activeElement.innerText || document.activeElement.name || '').trim()";
         for _ in 0..100 {
             self.press("Tab");
             if self.value(focused) == text {

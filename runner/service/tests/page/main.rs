@@ -141,15 +141,18 @@ mod needs_chromium {
     fn texts_from_outside_are_only_texts() {
         let bench = Bench::new();
         bench.until_link("lathe-1", "idle");
-        let marked = "<img src=x onerror=document.title='owned'><script>document.title='owned'</script>";
-        let path = format!("/links/lathe-1/feed?program={}", "%3Cimg%20src=x%20onerror=alert(1)%3E");
+        let marked =
+            "<img src=x onerror=document.title='owned'><script>document.title='owned'</script>";
+        let path =
+            format!("/links/lathe-1/feed?program={}", "%3Cimg%20src=x%20onerror=alert(1)%3E");
         let kind = "application/octet-stream";
         let fed = bench.ask_as("POST", &path, &bench.operator, kind, marked.as_bytes());
         assert!([201, 422].contains(&fed.status), "{fed:?}");
         let mut browser = Browser::open();
         browser.size(1280, 900);
         sign_in(&mut browser, &bench, &bench.operator);
-        for page in ["link/lathe-1", "jobs", "journal", "link/%3Cimg%20src=x%20onerror=alert(1)%3E"] {
+        for page in ["link/lathe-1", "jobs", "journal", "link/%3Cimg%20src=x%20onerror=alert(1)%3E"]
+        {
             browser.value(&format!("location.hash = '#/{page}'"));
             browser.until("document.querySelector('main h1')");
             browser.value("new Promise((go) => setTimeout(go, 300))");
