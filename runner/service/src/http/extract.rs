@@ -63,6 +63,10 @@ impl<T: DeserializeOwned, S: Sync> FromRequest<S> for Document<T> {
             ));
         }
         let bytes = document(request.into_body()).await?;
+        // A list in the order of the fields would do for serde.
+        if bytes.trim_ascii_start().first() != Some(&b'{') {
+            return Err(Problem::bad("a JSON object is needed"));
+        }
         let mut reader = serde_json::Deserializer::from_slice(&bytes);
         match T::deserialize(&mut reader).and_then(|value| reader.end().map(|()| value)) {
             Ok(value) => Ok(Self(value)),

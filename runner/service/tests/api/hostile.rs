@@ -126,7 +126,7 @@ fn a_body_that_breaks_off_leaves_no_program() {
         ("Transfer-Encoding: chunked\r\n", "6\r\nG0 X1\n\r\nnonsense\r\n"),
     ] {
         let request = bench.request("PUT", "/api/v1/programs/O7.nc", head) + body;
-        let answer = bench.raw(request.as_bytes());
+        let answer = bench.raw_and_gone(request.as_bytes());
         assert!(status(&answer) != 201, "{answer}");
     }
     bench.get("/programs/O7.nc").with(404);
@@ -146,7 +146,7 @@ fn requests_that_could_be_read_in_two_ways_are_not_read() {
     let answer = bench.raw(request.as_bytes());
     assert_eq!(answer.matches("HTTP/1.1 ").count(), 1, "{answer}");
     for nonsense in ["\0\0\0\0", "GET\r\n\r\n", "\x16\x03\x01\x02", "GET / HTTP/9.9\r\n\r\n"] {
-        let answer = bench.raw(nonsense.as_bytes());
+        let answer = bench.raw_and_gone(nonsense.as_bytes());
         assert!(!answer.starts_with("HTTP/1.1 2"), "{answer}");
     }
     bench.get("/me").with(200);
@@ -319,7 +319,7 @@ fn any_bytes_at_all_leave_it_standing() {
     ];
     let rest = proptest::collection::vec(any::<u8>(), 0..400);
     let check = runner.run(&(heads, rest), |(head, rest)| {
-        let answer = bench.raw(&[head.as_bytes(), &rest].concat());
+        let answer = bench.raw_and_gone(&[head.as_bytes(), &rest].concat());
         prop_assert!(status(&answer) < 500, "{answer}");
         Ok(())
     });

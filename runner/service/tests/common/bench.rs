@@ -77,7 +77,9 @@ impl Bench {
         let path = |name: &str| folder.path().join(name);
         fs::create_dir(path("programs")).unwrap();
         let library = Library::open(&path("plugins")).unwrap();
-        library.add(&fs::read(plugins().join("xon-xoff.wasm")).unwrap()).unwrap();
+        for plugin in ["xon-xoff.wasm", "r3964.wasm"] {
+            library.add(&fs::read(plugins().join(plugin)).unwrap()).unwrap();
+        }
         fs::write(path("gateway.toml"), CONFIGURATION).unwrap();
         let (operator, first) = http::new_token("operator", Role::Operator).unwrap();
         let (admin, second) = http::new_token("admin", Role::Admin).unwrap();
@@ -91,7 +93,13 @@ impl Bench {
         options.limits = Limits { upload_bytes: 1_000_000, ..Limits::default() };
         change(&mut options);
         let server = http::serve(gateway.clone(), &options).unwrap();
-        let agent = Agent::config_builder().http_status_as_error(false).proxy(None).build().into();
+        let agent = Agent::config_builder()
+            .http_status_as_error(false)
+            .proxy(None)
+            // A refusal may close the connection, for what was not read of the request.
+            .max_idle_connections(0)
+            .build()
+            .into();
         let running = Some(running);
         Self { gateway, server: Some(server), operator, admin, running, agent, folder }
     }
@@ -178,10 +186,29 @@ impl Bench {
 
     /// Says these bytes and gives all that is answered until the end.
     pub(crate) fn raw(&self, bytes: &[u8]) -> String {
-        let mut stream = self.connect();
+        Self::say(self.connect(), bytes)
+    }
+
+    /// The same, with nothing more to come: whoever waits for more need not.
+    pub(crate) fn raw_and_gone(&self, bytes: &[u8]) -> String {
+        let stream = self.connect();
+        let other = stream.try_clone().unwrap();
+        let saying = std::thread::spawn({
+            let bytes = bytes.to_vec();
+            move || {
+                let mut other = other;
+                let _ = other.write_all(&bytes);
+                let _ = other.shutdown(Shutdown::Write);
+            }
+        });
+        let answer = Self::say(stream, b"");
+        saying.join().unwrap();
+        answer
+    }
+
+    fn say(mut stream: TcpStream, bytes: &[u8]) -> String {
         // It may be closed before all was said.
         let _ = stream.write_all(bytes);
-        let _ = stream.shutdown(Shutdown::Write);
         let mut answer = Vec::new();
         let _ = stream.read_to_end(&mut answer);
         String::from_utf8_lossy(&answer).into_owned()
@@ -198,7 +225,7 @@ impl Bench {
     /// Waits until a link is in a state.
     #[track_caller]
     pub(crate) fn until_link(&self, link: &str, state: &str) -> Value {
-        self.until(&format!("/links/{link}"), |view| view["state"] == state)
+        self.until(&format!("/links/{}", link.replace(' ', "%20")), |view| view["state"] == state)
     }
 
     /// Waits until what is at the path is as it should be.
@@ -256,6 +283,12 @@ name = "mill 2"
 port = "simulate:xon-xoff"
 line = "9600 8N1"
 plugin = "xon-xoff"
+
+[[link]]
+name = "press-3"
+port = "simulate:r3964"
+line = "9600 8N1"
+plugin = "r3964"
 "#;
 
 /// The folder with the plug-ins: the one that SOFTPLUG_PLUGINS names, or one that is built here, so
@@ -272,7 +305,7 @@ fn build() -> PathBuf {
     let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("plugins-target");
     let built = Command::new(env!("CARGO"))
         .args(["build", "--quiet", "--profile", "plugin", "--target", "wasm32v1-none"])
-        .args(["--lib", "-p", "softplug-xon-xoff"])
+        .args(["--lib", "-p", "softplug-xon-xoff", "-p", "softplug-r3964"])
         .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../.."))
         .env("CARGO_TARGET_DIR", &target)
         .status()
@@ -280,7 +313,8 @@ fn build() -> PathBuf {
     assert!(built.success(), "the plug-in cannot be built: `rustup target add wasm32v1-none`");
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("plugins");
     fs::create_dir_all(&folder).unwrap();
-    fs::copy(target.join("wasm32v1-none/plugin/xon_xoff.wasm"), folder.join("xon-xoff.wasm"))
-        .unwrap();
+    for (built, name) in [("xon_xoff.wasm", "xon-xoff.wasm"), ("r3964.wasm", "r3964.wasm")] {
+        fs::copy(target.join("wasm32v1-none/plugin").join(built), folder.join(name)).unwrap();
+    }
     folder
 }

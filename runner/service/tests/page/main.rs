@@ -26,7 +26,7 @@ mod needs_chromium {
         browser.until("document.activeElement.name === 'token'");
         browser.type_text(token);
         browser.click("button", "Sign in");
-        browser.until("document.querySelectorAll('.card').length === 2");
+        browser.until("document.querySelectorAll('.card').length === 3");
     }
 
     #[test]
@@ -83,7 +83,7 @@ mod needs_chromium {
         browser.until("document.activeElement.name === 'token'");
         browser.type_text(&bench.operator);
         browser.press("Enter");
-        browser.until("document.querySelectorAll('.card').length === 2");
+        browser.until("document.querySelectorAll('.card').length === 3");
         browser.tab_to("lathe-1");
         browser.press("Enter");
         browser.until("document.querySelector('select[name=program]')?.value === 'long.nc'");
@@ -140,11 +140,11 @@ mod needs_chromium {
     #[test]
     fn texts_from_outside_are_only_texts() {
         let bench = Bench::new();
-        bench.until_link("lathe-1", "idle");
+        bench.until_link("press-3", "idle");
         let marked =
             "<img src=x onerror=document.title='owned'><script>document.title='owned'</script>";
         let path =
-            format!("/links/lathe-1/feed?program={}", "%3Cimg%20src=x%20onerror=alert(1)%3E");
+            format!("/links/press-3/feed?program={}", "%3Cimg%20src=x%20onerror=alert(1)%3E");
         let kind = "application/octet-stream";
         let fed = bench.ask_as("POST", &path, &bench.operator, kind, marked.as_bytes());
         assert!([201, 422].contains(&fed.status), "{fed:?}");
