@@ -68,6 +68,7 @@ fn a_line_is_watched_byte_by_byte() {
     let mut sent = String::new();
     while !sent.contains("47302058310a4d33300a") {
         for seen in next(&mut events, "seen").expect("it goes on") {
+            println!("{seen}");
             assert_eq!(seen["dropped"], 0);
             if seen["seen"] == "sent" {
                 sent.push_str(seen["hex"].as_str().unwrap());

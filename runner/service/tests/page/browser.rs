@@ -193,7 +193,7 @@ impl Browser {
     #[track_caller]
     pub(crate) fn tab_to(&mut self, text: &str) {
         let focused =
-            "(document.activeElement.innerText || document.activeElement.name || '').trim()";
+            "(document.activeElement?.innerText || document.activeElement?.name || '').trim()";
         for _ in 0..100 {
             self.press("Tab");
             if self.value(focused) == text {

@@ -23,7 +23,7 @@ mod needs_chromium {
     /// Signs in by mouse.
     fn sign_in(browser: &mut Browser, bench: &Bench, token: &str) {
         browser.go(&bench.url("/"));
-        browser.until("document.activeElement.name === 'token'");
+        browser.until("document.activeElement?.name === 'token'");
         browser.type_text(token);
         browser.click("button", "Sign in");
         browser.until("document.querySelectorAll('.card').length === 3");
@@ -80,7 +80,7 @@ mod needs_chromium {
         let mut browser = Browser::open();
         browser.size(1280, 900);
         browser.go(&bench.url("/"));
-        browser.until("document.activeElement.name === 'token'");
+        browser.until("document.activeElement?.name === 'token'");
         browser.type_text(&bench.operator);
         browser.press("Enter");
         browser.until("document.querySelectorAll('.card').length === 3");
@@ -94,7 +94,7 @@ mod needs_chromium {
         browser.value("document.querySelector('.skip').focus()");
         browser.tab_to("Abort");
         browser.press("Enter");
-        browser.until("document.activeElement.innerText === 'Abort: sure?'");
+        browser.until("document.activeElement?.innerText === 'Abort: sure?'");
         browser.press("Space");
         bench.until("/jobs", |jobs| jobs[0]["state"] == "aborted");
         // What has the focus can be seen.
@@ -167,7 +167,7 @@ mod needs_chromium {
         let bench = Bench::new();
         let mut browser = Browser::open();
         browser.go(&bench.url("/"));
-        browser.until("document.activeElement.name === 'token'");
+        browser.until("document.activeElement?.name === 'token'");
         browser.type_text("softplug_wrong");
         browser.press("Enter");
         browser.sees("this token is not known");
