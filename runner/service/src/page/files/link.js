@@ -202,7 +202,7 @@ function queue(name) {
 function received(name, path) {
   const body = h('tbody');
   const empty = h('p', { class: 'empty' }, 'Nothing was received yet.');
-  store.loadReceptions(name).catch(() => {});
+  if (store.links.has(name)) store.loadReceptions(name).catch(() => {});
   const node = h('div', { class: 'panel' }, h('h2', {}, 'Received'),
     h('div', { class: 'scroll' }, h('table', { class: 'stack' }, h('thead', {}, h('tr', {}, ['File', 'Size', 'When', 'Compared', ''].map((title) => h('th', {}, title)))), body)), empty);
   return {
