@@ -200,7 +200,7 @@ fn measure(subject: &mut Subject, machines: &[PtyPair], span: Duration) -> Outco
     let begin = Instant::now() + Duration::from_secs(1);
     let pid = subject.process.id();
     let mut events = Events::with_capacity(1_024);
-    let (mut trips, mut unanswered, mut wrong) = (Vec::new(), 0_u64, 0_u64);
+    let (mut trips, mut unanswered, mut late) = (Vec::new(), 0_u64, 0_u64);
     let (warm, end) = (begin + Duration::from_secs(1), begin + Duration::from_secs(1) + span);
     let mut used = None;
     let mut turn = 0;
@@ -247,7 +247,8 @@ fn measure(subject: &mut Subject, machines: &[PtyPair], span: Duration) -> Outco
                     Ok(count) => {
                         let link = &mut links[at];
                         link.back += count;
-                        wrong += u64::from(link.back > MESSAGE);
+                        // What came so late that the next message was out already.
+                        late += u64::from(link.back > MESSAGE && Instant::now() >= warm);
                         if link.back == MESSAGE
                             && let Some(sent_at) = link.sent_at.take()
                             && sent_at >= warm
@@ -273,7 +274,7 @@ fn measure(subject: &mut Subject, machines: &[PtyPair], span: Duration) -> Outco
         "links": machines.len(),
         "echoes": trips.len(),
         "unanswered": unanswered,
-        "wrong": wrong,
+        "late": late,
         "p50_micros": micros(0.5),
         "p99_micros": micros(0.99),
         "max_micros": micros(1.0),
