@@ -15,7 +15,7 @@ pub use settings::{LineEnd, Parity, Settings};
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use frame::{ACK, DC1, DC3, EOT, ETX, Frame, Heard, NAK, Reader, SOH, Text};
-use line::{Line, Timer};
+use line::{Line, Timer, heard, say};
 use receiver::Receiver;
 use sender::Sender;
 use softplug_plugin::{
@@ -86,7 +86,7 @@ impl Converter for HeidenhainFe {
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         for byte in bytes {
-            match self.line.heard(&self.settings, *byte) {
+            match heard(&self.settings, *byte) {
                 Some(byte) => self.character(link, byte),
                 None => self.reader.damage(),
             }
@@ -143,7 +143,7 @@ impl Converter for HeidenhainFe {
                 self.line.ran_out(Timer::Block);
                 self.end_reception(link, Some(Failure::NoAnswer));
                 if !mutant!("heidenhain-fe.rx.silence/control-not-told") {
-                    self.line.say(link, &self.settings, EOT);
+                    say(link, &self.settings, EOT);
                 }
             }
             Some(Timer::Job) => {
@@ -188,7 +188,7 @@ impl Converter for HeidenhainFe {
         let is_silent =
             failure == Failure::Aborted && mutant!("heidenhain-fe.tx.abort/control-not-told");
         if !partner_knows && !is_silent {
-            self.line.say(link, &self.settings, EOT);
+            say(link, &self.settings, EOT);
         }
         if core::mem::take(&mut self.has_header) {
             self.header(link);
@@ -211,9 +211,7 @@ impl Converter for HeidenhainFe {
         }
         if self.sender.is_checking() {
             self.sender.ask(link);
-        } else if self.stage == Stage::Granted {
-            self.supply(link);
-        } else if mutant!("heidenhain-fe.tx.on-request/at-once") {
+        } else if self.stage == Stage::Granted || mutant!("heidenhain-fe.tx.on-request/at-once") {
             self.supply(link);
         } else {
             self.await_control(link);
@@ -257,7 +255,7 @@ impl Converter for HeidenhainFe {
             if self.stage.is_receiving() {
                 self.end_reception(link, Some(Failure::Aborted));
                 if !mutant!("heidenhain-fe.rx.abort/control-not-told") {
-                    self.line.say(link, &self.settings, EOT);
+                    say(link, &self.settings, EOT);
                 }
             }
         } else if self.stage.is_sending() {
@@ -361,7 +359,7 @@ impl HeidenhainFe {
                 // Of a transfer that is under way, a header is no part.
                 let is_silent = mutant!("heidenhain-fe.rx.bad-header/not-answered");
                 if !self.stage.is_sending() && !is_silent {
-                    self.line.say(link, &self.settings, NAK);
+                    say(link, &self.settings, NAK);
                 }
             } else if self.stage.is_sending() {
                 if mutant!("heidenhain-fe.tx.header-between/ignored") {
@@ -376,15 +374,15 @@ impl HeidenhainFe {
             // Nobody waits for a block: a control that sends one is told that it is over.
             let is_silent = mutant!("heidenhain-fe.rx.stray-block/not-answered");
             if frame.is_good && !self.stage.is_sending() && !is_silent {
-                self.line.say(link, &self.settings, EOT);
+                say(link, &self.settings, EOT);
             }
         } else if frame.is_good {
             self.accept(link);
         } else if self.receiver.refuses(self.settings.repeats) {
-            self.line.say(link, &self.settings, NAK);
+            say(link, &self.settings, NAK);
         } else {
             self.end_reception(link, Some(Failure::Checksum));
-            self.line.say(link, &self.settings, EOT);
+            say(link, &self.settings, EOT);
         }
     }
 
@@ -394,12 +392,12 @@ impl HeidenhainFe {
         self.end_reception(link, is_failure.then_some(Failure::PartnerReset));
         self.withdraw(link);
         if mutant!("heidenhain-fe.rx.several/refused") && self.receiver.has_had() {
-            self.line.say(link, &self.settings, NAK);
+            say(link, &self.settings, NAK);
             return;
         }
         let text = self.reader.text();
         let (Some((kind, rest)), Some(mode)) = (text.split_first(), text.last()) else {
-            self.line.say(link, &self.settings, NAK);
+            say(link, &self.settings, NAK);
             return;
         };
         let name = rest.get(..rest.len().saturating_sub(1)).unwrap_or_default();
@@ -408,7 +406,7 @@ impl HeidenhainFe {
                 self.receiver.begin(link, name);
                 self.stage = Stage::Receiving;
                 if !mutant!("heidenhain-fe.rx.header/not-answered") {
-                    self.line.say(link, &self.settings, ACK);
+                    say(link, &self.settings, ACK);
                 }
             }
             b'E' if !rest.is_empty() => {
@@ -422,7 +420,7 @@ impl HeidenhainFe {
                     self.request(link, *kind);
                 }
             }
-            _ => self.line.say(link, &self.settings, NAK),
+            _ => say(link, &self.settings, NAK),
         }
     }
 
@@ -447,7 +445,7 @@ impl HeidenhainFe {
             return;
         }
         self.line.cancel(link, Timer::Job);
-        self.line.say(link, &self.settings, ACK);
+        say(link, &self.settings, ACK);
         self.stage = Stage::Filling;
         self.go_on(link);
     }
@@ -457,7 +455,7 @@ impl HeidenhainFe {
         self.await_control(link);
         self.stage = Stage::Idle;
         if !mutant!("heidenhain-fe.tx.refused/control-not-told") {
-            self.line.say(link, &self.settings, EOT);
+            say(link, &self.settings, EOT);
         }
     }
 
@@ -495,7 +493,7 @@ impl HeidenhainFe {
     /// Sends the next block, or the end, as far as there is all that it needs.
     fn go_on(&mut self, link: &mut Context<'_>) {
         if self.stage == Stage::Filling {
-            self.stage = self.sender.next(link, &self.line, &self.settings);
+            self.stage = self.sender.next(link, &self.settings);
         }
     }
 
@@ -567,7 +565,7 @@ impl HeidenhainFe {
         if is_taken || mutant!("heidenhain-fe.rx.room/answered-and-lost") {
             self.stage = Stage::Receiving;
             if !mutant!("heidenhain-fe.rx.block/not-answered") {
-                self.line.say(link, &self.settings, ACK);
+                say(link, &self.settings, ACK);
             }
         } else {
             self.stage = Stage::Waiting;

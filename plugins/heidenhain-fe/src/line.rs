@@ -29,32 +29,6 @@ pub(crate) struct Line {
 }
 
 impl Line {
-    /// The seven bits of a character; `None` if its parity is wrong.
-    pub(crate) fn heard(&self, settings: &Settings, byte: u8) -> Option<u8> {
-        let is_good = match settings.parity {
-            Parity::Port => byte < 0x80,
-            Parity::Even => byte.count_ones() % 2 == 0,
-        };
-        let is_good = is_good
-            || (mutant!("heidenhain-fe.line.parity/not-checked")
-                && settings.parity == Parity::Even);
-        is_good.then_some(byte & 0x7F)
-    }
-
-    /// A character as it goes on the line.
-    pub(crate) fn spoken(&self, settings: &Settings, byte: u8) -> u8 {
-        let is_odd = settings.parity == Parity::Even && byte.count_ones() % 2 == 1;
-        let is_odd = is_odd && !mutant!("heidenhain-fe.line.parity/not-made");
-        byte | if is_odd { 0x80 } else { 0 }
-    }
-
-    /// Sends a single character; what finds no room is missed by the control, which asks again.
-    pub(crate) fn say(&self, link: &mut Context<'_>, settings: &Settings, byte: u8) {
-        if link.transmit_room() > 0 {
-            link.transmit(&[self.spoken(settings, byte)]);
-        }
-    }
-
     pub(crate) fn is_held(&self) -> bool {
         self.held
     }
@@ -121,5 +95,30 @@ impl Line {
     pub(crate) fn restore(state: &mut StateReader<'_>) -> Self {
         let held = state.bool();
         Self { held, deadlines: core::array::from_fn(|_| state.deadline()) }
+    }
+}
+
+/// The seven bits of a character; `None` if its parity is wrong.
+pub(crate) fn heard(settings: &Settings, byte: u8) -> Option<u8> {
+    let is_good = match settings.parity {
+        Parity::Port => byte < 0x80,
+        Parity::Even => byte.count_ones().is_multiple_of(2),
+    };
+    let is_good = is_good
+        || (mutant!("heidenhain-fe.line.parity/not-checked") && settings.parity == Parity::Even);
+    is_good.then_some(byte & 0x7F)
+}
+
+/// A character as it goes on the line.
+pub(crate) fn spoken(settings: &Settings, byte: u8) -> u8 {
+    let is_odd = settings.parity == Parity::Even && !byte.count_ones().is_multiple_of(2);
+    let is_odd = is_odd && !mutant!("heidenhain-fe.line.parity/not-made");
+    byte | if is_odd { 0x80 } else { 0 }
+}
+
+/// Sends a single character; what finds no room is missed by the control, which asks again.
+pub(crate) fn say(link: &mut Context<'_>, settings: &Settings, byte: u8) {
+    if link.transmit_room() > 0 {
+        link.transmit(&[spoken(settings, byte)]);
     }
 }

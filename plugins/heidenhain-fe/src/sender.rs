@@ -1,7 +1,7 @@
 //! The job: its check, its lines as blocks, their marks and repeats.
 
 use crate::frame::{DC1, EOT, ETB, ETX, LINE, STX, Text, block_check, is_control};
-use crate::line::Line;
+use crate::line::spoken;
 use crate::name_of;
 use crate::settings::Settings;
 use crate::stage::Stage;
@@ -171,12 +171,7 @@ impl Sender {
     }
 
     /// Sends the next block or the end, if line, room and host allow it.
-    pub(crate) fn next(
-        &mut self,
-        link: &mut Context<'_>,
-        line: &Line,
-        settings: &Settings,
-    ) -> Stage {
+    pub(crate) fn next(&mut self, link: &mut Context<'_>, settings: &Settings) -> Stage {
         if !self.is_whole {
             self.gather();
         }
@@ -191,12 +186,12 @@ impl Sender {
             return Stage::Filling;
         }
         if self.is_whole {
-            self.block(link, line, settings);
+            self.block(link, settings);
             Stage::Answer
         } else {
             let end: &[u8] =
                 if mutant!("heidenhain-fe.tx.end/without-eot") { &[ETX] } else { &[ETX, EOT] };
-            self.marked(link, line, settings, end);
+            self.marked(link, settings, end);
             Stage::Ending
         }
     }
@@ -229,7 +224,7 @@ impl Sender {
         }
     }
 
-    fn block(&mut self, link: &mut Context<'_>, line: &Line, settings: &Settings) {
+    fn block(&mut self, link: &mut Context<'_>, settings: &Settings) {
         let mut check = block_check(STX, self.text.as_slice());
         let mut tail = Text::default();
         let is_bare = mutant!("heidenhain-fe.line.bcc-space/not-sent");
@@ -243,21 +238,21 @@ impl Sender {
             tail.push(DC1);
         }
         let text = self.text;
-        self.send(link, line, settings, &[STX]);
-        self.send(link, line, settings, text.as_slice());
-        self.marked(link, line, settings, tail.as_slice());
+        self.send(link, settings, &[STX]);
+        self.send(link, settings, text.as_slice());
+        self.marked(link, settings, tail.as_slice());
     }
 
-    fn send(&mut self, link: &mut Context<'_>, line: &Line, settings: &Settings, bytes: &[u8]) {
+    fn send(&mut self, link: &mut Context<'_>, settings: &Settings, bytes: &[u8]) {
         for byte in bytes {
-            link.transmit(&[line.spoken(settings, *byte)]);
+            link.transmit(&[spoken(settings, *byte)]);
         }
         self.queued += bytes.len() as u64;
     }
 
     /// The last bytes of a block.
-    fn marked(&mut self, link: &mut Context<'_>, line: &Line, settings: &Settings, bytes: &[u8]) {
-        self.send(link, line, settings, bytes);
+    fn marked(&mut self, link: &mut Context<'_>, settings: &Settings, bytes: &[u8]) {
+        self.send(link, settings, bytes);
         self.mark = self.mark.wrapping_add(1).max(1);
         self.has_left = false;
         link.transmit_marked(self.mark, &[]);
