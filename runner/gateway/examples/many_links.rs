@@ -3,7 +3,9 @@
 //! ser2net in the gateway's place, the same without a plug-in.
 //!
 //! `many_links echo PLUGIN.wasm LINKS SECONDS` and
-//! `many_links ser2net CHARDELAY LINKS SECONDS` print one line of JSON each. What is
+//! `many_links ser2net CHARDELAY LINKS SECONDS` print one line of JSON each;
+//! `many_links saturate PLUGIN.wasm LINKS SECONDS DEPTH` fills lines of 9,600 baud both
+//! ways instead and looks at each byte. What is
 //! measured is another process, so that the clients' and machines' own work does
 //! not count.
 
@@ -33,6 +35,8 @@ use softplug_host::{Host, HostOptions};
 type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 
 const BAUD: u32 = 921_600;
+/// Of lines that are filled.
+const SLOW: u32 = 9_600;
 const EVERY: Duration = Duration::from_millis(100);
 const MESSAGE: usize = 16;
 
@@ -42,16 +46,21 @@ fn main() -> Outcome {
         arguments.get(at).map(String::as_str).ok_or("read the first lines of the source")
     };
     match of(0)? {
-        "gateway" => gateway(of(1)?),
+        "gateway" => gateway(of(1)?, of(2)?.parse()?, of(3)?.parse()?),
         mode => {
             let (links, seconds) = (of(2)?.parse()?, of(3)?.parse()?);
             let machines = (0..links).map(|_| PtyPair::open()).collect::<Result<Vec<_>, _>>()?;
-            let mut subject = if mode == "echo" {
-                Subject::gateway(of(1)?, &machines)?
-            } else {
-                Subject::ser2net(of(1)? == "true", &machines)?
+            let span = Duration::from_secs(seconds);
+            let mut subject = match mode {
+                "echo" => Subject::gateway(of(1)?, BAUD, 32, &machines)?,
+                "saturate" => Subject::gateway(of(1)?, SLOW, of(4)?.parse()?, &machines)?,
+                _ => Subject::ser2net(of(1)? == "true", &machines)?,
             };
-            let result = measure(&mut subject, &machines, Duration::from_secs(seconds));
+            let result = if mode == "saturate" {
+                saturate(&mut subject, &machines, span)
+            } else {
+                measure(&mut subject, &machines, span)
+            };
             let _ = subject.process.kill();
             let _ = subject.process.wait();
             println!("{}", result?);
@@ -62,7 +71,7 @@ fn main() -> Outcome {
 
 /// The gateway's process: a port's path on each line of the input, the address of
 /// its endpoint on each line of the output.
-fn gateway(plugin: &str) -> Outcome {
+fn gateway(plugin: &str, baud: u32, depth: u32) -> Outcome {
     let host = Host::new(HostOptions::default())?;
     let plugin = host.load(plugin.as_ref())?;
     let settings = plugin.manifest().resolve_settings([])?;
@@ -85,10 +94,14 @@ fn gateway(plugin: &str) -> Outcome {
             fields: Vec::new(),
             check: false,
         };
-        let station = StationOptions { settings: settings.clone(), ..StationOptions::default() };
+        let station = StationOptions {
+            settings: settings.clone(),
+            depth: Some(depth),
+            ..StationOptions::default()
+        };
         let setup = LaneSetup {
             port: PortSpec::Device(path.into()),
-            port_options: PortOptions::new(LineParameters::new(BAUD)),
+            port_options: PortOptions::new(LineParameters::new(baud)),
             station,
             instance: plugin.instantiate()?,
             endpoint: Some(endpoint),
@@ -117,9 +130,9 @@ struct Subject {
 }
 
 impl Subject {
-    fn gateway(plugin: &str, machines: &[PtyPair]) -> Outcome<Self> {
+    fn gateway(plugin: &str, baud: u32, depth: u32, machines: &[PtyPair]) -> Outcome<Self> {
         let mut process = Command::new(std::env::current_exe()?)
-            .args(["gateway", plugin])
+            .args(["gateway", plugin, &baud.to_string(), &depth.to_string()])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()?;
@@ -279,6 +292,101 @@ fn measure(subject: &mut Subject, machines: &[PtyPair], span: Duration) -> Outco
         "p99_micros": micros(0.99),
         "max_micros": micros(1.0),
         "cpu_percent": used as f64 / span.as_secs_f64(),
+        "resident_grown_kib": grown / 1_024,
+    })
+    .to_string())
+}
+
+/// A stream whose every byte is known; none is a control code.
+fn byte(at: u64) -> u8 {
+    b' ' + (at % 95) as u8
+}
+
+/// How far a line's two streams are, sent and received at each end.
+struct Filled {
+    client: TcpStream,
+    to_machine: (u64, u64),
+    to_client: (u64, u64),
+}
+
+/// Fills all lines both ways.
+fn saturate(subject: &mut Subject, machines: &[PtyPair], span: Duration) -> Outcome<String> {
+    let mut poll = Poll::new()?;
+    let mut links = Vec::new();
+    for (at, (machine, address)) in machines.iter().zip(&subject.addresses).enumerate() {
+        let mut client = connect(*address)?;
+        let both = Interest::READABLE | Interest::WRITABLE;
+        poll.registry().register(&mut client, Token(2 * at), both)?;
+        let fd = machine.master().as_fd().as_raw_fd();
+        poll.registry().register(&mut SourceFd(&fd), Token(2 * at + 1), Interest::READABLE)?;
+        links.push(Filled { client, to_machine: (0, 0), to_client: (0, 0) });
+    }
+    let mut events = Events::with_capacity(1_024);
+    let pid = subject.process.id();
+    let (begin, mut wrong, mut turn) = (Instant::now(), 0_u64, 0_u64);
+    let warm = begin + Duration::from_secs(5);
+    let mut start = None;
+    let mut buffer = [0; 4_096];
+    let total = |links: &[Filled]| {
+        let sum = |of: fn(&Filled) -> u64| links.iter().map(of).sum::<u64>();
+        (sum(|link| link.to_machine.1), sum(|link| link.to_client.1))
+    };
+    while begin.elapsed() < span + Duration::from_secs(5) {
+        if start.is_none() && Instant::now() >= warm {
+            start = Some((cpu_ticks(pid)?, total(&links)));
+        }
+        // Each machine sends what its line can carry, a hundredth of them at a time.
+        while begin.elapsed() >= Duration::from_millis(turn) {
+            for at in (0..machines.len()).filter(|at| *at as u64 % 100 == turn % 100) {
+                let sent = &mut links[at].to_client.0;
+                let bytes: Vec<u8> = (*sent..*sent + u64::from(SLOW) / 100).map(byte).collect();
+                *sent += machines[at].write(&bytes)? as u64;
+            }
+            turn += 1;
+        }
+        poll.poll(&mut events, Some(Duration::from_millis(1)))?;
+        for event in &events {
+            let at = event.token().0 / 2;
+            let link = &mut links[at];
+            if event.token().0 % 2 == 1 {
+                while let ReadOutcome::Read(count) = machines[at].read(&mut buffer)? {
+                    // Control codes are the gateway's own.
+                    for heard in buffer[..count].iter().filter(|heard| **heard >= b' ') {
+                        wrong += u64::from(*heard != byte(link.to_machine.1));
+                        link.to_machine.1 += 1;
+                    }
+                }
+                continue;
+            }
+            while let Ok(count @ 1..) = link.client.read(&mut buffer) {
+                for heard in &buffer[..count] {
+                    wrong += u64::from(*heard != byte(link.to_client.1));
+                    link.to_client.1 += 1;
+                }
+            }
+            loop {
+                let from = link.to_machine.0;
+                let bytes: Vec<u8> = (from..from + 4_096).map(byte).collect();
+                match link.client.write(&bytes) {
+                    Ok(count) => link.to_machine.0 += count as u64,
+                    Err(_) => break,
+                }
+            }
+        }
+    }
+    let (ticks, before) = start.ok_or("too short")?;
+    let cpu = (cpu_ticks(pid)? - ticks) as f64 / span.as_secs_f64();
+    let after = total(&links);
+    let rate = |bytes: u64| bytes as f64 / span.as_secs_f64() / machines.len() as f64;
+    let grown = resident(pid)?.saturating_sub(subject.before);
+    Ok(serde_json::json!({
+        "links": machines.len(),
+        "wrong_bytes": wrong,
+        "to_machine_bytes": after.0,
+        "to_client_bytes": after.1,
+        "to_machine_bytes_per_second": rate(after.0 - before.0),
+        "to_client_bytes_per_second": rate(after.1 - before.1),
+        "cpu_percent": cpu,
         "resident_grown_kib": grown / 1_024,
     })
     .to_string())

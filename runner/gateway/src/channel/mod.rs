@@ -32,6 +32,8 @@ const TURN: Micros = Micros(500);
 const CHUNK: usize = 64;
 /// When to look again whether the port has sent what it should have.
 const LOOK_AGAIN: Micros = Micros::from_millis(1);
+/// The same where somebody else's buffer lies between, which may be held for hours.
+const LOOK_AGAIN_FAR: Micros = Micros::from_millis(20);
 /// How often modem lines are looked at.
 const MODEM_LINES_EVERY: Micros = Micros::from_millis(20);
 
@@ -287,7 +289,9 @@ impl<I: Instance> Channel<I> {
     /// A port that still holds what should have left by now is looked at again.
     fn next_departure(&self, now: Micros) -> Option<Micros> {
         let next = self.link.awaits_departures().then(|| self.departures.next()).flatten()?;
-        Some(if next > now { next } else { now + LOOK_AGAIN })
+        let keeps_rate = self.port.as_ref().is_some_and(Port::rate_known);
+        let again = if keeps_rate { LOOK_AGAIN } else { LOOK_AGAIN_FAR };
+        Some(if next > now { next } else { now + again })
     }
 
     /// Whether something is still to leave.
