@@ -34,8 +34,9 @@ use crate::view::now_ms;
 const CHANGES: usize = 4_096;
 /// How often it is looked whether the end has come.
 const LOOK: std::time::Duration = std::time::Duration::from_millis(20);
-/// Instances of plug-ins: the one that runs, a successor, one to go back to.
-const INSTANCES_A_LINK: usize = 3;
+/// Instances of plug-ins: the one that runs, a successor, one to go back to, and one
+/// that is not dropped yet.
+const INSTANCES_A_LINK: usize = 4;
 
 /// Why a gateway does not start.
 #[derive(Debug, Error)]
@@ -117,7 +118,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
     let left_over = receptions.recover()?;
     let programs = Programs::open(&config.gateway.programs)?;
     let library = Library::open(&config.gateway.library)?;
-    let instances = (config.links.len() * INSTANCES_A_LINK).max(1_024) as u32;
+    let instances = (config.links.len() * INSTANCES_A_LINK + 64).max(1_024) as u32;
     let cache = Some(state.join("cache"));
     let host = Host::new(HostOptions { cache, instances, ..HostOptions::default() })?;
     let (changes, _) = broadcast::channel(CHANGES);

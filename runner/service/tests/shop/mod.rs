@@ -44,7 +44,7 @@ pub(crate) fn plugins() -> PathBuf {
     let beside = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../target/plugins");
     let folder = folder.map_or_else(beside, PathBuf::from);
     let file = folder.join("xon-xoff.wasm");
-    assert!(file.is_file(), "there is no {}: run `cargo xtask build-plugins`", file.display());
+    assert!(file.is_file(), "there is no {}: run `cargo xtask build`", file.display());
     folder
 }
 
