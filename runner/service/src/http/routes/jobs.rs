@@ -14,7 +14,7 @@ use super::super::extract::{Document, Filter, Segments};
 use super::super::options::FEED_PACE;
 use super::super::problem::{Problem, Refused};
 use super::super::upload;
-use super::{Answer, At};
+use super::{Answer, At, within_limit};
 use crate::view::{JobFilter, JobOrder, JobView};
 
 /// Put a job into a link's queue
@@ -101,6 +101,7 @@ pub(super) async fn list(
     State(desk): At,
     Filter(filter): Filter<JobFilter>,
 ) -> Answer<Json<Vec<JobView>>> {
+    within_limit(filter.limit)?;
     desk.ask(move |gateway| gateway.jobs(&filter)).await.map(Json)
 }
 

@@ -26,7 +26,7 @@ pub(super) async fn list(State(desk): At) -> Answer<Json<Vec<PluginView>>> {
 /// An admin's.
 #[utoipa::path(post, operation_id = "plugin_add", path = "/plugins",
     tag = "plug-ins",
-    request_body(content = Vec<u8>, content_type = "application/wasm"),
+    request_body(content = Vec<u8>, content_type = "application/octet-stream"),
     responses((status = CREATED, body = PluginView), Refused))]
 pub(super) async fn add(
     _: Admin,

@@ -180,6 +180,19 @@ pub(super) fn all(gateway: Gateway, limits: Limits, surroundings: Surroundings) 
         .with_state(desk)
 }
 
+/// A list has at most this many entries.
+const MOST_LISTED: u32 = 1000;
+
+fn within_limit(limit: Option<u32>) -> Answer<()> {
+    match limit {
+        Some(limit) if limit > MOST_LISTED => {
+            let sentence = format!("at most {MOST_LISTED} are listed at a time; `before` goes on");
+            Err(Problem::new(StatusCode::UNPROCESSABLE_ENTITY, sentence).of_field("limit"))
+        }
+        _ => Ok(()),
+    }
+}
+
 async fn nothing_here() -> Problem {
     Problem::new(StatusCode::NOT_FOUND, "there is nothing at this path; see /api/v1/openapi.json")
 }

@@ -17,7 +17,7 @@ use super::super::options::GATHER_CHANGES;
 use super::super::problem::{Problem, Refused};
 use super::super::stream::{self, Polled, Stream, Telling};
 use super::super::tokens::Role;
-use super::{Answer, At};
+use super::{Answer, At, within_limit};
 use crate::metrics;
 use crate::view::{Change, HealthView, JournalEntry, JournalFilter, ReadyView, ReloadView};
 
@@ -52,6 +52,7 @@ pub(super) async fn journal(
     State(desk): At,
     Filter(filter): Filter<JournalFilter>,
 ) -> Answer<Json<Vec<JournalEntry>>> {
+    within_limit(filter.limit)?;
     desk.ask(move |gateway| gateway.journal(&filter)).await.map(Json)
 }
 
