@@ -106,11 +106,8 @@ const GAUGES: [(&str, &str, Measured); 8] = [
 
 impl LinkView {
     fn is_up(&self) -> bool {
-        use LinkState::*;
-        match self.state {
-            Idle | Sending | Receiving | Paused => true,
-            Opening | Down | Restarting | Quarantined | Closing => false,
-        }
+        use LinkState::{Idle, Paused, Receiving, Sending};
+        matches!(self.state, Idle | Sending | Receiving | Paused)
     }
 }
 

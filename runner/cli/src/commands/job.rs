@@ -30,7 +30,7 @@ pub(crate) enum Verb {
     /// Aborts a job, or takes it out of the queue
     Abort(Numbered),
     Restart(Restart),
-    Priority(Priority),
+    Priority(Rank),
 }
 
 impl Verb {
@@ -141,7 +141,7 @@ pub(crate) struct Restart {
 
 /// Gives a job that waits another priority
 #[derive(Debug, Args)]
-pub(crate) struct Priority {
+pub(crate) struct Rank {
     /// Number of the job
     pub(crate) id: u32,
     /// Jobs of a higher priority come first

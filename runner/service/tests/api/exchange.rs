@@ -1,12 +1,18 @@
 //! Programs and jobs over the API, down to a simulated machine.
 
+use std::fmt::Write as _;
+
 use serde_json::json;
 
 use crate::bench::Bench;
 
 /// A program of so many blocks.
 fn program(blocks: usize) -> Vec<u8> {
-    (1..=blocks).map(|n| format!("N{n} G01 X{n} Y-{n}\n")).collect::<String>().into_bytes()
+    let blocks = (1..=blocks).fold(String::new(), |mut text, n| {
+        let _ = writeln!(text, "N{n} G01 X{n} Y-{n}");
+        text
+    });
+    blocks.into_bytes()
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Requests that mean no good: nothing breaks, nothing leaks, nobody enters.
 
+use std::fmt::Write as _;
 use std::fs;
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -98,7 +99,7 @@ fn what_is_too_large_is_refused_and_nothing_of_it_stays() {
     let answer = bench.raw((request + "0\r\n\r\n").as_bytes());
     assert_eq!(status(&answer), 413, "{answer}");
     assert_eq!(files(&bench.path("programs")), before);
-    bench.upload("O1.nc", &[b'G'; 1_000_000]).with(201);
+    bench.upload("O1.nc", &vec![b'G'; 1_000_000]).with(201);
 
     let long = format!("{{\"program\": \"{}\"}}", "O".repeat(70_000));
     bench.ask("POST", "/links/lathe-1/jobs", &bench.operator, long.as_bytes()).with(413);
@@ -107,7 +108,10 @@ fn what_is_too_large_is_refused_and_nothing_of_it_stays() {
     let head = format!("X-Long: {}\r\n", "x".repeat(64 * 1024));
     let answer = bench.raw(bench.request("GET", "/api/v1/links", &head).as_bytes());
     assert!([0, 400, 431].contains(&status(&answer)), "{answer}");
-    let many: String = (0..2_000).map(|number| format!("X-{number}: y\r\n")).collect();
+    let many = (0..2_000).fold(String::new(), |mut text, number| {
+        let _ = write!(text, "X-{number}: y\r\n");
+        text
+    });
     let answer = bench.raw(bench.request("GET", "/api/v1/links", &many).as_bytes());
     assert!([0, 400, 431].contains(&status(&answer)), "{answer}");
     let path = format!("/api/v1/links/{}", "a".repeat(40_000));

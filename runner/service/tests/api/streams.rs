@@ -84,7 +84,7 @@ fn a_line_is_watched_byte_by_byte() {
 fn streams_end_when_the_gateway_stops() {
     let mut bench = Bench::new();
     let mut streams: Vec<_> = (0..5).map(|_| listen(&bench, "/api/v1/events")).collect();
-    bench.server.take().unwrap().stop(Duration::from_secs(60));
+    bench.server.take().unwrap().stop(Duration::from_mins(1));
     for stream in &mut streams {
         while next(stream, "changes").is_some() {}
     }

@@ -14,7 +14,7 @@ use tungstenite::stream::MaybeTlsStream;
 use tungstenite::{Message, WebSocket};
 
 /// How long something that must come may take on a busy machine.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_mins(1);
 
 /// A browser with one page.
 pub(crate) struct Browser {
@@ -70,7 +70,8 @@ impl Browser {
     pub(crate) fn call(&mut self, method: &str, parameters: Value) -> Value {
         self.last += 1;
         let id = self.last;
-        let call = json!({ "id": id, "method": method, "params": parameters });
+        let mut call = json!({ "id": id, "method": method });
+        call["params"] = parameters;
         self.socket.send(Message::text(call.to_string())).unwrap();
         loop {
             let Message::Text(text) = self.socket.read().expect("chromium answers") else {

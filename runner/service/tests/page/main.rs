@@ -7,6 +7,7 @@ mod browser;
 mod picture;
 
 mod needs_chromium {
+    use std::fmt::Write as _;
     use std::fs;
 
     use serde_json::Value;
@@ -17,7 +18,11 @@ mod needs_chromium {
 
     /// A program that takes a simulated machine minutes.
     fn long_program() -> Vec<u8> {
-        (1..=5_000).map(|n| format!("N{n} G01 X{n} Y-{n}\n")).collect::<String>().into_bytes()
+        let blocks = (1..=5_000).fold(String::new(), |mut text, n| {
+            let _ = writeln!(text, "N{n} G01 X{n} Y-{n}");
+            text
+        });
+        blocks.into_bytes()
     }
 
     /// Signs in by mouse.

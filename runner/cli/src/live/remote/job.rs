@@ -1,5 +1,6 @@
 //! `softplug job …`
 
+use std::fmt::Write as _;
 use std::fs::File;
 use std::io;
 use std::thread::sleep;
@@ -71,7 +72,7 @@ fn list(client: &Client, of: &List, screen: &Screen) -> Result<Exit, Failure> {
     let mut path = format!("/jobs?limit={}", of.limit);
     for (name, value) in [("link", &of.link), ("state", &of.state)] {
         if let Some(value) = value {
-            path.push_str(&format!("&{name}={}", segment(value)));
+            let _ = write!(path, "&{name}={}", segment(value));
         }
     }
     let jobs: Vec<JobView> = client.get(&path)?;
@@ -110,7 +111,7 @@ fn feed(client: &Client, of: &Feed) -> Result<JobView, Failure> {
     let mut path = format!("/links/{}/feed?fields={}", segment(&of.link), segment(&fields));
     for (name, value) in [("program", &program), ("kind", &of.kind)] {
         if let Some(value) = value {
-            path.push_str(&format!("&{name}={}", segment(value)));
+            let _ = write!(path, "&{name}={}", segment(value));
         }
     }
     if is_input {

@@ -1,5 +1,7 @@
 //! Views as people read them.
 
+use std::fmt::Write as _;
+
 use softplug_service::view::{JobView, LinkView, PluginRef, Seen, SeenWhat, SwapView};
 
 use super::printable;
@@ -63,14 +65,14 @@ pub(super) fn job(job: &JobView) -> String {
     let mut text =
         format!("job {}: {} on {}, {}", job.id, printable(what), job.link, job.state.name());
     if job.surely_left > 0 {
-        text.push_str(&format!(", {} bytes have left", progress(job)));
+        let _ = write!(text, ", {} bytes have left", progress(job));
     }
     if job.state.is_final() && job.maybe_left > job.surely_left {
         let maybe = numbers::count(job.maybe_left);
-        text.push_str(&format!(", up to {maybe} may have left"));
+        let _ = write!(text, ", up to {maybe} may have left");
     }
     if let Some(message) = &job.message {
-        text.push_str(&format!(": {}", printable(message)));
+        let _ = write!(text, ": {}", printable(message));
     }
     text
 }
@@ -80,10 +82,10 @@ pub(super) fn swap(swap: &SwapView) -> String {
     let state = state.as_ref().and_then(serde_json::Value::as_str).unwrap_or_default();
     let mut text = format!("{}: {} {state}", swap.link, plugin(Some(&swap.to)));
     if let Some(pause) = swap.pause_us {
-        text.push_str(&format!(", the link stood still for {pause} µs"));
+        let _ = write!(text, ", the link stood still for {pause} µs");
     }
     if let Some(message) = &swap.message {
-        text.push_str(&format!(": {}", printable(message)));
+        let _ = write!(text, ": {}", printable(message));
     }
     text
 }

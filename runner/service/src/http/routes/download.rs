@@ -1,5 +1,6 @@
 //! A file as an answer.
 
+use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{self, Read as _};
 
@@ -69,7 +70,7 @@ fn disposition(name: &str) -> String {
         if byte.is_ascii_alphanumeric() || b"-._~".contains(&byte) {
             text.push(byte.into());
         } else {
-            text.push_str(&format!("%{byte:02X}"));
+            let _ = write!(text, "%{byte:02X}");
         }
     }
     text

@@ -11,6 +11,7 @@ use super::super::options::{PLUGIN_BYTES, UPLOAD_PACE};
 use super::super::problem::{Problem, Refused};
 use super::super::upload;
 use super::{Answer, At};
+use crate::Gateway;
 use crate::view::{PluginRef, PluginView};
 
 /// All plug-ins
@@ -18,7 +19,7 @@ use crate::view::{PluginRef, PluginView};
     tag = "plug-ins",
     responses((status = OK, body = Vec<PluginView>), Refused))]
 pub(super) async fn list(State(desk): At) -> Answer<Json<Vec<PluginView>>> {
-    desk.ask(|gateway| gateway.plugins()).await.map(Json)
+    desk.ask(Gateway::plugins).await.map(Json)
 }
 
 /// Check a module and add it
@@ -66,5 +67,5 @@ pub(super) async fn remove(
     tag = "plug-ins",
     responses((status = OK, body = Vec<PluginRef>), Refused))]
 pub(super) async fn collect_garbage(_: Admin, State(desk): At) -> Answer<Json<Vec<PluginRef>>> {
-    desk.ask(|gateway| gateway.collect_garbage()).await.map(Json)
+    desk.ask(Gateway::collect_garbage).await.map(Json)
 }

@@ -11,6 +11,7 @@ use super::super::options::GATHER;
 use super::super::problem::Refused;
 use super::super::stream::{self, Polled, Stream, Telling};
 use super::{Answer, At};
+use crate::Gateway;
 use crate::gateway::Next;
 use crate::view::{KindView, LinkView, Seen, SwapOrder, SwapView};
 
@@ -19,7 +20,7 @@ use crate::view::{KindView, LinkView, Seen, SwapOrder, SwapView};
     tag = "links",
     responses((status = OK, body = Vec<LinkView>), Refused))]
 pub(super) async fn list(State(desk): At) -> Answer<Json<Vec<LinkView>>> {
-    desk.ask(|gateway| gateway.links()).await.map(Json)
+    desk.ask(Gateway::links).await.map(Json)
 }
 
 /// One link

@@ -14,6 +14,7 @@ use super::super::options::UPLOAD_PACE;
 use super::super::problem::{Problem, Refused};
 use super::super::upload;
 use super::{Answer, At, download};
+use crate::Gateway;
 use crate::view::{ProgramView, ReceptionView};
 
 /// All programs
@@ -21,7 +22,7 @@ use crate::view::{ProgramView, ReceptionView};
     tag = "programs",
     responses((status = OK, body = Vec<ProgramView>), Refused))]
 pub(super) async fn list(State(desk): At) -> Answer<Json<Vec<ProgramView>>> {
-    desk.ask(|gateway| gateway.programs()).await.map(Json)
+    desk.ask(Gateway::programs).await.map(Json)
 }
 
 /// A program's bytes

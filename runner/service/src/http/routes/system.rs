@@ -18,8 +18,8 @@ use super::super::problem::{Problem, Refused};
 use super::super::stream::{self, Polled, Stream, Telling};
 use super::super::tokens::Role;
 use super::{Answer, At, within_limit};
-use crate::metrics;
 use crate::view::{Change, HealthView, JournalEntry, JournalFilter, ReadyView, ReloadView};
+use crate::{Gateway, metrics};
 
 /// Who asks.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Serialize, Deserialize, ToSchema)]
@@ -102,7 +102,7 @@ fn newest(mut changes: Vec<Change>) -> Vec<Change> {
     tag = "gateway",
     responses((status = OK, body = ReloadView), Refused))]
 pub(super) async fn reload(_: Admin, State(desk): At) -> Answer<Json<ReloadView>> {
-    desk.ask(|gateway| gateway.reload()).await.map(Json)
+    desk.ask(Gateway::reload).await.map(Json)
 }
 
 /// Whether the gateway is alive; for whoever restarts it, so without a token.
