@@ -31,7 +31,7 @@ fn run<S: Subject>(
     let mut entries = case.trace.entries().filter(|entry| entry.what != What::Quiet).peekable();
     let under_way = match entries.peek().map(|entry| &entry.what) {
         Some(What::Exact(Exact::UnderWay(facts))) => {
-            let known = under_way(facts).map_err(|reason| unfit(reason))?;
+            let known = under_way(facts).map_err(|reason| unfit(&reason))?;
             entries.next();
             known
         }
@@ -41,9 +41,9 @@ fn run<S: Subject>(
     let mut out = Recorder::default();
     for entry in entries {
         let (kind, payload) = event(case, entry)
-            .map_err(|reason| unfit(format!("line {}: {reason}", entry.line.0)))?;
+            .map_err(|reason| unfit(&format!("line {}: {reason}", entry.line.0)))?;
         let event = Event::decode(kind, &payload).map_err(|reason| {
-            unfit(format!("line {}: the payload of \"{kind}\" is {reason}", entry.line.0))
+            unfit(&format!("line {}: the payload of \"{kind}\" is {reason}", entry.line.0))
         })?;
         if let Event::Received(received) = &event {
             *bytes += received.len() as u64;
@@ -56,8 +56,8 @@ fn run<S: Subject>(
     Ok(())
 }
 
-fn unfit(reason: String) -> Fault {
-    Fault::new(FaultClass::NotApplicable, Micros::ZERO, &reason)
+fn unfit(reason: &str) -> Fault {
+    Fault::new(FaultClass::NotApplicable, Micros::ZERO, reason)
 }
 
 fn event(case: &Case, entry: &Entry) -> Result<(EventKind, Vec<u8>), String> {

@@ -87,7 +87,7 @@ fn all_of_it_is_understood() {
     let endpoint = lathe.endpoint.unwrap();
     assert_eq!(endpoint.kind, EndpointKind::Rfc2217);
     assert_eq!(endpoint.framing, Framing::Gap(Micros::from_millis(20)));
-    assert_eq!(lathe.watchdogs.no_bytes, Some(Duration::from_secs(600)));
+    assert_eq!(lathe.watchdogs.no_bytes, Some(Duration::from_mins(10)));
     assert_eq!(lathe.swap, SwapPolicy::Follow);
     assert_eq!(mill.line_text(), "8N1", "a device server keeps its own rate");
     assert!(mill.settings.is_empty(), "settings belong to the plug-in of the defaults");

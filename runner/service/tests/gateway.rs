@@ -24,21 +24,21 @@ fn programs_reach_three_machines_as_they_are() {
     let mut expected = Vec::new();
     for at in 0..3 {
         let program = shop.program(&format!("O{at}.nc"), 20_000 + at * 1_000);
-        gateway.submit(&shop.name(at), &send(&format!("O{at}.nc"))).unwrap();
+        gateway.submit(&Shop::name(at), &send(&format!("O{at}.nc"))).unwrap();
         expected.push(program);
     }
     for (at, program) in expected.iter().enumerate() {
         let got = shop.read(at, program.len());
         assert_eq!(got, *program, "link {at}");
     }
-    for at in 0..3 {
-        let filter = JobFilter { link: Some(shop.name(at)), ..JobFilter::default() };
+    for (at, program) in expected.iter().enumerate() {
+        let filter = JobFilter { link: Some(Shop::name(at)), ..JobFilter::default() };
         wait_for("the job's end", || gateway.jobs(&filter).unwrap()[0].state == JobState::Done);
         let job = &gateway.jobs(&filter).unwrap()[0];
         assert_eq!((job.surely_left, job.size), (job.maybe_left, Some(job.maybe_left)));
-        let link = gateway.link(&shop.name(at)).unwrap();
+        let link = gateway.link(&Shop::name(at)).unwrap();
         assert_eq!((link.state, link.queued), (LinkState::Idle, 0));
-        assert!(link.counters.bytes_out >= expected[at].len() as u64);
+        assert!(link.counters.bytes_out >= program.len() as u64);
     }
     let journal = gateway.journal(&JournalFilter::default()).unwrap();
     assert!(journal.iter().any(|entry| entry.text.contains("is done")), "{journal:?}");
@@ -53,9 +53,9 @@ fn what_a_machine_sends_becomes_a_file_that_is_never_overwritten() {
     let gateway = shop.gateway();
     for version in 1..=2 {
         shop.write(0, b"%\r\nO77\r\nG1X1\r\nM30\r\n%\r\n");
-        wait_for("the reception", || gateway.receptions(&shop.name(0)).unwrap().len() == version);
+        wait_for("the reception", || gateway.receptions(&Shop::name(0)).unwrap().len() == version);
     }
-    let receptions = gateway.receptions(&shop.name(0)).unwrap();
+    let receptions = gateway.receptions(&Shop::name(0)).unwrap();
     let mut files: Vec<_> = receptions.iter().map(|reception| reception.file.as_str()).collect();
     files.sort_unstable();
     assert_eq!(files, ["O77", "O77-2"]);
@@ -70,7 +70,7 @@ fn jobs_wait_in_order_and_can_be_steered() {
     let gateway = shop.gateway();
     shop.program("long.nc", 400_000);
     shop.program("short.nc", 100);
-    let link = shop.name(0);
+    let link = Shop::name(0);
     // The machine says stop before anything is sent.
     shop.hold(0);
     let long = gateway.submit(&link, &send("long.nc")).unwrap();
@@ -100,7 +100,7 @@ fn jobs_wait_in_order_and_can_be_steered() {
 fn orders_that_cannot_be_carried_out_are_refused_by_their_field() {
     let shop = Shop::with(1, "plugin = \"xon-xoff\"\nline = \"921600 8N1\"\n");
     let gateway = shop.gateway();
-    let link = shop.name(0);
+    let link = Shop::name(0);
     shop.program("O1.nc", 100);
     let refused = |order: JobOrder| match gateway.submit(&link, &order) {
         Err(Refusal::Invalid { field, .. }) => field,
@@ -125,9 +125,9 @@ fn a_reload_touches_only_what_changed() {
     let gateway = shop.gateway();
     shop.program("O1.nc", 3_000_000);
     for at in 0..3 {
-        gateway.submit(&shop.name(at), &send("O1.nc")).unwrap();
+        gateway.submit(&Shop::name(at), &send("O1.nc")).unwrap();
     }
-    let out = |at: usize| gateway.link(&shop.name(at)).unwrap().counters.bytes_out;
+    let out = |at: usize| gateway.link(&Shop::name(at)).unwrap().counters.bytes_out;
     shop.drain_all(|| (0..3).all(|at| out(at) > 10_000));
     assert_eq!(gateway.reload().unwrap().untouched, 3);
 
@@ -171,7 +171,7 @@ fn a_plug_in_is_swapped_in_the_middle_of_a_job() {
     let shop = Shop::with(1, "plugin = \"xon-xoff\"\nline = \"921600 8N1\"\n");
     let gateway = shop.gateway();
     let program = shop.program("O1.nc", 200_000);
-    let link = shop.name(0);
+    let link = Shop::name(0);
     let job = gateway.submit(&link, &send("O1.nc")).unwrap();
     let mut got = shop.read(0, 20_000);
     let order = SwapOrder {
@@ -202,7 +202,7 @@ fn the_panel_gets_the_program_that_it_asks_for() {
     let gateway = shop.gateway();
     let program = shop.program_in("b", "O1234", 2_000);
     shop.press_read("O1234");
-    let filter = JobFilter { link: Some(shop.name(0)), ..JobFilter::default() };
+    let filter = JobFilter { link: Some(Shop::name(0)), ..JobFilter::default() };
     wait_for("the job", || {
         gateway.jobs(&filter).unwrap().iter().any(|job| job.state == JobState::Done)
     });
@@ -216,7 +216,7 @@ fn a_stop_parks_jobs_and_says_how_far_they_were() {
     let mut shop = Shop::with(1, "plugin = \"xon-xoff\"\nline = \"115200 8N1\"\n");
     let gateway = shop.gateway().clone();
     shop.program("O1.nc", 400_000);
-    let job = gateway.submit(&shop.name(0), &send("O1.nc")).unwrap();
+    let job = gateway.submit(&Shop::name(0), &send("O1.nc")).unwrap();
     shop.read(0, 20_000);
     gateway.stop(StopHow::Park);
     shop.stopped();

@@ -61,7 +61,10 @@ fn tell(script: &Script, last: &[Action<'_>]) {
     script.once("received \"X\"", last);
 }
 
-fn play(script: &Script) -> (LinkFault<Refused>, Vec<(Micros, EventKind, Vec<u8>)>) {
+/// What an instance was given: when, which event, its payload.
+type Given = Vec<(Micros, EventKind, Vec<u8>)>;
+
+fn play(script: &Script) -> (LinkFault<Refused>, Given) {
     let mut out = Recorder::default();
     out.drain_by_hand = true;
     let logged = Logged { inner: script.plugin(), log: Vec::new() };

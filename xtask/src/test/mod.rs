@@ -64,11 +64,7 @@ const TOOLS: &[Tool] = &[
         source: "`npm ci` in sdk/assemblyscript, then its node_modules/.bin in PATH",
         purpose: "XON/XOFF in AssemblyScript, certified like the one in Rust",
     },
-    Tool {
-        program: "node",
-        source: "Debian package nodejs",
-        purpose: "the host in JavaScript",
-    },
+    Tool { program: "node", source: "Debian package nodejs", purpose: "the host in JavaScript" },
     Tool {
         program: "python_wasmtime",
         source: "a Python with docs/hosts/requirements.txt, under that name",
@@ -80,9 +76,7 @@ const TOOLS: &[Tool] = &[
 pub(crate) fn run(workspace: &Workspace, all: bool) -> Result<ExitCode, Error> {
     let missing: Vec<_> = TOOLS.iter().filter(|tool| run::find(tool.program).is_none()).collect();
     if all && !missing.is_empty() {
-        let names = missing
-            .iter()
-            .map(|tool| format!("`{}` ({})", tool.program, tool.source));
+        let names = missing.iter().map(|tool| format!("`{}` ({})", tool.program, tool.source));
         return Err(TestError(names.collect()).into());
     }
     plugins::build(workspace, plugins::Report::Table)?;

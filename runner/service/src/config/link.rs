@@ -1,6 +1,6 @@
 //! The tables `[[link]]` and `[defaults]`.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt;
 use std::net::SocketAddr;
 use std::ops::Range;
@@ -236,7 +236,7 @@ fn header(span: Range<usize>) -> Range<usize> {
 /// What only one link may have.
 #[derive(Default)]
 struct Taken {
-    names: HashMap<String, ()>,
+    names: HashSet<String>,
     ports: HashMap<String, String>,
     addresses: HashMap<SocketAddr, String>,
     folders: HashMap<String, String>,
@@ -349,7 +349,7 @@ fn name(
         );
         return None;
     }
-    if taken.names.insert(name.to_lowercase(), ()).is_some() {
+    if !taken.names.insert(name.to_lowercase()) {
         let message = format!("there are two links \"{name}\"");
         problems.add(text.span(), message, "give each a name of its own; case does not count");
         return None;

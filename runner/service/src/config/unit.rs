@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 /// Spans above this are slips, and their sums must not overflow.
-const MOST: Duration = Duration::from_secs(366 * 24 * 3_600);
+const MOST: Duration = Duration::from_hours(366 * 24);
 
 /// `500ms`, `2s`, `10m`, `1h` or `7d`.
 pub(super) fn span(text: &str) -> Result<Duration, &'static str> {
@@ -47,8 +47,8 @@ mod tests {
     #[test]
     fn spans_and_bytes_have_units() {
         assert_eq!(span("500ms"), Ok(Duration::from_millis(500)));
-        assert_eq!(span("10 m"), Ok(Duration::from_secs(600)));
-        assert_eq!(span("1h"), Ok(Duration::from_secs(3_600)));
+        assert_eq!(span("10 m"), Ok(Duration::from_mins(10)));
+        assert_eq!(span("1h"), Ok(Duration::from_hours(1)));
         for text in ["", "5", "m", "-1s", "1.5s", "400d", "99999999999999999999s", "1y"] {
             assert!(span(text).is_err(), "{text}");
         }

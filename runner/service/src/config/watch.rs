@@ -68,10 +68,10 @@ mod tests {
         fs::write(folder.path().join("other.toml"), "x").unwrap();
         assert!(told.recv_timeout(SETTLED * 3).is_err());
         fs::write(&file, "b").unwrap();
-        told.recv_timeout(Duration::from_secs(60)).unwrap();
+        told.recv_timeout(Duration::from_mins(1)).unwrap();
         let new = folder.path().join("new");
         fs::write(&new, "c").unwrap();
         fs::rename(&new, &file).unwrap();
-        told.recv_timeout(Duration::from_secs(60)).unwrap();
+        told.recv_timeout(Duration::from_mins(1)).unwrap();
     }
 }

@@ -127,7 +127,7 @@ impl Gateway {
     pub fn submit(&self, link: &str, order: &JobOrder) -> Result<JobView, Refusal> {
         self.refuse_while_stopping()?;
         let plugin = self.plugin_of(link)?;
-        let job = self.order(link, order, &plugin)?;
+        let job = self::order(link, order, &plugin)?;
         let has_field = finds_blocks(&plugin, &job.job_kind);
         let job = match (&order.program, order.from_block) {
             (Some(program), from) => {
@@ -176,7 +176,7 @@ impl Gateway {
         if order.from_block.is_some() {
             return Err(Refusal::invalid("from_block", "only an uploaded program has blocks"));
         }
-        let job = self.order(link, order, &plugin)?;
+        let job = self::order(link, order, &plugin)?;
         let link = link.to_owned();
         self.shared.ask(move |control| control.feed(&link, job, size))
     }
@@ -217,32 +217,6 @@ impl Gateway {
     /// Gives a job that waits another priority.
     pub fn prioritise(&self, id: u32, priority: i32) -> Result<JobView, Refusal> {
         self.shared.ask(move |control| control.steer(id, Wish::Prioritise(priority)))
-    }
-
-    /// The order, with its kind and fields checked.
-    fn order(&self, link: &str, order: &JobOrder, plugin: &Plugin) -> Result<Order, Refusal> {
-        let manifest = plugin.manifest();
-        let name = order.kind.as_deref().unwrap_or(SEND);
-        let kind = manifest.jobs.iter().find(|kind| kind.name == name).ok_or_else(|| {
-            let known = manifest.jobs.iter().map(|kind| kind.name.as_str());
-            let hint = crate::config::of_names("it has", name, known);
-            let name = name.escape_debug();
-            let text = format!("the plug-in {} has no job \"{name}\"; {hint}", manifest.name);
-            Refusal::invalid("kind", text)
-        })?;
-        let fields = order.fields.iter().map(|(name, value)| (name.as_str(), value.as_str()));
-        let records = kind.records(fields).map_err(|error| Refusal::invalid("fields", error))?;
-        kind.require(&records).map_err(|error| Refusal::invalid("fields", error))?;
-        if name == SEND && order.program.is_none() {
-            return Err(Refusal::invalid("program", "the job \"send\" sends a program: name one"));
-        }
-        let fetches = order.program.is_none();
-        Ok(Order {
-            fields: order.fields.clone().into_iter().collect(),
-            program: order.program.clone(),
-            priority: order.priority,
-            ..Order::new(link, if fetches { Kind::Fetch } else { Kind::Send }, name)
-        })
     }
 
     fn refuse_while_stopping(&self) -> Result<(), Refusal> {
@@ -378,4 +352,30 @@ impl Control {
         }
         counts
     }
+}
+
+/// The order, with its kind and fields checked.
+fn order(link: &str, order: &JobOrder, plugin: &Plugin) -> Result<Order, Refusal> {
+    let manifest = plugin.manifest();
+    let name = order.kind.as_deref().unwrap_or(SEND);
+    let kind = manifest.jobs.iter().find(|kind| kind.name == name).ok_or_else(|| {
+        let known = manifest.jobs.iter().map(|kind| kind.name.as_str());
+        let hint = crate::config::of_names("it has", name, known);
+        let name = name.escape_debug();
+        let text = format!("the plug-in {} has no job \"{name}\"; {hint}", manifest.name);
+        Refusal::invalid("kind", text)
+    })?;
+    let fields = order.fields.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+    let records = kind.records(fields).map_err(|error| Refusal::invalid("fields", error))?;
+    kind.require(&records).map_err(|error| Refusal::invalid("fields", error))?;
+    if name == SEND && order.program.is_none() {
+        return Err(Refusal::invalid("program", "the job \"send\" sends a program: name one"));
+    }
+    let fetches = order.program.is_none();
+    Ok(Order {
+        fields: order.fields.clone().into_iter().collect(),
+        program: order.program.clone(),
+        priority: order.priority,
+        ..Order::new(link, if fetches { Kind::Fetch } else { Kind::Send }, name)
+    })
 }

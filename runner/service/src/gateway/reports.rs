@@ -22,7 +22,7 @@ impl Control {
         match report {
             Report::Opened { path, differences } => {
                 let differences: Vec<_> = differences.iter().map(ToString::to_string).collect();
-                self.opened(&name, path, differences);
+                self.opened(&name, path, &differences);
             }
             Report::Up => {
                 if let Some(link) = self.links.get_mut(&name) {
@@ -75,14 +75,14 @@ impl Control {
         }
     }
 
-    fn opened(&mut self, name: &str, path: Option<std::path::PathBuf>, differences: Vec<String>) {
+    fn opened(&mut self, name: &str, path: Option<std::path::PathBuf>, differences: &[String]) {
         let Some(link) = self.links.get_mut(name) else { return };
         let was_down = link.port.down.take().is_some();
         if path.is_some() {
             link.port.path = path;
         }
-        let differs = link.port.differences != differences && !differences.is_empty();
-        link.port.differences.clone_from(&differences);
+        let differs = link.port.differences != *differences && !differences.is_empty();
+        differences.clone_into(&mut link.port.differences);
         let scribe = &self.shared.parts.scribe;
         if was_down {
             scribe.link(Subject::Port, Weight::Normal, name, "the port is back");

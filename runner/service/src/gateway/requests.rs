@@ -27,7 +27,7 @@ struct Asked {
 enum Answer {
     Data(Vec<u8>),
     /// Granted; this job sends it.
-    Job(Job),
+    Job(Box<Job>),
     Refused(Failure),
 }
 
@@ -212,7 +212,7 @@ fn program(
         ..Order::send(link, program.as_str(), data)
     };
     let submitted = shared.parts.jobs.submit(order);
-    submitted.map(Answer::Job).map_err(|error| {
+    submitted.map(|job| Answer::Job(Box::new(job))).map_err(|error| {
         tracing::error!(%error, link, "a program that was asked for cannot be sent");
         Failure::Busy
     })

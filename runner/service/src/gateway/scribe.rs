@@ -58,9 +58,10 @@ impl Scribe {
     }
 
     pub(crate) fn note(&self, note: Note) {
-        match note.weight {
-            Weight::Normal => tracing::info!(link = note.link, job = note.job, "{}", note.text),
-            _ => tracing::warn!(link = note.link, job = note.job, "{}", note.text),
+        if note.weight == Weight::Normal {
+            tracing::info!(link = note.link, job = note.job, "{}", note.text);
+        } else {
+            tracing::warn!(link = note.link, job = note.job, "{}", note.text);
         }
         self.send(Some(note));
     }

@@ -5,6 +5,7 @@ use softplug_abi::manifest::{Kind, Manifest};
 use softplug_gateway::Flow;
 use softplug_gateway::endpoint::EndpointKind;
 use softplug_gateway::reactor::{AlarmKind, LaneFigures};
+use softplug_gateway::reservoir::Gauge;
 
 use super::link::{Lane, Link};
 use crate::jobs::Job;
@@ -79,7 +80,7 @@ pub(super) fn link(name: &str, link: &Link, queued: u32) -> LinkView {
 fn counters(link: &Link, figures: &LaneFigures) -> CountersView {
     let before = link.before.0.as_ref();
     let sum = |of: fn(&LaneFigures) -> u64| of(figures) + before.map_or(0, of);
-    let line_errors = LineErrorKind::ALL.into_iter().enumerate().map(|(at, kind)| {
+    let line_errors = LineErrorKind::ALL.iter().enumerate().map(|(at, kind)| {
         let count = figures.line_errors[at] + before.map_or(0, |before| before.line_errors[at]);
         (kind.name().to_owned(), count)
     });
@@ -110,7 +111,7 @@ fn buffer(link: &Link) -> BufferView {
         high: config.high.into(),
         level: under_way.map_or(0, |gauge| gauge.level() as u64),
         largest: gauge.map_or(0, |gauge| gauge.highest() as u64),
-        smallest: gauge.and_then(|gauge| gauge.lowest()).map(|level| level as u64),
+        smallest: gauge.and_then(Gauge::lowest).map(|level| level as u64),
     }
 }
 

@@ -1,7 +1,7 @@
 //! What is kept of a plug-in that failed: a trace that shows the fault again, and
 //! says what it was.
 
-use softplug_abi::{Event, EventKind, LineParameters, Pass};
+use softplug_abi::{Event, LineParameters, Pass};
 use softplug_gateway::recorder::{Entry as Kept, Recording};
 use softplug_link::UnderWay;
 use softplug_trace::{
@@ -99,7 +99,7 @@ pub fn keep(folder: &Path, about: &About<'_>, text: &str) -> Result<PathBuf, Dis
     let path = folder.join(format!("{}.spt", about.number));
     write_whole(&path, text.as_bytes())?;
     let mut traces = names_in(folder)?;
-    traces.retain(|name| name.ends_with(".spt"));
+    traces.retain(|name| Path::new(name).extension().is_some_and(|end| end == "spt"));
     // Numbers are of one length, and later ones are greater.
     for old in traces.iter().rev().skip(KEPT).map(|name| folder.join(name)) {
         if old != path {
@@ -227,7 +227,7 @@ fn line_settings(recording: &Recording) -> LineSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use softplug_abi::{Instance, Micros};
+    use softplug_abi::{EventKind, Instance, Micros};
     use softplug_conformance::{Case, FaultClass, Sandboxed, replay};
     use softplug_gateway::recorder::{Recorded, checkpoint, recording};
     use softplug_host::{Host, HostOptions, Plugin, Session};

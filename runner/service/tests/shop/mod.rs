@@ -1,6 +1,7 @@
 //! A shop floor for tests: a gateway in a folder of its own, and machines at the
 //! other ends of ptys.
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,7 +21,7 @@ use softplug_service::view::{LinkState, StopHow};
 use tempfile::TempDir;
 
 /// Longer than anything here takes; only a hang gets there.
-const HANG: Duration = Duration::from_secs(120);
+const HANG: Duration = Duration::from_mins(2);
 
 /// A gateway and its machines.
 pub(crate) struct Shop {
@@ -102,8 +103,8 @@ impl Shop {
         }
         let mut text = "[gateway]\nwatch = false\nstop-patience = \"20s\"\n".to_owned();
         for (at, port) in ports.iter().enumerate() {
-            text += &format!("[[link]]\nname = \"link-{at}\"\nport = \"{port}\"\n");
-            text += &format!("search = [\"b\"]\n{lines}");
+            let head = format!("[[link]]\nname = \"link-{at}\"\nport = \"{port}\"\n");
+            text.extend([head.as_str(), "search = [\"b\"]\n", lines]);
         }
         fs::write(folder.path().join("gateway.toml"), text).unwrap();
         let mut shop = Self { folder, running: None, ptys, panel };
@@ -131,7 +132,7 @@ impl Shop {
         self.running.as_ref().unwrap().gateway()
     }
 
-    pub(crate) fn name(&self, link: usize) -> String {
+    pub(crate) fn name(link: usize) -> String {
         format!("link-{link}")
     }
 
@@ -151,7 +152,8 @@ impl Shop {
         let mut text = format!("%\n{} (TEST)\n", if name.starts_with('O') { name } else { "O1" });
         let mut number = 10;
         while text.len() + 30 < bytes {
-            text += &format!("N{number} G1 X{}.5 Y-{}.25\n", number % 97, number % 89);
+            let (x, y) = (number % 97, number % 89);
+            let _ = writeln!(text, "N{number} G1 X{x}.5 Y-{y}.25");
             number += 10;
         }
         text += "M30\n%\n";
@@ -205,7 +207,7 @@ impl Shop {
     /// The machine says stop, and it has arrived.
     pub(crate) fn hold(&self, link: usize) {
         self.write(link, b"\x13");
-        let name = self.name(link);
+        let name = Self::name(link);
         wait_for("the hold", || self.gateway().link(&name).unwrap().is_held);
     }
 
