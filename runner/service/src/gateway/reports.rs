@@ -30,9 +30,9 @@ impl Control {
                 }
                 self.begin_next(&name);
             }
-            Report::Down { reason, detail, retry_in } => {
+            Report::Down { detail, retry_in, .. } => {
                 let retry_in_ms = retry_in.0.max(0) as u64 / 1_000;
-                self.down(&name, &format!("{}: {detail}", reason.text()), retry_in_ms);
+                self.down(&name, &detail, retry_in_ms);
             }
             Report::JobEnded(end) => self.job_ended(&name, end),
             Report::Rewind { job } => self.refill(&name, job),
