@@ -14,7 +14,7 @@ use softplug_link::{Link, LinkFault, Outside};
 /// An instance of which the events are kept.
 ///
 /// What is kept begins where the instance began, or at a state that it saved: the
-/// host takes a [checkpoint](checkpoint) whenever the record
+/// host takes a [`checkpoint`] whenever the record
 /// [wants](Self::wants_checkpoint) one. An instance that saves nothing, or is
 /// never asked, is kept from somewhere in the middle.
 #[derive(Debug)]
