@@ -33,6 +33,7 @@ pub mod limits;
 mod mailbox;
 #[cfg(feature = "manifest")]
 pub mod manifest;
+mod pieces;
 mod time;
 mod value;
 pub mod wire;
@@ -45,6 +46,7 @@ pub use event::{
 pub use failure::{Failure, Refusal};
 pub use instance::{Instance, Output};
 pub use mailbox::{MORE_OUTPUT, Mailbox, MailboxError, Region};
+pub use pieces::restore_pieces;
 pub use time::Micros;
 pub use value::{RawValue, RawValues, Value, ValueWriter, Values};
 pub use wire::{Malformed, MalformedReason, NoSpace};

@@ -3,10 +3,7 @@
 use crate::{Misbehaviour, Session, SessionFault};
 use softplug_abi::limits::STATE_BYTES;
 use softplug_abi::manifest::SettingValues;
-use softplug_abi::{Action, Actions, Event, EventKind, Instance, Micros};
-
-/// Bytes of a restore event beside the piece itself: format, zero, offset, total.
-const RESTORE_HEADER: usize = 12;
+use softplug_abi::{Action, Actions, Event, EventKind, Instance, Micros, restore_pieces};
 
 /// A plug-in's state, as one of its instances wrote it.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -63,19 +60,7 @@ impl Session {
         if bytes.len() > STATE_BYTES as usize {
             return Err(SessionFault::StateTooLarge { bytes: bytes.len() });
         }
-        let total = bytes.len() as u32;
-        let size = self.input_capacity() - RESTORE_HEADER;
-        let mut offset = 0;
-        loop {
-            let end = bytes.len().min(offset + size);
-            let piece = &bytes[offset..end];
-            let event = Event::Restore { format, offset: offset as u32, total, bytes: piece };
-            self.quietly(&event, now)?;
-            if end == bytes.len() {
-                return Ok(());
-            }
-            offset = end;
-        }
+        restore_pieces(format, bytes, self.input_capacity(), |event| self.quietly(event, now))
     }
 
     /// A step after which nothing is to be done.

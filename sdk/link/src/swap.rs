@@ -5,7 +5,9 @@ use crate::probation::{Probation, Silent};
 use crate::saving::{SavedState, answer_of, saved_by};
 use crate::{Link, Outside};
 use softplug_abi::manifest::SettingValues;
-use softplug_abi::{Action, Actions, Event, EventKind, Instance, Malformed, Micros};
+use softplug_abi::{
+    Action, Actions, Event, EventKind, Instance, Malformed, Micros, restore_pieces,
+};
 use std::error::Error;
 use thiserror::Error;
 
@@ -168,18 +170,7 @@ impl<I: Instance> Link<I> {
         let capacity = instance.input_capacity();
         let mut give = |event: &Event<'_>| give_quiet(instance, event, now, outside);
         settings.pieces(capacity, &mut give)?;
-        let total = state.bytes.len() as u32;
-        let most = capacity - 12;
-        let mut offset = 0;
-        loop {
-            let end = state.bytes.len().min(offset + most);
-            let bytes = &state.bytes[offset..end];
-            give(&Event::Restore { format: state.format, offset: offset as u32, total, bytes })?;
-            if end == state.bytes.len() {
-                break;
-            }
-            offset = end;
-        }
+        restore_pieces(state.format, &state.bytes, capacity, &mut give)?;
         let mut trial = self.core.clone();
         let opening = match rooms {
             Rooms::Known => self.standing(),

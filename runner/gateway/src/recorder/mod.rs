@@ -7,9 +7,9 @@ mod recording;
 pub use recording::{Entry, Recording};
 
 use log::Log;
-use softplug_abi::manifest::SettingValues;
-use softplug_abi::{Event, Instance, Micros};
+use softplug_abi::{Event, Instance, Micros, restore_pieces};
 use softplug_link::{Link, LinkFault, Outside};
+use std::convert::Infallible;
 
 /// An instance of which the events are kept.
 ///
@@ -91,22 +91,14 @@ pub fn checkpoint<I: Instance>(
     let capacity = link.instance().input_capacity();
     let log = &mut link.instance_mut().log;
     log.begin_from_state(under_way);
-    begin(log, capacity, &settings, now);
-    let total = state.bytes.len() as u32;
-    let most = capacity - RESTORE_HEAD;
-    let mut offset = 0;
-    loop {
-        let end = state.bytes.len().min(offset + most);
-        let bytes = &state.bytes[offset..end];
-        log.add_to_head(
-            &Event::Restore { format: state.format, offset: offset as u32, total, bytes },
-            now,
-        );
-        if end == state.bytes.len() {
-            break;
-        }
-        offset = end;
-    }
+    keep(settings.pieces(capacity, |event| {
+        log.add_to_head(event, now);
+        Ok(())
+    }));
+    keep(restore_pieces(state.format, &state.bytes, capacity, |event| {
+        log.add_to_head(event, now);
+        Ok(())
+    }));
     log.add_to_head(&opening, now);
     if let Some((known, on)) = lines {
         log.add_to_head(&Event::ModemLines { known, on }, now);
@@ -115,15 +107,9 @@ pub fn checkpoint<I: Instance>(
     Ok(())
 }
 
-/// Bytes of a restore event beside the piece itself.
-const RESTORE_HEAD: usize = 12;
-
-fn begin(log: &mut Log, capacity: usize, settings: &SettingValues, now: Micros) {
-    let given: Result<(), std::convert::Infallible> = settings.pieces(capacity, |event| {
-        log.add_to_head(event, now);
-        Ok(())
-    });
-    let Ok(()) = given;
+/// What is only kept cannot fail.
+fn keep(kept: Result<(), Infallible>) {
+    let Ok(()) = kept;
 }
 
 /// What is kept of the events that the plug-in on a link was given.
