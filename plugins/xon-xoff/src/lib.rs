@@ -92,7 +92,7 @@ impl Converter for XonXoff {
             }
             let says_xon = self.settings.xon_at_open && !mutant!("xon-xoff.rx.xon-at-open/missing");
             if says_xon || mutant!("xon-xoff.rx.xon-at-open/always") {
-                link.transmit_urgent(&[self.codes.xon]);
+                self.receiver.say(link, &self.codes, Control::Xon);
             }
         }
         self.name_state(link);
@@ -225,6 +225,10 @@ impl Converter for XonXoff {
 
     fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
         if state == MarkState::SurelyLeft {
+            if mark == receiver::OUR_CONTROL {
+                self.receiver.left(link, &self.codes);
+                return;
+            }
             self.sender.left(link, mark);
             self.name_state(link);
         }

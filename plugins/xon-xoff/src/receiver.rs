@@ -1,6 +1,6 @@
 //! The receiver: delivers what comes and stops the partner in time.
 
-use crate::codes::Codes;
+use crate::codes::{Codes, Control};
 use crate::lines::{Lines, Piece};
 use crate::state::State;
 use crate::{LineEnd, OnLineError, QUIET, REPEAT_XON, Settings};
@@ -8,6 +8,9 @@ use softplug_plugin::{
     Context, Failure, LineErrorKind, Micros, NoteLevel, StateError, StateReader, StateWriter,
     mutant,
 };
+
+/// The mark of our control bytes; the sender counts its own up from 1.
+pub(crate) const OUR_CONTROL: u32 = u32::MAX;
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Receiver {
@@ -29,6 +32,10 @@ pub(crate) struct Receiver {
     after_xoff: u32,
     /// Nothing came since our XON.
     xon_unanswered: bool,
+    /// The control byte of ours that has not left yet, and the one to follow it: a
+    /// partner that sends faster than the line cannot make more of them wait.
+    leaving: Option<Control>,
+    following: Option<Control>,
     quiet_at: Option<Micros>,
     repeat_at: Option<Micros>,
     /// Something came in the event under way.
@@ -215,7 +222,7 @@ impl Receiver {
                     link.transmit(&[codes.xoff]);
                     return;
                 }
-                link.transmit_urgent(&[codes.xoff]);
+                self.say(link, codes, Control::Xoff);
             }
         }
         self.await_quiet(link, settings);
@@ -248,7 +255,7 @@ impl Receiver {
         if self.xon_unanswered
             && (self.delivery != 0 || mutant!("xon-xoff.rx.repeat-xon/goes-on-after-the-end"))
         {
-            link.transmit_urgent(&[codes.xon]);
+            self.say(link, codes, Control::Xon);
             if mutant!("xon-xoff.rx.repeat-xon/only-once") {
                 return;
             }
@@ -376,7 +383,29 @@ impl Receiver {
 
     fn say_xon(&mut self, link: &mut Context<'_>, codes: &Codes) {
         self.stopped = false;
-        link.transmit_urgent(&[codes.xon]);
+        self.say(link, codes, Control::Xon);
+    }
+
+    /// Says it ahead of all else, or as soon as what was said before has left.
+    pub(crate) fn say(&mut self, link: &mut Context<'_>, codes: &Codes, control: Control) {
+        if self.leaving.is_some() {
+            self.following = (self.leaving != Some(control)).then_some(control);
+            return;
+        }
+        self.leaving = Some(control);
+        let byte = match control {
+            Control::Xon => codes.xon,
+            Control::Xoff => codes.xoff,
+        };
+        link.transmit_urgent_marked(OUR_CONTROL, &[byte]);
+    }
+
+    /// Our control byte has left.
+    pub(crate) fn left(&mut self, link: &mut Context<'_>, codes: &Codes) {
+        self.leaving = None;
+        if let Some(control) = self.following.take() {
+            self.say(link, codes, control);
+        }
     }
 
     /// Silence counts only while the partner may send.
@@ -436,6 +465,8 @@ impl Receiver {
         state.deadline(Some(self.xoff_at));
         state.u32(self.after_xoff);
         state.bool(self.xon_unanswered);
+        state.u8(Control::code(self.leaving));
+        state.u8(Control::code(self.following));
         state.deadline(self.quiet_at);
         state.deadline(self.repeat_at);
         state.u32(self.low);
@@ -455,6 +486,8 @@ impl Receiver {
             xoff_at: state.deadline().unwrap_or_default(),
             after_xoff: state.u32(),
             xon_unanswered: state.bool(),
+            leaving: Control::from_code(state.u8())?,
+            following: Control::from_code(state.u8())?,
             quiet_at: state.deadline().filter(|_| !mutant!("abi.state.goes-on/silence-forgotten")),
             repeat_at: state.deadline(),
             low: state.u32(),
