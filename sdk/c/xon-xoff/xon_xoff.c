@@ -92,6 +92,8 @@ enum { IN_LINE, AFTER_CR, AFTER_LF };
 enum { QUIET, REPEAT_XON, HELD, TIMERS };
 
 #define NEVER (-1)
+/* The mark of our control bytes; those of jobs count up from 1. */
+#define OUR_CONTROL UINT32_MAX
 
 static struct {
     int64_t timers[TIMERS]; /* deadlines, or NEVER */
@@ -116,6 +118,8 @@ static struct {
     bool escaped;
     bool stopped;          /* we have sent XOFF, and no XON since */
     bool xon_unanswered;   /* nothing came since our XON */
+    uint8_t leaving;       /* our control byte that has not left yet, from 1; 0: none */
+    uint8_t following;     /* the one to follow it */
     bool heard;            /* something came in the event under way */
 } s;
 
@@ -159,8 +163,15 @@ static bool must_escape(uint8_t byte) {
            ((byte ^ NUMBER(XOFF)) & 0x7F) == 0;
 }
 
+/* Says it ahead of all else, or as soon as what was said before has left: a partner that sends
+ * faster than the line cannot make more of them wait. */
 static void say(uint32_t which) {
-    sp_transmit_urgent(0, settings[which].bytes, 1); /* the lowest byte of its number */
+    if (s.leaving != 0) {
+        s.following = s.leaving == which + 1 ? 0 : (uint8_t)(which + 1);
+        return;
+    }
+    s.leaving = (uint8_t)(which + 1);
+    sp_transmit_urgent(OUR_CONTROL, settings[which].bytes, 1); /* the lowest byte of its number */
 }
 
 typedef struct {
@@ -348,6 +359,13 @@ static void job_end(void) {
 }
 
 static void left(uint32_t mark) {
+    if (mark == OUR_CONTROL) {
+        uint32_t following = s.following;
+        s.leaving = s.following = 0;
+        if (following != 0)
+            say(following - 1);
+        return;
+    }
     if (s.stage == DRAINING && mark == s.mark) {
         sp_job_done(s.job, s.queued);
         finish();
