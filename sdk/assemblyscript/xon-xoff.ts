@@ -127,6 +127,9 @@ const enum Timer {
 
 const NEVER: i64 = -1;
 
+/** The mark of our control bytes; those of jobs count up from 1. */
+const OUR_CONTROL: u32 = u32.MAX_VALUE;
+
 @unmanaged
 class State {
     quietTimer: i64; // deadlines by the timer's number, or NEVER
@@ -158,6 +161,8 @@ class State {
     escaped: bool;
     stopped: bool; // we have sent XOFF, and no XON since
     xonUnanswered: bool; // nothing came since our XON
+    leaving: u8; // our control byte that has not left yet, from 1; 0: none
+    following: u8; // the one to follow it
     heard: bool; // something came in the event under way
 }
 
@@ -209,8 +214,18 @@ function mustEscape(byte: u8): bool {
     );
 }
 
+/**
+ * Says it ahead of all else, or as soon as what was said before has left: a partner that sends
+ * faster than the line cannot make more of them wait.
+ */
 function say(which: i32): void {
-    link.transmitUrgent(0, bytesOf(which), 1); // the lowest byte of its number
+    const control = <u8>(which + 1);
+    if (s.leaving != 0) {
+        s.following = s.leaving == control ? 0 : control;
+        return;
+    }
+    s.leaving = control;
+    link.transmitUrgent(OUR_CONTROL, bytesOf(which), 1); // the lowest byte of its number
 }
 
 /** Bytes of a line end of three bytes at most, with their number in the highest byte. */
@@ -408,6 +423,13 @@ function jobEnd(): void {
 }
 
 function left(mark: u32): void {
+    if (mark == OUR_CONTROL) {
+        const following = s.following;
+        s.leaving = 0;
+        s.following = 0;
+        if (following != 0) say(<i32>following - 1);
+        return;
+    }
     if (s.stage == Stage.Draining && mark == s.mark) {
         link.jobDone(s.job, s.queued);
         finish();
