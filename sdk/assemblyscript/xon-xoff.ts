@@ -127,9 +127,6 @@ const enum Timer {
 
 const NEVER: i64 = -1;
 
-/** The mark of our control bytes; those of jobs count up from 1. */
-const OUR_CONTROL: u32 = u32.MAX_VALUE;
-
 @unmanaged
 class State {
     quietTimer: i64; // deadlines by the timer's number, or NEVER
@@ -141,7 +138,6 @@ class State {
     wanted: u32; // asked for and not yet given
     line: u32;
     column: u32;
-    mark: u32;
     delivery: u32;
     lastDelivery: u32;
     markProgress: u32;
@@ -161,8 +157,7 @@ class State {
     escaped: bool;
     stopped: bool; // we have sent XOFF, and no XON since
     xonUnanswered: bool; // nothing came since our XON
-    leaving: u8; // our control byte that has not left yet, from 1; 0: none
-    following: u8; // the one to follow it
+    leaving: bool; // a control byte of ours has not left yet
     heard: bool; // something came in the event under way
 }
 
@@ -215,17 +210,19 @@ function mustEscape(byte: u8): bool {
 }
 
 /**
- * Says it ahead of all else, or as soon as what was said before has left: a partner that sends
- * faster than the line cannot make more of them wait.
+ * Says ahead of all else whether the partner may send, or as soon as what was said before has left:
+ * a partner that sends faster than the line cannot make more of them wait.
  */
-function say(which: i32): void {
-    const control = <u8>(which + 1);
-    if (s.leaving != 0) {
-        s.following = s.leaving == control ? 0 : control;
-        return;
-    }
-    s.leaving = control;
-    link.transmitUrgent(OUR_CONTROL, bytesOf(which), 1); // the lowest byte of its number
+function say(): void {
+    if (s.leaving) return;
+    s.leaving = true;
+    const which: i32 = toSay();
+    // Its mark tells which one has left. The mark of a job is its id.
+    link.transmitUrgent(~which, bytesOf(which), 1); // the lowest byte of its number
+}
+
+function toSay(): i32 {
+    return s.stopped ? Setting.Xoff : Setting.Xon;
 }
 
 /** Bytes of a line end of three bytes at most, with their number in the highest byte. */
@@ -415,22 +412,18 @@ function jobEnd(): void {
         s.stage = Stage.Idle;
     } else if (s.stage == Stage.Feeding) {
         queue(bytesOf(Setting.FeedEnd), lengthOf(Setting.FeedEnd));
-        s.mark += 1;
-        s.mark += u32(s.mark == 0);
-        link.transmitMarked(s.mark, 0, 0);
+        link.transmitMarked(s.job, 0, 0);
         s.stage = Stage.Draining;
     }
 }
 
 function left(mark: u32): void {
-    if (mark == OUR_CONTROL) {
-        const following = s.following;
-        s.leaving = 0;
-        s.following = 0;
-        if (following != 0) say(<i32>following - 1);
+    if (~mark <= <u32>Setting.Xoff) {
+        s.leaving = false;
+        if (~mark != <u32>toSay()) say();
         return;
     }
-    if (s.stage == Stage.Draining && mark == s.mark) {
+    if (s.stage == Stage.Draining && mark == s.job) {
         link.jobDone(s.job, s.queued);
         finish();
     }
@@ -459,7 +452,7 @@ function awaitAnswer(unanswered: bool): void {
 function letGo(): void {
     if (!s.stopped) return;
     s.stopped = false;
-    say(Setting.Xon);
+    say();
 }
 
 /** Ends the delivery under way; an earlier reason to fail goes first. */
@@ -546,7 +539,7 @@ function afterBytes(): void {
         s.stopped = true;
         s.xoffAt = link.now;
         s.afterXoff = 0;
-        say(Setting.Xoff);
+        say();
     }
     awaitQuiet();
 }
@@ -623,7 +616,7 @@ function timer(id: i32): void {
     if (id == Timer.Quiet) {
         endDelivery(lengthOf(Setting.EndMark) > 0 && !isComplete() ? Failure.NoEndMark : Failure.None);
     } else if (s.xonUnanswered && s.delivery != 0) {
-        say(Setting.Xon);
+        say();
         awaitAnswer(true);
     }
 }
@@ -665,7 +658,7 @@ function open(): void {
     for (let at: u32 = 0; at < STATE_BYTES; at++) store<u8>(STATE + at, 0);
     for (let id = 0; id < Timer.Count; id++) store<i64>(STATE + (<usize>id << 3), NEVER);
     setMarks();
-    if (number(Setting.XonAtOpen)) say(Setting.Xon);
+    if (number(Setting.XonAtOpen)) say();
     isOpen = true;
 }
 

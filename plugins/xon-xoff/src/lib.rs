@@ -92,7 +92,7 @@ impl Converter for XonXoff {
             }
             let says_xon = self.settings.xon_at_open && !mutant!("xon-xoff.rx.xon-at-open/missing");
             if says_xon || mutant!("xon-xoff.rx.xon-at-open/always") {
-                self.receiver.say(link, &self.codes, Control::Xon);
+                self.receiver.say(link, &self.codes);
             }
         }
         self.name_state(link);

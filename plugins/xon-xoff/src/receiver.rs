@@ -32,10 +32,9 @@ pub(crate) struct Receiver {
     after_xoff: u32,
     /// Nothing came since our XON.
     xon_unanswered: bool,
-    /// The control byte of ours that has not left yet, and the one to follow it: a
+    /// The control byte of ours that has not left yet. Another waits until it has: a
     /// partner that sends faster than the line cannot make more of them wait.
     leaving: Option<Control>,
-    following: Option<Control>,
     quiet_at: Option<Micros>,
     repeat_at: Option<Micros>,
     /// Something came in the event under way.
@@ -222,7 +221,7 @@ impl Receiver {
                     link.transmit(&[codes.xoff]);
                     return;
                 }
-                self.say(link, codes, Control::Xoff);
+                self.say(link, codes);
             }
         }
         self.await_quiet(link, settings);
@@ -255,7 +254,7 @@ impl Receiver {
         if self.xon_unanswered
             && (self.delivery != 0 || mutant!("xon-xoff.rx.repeat-xon/goes-on-after-the-end"))
         {
-            self.say(link, codes, Control::Xon);
+            self.say(link, codes);
             if mutant!("xon-xoff.rx.repeat-xon/only-once") {
                 return;
             }
@@ -383,28 +382,29 @@ impl Receiver {
 
     fn say_xon(&mut self, link: &mut Context<'_>, codes: &Codes) {
         self.stopped = false;
-        self.say(link, codes, Control::Xon);
+        self.say(link, codes);
     }
 
-    /// Says it ahead of all else, or as soon as what was said before has left.
-    pub(crate) fn say(&mut self, link: &mut Context<'_>, codes: &Codes, control: Control) {
+    /// Says ahead of all else whether the partner may send, or as soon as what was
+    /// said before has left.
+    pub(crate) fn say(&mut self, link: &mut Context<'_>, codes: &Codes) {
         if self.leaving.is_some() {
-            self.following = (self.leaving != Some(control)).then_some(control);
             return;
         }
-        self.leaving = Some(control);
-        let byte = match control {
-            Control::Xon => codes.xon,
-            Control::Xoff => codes.xoff,
-        };
+        self.leaving = Some(self.to_say());
+        let byte = if self.stopped { codes.xoff } else { codes.xon };
         link.transmit_urgent_marked(OUR_CONTROL, &[byte]);
+    }
+
+    fn to_say(&self) -> Control {
+        if self.stopped { Control::Xoff } else { Control::Xon }
     }
 
     /// Our control byte has left.
     pub(crate) fn left(&mut self, link: &mut Context<'_>, codes: &Codes) {
-        self.leaving = None;
-        if let Some(control) = self.following.take() {
-            self.say(link, codes, control);
+        let is_behind = self.leaving.take().is_some_and(|left| left != self.to_say());
+        if is_behind && !mutant!("xon-xoff.rx.repeat-xoff/waiting-lost") {
+            self.say(link, codes);
         }
     }
 
@@ -466,7 +466,6 @@ impl Receiver {
         state.u32(self.after_xoff);
         state.bool(self.xon_unanswered);
         state.u8(Control::code(self.leaving));
-        state.u8(Control::code(self.following));
         state.deadline(self.quiet_at);
         state.deadline(self.repeat_at);
         state.u32(self.low);
@@ -487,7 +486,6 @@ impl Receiver {
             after_xoff: state.u32(),
             xon_unanswered: state.bool(),
             leaving: Control::from_code(state.u8())?,
-            following: Control::from_code(state.u8())?,
             quiet_at: state.deadline().filter(|_| !mutant!("abi.state.goes-on/silence-forgotten")),
             repeat_at: state.deadline(),
             low: state.u32(),

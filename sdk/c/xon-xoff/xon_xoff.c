@@ -92,8 +92,6 @@ enum { IN_LINE, AFTER_CR, AFTER_LF };
 enum { QUIET, REPEAT_XON, HELD, TIMERS };
 
 #define NEVER (-1)
-/* The mark of our control bytes; those of jobs count up from 1. */
-#define OUR_CONTROL UINT32_MAX
 
 static struct {
     int64_t timers[TIMERS]; /* deadlines, or NEVER */
@@ -102,7 +100,6 @@ static struct {
     uint32_t job;
     uint32_t wanted; /* asked for and not yet given */
     uint32_t line, column;
-    uint32_t mark;
     uint32_t delivery, last_delivery;
     uint32_t mark_progress, marks_seen;
     uint32_t after_xoff; /* characters since our XOFF, those of its own time left out */
@@ -118,8 +115,7 @@ static struct {
     bool escaped;
     bool stopped;          /* we have sent XOFF, and no XON since */
     bool xon_unanswered;   /* nothing came since our XON */
-    uint8_t leaving;       /* our control byte that has not left yet, from 1; 0: none */
-    uint8_t following;     /* the one to follow it */
+    bool leaving;          /* a control byte of ours has not left yet */
     bool heard;            /* something came in the event under way */
 } s;
 
@@ -163,15 +159,15 @@ static bool must_escape(uint8_t byte) {
            ((byte ^ NUMBER(XOFF)) & 0x7F) == 0;
 }
 
-/* Says it ahead of all else, or as soon as what was said before has left: a partner that sends
- * faster than the line cannot make more of them wait. */
-static void say(uint32_t which) {
-    if (s.leaving != 0) {
-        s.following = s.leaving == which + 1 ? 0 : (uint8_t)(which + 1);
+/* Says ahead of all else whether the partner may send, or as soon as what was said before has left:
+ * a partner that sends faster than the line cannot make more of them wait. */
+static void say(void) {
+    if (s.leaving)
         return;
-    }
-    s.leaving = (uint8_t)(which + 1);
-    sp_transmit_urgent(OUR_CONTROL, settings[which].bytes, 1); /* the lowest byte of its number */
+    s.leaving = true;
+    uint32_t which = s.stopped ? XOFF : XON;
+    /* Which one it is, so that it can be told when it has left. The mark of a job is its id. */
+    sp_transmit_urgent(~which, settings[which].bytes, 1); /* the lowest byte of its number */
 }
 
 typedef struct {
@@ -351,22 +347,19 @@ static void job_end(void) {
         s.stage = IDLE;
     } else if (s.stage == FEEDING) {
         QUEUE(FEED_END);
-        s.mark += 1;
-        s.mark += s.mark == 0;
-        sp_transmit_marked(s.mark, 0, 0);
+        sp_transmit_marked(s.job, 0, 0);
         s.stage = DRAINING;
     }
 }
 
 static void left(uint32_t mark) {
-    if (mark == OUR_CONTROL) {
-        uint32_t following = s.following;
-        s.leaving = s.following = 0;
-        if (following != 0)
-            say(following - 1);
+    if (~mark <= XOFF) {
+        s.leaving = false;
+        if (~mark != (s.stopped ? XOFF : XON))
+            say();
         return;
     }
-    if (s.stage == DRAINING && mark == s.mark) {
+    if (s.stage == DRAINING && mark == s.job) {
         sp_job_done(s.job, s.queued);
         finish();
     }
@@ -398,7 +391,7 @@ static void let_go(void) {
     if (!s.stopped)
         return;
     s.stopped = false;
-    say(XON);
+    say();
 }
 
 /* Ends the delivery under way; an earlier reason to fail goes first. */
@@ -496,7 +489,7 @@ static void after_bytes(void) {
             s.xoff_at = sp_link.now;
             s.after_xoff = 0;
         }
-        say(XOFF);
+        say();
     }
     await_quiet();
 }
@@ -586,7 +579,7 @@ static void timer(uint8_t id) {
     if (id == QUIET)
         end_delivery(LENGTH(END_MARK) > 0 && !is_complete() ? SP_FAILURE_NO_END_MARK : 0);
     else if (IS_THERE(XON_REPEAT) && s.xon_unanswered && s.delivery != 0) {
-        say(XON);
+        say();
         await_answer(true);
     }
 }
@@ -636,7 +629,7 @@ static void begin(void) {
     fill(s.timers, 0xFF, sizeof s.timers); /* NEVER */
     set_marks();
     if (NUMBER(XON_AT_OPEN))
-        say(XON);
+        say();
     is_open = true;
 }
 
