@@ -1,4 +1,4 @@
-//! Softplug's own tasks: `cargo xtask build | demo | test | mutants | fuzz | bench | nc`.
+//! Softplug's own tasks: `cargo xtask build | demo | test | mutants | fuzz | bench | packages | nc`.
 
 mod bench;
 mod code_mutants;
@@ -6,6 +6,7 @@ mod demo;
 mod fuzz;
 mod mutants;
 mod nc;
+mod packages;
 mod plugins;
 mod run;
 mod test;
@@ -81,6 +82,15 @@ enum Task {
         /// Only benchmarks whose name contains this.
         filter: Option<String>,
     },
+    /// Packs every crate as it would be published.
+    Packages {
+        /// Build each from its package, and compare the libraries' API with an earlier one.
+        #[arg(long)]
+        long: bool,
+        /// The commit or tag whose API is compared; without it the latest release.
+        #[arg(long, requires = "long")]
+        since: Option<String>,
+    },
     /// Writes a generated NC program.
     Nc {
         /// File to write, `-` for standard output.
@@ -128,6 +138,9 @@ fn perform(task: Task) -> Result<ExitCode, Error> {
             return fuzz::run(&Workspace::read()?, long, seed, filter.as_deref());
         }
         Task::Bench { filter } => bench::run(&Workspace::read()?, filter.as_deref())?,
+        Task::Packages { long, since } => {
+            return packages::run(&Workspace::read()?, long, since.as_deref());
+        }
         Task::Nc { out, kind, bytes, seed } => nc::write(&out, kind, bytes, seed)?,
     }
     Ok(ExitCode::SUCCESS)

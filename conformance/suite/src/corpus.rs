@@ -5,8 +5,8 @@ use crate::ledger::Ledger;
 use crate::mutants::Matrix;
 use crate::script::{self, Script};
 use crate::{Case, FileError, LoadError};
-use include_dir::{Dir, include_dir};
 use sha2::{Digest as _, Sha256};
+use softplug_fixtures::{Dir, MUTANTS, REQUIREMENTS, TRACES};
 use softplug_report::{CaseKind, Level};
 use softplug_trace::{self as trace, Assignment, Trace};
 use std::collections::BTreeMap;
@@ -15,10 +15,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::{fs, io};
 
-/// Parts of a corpus: a folder of `fixtures` each.
-static REQUIREMENTS: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/../../fixtures/requirements");
-static TRACES: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/../../fixtures/traces");
-static MUTANTS: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/../../fixtures/mutants");
+/// Parts of a corpus, a folder each.
 const PARTS: [&str; 3] = ["requirements", "traces", "mutants"];
 /// What is left of the mutants for judging.
 const MATRIX: &str = "mutants/matrix.toml";
