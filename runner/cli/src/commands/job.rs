@@ -12,6 +12,8 @@ use crate::line::{Assignment, field};
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub(crate) verb: Verb,
+    #[command(flatten)]
+    pub(crate) remote: Remote,
 }
 
 #[derive(Debug, Subcommand)]
@@ -33,23 +35,6 @@ pub(crate) enum Verb {
     Priority(Rank),
 }
 
-impl Verb {
-    pub(crate) fn remote(&self) -> &Remote {
-        match self {
-            Self::List(of) => &of.remote,
-            Self::Show(of)
-            | Self::Wait(of)
-            | Self::Pause(of)
-            | Self::Resume(of)
-            | Self::Abort(of) => &of.remote,
-            Self::Submit(of) => &of.remote,
-            Self::Feed(of) => &of.remote,
-            Self::Restart(of) => &of.remote,
-            Self::Priority(of) => &of.remote,
-        }
-    }
-}
-
 /// Lists jobs, the newest first
 #[derive(Debug, Args)]
 pub(crate) struct List {
@@ -62,8 +47,6 @@ pub(crate) struct List {
     /// At most so many
     #[arg(long, value_name = "N", default_value_t = 50)]
     pub(crate) limit: u32,
-    #[command(flatten)]
-    pub(crate) remote: Remote,
 }
 
 // A job by its number; the verb says what for.
@@ -71,8 +54,6 @@ pub(crate) struct List {
 pub(crate) struct Numbered {
     /// Number of the job
     pub(crate) id: u32,
-    #[command(flatten)]
-    pub(crate) remote: Remote,
 }
 
 /// Puts a job into a link's queue
@@ -100,11 +81,10 @@ pub(crate) struct Submit {
     /// Wait until it has ended; then the exit code tells how
     #[arg(long)]
     pub(crate) wait: bool,
-    #[command(flatten)]
-    pub(crate) remote: Remote,
 }
 
-/// Sends a file or standard input to a machine as it comes, without storing it
+/// Sends a file or standard input to a machine as it comes; where the plug-in looks at a program
+/// first, once all of it has come
 #[derive(Debug, Args)]
 pub(crate) struct Feed {
     /// Name of the link, which must be free
@@ -123,8 +103,6 @@ pub(crate) struct Feed {
     /// Wait until the last bit has left; then the exit code tells how it ended
     #[arg(long)]
     pub(crate) wait: bool,
-    #[command(flatten)]
-    pub(crate) remote: Remote,
 }
 
 /// Puts a job that has ended into the queue again, as a new one
@@ -135,8 +113,6 @@ pub(crate) struct Restart {
     /// Begin at this block of the program, counted from 1
     #[arg(long, value_name = "N")]
     pub(crate) from_block: Option<u64>,
-    #[command(flatten)]
-    pub(crate) remote: Remote,
 }
 
 /// Gives a job that waits another priority
@@ -147,6 +123,4 @@ pub(crate) struct Rank {
     /// Jobs of a higher priority come first
     #[arg(allow_negative_numbers = true)]
     pub(crate) priority: i32,
-    #[command(flatten)]
-    pub(crate) remote: Remote,
 }

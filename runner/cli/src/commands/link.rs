@@ -12,11 +12,14 @@ use crate::line::Assignment;
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub(crate) verb: Verb,
+    #[command(flatten)]
+    pub(crate) remote: Remote,
 }
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
-    List(List),
+    /// Lists the links: state, job, buffer, what is wrong
+    List,
     /// Shows all that is known of a link
     Show(Named),
     /// Closes a link's port and opens it again
@@ -30,34 +33,11 @@ pub(crate) enum Verb {
     Received(Received),
 }
 
-impl Verb {
-    pub(crate) fn remote(&self) -> &Remote {
-        match self {
-            Self::List(of) => &of.remote,
-            Self::Show(of) | Self::Reopen(of) | Self::ForceResume(of) | Self::Release(of) => {
-                &of.remote
-            }
-            Self::Swap(of) => &of.remote,
-            Self::Watch(of) => &of.remote,
-            Self::Received(of) => &of.remote,
-        }
-    }
-}
-
-/// Lists the links: state, job, buffer, what is wrong
-#[derive(Debug, Args)]
-pub(crate) struct List {
-    #[command(flatten)]
-    pub(crate) remote: Remote,
-}
-
 // A link by its name; the verb says what for.
 #[derive(Debug, Args)]
 pub(crate) struct Named {
     /// Name of the link
     pub(crate) link: String,
-    #[command(flatten)]
-    pub(crate) remote: Remote,
 }
 
 /// Swaps a link's plug-in while the machine goes on
@@ -76,8 +56,6 @@ pub(crate) struct Swap {
     /// A setting of the new one, instead of those that the link has; may be repeated
     #[arg(long = "set", value_name = "NAME=VALUE")]
     pub(crate) settings: Vec<Assignment>,
-    #[command(flatten)]
-    pub(crate) remote: Remote,
 }
 
 /// When to swap.
@@ -100,8 +78,6 @@ pub(crate) struct Watch {
     /// End after so many things seen
     #[arg(long, value_name = "N")]
     pub(crate) count: Option<u64>,
-    #[command(flatten)]
-    pub(crate) remote: Remote,
 }
 
 /// Lists what a link has received, or fetches one of it
@@ -117,6 +93,4 @@ pub(crate) struct Received {
     /// Replace a file that is there
     #[arg(long, requires = "file")]
     pub(crate) force: bool,
-    #[command(flatten)]
-    pub(crate) remote: Remote,
 }

@@ -11,32 +11,17 @@ use super::remote::Remote;
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub(crate) verb: Verb,
+    #[command(flatten)]
+    pub(crate) remote: Remote,
 }
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
-    List(List),
+    /// Lists the programs
+    List,
     Upload(Upload),
     Download(Download),
     Delete(Delete),
-}
-
-impl Verb {
-    pub(crate) fn remote(&self) -> &Remote {
-        match self {
-            Self::List(of) => &of.remote,
-            Self::Upload(of) => &of.remote,
-            Self::Download(of) => &of.remote,
-            Self::Delete(of) => &of.remote,
-        }
-    }
-}
-
-/// Lists the programs
-#[derive(Debug, Args)]
-pub(crate) struct List {
-    #[command(flatten)]
-    pub(crate) remote: Remote,
 }
 
 /// Stores files as programs: each whole, or not at all
@@ -51,8 +36,6 @@ pub(crate) struct Upload {
     /// Replace programs that are there
     #[arg(long)]
     pub(crate) overwrite: bool,
-    #[command(flatten)]
-    pub(crate) remote: Remote,
 }
 
 /// Fetches a program
@@ -66,8 +49,6 @@ pub(crate) struct Download {
     /// Replace a file that is there
     #[arg(long)]
     pub(crate) force: bool,
-    #[command(flatten)]
-    pub(crate) remote: Remote,
 }
 
 /// Deletes a program; jobs that send it have a copy
@@ -75,6 +56,4 @@ pub(crate) struct Download {
 pub(crate) struct Delete {
     /// Name of the program
     pub(crate) name: String,
-    #[command(flatten)]
-    pub(crate) remote: Remote,
 }

@@ -9,12 +9,12 @@ use clap::Args;
 #[command(next_help_heading = "The gateway")]
 pub(crate) struct Remote {
     /// Its address; $SOFTPLUG_GATEWAY, or http://127.0.0.1:8117
-    #[arg(long, value_name = "URL")]
+    #[arg(long, global = true, value_name = "URL")]
     pub(crate) gateway: Option<String>,
     /// File with the token; without it $SOFTPLUG_TOKEN is the token
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, global = true, value_name = "FILE")]
     pub(crate) token_file: Option<PathBuf>,
     /// Certificate (PEM) of the authority that signed the gateway's
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, global = true, value_name = "FILE")]
     pub(crate) ca: Option<PathBuf>,
 }

@@ -32,7 +32,7 @@ struct Priority {
 }
 
 pub(crate) fn job(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
-    let client = Client::new(arguments.verb.remote())?;
+    let client = Client::new(&arguments.remote)?;
     let order =
         |id: u32, verb: &str| client.post::<JobView>(&format!("/jobs/{id}/{verb}"), None::<&()>);
     let (job, waits) = match &arguments.verb {

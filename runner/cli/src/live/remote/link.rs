@@ -15,9 +15,9 @@ use crate::screen::Screen;
 use crate::table::Table;
 
 pub(crate) fn link(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
-    let client = Client::new(arguments.verb.remote())?;
+    let client = Client::new(&arguments.remote)?;
     match &arguments.verb {
-        Verb::List(_) => list(&client, screen),
+        Verb::List => list(&client, screen),
         Verb::Show(of) => {
             let link: LinkView = client.get(&format!("/links/{}", segment(&of.link)))?;
             tell(&link, screen);

@@ -14,9 +14,9 @@ use crate::table::Table;
 use crate::{files, numbers};
 
 pub(crate) fn program(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
-    let client = Client::new(arguments.verb.remote())?;
+    let client = Client::new(&arguments.remote)?;
     match &arguments.verb {
-        Verb::List(_) => list(&client, screen),
+        Verb::List => list(&client, screen),
         Verb::Upload(of) => upload(&client, of, screen),
         Verb::Download(of) => download(&client, of, screen),
         Verb::Delete(of) => {
