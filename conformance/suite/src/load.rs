@@ -147,12 +147,12 @@ impl LoadError {
     }
 }
 
-/// Reads traces: files as they are named, folders with all `.spt` files in and
+/// Reads traces: files whatever they are called, folders with all `.spt` files in and
 /// below them. The result is sorted by id.
 ///
 /// # Errors
-/// The first file that cannot be read, is no trace, does not stand where its id says,
-/// or holds a case that another one holds.
+/// The first file that cannot be read, is no trace, holds a case that another one holds, or, in
+/// a folder, does not stand where its id says.
 pub fn load<P: AsRef<Path>>(paths: impl IntoIterator<Item = P>) -> Result<Vec<Case>, LoadError> {
     let mut cases: BTreeMap<String, Case> = BTreeMap::new();
     for path in paths {
@@ -162,8 +162,12 @@ pub fn load<P: AsRef<Path>>(paths: impl IntoIterator<Item = P>) -> Result<Vec<Ca
         if files.is_empty() {
             return Err(LoadError::Nothing { path: path.to_owned() });
         }
+        let is_file = files[0] == path;
         for path in files {
             let case = load_file(path)?;
+            if !is_file {
+                case.trace.front.check_path(&case.path)?;
+            }
             let id = case.trace.front.id.clone();
             // The same file twice is no contradiction.
             match cases.get(&id) {
@@ -190,7 +194,6 @@ fn load_file(path: PathBuf) -> Result<Case, LoadError> {
         fs::read_to_string(&path).map_err(|source| LoadError::Io { path: path.clone(), source })?;
     let trace = Trace::parse(&text)
         .map_err(|source| LoadError::Parse { path: path.clone(), source: Box::new(source) })?;
-    trace.front.check_path(&path)?;
     Ok(Case::new(path, trace))
 }
 
