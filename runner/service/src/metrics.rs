@@ -68,7 +68,7 @@ impl Snapshot {
 type Counted = fn(&CountersView) -> u64;
 
 /// Name, what it is, how it is had.
-const COUNTERS: [(&str, &str, Counted); 10] = [
+const COUNTERS: [(&str, &str, Counted); 13] = [
     ("holds", "How often the machine has held the line", |of| of.holds),
     ("after_stop_characters", "Characters sent after the machine had said stop", |of| {
         of.after_stop
@@ -79,6 +79,9 @@ const COUNTERS: [(&str, &str, Counted); 10] = [
     ("restarts", "How often the plug-in was started again after a fault", |of| of.restarts),
     ("reopened", "How often the port was opened again", |of| of.reopened),
     ("notes_dropped", "Messages of the plug-in that were dropped", |of| of.notes_dropped),
+    ("endpoint_jobs", "What the endpoint's clients sent, in jobs", |of| of.endpoint_jobs),
+    ("endpoint_failed", "Those of them that failed", |of| of.endpoint_failed),
+    ("endpoint_bytes", "Bytes that were taken of them", |of| of.endpoint_bytes),
     ("received_bytes", "Good bytes from the machine", |of| of.bytes_in),
     ("sent_bytes", "Bytes to the machine", |of| of.bytes_out),
 ];

@@ -28,6 +28,12 @@ struct Tool {
     purpose: &'static str,
 }
 
+impl Tool {
+    fn module(&self) -> String {
+        format!("needs_{}", self.program.replace('-', "_"))
+    }
+}
+
 const TOOLS: &[Tool] = &[
     Tool {
         program: "stty",
@@ -70,6 +76,21 @@ const TOOLS: &[Tool] = &[
         source: "a Python with docs/hosts/requirements.txt, under that name",
         purpose: "the host in Python",
     },
+    Tool {
+        program: "systemd-analyze",
+        source: "Debian package systemd",
+        purpose: "the gateway's unit as systemd reads it",
+    },
+    Tool {
+        program: "unshare",
+        source: "Debian package util-linux",
+        purpose: "a gateway on a disk that is full",
+    },
+    Tool {
+        program: "schemathesis",
+        source: "runner/service/tests/api/requirements.txt, from PyPI",
+        purpose: "the gateway's API fuzzed from its own document",
+    },
 ];
 
 /// Fails where a test fails; where a tool is missing only if `all`.
@@ -82,7 +103,7 @@ pub(crate) fn run(workspace: &Workspace, all: bool) -> Result<ExitCode, Error> {
     plugins::build(workspace, plugins::Report::Table)?;
     plugins::build_mutants(workspace)?;
 
-    let skips: Vec<_> = missing.iter().map(|tool| format!("needs_{}", tool.program)).collect();
+    let skips: Vec<_> = missing.iter().map(|tool| tool.module()).collect();
     let mut steps = Vec::new();
     for (name, mut command) in steps_of(&skips) {
         command

@@ -1,9 +1,14 @@
 //! `softplug gateway`: configurations checked, and the real process from its start to
 //! its end, orderly or not.
 
+mod full;
+mod signals;
+mod supervision;
+mod systemd;
+
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
-use std::process::{Child, ChildStdout};
+use std::process::{Child, ChildStdout, Command};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -13,7 +18,7 @@ use softplug_gateway::port::ReadOutcome;
 use softplug_gateway::pty::PtyPair;
 use softplug_service::library::Library;
 
-use crate::bench::{Bench, plugins, snapshot};
+use crate::bench::{Bench, Ran, plugins, snapshot};
 
 /// Longer than anything here takes; only a hang gets there.
 const HANG: Duration = Duration::from_mins(2);
@@ -44,11 +49,23 @@ struct Gateway {
 
 impl Gateway {
     fn start(bench: &Bench) -> Self {
-        let mut child =
-            bench.command(&["gateway", "run", "gateway.toml", "--json"]).spawn().unwrap();
+        Self::of(bench.command(&["gateway", "run", "gateway.toml", "--json"]))
+    }
+
+    /// What the command starts.
+    fn of(mut command: Command) -> Self {
+        let mut child = command.spawn().unwrap();
         let mut out = BufReader::new(child.stdout.take().unwrap());
         let address = ready(&mut out);
         Self { child, out, address }
+    }
+
+    /// What a verb that speaks with it says.
+    fn ask(&self, bench: &Bench, token: &str, words: &[&str]) -> Ran {
+        let mut command = bench.command(words);
+        let address = format!("http://{}", self.address);
+        command.env("SOFTPLUG_GATEWAY", address).env("SOFTPLUG_TOKEN", token);
+        command.output().unwrap().into()
     }
 
     fn signal(&self, signal: Signal) {
@@ -126,16 +143,8 @@ fn a_gateway_that_is_killed_knows_what_was_under_way() {
     let token = token(&bench);
     let program = format!("%\nO1\n{}M30\n%\n", "N10 G1 X12.5 Y25\n".repeat(40_000));
     bench.write("programs/O1.nc", &program);
-    let run = |address: &str, words: &[&str]| {
-        let mut command = bench.command(words);
-        let address = format!("http://{address}");
-        command.env("SOFTPLUG_GATEWAY", address).env("SOFTPLUG_TOKEN", &token);
-        command.output().unwrap()
-    };
-
     let gateway = Gateway::start(&bench);
-    let sent = run(&gateway.address, &["job", "submit", "lathe", "O1.nc", "--json"]);
-    assert!(sent.status.success(), "{}", String::from_utf8_lossy(&sent.stderr));
+    gateway.ask(&bench, &token, &["job", "submit", "lathe", "O1.nc", "--json"]).with_code(0);
     let mut got = Vec::new();
     wait_for("bytes", || {
         take(&pty, &mut got);
@@ -156,8 +165,7 @@ fn a_gateway_that_is_killed_knows_what_was_under_way() {
     assert_eq!(got, program.as_bytes()[..got.len()]);
 
     let mut gateway = Gateway::start(&bench);
-    let shown = run(&gateway.address, &["job", "show", "1", "--json"]);
-    let job: Value = serde_json::from_slice(&shown.stdout).unwrap();
+    let job = gateway.ask(&bench, &token, &["job", "show", "1", "--json"]).json();
     assert_eq!(job["state"], "interrupted", "{job}");
     let (surely, maybe) =
         (job["surely_left"].as_u64().unwrap(), job["maybe_left"].as_u64().unwrap());
@@ -165,8 +173,7 @@ fn a_gateway_that_is_killed_knows_what_was_under_way() {
     // Nothing is sent again unasked, also by the command that takes its place.
     gateway.signal(Signal::USR2);
     gateway.address = ready(&mut gateway.out);
-    let shown = run(&gateway.address, &["job", "list", "--json"]);
-    assert!(shown.status.success());
+    gateway.ask(&bench, &token, &["job", "list", "--json"]).with_code(0);
     let before = got.len();
     take(&pty, &mut got);
     assert_eq!(got.len(), before);

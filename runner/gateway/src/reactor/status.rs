@@ -122,6 +122,12 @@ figures! {
     opened: AtomicU64 u64,
     /// Notes and states that were left out because there were too many.
     left_out: AtomicU64 u64,
+    /// What the endpoint's clients sent: jobs that have ended.
+    endpoint_jobs: AtomicU64 u64,
+    /// Those of them that failed.
+    endpoint_failed: AtomicU64 u64,
+    /// Bytes that the plug-in took of them.
+    endpoint_bytes: AtomicU64 u64,
     /// Sights that a watcher had no room for.
     unseen: AtomicU64 u64,
     /// Bytes that have come and wait to be put away.
@@ -148,6 +154,9 @@ pub(super) struct Own {
     pub(super) restarts: u64,
     pub(super) opened: u64,
     pub(super) left_out: u64,
+    pub(super) endpoint_jobs: u64,
+    pub(super) endpoint_failed: u64,
+    pub(super) endpoint_bytes: u64,
     pub(super) unseen: u64,
 }
 
@@ -204,6 +213,9 @@ impl LaneStatus {
         self.restarts.store(own.restarts, Ordering::Relaxed);
         self.opened.store(own.opened, Ordering::Relaxed);
         self.left_out.store(own.left_out, Ordering::Relaxed);
+        self.endpoint_jobs.store(own.endpoint_jobs, Ordering::Relaxed);
+        self.endpoint_failed.store(own.endpoint_failed, Ordering::Relaxed);
+        self.endpoint_bytes.store(own.endpoint_bytes, Ordering::Relaxed);
         self.unseen.store(own.unseen, Ordering::Relaxed);
     }
 

@@ -5,6 +5,7 @@
 
 mod hint;
 mod link;
+mod links;
 mod problem;
 mod service;
 mod unit;
@@ -69,7 +70,7 @@ impl Config {
         let gateway = service::gateway(&written.gateway, folder, &mut problems);
         let http = written.http.as_ref().map(|http| service::http(http, folder, &mut problems));
         let supervision = service::supervision(&written.supervision, &mut problems);
-        let links = link::all(written.link, &written.defaults, &mut problems);
+        let links = links::all(written.link, &written.defaults, &mut problems);
         problems.end()?;
         Ok(Self { file: file.to_owned(), gateway, http, supervision, links })
     }

@@ -34,6 +34,8 @@ use crate::{Refusal, library};
 const PATIENCE: Duration = Duration::from_secs(10);
 /// How often what nobody tells is looked at, and shown.
 const TICK: Duration = Duration::from_millis(250);
+/// How often snapshots are removed that no job needs any more.
+pub(super) const SWEEP: Duration = Duration::from_hours(1);
 
 /// What the loop is told.
 pub(crate) enum Message {
@@ -82,6 +84,7 @@ pub(crate) struct Control {
     pub(super) shown: HashMap<String, LinkView>,
     pub(super) next_lane: u32,
     pub(super) began: Instant,
+    pub(super) next_sweep: Instant,
     pub(super) stopping: Option<Stopping>,
     /// What a disk or a database last refused.
     pub(super) trouble: Option<String>,
@@ -131,6 +134,15 @@ impl Shared {
         let _ = self.changes.send(Arc::new(change));
     }
 
+    /// Removes snapshots that no job needs any more.
+    fn sweep(&self) {
+        let Parts { jobs, snapshots, .. } = &self.parts;
+        match snapshots.collect_garbage(|| jobs.needed_data()) {
+            Ok(freed) => tracing::debug!(freed, "snapshots that nobody needs were removed"),
+            Err(error) => tracing::warn!(%error, "snapshots that nobody needs are not removed"),
+        }
+    }
+
     pub(crate) fn is_stopping(&self) -> bool {
         self.is_stopping.load(Ordering::Relaxed)
     }
@@ -173,6 +185,11 @@ impl Control {
         self.tend_changes();
         self.begin_where_possible();
         self.tend_stop();
+        if Instant::now() >= self.next_sweep {
+            self.next_sweep = Instant::now() + SWEEP;
+            let shared = Arc::clone(&self.shared);
+            self.shared.parts.worker.give(move || shared.sweep());
+        }
         if self.shared.changes.receiver_count() > 0 {
             self.show_links();
         }

@@ -1,6 +1,7 @@
 //! The handle's calls that concern links, jobs and the gateway itself.
 
 use std::collections::BTreeMap;
+use std::io::{self, Read};
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
 use std::time::Duration;
@@ -12,7 +13,7 @@ use tokio::sync::broadcast;
 use super::control::Control;
 use super::jobs::Wish;
 use super::swaps::Wanted;
-use super::{Feeding, Gateway, Watching, show};
+use super::{Gateway, Watching, show};
 use crate::Refusal;
 use crate::config::{Config, ConfigError};
 use crate::jobs::{BeginAt, EntryFilter, JobFilter as Filter, Kind, Order, State, beginning_at};
@@ -127,6 +128,7 @@ impl Gateway {
     pub fn submit(&self, link: &str, order: &JobOrder) -> Result<JobView, Refusal> {
         self.refuse_while_stopping()?;
         let plugin = self.plugin_of(link)?;
+        let _hold = self.shared.parts.snapshots.hold();
         let job = self::order(link, order, &plugin)?;
         let has_field = finds_blocks(&plugin, &job.job_kind);
         let job = match (&order.program, order.from_block) {
@@ -146,39 +148,53 @@ impl Gateway {
             }
             (None, None) => job,
         };
-        let job = self.shared.parts.jobs.submit(job)?;
-        let link = link.to_owned();
-        self.shared.ask(move |control| {
-            control.show_job(&job);
-            control.begin_next(&link);
-            let job = control.shared.parts.jobs.job(job.id)?;
-            Ok(control.job_view(&job))
-        })
+        self.put(job)
     }
 
-    /// Begins a job whose data comes from the caller while it runs; refused if
-    /// the link is busy. The order's program is only a name. Data that is not
-    /// [finished](Feeding::finish) is no whole program: the job fails.
+    /// A job whose data is all that comes from `source`. The order's program is only a name.
+    ///
+    /// It is given to the machine as it comes, and refused if the link is busy; a source that
+    /// fails is no whole program, and neither is the job. But a plug-in that looks at a program
+    /// before it sends it gets it as a whole: it is kept first, and waits for its turn then.
     pub fn feed(
         &self,
         link: &str,
         order: &JobOrder,
         size: Option<u64>,
-    ) -> Result<(JobView, Feeding), Refusal> {
+        source: &mut dyn Read,
+    ) -> Result<JobView, Refusal> {
         self.refuse_while_stopping()?;
         let plugin = self.plugin_of(link)?;
-        if plugin.manifest().needs.check_pass {
-            return Err(Refusal::Conflict(format!(
-                "the plug-in {} looks at a program before it sends it: upload it, and send it then",
-                plugin.manifest().name
-            )));
-        }
         if order.from_block.is_some() {
             return Err(Refusal::invalid("from_block", "only an uploaded program has blocks"));
         }
         let job = self::order(link, order, &plugin)?;
+        if plugin.manifest().needs.check_pass {
+            let snapshots = &self.shared.parts.snapshots;
+            let _hold = snapshots.hold();
+            let name = job.program.as_deref().unwrap_or("the data");
+            let data = snapshots.take_all(source, name, self.shared.upload_bytes)?;
+            return self.put(Order { data: Some(data), ..job });
+        }
         let link = link.to_owned();
-        self.shared.ask(move |control| control.feed(&link, job, size))
+        let (id, mut feeding) = self.shared.ask(move |control| control.feed(&link, job, size))?;
+        match io::copy(source, &mut feeding) {
+            Ok(_) => feeding.finish(),
+            // Dropped: the job fails, and says why.
+            Err(_) => drop(feeding),
+        }
+        self.job(id)
+    }
+
+    /// Puts a job into its link's queue.
+    fn put(&self, order: Order) -> Result<JobView, Refusal> {
+        let job = self.shared.parts.jobs.submit(order)?;
+        self.shared.ask(move |control| {
+            control.show_job(&job);
+            control.begin_next(&job.order.link);
+            let job = control.shared.parts.jobs.job(job.id)?;
+            Ok(control.job_view(&job))
+        })
     }
 
     /// Pauses a job.
@@ -201,6 +217,7 @@ impl Gateway {
     pub fn restart(&self, id: u32, from_block: Option<u64>) -> Result<JobView, Refusal> {
         self.refuse_while_stopping()?;
         let parts = &self.shared.parts;
+        let _hold = parts.snapshots.hold();
         let before = parts.jobs.job(id)?;
         let link = before.order.link.clone();
         let plugin = self.plugin_of(&link)?;
@@ -285,7 +302,7 @@ impl Gateway {
         let wrong = |error: ConfigError| Refusal::invalid("configuration", error);
         let config = Config::read(&file).map_err(wrong)?;
         let ready = self.shared.make_ready(config).map_err(wrong)?;
-        self.shared.ask(move |control| Ok(control.apply(ready)))
+        self.shared.ask(move |control| Ok(control.reload(ready)))
     }
 
     /// Stops the gateway for a new one that takes its place, if no link is busy: what a

@@ -6,12 +6,11 @@ use softplug_gateway::reactor::{Command, Feed};
 use softplug_gateway::reservoir::{ReservoirReader, reservoir};
 use softplug_link::Job as LaneJob;
 
-use super::Feeding;
 use super::control::Control;
 use super::link::{EndsAs, Link, Running};
 use crate::Refusal;
 use crate::clerk::ClerkNews;
-use crate::feeder::{FeederNews, Feeding as ToFeed, Pace};
+use crate::feeder::{FeederNews, Feeding, Pace, Stream};
 use crate::jobs::{Ending, Job, JobsError, Order, Reason, State};
 use crate::view::{Change, JobView};
 
@@ -94,7 +93,8 @@ impl Control {
             .records(fields)
             .map_err(|error| Reason::new("bad-job", error.to_string()))?;
         link.gauge = Some(source.figures());
-        link.job = Some(Running { job: job.clone(), ends_as: EndsAs::ItIs });
+        link.job =
+            Some(Running { job: job.clone(), ends_as: EndsAs::ItIs, answers: 0, ended: None });
         let lane_job = LaneJob { id: job.id, kind, size, fields, check };
         let lane = link.lane_id();
         self.reactor.tell(lane, Command::Begin(Feed { job: lane_job, source }));
@@ -114,7 +114,7 @@ impl Control {
         let line = link.config.line;
         let characters_a_second =
             (line.baud > 0).then(|| f64::from(line.baud) * 2.0 / f64::from(line.half_bits()));
-        self.feeder.feed(ToFeed {
+        self.feeder.feed(Feeding {
             job: job.id,
             data,
             from: job.order.from,
@@ -132,7 +132,7 @@ impl Control {
         name: &str,
         order: Order,
         size: Option<u64>,
-    ) -> Result<(JobView, Feeding), Refusal> {
+    ) -> Result<(u32, Stream), Refusal> {
         let waits = self.shared.parts.jobs.next(name).is_some();
         let link = self.link(name)?;
         if waits || !link.takes_jobs() {
@@ -152,7 +152,7 @@ impl Control {
             return Err(Refusal::invalid("job", text));
         }
         self.show_job(&job);
-        Ok((self.job_view(&job), Feeding::new(jobs, job.id, writer)))
+        Ok((job.id, Stream::new(jobs, job.id, writer)))
     }
 
     /// The check was good: the data once more.
@@ -191,6 +191,7 @@ impl Control {
             ClerkNews::Kept(job) => {
                 self.shared.changed(Change::Receptions { link: job.order.link.clone() });
                 self.show_job(&job);
+                self.answered(&job);
             }
             ClerkNews::Stuck { link, why } => {
                 let text = format!("what \"{link}\" receives cannot be put away: {why}");

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::mpsc::SyncSender;
 
 use softplug_abi::Failure;
-use softplug_gateway::reactor::{AlarmKind, Condition, LaneFigures, LaneId, LaneStatus};
+use softplug_gateway::reactor::{AlarmKind, Condition, JobEnd, LaneFigures, LaneId, LaneStatus};
 use softplug_gateway::reservoir::Gauge;
 use softplug_host::Digest;
 
@@ -86,6 +86,17 @@ pub(crate) struct PortFacts {
 pub(crate) struct Running {
     pub(crate) job: Job,
     pub(crate) ends_as: EndsAs,
+    /// Answers to it that are being put away.
+    pub(crate) answers: u32,
+    /// How it ended, while an answer is being put away.
+    pub(crate) ended: Option<JobEnd>,
+}
+
+impl Running {
+    /// What the machine answered is not on the disk.
+    pub(crate) fn is_answer_lost(&self) -> bool {
+        self.job.reception.as_ref().is_some_and(|reception| !reception.is_complete)
+    }
 }
 
 /// How a job that is aborted is written down.
@@ -144,6 +155,9 @@ impl Before {
         before.restarts += figures.restarts;
         before.opened += figures.opened;
         before.left_out += figures.left_out;
+        before.endpoint_jobs += figures.endpoint_jobs;
+        before.endpoint_failed += figures.endpoint_failed;
+        before.endpoint_bytes += figures.endpoint_bytes;
     }
 }
 

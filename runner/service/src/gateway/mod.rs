@@ -26,8 +26,6 @@ mod swaps;
 mod watching;
 mod worker;
 
-/// Takes the data of a job, as fast as the machine does.
-pub use crate::feeder::Stream as Feeding;
 pub use start::{Running, StartError, check, start};
 pub use watching::{Next, Watching};
 

@@ -96,6 +96,12 @@ impl Control {
             link.supervisor.limit(limits);
         }
         self.config = config;
+        view
+    }
+
+    /// Applies a configuration that was read again.
+    pub(super) fn reload(&mut self, ready: Ready) -> ReloadView {
+        let view = self.apply(ready);
         self.tell_reload(&view);
         view
     }

@@ -9,7 +9,7 @@ use super::faults::described;
 use super::link::{After, Arriving, EndsAs, Lane};
 use crate::clerk::Incoming;
 use crate::feeder::surely_left;
-use crate::jobs::{Ending, Extent, Left, Reason, Subject, Weight};
+use crate::jobs::{Ending, Extent, Job, Left, Reason, Subject, Weight};
 use crate::supervise::Failed;
 use crate::view::{Change, CheckFault, DownView, now_ms};
 use softplug_abi::{Failure, NoteLevel};
@@ -41,6 +41,11 @@ impl Control {
                 let gauge = bytes.figures();
                 let arriving = Arriving { name: None, since_ms: now_ms(), gauge };
                 link.deliveries.insert(delivery, arriving);
+                if let Some(running) = &mut link.job
+                    && Some(running.job.id) == job
+                {
+                    running.answers += 1;
+                }
                 let place = link.config.receive.clone();
                 let link = name.clone();
                 self.clerk.take(Incoming { lane, link, place, delivery, job, bytes });
@@ -110,12 +115,24 @@ impl Control {
 
     fn job_ended(&mut self, name: &str, end: JobEnd) {
         let Some(link) = self.links.get_mut(name) else { return };
-        let Some(running) = link.job.take_if(|running| running.job.id == end.job) else { return };
+        let Some(running) = link.job.as_mut().filter(|running| running.job.id == end.job) else {
+            return;
+        };
+        // It is not over before its answer is on the disk.
+        if running.answers > 0 {
+            running.ended = Some(end);
+            return;
+        }
+        let Some(running) = link.job.take() else { return };
         let reason = |failure: Failure, status: u16| Reason {
             status,
             ..Reason::new(failure.name(), link.words(failure, status))
         };
+        let is_answer_lost = running.is_answer_lost();
         let ending = match (end.outcome, running.ends_as) {
+            (JobOutcome::Done, _) if is_answer_lost => {
+                Ending::Failed(Reason::new("disk", "what came could not be put away"))
+            }
             (JobOutcome::Done, _) => Ending::Done,
             (_, EndsAs::Aborted) => Ending::Aborted,
             (_, EndsAs::Interrupted(why)) => Ending::Interrupted(why.to_owned()),
@@ -150,6 +167,21 @@ impl Control {
         }
         self.tend_change(name);
         self.begin_next(name);
+    }
+
+    /// An answer to a job is put away, as far as it could be.
+    pub(super) fn answered(&mut self, job: &Job) {
+        let Some(link) = self.links.get_mut(&job.order.link) else { return };
+        let Some(running) = link.job.as_mut().filter(|running| running.job.id == job.id) else {
+            return;
+        };
+        running.job.reception.clone_from(&job.reception);
+        running.answers = running.answers.saturating_sub(1);
+        if running.answers == 0
+            && let Some(end) = running.ended.take()
+        {
+            self.job_ended(&job.order.link.clone(), end);
+        }
     }
 
     fn said(&mut self, name: &str, level: NoteLevel, code: u16, text: &str) {

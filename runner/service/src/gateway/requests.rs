@@ -200,6 +200,7 @@ fn program(
     search: &[String],
 ) -> Result<Answer, Failure> {
     let name = asked.field("name").or_else(|| asked.field("number")).ok_or(Failure::NotFound)?;
+    let _hold = shared.parts.snapshots.hold();
     let program = find(shared, search, name)?;
     let data = shared.parts.programs.snapshot(&program, &shared.parts.snapshots);
     let data = data.map_err(|error| {

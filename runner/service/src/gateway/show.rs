@@ -98,6 +98,9 @@ fn counters(link: &Link, figures: &LaneFigures) -> CountersView {
         restarts: sum(|figures| figures.restarts),
         reopened: sum(|figures| figures.opened.saturating_sub(1)),
         notes_dropped: sum(|figures| figures.left_out),
+        endpoint_jobs: sum(|figures| figures.endpoint_jobs),
+        endpoint_failed: sum(|figures| figures.endpoint_failed),
+        endpoint_bytes: sum(|figures| figures.endpoint_bytes),
     }
 }
 

@@ -16,7 +16,7 @@ use thiserror::Error;
 use tokio::sync::broadcast;
 
 use super::Gateway;
-use super::control::{Control, Message, Parts, Shared};
+use super::control::{Control, Message, Parts, SWEEP, Shared};
 use super::loading::Loader;
 use super::reload::problem;
 use super::scribe::Scribe;
@@ -113,7 +113,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
     let keep = Keep { entries: config.gateway.journal, ..Keep::default() };
     let (jobs, recovery) = Jobs::open(state, keep)?;
     let snapshots = Snapshots::open_folder(&state.join("snapshots"))?;
-    snapshots.collect_garbage(&jobs.needed_data()?)?;
+    snapshots.collect_garbage(|| jobs.needed_data())?;
     let receptions = Receptions::open(&config.gateway.receptions)?;
     let left_over = receptions.recover()?;
     let programs = Programs::open(&config.gateway.programs)?;
@@ -172,6 +172,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
         shown: HashMap::new(),
         next_lane: 1,
         began: Instant::now(),
+        next_sweep: Instant::now() + SWEEP,
         stopping: None,
         trouble: None,
     };

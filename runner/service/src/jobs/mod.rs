@@ -11,8 +11,11 @@ mod book;
 mod error;
 mod job;
 mod journal;
+mod looking;
+mod receiving;
 mod shown;
 mod state;
+mod told;
 
 pub use begin::{BeginAt, beginning_at};
 pub use blocks::{Between, Block};
@@ -24,19 +27,17 @@ pub use job::{
 pub use journal::{Entry, EntryFilter, Keep, Note, Subject, Weight};
 pub use state::{State, Step, after};
 
-use std::collections::BTreeSet;
-use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use redb::Database;
-use softplug_host::Digest;
 
 use crate::disk::make_folder;
 use crate::programs::Snapshots;
 use ballast::Ballast;
 use book::{Book, Change};
+use told::{ended_note, note, what};
 
 /// Most jobs that wait on one link.
 const WAITING: usize = 1_000;
@@ -259,8 +260,10 @@ impl Jobs {
             (job.taken, job.sent) = (left.taken, left.sent);
             job.extent = narrowed(job.extent, left.extent);
         }
-        if state == State::Done && job.order.data.is_some() {
-            job.extent = Extent { surely: job.size(), maybe: job.size() };
+        if state == State::Done {
+            // Of data from a connection the size is known now.
+            let all = job.order.data.map_or(job.taken, |data| data.size);
+            job.extent = Extent { surely: all, maybe: all };
         }
         let notes = vec![ended_note(&job)];
         let sent = sent(&job);
@@ -323,106 +326,6 @@ impl Jobs {
             )));
         }
         self.submit(beginning_at(order, at, field, snapshots)?)
-    }
-
-    /// A machine sends of its own accord: a job that is under way already.
-    ///
-    /// # Errors
-    /// It cannot be written down.
-    pub fn receive(&self, link: &str) -> Result<Job, JobsError> {
-        let mut book = self.book();
-        let order = Order { origin: Origin::Machine, ..Order::new(link, Kind::Receive, "") };
-        let mut job = created(book.next_job(), order, State::Running);
-        job.began = Some(job.created);
-        let note = note(&job, format!("job {}: the machine sends", job.id));
-        put(&mut book, job, vec![note])
-    }
-
-    /// What came is on the disk, under its name. Ends the job if it is a reception of the
-    /// machine's own accord; notes the answer otherwise.
-    ///
-    /// # Errors
-    /// The job is not under way, or it cannot be written down.
-    pub fn received(
-        &self,
-        id: u32,
-        name: Option<String>,
-        reception: Reception,
-        reason: Option<Reason>,
-    ) -> Result<Job, JobsError> {
-        let mut book = self.book();
-        let mut job = live(&mut book, id, Step::End(State::Done))?;
-        let text = received_text(id, name.as_deref(), &reception, reason.as_ref());
-        let weight = if reason.is_some() { Weight::Warning } else { Weight::Normal };
-        let note = Note::new(Subject::Reception, text).of_link(&*job.order.link).of_job(id);
-        job.reception = Some(reception);
-        if job.order.kind == Kind::Receive {
-            job.state = if reason.is_some() { State::Failed } else { State::Done };
-            job.reason = reason;
-            job.order.program = name.or(job.order.program);
-            job.ended = Some(now());
-        }
-        put(&mut book, job, vec![note.weighing(weight)])
-    }
-
-    /// A job, also one that has ended.
-    ///
-    /// # Errors
-    /// There is none, or the database cannot be read.
-    pub fn job(&self, id: u32) -> Result<Job, JobsError> {
-        self.book().job(id)?.ok_or(JobsError::NotFound(id))
-    }
-
-    /// Jobs, the newest first.
-    ///
-    /// # Errors
-    /// The database cannot be read.
-    pub fn list(&self, filter: &JobFilter) -> Result<Vec<Job>, JobsError> {
-        let takes = |job: &Job| {
-            filter.link.as_ref().is_none_or(|link| job.order.link == *link)
-                && filter.state.is_none_or(|state| job.state == state)
-                && filter.kind.is_none_or(|kind| job.order.kind == kind)
-                && filter.before.is_none_or(|before| job.id < before)
-        };
-        Ok(self.book().jobs(filter.most, takes)?)
-    }
-
-    /// All jobs that have not ended, the oldest first. Asks no disk.
-    pub fn live(&self) -> Vec<Job> {
-        self.book().live().values().cloned().collect()
-    }
-
-    /// Writes something into the journal.
-    ///
-    /// # Errors
-    /// It cannot be written down.
-    pub fn note(&self, note: Note) -> Result<(), JobsError> {
-        let change = Change { notes: vec![note.tamed()], ..Change::default() };
-        Ok(self.book().write(&change, now())?)
-    }
-
-    /// Entries of the journal, the newest first.
-    ///
-    /// # Errors
-    /// The database cannot be read.
-    pub fn journal(&self, filter: &EntryFilter) -> Result<Vec<Entry>, JobsError> {
-        Ok(self.book().entries(filter)?)
-    }
-
-    /// What was sent last to a link under this name, as a whole.
-    ///
-    /// # Errors
-    /// The database cannot be read.
-    pub fn last_sent(&self, link: &str, program: &str) -> Result<Option<Sent>, JobsError> {
-        Ok(self.book().sent(link, plain_name(program))?)
-    }
-
-    /// The snapshots that a job or a comparison may need yet.
-    ///
-    /// # Errors
-    /// The database cannot be read.
-    pub fn needed_data(&self) -> Result<BTreeSet<Digest>, JobsError> {
-        Ok(self.book().data()?.into_iter().map(|data| data.digest).collect())
     }
 
     fn step(
@@ -515,82 +418,4 @@ fn sent(job: &Job) -> Option<(String, String, Sent)> {
 fn plain_name(program: &str) -> &str {
     let file = program.rsplit('/').next().unwrap_or(program);
     file.rsplit_once('.').map_or(file, |(stem, _)| if stem.is_empty() { file } else { stem })
-}
-
-fn note(job: &Job, text: String) -> Note {
-    Note::new(Subject::Job, text).of_link(&*job.order.link).of_job(job.id).tamed()
-}
-
-fn what(job: &Job) -> String {
-    let mut text = match job.order.kind {
-        Kind::Send => "sends",
-        Kind::Fetch => "fetches",
-        Kind::Receive => "receives",
-    }
-    .to_owned();
-    if let Some(program) = &job.order.program {
-        let _ = write!(text, " {program}");
-    }
-    if let Some(data) = job.order.data {
-        let _ = write!(text, ", {} bytes", data.size - job.order.from);
-    }
-    if job.order.from > 0 {
-        let _ = write!(text, " from byte {}", job.order.from);
-    }
-    if let Some(before) = job.order.restarts {
-        let _ = write!(text, ", in place of job {before}");
-    }
-    text
-}
-
-fn ended_note(job: &Job) -> Note {
-    let mut text = format!("job {} is {}", job.id, job.state.name());
-    if let Some(reason) = &job.reason {
-        let _ = write!(text, ": {}", reason.text);
-    }
-    if job.state != State::Done && job.order.kind == Kind::Send {
-        let Extent { surely, maybe } = job.extent;
-        if maybe == job.order.from {
-            text.push_str("; nothing of it has left");
-        } else if surely == maybe {
-            let _ = write!(text, "; it has left up to byte {maybe}");
-        } else {
-            let _ = write!(text, "; bytes {surely} to {maybe} may have left");
-        }
-    }
-    let weight = match job.state {
-        State::Failed | State::Interrupted => Weight::Warning,
-        _ => Weight::Normal,
-    };
-    note(job, text).weighing(weight)
-}
-
-fn received_text(
-    id: u32,
-    name: Option<&str>,
-    reception: &Reception,
-    reason: Option<&Reason>,
-) -> String {
-    let Reception { file, bytes, compared, .. } = reception;
-    let mut text = format!("job {id}: {bytes} bytes");
-    if let Some(name) = name {
-        let _ = write!(text, " of {name}");
-    }
-    text.push_str(" came");
-    if let Some(reason) = reason {
-        let _ = write!(text, ", not all: {}", reason.text);
-    }
-    if let Some(file) = file {
-        let _ = write!(text, "; kept as {file}");
-    }
-    match compared {
-        None => {}
-        Some(Comparison { with, differs_at: None }) => {
-            let _ = write!(text, "; the same as job {with} sent");
-        }
-        Some(Comparison { with, differs_at: Some(at) }) => {
-            let _ = write!(text, "; differs from what job {with} sent at byte {at}");
-        }
-    }
-    text
 }

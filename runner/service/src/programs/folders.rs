@@ -149,7 +149,10 @@ impl Programs {
         }
         make_folder(folder)?;
         let mut file = disk::temporary_beside(&path).map_err(DiskError::when("write", &path))?;
-        copy(from, file.as_file_mut(), most, &path)?;
+        // A program that is replaced by nothing is a mistake.
+        if copy(from, file.as_file_mut(), most, &path)? == 0 {
+            return Err(ProgramError::Empty(name.to_string()));
+        }
         let placed = || {
             file.as_file().sync_all()?;
             open_to_others(file.as_file())?;
@@ -258,12 +261,12 @@ fn program(name: String, metadata: &fs::Metadata) -> Program {
     Program { name, size: metadata.len(), modified }
 }
 
-fn copy(from: &mut dyn Read, to: &mut File, most: u64, path: &Path) -> Result<(), ProgramError> {
+fn copy(from: &mut dyn Read, to: &mut File, most: u64, path: &Path) -> Result<u64, ProgramError> {
     let mut buffer = vec![0; 64 * 1024];
     let mut bytes = 0;
     loop {
         let count = match from.read(&mut buffer) {
-            Ok(0) => return Ok(()),
+            Ok(0) => return Ok(bytes),
             Ok(count) => count,
             Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
             Err(error) => return Err(ProgramError::Source(error)),

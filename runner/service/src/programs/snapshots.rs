@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, TryLockError};
 use std::time::SystemTime;
 
 use softplug_host::Digest;
@@ -19,6 +20,14 @@ const ATTEMPTS: usize = 3;
 #[derive(Clone, Debug)]
 pub struct Snapshots {
     objects: Objects,
+    /// Held while one has been taken that no job needs yet.
+    holds: Arc<RwLock<()>>,
+}
+
+/// As long as it is there, no snapshot is removed.
+#[derive(Debug)]
+pub struct Hold<'a> {
+    _guard: RwLockReadGuard<'a, ()>,
 }
 
 impl Snapshots {
@@ -29,7 +38,13 @@ impl Snapshots {
     pub fn open_folder(folder: &Path) -> Result<Self, DiskError> {
         let objects = Objects::open(folder, "")?;
         objects.sweep();
-        Ok(Self { objects })
+        Ok(Self { objects, holds: Arc::default() })
+    }
+
+    /// To be had before one is taken, or a job is read whose snapshot is wanted, and kept
+    /// until a job that needs it is written down.
+    pub fn hold(&self) -> Hold<'_> {
+        Hold { _guard: self.holds.read().unwrap_or_else(PoisonError::into_inner) }
     }
 
     /// Takes one of a file, as it is at one moment. `name` is what people call it.
@@ -88,11 +103,21 @@ impl Snapshots {
         found.map_err(DiskError::when("read", &self.objects.path(data.digest)))
     }
 
-    /// Removes all but these; tells how many bytes. Only while no job is being submitted.
+    /// Removes all but those that `needed` tells; how many bytes. `None`: somebody has a
+    /// [`Hold`], nothing was done.
     ///
     /// # Errors
-    /// The folder cannot be read, or a file not removed.
-    pub fn collect_garbage(&self, needed: &BTreeSet<Digest>) -> Result<u64, DiskError> {
+    /// It is not known what is needed, the folder cannot be read, or a file not removed.
+    pub fn collect_garbage<E: From<DiskError>>(
+        &self,
+        needed: impl FnOnce() -> Result<BTreeSet<Digest>, E>,
+    ) -> Result<Option<u64>, E> {
+        let _alone = match self.holds.try_write() {
+            Ok(alone) => alone,
+            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+            Err(TryLockError::WouldBlock) => return Ok(None),
+        };
+        let needed = needed()?;
         let mut freed = 0;
         for object in self.objects.all()? {
             if !needed.contains(&object.digest) {
@@ -100,7 +125,7 @@ impl Snapshots {
                 freed += object.size;
             }
         }
-        Ok(freed)
+        Ok(Some(freed))
     }
 }
 
@@ -149,8 +174,11 @@ mod tests {
         fs::remove_file(&path).unwrap();
         assert_eq!((&*text(&snapshots, first), &*text(&snapshots, second)), ("G1 X1", "G1 X2"));
 
-        let needed = BTreeSet::from([first.digest]);
-        assert_eq!(snapshots.collect_garbage(&needed).unwrap(), 5);
+        let needed = || Ok::<_, DiskError>(BTreeSet::from([first.digest]));
+        let hold = snapshots.hold();
+        assert_eq!(snapshots.collect_garbage(needed).unwrap(), None);
+        drop(hold);
+        assert_eq!(snapshots.collect_garbage(needed).unwrap(), Some(5));
         assert!(snapshots.open(second).unwrap_err().is_missing());
         assert_eq!(text(&snapshots, first), "G1 X1");
     }

@@ -174,6 +174,7 @@ pub struct JobFilter {
     #[param(inline)]
     pub state: Option<JobState>,
     /// Only jobs with a lower number than this one: the next page.
+    #[param(format = "uint32", maximum = 4_294_967_295_u32)]
     pub before: Option<u32>,
     /// At most so many, the newest first; 100 if nothing is said, 1,000 at most.
     #[param(maximum = 1000)]

@@ -59,8 +59,10 @@ pub struct JournalFilter {
     #[param(inline)]
     pub kind: Option<JournalKind>,
     /// Of this job only.
+    #[param(format = "uint32", maximum = 4_294_967_295_u32)]
     pub job: Option<u32>,
     /// Only entries with a lower number than this one: the next page.
+    #[param(format = "uint64")]
     pub before: Option<u64>,
     /// At most so many, the newest first; 100 if nothing is said, 1,000 at most.
     #[param(maximum = 1000)]

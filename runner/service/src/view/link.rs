@@ -158,6 +158,12 @@ pub struct CountersView {
     pub reopened: u64,
     /// Messages of the plug-in that were dropped because there were too many.
     pub notes_dropped: u64,
+    /// What clients of the endpoint sent: jobs that have ended.
+    pub endpoint_jobs: u64,
+    /// Those of them that failed.
+    pub endpoint_failed: u64,
+    /// Bytes that the plug-in took of them.
+    pub endpoint_bytes: u64,
 }
 
 /// The buffer between server and machine.

@@ -29,8 +29,8 @@ fn a_program_comes_back_as_it_was() {
     bench.upload("O1.nc", b"other").with(409);
     bench.upload("O1.nc?overwrite=true", b"other").with(201);
     assert_eq!(bench.get("/programs/O1.nc").with(200).body, b"other");
-    bench.upload("empty.nc", b"").with(201);
-    assert_eq!(bench.get("/programs/empty.nc").with(200).body, b"");
+    bench.upload("O1.nc?overwrite=true", b"").with(422);
+    assert_eq!(bench.get("/programs/O1.nc").with(200).body, b"other");
     bench.ask("DELETE", "/programs/O1.nc", &bench.admin, b"").with(204);
     bench.get("/programs/O1.nc").with(404);
 }
@@ -98,8 +98,11 @@ fn a_feed_goes_through_without_being_stored() {
     let came = body.len() as u64;
     bench.until("/links/press-3", |link| link["counters"]["bytes_out"].as_u64() > Some(came));
     assert_eq!(bench.get("/programs").with(200).json(), json!([]));
-    // This plug-in checks a program before it sends it.
-    bench.ask_as("POST", "/links/lathe-1/feed", &bench.operator, kind, &body).with(409);
+    // This plug-in looks at a program before it sends it, and gets it as a whole.
+    let path = "/links/lathe-1/feed?program=live.nc";
+    let job = bench.ask_as("POST", path, &bench.operator, kind, &body).with(201).json();
+    assert_eq!(job["size"], body.len());
+    bench.until(&format!("/jobs/{}", job["id"]), |job| job["state"] == "done");
     bench.ask_as("POST", "/links/none/feed", &bench.operator, kind, &body).with(404);
 }
 

@@ -173,7 +173,7 @@ fn documents_that_are_not_right_are_refused_by_name() {
     bench.ask("GET", "/jobs?limit=1001", &bench.operator, b"").with(422);
     bench.ask("GET", "/journal?limit=1001", &bench.operator, b"").with(422);
     let nothing = bench.raw(bench.request("PUT", "/api/v1/programs/O1.nc", "").as_bytes());
-    assert_eq!(status(&nothing), 400, "{nothing}");
+    assert_eq!(status(&nothing), 422, "{nothing}");
     bench.ask("GET", "/jobs?colour=red", &bench.operator, b"").with(400);
     bench.ask("GET", "/jobs/4000000", &bench.operator, b"").with(404);
     bench.ask("PATCH", "/jobs", &bench.operator, b"{}").with(405);

@@ -4,6 +4,7 @@
 #[path = "../common/bench.rs"]
 mod bench;
 mod exchange;
+mod fuzzed;
 mod hostile;
 mod streams;
 mod tls;

@@ -144,7 +144,10 @@ impl<I: Instance + Send + 'static> Lane<I> {
         if let Some(lane) = &mut self.floor.endpoint {
             lane.endpoint.job_ended(&outcome);
         }
+        self.floor.own.endpoint_jobs += 1;
+        self.floor.own.endpoint_bytes += active.taken;
         if outcome != JobOutcome::Done {
+            self.floor.own.endpoint_failed += 1;
             self.floor.tell(Report::Endpoint(EndpointNews::JobFailed(outcome)));
         }
     }

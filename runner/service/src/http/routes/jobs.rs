@@ -1,7 +1,6 @@
 //! Jobs: the queue, and feeding one from the request itself.
 
 use std::collections::BTreeMap;
-use std::io;
 
 use axum::Json;
 use axum::body::Body;
@@ -50,7 +49,8 @@ pub(super) struct FeedOrder {
 /// Send the request's body to the machine as it comes
 ///
 /// The body is taken as fast as the machine takes it, and is not stored. The link must be free. The
-/// answer comes when all of the body was taken.
+/// answer comes when all of the body was taken. For a plug-in that looks at a program before it
+/// sends it, the body is kept first and waits in the link's queue then.
 #[utoipa::path(post, operation_id = "job_feed", path = "/links/{link}/feed",
     tag = "jobs",
     params(("link" = String, Path, description = "Name of the link"), FeedOrder),
@@ -69,13 +69,7 @@ pub(super) async fn feed(
     let length = length.and_then(|length| length.parse().ok());
     let gateway = desk.gateway.clone();
     let job = upload::receive(body, FEED_PACE, u64::MAX, move |body| {
-        let (job, mut feeding) = gateway.feed(&link, &order, length)?;
-        match io::copy(body, &mut feeding) {
-            Ok(_) => feeding.finish(),
-            // Dropped: the job fails, and says why.
-            Err(_) => drop(feeding),
-        }
-        Ok(gateway.job(job.id)?)
+        Ok(gateway.feed(&link, &order, length, body)?)
     });
     Ok((StatusCode::CREATED, Json(job.await?)))
 }

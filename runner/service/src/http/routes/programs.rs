@@ -3,7 +3,7 @@
 use axum::Json;
 use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::StatusCode;
 use axum::response::Response;
 use serde::Deserialize;
 use utoipa::IntoParams;
@@ -11,7 +11,7 @@ use utoipa::IntoParams;
 use super::super::entry::Admin;
 use super::super::extract::{Filter, Segments};
 use super::super::options::UPLOAD_PACE;
-use super::super::problem::{Problem, Refused};
+use super::super::problem::Refused;
 use super::super::upload;
 use super::{Answer, At, download};
 use crate::Gateway;
@@ -59,15 +59,8 @@ pub(super) async fn upload(
     State(desk): At,
     Segments(name): Segments<String>,
     Filter(Overwrite { overwrite }): Filter<Overwrite>,
-    headers: HeaderMap,
     body: Body,
 ) -> Answer<(StatusCode, Json<ProgramView>)> {
-    // A program that is replaced by nothing must have been meant so.
-    if !headers.contains_key(header::CONTENT_LENGTH)
-        && !headers.contains_key(header::TRANSFER_ENCODING)
-    {
-        return Err(Problem::bad("the program is missing: send it as the request's body"));
-    }
     let _slot = desk.upload_slot()?;
     let gateway = desk.gateway.clone();
     let most = desk.limits.upload_bytes;

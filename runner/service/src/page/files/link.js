@@ -247,6 +247,7 @@ function counters() {
         ['Plug-in restarts', text.count(of.restarts)],
         ['Port reopened', text.count(of.reopened)],
         ['Messages dropped', text.count(of.notes_dropped)],
+        ...(link.endpoint ? [['From the endpoint', `${text.count(of.endpoint_bytes)} bytes in ${text.count(of.endpoint_jobs)} jobs, ${text.count(of.endpoint_failed)} failed`]] : []),
       ]);
     },
   };

@@ -2,19 +2,32 @@
 //! journal; machines are simulated partners or a pty's master.
 #![cfg(target_os = "linux")]
 
+mod feeds;
+mod machine;
+mod memory;
+mod panel;
+mod plugins;
+mod receptions;
 mod shop;
+mod stopping;
+mod supervision;
 
 use std::collections::BTreeMap;
 
 use shop::{Shop, wait_for};
-use softplug_service::Refusal;
 use softplug_service::view::{
-    JobFilter, JobOrder, JobState, JournalFilter, LinkState, StopHow, SwapOrder, SwapState,
-    SwapWhen,
+    JobFilter, JobOrder, JobState, JournalFilter, LinkState, SwapOrder, SwapState, SwapWhen,
 };
+use softplug_service::{Gateway, Refusal};
 
 fn send(program: &str) -> JobOrder {
     JobOrder { program: Some(program.to_owned()), ..JobOrder::default() }
+}
+
+/// Whether the journal has an entry with this text.
+fn journal_says(gateway: &Gateway, text: &str) -> bool {
+    let journal = gateway.journal(&JournalFilter::default()).unwrap();
+    journal.iter().any(|entry| entry.text.contains(text))
 }
 
 #[test]
@@ -40,28 +53,8 @@ fn programs_reach_three_machines_as_they_are() {
         assert_eq!((link.state, link.queued), (LinkState::Idle, 0));
         assert!(link.counters.bytes_out >= program.len() as u64);
     }
-    let journal = gateway.journal(&JournalFilter::default()).unwrap();
-    assert!(journal.iter().any(|entry| entry.text.contains("is done")), "{journal:?}");
-}
-
-#[test]
-fn what_a_machine_sends_becomes_a_file_that_is_never_overwritten() {
-    let shop = Shop::with(
-        1,
-        "plugin = \"xon-xoff\"\nline = \"921600 8N1\"\nsettings = { quiet-time = 300 }\n",
-    );
-    let gateway = shop.gateway();
-    for version in 1..=2 {
-        shop.write(0, b"%\r\nO77\r\nG1X1\r\nM30\r\n%\r\n");
-        wait_for("the reception", || gateway.receptions(&Shop::name(0)).unwrap().len() == version);
-    }
-    let receptions = gateway.receptions(&Shop::name(0)).unwrap();
-    let mut files: Vec<_> = receptions.iter().map(|reception| reception.file.as_str()).collect();
-    files.sort_unstable();
-    assert_eq!(files, ["O77", "O77-2"]);
-    assert!(receptions.iter().all(|reception| reception.failure.is_none()), "{receptions:?}");
-    let job = gateway.jobs(&JobFilter::default()).unwrap();
-    assert!(job.iter().all(|job| job.state == JobState::Done), "{job:?}");
+    assert!(journal_says(gateway, "is done"));
+    assert!(!journal_says(gateway, "was read again"), "nobody has asked for it");
 }
 
 #[test]
@@ -130,6 +123,7 @@ fn a_reload_touches_only_what_changed() {
     let out = |at: usize| gateway.link(&Shop::name(at)).unwrap().counters.bytes_out;
     shop.drain_all(|| (0..3).all(|at| out(at) > 10_000));
     assert_eq!(gateway.reload().unwrap().untouched, 3);
+    wait_for("the journal", || journal_says(gateway, "was read again; nothing changed"));
 
     shop.configure(|text| {
         let mut text = text.replace("name = \"link-2\"", "name = \"link-3\"");
@@ -192,41 +186,5 @@ fn a_plug_in_is_swapped_in_the_middle_of_a_job() {
     got.extend(shop.read(0, program.len() - got.len()));
     assert_eq!(got, program);
     wait_for("the job's end", || gateway.job(job.id).unwrap().state == JobState::Done);
-    let journal = gateway.journal(&JournalFilter::default()).unwrap();
-    assert!(journal.iter().any(|entry| entry.text.contains("runs in place of")), "{journal:?}");
-}
-
-#[test]
-fn the_panel_gets_the_program_that_it_asks_for() {
-    let shop = Shop::simulated_fanuc();
-    let gateway = shop.gateway();
-    let program = shop.program_in("b", "O1234", 2_000);
-    shop.press_read("O1234");
-    let filter = JobFilter { link: Some(Shop::name(0)), ..JobFilter::default() };
-    wait_for("the job", || {
-        gateway.jobs(&filter).unwrap().iter().any(|job| job.state == JobState::Done)
-    });
-    assert!(shop.panel_got(&program), "the machine has another program");
-    let job = &gateway.jobs(&filter).unwrap()[0];
-    assert_eq!(job.program.as_deref(), Some("b/O1234"));
-}
-
-#[test]
-fn a_stop_parks_jobs_and_says_how_far_they_were() {
-    let mut shop = Shop::with(1, "plugin = \"xon-xoff\"\nline = \"115200 8N1\"\n");
-    let gateway = shop.gateway().clone();
-    shop.program("O1.nc", 400_000);
-    let job = gateway.submit(&Shop::name(0), &send("O1.nc")).unwrap();
-    shop.read(0, 20_000);
-    gateway.stop(StopHow::Park);
-    shop.stopped();
-    assert!(matches!(gateway.links(), Err(Refusal::Unavailable(_))));
-    drop(gateway);
-    shop.start();
-    let job = shop.gateway().job(job.id).unwrap();
-    assert_eq!(job.state, JobState::Interrupted);
-    assert!(job.maybe_left >= 20_000 && job.surely_left <= job.maybe_left, "{job:?}");
-    assert!(job.last_block.is_some(), "{job:?}");
-    let journal = shop.gateway().journal(&JournalFilter::default()).unwrap();
-    assert!(journal.iter().any(|entry| entry.text == "the gateway has stopped"), "{journal:?}");
+    assert!(journal_says(gateway, "runs in place of"));
 }

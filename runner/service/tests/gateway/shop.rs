@@ -4,39 +4,28 @@
 use std::fmt::Write as _;
 use std::fs;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
-use std::thread::{self, JoinHandle, sleep};
+use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use softplug_abi::Micros;
-use softplug_conformance::partners::fanuc::{Control, Options, Press, eight_none_two};
 use softplug_gateway::port::ReadOutcome;
 use softplug_gateway::pty::PtyPair;
-use softplug_gateway::simulator::Simulator;
 use softplug_service::config::Config;
 use softplug_service::gateway::{Gateway, Running, start};
 use softplug_service::library::Library;
 use softplug_service::view::{LinkState, StopHow};
 use tempfile::TempDir;
 
+use crate::machine::Machine;
+use crate::plugins::fragile;
+
 /// Longer than anything here takes; only a hang gets there.
-const HANG: Duration = Duration::from_mins(2);
+pub(crate) const HANG: Duration = Duration::from_mins(2);
 
 /// A gateway and its machines.
 pub(crate) struct Shop {
     folder: TempDir,
     running: Option<Running>,
     ptys: Vec<PtyPair>,
-    panel: Option<Panel>,
-}
-
-/// A simulated FANUC control on its thread.
-struct Panel {
-    press: Arc<Mutex<Vec<Press>>>,
-    report: Arc<Mutex<Vec<u8>>>,
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
 }
 
 /// The plug-ins as they were built for tests.
@@ -63,51 +52,33 @@ impl Shop {
     pub(crate) fn with(links: usize, lines: &str) -> Self {
         let ptys: Vec<_> = (0..links).map(|_| PtyPair::open().unwrap()).collect();
         let ports: Vec<_> = ptys.iter().map(|pty| pty.slave_path().display().to_string()).collect();
-        Self::of(&ports, lines, ptys, None)
+        Self::of(&ports, lines, ptys)
     }
 
-    /// One link with a FANUC control whose operator can press keys.
-    pub(crate) fn simulated_fanuc() -> Self {
-        let line = eight_none_two(9_600);
-        let options = Options { line, receive_fifo: 65_536, ..Options::default() };
-        let mut simulator = Simulator::new(Control::new(options).unwrap()).unwrap();
-        let port = simulator.path().display().to_string();
-        let (press, report) = (Arc::new(Mutex::new(Vec::new())), Arc::new(Mutex::new(Vec::new())));
-        let stop = Arc::new(AtomicBool::new(false));
-        let (keys, got, ends) = (Arc::clone(&press), Arc::clone(&report), Arc::clone(&stop));
-        let thread = thread::spawn(move || {
-            while !ends.load(Ordering::Relaxed) {
-                let now = simulator.now();
-                for key in keys.lock().unwrap().drain(..) {
-                    simulator.partner.press(now, key);
-                }
-                simulator.turn(now + Micros::from_millis(20)).unwrap();
-                let report = simulator.partner.report();
-                if let softplug_conformance::partners::kept::Received::Bytes(bytes) =
-                    report.received
-                {
-                    *got.lock().unwrap() = bytes;
-                }
-            }
-        });
-        let panel = Panel { press, report, stop, thread: Some(thread) };
-        let lines = "plugin = \"fanuc-rs232\"\nline = \"9600 8N2\"\n";
-        Self::of(&[port], lines, Vec::new(), Some(panel))
+    /// One link with this machine.
+    pub(crate) fn of_machine<P>(machine: &Machine<P>, lines: &str) -> Self {
+        Self::of(&[machine.port.clone()], lines, Vec::new())
     }
 
-    fn of(ports: &[String], lines: &str, ptys: Vec<PtyPair>, panel: Option<Panel>) -> Self {
+    /// One link with a machine that the gateway simulates.
+    pub(crate) fn simulated(protocol: &str, lines: &str) -> Self {
+        Self::of(&[format!("simulate:{protocol}")], lines, Vec::new())
+    }
+
+    fn of(ports: &[String], lines: &str, ptys: Vec<PtyPair>) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let library = Library::open(&folder.path().join("state/plugins")).unwrap();
         for name in ["xon-xoff", "fanuc-rs232", "r3964"] {
             library.add_file(&plugins().join(format!("{name}.wasm"))).unwrap();
         }
+        library.add(&fragile("1.0.0", Some('X'))).unwrap();
         let mut text = "[gateway]\nwatch = false\nstop-patience = \"20s\"\n".to_owned();
         for (at, port) in ports.iter().enumerate() {
             let head = format!("[[link]]\nname = \"link-{at}\"\nport = \"{port}\"\n");
             text.extend([head.as_str(), "search = [\"b\"]\n", lines]);
         }
         fs::write(folder.path().join("gateway.toml"), text).unwrap();
-        let mut shop = Self { folder, running: None, ptys, panel };
+        let mut shop = Self { folder, running: None, ptys };
         shop.start();
         shop
     }
@@ -141,6 +112,11 @@ impl Shop {
         let file = self.folder.path().join("gateway.toml");
         let text = fs::read_to_string(&file).unwrap();
         fs::write(&file, change(text)).unwrap();
+    }
+
+    /// Where something is in the shop's folder.
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
     }
 
     /// Puts a program of so many bytes into the folder of programs.
@@ -214,26 +190,6 @@ impl Shop {
     pub(crate) fn release(&self, link: usize) {
         self.write(link, b"\x11");
     }
-
-    /// The operator asks for a program by name.
-    pub(crate) fn press_read(&self, name: &str) {
-        let panel = self.panel.as_ref().unwrap();
-        panel.press.lock().unwrap().push(Press::Request(name.to_owned()));
-    }
-
-    /// Whether the control has the program: what it keeps begins after the first block.
-    pub(crate) fn panel_got(&self, program: &[u8]) -> bool {
-        let kept = program.strip_prefix(b"%\n").and_then(|rest| rest.strip_suffix(b"\n")).unwrap();
-        let panel = self.panel.as_ref().unwrap();
-        let begin = Instant::now();
-        while begin.elapsed() < HANG {
-            if panel.report.lock().unwrap().as_slice() == kept {
-                return true;
-            }
-            sleep(Duration::from_millis(20));
-        }
-        false
-    }
 }
 
 impl Drop for Shop {
@@ -249,12 +205,6 @@ impl Drop for Shop {
                 sleep(Duration::from_millis(5));
             }
             running.wait();
-        }
-        if let Some(panel) = &mut self.panel {
-            panel.stop.store(true, Ordering::Relaxed);
-            if let Some(thread) = panel.thread.take() {
-                let _ = thread.join();
-            }
         }
     }
 }

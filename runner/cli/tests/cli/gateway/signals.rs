@@ -1,0 +1,92 @@
+//! Signals: a configuration read again, and another command in the place of this one, while machines
+//! cut or send.
+
+use std::net::TcpStream;
+
+use rustix::process::Signal;
+use softplug_gateway::pty::PtyPair;
+
+use super::{Gateway, bench, link, ready, take, token, wait_for};
+use crate::bench::Bench;
+
+fn two_machines(bench: &Bench, ptys: &[PtyPair; 2]) -> String {
+    let path = |at: usize| ptys[at].slave_path().to_str().unwrap().to_owned();
+    let links = link("lathe", &path(0)) + &link("mill", &path(1));
+    let text = String::from_utf8(bench.read("gateway.toml")).unwrap();
+    text.split("[[link]]").next().unwrap().to_owned() + "[gateway]\nwatch = false\n" + &links
+}
+
+#[test]
+fn a_configuration_is_read_again_while_a_job_runs_elsewhere() {
+    let ptys = [PtyPair::open().unwrap(), PtyPair::open().unwrap()];
+    let bench = bench("");
+    let text = two_machines(&bench, &ptys);
+    bench.write("gateway.toml", &text);
+    let token = token(&bench);
+    let program = format!("%\nO1\n{}M30\n%\n", "N10 G1 X12.5 Y25\n".repeat(4_000));
+    bench.write("programs/O1.nc", &program);
+    let gateway = Gateway::start(&bench);
+    let ask = |words: &[&str]| gateway.ask(&bench, &token, words);
+    ask(&["job", "submit", "lathe", "O1.nc"]).with_code(0);
+    let mut got = Vec::new();
+    wait_for("bytes", || {
+        take(&ptys[0], &mut got);
+        got.len() > 5_000
+    });
+
+    // One that is wrong changes nothing.
+    bench.write("gateway.toml", format!("{text}[[link]]\nname = \"lathe\"\n"));
+    gateway.signal(Signal::HUP);
+    let at = text.rfind("plugin =").unwrap();
+    let changed = format!("{}buffer = {{ size = 8192 }}\n{}", &text[..at], &text[at..]);
+    let size = || ask(&["link", "show", "mill", "--json"]).json()["buffer"]["size"].as_u64();
+    let links = ask(&["link", "list", "--json"]).json();
+    assert_eq!(links.as_array().unwrap().len(), 2);
+    bench.write("gateway.toml", &changed);
+    gateway.signal(Signal::HUP);
+    wait_for("the other buffer", || {
+        take(&ptys[0], &mut got);
+        size() == Some(8_192)
+    });
+    assert_eq!(ask(&["job", "show", "1", "--json"]).json()["state"], "running");
+    wait_for("the program's end", || {
+        take(&ptys[0], &mut got);
+        got.len() >= program.len()
+    });
+    assert_eq!(got, program.as_bytes());
+    ask(&["job", "wait", "1"]).with_code(0);
+    gateway.signal(Signal::TERM);
+    let (code, log) = gateway.end();
+    assert_eq!(code, Some(0), "{log}");
+    assert!(log.contains("the configuration is not taken"), "{log}");
+    assert!(log.contains("was read again; changed mill"), "{log}");
+}
+
+#[test]
+fn what_a_machine_sends_while_another_command_takes_over_is_not_lost() {
+    let pty = PtyPair::open().unwrap();
+    let quiet = "settings = { quiet-time = 1000 }\n";
+    let bench = bench(&(link("lathe", pty.slave_path().to_str().unwrap()) + quiet));
+    let token = token(&bench);
+    let mut gateway = Gateway::start(&bench);
+    let state = |gateway: &Gateway| {
+        gateway.ask(&bench, &token, &["link", "show", "lathe", "--json"]).json()["state"].clone()
+    };
+    wait_for("the port", || state(&gateway) == "idle");
+    let id = gateway.child.id();
+    gateway.signal(Signal::USR2);
+    wait_for("the old one's end", || TcpStream::connect(&gateway.address).is_err());
+    // The machine knows nothing of it.
+    let sent = format!("%\nO5\n{}M30\n%\n", "N10 G1 X12.5 Y25\n".repeat(100));
+    assert_eq!(pty.write(sent.as_bytes()).unwrap(), sent.len());
+    gateway.address = ready(&mut gateway.out);
+    assert_eq!(gateway.child.id(), id);
+    let received =
+        || gateway.ask(&bench, &token, &["link", "received", "lathe", "--json"]).json()[0].clone();
+    wait_for("the reception", || received()["file"] == "O5");
+    gateway.ask(&bench, &token, &["link", "received", "lathe", "O5"]).with_code(0);
+    assert_eq!(bench.read("O5"), sent.as_bytes());
+    gateway.signal(Signal::TERM);
+    let (code, log) = gateway.end();
+    assert_eq!(code, Some(0), "{log}");
+}

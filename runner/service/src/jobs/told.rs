@@ -1,0 +1,94 @@
+//! What the journal says of jobs.
+
+use std::fmt::Write as _;
+
+use super::{Comparison, Extent, Job, Kind, Note, Reason, Reception, State, Subject, Weight};
+
+pub(super) fn note(job: &Job, text: String) -> Note {
+    Note::new(Subject::Job, text).of_link(&*job.order.link).of_job(job.id).tamed()
+}
+
+pub(super) fn what(job: &Job) -> String {
+    let mut text = match job.order.kind {
+        Kind::Send => "sends",
+        Kind::Fetch => "fetches",
+        Kind::Receive => "receives",
+    }
+    .to_owned();
+    if let Some(program) = &job.order.program {
+        let _ = write!(text, " {program}");
+    }
+    if let Some(data) = job.order.data {
+        let _ = write!(text, ", {} bytes", data.size - job.order.from);
+    }
+    if job.order.from > 0 {
+        let _ = write!(text, " from byte {}", job.order.from);
+    }
+    if let Some(before) = job.order.restarts {
+        let _ = write!(text, ", in place of job {before}");
+    }
+    text
+}
+
+pub(super) fn ended_note(job: &Job) -> Note {
+    let mut text = format!("job {} is {}", job.id, job.state.name());
+    if let Some(reason) = &job.reason {
+        let _ = write!(text, ": {}", reason.text);
+    }
+    if job.state != State::Done && job.order.kind == Kind::Send {
+        let Extent { surely, maybe } = job.extent;
+        if maybe == job.order.from {
+            text.push_str("; nothing of it has left");
+        } else if surely == maybe {
+            let _ = write!(text, "; it has left up to byte {maybe}");
+        } else {
+            let _ = write!(text, "; bytes {surely} to {maybe} may have left");
+        }
+    }
+    let weight = match job.state {
+        State::Failed | State::Interrupted => Weight::Warning,
+        _ => Weight::Normal,
+    };
+    note(job, text).weighing(weight)
+}
+
+pub(super) fn received_note(
+    job: &Job,
+    name: Option<&str>,
+    reception: &Reception,
+    reason: Option<&Reason>,
+) -> Note {
+    let text = received_text(job.id, name, reception, reason);
+    let weight = if reason.is_some() { Weight::Warning } else { Weight::Normal };
+    Note::new(Subject::Reception, text).of_link(&*job.order.link).of_job(job.id).weighing(weight)
+}
+
+fn received_text(
+    id: u32,
+    name: Option<&str>,
+    reception: &Reception,
+    reason: Option<&Reason>,
+) -> String {
+    let Reception { file, bytes, compared, .. } = reception;
+    let mut text = format!("job {id}: {bytes} bytes");
+    if let Some(name) = name {
+        let _ = write!(text, " of {name}");
+    }
+    text.push_str(" came");
+    if let Some(reason) = reason {
+        let _ = write!(text, ", not all: {}", reason.text);
+    }
+    if let Some(file) = file {
+        let _ = write!(text, "; kept as {file}");
+    }
+    match compared {
+        None => {}
+        Some(Comparison { with, differs_at: None }) => {
+            let _ = write!(text, "; the same as job {with} sent");
+        }
+        Some(Comparison { with, differs_at: Some(at) }) => {
+            let _ = write!(text, "; differs from what job {with} sent at byte {at}");
+        }
+    }
+    text
+}

@@ -1,0 +1,83 @@
+//! A simulated machine on a pty and a thread of its own, whose operator can be told what to do.
+
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::thread::{self, JoinHandle};
+
+use softplug_abi::Micros;
+use softplug_conformance::partners::Partner;
+use softplug_conformance::partners::fanuc::{Control, Options, eight_none_two};
+use softplug_conformance::partners::r3964::rk512::{self, Computer};
+use softplug_gateway::poll::Waker;
+use softplug_gateway::simulator::Simulator;
+
+use crate::shop::HANG;
+
+type Order<P> = Box<dyn FnOnce(Micros, &mut P) + Send>;
+
+/// A simulated machine.
+pub(crate) struct Machine<P> {
+    /// The path of its port.
+    pub(crate) port: String,
+    orders: Option<Sender<Order<P>>>,
+    waker: Waker,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Machine<Control> {
+    /// A FANUC control.
+    pub(crate) fn fanuc() -> Self {
+        let line = eight_none_two(9_600);
+        let options = Options { line, receive_fifo: 65_536, ..Options::default() };
+        Self::start(Control::new(options).unwrap())
+    }
+}
+
+impl Machine<Computer> {
+    /// A computer that speaks RK512.
+    pub(crate) fn rk512() -> Self {
+        Self::start(Computer::new(rk512::Options::default()).unwrap())
+    }
+}
+
+impl<P: Partner + Send + 'static> Machine<P> {
+    fn start(partner: P) -> Self {
+        let mut simulator = Simulator::new(partner).unwrap();
+        let (port, waker) = (simulator.path().display().to_string(), simulator.waker());
+        let (orders, taken) = channel();
+        let thread = thread::spawn(move || run(&mut simulator, &taken));
+        Self { port, orders: Some(orders), waker, thread: Some(thread) }
+    }
+
+    /// Does something with it, or looks at it.
+    pub(crate) fn tell<T: Send + 'static>(
+        &self,
+        what: impl FnOnce(Micros, &mut P) -> T + Send + 'static,
+    ) -> T {
+        let (to, answer) = channel();
+        let order = move |now, partner: &mut P| to.send(what(now, partner)).unwrap();
+        self.orders.as_ref().unwrap().send(Box::new(order)).unwrap();
+        self.waker.wake();
+        answer.recv_timeout(HANG).unwrap()
+    }
+}
+
+fn run<P: Partner>(simulator: &mut Simulator<P>, orders: &Receiver<Order<P>>) {
+    loop {
+        let now = simulator.now();
+        match orders.try_recv() {
+            Ok(order) => order(now, &mut simulator.partner),
+            Err(TryRecvError::Empty) => simulator.turn(now + Micros::from_secs(60)).unwrap(),
+            Err(TryRecvError::Disconnected) => return,
+        }
+    }
+}
+
+impl<P> Drop for Machine<P> {
+    fn drop(&mut self) {
+        drop(self.orders.take());
+        self.waker.wake();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}

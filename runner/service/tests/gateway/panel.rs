@@ -1,0 +1,84 @@
+//! What the operator asks for at the machine's panel.
+
+use std::fs;
+use std::os::unix::fs::symlink;
+
+use softplug_conformance::partners::fanuc::{Control, Press};
+use softplug_conformance::partners::kept::Received;
+use softplug_service::Gateway;
+use softplug_service::view::{JobFilter, JobOrigin, JobState, JournalFilter, JournalKind};
+
+use crate::machine::Machine;
+use crate::shop::{Shop, wait_for};
+
+const LINES: &str = "plugin = \"fanuc-rs232\"\nline = \"9600 8N2\"\n";
+
+fn press(panel: &Machine<Control>, key: Press) {
+    panel.tell(move |now, control| control.press(now, key));
+}
+
+/// The control has the program: what it keeps begins behind the first block.
+fn until_panel_has(panel: &Machine<Control>, program: &[u8]) {
+    let kept = program.strip_prefix(b"%\n").and_then(|rest| rest.strip_suffix(b"\n")).unwrap();
+    wait_for("the program", || {
+        let report = panel.tell(|_, control| control.report());
+        assert_eq!(
+            (report.before_dc1, &*report.alarms),
+            (0, &[][..]),
+            "not sent as it asked for it"
+        );
+        match report.received {
+            Received::Bytes(bytes) => bytes == kept,
+            other => panic!("{other:?}"),
+        }
+    });
+}
+
+fn requests(gateway: &Gateway) -> Vec<String> {
+    let filter = JournalFilter { kind: Some(JournalKind::Request), ..JournalFilter::default() };
+    gateway.journal(&filter).unwrap().into_iter().map(|entry| entry.text).collect()
+}
+
+#[test]
+fn the_panel_gets_the_program_that_it_asks_for() {
+    let panel = Machine::fanuc();
+    let shop = Shop::of_machine(&panel, LINES);
+    let gateway = shop.gateway();
+    let program = shop.program_in("b", "O1234", 2_000);
+    press(&panel, Press::Request("O1234".to_owned()));
+    until_panel_has(&panel, &program);
+    let jobs = || gateway.jobs(&JobFilter::default()).unwrap();
+    wait_for("the job", || jobs().iter().any(|job| job.state == JobState::Done));
+    assert_eq!(jobs()[0].program.as_deref(), Some("b/O1234"));
+    assert!(requests(gateway)[0].contains("name=O1234"), "{:?}", requests(gateway));
+}
+
+#[test]
+fn no_name_from_the_panel_leads_out_of_its_folder() {
+    let panel = Machine::fanuc();
+    let shop = Shop::of_machine(&panel, LINES);
+    let gateway = shop.gateway();
+    let program = shop.program_in("b", "O1234", 2_000);
+    // Outside of the programs, beside the search path, hidden, and behind a link.
+    let text = "%\nO6666\nM30\n%\n";
+    for file in ["SECRET", "programs/O7", "programs/b/.HIDDEN"] {
+        fs::write(shop.path(file), text).unwrap();
+    }
+    symlink(shop.path("SECRET"), shop.path("programs/b/LINK")).unwrap();
+    let names =
+        ["../../SECRET", "../O7", "/ETC/PASSWD", "B/../../../SECRET", "LINK", ".HIDDEN", "..", "*"];
+    for (count, name) in (1..).zip(names) {
+        press(&panel, Press::Request(name.to_owned()));
+        wait_for("the refusal", || requests(gateway).len() == count);
+        assert!(requests(gateway)[0].contains("; refused: "), "{name}: {:?}", requests(gateway));
+        press(&panel, Press::Reset);
+        wait_for("the control's rest", || panel.tell(|_, control| control.is_idle()));
+    }
+    // What asks is a program of the control's own, and kept like one; nothing was sent.
+    let jobs = gateway.jobs(&JobFilter::default()).unwrap();
+    assert!(jobs.iter().all(|job| job.origin == JobOrigin::Machine), "{jobs:?}");
+    press(&panel, Press::Request("O1234".to_owned()));
+    wait_for("the last request", || requests(gateway).len() == names.len() + 1);
+    assert!(!requests(gateway)[0].contains("refused"), "{:?}", requests(gateway));
+    until_panel_has(&panel, &program);
+}

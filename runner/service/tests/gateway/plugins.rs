@@ -1,0 +1,8 @@
+//! A small plug-in that counts what it receives, saves the count, and may trap.
+
+/// `fragile` of this version; it traps when it receives the letter, with last words.
+pub(crate) fn fragile(version: &str, traps_at: Option<char>) -> Vec<u8> {
+    let letter = traps_at.map_or(0, u32::from);
+    let text = include_str!("fragile.wat").replace("VERSION", version);
+    wat::parse_str(text.replace("LETTER", &letter.to_string())).unwrap()
+}

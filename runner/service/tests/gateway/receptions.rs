@@ -1,0 +1,56 @@
+//! What a machine sends: kept in versions, compared with what it was sent, never overwritten.
+
+use std::io::Read;
+
+use softplug_service::view::{JobFilter, JobState, ReceptionView};
+
+use crate::send;
+use crate::shop::{Shop, wait_for};
+
+#[test]
+fn what_a_machine_sends_is_kept_in_versions_compared_and_never_overwritten() {
+    let lines = "plugin = \"xon-xoff\"\nline = \"921600 8N1\"\n\
+                 settings = { preset = \"tape\", quiet-time = 300, end-quiet = 50 }\n";
+    let shop = Shop::with(1, lines);
+    let (gateway, link) = (shop.gateway(), Shop::name(0));
+    let program = shop.program("O77.nc", 2_000);
+    let job = gateway.submit(&link, &send("O77.nc")).unwrap();
+    assert_eq!(shop.read(0, program.len()), program);
+    wait_for("the job's end", || gateway.job(job.id).unwrap().state == JobState::Done);
+
+    let mut changed = program.clone();
+    changed[1_000] ^= 1;
+    let broken_off = &program[..500];
+    let all = || gateway.receptions(&link).unwrap();
+    for (count, bytes) in (1..).zip([&program[..], &changed, broken_off, broken_off]) {
+        shop.write(0, bytes);
+        wait_for("the reception", || all().len() == count);
+        let filter = JobFilter { link: Some(link.clone()), ..JobFilter::default() };
+        wait_for("its end", || gateway.jobs(&filter).unwrap()[0].ended_ms.is_some());
+    }
+    let of = |file: &str| -> (ReceptionView, Vec<u8>) {
+        let mut bytes = Vec::new();
+        let mut download = gateway.download_reception(&link, file).unwrap();
+        download.file.read_to_end(&mut bytes).unwrap();
+        let view = all().into_iter().find(|reception| reception.file == file);
+        (view.unwrap_or_else(|| panic!("{file}: {:?}", all())), bytes)
+    };
+    let (same, bytes) = of("O77");
+    assert_eq!(bytes, program);
+    let compared = same.compared.unwrap();
+    assert_eq!((compared.job, compared.is_same, compared.differs_at), (Some(job.id), true, None));
+    let (other, bytes) = of("O77-2");
+    assert_eq!(bytes, changed);
+    let compared = other.compared.unwrap();
+    assert_eq!((compared.is_same, compared.differs_at), (false, Some(1_000)));
+    assert!(same.failure.is_none() && other.failure.is_none());
+    let failed: Vec<_> =
+        all().into_iter().filter(|reception| reception.failure.is_some()).collect();
+    assert_eq!(failed.len(), 2, "{failed:?}");
+    for reception in failed {
+        assert!(reception.file.ends_with(".failed"), "{reception:?}");
+        assert_eq!(of(&reception.file).1, broken_off);
+        let job = gateway.job(reception.job.unwrap()).unwrap();
+        assert_eq!(job.state, JobState::Failed);
+    }
+}
