@@ -6,7 +6,7 @@ use softplug_abi::Micros;
 /// A clock over CLOCK_MONOTONIC.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Clock {
-    origin_nanos: i128,
+    origin_nanos: i64,
 }
 
 impl Clock {
@@ -17,19 +17,19 @@ impl Clock {
 
     /// Time since the start.
     pub fn now(&self) -> Micros {
-        Micros(((monotonic_nanos() - self.origin_nanos) / 1_000) as i64)
+        Micros((monotonic_nanos() - self.origin_nanos) / 1_000)
     }
 
     /// An instant of this clock as CLOCK_MONOTONIC has it; never 0 or less,
     /// which a timerfd would take for "no deadline".
     pub(crate) fn timespec(&self, at: Micros) -> Timespec {
-        let nanos = (self.origin_nanos + i128::from(at.0) * 1_000).max(1);
-        let seconds = i64::try_from(nanos / 1_000_000_000).unwrap_or(i64::MAX);
-        Timespec { tv_sec: seconds, tv_nsec: (nanos % 1_000_000_000) as _ }
+        let nanos = at.0.saturating_mul(1_000).saturating_add(self.origin_nanos).max(1);
+        Timespec { tv_sec: nanos / 1_000_000_000, tv_nsec: nanos % 1_000_000_000 }
     }
 }
 
-fn monotonic_nanos() -> i128 {
+/// Since the system began: enough for 292 years.
+fn monotonic_nanos() -> i64 {
     let now = clock_gettime(ClockId::Monotonic);
-    i128::from(now.tv_sec) * 1_000_000_000 + i128::from(now.tv_nsec)
+    now.tv_sec * 1_000_000_000 + now.tv_nsec
 }

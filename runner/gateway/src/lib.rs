@@ -13,7 +13,8 @@
 //!   or all that comes and is asked for.
 //! - [`tap`]: between two ports, passing everything on and telling what passed.
 //! - [`store`]: folders for what comes and for what machines may ask for.
-//! - [`timer`] and [`poll`]: waiting for a port, a deadline and a wake-up.
+//! - [`timer`] and [`poll`]: waiting for a port, a deadline and a wake-up; [`due`]:
+//!   when somebody is to be called.
 //! - [`ports`] and [`doctor`]: which ports there are and what ails one.
 //! - [`guess`]: what was meant, where a name is not known.
 //! - [`suggest`]: baud and parity from what was heard.
@@ -21,6 +22,7 @@
 //! What needs Linux is compiled there only; settings, pacing and the pure
 //! decoders are everywhere.
 
+pub mod due;
 pub mod error;
 pub mod guess;
 pub mod pacer;
@@ -59,6 +61,7 @@ pub mod timer;
 #[cfg(target_os = "linux")]
 pub mod transfer;
 
+pub use due::Due;
 pub use error::{BadSpec, Blame, Holder, PortError};
 pub use pacer::Pacer;
 pub use port::{Flow, PortOptions, PortSpec};

@@ -15,6 +15,9 @@ use softplug_abi::{LineParameters, Micros};
 /// thousandths. A byte may leave so much earlier than by our clock.
 const CLOCK_TOLERANCE: i128 = 25;
 
+/// Waking up is not later than this, or rarely: for so long a line is kept busy.
+const LATENESS: Micros = Micros::from_millis(4);
+
 /// Characters in flight by default: few where a character is long, more where
 /// waking up takes longer than a character.
 pub const fn default_depth(baud: u32) -> u32 {
@@ -125,18 +128,34 @@ impl Pacer {
         u64::from(self.depth).saturating_sub(self.in_flight(now)) as usize
     }
 
-    /// When to write next if `wanted` bytes wait: as soon as half the depth is
-    /// free, or room for all of them. The other half keeps the line busy
-    /// until then, so waking up late by that much costs nothing. Not before
-    /// `now`.
+    /// When to write next if `wanted` bytes wait: as soon as the part of the depth
+    /// is free that is not needed to keep the line busy if waking up is late, or
+    /// room for all of them. That part is half, or more where characters are so long
+    /// that fewer last for 4 ms. Not before `now`.
     pub fn next(&self, now: Micros, wanted: usize) -> Micros {
         if self.line.baud == 0 {
             return now;
         }
-        let quantum = (self.depth / 2).max(1).min(wanted.max(1).min(u32::MAX as usize) as u32);
-        let stays = i128::from(self.depth - quantum) * self.character();
+        let stays = i128::from(self.depth - self.quantum(wanted)) * self.character();
         let due = ceil_div(self.free - stays, self.ticks_per_micro());
         now.max(Micros(due.clamp(i128::from(i64::MIN), i128::from(i64::MAX)) as i64))
+    }
+
+    /// How much later than [`next`](Self::next) costs nothing: half the time for
+    /// which the line is busy then. The other half is for waking up late.
+    pub fn patience(&self, wanted: usize) -> Micros {
+        if self.line.baud == 0 {
+            return Micros::ZERO;
+        }
+        let stays = i128::from(self.depth - self.quantum(wanted)) * self.character();
+        Micros((stays / self.ticks_per_micro() / 2) as i64)
+    }
+
+    /// Bytes for which there is to be room before some are written.
+    fn quantum(&self, wanted: usize) -> u32 {
+        let lateness = ceil_div(self.ticks(LATENESS), self.character());
+        let stays = u32::try_from(lateness).unwrap_or(u32::MAX).min(self.depth / 2);
+        (self.depth - stays).min(wanted.max(1).min(u32::MAX as usize) as u32)
     }
 
     /// The port took `count` bytes at `now`.
@@ -275,6 +294,14 @@ mod tests {
     }
 
     #[test]
+    fn no_more_stays_in_the_line_than_lateness_needs() {
+        let quantum = |baud, depth| Pacer::new(LineParameters::new(baud), depth).quantum(100);
+        let quanta =
+            [(300, 16), (9_600, 1), (9_600, 16), (19_200, 16), (115_200, 4), (921_600, 32)];
+        assert_eq!(quanta.map(|(baud, depth)| quantum(baud, depth)), [15, 1, 12, 8, 2, 16]);
+    }
+
+    #[test]
     fn an_unknown_rate_is_not_paced() {
         let mut pacer = Pacer::new(LineParameters::new(0), 4);
         let run = pacer.took(Micros(5), 1_000);
@@ -343,10 +370,14 @@ mod tests {
             let mut pacer = Pacer::new(LineParameters::new(baud), depth);
             pacer.took(Micros(7), pacer.available(Micros(7)));
             let next = pacer.next(Micros(7), wanted);
-            let room = wanted.min((depth as usize / 2).max(1));
+            let room = pacer.quantum(wanted) as usize;
+            prop_assert!(room <= wanted);
             prop_assert!(next > Micros(7));
             prop_assert!(pacer.available(next) >= room);
             prop_assert!(pacer.available(next - Micros(1)) < room);
+            // Whoever is as late as that finds the line still busy.
+            let late = next + pacer.patience(wanted);
+            prop_assert!(late == next || pacer.in_flight(late) > 0);
         }
     }
 }

@@ -305,6 +305,12 @@ impl<I: Instance> Link<I> {
         self.core.queue.awaits_departures()
     }
 
+    /// Whether, after [`take`](Self::take), [`run`](Self::run) may have something to
+    /// tell of it.
+    pub fn has_reports(&self) -> bool {
+        self.core.queue.has_reports()
+    }
+
     /// Whether the plug-in has ended by a fault.
     pub fn has_ended(&self) -> bool {
         self.has_ended

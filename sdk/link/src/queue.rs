@@ -206,12 +206,20 @@ impl Queue {
         self.discarded.push_front(bytes);
     }
 
+    /// Whether something is to be reported of what was given to the port.
+    pub(crate) fn has_reports(&self) -> bool {
+        self.room_is_due() || self.awaits_departures()
+    }
+
+    fn room_is_due(&self) -> bool {
+        self.unreported >= self.capacity.div_ceil(4)
+            || (self.bytes.is_empty() && self.unreported > 0)
+    }
+
     /// Growth of room to report: a quarter of the capacity, or all that there
     /// is once the queue has run empty.
     pub(crate) fn next_room(&mut self) -> Option<u32> {
-        let due = self.unreported >= self.capacity.div_ceil(4)
-            || (self.bytes.is_empty() && self.unreported > 0);
-        if !due {
+        if !self.room_is_due() {
             return None;
         }
         let grown = std::mem::take(&mut self.unreported);

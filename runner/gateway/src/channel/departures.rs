@@ -6,8 +6,9 @@ use softplug_abi::Micros;
 
 use crate::pacer::Run;
 
-/// Runs after which those that have left are looked for.
-const RUNS: usize = 64;
+/// Runs after which those that have left are looked for: there are as many on
+/// each link, so they are not many.
+const RUNS: usize = 8;
 
 /// Runs of bytes that the port took and that have not all left for certain.
 #[derive(Debug)]

@@ -17,6 +17,7 @@ use tap::Tap;
 use thiserror::Error;
 
 use crate::clock::Clock;
+use crate::due::Due;
 use crate::error::PortError;
 use crate::pacer::{Pacer, default_depth};
 use crate::port::scratch::READ_BYTES;
@@ -34,6 +35,9 @@ const CHUNK: usize = 64;
 const LOOK_AGAIN: Micros = Micros::from_millis(1);
 /// The same where somebody else's buffer lies between, which may be held for hours.
 const LOOK_AGAIN_FAR: Micros = Micros::from_millis(20);
+/// How much later a line that is still busy may be given more, so that many are
+/// given theirs together.
+const GATHER: Micros = Micros::from_millis(1);
 /// How often modem lines are looked at.
 const MODEM_LINES_EVERY: Micros = Micros::from_millis(20);
 
@@ -108,8 +112,8 @@ pub struct Wants {
     pub read: bool,
     /// Room to write: the port was full.
     pub write: bool,
-    /// This time, on the clock that [`Channel::work`] is given.
-    pub deadline: Option<Micros>,
+    /// A time, on the clock that [`Channel::work`] is given.
+    pub deadline: Option<Due>,
 }
 
 /// One port with a plug-in on it. The port may be lost and come back.
@@ -246,12 +250,12 @@ impl<I: Instance> Channel<I> {
         let until = now + TURN;
         self.attend_port(now, outside)?;
         for _ in 0..ROUNDS {
-            let has_read = self.read(now, outside)?;
+            self.read(now, outside)?;
             self.look_at_modem_lines(now, outside)?;
             self.note_departures(now);
             self.ask(now, outside, |link, now, outside| link.run(now, outside))??;
             let has_sent = self.gone.is_none() && self.send_some(now, outside)?;
-            if !has_read && !has_sent && !self.may_read() {
+            if !self.may_read() && !(has_sent && self.may_go_on(now)) {
                 return Ok(Work::Done);
             }
             now = clock.now();
@@ -265,25 +269,32 @@ impl<I: Instance> Channel<I> {
     /// What to wait for, after [`Work::Done`].
     pub fn wants(&self, now: Micros) -> Wants {
         if self.gone.is_some() || self.link.has_ended() {
-            return Wants { deadline: self.link.next_timer(), ..Wants::default() };
+            let deadline = self.link.next_timer().map(Due::exactly);
+            return Wants { deadline, ..Wants::default() };
         }
         let is_stuck = self.is_stuck(now);
         let port = self.port.as_ref();
         let is_suspended = port.is_some_and(Port::is_suspended);
         let has_output = port.is_some_and(Port::has_output);
-        let waiting = self.link.waiting().max(1);
-        let deadline = [
+        let exactly = [
             self.link.next_timer(),
-            self.wants_to_send(is_stuck).then(|| self.pacer.next(now, waiting)),
             self.next_departure(now),
             self.break_until,
             self.break_next.is_some().then_some(now + LOOK_AGAIN),
             self.looks_for_modem_lines().then_some(self.modem_lines_at),
             port.and_then(Port::attention),
         ];
-        let deadline = deadline.into_iter().flatten().min();
+        let exactly = exactly.into_iter().flatten().min().map(Due::exactly);
+        let send = self.wants_to_send(is_stuck).then(|| self.next_write(now));
+        let deadline = Due::first([exactly, send]);
         let write = (is_stuck && !is_suspended) || has_output;
         Wants { read: self.readable_bytes() > 0, write, deadline }
+    }
+
+    fn next_write(&self, now: Micros) -> Due {
+        let waiting = self.link.waiting();
+        let at = self.pacer.next(now, waiting);
+        Due { at, by: at + self.pacer.patience(waiting).min(GATHER) }
     }
 
     /// A port that still holds what should have left by now is looked at again.
@@ -395,17 +406,17 @@ impl<I: Instance> Channel<I> {
         Ok(())
     }
 
-    /// Reads once; whether something came.
+    /// Reads once.
     fn read(
         &mut self,
         now: Micros,
         outside: &mut dyn Surroundings,
-    ) -> Result<bool, ChannelError<I::Fault>> {
+    ) -> Result<(), ChannelError<I::Fault>> {
         if self.gone.is_some() || !self.readable {
-            return Ok(false);
+            return Ok(());
         }
         let most = self.readable_bytes();
-        let Some(port) = self.port.as_mut().filter(|_| most > 0) else { return Ok(false) };
+        let Some(port) = self.port.as_mut().filter(|_| most > 0) else { return Ok(()) };
         let mut tap = Tap::new(outside, &mut self.counters, &self.pacer);
         let (link, mut fault) = (&mut self.link, None);
         let outcome = port.read(most, &mut |input| {
@@ -432,14 +443,19 @@ impl<I: Instance> Channel<I> {
                 // comes later is told anew.
                 let is_terminal = matches!(self.port, Some(Port::Tty(_) | Port::Pty(_)));
                 self.readable = !is_terminal || count >= most.min(READ_BYTES);
-                Ok(true)
+                Ok(())
             }
             ReadOutcome::Empty => {
                 self.readable = false;
-                Ok(false)
+                Ok(())
             }
-            ReadOutcome::Gone(reason) => self.lose(now, reason, outside).map(|()| false),
+            ReadOutcome::Gone(reason) => self.lose(now, reason, outside),
         }
+    }
+
+    /// Whether there is more to do for what has just been sent.
+    fn may_go_on(&self, now: Micros) -> bool {
+        self.link.has_reports() || self.break_next.is_some() || self.may_send(now)
     }
 
     /// Whether there is something to read and room for it, which may have come

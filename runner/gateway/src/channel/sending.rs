@@ -52,6 +52,12 @@ impl<I: Instance> Channel<I> {
         Ok(written > 0)
     }
 
+    /// Whether something waits and the line has room for it.
+    pub(super) fn may_send(&self, now: Micros) -> bool {
+        (self.pending_from < self.pending_to || self.link.has_to_send())
+            && self.pacer.available(now) > 0
+    }
+
     /// Whether the line has room for what waits and the port did not take it.
     pub(super) fn is_stuck(&self, now: Micros) -> bool {
         self.pending_from < self.pending_to && self.pacer.available(now) > 0

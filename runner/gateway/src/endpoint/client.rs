@@ -6,12 +6,13 @@ use std::io;
 use std::net::{SocketAddr, TcpStream};
 use std::os::fd::{AsRawFd, RawFd};
 
+use mio::event::Event;
 use softplug_abi::LineParameters;
 
 use super::telnet::Telnet;
 use super::{EndpointKind, EndpointSetup};
 use crate::error::PortError;
-use crate::port::scratch::with_scratch;
+use crate::port::scratch::{READ_BYTES, with_scratch};
 use crate::port::stream::{Received, Stream};
 use crate::reactor::{EndpointWish, LineNews};
 
@@ -47,6 +48,8 @@ pub(super) struct Client {
     writable: bool,
     /// Taking in waits for room for the answers.
     is_blocked: bool,
+    /// The end of what the client sends is known to be there, or near.
+    is_ending: bool,
     /// The client sends no more.
     has_said_all: bool,
     /// The connection is lost, without an end of what it sent.
@@ -77,6 +80,7 @@ impl Client {
             readable: true,
             writable: true,
             is_blocked: false,
+            is_ending: false,
             has_said_all: false,
             is_lost: false,
             has_heard: false,
@@ -92,10 +96,11 @@ impl Client {
     }
 
     /// The connection has become ready.
-    pub(super) fn ready(&mut self, readable: bool, writable: bool, failed: bool) {
-        self.readable |= readable;
-        self.writable |= writable;
-        self.is_lost |= failed;
+    pub(super) fn ready(&mut self, event: &Event) {
+        self.readable |= event.is_readable();
+        self.writable |= event.is_writable();
+        self.is_ending |= event.is_read_closed();
+        self.is_lost |= event.is_error();
     }
 
     /// Takes a little in if nothing is there, so that a job can be begun for it,
@@ -271,7 +276,7 @@ impl Client {
             return self.nothing();
         }
         let received = self.stream.receive(buffer);
-        match self.received(&received) {
+        match self.received(&received, buffer.len()) {
             0 => self.nothing(),
             count => Taken::Bytes(count),
         }
@@ -280,15 +285,15 @@ impl Client {
     fn take_decoded(&mut self, buffer: &mut [u8]) -> Taken {
         while self.has_more_to_read() {
             if self.input.is_empty() {
+                let most = buffer.len().min(READ_BYTES);
                 let received = with_scratch(|scratch| {
-                    let most = buffer.len().min(scratch.len());
                     let received = self.stream.receive(&mut scratch[..most]);
                     if let Ok(Received::Bytes(count)) = received {
                         self.input.extend_from_slice(&scratch[..count]);
                     }
                     received
                 });
-                if self.received(&received) == 0 {
+                if self.received(&received, most) == 0 {
                     break;
                 }
             }
@@ -311,9 +316,14 @@ impl Client {
     }
 
     /// What that means; how many bytes it brought.
-    fn received(&mut self, received: &Result<Received, PortError>) -> usize {
+    fn received(&mut self, received: &Result<Received, PortError>, asked: usize) -> usize {
         match received {
-            Ok(Received::Bytes(count)) => return *count,
+            Ok(Received::Bytes(count)) => {
+                // A connection that gives less than was asked for has no more: what
+                // comes later is told anew. The end may have been told already.
+                self.readable = *count == asked || self.is_ending;
+                return *count;
+            }
             Ok(Received::Nothing) => self.readable = false,
             Ok(Received::End) => self.has_said_all = true,
             Ok(Received::Lost(_)) | Err(_) => self.is_lost = true,

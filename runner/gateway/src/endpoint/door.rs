@@ -67,10 +67,16 @@ impl Door {
         Ok(())
     }
 
-    pub(super) fn detach(&mut self, registry: &Registry) {
-        if let Some(listener) = self.listener.take() {
+    /// Is no longer told of who comes, until it is attached again.
+    pub(super) fn leave(&mut self, registry: &Registry) {
+        if let Some(listener) = &self.listener {
             let _ = registry.deregister(&mut SourceFd(&listener.as_raw_fd()));
         }
+    }
+
+    pub(super) fn detach(&mut self, registry: &Registry) {
+        self.leave(registry);
+        self.listener = None;
         self.listen_again = None;
     }
 

@@ -122,9 +122,7 @@ impl ServerEndpoint {
         let Ok(mut client) = Client::new(stream, address, &self.setup, line) else {
             return;
         };
-        let token = Token(self.tokens.start + 1);
-        let interest = Interest::READABLE | Interest::WRITABLE;
-        if registry.register(&mut SourceFd(&client.fd()), token, interest).is_err() {
+        if self.register(registry, &client).is_err() {
             return;
         }
         if let Some(line) = &self.line {
@@ -136,6 +134,12 @@ impl ServerEndpoint {
         self.gap_at = None;
         self.look_at = Some(self.now + LOOK_EVERY);
         self.news.push_back(EndpointNews::Connected(address));
+    }
+
+    fn register(&self, registry: &Registry, client: &Client) -> io::Result<()> {
+        let token = Token(self.tokens.start + 1);
+        let both = Interest::READABLE | Interest::WRITABLE;
+        registry.register(&mut SourceFd(&client.fd()), token, both)
     }
 
     fn hang_up(&mut self, registry: &Registry) {
@@ -219,7 +223,17 @@ impl ServerEndpoint {
 impl Endpoint for ServerEndpoint {
     fn attach(&mut self, registry: &Registry, tokens: Range<usize>) -> io::Result<()> {
         self.tokens = tokens;
+        if let Some(client) = &self.client {
+            self.register(registry, client)?;
+        }
         self.door.attach(registry, Token(self.tokens.start), self.now)
+    }
+
+    fn leave(&mut self, registry: &Registry) {
+        if let Some(client) = &self.client {
+            let _ = registry.deregister(&mut SourceFd(&client.fd()));
+        }
+        self.door.leave(registry);
     }
 
     fn ready(&mut self, _registry: &Registry, event: &Event, now: Micros) {
@@ -227,7 +241,7 @@ impl Endpoint for ServerEndpoint {
         if event.token().0 == self.tokens.start {
             self.door.ready();
         } else if let Some(client) = &mut self.client {
-            client.ready(event.is_readable(), event.is_writable(), event.is_error());
+            client.ready(event);
         }
     }
 

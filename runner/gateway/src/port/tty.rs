@@ -202,6 +202,9 @@ impl TtyPort {
     /// Bytes in the kernel that the UART or adapter does not have yet; 0 on a
     /// pty, which does not tell.
     pub fn unsent(&self) -> usize {
+        if self.pty {
+            return 0;
+        }
         ioctl::output_queue(&self.fd).unwrap_or(0)
     }
 

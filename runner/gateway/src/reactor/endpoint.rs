@@ -40,6 +40,10 @@ pub trait Endpoint: Debug + Send {
     /// listener, the others as it likes.
     fn attach(&mut self, registry: &Registry, tokens: Range<usize>) -> io::Result<()>;
 
+    /// Takes back what it has registered and keeps it: it is attached again, on
+    /// another thread.
+    fn leave(&mut self, registry: &Registry);
+
     /// Something came for one of the tokens.
     fn ready(&mut self, registry: &Registry, event: &Event, now: Micros);
 

@@ -3,7 +3,9 @@
 //!
 //! Each link is a *lane*: a port, a plug-in and what belongs to them. Each
 //! thread drives up to some 256 lanes with one poll, one timer and one heap of
-//! deadlines, and gives each that has something to do a bounded turn.
+//! deadlines, and gives each that has something to do a bounded turn. A lane whose
+//! plug-in fails or computes for long is given to a thread for such lanes and stays
+//! there: its neighbours do not wait for it a second time.
 //!
 //! [`Reactor::add`] makes a lane, [`Reactor::tell`] gives it commands, and what
 //! comes of them is told through the channel of reports. Job data comes, and
@@ -60,6 +62,11 @@ impl Default for ReactorOptions {
     }
 }
 
+/// A plug-in that a lane can drive: it and its faults may go to another thread.
+pub trait LaneInstance: Instance<Fault: Send> + Send + 'static {}
+
+impl<I: Instance<Fault: Send> + Send + 'static> LaneInstance for I {}
+
 /// Drives lanes. Dropping it ends them all at once.
 pub struct Reactor<I: Instance> {
     options: ReactorOptions,
@@ -68,18 +75,20 @@ pub struct Reactor<I: Instance> {
     state: Mutex<State<I>>,
 }
 
-struct State<I> {
+struct State<I: Instance> {
+    /// For lanes that hold others up.
+    aside: Running<I>,
     threads: Vec<Running<I>>,
     lanes: HashMap<LaneId, (usize, Arc<LaneStatus>)>,
 }
 
-struct Running<I> {
+struct Running<I: Instance> {
     reach: Reach<I>,
     thread: Option<JoinHandle<()>>,
     lanes: usize,
 }
 
-impl<I: Instance + Send + 'static> Reactor<I> {
+impl<I: LaneInstance> Reactor<I> {
     /// A reactor without lanes. What happens is told to `reports`, on the threads
     /// that drive lanes: it must only pass it on.
     pub fn start(
@@ -88,10 +97,12 @@ impl<I: Instance + Send + 'static> Reactor<I> {
     ) -> Result<Self, PortError> {
         let reports: Reports = Arc::new(reports);
         let opener = Opener::start()?;
-        let count = options.threads.unwrap_or(1).max(1);
-        let threads =
-            (0..count).map(|at| begin(at, &opener, &reports)).collect::<Result<_, _>>()?;
-        let state = Mutex::new(State { threads, lanes: HashMap::new() });
+        let aside = begin("softplug-aside".to_owned(), &opener, &reports, None)?;
+        let mut state = State { aside, threads: Vec::new(), lanes: HashMap::new() };
+        for _ in 0..options.threads.unwrap_or(1).max(1) {
+            state.begin_thread(&opener, &reports)?;
+        }
+        let state = Mutex::new(state);
         Ok(Self { options, reports, opener, state })
     }
 
@@ -143,16 +154,22 @@ impl<I: Instance + Send + 'static> Reactor<I> {
         if self.options.threads.is_some() || lanes < self.options.links_per_thread.max(1) {
             return at;
         }
-        match begin(state.threads.len(), &self.opener, &self.reports) {
-            Ok(thread) => {
-                state.threads.push(thread);
-                state.threads.len() - 1
-            }
+        match state.begin_thread(&self.opener, &self.reports) {
+            Ok(()) => state.threads.len() - 1,
             Err(error) => {
                 tracing::warn!(%error, "no further thread for links; the others take more");
                 at
             }
         }
+    }
+}
+
+impl<I: LaneInstance> State<I> {
+    fn begin_thread(&mut self, opener: &Opener, reports: &Reports) -> Result<(), PortError> {
+        let name = format!("softplug-io-{}", self.threads.len());
+        let aside = self.aside.reach.clone();
+        self.threads.push(begin(name, opener, reports, Some(aside))?);
+        Ok(())
     }
 }
 
@@ -162,15 +179,16 @@ impl<I: Instance> Reactor<I> {
     }
 }
 
-fn begin<I: Instance + Send + 'static>(
-    at: usize,
+fn begin<I: LaneInstance>(
+    name: String,
     opener: &Opener,
     reports: &Reports,
+    aside: Option<Reach<I>>,
 ) -> Result<Running<I>, PortError> {
     let (opener, reports) = (opener.clone(), Arc::clone(reports));
     let (made, wait) = std::sync::mpsc::sync_channel(1);
     // Made where it runs: plug-ins' faults need not be sent anywhere.
-    let drive = move || match Driver::new(opener, reports) {
+    let drive = move || match Driver::new(opener, reports, aside) {
         Ok((driver, reach)) => {
             let _ = made.send(Ok(reach));
             driver.run();
@@ -180,11 +198,8 @@ fn begin<I: Instance + Send + 'static>(
         }
     };
     let failed = |error| PortError::io("start a thread", error);
-    let thread = std::thread::Builder::new()
-        .name(format!("softplug-io-{at}"))
-        .stack_size(STACK)
-        .spawn(drive)
-        .map_err(failed)?;
+    let thread =
+        std::thread::Builder::new().name(name).stack_size(STACK).spawn(drive).map_err(failed)?;
     let reach = wait.recv().map_err(|_| failed(std::io::ErrorKind::Other.into()))??;
     Ok(Running { reach, thread: Some(thread), lanes: 0 })
 }
@@ -192,13 +207,19 @@ fn begin<I: Instance + Send + 'static>(
 impl<I: Instance> Drop for Reactor<I> {
     fn drop(&mut self) {
         let mut state = self.state();
-        for running in &state.threads {
-            running.reach.give(Order::Stop);
-        }
-        for running in &mut state.threads {
-            if let Some(thread) = running.thread.take() {
-                let _ = thread.join();
-            }
+        end(&mut state.threads);
+        // Only now: till then lanes may still be given to it.
+        end(std::slice::from_mut(&mut state.aside));
+    }
+}
+
+fn end<I: Instance>(threads: &mut [Running<I>]) {
+    for running in &*threads {
+        running.reach.give(Order::Stop);
+    }
+    for running in threads {
+        if let Some(thread) = running.thread.take() {
+            let _ = thread.join();
         }
     }
 }

@@ -4,20 +4,20 @@
 use mio::unix::SourceFd;
 use mio::{Events, Interest, Poll, Registry, Token};
 use softplug_abi::Instance;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::os::fd::{AsFd, AsRawFd};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError};
 use std::task::Wake;
 
-use super::Reports;
 use super::deadlines::Deadlines;
 use super::floor::Floor;
 use super::lane::{Lane, TOKENS, Turn};
 use super::opener::Opener;
 use super::setup::{Command, LaneId, LaneSetup};
 use super::status::LaneStatus;
+use super::{LaneInstance, Reports};
 use crate::clock::Clock;
 use crate::error::PortError;
 use crate::port::{Port, PortOptions, PortSpec};
@@ -29,29 +29,42 @@ const WAKER: Token = Token(usize::MAX - 2);
 const EVENTS: usize = 256;
 
 /// What a thread is told.
-pub(super) enum Order<I> {
+pub(super) enum Order<I: Instance> {
     Add(LaneId, Box<LaneSetup<I>>, Arc<LaneStatus>),
     Tell(LaneId, Command<I>),
     Remove(LaneId),
     Opened(LaneId, Result<Port, PortError>),
     /// There is something to do for this lane.
     Poke(Arc<Poke<I>>),
+    /// A lane of another thread is driven here from now on.
+    Take(Box<Lane<I>>),
     Stop,
 }
 
+impl<I: Instance> Order<I> {
+    /// The lane for which this is, wherever it is driven.
+    fn lane(&self) -> Option<LaneId> {
+        match self {
+            Self::Tell(id, _) | Self::Remove(id) | Self::Opened(id, _) => Some(*id),
+            Self::Poke(poke) => Some(poke.id),
+            Self::Add(..) | Self::Take(_) | Self::Stop => None,
+        }
+    }
+}
+
 /// How to reach a thread.
-pub(super) struct Reach<I> {
+pub(super) struct Reach<I: Instance> {
     orders: Sender<Order<I>>,
     waker: Arc<mio::Waker>,
 }
 
-impl<I> Clone for Reach<I> {
+impl<I: Instance> Clone for Reach<I> {
     fn clone(&self) -> Self {
         Self { orders: self.orders.clone(), waker: Arc::clone(&self.waker) }
     }
 }
 
-impl<I> Reach<I> {
+impl<I: Instance> Reach<I> {
     pub(super) fn give(&self, order: Order<I>) {
         if self.orders.send(order).is_ok() {
             let _ = self.waker.wake();
@@ -60,14 +73,14 @@ impl<I> Reach<I> {
 }
 
 /// Wakes a lane from another thread.
-pub(super) struct Poke<I> {
+pub(super) struct Poke<I: Instance> {
     id: LaneId,
     reach: Reach<I>,
     /// Given and not taken yet: once is enough.
     is_given: AtomicBool,
 }
 
-impl<I: Send + 'static> Wake for Poke<I> {
+impl<I: LaneInstance> Wake for Poke<I> {
     fn wake(self: Arc<Self>) {
         if !self.is_given.swap(true, Ordering::AcqRel) {
             self.reach.give(Order::Poke(Arc::clone(&self)));
@@ -76,14 +89,14 @@ impl<I: Send + 'static> Wake for Poke<I> {
 }
 
 /// What lanes need of the thread that drives them.
-pub(super) struct Thread<I> {
+pub(super) struct Thread<I: Instance> {
     pub(super) registry: Registry,
     pub(super) opener: Opener,
     pub(super) reach: Reach<I>,
     pub(super) clock: Clock,
 }
 
-impl<I: Send + 'static> Thread<I> {
+impl<I: LaneInstance> Thread<I> {
     /// Has a lane's port opened, and sent to this thread.
     pub(super) fn open(&self, id: LaneId, spec: &PortSpec, options: &PortOptions) {
         let reach = self.reach.clone();
@@ -101,6 +114,10 @@ pub(super) struct Driver<I: Instance> {
     lanes: Vec<Option<Box<Lane<I>>>>,
     free: Vec<usize>,
     slots: HashMap<LaneId, usize>,
+    /// The thread for lanes that hold others up; none on that thread itself.
+    aside: Option<Reach<I>>,
+    /// Lanes that were given to it: what is for them is passed on.
+    set_aside: HashSet<LaneId>,
     deadlines: Deadlines,
     /// Slots that have a turn to come, and whether each is among them.
     ready: Vec<usize>,
@@ -108,8 +125,14 @@ pub(super) struct Driver<I: Instance> {
     is_stopped: bool,
 }
 
-impl<I: Instance + Send + 'static> Driver<I> {
-    pub(super) fn new(opener: Opener, reports: Reports) -> Result<(Self, Reach<I>), PortError> {
+impl<I: LaneInstance> Driver<I> {
+    /// A thread's driver, and how to reach it. Lanes that hold others up are given
+    /// to `aside`.
+    pub(super) fn new(
+        opener: Opener,
+        reports: Reports,
+        aside: Option<Reach<I>>,
+    ) -> Result<(Self, Reach<I>), PortError> {
         let failed = |error| PortError::io("set up a thread for links", error);
         let poll = Poll::new().map_err(failed)?;
         let waker = Arc::new(mio::Waker::new(poll.registry(), WAKER).map_err(failed)?);
@@ -129,6 +152,8 @@ impl<I: Instance + Send + 'static> Driver<I> {
             lanes: Vec::new(),
             free: Vec::new(),
             slots: HashMap::new(),
+            aside,
+            set_aside: HashSet::new(),
             deadlines: Deadlines::default(),
             ready: Vec::new(),
             is_ready: Vec::new(),
@@ -200,31 +225,47 @@ impl<I: Instance + Send + 'static> Driver<I> {
     }
 
     fn take_orders(&mut self) {
-        loop {
+        while !self.is_stopped {
             match self.orders.try_recv() {
-                Ok(Order::Add(id, setup, status)) => self.add(id, *setup, status),
-                Ok(Order::Tell(id, command)) => {
-                    self.with(id, |lane, thread| lane.tell(thread, command));
-                }
-                Ok(Order::Opened(id, opened)) => self.take_opened(id, opened),
-                Ok(Order::Remove(id)) => {
-                    if let Some(slot) = self.slots.get(&id).copied() {
-                        self.end_lane(slot);
+                Ok(order) => {
+                    if let Some(order) = self.pass_on(order) {
+                        self.take_order(order);
                     }
                 }
-                Ok(Order::Poke(poke)) => {
-                    poke.is_given.store(false, Ordering::Release);
-                    if let Some(slot) = self.slots.get(&poke.id).copied() {
-                        mark(&mut self.ready, &mut self.is_ready, slot);
-                    }
-                }
-                Ok(Order::Stop) | Err(TryRecvError::Disconnected) => {
-                    self.is_stopped = true;
-                    return;
-                }
+                Err(TryRecvError::Disconnected) => self.is_stopped = true,
                 Err(TryRecvError::Empty) => return,
             }
         }
+    }
+
+    fn take_order(&mut self, order: Order<I>) {
+        match order {
+            Order::Add(id, setup, status) => self.add(id, *setup, status),
+            Order::Tell(id, command) => self.with(id, |lane, thread| lane.tell(thread, command)),
+            Order::Opened(id, opened) => self.take_opened(id, opened),
+            Order::Remove(id) => {
+                if let Some(slot) = self.slots.get(&id).copied() {
+                    self.end_lane(slot);
+                }
+            }
+            Order::Poke(poke) => {
+                poke.is_given.store(false, Ordering::Release);
+                self.with(poke.id, |_, _| {});
+            }
+            Order::Take(lane) => self.take_over(lane),
+            Order::Stop => self.is_stopped = true,
+        }
+    }
+
+    /// What is for a lane that was set aside goes after it; gives back all else.
+    fn pass_on(&mut self, order: Order<I>) -> Option<Order<I>> {
+        let id = order.lane().filter(|id| self.set_aside.contains(id));
+        let (Some(id), Some(aside)) = (id, &self.aside) else { return Some(order) };
+        if matches!(order, Order::Remove(_)) {
+            self.set_aside.remove(&id);
+        }
+        aside.give(order);
+        None
     }
 
     fn take_opened(&mut self, id: LaneId, opened: Result<Port, PortError>) {
@@ -236,18 +277,42 @@ impl<I: Instance + Send + 'static> Driver<I> {
     }
 
     fn add(&mut self, id: LaneId, setup: LaneSetup<I>, status: Arc<LaneStatus>) {
-        let slot = self.free.pop().unwrap_or_else(|| {
-            self.lanes.push(None);
-            self.is_ready.push(false);
-            self.lanes.len() - 1
-        });
+        let slot = self.free_slot();
         let poke = Poke { id, reach: self.thread.reach.clone(), is_given: AtomicBool::new(false) };
         let reports = Arc::clone(&self.reports);
         let floor = |room, endpoint| Floor::new(id, reports, Arc::new(poke).into(), room, endpoint);
         let lane = Lane::new(id, slot, setup, floor, status, &self.thread);
-        self.lanes[slot] = Some(Box::new(lane));
-        self.slots.insert(id, slot);
+        self.put(slot, Box::new(lane));
+    }
+
+    fn free_slot(&mut self) -> usize {
+        self.free.pop().unwrap_or_else(|| {
+            self.lanes.push(None);
+            self.is_ready.push(false);
+            self.lanes.len() - 1
+        })
+    }
+
+    fn put(&mut self, slot: usize, lane: Box<Lane<I>>) {
+        self.slots.insert(lane.id, slot);
+        self.lanes[slot] = Some(lane);
         mark(&mut self.ready, &mut self.is_ready, slot);
+    }
+
+    fn take_over(&mut self, mut lane: Box<Lane<I>>) {
+        let slot = self.free_slot();
+        lane.settle(slot, &self.thread);
+        self.put(slot, lane);
+    }
+
+    /// Gives a lane to the thread for those that hold others up.
+    fn give_away(&mut self, slot: usize) {
+        let Some(aside) = self.aside.clone() else { return };
+        let Some(mut lane) = self.lanes[slot].take() else { return };
+        lane.leave(&self.thread);
+        self.set_aside.insert(lane.id);
+        self.free_up(slot, lane.id);
+        aside.give(Order::Take(lane));
     }
 
     fn with(&mut self, id: LaneId, act: impl FnOnce(&mut Lane<I>, &Thread<I>)) {
@@ -267,13 +332,17 @@ impl<I: Instance + Send + 'static> Driver<I> {
 
     /// One turn for each that is ready now; who wants more is ready again.
     fn take_turns(&mut self) {
-        let mut removed = Vec::new();
+        let (mut removed, mut burdens) = (Vec::new(), Vec::new());
         let count = self.ready.len();
         for at in 0..count {
             let slot = self.ready[at];
             self.is_ready[slot] = false;
             let Some(lane) = &mut self.lanes[slot] else { continue };
-            match lane.turn(&self.thread) {
+            let turn = lane.turn(&self.thread);
+            if self.aside.is_some() && lane.is_a_burden() {
+                burdens.push(slot);
+            }
+            match turn {
                 Turn::More => mark(&mut self.ready, &mut self.is_ready, slot),
                 Turn::Until(deadline) => self.deadlines.set(slot, deadline),
                 Turn::Removed => removed.push(slot),
@@ -282,6 +351,9 @@ impl<I: Instance + Send + 'static> Driver<I> {
         self.ready.drain(..count);
         for slot in removed {
             self.forget(slot);
+        }
+        for slot in burdens {
+            self.give_away(slot);
         }
     }
 
@@ -294,10 +366,14 @@ impl<I: Instance + Send + 'static> Driver<I> {
 
     fn forget(&mut self, slot: usize) {
         if let Some(lane) = self.lanes[slot].take() {
-            self.slots.remove(&lane.id);
-            self.deadlines.clear(slot);
-            self.free.push(slot);
+            self.free_up(slot, lane.id);
         }
+    }
+
+    fn free_up(&mut self, slot: usize, id: LaneId) {
+        self.slots.remove(&id);
+        self.deadlines.clear(slot);
+        self.free.push(slot);
     }
 }
 

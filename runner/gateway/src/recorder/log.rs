@@ -98,6 +98,11 @@ impl Log {
     fn write(&mut self, event: &Event<'_>, now: Micros, size: usize) {
         let bytes = &mut self.newer.bytes;
         let start = bytes.len();
+        if bytes.capacity() < start + HEAD + size {
+            // As much as a generation usually takes: there are two on each link.
+            let usual = self.bound / 2 + self.bound / 8;
+            bytes.reserve_exact(usual.saturating_sub(start).max(HEAD + size));
+        }
         bytes.resize(start + HEAD + size, 0);
         if let Ok(length) = event.encode(&mut bytes[start + HEAD..]) {
             put_head(&mut bytes[start..], now, event.kind(), length);

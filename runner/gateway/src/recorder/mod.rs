@@ -21,12 +21,15 @@ use std::convert::Infallible;
 pub struct Recorded<I> {
     inner: I,
     log: Log,
+    /// Fuel that had been used before the latest event, and the most that one before
+    /// it used.
+    fuel: (u64, u64),
 }
 
 impl<I: Instance> Recorded<I> {
     /// Keeps some `bytes` of events; none and nothing at all with 0.
     pub fn new(inner: I, bytes: usize) -> Self {
-        Self { inner, log: Log::new(bytes) }
+        Self { inner, log: Log::new(bytes), fuel: (0, 0) }
     }
 
     /// The instance.
@@ -37,6 +40,11 @@ impl<I: Instance> Recorded<I> {
     /// The instance. Whoever steps it by himself leaves a gap in the record.
     pub fn inner_mut(&mut self) -> &mut I {
         &mut self.inner
+    }
+
+    /// The most fuel that one event used, the latest left out.
+    pub fn largest_fuel(&self) -> u64 {
+        self.fuel.1
     }
 
     /// Whether the record is about to lose its beginning.
@@ -58,6 +66,9 @@ impl<I: Instance> Instance for Recorded<I> {
         now: Micros,
     ) -> Result<softplug_abi::Output<'_>, I::Fault> {
         self.log.add(event, now);
+        let (before, largest) = self.fuel;
+        let total = self.inner.total_fuel();
+        self.fuel = (total, largest.max(total.saturating_sub(before)));
         self.inner.step(event, now)
     }
 

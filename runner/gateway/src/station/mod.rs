@@ -161,7 +161,7 @@ impl<I: Instance> Station<I> {
 
     fn wait(&mut self, until: Micros) -> Result<(), PortError> {
         let Wants { read, write, deadline } = self.channel.wants(self.now());
-        let deadline = deadline.map_or(until, |deadline| deadline.min(until));
+        let deadline = deadline.map_or(until, |due| due.at.min(until));
         let port = self.channel.port().map(Port::fd);
         self.poller.wait(port, Interest { read, write }, Some(deadline))?;
         Ok(())

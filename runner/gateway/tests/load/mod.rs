@@ -19,8 +19,8 @@ use softplug_abi::{Instance, LineParameters, Micros};
 use softplug_gateway::channel::StationOptions;
 use softplug_gateway::pty::PtyPair;
 use softplug_gateway::reactor::{
-    Backoff, Command, Feed, JobOutcome, LaneId, LaneSetup, Probation, Reactor, ReactorOptions,
-    Report, Swap, SwapReport, Watchdogs, When,
+    Backoff, Command, Feed, JobOutcome, LaneFigures, LaneId, LaneInstance, LaneSetup, Probation,
+    Reactor, ReactorOptions, Report, Swap, SwapReport, Watchdogs, When,
 };
 use softplug_gateway::reservoir::{Drawn, ReservoirReader, reservoir};
 use softplug_gateway::{PortOptions, PortSpec};
@@ -57,7 +57,7 @@ pub struct Lane {
     is_up: bool,
 }
 
-impl<I: Instance + Send + 'static> Load<I> {
+impl<I: LaneInstance> Load<I> {
     pub fn new(
         settings: SettingValues,
         recorder_bytes: usize,
@@ -85,9 +85,20 @@ impl<I: Instance + Send + 'static> Load<I> {
         instance: Fragile<I>,
         settings: SettingValues,
     ) -> (LaneId, PtyPair) {
+        self.add_with(baud, instance, settings, |_| {})
+    }
+
+    /// The same, set up otherwise.
+    pub fn add_with(
+        &mut self,
+        baud: u32,
+        instance: Fragile<I>,
+        settings: SettingValues,
+        change: impl FnOnce(&mut LaneSetup<Fragile<I>>),
+    ) -> (LaneId, PtyPair) {
         let id = LaneId(self.lanes.len() as u32 + 1);
         let machine = PtyPair::open().unwrap();
-        let setup = LaneSetup {
+        let mut setup = LaneSetup {
             port: PortSpec::Device(machine.slave_path().to_owned()),
             port_options: PortOptions::new(LineParameters::new(baud)),
             station: StationOptions { settings, depth: Some(DEPTH), ..StationOptions::default() },
@@ -97,6 +108,7 @@ impl<I: Instance + Send + 'static> Load<I> {
             reopen: Backoff::default(),
             recorder_bytes: self.recorder_bytes,
         };
+        change(&mut setup);
         self.reactor.add(id, setup);
         self.lanes.insert(id, Lane::default());
         (id, machine)
@@ -162,6 +174,16 @@ impl<I: Instance + Send + 'static> Load<I> {
                 return;
             }
             assert!(last.elapsed() < PATIENCE, "the load stands still");
+        }
+    }
+
+    /// Takes reports until the lane's figures are so.
+    pub fn until(&mut self, lane: LaneId, is_so: impl Fn(&LaneFigures) -> bool) {
+        let end = Instant::now() + PATIENCE;
+        let status = self.reactor.status(lane).unwrap();
+        while !is_so(&status.read()) {
+            assert!(Instant::now() < end, "it never came to that: {:?}", status.read());
+            self.look();
         }
     }
 

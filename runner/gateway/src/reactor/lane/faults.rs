@@ -9,11 +9,12 @@ use std::fmt::Write as _;
 use super::swapping::event_of;
 use super::{Lane, Phase};
 use crate::channel::ChannelError;
+use crate::reactor::LaneInstance;
 use crate::reactor::report::{LaneFault, Report};
 use crate::reactor::thread::Thread;
 use crate::recorder::{Recorded, Recording, checkpoint, recording};
 
-impl<I: Instance + Send + 'static> Lane<I> {
+impl<I: LaneInstance> Lane<I> {
     /// The channel could not go on.
     pub(super) fn failed(&mut self, thread: &Thread<I>, error: ChannelError<I::Fault>) {
         match error {

@@ -1,10 +1,11 @@
 //! A lane's jobs: begun, fed from a reservoir or from the endpoint, ended.
 
-use softplug_abi::{Failure, Instance, Micros, ModemLines};
+use softplug_abi::{Failure, Micros, ModemLines};
 use softplug_link::{HoldState, Job};
 
 use super::{Lane, Phase};
 use crate::reactor::ENDPOINT_JOBS;
+use crate::reactor::LaneInstance;
 use crate::reactor::endpoint::{EndpointNews, EndpointWish};
 use crate::reactor::floor::Ended;
 use crate::reactor::report::{JobEnd, JobOutcome, Report};
@@ -12,7 +13,7 @@ use crate::reactor::setup::Feed;
 use crate::reactor::thread::Thread;
 use crate::recorder::Recorded;
 
-impl<I: Instance + Send + 'static> Lane<I> {
+impl<I: LaneInstance> Lane<I> {
     pub(super) fn begin(&mut self, thread: &Thread<I>, feed: Feed) {
         let job = feed.job.id;
         let Some(left) = self.left_if_up() else { return self.refuse(job, Failure::LinkDown) };

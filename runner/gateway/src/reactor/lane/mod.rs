@@ -6,20 +6,24 @@ mod port;
 mod swapping;
 mod watchdogs;
 
+use mio::unix::SourceFd;
+use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_abi::{Instance, Micros};
 use softplug_link::{Link, LinkFault, Outside};
 use std::ops::Range;
+use std::os::fd::AsRawFd;
 use std::sync::Arc;
 
-use super::LaneId;
 use super::endpoint::EndpointNews;
 use super::floor::Floor;
 use super::report::Report;
 use super::setup::{Command, LaneSetup};
 use super::status::{Condition, JobFigures, LaneStatus};
 use super::thread::Thread;
+use super::{LaneId, LaneInstance};
 use crate::channel::{Channel, StationOptions, Wants, Work};
 use crate::clock::Clock;
+use crate::due::Due;
 use crate::recorder::Recorded;
 use port::PortSetup;
 use swapping::Swapping;
@@ -27,6 +31,10 @@ use watchdogs::Watching;
 
 /// Tokens of one lane: its port, then its endpoint's.
 pub(super) const TOKENS: usize = 4;
+
+/// Fuel that one event may use without holding up the lanes beside it: well above
+/// what any sound plug-in was seen to use, and a quarter of a millisecond or so.
+const LIGHT: u64 = FUEL_PER_EVENT / 4;
 
 /// What a turn of a lane left behind.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -65,7 +73,7 @@ enum Phase<I: Instance> {
     Open(Box<Channel<Recorded<I>>>),
 }
 
-impl<I: Instance + Send + 'static> Lane<I> {
+impl<I: LaneInstance> Lane<I> {
     /// A lane in `slot`, whose port is asked for. `floor` is made with the room
     /// for deliveries and the endpoint.
     pub(super) fn new(
@@ -95,14 +103,51 @@ impl<I: Instance + Send + 'static> Lane<I> {
             starved_since: None,
             closing_until: None,
         };
-        let tokens = first + 1..first + TOKENS;
-        if let Some(endpoint) = &mut lane.floor.endpoint
-            && let Err(error) = endpoint.endpoint.attach(&thread.registry, tokens)
-        {
-            lane.floor.tell(Report::Endpoint(EndpointNews::Failed(error.to_string())));
-        }
+        lane.attach_endpoint(thread);
         lane.ask_for_port(thread);
         lane
+    }
+
+    /// Whether its plug-in holds up all that share a thread with it: it has failed, or
+    /// uses a good part of what one event may use.
+    pub(super) fn is_a_burden(&self) -> bool {
+        let Phase::Open(channel) = &self.phase else { return false };
+        self.is_faulted || channel.link().instance().largest_fuel() > LIGHT
+    }
+
+    /// Leaves the thread, to be driven by another.
+    pub(super) fn leave(&mut self, thread: &Thread<I>) {
+        if let Phase::Open(channel) = &self.phase
+            && let Some(port) = channel.port()
+        {
+            let _ = thread.registry.deregister(&mut SourceFd(&port.fd().as_raw_fd()));
+        }
+        if let Some(lane) = &mut self.floor.endpoint {
+            lane.endpoint.leave(&thread.registry);
+        }
+    }
+
+    /// Goes on in `slot` of another thread.
+    pub(super) fn settle(&mut self, slot: usize, thread: &Thread<I>) {
+        let first = slot * TOKENS;
+        self.tokens = first..first + TOKENS;
+        self.began = thread.clock.now() - self.clock.now();
+        self.attach_endpoint(thread);
+        let Phase::Open(channel) = &mut self.phase else { return };
+        channel.set_readable();
+        let registered = channel.port().map(|port| self.port.register(thread, first, port));
+        if let Some(Err(error)) = registered {
+            self.port_failed(thread, &error);
+        }
+    }
+
+    fn attach_endpoint(&mut self, thread: &Thread<I>) {
+        let tokens = self.tokens.start + 1..self.tokens.end;
+        if let Some(endpoint) = &mut self.floor.endpoint
+            && let Err(error) = endpoint.endpoint.attach(&thread.registry, tokens)
+        {
+            self.floor.tell(Report::Endpoint(EndpointNews::Failed(error.to_string())));
+        }
     }
 
     /// Something came for one of the lane's tokens.
@@ -170,7 +215,7 @@ impl<I: Instance + Send + 'static> Lane<I> {
             return Turn::More;
         }
         let deadline = self.wants(thread, now);
-        Turn::Until(deadline.map(|at| at + self.began))
+        Turn::Until(deadline.map(|due| due.on_clock_since(self.began).gathered()))
     }
 
     /// A request of the host to the link; of a plug-in that has ended nothing is
@@ -201,7 +246,7 @@ impl<I: Instance + Send + 'static> Lane<I> {
     }
 
     /// When to be called next if nothing comes.
-    fn wants(&mut self, thread: &Thread<I>, now: Micros) -> Option<Micros> {
+    fn wants(&mut self, thread: &Thread<I>, now: Micros) -> Option<Due> {
         let mut wants = Wants::default();
         let mut line_free = None;
         if let Phase::Open(channel) = &self.phase {
@@ -213,8 +258,7 @@ impl<I: Instance + Send + 'static> Lane<I> {
         }
         self.want_write(thread, wants.write);
         let endpoint = self.floor.endpoint.as_ref().and_then(|lane| lane.endpoint.deadline());
-        [
-            wants.deadline,
+        let exactly = [
             line_free,
             endpoint,
             self.port.retry_at,
@@ -226,6 +270,8 @@ impl<I: Instance + Send + 'static> Lane<I> {
         .into_iter()
         .flatten()
         .min()
+        .map(Due::exactly);
+        Due::first([exactly, wants.deadline])
     }
 
     /// Stores what is shown of the lane.

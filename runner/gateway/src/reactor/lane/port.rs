@@ -10,6 +10,7 @@ use crate::channel::Channel;
 use crate::clock::Clock;
 use crate::error::PortError;
 use crate::port::{Port, PortOptions, PortSpec};
+use crate::reactor::LaneInstance;
 use crate::reactor::endpoint::LineNews;
 use crate::reactor::report::Report;
 use crate::reactor::setup::Backoff;
@@ -31,9 +32,23 @@ impl PortSetup {
     pub(super) fn new(spec: PortSpec, options: PortOptions, reopen: Backoff) -> Self {
         Self { spec, options, reopen, failures: 0, retry_at: None, wants_write: false }
     }
+
+    pub(super) fn register<I: Instance>(
+        &mut self,
+        thread: &Thread<I>,
+        token: usize,
+        port: &Port,
+    ) -> Result<(), PortError> {
+        self.wants_write = false;
+        let fd = port.fd().as_raw_fd();
+        thread
+            .registry
+            .register(&mut SourceFd(&fd), Token(token), Interest::READABLE)
+            .map_err(|error| PortError::io("wait for the port", error))
+    }
 }
 
-impl<I: Instance + Send + 'static> Lane<I> {
+impl<I: LaneInstance> Lane<I> {
     pub(super) fn ask_for_port(&mut self, thread: &Thread<I>) {
         self.port.retry_at = None;
         thread.open(self.id, &self.port.spec, &self.port.options);
@@ -59,15 +74,10 @@ impl<I: Instance + Send + 'static> Lane<I> {
     }
 
     fn take_port(&mut self, thread: &Thread<I>, port: Port) {
-        let fd = port.fd().as_raw_fd();
-        let token = Token(self.tokens.start);
-        let registered = thread.registry.register(&mut SourceFd(&fd), token, Interest::READABLE);
-        if let Err(error) = registered {
+        if let Err(error) = self.port.register(thread, self.tokens.start, &port) {
             thread.opener.close(port);
-            let error = PortError::io("wait for the port", error);
             return self.is_down(LinkDownReason::Failed, error.to_string());
         }
-        self.port.wants_write = false;
         self.port.failures = 0;
         self.floor.own.opened += 1;
         let (path, differences) = (port.path(), port.differences().to_vec());

@@ -5,6 +5,7 @@ use softplug_link::{LinkFault, Spare, Successor, SwapError};
 
 use super::faults::{fault_of, sentence};
 use super::{Lane, Phase};
+use crate::reactor::LaneInstance;
 use crate::reactor::report::Report;
 use crate::reactor::swap::{Probation, Swap, SwapReport, When};
 use crate::reactor::thread::Thread;
@@ -34,7 +35,7 @@ impl<I> Swapping<I> {
     }
 }
 
-impl<I: Instance + Send + 'static> Lane<I> {
+impl<I: LaneInstance> Lane<I> {
     pub(super) fn swap(&mut self, thread: &Thread<I>, swap: Swap<I>) {
         if self.swapping.waiting.take().is_some() {
             self.refuse_swap("another swap was asked for before the link was idle".to_owned());

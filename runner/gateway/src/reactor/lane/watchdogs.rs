@@ -1,10 +1,11 @@
 //! A lane's watchdogs: nothing comes, nothing gets on, the partner holds for
 //! too long.
 
-use softplug_abi::{Instance, Micros};
+use softplug_abi::Micros;
 
 use super::{Lane, Phase};
 use crate::channel::Counters;
+use crate::reactor::LaneInstance;
 use crate::reactor::report::{Alarm, AlarmKind, Report};
 use crate::reactor::setup::Watchdogs;
 
@@ -71,7 +72,7 @@ impl Dog {
     }
 }
 
-impl<I: Instance + Send + 'static> Lane<I> {
+impl<I: LaneInstance> Lane<I> {
     pub(super) fn watch(&mut self, now: Micros, counters: &Counters) {
         let is_up = matches!(&self.phase, Phase::Open(channel) if channel.gone().is_none());
         let progress = self.floor.job.as_ref().map(|active| active.taken + counters.bytes_out);
