@@ -11,7 +11,6 @@ mod plugins;
 mod run;
 mod test;
 mod toolchain;
-mod wasm;
 mod workspace;
 
 use std::path::PathBuf;

@@ -9,6 +9,7 @@ use cargo_metadata::{DependencyKind, MetadataCommand};
 /// Tests may use more.
 const ARROWS: &[(&str, &[&str])] = &[
     ("softplug-abi", &[]),
+    ("softplug-build", &[]),
     ("softplug-link", &["softplug-abi"]),
     ("softplug-plugin", &["softplug-abi", "softplug-link"]),
     ("softplug-host", &["softplug-abi"]),
@@ -60,6 +61,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         "softplug",
         &[
             "softplug-abi",
+            "softplug-build",
             "softplug-conformance",
             "softplug-gateway",
             "softplug-host",
@@ -70,7 +72,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-trace",
         ],
     ),
-    ("xtask", &[]),
+    ("xtask", &["softplug-build"]),
 ];
 
 #[test]

@@ -1,20 +1,14 @@
 //! Builds the plug-ins and the command, and holds the plug-ins to their limits.
 
-mod exports;
-mod memory;
-mod names;
-mod optimize;
-mod size;
-
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-pub(crate) use self::size::Size;
+use softplug_build::{Optimizer, ShrinkError, Size, memory, shrink};
+
 use crate::Error;
 use crate::run::{cargo, succeed};
 use crate::toolchain::{WASM_TARGET, ensure_wasm_target};
-use crate::wasm;
 use crate::workspace::{Plugin, Workspace};
 
 /// A release plug-in is at most so many bytes.
@@ -33,8 +27,8 @@ pub(crate) enum PluginError {
     Unbounded { name: String },
     #[error("the plug-in {name} declares no memory")]
     NoMemory { name: String },
-    #[error("{} is no whole module: delete it and build again", path.display())]
-    Damaged { path: PathBuf },
+    #[error("{}: {cause}", path.display())]
+    Shrink { path: PathBuf, cause: ShrinkError },
     #[error("{}: {cause}", path.display())]
     File { path: PathBuf, cause: io::Error },
 }
@@ -55,8 +49,9 @@ pub(crate) fn build(workspace: &Workspace, report: Report) -> Result<Vec<Size>, 
     let folder = workspace.plugin_folder();
     fs::create_dir_all(&folder).map_err(|cause| file_error(&folder, cause))?;
     compile(workspace, &plugins, Kind::Real)?;
-    let most = if optimize::is_there() { MOST_BYTES } else { usize::MAX };
-    if most > MOST_BYTES {
+    let optimizer = Optimizer::find();
+    let most = if optimizer.is_some() { MOST_BYTES } else { usize::MAX };
+    if optimizer.is_none() {
         eprintln!(
             "wasm-opt is not in PATH: the plug-ins work but are larger, and their size is not \
              looked at; install binaryen for those that are released"
@@ -68,14 +63,16 @@ pub(crate) fn build(workspace: &Workspace, report: Report) -> Result<Vec<Size>, 
     for plugin in &plugins {
         let built = workspace.target().join(WASM_TARGET).join("plugin").join(&plugin.file);
         let out = folder.join(format!("{}.wasm", plugin.name));
-        let module = shrink(&built, &out, most == MOST_BYTES)?;
+        let module = fs::read(&built).map_err(|cause| file_error(&built, cause))?;
+        let module = shrink(&module, optimizer.as_ref())
+            .map_err(|cause| PluginError::Shrink { path: built, cause })?;
         replace(&out, &module).map_err(|cause| file_error(&out, cause))?;
         sizes.push(Size::of(&plugin.name, &module));
         verdicts.push(check(&plugin.name, &module, most));
     }
     match report {
-        Report::Table => eprintln!("{}\n{}", folder.display(), size::table(&sizes)),
-        Report::Json => println!("{}", size::list(&sizes)),
+        Report::Table => eprintln!("{}\n{}", folder.display(), Size::table(&sizes)),
+        Report::Json => println!("{}", serde_json::json!(sizes)),
     }
     verdicts.into_iter().collect::<Result<(), _>>()?;
     Ok(sizes)
@@ -96,22 +93,6 @@ pub(crate) fn build_mutants(workspace: &Workspace) -> Result<(), Error> {
         replace(&out, &module).map_err(|cause| file_error(&out, cause))?;
     }
     Ok(())
-}
-
-/// The module that was built, made smaller.
-fn shrink(built: &Path, out: &Path, optimizes: bool) -> Result<Vec<u8>, Error> {
-    let read = |path: &Path| fs::read(path).map_err(|cause| file_error(path, cause));
-    let damaged = || PluginError::Damaged { path: built.to_owned() };
-    let module = memory::make_small(&read(built)?);
-    let mut module = module.and_then(|module| exports::strip(&module)).ok_or_else(damaged)?;
-    if optimizes {
-        let part = out.with_extension("wasm.part");
-        fs::write(&part, &module).map_err(|cause| file_error(&part, cause))?;
-        optimize::optimize(&part, &part)?;
-        module = read(&part)?;
-        fs::remove_file(&part).map_err(|cause| file_error(&part, cause))?;
-    }
-    Ok(names::shorten(&module).ok_or_else(damaged)?)
 }
 
 /// Builds the command, into `target/release` or `target/debug`.
@@ -161,7 +142,7 @@ fn check(name: &str, module: &[u8], most: usize) -> Result<(), PluginError> {
     if module.len() > most {
         return Err(PluginError::Size { name, bytes: module.len(), most });
     }
-    let Some(memory) = wasm::memory(module) else {
+    let Some(memory) = memory(module) else {
         return Err(PluginError::NoMemory { name });
     };
     let Some(pages) = memory.most else {
@@ -188,11 +169,11 @@ fn file_error(path: &Path, cause: io::Error) -> PluginError {
 mod tests {
     use super::*;
 
+    const HEADER: &[u8] = b"\0asm\x01\0\0\0";
+
     /// A module of this length with this memory.
     fn module(memory: &[u8], length: usize) -> Vec<u8> {
-        let mut module = wasm::HEADER.to_vec();
-        module.push(5);
-        wasm::push_bytes(&mut module, memory);
+        let mut module = [HEADER, &[5, memory.len() as u8], memory].concat();
         // A nameless custom section: its kind, three bytes of length, no name.
         let padding = length - module.len() - 4;
         module.extend([
@@ -219,6 +200,6 @@ mod tests {
             "the plug-in x may grow to 5 pages of memory, 4 are allowed"
         );
         assert!(error(module(&[1, 0, 1], 100)).contains("no upper limit"));
-        assert!(error(wasm::HEADER.to_vec()).contains("no memory"));
+        assert!(error(HEADER.to_vec()).contains("no memory"));
     }
 }

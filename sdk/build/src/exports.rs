@@ -1,13 +1,13 @@
 //! Leaves out the exports that the ABI does not know: the linker's addresses.
 
-use crate::wasm::{HEADER, bytes, number, push_bytes, push_number, sections};
+use crate::sections::{HEADER, bytes, number, push_bytes, push_number, sections};
 
 /// The id of the section of exports.
 const EXPORT: u8 = 7;
 
 /// The module with no exports but `memory` and those of the ABI; none where it is
 /// damaged.
-pub(super) fn strip(module: &[u8]) -> Option<Vec<u8>> {
+pub(crate) fn strip(module: &[u8]) -> Option<Vec<u8>> {
     let mut out = HEADER.to_vec();
     for section in sections(module)? {
         if section.whole.first() == Some(&EXPORT) {

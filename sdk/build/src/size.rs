@@ -1,33 +1,40 @@
 //! What a plug-in's bytes are spent on.
 
-use serde_json::{Value, json};
+use serde::Serialize;
 
-use crate::wasm::{self, Kind};
+use crate::MANIFEST;
+use crate::sections::{Kind, memory, sections};
 
 /// Bytes of a module by what they hold.
-#[derive(Clone, PartialEq, Eq, Debug, Default)]
-pub(crate) struct Size {
-    pub(crate) name: String,
-    pub(super) code: usize,
-    pub(super) data: usize,
-    pub(super) names: usize,
-    pub(super) manifest: usize,
-    pub(crate) total: usize,
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize)]
+pub struct Size {
+    /// The plug-in.
+    pub name: String,
+    /// The functions.
+    pub code: usize,
+    /// What memory holds at the start.
+    pub data: usize,
+    /// Names of functions, for backtraces.
+    pub names: usize,
+    /// The manifest.
+    pub manifest: usize,
+    /// The whole module.
+    pub total: usize,
     /// Pages of memory at the start.
-    pub(super) pages: u64,
+    pub pages: u64,
 }
 
 impl Size {
     /// All zeros but the total where it is no module.
-    pub(super) fn of(name: &str, module: &[u8]) -> Self {
+    pub fn of(name: &str, module: &[u8]) -> Self {
         let mut size = Self { name: name.to_owned(), total: module.len(), ..Self::default() };
-        size.pages = wasm::memory(module).map_or(0, |memory| memory.least);
-        for section in wasm::sections(module).unwrap_or_default() {
+        size.pages = memory(module).map_or(0, |memory| memory.least);
+        for section in sections(module).unwrap_or_default() {
             let place = match section.kind {
                 Kind::Code => &mut size.code,
                 Kind::Data => &mut size.data,
                 Kind::Custom("name") => &mut size.names,
-                Kind::Custom("softplug.manifest") => &mut size.manifest,
+                Kind::Custom(MANIFEST) => &mut size.manifest,
                 _ => continue,
             };
             *place += section.whole.len();
@@ -35,33 +42,22 @@ impl Size {
         size
     }
 
-    fn json(&self) -> Value {
-        json!({
-            "name": self.name, "code": self.code, "data": self.data, "names": self.names,
-            "manifest": self.manifest, "total": self.total, "pages": self.pages,
-        })
-    }
-}
-
-/// For people: bytes, and pages of memory.
-pub(super) fn table(sizes: &[Size]) -> String {
-    let width = sizes.iter().map(|size| size.name.len()).max().unwrap_or(0).max("plug-in".len());
-    let mut lines = vec![format!(
-        "{:width$} {:>7} {:>6} {:>6} {:>8} {:>7} {:>5}",
-        "plug-in", "code", "data", "names", "manifest", "total", "pages"
-    )];
-    lines.extend(sizes.iter().map(|size| {
-        format!(
+    /// For people: a head and a line for each, in bytes and in pages of memory.
+    pub fn table(sizes: &[Self]) -> String {
+        let width =
+            sizes.iter().map(|size| size.name.len()).max().unwrap_or(0).max("plug-in".len());
+        let mut lines = vec![format!(
             "{:width$} {:>7} {:>6} {:>6} {:>8} {:>7} {:>5}",
-            size.name, size.code, size.data, size.names, size.manifest, size.total, size.pages
-        )
-    }));
-    lines.join("\n")
-}
-
-/// For machines.
-pub(super) fn list(sizes: &[Size]) -> Value {
-    Value::Array(sizes.iter().map(Size::json).collect())
+            "plug-in", "code", "data", "names", "manifest", "total", "pages"
+        )];
+        lines.extend(sizes.iter().map(|size| {
+            format!(
+                "{:width$} {:>7} {:>6} {:>6} {:>8} {:>7} {:>5}",
+                size.name, size.code, size.data, size.names, size.manifest, size.total, size.pages
+            )
+        }));
+        lines.join("\n")
+    }
 }
 
 #[cfg(test)]
@@ -90,8 +86,8 @@ mod tests {
     #[test]
     fn people_and_machines_read_the_same() {
         let sizes = [example()];
-        let table = table(&sizes);
-        let list = list(&sizes);
+        let table = Size::table(&sizes);
+        let list = serde_json::to_value(&sizes).unwrap();
         let (head, row) = table.split_once('\n').unwrap();
         let head: Vec<_> = head.split_whitespace().skip(1).collect();
         let row: Vec<_> = row.split_whitespace().skip(1).collect();

@@ -2,35 +2,44 @@
 
 /// Pages of 64 KiB: at the start, and at most where the module says so.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub(crate) struct Pages {
-    pub(crate) least: u64,
-    pub(crate) most: Option<u64>,
+pub struct Pages {
+    /// At the start.
+    pub least: u64,
+    /// At most; none where it may grow without end.
+    pub most: Option<u64>,
 }
 
 /// A section of a module.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub(crate) struct Section<'a> {
-    pub(crate) kind: Kind<'a>,
+pub struct Section<'a> {
+    /// What it holds.
+    pub kind: Kind<'a>,
     /// What stands in it; without the name of a custom section.
-    pub(crate) content: &'a [u8],
+    pub content: &'a [u8],
     /// With its head, as it stands in the module.
-    pub(crate) whole: &'a [u8],
+    pub whole: &'a [u8],
 }
 
 /// What a section holds, as far as anyone here wants to know.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub(crate) enum Kind<'a> {
+pub enum Kind<'a> {
+    /// Whatever a tool put there under this name.
     Custom(&'a str),
+    /// The memory.
     Memory,
+    /// The functions.
     Code,
+    /// What memory holds at the start.
     Data,
+    /// One of the others.
     Other,
 }
 
+/// The first bytes of a module, binary format version 1.
 pub(crate) const HEADER: &[u8] = b"\0asm\x01\0\0\0";
 
 /// The sections in their order; none where it is not a whole module.
-pub(crate) fn sections(module: &[u8]) -> Option<Vec<Section<'_>>> {
+pub fn sections(module: &[u8]) -> Option<Vec<Section<'_>>> {
     let mut rest = module.strip_prefix(HEADER)?;
     let mut sections = Vec::new();
     while let Some((&id, after)) = rest.split_first() {
@@ -51,7 +60,7 @@ pub(crate) fn sections(module: &[u8]) -> Option<Vec<Section<'_>>> {
 
 /// The memory that a module defines; none where it defines none or is not a
 /// module at all.
-pub(crate) fn memory(module: &[u8]) -> Option<Pages> {
+pub fn memory(module: &[u8]) -> Option<Pages> {
     let sections = sections(module)?;
     let mut section = sections.iter().find(|section| section.kind == Kind::Memory)?.content;
     number(&mut section)?;

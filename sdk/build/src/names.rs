@@ -7,14 +7,14 @@
 
 use std::collections::BTreeMap;
 
-use crate::wasm::{HEADER, Kind, bytes, number, push_bytes, push_number, sections};
+use crate::sections::{HEADER, Kind, bytes, number, push_bytes, push_number, sections};
 
 /// The subsection of function names in the section `name`.
 const FUNCTION_NAMES: u8 = 1;
 
 /// The module with short function names and without the sections that only
 /// tools look at; none where it is damaged. All else stays byte for byte.
-pub(super) fn shorten(module: &[u8]) -> Option<Vec<u8>> {
+pub(crate) fn shorten(module: &[u8]) -> Option<Vec<u8>> {
     let mut out = HEADER.to_vec();
     for section in sections(module)? {
         match section.kind {
@@ -47,7 +47,7 @@ fn names(section: &[u8]) -> Option<Vec<u8>> {
 }
 
 /// Number and symbol of each function in a section `name`.
-pub(super) fn functions(mut section: &[u8]) -> Option<Vec<(u64, &str)>> {
+pub(crate) fn functions(mut section: &[u8]) -> Option<Vec<(u64, &str)>> {
     while let Some((&id, rest)) = section.split_first() {
         section = rest;
         let mut names = bytes(&mut section)?;

@@ -1,14 +1,12 @@
 //! `softplug pack`: makes a plug-in of a module that any compiler made.
 
-mod module;
-
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use serde::Serialize;
-use softplug_abi::MANIFEST_SECTION;
 use softplug_abi::limits::{MANIFEST_BYTES, MODULE_BYTES};
 use softplug_abi::manifest::Manifest;
+use softplug_build::{pack, without_spaces};
 use softplug_host::{Host, HostOptions, Plugin, lint};
 
 use crate::exit::Exit;
@@ -57,6 +55,15 @@ enum Strip {
     All,
 }
 
+impl From<Strip> for softplug_build::Strip {
+    fn from(strip: Strip) -> Self {
+        match strip {
+            Strip::Debug => Self::Debug,
+            Strip::All => Self::All,
+        }
+    }
+}
+
 /// What machines get.
 #[derive(Serialize)]
 struct Document {
@@ -72,8 +79,8 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let file = &arguments.module;
     let module = files::read(file)?;
     let manifest = manifest(&arguments.manifest)?;
-    let packed =
-        pack(&module, &manifest, arguments.strip).ok_or_else(|| no_module(file, &module))?;
+    let strip = arguments.strip.map_or(softplug_build::Strip::Nothing, Into::into);
+    let packed = pack(&module, &manifest, strip).ok_or_else(|| no_module(file, &module))?;
     let plugin = check(file, &packed)?;
     let out = arguments.out.as_ref().unwrap_or(file);
     files::write(out, &packed)?;
@@ -99,9 +106,9 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
 }
 
 /// The manifest as it stands in the plug-in: checked, without the spaces between its parts.
-fn manifest(file: &Path) -> Result<Vec<u8>, Failure> {
+pub(super) fn manifest(file: &Path) -> Result<Vec<u8>, Failure> {
     let written = files::read_text(file)?;
-    let text = module::without_spaces(&written);
+    let text = without_spaces(&written);
     // Messages tell places in the file as it is written.
     let checked = if written.len() > MANIFEST_BYTES { &text } else { &written };
     Manifest::parse(checked.as_bytes())
@@ -109,26 +116,8 @@ fn manifest(file: &Path) -> Result<Vec<u8>, Failure> {
     Ok(text.into_bytes())
 }
 
-/// The module with the manifest behind its sections; none if it is not a whole module.
-fn pack(module: &[u8], manifest: &[u8], strip: Option<Strip>) -> Option<Vec<u8>> {
-    let mut packed = module::HEADER.to_vec();
-    for section in module::sections(module)? {
-        let stays = match (section.custom, strip) {
-            (Some(name), _) if name == MANIFEST_SECTION.as_bytes() => false,
-            (None, _) | (_, None) => true,
-            (Some(name), Some(Strip::Debug)) => name == b"name",
-            (Some(_), Some(Strip::All)) => false,
-        };
-        if stays {
-            packed.extend(section.whole);
-        }
-    }
-    module::push_custom(&mut packed, MANIFEST_SECTION, manifest);
-    Some(packed)
-}
-
 /// What cannot be taken apart is no module; the lint knows why.
-fn no_module(file: &Path, module: &[u8]) -> Failure {
+pub(super) fn no_module(file: &Path, module: &[u8]) -> Failure {
     match lint(module) {
         Err(rule) => Failure::plug_in(format_args!("{}: {rule}", file.display())),
         Ok(_) => Failure::internal(format_args!("{} cannot be taken apart", file.display())),
@@ -136,7 +125,7 @@ fn no_module(file: &Path, module: &[u8]) -> Failure {
 }
 
 /// Loaded and asked for its mailbox, not only linted: then it can be started.
-fn check(file: &Path, packed: &[u8]) -> Result<Plugin, Failure> {
+pub(super) fn check(file: &Path, packed: &[u8]) -> Result<Plugin, Failure> {
     let host = Host::new(HostOptions::default()).map_err(Failure::plug_in)?;
     let plugin = host.load_bytes(packed).map_err(|error| {
         let failure = load_failure(file, &error);
