@@ -57,6 +57,8 @@ pub(crate) enum Color {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    New(commands::new::Arguments),
+    Build(commands::build::Arguments),
     Ports(commands::ports::Arguments),
     Inspect(commands::inspect::Arguments),
     Pack(commands::pack::Arguments),

@@ -1,5 +1,6 @@
 //! The verbs, one file each: what they take, and what they say.
 
+pub(crate) mod build;
 mod calls;
 pub(crate) mod cases;
 pub(crate) mod certify;
@@ -13,6 +14,7 @@ pub(crate) mod inspect;
 pub(crate) mod job;
 pub(crate) mod link;
 pub(crate) mod man;
+pub(crate) mod new;
 pub(crate) mod pack;
 pub(crate) mod plugin;
 pub(crate) mod ports;
@@ -35,6 +37,8 @@ use crate::screen::Screen;
 /// Does what the command line asks for.
 pub(crate) fn run(command: Command, global: &Global, screen: &Screen) -> Result<Exit, Failure> {
     match command {
+        Command::New(arguments) => new::run(&arguments, screen),
+        Command::Build(arguments) => build::run(&arguments, screen),
         Command::Ports(_) => live::ports(screen),
         Command::Inspect(arguments) => inspect::run(&arguments, screen),
         Command::Pack(arguments) => pack::run(&arguments, screen),

@@ -8,6 +8,7 @@ mod files;
 #[cfg(target_os = "linux")]
 mod gateway;
 mod help;
+mod kit;
 mod languages;
 #[cfg(target_os = "linux")]
 mod library;

@@ -1,0 +1,96 @@
+//! Plug-ins in Rust: cargo, for `wasm32v1-none`.
+
+use std::env;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+use super::{hints, tool};
+use crate::failure::Failure;
+use crate::files;
+
+/// The file that tells such a project.
+pub(super) const MARK: &str = "Cargo.toml";
+const TARGET: &str = "wasm32v1-none";
+const INSTALL: &str = "https://rustup.rs tells how to install Rust";
+
+/// The module that cargo makes of the project in `root`.
+pub(super) fn compile(root: &Path) -> Result<(PathBuf, Vec<u8>), Failure> {
+    check_target(root)?;
+    let cargo = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut command = Command::new(cargo);
+    command
+        // Flags from the environment would replace those that bound the memory.
+        .env_remove("RUSTFLAGS")
+        .env_remove("CARGO_ENCODED_RUSTFLAGS")
+        .args(["build", "--release", "--lib", "--target", TARGET])
+        .args(["--message-format", "json-render-diagnostics"]);
+    let ran = tool::run(&mut command, root, INSTALL)?;
+    let said = String::from_utf8_lossy(&ran.stderr);
+    if !ran.status.success() {
+        let failure = tool::does_not_compile(&said);
+        // Before the SDK is on crates.io, or without a network.
+        let lacks_sdk = said.contains("`softplug-plugin`") && said.contains("registry");
+        return Err(if said.contains("#[panic_handler]") {
+            failure.hint(hints::NO_EXPORT)
+        } else if lacks_sdk {
+            failure.hint(
+                "take the SDK from a clone of Softplug: in Cargo.toml, twice, \
+                 softplug-plugin = { path = \"CLONE/sdk/plugin\" }; `softplug new --sdk CLONE` does that",
+            )
+        } else {
+            failure
+        });
+    }
+    let messages = String::from_utf8_lossy(&ran.stdout);
+    let file = messages.lines().filter_map(module).next_back().ok_or_else(|| {
+        Failure::plug_in(format_args!("{} makes no module", root.join(MARK).display()))
+            .hint("it needs, under [lib]: crate-type = [\"cdylib\", \"rlib\"]")
+    })?;
+    let module = files::read(&file)?;
+    Ok((file, module))
+}
+
+/// The .wasm file in a message of cargo, if it is about one.
+fn module(message: &str) -> Option<PathBuf> {
+    let message: Value = serde_json::from_str(message).ok()?;
+    if message["reason"] != "compiler-artifact" {
+        return None;
+    }
+    let files = message["filenames"].as_array()?.iter().filter_map(Value::as_str);
+    files.map(PathBuf::from).find(|file| file.extension().is_some_and(|is| is == "wasm"))
+}
+
+/// cargo's own message on a missing target is long and says little.
+fn check_target(root: &Path) -> Result<(), Failure> {
+    let rustc = env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
+    let mut command = Command::new(rustc);
+    command.args(["--print", "target-libdir", "--target", TARGET]);
+    // In the project: it may name a toolchain of its own.
+    let ran = tool::run(&mut command, root, INSTALL)?;
+    let folder = String::from_utf8_lossy(&ran.stdout);
+    if ran.status.success() && Path::new(folder.trim()).is_dir() {
+        return Ok(());
+    }
+    Err(Failure::usage(format_args!("the target {TARGET} is not installed"))
+        .hint(format_args!("rustup target add {TARGET}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_module_is_found_among_cargos_messages() {
+        let message = r#"{"reason":"compiler-artifact","filenames":["/t/a.rlib","/t/a.wasm"]}"#;
+        assert_eq!(module(message), Some(PathBuf::from("/t/a.wasm")));
+        for other in [
+            r#"{"reason":"compiler-artifact","filenames":["/t/liba.rlib"]}"#,
+            r#"{"reason":"build-finished","filenames":["/t/a.wasm"]}"#,
+            "warning: text",
+        ] {
+            assert_eq!(module(other), None, "{other}");
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! `softplug new`: a plug-in's project, which builds and passes at once.
+
+mod files;
+mod name;
+mod sdk;
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use serde::Serialize;
+
+use self::name::Name;
+use self::sdk::Sdk;
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::files::unwritable;
+use crate::screen::Screen;
+
+/// Makes a project for a plug-in: a converter that works, its requirements, traces and tests.
+///
+/// The converter speaks a small protocol of lines with ACK and NAK, to be replaced by yours. The
+/// folder is a corpus of its own: requirements/NAME.toml says what the protocol demands, and
+/// traces/NAME shows it.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  softplug new my-machine
+  softplug new my-machine --lang c
+  softplug new my-machine --sdk ~/softplug
+
+Then, in the new folder:
+  softplug build
+  softplug replay my-machine traces
+  softplug certify my-machine --profile my-machine --corpus .")]
+pub(crate) struct Arguments {
+    /// Name of folder, plug-in and profile: a to z, 0 to 9 and single hyphens
+    #[arg(value_name = "NAME")]
+    name: String,
+    /// The language
+    #[arg(long, value_enum, default_value_t)]
+    lang: Language,
+    /// Clone of Softplug to take the Rust SDK from, instead of crates.io [env: SOFTPLUG_SDK]
+    #[arg(long, value_name = "DIR")]
+    sdk: Option<PathBuf>,
+}
+
+/// What a plug-in is written in.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default, ValueEnum)]
+enum Language {
+    #[default]
+    Rust,
+    C,
+}
+
+/// What machines get.
+#[derive(Serialize)]
+struct Document<'a> {
+    name: &'a str,
+    folder: &'a str,
+    files: Vec<&'a str>,
+    /// Where the SDK comes from: a folder, or a version.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sdk: Option<String>,
+}
+
+pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
+    let name = Name::parse(&arguments.name)?;
+    let sdk = match arguments.lang {
+        Language::Rust => Some(Sdk::find(arguments.sdk.as_deref())?),
+        // The header comes along.
+        Language::C => None,
+    };
+    let folder = Path::new(name.as_str());
+    if fs::symlink_metadata(folder).is_ok() {
+        return Err(Failure::usage(format_args!("{} is there already", folder.display()))
+            .hint("choose another name; nothing was touched"));
+    }
+    let files = files::of(&name, sdk.as_ref());
+    make(folder, &files)?;
+
+    let sdk_text = sdk.as_ref().map(ToString::to_string);
+    if let Some(sdk) = &sdk_text {
+        screen.note(format_args!("the SDK is {sdk}"));
+    }
+    screen.say(format_args!("{name}: {} files; next:\n{}", files.len(), next(&name)));
+    screen.document(&Document {
+        name: name.as_str(),
+        folder: name.as_str(),
+        files: files.iter().map(|(path, _)| path.as_str()).collect(),
+        sdk: sdk_text,
+    });
+    Ok(Exit::Done)
+}
+
+fn next(name: &Name) -> String {
+    format!(
+        "  cd {name}\n  softplug build\n  softplug replay {name} traces\n  \
+         softplug certify {name} --profile {name} --corpus ."
+    )
+}
+
+/// Makes the folder with all files, or nothing.
+fn make(folder: &Path, files: &[(String, String)]) -> Result<(), Failure> {
+    let part = PathBuf::from(format!(".{}.{}.part", folder.display(), std::process::id()));
+    let made = fs::create_dir(&part).and_then(|()| {
+        let filled = fill(&part, files).and_then(|()| fs::rename(&part, folder));
+        filled.inspect_err(|_| drop(fs::remove_dir_all(&part)))
+    });
+    made.map_err(|error| unwritable(folder, &error))
+}
+
+fn fill(folder: &Path, files: &[(String, String)]) -> io::Result<()> {
+    for (path, text) in files {
+        let path = folder.join(path);
+        if let Some(parent) = path.parent() {
+            fs::create_dir_all(parent)?;
+        }
+        fs::write(path, text)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_cannot_be_made_whole_is_not_made() {
+        let bench = tempfile::tempdir().unwrap();
+        let files = [("a/b".to_owned(), String::new()), ("a/b/c".to_owned(), String::new())];
+        fill(bench.path(), &files).unwrap_err();
+
+        // In the working folder, as the command does it: a file cannot be a folder too.
+        let name = format!("softplug-new-test-{}", std::process::id());
+        make(Path::new(&name), &files).unwrap_err();
+        let entries = fs::read_dir(".").unwrap().map(|entry| entry.unwrap().file_name());
+        let left: Vec<_> = entries.filter(|left| left.to_string_lossy().contains(&name)).collect();
+        assert_eq!(left, Vec::<std::ffi::OsString>::new());
+    }
+}

@@ -1,0 +1,219 @@
+//! The author's kit: a new project builds, passes its own tests and is conformant.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::bench::{Bench, Ran, snapshot};
+
+/// The clone that this test stands in.
+fn clone() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
+}
+
+/// Built by all tests together: the SDK once.
+fn target() -> PathBuf {
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join("kit")
+}
+
+/// A bench with a new project.
+fn project(name: &str, language: &str) -> Bench {
+    let bench = Bench::new();
+    let ran = in_folder(&bench, "", &["new", name, "--lang", language]).with_code(0);
+    assert!(ran.out.contains("softplug build"), "{ran}");
+    bench
+}
+
+/// Runs the command in a folder of the bench, without a network.
+fn in_folder(bench: &Bench, folder: &str, words: &[&str]) -> Ran {
+    let mut command = bench.command(words);
+    alone(command.current_dir(bench.path(folder))).output().unwrap().into()
+}
+
+/// As on an author's machine, but for the SDK and the network.
+fn alone(command: &mut Command) -> &mut Command {
+    for (name, _) in std::env::vars_os() {
+        let name = name.to_string_lossy().into_owned();
+        if name.starts_with("CARGO") || name.starts_with("RUST") && name != "RUSTUP_TOOLCHAIN" {
+            command.env_remove(name);
+        }
+    }
+    if let Some(home) = std::env::var_os("CARGO_HOME") {
+        command.env("CARGO_HOME", home);
+    }
+    command
+        .env("SOFTPLUG_SDK", clone())
+        .env("CARGO_TARGET_DIR", target())
+        .env("CARGO_NET_OFFLINE", "true")
+        .env_remove("SOFTPLUG_PLUGINS")
+}
+
+/// Replaces a part of a file.
+fn edit(bench: &Bench, file: &str, from: &str, to: &str) {
+    let text = String::from_utf8(bench.read(file)).unwrap();
+    assert!(text.contains(from), "{file} has no {from}");
+    bench.write(file, text.replacen(from, to, 1));
+}
+
+/// Builds, replays and certifies a project; the digest of what its plug-in does.
+fn is_conformant(bench: &Bench, name: &str) -> String {
+    let built = in_folder(bench, name, &["build", "--json"]).with_code(0).json();
+    let file = format!("target/plugins/{name}.wasm");
+    assert!(built["file"].as_str().unwrap().ends_with(&file), "{built}");
+    assert!(built["total"].as_u64().unwrap() < 40_000, "{built}");
+    in_folder(bench, name, &["cases", "--lint", "--corpus", "."]).with_code(0);
+    in_folder(bench, name, &["trace", "fmt", "--check", "traces"]).with_code(0);
+    in_folder(bench, name, &["replay", name, "traces"]).with_code(0);
+    let certify = ["certify", name, "--json", "--profile"];
+    let abi = in_folder(bench, name, &[&certify[..], &["abi"]].concat()).with_code(0).json();
+    assert_eq!(abi["verdict"], "conformant");
+    let words = [&certify[..], &[name, "--corpus", ".", "--out", "report"]].concat();
+    let own = in_folder(bench, name, &words).with_code(0).json();
+    assert_eq!(own["verdict"], "conformant");
+    own["digest"].as_str().unwrap().to_owned()
+}
+
+#[test]
+fn a_project_in_rust_is_conformant_and_passes_its_own_tests() {
+    let bench = project("kit-rust", "rust");
+    is_conformant(&bench, "kit-rust");
+    for words in [["test", "--quiet"], ["fmt", "--check"]] {
+        let mut cargo = Command::new(env!("CARGO"));
+        cargo.args(words).current_dir(bench.path("kit-rust"));
+        let ran: Ran = alone(&mut cargo).output().unwrap().into();
+        assert_eq!(ran.code, 0, "{ran}");
+    }
+}
+
+#[test]
+fn what_a_new_project_has() {
+    let mut text = String::new();
+    for language in ["rust", "c"] {
+        let bench = Bench::new();
+        let words = ["new", "my-machine", "--lang", language, "--json"];
+        let json = in_folder(&bench, "", &words).with_code(0).json();
+        text += &format!("--- {language}\n");
+        for file in json["files"].as_array().unwrap() {
+            let file = file.as_str().unwrap();
+            let content = bench.read(&format!("my-machine/{file}"));
+            let content = String::from_utf8(content).unwrap();
+            assert!(!content.contains("my-protocol") && !content.contains("my_protocol"), "{file}");
+            text += &format!("{file}\n");
+        }
+        assert_eq!(bench.names(), ["my-machine"]);
+    }
+    snapshot("new-files", text);
+}
+
+#[test]
+fn what_is_there_is_never_touched() {
+    let bench = Bench::new();
+    bench.write("my-machine/mine", "kept");
+    bench.write("file", "kept");
+    let mut text = String::new();
+    for words in [
+        &["new", "my-machine"][..],
+        &["new", "file"],
+        &["new", "My_Machine"],
+        &["new", "../other"],
+        &["new", "fn"],
+        &["new", "xon-xoff"],
+        &["new", "softplug-x"],
+        &["new", "other", "--sdk", "my-machine"],
+        &["new", "other", "--sdk", "none"],
+        &["build"],
+        &["build", "none"],
+    ] {
+        let ran = in_folder(&bench, "", words).with_code(2);
+        text += &format!("$ softplug {}\n{}", words.join(" "), ran.err);
+    }
+    snapshot("new-refusals", text);
+    assert_eq!(bench.names(), ["file", "my-machine"]);
+    assert_eq!(Bench::names_in(&bench.path("my-machine")), ["mine"]);
+    assert_eq!(bench.read("my-machine/mine"), b"kept");
+}
+
+/// What `softplug build` says of a project with one mistake in it.
+fn mistakes(name: &str, language: &str, mistakes: &[(&str, &str, &str)], codes: &[i32]) -> String {
+    let bench = project(name, language);
+    let mut text = String::new();
+    for ((file, from, to), code) in mistakes.iter().zip(codes) {
+        let file = format!("{name}/{file}");
+        let good = bench.read(&file);
+        edit(&bench, &file, from, to);
+        let ran = in_folder(&bench, name, &["build"]).with_code(*code);
+        text += &format!("--- {from} -> {to}\n{}", own_words(&ran.err));
+        assert!(!bench.path(&format!("{name}/target/plugins")).exists());
+        bench.write(&file, good);
+    }
+    text
+}
+
+/// Without what the compiler says in its own words, which differ by version; its places stay.
+fn own_words(text: &str) -> String {
+    let is_own = |(at, line): &(usize, &str)| {
+        *at == 0 || line.starts_with("hint: ") || line.trim_start().starts_with("--> ")
+    };
+    text.lines().enumerate().filter(is_own).map(|(_, line)| format!("{line}\n")).collect()
+}
+
+#[test]
+fn mistakes_in_rust_are_told_with_their_place() {
+    let text = mistakes(
+        "kit-mistakes",
+        "rust",
+        &[
+            ("src/lib.rs", "softplug_plugin::export!(Plugin);", ""),
+            ("src/lib.rs", r#""text":"Sends a text line by line."}"#, r#""color":"red"}"#),
+            ("src/lib.rs", "i64 = 2000 in", "i64 = \"soon\" in"),
+            ("src/lib.rs", "i64 = 2000 in", "i64 = 5 in"),
+            ("src/lib.rs", "self.receiver.damage();", "self.receiver.damaged();"),
+            (".cargo/config.toml", "--max-memory=65536", "--max-memory=131072"),
+            ("Cargo.toml", "[\"cdylib\", \"rlib\"]", "[\"rlib\"]"),
+        ],
+        &[1, 3, 3, 3, 1, 3, 3],
+    );
+    snapshot("build-mistakes-rust", text);
+}
+
+#[test]
+fn a_panic_tells_its_place_in_the_authors_file() {
+    let bench = project("kit-panic", "rust");
+    edit(
+        &bench,
+        "kit-panic/src/receiver.rs",
+        "        if byte == LF {",
+        "        assert!(byte != b'M', \"an M has come: {byte}\");\n        if byte == LF {",
+    );
+    in_folder(&bench, "kit-panic", &["build"]).with_code(0);
+    let words = ["replay", "kit-panic", "traces", "--only", "*.rx.lines", "--no-permutations"];
+    let ran = in_folder(&bench, "kit-panic", &words).with_code(1);
+    snapshot("replay-panic", ran.out);
+}
+
+mod needs_clang {
+    use super::*;
+
+    #[test]
+    fn a_project_in_c_does_what_the_one_in_rust_does() {
+        let c = project("kit-same", "c");
+        let rust = project("kit-same", "rust");
+        assert_eq!(is_conformant(&c, "kit-same"), is_conformant(&rust, "kit-same"));
+    }
+
+    #[test]
+    fn mistakes_in_c_are_told_with_their_place() {
+        let text = mistakes(
+            "kit-c-mistakes",
+            "c",
+            &[
+                ("manifest.json", "\"type\": \"int\"", "\"type\": \"number\""),
+                ("manifest.json", "\"default\": 2000", "\"default\": \"soon\""),
+                ("manifest.json", "\"licence\": \"MIT\",", "\"licence\": \"MIT\""),
+                ("src/plugin.c", "sp_copy(s.text,", "memmove(s.text,"),
+                ("src/softplug.h", "export_name(\"softplug_v1\")", "export_name(\"softplug_v2\")"),
+            ],
+            &[3, 3, 3, 1, 3],
+        );
+        snapshot("build-mistakes-c", text);
+    }
+}
