@@ -59,6 +59,7 @@ pub(crate) enum Color {
 pub(crate) enum Command {
     New(commands::new::Arguments),
     Build(commands::build::Arguments),
+    Dev(Box<commands::dev::Arguments>),
     Ports(commands::ports::Arguments),
     Inspect(commands::inspect::Arguments),
     Pack(commands::pack::Arguments),

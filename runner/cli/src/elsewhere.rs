@@ -7,7 +7,7 @@ use softplug_gateway::PortSpec;
 
 use crate::arguments::Global;
 use crate::commands::{
-    demo, doctor, gateway, job, link, plugin, program, receive, record, send, simulate,
+    demo, dev, doctor, gateway, job, link, plugin, program, receive, record, send, simulate,
 };
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -67,6 +67,10 @@ pub(crate) fn serve(
 
 pub(crate) fn simulate(_: &simulate::Simulation, _: &Screen) -> Result<Exit, Failure> {
     Err(nowhere("simulating a machine"))
+}
+
+pub(crate) fn dev(_: &dev::Arguments, _: &Screen) -> Result<Exit, Failure> {
+    Err(nowhere("swapping on each save"))
 }
 
 pub(crate) fn demo(_: &demo::Arguments, _: &Screen) -> Result<Exit, Failure> {

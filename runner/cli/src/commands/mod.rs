@@ -6,6 +6,7 @@ pub(crate) mod cases;
 pub(crate) mod certify;
 pub(crate) mod completions;
 pub(crate) mod demo;
+pub(crate) mod dev;
 pub(crate) mod doctor;
 mod dry_run;
 pub(crate) mod explain;
@@ -39,6 +40,7 @@ pub(crate) fn run(command: Command, global: &Global, screen: &Screen) -> Result<
     match command {
         Command::New(arguments) => new::run(&arguments, screen),
         Command::Build(arguments) => build::run(&arguments, screen),
+        Command::Dev(arguments) => live::dev(&arguments, screen),
         Command::Ports(_) => live::ports(screen),
         Command::Inspect(arguments) => inspect::run(&arguments, screen),
         Command::Pack(arguments) => pack::run(&arguments, screen),

@@ -1,6 +1,7 @@
 //! The verbs that need ports.
 
 mod demo;
+mod dev;
 mod doctor;
 mod gateway;
 mod machine;
@@ -15,6 +16,7 @@ mod serve;
 mod simulate;
 
 pub(crate) use demo::demo;
+pub(crate) use dev::dev;
 pub(crate) use doctor::doctor;
 pub(crate) use gateway::gateway;
 pub(crate) use plugin::plugin;

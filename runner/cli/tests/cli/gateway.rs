@@ -41,14 +41,14 @@ fn link(name: &str, port: &str) -> String {
 }
 
 /// A gateway's process.
-struct Gateway {
+pub(crate) struct Gateway {
     child: Child,
     out: BufReader<ChildStdout>,
-    address: String,
+    pub(crate) address: String,
 }
 
 impl Gateway {
-    fn start(bench: &Bench) -> Self {
+    pub(crate) fn start(bench: &Bench) -> Self {
         Self::of(bench.command(&["gateway", "run", "gateway.toml", "--json"]))
     }
 
@@ -68,11 +68,11 @@ impl Gateway {
         command.output().unwrap().into()
     }
 
-    fn signal(&self, signal: Signal) {
+    pub(crate) fn signal(&self, signal: Signal) {
         kill_process(Pid::from_child(&self.child), signal).unwrap();
     }
 
-    fn end(mut self) -> (Option<i32>, String) {
+    pub(crate) fn end(mut self) -> (Option<i32>, String) {
         let code = self.child.wait().unwrap().code();
         let mut log = String::new();
         self.child.stderr.take().unwrap().read_to_string(&mut log).unwrap();
@@ -87,7 +87,7 @@ fn ready(out: &mut BufReader<ChildStdout>) -> String {
     ready["address"].as_str().unwrap().to_owned()
 }
 
-fn token(bench: &Bench) -> String {
+pub(crate) fn token(bench: &Bench) -> String {
     let ran = bench.run(&["gateway", "token", "--name", "t", "--role", "admin", "--json"]);
     let made = ran.with_code(0).json();
     let entry = &made["entry"];
@@ -97,7 +97,7 @@ fn token(bench: &Bench) -> String {
     made["token"].as_str().unwrap().to_owned()
 }
 
-fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
+pub(crate) fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
     let begin = Instant::now();
     while !there() {
         assert!(begin.elapsed() < HANG, "{what} did not come about");

@@ -16,7 +16,7 @@ fn target() -> PathBuf {
 }
 
 /// A bench with a new project.
-fn project(name: &str, language: &str) -> Bench {
+pub(crate) fn project(name: &str, language: &str) -> Bench {
     let bench = Bench::new();
     let ran = in_folder(&bench, "", &["new", name, "--lang", language]).with_code(0);
     assert!(ran.out.contains("softplug build"), "{ran}");
@@ -24,13 +24,13 @@ fn project(name: &str, language: &str) -> Bench {
 }
 
 /// Runs the command in a folder of the bench, without a network.
-fn in_folder(bench: &Bench, folder: &str, words: &[&str]) -> Ran {
+pub(crate) fn in_folder(bench: &Bench, folder: &str, words: &[&str]) -> Ran {
     let mut command = bench.command(words);
     alone(command.current_dir(bench.path(folder))).output().unwrap().into()
 }
 
 /// As on an author's machine, but for the SDK and the network.
-fn alone(command: &mut Command) -> &mut Command {
+pub(crate) fn alone(command: &mut Command) -> &mut Command {
     for (name, _) in std::env::vars_os() {
         let name = name.to_string_lossy().into_owned();
         if name.starts_with("CARGO") || name.starts_with("RUST") && name != "RUSTUP_TOOLCHAIN" {
@@ -48,7 +48,7 @@ fn alone(command: &mut Command) -> &mut Command {
 }
 
 /// Replaces a part of a file.
-fn edit(bench: &Bench, file: &str, from: &str, to: &str) {
+pub(crate) fn edit(bench: &Bench, file: &str, from: &str, to: &str) {
     let text = String::from_utf8(bench.read(file)).unwrap();
     assert!(text.contains(from), "{file} has no {from}");
     bench.write(file, text.replacen(from, to, 1));

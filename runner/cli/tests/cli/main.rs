@@ -3,6 +3,8 @@
 mod bench;
 mod certify;
 mod ci_kit;
+#[cfg(target_os = "linux")]
+mod dev;
 mod exchange;
 mod files;
 #[cfg(target_os = "linux")]

@@ -3,7 +3,7 @@
 pub use crate::channel::{ChannelError as StationError, Counters, StationOptions};
 
 use softplug_abi::{Action, Failure, Instance, LinkDownReason, Micros};
-use softplug_link::{Job, Link, LinkFault, Outside, Supply};
+use softplug_link::{Job, Link, LinkFault, Outside, Successor, Supply, SwapError};
 
 use crate::channel::{Channel, Surroundings, Wants, Work};
 use crate::clock::Clock;
@@ -115,6 +115,22 @@ impl<I: Instance> Station<I> {
         outside: &mut dyn Outside,
     ) -> Result<(), StationError<I::Fault>> {
         self.ask(outside, |link, now, outside| link.force_resume(now, outside))
+    }
+
+    /// Puts another plug-in in the place of the one that runs, with its state: see
+    /// [`Link::swap_to`].
+    ///
+    /// # Errors
+    /// The port failed. The inner result is that of the link.
+    pub fn swap(
+        &mut self,
+        successor: Successor<I>,
+        outside: &mut dyn Outside,
+    ) -> Result<Result<I, SwapError<I::Fault>>, PortError> {
+        let now = self.now();
+        self.channel.ask(now, &mut Unwatched(outside), |link, now, outside| {
+            link.swap_to(now, successor, outside)
+        })
     }
 
     /// One turn: what came, what is due, what may leave; then waits until there

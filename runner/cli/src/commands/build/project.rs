@@ -48,13 +48,13 @@ impl Project {
         self.language
     }
 
-    /// Files and folders that the plug-in is made of.
-    pub(crate) fn sources(&self) -> Vec<PathBuf> {
+    /// Files and folders in it that the plug-in is made of, and held against.
+    pub(crate) fn sources(&self) -> impl Iterator<Item = &'static str> {
         let names: &[&str] = match self.language {
-            Language::Rust => &[rust::MARK, "Cargo.lock", ".cargo", "src"],
-            Language::C => &[c::MARK, "src"],
+            Language::Rust => &[rust::MARK, ".cargo", "src", "traces"],
+            Language::C => &[c::MARK, "src", "traces"],
         };
-        names.iter().map(|name| self.root.join(name)).collect()
+        names.iter().copied()
     }
 
     /// What the compiler makes of it, with its manifest, and where from.

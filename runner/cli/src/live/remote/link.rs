@@ -3,13 +3,15 @@
 use std::path::Path;
 
 use softplug_service::view::{
-    LinkView, ReceptionView, Seen, SwapOrder, SwapState, SwapView, SwapWhen,
+    LinkView, PluginView, ReceptionView, Seen, SwapOrder, SwapState, SwapView, SwapWhen,
 };
 
 use super::{Client, pairs, printable, segment, show};
 use crate::commands::link::{Arguments, Received, Swap, Verb, Watch, When};
+use crate::commands::remote::Remote;
 use crate::exit::Exit;
 use crate::failure::Failure;
+use crate::line::Assignment;
 use crate::numbers;
 use crate::screen::Screen;
 use crate::table::Table;
@@ -94,27 +96,54 @@ fn tell(link: &LinkView, screen: &Screen) {
 }
 
 fn swap(client: &Client, of: &Swap, screen: &Screen) -> Result<Exit, Failure> {
-    let settings = pairs(&of.settings);
-    let order = SwapOrder {
-        plugin: of.plugin.clone(),
-        settings: (!settings.is_empty()).then_some(settings),
-        when: match of.when {
-            When::Now => SwapWhen::Now,
-            When::Idle => SwapWhen::Idle,
-            When::NowOrIdle => SwapWhen::NowOrIdle,
-        },
-        probation: None,
+    let when = match of.when {
+        When::Now => SwapWhen::Now,
+        When::Idle => SwapWhen::Idle,
+        When::NowOrIdle => SwapWhen::NowOrIdle,
     };
-    let swap: SwapView =
-        client.post(&format!("/links/{}/swap", segment(&of.link)), Some(&order))?;
+    let swap = order_swap(client, &of.link, &of.plugin, &of.settings, when)?;
     screen.say(show::swap(&swap));
     screen.document(&swap);
-    Ok(match swap.state {
-        SwapState::Refused | SwapState::Reverted => Exit::Failed,
-        SwapState::Ordered | SwapState::Waiting | SwapState::Probation | SwapState::Done => {
-            Exit::Done
-        }
-    })
+    Ok(if is_refused(&swap) { Exit::Failed } else { Exit::Done })
+}
+
+/// Adds a module to the gateway's library and swaps it into a link; says what came of it.
+pub(in crate::live) fn swap_in(
+    remote: &Remote,
+    link: &str,
+    plugin: &str,
+    module: &[u8],
+    settings: &[Assignment],
+) -> Result<String, Failure> {
+    let client = Client::new(remote)?;
+    let _: PluginView = client.send("POST", "/plugins", module)?;
+    let swap = order_swap(&client, link, plugin, settings, SwapWhen::NowOrIdle)?;
+    let text = show::swap(&swap);
+    if is_refused(&swap) { Err(Failure::new(Exit::Failed, text)) } else { Ok(text) }
+}
+
+fn order_swap(
+    client: &Client,
+    link: &str,
+    plugin: &str,
+    settings: &[Assignment],
+    when: SwapWhen,
+) -> Result<SwapView, Failure> {
+    let settings = pairs(settings);
+    let order = SwapOrder {
+        plugin: plugin.to_owned(),
+        settings: (!settings.is_empty()).then_some(settings),
+        when,
+        probation: None,
+    };
+    client.post(&format!("/links/{}/swap", segment(link)), Some(&order))
+}
+
+fn is_refused(swap: &SwapView) -> bool {
+    match swap.state {
+        SwapState::Refused | SwapState::Reverted => true,
+        SwapState::Ordered | SwapState::Waiting | SwapState::Probation | SwapState::Done => false,
+    }
 }
 
 fn watch(client: &Client, of: &Watch, screen: &Screen) -> Result<Exit, Failure> {

@@ -7,6 +7,7 @@ mod show;
 
 pub(crate) use job::job;
 pub(crate) use link::link;
+pub(super) use link::swap_in;
 pub(crate) use program::program;
 
 use std::collections::BTreeMap;

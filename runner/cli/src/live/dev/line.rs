@@ -1,0 +1,260 @@
+//! A link on a port in this process, whose plug-in is swapped.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Receiver;
+
+use softplug_abi::{Action, Micros};
+use softplug_gateway::station::{Station, StationError, StationOptions, Turn};
+use softplug_gateway::{Port, PortOptions, PortSpec};
+use softplug_link::{Job, Outside, Successor, Supply, SwapError};
+
+use super::{Ready, next};
+use crate::commands::dev::Arguments;
+use crate::commands::send::reason;
+use crate::failure::Failure;
+use crate::numbers;
+use crate::plugin::{AnyFault, AnyInstance, Chosen};
+use crate::screen::{GOOD, Screen};
+
+const TURN: Micros = Micros::from_millis(50);
+/// What has been given to the port may leave for so long at the end.
+const PATIENCE: Micros = Micros::from_millis(500);
+/// Bytes of a delivery that are shown.
+const SHOWN: usize = 60;
+
+/// The link, between two plug-ins or with one.
+pub(super) struct Line<'a> {
+    port: &'a PortSpec,
+    arguments: &'a Arguments,
+    screen: &'a Screen,
+    ground: Ground<'a>,
+    station: Option<Station<AnyInstance>>,
+    next_job: u32,
+}
+
+impl<'a> Line<'a> {
+    pub(super) fn new(
+        port: &'a PortSpec,
+        arguments: &'a Arguments,
+        data: Option<Vec<u8>>,
+        screen: &'a Screen,
+    ) -> Self {
+        let ground = Ground {
+            screen,
+            plugin: None,
+            data: data.unwrap_or_default(),
+            given: 0,
+            shown: Vec::new(),
+            bytes: 0,
+            drained: 0,
+        };
+        Self { port, arguments, screen, ground, station: None, next_job: 1 }
+    }
+
+    /// Runs the latest plug-in until `stop`.
+    pub(super) fn run(&mut self, ready: &Receiver<Ready>, stop: &AtomicBool) {
+        while !stop.load(Ordering::Relaxed) {
+            let came = match &self.station {
+                Some(_) => ready.try_recv().ok(),
+                None => next(ready, stop),
+            };
+            if let Some(ready) = came {
+                self.take(ready);
+            }
+            self.turn();
+        }
+        if let Some(station) = &mut self.station {
+            let closed = station.close(PATIENCE, &mut self.ground);
+            if let Err(error) = closed {
+                tracing::debug!(%error, "not closed in order");
+            }
+        }
+    }
+
+    /// Puts the plug-in on the line and tells it.
+    fn take(&mut self, Ready { plugin, mut round, since }: Ready) {
+        match self.swap(&plugin) {
+            Ok(how) => {
+                let took = numbers::span(since.elapsed());
+                self.screen.say(format_args!("{GOOD}swapped{GOOD:#} {how}, {took} after the save"));
+                round.result = "swapped";
+                self.begin_job(&plugin);
+            }
+            Err(failure) => {
+                self.screen.report_failure(&failure);
+                round.result = "not-swapped";
+                round.message = Some(failure.message);
+            }
+        }
+        round.seconds = since.elapsed().as_secs_f64();
+        self.screen.json_line(&round);
+    }
+
+    fn swap(&mut self, plugin: &Chosen) -> Result<&'static str, Failure> {
+        let settings = plugin.settings(&self.arguments.settings)?;
+        if let Some(station) = &mut self.station {
+            let successor = Successor {
+                instance: plugin.instantiate()?,
+                settings: settings.clone(),
+                accepts: plugin.manifest().state.accepts.clone(),
+                spare: None,
+            };
+            match station.swap(successor, &mut self.ground)? {
+                Ok(_) => {
+                    self.ground.plugin = Some(plugin.clone());
+                    return Ok("with its state");
+                }
+                Err(SwapError::Failed(fault)) => {
+                    self.station = None;
+                    return Err(Failure::plug_in(format_args!("the plug-in failed: {fault}")));
+                }
+                Err(error) => self.screen.note(format_args!("as new: {error}")),
+            }
+        }
+        // The old one lets go of the port first.
+        if let Some(mut station) = self.station.take() {
+            station.close(PATIENCE, &mut self.ground).map_err(failure)?;
+        }
+        let port = Port::open(self.port, &PortOptions::new(self.arguments.line))?;
+        let options = StationOptions { settings, ..StationOptions::default() };
+        let mut station = Station::new(port, plugin.instantiate()?, options)?;
+        self.ground.plugin = Some(plugin.clone());
+        station.open(&mut self.ground).map_err(failure)?;
+        self.station = Some(station);
+        Ok("as new")
+    }
+
+    /// Sends the file, if there is one and none is under way.
+    fn begin_job(&mut self, plugin: &Chosen) {
+        let Some(station) = &mut self.station else { return };
+        let manifest = plugin.manifest();
+        let kind = manifest.job_kind("send").filter(|_| self.arguments.send.is_some());
+        let Some(kind) = kind.filter(|_| station.link().job().is_none()) else { return };
+        self.ground.given = 0;
+        let job = Job {
+            id: self.next_job,
+            kind,
+            size: Some(self.ground.data.len() as u64),
+            fields: Vec::new(),
+            check: manifest.needs.check_pass,
+        };
+        self.next_job += 1;
+        let begun = station.begin_job(job, &mut self.ground);
+        self.look_at(begun.map(|()| Turn::Live));
+    }
+
+    fn turn(&mut self) {
+        if let Some(station) = &mut self.station {
+            let until = station.now() + TURN;
+            let turned = station.turn(until, &mut self.ground);
+            self.look_at(turned);
+        }
+    }
+
+    /// A link that is over waits for the next plug-in.
+    fn look_at(&mut self, turned: Result<Turn, StationError<AnyFault>>) {
+        let why = match turned {
+            Ok(Turn::Live) => return,
+            Ok(Turn::Gone(reason)) => {
+                Failure::new(crate::exit::Exit::Port, format_args!("the port is gone: {reason}"))
+            }
+            Err(error) => failure(error),
+        };
+        self.station = None;
+        self.screen.report_failure(&why.hint("the next save opens the port again"));
+    }
+}
+
+fn failure(error: StationError<AnyFault>) -> Failure {
+    match error {
+        StationError::Port(error) => error.into(),
+        StationError::Plugin(fault) => {
+            Failure::plug_in(format_args!("the plug-in failed: {fault}"))
+        }
+    }
+}
+
+/// What the plug-in does is shown, what it sends comes from memory.
+struct Ground<'a> {
+    screen: &'a Screen,
+    plugin: Option<Chosen>,
+    data: Vec<u8>,
+    /// Bytes of the data that were supplied.
+    given: usize,
+    /// The delivery under way: its first bytes, and how many there are.
+    shown: Vec<u8>,
+    bytes: u64,
+    drained: u32,
+}
+
+impl Ground<'_> {
+    fn reason(&self, why: softplug_abi::Failure, status: u16) -> String {
+        match &self.plugin {
+            Some(plugin) => reason(plugin.manifest(), why, status),
+            None => why.text().to_owned(),
+        }
+    }
+}
+
+impl Outside for Ground<'_> {
+    fn handle(&mut self, _now: Micros, action: &Action<'_>) {
+        let say = |text: &dyn std::fmt::Display| self.screen.say(text);
+        match action {
+            Action::DeliveryBegin { .. } => {
+                self.shown.clear();
+                self.bytes = 0;
+            }
+            Action::Deliver { bytes, .. } => {
+                let left = SHOWN.saturating_sub(self.shown.len()).min(bytes.len());
+                self.shown.extend(&bytes[..left]);
+                self.bytes += bytes.len() as u64;
+                self.drained += bytes.len() as u32;
+            }
+            Action::DeliveryEnd { failure, status, .. } => {
+                let dots = if self.bytes > self.shown.len() as u64 { "…" } else { "" };
+                let end = failure.map(|why| format!(", failed: {}", self.reason(why, *status)));
+                say(&format_args!(
+                    "received {} \"{}\"{dots}{}",
+                    numbers::bytes(self.bytes),
+                    self.shown.escape_ascii(),
+                    end.unwrap_or_default()
+                ));
+            }
+            Action::JobDone { sent, .. } => say(&format_args!("sent {}", numbers::bytes(*sent))),
+            Action::JobFailed { failure, status, sent, .. } => say(&format_args!(
+                "the job failed after {}: {}",
+                numbers::bytes(*sent),
+                self.reason(*failure, *status)
+            )),
+            Action::CheckResult { failure: Some(why), status, line, column, .. } => {
+                say(&format_args!(
+                    "the check found, in line {line}, column {column}: {}",
+                    self.reason(*why, *status)
+                ));
+            }
+            Action::Note { level, text, .. } => {
+                say(&format_args!("{level}: {}", text.escape_debug()));
+            }
+            _ => {}
+        }
+    }
+
+    fn supply(&mut self, _job: u32, buffer: &mut [u8]) -> Supply {
+        let rest = self.data.get(self.given..).unwrap_or_default();
+        let count = rest.len().min(buffer.len());
+        if count == 0 {
+            return Supply::End;
+        }
+        buffer[..count].copy_from_slice(&rest[..count]);
+        self.given += count;
+        Supply::Bytes(count)
+    }
+
+    fn rewind(&mut self, _job: u32) {
+        self.given = 0;
+    }
+
+    fn drained(&mut self) -> u32 {
+        std::mem::take(&mut self.drained)
+    }
+}
