@@ -113,7 +113,9 @@ pub struct Wants {
     /// Room to write: the port was full.
     pub write: bool,
     /// A time, on the clock that [`Channel::work`] is given.
-    pub deadline: Option<Due>,
+    pub deadline: Option<Micros>,
+    /// When the line takes more of what waits; [`Channel::write_on`] is enough then.
+    pub write_on: Option<Due>,
 }
 
 /// One port with a plug-in on it. The port may be lost and come back.
@@ -269,14 +271,13 @@ impl<I: Instance> Channel<I> {
     /// What to wait for, after [`Work::Done`].
     pub fn wants(&self, now: Micros) -> Wants {
         if self.gone.is_some() || self.link.has_ended() {
-            let deadline = self.link.next_timer().map(Due::exactly);
-            return Wants { deadline, ..Wants::default() };
+            return Wants { deadline: self.link.next_timer(), ..Wants::default() };
         }
         let is_stuck = self.is_stuck(now);
         let port = self.port.as_ref();
         let is_suspended = port.is_some_and(Port::is_suspended);
         let has_output = port.is_some_and(Port::has_output);
-        let exactly = [
+        let deadlines = [
             self.link.next_timer(),
             self.next_departure(now),
             self.break_until,
@@ -284,11 +285,12 @@ impl<I: Instance> Channel<I> {
             self.looks_for_modem_lines().then_some(self.modem_lines_at),
             port.and_then(Port::attention),
         ];
-        let exactly = exactly.into_iter().flatten().min().map(Due::exactly);
-        let send = self.wants_to_send(is_stuck).then(|| self.next_write(now));
-        let deadline = Due::first([exactly, send]);
-        let write = (is_stuck && !is_suspended) || has_output;
-        Wants { read: self.readable_bytes() > 0, write, deadline }
+        Wants {
+            read: self.readable_bytes() > 0,
+            write: (is_stuck && !is_suspended) || has_output,
+            deadline: deadlines.into_iter().flatten().min(),
+            write_on: self.wants_to_send(is_stuck).then(|| self.next_write(now)),
+        }
     }
 
     fn next_write(&self, now: Micros) -> Due {

@@ -4,6 +4,7 @@ use softplug_abi::{Instance, Micros};
 use softplug_link::Taken;
 
 use super::{CHUNK, Channel, ChannelError, Surroundings};
+use crate::due::Due;
 use crate::error::PortError;
 use crate::port::Port;
 
@@ -50,6 +51,23 @@ impl<I: Instance> Channel<I> {
             self.departures.took(now, run);
         }
         Ok(written > 0)
+    }
+
+    /// Gives the port what it may have now, and nothing else: when there is to be
+    /// more. `None` if there is more to do than to write, which [`work`](Self::work)
+    /// does.
+    pub fn write_on(
+        &mut self,
+        now: Micros,
+        outside: &mut dyn Surroundings,
+    ) -> Result<Option<Due>, ChannelError<I::Fault>> {
+        if self.gone.is_some() || self.may_read() || self.link.has_reports() {
+            return Ok(None);
+        }
+        self.send_some(now, outside)?;
+        let has_more = self.link.has_reports() || self.may_send(now);
+        let may_wait = !has_more && self.wants_to_send(false);
+        Ok(may_wait.then(|| self.next_write(now)))
     }
 
     /// Whether something waits and the line has room for it.

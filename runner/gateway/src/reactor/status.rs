@@ -44,8 +44,8 @@ impl Condition {
 
 macro_rules! figures {
     ($($(#[$doc:meta])* $name:ident: $atomic:ident $plain:ident,)*) => {
-        /// The lane's figures, each an atomic that the lane stores after a turn: they
-        /// are not of one instant together.
+        /// The lane's figures, each an atomic that the lane stores after a turn that did
+        /// more than to write on: they are not of one instant together.
         #[derive(Debug, Default)]
         pub struct LaneStatus {
             condition: AtomicU8,

@@ -219,6 +219,7 @@ impl<I: LaneInstance> Driver<I> {
 
     fn hand_over(&mut self, slot: usize, event: &mio::event::Event) {
         if let Some(Some(lane)) = self.lanes.get_mut(slot) {
+            lane.call();
             lane.ready(&self.thread, event);
             mark(&mut self.ready, &mut self.is_ready, slot);
         }
@@ -318,6 +319,7 @@ impl<I: LaneInstance> Driver<I> {
     fn with(&mut self, id: LaneId, act: impl FnOnce(&mut Lane<I>, &Thread<I>)) {
         let Some(slot) = self.slots.get(&id).copied() else { return };
         if let Some(lane) = &mut self.lanes[slot] {
+            lane.call();
             act(lane, &self.thread);
             mark(&mut self.ready, &mut self.is_ready, slot);
         }
@@ -339,7 +341,7 @@ impl<I: LaneInstance> Driver<I> {
             self.is_ready[slot] = false;
             let Some(lane) = &mut self.lanes[slot] else { continue };
             let turn = lane.turn(&self.thread);
-            if self.aside.is_some() && lane.is_a_burden() {
+            if self.aside.is_some() && lane.is_burden() {
                 burdens.push(slot);
             }
             match turn {

@@ -38,7 +38,7 @@ impl Log {
     }
 
     pub(super) fn wants_checkpoint(&self) -> bool {
-        self.bound > 0 && !self.saves_nothing && self.newer.events() >= self.bound / 2
+        self.bound > 0 && !self.saves_nothing && self.newer.events() >= self.bound / 4
     }
 
     pub(super) fn never_again(&mut self) {
@@ -99,8 +99,9 @@ impl Log {
         let bytes = &mut self.newer.bytes;
         let start = bytes.len();
         if bytes.capacity() < start + HEAD + size {
-            // As much as a generation usually takes: there are two on each link.
-            let usual = self.bound / 2 + self.bound / 8;
+            // What a generation takes but for a burst: a quarter of the bound, what one
+            // turn adds, and its head. So the two take as much as the bound.
+            let usual = self.bound / 2;
             bytes.reserve_exact(usual.saturating_sub(start).max(HEAD + size));
         }
         bytes.resize(start + HEAD + size, 0);

@@ -176,8 +176,9 @@ impl<I: Instance> Station<I> {
     }
 
     fn wait(&mut self, until: Micros) -> Result<(), PortError> {
-        let Wants { read, write, deadline } = self.channel.wants(self.now());
-        let deadline = deadline.map_or(until, |due| due.at.min(until));
+        let Wants { read, write, deadline, write_on } = self.channel.wants(self.now());
+        let write_on = write_on.map(|due| due.at);
+        let deadline = [deadline, write_on].into_iter().flatten().fold(until, Micros::min);
         let port = self.channel.port().map(Port::fd);
         self.poller.wait(port, Interest { read, write }, Some(deadline))?;
         Ok(())

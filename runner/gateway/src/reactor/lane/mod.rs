@@ -65,6 +65,12 @@ pub(super) struct Lane<I: Instance> {
     is_faulted: bool,
     starved_since: Option<Micros>,
     closing_until: Option<Micros>,
+    /// The last turn left nothing to do before `next_other` but to give the line more
+    /// of what waits, and nothing has come since.
+    only_writes: bool,
+    next_other: Option<Micros>,
+    /// Its plug-in holds up all that share a thread with it.
+    is_burden: bool,
 }
 
 enum Phase<I: Instance> {
@@ -102,6 +108,9 @@ impl<I: LaneInstance> Lane<I> {
             is_faulted: false,
             starved_since: None,
             closing_until: None,
+            only_writes: false,
+            next_other: None,
+            is_burden: false,
         };
         lane.attach_endpoint(thread);
         lane.ask_for_port(thread);
@@ -110,9 +119,13 @@ impl<I: LaneInstance> Lane<I> {
 
     /// Whether its plug-in holds up all that share a thread with it: it has failed, or
     /// uses a good part of what one event may use.
-    pub(super) fn is_a_burden(&self) -> bool {
-        let Phase::Open(channel) = &self.phase else { return false };
-        self.is_faulted || channel.link().instance().largest_fuel() > LIGHT
+    pub(super) fn is_burden(&self) -> bool {
+        self.is_burden
+    }
+
+    /// Something has come up for it: its next turn is a whole one.
+    pub(super) fn call(&mut self) {
+        self.only_writes = false;
     }
 
     /// Leaves the thread, to be driven by another.
@@ -131,6 +144,7 @@ impl<I: LaneInstance> Lane<I> {
     pub(super) fn settle(&mut self, slot: usize, thread: &Thread<I>) {
         let first = slot * TOKENS;
         self.tokens = first..first + TOKENS;
+        self.call();
         self.began = thread.clock.now() - self.clock.now();
         self.attach_endpoint(thread);
         let Phase::Open(channel) = &mut self.phase else { return };
@@ -183,6 +197,37 @@ impl<I: LaneInstance> Lane<I> {
 
     /// One turn: what came, what is due, what may leave, up to a bound.
     pub(super) fn turn(&mut self, thread: &Thread<I>) -> Turn {
+        self.write_on(thread).unwrap_or_else(|| self.whole_turn(thread))
+    }
+
+    /// A turn that only writes, where there is nothing else to do: most are such where
+    /// many slow lines are full. What is shown of the lane stays as it was.
+    fn write_on(&mut self, thread: &Thread<I>) -> Option<Turn> {
+        let now = self.clock.now();
+        let only_writes = std::mem::take(&mut self.only_writes);
+        if !only_writes || self.next_other.is_some_and(|at| at <= now) {
+            return None;
+        }
+        let Phase::Open(channel) = &mut self.phase else { return None };
+        match channel.write_on(now, &mut self.floor) {
+            Ok(Some(due)) => {
+                self.only_writes = true;
+                Some(self.until(Some(due)))
+            }
+            Ok(None) => None,
+            Err(error) => {
+                self.failed(thread, error);
+                None
+            }
+        }
+    }
+
+    fn until(&self, write_on: Option<Due>) -> Turn {
+        let due = Due::first([self.next_other.map(Due::exactly), write_on]);
+        Turn::Until(due.map(|due| due.on_clock_since(self.began).gathered()))
+    }
+
+    fn whole_turn(&mut self, thread: &Thread<I>) -> Turn {
         self.retry_port(thread);
         self.turn_endpoint(thread);
         let mut more = false;
@@ -211,11 +256,12 @@ impl<I: LaneInstance> Lane<I> {
         };
         self.watch(now, &counters);
         self.show(now, &counters);
+        self.is_burden = self.is_faulted || self.largest_fuel() > LIGHT;
         if more || self.has_news() {
             return Turn::More;
         }
-        let deadline = self.wants(thread, now);
-        Turn::Until(deadline.map(|due| due.on_clock_since(self.began).gathered()))
+        let write_on = self.wants(thread, now);
+        self.until(write_on)
     }
 
     /// A request of the host to the link; of a plug-in that has ended nothing is
@@ -245,7 +291,8 @@ impl<I: LaneInstance> Lane<I> {
         !self.is_faulted && (self.floor.is_supplied() || self.endpoint_waits())
     }
 
-    /// When to be called next if nothing comes.
+    /// When the line takes more of what waits. What else it is to be called for is
+    /// noted.
     fn wants(&mut self, thread: &Thread<I>, now: Micros) -> Option<Due> {
         let mut wants = Wants::default();
         let mut line_free = None;
@@ -258,7 +305,8 @@ impl<I: LaneInstance> Lane<I> {
         }
         self.want_write(thread, wants.write);
         let endpoint = self.floor.endpoint.as_ref().and_then(|lane| lane.endpoint.deadline());
-        let exactly = [
+        self.next_other = [
+            wants.deadline,
             line_free,
             endpoint,
             self.port.retry_at,
@@ -269,9 +317,9 @@ impl<I: LaneInstance> Lane<I> {
         ]
         .into_iter()
         .flatten()
-        .min()
-        .map(Due::exactly);
-        Due::first([exactly, wants.deadline])
+        .min();
+        self.only_writes = wants.write_on.is_some() && self.closing_until.is_none();
+        wants.write_on
     }
 
     /// Stores what is shown of the lane.
@@ -295,6 +343,13 @@ impl<I: LaneInstance> Lane<I> {
             };
         }
         self.status.store_job(&figures);
+    }
+
+    fn largest_fuel(&self) -> u64 {
+        match &self.phase {
+            Phase::Open(channel) => channel.link().instance().largest_fuel(),
+            Phase::New(_) => 0,
+        }
     }
 
     fn condition(&self) -> Condition {
