@@ -63,6 +63,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-abi",
             "softplug-build",
             "softplug-conformance",
+            "softplug-fixtures",
             "softplug-gateway",
             "softplug-host",
             "softplug-link",

@@ -84,6 +84,32 @@ fn a_project_in_rust_is_conformant_and_passes_its_own_tests() {
     }
 }
 
+/// A project begun from a profile's reference plug-in is conformant to it.
+fn begins_from(profile: &str, language: &str) {
+    let bench = Bench::new();
+    let name = format!("kit-{profile}-{language}");
+    let words = ["new", &name, "--from", profile, "--lang", language];
+    let said = in_folder(&bench, "", &words).with_code(0);
+    assert!(said.out.contains(&format!("--profile {profile} ")), "{said}");
+    in_folder(&bench, &name, &["build"]).with_code(0);
+    for words in [&["--profile", profile, "--corpus", "."][..], &["--profile", profile]] {
+        let words = [&["certify", &name, "--json"][..], words].concat();
+        let report = in_folder(&bench, &name, &words).with_code(0).json();
+        assert_eq!(report["verdict"], "conformant");
+    }
+    let shown = in_folder(&bench, &name, &["inspect", &name, "--json"]).with_code(0).json();
+    assert_eq!(shown["manifest"]["name"], name);
+    in_folder(&bench, &name, &["cases", "--lint", "--corpus", "."]).with_code(0);
+}
+
+#[test]
+fn a_project_begins_from_a_reference_plug_in() {
+    // One that needs another crate of ours, one that needs a foreign one, one that needs none.
+    for profile in ["rk512", "fanuc-rs232", "heidenhain-fe"] {
+        begins_from(profile, "rust");
+    }
+}
+
 #[test]
 fn what_a_new_project_has() {
     let mut text = String::new();
@@ -118,6 +144,8 @@ fn what_is_there_is_never_touched() {
         &["new", "fn"],
         &["new", "xon-xoff"],
         &["new", "softplug-x"],
+        &["new", "other", "--from", "abi"],
+        &["new", "other", "--from", "r3964", "--lang", "c"],
         &["new", "other", "--sdk", "my-machine"],
         &["new", "other", "--sdk", "none"],
         &["build"],
@@ -192,6 +220,11 @@ fn a_panic_tells_its_place_in_the_authors_file() {
 
 mod needs_clang {
     use super::*;
+
+    #[test]
+    fn a_project_in_c_begins_from_a_reference_plug_in() {
+        begins_from("xon-xoff", "c");
+    }
 
     #[test]
     fn a_project_in_c_does_what_the_one_in_rust_does() {

@@ -93,7 +93,7 @@ pub(crate) fn build(project: &Project, out: Option<&Path>) -> Result<Built, Fail
         Failure::plug_in(format_args!("{}: {why}", compiled.display()))
     };
     // Told of what the compiler made: nothing else was done to it yet.
-    lint(&module).map_err(|rule| hints::of(project, &rule, fail(&rule)))?;
+    lint(&module).map_err(|rule| hints::of(project, &rule, &module, fail(&rule)))?;
     let optimizer = Optimizer::find();
     let module = shrink(&module, optimizer.as_ref()).map_err(|error| fail(&error))?;
     let plugin = host.load_bytes(&module).map_err(|error| fail(&error))?;

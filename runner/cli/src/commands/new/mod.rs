@@ -2,6 +2,7 @@
 
 mod files;
 mod name;
+mod origin;
 mod sdk;
 
 use std::fs;
@@ -11,7 +12,9 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
+use self::files::{Plan, ProjectFile};
 use self::name::Name;
+use self::origin::Origin;
 use self::sdk::Sdk;
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -23,10 +26,14 @@ use crate::screen::Screen;
 /// The converter speaks a small protocol of lines with ACK and NAK, to be replaced by yours. The
 /// folder is a corpus of its own: requirements/NAME.toml says what the protocol demands, and
 /// traces/NAME shows it.
+///
+/// With --from it begins as a copy of a profile's reference plug-in, with the ledger and the
+/// traces of that profile, for a machine that speaks nearly the same.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   softplug new my-machine
   softplug new my-machine --lang c
+  softplug new my-machine --from xon-xoff
   softplug new my-machine --sdk ~/softplug
 
 Then, in the new folder:
@@ -40,6 +47,9 @@ pub(crate) struct Arguments {
     /// The language
     #[arg(long, value_enum, default_value_t)]
     lang: Language,
+    /// Profile whose reference plug-in to begin from; in C: xon-xoff
+    #[arg(long, value_name = "PROFILE")]
+    from: Option<String>,
     /// Clone of Softplug to take the Rust SDK from, instead of crates.io [env: SOFTPLUG_SDK]
     #[arg(long, value_name = "DIR")]
     sdk: Option<PathBuf>,
@@ -71,19 +81,25 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         // The header comes along.
         Language::C => None,
     };
+    let origin = match &arguments.from {
+        Some(profile) => Some((Origin::of(profile, arguments.lang)?, profile.as_str())),
+        None => None,
+    };
     let folder = Path::new(name.as_str());
     if fs::symlink_metadata(folder).is_ok() {
         return Err(Failure::usage(format_args!("{} is there already", folder.display()))
             .hint("choose another name; nothing was touched"));
     }
-    let files = files::of(&name, sdk.as_ref());
+    let plan = Plan { name: &name, language: arguments.lang, sdk: sdk.as_ref(), origin };
+    let files = plan.files();
     make(folder, &files)?;
 
     let sdk_text = sdk.as_ref().map(ToString::to_string);
     if let Some(sdk) = &sdk_text {
         screen.note(format_args!("the SDK is {sdk}"));
     }
-    screen.say(format_args!("{name}: {} files; next:\n{}", files.len(), next(&name)));
+    let profile = origin.map_or(name.as_str(), |(_, profile)| profile);
+    screen.say(format_args!("{name}: {} files; next:\n{}", files.len(), next(&name, profile)));
     screen.document(&Document {
         name: name.as_str(),
         folder: name.as_str(),
@@ -93,15 +109,15 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     Ok(Exit::Done)
 }
 
-fn next(name: &Name) -> String {
+fn next(name: &Name, profile: &str) -> String {
     format!(
         "  cd {name}\n  softplug build\n  softplug replay {name} traces\n  \
-         softplug certify {name} --profile {name} --corpus ."
+         softplug certify {name} --profile {profile} --corpus ."
     )
 }
 
 /// Makes the folder with all files, or nothing.
-fn make(folder: &Path, files: &[(String, String)]) -> Result<(), Failure> {
+fn make(folder: &Path, files: &[ProjectFile]) -> Result<(), Failure> {
     let part = PathBuf::from(format!(".{}.{}.part", folder.display(), std::process::id()));
     let made = fs::create_dir(&part).and_then(|()| {
         let filled = fill(&part, files).and_then(|()| fs::rename(&part, folder));
@@ -110,13 +126,13 @@ fn make(folder: &Path, files: &[(String, String)]) -> Result<(), Failure> {
     made.map_err(|error| unwritable(folder, &error))
 }
 
-fn fill(folder: &Path, files: &[(String, String)]) -> io::Result<()> {
-    for (path, text) in files {
+fn fill(folder: &Path, files: &[ProjectFile]) -> io::Result<()> {
+    for (path, content) in files {
         let path = folder.join(path);
         if let Some(parent) = path.parent() {
             fs::create_dir_all(parent)?;
         }
-        fs::write(path, text)?;
+        fs::write(path, content)?;
     }
     Ok(())
 }
@@ -128,7 +144,7 @@ mod tests {
     #[test]
     fn what_cannot_be_made_whole_is_not_made() {
         let bench = tempfile::tempdir().unwrap();
-        let files = [("a/b".to_owned(), String::new()), ("a/b/c".to_owned(), String::new())];
+        let files = [("a/b".to_owned(), Vec::new()), ("a/b/c".to_owned(), Vec::new())];
         fill(bench.path(), &files).unwrap_err();
 
         // In the working folder, as the command does it: a file cannot be a folder too.

@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 use crate::failure::Failure;
 
 const VARIABLE: &str = "SOFTPLUG_SDK";
-/// The crate of the SDK in a clone of Softplug.
+/// The crate by which a clone of Softplug is known.
 const CRATE: &str = "sdk/plugin";
 
-/// The crate `softplug-plugin`.
+/// Where the crates of Softplug are.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub(super) enum Sdk {
-    /// In a clone: the folder of the crate, from the root.
+    /// In a clone: its folder, from the root.
     Clone(String),
     /// On crates.io.
     Version(&'static str),
@@ -39,7 +39,7 @@ impl Sdk {
             )));
         }
         // From the root: it holds wherever the project is moved.
-        let folder = clone.join(CRATE).canonicalize();
+        let folder = clone.canonicalize();
         let folder = folder.map_err(|error| {
             Failure::usage(format_args!("{shown} cannot be used as the SDK: {error}"))
         })?;
@@ -48,11 +48,14 @@ impl Sdk {
         })
     }
 
-    /// The whole value of the dependency in `Cargo.toml`, without closing brace.
-    pub(super) fn dependency(&self) -> String {
+    /// The value of a dependency in `Cargo.toml`, without closing brace; `place` is the crate's
+    /// folder in a clone.
+    pub(super) fn dependency(&self, place: &str) -> String {
         match self {
             // What JSON escapes, TOML reads.
-            Self::Clone(folder) => format!("{{ path = {}", serde_json::json!(folder)),
+            Self::Clone(folder) => {
+                format!("{{ path = {}", serde_json::json!(format!("{folder}/{place}")))
+            }
             Self::Version(version) => format!("{{ version = \"{version}\""),
         }
     }
@@ -61,8 +64,8 @@ impl Sdk {
 impl fmt::Display for Sdk {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Clone(folder) => f.write_str(folder),
-            Self::Version(version) => write!(f, "softplug-plugin {version} of crates.io"),
+            Self::Clone(folder) => write!(f, "that in {folder}"),
+            Self::Version(version) => write!(f, "that of crates.io, version {version}"),
         }
     }
 }
