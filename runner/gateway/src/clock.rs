@@ -22,7 +22,7 @@ impl Clock {
 
     /// An instant of this clock as CLOCK_MONOTONIC has it; never 0 or less,
     /// which a timerfd would take for "no deadline".
-    pub(crate) fn timespec(&self, at: Micros) -> Timespec {
+    pub(crate) fn timespec(self, at: Micros) -> Timespec {
         let nanos = at.0.saturating_mul(1_000).saturating_add(self.origin_nanos).max(1);
         Timespec { tv_sec: nanos / 1_000_000_000, tv_nsec: nanos % 1_000_000_000 }
     }

@@ -31,7 +31,7 @@ struct Link {
 /// What has been measured.
 #[derive(Default)]
 struct Trips {
-    trips: Vec<Duration>,
+    spans: Vec<Duration>,
     /// The next message was due and the last one not back.
     unanswered: u64,
     /// Reads that brought what was out for longer.
@@ -92,11 +92,11 @@ pub fn measure(subject: &Subject, machines: &[PtyPair], span: Duration) -> Outco
     }
     let used = Used::now(subject.pid())?.since(&used.ok_or("too short")?, span);
     let grown = resident(subject.pid())?.saturating_sub(subject.before);
-    trips.trips.sort();
+    trips.spans.sort();
     Ok(json!({
         "subject": subject.name,
         "links": machines.len(),
-        "echoes": trips.trips.len(),
+        "echoes": trips.spans.len(),
         "unanswered": trips.unanswered,
         "late": trips.late,
         "p50_micros": trips.at(0.5),
@@ -120,7 +120,7 @@ impl Trips {
                         && let Some(sent_at) = link.sent_at.take()
                         && sent_at >= warm
                     {
-                        self.trips.push(sent_at.elapsed());
+                        self.spans.push(sent_at.elapsed());
                     }
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(()),
@@ -131,7 +131,7 @@ impl Trips {
 
     /// Of the sorted trips.
     fn at(&self, part: f64) -> Option<u128> {
-        let at = (self.trips.len() as f64 * part) as usize;
-        Some(self.trips.get(at.min(self.trips.len().checked_sub(1)?))?.as_micros())
+        let at = (self.spans.len() as f64 * part) as usize;
+        Some(self.spans.get(at.min(self.spans.len().checked_sub(1)?))?.as_micros())
     }
 }

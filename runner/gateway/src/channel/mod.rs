@@ -257,7 +257,8 @@ impl<I: Instance> Channel<I> {
             self.note_departures(now);
             self.ask(now, outside, |link, now, outside| link.run(now, outside))??;
             let has_sent = self.gone.is_none() && self.send_some(now, outside)?;
-            if !self.may_read() && !(has_sent && self.may_go_on(now)) {
+            let goes_on = self.may_read() || (has_sent && self.may_go_on(now));
+            if !goes_on {
                 return Ok(Work::Done);
             }
             now = clock.now();
