@@ -1,4 +1,6 @@
-//! Runs the benchmarks and writes one table, to be copied into the docs.
+//! Runs the benchmarks and writes their tables, to be copied into the docs.
+
+mod gateway;
 
 use std::fs;
 use std::io;
@@ -67,9 +69,18 @@ impl Row {
 const NATIVE: &str = "/native";
 const WASM: &str = "/wasm";
 
-/// Prints the table to standard output; all else goes to standard error.
+/// The filter that leaves only what the gateway costs.
+const GATEWAY: &str = "gateway";
+
+/// Prints tables to standard output; all else goes to standard error.
 pub(crate) fn run(workspace: &Workspace, filter: Option<&str>) -> Result<(), Error> {
     let sizes = plugins::build(workspace, plugins::Report::Table)?;
+    println!("Machine: {}", machine());
+    println!("Command: cargo xtask bench {}", filter.unwrap_or_default());
+    println!();
+    if filter == Some(GATEWAY) {
+        return gateway::run(workspace);
+    }
     let started = SystemTime::now();
     let is_hook =
         |bench: &str| HOOKS.iter().any(|hook| hook.program == Program::Bench && hook.name == bench);
@@ -97,7 +108,8 @@ pub(crate) fn run(workspace: &Workspace, filter: Option<&str>) -> Result<(), Err
         return Err(BenchError::None.into());
     }
     print(&rows);
-    Ok(())
+    println!();
+    if filter.is_none() { gateway::run(workspace) } else { Ok(()) }
 }
 
 fn is_wanted(row: &Row, filter: Option<&str>) -> bool {
@@ -228,9 +240,6 @@ fn duration(nanoseconds: f64) -> String {
 
 fn print(rows: &[Row]) {
     let width = rows.iter().map(|row| row.name.chars().count()).max().unwrap_or(0);
-    println!("Machine: {}", machine());
-    println!("Command: cargo xtask bench");
-    println!();
     println!("| {:width$} | median | per byte | 95 % of medians |", "what");
     println!("|{}|---:|---:|---|", "-".repeat(width + 2));
     for Row { name, figure, per_byte, spread, .. } in rows {

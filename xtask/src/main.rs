@@ -76,9 +76,9 @@ enum Task {
         /// Only tests whose name contains this.
         filter: Option<String>,
     },
-    /// Runs the benchmarks and prints one table.
+    /// Runs the benchmarks and prints their tables.
     Bench {
-        /// Only benchmarks whose name contains this.
+        /// Only benchmarks whose name contains this; `gateway`: only what it costs.
         filter: Option<String>,
     },
     /// Packs every crate as it would be published.
