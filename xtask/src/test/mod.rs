@@ -70,6 +70,12 @@ const TOOLS: &[Tool] = &[
         source: "`npm ci` in sdk/assemblyscript, then its node_modules/.bin in PATH",
         purpose: "XON/XOFF in AssemblyScript, certified like the one in Rust",
     },
+    Tool {
+        program: "curl",
+        source: "Debian package curl",
+        purpose: "the book's page on the HTTP API",
+    },
+    Tool { program: "jq", source: "Debian package jq", purpose: "the book's page on reports" },
     Tool { program: "node", source: "Debian package nodejs", purpose: "the host in JavaScript" },
     Tool {
         program: "python_wasmtime",

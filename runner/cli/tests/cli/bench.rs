@@ -140,7 +140,8 @@ fn regex_of(path: &Path) -> String {
     escaped
 }
 
-const PLUGINS: [&str; 4] = ["xon-xoff", "r3964", "r3964-simplified", "fanuc-rs232"];
+const PLUGINS: [&str; 5] =
+    ["xon-xoff", "r3964", "r3964-simplified", "fanuc-rs232", "heidenhain-fe"];
 
 /// The folder with the plug-ins: the one that SOFTPLUG_PLUGINS names, or one
 /// that is built here, so that they are never older than their source.
@@ -164,6 +165,7 @@ fn build() -> PathBuf {
         .args(["build", "--quiet", "--profile", "plugin", "--target", "wasm32v1-none"])
         .args(["--lib", "-p", "softplug-xon-xoff", "-p", "softplug-r3964"])
         .args(["-p", "softplug-r3964-simplified", "-p", "softplug-fanuc-rs232"])
+        .args(["-p", "softplug-heidenhain-fe"])
         // For the options that stand in .cargo/config.toml.
         .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../.."))
         .env("CARGO_TARGET_DIR", target)

@@ -1,0 +1,48 @@
+//! The contents of the book: every page once, and every page tested.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+
+use crate::page::{Page, repository};
+
+fn pages_of(folder: &Path, below: &str, pages: &mut BTreeSet<String>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = format!("{below}{}", path.file_name().unwrap().to_str().unwrap());
+        if path.is_dir() {
+            pages_of(&path, &format!("{name}/"), pages);
+        } else if name.ends_with(".md") && name != "SUMMARY.md" {
+            pages.insert(name);
+        }
+    }
+}
+
+#[test]
+fn every_page_is_in_the_contents_once_and_is_executed() {
+    let mut pages = BTreeSet::new();
+    pages_of(&repository().join("docs"), "", &mut pages);
+    let summary = Page::read("docs/SUMMARY.md");
+    let listed: BTreeSet<String> = summary.links.iter().map(|link| link.target.clone()).collect();
+    assert_eq!(listed, pages, "docs/SUMMARY.md");
+    assert_eq!(listed.len(), summary.links.len(), "docs/SUMMARY.md lists a page twice");
+    let tested: BTreeSet<String> = crate::pages().into_iter().map(str::to_owned).collect();
+    assert_eq!(tested, pages, "each page needs its line in runner/cli/tests/book/main.rs");
+}
+
+/// What the tests leave out, with the reason: a new one shows in the snapshot.
+#[test]
+fn what_cannot_run_is_named() {
+    let mut left_out = String::new();
+    for path in crate::pages() {
+        for block in Page::read(&format!("docs/{path}")).blocks {
+            let Some(reason) = block.lacks() else { continue };
+            let first = block.text.lines().next().unwrap_or_default();
+            left_out += &format!("{path}: {reason}: {first}\n");
+        }
+    }
+    let mut settings = insta::Settings::clone_current();
+    settings.set_prepend_module_to_snapshot(false);
+    settings.set_omit_expression(true);
+    settings.bind(|| insta::assert_snapshot!("left-out", left_out));
+}
