@@ -1,6 +1,7 @@
 //! Softplug's own tasks: `cargo xtask build | demo | test | mutants | fuzz | bench | packages | nc`.
 
 mod bench;
+mod book;
 mod code_mutants;
 mod demo;
 mod fuzz;
@@ -90,6 +91,8 @@ enum Task {
         #[arg(long, requires = "long")]
         since: Option<String>,
     },
+    /// Makes the book of `docs/` in target/book, with mdBook, which is installed if it is missing.
+    Book,
     /// Writes a generated NC program.
     Nc {
         /// File to write, `-` for standard output.
@@ -140,6 +143,7 @@ fn perform(task: Task) -> Result<ExitCode, Error> {
         Task::Packages { long, since } => {
             return packages::run(&Workspace::read()?, long, since.as_deref());
         }
+        Task::Book => book::make(&Workspace::read()?)?,
         Task::Nc { out, kind, bytes, seed } => nc::write(&out, kind, bytes, seed)?,
     }
     Ok(ExitCode::SUCCESS)
@@ -164,6 +168,8 @@ enum Error {
     Fuzz(#[from] fuzz::FuzzError),
     #[error(transparent)]
     Bench(#[from] bench::BenchError),
+    #[error(transparent)]
+    Book(#[from] book::BookError),
     #[error(transparent)]
     Nc(#[from] nc::NcError),
 }

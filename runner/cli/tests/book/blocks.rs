@@ -11,6 +11,10 @@ use crate::page::Block;
 /// Says what is wrong with a block.
 pub(crate) fn check(block: &Block) -> Result<(), String> {
     match block.language.as_str() {
+        // The page's commands read what is in a file.
+        "toml" if block.value("file").is_some() => {
+            parsed(toml::from_str::<toml::Table>(&block.text))
+        }
         "toml" => toml(&block.text),
         "json" => parsed(serde_json::from_str::<serde_json::Value>(&block.text)),
         "yaml" => parsed(serde_saphyr::from_str::<serde_json::Value>(&block.text)),

@@ -288,6 +288,8 @@ fn bash(folder: &Path, own: &Path) -> Command {
     command
         .env("PATH", format!("{}:{path}", own.join("programs").display()))
         .env("SOFTPLUG_PLUGINS", plugins())
+        .env("SOFTPLUG_SDK", repository())
+        .env("CARGO_NET_OFFLINE", "true")
         .env("LC_ALL", "C.UTF-8")
         .env("NO_COLOR", "1")
         .env("CARGO_TERM_COLOR", "never")
