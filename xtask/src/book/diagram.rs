@@ -94,10 +94,14 @@ impl Diagram {
         })
     }
 
-    /// States stand in the order in which they are reached, not in that of their aliases.
     fn places(&self) -> Vec<usize> {
         let widest = self.columns.iter().map(|(_, shown)| shown.len()).max().unwrap_or(0);
-        let lane = LANE.max(widest * CHARACTER + 30);
+        // Of few columns, arrows are made as long as what they say.
+        let texts = self.rows.iter().map(|row| match row {
+            Row::Arrow { text, .. } if self.columns.len() <= 3 => text.chars().count(),
+            _ => 0,
+        });
+        let lane = LANE.max(widest * CHARACTER + 30).max(texts.max().unwrap_or(0) * CHARACTER + 30);
         (0..self.columns.len()).map(|column| MARGIN + column * lane).collect()
     }
 
@@ -147,7 +151,10 @@ impl Diagram {
                 Row::Note { from, to, text } => {
                     let (begin, end) = (places[*from], places[*to]);
                     let left = begin.min(end).saturating_sub(30);
-                    let wide = begin.abs_diff(end).max(text.chars().count() * CHARACTER - 40) + 60;
+                    let wide = begin
+                        .abs_diff(end)
+                        .max((text.chars().count() * CHARACTER).saturating_sub(40))
+                        + 60;
                     let _ = write!(
                         body,
                         "<rect x=\"{left}\" y=\"{}\" width=\"{wide}\" height=\"24\" class=\"note\"/>",

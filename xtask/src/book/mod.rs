@@ -135,14 +135,14 @@ mod tests {
     /// What the book's own program would be told only when it is made.
     #[test]
     fn every_diagram_can_be_drawn() {
-        let folder = tempfile_in_target();
+        let folder = folder_of_its_own();
         stage(&Workspace::read().unwrap().root().join("docs"), &folder, "").unwrap();
         let drawn = fs::read_to_string(folder.join("protocols/3964r.md")).unwrap();
         assert!(drawn.matches("<svg").count() >= 4, "{drawn}");
         fs::remove_dir_all(folder).unwrap();
     }
 
-    fn tempfile_in_target() -> PathBuf {
+    fn folder_of_its_own() -> PathBuf {
         std::env::temp_dir().join(format!("softplug-book-{}", std::process::id()))
     }
 }

@@ -58,11 +58,17 @@ fn targets(path: &str, text: &str) -> String {
     for part in parts {
         let (target, rest) = part.split_once(')').unwrap_or((part, ""));
         made += "](";
-        made += &outside(path, target).unwrap_or_else(|| target.to_owned());
+        // mdBook makes index.html of each README.md, and leaves links to it as they are.
+        let inside = if path == "SUMMARY.md" { target.to_owned() } else { index(target) };
+        made += &outside(path, target).unwrap_or(inside);
         made.push(')');
         made += rest;
     }
     made
+}
+
+fn index(target: &str) -> String {
+    target.replace("README.md", "index.html")
 }
 
 /// The address of a target outside of `docs/`.
@@ -90,9 +96,16 @@ mod tests {
 
     #[test]
     fn links_out_of_the_book_lead_to_the_repository() {
-        let made = page("a/b.md", "[x](../../plugins/y) [z](../c.md#d) `[q](../../r)`\n").unwrap();
+        let made = page(
+            "a/b.md",
+            "[x](../../plugins/y) [z](../c.md#d) [i](../d/README.md#e) `[q](../../r)`\n",
+        )
+        .unwrap();
         let plugin = format!("[x]({REPOSITORY}plugins/y)");
-        assert_eq!(made, format!("{plugin} [z](../c.md#d) `[q](../../r)`\n"));
+        assert_eq!(
+            made,
+            format!("{plugin} [z](../c.md#d) [i](../d/index.html#e) `[q](../../r)`\n")
+        );
     }
 
     #[test]

@@ -46,6 +46,7 @@ pages! {
     quick_start: "quick-start.md",
     troubleshooting: "troubleshooting.md",
     tutorial: "tutorial.md",
+    write: "write.md",
     languages: "languages.md",
     certify: "certify.md",
     ci: "ci/README.md",

@@ -197,7 +197,7 @@ impl Session {
         let mut filled = String::new();
         let mut rest = command;
         while let Some((before, after)) = rest.split_once('…') {
-            let is_end = |c: char| c.is_whitespace() || "\"'=();".contains(c);
+            let is_end = |c: char| c.is_whitespace() || "\"'=();<>".contains(c);
             let word = &before[before.rfind(is_end).map_or(0, |at| at + 1)..];
             let at = self.seen.rfind(word).filter(|_| !word.is_empty());
             let at = at.ok_or_else(|| format!("nothing that begins with {word} was shown"))?;
@@ -290,6 +290,8 @@ fn bash(folder: &Path, own: &Path) -> Command {
         .env("SOFTPLUG_PLUGINS", plugins())
         .env("SOFTPLUG_SDK", repository())
         .env("CARGO_NET_OFFLINE", "true")
+        // The SDK is built once for all pages.
+        .env("CARGO_TARGET_DIR", Path::new(env!("CARGO_TARGET_TMPDIR")).join("kit"))
         .env("LC_ALL", "C.UTF-8")
         .env("NO_COLOR", "1")
         .env("CARGO_TERM_COLOR", "never")
