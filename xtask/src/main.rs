@@ -1,4 +1,5 @@
-//! Softplug's own tasks: `cargo xtask build | demo | test | mutants | fuzz | bench | packages | nc`.
+//! Softplug's own tasks: `cargo xtask build | demo | playground | test | mutants | fuzz | bench | packages
+//! | nc`.
 
 mod bench;
 mod book;
@@ -8,6 +9,7 @@ mod fuzz;
 mod mutants;
 mod nc;
 mod packages;
+mod playground;
 mod plugins;
 mod run;
 mod test;
@@ -47,6 +49,8 @@ enum Task {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         arguments: Vec<String>,
     },
+    /// Builds the playground's page into target/playground.html.
+    Playground,
     /// Runs every test that can run here, and names what was left out.
     Test {
         /// Fail where a tool is missing instead of leaving its tests out.
@@ -128,6 +132,11 @@ fn perform(task: Task) -> Result<ExitCode, Error> {
             plugins::build_command(&workspace, dev)?;
         }
         Task::Demo { arguments } => return demo::run(&Workspace::read()?, &arguments),
+        Task::Playground => {
+            let workspace = Workspace::read()?;
+            plugins::build(&workspace, plugins::Report::Table)?;
+            playground::build(&workspace)?;
+        }
         Task::Test { all } => return test::run(&Workspace::read()?, all),
         Task::Mutants { long: true, filter, .. } => {
             return code_mutants::run(&Workspace::read()?, filter.as_deref());
@@ -160,6 +169,8 @@ enum Error {
     Workspace(#[from] workspace::WorkspaceError),
     #[error(transparent)]
     Plugin(#[from] plugins::PluginError),
+    #[error(transparent)]
+    Playground(#[from] playground::PlaygroundError),
     #[error(transparent)]
     Test(#[from] test::TestError),
     #[error(transparent)]

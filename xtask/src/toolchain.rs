@@ -1,4 +1,4 @@
-//! The target that plug-ins are built for, fetched where it is missing.
+//! The targets that are built for beside the machine's own, fetched where they are missing.
 
 use std::path::Path;
 use std::process::Command;
@@ -7,37 +7,39 @@ use crate::run::{self, RunError};
 
 /// The target of every plug-in.
 pub(crate) const WASM_TARGET: &str = "wasm32v1-none";
+/// The target of the playground's engine, which needs the standard library.
+pub(crate) const PAGE_TARGET: &str = "wasm32-unknown-unknown";
 
 /// The target is missing and cannot be added.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum ToolchainError {
     #[error(
-        "the target {WASM_TARGET} is missing in {sysroot}, and there is no rustup to add it: \
+        "the target {target} is missing in {sysroot}, and there is no rustup to add it: \
          install Rust with rustup, or add the target with your system's packages"
     )]
-    NoRustup { sysroot: String },
+    NoRustup { target: &'static str, sysroot: String },
     #[error(
-        "the target {WASM_TARGET} could not be added to the toolchain {toolchain}: {cause}; \
-         check the network, then run `rustup target add --toolchain {toolchain} {WASM_TARGET}`"
+        "the target {target} could not be added to the toolchain {toolchain}: {cause}; \
+         check the network, then run `rustup target add --toolchain {toolchain} {target}`"
     )]
-    Add { toolchain: String, cause: RunError },
+    Add { target: &'static str, toolchain: String, cause: RunError },
     #[error("the toolchain in use cannot be found out: {0}")]
     Unknown(#[from] RunError),
 }
 
-/// Sees to it that the toolchain in use can build plug-ins.
+/// Sees to it that the toolchain in use can build for a target.
 ///
 /// It is added by name: neither a toolchain file nor rustup's automatic
 /// installation, which may be off, has to do it.
-pub(crate) fn ensure_wasm_target() -> Result<(), ToolchainError> {
+pub(crate) fn ensure_target(target: &'static str) -> Result<(), ToolchainError> {
     let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
     let sysroot = run::output(Command::new(rustc).args(["--print", "sysroot"]))?;
     let sysroot = sysroot.trim();
-    if Path::new(sysroot).join("lib/rustlib").join(WASM_TARGET).join("lib").is_dir() {
+    if Path::new(sysroot).join("lib/rustlib").join(target).join("lib").is_dir() {
         return Ok(());
     }
     if run::find("rustup").is_none() {
-        return Err(ToolchainError::NoRustup { sysroot: sysroot.to_owned() });
+        return Err(ToolchainError::NoRustup { target, sysroot: sysroot.to_owned() });
     }
     let toolchain = toolchain_in_use()?;
     run::succeed(Command::new("rustup").args([
@@ -45,9 +47,9 @@ pub(crate) fn ensure_wasm_target() -> Result<(), ToolchainError> {
         "add",
         "--toolchain",
         &toolchain,
-        WASM_TARGET,
+        target,
     ]))
-    .map_err(|cause| ToolchainError::Add { toolchain, cause })
+    .map_err(|cause| ToolchainError::Add { target, toolchain, cause })
 }
 
 /// rustup tells the programs that it starts which toolchain they belong to.

@@ -60,6 +60,11 @@ impl Workspace {
         self.target.join("mutants")
     }
 
+    /// Where the playground's page is put.
+    pub(crate) fn playground(&self) -> PathBuf {
+        self.target.join("playground.html")
+    }
+
     /// The members under `plugins/` that make a module.
     pub(crate) fn plugins(&self) -> Vec<Plugin> {
         let mut plugins: Vec<_> = self.packages.iter().filter_map(|p| self.plugin(p)).collect();

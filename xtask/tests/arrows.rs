@@ -45,6 +45,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         ],
     ),
     ("softplug-report", &[]),
+    ("softplug-playground", &["softplug-conformance", "softplug-host", "softplug-trace"]),
     ("softplug-gateway", &["softplug-abi", "softplug-conformance", "softplug-link"]),
     (
         "softplug-service",

@@ -7,6 +7,7 @@
 //! trace demands. What fails carries its first [`Divergence`].
 
 mod bless;
+#[cfg(feature = "wasmtime")]
 pub mod certify;
 pub mod closed_loop;
 mod compare;
@@ -14,6 +15,7 @@ mod corpus;
 mod course;
 mod cut;
 mod deed;
+mod disturb;
 mod divergence;
 mod fault;
 mod fields;
@@ -22,14 +24,17 @@ pub mod ledger;
 mod lines;
 mod load;
 pub mod mutants;
+mod overhear;
 pub mod page;
 pub mod partners;
 mod permute;
+mod phrase;
 mod replay;
 mod rerun;
 mod run;
 pub mod script;
 mod show;
+mod stepper;
 mod subject;
 mod verdict;
 
@@ -37,13 +42,16 @@ pub use bless::{BlessFailure, bless};
 pub use corpus::{Corpus, CorpusError, Listed, Source};
 pub use course::CourseError;
 pub use deed::{Deed, Delivered};
+pub use disturb::{Disturbed, Noise, disturb};
 pub use divergence::{Divergence, Side};
 pub use fault::{Fault, FaultClass};
 pub use file_error::FileError;
 pub use lines::modem_lines;
 pub use load::{Case, LoadError, load};
 pub use permute::{Permutation, UnknownPermutation};
+pub use phrase::{Other, Phrase};
 pub use replay::{Outcome, Seen, replay};
 pub use run::{Filter, Judge, Summary, judge, run_all};
+pub use stepper::{Happening, Moment, Standing, Step, Stepper, Timer};
 pub use subject::{FromFn, Fuel, Sandboxed, Subject, SubjectError};
 pub use verdict::{Class, Failure, Verdict};

@@ -40,6 +40,11 @@ impl Case {
         Self { path: path.into(), trace, attached: Some(attached), dispensable: Vec::new() }
     }
 
+    /// Another trace in its place: the files beside it, and what its profile says, stay.
+    pub fn with_trace(&self, trace: Trace) -> Self {
+        Self { trace, ..self.clone() }
+    }
+
     /// Learns which of its settings ask for nothing.
     pub(crate) fn dispense_with(&mut self, settings: &[SettingUse]) {
         let asks_for_nothing = |pair: &&Assignment| {

@@ -25,6 +25,9 @@ pub struct Outcome {
     pub seen: Vec<Seen>,
     /// Why the run ended before that.
     pub fault: Option<Fault>,
+    /// On the link's clock, where the trace's clock began: later than 0 if it is
+    /// the second of two runs.
+    pub began: Micros,
     /// At how many places the plug-in could have been swapped.
     pub swap_places: u32,
     /// What the plug-in's computing cost.
@@ -61,7 +64,8 @@ pub fn replay<S: Subject>(
 impl Outcome {
     pub(crate) fn unstarted(fault: Fault) -> Self {
         let (seen, fuel) = (Vec::new(), Fuel::default());
-        Self { seen, fault: Some(fault), swap_places: 0, fuel, bytes: 0 }
+        let began = Micros::ZERO;
+        Self { seen, fault: Some(fault), began, swap_places: 0, fuel, bytes: 0 }
     }
 }
 
@@ -184,7 +188,8 @@ impl<'a, S: Subject> Run<'a, S> {
         // Fuel is counted when instances end.
         drop(self.line);
         let fuel = self.meter.fuel.get();
-        Outcome { seen, fault: run.err(), swap_places: self.swap_places, fuel, bytes }
+        let (swap_places, fault) = (self.swap_places, run.err());
+        Outcome { seen, fault, began: since, swap_places, fuel, bytes }
     }
 
     /// From the trace's start to its end.

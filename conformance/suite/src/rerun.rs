@@ -17,7 +17,8 @@ pub(crate) fn rerun<S: Subject>(subject: &S, case: &Case) -> Outcome {
     let mut bytes = 0;
     let fault = run(subject, case, &meter, &mut bytes).err();
     let fuel: Fuel = meter.fuel.get();
-    Outcome { seen: Vec::new(), fault, swap_places: 0, fuel, bytes }
+    let (seen, began) = (Vec::new(), Micros::ZERO);
+    Outcome { seen, fault, began, swap_places: 0, fuel, bytes }
 }
 
 fn run<S: Subject>(

@@ -163,10 +163,14 @@ impl<'a> Start<'a> {
         if permutation == Permutation::Uncut {
             return self.failure.clone();
         }
-        let outcome = self.subject.run(self.case, permutation, cut_seed);
+        self.assess(permutation, &self.subject.run(self.case, permutation, cut_seed))
+    }
+
+    /// Holds a run of one of them against what it must be.
+    pub(crate) fn assess(&self, permutation: Permutation, outcome: &Outcome) -> Option<Failure> {
         let is_compared = self.failure.is_none() && permutation.equals_uncut();
         let compared = is_compared.then_some(&self.uncut);
-        assess(self.subject, self.case, permutation, &outcome, compared)
+        assess(self.subject, self.case, permutation, outcome, compared)
     }
 }
 

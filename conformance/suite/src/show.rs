@@ -8,13 +8,16 @@ use crate::lines::line_parameters;
 use crate::replay::Seen;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{LineParameters, Micros};
-use softplug_trace::{Entry, Line, Payload, SourceLine, Time, Trace, What, When};
+use softplug_trace::{Entry, Payload, SourceLine, Time, What, When};
+#[cfg(feature = "wasmtime")]
+use softplug_trace::{Line, Trace};
 
 /// Characters of a line that are shown.
 const WIDTH: usize = 100;
 /// Bytes that stand on one shown line.
 const BYTES: usize = 16;
 /// Bytes that stand on one line of an observed trace.
+#[cfg(feature = "wasmtime")]
 const OBSERVED_BYTES: usize = 1_024;
 /// Lines of what was before.
 const BEFORE: usize = 8;
@@ -83,6 +86,7 @@ pub(crate) fn before(case: &Case, manifest: &Manifest, seen: &[Seen], at: Micros
 }
 
 /// The case with what was seen in the place of what it demands. Comments are lost.
+#[cfg(feature = "wasmtime")]
 pub(crate) fn observed(case: &Case, manifest: &Manifest, seen: &[Seen]) -> Trace {
     let seen = entries(line_of(case), manifest, seen, OBSERVED_BYTES, |_| false);
     let stays = |entry: &&Entry| entry.what.is_input() || matches!(entry.what, What::Quiet);

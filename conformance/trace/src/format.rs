@@ -32,36 +32,38 @@ fn front(front: &FrontMatter) -> String {
             text.push('\n');
         }
     };
-    let line = &front.line;
-    let stop = match line.stop_half_bits {
-        3 => "1.5",
-        4 => "2",
-        _ => "1",
-    };
     key("id", &front.id);
     key("title", &front.title);
     key("profile", &front.profile);
     key("clauses", &front.clauses.join(" "));
     key("level", front.level.name());
     key("edge", front.edge.map_or("", crate::Edge::name));
-    key(
-        "line",
-        &format!(
-            "{} {}{}{stop} depth={} reaction={}",
-            line.baud,
-            line.data_bits,
-            line.parity.letter(),
-            line.depth,
-            line.reaction
-        ),
-    );
-    key("config", &assignments(&front.config));
-    key("room", &room(&front.room));
-    key("modem", &levels(&front.modem));
+    for (name, value) in run_keys(front) {
+        key(name, &value);
+    }
     key("since", &front.since.to_string());
     key("origin", &origin(&front.origin));
     key("permute", &permute(front.permute));
     text
+}
+
+/// The keys that say on what the case is run.
+pub(crate) fn run_keys(front: &FrontMatter) -> [(&'static str, String); 4] {
+    let line = &front.line;
+    let stop = match line.stop_half_bits {
+        3 => "1.5",
+        4 => "2",
+        _ => "1",
+    };
+    let (parity, depth, reaction) = (line.parity.letter(), line.depth, line.reaction);
+    let line =
+        format!("{} {}{parity}{stop} depth={depth} reaction={reaction}", line.baud, line.data_bits);
+    [
+        ("line", line),
+        ("config", assignments(&front.config)),
+        ("room", room(&front.room)),
+        ("modem", levels(&front.modem)),
+    ]
 }
 
 fn origin(origin: &Origin) -> String {

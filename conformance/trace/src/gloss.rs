@@ -11,6 +11,20 @@ const CONTROLS: [&str; 32] = [
     "SUB", "ESC", "FS", "GS", "RS", "US",
 ];
 
+/// What a byte means as ASCII: `'A'`, `DC1=XON`; bit 8 set is a `*` behind the reading of
+/// the lower seven.
+///
+/// ```
+/// assert_eq!(softplug_trace::reading(0x13), "DC3=XOFF");
+/// assert_eq!(softplug_trace::reading(0xC1), "'A'*");
+/// ```
+pub fn reading(byte: u8) -> String {
+    let mut gloss = Gloss::default();
+    gloss.byte(byte);
+    gloss.flush();
+    gloss.text
+}
+
 /// The gloss of a payload; none where all of it can be read anyway.
 pub(crate) fn gloss(payload: &Payload) -> Option<String> {
     let opaque = |item: &Item| matches!(item, Item::Hex(_) | Item::Bad { .. });

@@ -30,6 +30,7 @@
 #![forbid(unsafe_code)]
 
 mod bless;
+mod diff;
 mod error;
 pub mod exchange;
 mod file_name;
@@ -44,9 +45,11 @@ mod suggest;
 mod tests;
 
 pub use bless::BlessError;
+pub use diff::{Difference, diff};
 pub use error::{ParseError, ParseErrorKind};
 pub use file_name::{FileNameError, is_slug};
 pub use generate::{GENERATORS, GeneratorKind};
+pub use gloss::reading;
 pub use model::{
     Alternatives, Assignment, BadKind, CheckFault, DeliveryEnd, Digest, Direction, Drain, Edge,
     Entry, Exact, Expected, Files, FrontMatter, Generator, HostRequest, Item, Level, Line,

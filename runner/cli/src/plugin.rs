@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use softplug_abi::manifest::{Manifest, SettingError, SettingValues};
 use softplug_abi::{Event, Instance, Micros, Output};
+#[cfg(feature = "native")]
+use softplug_conformance::FromFn;
+use softplug_conformance::{Case, Permutation, Sandboxed, Stepper};
 use softplug_host::{Host, HostOptions, LoadError, Plugin, Session, SessionFault};
 #[cfg(feature = "native")]
 use softplug_native::{NativeInstance, NativePlugin};
@@ -114,6 +117,21 @@ impl Chosen {
             }
             #[cfg(feature = "native")]
             Self::Native(plugin, _) => Ok(AnyInstance::Native(Box::new(plugin.instantiate()))),
+        }
+    }
+
+    /// One run of a case, to be walked through.
+    pub(crate) fn step_through(&self, case: &Case, permutation: Permutation) -> Stepper {
+        match self {
+            Self::Sandboxed(plugin) => {
+                Stepper::new(&Sandboxed::new(plugin.clone()), case, permutation)
+            }
+            #[cfg(feature = "native")]
+            Self::Native(plugin, manifest) => {
+                let plugin = *plugin;
+                let subject = FromFn::new((**manifest).clone(), move || plugin.instantiate());
+                Stepper::new(&subject, case, permutation)
+            }
         }
     }
 

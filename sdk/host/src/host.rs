@@ -1,11 +1,12 @@
 //! The host: an engine, its limits and its cache.
 
-use crate::cache::{Cache, CacheKey};
 #[cfg(feature = "wasmi")]
 use crate::engine::Wasmi;
-use crate::engine::{Compiled, Engine, EngineError, EngineKind, Wasmtime};
-use crate::plugin::{Origin, Plugin};
-use crate::{EngineInfo, Inspection, LoadError, lint};
+#[cfg(feature = "wasmtime")]
+use crate::engine::Wasmtime;
+use crate::engine::{Engine, EngineError, EngineKind};
+use crate::plugin::Plugin;
+use crate::{EngineInfo, LoadError, lint};
 use softplug_abi::limits::{FUEL_PER_EVENT, MODULE_BYTES};
 use std::fs::File;
 use std::io::Read;
@@ -48,7 +49,6 @@ pub struct Host {
 
 struct Inner {
     engine: Box<dyn Engine>,
-    cache: Option<Cache>,
     options: HostOptions,
 }
 
@@ -59,16 +59,16 @@ impl Host {
     /// The engine cannot be set up on this machine. A cache that cannot be used
     /// is no error: it is logged, and plug-ins are compiled at every load.
     pub fn new(options: HostOptions) -> Result<Self, LoadError> {
-        let (engine, cache): (Box<dyn Engine>, _) = match options.engine {
-            EngineKind::Wasmtime => {
-                let engine = Wasmtime::new(options.instances)
-                    .map_err(|EngineError(reason)| LoadError::Engine(reason))?;
-                (Box::new(engine), options.cache.as_deref().and_then(Cache::open))
-            }
+        let engine: Box<dyn Engine> = match options.engine {
+            #[cfg(feature = "wasmtime")]
+            EngineKind::Wasmtime => Box::new(
+                Wasmtime::new(options.instances, options.cache.as_deref())
+                    .map_err(|EngineError(reason)| LoadError::Engine(reason))?,
+            ),
             #[cfg(feature = "wasmi")]
-            EngineKind::Wasmi => (Box::new(Wasmi::new()), None),
+            EngineKind::Wasmi => Box::new(Wasmi::new()),
         };
-        Ok(Self { inner: Arc::new(Inner { engine, cache, options }) })
+        Ok(Self { inner: Arc::new(Inner { engine, options }) })
     }
 
     /// Reads, checks and compiles a plug-in. Takes milliseconds, at worst seconds:
@@ -87,7 +87,11 @@ impl Host {
     /// The module is no plug-in.
     pub fn load_bytes(&self, wasm: &[u8]) -> Result<Plugin, LoadError> {
         let inspection = lint(wasm)?;
-        let (compiled, origin) = self.inner.compile(wasm, &inspection)?;
+        let (compiled, origin) = self
+            .inner
+            .engine
+            .load(wasm, inspection.digest)
+            .map_err(|EngineError(reason)| LoadError::Compile(reason))?;
         Ok(Plugin::new(compiled, inspection, origin, &self.inner.options))
     }
 
@@ -103,38 +107,6 @@ impl std::fmt::Debug for Host {
             .field("engine", &self.engine())
             .field("options", &self.inner.options)
             .finish_non_exhaustive()
-    }
-}
-
-impl Inner {
-    fn compile(
-        &self,
-        wasm: &[u8],
-        inspection: &Inspection,
-    ) -> Result<(Box<dyn Compiled>, Origin), LoadError> {
-        let Some(cache) = &self.cache else {
-            return Ok((self.compile_anew(wasm)?, Origin::Compiled));
-        };
-        let engine = self.engine.as_ref();
-        let key = CacheKey::new(inspection.digest, engine.info(), engine.settings_hash());
-        if let Some(code) = cache.read(key) {
-            match engine.revive(&code) {
-                Ok(compiled) => return Ok((compiled, Origin::Cache)),
-                Err(EngineError(error)) => {
-                    tracing::warn!(error, "the engine does not take its own code, compiling anew");
-                }
-            }
-        }
-        let compiled = self.compile_anew(wasm)?;
-        match compiled.code() {
-            Ok(code) => cache.write(key, &code),
-            Err(EngineError(error)) => tracing::warn!(error, "the code cannot be kept"),
-        }
-        Ok((compiled, Origin::Compiled))
-    }
-
-    fn compile_anew(&self, wasm: &[u8]) -> Result<Box<dyn Compiled>, LoadError> {
-        self.engine.compile(wasm).map_err(|EngineError(reason)| LoadError::Compile(reason))
     }
 }
 

@@ -11,6 +11,9 @@
 //! thread that serves a link. Instantiating takes microseconds, a step less
 //! than one. A thread that steps needs 512 KiB of stack.
 //!
+//! Of the engines, `wasmtime` is a default feature and `wasmi` is not; without the default one
+//! the crate builds for machines that no compiler supports, `wasm32-unknown-unknown` among them.
+//!
 //! ```
 //! use softplug_abi::{Action, Actions, Event, Instance, Micros};
 //! use softplug_host::{Host, HostOptions};
@@ -27,6 +30,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+#[cfg(feature = "wasmtime")]
 mod cache;
 mod digest;
 mod engine;
@@ -37,6 +41,9 @@ mod plugin;
 mod session;
 mod state;
 mod words;
+
+#[cfg(not(any(feature = "wasmtime", feature = "wasmi")))]
+compile_error!("softplug-host needs an engine: switch on the feature \"wasmtime\" or \"wasmi\"");
 
 pub use digest::{Digest, NotADigest};
 pub use engine::{EngineInfo, EngineKind};

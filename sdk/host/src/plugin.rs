@@ -27,7 +27,6 @@ struct Inner {
     inspection: Inspection,
     origin: Origin,
     fuel_per_event: u64,
-    instances: u32,
 }
 
 impl Plugin {
@@ -37,8 +36,8 @@ impl Plugin {
         origin: Origin,
         options: &HostOptions,
     ) -> Self {
-        let HostOptions { fuel_per_event, instances, .. } = *options;
-        Self { inner: Arc::new(Inner { compiled, inspection, origin, fuel_per_event, instances }) }
+        let fuel_per_event = options.fuel_per_event;
+        Self { inner: Arc::new(Inner { compiled, inspection, origin, fuel_per_event }) }
     }
 
     /// What the plug-in says of itself.
@@ -67,9 +66,8 @@ impl Plugin {
     /// The plug-in cannot be instantiated, or its mailbox is not as the ABI says.
     pub fn instantiate(&self) -> Result<Session, LoadError> {
         let mut running = self.inner.compiled.instantiate().map_err(|error| match error {
-            StartError::PoolExhausted => {
-                LoadError::TooManyInstances { limit: self.inner.instances }
-            }
+            #[cfg(feature = "wasmtime")]
+            StartError::PoolExhausted { limit } => LoadError::TooManyInstances { limit },
             StartError::Other(reason) => LoadError::Instantiate { reason },
         })?;
         let mailbox = self.mailbox(running.as_mut())?;

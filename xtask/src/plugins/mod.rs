@@ -8,7 +8,7 @@ use softplug_build::{Optimizer, ShrinkError, Size, memory, shrink};
 
 use crate::Error;
 use crate::run::{cargo, succeed};
-use crate::toolchain::{WASM_TARGET, ensure_wasm_target};
+use crate::toolchain::{WASM_TARGET, ensure_target};
 use crate::workspace::{Plugin, Workspace};
 
 /// A release plug-in is at most so many bytes.
@@ -44,7 +44,7 @@ pub(crate) enum Report {
 
 /// Builds every plug-in into `target/plugins/NAME.wasm`; tells their sizes.
 pub(crate) fn build(workspace: &Workspace, report: Report) -> Result<Vec<Size>, Error> {
-    ensure_wasm_target()?;
+    ensure_target(WASM_TARGET)?;
     let plugins = workspace.plugins();
     let folder = workspace.plugin_folder();
     fs::create_dir_all(&folder).map_err(|cause| file_error(&folder, cause))?;
@@ -81,7 +81,7 @@ pub(crate) fn build(workspace: &Workspace, report: Report) -> Result<Vec<Size>, 
 /// Builds every plug-in with its mutants into `target/mutants/NAME.wasm`: for tests only,
 /// so that no limit of size binds them.
 pub(crate) fn build_mutants(workspace: &Workspace) -> Result<(), Error> {
-    ensure_wasm_target()?;
+    ensure_target(WASM_TARGET)?;
     let plugins = workspace.plugins();
     let folder = workspace.mutant_folder();
     fs::create_dir_all(&folder).map_err(|cause| file_error(&folder, cause))?;

@@ -11,7 +11,7 @@ use std::process::{Command, ExitCode};
 pub(crate) use self::counts::Counts;
 use crate::run::{self, cargo, overhear};
 use crate::workspace::Workspace;
-use crate::{Error, plugins};
+use crate::{Error, playground, plugins};
 
 /// With `--all`, all that is needed must be there.
 #[derive(Debug, thiserror::Error)]
@@ -48,7 +48,7 @@ const TOOLS: &[Tool] = &[
     Tool {
         program: "chromium",
         source: "Debian package chromium",
-        purpose: "the page of a report in a real browser",
+        purpose: "the pages of a report, of the gateway and of the playground in a real browser",
     },
     Tool {
         program: "ser2net",
@@ -108,6 +108,7 @@ pub(crate) fn run(workspace: &Workspace, all: bool) -> Result<ExitCode, Error> {
     }
     plugins::build(workspace, plugins::Report::Table)?;
     plugins::build_mutants(workspace)?;
+    playground::build(workspace)?;
 
     let skips: Vec<_> = missing.iter().map(|tool| tool.module()).collect();
     let mut steps = Vec::new();
@@ -116,6 +117,7 @@ pub(crate) fn run(workspace: &Workspace, all: bool) -> Result<ExitCode, Error> {
             .current_dir(workspace.root())
             .env("SOFTPLUG_PLUGINS", workspace.plugin_folder())
             .env("SOFTPLUG_MUTANTS", workspace.mutant_folder())
+            .env("SOFTPLUG_PLAYGROUND", workspace.playground())
             .env("CARGO_TERM_COLOR", "never");
         let heard = overhear(&mut command)?;
         let counts = Counts::read(&heard.stdout) + Counts::read(&heard.stderr);

@@ -38,7 +38,7 @@ mod course;
 mod error;
 mod hexdump;
 mod note;
-mod pace;
+pub(crate) mod pace;
 mod pcapng;
 mod rtac;
 mod saleae;

@@ -4,14 +4,14 @@ use crate::model::{LineSettings, Parity};
 
 /// The time that characters take on a line.
 #[derive(Copy, Clone)]
-pub(super) struct Pace {
+pub(crate) struct Pace {
     /// µs that a character takes, as a fraction.
     micros: u64,
     parts: u64,
 }
 
 impl Pace {
-    pub(super) fn of(line: &LineSettings) -> Self {
+    pub(crate) fn of(line: &LineSettings) -> Self {
         let parity = u64::from(line.parity != Parity::None);
         let half_bits =
             2 * (1 + u64::from(line.data_bits) + parity) + u64::from(line.stop_half_bits);
@@ -24,7 +24,7 @@ impl Pace {
     }
 
     /// µs that `count` characters take, rounded up.
-    pub(super) fn of_characters(self, count: usize) -> i64 {
+    pub(crate) fn of_characters(self, count: usize) -> i64 {
         (count as u128 * u128::from(self.micros)).div_ceil(u128::from(self.parts)) as i64
     }
 

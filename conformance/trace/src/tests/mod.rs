@@ -1,6 +1,7 @@
 //! Tests of the format as a whole.
 
 mod bless;
+mod diff;
 mod faults;
 mod good;
 mod limits;

@@ -26,6 +26,7 @@ pub(crate) mod remote;
 pub(crate) mod replay;
 pub(crate) mod send;
 pub(crate) mod simulate;
+mod step;
 pub(crate) mod trace;
 pub(crate) mod verify;
 

@@ -6,12 +6,13 @@ use clap::Args;
 use serde::Serialize;
 use softplug_conformance::certify::matches;
 use softplug_conformance::{
-    Case, FaultClass, Filter, Judge, LoadError, Sandboxed, Summary, Verdict, bless, load, run_all,
+    Case, FaultClass, Filter, Judge, LoadError, Permutation, Sandboxed, Summary, Verdict, bless,
+    load, run_all,
 };
 #[cfg(feature = "native")]
 use {softplug_conformance::FromFn, softplug_native::NativePlugin};
 
-use super::calls;
+use super::{calls, step};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files;
@@ -35,7 +36,8 @@ const SHOWN: usize = 3;
   softplug replay xon-xoff fixtures/traces --only \"xon-xoff.tx.*\" --no-permutations
   softplug replay my-plugin.wasm case.spt --only my.case/cut:1
   softplug replay xon-xoff case.spt --bless
-  softplug replay xon-xoff case.spt --calls calls.jsonl")]
+  softplug replay xon-xoff case.spt --calls calls.jsonl
+  softplug replay xon-xoff case.spt --step --only my.case/swap:all")]
 pub(crate) struct Arguments {
     /// The plug-in: a .wasm file, a name to look up, or native:NAME
     plugin: String,
@@ -56,6 +58,9 @@ pub(crate) struct Arguments {
     /// Rewrite the traces' expectations to what the plug-in does; read the difference well
     #[arg(long, conflicts_with = "native")]
     bless: bool,
+    /// Walk through one case in the terminal, event by event, forward and back
+    #[arg(long, conflicts_with_all = ["bless", "calls", "native"])]
+    step: bool,
     /// Write every call of the traces as they are written, with its result, as JSON lines
     #[arg(long, value_name = "FILE", conflicts_with = "bless")]
     calls: Option<PathBuf>,
@@ -85,6 +90,10 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let filter = filter(arguments, &cases)?;
     if arguments.bless {
         return bless_all(&plugin, &cases, &filter, screen);
+    }
+    if arguments.step {
+        let (case, permutation) = one(arguments, &cases, &filter)?;
+        return step::run(&plugin, case, permutation);
     }
     let judges = judges(&plugin, arguments.native)?;
     let judges: Vec<_> = judges.iter().map(AsRef::as_ref).collect();
@@ -166,6 +175,26 @@ fn nothing_selected(arguments: &Arguments) -> Failure {
     let patterns = arguments.only.join(", ");
     Failure::new(Exit::NothingSelected, format_args!("no case is called {patterns}"))
         .hint("a trace's id stands in its first line; leave --only out to run all")
+}
+
+/// The one case to walk through, as it is written or in the permutation that --only names.
+fn one<'a>(
+    arguments: &Arguments,
+    cases: &'a [Case],
+    filter: &Filter,
+) -> Result<(&'a Case, Permutation), Failure> {
+    let taken: Vec<_> =
+        cases.iter().filter(|case| filter.takes_trace(&case.trace.front.id)).collect();
+    let [case] = taken[..] else {
+        return Err(Failure::usage(format_args!(
+            "--step walks through one case, and here are {}",
+            taken.len()
+        ))
+        .hint("name the case with --only ID or --only ID/PERMUTATION"));
+    };
+    let asked = arguments.only.iter().find_map(|pattern| Some(pattern.split_once('/')?.1));
+    let permutation = asked.map_or(Ok(Permutation::Uncut), str::parse);
+    Ok((case, permutation.map_err(Failure::usage)?))
 }
 
 /// Names with `*` and `?` are looked for among the ids.

@@ -5,6 +5,7 @@ mod certify;
 mod ci_kit;
 #[cfg(target_os = "linux")]
 mod dev;
+mod diff;
 mod exchange;
 mod files;
 #[cfg(target_os = "linux")]
@@ -22,5 +23,7 @@ mod refusals;
 #[cfg(target_os = "linux")]
 mod remote;
 mod replay;
+#[cfg(target_os = "linux")]
+mod step;
 #[cfg(target_os = "linux")]
 mod transfers;

@@ -3,16 +3,19 @@
 //! Callers know these three traits and nothing of the engine: another engine is
 //! another file beside `wasmtime.rs`.
 
+#[cfg(feature = "wasmtime")]
 mod precompiled;
 #[cfg(feature = "wasmi")]
 mod wasmi;
+#[cfg(feature = "wasmtime")]
 mod wasmtime;
 
-use crate::cache::VerifiedCode;
+use crate::{Digest, Origin};
 use std::fmt;
 
 #[cfg(feature = "wasmi")]
 pub(crate) use self::wasmi::Wasmi;
+#[cfg(feature = "wasmtime")]
 pub(crate) use self::wasmtime::Wasmtime;
 
 /// The engines that there are. Plug-ins behave the same under each of them; what
@@ -20,12 +23,14 @@ pub(crate) use self::wasmtime::Wasmtime;
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Hash, Default)]
 pub enum EngineKind {
     /// A compiler: the engine for live links.
+    #[cfg(feature = "wasmtime")]
     #[default]
     Wasmtime,
     /// An interpreter that shares no code with the compiler: for comparing the
     /// two, and for machines that the compiler does not support. It keeps nothing in
     /// the cache, has no most number of instances, and names no functions of a trap.
     #[cfg(feature = "wasmi")]
+    #[cfg_attr(not(feature = "wasmtime"), default)]
     Wasmi,
 }
 
@@ -57,20 +62,13 @@ mod weights {
 pub(crate) trait Engine: Send + Sync {
     fn info(&self) -> EngineInfo;
 
-    /// Two engines whose code can be exchanged give the same number.
-    fn settings_hash(&self) -> u64;
-
-    fn compile(&self, wasm: &[u8]) -> Result<Box<dyn Compiled>, EngineError>;
-
-    /// Takes code that an engine of the same settings gave out before.
-    fn revive(&self, code: &VerifiedCode) -> Result<Box<dyn Compiled>, EngineError>;
+    /// Compiles the module of this digest, or finds what it once compiled of it.
+    fn load(&self, wasm: &[u8], digest: Digest)
+    -> Result<(Box<dyn Compiled>, Origin), EngineError>;
 }
 
 /// A compiled module.
 pub(crate) trait Compiled: Send + Sync {
-    /// The code, for the cache.
-    fn code(&self) -> Result<Vec<u8>, EngineError>;
-
     fn instantiate(&self) -> Result<Box<dyn Running>, StartError>;
 }
 
@@ -104,7 +102,11 @@ pub(crate) enum Stop {
 /// Why there is no instance.
 #[derive(Debug)]
 pub(crate) enum StartError {
-    PoolExhausted,
+    #[cfg(feature = "wasmtime")]
+    PoolExhausted {
+        /// The most instances.
+        limit: u32,
+    },
     Other(String),
 }
 

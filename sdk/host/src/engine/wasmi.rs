@@ -1,7 +1,7 @@
 //! The wasmi engine: an interpreter, with the limits and the costs of the compiler.
 
 use super::{Compiled, EngineError, EngineInfo, Running, StartError, Stop, weights};
-use crate::cache::VerifiedCode;
+use crate::{Digest, Origin};
 use softplug_abi::{EXPORT_MAILBOX, EXPORT_MEMORY, EXPORT_STEP};
 use wasmi::{
     CompilationMode, Config, Engine, Error, Linker, Memory, Module, OperatorCost, Store, TrapCode,
@@ -75,17 +75,9 @@ impl super::Engine for Wasmi {
         EngineInfo { name: "wasmi", version: VERSION }
     }
 
-    fn settings_hash(&self) -> u64 {
-        0
-    }
-
-    fn compile(&self, wasm: &[u8]) -> Result<Box<dyn Compiled>, EngineError> {
+    fn load(&self, wasm: &[u8], _: Digest) -> Result<(Box<dyn Compiled>, Origin), EngineError> {
         let module = Module::new(&self.engine, wasm).map_err(engine_error)?;
-        Ok(Box::new(Ready { module }))
-    }
-
-    fn revive(&self, _: &VerifiedCode) -> Result<Box<dyn Compiled>, EngineError> {
-        Err(keeps_nothing())
+        Ok((Box::new(Ready { module }), Origin::Compiled))
     }
 }
 
@@ -94,10 +86,6 @@ struct Ready {
 }
 
 impl Compiled for Ready {
-    fn code(&self) -> Result<Vec<u8>, EngineError> {
-        Err(keeps_nothing())
-    }
-
     fn instantiate(&self) -> Result<Box<dyn Running>, StartError> {
         let engine = self.module.engine();
         let mut store = Store::new(engine, ());
@@ -169,10 +157,6 @@ impl Running for Live {
     fn memory_mut(&mut self) -> &mut [u8] {
         self.memory.data_mut(&mut self.store)
     }
-}
-
-fn keeps_nothing() -> EngineError {
-    EngineError("this engine keeps no code".to_owned())
 }
 
 #[expect(clippy::needless_pass_by_value, reason = "for map_err")]

@@ -1,12 +1,13 @@
 //! The wasmtime engine: configuration, pool and calls.
 
 use super::{Compiled, EngineError, EngineInfo, Running, StartError, Stop, precompiled, weights};
-use crate::cache::VerifiedCode;
+use crate::cache::{Cache, CacheKey};
 use crate::lint::{ELEMENTS, FEATURES};
-use crate::words;
+use crate::{Digest, Origin, words};
 use softplug_abi::limits::MEMORY_PAGES;
 use softplug_abi::{EXPORT_MAILBOX, EXPORT_MEMORY, EXPORT_STEP};
 use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::Path;
 use wasmtime::{
     Config, Engine, InstanceAllocationStrategy, InstancePre, Linker, Memory, Module, OperatorCost,
     PoolConcurrencyLimitError, PoolingAllocationConfig, Store, Trap, TypedFunc, WasmBacktrace,
@@ -31,22 +32,48 @@ const FRAMES: usize = 8;
 /// wasmtime with all that an embedding of the ABI needs, and no more.
 pub(crate) struct Wasmtime {
     engine: Engine,
+    cache: Option<Cache>,
+    instances: u32,
 }
 
 impl Wasmtime {
     /// An engine with a pool for `instances`; without one where the address
-    /// space is too small for it.
-    pub(crate) fn new(instances: u32) -> Result<Self, EngineError> {
+    /// space is too small for it. Compiled code is kept in the folder `cache`.
+    pub(crate) fn new(instances: u32, cache: Option<&Path>) -> Result<Self, EngineError> {
         let engine = Engine::new(&pooled(instances)).or_else(|error| {
             tracing::info!(%error, "no address space for a pool of instances, going on without");
             Engine::new(&on_demand())
         });
-        engine.map(|engine| Self { engine }).map_err(engine_error)
+        let engine = engine.map_err(engine_error)?;
+        Ok(Self { engine, cache: cache.and_then(Cache::open), instances })
     }
 
-    fn compiled(&self, module: &Module) -> Result<Box<dyn Compiled>, EngineError> {
-        let pre = Linker::new(&self.engine).instantiate_pre(module).map_err(engine_error)?;
-        Ok(Box::new(Ready { pre }))
+    /// The module, from the cache if it is there.
+    fn module(&self, wasm: &[u8], digest: Digest) -> Result<(Module, Origin), EngineError> {
+        let compile = || Module::from_binary(&self.engine, wasm).map_err(engine_error);
+        let Some(cache) = &self.cache else { return Ok((compile()?, Origin::Compiled)) };
+        let key = CacheKey::new(digest, super::Engine::info(self), self.settings_hash());
+        if let Some(code) = cache.read(key) {
+            match precompiled::load(&self.engine, &code) {
+                Ok(module) => return Ok((module, Origin::Cache)),
+                Err(error) => {
+                    tracing::warn!(%error, "the engine does not take its own code, compiling anew");
+                }
+            }
+        }
+        let module = compile()?;
+        match module.serialize() {
+            Ok(code) => cache.write(key, &code),
+            Err(error) => tracing::warn!(%error, "the code cannot be kept"),
+        }
+        Ok((module, Origin::Compiled))
+    }
+
+    /// Two engines whose code can be exchanged give the same number.
+    fn settings_hash(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        self.engine.precompile_compatibility_hash().hash(&mut hasher);
+        hasher.finish()
     }
 }
 
@@ -117,35 +144,29 @@ impl super::Engine for Wasmtime {
         EngineInfo { name: "wasmtime", version: VERSION }
     }
 
-    fn settings_hash(&self) -> u64 {
-        let mut hasher = DefaultHasher::new();
-        self.engine.precompile_compatibility_hash().hash(&mut hasher);
-        hasher.finish()
-    }
-
-    fn compile(&self, wasm: &[u8]) -> Result<Box<dyn Compiled>, EngineError> {
-        self.compiled(&Module::from_binary(&self.engine, wasm).map_err(engine_error)?)
-    }
-
-    fn revive(&self, code: &VerifiedCode) -> Result<Box<dyn Compiled>, EngineError> {
-        self.compiled(&precompiled::load(&self.engine, code).map_err(engine_error)?)
+    fn load(
+        &self,
+        wasm: &[u8],
+        digest: Digest,
+    ) -> Result<(Box<dyn Compiled>, Origin), EngineError> {
+        let (module, origin) = self.module(wasm, digest)?;
+        let pre = Linker::new(&self.engine).instantiate_pre(&module).map_err(engine_error)?;
+        Ok((Box::new(Ready { pre, instances: self.instances }), origin))
     }
 }
 
 struct Ready {
     pre: InstancePre<()>,
+    /// The most of them at one time.
+    instances: u32,
 }
 
 impl Compiled for Ready {
-    fn code(&self) -> Result<Vec<u8>, EngineError> {
-        self.pre.module().serialize().map_err(engine_error)
-    }
-
     fn instantiate(&self) -> Result<Box<dyn Running>, StartError> {
         let mut store = Store::new(self.pre.module().engine(), ());
         let instance = self.pre.instantiate(&mut store).map_err(|error| {
             if error.is::<PoolConcurrencyLimitError>() {
-                return StartError::PoolExhausted;
+                return StartError::PoolExhausted { limit: self.instances };
             }
             StartError::Other(text_of(&error))
         })?;

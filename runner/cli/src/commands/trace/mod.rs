@@ -1,5 +1,6 @@
 //! `softplug trace`: what works on trace files.
 
+mod diff;
 mod export;
 mod fmt;
 mod import;
@@ -26,6 +27,7 @@ enum Verb {
     Fmt(fmt::Arguments),
     Import(import::Arguments),
     Export(export::Arguments),
+    Diff(diff::Arguments),
 }
 
 pub(crate) fn run(arguments: Arguments, screen: &Screen) -> Result<Exit, Failure> {
@@ -33,6 +35,7 @@ pub(crate) fn run(arguments: Arguments, screen: &Screen) -> Result<Exit, Failure
         Verb::Fmt(arguments) => fmt::run(&arguments, screen),
         Verb::Import(arguments) => import::run(&arguments, screen),
         Verb::Export(arguments) => export::run(&arguments, screen),
+        Verb::Diff(arguments) => diff::run(&arguments, screen),
     }
 }
 
