@@ -12,8 +12,8 @@ use crate::line::{Assignment, line, port};
 /// On each save builds the plug-in, replays its traces, and swaps it into a live link.
 ///
 /// The first trace that it does not fulfil is shown. A plug-in that does not build, or does
-/// something else than its traces demand, is not swapped in: the one before goes on. Swapped in is it
-/// with its state, in the middle of a job, if the formats match, else as new. Ctrl-C ends it.
+/// something else than its traces demand, stays out, and the one before goes on. The new one takes
+/// over in the middle of a job, with the state, if the formats match, else as new. Ctrl-C ends it.
 ///
 /// With --port the link runs in this process, on a port or on the pty of `softplug simulate`; with
 /// --link it is one of a running gateway, whose library gets the plug-in.
@@ -29,8 +29,6 @@ pub(crate) struct Arguments {
     /// Link of a running gateway to swap the plug-in into
     #[arg(long, value_name = "LINK", conflicts_with = "port")]
     pub(crate) link: Option<String>,
-    #[command(flatten)]
-    pub(crate) remote: Remote,
     /// Port to run the plug-in on: /dev/ttyUSB0, a pty, tcp://HOST:PORT or rfc2217://HOST:PORT
     #[arg(long, short, value_parser = port)]
     pub(crate) port: Option<PortSpec>,
@@ -46,4 +44,6 @@ pub(crate) struct Arguments {
     /// Swap also what does something else than its traces demand
     #[arg(long)]
     pub(crate) anyway: bool,
+    #[command(flatten)]
+    pub(crate) remote: Remote,
 }

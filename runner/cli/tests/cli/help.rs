@@ -4,6 +4,9 @@ use crate::bench::{Bench, snapshot};
 
 const VERBS: &[&[&str]] = &[
     &[],
+    &["new"],
+    &["build"],
+    &["dev"],
     &["ports"],
     &["inspect"],
     &["pack"],
