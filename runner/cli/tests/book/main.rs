@@ -52,6 +52,7 @@ pages! {
     ci: "ci/README.md",
     kill_matrix: "kill-matrix.md",
     record: "record.md",
+    playground: "playground/README.md",
     gateway: "gateway/README.md",
     gateway_config: "gateway/config.md",
     gateway_operate: "gateway/operate.md",
