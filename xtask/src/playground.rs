@@ -81,7 +81,8 @@ fn read_text(path: &Path) -> Result<String, PlaygroundError> {
 
 /// Puts style, script and data into their places.
 fn assemble(page: &str, style: &str, script: &str, data: &str) -> Result<String, PlaygroundError> {
-    for (name, text, tag) in [("style.css", style, "</style"), ("playground.js", script, "</script")]
+    for (name, text, tag) in
+        [("style.css", style, "</style"), ("playground.js", script, "</script")]
     {
         if text.to_ascii_lowercase().contains(tag) {
             return Err(PlaygroundError::Tag(name));

@@ -42,14 +42,8 @@ pub(crate) fn ensure_target(target: &'static str) -> Result<(), ToolchainError> 
         return Err(ToolchainError::NoRustup { target, sysroot: sysroot.to_owned() });
     }
     let toolchain = toolchain_in_use()?;
-    run::succeed(Command::new("rustup").args([
-        "target",
-        "add",
-        "--toolchain",
-        &toolchain,
-        target,
-    ]))
-    .map_err(|cause| ToolchainError::Add { target, toolchain, cause })
+    run::succeed(Command::new("rustup").args(["target", "add", "--toolchain", &toolchain, target]))
+        .map_err(|cause| ToolchainError::Add { target, toolchain, cause })
 }
 
 /// rustup tells the programs that it starts which toolchain they belong to.

@@ -1,7 +1,7 @@
 //! A host as in the front-end unit of a machine: one thread, memory of a fixed size, no compiler.
 //!
 //! `cargo run --release --no-default-features --features wasmi --example front_end PLUGIN.wasm
-//! [KIB]`: loads the plug-in into the interpreter, opens a link, lets a job of 1,000 bytes leave in
+//! [KIB]`: loads the plug-in into the interpreter, opens a link, gives it a job of 1,000 bytes for 5 s of
 //! virtual time, and prints how many bytes each of that took. No more than KIB of memory can be had; whatever
 //! asks for more ends the program, as it would end the unit. The module itself lies in the unit's flash and is not
 //! counted.
@@ -95,6 +95,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     outside.add_source(1, b"N0010 G1 X-22.035 Y-96.6\n".repeat(40));
     let program = MEMORY.used() - before_job;
     line.link.begin_job(Micros::ZERO, job, &mut outside)?;
+    line.tick(Micros::ZERO, &mut outside)?;
     line.run_until(Micros::from_secs(5), &mut outside)?;
     let running =
         MEMORY.peak() - program - outside.observed.capacity() * size_of_val(&outside.observed[0]);
