@@ -19,10 +19,9 @@ pub fn pack(module: &[u8], manifest: &[u8], strip: Strip) -> Option<Vec<u8>> {
     let mut packed = HEADER.to_vec();
     for section in sections(module)? {
         let stays = match (section.kind, strip) {
-            (Kind::Custom(MANIFEST), _) => false,
-            (Kind::Custom(_), Strip::Nothing) => true,
+            (Kind::Custom(MANIFEST), _) | (Kind::Custom(_), Strip::All) => false,
             (Kind::Custom(name), Strip::Debug) => name == "name",
-            (Kind::Custom(_), Strip::All) => false,
+            // Nothing is asked to be taken out, or it is no custom section.
             _ => true,
         };
         if stays {
