@@ -90,8 +90,9 @@ export function field(label, control, hint) {
   return h('label', { class: 'field' }, h('span', {}, label), control, hint && h('small', {}, hint));
 }
 
-/** Replaces the options of a select and keeps its choice. */
-export function options(select, values) {
+/** Replaces the options of a select and keeps its choice. Of several, none is chosen before somebody does: `question` asks. */
+export function options(select, choices, question) {
+  const values = question && choices.length > 1 ? [['', question], ...choices] : choices;
   const key = JSON.stringify(values);
   if (select.optionsKey === key) return;
   select.optionsKey = key;

@@ -116,7 +116,7 @@ function sendForm(path) {
   return {
     node: h('div', { class: 'panel' }, h('h2', {}, 'Send'), form, none),
     update() {
-      options(program, store.programs.map(({ name, bytes }) => [name, `${name} (${text.bytes(bytes)})`]));
+      options(program, store.programs.map(({ name, bytes }) => [name, `${name} (${text.bytes(bytes)})`]), 'Which?');
       show(form, store.programs.length);
       show(none, !store.programs.length);
     },

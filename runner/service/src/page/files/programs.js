@@ -27,7 +27,7 @@ export function page() {
   }, field('Programs to upload', file), field('Into the folder', folder),
   h('label', { class: 'check' }, overwrite, ' replace what is there'), h('button', { class: 'main' }, 'Upload'));
   const search = h('input', { type: 'search', placeholder: 'Find a program', 'aria-label': 'Find a program', oninput: update });
-  const link = h('select', { 'aria-label': 'Link to send to' });
+  const link = h('select', { 'aria-label': 'Link to send to', onchange: update });
   const body = h('tbody');
   const empty = h('p', { class: 'empty' }, 'No programs.');
   const frame = h('div', { class: 'scroll' }, h('table', { class: 'stack' }, h('thead', {}, h('tr', {}, ['Program', 'Size', 'Changed', ''].map((title) => h('th', {}, title)))), body));
@@ -35,19 +35,30 @@ export function page() {
   function row({ name }) {
     const size = h('td');
     const when = h('td');
-    const node = h('tr', {}, h('td', {}, name), size, when, h('td', { class: 'buttons' },
-      h('button', { 'aria-label': `Send ${name}`, onclick: () => act(async () => {
-        const job = await api.post(`/links/${api.part(link.value)}/jobs`, { program: name });
-        store.took(job);
-        return `Job ${job.id}: ${name} to ${job.link}, ${job.state}`;
-      }) }, 'Send'),
+    const send = h('button', { onclick: () => act(async () => {
+      const job = await api.post(`/links/${api.part(link.value)}/jobs`, { program: name });
+      store.took(job);
+      return `Job ${job.id}: ${name} to ${job.link}, ${job.state}`;
+    }) });
+    const node = h('tr', {}, h('td', {}, name), size, when, h('td', { class: 'buttons' }, send,
       h('button', { class: 'quiet', 'aria-label': `Save ${name}`, onclick: () => act(() => api.save(`/programs/${api.part(name)}`, name.split('/').at(-1))) }, 'Save'),
       store.role === 'admin' && sureButton('Delete', () => act(() => api.remove(`/programs/${api.part(name)}`)))));
-    return { node, update: (now) => { say(size, text.bytes(now.bytes)); say(when, text.time(now.changed_ms)); } };
+    return {
+      node,
+      update(now) {
+        say(size, text.bytes(now.bytes));
+        say(when, text.time(now.changed_ms));
+        // To which machine stands on the button itself.
+        const to = link.value ? `Send to ${link.value}` : 'Send';
+        say(send, to);
+        send.setAttribute('aria-label', `${to}: ${name}`);
+        send.disabled = !link.value;
+      },
+    };
   }
 
   function update() {
-    options(link, store.sorted().map(({ name }) => [name, name]));
+    options(link, store.sorted().map(({ name }) => [name, name]), 'which machine?');
     const part = search.value.trim().toLowerCase();
     const shown = store.programs.filter(({ name }) => name.toLowerCase().includes(part)).slice(0, 500);
     keyed(body, shown, ({ name }) => name, row);
