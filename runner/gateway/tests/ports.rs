@@ -319,3 +319,19 @@ fn a_deadline_passes_while_a_port_is_silent() {
     pair.write(b"N").unwrap();
     assert!(poller.wait(Some(port.fd()), Interest::READ, Some(NEVER)).unwrap().readable);
 }
+
+#[test]
+fn a_port_that_is_handed_over_stays_as_it_is_until_it_is_opened_again() {
+    let pair = PtyPair::open().unwrap();
+    let mut port = open_slave(&pair);
+    let kept = port.hand_over().unwrap();
+    drop(port);
+    assert!(tcgetattr(&kept).unwrap().input_modes.contains(InputModes::PARMRK));
+    assert_eq!(pair.write(b"a\r\xff\x03").unwrap(), 4);
+    let mut port = open_slave(&pair);
+    drop(kept);
+    assert_eq!(read_bytes(&mut port, 4), b"a\r\xff\x03");
+    // It belongs to one again.
+    let second = Port::open(&device(pair.slave_path()), &options("9600 8N1"));
+    assert!(matches!(second, Err(PortError::InUse { .. })), "{second:?}");
+}

@@ -300,7 +300,9 @@ fn a_lane_that_is_closed_sends_its_last_bytes_and_one_that_is_removed_does_not()
         bench.until(lane, |figures| figures.job_taken == 100);
     }
     let status = bench.reactor.status(closed).unwrap();
-    bench.reactor.tell(closed, Command::Close { patience: Micros::from_secs(30) });
+    bench
+        .reactor
+        .tell(closed, Command::Close { patience: Micros::from_secs(30), hand_over: false });
     bench.reactor.remove(removed);
     for lane in [closed, removed] {
         bench.wait_for(lane, |report| matches!(report, Report::Removed));

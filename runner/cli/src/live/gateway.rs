@@ -1,9 +1,9 @@
 //! `softplug gateway run`, `check` and `token`.
 
-use std::io;
-use std::os::unix::process::CommandExt;
-use std::path::{Path, PathBuf};
-use std::process::{self, Command};
+mod takeover;
+
+use std::path::Path;
+use std::process;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -147,26 +147,24 @@ fn run(file: &Path, global: &Global, screen: &Screen) -> Result<Exit, Failure> {
     let _watch = watches.then(|| watch(file, handle.clone())).flatten();
     systemd::watchdog(handle.clone());
     systemd::ready(&numbers::things(names.len() as u64, "link"));
+    takeover::let_go(handle.clone());
     drop(handle);
     running.wait_for_stop();
+    let kept = running.kept();
     if let Some(server) = server {
         server.stop(GRACE);
     }
     running.wait();
     if is_replaced.load(Ordering::Relaxed) {
-        return Err(replace(executable));
+        let error = match executable {
+            Ok(executable) => takeover::replace(&executable, &kept),
+            Err(error) => error,
+        };
+        let text = format_args!("the new gateway cannot be started: {error}");
+        return Err(Failure::internal(text));
     }
     screen.say("stopped");
     Ok(Exit::Done)
-}
-
-/// Goes on as the command that stands there now, in the same process; why it cannot be.
-fn replace(executable: io::Result<PathBuf>) -> Failure {
-    let error = match executable {
-        Ok(executable) => Command::new(executable).args(std::env::args_os().skip(1)).exec(),
-        Err(error) => error,
-    };
-    Failure::internal(format_args!("the new gateway cannot be started: {error}"))
 }
 
 fn say_ready(address: Option<String>, names: &[String], screen: &Screen) {

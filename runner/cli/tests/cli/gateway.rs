@@ -5,6 +5,7 @@ mod full;
 mod signals;
 mod supervision;
 mod systemd;
+mod visitors;
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read};

@@ -1,6 +1,6 @@
 //! One type for every kind of port.
 
-use std::os::fd::{AsFd, BorrowedFd};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
 
 use softplug_abi::{LineParameters, LinkDownReason, Micros, ModemLines, Parity};
@@ -50,6 +50,18 @@ impl Port {
             }
             PortSpec::Pty => Self::Pty(PtyPort::new(PtyPair::open()?, options.line)),
         })
+    }
+
+    /// A descriptor that keeps a device open, as it is, until another process has opened it; see
+    /// [`TtyPort::hand_over`]. `None`: there is nothing to keep.
+    pub fn hand_over(&mut self) -> Option<OwnedFd> {
+        match self {
+            Self::Tty(port) => port
+                .hand_over()
+                .map_err(|error| tracing::warn!(%error, "a port is closed for a moment"))
+                .ok(),
+            Self::Tcp(_) | Self::Rfc2217(_) | Self::Pty(_) => None,
+        }
     }
 
     /// The descriptor to wait for.

@@ -1,14 +1,15 @@
 //! A terminal device as a port: a UART, an adapter, or the slave of a pty.
 
 use std::fs;
+use std::io;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{FlockOperation, Mode, OFlags, flock, open};
 use rustix::io::{Errno, read, retry_on_intr, write};
 use rustix::termios::{
-    OptionalActions, QueueSelector, Termios, ioctl_tiocexcl, ioctl_tiocnxcl, tcflush, tcgetattr,
-    tcsetattr,
+    InputModes, OptionalActions, QueueSelector, Termios, ioctl_tiocexcl, ioctl_tiocnxcl, tcflush,
+    tcgetattr, tcsetattr,
 };
 use softplug_abi::{LineParameters, LinkDownReason, ModemLines};
 
@@ -29,7 +30,7 @@ const EARLY_BYTES: usize = 65_536;
 /// Dropping it discards what the port has not sent, because a UART that was
 /// stopped by XOFF would else hold close() for half a minute; whoever wants the
 /// last bytes out waits for [`unsent`](Self::unsent) first. The settings that
-/// the port had before come back.
+/// the port had before come back, unless it was [handed over](Self::hand_over).
 #[derive(Debug)]
 pub struct TtyPort {
     fd: OwnedFd,
@@ -44,6 +45,8 @@ pub struct TtyPort {
     /// Whether to take back the request for low latency.
     low_latency: bool,
     gone: bool,
+    /// Somebody else keeps it open, as it is.
+    handed_over: bool,
     /// Bytes that had come before the port was set, not marked.
     early: Vec<u8>,
 }
@@ -77,8 +80,11 @@ impl TtyPort {
                 error => error,
             }
         })?;
-        if !pty {
-            // What came before was read with other settings.
+        // What came before was read with other settings, unless they are the same: then somebody
+        // has kept the port open for us.
+        let is_as_it_was =
+            before.input_modes.contains(InputModes::PARMRK) && line_of(&before) == has;
+        if !pty && !is_as_it_was {
             let _ = tcflush(&fd, QueueSelector::IFlush);
         }
         let low_latency = !pty && ioctl::set_low_latency(&fd, true).is_ok_and(|before| !before);
@@ -96,6 +102,7 @@ impl TtyPort {
             exclusive: options.exclusive,
             low_latency,
             gone: false,
+            handed_over: false,
             early,
             fd,
         })
@@ -241,6 +248,19 @@ impl TtyPort {
         ioctl::set_break(&self.fd, on).map_err(|error| request_error(error, "send a break"))
     }
 
+    /// Another descriptor of the open port. While it is held, dropping this port leaves everything
+    /// as it is: settings, modem lines, and what comes, which waits for the next one to open it.
+    pub fn hand_over(&mut self) -> io::Result<OwnedFd> {
+        let kept = self.fd.try_clone()?;
+        self.handed_over = true;
+        // The lock would go with the last descriptor only.
+        let _ = flock(&self.fd, FlockOperation::Unlock);
+        if self.exclusive {
+            let _ = ioctl_tiocnxcl(&self.fd);
+        }
+        Ok(kept)
+    }
+
     fn lost(&mut self) -> ReadOutcome {
         self.gone = true;
         ReadOutcome::Gone(LinkDownReason::Unplugged)
@@ -249,7 +269,7 @@ impl TtyPort {
 
 impl Drop for TtyPort {
     fn drop(&mut self) {
-        if self.gone {
+        if self.gone || self.handed_over {
             return;
         }
         // Closing a pty never waits, and its flush would take bytes from a
@@ -313,7 +333,7 @@ fn lock(fd: &OwnedFd, path: &Path, pty: bool) -> Result<(), PortError> {
 /// What a pty's far end sent before PARMRK was set: its FFs are not doubled.
 fn read_early(fd: &OwnedFd, before: &Termios) -> Vec<u8> {
     let mut early = Vec::new();
-    if before.input_modes.contains(rustix::termios::InputModes::PARMRK) {
+    if before.input_modes.contains(InputModes::PARMRK) {
         return early;
     }
     let mut buffer = [0; READ_BYTES];

@@ -1,6 +1,7 @@
 //! What lanes tell.
 
 use softplug_abi::{EventKind, Failure, LinkDownReason, Micros, NoteLevel};
+use std::os::fd::OwnedFd;
 use std::path::PathBuf;
 
 use super::endpoint::EndpointNews;
@@ -23,6 +24,8 @@ pub enum Report {
     },
     /// The plug-in knows that the port is open.
     Up,
+    /// The lane is closed, and this keeps its device open, as it is.
+    HandedOver(OwnedFd),
     /// The port is lost, or could not be opened.
     Down {
         /// Why, as the plug-in is told.

@@ -128,6 +128,9 @@ pub enum Command<I> {
     Close {
         /// How long that may take.
         patience: Micros,
+        /// Another process is to open the port next:
+        /// [`Report::HandedOver`](super::Report::HandedOver) keeps a device open meanwhile.
+        hand_over: bool,
     },
 }
 

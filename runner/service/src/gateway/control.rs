@@ -6,10 +6,11 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::fmt;
+use std::os::fd::OwnedFd;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use softplug_gateway::reactor::{LaneId, Reactor, Report};
@@ -56,6 +57,8 @@ pub(crate) struct Shared {
     pub(crate) upload_bytes: u64,
     pub(crate) parts: Parts,
     pub(crate) is_stopping: AtomicBool,
+    /// Devices that stay open for the gateway that takes the place of this one.
+    pub(crate) kept: Mutex<Vec<OwnedFd>>,
 }
 
 /// The parts that guard themselves.
@@ -98,6 +101,8 @@ pub(super) struct Stopping {
     pub(super) until: Option<Instant>,
     /// Lanes are told to close; until then they may.
     pub(super) closing: Option<Instant>,
+    /// Another gateway takes the place of this one: devices stay open.
+    pub(super) hands_over: bool,
 }
 
 impl Shared {
@@ -132,6 +137,10 @@ impl Shared {
     pub(crate) fn changed(&self, change: Change) {
         // Nobody need listen.
         let _ = self.changes.send(Arc::new(change));
+    }
+
+    pub(crate) fn kept(&self) -> MutexGuard<'_, Vec<OwnedFd>> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Removes snapshots that no job needs any more.

@@ -104,7 +104,8 @@ impl Control {
         let has_lane = self.reactor.status(id).is_some();
         link.lane = Lane::Closing(id, after);
         if has_lane {
-            self.reactor.tell(id, Command::Close { patience: CLOSING });
+            let hand_over = self.stopping.as_ref().is_some_and(|stopping| stopping.hands_over);
+            self.reactor.tell(id, Command::Close { patience: CLOSING, hand_over });
         } else {
             self.shared.tell(move |control| {
                 control.hear(id, softplug_gateway::reactor::Report::Removed);

@@ -30,6 +30,7 @@ impl Control {
                 }
                 self.begin_next(&name);
             }
+            Report::HandedOver(kept) => self.shared.kept().push(kept),
             Report::Down { detail, retry_in, .. } => {
                 let retry_in_ms = retry_in.0.max(0) as u64 / 1_000;
                 self.down(&name, &detail, retry_in_ms);

@@ -3,9 +3,10 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::io;
-use std::sync::Arc;
+use std::os::fd::OwnedFd;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::channel;
+use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 use std::time::Instant;
 
@@ -85,6 +86,12 @@ impl Running {
         }
     }
 
+    /// Devices that stay open for the gateway that takes the place of this one, once that was
+    /// [asked for](Gateway::make_way) and the links are closed.
+    pub fn kept(&self) -> Vec<OwnedFd> {
+        std::mem::take(&mut *self.gateway.shared.kept())
+    }
+
     /// Waits until it has stopped. If there is no other handle any more, its database is
     /// closed when this returns.
     pub fn wait(self) {
@@ -134,6 +141,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
         upload_bytes: config.http.as_ref().map_or(u64::MAX, |http| http.limits.upload_bytes),
         parts: Parts { loader, jobs, programs, snapshots, receptions, scribe, worker },
         is_stopping: AtomicBool::new(false),
+        kept: Mutex::default(),
     });
     let ready = shared.make_ready(config)?;
     tell_recovery(&shared.parts.scribe, &recovery, left_over.len());

@@ -24,18 +24,16 @@ impl Control {
             StopHow::Park => Some(Instant::now() + self.config.gateway.stop_patience),
             StopHow::Finish => None,
         };
-        let stopping = self.stopping.get_or_insert(Stopping { how, until, closing: None });
+        let stopping =
+            self.stopping.get_or_insert(Stopping { how, until, closing: None, hands_over: false });
         if !is_first && stopping.how == StopHow::Finish && how == StopHow::Park {
             (stopping.how, stopping.until) = (how, until);
         }
         if is_first {
-            self.shared.is_stopping.store(true, Ordering::Relaxed);
-            self.shared.changed(Change::Stopping);
-            let text = match how {
+            self.begin_stop(match how {
                 StopHow::Park => "the gateway stops; jobs are parked",
                 StopHow::Finish => "the gateway stops when the jobs that run have ended",
-            };
-            self.shared.parts.scribe.note(Note::new(Subject::Gateway, text));
+            });
         }
         if how == StopHow::Park {
             self.park();
@@ -55,8 +53,22 @@ impl Control {
                 if busy.len() == 1 { "is" } else { "are" }
             )));
         }
-        self.stop(StopHow::Park);
+        self.stopping = Some(Stopping {
+            how: StopHow::Park,
+            until: Some(Instant::now()),
+            closing: None,
+            hands_over: true,
+        });
+        self.begin_stop("the gateway makes way for another");
+        self.tend_stop();
         Ok(())
+    }
+
+    /// Says that it stops; nothing new is taken from now on.
+    fn begin_stop(&self, text: &str) {
+        self.shared.is_stopping.store(true, Ordering::Relaxed);
+        self.shared.changed(Change::Stopping);
+        self.shared.parts.scribe.note(Note::new(Subject::Gateway, text));
     }
 
     /// Ends the jobs that run, in the way that the protocol has for that.

@@ -77,15 +77,21 @@ fn what_a_machine_sends_while_another_command_takes_over_is_not_lost() {
     gateway.signal(Signal::USR2);
     wait_for("the old one's end", || TcpStream::connect(&gateway.address).is_err());
     // The machine knows nothing of it.
-    let sent = format!("%\nO5\n{}M30\n%\n", "N10 G1 X12.5 Y25\n".repeat(100));
+    // No end of line, no character is anything else while nobody listens.
+    let sent = format!("%\r\nO5\r\n{}\u{4}\u{7f}M30\r\n%", "N10 G1 X12.5 Y25\r\n".repeat(100));
     assert_eq!(pty.write(sent.as_bytes()).unwrap(), sent.len());
+    assert_eq!(pty.write(b"\xff").unwrap(), 1);
     gateway.address = ready(&mut gateway.out);
     assert_eq!(gateway.child.id(), id);
     let received =
         || gateway.ask(&bench, &token, &["link", "received", "lathe", "--json"]).json()[0].clone();
     wait_for("the reception", || received()["file"] == "O5");
     gateway.ask(&bench, &token, &["link", "received", "lathe", "O5"]).with_code(0);
-    assert_eq!(bench.read("O5"), sent.as_bytes());
+    assert_eq!(bench.read("O5"), [sent.as_bytes(), b"\xff"].concat());
+    // Nothing was answered meanwhile, as a terminal would.
+    let mut heard = Vec::new();
+    take(&pty, &mut heard);
+    assert_eq!(heard, b"");
     gateway.signal(Signal::TERM);
     let (code, log) = gateway.end();
     assert_eq!(code, Some(0), "{log}");

@@ -71,6 +71,8 @@ pub(super) struct Lane<I: Instance> {
     next_other: Option<Micros>,
     /// Its plug-in holds up all that share a thread with it.
     is_burden: bool,
+    /// The device stays open when the lane has ended.
+    hands_over: bool,
 }
 
 enum Phase<I: Instance> {
@@ -111,6 +113,7 @@ impl<I: LaneInstance> Lane<I> {
             only_writes: false,
             next_other: None,
             is_burden: false,
+            hands_over: false,
         };
         lane.attach_endpoint(thread);
         lane.ask_for_port(thread);
@@ -191,7 +194,10 @@ impl<I: LaneInstance> Lane<I> {
             Command::Swap(swap) => self.swap(thread, swap),
             Command::Replace { instance, settings } => self.replace(thread, instance, settings),
             Command::Reopen => self.reopen(thread),
-            Command::Close { patience } => self.close(patience),
+            Command::Close { patience, hand_over } => {
+                self.hands_over = hand_over;
+                self.close(patience);
+            }
         }
     }
 

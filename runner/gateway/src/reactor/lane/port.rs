@@ -125,9 +125,14 @@ impl<I: LaneInstance> Lane<I> {
     /// Closes the port, where there is one.
     pub(super) fn let_go(&mut self, thread: &Thread<I>) -> bool {
         let Phase::Open(channel) = &mut self.phase else { return false };
-        let Some(port) = channel.detach() else { return false };
+        let Some(mut port) = channel.detach() else { return false };
         let fd = port.fd().as_raw_fd();
         let _ = thread.registry.deregister(&mut SourceFd(&fd));
+        if self.hands_over
+            && let Some(kept) = port.hand_over()
+        {
+            self.floor.tell(Report::HandedOver(kept));
+        }
         thread.opener.close(port);
         true
     }
