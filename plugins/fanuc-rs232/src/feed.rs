@@ -61,7 +61,7 @@ pub(crate) struct Feed {
     /// The program's last byte can have left: a DC3 is the final one.
     is_read: bool,
     /// DC1 was the last that the control said.
-    is_ready: bool,
+    pub(crate) is_ready: bool,
     /// The control has said DC1 for this job.
     is_started: bool,
     is_paused: bool,

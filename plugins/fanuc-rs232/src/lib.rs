@@ -343,6 +343,9 @@ impl FanucRs232 {
                     && !mutant!("fanuc-rs232.feed.echo/dc2-taken") => {}
             Some(control) => {
                 let is_awaited = matches!(state, Some(State::WaitingForDc1 | State::Held));
+                // It punches: a DC1 that it said before was for a reading that has ended.
+                self.kept.feed.is_ready &= control != Control::Dc2
+                    || mutant!("fanuc-rs232.feed.dc1-remembered/through-a-punch");
                 if !self.kept.punch.control(link, settings, control, is_awaited) {
                     self.kept.feed.control(link, settings, control);
                 }
