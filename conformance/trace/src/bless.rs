@@ -37,6 +37,30 @@ impl Trace {
     /// window and its way to write bytes. `files` finds the data of `file:`
     /// items; where it does not, the item counts as different.
     ///
+    /// ```
+    /// use softplug_trace::{Entry, NoFiles, Payload, SourceLine, Time, Trace, What, When};
+    ///
+    /// # let text = "\
+    /// # id: echo.tx.first
+    /// # title: The first byte leaves at once
+    /// # profile: echo
+    /// # clauses: echo.tx.at-once
+    /// # level: must
+    /// # line: 9600 8N1 depth=1 reaction=0
+    /// # since: 1
+    /// # origin: hand-written
+    /// # ---
+    /// # ? 0.000000 send 1 \"A\"
+    /// # > 0.000000 42             ; 'B'
+    /// # ";
+    /// let trace = Trace::parse(text)?;
+    /// let mut observed = trace.entries().nth(1).unwrap().clone();
+    /// observed.what = What::Send(Payload::hex(b"A"));
+    /// let blessed = trace.with_expectations(vec![observed], &NoFiles).unwrap();
+    /// assert!(blessed.format().ends_with("> 0.000000 41             ; 'A'\n"));
+    /// # Ok::<(), softplug_trace::ParseError>(())
+    /// ```
+    ///
     /// # Errors
     /// An observed entry is no expectation or too long, or no event is left.
     pub fn with_expectations(

@@ -5,6 +5,15 @@ use std::fmt::Write as _;
 use crate::limits;
 
 /// A fault in a trace.
+///
+/// ```
+/// use softplug_trace::Trace;
+///
+/// let error = Trace::parse("id: x\ntitel: one\n").unwrap_err();
+/// assert_eq!((error.line, error.column), (2, 1));
+/// // For people, with the line and a caret.
+/// assert!(error.report("x.spt").contains("--> x.spt:2:1"));
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("line {line}, column {column}: {kind}")]
 pub struct ParseError {

@@ -10,6 +10,17 @@ pub const GENERATORS: &[GeneratorKind] =
     &[GeneratorKind::Nc, GeneratorKind::Bytes, GeneratorKind::Text];
 
 /// What a generator makes.
+///
+/// ```
+/// use softplug_trace::{GENERATORS, Generator, GeneratorKind, Item, NoFiles, Payload};
+///
+/// let generator = Generator { kind: GeneratorKind::Nc, seed: 1, length: 100 };
+/// let program = Payload::new([Item::Generated(generator)]).bytes(&NoFiles)?;
+/// assert_eq!(program.len(), 100);
+/// assert!(program.starts_with(b"N0010 G1 X"));
+/// assert_eq!(GENERATORS.iter().map(|kind| kind.name()).collect::<Vec<_>>(), ["nc", "bytes", "text"]);
+/// # Ok::<(), softplug_trace::PayloadError>(())
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Hash, Debug)]
 pub enum GeneratorKind {
     /// An NC program in ASCII, lines that end in LF.

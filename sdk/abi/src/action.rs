@@ -48,6 +48,16 @@ mod kind {
 }
 
 /// One action. Payload layouts: `docs/abi.md`, section "Actions".
+///
+/// ```
+/// use softplug_abi::{Action, Actions, Micros};
+///
+/// // Timer 3 at 2 s, as it stands in the output buffer.
+/// let record = [6, 0, 9, 0, 3, 0x80, 0x84, 0x1E, 0, 0, 0, 0, 0];
+/// let action = Actions::new(&record).next().unwrap()?;
+/// assert_eq!(action, Action::SetTimer { id: 3, deadline: Micros(2_000_000) });
+/// # Ok::<(), softplug_abi::Malformed>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Action<'a> {
     /// Append bytes to the transmit queue.
@@ -401,6 +411,18 @@ impl<'a> Action<'a> {
 }
 
 /// Reads the records of an output buffer, checking each.
+///
+/// ```
+/// use softplug_abi::{Action, Actions, MalformedReason};
+///
+/// // `hold`, then a kind that does not exist.
+/// let mut actions = Actions::new(&[3, 0, 0, 0, 99, 0, 0, 0]);
+/// assert_eq!(actions.next(), Some(Ok(Action::Hold)));
+/// let error = actions.next().unwrap().unwrap_err();
+/// assert_eq!((error.at, error.reason), (4, MalformedReason::UnknownKind(99)));
+/// // Nothing behind a malformed record can be read.
+/// assert_eq!(actions.next(), None);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Actions<'a> {
     bytes: &'a [u8],
@@ -449,6 +471,20 @@ impl<'a> Iterator for Actions<'a> {
 ///
 /// Bytes for the queue or for one delivery that follow each other become one
 /// record, so that a plug-in may push them one by one.
+///
+/// ```
+/// use softplug_abi::{Action, ActionWriter, NoSpace};
+///
+/// let mut buffer = [0; 12];
+/// let mut writer = ActionWriter::new(&mut buffer);
+/// writer.transmit(b"G1")?;
+/// writer.transmit(b"X2")?;
+/// assert_eq!(writer.written(), [1, 0, 8, 0, 0, 0, 0, 0, b'G', b'1', b'X', b'2']);
+/// // What does not fit leaves the rest whole.
+/// assert_eq!(writer.push(&Action::Release), Err(NoSpace));
+/// assert_eq!((writer.len(), writer.room()), (12, 0));
+/// # Ok::<(), NoSpace>(())
+/// ```
 #[derive(Debug)]
 pub struct ActionWriter<'a> {
     writer: Writer<'a>,

@@ -10,6 +10,18 @@ macro_rules! codes {
         }
     ) => {
         $(#[$attr])*
+        ///
+        /// Each has its number on the wire, its name in reports and traces, and a text
+        /// for people.
+        ///
+        /// ```
+        #[doc = concat!("use softplug_abi::", stringify!($name), ";")]
+        ///
+        #[doc = concat!("for known in ", stringify!($name), "::ALL {")]
+        #[doc = concat!("    assert_eq!(", stringify!($name), "::from_code(known.code()), Some(*known));")]
+        #[doc = concat!("    assert_eq!(", stringify!($name), "::from_name(known.name()), Some(*known));")]
+        /// }
+        /// ```
         #[derive(Copy, Clone, PartialEq, Eq, Hash, Debug, PartialOrd, Ord)]
         #[repr($repr)]
         pub enum $name {

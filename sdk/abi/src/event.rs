@@ -37,6 +37,13 @@ codes! {
 }
 
 /// The parity of a character.
+///
+/// ```
+/// use softplug_abi::{LineParameters, Parity};
+///
+/// let line = LineParameters { data_bits: 7, parity: Parity::Even, ..LineParameters::new(4_800) };
+/// assert_eq!(line.half_bits(), 20);
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default, Hash)]
 pub enum Parity {
     /// No parity bit.
@@ -126,6 +133,14 @@ codes! {
 }
 
 /// A set of modem lines, named as on our own port.
+///
+/// ```
+/// use softplug_abi::ModemLines;
+///
+/// let on = ModemLines::CTS.union(ModemLines::DSR);
+/// assert!(on.contains(ModemLines::CTS));
+/// assert!(!on.contains(ModemLines::CTS.union(ModemLines::DCD)));
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default, Hash)]
 pub struct ModemLines(pub u8);
 
@@ -159,6 +174,14 @@ impl ModemLines {
 }
 
 /// Whether a job is only checked or carried out.
+///
+/// ```
+/// use softplug_abi::{Event, Pass, Values};
+///
+/// let fields = Values::new(&[]);
+/// let check = Event::JobBegin { job: 1, kind: 0, pass: Pass::Check, size: Some(40_000), fields };
+/// assert!(matches!(check, Event::JobBegin { pass: Pass::Check, .. }));
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Hash)]
 pub enum Pass {
     /// Carry the job out.
@@ -168,6 +191,16 @@ pub enum Pass {
 }
 
 /// One event. Payload layouts: `docs/abi.md`, section "Events".
+///
+/// ```
+/// use softplug_abi::{Event, EventKind, Micros};
+///
+/// let event = Event::Timer { id: 3, deadline: Micros(2_000_000) };
+/// let mut buffer = [0; 64];
+/// let length = event.encode(&mut buffer).unwrap();
+/// let payload = &buffer[..length];
+/// assert_eq!(Event::decode(EventKind::Timer, payload), Ok(event));
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Event<'a> {
     /// Settings in the manifest's order, in pieces, before `Open`.
@@ -536,6 +569,23 @@ impl<'a> Event<'a> {
 ///
 /// In a plug-in [`take`](Self::take) is inlined once for each kind of event, where nothing
 /// but that kind's part of it is left: the event itself is never put together.
+///
+/// ```
+/// use softplug_abi::{Event, EventKind, TakeEvent};
+///
+/// /// Counts characters and carries no code for anything else.
+/// struct Count;
+///
+/// impl<'a> TakeEvent<'a> for Count {
+///     type Taken = usize;
+///
+///     fn take(self, event: Event<'a>) -> usize {
+///         if let Event::Received(bytes) = event { bytes.len() } else { 0 }
+///     }
+/// }
+///
+/// assert_eq!(Event::decode_for(EventKind::Received, b"G1X2", Count), Ok(4));
+/// ```
 pub trait TakeEvent<'a> {
     /// What comes of it.
     type Taken;

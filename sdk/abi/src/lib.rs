@@ -55,6 +55,11 @@ pub use wire::{Malformed, MalformedReason, NoSpace};
 ///
 /// A plug-in of an older minor version is served by a newer host; it is never
 /// sent a kind of event that its version does not know.
+///
+/// ```
+/// // A plug-in of version 1.0 is served by a host of the same major version.
+/// assert_eq!(softplug_abi::VERSION.0, 1);
+/// ```
 pub const VERSION: (u16, u16) = (1, 0);
 
 /// Name of the export that returns the mailbox descriptor's address.

@@ -5,6 +5,14 @@ use thiserror::Error;
 
 /// Set in the result of `softplug_v1_step` when there is more output than fits;
 /// the other bits are the length of what is there.
+///
+/// ```
+/// use softplug_abi::MORE_OUTPUT;
+///
+/// let result: i32 = 0x4000_0200;
+/// assert!(result & MORE_OUTPUT != 0);
+/// assert_eq!(result & !MORE_OUTPUT, 512);
+/// ```
 pub const MORE_OUTPUT: i32 = 0x4000_0000;
 
 /// A region of the plug-in's memory.
@@ -31,6 +39,21 @@ impl Region {
 /// Six u32: input address and capacity, output address and capacity, last
 /// words' address and capacity. The region of last words begins with the
 /// text's length (u32), the text (UTF-8) follows.
+///
+/// ```
+/// use softplug_abi::{Mailbox, MailboxError};
+///
+/// let mut descriptor = [0; Mailbox::BYTES];
+/// for (at, word) in [1_024_u32, 512, 2_048, 4_096, 8_192, 256].into_iter().enumerate() {
+///     descriptor[4 * at..][..4].copy_from_slice(&word.to_le_bytes());
+/// }
+/// let mailbox = Mailbox::decode(descriptor, 65_536)?;
+/// assert_eq!((mailbox.output.address, mailbox.output.capacity), (2_048, 4_096));
+/// // The last words would not fit a memory of 8,400 bytes.
+/// let error = Mailbox::decode(descriptor, 8_400).unwrap_err();
+/// assert_eq!(error, MailboxError::OutOfMemory("last words"));
+/// # Ok::<(), MailboxError>(())
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Mailbox {
     /// Where the host writes payloads of events.

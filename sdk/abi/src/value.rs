@@ -5,6 +5,17 @@ use crate::wire::{Malformed, MalformedReason, NoSpace, Reader, Writer};
 use core::cmp::Ordering;
 
 /// One typed value.
+///
+/// ```
+/// use softplug_abi::{Value, ValueWriter, Values};
+///
+/// let mut buffer = [0; 64];
+/// let mut writer = ValueWriter::new(&mut buffer);
+/// writer.push(0, Value::Int(9_600)).unwrap();
+/// writer.push(4, Value::Text("O0001")).unwrap();
+/// let values = Values::new(writer.written());
+/// assert_eq!(values.find(4), Some(Value::Text("O0001")));
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Value<'a> {
     /// Yes or no.
@@ -21,6 +32,15 @@ pub enum Value<'a> {
 
 /// Value records, in the order in which they stand. Each is: index u16 (the
 /// place in the manifest), type u8, zero u8, length u16, payload.
+///
+/// ```
+/// use softplug_abi::{Value, Values};
+///
+/// // Setting 2, a flag that is on.
+/// let mut values = Values::new(&[2, 0, 1, 0, 1, 0, 1]);
+/// assert_eq!(values.next(), Some(Ok((2, Value::Bool(true)))));
+/// assert_eq!(values.next(), None);
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Values<'a> {
     raw: RawValues<'a>,
@@ -66,6 +86,14 @@ impl<'a> Iterator for Values<'a> {
 
 /// One value record. A plug-in asks for the type that it expects, and carries
 /// no code for the others.
+///
+/// ```
+/// use softplug_abi::Values;
+///
+/// let raw = Values::new(&[2, 0, 1, 0, 1, 0, 1]).raw().next().unwrap()?;
+/// assert_eq!((raw.index, raw.bool(), raw.int()), (2, Some(true), None));
+/// # Ok::<(), softplug_abi::Malformed>(())
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct RawValue<'a> {
     /// Place in the manifest.
@@ -181,6 +209,17 @@ impl<'a> Iterator for RawValues<'a> {
 }
 
 /// Writes value records one after the other.
+///
+/// ```
+/// use softplug_abi::{NoSpace, Value, ValueWriter};
+///
+/// let mut buffer = [0; 10];
+/// let mut writer = ValueWriter::new(&mut buffer);
+/// writer.push(0, Value::Choice(3))?;
+/// assert_eq!(writer.written(), [0, 0, 5, 0, 2, 0, 3, 0]);
+/// assert_eq!(writer.push(1, Value::Bool(true)), Err(NoSpace));
+/// # Ok::<(), NoSpace>(())
+/// ```
 #[derive(Debug)]
 pub struct ValueWriter<'a> {
     writer: Writer<'a>,

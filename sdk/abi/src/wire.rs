@@ -8,6 +8,13 @@ use thiserror::Error;
 pub struct NoSpace;
 
 /// A record that does not follow the ABI.
+///
+/// ```
+/// use softplug_abi::{Malformed, MalformedReason};
+///
+/// let error = Malformed { at: 12, reason: MalformedReason::OutOfRange("id") };
+/// assert_eq!(error.to_string(), "malformed record at byte 12: field \"id\" is out of range");
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Error)]
 #[error("malformed record at byte {at}: {reason}")]
 pub struct Malformed {
@@ -39,6 +46,12 @@ pub enum MalformedReason {
 
 /// Copies as many bytes as both slices hold. A copy that can panic, or an index
 /// that can, would bring the formatting of its message into every plug-in: some 5 KiB.
+///
+/// ```
+/// let mut buffer = [0; 3];
+/// softplug_abi::wire::copy(&mut buffer, b"G1X2");
+/// assert_eq!(&buffer, b"G1X");
+/// ```
 pub fn copy(to: &mut [u8], from: &[u8]) {
     for (to, from) in to.iter_mut().zip(from) {
         *to = *from;
@@ -50,6 +63,19 @@ pub fn copy(to: &mut [u8], from: &[u8]) {
 /// A field that is not there reads as zero, and the fault is kept: read all,
 /// then ask [`end`](Self::end). So a record's layout reads straight down, and the code for it
 /// stays small enough for a plug-in; that is also why nothing here is inlined.
+///
+/// ```
+/// use softplug_abi::MalformedReason;
+/// use softplug_abi::wire::Reader;
+///
+/// let mut reader = Reader::new(&[0x34, 0x12, b'G', b'1']);
+/// assert_eq!((reader.u16(), reader.rest()), (0x1234, &b"G1"[..]));
+/// assert_eq!(reader.end(), Ok(()));
+///
+/// let mut short = Reader::new(&[1, 2]);
+/// assert_eq!(short.u32(), 0);
+/// assert_eq!(short.end(), Err(MalformedReason::Truncated));
+/// ```
 #[derive(Clone, Debug)]
 pub struct Reader<'a> {
     rest: &'a [u8],
@@ -234,6 +260,19 @@ impl<'a> Reader<'a> {
 ///
 /// What does not fit is left out and remembered: write all, then ask
 /// [`end`](Self::end).
+///
+/// ```
+/// use softplug_abi::NoSpace;
+/// use softplug_abi::wire::Writer;
+///
+/// let mut buffer = [0; 4];
+/// let mut writer = Writer::new(&mut buffer);
+/// writer.u16(0x1234);
+/// let start = writer.len();
+/// writer.u32(7);
+/// assert_eq!(writer.end(start), Err(NoSpace));
+/// assert_eq!(writer.written(), [0x34, 0x12]);
+/// ```
 #[derive(Debug)]
 pub struct Writer<'a> {
     buffer: &'a mut [u8],

@@ -43,6 +43,27 @@ pub struct Bench<C: Converter> {
 }
 
 /// What a bench is opened with.
+///
+/// ```
+/// use softplug_plugin::LineParameters;
+/// use softplug_plugin::bench::Bench;
+/// # struct Echo;
+/// # impl softplug_plugin::Converter for Echo {
+/// #     type Settings = ();
+/// #     const MANIFEST: &'static str = r#"{"abi": "1.0", "name": "echo", "version": "1.0.0",
+/// #         "licence": "MIT", "protocol": "none", "description": "Sends back."}"#;
+/// #     fn new((): ()) -> Self { Self }
+/// #     fn received(&mut self, link: &mut softplug_plugin::Context<'_>, bytes: &[u8]) {
+/// #         link.transmit(bytes);
+/// #     }
+/// # }
+///
+/// let mut bench = Bench::<Echo>::new().line(LineParameters::new(300)).depth(1).open();
+/// bench.receive(b"AB");
+/// // At 300 baud a character takes 33 ms.
+/// bench.run_for_millis(30);
+/// assert_eq!(bench.sent(), b"A");
+/// ```
 #[derive(Debug)]
 pub struct BenchOptions<C: Converter> {
     manifest: Manifest,
@@ -54,6 +75,20 @@ pub struct BenchOptions<C: Converter> {
 }
 
 /// A converter cannot be put on the bench.
+///
+/// ```
+/// use softplug_plugin::bench::{Bench, BenchError};
+/// # struct Echo;
+/// # impl softplug_plugin::Converter for Echo {
+/// #     type Settings = ();
+/// #     const MANIFEST: &'static str = r#"{"abi": "1.0", "name": "echo", "version": "1.0.0",
+/// #         "licence": "MIT", "protocol": "none", "description": "Sends back."}"#;
+/// #     fn new((): ()) -> Self { Self }
+/// # }
+///
+/// let opened = Bench::<Echo>::new().set("baud", "9600").try_open();
+/// assert!(matches!(opened, Err(BenchError::Setting(_))));
+/// ```
 #[derive(Clone, PartialEq, Debug)]
 pub enum BenchError {
     /// Its manifest is wrong.

@@ -18,6 +18,45 @@ pub(crate) struct Rooms {
 /// Actions of one event must fit the output buffer (4,096 bytes in a plug-in
 /// made by [`export!`](crate::export!)): ask for less data at a time, or go on in
 /// [`Converter::more`](crate::Converter::more). Past it the plug-in panics.
+///
+/// ```
+/// use softplug_plugin::bench::{Bench, Observed};
+/// use softplug_plugin::{Context, Converter, Micros};
+///
+/// /// Delivers each character, and holds its own sending for a second at the first.
+/// struct Quiet;
+///
+/// impl Converter for Quiet {
+///     type Settings = ();
+///     const MANIFEST: &'static str = r#"{"abi": "1.0", "name": "quiet", "version": "1.0.0",
+///         "licence": "MIT", "protocol": "none", "description": "Holds for a second."}"#;
+///
+///     fn new((): ()) -> Self {
+///         Self
+///     }
+///
+///     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
+///         link.hold();
+///         link.transmit(b"later");
+///         link.set_timer(0, link.now() + Micros::from_secs(1));
+///         link.delivery_begin(1, 0);
+///         link.deliver(1, bytes);
+///         link.delivery_end(1, None, 0);
+///     }
+///
+///     fn timer(&mut self, link: &mut Context<'_>, _id: u8, _deadline: Micros) {
+///         link.release();
+///     }
+/// }
+///
+/// let mut bench = Bench::<Quiet>::new().open();
+/// bench.receive(b"?");
+/// bench.run_for_millis(999);
+/// assert_eq!(bench.sent(), b"");
+/// bench.run_for_millis(100);
+/// assert_eq!(bench.sent(), b"later");
+/// assert_eq!(bench.deliveries()[0].bytes, b"?");
+/// ```
 #[derive(Debug)]
 pub struct Context<'a> {
     writer: ActionWriter<'a>,

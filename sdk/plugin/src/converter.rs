@@ -6,6 +6,14 @@ use crate::{
 };
 
 /// The link at its opening.
+///
+/// ```
+/// use softplug_plugin::{LineParameters, Opening};
+///
+/// let opening =
+///     Opening { resumed: false, line: LineParameters::new(9_600), delivery_room: 16_384 };
+/// assert_eq!(opening.line.characters(960).to_string(), "1.000000");
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Opening {
     /// The converter was restored: it goes on where it was, and sets its timers
@@ -18,6 +26,14 @@ pub struct Opening {
 }
 
 /// A job at its beginning.
+///
+/// ```
+/// use softplug_plugin::{JobStart, Pass, Values};
+///
+/// let start =
+///     JobStart { job: 1, kind: 0, pass: Pass::Run, size: Some(40_000), fields: Values::new(&[]) };
+/// assert_eq!(start.fields.find(0), None);
+/// ```
 #[derive(Clone, Debug)]
 pub struct JobStart<'a> {
     /// Its id, for all that concerns it.
@@ -37,6 +53,64 @@ pub struct JobStart<'a> {
 ///
 /// All calls of one instance come one after the other, with a time that never
 /// goes back ([`Context::now`]).
+///
+/// ```
+/// use softplug_plugin::bench::Bench;
+/// use softplug_plugin::{Context, Converter, Micros, StateError, StateReader, StateWriter};
+///
+/// /// Answers each line with ACK, and half a second of silence within one with NAK.
+/// #[derive(Default)]
+/// struct Lines {
+///     in_line: bool,
+/// }
+///
+/// const SILENCE: u8 = 0;
+///
+/// impl Converter for Lines {
+///     type Settings = ();
+///     const MANIFEST: &'static str = r#"{"abi": "1.0", "name": "lines", "version": "1.0.0",
+///         "licence": "MIT", "protocol": "lines", "description": "Acknowledges lines.",
+///         "state": {"saves": 1, "accepts": [1]}}"#;
+///     const STATE_FORMAT: Option<u16> = Some(1);
+///
+///     fn new((): ()) -> Self {
+///         Self::default()
+///     }
+///
+///     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
+///         for byte in bytes {
+///             self.in_line = *byte != b'\n';
+///             if !self.in_line {
+///                 link.transmit(&[0x06]);
+///             }
+///         }
+///         if self.in_line {
+///             link.set_timer_after(SILENCE, Micros::from_millis(500));
+///         } else {
+///             link.cancel_timer(SILENCE);
+///         }
+///     }
+///
+///     fn timer(&mut self, link: &mut Context<'_>, _id: u8, _deadline: Micros) {
+///         self.in_line = false;
+///         link.transmit(&[0x15]);
+///     }
+///
+///     fn save(&self, state: &mut StateWriter<'_>) {
+///         state.bool(self.in_line);
+///     }
+///
+///     fn restore(&mut self, _format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
+///         self.in_line = state.bool();
+///         Ok(())
+///     }
+/// }
+///
+/// let mut bench = Bench::<Lines>::new().open();
+/// bench.receive(b"G1 X10\nG1");
+/// bench.run_for_millis(600);
+/// assert_eq!(bench.sent(), [0x06, 0x15]);
+/// ```
 #[allow(unused_variables, reason = "the names are the documentation of what may be ignored")]
 pub trait Converter: Sized {
     /// The settings, declared with [`settings!`](crate::settings); `()` without.

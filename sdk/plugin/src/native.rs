@@ -55,6 +55,22 @@ impl<C: Converter> Default for Native<C> {
 }
 
 /// A native converter did not take an event.
+///
+/// ```
+/// use softplug_abi::{Event, Instance, Micros, Refusal};
+/// use softplug_plugin::Native;
+/// # struct Nothing;
+/// # impl softplug_plugin::Converter for Nothing {
+/// #     type Settings = ();
+/// #     const MANIFEST: &'static str = "";
+/// #     fn new((): ()) -> Self { Self }
+/// # }
+///
+/// // Nothing is received before the link is open.
+/// let mut native = Native::<Nothing>::new();
+/// let fault = native.step(&Event::Received(b"G1"), Micros::ZERO).unwrap_err();
+/// assert_eq!(fault.refusal, Refusal::MalformedEvent);
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct NativeFault {
     /// Why.

@@ -4,6 +4,21 @@ use softplug_abi::RawValue;
 use softplug_abi::wire::copy;
 
 /// The settings of a converter. Made by [`settings!`](crate::settings).
+///
+/// ```
+/// use softplug_plugin::{RawValue, SettingSet, Values};
+///
+/// softplug_plugin::settings! {
+///     struct Settings { echo: bool = false, "Send back what is received."; }
+/// }
+/// # fn main() {
+/// let mut settings = Settings::unset();
+/// let on: RawValue<'_> = Values::new(&[0, 0, 1, 0, 1, 0, 1]).raw().next().unwrap().unwrap();
+/// assert!(settings.set(on.index, &on));
+/// assert!(settings.echo);
+/// assert_eq!(Settings::COUNT, 1);
+/// # }
+/// ```
 pub trait SettingSet: Copy + core::fmt::Debug {
     /// How many there are.
     const COUNT: u16;
@@ -28,6 +43,15 @@ impl SettingSet for () {
 }
 
 /// The type of one setting.
+///
+/// ```
+/// use softplug_plugin::{SettingType, Values};
+///
+/// let number = Values::new(&[0, 0, 2, 0, 8, 0, 0x80, 0x25, 0, 0, 0, 0, 0, 0]);
+/// let number = number.raw().next().unwrap().unwrap();
+/// assert_eq!(i64::from_value(&number), Some(9_600));
+/// assert_eq!(bool::from_value(&number), None);
+/// ```
 pub trait SettingType: Copy {
     /// Its type in the manifest.
     const TYPE: &'static str;
@@ -87,6 +111,17 @@ fn put<T>(own: &mut T, value: Option<T>) -> bool {
 }
 
 /// Up to `N` bytes.
+///
+/// ```
+/// use softplug_plugin::{Bytes, SettingType, Values};
+///
+/// let value = Values::new(&[0, 0, 4, 0, 2, 0, 13, 10]).raw().next().unwrap().unwrap();
+/// let trailer = Bytes::<8>::from_value(&value).unwrap();
+/// assert_eq!(trailer.as_slice(), b"\r\n");
+/// assert!(trailer.contains(b'\n'));
+/// // Two bytes do not fit one.
+/// assert_eq!(Bytes::<1>::from_value(&value), None);
+/// ```
 #[derive(Copy, Clone, Debug)]
 pub struct Bytes<const N: usize> {
     bytes: [u8; N],
@@ -138,6 +173,13 @@ impl<const N: usize> SettingType for Bytes<N> {
 }
 
 /// UTF-8 text of up to `N` bytes.
+///
+/// ```
+/// use softplug_plugin::{SettingType, Text, Values};
+///
+/// let value = Values::new(&[0, 0, 3, 0, 2, 0, b'O', b'1']).raw().next().unwrap().unwrap();
+/// assert_eq!(Text::<40>::from_value(&value).unwrap().as_str(), "O1");
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Text<const N: usize>(Bytes<N>);
 
@@ -190,6 +232,19 @@ impl<const N: usize> Decimal<N> {
 }
 
 /// One of a list of names. Made by [`choice!`](crate::choice).
+///
+/// ```
+/// use softplug_plugin::Choice;
+///
+/// softplug_plugin::choice! {
+///     /// Which way lines end.
+///     pub enum LineEnd { Lf = "lf", CrLf = "crlf" }
+/// }
+/// # fn main() {
+/// assert!(matches!(LineEnd::from_index(1), Some(LineEnd::CrLf)));
+/// assert!(LineEnd::from_index(2).is_none());
+/// # }
+/// ```
 pub trait Choice: Copy {
     /// The manifest's list of names, beginning with a comma.
     const JSON: &'static [&'static str];

@@ -6,6 +6,11 @@ use softplug_abi::wire::{Reader, copy};
 use softplug_abi::{Action, Failure, Micros};
 
 /// A saved state that cannot be taken.
+///
+/// ```
+/// let error = softplug_plugin::StateError;
+/// assert_eq!(error.to_string(), "the saved state is of another format or damaged");
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct StateError;
 
@@ -22,6 +27,16 @@ const PIECE: usize = 256;
 
 /// Takes a state field by field. What was written before `skip` is left out, so
 /// that a long state needs no buffer of its own.
+///
+/// ```
+/// use softplug_plugin::StateWriter;
+///
+/// /// A counter and a flag: five bytes.
+/// fn save(state: &mut StateWriter<'_>, count: u32, is_held: bool) {
+///     state.u32(count);
+///     state.bool(is_held);
+/// }
+/// ```
 #[derive(Debug)]
 pub struct StateWriter<'a> {
     position: usize,
@@ -120,6 +135,16 @@ pub(crate) fn emit(
 
 /// Gives a state back field by field. A field that is not there reads as zero,
 /// and the whole restore then fails.
+///
+/// ```
+/// use softplug_plugin::{StateError, StateReader};
+///
+/// /// The other way round, in the same order; what cannot be is refused.
+/// fn restore(state: &mut StateReader<'_>) -> Result<(u32, bool), StateError> {
+///     let (count, is_held) = (state.u32(), state.bool());
+///     if count > 1_000 { Err(StateError) } else { Ok((count, is_held)) }
+/// }
+/// ```
 #[derive(Debug)]
 pub struct StateReader<'a> {
     reader: Reader<'a>,

@@ -3,6 +3,23 @@
 use super::{Assignment, ModemLevels};
 
 /// A case's properties.
+///
+/// ```
+/// use softplug_trace::{FrontMatter, Level};
+///
+/// let front = FrontMatter::parse("\
+/// id: echo.tx.first
+/// title: The first byte leaves at once
+/// profile: echo
+/// clauses: echo.tx.at-once
+/// level: must
+/// line: 9600 8N1 depth=1 reaction=0
+/// since: 1
+/// origin: hand-written
+/// ")?;
+/// assert_eq!((front.level, front.clauses), (Level::Must, vec!["echo.tx.at-once".to_owned()]));
+/// # Ok::<(), softplug_trace::ParseError>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct FrontMatter {
     /// Stable readable name: the profile, a dot, and at least one more part.

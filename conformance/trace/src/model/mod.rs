@@ -14,6 +14,30 @@ pub use payload::{BadKind, Digest, Files, Generator, Item, NoFiles, Payload, Pay
 pub use time::{Time, When};
 
 /// A case: what it is about, and what happens in it.
+///
+/// ```
+/// use softplug_trace::{Time, Trace};
+///
+/// # let text = "\
+/// # id: echo.tx.first
+/// # title: The first byte leaves at once
+/// # profile: echo
+/// # clauses: echo.tx.at-once
+/// # level: must
+/// # line: 9600 8N1 depth=1 reaction=0
+/// # since: 1
+/// # origin: hand-written
+/// # ---
+/// # ? 0.000000 send 1 \"A\"
+/// # > 0.000000 41             ; 'A'
+/// # = 0.001042 done 1 sent=1
+/// # ";
+/// // A job of one byte, the byte on the line, and the job's end a character later.
+/// let trace = Trace::parse(text)?;
+/// assert_eq!(trace.inputs().count(), 1);
+/// assert_eq!(trace.end(), Time(1_042));
+/// # Ok::<(), softplug_trace::ParseError>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Trace {
     /// The case's properties.
@@ -88,6 +112,32 @@ impl Trace {
     /// of alternatives, each with all entries sorted by start. A trace without
     /// alternatives has one. At most [`VARIANTS`](crate::limits::VARIANTS) in a
     /// trace that was parsed.
+    ///
+    /// ```
+    /// use softplug_trace::Trace;
+    ///
+    /// # let text = "\
+    /// # id: echo.tx.first
+    /// # title: The first byte leaves at once
+    /// # profile: echo
+    /// # clauses: echo.tx.at-once
+    /// # level: must
+    /// # line: 9600 8N1 depth=1 reaction=0
+    /// # since: 1
+    /// # origin: hand-written
+    /// # ---
+    /// # ? 0.000000 send 1 \"A\"
+    /// # { alt echo.tx.at-once
+    /// # > 0.000000 41
+    /// # |
+    /// # > 0.000010 41
+    /// # }
+    /// # ";
+    /// // The clause leaves the plug-in two courses.
+    /// let trace = Trace::parse(text)?;
+    /// assert_eq!(trace.variants().len(), 2);
+    /// # Ok::<(), softplug_trace::ParseError>(())
+    /// ```
     pub fn variants(&self) -> Vec<Vec<&Entry>> {
         let mut variants: Vec<Vec<&Entry>> = vec![Vec::new()];
         for line in &self.body {

@@ -7,12 +7,32 @@ use crate::limits::ITEM_BYTES;
 
 /// A sequence of items, as the author wrote them; neighbouring hex pairs are
 /// one item.
+///
+/// ```
+/// use softplug_trace::{NoFiles, Payload};
+///
+/// let readable = Payload::from_bytes(b"G1 X10\n");
+/// assert_eq!(readable.length(), Some(7));
+/// assert_eq!(readable.bytes(&NoFiles)?, b"G1 X10\n");
+/// # Ok::<(), softplug_trace::PayloadError>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Payload {
     items: Vec<Item>,
 }
 
 /// A piece of a payload.
+///
+/// ```
+/// use softplug_trace::{BadKind, Item, NoFiles, Payload, Piece};
+///
+/// // `41 ~p42` in a trace: a good character and one whose parity is wrong.
+/// let damaged = Item::Bad { kind: BadKind::Parity, byte: 0x42 };
+/// let payload = Payload::new([Item::Hex(vec![0x41]), damaged]);
+/// let pieces = payload.pieces(&NoFiles)?;
+/// assert!(matches!(pieces[1], Piece::Bad { byte: 0x42, .. }));
+/// # Ok::<(), softplug_trace::PayloadError>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Item {
     /// Hex pairs, at least one.
@@ -82,6 +102,16 @@ impl fmt::Display for Generator {
 }
 
 /// Finds the files that `file:` items name. A closure of the same shape will do.
+///
+/// ```
+/// use softplug_trace::{Digest, Item, Payload};
+///
+/// // One program, whatever is asked for.
+/// let program = |_: &Digest| Ok(b"%\nO0001\n%\n".to_vec());
+/// let payload = Payload::new([Item::File(Digest([0; 32]))]);
+/// assert_eq!(payload.bytes(&program)?.len(), 10);
+/// # Ok::<(), softplug_trace::PayloadError>(())
+/// ```
 pub trait Files {
     /// The content of the file with this SHA-256. Whoever finds it checks the
     /// digest.

@@ -3,10 +3,25 @@
 use std::fmt;
 
 /// A moment, in µs since the case began.
+///
+/// ```
+/// use softplug_trace::Time;
+///
+/// assert_eq!(Time(2_001_146).to_string(), "2.001146");
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default)]
 pub struct Time(pub u64);
 
 /// A moment or an inclusive window of moments.
+///
+/// ```
+/// use softplug_trace::{Time, When};
+///
+/// let window = When { from: Time(2_000_000), to: Time(2_010_000) };
+/// assert!(window.is_window() && window.contains(Time(2_005_000)));
+/// assert_eq!(window.to_string(), "2.000000~2.010000");
+/// assert_eq!(When::at(Time(0)).to_string(), "0.000000");
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Hash, Debug)]
 pub struct When {
     /// The first moment.
