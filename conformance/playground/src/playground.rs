@@ -35,7 +35,7 @@ impl Playground {
             Ok(Request::Begin) => Ok(self.begin()),
             Ok(Request::Load) => self.load(rest.get(1..).unwrap_or_default()),
             Ok(Request::Run(run)) => self.run(&run),
-            Err(error) => Err(Refusal::new(error)),
+            Err(error) => Err(Refusal::new(&error)),
         };
         let answer = answer.unwrap_or_else(Answer::Refused);
         serde_json::to_vec(&answer).expect("answers are plain data")
@@ -56,7 +56,7 @@ impl Playground {
 
     /// The plug-in that was there stays if the module is none.
     fn load(&mut self, module: &[u8]) -> Result<Answer<'static>, Refusal> {
-        let plugin = self.host.load_bytes(module).map_err(Refusal::new)?;
+        let plugin = self.host.load_bytes(module).map_err(|error| Refusal::new(&error))?;
         let found = plugin.inspection();
         let manifest = &found.manifest;
         let loaded = Loaded {
@@ -75,7 +75,8 @@ impl Playground {
 
     fn run(&self, asked: &Run) -> Result<Answer<'static>, Refusal> {
         let plugin = self.plugin.as_ref().ok_or_else(|| Refusal::new("load a plug-in first"))?;
-        let permutation: Permutation = asked.permutation.parse().map_err(Refusal::new)?;
+        let permutation: Permutation =
+            asked.permutation.parse().map_err(|error| Refusal::new(&error))?;
         let trace = Trace::parse(&asked.trace)?;
         let mut cases = self.corpus.cases.iter();
         let known = cases.find(|case| Some(&case.trace.front.id) == asked.id.as_ref());
@@ -85,7 +86,8 @@ impl Playground {
         };
         let mut noisy = None;
         if let Some(noise) = asked.noise.noise() {
-            let disturbed = disturb(&case.trace, &case.files(), noise).map_err(Refusal::new)?;
+            let disturbed =
+                disturb(&case.trace, &case.files(), noise).map_err(|error| Refusal::new(&error))?;
             let text = disturbed.trace.format();
             // Lines are told as they are counted in the text that is shown.
             case.trace = Trace::parse(&text)?;

@@ -102,7 +102,7 @@ pub(crate) struct Refusal {
 }
 
 impl Refusal {
-    pub(crate) fn new(text: impl ToString) -> Self {
+    pub(crate) fn new(text: &(impl ToString + ?Sized)) -> Self {
         Self { text: text.to_string(), place: None }
     }
 }

@@ -83,7 +83,9 @@ impl Static {
         for piece in pieces {
             match piece {
                 Piece::Bytes(bytes) => {
-                    bytes.iter().for_each(|byte| self.character(*byte, &mut items))
+                    for byte in bytes {
+                        self.character(*byte, &mut items);
+                    }
                 }
                 Piece::Bad { kind, byte } => items.push(Item::Bad { kind: *kind, byte: *byte }),
             }

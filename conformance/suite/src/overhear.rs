@@ -34,7 +34,7 @@ pub(crate) struct Call {
 /// What was written down.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Calls {
-    pub(crate) calls: Vec<Call>,
+    pub(crate) list: Vec<Call>,
     /// There was more than there was room for.
     pub(crate) is_cut: bool,
     bytes: usize,
@@ -51,9 +51,9 @@ pub(crate) struct Most {
 impl Calls {
     fn push(&mut self, call: Call, most: Most) {
         self.bytes += call.payload.len() + call.actions.len();
-        self.is_cut |= self.calls.len() >= most.calls || self.bytes > most.bytes;
+        self.is_cut |= self.list.len() >= most.calls || self.bytes > most.bytes;
         if !self.is_cut {
-            self.calls.push(call);
+            self.list.push(call);
         }
     }
 }

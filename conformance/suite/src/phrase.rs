@@ -46,7 +46,7 @@ impl Phrase {
         let link = |text: String| Self::new(Other::Link, text);
         match event {
             Event::Settings { values, .. } => {
-                let count = values.clone().filter(Result::is_ok).count();
+                let count = values.clone().flatten().count();
                 link(format!("settings, {count} of them"))
             }
             Event::Open { resumed, line, transmit_room, delivery_room } => {
@@ -93,9 +93,10 @@ impl Phrase {
             }
             Event::JobData { job, bytes } => host(format!("data of job {job}")).with(bytes),
             Event::JobEnd { job } => host(format!("end of job {job}'s data")),
-            Event::Pause { job } | Event::Resume { job } => host(format!("{name} job {job}")),
             Event::Abort { job: 0 } => host("abort the delivery".to_owned()),
-            Event::Abort { job } => host(format!("{name} job {job}")),
+            Event::Pause { job } | Event::Resume { job } | Event::Abort { job } => {
+                host(format!("{name} job {job}"))
+            }
             Event::ForceResume => host("force-resume".to_owned()),
             Event::Answer { request, refused, bytes, .. } => {
                 let text = match refused {
@@ -189,8 +190,11 @@ fn kind_name(kinds: &[Kind], place: u16) -> &str {
 /// The fields as ` name=value`.
 fn named(kinds: &[Kind], place: u16, records: &[u8]) -> String {
     let fields = kinds.get(usize::from(place)).map(|kind| kind.assignments(records));
-    let fields = fields.unwrap_or_default().into_iter();
-    fields.map(|(name, value)| format!(" {name}={}", value.escape_debug())).collect()
+    let mut text = String::new();
+    for (name, value) in fields.unwrap_or_default() {
+        let _ = write!(text, " {name}={}", value.escape_debug());
+    }
+    text
 }
 
 fn levels(known: ModemLines, on: ModemLines) -> String {

@@ -113,7 +113,7 @@ impl Stepper {
         let mut follower =
             Follower { manifest, since: outcome.began, standing: Standing::default() };
         let mut moments: Vec<Moment> =
-            calls.calls.iter().map(|call| follower.moment(call)).collect();
+            calls.list.iter().map(|call| follower.moment(call)).collect();
         let last = moments.last().map(|moment| moment.at_us);
         let is_kept = |moment: &Moment| !calls.is_cut || Some(moment.at_us) <= last;
         let wire: Vec<_> =

@@ -79,7 +79,7 @@ fn stage(from: &Path, to: &Path, below: &str) -> Result<(), BookError> {
         let copy = to.join(&name);
         if path.is_dir() {
             stage(&path, &copy, &format!("{below}{name}/"))?;
-        } else if name.ends_with(".md") {
+        } else if Path::new(&name).extension().is_some_and(|end| end == "md") {
             let text = fs::read_to_string(&path).map_err(|error| at(&path, error))?;
             let page = stage::page(&format!("{below}{name}"), &text)
                 .map_err(|source| BookError::Diagram { path: path.clone(), source })?;

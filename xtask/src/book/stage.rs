@@ -2,6 +2,7 @@
 //! links out of `docs/` leading to the repository.
 
 use super::diagram::{self, DiagramError};
+use std::fmt::Write as _;
 
 /// Where what is not in the book can be read.
 const REPOSITORY: &str = "https://github.com/softplug/softplug/blob/main/";
@@ -30,11 +31,11 @@ pub(crate) fn page(path: &str, text: &str) -> Result<String, DiagramError> {
         }
         let file = marks.find_map(|mark| mark.split_once('=')).filter(|(name, _)| *name != "with");
         if let Some((_, file)) = file {
-            made += &format!("<p class=\"file\">{file}</p>\n\n");
+            let _ = writeln!(made, "<p class=\"file\">{file}</p>\n");
         }
         // Else mdBook would make a playground of it.
         let language = if language == "rust" { "rust,noplayground" } else { language };
-        made += &format!("```{language}\n{block}```\n");
+        let _ = writeln!(made, "```{language}\n{block}```");
     }
     Ok(made)
 }

@@ -20,7 +20,7 @@ fn gather(folder: &Path, all: &mut String) {
         let name = path.file_name().unwrap().to_str().unwrap().to_owned();
         if path.is_dir() && !["tests", "target", "node_modules"].contains(&name.as_str()) {
             gather(&path, all);
-        } else if name.ends_with(".rs") {
+        } else if Path::new(&name).extension().is_some_and(|end| end == "rs") {
             *all += &said(&fs::read_to_string(&path).unwrap());
         }
     }

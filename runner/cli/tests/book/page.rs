@@ -1,6 +1,7 @@
 //! A page of the book: its blocks of code, links, anchors and the command lines in its text.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -126,7 +127,7 @@ impl Page {
                         *heading += &code;
                     }
                     if let (true, Some((_, quote))) = (is_quoted, page.quotes.last_mut()) {
-                        *quote += &format!("`{code}`");
+                        write!(quote, "`{code}`").unwrap();
                     }
                     page.codes.push((line(range.start), code.into()));
                 }

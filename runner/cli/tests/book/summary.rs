@@ -1,6 +1,7 @@
 //! The contents of the book: every page once, and every page tested.
 
 use std::collections::BTreeSet;
+use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
@@ -12,7 +13,9 @@ fn pages_of(folder: &Path, below: &str, pages: &mut BTreeSet<String>) {
         let name = format!("{below}{}", path.file_name().unwrap().to_str().unwrap());
         if path.is_dir() {
             pages_of(&path, &format!("{name}/"), pages);
-        } else if name.ends_with(".md") && name != "SUMMARY.md" {
+        } else if Path::new(&name).extension().is_some_and(|end| end == "md")
+            && name != "SUMMARY.md"
+        {
             pages.insert(name);
         }
     }
@@ -38,7 +41,7 @@ fn what_cannot_run_is_named() {
         for block in Page::read(&format!("docs/{path}")).blocks {
             let Some(reason) = block.lacks() else { continue };
             let first = block.text.lines().next().unwrap_or_default();
-            left_out += &format!("{path}: {reason}: {first}\n");
+            writeln!(left_out, "{path}: {reason}: {first}").unwrap();
         }
     }
     let mut settings = insta::Settings::clone_current();

@@ -1,5 +1,6 @@
 //! The author's kit: a new project builds, passes its own tests and is conformant.
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -117,13 +118,13 @@ fn what_a_new_project_has() {
         let bench = Bench::new();
         let words = ["new", "my-machine", "--lang", language, "--json"];
         let json = in_folder(&bench, "", &words).with_code(0).json();
-        text += &format!("--- {language}\n");
+        writeln!(text, "--- {language}").unwrap();
         for file in json["files"].as_array().unwrap() {
             let file = file.as_str().unwrap();
             let content = bench.read(&format!("my-machine/{file}"));
             let content = String::from_utf8(content).unwrap();
             assert!(!content.contains("my-protocol") && !content.contains("my_protocol"), "{file}");
-            text += &format!("{file}\n");
+            writeln!(text, "{file}").unwrap();
         }
         assert_eq!(bench.names(), ["my-machine"]);
     }
@@ -152,7 +153,7 @@ fn what_is_there_is_never_touched() {
         &["build", "none"],
     ] {
         let ran = in_folder(&bench, "", words).with_code(2);
-        text += &format!("$ softplug {}\n{}", words.join(" "), ran.err);
+        write!(text, "$ softplug {}\n{}", words.join(" "), ran.err).unwrap();
     }
     snapshot("new-refusals", text);
     assert_eq!(bench.names(), ["file", "my-machine"]);
@@ -169,7 +170,7 @@ fn mistakes(name: &str, language: &str, mistakes: &[(&str, &str, &str)], codes: 
         let good = bench.read(&file);
         edit(&bench, &file, from, to);
         let ran = in_folder(&bench, name, &["build"]).with_code(*code);
-        text += &format!("--- {from} -> {to}\n{}", own_words(&ran.err));
+        write!(text, "--- {from} -> {to}\n{}", own_words(&ran.err)).unwrap();
         assert!(!bench.path(&format!("{name}/target/plugins")).exists());
         bench.write(&file, good);
     }
@@ -181,7 +182,8 @@ fn own_words(text: &str) -> String {
     let is_own = |(at, line): &(usize, &str)| {
         *at == 0 || line.starts_with("hint: ") || line.trim_start().starts_with("--> ")
     };
-    text.lines().enumerate().filter(is_own).map(|(_, line)| format!("{line}\n")).collect()
+    let own: Vec<&str> = text.lines().enumerate().filter(is_own).map(|(_, line)| line).collect();
+    own.join("\n") + "\n"
 }
 
 #[test]

@@ -29,7 +29,7 @@ fn until_panel_has(panel: &Machine<Control>, program: &[u8]) {
         );
         match report.received {
             Received::Bytes(bytes) => bytes == kept,
-            other => panic!("{other:?}"),
+            other @ Received::Digest { .. } => panic!("{other:?}"),
         }
     });
 }

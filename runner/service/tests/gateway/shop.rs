@@ -57,7 +57,7 @@ impl Shop {
 
     /// One link with this machine.
     pub(crate) fn of_machine<P>(machine: &Machine<P>, lines: &str) -> Self {
-        Self::of(&[machine.port.clone()], lines, Vec::new())
+        Self::of(std::slice::from_ref(&machine.port), lines, Vec::new())
     }
 
     /// One link with a machine that the gateway simulates.

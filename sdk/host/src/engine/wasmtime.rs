@@ -272,7 +272,7 @@ mod tests {
     fn a_pool_that_does_not_fit_falls_back_to_none() {
         // 100,000 reservations of 4 GiB are more than 47 bits can address.
         assert!(Engine::new(&pooled(100_000)).is_err());
-        let engine = Wasmtime::new(100_000).unwrap();
+        let engine = Wasmtime::new(100_000, None).unwrap();
         assert!(Module::new(&engine.engine, b"\0asm\x01\0\0\0").is_ok());
     }
 }

@@ -2,6 +2,7 @@
 //! `my-protocol`.
 
 use include_dir::{Dir, include_dir};
+use std::fmt::Write as _;
 
 use super::Language;
 use super::name::Name;
@@ -143,11 +144,12 @@ impl Plan<'_> {
         };
         let mut crates = String::new();
         for (name, place) in origin.crates {
-            let entry = match place.starts_with('{') {
-                true => (*place).to_owned(),
-                false => sdk.dependency(place) + " }",
+            let entry = if place.starts_with('{') {
+                (*place).to_owned()
+            } else {
+                sdk.dependency(place) + " }"
             };
-            crates += &format!("{name} = {entry}\n");
+            let _ = writeln!(crates, "{name} = {entry}");
         }
         text.replace(DESCRIPTION, &format!("Softplug plug-in, begun from {}", origin.name))
             .replace(LICENCE, "license = \"MIT OR Apache-2.0\"")

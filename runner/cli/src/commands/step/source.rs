@@ -68,8 +68,8 @@ mod tests {
         let below = top.path().join("a/b");
         std::fs::create_dir_all(top.path().join("src")).unwrap();
         std::fs::create_dir_all(&below).unwrap();
-        let text: String = (1..=9).map(|n| format!("\tline {n}\u{1b}\n")).collect();
-        std::fs::write(top.path().join("src/lib.rs"), text).unwrap();
+        let lines: Vec<String> = (1..=9).map(|n| format!("\tline {n}\u{1b}\n")).collect();
+        std::fs::write(top.path().join("src/lib.rs"), lines.concat()).unwrap();
         let source = near(Some(below));
         let lines = source.around("index out of range, at least, at src/lib.rs:4").unwrap();
         let numbers: Vec<_> = lines.iter().map(|(number, _)| *number).collect();
