@@ -104,7 +104,7 @@ impl Snapshots {
     }
 
     /// Removes all but those that `needed` tells; how many bytes. `None`: somebody has a
-    /// [`Hold`], nothing was done.
+    /// `Hold`, nothing was done.
     ///
     /// # Errors
     /// It is not known what is needed, the folder cannot be read, or a file not removed.
