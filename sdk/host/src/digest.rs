@@ -6,6 +6,17 @@ use std::str::FromStr;
 use thiserror::Error;
 
 /// SHA-256; shown as 64 lower-case hex digits.
+///
+/// ```
+/// use softplug_host::{Digest, NotADigest};
+///
+/// let digest = Digest::of(b"");
+/// let text = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855";
+/// assert_eq!(digest.to_string(), text);
+/// assert_eq!(text.parse(), Ok(digest));
+/// assert_eq!(Digest::from_bytes(*digest.as_bytes()), digest);
+/// assert_eq!("e3b0c442".parse::<Digest>(), Err(NotADigest));
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Digest([u8; 32]);
 
@@ -39,6 +50,13 @@ impl fmt::Debug for Digest {
 }
 
 /// Text that is no digest.
+///
+/// ```
+/// use softplug_host::{Digest, NotADigest};
+///
+/// assert_eq!("sha256:e3b0".parse::<Digest>(), Err(NotADigest));
+/// assert_eq!(NotADigest.to_string(), "a SHA-256 digest is 64 hex digits");
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Error)]
 #[error("a SHA-256 digest is 64 hex digits")]
 pub struct NotADigest;

@@ -8,6 +8,19 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 /// Why a plug-in cannot be loaded or instantiated.
+///
+/// ```
+/// use softplug_host::{Host, HostOptions, LintError, LoadError};
+/// use std::path::Path;
+///
+/// // Not a plug-in, but the file beside it.
+/// let host = Host::new(HostOptions::default())?;
+/// let error = host.load(Path::new("Cargo.toml")).unwrap_err();
+/// assert!(matches!(error, LoadError::Lint(LintError::NotWasm)));
+/// let error = host.load(Path::new("src")).unwrap_err();
+/// assert_eq!(error.to_string(), "src is not a file: give the plug-in's .wasm file");
+/// # Ok::<(), LoadError>(())
+/// ```
 #[derive(Debug, Error)]
 pub enum LoadError {
     /// The file cannot be read.
@@ -81,6 +94,23 @@ pub enum LoadError {
 }
 
 /// Why a session did not take an event, or ended.
+///
+/// ```
+/// use softplug_abi::{Event, EventKind, Instance, LineErrorKind, Micros};
+/// use softplug_host::{Host, HostOptions, SessionFault};
+///
+/// # let wasm = wat::parse_file("tests/guests/echo.wat")?;
+/// // A plug-in that panics on a break.
+/// let mut session = Host::new(HostOptions::default())?.load_bytes(&wasm)?.instantiate()?;
+/// let a_break = Event::LineError { kind: LineErrorKind::Break, byte: None, span: 0 };
+/// let fault = session.step(&a_break, Micros(1_000)).unwrap_err();
+/// assert!(matches!(fault, SessionFault::Trapped { event: EventKind::LineError, .. }));
+/// assert!(fault.to_string().ends_with("it says: no breaks, please"));
+/// // It has ended, and its code does not run again.
+/// assert!(fault.is_final() && fault.refusal().is_none());
+/// assert_eq!(session.step(&Event::Received(b"G1"), Micros(2_000)).unwrap_err(), fault);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, Error)]
 pub enum SessionFault {
     /// The plug-in trapped: it panicked, or did what WebAssembly forbids.
@@ -147,6 +177,21 @@ pub enum SessionFault {
 }
 
 /// How a plug-in broke the ABI.
+///
+/// ```
+/// use softplug_abi::{Event, EventKind, Instance, Micros};
+/// use softplug_host::{Host, HostOptions, Misbehaviour, SessionFault};
+///
+/// # let echo = std::fs::read_to_string("tests/guests/echo.wat")?;
+/// # let length = "(i32.add (local.get $length) (i32.const 8))";
+/// # let wasm = wat::parse_str(echo.replace(length, "(i32.const 5000)"))?;
+/// // A plug-in whose output buffer has 4,096 bytes says that it wrote 5,000.
+/// let mut session = Host::new(HostOptions::default())?.load_bytes(&wasm)?.instantiate()?;
+/// let fault = session.step(&Event::Received(b"G1"), Micros::ZERO).unwrap_err();
+/// let reason = Misbehaviour::Length { length: 5_000, capacity: 4_096 };
+/// assert_eq!(fault, SessionFault::Malformed { event: EventKind::Received, reason });
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, Error)]
 pub enum Misbehaviour {
     /// It claims more output than its buffer holds.

@@ -14,6 +14,20 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// What a host is made with.
+///
+/// ```
+/// use softplug_abi::{Event, Instance, Micros};
+/// use softplug_host::{Host, HostOptions, SessionFault};
+///
+/// # let wasm = wat::parse_file("tests/guests/echo.wat")?;
+/// let options = HostOptions { fuel_per_event: 1_000, instances: 16, ..HostOptions::default() };
+/// let mut session = Host::new(options)?.load_bytes(&wasm)?.instantiate()?;
+/// // Enough for two bytes, too little for 4,000.
+/// session.step(&Event::Received(b"G1"), Micros::ZERO)?;
+/// let fault = session.step(&Event::Received(&[0; 4_000]), Micros::ZERO).unwrap_err();
+/// assert!(matches!(fault, SessionFault::BudgetExhausted { fuel: 1_000, .. }));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct HostOptions {
     /// The engine.
@@ -42,6 +56,19 @@ impl Default for HostOptions {
 }
 
 /// Loads plug-ins. Clones share one engine; a process needs one.
+///
+/// ```
+/// use softplug_host::{Host, HostOptions};
+///
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("echo.wasm");
+/// # std::fs::write(&path, wat::parse_file("tests/guests/echo.wat")?)?;
+/// let host = Host::new(HostOptions::default())?;
+/// let from_file = host.load(&path)?;
+/// let from_memory = host.load_bytes(&std::fs::read(&path)?)?;
+/// assert_eq!(from_file.digest(), from_memory.digest());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone)]
 pub struct Host {
     inner: Arc<Inner>,

@@ -18,7 +18,7 @@
 //! use softplug_abi::{Action, Actions, Event, Instance, Micros};
 //! use softplug_host::{Host, HostOptions};
 //!
-//! # let wasm = wat::parse_str(include_str!("../tests/guests/echo.wat"))?;
+//! # let wasm = wat::parse_file("tests/guests/echo.wat")?;
 //! let host = Host::new(HostOptions::default())?;
 //! let plugin = host.load_bytes(&wasm)?;
 //! let mut session = plugin.instantiate()?;

@@ -8,6 +8,20 @@ use softplug_abi::manifest::Manifest;
 use std::sync::Arc;
 
 /// Where a plug-in's code came from.
+///
+/// ```
+/// use softplug_host::{Host, HostOptions, Origin};
+///
+/// # #[cfg(all(unix, feature = "wasmtime"))] {
+/// # let folder = tempfile::tempdir()?;
+/// # let wasm = wat::parse_file("tests/guests/echo.wat")?;
+/// let cache = Some(folder.path().join("compiled"));
+/// let host = Host::new(HostOptions { cache, ..HostOptions::default() })?;
+/// assert_eq!(host.load_bytes(&wasm)?.origin(), Origin::Compiled);
+/// assert_eq!(host.load_bytes(&wasm)?.origin(), Origin::Cache);
+/// # }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Origin {
     /// It was compiled at this load.
@@ -17,6 +31,20 @@ pub enum Origin {
 }
 
 /// A compiled plug-in. Clones share the code.
+///
+/// ```
+/// use softplug_host::{Digest, Host, HostOptions};
+///
+/// # let wasm = wat::parse_file("tests/guests/echo.wat")?;
+/// let plugin = Host::new(HostOptions::default())?.load_bytes(&wasm)?;
+/// assert_eq!(plugin.manifest().name, "echo");
+/// assert_eq!(plugin.digest(), Digest::of(&wasm));
+/// assert_eq!(plugin.inspection().memory_pages, 1);
+/// // Two links, each with a plug-in of its own.
+/// let (left, right) = (plugin.instantiate()?, plugin.instantiate()?);
+/// assert_eq!(left.plugin().digest(), right.plugin().digest());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone)]
 pub struct Plugin {
     inner: Arc<Inner>,

@@ -13,6 +13,28 @@ use std::ops::Range;
 /// A session that traps, exhausts its budget or breaks the ABI has ended: it
 /// answers every later step with the same fault, and the plug-in's code does not
 /// run again. A refusal ends nothing.
+///
+/// ```
+/// use softplug_abi::{Event, Instance, LineErrorKind, Micros};
+/// use softplug_host::{Host, HostOptions};
+///
+/// # let wasm = wat::parse_file("tests/guests/echo.wat")?;
+/// let plugin = Host::new(HostOptions::default())?.load_bytes(&wasm)?;
+/// let mut session = plugin.instantiate()?;
+/// session.configure(&plugin.manifest().resolve_settings([])?, Micros::ZERO)?;
+/// session.step(&Event::Received(b"N10 G1 X100 Y100"), Micros(1_000))?;
+/// session.step(&Event::Received(b"\n"), Micros(2_000))?;
+/// assert!(session.fuel_used() < session.largest_fuel());
+/// assert!(session.largest_fuel() < session.total_fuel());
+/// assert_eq!(session.fault(), None);
+///
+/// // This plug-in panics on a break.
+/// let a_break = Event::LineError { kind: LineErrorKind::Break, byte: None, span: 0 };
+/// let fault = session.step(&a_break, Micros(3_000)).unwrap_err();
+/// assert_eq!(session.fault(), Some(&fault));
+/// assert_eq!(session.last_words(), Some("no breaks, please"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Session {
     plugin: Plugin,
     running: Box<dyn Running>,

@@ -6,6 +6,24 @@ use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Action, Actions, Event, EventKind, Instance, Micros, restore_pieces};
 
 /// A plug-in's state, as one of its instances wrote it.
+///
+/// ```
+/// use softplug_abi::Micros;
+/// use softplug_host::{Host, HostOptions, SavedState};
+///
+/// # let wasm = wat::parse_file("tests/guests/echo.wat")?;
+/// // A plug-in that adds 3 to each byte makes way for a fresh instance.
+/// let plugin = Host::new(HostOptions::default())?.load_bytes(&wasm)?;
+/// let mut old = plugin.instantiate()?;
+/// old.configure(&plugin.manifest().resolve_settings([("shift", "3")])?, Micros::ZERO)?;
+/// let state = old.save(Micros(1_000))?;
+/// assert_eq!(state, SavedState { format: 1, bytes: vec![3] });
+///
+/// let mut new = plugin.instantiate()?;
+/// new.restore(&state, Micros(1_000))?;
+/// assert_eq!(new.save(Micros(1_000))?, state);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct SavedState {
     /// The format, as the manifest names it.

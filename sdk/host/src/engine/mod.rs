@@ -20,6 +20,16 @@ pub(crate) use self::wasmtime::Wasmtime;
 
 /// The engines that there are. Plug-ins behave the same under each of them; what
 /// differs is speed, and the fuel that the same computing takes.
+///
+/// ```
+/// use softplug_host::{EngineKind, Host, HostOptions};
+///
+/// # #[cfg(feature = "wasmtime")] {
+/// let host = Host::new(HostOptions { engine: EngineKind::Wasmtime, ..HostOptions::default() })?;
+/// assert_eq!(host.engine().name, "wasmtime");
+/// # }
+/// # Ok::<(), softplug_host::LoadError>(())
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Hash, Default)]
 pub enum EngineKind {
     /// A compiler: the engine for live links.
@@ -36,6 +46,15 @@ pub enum EngineKind {
 
 /// Which engine runs the plug-ins, exactly. Fuel figures hold for one version of one
 /// engine only, so a report states both.
+///
+/// ```
+/// use softplug_host::{EngineInfo, Host, HostOptions};
+///
+/// let EngineInfo { name, version } = Host::new(HostOptions::default())?.engine();
+/// let heading = format!("units of fuel under {name} {version}");
+/// assert!(heading.ends_with(|c: char| c.is_ascii_digit()));
+/// # Ok::<(), softplug_host::LoadError>(())
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Hash)]
 pub struct EngineInfo {
     /// The engine's name.

@@ -8,6 +8,17 @@ use thiserror::Error;
 
 /// The rule that a module breaks. The module's builder is to blame, or whoever
 /// took another file for a plug-in.
+///
+/// ```
+/// use softplug_host::{LintError, MemoryMaximum, lint};
+///
+/// // Without a maximum, the memory could grow.
+/// let wasm = wat::parse_str("(module (memory 1))")?;
+/// let grows = LintError::MemoryGrows { min: 1, max: MemoryMaximum(None) };
+/// assert_eq!(lint(&wasm), Err(grows));
+/// assert_eq!(lint(b"%\nO0001\n%\n"), Err(LintError::NotWasm));
+/// # Ok::<(), wat::Error>(())
+/// ```
 #[derive(Clone, PartialEq, Debug, Error)]
 pub enum LintError {
     /// Larger than [`MODULE_BYTES`].
@@ -170,6 +181,13 @@ fn ends_inside_a_section(wasm: &[u8]) -> bool {
 }
 
 /// Declared maximum of a memory in pages, or none.
+///
+/// ```
+/// use softplug_host::MemoryMaximum;
+///
+/// assert_eq!(MemoryMaximum(Some(4)).to_string(), "4");
+/// assert_eq!(MemoryMaximum(None).to_string(), "any number");
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct MemoryMaximum(pub Option<u64>);
 

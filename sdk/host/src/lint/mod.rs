@@ -14,24 +14,86 @@ use wasmparser::{Validator, WasmFeatures};
 
 /// Most elements of a table, and of all element segments together. More is
 /// refused: an instance's resident size would grow with them.
+///
+/// ```
+/// use softplug_host::{ELEMENTS, LintError, lint};
+///
+/// # let echo = std::fs::read_to_string("tests/guests/echo.wat")?;
+/// let one_too_many = format!("(table {} funcref)", ELEMENTS + 1);
+/// # let wasm = wat::parse_str(echo.replace("(memory", &format!("{one_too_many} (memory")))?;
+/// let error = lint(&wasm).unwrap_err();
+/// assert!(matches!(error, LintError::TooMany { what: "table elements", most: ELEMENTS, .. }));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub const ELEMENTS: u64 = 1_024;
 
 /// Most globals. More is refused, for the same reason.
+///
+/// ```
+/// use softplug_host::{GLOBALS, LintError, lint};
+///
+/// # let echo = std::fs::read_to_string("tests/guests/echo.wat")?;
+/// // Beside the two that this plug-in has already.
+/// let too_many = "(global i32 (i32.const 0))".repeat(GLOBALS as usize);
+/// # let wasm = wat::parse_str(echo.replace("(memory", &format!("{too_many} (memory")))?;
+/// let error = lint(&wasm).unwrap_err();
+/// assert!(matches!(error, LintError::TooMany { what: "globals", most: GLOBALS, .. }));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub const GLOBALS: u64 = 1_024;
 
 /// Most parameters and locals of all functions together. More is refused: a few
 /// bytes can declare thousands, and each costs time and memory in compiling.
+///
+/// ```
+/// use softplug_host::{LOCALS, LintError, lint};
+///
+/// # let echo = std::fs::read_to_string("tests/guests/echo.wat")?;
+/// // Empty functions of one type, which has 1,000 parameters.
+/// let many = format!("(type $many (func (param {})))", "i32 ".repeat(1_000));
+/// let functions = "(func (type $many))".repeat(LOCALS as usize / 1_000 + 1);
+/// # let wasm = wat::parse_str(echo.replace("(memory", &format!("{many} {functions} (memory")))?;
+/// let error = lint(&wasm).unwrap_err();
+/// assert!(matches!(error, LintError::TooMany { most: LOCALS, .. }));
+/// assert!(error.to_string().contains("parameters and locals"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub const LOCALS: u64 = 256 * 1024;
 
 /// Signature of `softplug_v1`.
+///
+/// ```
+/// use softplug_host::{LintError, SIGNATURE_MAILBOX, lint};
+///
+/// # let echo = std::fs::read_to_string("tests/guests/echo.wat")?;
+/// # let mailbox = "(result i32) (i32.const 16)";
+/// # let wasm = wat::parse_str(echo.replace(mailbox, "(result i64) (i64.const 16)"))?;
+/// // A plug-in that gives its mailbox's address with 64 bits.
+/// let error = lint(&wasm).unwrap_err();
+/// assert!(matches!(error, LintError::WrongSignature { expected: SIGNATURE_MAILBOX, .. }));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub const SIGNATURE_MAILBOX: &str = "() -> i32";
 /// Signature of `softplug_v1_step`.
+///
+/// ```
+/// use softplug_host::{LintError, SIGNATURE_STEP, lint};
+///
+/// # let echo = std::fs::read_to_string("tests/guests/echo.wat")?;
+/// # let wasm = wat::parse_str(echo.replace("(param $now i64)", "(param $now i32)"))?;
+/// // A plug-in that takes the time with 32 bits.
+/// let error = lint(&wasm).unwrap_err();
+/// assert!(matches!(error, LintError::WrongSignature { expected: SIGNATURE_STEP, .. }));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub const SIGNATURE_STEP: &str = "(i32, i32, i64) -> i32";
 
 /// WebAssembly 1.0 and mutable globals, as `wasm32v1-none` emits.
 pub(crate) const FEATURES: WasmFeatures = WasmFeatures::FLOATS.union(WasmFeatures::MUTABLE_GLOBAL);
 
 /// What the lint found out about a plug-in.
+///
+/// Made by [`lint`], shown there.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Inspection {
     /// What the plug-in says of itself.
@@ -52,6 +114,17 @@ pub struct Inspection {
 ///
 /// Nothing is compiled and nothing of the module runs: it is quick and safe on
 /// any bytes.
+///
+/// ```
+/// use softplug_host::{Inspection, lint};
+///
+/// # let wasm = wat::parse_file("tests/guests/echo.wat")?;
+/// let inspection: Inspection = lint(&wasm)?;
+/// assert_eq!(inspection.manifest.name, "echo");
+/// assert_eq!((inspection.size, inspection.memory_pages), (wasm.len(), 1));
+/// assert!(inspection.exports.iter().any(|name| name == "softplug_v1_step"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 /// The first rule that the module breaks.
