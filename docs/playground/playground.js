@@ -125,6 +125,7 @@
 
   async function load(module, name) {
     stop();
+    const shown = doubt();
     let answer;
     try {
       answer = await engine.ask({ do: "load" }, module);
@@ -135,6 +136,7 @@
     if (answer.refused) {
       area.className = "bad";
       area.textContent = `${name}: ${answer.refused.text}`;
+      $("verdict").className = shown;
       return false;
     }
     engine.module = module;
@@ -239,6 +241,7 @@
     stop();
     const number = ++ran;
     $("fault").textContent = "";
+    doubt();
     let answer;
     try {
       answer = await engine.ask({
@@ -272,6 +275,13 @@
     $("differs").disabled = run.differs_at === null;
     if (keepTime !== undefined) toTime(keepTime);
     else go(run.differs_at ?? 0);
+  }
+
+  /** What the verdict was of is being replaced. Answers how it was shown. */
+  function doubt() {
+    const shown = $("verdict").className;
+    $("verdict").className = "old";
+    return shown;
   }
 
   function showVerdict() {

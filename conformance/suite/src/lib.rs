@@ -48,6 +48,7 @@ pub use fault::{Fault, FaultClass};
 pub use file_error::FileError;
 pub use lines::modem_lines;
 pub use load::{Case, LoadError, load};
+pub use overhear::{Call, calls};
 pub use permute::{Permutation, UnknownPermutation};
 pub use phrase::{Other, Phrase};
 pub use replay::{Outcome, Seen, replay};

@@ -1,9 +1,10 @@
 //! A plug-in whose every call is written down.
 
-use crate::{Fuel, Subject, SubjectError};
+use crate::replay::replay;
+use crate::{Case, Fuel, Permutation, Subject, SubjectError};
 use softplug_abi::limits::INPUT_BYTES;
 use softplug_abi::manifest::Manifest;
-use softplug_abi::{Event, EventKind, Instance, Micros, Output};
+use softplug_abi::{Event, EventKind, Instance, Micros, Output, Refusal};
 use softplug_host::SessionFault;
 use std::cell::{Cell, RefCell};
 use std::error::Error;
@@ -11,24 +12,36 @@ use std::rc::Rc;
 
 /// One call of an instance.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub(crate) struct Call {
+pub struct Call {
     /// The instance, from 1: a swap makes a new one.
-    pub(crate) instance: u32,
+    pub instance: u32,
     /// On the link's clock.
-    pub(crate) now: Micros,
-    pub(crate) event: EventKind,
+    pub now: Micros,
+    /// The event's kind.
+    pub event: EventKind,
     /// As the ABI encodes it.
-    pub(crate) payload: Vec<u8>,
+    pub payload: Vec<u8>,
     /// As they were encoded.
-    pub(crate) actions: Vec<u8>,
-    /// Units that this call used.
-    pub(crate) fuel: u64,
+    pub actions: Vec<u8>,
+    /// It has more to write.
+    pub more: bool,
+    /// Units of fuel that this call used.
+    pub fuel: u64,
+    /// The number by which a sandboxed plug-in refused the event.
+    pub refusal: Option<Refusal>,
     /// Why it did not take the event.
-    pub(crate) fault: Option<String>,
+    pub fault: Option<String>,
     /// Functions that were running when it trapped, the innermost first.
-    pub(crate) frames: Vec<String>,
-    /// Panic text and place that it left.
-    pub(crate) last_words: Option<String>,
+    pub frames: Vec<String>,
+    /// Panic text and place that it left as it trapped.
+    pub last_words: Option<String>,
+}
+
+/// Every call of the ABI in a run of a trace.
+pub fn calls<S: Subject>(subject: &S, case: &Case, permutation: Permutation) -> Vec<Call> {
+    let overheard = Overheard::new(subject, Most { calls: usize::MAX, bytes: usize::MAX });
+    replay(&overheard, case, permutation, 0);
+    overheard.take().list
 }
 
 /// What was written down.
@@ -134,7 +147,9 @@ impl<I: Instance> Instance for OverheardInstance<I> {
             event: event.kind(),
             payload,
             actions: Vec::new(),
+            more: false,
             fuel: 0,
+            refusal: None,
             fault: None,
             frames: Vec::new(),
             last_words: None,
@@ -142,13 +157,15 @@ impl<I: Instance> Instance for OverheardInstance<I> {
         let stepped = match self.instance.step(event, now) {
             Ok(output) => {
                 call.actions = output.actions.to_vec();
+                call.more = output.more;
                 Ok(output.more)
             }
             Err(fault) => {
                 call.fault = Some(fault.to_string());
                 let known: &(dyn Error + 'static) = &fault;
-                if let Some(SessionFault::Trapped { frames, last_words, .. }) = known.downcast_ref()
-                {
+                let known = known.downcast_ref::<SessionFault>();
+                call.refusal = known.and_then(SessionFault::refusal);
+                if let Some(SessionFault::Trapped { frames, last_words, .. }) = known {
                     call.frames.clone_from(frames);
                     call.last_words.clone_from(last_words);
                 }

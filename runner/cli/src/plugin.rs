@@ -8,7 +8,7 @@ use softplug_abi::manifest::{Manifest, SettingError, SettingValues};
 use softplug_abi::{Event, Instance, Micros, Output};
 #[cfg(feature = "native")]
 use softplug_conformance::FromFn;
-use softplug_conformance::{Case, Permutation, Sandboxed, Stepper};
+use softplug_conformance::{Call, Case, Permutation, Sandboxed, Stepper, calls};
 use softplug_host::{Host, HostOptions, LoadError, Plugin, Session, SessionFault};
 #[cfg(feature = "native")]
 use softplug_native::{NativeInstance, NativePlugin};
@@ -131,6 +131,21 @@ impl Chosen {
                 let plugin = *plugin;
                 let subject = FromFn::new((**manifest).clone(), move || plugin.instantiate());
                 Stepper::new(&subject, case, permutation)
+            }
+        }
+    }
+
+    /// Every call of a run of a case as it is written.
+    pub(crate) fn calls(&self, case: &Case) -> Vec<Call> {
+        match self {
+            Self::Sandboxed(plugin) => {
+                calls(&Sandboxed::new(plugin.clone()), case, Permutation::Uncut)
+            }
+            #[cfg(feature = "native")]
+            Self::Native(plugin, manifest) => {
+                let plugin = *plugin;
+                let subject = FromFn::new((**manifest).clone(), move || plugin.instantiate());
+                calls(&subject, case, Permutation::Uncut)
             }
         }
     }

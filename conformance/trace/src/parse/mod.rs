@@ -11,10 +11,10 @@ use crate::model::{Alternatives, Direction, Entry, Item, Line, Time, Trace, tidy
 use front::{Front, Incomplete};
 use lex::{Fault, skip_space, slug};
 
-/// Whether a character hides from a reviewer: controls, and marks that turn
-/// the direction of text.
 pub(crate) use entry::UNDER_WAY;
 
+/// Whether a character hides from a reviewer: controls, and marks that turn
+/// the direction of text.
 pub(crate) fn forbidden(c: char) -> bool {
     (c.is_control() && c != '\t')
         || matches!(c, '\u{061C}' | '\u{200B}'..='\u{200F}' | '\u{2028}'..='\u{202E}' | '\u{2066}'..='\u{2069}' | '\u{FEFF}')

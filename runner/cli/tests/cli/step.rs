@@ -60,17 +60,23 @@ impl Terminal {
 
     fn end(mut self) -> i32 {
         self.pty.write(b"q").unwrap();
-        let began = Instant::now();
         let mut buffer = [0; 4_096];
-        loop {
-            // Nobody ends who cannot write.
-            let _ = self.pty.read(&mut buffer);
-            if let Some(status) = self.child.try_wait().unwrap() {
-                return status.code().unwrap();
-            }
-            assert!(began.elapsed() < PATIENCE, "it does not end");
-            std::thread::sleep(Duration::from_millis(10));
+        // Nobody ends who cannot write.
+        ended(&mut self.child, || drop(self.pty.read(&mut buffer)))
+    }
+}
+
+/// The exit code, once there is one.
+#[track_caller]
+fn ended(child: &mut Child, mut meanwhile: impl FnMut()) -> i32 {
+    let began = Instant::now();
+    loop {
+        meanwhile();
+        if let Some(status) = child.try_wait().unwrap() {
+            return status.code().unwrap();
         }
+        assert!(began.elapsed() < PATIENCE, "it does not end");
+        std::thread::sleep(Duration::from_millis(10));
     }
 }
 
@@ -114,6 +120,19 @@ fn a_case_is_walked_through_with_keys() {
     terminal.sees("FAILED");
     terminal.sees("swap:all");
     assert_eq!(terminal.end(), 1);
+}
+
+#[test]
+fn it_ends_when_its_terminal_is_gone() {
+    let bench = Bench::new();
+    let file = "xon-xoff.tx.first.spt";
+    bench.write(file, TRACE);
+    let mut terminal = Terminal::start(&bench, &["replay", "xon-xoff", file, "--step"]);
+    terminal.sees("step 1 of");
+    // No session has this terminal as its own, so that nobody is sent SIGHUP.
+    let Terminal { pty, slave, mut child, .. } = terminal;
+    drop((pty, slave));
+    assert_eq!(ended(&mut child, || ()), 5);
 }
 
 #[test]

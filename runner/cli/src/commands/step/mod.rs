@@ -6,14 +6,19 @@ mod view;
 mod walk;
 
 use std::io::{self, IsTerminal};
+use std::time::Duration;
 
-use ratatui::crossterm::event::{self, Event, KeyEventKind};
+use crossterm::event::{self, Event, KeyEventKind};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use softplug_conformance::{Case, Permutation, Stepper};
 
 use self::walk::{Turn, Walk};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::plugin::Chosen;
+
+/// How often it is looked whether there still is a terminal.
+const LOOK_AGAIN: Duration = Duration::from_millis(500);
 
 /// Runs the case and shows it until it has been seen enough of; the exit code is that of the run.
 pub(super) fn run(plugin: &Chosen, case: &Case, permutation: Permutation) -> Result<Exit, Failure> {
@@ -29,7 +34,7 @@ pub(super) fn run(plugin: &Chosen, case: &Case, permutation: Permutation) -> Res
         let mut terminal = ratatui::try_init()?;
         loop {
             terminal.draw(|frame| view::draw(frame, &walk))?;
-            if let Event::Key(key) = event::read()?
+            if let Event::Key(key) = next_event()?
                 && key.kind != KeyEventKind::Release
                 && walk.take(key) == Turn::End
             {
@@ -38,10 +43,31 @@ pub(super) fn run(plugin: &Chosen, case: &Case, permutation: Permutation) -> Res
         }
     })();
     let restored = ratatui::try_restore();
-    shown.and(restored).map_err(|error: io::Error| {
-        Failure::internal(format_args!("the terminal cannot be drawn on: {error}"))
+    shown.and(restored).map_err(|error: io::Error| match is_gone() {
+        true => Failure::new(Exit::Incomplete, "the terminal is gone"),
+        false => Failure::internal(format_args!("the terminal cannot be drawn on: {error}")),
     })?;
     Ok(exit)
+}
+
+/// Waits for a key or another size. A terminal that has gone is an error: crossterm
+/// takes it for one where nothing was typed yet.
+fn next_event() -> io::Result<Event> {
+    loop {
+        if event::poll(LOOK_AGAIN)? {
+            return event::read();
+        }
+        if is_gone() {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+    }
+}
+
+fn is_gone() -> bool {
+    let stdin = io::stdin();
+    let mut stdin = [PollFd::new(&stdin, PollFlags::IN)];
+    let at_once = Timespec { tv_sec: 0, tv_nsec: 0 };
+    poll(&mut stdin, Some(&at_once)).is_ok() && stdin[0].revents().contains(PollFlags::HUP)
 }
 
 fn stepper(plugin: &Chosen, case: &Case, permutation: Permutation) -> Result<Stepper, Failure> {

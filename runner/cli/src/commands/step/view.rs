@@ -227,9 +227,9 @@ mod tests {
     use super::super::source::near;
     use super::super::walk::Turn;
     use super::*;
+    use crossterm::event::{KeyCode, KeyEvent};
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
-    use ratatui::crossterm::event::{KeyCode, KeyEvent};
     use softplug_abi::manifest::Manifest;
     use softplug_conformance::{Case, FromFn, Permutation, Stepper};
     use softplug_native::NativePlugin;

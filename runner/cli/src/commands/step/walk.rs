@@ -1,6 +1,6 @@
 //! Where one is in a run, and which key leads where.
 
-use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
+use crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 use softplug_conformance::{Moment, Stepper};
 
 use super::source::Source;
