@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde::Deserialize;
@@ -11,10 +11,14 @@ use crate::bench::{Bench, Ran, plugins};
 
 const REPORTS: [&str; 4] = ["badge.json", "conformance.json", "junit.xml", "report.html"];
 
-/// A file of the kit.
-fn kit<T: serde::de::DeserializeOwned>(name: &str) -> T {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/ci").join(name);
-    let text = fs::read_to_string(&path).unwrap();
+/// Where a file of the kit is.
+fn kit(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/ci").join(name)
+}
+
+/// What a file in YAML says.
+pub(crate) fn yaml<T: serde::de::DeserializeOwned>(path: &Path) -> T {
+    let text = fs::read_to_string(path).unwrap();
     serde_saphyr::from_str(&text).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
@@ -51,7 +55,7 @@ fn verdict(bench: &Bench, folder: &str) -> serde_json::Value {
     serde_json::from_slice::<serde_json::Value>(&report).unwrap()["verdict"].clone()
 }
 
-mod github {
+pub(crate) mod github {
     use super::*;
 
     #[derive(Deserialize)]
@@ -94,12 +98,12 @@ mod github {
     }
 
     /// What came of a run of the action.
-    struct Outcome {
+    pub(crate) struct Outcome {
         /// Of the first step that failed; 0 if none did.
-        code: i32,
+        pub(crate) code: i32,
         outputs: BTreeMap<String, String>,
         /// What all steps printed.
-        log: String,
+        pub(crate) log: String,
         summary: String,
         /// The folder that was uploaded.
         uploaded: Option<String>,
@@ -107,8 +111,8 @@ mod github {
 
     /// Runs the action as the runner of GitHub does: step by step, each in a shell
     /// of its own; expressions are filled in before.
-    fn run(bench: &Bench, inputs: &[(&str, &str)]) -> Outcome {
-        let action: Action = kit("github/action.yml");
+    pub(crate) fn act(bench: &Bench, action: &Path, inputs: &[(&str, &str)]) -> Outcome {
+        let action: Action = yaml(action);
         assert_eq!(action.runs.using, "composite");
         let mut values = BTreeMap::new();
         for (name, input) in &action.inputs {
@@ -164,6 +168,10 @@ mod github {
             .collect();
         outcome.summary = String::from_utf8(bench.read("summary.md")).unwrap();
         outcome
+    }
+
+    fn run(bench: &Bench, inputs: &[(&str, &str)]) -> Outcome {
+        act(bench, &kit("github/action.yml"), inputs)
     }
 
     /// Puts values in the place of `${{ NAME }}`.
@@ -243,7 +251,7 @@ mod github {
 
     #[test]
     fn inputs_are_data_and_no_part_of_a_script() {
-        let action: Action = kit("github/action.yml");
+        let action: Action = yaml(&kit("github/action.yml"));
         for step in action.runs.steps {
             let script = step.run.unwrap_or_default();
             assert!(!script.contains("${{"), "an expression stands in a script: {script}");
@@ -256,20 +264,20 @@ mod github {
     }
 }
 
-mod gitlab {
+pub(crate) mod gitlab {
     use super::*;
 
     #[derive(Deserialize)]
-    struct Pipeline {
+    pub(crate) struct Pipeline {
         #[serde(rename = ".softplug-certify")]
-        job: Job,
+        pub(crate) job: Job,
     }
 
     #[derive(Deserialize)]
-    struct Job {
-        variables: BTreeMap<String, String>,
-        before_script: Vec<String>,
-        script: Vec<String>,
+    pub(crate) struct Job {
+        pub(crate) variables: BTreeMap<String, String>,
+        pub(crate) before_script: Vec<String>,
+        pub(crate) script: Vec<String>,
         artifacts: Artifacts,
     }
 
@@ -282,7 +290,7 @@ mod gitlab {
 
     /// Runs the job as the runner of GitLab does: all lines in one shell.
     fn run(bench: &Bench, variables: &[(&str, &str)]) -> Ran {
-        let job = kit::<Pipeline>("gitlab/softplug.yml").job;
+        let job = yaml::<Pipeline>(&kit("gitlab/softplug.yml")).job;
         for (name, _) in variables {
             assert!(job.variables.contains_key(*name), "there is no variable {name}");
         }
@@ -303,7 +311,7 @@ mod gitlab {
         ];
         run(&bench, &variables).with_code(0);
         assert_eq!(verdict(&bench, "conformance"), "conformant");
-        let job = kit::<Pipeline>("gitlab/softplug.yml").job;
+        let job = yaml::<Pipeline>(&kit("gitlab/softplug.yml")).job;
         let out = &job.variables["SOFTPLUG_OUT"];
         let place = |path: &str| path.replace("$SOFTPLUG_OUT", out);
         assert_eq!(job.artifacts.when, "always");

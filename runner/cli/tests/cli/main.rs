@@ -3,6 +3,7 @@
 mod bench;
 mod certify;
 mod ci_kit;
+mod ci_new;
 #[cfg(target_os = "linux")]
 mod dev;
 mod diff;
