@@ -3,6 +3,19 @@
 use sha2::{Digest, Sha256};
 
 /// What a control keeps of the bytes that it received.
+///
+/// ```
+/// use softplug_abi::Micros;
+/// use softplug_conformance::partners::kept::{Keep, Received};
+/// use softplug_conformance::partners::xon_xoff::{Control, ControlOptions};
+///
+/// let options = ControlOptions { keep: Keep::Digest, ..ControlOptions::default() };
+/// let mut control = Control::new(options)?;
+/// control.receive(Micros(1_042), b'%');
+/// let received = control.report().received;
+/// assert!(matches!(received, Received::Digest { count: 1, .. }) && received.matches(b"%"));
+/// # Ok::<(), softplug_conformance::partners::xon_xoff::ControlOptionsError>(())
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Keep {
     /// All of them.
@@ -12,6 +25,14 @@ pub enum Keep {
 }
 
 /// The bytes received, as far as they were kept.
+///
+/// ```
+/// use softplug_conformance::partners::kept::Received;
+///
+/// let received = Received::Bytes(b"G1X1\n".to_vec());
+/// assert_eq!(received.count(), 5);
+/// assert!(received.matches(b"G1X1\n") && !received.matches(b"G1X2\n"));
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Received {
     /// All of them.
@@ -46,6 +67,14 @@ impl Received {
 }
 
 /// A count per occasion, and its distribution.
+///
+/// ```
+/// use softplug_conformance::partners::kept::Counts;
+///
+/// // Characters that still came after each of five XOFFs.
+/// let counts = Counts(vec![0, 1, 1, 2, 9]);
+/// assert_eq!((counts.percentile(50), counts.percentile(80), counts.max()), (1, 2, 9));
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Counts(pub Vec<u32>);
 

@@ -14,6 +14,34 @@ use softplug_abi::{LineErrorKind, Micros, ModemLines};
 
 /// A simulated machine as whoever drives it sees it. Time never runs backwards;
 /// after every call, ask [`next_event`](Self::next_event) again.
+///
+/// ```
+/// use softplug_abi::Micros;
+/// use softplug_conformance::partners::{Partner, Signal};
+/// use std::collections::VecDeque;
+///
+/// /// Sends back what it gets, a millisecond later.
+/// #[derive(Default)]
+/// struct Echo(VecDeque<(Micros, u8)>);
+///
+/// impl Partner for Echo {
+///     fn receive(&mut self, now: Micros, byte: u8) {
+///         self.0.push_back((now + Micros(1_000), byte));
+///     }
+///     fn next_event(&self) -> Option<Micros> {
+///         self.0.front().map(|(at, _)| *at)
+///     }
+///     fn advance(&mut self, _now: Micros) {}
+///     fn poll_transmit(&mut self, now: Micros) -> Option<u8> {
+///         self.0.pop_front_if(|(at, _)| *at <= now).map(|(_, byte)| byte)
+///     }
+/// }
+///
+/// let mut echo = Echo::default();
+/// echo.receive(Micros(500), b'G');
+/// assert_eq!(echo.next_event(), Some(Micros(1_500)));
+/// assert_eq!(echo.poll_signal(Micros(1_500)), Some(Signal::Character(b'G')));
+/// ```
 pub trait Partner {
     /// A character has reached the machine: its stop bit ended at `now`.
     fn receive(&mut self, now: Micros, byte: u8);
@@ -46,6 +74,8 @@ pub trait Partner {
 }
 
 /// What comes from a machine, as the plug-in's port sees it.
+///
+/// The example of [`Partner`] shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Signal {
     /// A character.

@@ -6,6 +6,8 @@ use std::collections::VecDeque;
 use softplug_abi::{LineParameters, Micros};
 
 /// What a [`Uart`] is made of.
+///
+/// The example of [`Uart`] shows them.
 #[derive(Copy, Clone, Debug)]
 pub struct UartOptions {
     /// The line's parameters. At a rate of 0 (a pty, TCP) characters leave at
@@ -22,6 +24,8 @@ pub struct UartOptions {
 
 /// Whether a character belongs to flow control or to the data. The wire does
 /// not tell them apart, the books do.
+///
+/// The example of [`Uart`] shows both.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Sort {
     /// A control byte, put in front of the data that waits outside the FIFO.
@@ -31,6 +35,8 @@ pub enum Sort {
 }
 
 /// A character whose last bit has left.
+///
+/// The example of [`Uart`] shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Left {
     /// When its last stop bit ended.
@@ -42,10 +48,31 @@ pub struct Left {
 }
 
 /// Characters arrived that the receive FIFO had no room for: this one is lost.
+///
+/// The example of [`Uart`] shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Overrun;
 
 /// The model of a UART, both directions.
+///
+/// ```
+/// use softplug_abi::{LineParameters, Micros};
+/// use softplug_conformance::partners::uart::{Left, Overrun, Sort, Uart, UartOptions};
+///
+/// let line = LineParameters::new(9_600);
+/// let latency = Micros(500);
+/// let mut uart = Uart::new(UartOptions { line, transmit_fifo: 2, receive_fifo: 1, latency });
+/// assert!(uart.push(Micros(0), b'G', Sort::Data));
+/// assert!(uart.push(Micros(0), 0x13, Sort::Control));
+/// assert!(!uart.push(Micros(0), b'1', Sort::Data), "the FIFO is full");
+/// let left = Left { at: Micros(1_042), byte: b'G', sort: Sort::Data };
+/// assert_eq!(uart.poll(Micros(1_042)), Some(left));
+///
+/// // The software comes 500 µs after the first arrival: too late for the second.
+/// assert_eq!(uart.arrive(Micros(2_000), b'A'), Ok(()));
+/// assert_eq!(uart.arrive(Micros(2_400), b'B'), Err(Overrun));
+/// assert_eq!(uart.serve(Micros(2_500)), Some(b'A'));
+/// ```
 #[derive(Debug)]
 pub struct Uart {
     options: UartOptions,

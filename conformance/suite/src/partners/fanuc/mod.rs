@@ -65,6 +65,20 @@ const SYN: u8 = 0x16;
 ///
 /// Time never runs backwards: an earlier `now` counts as the last one. After
 /// every call, ask [`next_event`](Self::next_event) again.
+///
+/// ```
+/// use softplug_abi::Micros;
+/// use softplug_conformance::partners::fanuc::{Control, Options, Press, seven_even_two};
+///
+/// // The operator punches a program.
+/// let mut control = Control::new(Options { line: seven_even_two(0), ..Options::default() })?;
+/// control.press(Micros::ZERO, Press::Punch(b"O1\nM30\n".to_vec()));
+/// let punched: Vec<u8> = std::iter::from_fn(|| control.poll_transmit(Micros::ZERO)).collect();
+/// assert_eq!(punched, b"\x12%\nO1\nM30\n%\n\x14");
+/// assert_eq!(control.report().punches, 1);
+/// assert!(control.is_idle());
+/// # Ok::<(), softplug_conformance::partners::fanuc::OptionsError>(())
+/// ```
 #[derive(Debug)]
 pub struct Control {
     options: Options,

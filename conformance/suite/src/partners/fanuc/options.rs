@@ -6,6 +6,14 @@ use super::tape::Code;
 use crate::partners::kept::Keep;
 
 /// Settings of a [`Control`](super::Control).
+///
+/// ```
+/// use softplug_conformance::partners::fanuc::{Code, Options, OptionsError, eight_none_two};
+///
+/// let eia = Options { code: Code::Eia, ..Options::default() };
+/// assert_eq!(eia.check(), Err(OptionsError::DataBits(7)));
+/// assert_eq!(Options { line: eight_none_two(4_800), ..eia }.check(), Ok(()));
+/// ```
 #[derive(Clone, Debug)]
 pub struct Options {
     /// The line's parameters; a rate of 0 means that characters leave at once.
@@ -68,6 +76,15 @@ pub struct Options {
 }
 
 /// The kind of serial interface.
+///
+/// ```
+/// use softplug_conformance::partners::fanuc::{Interface, Options, OptionsError};
+///
+/// // A remote buffer wants room for what it asks for.
+/// let remote = Options { interface: Interface::RemoteA, ..Options::default() };
+/// assert_eq!(remote.check(), Err(OptionsError::Space { space: 1_024, buffer: 512 }));
+/// assert_eq!(Options { buffer: 4_096, ..remote }.check(), Ok(()));
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Interface {
     /// A tape reader and punch under DC1 to DC4.
@@ -79,6 +96,19 @@ pub enum Interface {
 }
 
 /// Where the parity of ISO is.
+///
+/// ```
+/// use softplug_abi::Micros;
+/// use softplug_conformance::partners::fanuc::{Control, Options, Parity, Press, eight_none_two};
+///
+/// let (line, parity) = (eight_none_two(0), Parity::Software);
+/// let mut control = Control::new(Options { line, parity, ..Options::default() })?;
+/// control.press(Micros::ZERO, Press::Punch(b"O1\n".to_vec()));
+/// let punched: Vec<u8> = std::iter::from_fn(|| control.poll_transmit(Micros::ZERO)).collect();
+/// // DC2, the text, DC4: each with an even number of ones.
+/// assert_eq!(punched, [0x12, 0xA5, 0x0A, 0xCF, 0xB1, 0x0A, 0xA5, 0x0A, 0x14]);
+/// # Ok::<(), softplug_conformance::partners::fanuc::OptionsError>(())
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Parity {
     /// The UART makes and checks it: 7 data bits.
@@ -90,6 +120,22 @@ pub enum Parity {
 }
 
 /// Characters that the control takes in ISO; others are alarm 001.
+///
+/// ```
+/// use softplug_abi::Micros;
+/// use softplug_conformance::partners::fanuc::{CharacterSet, Control, Options, Press, seven_even_two};
+///
+/// for (characters, alarms) in [(CharacterSet::Table, 1), (CharacterSet::Printable, 0)] {
+///     let line = seven_even_two(0);
+///     let mut control = Control::new(Options { line, characters, ..Options::default() })?;
+///     control.press(Micros::ZERO, Press::Read);
+///     for byte in b"%\nO1(lid)\n%" {
+///         control.receive(Micros(1_000), *byte);
+///     }
+///     assert_eq!(control.report().alarms.len(), alarms);
+/// }
+/// # Ok::<(), softplug_conformance::partners::fanuc::OptionsError>(())
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum CharacterSet {
     /// Those of the code table.
@@ -99,6 +145,23 @@ pub enum CharacterSet {
 }
 
 /// What counts in the TV check.
+///
+/// ```
+/// use softplug_abi::Micros;
+/// use softplug_conformance::partners::fanuc::{
+///     AlarmKind, Control, Options, Press, TvCheck, seven_even_two,
+/// };
+///
+/// // `G1` and its end are three characters: an odd number.
+/// let tv = Some(TvCheck { returns: true, comments: true });
+/// let mut control = Control::new(Options { line: seven_even_two(0), tv, ..Options::default() })?;
+/// control.press(Micros::ZERO, Press::Read);
+/// for byte in b"%\nO12\nG1\n" {
+///     control.receive(Micros(1_000), *byte);
+/// }
+/// assert_eq!(control.report().alarms[0].kind, AlarmKind::Tv);
+/// # Ok::<(), softplug_conformance::partners::fanuc::OptionsError>(())
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct TvCheck {
     /// CRs.
@@ -108,6 +171,31 @@ pub struct TvCheck {
 }
 
 /// What becomes of the blocks that were read.
+///
+/// ```
+/// use softplug_abi::Micros;
+/// use softplug_conformance::partners::fanuc::{
+///     Control, FeedHold, Feeding, Options, Press, seven_even_two,
+/// };
+///
+/// // The cycle starts with 10 characters; behind the first block, the feed is held for 9 s.
+/// let feed_holds = vec![FeedHold { after: 1, span: Micros::from_secs(9) }];
+/// let mut control = Control::new(Options {
+///     line: seven_even_two(0),
+///     block_time: Micros::from_millis(100),
+///     feeding: Feeding::Drip { cycle_start: 10, feed_holds },
+///     ..Options::default()
+/// })?;
+/// control.press(Micros::ZERO, Press::Read);
+/// for byte in b"%\nG1X12.345\nG1X12.345\n" {
+///     control.receive(Micros::from_secs(1), *byte);
+/// }
+/// control.advance(Micros::from_secs(5));
+/// assert_eq!((control.report().blocks, control.report().starved), (1, 0));
+/// control.advance(Micros::from_secs(11));
+/// assert_eq!(control.report().blocks, 2);
+/// # Ok::<(), softplug_conformance::partners::fanuc::OptionsError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub enum Feeding {
     /// They are stored.
@@ -122,6 +210,8 @@ pub enum Feeding {
 }
 
 /// For some time, nothing is executed.
+///
+/// The example of [`Feeding`] shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct FeedHold {
     /// Blocks that have been executed before.
@@ -131,6 +221,8 @@ pub struct FeedHold {
 }
 
 /// The form of an end of block that the control punches in ISO.
+///
+/// The example of [`PunchOptions`] shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Eob {
     /// LF.
@@ -146,6 +238,8 @@ pub enum Eob {
 }
 
 /// How the control ends a punch.
+///
+/// The example of [`PunchOptions`] shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Dc4 {
     /// Directly after the trailer.
@@ -157,6 +251,21 @@ pub enum Dc4 {
 }
 
 /// How a control punches.
+///
+/// ```
+/// use softplug_abi::Micros;
+/// use softplug_conformance::partners::fanuc::{
+///     Control, Dc4, Eob, Options, Press, PunchOptions, seven_even_two,
+/// };
+///
+/// let (eob, dc4) = (Eob::LfCrCr, Dc4::Late(1));
+/// let punch = PunchOptions { eob, trailer: 2, dc4, ..PunchOptions::default() };
+/// let mut control = Control::new(Options { line: seven_even_two(0), punch, ..Options::default() })?;
+/// control.press(Micros::ZERO, Press::Punch(b"O1\n".to_vec()));
+/// let punched: Vec<u8> = std::iter::from_fn(|| control.poll_transmit(Micros::ZERO)).collect();
+/// assert_eq!(punched, b"\x12%\n\r\rO1\n\r\r%\n\r\r\0\0\0\x14");
+/// # Ok::<(), softplug_conformance::partners::fanuc::OptionsError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct PunchOptions {
     /// Whether the punch begins with DC2.
@@ -186,6 +295,15 @@ pub struct PunchOptions {
 }
 
 /// How a control speaks protocol A.
+///
+/// ```
+/// use softplug_conformance::partners::fanuc::{Interface, Options, RemoteOptions};
+///
+/// // Asks for data when more than 256 characters are free, in messages that end with ETX.
+/// let remote = RemoteOptions { space: 256, end_code: 0x03, ..RemoteOptions::default() };
+/// let options = Options { interface: Interface::RemoteA, remote, ..Options::default() };
+/// assert_eq!(options.check(), Ok(()));
+/// ```
 #[derive(Clone, Debug)]
 pub struct RemoteOptions {
     /// Tp: status after so long with nothing to say; the longest silence.
@@ -205,6 +323,18 @@ pub struct RemoteOptions {
 }
 
 /// What the operator does.
+///
+/// ```
+/// use softplug_abi::Micros;
+/// use softplug_conformance::partners::fanuc::{Control, Options, Press, seven_even_two};
+///
+/// // The operator asks for a program by name: that is punched, and READ is pressed.
+/// let mut control = Control::new(Options { line: seven_even_two(0), ..Options::default() })?;
+/// control.press(Micros::ZERO, Press::Request("1234".to_owned()));
+/// let sent: Vec<u8> = std::iter::from_fn(|| control.poll_transmit(Micros::from_secs(1))).collect();
+/// assert_eq!(sent, b"\x12%\nO9999\n(SEND 1234)\n%\n\x14\x11");
+/// # Ok::<(), softplug_conformance::partners::fanuc::OptionsError>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Press {
     /// READ, or the start of remote operation.
@@ -292,11 +422,26 @@ impl Default for Options {
 }
 
 /// The usual line of a FANUC control in ISO.
+///
+/// ```
+/// use softplug_abi::Micros;
+/// use softplug_conformance::partners::fanuc::seven_even_two;
+///
+/// // 11 bits.
+/// assert_eq!(seven_even_two(4_800).characters(48), Micros(110_000));
+/// ```
 pub fn seven_even_two(baud: u32) -> LineParameters {
     LineParameters { baud, data_bits: 7, parity: softplug_abi::Parity::Even, stop_half_bits: 4 }
 }
 
 /// The line for EIA, or for ISO whose parity is made in software.
+///
+/// ```
+/// use softplug_conformance::partners::fanuc::eight_none_two;
+///
+/// let line = eight_none_two(4_800);
+/// assert_eq!((line.data_bits, line.stop_half_bits, line.half_bits()), (8, 4, 22));
+/// ```
 pub fn eight_none_two(baud: u32) -> LineParameters {
     LineParameters { stop_half_bits: 4, ..LineParameters::new(baud) }
 }
@@ -343,6 +488,14 @@ impl Options {
 }
 
 /// A control's settings contradict each other.
+///
+/// ```
+/// use softplug_conformance::partners::fanuc::{Options, OptionsError};
+///
+/// let error = Options { receive_fifo: 0, ..Options::default() }.check().unwrap_err();
+/// assert_eq!(error, OptionsError::NoFifo);
+/// assert!(error.to_string().ends_with("the least is 1, a UART without FIFO"));
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum OptionsError {
     /// The marks are the wrong way round.

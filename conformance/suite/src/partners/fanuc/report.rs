@@ -5,6 +5,31 @@ use softplug_abi::Micros;
 use crate::partners::kept::{Counts, Received};
 
 /// A control's account of all that it did.
+///
+/// ```
+/// use softplug_abi::Micros;
+/// use softplug_conformance::partners::fanuc::{
+///     Control, Feeding, Options, Press, Starvation, seven_even_two,
+/// };
+///
+/// // Two blocks of 100 ms each, and then nothing for half a second.
+/// let mut control = Control::new(Options {
+///     line: seven_even_two(0),
+///     block_time: Micros::from_millis(100),
+///     feeding: Feeding::Drip { cycle_start: 20, feed_holds: Vec::new() },
+///     ..Options::default()
+/// })?;
+/// control.press(Micros::ZERO, Press::Read);
+/// for byte in b"%\nG1X12.345\nG1X12.345\n" {
+///     control.receive(Micros::from_secs(1), *byte);
+/// }
+/// control.advance(Micros::from_millis(1_700));
+/// let report = control.report();
+/// let (at, span) = (Micros::from_millis(1_200), Micros::from_millis(500));
+/// assert_eq!(report.starvations, [Starvation { at, block: 2, span }]);
+/// assert_eq!((report.blocks, report.starved, report.starved_for), (2, 1, span));
+/// # Ok::<(), softplug_conformance::partners::fanuc::OptionsError>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Report {
     /// The text that was read: what follows the first end of block up to the
@@ -57,6 +82,24 @@ pub struct Report {
 }
 
 /// The remote buffer's account of protocol A.
+///
+/// ```
+/// use softplug_abi::Micros;
+/// use softplug_conformance::partners::fanuc::{
+///     Control, Interface, Options, Press, eight_none_two,
+/// };
+///
+/// // A host that never answers.
+/// let (interface, line) = (Interface::RemoteA, eight_none_two(9_600));
+/// let mut control =
+///     Control::new(Options { interface, line, buffer: 4_096, ..Options::default() })?;
+/// control.press(Micros::ZERO, Press::Read);
+/// control.advance(Micros::from_secs(20));
+/// let remote = control.report().remote;
+/// assert!(remote.sent > 0 && remote.silences > 0);
+/// assert_eq!(remote.received, 0);
+/// # Ok::<(), softplug_conformance::partners::fanuc::OptionsError>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct RemoteReport {
     /// Messages that have left, repetitions included.
@@ -80,6 +123,21 @@ pub struct RemoteReport {
 }
 
 /// The control complains.
+///
+/// ```
+/// use softplug_abi::Micros;
+/// use softplug_conformance::partners::fanuc::{Alarm, Control, Options, Press, seven_even_two};
+///
+/// let mut control = Control::new(Options { line: seven_even_two(0), ..Options::default() })?;
+/// control.press(Micros::ZERO, Press::Read);
+/// for byte in b"%\nO1" {
+///     control.receive(Micros(1_000), *byte);
+/// }
+/// control.receive_damaged(Micros(2_000));
+/// let Alarm { at, position, kind, .. } = control.report().alarms[0];
+/// assert_eq!((at, position, kind.number()), (Micros(2_000), 5, 85));
+/// # Ok::<(), softplug_conformance::partners::fanuc::OptionsError>(())
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Alarm {
     /// When.
@@ -95,6 +153,12 @@ pub struct Alarm {
 }
 
 /// Why a control complains.
+///
+/// ```
+/// use softplug_conformance::partners::fanuc::AlarmKind;
+///
+/// assert_eq!(AlarmKind::BufferOverflow.number(), 87);
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum AlarmKind {
     /// 001: a character's parity, or one that the control does not know.
@@ -123,6 +187,8 @@ impl AlarmKind {
 }
 
 /// Execution had to wait for a block.
+///
+/// The example of [`Report`] shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Starvation {
     /// When it began.

@@ -5,6 +5,14 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use softplug_abi::Micros;
 
 /// Something that a station does wrong on purpose.
+///
+/// ```
+/// use softplug_conformance::partners::r3964::{Fault, Occasion};
+///
+/// assert_eq!(Fault::OtherAnswer(0x41).occasion(), Occasion::Answer);
+/// // Three characters of a block, and nothing more.
+/// assert_eq!(Fault::Cut(3).occasion(), Occasion::Block);
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Fault {
     /// An STX of the other side is not answered.
@@ -57,6 +65,8 @@ pub enum Fault {
 }
 
 /// When faults are looked for. Each occasion is counted by itself.
+///
+/// The example of [`Fault`] shows two.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Occasion {
     /// An STX of the other side is to be answered.
@@ -99,6 +109,8 @@ impl Fault {
 }
 
 /// When a fault happens, among the occasions of its sort.
+///
+/// The example of [`Faults`] shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum When {
     /// The nth time, from 1.
@@ -111,6 +123,23 @@ pub enum When {
 
 /// All that a station does wrong. Of several faults that fall together the
 /// first of the plan happens.
+///
+/// ```
+/// use softplug_abi::{LineParameters, Micros};
+/// use softplug_conformance::partners::r3964::{Fault, Faults, Options, Station, When};
+///
+/// // The first STX is answered by NAK, the second one as it should be.
+/// let faults = Faults::one(When::Nth(1), Fault::NakAnswer);
+/// let line = LineParameters::new(0);
+/// let mut station =
+///     Station::new(Options { line, faults, nak_at_start: false, ..Options::default() })?;
+/// for answer in [0x15, 0x10] {
+///     station.receive(Micros(1_000), 0x02);
+///     assert_eq!(station.poll_transmit(Micros(1_000)), Some(answer));
+/// }
+/// assert_eq!(station.report().faults, [(Micros(1_000), Fault::NakAnswer)]);
+/// # Ok::<(), softplug_conformance::partners::r3964::OptionsError>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Faults {
     /// Seed of those at random.

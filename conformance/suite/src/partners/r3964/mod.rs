@@ -52,6 +52,24 @@ pub use self::report::{Error, Received, Report, Sent};
 ///
 /// Time never runs backwards: an earlier `now` counts as the last one. After
 /// every call, ask [`next_event`](Self::next_event) again.
+///
+/// ```
+/// use softplug_abi::{LineParameters, Micros};
+/// use softplug_conformance::partners::r3964::{Options, Received, Station};
+///
+/// let line = LineParameters::new(0);
+/// let mut station = Station::new(Options { line, nak_at_start: false, ..Options::default() })?;
+/// // STX is answered by DLE, and so is a block with the right check character.
+/// station.receive(Micros(1_000), 0x02);
+/// assert_eq!(station.poll_transmit(Micros(1_000)), Some(0x10));
+/// for byte in [0x31, 0x32, 0x33, 0x10, 0x03, 0x23] {
+///     station.receive(Micros(2_000), byte);
+/// }
+/// assert_eq!(station.poll_transmit(Micros(2_000)), Some(0x10));
+/// let block = Received { at: Micros(2_000), data: b"123".to_vec() };
+/// assert_eq!(station.report().received, [block]);
+/// # Ok::<(), softplug_conformance::partners::r3964::OptionsError>(())
+/// ```
 #[derive(Debug)]
 pub struct Station {
     options: Options,

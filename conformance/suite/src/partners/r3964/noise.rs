@@ -10,6 +10,8 @@ use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines, Parity};
 use super::super::{Partner, Signal};
 
 /// How often a line does what to a character, in a thousand each.
+///
+/// The example of [`Noisy`] shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
 pub struct Noise {
     /// Seed of the chance.
@@ -33,6 +35,8 @@ pub struct Noise {
 }
 
 /// A character or break at an end of the line.
+///
+/// The example of [`Noisy`] shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Arrival {
     /// When.
@@ -47,6 +51,22 @@ pub struct Arrival {
 
 /// A partner at the far end of such a line. What a driver gives to this, and
 /// takes from it, goes over the line.
+///
+/// ```
+/// use softplug_abi::{LineParameters, Micros};
+/// use softplug_conformance::partners::r3964::{Arrival, Noise, Noisy, Options, Station};
+/// use softplug_conformance::partners::{Partner, Signal};
+///
+/// // Every character comes with one wrong bit, and without parity that does not show.
+/// let noise = Noise { seed: 1, flip_one: 1_000, ..Noise::default() };
+/// let station = Station::new(Options::default())?;
+/// let mut noisy = Noisy::new(station, LineParameters::new(9_600), noise);
+/// noisy.receive(Micros(2_000), 0x02);
+/// let Arrival { at, signal, is_altered, .. } = noisy.to_inner[0];
+/// assert!(at == Micros(2_000) && is_altered && signal != Signal::Character(0x02));
+/// assert_eq!(noisy.disturbances, [Micros(2_000)]);
+/// # Ok::<(), softplug_conformance::partners::r3964::OptionsError>(())
+/// ```
 #[derive(Debug)]
 pub struct Noisy<P> {
     /// The far end.

@@ -5,6 +5,16 @@ use softplug_abi::{LineParameters, Micros};
 use super::faults::Faults;
 
 /// Settings of a [`Station`](super::Station).
+///
+/// ```
+/// use softplug_abi::Micros;
+/// use softplug_conformance::partners::r3964::{Options, OptionsError};
+///
+/// assert_eq!(Options::without_check().qvz, Micros::from_millis(550));
+/// assert_eq!(Options::simplified().block_size, 128);
+/// let impatient = Options { zvz: Micros::ZERO, ..Options::default() };
+/// assert_eq!(impatient.check(), Err(OptionsError::NoTime));
+/// ```
 #[derive(Clone, Debug)]
 pub struct Options {
     /// The line's parameters; a rate of 0 means that characters leave at once.
@@ -45,6 +55,21 @@ pub struct Options {
 }
 
 /// Who gives way when both sides send STX at once.
+///
+/// ```
+/// use softplug_abi::{LineParameters, Micros};
+/// use softplug_conformance::partners::r3964::{Options, Priority, Station};
+///
+/// let (line, priority) = (LineParameters::new(0), Priority::Low);
+/// let mut station =
+///     Station::new(Options { line, priority, nak_at_start: false, ..Options::default() })?;
+/// station.send(Micros::ZERO, b"123".to_vec());
+/// assert_eq!(station.poll_transmit(Micros::ZERO), Some(0x02));
+/// // Both have sent STX: this side answers with DLE and takes the other's block first.
+/// station.receive(Micros(5), 0x02);
+/// assert_eq!(station.poll_transmit(Micros(5)), Some(0x10));
+/// # Ok::<(), softplug_conformance::partners::r3964::OptionsError>(())
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Priority {
     /// This station does.
@@ -125,6 +150,13 @@ impl Options {
 }
 
 /// A station's settings contradict each other.
+///
+/// ```
+/// use softplug_conformance::partners::r3964::Options;
+///
+/// let error = Options { setup_attempts: 0, ..Options::default() }.check().unwrap_err();
+/// assert_eq!(error.to_string(), "0 attempts send nothing: the least is 1, the first one");
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum OptionsError {
     /// The first try counts.

@@ -5,6 +5,8 @@ use softplug_abi::Micros;
 use super::faults::Fault;
 
 /// A station's account.
+///
+/// The example of [`Station`](super::Station) shows one.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Report {
     /// The good blocks, in order.
@@ -34,6 +36,8 @@ pub struct Report {
 }
 
 /// A good block that came.
+///
+/// The example of [`Station`](super::Station) shows one.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Received {
     /// When its last character had come.
@@ -43,6 +47,20 @@ pub struct Received {
 }
 
 /// A block of its own that is done or given up.
+///
+/// ```
+/// use softplug_abi::Micros;
+/// use softplug_conformance::partners::r3964::{Error, Options, Station};
+///
+/// // Nobody answers: two STXs, 2 s apart, and 2 s later the block is given up.
+/// let mut station = Station::new(Options { setup_attempts: 2, ..Options::default() })?;
+/// station.send(Micros::from_secs(1), b"123".to_vec());
+/// station.advance(Micros::from_secs(9));
+/// let sent = &station.report().sent[0];
+/// assert_eq!((sent.stx, sent.blocks), (2, 0));
+/// assert_eq!(sent.result, Err(Error::SetUpNoAnswer));
+/// # Ok::<(), softplug_conformance::partners::r3964::OptionsError>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Sent {
     /// Its data.
@@ -60,6 +78,13 @@ pub struct Sent {
 }
 
 /// What goes wrong, by the numbers of Siemens' manuals.
+///
+/// ```
+/// use softplug_conformance::partners::r3964::Error;
+///
+/// assert_eq!(Error::Check.status(), 0x0808);
+/// assert_eq!(Error::Check.to_string(), "the block check character is wrong");
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum Error {
     /// STX was answered by NAK or a wrong character.

@@ -43,6 +43,22 @@ use crate::partners::kept::{Counts, Store};
 ///
 /// Time never runs backwards: an earlier `now` counts as the last one. After
 /// every call, ask [`next_event`](Self::next_event) again.
+///
+/// ```
+/// use softplug_abi::{LineParameters, Micros};
+/// use softplug_conformance::partners::xon_xoff::{Control, ControlOptions};
+///
+/// // XOFF stops the control's own program, XON lets it go on.
+/// let line = LineParameters::new(0);
+/// let mut control = Control::new(ControlOptions { line, ..ControlOptions::default() })?;
+/// control.receive(Micros(0), 0x13);
+/// control.punch(Micros(10), b"%\nO1\n".to_vec());
+/// assert_eq!(control.next_event(), None);
+/// control.receive(Micros(500), 0x11);
+/// let punched: Vec<u8> = std::iter::from_fn(|| control.poll_transmit(Micros(500))).collect();
+/// assert_eq!(punched, b"%\nO1\n");
+/// # Ok::<(), softplug_conformance::partners::xon_xoff::ControlOptionsError>(())
+/// ```
 #[derive(Debug)]
 pub struct Control {
     options: ControlOptions,

@@ -5,6 +5,16 @@ use softplug_abi::{LineParameters, Micros};
 use crate::partners::kept::Keep;
 
 /// Settings of a [`Control`](super::Control).
+///
+/// ```
+/// use softplug_conformance::partners::xon_xoff::{ControlOptions, ControlOptionsError};
+///
+/// let options = ControlOptions { buffer: 256, ..ControlOptions::default() };
+/// // XON over 256 free bytes would never come.
+/// let error = ControlOptionsError::HighMark { high: 256, buffer: 256 };
+/// assert_eq!(options.check(), Err(error));
+/// assert_eq!(ControlOptions { low: 64, high: 128, ..options }.check(), Ok(()));
+/// ```
 #[derive(Clone, Debug)]
 pub struct ControlOptions {
     /// The line's parameters; a rate of 0 means that characters leave at once.
@@ -107,6 +117,13 @@ impl ControlOptions {
 }
 
 /// A control's settings contradict each other.
+///
+/// ```
+/// use softplug_conformance::partners::xon_xoff::ControlOptions;
+///
+/// let error = ControlOptions { xoff: 0x11, ..ControlOptions::default() }.check().unwrap_err();
+/// assert_eq!(error.to_string(), "XON and XOFF are the same byte, 0x11: choose two");
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum ControlOptionsError {
     /// The buffer holds nothing.

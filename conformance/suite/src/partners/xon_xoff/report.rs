@@ -5,6 +5,24 @@ use softplug_abi::Micros;
 use crate::partners::kept::{Counts, Received};
 
 /// A control's account of a transfer.
+///
+/// ```
+/// use softplug_abi::Micros;
+/// use softplug_conformance::partners::xon_xoff::{Alarm, AlarmKind, Control, ControlOptions};
+///
+/// // 8 bytes of buffer, and nothing is executed for a second: the ninth byte is lost.
+/// let pauses = vec![(0, Micros::from_secs(1))];
+/// let options = ControlOptions { buffer: 8, low: 4, high: 6, pauses, ..Default::default() };
+/// let mut control = Control::new(options)?;
+/// for n in 1..=9 {
+///     control.receive(Micros(n * 1_042), b'G');
+/// }
+/// let report = control.report();
+/// assert_eq!((report.arrived, report.received.count(), report.holds), (9, 8, 1));
+/// let Alarm { at, position, kind, .. } = report.alarms[0];
+/// assert_eq!((at, position, kind), (Micros(9_378), 8, AlarmKind::BufferOverflow));
+/// # Ok::<(), softplug_conformance::partners::xon_xoff::ControlOptionsError>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct ControlReport {
     /// The data that reached the buffer, executed or not.
@@ -60,6 +78,8 @@ impl ControlReport {
 }
 
 /// A byte was lost in the control: its alarm.
+///
+/// The example of [`ControlReport`] shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Alarm {
     /// When.
@@ -74,6 +94,8 @@ pub struct Alarm {
 }
 
 /// Where a byte was lost.
+///
+/// The example of [`ControlReport`] shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum AlarmKind {
     /// The receive buffer was full: the sender did not stop in time.

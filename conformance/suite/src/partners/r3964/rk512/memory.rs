@@ -3,6 +3,13 @@
 use std::collections::BTreeMap;
 
 /// An area of memory.
+///
+/// ```
+/// use softplug_conformance::partners::r3964::rk512::Area;
+///
+/// assert_eq!((Area::Db(5).letter(), Area::Db(5).unit()), (b'D', 2));
+/// assert_eq!((Area::Flags.letter(), Area::Flags.unit()), (b'M', 1));
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub enum Area {
     /// A data block, in words.
@@ -65,6 +72,15 @@ impl Area {
 }
 
 /// The areas that there are, as bytes.
+///
+/// ```
+/// use softplug_conformance::partners::r3964::rk512::{Area, Memory};
+///
+/// let mut memory = Memory::default();
+/// memory.set(Area::Db(5), vec![0; 64]);
+/// assert_eq!(memory.area(Area::Db(5)).map(<[u8]>::len), Some(64));
+/// assert_eq!(memory.area(Area::Db(6)), None);
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Memory {
     areas: BTreeMap<Area, Vec<u8>>,

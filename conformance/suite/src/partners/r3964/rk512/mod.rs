@@ -26,6 +26,24 @@ use super::{Error, OptionsError, Station};
 pub use self::memory::{Area, Memory};
 
 /// Bytes of data in one telegram.
+///
+/// ```
+/// use softplug_abi::{LineParameters, Micros};
+/// use softplug_conformance::partners::{Partner, r3964};
+/// use softplug_conformance::partners::r3964::rk512::{Area, Computer, Options, TELEGRAM_BYTES};
+///
+/// // Of 130 bytes, the first telegram holds 128; a follow-up telegram has the rest.
+/// let line = LineParameters::new(0);
+/// let procedure = r3964::Options { line, nak_at_start: false, ..r3964::Options::default() };
+/// let mut computer = Computer::new(Options { procedure, ..Options::default() })?;
+/// computer.write(Micros::ZERO, Area::Db(5), 0, vec![0; 130]);
+/// assert_eq!(computer.poll_transmit(Micros(1)), Some(0x02));
+/// computer.receive(Micros(2), 0x10);
+/// let telegram: Vec<u8> = std::iter::from_fn(|| computer.poll_transmit(Micros(2))).collect();
+/// // A header before them; DLE, ETX and the check character behind.
+/// assert_eq!(telegram.len(), 10 + TELEGRAM_BYTES + 3);
+/// # Ok::<(), r3964::OptionsError>(())
+/// ```
 pub const TELEGRAM_BYTES: usize = 128;
 const HEADER_BYTES: usize = 10;
 const SEND_DB: u8 = 0x41;
@@ -34,6 +52,8 @@ const FETCH: u8 = 0x45;
 const FOLLOW_UP: u8 = 0xFF;
 
 /// Settings of a [`Computer`].
+///
+/// The example of [`Outcome`] shows them.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// The procedure underneath.
@@ -56,6 +76,8 @@ impl Default for Options {
 }
 
 /// What a computer does wrong with a command.
+///
+/// The example of [`Served`] shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Fault {
     /// It reacts with this error and does nothing.
@@ -71,6 +93,8 @@ pub enum Fault {
 }
 
 /// A command of the computer's own.
+///
+/// The example of [`Outcome`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Command {
     /// Where in the partner's memory.
@@ -86,6 +110,28 @@ pub struct Command {
 }
 
 /// How a command of its own ended.
+///
+/// ```
+/// use softplug_abi::{LineParameters, Micros};
+/// use softplug_conformance::partners::{Partner, r3964};
+/// use softplug_conformance::partners::r3964::rk512::{Area, Command, Computer, Options, Trouble};
+///
+/// let line = LineParameters::new(0);
+/// let procedure = r3964::Options { line, nak_at_start: false, ..r3964::Options::default() };
+/// let reaction_timeout = Micros::from_secs(5);
+/// let mut computer =
+///     Computer::new(Options { procedure, reaction_timeout, ..Options::default() })?;
+/// // Word 10 of data block 5 is asked for. The telegram is taken, and nobody reacts.
+/// let command = Command { area: Area::Db(5), offset: 10, data: None, count: 1, flag: None };
+/// computer.command(Micros::ZERO, command);
+/// for now in [Micros(1), Micros(2)] {
+///     while computer.poll_transmit(now).is_some() {}
+///     computer.receive(now, 0x10);
+/// }
+/// computer.advance(Micros::from_secs(6));
+/// assert_eq!(computer.outcomes[0].result, Err(Trouble::NoReaction));
+/// # Ok::<(), r3964::OptionsError>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Outcome {
     /// When.
@@ -97,6 +143,8 @@ pub struct Outcome {
 }
 
 /// Why a command of its own failed.
+///
+/// The example of [`Outcome`] shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Trouble {
     /// The reaction had this error number.
@@ -110,6 +158,25 @@ pub enum Trouble {
 }
 
 /// A command that came, as far as its header could be read.
+///
+/// ```
+/// use softplug_abi::{LineParameters, Micros};
+/// use softplug_conformance::partners::{Partner, r3964};
+/// use softplug_conformance::partners::r3964::rk512::{Computer, Fault, Options};
+///
+/// // The first command is refused with error 32.
+/// let line = LineParameters::new(0);
+/// let procedure = r3964::Options { line, nak_at_start: false, ..r3964::Options::default() };
+/// let faults = vec![(1, Fault::Error(0x32))];
+/// let mut computer = Computer::new(Options { procedure, faults, ..Options::default() })?;
+/// let fetch = [0x00, 0x00, 0x45, 0x44, 0x05, 0x00, 0x00, 0x02, 0xFF, 0xFF];
+/// computer.receive(Micros(1), 0x02);
+/// for byte in [&fetch[..], &[0x10, 0x03, 0x15]].concat() {
+///     computer.receive(Micros(2), byte);
+/// }
+/// assert_eq!((computer.served[0].error, &computer.served[0].telegram[..]), (0x32, &fetch[..]));
+/// # Ok::<(), r3964::OptionsError>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Served {
     /// When its telegram had come.
@@ -121,6 +188,8 @@ pub struct Served {
 }
 
 /// An RK512 partner.
+///
+/// The examples of [`Outcome`] and [`Served`] show its two sides.
 #[derive(Debug)]
 pub struct Computer {
     /// What the other side reads and writes.
