@@ -10,6 +10,24 @@ use std::collections::BTreeSet;
 const BYTES: usize = 1_024;
 
 /// A trace cannot take over what was seen.
+///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_conformance::{BlessFailure, FaultClass, FromFn, bless, load};
+/// use softplug_native::NativePlugin;
+/// use softplug_trace::Trace;
+///
+/// let plugin = NativePlugin::XonXoff;
+/// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
+/// let subject = FromFn::new(manifest, move || plugin.instantiate());
+/// // The plug-in has no such setting.
+/// let case = &load(["../../fixtures/traces/xon-xoff/xon-xoff.tx.hold.spt"])?[0];
+/// let text = case.trace.format().replace("since: 1", "config: speed=9\nsince: 1");
+/// let failure = bless(&subject, &case.with_trace(Trace::parse(&text)?)).unwrap_err();
+/// let BlessFailure::Fault(fault) = failure else { panic!("{failure}") };
+/// assert_eq!(fault.class, FaultClass::NotApplicable);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, thiserror::Error)]
 pub enum BlessFailure {
     /// The run ended before its time.
@@ -22,6 +40,23 @@ pub enum BlessFailure {
 
 /// The trace with its expectations replaced by what the plug-in does. A line that
 /// holds stays as it was written.
+///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_conformance::{FromFn, bless, load};
+/// use softplug_native::NativePlugin;
+/// use softplug_trace::Trace;
+///
+/// let plugin = NativePlugin::XonXoff;
+/// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
+/// let subject = FromFn::new(manifest, move || plugin.instantiate());
+/// // "CE" is demanded, "CD" is what is sent.
+/// let case = &load(["../../fixtures/traces/xon-xoff/xon-xoff.tx.hold.spt"])?[0];
+/// let wrong = case.trace.format().replace("43 44 ", "43 45 ");
+/// let blessed = bless(&subject, &case.with_trace(Trace::parse(&wrong)?))?;
+/// assert!(blessed.format().contains("> 2.000000 43 44 "));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 /// The plug-in faults, or the trace cannot hold what it does.

@@ -9,6 +9,34 @@ use crate::partners::{Partner, Signal};
 
 /// Both ends of a line. Time goes from one instant at which something happens
 /// to the next; nothing is ever late.
+///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_abi::{LineParameters, Micros};
+/// use softplug_conformance::closed_loop::ClosedLoop;
+/// use softplug_conformance::partners::xon_xoff::{Control, ControlOptions};
+/// use softplug_link::{Job, LinkOptions, Recorder};
+/// use softplug_native::NativePlugin;
+///
+/// let plugin = NativePlugin::XonXoff;
+/// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
+/// let settings = manifest.resolve_settings([])?;
+/// let options = LinkOptions { settings, ..LinkOptions::default() };
+/// let control = Control::new(ControlOptions::default())?;
+/// let mut both = ClosedLoop::new(plugin.instantiate(), options, 16, control);
+///
+/// let mut host = Recorder::default();
+/// host.add_source(1, b"N10 G1 X100\n".to_vec());
+/// both.line.link.open(both.now(), &mut host)?;
+/// let check = manifest.needs.check_pass;
+/// let job = Job { id: 1, kind: 0, size: Some(12), fields: Vec::new(), check };
+/// both.line.link.begin_job(both.now(), job, &mut host)?;
+/// both.settle(&mut host)?;
+/// both.wait_until(Micros::from_secs(1), &mut host)?;
+/// assert!(both.partner.report().received.matches(b"N10 G1 X100\n"));
+/// assert_eq!(both.next(), None);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct ClosedLoop<I: Instance, P> {
     /// The plug-in's end.

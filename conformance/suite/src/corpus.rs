@@ -26,6 +26,17 @@ const CORPUS_BYTES: u64 = 1 << 30;
 const CORPUS_FILES: usize = 100_000;
 
 /// What plug-ins are judged by.
+///
+/// ```
+/// use softplug_conformance::{Corpus, Source};
+///
+/// let corpus = Corpus::embedded();
+/// assert!(corpus.ledger("xon-xoff").is_some());
+/// let list = corpus.list();
+/// let hold = list.iter().find(|case| case.id == "xon-xoff.tx.hold").expect("it is in the corpus");
+/// assert!(hold.cites("xon-xoff.tx.obey-xoff") && matches!(hold.source, Source::Trace(_)));
+/// assert_eq!(corpus.digest.len(), 64);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Corpus {
     /// One for each profile, sorted by its name.
@@ -41,6 +52,8 @@ pub struct Corpus {
 }
 
 /// A case as lists show it, whatever its kind.
+///
+/// The example of [`Corpus`] shows one.
 #[derive(Copy, Clone, Debug)]
 pub struct Listed<'a> {
     /// Its id.
@@ -62,6 +75,8 @@ pub struct Listed<'a> {
 }
 
 /// Where a case's course stands.
+///
+/// The example of [`Corpus`] shows one.
 #[derive(Copy, Clone, Debug)]
 #[non_exhaustive]
 pub enum Source<'a> {
@@ -72,6 +87,15 @@ pub enum Source<'a> {
 }
 
 /// A corpus that cannot be read.
+///
+/// ```
+/// use softplug_conformance::{Corpus, CorpusError};
+/// use std::path::Path;
+///
+/// let error = Corpus::read(Path::new("benches")).unwrap_err();
+/// assert!(matches!(error, CorpusError::Empty { .. }));
+/// assert!(error.to_string().starts_with("benches holds no ledger (requirements/*.toml)"));
+/// ```
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CorpusError {

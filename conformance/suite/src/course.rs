@@ -74,6 +74,14 @@ pub(crate) enum Windows {
 }
 
 /// A trace asks for what the plug-in or the replay cannot do.
+///
+/// ```
+/// use softplug_conformance::CourseError;
+///
+/// let reason = "the plug-in has no job \"send-eia\"".to_owned();
+/// let error = CourseError { line: 12, reason };
+/// assert_eq!(error.to_string(), "line 12: the plug-in has no job \"send-eia\"");
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("line {line}: {reason}")]
 pub struct CourseError {

@@ -13,6 +13,8 @@ use softplug_trace::{
 };
 
 /// Something that a plug-in did, or must do.
+///
+/// The example of [`replay`](crate::replay) shows some.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Deed {
     /// A character on the wire, at its start bit.
@@ -68,6 +70,26 @@ pub enum Deed {
 }
 
 /// A delivery at its end.
+///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_conformance::{Deed, Delivered, FromFn, Permutation, load, replay};
+/// use softplug_native::NativePlugin;
+///
+/// let plugin = NativePlugin::XonXoff;
+/// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
+/// let subject = FromFn::new(manifest, move || plugin.instantiate());
+/// let case = &load(["../../fixtures/traces/xon-xoff/xon-xoff.rx.quiet.spt"])?[0];
+/// let outcome = replay(&subject, case, Permutation::Uncut, 0);
+/// let delivered = outcome.seen.iter().find_map(|seen| match &seen.deed {
+///     Deed::Deliver(delivered) => Some(delivered),
+///     _ => None,
+/// });
+/// let Delivered { id, bytes, failure, .. } = delivered.expect("the trace has a delivery");
+/// assert_eq!((*id, *failure), (1, None));
+/// assert!(!bytes.is_empty());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Delivered {
     /// The plug-in's id for it.

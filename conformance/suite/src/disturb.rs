@@ -9,6 +9,8 @@ use softplug_trace::{
 
 /// How often a character is damaged, in a thousand each. The same noise on the same
 /// trace is always the same.
+///
+/// The example of [`disturb`] shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
 pub struct Noise {
     /// Seed of the chance.
@@ -22,6 +24,8 @@ pub struct Noise {
 }
 
 /// A trace after noise.
+///
+/// The example of [`disturb`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Disturbed {
     /// What came of it. Lines of which nothing is left are comments.
@@ -31,6 +35,19 @@ pub struct Disturbed {
 }
 
 /// Damages what a trace gives to the plug-in. What it demands stays as it was.
+///
+/// ```
+/// use softplug_conformance::{Noise, disturb, load};
+/// use softplug_trace::NoFiles;
+///
+/// let case = &load(["../../fixtures/traces/xon-xoff/xon-xoff.tx.hold.spt"])?[0];
+/// // One bit of each character that comes: XOFF and XON.
+/// let noise = Noise { seed: 7, flip: 1_000, ..Noise::default() };
+/// let disturbed = disturb(&case.trace, &NoFiles, noise)?;
+/// assert_eq!(disturbed.count, 2);
+/// assert!(!disturbed.trace.format().contains("< 0.001500 13"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 /// The trace names a file that is not there.

@@ -15,6 +15,8 @@ use std::fmt;
 const AROUND: usize = 8;
 
 /// The first difference between what was demanded and what was seen.
+///
+/// The example of [`Failure`](crate::Failure) shows one.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
 pub struct Divergence {
     /// When, in µs of the trace's time.
@@ -28,6 +30,8 @@ pub struct Divergence {
 }
 
 /// One side of a divergence.
+///
+/// The example of [`Failure`](crate::Failure) shows both.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
 pub struct Side {
     /// As a line of a trace; `nothing` if there is none.

@@ -9,6 +9,25 @@ use softplug_link::{LinkFault, SwapError};
 use std::error::Error;
 
 /// A replay that did not reach the end of its trace.
+///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_conformance::{Fault, FaultClass, FromFn, Permutation, load, replay};
+/// use softplug_native::NativePlugin;
+/// use softplug_trace::Trace;
+///
+/// let plugin = NativePlugin::XonXoff;
+/// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
+/// let subject = FromFn::new(manifest, move || plugin.instantiate());
+/// let case = &load(["../../fixtures/traces/xon-xoff/xon-xoff.tx.hold.spt"])?[0];
+/// let text = case.trace.format().replace("since: 1", "config: speed=9\nsince: 1");
+/// let case = case.with_trace(Trace::parse(&text)?);
+/// let outcome = replay(&subject, &case, Permutation::Uncut, 0);
+/// let Fault { class, at_us, message } = outcome.fault.expect("there is no such setting");
+/// assert_eq!((class, at_us), (FaultClass::NotApplicable, 0));
+/// assert!(message.contains("speed"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
 pub struct Fault {
     /// What kind of fault.
@@ -20,6 +39,15 @@ pub struct Fault {
 }
 
 /// Kinds of fault. None of them is ever what a trace asks for.
+///
+/// ```
+/// use softplug_conformance::FaultClass;
+///
+/// let budget = FaultClass::BudgetExhausted;
+/// assert_eq!(budget.name(), "budget-exhausted");
+/// assert_eq!(format!("the plug-in {}", budget.text()), "the plug-in used up its budget");
+/// assert!(FaultClass::ALL.contains(&budget));
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Hash, Debug, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FaultClass {

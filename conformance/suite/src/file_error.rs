@@ -10,6 +10,18 @@ const FILE_BYTES: usize = 4 << 20;
 const MESSAGE: usize = 400;
 
 /// A fault in a file: a ledger, a baseline.
+///
+/// ```
+/// use softplug_conformance::FileError;
+/// use softplug_conformance::certify::Baseline;
+/// use std::path::Path;
+///
+/// let text = "[[expected]]\nkase = \"xon-xoff.tx.hold\"\n";
+/// let FileError { line, column, message, .. } =
+///     Baseline::parse(Path::new("known.toml"), text).unwrap_err();
+/// assert_eq!((line, column), (2, 1));
+/// assert!(message.starts_with("unknown field `kase`"));
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("{}:{line}:{column}: {message}", file.display())]
 pub struct FileError {

@@ -10,6 +10,19 @@ use std::sync::Arc;
 use std::{fs, io};
 
 /// A trace and where it came from.
+///
+/// ```
+/// use softplug_conformance::Case;
+/// use softplug_trace::Trace;
+///
+/// # let text = std::fs::read_to_string("../../fixtures/traces/xon-xoff/xon-xoff.tx.hold.spt")?;
+/// let case = Case::new("traces/hold.spt", Trace::parse(&text)?);
+/// assert_eq!(case.trace.front.id, "xon-xoff.tx.hold");
+/// // The same with another byte; files that it names are still looked for beside it.
+/// let other = case.with_trace(Trace::parse(&text.replace("41 42 ", "41 43 "))?);
+/// assert_eq!(other.path, case.path);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Case {
     /// The file, as it was found.
@@ -102,6 +115,14 @@ fn checked(path: &Path, bytes: Vec<u8>, digest: &Digest) -> Result<Vec<u8>, Stri
 }
 
 /// Traces that cannot be read.
+///
+/// ```
+/// use softplug_conformance::{LoadError, load};
+///
+/// let error = load(["benches"]).unwrap_err();
+/// assert!(matches!(error, LoadError::Nothing { .. }));
+/// assert_eq!(error.report(), "error: benches holds no trace (*.spt)");
+/// ```
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// A file or folder cannot be read.
@@ -154,6 +175,15 @@ impl LoadError {
 
 /// Reads traces: files whatever they are called, folders with all `.spt` files in and
 /// below them. The result is sorted by id.
+///
+/// ```
+/// use softplug_conformance::load;
+///
+/// let cases = load(["../../fixtures/traces/r3964", "../../fixtures/traces/rk512"])?;
+/// assert!(cases.is_sorted_by_key(|case| case.trace.front.id.clone()));
+/// assert!(cases.iter().any(|case| case.trace.front.profile == "rk512"));
+/// # Ok::<(), softplug_conformance::LoadError>(())
+/// ```
 ///
 /// # Errors
 /// The first file that cannot be read, is no trace, holds a case that another one holds, or, in

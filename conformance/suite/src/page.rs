@@ -33,6 +33,18 @@ pub fn settings_table(manifest: &Manifest) -> String {
 }
 
 /// The presets as a Markdown table.
+///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_conformance::page::presets_table;
+///
+/// let manifest = Manifest::parse(br#"{"abi": "1.0", "name": "x", "version": "1",
+///     "licence": "MIT", "protocol": "x", "description": "x", "settings": [
+///     {"name": "wait", "type": "int", "default": 5, "min": 0, "max": 9, "unit": "ms", "text": "How long."}],
+///     "presets": [{"name": "slow", "text": "For old machines.", "values": {"wait": 9}}]}"#)?;
+/// assert!(presets_table(&manifest).ends_with("| `slow` | `wait=9` | For old machines. |\n"));
+/// # Ok::<(), softplug_abi::manifest::ManifestError>(())
+/// ```
 pub fn presets_table(manifest: &Manifest) -> String {
     let mut table = "| preset | sets | meaning |\n|---|---|---|\n".to_owned();
     for preset in &manifest.presets {

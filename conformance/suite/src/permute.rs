@@ -12,6 +12,13 @@ const RANDOM_CUTS: u8 = 32;
 const SINGLE_SWAPS: u32 = 200;
 
 /// One way to run a trace. The name stands behind the trace's id: `ID/cut:1`.
+///
+/// ```
+/// use softplug_conformance::Permutation;
+///
+/// assert_eq!("cut:random-07".parse(), Ok(Permutation::CutRandom(7)));
+/// assert_eq!(Permutation::SwapAfter(12).to_string(), "swap:12");
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub enum Permutation {
     /// `uncut`: as it is written.
@@ -98,6 +105,13 @@ impl fmt::Display for Permutation {
 }
 
 /// A permutation has no such name.
+///
+/// ```
+/// use softplug_conformance::Permutation;
+///
+/// let error = "cut:2".parse::<Permutation>().unwrap_err();
+/// assert!(error.to_string().starts_with("there is no permutation \"cut:2\"; there are uncut,"));
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error(
     "there is no permutation \"{0}\"; there are uncut, late, late:N, cut:1, cut:whole, \

@@ -6,6 +6,8 @@ use softplug_abi::{Action, Event, Micros, ModemLines, Parity, Pass};
 use std::fmt::Write as _;
 
 /// Who is at the other end of an event or an action.
+///
+/// The example of [`Stepper`](crate::Stepper) shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Other {
@@ -18,6 +20,8 @@ pub enum Other {
 }
 
 /// An event or an action, for people.
+///
+/// The example of [`Stepper`](crate::Stepper) shows one.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
 pub struct Phrase {
     /// Who gives the event, or whom the action concerns.

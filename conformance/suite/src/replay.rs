@@ -18,6 +18,8 @@ use std::rc::Rc;
 const ROOM: u32 = 4_096;
 
 /// What a run showed.
+///
+/// The example of [`replay`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Outcome {
     /// All that could be seen from outside, in the order of time, up to the
@@ -37,6 +39,8 @@ pub struct Outcome {
 }
 
 /// A deed at its time.
+///
+/// The example of [`replay`] shows some.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Seen {
     /// When, on the trace's clock.
@@ -46,6 +50,25 @@ pub struct Seen {
 }
 
 /// Runs a trace once, in one permutation. The seed changes where random cuts fall.
+///
+/// ```
+/// use softplug_abi::Micros;
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_conformance::{Deed, FromFn, Outcome, Permutation, Seen, load, replay};
+/// use softplug_native::NativePlugin;
+///
+/// let plugin = NativePlugin::XonXoff;
+/// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
+/// let subject = FromFn::new(manifest, move || plugin.instantiate());
+/// let case = &load(["../../fixtures/traces/xon-xoff/xon-xoff.tx.hold.spt"])?[0];
+/// let Outcome { seen, fault, .. } = replay(&subject, case, Permutation::Uncut, 0);
+/// assert_eq!(fault, None);
+/// // XOFF came behind the second of four bytes, XON at 2 s.
+/// assert!(seen.contains(&Seen { at: Micros(2_000_000), deed: Deed::Byte(b'C') }));
+/// let done = Deed::Done { id: 1, sent: Some(4) };
+/// assert_eq!(seen.last(), Some(&Seen { at: Micros(2_002_084), deed: done }));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn replay<S: Subject>(
     subject: &S,
     case: &Case,

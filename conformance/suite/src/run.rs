@@ -17,6 +17,16 @@ use std::fmt::Write as _;
 
 /// Which cases are run: those whose name is listed, or whose trace is. An empty
 /// filter takes all.
+///
+/// ```
+/// use softplug_conformance::{Filter, Permutation};
+///
+/// let filter = Filter::only(["xon-xoff.tx.hold/cut:1", "xon-xoff.tx.empty"]);
+/// assert!(filter.takes("xon-xoff.tx.hold", Permutation::CutSingly));
+/// assert!(!filter.takes("xon-xoff.tx.hold", Permutation::Uncut));
+/// assert!(filter.takes("xon-xoff.tx.empty", Permutation::Uncut));
+/// assert!(Filter::default().takes_trace("xon-xoff.tx.busy"));
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Filter {
     only: Vec<String>,
@@ -44,6 +54,8 @@ impl Filter {
 }
 
 /// All that was run.
+///
+/// The example of [`run_all`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize)]
 pub struct Summary {
     /// Cases that were run.
@@ -60,6 +72,23 @@ pub struct Summary {
 }
 
 /// A subject whatever its instances are.
+///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_conformance::{FromFn, Judge};
+/// use softplug_native::NativePlugin;
+///
+/// // Plug-ins of different types in one list.
+/// let plugin = NativePlugin::XonXoff;
+/// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
+/// let subject = FromFn::new(manifest, move || plugin.instantiate());
+/// let plugin = NativePlugin::R3964;
+/// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
+/// let other = FromFn::new(manifest, move || plugin.instantiate());
+/// let subjects: [&dyn Judge; 2] = [&subject, &other];
+/// assert_eq!(subjects.map(|subject| subject.label()), ["xon-xoff (native)", "r3964 (native)"]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Judge: Sync {
     /// How reports name it.
     fn label(&self) -> &str;
@@ -94,6 +123,22 @@ impl<S: Subject + Sync> Judge for S {
 
 /// Runs all cases that the filter takes. The result depends on nothing but the
 /// arguments.
+///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_conformance::{Filter, FromFn, load, run_all};
+/// use softplug_native::NativePlugin;
+///
+/// let plugin = NativePlugin::XonXoff;
+/// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
+/// let subject = FromFn::new(manifest, move || plugin.instantiate());
+/// let cases = load(["../../fixtures/traces/xon-xoff"])?;
+/// let filter = Filter::only(["xon-xoff.tx.hold", "xon-xoff.tx.empty"]);
+/// let summary = run_all(&[&subject], &cases, &filter);
+/// assert!(summary.total > 10, "two traces in all their permutations");
+/// assert_eq!((summary.passed, summary.failed), (summary.total, 0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn run_all(subjects: &[&dyn Judge], cases: &[Case], filter: &Filter) -> Summary {
     let mut summary = Summary::default();
     let mut digest = Sha256::new();
@@ -113,6 +158,22 @@ pub fn run_all(subjects: &[&dyn Judge], cases: &[Case], filter: &Filter) -> Summ
 
 /// Judges one trace in every permutation that the filter takes. Returns the
 /// verdicts and what the digest holds of the uncut run.
+///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_conformance::{Filter, FromFn, judge, load};
+/// use softplug_native::NativePlugin;
+///
+/// let plugin = NativePlugin::XonXoff;
+/// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
+/// let subject = FromFn::new(manifest, move || plugin.instantiate());
+/// let case = &load(["../../fixtures/traces/xon-xoff/xon-xoff.tx.hold.spt"])?[0];
+/// let (verdicts, uncut) = judge(&subject, case, &Filter::only(["xon-xoff.tx.hold/uncut"]));
+/// assert_eq!(verdicts.len(), 1);
+/// assert_eq!(verdicts[0].to_string(), "passed xon-xoff.tx.hold/uncut [xon-xoff (native)]");
+/// assert!(uncut.starts_with("xon-xoff.tx.hold\npassed\n"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn judge(subject: &dyn Judge, case: &Case, filter: &Filter) -> (Vec<Verdict>, String) {
     let id = &case.trace.front.id;
     let start = Start::new(subject, case);

@@ -20,6 +20,27 @@ const MOST: Most = Most { calls: 20_000, bytes: 8 << 20 };
 const BYTES: usize = 64;
 
 /// A run, and what it came to.
+///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_conformance::{
+///     FromFn, Happening, Moment, Other, Permutation, Phrase, Stepper, load,
+/// };
+/// use softplug_native::NativePlugin;
+///
+/// let plugin = NativePlugin::XonXoff;
+/// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
+/// let subject = FromFn::new(manifest, move || plugin.instantiate());
+/// let case = &load(["../../fixtures/traces/xon-xoff/xon-xoff.tx.hold.spt"])?[0];
+/// let stepper = Stepper::new(&subject, case, Permutation::Uncut);
+/// assert_eq!((stepper.failure, stepper.end_us), (None, 5_000_000));
+/// // XOFF comes: line 14 of the trace, and the plug-in holds its queue.
+/// let held = stepper.moments.iter().find(|moment| moment.after.is_held);
+/// let Some(Moment { line: 14, what: Happening::Step(step), .. }) = held else { panic!("{held:?}") };
+/// let Phrase { other, bytes, .. } = &step.given;
+/// assert_eq!((*other, &bytes[..]), (Other::Line, &[0x13][..]));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
 pub struct Stepper {
     /// In the order of time.
@@ -35,6 +56,8 @@ pub struct Stepper {
 }
 
 /// One moment of a run.
+///
+/// The example of [`Stepper`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
 pub struct Moment {
     /// In µs of the trace's time; negative in the first of two runs.
@@ -48,6 +71,8 @@ pub struct Moment {
 }
 
 /// What happened.
+///
+/// The example of [`Stepper`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Happening {
@@ -60,6 +85,8 @@ pub enum Happening {
 }
 
 /// A plug-in's answer to an event.
+///
+/// The example of [`Stepper`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
 pub struct Step {
     /// The instance, from 1: a swap makes a new one.
@@ -81,6 +108,8 @@ pub struct Step {
 }
 
 /// How a plug-in stands.
+///
+/// The example of [`Timer`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize)]
 pub struct Standing {
     /// The name that it gave its state.
@@ -94,6 +123,23 @@ pub struct Standing {
 }
 
 /// A timer that is set.
+///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_conformance::{FromFn, Permutation, Standing, Stepper, Timer, load};
+/// use softplug_native::NativePlugin;
+///
+/// let plugin = NativePlugin::R3964;
+/// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
+/// let subject = FromFn::new(manifest, move || plugin.instantiate());
+/// let case = &load(["../../fixtures/traces/r3964/r3964.conflict.abort.spt"])?[0];
+/// let stepper = Stepper::new(&subject, case, Permutation::Uncut);
+/// // STX has left at 1,146 µs, and its answer may take 2 s.
+/// let moment = stepper.moments.iter().rfind(|moment| moment.at_us < 2_000).expect("it began");
+/// let Standing { timers, is_held, .. } = &moment.after;
+/// assert_eq!((&timers[..], *is_held), (&[Timer { id: 0, until_us: 2_001_146 }][..], false));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Serialize)]
 pub struct Timer {
     /// 0 to 15.

@@ -9,6 +9,27 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::rc::Rc;
 
 /// A plug-in to be judged.
+///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_abi::{Instance, Micros};
+/// use softplug_conformance::{FromFn, Subject};
+/// use softplug_native::NativePlugin;
+///
+/// fn takes_defaults<S: Subject>(subject: &S) -> Result<bool, Box<dyn std::error::Error>> {
+///     let defaults = subject.manifest().resolve_settings([])?;
+///     let mut instance = subject.instantiate()?;
+///     let capacity = instance.input_capacity();
+///     let given = defaults.pieces(capacity, |event| instance.step(event, Micros::ZERO).map(drop));
+///     Ok(given.is_ok())
+/// }
+///
+/// let plugin = NativePlugin::XonXoff;
+/// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
+/// let subject = FromFn::new(manifest, move || plugin.instantiate());
+/// assert!(takes_defaults(&subject)?);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Subject {
     /// One running plug-in.
     type Instance: Instance;
@@ -32,6 +53,8 @@ pub trait Subject {
 }
 
 /// Fuel, in units of one engine.
+///
+/// The example of [`Sandboxed`] shows some.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
 pub struct Fuel {
     /// All of it.
@@ -41,11 +64,34 @@ pub struct Fuel {
 }
 
 /// A plug-in gives no instance.
+///
+/// ```
+/// use softplug_conformance::SubjectError;
+///
+/// // For subjects of your own: whatever went wrong.
+/// let error = SubjectError::from(Box::<dyn std::error::Error + Send + Sync>::from("no memory"));
+/// assert_eq!(error.to_string(), "the plug-in cannot be started: no memory");
+/// ```
 #[derive(Debug, thiserror::Error)]
 #[error("the plug-in cannot be started: {0}")]
 pub struct SubjectError(#[from] Box<dyn Error + Send + Sync>);
 
 /// A plug-in in the sandbox.
+///
+/// ```
+/// use softplug_abi::{Event, Instance, Micros};
+/// use softplug_conformance::{Fuel, Sandboxed, Subject};
+/// use softplug_host::{Host, HostOptions};
+///
+/// # let wasm = wat::parse_file("../../fixtures/abi/echo.wat")?;
+/// let subject = Sandboxed::new(Host::new(HostOptions::default())?.load_bytes(&wasm)?);
+/// assert_eq!(subject.label(), "echo");
+/// let mut instance = subject.instantiate()?;
+/// instance.step(&Event::Received(b"G1"), Micros::ZERO)?;
+/// let Fuel { total, largest } = Sandboxed::fuel(&instance);
+/// assert!(total > 0 && total == largest, "one step so far");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Sandboxed {
     plugin: softplug_host::Plugin,
@@ -86,6 +132,19 @@ impl Subject for Sandboxed {
 }
 
 /// A plug-in as native code: a function that makes instances.
+///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_conformance::{FromFn, Subject};
+/// use softplug_native::NativePlugin;
+///
+/// let plugin = NativePlugin::XonXoff;
+/// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
+/// let subject = FromFn::new(manifest, move || plugin.instantiate());
+/// assert_eq!(subject.label(), "xon-xoff (native)");
+/// assert_eq!(subject.manifest().name, "xon-xoff");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct FromFn<F> {
     make: F,

@@ -5,6 +5,8 @@ use serde::Serialize;
 use std::fmt;
 
 /// One run of one trace, judged.
+///
+/// The example of [`judge`](crate::judge) shows one.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
 pub struct Verdict {
     /// The case: the trace's id, a slash, the permutation.
@@ -18,6 +20,28 @@ pub struct Verdict {
 }
 
 /// Why a run did not pass.
+///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_conformance::{Class, Divergence, Filter, FromFn, judge, load};
+/// use softplug_native::NativePlugin;
+/// use softplug_trace::Trace;
+///
+/// let plugin = NativePlugin::XonXoff;
+/// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
+/// let subject = FromFn::new(manifest, move || plugin.instantiate());
+/// // The last byte of four is demanded to be another one.
+/// let case = &load(["../../fixtures/traces/xon-xoff/xon-xoff.tx.hold.spt"])?[0];
+/// let wrong = case.trace.format().replace("43 44 ", "43 45 ");
+/// let case = case.with_trace(Trace::parse(&wrong)?);
+/// let (verdicts, _) = judge(&subject, &case, &Filter::only(["xon-xoff.tx.hold/uncut"]));
+/// let failure = verdicts[0].failure.as_ref().expect("it sends the right one");
+/// assert_eq!(failure.class, Class::Diverged);
+/// let Some(Divergence { at_us, expected, observed, .. }) = &failure.divergence else { panic!() };
+/// assert_eq!(*at_us, 2_001_042);
+/// assert_eq!((expected.bytes.last(), observed.bytes.last()), (Some(&0x45), Some(&0x44)));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
 pub struct Failure {
     /// What kind of failure.
@@ -35,6 +59,15 @@ pub struct Failure {
 }
 
 /// Kinds of failure.
+///
+/// ```
+/// use softplug_conformance::{Class, FaultClass};
+///
+/// assert_eq!(Class::from_name("depends-on-cuts"), Some(Class::DependsOnCuts));
+/// assert_eq!(Class::from_name("trapped"), Some(Class::Fault(FaultClass::Trapped)));
+/// assert!(Class::Diverged.is_wrong_behaviour());
+/// assert!(!Class::Fault(FaultClass::Trapped).is_wrong_behaviour());
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Hash, Debug, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Class {

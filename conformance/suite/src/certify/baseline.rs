@@ -10,6 +10,8 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 
 /// Failures that are expected.
+///
+/// The example of [`Baseline::parse`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Baseline {
     /// In the order of the file.
@@ -19,6 +21,8 @@ pub struct Baseline {
 }
 
 /// A failure that is expected.
+///
+/// The example of [`Baseline::parse`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Expected {
     /// The case.
@@ -30,6 +34,15 @@ pub struct Expected {
 }
 
 /// A baseline that cannot be read.
+///
+/// ```
+/// use softplug_conformance::certify::{Baseline, BaselineError};
+/// use std::path::Path;
+///
+/// let error = Baseline::read(Path::new("none.toml")).unwrap_err();
+/// assert!(matches!(error, BaselineError::Io { .. }));
+/// assert!(error.to_string().starts_with("cannot read none.toml: "));
+/// ```
 #[derive(Debug, thiserror::Error)]
 pub enum BaselineError {
     /// The system does not give it.

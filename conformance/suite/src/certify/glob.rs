@@ -1,6 +1,13 @@
 //! Patterns of case ids.
 
 /// Whether an id fits a pattern in which `*` stands for any characters and `?` for one.
+///
+/// ```
+/// use softplug_conformance::certify::matches;
+///
+/// assert!(matches("xon-xoff.tx.*", "xon-xoff.tx.hold"));
+/// assert!(!matches("xon-xoff.?.hold", "xon-xoff.tx.hold"));
+/// ```
 pub fn matches(pattern: &str, text: &str) -> bool {
     let (pattern, text) = (pattern.as_bytes(), text.as_bytes());
     let (mut p, mut t) = (0, 0);

@@ -1,17 +1,6 @@
 //! One certification: one plug-in, one profile, every case in every permutation.
 //!
-//! ```no_run
-//! use softplug_conformance::Corpus;
-//! use softplug_conformance::certify::{Order, certify};
-//! use std::sync::atomic::AtomicBool;
-//!
-//! let module = std::fs::read("xon-xoff.wasm")?;
-//! let order = Order::new("xon-xoff");
-//! let report =
-//!     certify(&module, &Corpus::embedded(), &order, &|_| {}, &AtomicBool::new(false))?;
-//! println!("{}: {}", report.verdict.text(), report.reason);
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
+//! [`certify()`] has an example.
 
 mod baseline;
 mod engines;
@@ -33,6 +22,17 @@ use softplug_report::Report;
 use std::sync::atomic::AtomicBool;
 
 /// What is asked for.
+///
+/// ```
+/// use softplug_conformance::certify::{Baseline, Order};
+/// use std::path::Path;
+///
+/// let known = "[[expected]]\ncase = \"xon-xoff.tx.hold\"\nclass = \"diverged\"\nreason = \"Slow.\"";
+/// let baseline = Some(Baseline::parse(Path::new("known.toml"), known)?);
+/// let order = Order { strict: true, baseline, ..Order::new("xon-xoff") };
+/// assert!(order.cases.is_empty() && order.threads > 0);
+/// # Ok::<(), softplug_conformance::FileError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Order {
     /// The profile.
@@ -71,6 +71,8 @@ impl Order {
 }
 
 /// How far a certification is; told after each case, from any thread.
+///
+/// The example of [`certify()`] shows it.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Progress {
     /// Cases that are over.
@@ -82,6 +84,17 @@ pub struct Progress {
 }
 
 /// There is no report.
+///
+/// ```
+/// use softplug_conformance::Corpus;
+/// use softplug_conformance::certify::{CertifyError, Order, certify};
+/// use std::sync::atomic::AtomicBool;
+///
+/// let (corpus, order) = (Corpus::embedded(), Order::new("xon"));
+/// let error = certify(b"", &corpus, &order, &|_| {}, &AtomicBool::new(false)).unwrap_err();
+/// assert!(matches!(&error, CertifyError::UnknownProfile { name, .. } if name == "xon"));
+/// assert!(error.to_string().starts_with("there is no profile \"xon\"; there are 3964, abi,"));
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CertifyError {
@@ -141,6 +154,26 @@ pub enum CertifyError {
 /// Judges a module by a profile. `progress` is told after each case; a `stop` that becomes
 /// true ends the run, and the report says so. The report depends on module, corpus, profile,
 /// revision, `strict`, patterns and baseline alone.
+///
+/// ```
+/// use softplug_conformance::Corpus;
+/// use softplug_conformance::certify::{Order, Progress, certify};
+/// use std::sync::Mutex;
+/// use std::sync::atomic::AtomicBool;
+///
+/// # let module = wat::parse_file("../../fixtures/abi/echo.wat")?;
+/// let order = Order { cases: vec!["abi.settings.*".to_owned()], ..Order::new("abi") };
+/// let last = Mutex::new(None);
+/// let progress = |so_far: Progress| {
+///     *last.lock().unwrap() = Some((so_far.cases, so_far.failed));
+/// };
+/// let report =
+///     certify(&module, &Corpus::embedded(), &order, &progress, &AtomicBool::new(false))?;
+/// // All that was asked for has passed, but not all of the profile was asked for.
+/// assert_eq!(report.verdict.text(), "partial");
+/// assert_eq!(*last.lock().unwrap(), Some((report.counts.executed as usize, 0)));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 /// There is nothing to report on; see [`CertifyError`]. A module that is no plug-in gives a

@@ -9,6 +9,8 @@ use softplug_abi::Micros;
 use softplug_trace::Line;
 
 /// The observed course of one run.
+///
+/// The example of [`observe`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct ObservedRun {
     /// The run: `xon-xoff.tx.hold/cut:1`.
@@ -19,6 +21,20 @@ pub struct ObservedRun {
 
 /// Runs single runs again, as a report's failures name them, and writes down what the plug-in does.
 /// Runs that do not exist, and a module that cannot be judged, give nothing.
+///
+/// ```
+/// use softplug_conformance::Corpus;
+/// use softplug_conformance::certify::observe;
+///
+/// # let module = wat::parse_file("../../fixtures/abi/echo.wat")?;
+/// // A plug-in that sends back what it receives: here XOFF and XON.
+/// let runs = ["xon-xoff.rx.break-idle/uncut", "xon-xoff.none/uncut"];
+/// let observed = observe(&module, &Corpus::embedded(), runs, 0)?;
+/// assert_eq!(observed.len(), 1, "there is no other such run");
+/// assert_eq!(observed[0].run, runs[0]);
+/// assert!(observed[0].text.contains("# observed in the run uncut"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 /// The engines fail.

@@ -10,6 +10,8 @@ use std::collections::BTreeSet;
 const PRESET: &str = "preset";
 
 /// Something that does not fit.
+///
+/// The example of [`lint`] shows one.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Finding {
@@ -128,6 +130,19 @@ pub enum Finding {
 }
 
 /// What does not fit, sorted. The ledgers may be others than the corpus' own.
+///
+/// ```
+/// use softplug_conformance::Corpus;
+/// use softplug_conformance::ledger::{Finding, lint};
+///
+/// let corpus = Corpus::embedded();
+/// assert_eq!(lint(&corpus.ledgers, &corpus), []);
+/// // Whoever changes a clause must look at its cases.
+/// let mut ledgers = corpus.ledgers.clone();
+/// ledgers[0].clauses[0].sentence.push_str(", mostly");
+/// let findings = lint(&ledgers, &corpus);
+/// assert!(matches!(&findings[..], [Finding::ChangedSentence { .. }]));
+/// ```
 pub fn lint(ledgers: &[Ledger], corpus: &Corpus) -> Vec<Finding> {
     let cases = corpus.list();
     let mut findings = BTreeSet::new();

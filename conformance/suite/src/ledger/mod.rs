@@ -41,6 +41,41 @@ use std::path::Path;
 use toml::Spanned;
 
 /// What a profile demands.
+///
+/// ```
+/// use softplug_conformance::ledger::Ledger;
+/// use std::path::Path;
+///
+/// let text = r#"
+/// profile = "echo"
+/// revision = 1
+/// title = "What comes is sent back"
+///
+/// [[feature]]
+/// name = "upper-case"
+/// text = "Letters are sent back in upper case"
+///
+/// [[setting]]
+/// name = "upper_case"
+/// type = "bool"
+/// off = "off"
+///
+/// [[clause]]
+/// id = "echo.tx.upper-case"
+/// level = "must"
+/// feature = "upper-case"
+/// sentence = "Every letter is sent back in upper case"
+/// sha256 = "16a1e2a4ae5f1d02"
+/// since = 1
+/// "#;
+/// let ledger = Ledger::parse(Path::new("echo.toml"), text)?;
+/// assert_eq!(ledger.features[0].name, "upper-case");
+/// assert_eq!(ledger.settings[0].off.as_deref(), Some("off"));
+/// let clause = ledger.clause("echo.tx.upper-case").expect("it stands there");
+/// assert_eq!(clause.feature.as_deref(), Some("upper-case"));
+/// assert_eq!(ledger.features_of(&[clause.id.clone()]), ["upper-case"].into());
+/// # Ok::<(), softplug_conformance::ledger::LedgerError>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Ledger {
     /// The profile.
@@ -58,6 +93,8 @@ pub struct Ledger {
 }
 
 /// An optional part of a profile. A plug-in is held to it if its manifest claims it.
+///
+/// The example of [`Ledger`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Feature {
@@ -69,6 +106,8 @@ pub struct Feature {
 
 /// A setting that cases use: its name, type and unit belong to the profile, so that any
 /// plug-in can be judged by it.
+///
+/// The example of [`Ledger`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SettingUse {
@@ -87,6 +126,8 @@ pub struct SettingUse {
 }
 
 /// A clause.
+///
+/// The example of [`Ledger`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Clause {

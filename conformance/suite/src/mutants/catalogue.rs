@@ -16,6 +16,29 @@ use toml::Spanned;
 const MATRIX: &str = "matrix.toml";
 
 /// The mutants of one profile.
+///
+/// ```
+/// use softplug_conformance::mutants::{Catalogue, Place};
+/// use std::path::Path;
+///
+/// let text = r#"
+/// profile = "xon-xoff"
+/// plugin = "xon-xoff"
+///
+/// [[mutant]]
+/// id = "xon-xoff.tx.obey-xoff/ignored"
+/// text = "XOFF means nothing"
+///
+/// [[unbreakable]]
+/// clause = "xon-xoff.line.parameters"
+/// reason = "A plug-in cannot choose the line's parameters."
+/// "#;
+/// let catalogue = Catalogue::parse(Path::new("xon-xoff.toml"), text)?;
+/// assert_eq!(catalogue.mutants[0].clause(), "xon-xoff.tx.obey-xoff");
+/// assert_eq!(catalogue.mutants[0].place, Place { line: 6, column: 6 });
+/// assert_eq!(catalogue.unbreakable[0].clause, "xon-xoff.line.parameters");
+/// # Ok::<(), softplug_conformance::FileError>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Catalogue {
     /// The file, as it was named.
@@ -29,6 +52,8 @@ pub struct Catalogue {
 }
 
 /// A plug-in with one broken rule.
+///
+/// The example of [`Catalogue`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Mutant {
     /// The clause, a slash, a slug: `xon-xoff.tx.obey-xoff/ignored`.
@@ -51,6 +76,8 @@ impl Mutant {
 }
 
 /// A clause that no change of a plug-in can break.
+///
+/// The example of [`Catalogue`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Unbreakable {
     /// The clause.
@@ -62,6 +89,8 @@ pub struct Unbreakable {
 }
 
 /// Where something stands in a file.
+///
+/// The example of [`Catalogue`] shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Place {
     /// From 1.
@@ -71,6 +100,15 @@ pub struct Place {
 }
 
 /// What is wrong with a catalogue.
+///
+/// ```
+/// use softplug_conformance::mutants::{Catalogue, CatalogueError};
+/// use std::path::Path;
+///
+/// let error = Catalogue::read(Path::new("none")).unwrap_err();
+/// assert!(matches!(error, CatalogueError::Io { .. }));
+/// assert!(error.to_string().starts_with("cannot read none: "));
+/// ```
 #[derive(Debug, thiserror::Error)]
 pub enum CatalogueError {
     /// A file or folder cannot be read.
@@ -191,6 +229,28 @@ impl Catalogue {
 
 /// Holds catalogues against each other and against the clauses that there are. All
 /// that is wrong, in the order of the files.
+///
+/// ```
+/// use softplug_conformance::mutants::{Catalogue, check_all};
+/// use std::path::Path;
+///
+/// let text = r#"
+/// profile = "xon-xoff"
+/// plugin = "xon-xoff"
+///
+/// [[mutant]]
+/// id = "xon-xoff.tx.obey-xof/ignored"
+/// text = "XOFF means nothing"
+/// "#;
+/// let catalogue = Catalogue::parse(Path::new("xon-xoff.toml"), text)?;
+/// let wrong = check_all(&[catalogue], |clause| clause == "xon-xoff.tx.obey-xoff");
+/// assert_eq!(wrong.len(), 1);
+/// assert_eq!(
+///     wrong[0].to_string(),
+///     "xon-xoff.toml:6:6: there is no clause \"xon-xoff.tx.obey-xof\""
+/// );
+/// # Ok::<(), softplug_conformance::FileError>(())
+/// ```
 pub fn check_all(catalogues: &[Catalogue], is_clause: impl Fn(&str) -> bool) -> Vec<FileError> {
     let mut wrong = Vec::new();
     let mut numbers: BTreeMap<u64, &str> = BTreeMap::new();
@@ -237,6 +297,18 @@ pub fn check_all(catalogues: &[Catalogue], is_clause: impl Fn(&str) -> bool) -> 
 
 /// The clauses that must be kept and can be tested, for which no catalogue has a
 /// mutant or a reason why there is none. Sorted.
+///
+/// ```
+/// use softplug_conformance::Corpus;
+/// use softplug_conformance::mutants::{Catalogue, unproved};
+/// use std::path::Path;
+///
+/// let corpus = Corpus::embedded();
+/// let catalogues = Catalogue::read(Path::new("../../fixtures/mutants"))?;
+/// assert!(unproved(&catalogues, &corpus.ledgers).is_empty());
+/// assert!(unproved(&[], &corpus.ledgers).contains(&"xon-xoff.tx.obey-xoff"));
+/// # Ok::<(), softplug_conformance::mutants::CatalogueError>(())
+/// ```
 pub fn unproved<'a>(catalogues: &[Catalogue], ledgers: &'a [Ledger]) -> Vec<&'a str> {
     let broken = catalogues.iter().flat_map(|catalogue| &catalogue.mutants).map(Mutant::clause);
     let excused = catalogues.iter().flat_map(|catalogue| &catalogue.unbreakable);

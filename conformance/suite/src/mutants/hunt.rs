@@ -6,6 +6,8 @@ use crate::script::Script;
 use crate::{Case, Class, FaultClass, Judge, Permutation};
 
 /// What came of one mutant.
+///
+/// The example of [`hunt`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Hunt {
     /// The first run that saw wrong behaviour; `None`: it survived all of them.
@@ -17,6 +19,8 @@ pub struct Hunt {
 }
 
 /// A run that saw wrong behaviour.
+///
+/// The example of [`hunt`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Kill {
     /// The case with its permutation.
@@ -29,6 +33,8 @@ pub struct Kill {
 
 /// A run that failed, but not by wrong behaviour: a trap, an exhausted budget, a
 /// broken rule of the ABI, a refusal.
+///
+/// The example of [`hunt`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct NotAKill {
     /// The case with its permutation.
@@ -39,6 +45,37 @@ pub struct NotAKill {
 
 /// Runs the cases of the mutant's profile: those that cite its clause, as they are written, then in
 /// every permutation; then the others in the same way. Ends at the first kill.
+///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_conformance::mutants::{Catalogue, Kill, NotAKill, hunt};
+/// use softplug_conformance::{FromFn, load};
+/// use softplug_native::NativePlugin;
+/// use softplug_trace::Trace;
+/// use std::path::Path;
+///
+/// let plugin = NativePlugin::XonXoff;
+/// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
+/// let subject = FromFn::new(manifest, move || plugin.instantiate());
+/// let catalogue = Path::new("../../fixtures/mutants/xon-xoff.toml");
+/// let catalogue = Catalogue::parse(catalogue, &std::fs::read_to_string(catalogue)?)?;
+/// let is_obey = |id: &str| id == "xon-xoff.tx.obey-xoff/ignored";
+/// let mutant = catalogue.mutants.iter().find(|mutant| is_obey(&mutant.id)).expect("it is listed");
+/// // The sound plug-in survives, until a case is wrong instead of it.
+/// let case = &load(["../../fixtures/traces/xon-xoff/xon-xoff.tx.hold.spt"])?[0];
+/// let survived = hunt(&subject, mutant, &[case], &[]);
+/// assert!(survived.kill.is_none() && survived.not_kills.is_empty() && survived.runs > 1);
+/// let text = case.trace.format();
+/// let wrong = case.with_trace(Trace::parse(&text.replace("43 44 ", "43 45 "))?);
+/// let run = "xon-xoff.tx.hold/uncut".to_owned();
+/// let kill = Kill { run: run.clone(), class: "diverged".to_owned(), cites: true };
+/// assert_eq!(hunt(&subject, mutant, &[&wrong], &[]).kill, Some(kill));
+/// // What the plug-in does not have proves nothing.
+/// let unfit = case.with_trace(Trace::parse(&text.replace("since: 1", "config: speed=9\nsince: 1"))?);
+/// let not_a_kill = NotAKill { run, class: "not-applicable".to_owned() };
+/// assert_eq!(hunt(&subject, mutant, &[&unfit], &[]).not_kills[0], not_a_kill);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn hunt(subject: &dyn Judge, mutant: &Mutant, cases: &[&Case], scripts: &[&Script]) -> Hunt {
     let clause = mutant.clause();
     let cites = |clauses: &[String]| clauses.iter().any(|cited| cited == clause);

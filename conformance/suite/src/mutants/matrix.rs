@@ -9,6 +9,43 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// All mutants and clauses of some catalogues. Sorted by their ids.
+///
+/// ```
+/// use softplug_conformance::mutants::{Catalogue, Hunt, Kill, Matrix};
+/// use std::path::Path;
+///
+/// let text = r#"
+/// profile = "echo"
+/// plugin = "echo"
+///
+/// [[mutant]]
+/// id = "echo.tx.at-once/late"
+/// text = "Bytes are sent back a second later"
+///
+/// [[mutant]]
+/// id = "echo.tx.at-once/slow"
+/// text = "It takes twice the fuel"
+/// survivor = "No clause bounds the fuel."
+///
+/// [[unbreakable]]
+/// clause = "echo.line.parameters"
+/// reason = "A plug-in cannot choose the line's parameters."
+/// "#;
+/// let catalogue = Catalogue::parse(Path::new("echo.toml"), text)?;
+/// let hunt_of = |is_killed: bool| {
+///     let (run, class) = ("echo.tx.first/uncut".to_owned(), "diverged".to_owned());
+///     let kill = is_killed.then_some(Kill { run, class, cites: true });
+///     Hunt { kill, not_kills: Vec::new(), runs: 1 }
+/// };
+/// let matrix = Matrix::new(&[catalogue], |mutant| hunt_of(mutant.id.ends_with("/late")));
+/// let matrix = matrix.expect("the catalogue says the same");
+/// assert_eq!(matrix.kills[0].run, "echo.tx.first/uncut");
+/// assert_eq!(matrix.survivors[0].reason, "No clause bounds the fuel.");
+/// assert_eq!(matrix.unbreakable[0].clause, "echo.line.parameters");
+/// assert_eq!(matrix.killed_by_clause()["echo.tx.at-once"], 1);
+/// assert_eq!(Matrix::parse(Path::new("matrix.toml"), &matrix.to_toml())?, matrix);
+/// # Ok::<(), softplug_conformance::FileError>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Matrix {
@@ -24,6 +61,8 @@ pub struct Matrix {
 }
 
 /// A mutant that a case notices.
+///
+/// The example of [`Matrix`] shows one.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KillRow {
@@ -44,6 +83,8 @@ pub struct KillRow {
 }
 
 /// A mutant that no case can notice.
+///
+/// The example of [`Matrix`] shows one.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SurvivorRow {
@@ -60,6 +101,8 @@ pub struct SurvivorRow {
 }
 
 /// A clause that no change of a plug-in can break.
+///
+/// The example of [`Matrix`] shows one.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct UnbreakableRow {
@@ -72,6 +115,25 @@ pub struct UnbreakableRow {
 }
 
 /// A mutant that proves the opposite of what its catalogue says.
+///
+/// ```
+/// use softplug_conformance::mutants::{Catalogue, Hunt, Matrix};
+/// use std::path::Path;
+///
+/// let text = r#"
+/// profile = "echo"
+/// plugin = "echo"
+///
+/// [[mutant]]
+/// id = "echo.tx.at-once/late"
+/// text = "Bytes are sent back a second later"
+/// "#;
+/// let catalogue = Catalogue::parse(Path::new("echo.toml"), text)?;
+/// let survived = |_: &_| Hunt { kill: None, not_kills: Vec::new(), runs: 3 };
+/// let unproved = Matrix::new(&[catalogue], survived).unwrap_err();
+/// assert!(unproved[0].to_string().starts_with("echo.toml: \"echo.tx.at-once/late\" survived 3 runs"));
+/// # Ok::<(), softplug_conformance::FileError>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum Unproved {
     /// No case noticed it.

@@ -2,9 +2,13 @@
 
 /// What stands before the number of the active mutant, in the data of a module
 /// that was built with mutants.
+///
+/// The example of [`wake`] shows it.
 pub const MARKER: [u8; 16] = *b"softplug-mutant:";
 
 /// A module cannot be made wrong.
+///
+/// The example of [`wake`] shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum PatchError {
     /// It has no marker.
@@ -19,6 +23,13 @@ pub enum PatchError {
 }
 
 /// The number of a mutant's name: FNV-1a, 64 bits. 0 is no mutant.
+///
+/// ```
+/// use softplug_conformance::mutants::id;
+///
+/// assert_eq!(id(""), 0xCBF2_9CE4_8422_2325);
+/// assert_ne!(id("xon-xoff.tx.obey-xoff/ignored"), id("xon-xoff.tx.obey-xoff/late"));
+/// ```
 pub const fn id(name: &str) -> u64 {
     let bytes = name.as_bytes();
     let mut hash: u64 = 0xCBF2_9CE4_8422_2325;
@@ -31,6 +42,18 @@ pub const fn id(name: &str) -> u64 {
 }
 
 /// The module with the mutant of this name active.
+///
+/// ```
+/// use softplug_conformance::mutants::{MARKER, PatchError, id, wake};
+///
+/// // Where none is active, zero stands behind the marker.
+/// let name = "xon-xoff.tx.obey-xoff/ignored";
+/// let module = [&b"\0asm..."[..], &MARKER, &[0; 8]].concat();
+/// let woken = wake(&module, name)?;
+/// assert_eq!(woken[module.len() - 8..], id(name).to_le_bytes());
+/// assert_eq!(wake(b"\0asm", name), Err(PatchError::NoMarker));
+/// # Ok::<(), PatchError>(())
+/// ```
 ///
 /// # Errors
 /// The module was not built with mutants.

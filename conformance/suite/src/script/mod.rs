@@ -25,6 +25,22 @@ pub(crate) use erased::Boxed;
 use stage::Stage;
 
 /// A case that is code.
+///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_conformance::{FromFn, script};
+/// use softplug_native::NativePlugin;
+///
+/// let plugin = NativePlugin::XonXoff;
+/// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
+/// let subject = FromFn::new(manifest, move || plugin.instantiate());
+/// let scripts = script::all();
+/// let script = scripts.iter().find(|script| script.profile == "xon-xoff").expect("there are some");
+/// let run = script.run(&subject);
+/// assert_eq!(run.failure, None);
+/// assert!(run.bytes > 0 && !run.log.is_empty());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone)]
 pub struct Script {
     /// The case's id.
@@ -46,6 +62,8 @@ pub struct Script {
 type Scenario = dyn Fn(&mut Stage<'_>) -> Result<(), Box<ScriptFailure>> + Send + Sync;
 
 /// One run of a script.
+///
+/// The example of [`Script`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct ScriptRun {
     /// What was seen from outside, each line with its virtual time.
@@ -59,6 +77,23 @@ pub struct ScriptRun {
 }
 
 /// Why a script failed.
+///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_conformance::{FromFn, script};
+/// use softplug_native::NativePlugin;
+///
+/// // A plug-in that speaks another protocol than the script's.
+/// let plugin = NativePlugin::R3964;
+/// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
+/// let subject = FromFn::new(manifest, move || plugin.instantiate());
+/// let scripts = script::all();
+/// let script = scripts.iter().find(|script| script.profile == "xon-xoff").expect("there are some");
+/// let failure = script.run(&subject).failure.expect("it cannot pass");
+/// let first = format!("the plug-in {}\n", failure.class.text());
+/// assert!(failure.to_string().starts_with(&first));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
 pub struct ScriptFailure {
     /// What kind of failure.
@@ -130,6 +165,14 @@ impl fmt::Display for ScriptFailure {
 }
 
 /// All scripts, sorted by id.
+///
+/// ```
+/// use softplug_conformance::script;
+///
+/// let scripts = script::all();
+/// assert!(scripts.is_sorted_by_key(|script| script.id.clone()));
+/// assert!(scripts.iter().any(|script| script.id == "abi.settings.malformed"));
+/// ```
 pub fn all() -> Vec<Script> {
     let mut all = abi::scripts();
     all.extend(fanuc::scripts());
