@@ -12,7 +12,7 @@ use crate::partners::{Partner, Signal};
 ///
 /// ```
 /// use softplug_abi::manifest::Manifest;
-/// use softplug_abi::{LineParameters, Micros};
+/// use softplug_abi::Micros;
 /// use softplug_conformance::closed_loop::ClosedLoop;
 /// use softplug_conformance::partners::xon_xoff::{Control, ControlOptions};
 /// use softplug_link::{Job, LinkOptions, Recorder};

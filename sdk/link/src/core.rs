@@ -9,6 +9,8 @@ use softplug_abi::limits::REQUESTS;
 use softplug_abi::{Action, Actions, Failure, Micros, Pass, Values};
 
 /// Whether the plug-in holds the transmit queue.
+///
+/// The example of [`Link`](crate::Link) shows it.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum HoldState {
     /// Bytes may leave.

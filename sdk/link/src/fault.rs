@@ -5,6 +5,46 @@ use std::error::Error;
 use thiserror::Error;
 
 /// The plug-in on this link has ended, or did not take an event.
+///
+/// ```
+/// use softplug_abi::{Event, Micros};
+/// # use softplug_abi::{ActionWriter, Instance, NoSpace, Output};
+/// use softplug_abi::EventKind;
+/// use softplug_link::{Link, LinkFault, LinkOptions, Recorder, RuleBroken};
+///
+/// # type Act = fn(&Event<'_>, &mut ActionWriter<'_>) -> Result<(), NoSpace>;
+/// # struct Plugin(Act, Vec<u8>);
+/// # impl Instance for Plugin {
+/// #     type Fault = NoSpace;
+/// #     fn input_capacity(&self) -> usize {
+/// #         512
+/// #     }
+/// #     fn step(&mut self, event: &Event<'_>, _now: Micros) -> Result<Output<'_>, NoSpace> {
+/// #         self.1.resize(1_024, 0);
+/// #         let mut actions = ActionWriter::new(&mut self.1);
+/// #         (self.0)(event, &mut actions)?;
+/// #         let length = actions.len();
+/// #         Ok(Output { actions: &self.1[..length], more: false })
+/// #     }
+/// # }
+/// # fn plugin(act: Act) -> Plugin {
+/// #     Plugin(act, Vec::new())
+/// # }
+/// // Transmits without looking at the room.
+/// let flood = plugin(|event, actions| match event {
+///     Event::Received(_) => actions.transmit(b"too much"),
+///     _ => Ok(()),
+/// });
+/// let mut link = Link::new(flood, LinkOptions { transmit_room: 4, ..LinkOptions::default() });
+/// let mut host = Recorder::default();
+/// link.open(Micros(0), &mut host)?;
+/// let fault = link.received(Micros(1_000), b"?", &mut host).unwrap_err();
+/// let LinkFault::Rule { event, source } = fault else { panic!("{fault}") };
+/// assert_eq!(event, EventKind::Received);
+/// assert_eq!(source, RuleBroken::TransmitRoom { asked: 8, room: 4 });
+/// assert!(link.has_ended());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Error)]
 pub enum LinkFault<F: Error + 'static> {
     /// The instance trapped, spent its budget or refused the event.
@@ -46,6 +86,8 @@ impl<F: Error + 'static> LinkFault<F> {
 }
 
 /// The rule of the ABI that an action breaks.
+///
+/// The example of [`LinkFault`] shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Error)]
 pub enum RuleBroken {
     /// It transmitted more than it had room for.

@@ -3,6 +3,48 @@
 use softplug_abi::{Pass, limits};
 
 /// A job to begin.
+///
+/// ```
+/// use softplug_abi::{Event, Micros};
+/// # use softplug_abi::{ActionWriter, Instance, NoSpace, Output};
+/// use softplug_abi::Action;
+/// use softplug_link::{Job, LinkOptions, Observed, Recorder, VirtualLine};
+///
+/// # type Act = fn(&Event<'_>, &mut ActionWriter<'_>) -> Result<(), NoSpace>;
+/// # struct Plugin(Act, Vec<u8>);
+/// # impl Instance for Plugin {
+/// #     type Fault = NoSpace;
+/// #     fn input_capacity(&self) -> usize {
+/// #         512
+/// #     }
+/// #     fn step(&mut self, event: &Event<'_>, _now: Micros) -> Result<Output<'_>, NoSpace> {
+/// #         self.1.resize(1_024, 0);
+/// #         let mut actions = ActionWriter::new(&mut self.1);
+/// #         (self.0)(event, &mut actions)?;
+/// #         let length = actions.len();
+/// #         Ok(Output { actions: &self.1[..length], more: false })
+/// #     }
+/// # }
+/// # fn plugin(act: Act) -> Plugin {
+/// #     Plugin(act, Vec::new())
+/// # }
+/// let sender = plugin(|event, actions| match event {
+///     Event::JobBegin { job, .. } => actions.push(&Action::Want { job: *job, bytes: 1_000 }),
+///     Event::JobData { bytes, .. } => actions.transmit(bytes),
+///     Event::JobEnd { job } => actions.push(&Action::JobDone { job: *job, sent: 4 }),
+///     _ => Ok(()),
+/// });
+/// let mut line = VirtualLine::new(sender, LinkOptions::default(), 16);
+/// let mut host = Recorder::default();
+/// line.link.open(Micros(0), &mut host)?;
+/// host.add_source(7, b"G1X2".to_vec());
+/// let job = Job { id: 7, kind: 0, size: Some(4), fields: Vec::new(), check: false };
+/// line.link.begin_job(Micros(0), job, &mut host)?;
+/// line.tick(Micros(0), &mut host)?;
+/// assert_eq!(host.sent(), b"G1X2");
+/// assert!(host.observed.contains(&(Micros(0), Observed::Done { job: 7, sent: 4 })));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Job {
     /// Its id, not 0 and not used before on this link.

@@ -15,6 +15,51 @@
 //! 6. [`Link::next_timer`] for when to come back. Coming back early is harmless.
 //!
 //! [`VirtualLine`] does all that in virtual time, with a model of the UART.
+//!
+//! The plug-in of the examples is a function, made an instance like this:
+//!
+//! ```
+//! use softplug_abi::{ActionWriter, Event, Instance, Micros, NoSpace, Output};
+//! use softplug_link::{LinkOptions, Observed, Recorder, VirtualLine};
+//!
+//! type Act = fn(&Event<'_>, &mut ActionWriter<'_>) -> Result<(), NoSpace>;
+//!
+//! struct Plugin(Act, Vec<u8>);
+//!
+//! impl Instance for Plugin {
+//!     type Fault = NoSpace;
+//!
+//!     fn input_capacity(&self) -> usize {
+//!         512
+//!     }
+//!
+//!     fn step(&mut self, event: &Event<'_>, _now: Micros) -> Result<Output<'_>, NoSpace> {
+//!         self.1.resize(1_024, 0);
+//!         let mut actions = ActionWriter::new(&mut self.1);
+//!         (self.0)(event, &mut actions)?;
+//!         let length = actions.len();
+//!         Ok(Output { actions: &self.1[..length], more: false })
+//!     }
+//! }
+//!
+//! fn plugin(act: Act) -> Plugin {
+//!     Plugin(act, Vec::new())
+//! }
+//!
+//! // It sends back what it receives: at 9,600 8N1, a character takes 1,042 µs.
+//! let echo = plugin(|event, actions| match event {
+//!     Event::Received(bytes) => actions.transmit(bytes),
+//!     _ => Ok(()),
+//! });
+//! let mut line = VirtualLine::new(echo, LinkOptions::default(), 16);
+//! let mut host = Recorder::default();
+//! line.link.open(Micros(0), &mut host)?;
+//! line.link.received(Micros(1_000), b"G1", &mut host)?;
+//! line.tick(Micros(1_000), &mut host)?;
+//! let (first, second) = (Observed::Byte(b'G'), Observed::Byte(b'1'));
+//! assert_eq!(host.observed, [(Micros(1_000), first), (Micros(2_042), second)]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 #![forbid(unsafe_code)]
 
 mod core;
@@ -53,6 +98,39 @@ pub use wire::Wire;
 use softplug_abi::{Action, Micros};
 
 /// What a link needs from its surroundings while it runs.
+///
+/// ```
+/// use softplug_abi::{Action, Micros};
+/// use softplug_link::{Outside, Supply};
+///
+/// /// Supplies one program, and keeps the jobs that are done.
+/// struct Host {
+///     program: &'static [u8],
+///     done: Vec<u32>,
+/// }
+///
+/// impl Outside for Host {
+///     fn handle(&mut self, _now: Micros, action: &Action<'_>) {
+///         if let Action::JobDone { job, .. } = action {
+///             self.done.push(*job);
+///         }
+///     }
+///     fn supply(&mut self, _job: u32, buffer: &mut [u8]) -> Supply {
+///         let (now, later) = self.program.split_at(self.program.len().min(buffer.len()));
+///         buffer[..now.len()].copy_from_slice(now);
+///         self.program = later;
+///         if now.is_empty() { Supply::End } else { Supply::Bytes(now.len()) }
+///     }
+/// }
+///
+/// let mut host = Host { program: b"G1X2", done: Vec::new() };
+/// let mut buffer = [0; 3];
+/// assert_eq!(host.supply(7, &mut buffer), Supply::Bytes(3));
+/// assert_eq!(host.supply(7, &mut buffer), Supply::Bytes(1));
+/// assert_eq!(host.supply(7, &mut buffer), Supply::End);
+/// host.handle(Micros(4_167), &Action::JobDone { job: 7, sent: 4 });
+/// assert_eq!(host.done, [7]);
+/// ```
 pub trait Outside {
     /// The plug-in did something that concerns the host: deliveries, ends of
     /// jobs, requests, notes, state names, hold and release, modem lines, and
@@ -91,6 +169,8 @@ pub trait Outside {
 }
 
 /// Answer of a job's source.
+///
+/// The example of [`Outside`] shows two.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Supply {
     /// So many bytes are in the buffer, at least one.

@@ -11,6 +11,16 @@ use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Actions, Event, Instance, LineParameters, LinkDownReason, Micros, ModemLines};
 
 /// What a link is opened with.
+///
+/// ```
+/// use softplug_abi::{LineParameters, ModemLines, Parity};
+/// use softplug_link::LinkOptions;
+///
+/// let line = LineParameters { parity: Parity::Even, ..LineParameters::new(19_200) };
+/// let modem_lines = Some((ModemLines::CTS.union(ModemLines::DSR), ModemLines::CTS));
+/// let options = LinkOptions { line, modem_lines, ..LinkOptions::default() };
+/// assert_eq!((options.transmit_room, options.delivery_room), (4_096, 4_096));
+/// ```
 #[derive(Clone, Debug)]
 pub struct LinkOptions {
     /// The characters on the line.
@@ -43,6 +53,49 @@ impl Default for LinkOptions {
 /// Every call may end in a [`LinkFault`]: the plug-in has then ended, its job and
 /// delivery were reported as interrupted, and nothing more is sent. The link
 /// itself, with its queue and hold, stays; another plug-in may take over.
+///
+/// ```
+/// use softplug_abi::{Event, Micros};
+/// # use softplug_abi::{ActionWriter, Instance, NoSpace, Output};
+/// use softplug_link::{HoldState, Link, LinkOptions, Recorder, Taken};
+///
+/// # type Act = fn(&Event<'_>, &mut ActionWriter<'_>) -> Result<(), NoSpace>;
+/// # struct Plugin(Act, Vec<u8>);
+/// # impl Instance for Plugin {
+/// #     type Fault = NoSpace;
+/// #     fn input_capacity(&self) -> usize {
+/// #         512
+/// #     }
+/// #     fn step(&mut self, event: &Event<'_>, _now: Micros) -> Result<Output<'_>, NoSpace> {
+/// #         self.1.resize(1_024, 0);
+/// #         let mut actions = ActionWriter::new(&mut self.1);
+/// #         (self.0)(event, &mut actions)?;
+/// #         let length = actions.len();
+/// #         Ok(Output { actions: &self.1[..length], more: false })
+/// #     }
+/// # }
+/// # fn plugin(act: Act) -> Plugin {
+/// #     Plugin(act, Vec::new())
+/// # }
+/// let echo = plugin(|event, actions| match event {
+///     Event::Received(bytes) => actions.transmit(bytes),
+///     _ => Ok(()),
+/// });
+/// let mut link = Link::new(echo, LinkOptions::default());
+/// let mut host = Recorder::default();
+/// link.open(Micros(0), &mut host)?;
+/// link.received(Micros(1_000), b"G1", &mut host)?;
+/// link.run(Micros(1_000), &mut host)?;
+/// assert_eq!(link.hold(), HoldState::Free);
+/// let mut port = [0; 64];
+/// assert_eq!(link.take(&mut port), Taken::Bytes(2));
+/// assert_eq!(&port[..2], b"G1");
+/// // Both have left the wire, at the latest now.
+/// link.left(2, 2);
+/// link.run(Micros(3_084), &mut host)?;
+/// assert!(link.is_idle());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Link<I: Instance> {
     pub(crate) instance: I,

@@ -21,6 +21,59 @@ pub(crate) struct Probation<I> {
 }
 
 /// A plug-in has failed on probation, and the one before it has gone on.
+///
+/// ```
+/// use softplug_abi::{Event, Micros};
+/// # use softplug_abi::{ActionWriter, Instance, NoSpace, Output};
+/// use softplug_abi::manifest::SettingValues;
+/// use softplug_abi::{Action, EventKind};
+/// use softplug_link::{Link, LinkOptions, Recorder, Reverted, Spare, Successor, Taken};
+///
+/// # type Act = fn(&Event<'_>, &mut ActionWriter<'_>) -> Result<(), NoSpace>;
+/// # struct Plugin(Act, Vec<u8>);
+/// # impl Instance for Plugin {
+/// #     type Fault = NoSpace;
+/// #     fn input_capacity(&self) -> usize {
+/// #         512
+/// #     }
+/// #     fn step(&mut self, event: &Event<'_>, _now: Micros) -> Result<Output<'_>, NoSpace> {
+/// #         self.1.resize(1_024, 0);
+/// #         let mut actions = ActionWriter::new(&mut self.1);
+/// #         (self.0)(event, &mut actions)?;
+/// #         let length = actions.len();
+/// #         Ok(Output { actions: &self.1[..length], more: false })
+/// #     }
+/// # }
+/// # fn plugin(act: Act) -> Plugin {
+/// #     Plugin(act, Vec::new())
+/// # }
+/// const SAVED: Action<'_> = Action::Saved { format: 1, offset: 0, total: 1, bytes: &[7] };
+/// let echo = || plugin(|event, actions| match event {
+///     Event::Received(bytes) => actions.transmit(bytes),
+///     Event::Save => actions.push(&SAVED),
+///     _ => Ok(()),
+/// });
+/// let broken = plugin(|event, actions| match event {
+///     Event::Received(_) => Err(NoSpace),
+///     Event::Save => actions.push(&SAVED),
+///     _ => Ok(()),
+/// });
+/// let mut link = Link::new(echo(), LinkOptions::default());
+/// let mut host = Recorder::default();
+/// link.open(Micros(0), &mut host)?;
+/// let spare = Some(Spare { instance: echo(), accepts: vec![1] });
+/// let settings = SettingValues::default();
+/// let successor = Successor { instance: broken, settings, accepts: vec![1], spare };
+/// link.swap_to(Micros(1_000), successor, &mut host)?;
+/// assert!(link.on_probation().is_some());
+///
+/// // It fails, the one before it goes on, and what came is not lost.
+/// link.received(Micros(2_000), b"G1", &mut host)?;
+/// let Reverted { at, event, .. } = link.take_reverted().expect("it has failed");
+/// assert_eq!((at, event), (Micros(2_000), EventKind::Received));
+/// assert_eq!(link.take(&mut [0; 64]), Taken::Bytes(2));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Reverted<I: Instance> {
     /// When.

@@ -8,6 +8,8 @@ use softplug_abi::limits::{MARKS, URGENT_BYTES};
 use std::collections::VecDeque;
 
 /// What [`Link::take`](crate::Link::take) gave to the port.
+///
+/// The example of [`Link`](crate::Link) shows it.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Taken {
     /// Nothing may be sent now.

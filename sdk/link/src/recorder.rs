@@ -5,6 +5,8 @@ use softplug_abi::{Action, Failure, Micros, ModemLines, NoteLevel};
 use std::collections::BTreeMap;
 
 /// Something that a plug-in was seen to do.
+///
+/// The example of [`Recorder`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Observed {
     /// A character on the wire.
@@ -68,6 +70,8 @@ pub enum Observed {
 }
 
 /// A delivery with all its bytes.
+///
+/// The example of [`Recorder`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Delivery {
     /// The plug-in's id for it.
@@ -85,6 +89,22 @@ pub struct Delivery {
 }
 
 /// Keeps all that happens, and supplies jobs from memory.
+///
+/// ```
+/// use softplug_abi::{Action, Micros};
+/// use softplug_link::{Delivery, Observed, Outside, Recorder};
+///
+/// // As a link calls it: a delivery in two pieces.
+/// let mut host = Recorder::default();
+/// host.handle(Micros(1_000), &Action::DeliveryBegin { delivery: 1, job: 0 });
+/// host.handle(Micros(1_000), &Action::Deliver { delivery: 1, bytes: b"%\n" });
+/// host.handle(Micros(9_000), &Action::Deliver { delivery: 1, bytes: b"O1\n" });
+/// let end = Action::DeliveryEnd { delivery: 1, failure: None, status: 0 };
+/// host.handle(Micros(9_000), &end);
+/// assert_eq!(host.deliveries()[0].bytes, b"%\nO1\n");
+/// let whole = Delivery { id: 1, bytes: b"%\nO1\n".to_vec(), ..Delivery::default() };
+/// assert_eq!(host.observed, [(Micros(9_000), Observed::Delivery(whole))]);
+/// ```
 #[derive(Debug, Default)]
 pub struct Recorder {
     /// All that happened, in order. The time of a byte is that of its start bit.

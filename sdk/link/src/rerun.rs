@@ -13,6 +13,45 @@ use softplug_abi::{Event, Instance, MarkState, Micros};
 /// times. There is no line: nothing comes of what the instance does, but it is
 /// held to the rules. How many urgent bytes wait cannot be told from events; they
 /// count as sent when time goes on.
+///
+/// ```
+/// use softplug_abi::{Event, Micros};
+/// # use softplug_abi::{ActionWriter, Instance, NoSpace, Output};
+/// use softplug_abi::LineParameters;
+/// use softplug_link::{LinkFault, Recorder, Rerun, UnderWay};
+///
+/// # type Act = fn(&Event<'_>, &mut ActionWriter<'_>) -> Result<(), NoSpace>;
+/// # struct Plugin(Act, Vec<u8>);
+/// # impl Instance for Plugin {
+/// #     type Fault = NoSpace;
+/// #     fn input_capacity(&self) -> usize {
+/// #         512
+/// #     }
+/// #     fn step(&mut self, event: &Event<'_>, _now: Micros) -> Result<Output<'_>, NoSpace> {
+/// #         self.1.resize(1_024, 0);
+/// #         let mut actions = ActionWriter::new(&mut self.1);
+/// #         (self.0)(event, &mut actions)?;
+/// #         let length = actions.len();
+/// #         Ok(Output { actions: &self.1[..length], more: false })
+/// #     }
+/// # }
+/// # fn plugin(act: Act) -> Plugin {
+/// #     Plugin(act, Vec::new())
+/// # }
+/// let flood = plugin(|event, actions| match event {
+///     Event::Received(_) => actions.transmit(b"too much"),
+///     _ => Ok(()),
+/// });
+/// let mut rerun = Rerun::new(flood, &UnderWay::default());
+/// let mut host = Recorder::default();
+/// // As it was recorded: the plug-in was told of 4 bytes of room.
+/// let line = LineParameters::new(9_600);
+/// let open = Event::Open { resumed: false, line, transmit_room: 4, delivery_room: 4_096 };
+/// rerun.give(Micros(0), &open, &mut host)?;
+/// let fault = rerun.give(Micros(1_000), &Event::Received(b"?"), &mut host).unwrap_err();
+/// assert!(matches!(fault, LinkFault::Rule { .. }));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Rerun<I: Instance> {
     link: Link<I>,

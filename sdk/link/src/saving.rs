@@ -6,6 +6,42 @@ use softplug_abi::limits::{OUTPUT_ROUNDS, STATE_BYTES};
 use softplug_abi::{Action, Actions, Event, EventKind, Instance, Micros};
 
 /// A plug-in's state, as it saved it.
+///
+/// ```
+/// use softplug_abi::{Event, Micros};
+/// # use softplug_abi::{ActionWriter, Instance, NoSpace, Output};
+/// use softplug_abi::Action;
+/// use softplug_link::{Link, LinkOptions, Recorder, SavedState};
+///
+/// # type Act = fn(&Event<'_>, &mut ActionWriter<'_>) -> Result<(), NoSpace>;
+/// # struct Plugin(Act, Vec<u8>);
+/// # impl Instance for Plugin {
+/// #     type Fault = NoSpace;
+/// #     fn input_capacity(&self) -> usize {
+/// #         512
+/// #     }
+/// #     fn step(&mut self, event: &Event<'_>, _now: Micros) -> Result<Output<'_>, NoSpace> {
+/// #         self.1.resize(1_024, 0);
+/// #         let mut actions = ActionWriter::new(&mut self.1);
+/// #         (self.0)(event, &mut actions)?;
+/// #         let length = actions.len();
+/// #         Ok(Output { actions: &self.1[..length], more: false })
+/// #     }
+/// # }
+/// # fn plugin(act: Act) -> Plugin {
+/// #     Plugin(act, Vec::new())
+/// # }
+/// let saving = plugin(|event, actions| match event {
+///     Event::Save => actions.push(&Action::Saved { format: 1, offset: 0, total: 1, bytes: &[7] }),
+///     _ => Ok(()),
+/// });
+/// let mut link = Link::new(saving, LinkOptions::default());
+/// let mut host = Recorder::default();
+/// link.open(Micros(0), &mut host)?;
+/// let state = link.save(Micros(1_000), &mut host)?;
+/// assert_eq!(state, Some(SavedState { format: 1, bytes: vec![7] }));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct SavedState {
     /// The format; a plug-in's manifest lists those that it accepts.

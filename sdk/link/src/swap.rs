@@ -12,6 +12,9 @@ use std::error::Error;
 use thiserror::Error;
 
 /// What takes over.
+///
+/// The example of [`Reverted`](crate::Reverted) shows one that fails, that of [`SwapError`] one
+/// that is not taken.
 #[derive(Clone, Debug)]
 pub struct Successor<I> {
     /// A new instance.
@@ -25,6 +28,8 @@ pub struct Successor<I> {
 }
 
 /// What goes on if a successor fails on probation.
+///
+/// The example of [`Reverted`](crate::Reverted) shows one.
 #[derive(Clone, Debug)]
 pub struct Spare<I> {
     /// A new instance of the plug-in that runs now. It gets the settings that
@@ -35,6 +40,47 @@ pub struct Spare<I> {
 }
 
 /// Why the plug-in was not replaced. The old one goes on.
+///
+/// ```
+/// use softplug_abi::{Event, Micros};
+/// # use softplug_abi::{ActionWriter, Instance, NoSpace, Output};
+/// use softplug_abi::Action;
+/// use softplug_abi::manifest::SettingValues;
+/// use softplug_link::{Link, LinkOptions, Recorder, Successor, SwapError};
+///
+/// # type Act = fn(&Event<'_>, &mut ActionWriter<'_>) -> Result<(), NoSpace>;
+/// # struct Plugin(Act, Vec<u8>);
+/// # impl Instance for Plugin {
+/// #     type Fault = NoSpace;
+/// #     fn input_capacity(&self) -> usize {
+/// #         512
+/// #     }
+/// #     fn step(&mut self, event: &Event<'_>, _now: Micros) -> Result<Output<'_>, NoSpace> {
+/// #         self.1.resize(1_024, 0);
+/// #         let mut actions = ActionWriter::new(&mut self.1);
+/// #         (self.0)(event, &mut actions)?;
+/// #         let length = actions.len();
+/// #         Ok(Output { actions: &self.1[..length], more: false })
+/// #     }
+/// # }
+/// # fn plugin(act: Act) -> Plugin {
+/// #     Plugin(act, Vec::new())
+/// # }
+/// let saving = || plugin(|event, actions| match event {
+///     Event::Save => actions.push(&Action::Saved { format: 1, offset: 0, total: 1, bytes: &[7] }),
+///     _ => Ok(()),
+/// });
+/// let mut link = Link::new(saving(), LinkOptions::default());
+/// let mut host = Recorder::default();
+/// link.open(Micros(0), &mut host)?;
+/// // This one is newer, and no longer takes the old form of the state.
+/// let (settings, accepts) = (SettingValues::default(), vec![2, 3]);
+/// let successor = Successor { instance: saving(), settings, accepts, spare: None };
+/// let refused = link.swap_to(Micros(1_000), successor, &mut host);
+/// assert!(matches!(refused, Err(SwapError::Format { format: 1 })));
+/// assert!(!link.has_ended());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Error)]
 pub enum SwapError<F: Error + 'static> {
     /// The old plug-in could not save its state.

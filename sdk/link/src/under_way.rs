@@ -5,6 +5,45 @@ use crate::core::Core;
 use softplug_abi::{Instance, Pass};
 
 /// What is under way on a link: what a plug-in that takes over finds there.
+///
+/// ```
+/// use softplug_abi::{Event, Micros};
+/// # use softplug_abi::{ActionWriter, Instance, NoSpace, Output};
+/// use softplug_abi::{Action, Pass};
+/// use softplug_link::{Job, Link, LinkOptions, Recorder, UnderWay};
+///
+/// # type Act = fn(&Event<'_>, &mut ActionWriter<'_>) -> Result<(), NoSpace>;
+/// # struct Plugin(Act, Vec<u8>);
+/// # impl Instance for Plugin {
+/// #     type Fault = NoSpace;
+/// #     fn input_capacity(&self) -> usize {
+/// #         512
+/// #     }
+/// #     fn step(&mut self, event: &Event<'_>, _now: Micros) -> Result<Output<'_>, NoSpace> {
+/// #         self.1.resize(1_024, 0);
+/// #         let mut actions = ActionWriter::new(&mut self.1);
+/// #         (self.0)(event, &mut actions)?;
+/// #         let length = actions.len();
+/// #         Ok(Output { actions: &self.1[..length], more: false })
+/// #     }
+/// # }
+/// # fn plugin(act: Act) -> Plugin {
+/// #     Plugin(act, Vec::new())
+/// # }
+/// let waiting = plugin(|event, actions| match event {
+///     Event::JobBegin { .. } => actions.push(&Action::DeliveryBegin { delivery: 3, job: 0 }),
+///     _ => Ok(()),
+/// });
+/// let mut link = Link::new(waiting, LinkOptions::default());
+/// let mut host = Recorder::default();
+/// link.open(Micros(0), &mut host)?;
+/// assert_eq!(link.under_way(), UnderWay::default());
+/// let job = Job { id: 7, kind: 0, size: None, fields: Vec::new(), check: false };
+/// link.begin_job(Micros(0), job, &mut host)?;
+/// let UnderWay { job, delivery, .. } = link.under_way();
+/// assert_eq!((job, delivery), (Some((7, Pass::Run)), Some(3)));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct UnderWay {
     /// The job and its pass.

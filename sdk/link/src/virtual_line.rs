@@ -8,6 +8,8 @@ use softplug_abi::{Action, Instance, Micros};
 /// At each instant, in this order: what came from the line (through
 /// [`link`](Self::link)), [`advance`](Self::advance), host requests (again
 /// through `link`), [`transmit`](Self::transmit).
+///
+/// The [crate's page](crate) has an example.
 #[derive(Debug)]
 pub struct VirtualLine<I: Instance> {
     /// The link; give it events and requests between the other calls.
