@@ -39,6 +39,8 @@ fn front_matter_faults() {
     insta::assert_snapshot!(replaced(&[
         ("clauses:", "clasues:"),
         ("clauses:", "colour:"),
+        ("clauses:", "machine_type:"),
+        ("clauses:", "machine-type:"),
         ("since: 1", "since: 1\nlevel: may"),
         ("level: must\n", ""),
         ("title: XOFF stops the sender, XON lets it go on", "title:"),
@@ -63,6 +65,16 @@ fn front_matter_faults() {
         ("since: 1", "since: 1 ; first"),
         ("xon-xoff.tx.resume", "xon-xoff.tx.obey-xoff"),
     ]));
+}
+
+#[test]
+fn what_only_resembles_a_date_is_none() {
+    for date in ["2026-03-1", "2026-03-011", "2026011-12", "2026-03120", "2026-00-01", "2026-01-32"]
+    {
+        let origin = format!("recorded(a, {date}, b)");
+        let error = Trace::parse(&HOLD.replace("hand-written", &origin)).expect_err(date);
+        assert_eq!(error.kind, ParseErrorKind::Expected("a date like 2026-03-01"), "{date}");
+    }
 }
 
 #[test]

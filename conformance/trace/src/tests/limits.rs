@@ -68,6 +68,14 @@ fn the_longest_line_that_fits_does() {
 }
 
 #[test]
+fn spaces_at_the_end_count_for_the_line_and_not_for_what_it_says() {
+    for (spaces, fits) in [(limits::LINE_BYTES, true), (limits::LINE_BYTES + 1, false)] {
+        let body = format!("{}\n. 1.0\n", " ".repeat(spaces));
+        assert_eq!(parse_body(&body).is_ok(), fits, "{spaces}");
+    }
+}
+
+#[test]
 fn a_line_must_fit_in_its_canonical_form_too() {
     // Four bytes of text for each that is no letter.
     let dashes = |count: usize| format!("> 0.0 \"{}\"\n", "\u{2014}".repeat(count));
@@ -128,6 +136,11 @@ fn numbers_that_do_not_fit() {
         "= 0.0 fail 1 echo status=10000\n",
         "= 0.0 fail 1 echo status=\n",
         "= 0.0 fail 1 echo status=-1\n",
+        "= 0.0 fail 1 echo status=+1\n",
+        "= 0.0 fail 1 echo status=0001F\n",
+        "= 0.0 check 1 echo line=x\n",
+        "= 0.0 check 1 echo line=+1\n",
+        "= 0.0 check 1 echo line=\n",
     ] {
         assert!(matches!(kind(body), ParseErrorKind::Expected(_)), "{body}");
     }
@@ -150,4 +163,32 @@ fn names_have_a_limit() {
     assert!(parse_body(&format!("= 0.0 request 1 x {name}a=1\n")).is_err());
     let title = HOLD.replace("XOFF stops", &"é".repeat(limits::TITLE_CHARACTERS));
     assert!(matches!(Trace::parse(&title).unwrap_err().kind, ParseErrorKind::OutOfRange { .. }));
+    let title = |characters: usize| {
+        let title = "é".repeat(characters);
+        Trace::parse(&HOLD.replace("XOFF stops the sender, XON lets it go on", &title))
+    };
+    assert!(title(limits::TITLE_CHARACTERS).is_ok());
+    assert!(title(limits::TITLE_CHARACTERS + 1).is_err());
+    let origin = |device: &str| {
+        Trace::parse(&HOLD.replace("hand-written", &format!("recorded({device}, 2026-03-01, t)")))
+    };
+    assert!(origin(&name).is_ok());
+    assert!(origin(&format!("{name}a")).is_err());
+    assert!(origin(" ").is_err());
+}
+
+#[test]
+fn the_longest_configuration_that_fits_does() {
+    // Without the space after the colon, which the canonical form puts there.
+    let config = |bytes: usize| {
+        let value = "x".repeat(bytes - "config: a=".len());
+        let text = HOLD.replace("config: ", &format!("config:a={value}\nxx: "));
+        text.lines()
+            .filter(|line| !line.starts_with("xx"))
+            .fold(String::new(), |text, line| text + line + "\n")
+    };
+    let full = Trace::parse(&config(limits::LINE_BYTES)).unwrap();
+    assert_eq!(Trace::parse(&full.format()), Ok(full));
+    let over = Trace::parse(&config(limits::LINE_BYTES + 1)).unwrap_err();
+    assert_eq!(over.kind, ParseErrorKind::LineTooLong);
 }
