@@ -10,11 +10,11 @@ use std::fmt::Write;
 /// ```
 /// use softplug_report::{annotations, json};
 ///
-/// let text = include_str!("../tests/reports/partial.json");
-/// let report = json::read(std::path::Path::new("conformance.json"), text)?;
+/// let text = std::fs::read_to_string("tests/reports/partial.json")?;
+/// let report = json::read(std::path::Path::new("conformance.json"), &text)?;
 /// let text = annotations::write(&report);
 /// assert!(text.starts_with("::error title=xon-xoff revision 1%3A partial::"), "{text}");
-/// # Ok::<(), json::ReadError>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn write(report: &Report) -> String {
     let mut text = String::new();

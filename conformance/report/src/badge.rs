@@ -9,10 +9,10 @@ use serde::Serialize;
 /// ```
 /// use softplug_report::{badge, json};
 ///
-/// let text = include_str!("../tests/reports/conformant.json");
-/// let report = json::read(std::path::Path::new("conformance.json"), text)?;
+/// let text = std::fs::read_to_string("tests/reports/conformant.json")?;
+/// let report = json::read(std::path::Path::new("conformance.json"), &text)?;
 /// assert!(badge::write(&report).contains(r#""message": "conformant (softplug 0.1.0)""#));
-/// # Ok::<(), json::ReadError>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn write(report: &Report) -> String {
     let (suite, profile) = (&report.suite, &report.profile);

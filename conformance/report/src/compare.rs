@@ -6,6 +6,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 /// A field in which two reports differ.
+///
+/// The example of [`compare()`](crate::compare()) shows one.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Difference {
     /// The field: `verdict`, `cases "xon-xoff.tx.hold" result`, …
@@ -22,6 +24,20 @@ impl fmt::Display for Difference {
 
 /// Whether fuel figures of the two reports mean the same: they hold for one engine and
 /// version only.
+///
+/// ```
+/// use softplug_report::{compare, fuel_is_comparable, json};
+///
+/// let text = std::fs::read_to_string("tests/reports/conformant.json")?;
+/// let before = json::read(std::path::Path::new("conformance.json"), &text)?;
+/// let mut now = before.clone();
+/// now.fuel.units += 1;
+/// assert_eq!(compare(&before, &now).len(), 1);
+/// now.suite.engine = "wasmtime 99.0.0".to_owned();
+/// assert!(!fuel_is_comparable(&before, &now));
+/// assert_eq!(compare(&before, &now), []);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn fuel_is_comparable(before: &Report, now: &Report) -> bool {
     before.suite.engine == now.suite.engine
 }
@@ -35,13 +51,13 @@ pub fn fuel_is_comparable(before: &Report, now: &Report) -> bool {
 /// ```
 /// use softplug_report::{compare, json};
 ///
-/// let text = include_str!("../tests/reports/conformant.json");
-/// let before = json::read(std::path::Path::new("conformance.json"), text)?;
+/// let text = std::fs::read_to_string("tests/reports/conformant.json")?;
+/// let before = json::read(std::path::Path::new("conformance.json"), &text)?;
 /// let mut now = before.clone();
 /// assert_eq!(compare(&before, &now), []);
 /// now.digest = "0".repeat(64);
 /// assert_eq!(compare(&before, &now)[0].field, "digest");
-/// # Ok::<(), json::ReadError>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn compare(before: &Report, now: &Report) -> Vec<Difference> {
     let with_fuel = fuel_is_comparable(before, now);

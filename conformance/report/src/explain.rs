@@ -23,11 +23,11 @@ pub(crate) fn clauses(report: &Report, case: &CaseRow) -> Vec<String> {
 /// ```
 /// use softplug_report::{explain, json};
 ///
-/// let text = include_str!("../tests/reports/not-conformant.json");
-/// let report = json::read(std::path::Path::new("conformance.json"), text)?;
+/// let text = std::fs::read_to_string("tests/reports/not-conformant.json")?;
+/// let report = json::read(std::path::Path::new("conformance.json"), &text)?;
 /// let text = explain(&report, &report.cases[5]);
 /// assert!(text.contains("observed  41 42 43 |ABC|"), "{text}");
-/// # Ok::<(), json::ReadError>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn explain(report: &Report, case: &CaseRow) -> String {
     let mut lines = vec![text::line(&case.id), text::line(&case.title)];

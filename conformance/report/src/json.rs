@@ -6,6 +6,8 @@ use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
 /// Bytes that a report may have.
+///
+/// The example of [`ReadError`] shows it.
 pub const LARGEST: usize = 64 << 20;
 
 /// The report as JSON: indented, its keys in a fixed order, a line end at its end.
@@ -13,10 +15,10 @@ pub const LARGEST: usize = 64 << 20;
 /// ```
 /// use softplug_report::json;
 ///
-/// let text = include_str!("../tests/reports/conformant.json");
-/// let report = json::read(std::path::Path::new("conformance.json"), text)?;
+/// let text = std::fs::read_to_string("tests/reports/conformant.json")?;
+/// let report = json::read(std::path::Path::new("conformance.json"), &text)?;
 /// assert_eq!(json::write(&report), text);
-/// # Ok::<(), json::ReadError>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn write(report: &Report) -> String {
     let mut text = serde_json::to_string_pretty(report)
@@ -44,6 +46,17 @@ pub fn read(file: &Path, text: &str) -> Result<Report, ReadError> {
 }
 
 /// Why a report cannot be taken.
+///
+/// ```
+/// use softplug_report::json::{LARGEST, ReadError, read};
+/// use std::path::Path;
+///
+/// let file = Path::new("conformance.json");
+/// let newer = read(file, "{\"schema\": 2}").unwrap_err();
+/// assert!(matches!(newer, ReadError::OtherSchema { schema: 2, .. }));
+/// let large = read(file, &" ".repeat(LARGEST + 1)).unwrap_err();
+/// assert_eq!(large.to_string(), "conformance.json: a report has at most 64 MiB");
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum ReadError {
     /// It is larger than [`LARGEST`].

@@ -15,10 +15,10 @@ use quick_junit::{NonSuccessKind, Property, TestCase, TestCaseStatus, TestSuite}
 /// ```
 /// use softplug_report::{json, junit};
 ///
-/// let text = include_str!("../tests/reports/partial.json");
-/// let report = json::read(std::path::Path::new("conformance.json"), text)?;
+/// let text = std::fs::read_to_string("tests/reports/partial.json")?;
+/// let report = json::read(std::path::Path::new("conformance.json"), &text)?;
 /// assert!(junit::write(&report).contains(r#"<testcase name="verdict""#));
-/// # Ok::<(), json::ReadError>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn write(report: &Report) -> String {
     let profile = text::line(&report.profile.name);

@@ -5,9 +5,29 @@ use crate::VerdictKind;
 use serde::{Deserialize, Serialize};
 
 /// Version of the report's shape.
+///
+/// The example of [`Report`] shows it.
 pub const SCHEMA: u32 = 1;
 
 /// One certification: one plug-in, one profile.
+///
+/// ```
+/// use softplug_report::{Fuel, PluginInfo, ProfileInfo, SCHEMA, SuiteInfo, json};
+///
+/// let text = std::fs::read_to_string("tests/reports/conformant.json")?;
+/// let report = json::read(std::path::Path::new("conformance.json"), &text)?;
+/// assert_eq!(report.schema, SCHEMA);
+/// let SuiteInfo { name, engine, .. } = &report.suite;
+/// assert!(name == "softplug" && engine.starts_with("wasmtime "));
+/// let PluginInfo { name, bytes, .. } = &report.plugin;
+/// assert!(name == "xon-xoff" && *bytes < 32 * 1_024);
+/// let ProfileInfo { name, revision, claimed, .. } = &report.profile;
+/// assert_eq!((name.as_str(), *revision, *claimed), ("xon-xoff", 1, true));
+/// let Fuel { units, bytes, tenths_per_byte, .. } = report.fuel;
+/// assert_eq!(tenths_per_byte, units * 10 / bytes);
+/// assert_eq!(report.reason, "all 5 required cases passed");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Report {
@@ -41,6 +61,8 @@ pub struct Report {
 }
 
 /// The suite.
+///
+/// The example of [`Report`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SuiteInfo {
@@ -57,6 +79,8 @@ pub struct SuiteInfo {
 }
 
 /// The plug-in.
+///
+/// The example of [`Report`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PluginInfo {
@@ -73,6 +97,8 @@ pub struct PluginInfo {
 }
 
 /// The profile.
+///
+/// The example of [`Report`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProfileInfo {
@@ -87,6 +113,15 @@ pub struct ProfileInfo {
 }
 
 /// What was asked for. Anything that narrows a run makes it incomplete.
+///
+/// ```
+/// use softplug_report::{Counts, Reason, Selection, VerdictKind, verdict};
+///
+/// // Whatever narrows a run makes it incomplete.
+/// let all = Counts { required: 2, executed: 2, passed: 2, ..Counts::default() };
+/// let narrowed = Selection { cases: vec!["xon-xoff.*".to_owned()], ..Selection::default() };
+/// assert_eq!(verdict(&all, &narrowed, &Reason::None).0, VerdictKind::Partial);
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Selection {
@@ -101,6 +136,17 @@ pub struct Selection {
 }
 
 /// Counts of cases; a case counts once, with all its permutations.
+///
+/// ```
+/// use softplug_report::{Counts, json};
+///
+/// let text = std::fs::read_to_string("tests/reports/partial.json")?;
+/// let report = json::read(std::path::Path::new("conformance.json"), &text)?;
+/// let Counts { required, executed, passed, unclaimed, .. } = report.counts;
+/// assert_eq!((required, executed, passed, unclaimed), (5, 2, 2, 1));
+/// assert_eq!(report.reason, "only 2 of 5 required cases were executed");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Counts {
@@ -129,6 +175,8 @@ pub struct Counts {
 }
 
 /// Fuel, from the uncut runs of the required cases.
+///
+/// The example of [`Report`] shows it.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fuel {
@@ -146,6 +194,13 @@ pub struct Fuel {
 }
 
 /// How much a clause or case binds.
+///
+/// ```
+/// use softplug_report::Level;
+///
+/// assert_eq!(Level::Should.keyword(), "SHOULD");
+/// assert!(Level::Must < Level::Should, "the strongest comes first");
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Level {
@@ -158,6 +213,17 @@ pub enum Level {
 }
 
 /// A clause of the ledger and what the run says of it.
+///
+/// ```
+/// use softplug_report::{ClauseRow, json};
+///
+/// let text = std::fs::read_to_string("tests/reports/not-conformant.json")?;
+/// let report = json::read(std::path::Path::new("conformance.json"), &text)?;
+/// let ClauseRow { cited, executed, failed, feature, .. } =
+///     report.clause("xon-xoff.rx.hold-off").expect("it is a clause of the profile");
+/// assert_eq!((*cited, *executed, *failed, feature.as_deref()), (1, 1, 1, None));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClauseRow {
@@ -185,6 +251,23 @@ pub struct ClauseRow {
 }
 
 /// A case and what came of it.
+///
+/// ```
+/// use softplug_report::{CaseKind, CaseResult, CaseRow, FAILURES, FailedRun, json};
+///
+/// let text = std::fs::read_to_string("tests/reports/not-conformant.json")?;
+/// let report = json::read(std::path::Path::new("conformance.json"), &text)?;
+/// let case = report.cases.iter().find(|case| case.id == "xon-xoff.tx.hold");
+/// let CaseRow { kind, result, failures, more_failures, .. } = case.expect("it is in the profile");
+/// assert_eq!((kind.name(), *kind), ("trace", CaseKind::Trace));
+/// assert_eq!(*result, CaseResult::Failed);
+/// // Five of its runs failed, of which three are listed.
+/// assert_eq!((failures.len(), *more_failures), (FAILURES, 2));
+/// let FailedRun { run, line, at_us, .. } = &failures[0];
+/// assert_eq!((run.as_str(), *line, *at_us), ("xon-xoff.tx.hold/uncut", Some(15), 1_146));
+/// assert!(failures[0].is_wrong_behaviour());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CaseRow {
@@ -213,9 +296,13 @@ pub struct CaseRow {
 }
 
 /// Failed runs that are listed for one case.
+///
+/// The example of [`CaseRow`] shows it.
 pub const FAILURES: usize = 3;
 
 /// How a case is given.
+///
+/// The example of [`CaseRow`] shows one.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CaseKind {
@@ -226,6 +313,8 @@ pub enum CaseKind {
 }
 
 /// What came of a case.
+///
+/// The example of [`CaseRow`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum CaseResult {
@@ -251,6 +340,8 @@ pub enum CaseResult {
 }
 
 /// A failed run.
+///
+/// The example of [`CaseRow`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FailedRun {

@@ -7,6 +7,19 @@ use crate::{
 
 /// What a case's result means. Formats and counts take it from here, so that no
 /// two of them can disagree.
+///
+/// ```
+/// use softplug_report::{Outcome, json};
+///
+/// let text = std::fs::read_to_string("tests/reports/warnings.json")?;
+/// let report = json::read(std::path::Path::new("conformance.json"), &text)?;
+/// let case = report.cases.iter().find(|case| case.id == "xon-xoff.tx.done-count").unwrap();
+/// let outcome = report.outcome(case);
+/// assert_eq!((outcome, outcome.text()), (Outcome::Warned, "failed (should)"));
+/// assert!(outcome.has_failed() && outcome.is_required());
+/// assert_eq!(Outcome::of(case, &report.clauses, &report.profile, &report.selection), outcome);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Hash, Debug)]
 pub enum Outcome {
     /// Required, and passed.

@@ -4,6 +4,13 @@ use crate::{Counts, Selection, text};
 use serde::{Deserialize, Serialize};
 
 /// The five verdicts.
+///
+/// ```
+/// use softplug_report::VerdictKind;
+///
+/// assert_eq!(VerdictKind::ConformantWithWarnings.text(), "conformant with warnings");
+/// assert!(!VerdictKind::NotJudged.is_conformant());
+/// ```
 #[derive(Copy, Clone, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum VerdictKind {
@@ -34,6 +41,16 @@ impl VerdictKind {
 }
 
 /// What can decide a verdict before any count does.
+///
+/// ```
+/// use softplug_report::{Counts, Reason, Selection, VerdictKind, verdict};
+///
+/// let all = Counts { required: 2, executed: 2, passed: 2, ..Counts::default() };
+/// let stale = "the baseline expects xon-xoff.tx.hold to fail, and it passes".to_owned();
+/// let reason = Reason::Baseline(stale.clone());
+/// let judged = verdict(&all, &Selection::default(), &reason);
+/// assert_eq!(judged, (VerdictKind::NotConformant, stale));
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Reason {
     /// Nothing does.

@@ -31,6 +31,8 @@ pub use size::Size;
 const MANIFEST: &str = "softplug.manifest";
 
 /// A module could not be made smaller.
+///
+/// The example of [`shrink`] shows one.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ShrinkError {
@@ -45,6 +47,23 @@ pub enum ShrinkError {
 /// The module, smaller: functions of the compiler that have a small substitute, exports that the
 /// ABI does not know, long names, and sections that only tools look at. The optimiser, where there is one, does
 /// the rest.
+///
+/// ```
+/// use softplug_build::{Optimizer, ShrinkError, shrink};
+///
+/// let module = wat::parse_str(
+///     r#"(module (memory (export "memory") 1 1) (global (export "__heap_base") i32 i32.const 64)
+///         (func $_ZN4echo7receive17h0cb7f5948bc9dfb4E (export "softplug_v1") unreachable))"#,
+/// )?;
+/// // Without wasm-opt, which is not on every machine.
+/// let small = shrink(&module, None)?;
+/// assert!(small.len() < module.len());
+/// // With it, where it is.
+/// let smaller = shrink(&module, Optimizer::find().as_ref())?;
+/// assert!(smaller.len() <= small.len());
+/// assert!(matches!(shrink(b"\0asm", None), Err(ShrinkError::Damaged)));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 /// It is not a whole module, or the optimiser does not take it.

@@ -10,12 +10,21 @@ use std::process::Command;
 const PROGRAM: &str = "wasm-opt";
 
 /// An optimiser that can be run.
+///
+/// The example of [`shrink`](crate::shrink) shows one.
 #[derive(Clone, Debug)]
 pub struct Optimizer {
     program: PathBuf,
 }
 
 /// The optimiser could not be run, or failed.
+///
+/// ```
+/// use softplug_build::OptimizeError;
+///
+/// let error = OptimizeError::Failed("[parse exception: surprising value]".to_owned());
+/// assert_eq!(error.to_string(), "wasm-opt failed: [parse exception: surprising value]");
+/// ```
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OptimizeError {

@@ -4,6 +4,8 @@ use crate::MANIFEST;
 use crate::sections::{HEADER, Kind, push_bytes, sections};
 
 /// What to take out of a module, beside an earlier manifest.
+///
+/// The example of [`pack()`] shows all three.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Strip {
     /// Nothing.
@@ -15,6 +17,20 @@ pub enum Strip {
 }
 
 /// The module with the manifest behind its sections; none if it is not a whole module.
+///
+/// ```
+/// use softplug_build::{Kind, Strip, pack, sections};
+///
+/// let module = wat::parse_str(r#"(module (func $f) (@custom "producers" "x"))"#)?;
+/// let custom = |strip| {
+///     let packed = pack(&module, b"{}", strip).expect("it is a whole module");
+///     let sections = sections(&packed).expect("so is this").into_iter();
+///     sections.filter(|section| matches!(section.kind, Kind::Custom(_))).count()
+/// };
+/// // The manifest, and beside it: names of functions and producers, names, nothing.
+/// assert_eq!([Strip::Nothing, Strip::Debug, Strip::All].map(custom), [3, 2, 1]);
+/// # Ok::<(), wat::Error>(())
+/// ```
 pub fn pack(module: &[u8], manifest: &[u8], strip: Strip) -> Option<Vec<u8>> {
     let mut packed = HEADER.to_vec();
     for section in sections(module)? {
@@ -42,6 +58,12 @@ fn push_custom(module: &mut Vec<u8>, name: &str, content: &[u8]) {
 }
 
 /// JSON without the spaces between its parts: those in strings stay.
+///
+/// ```
+/// use softplug_build::without_spaces;
+///
+/// assert_eq!(without_spaces("{ \"name\": \"my plug-in\" }\n"), "{\"name\":\"my plug-in\"}");
+/// ```
 pub fn without_spaces(json: &str) -> String {
     let (mut in_string, mut escaped) = (false, false);
     let keep = |c: &char| {

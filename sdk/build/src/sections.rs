@@ -1,6 +1,8 @@
 //! Takes a module apart into its sections, and reads the memory it declares.
 
 /// Pages of 64 KiB: at the start, and at most where the module says so.
+///
+/// The example of [`memory`] shows them.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Pages {
     /// At the start.
@@ -10,6 +12,8 @@ pub struct Pages {
 }
 
 /// A section of a module.
+///
+/// The example of [`sections`] shows two.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Section<'a> {
     /// What it holds.
@@ -21,6 +25,8 @@ pub struct Section<'a> {
 }
 
 /// What a section holds, as far as anyone here wants to know.
+///
+/// The example of [`sections`] shows two.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Kind<'a> {
     /// Whatever a tool put there under this name.
@@ -39,6 +45,19 @@ pub enum Kind<'a> {
 pub(crate) const HEADER: &[u8] = b"\0asm\x01\0\0\0";
 
 /// The sections in their order; none where it is not a whole module.
+///
+/// ```
+/// use softplug_build::{Kind, Section, sections};
+///
+/// let module = wat::parse_str(r#"(module (memory 1 1) (@custom "x" (after last) "abc"))"#)?;
+/// let sections = sections(&module).expect("it is a whole module");
+/// let [Section { kind: Kind::Memory, .. }, Section { kind, content, whole }] = sections[..] else {
+///     panic!("{sections:?}")
+/// };
+/// assert_eq!((kind, content), (Kind::Custom("x"), &b"abc"[..]));
+/// assert!(module.ends_with(whole));
+/// # Ok::<(), wat::Error>(())
+/// ```
 pub fn sections(module: &[u8]) -> Option<Vec<Section<'_>>> {
     let mut rest = module.strip_prefix(HEADER)?;
     let mut sections = Vec::new();
@@ -60,6 +79,15 @@ pub fn sections(module: &[u8]) -> Option<Vec<Section<'_>>> {
 
 /// The memory that a module defines; none where it defines none or is not a
 /// module at all.
+///
+/// ```
+/// use softplug_build::{Pages, memory};
+///
+/// let grows = wat::parse_str("(module (memory 17))")?;
+/// assert_eq!(memory(&grows), Some(Pages { least: 17, most: None }));
+/// assert_eq!(memory(b"no module"), None);
+/// # Ok::<(), wat::Error>(())
+/// ```
 pub fn memory(module: &[u8]) -> Option<Pages> {
     let sections = sections(module)?;
     let mut section = sections.iter().find(|section| section.kind == Kind::Memory)?.content;

@@ -6,6 +6,17 @@ use crate::MANIFEST;
 use crate::sections::{Kind, memory, sections};
 
 /// Bytes of a module by what they hold.
+///
+/// ```
+/// use softplug_build::Size;
+///
+/// let module = wat::parse_str(r#"(module (memory 2 2) (func $f) (data (i32.const 0) "four"))"#)?;
+/// let size = Size::of("small", &module);
+/// // Each with the head of its section.
+/// assert_eq!((size.code, size.data, size.manifest, size.pages), (6, 12, 0, 2));
+/// assert!(Size::table(&[size]).starts_with("plug-in    code   data  names manifest   total pages\n"));
+/// # Ok::<(), wat::Error>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize)]
 pub struct Size {
     /// The plug-in.

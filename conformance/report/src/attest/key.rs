@@ -16,10 +16,24 @@ const LARGEST: usize = 16 << 10;
 const PUBLIC_PREFIX: [u8; 12] = [0x30, 0x2A, 0x30, 5, 6, 3, 0x2B, 0x65, 0x70, 3, 0x21, 0];
 
 /// A key to sign with. It is never printed, and wiped from memory when it is dropped.
+///
+/// The examples of [`PublicKey`] and [`sign`](super::sign) show one.
 #[derive(Clone, Debug)]
 pub struct PrivateKey(SigningKey);
 
 /// A key to verify with.
+///
+/// ```
+/// use softplug_report::attest::{PrivateKey, PublicKey};
+/// use std::path::Path;
+///
+/// let (private, public) = (Path::new("tests/keys/private.pem"), Path::new("tests/keys/public.pem"));
+/// let key = PrivateKey::read(private, &std::fs::read_to_string(private)?)?;
+/// let public = PublicKey::read(public, &std::fs::read_to_string(public)?)?;
+/// assert_eq!(key.public(), public);
+/// assert_eq!(public.id().len(), 64);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct PublicKey(VerifyingKey);
 
@@ -64,6 +78,15 @@ impl PublicKey {
 }
 
 /// Why a key cannot be taken.
+///
+/// ```
+/// use softplug_report::attest::{KeyError, PublicKey};
+/// use std::path::Path;
+///
+/// let error = PublicKey::read(Path::new("key.pub"), "ssh-ed25519 AAAAC3Nz").unwrap_err();
+/// assert!(matches!(error, KeyError::Missing { expected: "PUBLIC KEY", .. }));
+/// assert!(error.to_string().starts_with("key.pub: holds no key: "));
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum KeyError {
     /// The file is too large for a key.

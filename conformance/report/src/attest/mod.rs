@@ -20,9 +20,13 @@ use crate::{Inconsistency, Report, check, json, text};
 use std::path::{Path, PathBuf};
 
 /// Bytes that an attestation may have.
+///
+/// The example of [`VerifyError`] shows it.
 pub const LARGEST: usize = 16 << 20;
 
 /// A file's name, for errors, and its content.
+///
+/// The example of [`sign`] shows two.
 #[derive(Copy, Clone, Debug)]
 pub struct Source<'a> {
     /// The file.
@@ -42,10 +46,10 @@ pub struct Source<'a> {
 /// use softplug_report::json;
 /// use std::path::Path;
 ///
-/// let pem = include_str!("../../tests/keys/private.pem");
-/// let key = PrivateKey::read(Path::new("private.pem"), pem)?;
-/// let text = include_str!("../../tests/reports/conformant.json");
-/// let report = Source { file: Path::new("conformance.json"), text };
+/// let pem = std::fs::read_to_string("tests/keys/private.pem")?;
+/// let key = PrivateKey::read(Path::new("private.pem"), &pem)?;
+/// let text = std::fs::read_to_string("tests/reports/conformant.json")?;
+/// let report = Source { file: Path::new("conformance.json"), text: &text };
 /// let envelope = attest::sign(&json::read(report.file, report.text)?, &key)?;
 ///
 /// let envelope = Source { file: Path::new("attestation.json"), text: &envelope };
@@ -63,6 +67,8 @@ pub fn sign(report: &Report, key: &PrivateKey) -> Result<String, Inconsistency> 
 /// whom it is trusted to come from; gives the report.
 ///
 /// That the report is true is another matter: running the suite again shows that.
+///
+/// The example of [`sign`] shows it.
 pub fn verify(
     envelope: Source<'_>,
     report: Source<'_>,
@@ -79,6 +85,23 @@ pub fn verify(
 }
 
 /// Why an attestation does not hold.
+///
+/// ```
+/// use softplug_report::attest::{LARGEST, PublicKey, Source, VerifyError, verify};
+/// use std::path::Path;
+///
+/// let pem = std::fs::read_to_string("tests/keys/public.pem")?;
+/// let key = PublicKey::read(Path::new("public.pem"), &pem)?;
+/// let report = Source { file: Path::new("conformance.json"), text: "{}" };
+/// let refused = |text: &str| {
+///     verify(Source { file: Path::new("attestation.json"), text }, report, &key).unwrap_err()
+/// };
+/// let error = refused("{\n}");
+/// assert!(matches!(error, VerifyError::Malformed { line: 2, .. }));
+/// assert!(error.to_string().starts_with("attestation.json:2:"));
+/// assert!(matches!(refused(&" ".repeat(LARGEST + 1)), VerifyError::TooLarge { .. }));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, thiserror::Error)]
 pub enum VerifyError {
     /// It is larger than [`LARGEST`].

@@ -8,8 +8,31 @@ use sha2::{Digest, Sha256};
 use std::path::Path;
 
 /// The type of the statement.
+///
+/// ```
+/// use base64::Engine;
+/// use base64::prelude::BASE64_STANDARD;
+/// use serde_json::Value;
+/// use softplug_report::attest::{PREDICATE, PrivateKey, STATEMENT, sign};
+/// use softplug_report::json;
+/// use std::path::Path;
+///
+/// let pem = std::fs::read_to_string("tests/keys/private.pem")?;
+/// let key = PrivateKey::read(Path::new("private.pem"), &pem)?;
+/// let text = std::fs::read_to_string("tests/reports/conformant.json")?;
+/// let envelope = sign(&json::read(Path::new("conformance.json"), &text)?, &key)?;
+/// // As other tools take it apart.
+/// let envelope: Value = serde_json::from_str(&envelope)?;
+/// let payload = BASE64_STANDARD.decode(envelope["payload"].as_str().unwrap_or_default())?;
+/// let statement: Value = serde_json::from_slice(&payload)?;
+/// assert_eq!((&statement["_type"], &statement["predicateType"]), (&STATEMENT.into(), &PREDICATE.into()));
+/// assert_eq!(statement["predicate"]["result"], "PASSED");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub const STATEMENT: &str = "https://in-toto.io/Statement/v1";
 /// The type of its predicate.
+///
+/// The example of [`STATEMENT`] shows it.
 pub const PREDICATE: &str = "https://in-toto.io/attestation/test-result/v0.1";
 
 #[derive(PartialEq, Eq, Serialize, Deserialize)]

@@ -19,10 +19,10 @@ const SCRIPT: &str = include_str!("page.js");
 /// ```
 /// use softplug_report::{html, json};
 ///
-/// let text = include_str!("../../tests/reports/conformant.json");
-/// let report = json::read(std::path::Path::new("conformance.json"), text)?;
+/// let text = std::fs::read_to_string("tests/reports/conformant.json")?;
+/// let report = json::read(std::path::Path::new("conformance.json"), &text)?;
 /// assert!(html::write(&report).starts_with("<!DOCTYPE html>"));
-/// # Ok::<(), json::ReadError>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn write(report: &Report) -> String {
     let title = format!(
