@@ -38,6 +38,9 @@ pub struct Inconsistency {
 /// assert_eq!(check(&report).unwrap_err().place, "verdict");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
+///
+/// # Errors
+/// The first place that does not follow.
 pub fn check(report: &Report) -> Result<(), Inconsistency> {
     if report.schema != SCHEMA {
         return wrong("schema", format!("is {}, and not {SCHEMA}", report.schema));

@@ -36,6 +36,9 @@ pub fn write(report: &Report) -> String {
 /// let error = json::read(std::path::Path::new("a.json"), "{\n  \"schema\": x").unwrap_err();
 /// assert!(error.to_string().starts_with("a.json:2:13: "), "{error}");
 /// ```
+///
+/// # Errors
+/// It is too large, of another schema or shape, or contradicts itself.
 pub fn read(file: &Path, text: &str) -> Result<Report, ReadError> {
     if text.len() > LARGEST {
         return Err(ReadError::TooLarge { file: file.to_owned() });

@@ -84,6 +84,9 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
 
     /// Does all that happens at the next instant. `false` if all is at rest, or
     /// nothing happens up to `until`.
+    ///
+    /// # Errors
+    /// The plug-in fails.
     pub fn step(
         &mut self,
         until: Micros,
@@ -107,6 +110,9 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
     }
 
     /// Lets time come to `until`, whether anything happens then or not.
+    ///
+    /// # Errors
+    /// The plug-in fails.
     pub fn wait_until(
         &mut self,
         until: Micros,
@@ -158,6 +164,9 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
 
     /// Delivers what is due now and lets the transmitter take what it may; to
     /// be called after a request of the host.
+    ///
+    /// # Errors
+    /// The plug-in fails.
     pub fn settle(&mut self, outside: &mut dyn Outside) -> Result<(), LinkFault<I::Fault>> {
         let mut watch = Watch { outside, in_flight: &mut self.in_flight, set: Vec::new() };
         self.line.tick(self.now, &mut watch)?;
@@ -167,6 +176,9 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
     }
 
     /// Steps until `is_done`, all is at rest, or time has come to `until`.
+    ///
+    /// # Errors
+    /// The plug-in fails.
     pub fn run_until<O: Outside>(
         &mut self,
         until: Micros,

@@ -11,6 +11,8 @@ use std::error::Error;
 use std::rc::Rc;
 
 /// One call of an instance.
+///
+/// The example of [`calls`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Call {
     /// The instance, from 1: a swap makes a new one.
@@ -38,6 +40,25 @@ pub struct Call {
 }
 
 /// Every call of the ABI in a run of a trace.
+///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_abi::{Action, Actions, EventKind, Micros};
+/// use softplug_conformance::{Call, FromFn, Permutation, calls, load};
+/// use softplug_native::NativePlugin;
+///
+/// let plugin = NativePlugin::XonXoff;
+/// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
+/// let subject = FromFn::new(manifest, move || plugin.instantiate());
+/// let case = &load(["../../fixtures/traces/xon-xoff/xon-xoff.tx.hold.spt"])?[0];
+/// let calls = calls(&subject, case, Permutation::Uncut);
+/// // XOFF comes, and the plug-in holds its queue.
+/// let xoff = calls.iter().find(|call| call.event == EventKind::Received);
+/// let Call { now, payload, actions, .. } = xoff.expect("the trace has two of them");
+/// assert_eq!((*now, &payload[..]), (Micros(1_500), &[0x13][..]));
+/// assert!(Actions::new(actions).any(|action| action == Ok(Action::Hold)));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn calls<S: Subject>(subject: &S, case: &Case, permutation: Permutation) -> Vec<Call> {
     let overheard = Overheard::new(subject, Most { calls: usize::MAX, bytes: usize::MAX });
     replay(&overheard, case, permutation, 0);

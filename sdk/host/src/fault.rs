@@ -79,7 +79,7 @@ pub enum LoadError {
     /// It computed for too long when it was asked for its mailbox.
     #[error("the plug-in did not give its mailbox within {fuel} units of fuel")]
     BudgetExhausted {
-        /// The budget.
+        /// The budget, in units of fuel.
         fuel: u64,
     },
     /// The mailbox descriptor lies outside the memory.
@@ -130,7 +130,7 @@ pub enum SessionFault {
     BudgetExhausted {
         /// The event that did it.
         event: EventKind,
-        /// The budget.
+        /// The budget, in units of fuel.
         fuel: u64,
     },
     /// The plug-in broke the ABI.
@@ -171,7 +171,7 @@ pub enum SessionFault {
     /// The state to restore is longer than the ABI allows.
     #[error("the saved state has {bytes} bytes, at most {STATE_BYTES} are allowed")]
     StateTooLarge {
-        /// Its length.
+        /// Its length in bytes.
         bytes: usize,
     },
 }

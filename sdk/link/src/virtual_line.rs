@@ -31,6 +31,9 @@ impl<I: Instance> VirtualLine<I> {
     }
 
     /// Reports what has left the wire, then runs the link.
+    ///
+    /// # Errors
+    /// The plug-in fails.
     pub fn advance(
         &mut self,
         now: Micros,
@@ -44,6 +47,9 @@ impl<I: Instance> VirtualLine<I> {
 
     /// Lets the transmitter take what it may, until nothing more happens at
     /// this instant.
+    ///
+    /// # Errors
+    /// The plug-in fails.
     pub fn transmit(
         &mut self,
         now: Micros,
@@ -75,6 +81,9 @@ impl<I: Instance> VirtualLine<I> {
     }
 
     /// One instant without anything from outside.
+    ///
+    /// # Errors
+    /// The plug-in fails.
     pub fn tick(
         &mut self,
         now: Micros,
@@ -86,6 +95,9 @@ impl<I: Instance> VirtualLine<I> {
 
     /// Lets time go on to `until`, through every instant at which something
     /// happens by itself.
+    ///
+    /// # Errors
+    /// The plug-in fails.
     pub fn run_until(
         &mut self,
         until: Micros,

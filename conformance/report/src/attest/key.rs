@@ -39,6 +39,9 @@ pub struct PublicKey(VerifyingKey);
 
 impl PrivateKey {
     /// Reads a PEM file with a block `PRIVATE KEY` (PKCS#8). `file` is for errors only.
+    ///
+    /// # Errors
+    /// There is no such block, or it holds no Ed25519 key.
     pub fn read(file: &Path, text: &str) -> Result<Self, KeyError> {
         let block = Block::find(file, text, "PRIVATE KEY")?;
         SigningKey::from_pkcs8_der(&block.der).map(Self).map_err(|error| block.unfit(&error))
@@ -56,6 +59,9 @@ impl PrivateKey {
 
 impl PublicKey {
     /// Reads a PEM file with a block `PUBLIC KEY`. `file` is for errors only.
+    ///
+    /// # Errors
+    /// There is no such block, or it holds no Ed25519 key, or a weak one.
     pub fn read(file: &Path, text: &str) -> Result<Self, KeyError> {
         let block = Block::find(file, text, "PUBLIC KEY")?;
         let key =

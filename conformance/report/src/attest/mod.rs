@@ -57,6 +57,9 @@ pub struct Source<'a> {
 /// assert!(judged.verdict.is_conformant());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
+///
+/// # Errors
+/// The report contradicts itself.
 pub fn sign(report: &Report, key: &PrivateKey) -> Result<String, Inconsistency> {
     check(report)?;
     let statement = Statement::of(report, &json::write(report));
@@ -69,6 +72,10 @@ pub fn sign(report: &Report, key: &PrivateKey) -> Result<String, Inconsistency> 
 /// That the report is true is another matter: running the suite again shows that.
 ///
 /// The example of [`sign`] shows it.
+///
+/// # Errors
+/// The attestation is damaged, signed with another key, or about another report; or the
+/// report cannot be taken.
 pub fn verify(
     envelope: Source<'_>,
     report: Source<'_>,

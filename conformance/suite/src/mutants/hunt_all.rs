@@ -147,6 +147,9 @@ pub fn hunt_all(
 ///
 /// The example of [`HuntError`] shows a module that is not there; with one, the
 /// plug-in is what [`hunt`] takes.
+///
+/// # Errors
+/// The module cannot be read, holds no mutants, or is no plug-in.
 pub fn subject(modules: &Path, mutant: &Mutant) -> Result<Sandboxed, HuntError> {
     let path = modules.join(format!("{}.wasm", mutant.plugin));
     let module = fs::read(&path).map_err(|source| HuntError::Io { path: path.clone(), source })?;

@@ -148,6 +148,9 @@ impl Uart {
     }
 
     /// A character's stop bit ended now.
+    ///
+    /// # Errors
+    /// The receive FIFO is full: the character is lost.
     pub fn arrive(&mut self, now: Micros, byte: u8) -> Result<(), Overrun> {
         if self.receive.len() >= self.options.receive_fifo {
             return Err(Overrun);

@@ -156,6 +156,9 @@ struct Counters {
 
 impl Control {
     /// An idle control at time 0.
+    ///
+    /// # Errors
+    /// Its settings contradict each other.
     pub fn new(options: Options) -> Result<Self, OptionsError> {
         options.check()?;
         let mut control = Self {

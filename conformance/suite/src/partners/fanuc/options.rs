@@ -448,6 +448,9 @@ pub fn eight_none_two(baud: u32) -> LineParameters {
 
 impl Options {
     /// Refuses a control that could not work.
+    ///
+    /// # Errors
+    /// The first contradiction among the settings.
     pub fn check(&self) -> Result<(), OptionsError> {
         use OptionsError as E;
 

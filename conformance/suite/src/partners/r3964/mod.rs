@@ -93,6 +93,9 @@ pub struct Station {
 
 impl Station {
     /// A station at time 0.
+    ///
+    /// # Errors
+    /// Its settings contradict each other.
     pub fn new(options: Options) -> Result<Self, OptionsError> {
         options.check()?;
         let mut transmitter = Transmitter::new(options.line);

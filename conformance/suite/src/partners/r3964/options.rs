@@ -129,6 +129,9 @@ impl Options {
     }
 
     /// Refuses a station that could not work.
+    ///
+    /// # Errors
+    /// The first contradiction among the settings.
     pub fn check(&self) -> Result<(), OptionsError> {
         use OptionsError as E;
 

@@ -97,6 +97,9 @@ pub struct Control {
 
 impl Control {
     /// An idle control at time 0.
+    ///
+    /// # Errors
+    /// Its settings contradict each other.
     pub fn new(options: ControlOptions) -> Result<Self, ControlOptionsError> {
         options.check()?;
         Ok(Self {

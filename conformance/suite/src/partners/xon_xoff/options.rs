@@ -84,6 +84,9 @@ impl Default for ControlOptions {
 
 impl ControlOptions {
     /// Refuses a control that could not work.
+    ///
+    /// # Errors
+    /// The first contradiction among the settings.
     pub fn check(&self) -> Result<(), ControlOptionsError> {
         use ControlOptionsError as E;
 

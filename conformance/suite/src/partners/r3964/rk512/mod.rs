@@ -238,6 +238,9 @@ struct Continued {
 
 impl Computer {
     /// A computer with empty memory at time 0.
+    ///
+    /// # Errors
+    /// The procedure's settings contradict each other.
     pub fn new(options: Options) -> Result<Self, OptionsError> {
         Ok(Self {
             station: Station::new(options.procedure.clone())?,
