@@ -5,27 +5,42 @@ use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 use std::{fs, io};
 
+use crate::Error;
 use crate::run::{self, cargo, status, succeed};
 use crate::workspace::Workspace;
-use crate::{Error, plugins};
 
 /// A part of the code, and the tests that must notice whatever is broken in it.
 struct Part {
     name: &'static str,
     /// Files, as patterns.
     files: &'static [&'static str],
-    /// Packages whose tests are run.
-    tests: &'static [&'static str],
-    /// Which of these packages' tests; none: all.
-    only: &'static [&'static str],
+    /// Whose tests are run, without its default features.
+    package: &'static str,
+    /// Which of its targets are built at all.
+    targets: &'static [&'static str],
+    /// Built without optimisation, as it is built again for each mutant.
+    unoptimised: &'static [&'static str],
+    /// Words for the tests themselves: quick ones for all, then the rest for what survived those.
+    passes: &'static [&'static [&'static str]],
 }
 
 const PARTS: &[Part] = &[
     Part {
         name: "trace",
         files: &["conformance/trace/src/parse/*.rs"],
-        tests: &["softplug-trace"],
-        only: &[],
+        package: "softplug-trace",
+        targets: &["--lib"],
+        unoptimised: &["softplug-trace"],
+        passes: &[
+            &[
+                "--skip=property",
+                "--skip=exchange",
+                "--skip=limits",
+                "--skip=diff",
+                "--skip=generate",
+            ],
+            &[],
+        ],
     },
     Part {
         name: "suite",
@@ -37,14 +52,25 @@ const PARTS: &[Part] = &[
             "conformance/suite/src/course.rs",
             "conformance/suite/src/deed.rs",
         ],
-        tests: &["softplug-conformance"],
-        only: &["--lib", "--test", "bites", "--test", "profiles", "--test", "controls"],
+        package: "softplug-conformance",
+        targets: &["--lib", "--test=bites", "--test=natively"],
+        unoptimised: &["softplug-conformance"],
+        passes: &[&["--skip=partners"]],
     },
     Part {
         name: "plugins",
         files: &["plugins/*/src/**/*.rs"],
-        tests: &["softplug-conformance"],
-        only: &["--test", "profiles"],
+        package: "softplug-conformance",
+        targets: &["--test=natively"],
+        unoptimised: &[
+            "softplug-procedure-3964",
+            "softplug-r3964",
+            "softplug-r3964-simplified",
+            "softplug-fanuc-rs232",
+            "softplug-heidenhain-fe",
+            "softplug-xon-xoff",
+        ],
+        passes: &[&[]],
     },
 ];
 
@@ -68,37 +94,36 @@ pub(crate) fn run(workspace: &Workspace, part: Option<&str>) -> Result<ExitCode,
         eprintln!("cargo-mutants is missing: installing it");
         succeed(cargo().args(["install", "--locked", "cargo-mutants"]))?;
     }
-    // What the tests in the sandbox are held against stays whole.
-    plugins::build(workspace, plugins::Report::Table)?;
     let mut all_noticed = true;
     for part in parts {
         let results = workspace.target().join("code-mutants").join(part.name);
         let folder = |source| CodeMutantsError::Folder { path: results.clone(), source };
         fs::create_dir_all(&results).map_err(folder)?;
-        let mut command = command(part);
-        command
-            .current_dir(workspace.root())
-            .arg("--output")
-            .arg(&results)
-            .env("SOFTPLUG_PLUGINS", workspace.plugin_folder());
-        if !part.only.is_empty() {
-            command.arg("--").args(part.only);
+        let mut noticed = true;
+        for pass in 0..part.passes.len() {
+            let mut command = command(part, pass);
+            command.current_dir(workspace.root()).env("CARGO_MUTANTS_OUTPUT", &results);
+            noticed = status(&mut command)?.success();
         }
-        all_noticed &= status(&mut command)?.success();
+        all_noticed &= noticed;
     }
     Ok(if all_noticed { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-fn command(part: &Part) -> Command {
+fn command(part: &Part, pass: usize) -> Command {
     let mut command = cargo();
-    // A mutant that runs for ever must end; the tests themselves take half a minute.
-    command.args(["mutants", "--jobs", "1", "--no-shuffle", "--minimum-test-timeout", "60"]);
-    for file in part.files {
-        command.args(["--file", file]);
+    // A mutant that runs for ever must end.
+    command.args(["mutants", "--jobs=1", "--no-shuffle", "--minimum-test-timeout=60"]);
+    command.args(part.files.iter().map(|file| format!("--file={file}")));
+    command.arg(format!("--test-package={}", part.package)).arg("--no-default-features");
+    command.args(part.targets.iter().map(|target| format!("--cargo-test-arg={target}")));
+    command.args(part.unoptimised.iter().map(|package| {
+        format!("--cargo-test-arg=--config=profile.dev.package.{package}.opt-level=0")
+    }));
+    if pass > 0 {
+        command.arg("--iterate");
     }
-    for package in part.tests {
-        command.args(["--test-package", package]);
-    }
+    command.args(["--", "--"]).args(part.passes[pass]);
     command
 }
 
@@ -107,16 +132,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_and_tests_of_a_part_are_named() {
-        let trace = command(&PARTS[0]);
-        let words: Vec<_> = trace.get_args().map(|word| word.to_str().unwrap()).collect();
-        assert!(words.starts_with(&["mutants", "--jobs", "1"]), "{words:?}");
-        assert!(words.ends_with(&[
-            "--file",
-            "conformance/trace/src/parse/*.rs",
-            "--test-package",
-            "softplug-trace"
-        ]));
+    fn a_pass_names_files_targets_and_tests() {
+        let words = |pass| {
+            let command = command(&PARTS[0], pass);
+            let words = command.get_args().map(|word| word.to_str().unwrap().to_owned());
+            words.collect::<Vec<_>>()
+        };
+        let first = words(0);
+        assert!(first.starts_with(&["mutants".into(), "--jobs=1".into()]), "{first:?}");
+        for word in [
+            "--file=conformance/trace/src/parse/*.rs",
+            "--test-package=softplug-trace",
+            "--cargo-test-arg=--lib",
+            "--skip=property",
+        ] {
+            assert!(first.iter().any(|known| known == word), "{word} is not in {first:?}");
+        }
+        let second = words(1);
+        assert!(second.iter().any(|word| word == "--iterate"), "{second:?}");
+        assert!(!second.iter().any(|word| word == "--skip=property"), "{second:?}");
     }
 
     #[test]

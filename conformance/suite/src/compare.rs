@@ -250,4 +250,12 @@ mod tests {
         let both = seen(&[(5, Deed::Byte(b'A')), (5, Deed::Done { id: 1, sent: Some(0) })]);
         assert_eq!(judge(&demands, &both), Ok(()));
     }
+
+    #[test]
+    fn the_first_character_follows_nothing_not_even_at_time_zero() {
+        let mut run = Run::new(LineParameters::new(9_600));
+        assert!(!run.add(Micros::ZERO));
+        assert!(run.add(run.end()));
+        assert!(!run.add(run.end() + Micros(1)));
+    }
 }

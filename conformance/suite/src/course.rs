@@ -229,3 +229,22 @@ fn of_host(case: &Case, manifest: &Manifest, request: &HostRequest) -> Result<As
 pub(crate) fn failure(name: &str) -> Result<Failure, String> {
     Failure::from_name(name).ok_or_else(|| format!("\"{name}\" is no failure of the ABI"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use softplug_trace::Time;
+
+    #[test]
+    fn each_window_is_tried_at_both_ends() {
+        let window = When { from: Time(5), to: Time(9) };
+        let places = |windows| {
+            let mut number = 0;
+            [window, When::at(Time(7)), window].map(|when| place(when, windows, &mut number).0)
+        };
+        assert_eq!(places(Windows::Early), [5, 7, 5]);
+        assert_eq!(places(Windows::Late), [9, 7, 9]);
+        assert_eq!(places(Windows::LateOnly(1)), [9, 7, 5]);
+        assert_eq!(places(Windows::LateOnly(2)), [5, 7, 9]);
+    }
+}

@@ -140,6 +140,30 @@ mod tests {
     }
 
     #[test]
+    fn a_permutation_names_its_cuts() {
+        let of = |permutation| Cuts::of(permutation, 9);
+        assert!(matches!(of(Permutation::Uncut), Cuts::AsWritten));
+        assert!(matches!(of(Permutation::SwapAll), Cuts::AsWritten));
+        assert!(matches!(of(Permutation::CutSingly), Cuts::Singly));
+        assert!(matches!(of(Permutation::CutWhole), Cuts::Whole));
+        assert!(matches!(of(Permutation::CutRandom(3)), Cuts::Random(3, 9)));
+    }
+
+    /// A verdict names its run: everybody must get the same cuts.
+    #[test]
+    fn random_cuts_are_frozen() {
+        let run = |at| Given { at: Micros(at), what: Input::Bytes(vec![b'x'; 40]) };
+        let lengths = |number, seed| {
+            let course = Course { given: vec![run(1), run(2)], end: Micros(3) };
+            let cut = pieces(&course.cut("some.case", Cuts::Random(number, seed)));
+            cut.iter().map(|(_, text)| text.len()).collect::<Vec<_>>()
+        };
+        let frozen: Vec<_> =
+            (1..=8).map(|number| lengths(number, 0)).chain([lengths(1, 1)]).collect();
+        insta::assert_debug_snapshot!(frozen);
+    }
+
+    #[test]
     fn single_bytes_leave_nothing_to_cut() {
         assert!(course().can_be_cut());
         let single = Course { given: vec![course().given.pop().unwrap()], end: Micros(3) };

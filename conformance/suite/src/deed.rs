@@ -328,3 +328,37 @@ fn request(
     let fields = records(&manifest.requests[place], fields)?;
     Ok(Deed::Request { id, kind: place as u16, fields })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn failed(id: u32, failure: Failure, status: u16, sent: Option<u64>) -> Deed {
+        Deed::Fail { id, failure, status, sent }
+    }
+
+    #[test]
+    fn only_a_count_that_is_not_named_is_open() {
+        let demand = failed(1, Failure::NoAnswer, 7, None);
+        assert!(demand.allows(&failed(1, Failure::NoAnswer, 7, Some(3))));
+        assert!(!demand.allows(&failed(2, Failure::NoAnswer, 7, Some(3))));
+        assert!(!demand.allows(&failed(1, Failure::Refused, 7, Some(3))));
+        assert!(!demand.allows(&failed(1, Failure::NoAnswer, 8, Some(3))));
+        let exact = failed(1, Failure::NoAnswer, 7, Some(3));
+        assert!(!exact.allows(&failed(1, Failure::NoAnswer, 7, Some(4))));
+        let done = |id, sent| Deed::Done { id, sent };
+        assert!(done(1, None).allows(&done(1, Some(3))));
+        assert!(!done(1, None).allows(&done(2, Some(3))));
+        assert!(!done(1, Some(3)).allows(&done(1, Some(4))));
+    }
+
+    #[test]
+    fn wire_lines_and_host_have_an_order_each() {
+        let lines = Deed::Lines(ModemLines::default(), ModemLines::default());
+        let channels = [Deed::Byte(0), Deed::Break(1), lines, Deed::Withdraw(1)];
+        assert_eq!(
+            channels.map(|deed| deed.channel()),
+            [Channel::Wire, Channel::Wire, Channel::Lines, Channel::Host]
+        );
+    }
+}

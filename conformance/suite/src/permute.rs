@@ -174,4 +174,42 @@ mod tests {
             assert!(wrong.parse::<Permutation>().is_err(), "{wrong}");
         }
     }
+
+    #[test]
+    fn only_the_run_as_written_and_late_inputs_stand_for_themselves() {
+        assert!(!Permutation::Uncut.equals_uncut());
+        assert!(!Permutation::Late(None).equals_uncut());
+        for other in [Permutation::CutSingly, Permutation::Twice, Permutation::SwapAll] {
+            assert!(other.equals_uncut());
+        }
+    }
+
+    #[test]
+    fn swaps_need_a_trace_that_allows_them_a_state_and_a_place() {
+        let manifest = |state: &str| {
+            let text = format!(
+                r#"{{"abi": "1.0", "name": "x", "version": "1.0.0", "licence": "MIT", "protocol": "none",
+                "description": "For the suite's own tests."{state}}}"#
+            );
+            Manifest::parse(text.as_bytes()).unwrap()
+        };
+        let case = |permute: &str| {
+            let text = format!(
+                "id: x.a\ntitle: T\nprofile: x\nclauses: x.a\nlevel: may\n\
+                 line: 9600 8N1 depth=1 reaction=0\nsince: 1\norigin: hand-written\n{permute}---\n. 1.0\n"
+            );
+            Case::new("x.a.spt", softplug_trace::Trace::parse(&text).unwrap())
+        };
+        let saves = manifest(r#", "state": {"saves": 1, "accepts": [1]}"#);
+        let all = Permutation::swaps(&case(""), &saves, 2);
+        let both = [Permutation::SwapAll, Permutation::SwapAfter(1), Permutation::SwapAfter(2)];
+        assert_eq!(all, both);
+        for none in [
+            Permutation::swaps(&case("permute: cuts\n"), &saves, 2),
+            Permutation::swaps(&case(""), &manifest(""), 2),
+            Permutation::swaps(&case(""), &saves, 0),
+        ] {
+            assert_eq!(none, []);
+        }
+    }
 }

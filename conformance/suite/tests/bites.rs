@@ -2,9 +2,12 @@
 //! with the right class and at the right place.
 
 use softplug_abi::manifest::Manifest;
-use softplug_abi::{Action, ActionWriter, Event, Instance, MarkState, Micros, Output, Pass};
+use softplug_abi::{
+    Action, ActionWriter, Event, EventKind, Instance, MarkState, Micros, Output, Pass,
+};
 use softplug_conformance::{
-    Case, Class, FaultClass, Filter, FromFn, Permutation, Summary, Verdict, bless, replay, run_all,
+    Case, Class, FaultClass, Filter, FromFn, Permutation, Summary, Verdict, bless, calls, replay,
+    run_all,
 };
 use softplug_trace::Trace;
 
@@ -387,4 +390,26 @@ fn a_replay_ends_with_its_trace() {
     // D begins behind the last line of the trace, and the job ends later still.
     assert_eq!(outcome.seen.len(), 4);
     assert_eq!(outcome.seen.last().map(|seen| seen.at), Some(Micros(1_000_000)));
+}
+
+#[test]
+fn late_inputs_come_at_the_end_of_their_windows() {
+    let text = TRACE.replace("< 0.500000 ", "< 0.500000~0.550000 ");
+    let text = text.replace("< 0.600000 ", "< 0.600000~0.650000 ");
+    let case = Case::new("x.spt", Trace::parse(&text).expect("it is a trace"));
+    let received = |permutation| {
+        let calls = calls(&subject(Flaw::None), &case, permutation).into_iter();
+        let received = calls.filter(|call| call.event == EventKind::Received);
+        received.map(|call| call.now.0).collect::<Vec<_>>()
+    };
+    assert_eq!(received(Permutation::Uncut), [1_500, 500_000, 600_000, 1_000_000]);
+    assert_eq!(received(Permutation::Late(None)), [1_500, 550_000, 650_000, 1_000_000]);
+    assert_eq!(received(Permutation::Late(Some(2))), [1_500, 500_000, 650_000, 1_000_000]);
+}
+
+#[test]
+fn bytes_that_came_left_and_were_delivered_are_counted_once_each() {
+    let outcome = replay(&subject(Flaw::None), &case(), Permutation::Uncut, 0);
+    // XOFF, seven of a message, XON; four sent; six delivered.
+    assert_eq!(outcome.bytes, 9 + 4 + 6);
 }

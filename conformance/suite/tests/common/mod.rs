@@ -2,7 +2,7 @@
 #![allow(dead_code)] // Each test file uses a part of it.
 
 use softplug_abi::manifest::Manifest;
-use softplug_conformance::{FromFn, Judge, Sandboxed};
+use softplug_conformance::{Case, Corpus, FromFn, Judge, Sandboxed};
 use softplug_host::{EngineKind, Host, HostOptions};
 use softplug_native::{NativeInstance, NativePlugin};
 use std::path::{Path, PathBuf};
@@ -22,6 +22,7 @@ pub(crate) fn native(name: &str) -> FromFn<impl Fn() -> NativeInstance> {
 }
 
 /// The same in the sandbox: from the folder `SOFTPLUG_PLUGINS`, else built now.
+#[cfg(feature = "wasmtime")]
 pub(crate) fn sandboxed(name: &str) -> Sandboxed {
     sandboxed_under(EngineKind::Wasmtime, name)
 }
@@ -59,6 +60,12 @@ fn build(name: &str) -> PathBuf {
         .expect("cargo can be run");
     assert!(built.success(), "the plug-in {name} cannot be built; is wasm32v1-none installed?");
     target.join("wasm32v1-none/plugin").join(format!("{}.wasm", name.replace('-', "_")))
+}
+
+/// The traces of a profile.
+pub(crate) fn cases(profile: &str) -> Vec<Case> {
+    let cases = Corpus::embedded().cases.into_iter();
+    cases.filter(|case| case.trace.front.profile == profile).collect()
 }
 
 /// Fails with the first failure of some traces in full if any case does.
