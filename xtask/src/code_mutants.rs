@@ -20,6 +20,9 @@ struct Part {
     targets: &'static [&'static str],
     /// Built without optimisation, as it is built again for each mutant.
     unoptimised: &'static [&'static str],
+    /// The tests stand in the package whose code is broken. If not, cargo-mutants would
+    /// first run those of the broken packages, and not find ours there.
+    is_own: bool,
     /// Words for the tests themselves: quick ones for all, then the rest for what survived those.
     passes: &'static [&'static [&'static str]],
 }
@@ -31,6 +34,7 @@ const PARTS: &[Part] = &[
         package: "softplug-trace",
         targets: &["--lib"],
         unoptimised: &["softplug-trace"],
+        is_own: true,
         passes: &[
             &[
                 "--skip=property",
@@ -55,6 +59,7 @@ const PARTS: &[Part] = &[
         package: "softplug-conformance",
         targets: &["--lib", "--test=bites", "--test=natively"],
         unoptimised: &["softplug-conformance"],
+        is_own: true,
         passes: &[&["--skip=partners"]],
     },
     Part {
@@ -70,6 +75,7 @@ const PARTS: &[Part] = &[
             "softplug-heidenhain-fe",
             "softplug-xon-xoff",
         ],
+        is_own: false,
         passes: &[&[]],
     },
 ];
@@ -112,14 +118,21 @@ pub(crate) fn run(workspace: &Workspace, part: Option<&str>) -> Result<ExitCode,
 
 fn command(part: &Part, pass: usize) -> Command {
     let mut command = cargo();
+    command.args(["mutants", "--jobs=1", "--no-shuffle"]);
     // A mutant that runs for ever must end.
-    command.args(["mutants", "--jobs=1", "--no-shuffle", "--minimum-test-timeout=60"]);
+    if part.is_own {
+        command.arg("--minimum-test-timeout=60");
+    } else {
+        command.args(["--baseline=skip", "--timeout=60", "--build-timeout=600"]);
+    }
     command.args(part.files.iter().map(|file| format!("--file={file}")));
     command.arg(format!("--test-package={}", part.package)).arg("--no-default-features");
-    command.args(part.targets.iter().map(|target| format!("--cargo-test-arg={target}")));
-    command.args(part.unoptimised.iter().map(|package| {
-        format!("--cargo-test-arg=--config=profile.dev.package.{package}.opt-level=0")
-    }));
+    command.args(part.targets.iter().map(|target| format!("--cargo-arg={target}")));
+    command.args(
+        part.unoptimised.iter().map(|package| {
+            format!("--cargo-arg=--config=profile.dev.package.{package}.opt-level=0")
+        }),
+    );
     if pass > 0 {
         command.arg("--iterate");
     }
@@ -143,7 +156,7 @@ mod tests {
         for word in [
             "--file=conformance/trace/src/parse/*.rs",
             "--test-package=softplug-trace",
-            "--cargo-test-arg=--lib",
+            "--cargo-arg=--lib",
             "--skip=property",
         ] {
             assert!(first.iter().any(|known| known == word), "{word} is not in {first:?}");

@@ -361,4 +361,18 @@ mod tests {
             [Channel::Wire, Channel::Wire, Channel::Lines, Channel::Host]
         );
     }
+
+    #[test]
+    fn a_status_is_told_only_if_there_is_one() {
+        let manifest = br#"{"abi": "1.0", "name": "x", "version": "1.0.0", "licence": "MIT", "protocol": "none",
+            "description": "For the suite's own tests."}"#;
+        let manifest = Manifest::parse(manifest).unwrap();
+        let what = |status| failed(1, Failure::NoAnswer, status, None).what(&manifest);
+        for (number, told) in [(0, None), (7, Some(7))] {
+            let What::Act(Expected::Fail { status, .. }) = what(number) else {
+                panic!("it failed")
+            };
+            assert_eq!(status, told);
+        }
+    }
 }

@@ -21,6 +21,8 @@ enum Flaw {
     ForgetsOnSwap,
     KeepsPast,
     Panics,
+    /// When it has heard a line more than the trace has.
+    PanicsLater,
     PanicsAtStart,
     RefusesSettings,
     BreaksARule,
@@ -67,6 +69,9 @@ impl Scripted {
                 }
                 b'!' if self.flaw == Flaw::Panics => panic!("the converter met '!'"),
                 _ if self.flaw == Flaw::LosesLastOfBurst && is_last && bytes.len() > 1 => {}
+                b'\n' if self.flaw == Flaw::PanicsLater && self.heard > 10 => {
+                    panic!("the converter met a second line")
+                }
                 b'\n' => {
                     self.delivery += 1;
                     let mut line = std::mem::take(&mut self.line);
@@ -409,7 +414,21 @@ fn late_inputs_come_at_the_end_of_their_windows() {
 
 #[test]
 fn bytes_that_came_left_and_were_delivered_are_counted_once_each() {
-    let outcome = replay(&subject(Flaw::None), &case(), Permutation::Uncut, 0);
-    // XOFF, seven of a message, XON; four sent; six delivered.
-    assert_eq!(outcome.bytes, 9 + 4 + 6);
+    // One read, and character by character.
+    for how in ["< 0.500000 ", "<< 0.500000 "] {
+        let trace = Trace::parse(&TRACE.replace("< 0.500000 ", how)).expect("it is a trace");
+        let case = Case::new("x.spt", trace);
+        let outcome = replay(&subject(Flaw::None), &case, Permutation::Uncut, 0);
+        // XOFF, seven of a message, XON; four sent; six delivered.
+        assert_eq!(outcome.bytes, 9 + 4 + 6, "{how}");
+    }
+}
+
+#[test]
+fn a_second_run_begins_a_second_after_the_first_and_counts_its_own_time() {
+    let twice = |flaw| replay(&subject(flaw), &case(), Permutation::Twice, 0);
+    // The line is quiet one microsecond behind the end of the trace.
+    assert_eq!(twice(Flaw::None).began, Micros(2_000_001 + 1_000_000));
+    let fault = twice(Flaw::PanicsLater).fault.expect("it panics");
+    assert_eq!(fault.at_us, 600_000);
 }
