@@ -14,36 +14,39 @@ struct Part {
     name: &'static str,
     /// Files, as patterns.
     files: &'static [&'static str],
-    /// Whose tests are run, without its default features.
-    package: &'static str,
-    /// Which of its targets are built at all.
-    targets: &'static [&'static str],
-    /// Built without optimisation, as it is built again for each mutant.
+    /// Packages built without optimisation, as they are built again for each mutant.
     unoptimised: &'static [&'static str],
-    /// The tests stand in the package whose code is broken. If not, cargo-mutants would
-    /// first run those of the broken packages, and not find ours there.
-    is_own: bool,
-    /// Words for the tests themselves: quick ones for all, then the rest for what survived those.
-    passes: &'static [&'static [&'static str]],
+    /// Quick tests for all mutants, then others for those that survived.
+    passes: &'static [Pass],
+}
+
+struct Pass {
+    /// Whose tests are run; none: those of the broken package.
+    package: Option<&'static str>,
+    /// Which targets are built at all; none: all.
+    targets: &'static [&'static str],
+    /// Words for the tests themselves.
+    words: &'static [&'static str],
 }
 
 const PARTS: &[Part] = &[
     Part {
         name: "trace",
         files: &["conformance/trace/src/parse/*.rs"],
-        package: "softplug-trace",
-        targets: &["--lib"],
         unoptimised: &["softplug-trace"],
-        is_own: true,
         passes: &[
-            &[
-                "--skip=property",
-                "--skip=exchange",
-                "--skip=limits",
-                "--skip=diff",
-                "--skip=generate",
-            ],
-            &[],
+            Pass {
+                package: None,
+                targets: &["--lib"],
+                words: &[
+                    "--skip=property",
+                    "--skip=exchange",
+                    "--skip=limits",
+                    "--skip=diff",
+                    "--skip=generate",
+                ],
+            },
+            Pass { package: None, targets: &["--lib"], words: &[] },
         ],
     },
     Part {
@@ -56,17 +59,16 @@ const PARTS: &[Part] = &[
             "conformance/suite/src/course.rs",
             "conformance/suite/src/deed.rs",
         ],
-        package: "softplug-conformance",
-        targets: &["--lib", "--test=bites", "--test=natively"],
         unoptimised: &["softplug-conformance"],
-        is_own: true,
-        passes: &[&["--skip=partners"]],
+        passes: &[Pass {
+            package: None,
+            targets: &["--lib", "--test=bites", "--test=natively"],
+            words: &["--skip=partners"],
+        }],
     },
     Part {
         name: "plugins",
         files: &["plugins/*/src/**/*.rs"],
-        package: "softplug-conformance",
-        targets: &["--test=natively"],
         unoptimised: &[
             "softplug-procedure-3964",
             "softplug-r3964",
@@ -75,8 +77,14 @@ const PARTS: &[Part] = &[
             "softplug-heidenhain-fe",
             "softplug-xon-xoff",
         ],
-        is_own: false,
-        passes: &[&[]],
+        passes: &[
+            Pass {
+                package: Some("softplug-conformance"),
+                targets: &["--test=natively"],
+                words: &[],
+            },
+            Pass { package: None, targets: &[], words: &[] },
+        ],
     },
 ];
 
@@ -106,8 +114,8 @@ pub(crate) fn run(workspace: &Workspace, part: Option<&str>) -> Result<ExitCode,
         let folder = |source| CodeMutantsError::Folder { path: results.clone(), source };
         fs::create_dir_all(&results).map_err(folder)?;
         let mut noticed = true;
-        for pass in 0..part.passes.len() {
-            let mut command = command(part, pass);
+        for number in 0..part.passes.len() {
+            let mut command = command(part, number);
             command.current_dir(workspace.root()).env("CARGO_MUTANTS_OUTPUT", &results);
             noticed = status(&mut command)?.success();
         }
@@ -116,27 +124,32 @@ pub(crate) fn run(workspace: &Workspace, part: Option<&str>) -> Result<ExitCode,
     Ok(if all_noticed { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-fn command(part: &Part, pass: usize) -> Command {
+fn command(part: &Part, number: usize) -> Command {
+    let pass = &part.passes[number];
     let mut command = cargo();
-    command.args(["mutants", "--jobs=1", "--no-shuffle"]);
-    // A mutant that runs for ever must end.
-    if part.is_own {
-        command.arg("--minimum-test-timeout=60");
-    } else {
-        command.args(["--baseline=skip", "--timeout=60", "--build-timeout=600"]);
-    }
+    // Without the engines that are features: they take longer to build than all else.
+    command.args(["mutants", "--jobs=1", "--no-shuffle", "--no-default-features"]);
     command.args(part.files.iter().map(|file| format!("--file={file}")));
-    command.arg(format!("--test-package={}", part.package)).arg("--no-default-features");
-    command.args(part.targets.iter().map(|target| format!("--cargo-arg={target}")));
+    // A mutant that runs for ever must end.
+    match pass.package {
+        // The whole code is otherwise first run with the tests of the broken packages, which
+        // have no such targets.
+        Some(package) => {
+            command.args(["--baseline=skip", "--timeout=60", "--build-timeout=600"]);
+            command.arg(format!("--test-package={package}"))
+        }
+        None => command.arg("--minimum-test-timeout=60"),
+    };
+    command.args(pass.targets.iter().map(|target| format!("--cargo-arg={target}")));
     command.args(
         part.unoptimised.iter().map(|package| {
             format!("--cargo-arg=--config=profile.dev.package.{package}.opt-level=0")
         }),
     );
-    if pass > 0 {
+    if number > 0 {
         command.arg("--iterate");
     }
-    command.args(["--", "--"]).args(part.passes[pass]);
+    command.args(["--", "--"]).args(pass.words);
     command
 }
 
@@ -155,7 +168,7 @@ mod tests {
         assert!(first.starts_with(&["mutants".into(), "--jobs=1".into()]), "{first:?}");
         for word in [
             "--file=conformance/trace/src/parse/*.rs",
-            "--test-package=softplug-trace",
+            "--minimum-test-timeout=60",
             "--cargo-arg=--lib",
             "--skip=property",
         ] {
