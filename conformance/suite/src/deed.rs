@@ -363,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn a_status_is_told_only_if_there_is_one() {
+    fn a_status_and_a_place_are_told_only_if_there_are_any() {
         let manifest = br#"{"abi": "1.0", "name": "x", "version": "1.0.0", "licence": "MIT", "protocol": "none",
             "description": "For the suite's own tests."}"#;
         let manifest = Manifest::parse(manifest).unwrap();
