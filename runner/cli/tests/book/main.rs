@@ -50,6 +50,7 @@ pages! {
     languages: "languages.md",
     certify: "certify.md",
     ci: "ci/README.md",
+    code_mutants: "code-mutants.md",
     kill_matrix: "kill-matrix.md",
     record: "record.md",
     playground: "playground/README.md",
