@@ -43,9 +43,12 @@ pub(super) fn run(plugin: &Chosen, case: &Case, permutation: Permutation) -> Res
         }
     })();
     let restored = ratatui::try_restore();
-    shown.and(restored).map_err(|error: io::Error| match is_gone() {
-        true => Failure::new(Exit::Incomplete, "the terminal is gone"),
-        false => Failure::internal(format_args!("the terminal cannot be drawn on: {error}")),
+    shown.and(restored).map_err(|error: io::Error| {
+        if is_gone() {
+            Failure::new(Exit::Incomplete, "the terminal is gone")
+        } else {
+            Failure::internal(format_args!("the terminal cannot be drawn on: {error}"))
+        }
     })?;
     Ok(exit)
 }
