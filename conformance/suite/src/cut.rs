@@ -158,9 +158,11 @@ mod tests {
             let cut = pieces(&course.cut("some.case", Cuts::Random(number, seed)));
             cut.iter().map(|(_, text)| text.len()).collect::<Vec<_>>()
         };
-        let frozen: Vec<_> =
-            (1..=8).map(|number| lengths(number, 0)).chain([lengths(1, 1)]).collect();
-        insta::assert_debug_snapshot!(frozen);
+        let frozen = (1..=8)
+            .map(|number| (number, 0))
+            .chain([(1, 1)])
+            .map(|(number, seed)| format!("{number}, seed {seed}: {:?}\n", lengths(number, seed)));
+        insta::assert_snapshot!(frozen.collect::<String>());
     }
 
     #[test]

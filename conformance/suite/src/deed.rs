@@ -367,12 +367,21 @@ mod tests {
         let manifest = br#"{"abi": "1.0", "name": "x", "version": "1.0.0", "licence": "MIT", "protocol": "none",
             "description": "For the suite's own tests."}"#;
         let manifest = Manifest::parse(manifest).unwrap();
-        let what = |status| failed(1, Failure::NoAnswer, status, None).what(&manifest);
         for (number, told) in [(0, None), (7, Some(7))] {
-            let What::Act(Expected::Fail { status, .. }) = what(number) else {
+            let failed = failed(1, Failure::NoAnswer, number, None);
+            let What::Act(Expected::Fail { status, .. }) = failed.what(&manifest) else {
                 panic!("it failed")
             };
             assert_eq!(status, told);
+
+            let failure = Some(Failure::UnsupportedCharacter);
+            let line = number.into();
+            let checked = Deed::Check { id: 1, failure, status: 0, line, column: line };
+            let What::Act(Expected::Check { fault: Some(fault), .. }) = checked.what(&manifest)
+            else {
+                panic!("the check found a fault")
+            };
+            assert_eq!((fault.line, fault.column), (told.map(u32::from), told.map(u32::from)));
         }
     }
 }

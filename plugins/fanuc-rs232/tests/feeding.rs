@@ -19,6 +19,8 @@ struct Setup {
     trailer: usize,
     depth: usize,
     room: u32,
+    /// Bytes of the program that the host has at a time.
+    pieces: usize,
     /// µs to wait, then what the control says, all at one time.
     control: Vec<(i64, Vec<u8>)>,
 }
@@ -38,14 +40,16 @@ fn setup() -> impl Strategy<Value = Setup> {
     let said = (0..9_000_i64, proptest::collection::vec(said, 1..4));
     let control = proptest::collection::vec(said, 0..30);
     let nuls = || prop_oneof![Just(0), 1..300_usize];
-    (any::<[bool; 2]>(), nuls(), nuls(), 1..5_usize, 1..600_u32, control).prop_map(
-        |([lfcrcr, renumber], leader, trailer, depth, room, control)| Setup {
+    let pieces = prop_oneof![Just(usize::MAX), 1..300_usize];
+    (any::<[bool; 2]>(), nuls(), nuls(), 1..5_usize, 1..600_u32, pieces, control).prop_map(
+        |([lfcrcr, renumber], leader, trailer, depth, room, pieces, control)| Setup {
             lfcrcr,
             renumber,
             leader,
             trailer,
             depth,
             room,
+            pieces,
             control,
         },
     )
@@ -61,6 +65,7 @@ fn options(setup: &Setup) -> BenchOptions<FanucRs232> {
         .line(LineParameters::new(10_000))
         .depth(setup.depth)
         .room(setup.room, 4_096)
+        .source_pieces(setup.pieces)
         .set("parity", "none")
         .set("eob", if setup.lfcrcr { "lfcrcr" } else { "lf" })
         .set("block_numbers", if setup.renumber { "renumber" } else { "keep" })

@@ -1,20 +1,16 @@
 //! Settings that cannot work together.
 
 use fanuc_rs232::FanucRs232;
-use softplug_plugin::bench::Bench;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use softplug_plugin::bench::{Bench, BenchError};
 
 /// Why the converter does not open with these settings.
 fn refusal(settings: &[(&str, &str)]) -> Option<String> {
-    let open = || {
-        let mut bench = Bench::<FanucRs232>::new();
-        for (name, value) in settings {
-            bench = bench.set(name, value);
-        }
-        bench.open();
-    };
-    let panic = catch_unwind(AssertUnwindSafe(open)).err()?;
-    Some(panic.downcast_ref::<String>().expect("the bench gives a text").clone())
+    Some(opened(settings).err()?.to_string())
+}
+
+fn opened(settings: &[(&str, &str)]) -> Result<Bench<FanucRs232>, BenchError> {
+    let bench = Bench::<FanucRs232>::new();
+    settings.iter().fold(bench, |bench, (name, value)| bench.set(name, value)).try_open()
 }
 
 #[test]

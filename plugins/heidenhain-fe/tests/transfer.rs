@@ -2,7 +2,7 @@
 
 use heidenhain_fe::HeidenhainFe;
 use softplug_plugin::bench::{Bench, BenchOptions, Observed};
-use softplug_plugin::{Failure, Value, ValueWriter};
+use softplug_plugin::{Failure, Micros, Value, ValueWriter};
 
 const ACK: u8 = 0x06;
 const NAK: u8 = 0x15;
@@ -203,6 +203,28 @@ fn answers_that_do_not_come_or_come_too_early() {
     bench.run_for_millis(200);
     assert_eq!(ear.heard(&bench), [EOT]);
     assert_eq!(job_end(&bench), Some((Some(Failure::NoAnswer), 12)));
+}
+
+#[test]
+fn the_time_for_an_answer_begins_when_the_block_has_left_the_line() {
+    let waited = |depth| {
+        let mut bench = bench().set("answer_time", "2000").depth(depth).open();
+        bench.send(b"1 L X+10\n");
+        bench.receive(&header("H15E"));
+        bench.run_for_millis(5_000);
+        let byte = |(at, seen): &(Micros, Observed)| match seen {
+            Observed::Byte(byte) => Some((*at, *byte)),
+            _ => None,
+        };
+        let mut sent: Vec<_> = bench.observed().iter().filter_map(byte).collect();
+        let (given_up, last) = (sent.pop().unwrap(), sent.pop().unwrap());
+        assert_eq!((last.1, given_up.1), (0x11, EOT));
+        given_up.0 - last.0
+    };
+    // A time is that of the start bit; a character takes 1.042 ms.
+    for depth in [1, 2, 16] {
+        assert_eq!(waited(depth), Micros(2_001_042), "depth {depth}");
+    }
 }
 
 #[test]

@@ -1,21 +1,17 @@
 //! Settings that cannot work, the check pass, and how jobs end.
 
-use softplug_plugin::bench::{Bench, Observed};
+use softplug_plugin::bench::{Bench, BenchError, Observed};
 use softplug_plugin::{Failure, Micros};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use xon_xoff::XonXoff;
 
 /// Why the converter does not open with these settings.
 fn refusal(settings: &[(&str, &str)]) -> Option<String> {
-    let open = || {
-        let mut bench = Bench::<XonXoff>::new();
-        for (name, value) in settings {
-            bench = bench.set(name, value);
-        }
-        bench.open();
-    };
-    let panic = catch_unwind(AssertUnwindSafe(open)).err()?;
-    Some(panic.downcast_ref::<String>().expect("the bench gives a text").clone())
+    Some(opened(settings).err()?.to_string())
+}
+
+fn opened(settings: &[(&str, &str)]) -> Result<Bench<XonXoff>, BenchError> {
+    let bench = Bench::<XonXoff>::new();
+    settings.iter().fold(bench, |bench, (name, value)| bench.set(name, value)).try_open()
 }
 
 #[test]
@@ -62,11 +58,7 @@ fn settings_that_cannot_work_are_refused_in_words() {
 
 /// The results of checks, then what was sent.
 fn checked(program: &[u8], settings: &[(&str, &str)]) -> (Vec<Observed>, Vec<u8>) {
-    let mut bench = Bench::<XonXoff>::new();
-    for (name, value) in settings {
-        bench = bench.set(name, value);
-    }
-    let mut bench = bench.open();
+    let mut bench = opened(settings).expect("settings that can work");
     bench.send(program);
     bench.run_for_millis(10_000);
     let results = bench.observed().iter().map(|(_, seen)| seen.clone());
@@ -114,8 +106,11 @@ fn line_ends_are_read_alike_and_written_as_set() {
         let program = [b"%", end, b"G1", end, end, b"M30", end].concat();
         for (form, wanted) in forms {
             let expected = [b"%", wanted, b"G1", wanted, wanted, b"M30", wanted].concat();
-            let (_, sent) = checked(&program, &[("send_line_end", form)]);
-            assert_eq!(sent.escape_ascii().to_string(), expected.escape_ascii().to_string());
+            for transparent in ["off", "on"] {
+                let settings = [("send_line_end", form), ("transparent", transparent)];
+                let (_, sent) = checked(&program, &settings);
+                assert_eq!(sent.escape_ascii().to_string(), expected.escape_ascii().to_string());
+            }
         }
     }
 }

@@ -113,6 +113,8 @@ pub struct Recorder {
     pub open_delivery: Option<Delivery>,
     /// Deliveries are put away only when [`drain`](Self::drain) says so.
     pub drain_by_hand: bool,
+    /// A source has at most so many bytes at a time.
+    pub source_pieces: Option<usize>,
     waiting: u32,
     drained: u32,
     sources: BTreeMap<u32, (Vec<u8>, usize)>,
@@ -215,7 +217,8 @@ impl Outside for Recorder {
 
     fn supply(&mut self, job: u32, buffer: &mut [u8]) -> Supply {
         let Some((data, at)) = self.sources.get_mut(&job) else { return Supply::End };
-        let count = buffer.len().min(data.len() - *at);
+        let most = self.source_pieces.map_or(buffer.len(), |piece| piece.min(buffer.len()));
+        let count = most.min(data.len() - *at);
         if count == 0 {
             return Supply::End;
         }

@@ -1,10 +1,12 @@
 //! A bench for a converter: a line in virtual time, with a UART.
 
 use crate::{Converter, Native, NativeFault};
-use softplug_abi::manifest::{Manifest, ManifestError, SettingError};
-use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines};
+use softplug_abi::manifest::{Manifest, SettingError};
+use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines, Refusal};
 pub use softplug_link::{Delivery, Observed};
 use softplug_link::{Job, LinkFault, LinkOptions, Recorder, VirtualLine};
+use std::error::Error;
+use std::fmt;
 
 /// A converter on a line in virtual time.
 ///
@@ -71,6 +73,7 @@ pub struct BenchOptions<C: Converter> {
     options: LinkOptions,
     depth: usize,
     drain_by_hand: bool,
+    source_pieces: Option<usize>,
     converter: std::marker::PhantomData<C>,
 }
 
@@ -91,11 +94,22 @@ pub struct BenchOptions<C: Converter> {
 /// ```
 #[derive(Clone, PartialEq, Debug)]
 pub enum BenchError {
-    /// Its manifest is wrong.
-    Manifest(ManifestError),
     /// A setting does not exist or has a wrong value.
     Setting(SettingError),
+    /// The converter itself refuses its settings, in these words.
+    Refused(&'static str),
 }
+
+impl fmt::Display for BenchError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Setting(error) => error.fmt(f),
+            Self::Refused(words) => write!(f, "the converter refuses its settings: {words}"),
+        }
+    }
+}
+
+impl Error for BenchError {}
 
 impl<C: Converter> Bench<C> {
     /// 9600 8N1, one character in flight, every setting at its default.
@@ -112,6 +126,7 @@ impl<C: Converter> Bench<C> {
             options: LinkOptions::default(),
             depth: 1,
             drain_by_hand: false,
+            source_pieces: None,
             converter: std::marker::PhantomData,
         }
     }
@@ -273,18 +288,26 @@ impl<C: Converter> BenchOptions<C> {
         self
     }
 
+    /// The data of a job comes in pieces of at most so many bytes, 1 or more, however
+    /// much is asked for.
+    #[must_use]
+    pub fn source_pieces(mut self, bytes: usize) -> Self {
+        self.source_pieces = Some(bytes.max(1));
+        self
+    }
+
     /// Opens the link at time 0.
     ///
     /// # Panics
-    /// A setting is wrong or the converter breaks the ABI.
+    /// A setting is wrong, the converter refuses its settings, or it breaks the ABI.
     pub fn open(self) -> Bench<C> {
-        self.try_open().unwrap_or_else(|error| panic!("{error:?}"))
+        self.try_open().unwrap_or_else(|error| panic!("{error}"))
     }
 
     /// Opens the link at time 0.
     ///
     /// # Errors
-    /// A setting is wrong.
+    /// A setting is wrong, or the converter refuses its settings.
     ///
     /// # Panics
     /// The converter breaks the ABI.
@@ -295,10 +318,16 @@ impl<C: Converter> BenchOptions<C> {
         let check_pass = self.manifest.needs.check_pass;
         let mut recorder = Recorder::default();
         recorder.drain_by_hand = self.drain_by_hand;
+        recorder.source_pieces = self.source_pieces;
         let line = VirtualLine::new(Native::new(), self.options, self.depth);
         let mut bench = Bench { line, recorder, now: Micros::ZERO, next_job: 1, check_pass };
         let opened = bench.line.link.open(Micros::ZERO, &mut bench.recorder);
-        bench.went_well(opened);
+        match opened {
+            Err(LinkFault::Instance { source, .. }) if source.refusal == Refusal::Settings => {
+                return Err(BenchError::Refused(source.words));
+            }
+            opened => bench.went_well(opened),
+        }
         bench.settle();
         Ok(bench)
     }

@@ -17,13 +17,13 @@ pub fn run(
     subject: &mut Subject,
     machines: &[PtyPair],
     plugin: &str,
+    depth: u32,
     seconds: u64,
 ) -> Outcome<serde_json::Value> {
     let line = eight_none_two(BAUD);
     let program = control::program(line, u32::try_from(seconds)?);
     let machine = Machine::start(line, &program)?;
-    // The depth is the gateway's own at this rate.
-    let mut wanted = Wanted::new(machine.path(), plugin, BAUD, 1)?;
+    let mut wanted = Wanted::new(machine.path(), plugin, BAUD, depth)?;
     wanted.0["stop_half_bits"] = line.stop_half_bits.into();
     wanted.0["settings"] = serde_json::json!({"parity": "software"});
     wanted.0["program"] = program.as_str().into();

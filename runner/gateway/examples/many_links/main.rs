@@ -6,7 +6,7 @@
 //! many_links echo PLUGIN.wasm LINKS SECONDS
 //! many_links ser2net CHARDELAY LINKS SECONDS
 //! many_links saturate PLUGIN.wasm LINKS SECONDS DEPTH
-//! many_links feed PLUGIN.wasm LINKS SECONDS DEPTH FANUC.wasm
+//! many_links feed PLUGIN.wasm LINKS SECONDS DEPTH FANUC.wasm FANUC_DEPTH
 //! ```
 //!
 //! `echo` and `ser2net` send 16 bytes over each link every 100 ms; `saturate`
@@ -66,7 +66,7 @@ fn main() -> Outcome {
         "feed" => {
             let mut subject = Subject::gateway(&[of(1)?, of(5)?])?;
             subject.add(&wanted(saturate::BAUD, of(4)?.parse()?)?)?;
-            feed::run(&mut subject, &machines, of(5)?, seconds)?
+            feed::run(&mut subject, &machines, of(5)?, of(6)?.parse()?, seconds)?
         }
         _ => return Err("no such measurement".into()),
     };

@@ -1,0 +1,42 @@
+//! Blocks that are larger than the room in the queue, or than one answer of the plug-in.
+
+use r3964::R3964;
+use softplug_plugin::bench::{Bench, Observed};
+use softplug_plugin::{LineParameters, Micros};
+
+const DLE: u8 = 0x10;
+/// One character at 10,000 baud 8N1.
+const CHARACTER: Micros = Micros(1_000);
+
+#[test]
+fn a_block_leaves_whole_and_without_a_gap() {
+    for (room, length) in [(64, 200), (64, 1_024), (8_192, 1_024)] {
+        // A DLE in the data is doubled.
+        for (byte, on_line) in [(b'x', &[b'x'][..]), (DLE, &[DLE, DLE])] {
+            let options = Bench::<R3964>::new().set("nak_at_start", "off");
+            let options = options.line(LineParameters::new(10_000)).depth(4).room(room, 4_096);
+            let mut bench = options.open();
+            bench.send(&vec![byte; length]);
+            bench.run_for_millis(10);
+            assert_eq!(bench.sent(), [0x02]);
+
+            let answered = bench.now();
+            bench.receive(&[DLE]);
+            let rest = [&on_line.repeat(length)[..], &[DLE, 0x03, 0x13]].concat();
+            let end = answered + Micros(CHARACTER.0 * rest.len() as i64);
+            bench.run_until(end);
+            assert!(bench.sent()[1..] == rest, "room {room}, {length} of {byte}");
+            let starts = bench.observed().iter().filter_map(|(at, seen)| match seen {
+                Observed::Byte(_) if *at >= answered => Some(*at),
+                _ => None,
+            });
+            let expected = (0..).map(|number| answered + Micros(CHARACTER.0 * number));
+            assert!(starts.zip(expected).all(|(at, expected)| at == expected), "room {room}");
+
+            bench.receive(&[DLE]);
+            let sent = 1 + rest.len() as u64;
+            let done = Observed::Done { job: 1, sent };
+            assert!(bench.observed().iter().any(|(_, seen)| *seen == done), "room {room}");
+        }
+    }
+}
