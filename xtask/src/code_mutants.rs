@@ -22,12 +22,21 @@ struct Part {
 
 struct Pass {
     /// Whose tests are run; none: those of the broken package.
-    package: Option<&'static str>,
+    packages: &'static [&'static str],
     /// Which targets are built at all; none: all.
     targets: &'static [&'static str],
     /// Words for the tests themselves.
     words: &'static [&'static str],
 }
+
+const PLUGINS: &[&str] = &[
+    "softplug-procedure-3964",
+    "softplug-r3964",
+    "softplug-r3964-simplified",
+    "softplug-fanuc-rs232",
+    "softplug-heidenhain-fe",
+    "softplug-xon-xoff",
+];
 
 const PARTS: &[Part] = &[
     Part {
@@ -36,7 +45,7 @@ const PARTS: &[Part] = &[
         unoptimised: &["softplug-trace"],
         passes: &[
             Pass {
-                package: None,
+                packages: &[],
                 targets: &["--lib"],
                 words: &[
                     "--skip=property",
@@ -46,7 +55,7 @@ const PARTS: &[Part] = &[
                     "--skip=generate",
                 ],
             },
-            Pass { package: None, targets: &["--lib"], words: &[] },
+            Pass { packages: &[], targets: &["--lib"], words: &[] },
         ],
     },
     Part {
@@ -61,7 +70,7 @@ const PARTS: &[Part] = &[
         ],
         unoptimised: &["softplug-conformance"],
         passes: &[Pass {
-            package: None,
+            packages: &[],
             targets: &["--lib", "--test=bites", "--test=natively"],
             words: &["--skip=partners"],
         }],
@@ -69,21 +78,11 @@ const PARTS: &[Part] = &[
     Part {
         name: "plugins",
         files: &["plugins/*/src/**/*.rs"],
-        unoptimised: &[
-            "softplug-procedure-3964",
-            "softplug-r3964",
-            "softplug-r3964-simplified",
-            "softplug-fanuc-rs232",
-            "softplug-heidenhain-fe",
-            "softplug-xon-xoff",
-        ],
+        unoptimised: PLUGINS,
         passes: &[
-            Pass {
-                package: Some("softplug-conformance"),
-                targets: &["--test=natively"],
-                words: &[],
-            },
-            Pass { package: None, targets: &[], words: &[] },
+            Pass { packages: &["softplug-conformance"], targets: &["--test=natively"], words: &[] },
+            // The tests of the 3964 procedure are those of its two plug-ins.
+            Pass { packages: PLUGINS, targets: &[], words: &[] },
         ],
     },
 ];
@@ -131,15 +130,14 @@ fn command(part: &Part, number: usize) -> Command {
     command.args(["mutants", "--jobs=1", "--no-shuffle", "--no-default-features"]);
     command.args(part.files.iter().map(|file| format!("--file={file}")));
     // A mutant that runs for ever must end.
-    match pass.package {
+    if pass.packages.is_empty() {
+        command.arg("--minimum-test-timeout=60");
+    } else {
         // The whole code is otherwise first run with the tests of the broken packages, which
         // have no such targets.
-        Some(package) => {
-            command.args(["--baseline=skip", "--timeout=60", "--build-timeout=600"]);
-            command.arg(format!("--test-package={package}"))
-        }
-        None => command.arg("--minimum-test-timeout=60"),
-    };
+        command.args(["--baseline=skip", "--timeout=60", "--build-timeout=600"]);
+        command.args(pass.packages.iter().map(|package| format!("--test-package={package}")));
+    }
     command.args(pass.targets.iter().map(|target| format!("--cargo-arg={target}")));
     command.args(
         part.unoptimised.iter().map(|package| {

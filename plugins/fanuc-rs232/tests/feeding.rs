@@ -19,8 +19,8 @@ struct Setup {
     trailer: usize,
     depth: usize,
     room: u32,
-    /// Bytes of the program that the host has at a time.
-    pieces: usize,
+    /// Bytes of the program that come each ms; without it all are there.
+    rate: Option<usize>,
     /// µs to wait, then what the control says, all at one time.
     control: Vec<(i64, Vec<u8>)>,
 }
@@ -40,16 +40,16 @@ fn setup() -> impl Strategy<Value = Setup> {
     let said = (0..9_000_i64, proptest::collection::vec(said, 1..4));
     let control = proptest::collection::vec(said, 0..30);
     let nuls = || prop_oneof![Just(0), 1..300_usize];
-    let pieces = prop_oneof![Just(usize::MAX), 1..300_usize];
-    (any::<[bool; 2]>(), nuls(), nuls(), 1..5_usize, 1..600_u32, pieces, control).prop_map(
-        |([lfcrcr, renumber], leader, trailer, depth, room, pieces, control)| Setup {
+    let rate = proptest::option::of(1..9_usize);
+    (any::<[bool; 2]>(), nuls(), nuls(), 1..5_usize, 1..600_u32, rate, control).prop_map(
+        |([lfcrcr, renumber], leader, trailer, depth, room, rate, control)| Setup {
             lfcrcr,
             renumber,
             leader,
             trailer,
             depth,
             room,
-            pieces,
+            rate,
             control,
         },
     )
@@ -61,11 +61,15 @@ fn program() -> impl Strategy<Value = Vec<String>> {
 }
 
 fn options(setup: &Setup) -> BenchOptions<FanucRs232> {
-    Bench::<FanucRs232>::new()
+    let options = Bench::<FanucRs232>::new();
+    let options = match setup.rate {
+        Some(rate) => options.source_rate(rate),
+        None => options,
+    };
+    options
         .line(LineParameters::new(10_000))
         .depth(setup.depth)
         .room(setup.room, 4_096)
-        .source_pieces(setup.pieces)
         .set("parity", "none")
         .set("eob", if setup.lfcrcr { "lfcrcr" } else { "lf" })
         .set("block_numbers", if setup.renumber { "renumber" } else { "keep" })

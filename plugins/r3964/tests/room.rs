@@ -1,8 +1,8 @@
-//! Blocks that are larger than the room in the queue, or than one answer of the plug-in.
+//! Room for what is to be sent, and for what is delivered.
 
 use r3964::R3964;
 use softplug_plugin::bench::{Bench, Observed};
-use softplug_plugin::{LineParameters, Micros};
+use softplug_plugin::{LineParameters, Micros, Value, ValueWriter};
 
 const DLE: u8 = 0x10;
 /// One character at 10,000 baud 8N1.
@@ -38,5 +38,28 @@ fn a_block_leaves_whole_and_without_a_gap() {
             let done = Observed::Done { job: 1, sent };
             assert!(bench.observed().iter().any(|(_, seen)| *seen == done), "room {room}");
         }
+    }
+}
+
+#[test]
+fn data_that_was_asked_for_is_taken_only_with_room_for_all_that_may_come() {
+    for (room, answer) in [(127, 0x15), (128, DLE)] {
+        let options = Bench::<R3964>::new().set("layer", "rk512").set("nak_at_start", "off");
+        let mut bench = options.room(4_096, room).open();
+        let mut buffer = [0; 64];
+        let mut fields = ValueWriter::new(&mut buffer);
+        for (field, value) in [(0, Value::Text("DB")), (1, Value::Int(7)), (3, Value::Int(1))] {
+            fields.push(field, value).unwrap();
+        }
+        bench.begin_job(2, fields.written().to_vec(), b"");
+        // Two bytes are asked for, but more may come.
+        for _ in 0..2 {
+            bench.run_for_millis(100);
+            bench.receive(&[DLE]);
+        }
+        let telegram = bench.sent().len();
+        bench.receive(&[0x02]);
+        bench.run_for_millis(1_000);
+        assert_eq!(bench.sent().get(telegram), Some(&answer), "{room} bytes of room");
     }
 }

@@ -116,6 +116,27 @@ fn line_ends_are_read_alike_and_written_as_set() {
 }
 
 #[test]
+fn what_grows_most_fits_into_a_small_room() {
+    // Each byte of a line end is a control byte, and is sent as two.
+    let settings = [("xon", "10"), ("xoff", "13"), ("transparent", "on")];
+    let grown: [(&str, &[u8]); 4] = [
+        ("lf", b"\x10\x4A"),
+        ("cr", b"\x10\x4D"),
+        ("crlf", b"\x10\x4D\x10\x4A"),
+        ("lfcrcr", b"\x10\x4A\x10\x4D\x10\x4D"),
+    ];
+    for (form, bytes) in grown {
+        let options = Bench::<XonXoff>::new().set("send_line_end", form).room(60, 64);
+        let options =
+            settings.iter().fold(options, |options, (name, value)| options.set(name, value));
+        let mut bench = options.open();
+        bench.send(&[b'\n'; 200]);
+        bench.run_for_millis(3_000);
+        assert_eq!(bench.sent(), bytes.repeat(200), "{form}");
+    }
+}
+
+#[test]
 fn an_abort_leaves_nothing_stale() {
     let mut bench = Bench::<XonXoff>::new().set("abort_send", "18").open();
     bench.send(b"ABCDEFGH");

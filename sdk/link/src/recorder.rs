@@ -113,8 +113,9 @@ pub struct Recorder {
     pub open_delivery: Option<Delivery>,
     /// Deliveries are put away only when [`drain`](Self::drain) says so.
     pub drain_by_hand: bool,
-    /// A source has at most so many bytes at a time.
-    pub source_pieces: Option<usize>,
+    /// So many bytes of jobs' data are there to be given, the rest comes later;
+    /// without it all are.
+    pub source_has: Option<usize>,
     waiting: u32,
     drained: u32,
     sources: BTreeMap<u32, (Vec<u8>, usize)>,
@@ -217,11 +218,15 @@ impl Outside for Recorder {
 
     fn supply(&mut self, job: u32, buffer: &mut [u8]) -> Supply {
         let Some((data, at)) = self.sources.get_mut(&job) else { return Supply::End };
-        let most = self.source_pieces.map_or(buffer.len(), |piece| piece.min(buffer.len()));
-        let count = most.min(data.len() - *at);
-        if count == 0 {
+        let most = buffer.len().min(data.len() - *at);
+        if most == 0 {
             return Supply::End;
         }
+        let count = self.source_has.map_or(most, |has| has.min(most));
+        if count == 0 {
+            return Supply::Later;
+        }
+        self.source_has = self.source_has.map(|has| has - count);
         buffer[..count].copy_from_slice(&data[*at..*at + count]);
         *at += count;
         Supply::Bytes(count)

@@ -3,7 +3,7 @@
 use crate::{Converter, Native, NativeFault};
 use softplug_abi::manifest::{Manifest, SettingError};
 use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines, Refusal};
-pub use softplug_link::{Delivery, Observed};
+pub use softplug_link::{Delivery, Observed, Taken};
 use softplug_link::{Job, LinkFault, LinkOptions, Recorder, VirtualLine};
 use std::error::Error;
 use std::fmt;
@@ -42,6 +42,7 @@ pub struct Bench<C: Converter> {
     now: Micros,
     next_job: u32,
     check_pass: bool,
+    source_rate: Option<usize>,
 }
 
 /// What a bench is opened with.
@@ -73,7 +74,7 @@ pub struct BenchOptions<C: Converter> {
     options: LinkOptions,
     depth: usize,
     drain_by_hand: bool,
-    source_pieces: Option<usize>,
+    source_rate: Option<usize>,
     converter: std::marker::PhantomData<C>,
 }
 
@@ -126,7 +127,7 @@ impl<C: Converter> Bench<C> {
             options: LinkOptions::default(),
             depth: 1,
             drain_by_hand: false,
-            source_pieces: None,
+            source_rate: None,
             converter: std::marker::PhantomData,
         }
     }
@@ -198,6 +199,15 @@ impl<C: Converter> Bench<C> {
 
     /// Lets time go on to `until`.
     pub fn run_until(&mut self, until: Micros) {
+        while let Some(rate) = self.source_rate.filter(|_| self.now < until) {
+            self.go_on_until(until.min(self.now + Micros::from_millis(1)));
+            self.recorder.source_has = self.recorder.source_has.map(|has| has + rate);
+            self.settle();
+        }
+        self.go_on_until(until);
+    }
+
+    fn go_on_until(&mut self, until: Micros) {
         let run = self.line.run_until(until, &mut self.recorder);
         self.went_well(run);
         self.now = self.now.max(until);
@@ -288,11 +298,11 @@ impl<C: Converter> BenchOptions<C> {
         self
     }
 
-    /// The data of a job comes in pieces of at most so many bytes, 1 or more, however
-    /// much is asked for.
+    /// The data of a job comes slowly, so many bytes each ms, however much is asked
+    /// for.
     #[must_use]
-    pub fn source_pieces(mut self, bytes: usize) -> Self {
-        self.source_pieces = Some(bytes.max(1));
+    pub fn source_rate(mut self, bytes_each_milli: usize) -> Self {
+        self.source_rate = Some(bytes_each_milli);
         self
     }
 
@@ -318,9 +328,16 @@ impl<C: Converter> BenchOptions<C> {
         let check_pass = self.manifest.needs.check_pass;
         let mut recorder = Recorder::default();
         recorder.drain_by_hand = self.drain_by_hand;
-        recorder.source_pieces = self.source_pieces;
+        recorder.source_has = self.source_rate.map(|_| 0);
         let line = VirtualLine::new(Native::new(), self.options, self.depth);
-        let mut bench = Bench { line, recorder, now: Micros::ZERO, next_job: 1, check_pass };
+        let mut bench = Bench {
+            line,
+            recorder,
+            now: Micros::ZERO,
+            next_job: 1,
+            check_pass,
+            source_rate: self.source_rate,
+        };
         let opened = bench.line.link.open(Micros::ZERO, &mut bench.recorder);
         match opened {
             Err(LinkFault::Instance { source, .. }) if source.refusal == Refusal::Settings => {
