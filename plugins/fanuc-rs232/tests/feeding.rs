@@ -197,6 +197,30 @@ proptest! {
     }
 }
 
+#[test]
+fn no_more_is_asked_for_than_has_room_however_slowly_it_comes() {
+    let blocks = vec!["G1X1000".to_owned(); 1_750];
+    let setup = Setup {
+        lfcrcr: false,
+        renumber: false,
+        leader: 0,
+        trailer: 0,
+        depth: 1,
+        room: 2_048,
+        rate: Some(1),
+        // It reads from the beginning, as fast as data comes, then holds for longer than
+        // it takes until there is no room.
+        control: vec![(1_000_000, vec![DC1]), (20_000_000, vec![DC3]), (10_000_000, vec![DC1])],
+    };
+    let text = format!("%\n{}\n", blocks.join("\n"));
+    let (observed, _) = transfer(&setup, text.as_bytes(), How::Plain);
+    let sent: Vec<u8> = wire(&observed).iter().map(|(_, byte)| *byte).collect();
+    assert_eq!(
+        sent.escape_ascii().to_string(),
+        expected(&setup, &blocks).escape_ascii().to_string()
+    );
+}
+
 /// A field of a job as a value record.
 fn field(index: u8, kind: u8, payload: &[u8]) -> Vec<u8> {
     let length = (payload.len() as u16).to_le_bytes();

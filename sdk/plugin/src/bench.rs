@@ -201,7 +201,7 @@ impl<C: Converter> Bench<C> {
     pub fn run_until(&mut self, until: Micros) {
         while let Some(rate) = self.source_rate.filter(|_| self.now < until) {
             self.go_on_until(until.min(self.now + Micros::from_millis(1)));
-            self.recorder.source_has = self.recorder.source_has.map(|has| has + rate);
+            self.recorder.source_has = Some(rate);
             self.settle();
         }
         self.go_on_until(until);
@@ -298,8 +298,8 @@ impl<C: Converter> BenchOptions<C> {
         self
     }
 
-    /// The data of a job comes slowly, so many bytes each ms, however much is asked
-    /// for.
+    /// The data of a job comes slowly, at most so many bytes each ms, however much is
+    /// asked for.
     #[must_use]
     pub fn source_rate(mut self, bytes_each_milli: usize) -> Self {
         self.source_rate = Some(bytes_each_milli);
