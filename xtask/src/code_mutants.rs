@@ -1,4 +1,4 @@
-//! Breaks the code at random places and runs the tests against that, with
+//! Breaks the code, one place at a time, and runs the tests against that, with
 //! cargo-mutants: for the evening, it takes hours.
 
 use std::path::PathBuf;
@@ -17,7 +17,7 @@ struct Part {
     /// Packages built without optimisation, as they are built again for each mutant.
     unoptimised: &'static [&'static str],
     /// Quick tests for all mutants, then others for those that survived.
-    passes: &'static [Pass],
+    passes: Vec<Pass>,
 }
 
 struct Pass {
@@ -29,79 +29,96 @@ struct Pass {
     words: &'static [&'static str],
 }
 
-const PLUGINS: &[&str] = &[
-    "softplug-procedure-3964",
-    "softplug-r3964",
-    "softplug-r3964-simplified",
-    "softplug-fanuc-rs232",
-    "softplug-heidenhain-fe",
-    "softplug-xon-xoff",
-];
-
-const PARTS: &[Part] = &[
-    Part {
-        name: "trace",
-        files: &["conformance/trace/src/parse/*.rs"],
-        unoptimised: &["softplug-trace"],
-        passes: &[
-            Pass {
+fn parts() -> Vec<Part> {
+    let trace = |words| Pass { packages: &[], targets: &["--lib"], words };
+    let slow =
+        &["--skip=property", "--skip=exchange", "--skip=limits", "--skip=diff", "--skip=generate"];
+    vec![
+        Part {
+            name: "trace",
+            files: &["conformance/trace/src/parse/*.rs"],
+            unoptimised: &["softplug-trace"],
+            passes: vec![trace(slow), trace(&[])],
+        },
+        Part {
+            name: "suite",
+            files: &[
+                "conformance/suite/src/replay.rs",
+                "conformance/suite/src/compare.rs",
+                "conformance/suite/src/permute.rs",
+                "conformance/suite/src/cut.rs",
+                "conformance/suite/src/course.rs",
+                "conformance/suite/src/deed.rs",
+            ],
+            unoptimised: &["softplug-conformance"],
+            passes: vec![Pass {
                 packages: &[],
-                targets: &["--lib"],
-                words: &[
-                    "--skip=property",
-                    "--skip=exchange",
-                    "--skip=limits",
-                    "--skip=diff",
-                    "--skip=generate",
-                ],
-            },
-            Pass { packages: &[], targets: &["--lib"], words: &[] },
-        ],
-    },
-    Part {
-        name: "suite",
-        files: &[
-            "conformance/suite/src/replay.rs",
-            "conformance/suite/src/compare.rs",
-            "conformance/suite/src/permute.rs",
-            "conformance/suite/src/cut.rs",
-            "conformance/suite/src/course.rs",
-            "conformance/suite/src/deed.rs",
-        ],
-        unoptimised: &["softplug-conformance"],
-        passes: &[Pass {
-            packages: &[],
-            targets: &["--lib", "--test=bites", "--test=natively"],
-            words: &["--skip=partners"],
-        }],
-    },
-    Part {
-        name: "plugins",
-        files: &["plugins/*/src/**/*.rs"],
-        unoptimised: PLUGINS,
-        passes: &[
-            Pass { packages: &["softplug-conformance"], targets: &["--test=natively"], words: &[] },
-            // The tests of the 3964 procedure are those of its two plug-ins.
-            Pass { packages: PLUGINS, targets: &[], words: &[] },
-        ],
-    },
-];
+                targets: &["--lib", "--test=bites", "--test=natively"],
+                words: &["--skip=partners"],
+            }],
+        },
+        plugin(
+            "xon-xoff",
+            &["plugins/xon-xoff/src/**/*.rs"],
+            &["softplug-xon-xoff"],
+            &["xon_xoff"],
+        ),
+        // The tests of the procedure are those of its two plug-ins.
+        plugin(
+            "3964",
+            &[
+                "plugins/procedure-3964/src/**/*.rs",
+                "plugins/r3964/src/**/*.rs",
+                "plugins/r3964-simplified/src/**/*.rs",
+            ],
+            &["softplug-procedure-3964", "softplug-r3964", "softplug-r3964-simplified"],
+            &["r3964"],
+        ),
+        plugin(
+            "fanuc-rs232",
+            &["plugins/fanuc-rs232/src/**/*.rs"],
+            &["softplug-fanuc-rs232"],
+            &["fanuc_rs232"],
+        ),
+        plugin(
+            "heidenhain-fe",
+            &["plugins/heidenhain-fe/src/**/*.rs"],
+            &["softplug-heidenhain-fe"],
+            &["heidenhain_fe"],
+        ),
+    ]
+}
+
+/// A plug-in: its whole corpus natively, in the test of that name, then its own tests.
+fn plugin(
+    name: &'static str,
+    files: &'static [&'static str],
+    packages: &'static [&'static str],
+    words: &'static [&'static str],
+) -> Part {
+    let corpus = Pass { packages: &["softplug-conformance"], targets: &["--test=natively"], words };
+    let own = Pass { packages, targets: &[], words: &[] };
+    Part { name, files, unoptimised: packages, passes: vec![corpus, own] }
+}
 
 /// Why nothing is broken.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum CodeMutantsError {
-    #[error("there is no part \"{0}\" to break; there are trace, suite and plugins")]
-    UnknownPart(String),
+    #[error("there is no part \"{part}\" to break; there are {known}")]
+    UnknownPart { part: String, known: String },
     #[error("the folder {path} for the results cannot be made: {source}")]
     Folder { path: PathBuf, source: io::Error },
 }
 
 /// Runs all parts, or the one with this name. Results stand in `target/code-mutants`.
 pub(crate) fn run(workspace: &Workspace, part: Option<&str>) -> Result<ExitCode, Error> {
-    let parts: Vec<&Part> =
-        PARTS.iter().filter(|known| part.is_none_or(|name| known.name == name)).collect();
-    if parts.is_empty() {
-        return Err(CodeMutantsError::UnknownPart(part.unwrap_or_default().to_owned()).into());
+    let mut parts = parts();
+    if let Some(part) = part {
+        let known = parts.iter().map(|part| part.name).collect::<Vec<_>>().join(", ");
+        parts.retain(|known| known.name == part);
+        if parts.is_empty() {
+            return Err(CodeMutantsError::UnknownPart { part: part.to_owned(), known }.into());
+        }
     }
     if run::find("cargo-mutants").is_none() {
         eprintln!("cargo-mutants is missing: installing it");
@@ -114,7 +131,7 @@ pub(crate) fn run(workspace: &Workspace, part: Option<&str>) -> Result<ExitCode,
         fs::create_dir_all(&results).map_err(folder)?;
         let mut noticed = true;
         for number in 0..part.passes.len() {
-            let mut command = command(part, number);
+            let mut command = command(&part, number);
             command.current_dir(workspace.root()).env("CARGO_MUTANTS_OUTPUT", &results);
             noticed = status(&mut command)?.success();
         }
@@ -129,6 +146,8 @@ fn command(part: &Part, number: usize) -> Command {
     // Without the engines that are features: they take longer to build than all else.
     command.args(["mutants", "--jobs=1", "--no-shuffle", "--no-default-features"]);
     command.args(part.files.iter().map(|file| format!("--file={file}")));
+    // What makes a plug-in wrong on purpose is in no module.
+    command.arg("--exclude=plugins/*/src/mutants.rs");
     // A mutant that runs for ever must end.
     if pass.packages.is_empty() {
         command.arg("--minimum-test-timeout=60");
@@ -158,7 +177,7 @@ mod tests {
     #[test]
     fn a_pass_names_files_targets_and_tests() {
         let words = |pass| {
-            let command = command(&PARTS[0], pass);
+            let command = command(&parts()[0], pass);
             let words = command.get_args().map(|word| word.to_str().unwrap().to_owned());
             words.collect::<Vec<_>>()
         };
@@ -180,7 +199,7 @@ mod tests {
     #[test]
     fn every_file_of_a_part_is_there() {
         let workspace = Workspace::read().unwrap();
-        for file in PARTS.iter().flat_map(|part| part.files) {
+        for file in parts().iter().flat_map(|part| part.files) {
             let fixed = file.split('*').next().unwrap();
             assert!(workspace.root().join(fixed).exists(), "{file}");
         }
@@ -191,7 +210,8 @@ mod tests {
         let error = run(&Workspace::read().unwrap(), Some("all")).err().unwrap();
         assert_eq!(
             error.to_string(),
-            "there is no part \"all\" to break; there are trace, suite and plugins"
+            "there is no part \"all\" to break; there are trace, suite, xon-xoff, 3964, \
+             fanuc-rs232, heidenhain-fe"
         );
     }
 }

@@ -63,11 +63,11 @@ enum Task {
         /// keeps the mutants in order.
         #[arg(long, conflicts_with = "long")]
         check: bool,
-        /// Break the code itself at random places instead, with cargo-mutants: hours.
+        /// Break the code itself instead, one place at a time, with cargo-mutants: hours.
         #[arg(long)]
         long: bool,
         /// Only mutants whose id contains this; the matrix then stays as it is. With
-        /// --long: only this part, `trace`, `suite` or `plugins`.
+        /// --long: only this part, such as `trace`, `suite` or `xon-xoff`.
         filter: Option<String>,
     },
     /// Runs the property tests with many random cases, optimised.

@@ -91,7 +91,7 @@ impl PublicKey {
 ///
 /// let error = PublicKey::read(Path::new("key.pub"), "ssh-ed25519 AAAAC3Nz").unwrap_err();
 /// assert!(matches!(error, KeyError::Missing { expected: "PUBLIC KEY", .. }));
-/// assert!(error.to_string().starts_with("key.pub: holds no key: "));
+/// assert!(error.to_string().starts_with("key.pub:1:1: holds no key: "));
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum KeyError {
@@ -103,7 +103,7 @@ pub enum KeyError {
     },
     /// There is no PEM block in it.
     #[error(
-        "{}: holds no key: a line \"-----BEGIN {expected}-----\" is expected", .file.display()
+        "{}:1:1: holds no key: a line \"-----BEGIN {expected}-----\" is expected", .file.display()
     )]
     Missing {
         /// The file.
@@ -112,7 +112,7 @@ pub enum KeyError {
         expected: &'static str,
     },
     /// The block is another one.
-    #[error("{}:{line}: holds {}, and \"{expected}\" is expected: {}", .file.display(), text::quoted(.found), advice(.found))]
+    #[error("{}:{line}:1: holds {}, and \"{expected}\" is expected: {}", .file.display(), text::quoted(.found), advice(.found))]
     OtherBlock {
         /// The file.
         file: PathBuf,
@@ -124,17 +124,19 @@ pub enum KeyError {
         expected: &'static str,
     },
     /// The block is damaged.
-    #[error("{}:{line}: {message}", .file.display())]
+    #[error("{}:{line}:{column}: {message}", .file.display())]
     Damaged {
         /// The file.
         file: PathBuf,
         /// From 1.
         line: usize,
+        /// Bytes from the line's beginning, from 1.
+        column: usize,
         /// What is wrong there.
         message: &'static str,
     },
     /// The block holds no Ed25519 key.
-    #[error("{}:{line}: this is no Ed25519 key: {message}", .file.display())]
+    #[error("{}:{line}:1: this is no Ed25519 key: {message}", .file.display())]
     Unfit {
         /// The file.
         file: PathBuf,
@@ -169,7 +171,10 @@ impl<'a> Block<'a> {
         if text.len() > LARGEST {
             return Err(KeyError::TooLarge { file: file.to_owned() });
         }
-        let damaged = |line, message| KeyError::Damaged { file: file.to_owned(), line, message };
+        let damaged = |line, column, message| {
+            let file = file.to_owned();
+            KeyError::Damaged { file, line, column, message }
+        };
         let mut lines = text.lines().enumerate().map(|(number, line)| (number + 1, line.trim()));
         let Some((begin, found)) = lines.find_map(|(n, line)| Some((n, label(line, "BEGIN")?)))
         else {
@@ -185,8 +190,8 @@ impl<'a> Block<'a> {
             });
         }
         let (mut last, mut base64, mut is_closed) = (begin, String::new(), false);
-        // Where each line's base64 begins.
-        let mut starts = Vec::new();
+        // Where in the whole each line's base64 begins.
+        let mut starts = vec![(0, begin)];
         for (number, line) in lines.by_ref() {
             last = number;
             if line.starts_with("-----") {
@@ -197,10 +202,10 @@ impl<'a> Block<'a> {
             base64.push_str(line);
         }
         if !is_closed {
-            return Err(damaged(last, "the line that ends the key is missing, or another one"));
+            return Err(damaged(last, 1, "the line that ends the key is missing, or another one"));
         }
         if let Some((number, _)) = lines.find(|(_, line)| label(line, "BEGIN").is_some()) {
-            return Err(damaged(number, "a second key begins here, and one is expected"));
+            return Err(damaged(number, 1, "a second key begins here, and one is expected"));
         }
         let der = BASE64_STANDARD.decode(&base64).map_err(|error| {
             let offset = match error {
@@ -208,8 +213,9 @@ impl<'a> Block<'a> {
                 | DecodeError::InvalidLastSymbol { offset, .. } => offset,
                 DecodeError::InvalidLength(_) | DecodeError::InvalidPadding => base64.len(),
             };
-            let line = starts.iter().rev().find(|(start, _)| *start <= offset);
-            damaged(line.map_or(begin, |(_, line)| *line), "this is no base64: the key is damaged")
+            let after = starts.partition_point(|(start, _)| *start <= offset);
+            let (start, line) = starts[after - 1];
+            damaged(line, offset - start + 1, "this is no base64: the key is damaged")
         })?;
         Ok(Self { file, line: begin, der })
     }

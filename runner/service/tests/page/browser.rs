@@ -206,8 +206,9 @@ impl Browser {
 
     /// Gives files to the file input of this name.
     pub(crate) fn choose(&mut self, name: &str, files: &[PathBuf]) {
-        let document = self.call("DOM.getDocument", json!({}));
         let selector = format!("input[name={name}]");
+        self.until(&format!("document.querySelector({})", Value::from(selector.as_str())));
+        let document = self.call("DOM.getDocument", json!({}));
         let root = &document["root"]["nodeId"];
         let found = self.call("DOM.querySelector", json!({ "nodeId": root, "selector": selector }));
         let files: Vec<_> = files.iter().map(|file| file.to_str().unwrap()).collect();
