@@ -54,7 +54,8 @@ fn pack(verifies: bool) -> Command {
 
 fn compare(since: &str) -> Command {
     let mut command = cargo();
-    command.args(["semver-checks", "--baseline-rev", since]);
+    // Otherwise a feature named `bench` is left out.
+    command.args(["semver-checks", "--all-features", "--baseline-rev", since]);
     for library in LIBRARIES {
         command.args(["--package", library]);
     }
@@ -86,7 +87,12 @@ mod tests {
     fn every_library_is_compared() {
         let command = compare("v0.1.0");
         let words = words(&command);
-        assert!(words.starts_with(&["semver-checks", "--baseline-rev", "v0.1.0"]));
+        assert!(words.starts_with(&[
+            "semver-checks",
+            "--all-features",
+            "--baseline-rev",
+            "v0.1.0"
+        ]));
         assert!(LIBRARIES.iter().all(|library| words.contains(library)), "{words:?}");
     }
 }
