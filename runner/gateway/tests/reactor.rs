@@ -295,6 +295,9 @@ fn a_lane_that_is_closed_sends_its_last_bytes_and_one_that_is_removed_does_not()
     let mut bench = Bench::start();
     let (closed, removed) = (bench.add_up(19_200), bench.add_up(19_200));
     let program = program(100);
+    // A partner that holds, so that nothing has left when its lane ends.
+    write_all(&bench.machines[&removed], &[XOFF]);
+    bench.until(removed, |figures| figures.is_held);
     for lane in [closed, removed] {
         bench.send(lane, 1, &program);
         bench.until(lane, |figures| figures.job_taken == 100);
@@ -309,9 +312,10 @@ fn a_lane_that_is_closed_sends_its_last_bytes_and_one_that_is_removed_does_not()
     }
     assert_eq!(bench.end_of_job(closed).outcome, JobOutcome::Done);
     assert_eq!(read_exactly(&bench.machines[&closed], 100), program);
+    let end = bench.end_of_job(removed);
+    assert_eq!(end.outcome, JobOutcome::Failed { failure: Failure::Interrupted, status: 0 });
+    assert_eq!(end.maybe_left, 0);
     assert_eq!(status.condition(), Condition::Removed);
-    let outcome = bench.end_of_job(removed).outcome;
-    assert_eq!(outcome, JobOutcome::Failed { failure: Failure::Interrupted, status: 0 });
     assert!(bench.reactor.status(removed).is_none());
 }
 
