@@ -30,6 +30,7 @@ mod event;
 mod failure;
 mod instance;
 pub mod limits;
+mod line;
 mod mailbox;
 #[cfg(feature = "manifest")]
 pub mod manifest;
@@ -39,12 +40,10 @@ mod value;
 pub mod wire;
 
 pub use action::{Action, ActionWriter, Actions, NoteLevel};
-pub use event::{
-    Event, EventKind, LineErrorKind, LineParameters, LinkDownReason, MarkState, ModemLines, Parity,
-    Pass, TakeEvent,
-};
+pub use event::{Event, EventKind, LineErrorKind, LinkDownReason, MarkState, Pass, TakeEvent};
 pub use failure::{Failure, Refusal};
 pub use instance::{Instance, Output};
+pub use line::{LineParameters, ModemLines, Parity};
 pub use mailbox::{MORE_OUTPUT, Mailbox, MailboxError, Region};
 pub use pieces::restore_pieces;
 pub use time::Micros;

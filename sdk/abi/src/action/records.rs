@@ -1,0 +1,218 @@
+//! Actions one after the other in an output buffer, read and written.
+
+use super::{Action, kind};
+use crate::Micros;
+use crate::limits::{RECORD_BYTES, TIMERS};
+use crate::wire::{Malformed, MalformedReason, NoSpace, Reader, Writer};
+
+/// Reads the records of an output buffer, checking each.
+///
+/// ```
+/// use softplug_abi::{Action, Actions, MalformedReason};
+///
+/// // `hold`, then a kind that does not exist.
+/// let mut actions = Actions::new(&[3, 0, 0, 0, 99, 0, 0, 0]);
+/// assert_eq!(actions.next(), Some(Ok(Action::Hold)));
+/// let error = actions.next().unwrap().unwrap_err();
+/// assert_eq!((error.at, error.reason), (4, MalformedReason::UnknownKind(99)));
+/// // Nothing behind a malformed record can be read.
+/// assert_eq!(actions.next(), None);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Actions<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Actions<'a> {
+    /// The records in `bytes`.
+    pub fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0 }
+    }
+
+    fn record(&self) -> Result<(Action<'a>, usize), MalformedReason> {
+        let mut reader = Reader::new(self.bytes.get(self.at..).unwrap_or_default());
+        let kind = reader.u16();
+        let length = usize::from(reader.u16());
+        let payload = reader.bytes(length);
+        reader.rest();
+        reader.end()?;
+        Ok((Action::decode(kind, payload)?, 4 + length))
+    }
+}
+
+impl<'a> Iterator for Actions<'a> {
+    type Item = Result<Action<'a>, Malformed>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.at >= self.bytes.len() {
+            return None;
+        }
+        let at = self.at;
+        match self.record() {
+            Ok((action, length)) => {
+                self.at += length;
+                Some(Ok(action))
+            }
+            Err(reason) => {
+                self.at = self.bytes.len();
+                Some(Err(Malformed { at, reason }))
+            }
+        }
+    }
+}
+
+/// Writes records into an output buffer.
+///
+/// Bytes for the queue or for one delivery that follow each other become one
+/// record, so that a plug-in may push them one by one.
+///
+/// ```
+/// use softplug_abi::{Action, ActionWriter, NoSpace};
+///
+/// let mut buffer = [0; 12];
+/// let mut writer = ActionWriter::new(&mut buffer);
+/// writer.transmit(b"G1")?;
+/// writer.transmit(b"X2")?;
+/// assert_eq!(writer.written(), [1, 0, 8, 0, 0, 0, 0, 0, b'G', b'1', b'X', b'2']);
+/// // What does not fit leaves the rest whole.
+/// assert_eq!(writer.push(&Action::Release), Err(NoSpace));
+/// assert_eq!((writer.len(), writer.room()), (12, 0));
+/// # Ok::<(), NoSpace>(())
+/// ```
+#[derive(Debug)]
+pub struct ActionWriter<'a> {
+    writer: Writer<'a>,
+    /// Start and kind of the last record, if bytes may be appended to it.
+    open: Option<(usize, u16, u32)>,
+}
+
+impl<'a> ActionWriter<'a> {
+    /// A writer at the start of `buffer`.
+    #[inline]
+    pub fn new(buffer: &'a mut [u8]) -> Self {
+        Self { writer: Writer::new(buffer), open: None }
+    }
+
+    /// Bytes written.
+    #[inline]
+    pub fn len(&self) -> usize {
+        self.writer.len()
+    }
+
+    /// Whether nothing was written.
+    pub fn is_empty(&self) -> bool {
+        self.writer.is_empty()
+    }
+
+    /// Bytes that still fit, record headers included.
+    #[inline]
+    pub fn room(&self) -> usize {
+        self.writer.room()
+    }
+
+    /// The records so far.
+    pub fn written(&self) -> &[u8] {
+        self.writer.written()
+    }
+
+    /// Appends a record; on `NoSpace` the records before it stay whole.
+    ///
+    /// In a plug-in it is inlined for each kind of action, where nothing but that
+    /// kind's fields is left: the action itself is never put together.
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
+    pub fn push(&mut self, action: &Action<'_>) -> Result<(), NoSpace> {
+        match action {
+            Action::Transmit { mark: 0, bytes } => return self.transmit(bytes),
+            Action::Deliver { delivery, bytes } => return self.deliver(*delivery, bytes),
+            Action::SetTimer { id, deadline } => return self.set_timer(*id, *deadline),
+            _ => {}
+        }
+        let start = self.begin(action.kind());
+        action.write(&mut self.writer);
+        self.end(start)
+    }
+
+    /// Begins a record, whose length is not known yet.
+    #[inline(never)]
+    fn begin(&mut self, kind: u16) -> usize {
+        let start = self.writer.len();
+        self.writer.u32(u32::from(kind));
+        start
+    }
+
+    #[inline(never)]
+    fn end(&mut self, start: usize) -> Result<(), NoSpace> {
+        let length = self.writer.len() - start;
+        self.writer.end(start)?;
+        let Ok(length) = u16::try_from(length - 4) else {
+            self.writer.forget(start);
+            return Err(NoSpace);
+        };
+        self.writer.patch_u16(start + 2, length);
+        self.open = None;
+        Ok(())
+    }
+
+    /// The quick way to push a [`Transmit`](Action::Transmit) without a mark.
+    #[inline]
+    pub fn transmit(&mut self, bytes: &[u8]) -> Result<(), NoSpace> {
+        self.stream(kind::TRANSMIT, 0, bytes)
+    }
+
+    /// The quick way to push a [`Deliver`](Action::Deliver).
+    #[inline]
+    pub fn deliver(&mut self, delivery: u32, bytes: &[u8]) -> Result<(), NoSpace> {
+        self.stream(kind::DELIVER, delivery, bytes)
+    }
+
+    /// The quick way to push a [`SetTimer`](Action::SetTimer).
+    pub fn set_timer(&mut self, id: u8, deadline: Micros) -> Result<(), NoSpace> {
+        debug_assert!(id < TIMERS, "there is no timer {id}");
+        let start = self.writer.len();
+        let [kind, zero] = kind::SET_TIMER.to_le_bytes();
+        self.writer.array([kind, zero, 9, 0, id]);
+        self.writer.array(deadline.0.to_le_bytes());
+        self.writer.end(start)?;
+        self.open = None;
+        Ok(())
+    }
+
+    /// Pushes a [`DeliveryName`](Action::DeliveryName) of ASCII characters; of any
+    /// other byte the highest bit is left out.
+    pub fn delivery_name_ascii(&mut self, delivery: u32, name: &[u8]) -> Result<(), NoSpace> {
+        let start = self.begin(kind::DELIVERY_NAME);
+        self.writer.u32(delivery);
+        self.writer.ascii(name);
+        self.end(start)
+    }
+
+    fn stream(&mut self, kind: u16, id: u32, bytes: &[u8]) -> Result<(), NoSpace> {
+        if bytes.is_empty() || self.append(kind, id, bytes) {
+            return Ok(());
+        }
+        let Ok(length) = u16::try_from(bytes.len() + 4) else { return Err(NoSpace) };
+        let start = self.writer.len();
+        let head = u64::from(kind) | u64::from(length) << 16 | u64::from(id) << 32;
+        self.writer.array(head.to_le_bytes());
+        self.writer.bytes(bytes);
+        self.writer.end(start)?;
+        self.open = Some((start, kind, id));
+        Ok(())
+    }
+
+    fn append(&mut self, kind: u16, id: u32, bytes: &[u8]) -> bool {
+        let Some((start, open_kind, open_id)) = self.open else { return false };
+        let length = self.writer.len() - start - 4 + bytes.len();
+        if (open_kind, open_id) != (kind, id) || length > RECORD_BYTES {
+            return false;
+        }
+        let end = self.writer.len();
+        self.writer.bytes(bytes);
+        if self.writer.end(end).is_err() {
+            return false;
+        }
+        self.writer.patch_u16(start + 2, length as u16);
+        true
+    }
+}
