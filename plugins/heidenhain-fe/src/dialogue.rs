@@ -1,0 +1,306 @@
+//! The dialogue with the control: what it says, and what it is answered.
+
+use crate::frame::{ACK, DC1, DC3, EOT, ETX, Frame, Heard, NAK, SOH};
+use crate::line::{Timer, say};
+use crate::stage::Stage;
+use crate::{HELD_BEFORE, HeidenhainFe, NAME};
+use core::sync::atomic::Ordering;
+use softplug_plugin::{Context, Failure, NoteLevel, ValueWriter, Values, mutant};
+
+/// The field of a request with the program's kind.
+const KIND: u16 = 1;
+
+impl HeidenhainFe {
+    pub(crate) fn character(&mut self, link: &mut Context<'_>, byte: u8) {
+        let heard = self.reader.take(byte, self.settings.dc1, self.settings.bcc_space);
+        match heard {
+            Heard::Inside if byte == DC3 && mutant!("heidenhain-fe.line.hold/in-text") => {
+                self.line.hold(link);
+            }
+            Heard::Inside | Heard::Alone(_) if self.reader.is_inside() => {}
+            Heard::Whole(frame) => self.frame(link, frame),
+            Heard::Alone(DC3) if mutant!("heidenhain-fe.line.hold/ignored") => {}
+            Heard::Alone(DC3) => {
+                if mutant!("heidenhain-fe.line.close/hold-kept") {
+                    HELD_BEFORE.store(true, Ordering::Relaxed);
+                }
+                self.line.hold(link);
+            }
+            Heard::Alone(DC1) => self.line.release(link),
+            Heard::Alone(ACK) => self.acknowledged(link),
+            Heard::Alone(NAK) => self.refused(link),
+            Heard::Alone(ETX) => self.receiver.at_end(),
+            Heard::Alone(EOT) => self.ended(link),
+            Heard::Alone(_) if mutant!("heidenhain-fe.line.noise/ends-it") => {
+                self.ended(link);
+            }
+            Heard::Alone(_) | Heard::Inside => {}
+        }
+    }
+
+    /// A header or block has come, or what is left of one.
+    pub(crate) fn frame(&mut self, link: &mut Context<'_>, frame: Frame) {
+        self.line.cancel(link, Timer::Character);
+        if frame.begin == SOH {
+            if !frame.is_good {
+                // Of a transfer that is under way, a header is no part.
+                let is_silent = mutant!("heidenhain-fe.rx.bad-header/not-answered");
+                if !self.stage.is_sending() && !is_silent {
+                    say(link, &self.settings, NAK);
+                }
+            } else if self.stage.is_sending() {
+                if mutant!("heidenhain-fe.tx.header-between/ignored") {
+                    return;
+                }
+                self.has_header = true;
+                self.stop(link, Failure::PartnerReset);
+            } else {
+                self.header(link);
+            }
+        } else if self.stage != Stage::Receiving {
+            // Nobody waits for a block: a control that sends one is told that it is over.
+            let is_silent = mutant!("heidenhain-fe.rx.stray-block/not-answered");
+            if frame.is_good && !self.stage.is_sending() && !is_silent {
+                say(link, &self.settings, EOT);
+            }
+        } else if frame.is_good {
+            self.accept(link);
+        } else if self.receiver.refuses(self.settings.repeats) {
+            say(link, &self.settings, NAK);
+        } else {
+            self.end_reception(link, Some(Failure::Checksum));
+            say(link, &self.settings, EOT);
+        }
+    }
+
+    /// A good header: what came before it is over.
+    pub(crate) fn header(&mut self, link: &mut Context<'_>) {
+        let is_failure = !mutant!("heidenhain-fe.rx.new-header/ends-well");
+        self.end_reception(link, is_failure.then_some(Failure::PartnerReset));
+        self.withdraw(link);
+        if mutant!("heidenhain-fe.rx.several/refused") && self.receiver.has_had() {
+            say(link, &self.settings, NAK);
+            return;
+        }
+        let text = self.reader.text();
+        let (Some((kind, rest)), Some(mode)) = (text.split_first(), text.last()) else {
+            say(link, &self.settings, NAK);
+            return;
+        };
+        let name = rest.get(..rest.len().saturating_sub(1)).unwrap_or_default();
+        match mode {
+            b'A' if !rest.is_empty() => {
+                self.receiver.begin(link, name);
+                self.stage = Stage::Receiving;
+                if !mutant!("heidenhain-fe.rx.header/not-answered") {
+                    say(link, &self.settings, ACK);
+                }
+            }
+            b'E' if !rest.is_empty() => {
+                self.asked.clear();
+                for byte in name {
+                    self.asked.push(*byte);
+                }
+                if self.sender.is_waiting() {
+                    self.supply(link);
+                } else {
+                    self.request(link, *kind);
+                }
+            }
+            _ => say(link, &self.settings, NAK),
+        }
+    }
+
+    fn request(&mut self, link: &mut Context<'_>, kind: u8) {
+        let mut buffer = [0; 300];
+        let mut fields = ValueWriter::new(&mut buffer);
+        // Both fit: a header has at most 242 characters.
+        if !mutant!("heidenhain-fe.tx.ask-host/name-missing") {
+            let _ = fields.push_ascii(NAME, self.asked.as_slice());
+        }
+        let _ = fields.push_ascii(KIND, &[kind]);
+        self.request = self.request.wrapping_add(1).max(1);
+        link.request(self.request, 0, Values::new(fields.written()));
+        self.stage = Stage::Asking;
+    }
+
+    /// The job that is there goes to the control, if it is what it asked for.
+    pub(crate) fn supply(&mut self, link: &mut Context<'_>) {
+        if !self.sender.fits(self.asked.as_slice()) {
+            link.note(NoteLevel::Warning, 0, "the control asks for another program");
+            self.refuse(link);
+            return;
+        }
+        self.line.cancel(link, Timer::Job);
+        say(link, &self.settings, ACK);
+        self.stage = Stage::Filling;
+        self.go_on(link);
+    }
+
+    /// The control does not get what it asked for.
+    pub(crate) fn refuse(&mut self, link: &mut Context<'_>) {
+        self.await_control(link);
+        self.stage = Stage::Idle;
+        if !mutant!("heidenhain-fe.tx.refused/control-not-told") {
+            say(link, &self.settings, EOT);
+        }
+    }
+
+    /// A job waits until the control asks for it, if there is one.
+    pub(crate) fn await_control(&mut self, link: &mut Context<'_>) {
+        let is_timed =
+            self.settings.request_time > 0 && !mutant!("heidenhain-fe.tx.request-time/never");
+        if self.sender.is_waiting() && is_timed {
+            self.line.set_after(link, Timer::Job, self.settings.request_time);
+        } else {
+            self.line.cancel(link, Timer::Job);
+        }
+    }
+
+    /// A job that nobody asked for, or a program that was granted and did not come.
+    pub(crate) fn too_late(&mut self, link: &mut Context<'_>) {
+        if self.stage == Stage::Granted {
+            link.note(NoteLevel::Warning, 0, "the program that was granted did not come");
+            self.refuse(link);
+        } else {
+            self.sender.fail(link, Failure::NoAnswer);
+        }
+    }
+
+    fn withdraw(&mut self, link: &mut Context<'_>) {
+        match self.stage {
+            Stage::Asking if mutant!("heidenhain-fe.tx.withdrawn/kept") => {}
+            Stage::Asking => link.withdraw(self.request),
+            Stage::Granted => self.line.cancel(link, Timer::Job),
+            _ => return,
+        }
+        self.stage = Stage::Idle;
+    }
+
+    /// Sends the next block, or the end, as far as there is all that it needs.
+    pub(crate) fn go_on(&mut self, link: &mut Context<'_>) {
+        if self.stage == Stage::Filling {
+            self.stage = self.sender.next(link, &self.settings);
+        }
+    }
+
+    fn acknowledged(&mut self, link: &mut Context<'_>) {
+        // An answer that comes before the block can have left is none.
+        if self.stage == Stage::Answer && self.sender.has_left() {
+            self.line.cancel(link, Timer::Answer);
+            self.sender.acknowledged();
+            self.stage = Stage::Filling;
+            self.go_on(link);
+        }
+    }
+
+    fn refused(&mut self, link: &mut Context<'_>) {
+        if self.stage != Stage::Answer || !self.sender.has_left() {
+            return;
+        }
+        self.line.cancel(link, Timer::Answer);
+        if mutant!("heidenhain-fe.tx.repeat/next-block") {
+            self.sender.acknowledged();
+            self.stage = Stage::Filling;
+            self.go_on(link);
+            return;
+        }
+        if self.sender.repeats(self.settings.repeats) {
+            self.stage = Stage::Filling;
+            self.go_on(link);
+        } else {
+            self.stop(link, Failure::AttemptsUsedUp);
+        }
+    }
+
+    /// EOT: the control ends what is under way.
+    fn ended(&mut self, link: &mut Context<'_>) {
+        match self.stage {
+            Stage::Filling | Stage::Answer if mutant!("heidenhain-fe.tx.partner-ends/ignored") => {}
+            Stage::Filling | Stage::Answer => self.stop(link, Failure::Refused),
+            Stage::Receiving | Stage::Waiting => {
+                let is_whole = self.receiver.is_whole();
+                self.end_reception(link, (!is_whole).then_some(Failure::NoEndMark));
+            }
+            Stage::Asking | Stage::Granted => self.withdraw(link),
+            Stage::Idle | Stage::Ending | Stage::Stopping(_) => {}
+        }
+    }
+
+    /// Ends the job on the line as soon as it is known how much of it has left.
+    pub(crate) fn stop(&mut self, link: &mut Context<'_>, failure: Failure) {
+        if matches!(self.stage, Stage::Filling | Stage::Answer | Stage::Ending) {
+            self.line.cancel(link, Timer::Answer);
+            link.discard();
+            self.stage = Stage::Stopping(failure);
+        }
+    }
+
+    /// Whatever is under way with the control ends.
+    pub(crate) fn give_up(&mut self, link: &mut Context<'_>, failure: Failure) {
+        self.end_reception(link, Some(failure));
+        self.withdraw(link);
+        self.stop(link, failure);
+        if !self.stage.is_sending() {
+            self.line.cancel(link, Timer::Job);
+        }
+    }
+
+    /// A good block is put away and acknowledged, or waits until there is room.
+    pub(crate) fn accept(&mut self, link: &mut Context<'_>) {
+        let is_taken = self.receiver.take(link, &self.settings, self.reader.text());
+        if is_taken || mutant!("heidenhain-fe.rx.room/answered-and-lost") {
+            self.stage = Stage::Receiving;
+            if !mutant!("heidenhain-fe.rx.block/not-answered") {
+                say(link, &self.settings, ACK);
+            }
+        } else {
+            self.stage = Stage::Waiting;
+        }
+    }
+
+    pub(crate) fn end_reception(&mut self, link: &mut Context<'_>, failure: Option<Failure>) {
+        if self.stage.is_receiving() {
+            self.receiver.end(link, failure);
+            self.stage = Stage::Idle;
+        }
+    }
+
+    /// Silence in a frame, and between two blocks.
+    pub(crate) fn watch(&mut self, link: &mut Context<'_>) {
+        if self.reader.is_inside() {
+            self.line.cancel(link, Timer::Block);
+            if !mutant!("heidenhain-fe.line.cut-off/never") {
+                self.line.set_after(link, Timer::Character, self.settings.character_time);
+            }
+            return;
+        }
+        self.line.cancel(link, Timer::Character);
+        let is_timed = self.settings.block_time > 0 && !mutant!("heidenhain-fe.rx.silence/never");
+        if self.stage == Stage::Receiving && is_timed {
+            self.line.set_after(link, Timer::Block, self.settings.block_time);
+        } else {
+            self.line.cancel(link, Timer::Block);
+        }
+    }
+
+    pub(crate) fn name_state(&mut self, link: &mut Context<'_>) {
+        let state = match self.stage {
+            Stage::Stopping(_) => "stopping",
+            Stage::Filling | Stage::Answer | Stage::Ending if self.line.is_held() => "held",
+            Stage::Filling if self.sender.is_paused => "paused",
+            Stage::Filling | Stage::Answer | Stage::Ending => "sending",
+            Stage::Receiving => "receiving",
+            Stage::Waiting => "receiving, no room",
+            Stage::Asking => "asking for a program",
+            Stage::Granted => "waiting for the program",
+            Stage::Idle if self.sender.is_checking() => "checking",
+            Stage::Idle if self.sender.is_waiting() => "waiting for the control",
+            Stage::Idle => "idle",
+        };
+        if self.named != Some(state) {
+            self.named = Some(state);
+            link.state(state);
+        }
+    }
+}
