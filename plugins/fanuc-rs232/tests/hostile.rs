@@ -123,10 +123,7 @@ fn run(
     happenings: &[Happening],
     swaps: bool,
 ) -> Vec<(Micros, Observed)> {
-    let options = settings
-        .iter()
-        .fold(Bench::<FanucRs232>::new(), |options, (name, value)| options.set(name, value))
-        .room(room.0, room.1);
+    let options = Bench::<FanucRs232>::new().set_all(settings).room(room.0, room.1);
     let mut bench = if drains { options } else { options.drain_by_hand() }.open();
     let mut is_up = true;
     let mut job = 0;

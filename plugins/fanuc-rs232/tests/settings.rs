@@ -9,8 +9,7 @@ fn refusal(settings: &[(&str, &str)]) -> Option<String> {
 }
 
 fn opened(settings: &[(&str, &str)]) -> Result<Bench<FanucRs232>, BenchError> {
-    let bench = Bench::<FanucRs232>::new();
-    settings.iter().fold(bench, |bench, (name, value)| bench.set(name, value)).try_open()
+    Bench::<FanucRs232>::new().set_all(settings).try_open()
 }
 
 #[test]

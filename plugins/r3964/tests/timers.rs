@@ -8,11 +8,7 @@ use softplug_plugin::{Failure, Micros};
 const CHARACTER: Micros = Micros(1_042);
 
 fn bench(settings: &[(&str, &str)]) -> Bench<R3964> {
-    let mut options = Bench::<R3964>::new().set("nak_at_start", "off");
-    for (name, value) in settings {
-        options = options.set(name, value);
-    }
-    options.open()
+    Bench::<R3964>::new().set("nak_at_start", "off").set_all(settings).open()
 }
 
 fn millis(millis: i64) -> Micros {

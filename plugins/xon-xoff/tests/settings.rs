@@ -10,8 +10,7 @@ fn refusal(settings: &[(&str, &str)]) -> Option<String> {
 }
 
 fn opened(settings: &[(&str, &str)]) -> Result<Bench<XonXoff>, BenchError> {
-    let bench = Bench::<XonXoff>::new();
-    settings.iter().fold(bench, |bench, (name, value)| bench.set(name, value)).try_open()
+    Bench::<XonXoff>::new().set_all(settings).try_open()
 }
 
 #[test]
@@ -126,10 +125,8 @@ fn what_grows_most_fits_into_a_small_room() {
         ("lfcrcr", b"\x10\x4A\x10\x4D\x10\x4D"),
     ];
     for (form, bytes) in grown {
-        let options = Bench::<XonXoff>::new().set("send_line_end", form).room(60, 64);
-        let options =
-            settings.iter().fold(options, |options, (name, value)| options.set(name, value));
-        let mut bench = options.open();
+        let options = Bench::<XonXoff>::new().set("send_line_end", form).set_all(&settings);
+        let mut bench = options.room(60, 64).open();
         bench.send(&[b'\n'; 200]);
         bench.run_for_millis(3_000);
         assert_eq!(bench.sent(), bytes.repeat(200), "{form}");

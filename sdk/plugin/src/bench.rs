@@ -269,6 +269,12 @@ impl<C: Converter> BenchOptions<C> {
         self
     }
 
+    /// Sets several of them.
+    #[must_use]
+    pub fn set_all(self, settings: &[(&str, &str)]) -> Self {
+        settings.iter().fold(self, |options, (name, value)| options.set(name, value))
+    }
+
     /// The characters on the line.
     #[must_use]
     pub fn line(mut self, line: LineParameters) -> Self {

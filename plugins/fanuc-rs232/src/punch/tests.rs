@@ -88,9 +88,7 @@ fn a_flood_of_programs_loses_nothing() {
 #[test]
 fn the_tape_check_counts_as_it_is_set() {
     let checked = |set: &[(&str, &str)], tape: &str| {
-        let options = set.iter().fold(options().set("tv_check", "on"), |options, (name, value)| {
-            options.set(name, value)
-        });
+        let options = options().set("tv_check", "on").set_all(set);
         captured(options, tape.as_bytes()).remove(0).1
     };
     let odd = Some(Failure::ParityCheck);
