@@ -252,6 +252,7 @@ fn damaged_keys_are_refused_with_their_place() {
         private(include_str!("keys/x25519.pem")),
         private("-----BEGIN OPENSSH PRIVATE KEY-----\u{1B}-----"),
         private(&PRIVATE.replace("MC4CAQ", "MC4C*Q")),
+        private(&PRIVATE.replace("MC4CAQ", "  MC4C*Q")),
         private(&PRIVATE.replace("MC4CAQ", "MC4")),
         private(&PRIVATE.replace("MC4CAQAw", "")),
         private(PRIVATE.lines().take(3).collect::<Vec<_>>().join("\n").as_str()),

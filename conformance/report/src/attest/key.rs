@@ -175,7 +175,7 @@ impl<'a> Block<'a> {
             let file = file.to_owned();
             KeyError::Damaged { file, line, column, message }
         };
-        let mut lines = text.lines().enumerate().map(|(number, line)| (number + 1, line.trim()));
+        let mut lines = (1..).zip(text.lines());
         let Some((begin, found)) = lines.find_map(|(n, line)| Some((n, label(line, "BEGIN")?)))
         else {
             return Err(KeyError::Missing { file: file.to_owned(), expected });
@@ -190,16 +190,17 @@ impl<'a> Block<'a> {
             });
         }
         let (mut last, mut base64, mut is_closed) = (begin, String::new(), false);
-        // Where in the whole each line's base64 begins.
-        let mut starts = vec![(0, begin)];
+        // Of each byte of it, the line and column.
+        let mut places = Vec::new();
         for (number, line) in lines.by_ref() {
             last = number;
-            if line.starts_with("-----") {
+            if line.trim().starts_with("-----") {
                 is_closed = label(line, "END") == Some(expected);
                 break;
             }
-            starts.push((base64.len(), number));
-            base64.push_str(line);
+            let indent = line.len() - line.trim_start().len();
+            base64.push_str(line.trim());
+            places.extend((indent + 1..).map(|column| (number, column)).take(line.trim().len()));
         }
         if !is_closed {
             return Err(damaged(last, 1, "the line that ends the key is missing, or another one"));
@@ -208,14 +209,14 @@ impl<'a> Block<'a> {
             return Err(damaged(number, 1, "a second key begins here, and one is expected"));
         }
         let der = BASE64_STANDARD.decode(&base64).map_err(|error| {
-            let offset = match error {
+            let place = match error {
                 DecodeError::InvalidByte(offset, _)
-                | DecodeError::InvalidLastSymbol { offset, .. } => offset,
-                DecodeError::InvalidLength(_) | DecodeError::InvalidPadding => base64.len(),
+                | DecodeError::InvalidLastSymbol { offset, .. } => places.get(offset),
+                DecodeError::InvalidLength(_) | DecodeError::InvalidPadding => None,
             };
-            let after = starts.partition_point(|(start, _)| *start <= offset);
-            let (start, line) = starts[after - 1];
-            damaged(line, offset - start + 1, "this is no base64: the key is damaged")
+            let end = places.last().map_or((last, 1), |(line, column)| (*line, column + 1));
+            let (line, column) = place.copied().unwrap_or(end);
+            damaged(line, column, "this is no base64: the key is damaged")
         })?;
         Ok(Self { file, line: begin, der })
     }
@@ -228,7 +229,7 @@ impl<'a> Block<'a> {
 
 /// The label of a line `-----BEGIN LABEL-----`.
 fn label<'a>(line: &'a str, word: &str) -> Option<&'a str> {
-    let line = line.strip_prefix("-----")?.strip_prefix(word)?.strip_prefix(' ')?;
+    let line = line.trim().strip_prefix("-----")?.strip_prefix(word)?.strip_prefix(' ')?;
     line.strip_suffix("-----")
 }
 
