@@ -13,91 +13,63 @@ use crate::workspace::Workspace;
 struct Part {
     name: &'static str,
     /// Files, as patterns.
-    files: &'static [&'static str],
+    files: Vec<String>,
     /// Packages built without optimisation, as they are built again for each mutant.
-    unoptimised: &'static [&'static str],
+    unoptimised: Vec<String>,
     /// Quick tests for all mutants, then others for those that survived.
     passes: Vec<Pass>,
 }
 
 struct Pass {
     /// Whose tests are run; none: those of the broken package.
-    packages: &'static [&'static str],
+    packages: Vec<String>,
     /// Which targets are built at all; none: all.
     targets: &'static [&'static str],
     /// Words for the tests themselves.
-    words: &'static [&'static str],
+    words: Vec<String>,
 }
 
 fn parts() -> Vec<Part> {
-    let trace = |words| Pass { packages: &[], targets: &["--lib"], words };
-    let slow =
-        &["--skip=property", "--skip=exchange", "--skip=limits", "--skip=diff", "--skip=generate"];
+    let trace = |words| Pass { packages: vec![], targets: &["--lib"], words };
+    let slow = ["property", "exchange", "limits", "diff", "generate"];
     vec![
         Part {
             name: "trace",
-            files: &["conformance/trace/src/parse/*.rs"],
-            unoptimised: &["softplug-trace"],
-            passes: vec![trace(slow), trace(&[])],
+            files: vec!["conformance/trace/src/parse/*.rs".to_owned()],
+            unoptimised: vec!["softplug-trace".to_owned()],
+            passes: vec![trace(slow.map(|word| format!("--skip={word}")).into()), trace(vec![])],
         },
         Part {
             name: "suite",
-            files: &[
-                "conformance/suite/src/replay.rs",
-                "conformance/suite/src/compare.rs",
-                "conformance/suite/src/permute.rs",
-                "conformance/suite/src/cut.rs",
-                "conformance/suite/src/course.rs",
-                "conformance/suite/src/deed.rs",
-            ],
-            unoptimised: &["softplug-conformance"],
+            files: ["replay", "compare", "permute", "cut", "course", "deed"]
+                .map(|module| format!("conformance/suite/src/{module}.rs"))
+                .into(),
+            unoptimised: vec!["softplug-conformance".to_owned()],
             passes: vec![Pass {
-                packages: &[],
+                packages: vec![],
                 targets: &["--lib", "--test=bites", "--test=natively"],
-                words: &["--skip=partners"],
+                words: vec!["--skip=partners".to_owned()],
             }],
         },
-        plugin(
-            "xon-xoff",
-            &["plugins/xon-xoff/src/**/*.rs"],
-            &["softplug-xon-xoff"],
-            &["xon_xoff"],
-        ),
+        plugin("xon-xoff", &["xon-xoff"]),
         // The tests of the procedure are those of its two plug-ins.
-        plugin(
-            "3964",
-            &[
-                "plugins/procedure-3964/src/**/*.rs",
-                "plugins/r3964/src/**/*.rs",
-                "plugins/r3964-simplified/src/**/*.rs",
-            ],
-            &["softplug-procedure-3964", "softplug-r3964", "softplug-r3964-simplified"],
-            &["r3964"],
-        ),
-        plugin(
-            "fanuc-rs232",
-            &["plugins/fanuc-rs232/src/**/*.rs"],
-            &["softplug-fanuc-rs232"],
-            &["fanuc_rs232"],
-        ),
-        plugin(
-            "heidenhain-fe",
-            &["plugins/heidenhain-fe/src/**/*.rs"],
-            &["softplug-heidenhain-fe"],
-            &["heidenhain_fe"],
-        ),
+        plugin("r3964", &["procedure-3964", "r3964", "r3964-simplified"]),
+        plugin("fanuc-rs232", &["fanuc-rs232"]),
+        plugin("heidenhain-fe", &["heidenhain-fe"]),
     ]
 }
 
-/// A plug-in: its whole corpus natively, in the test of that name, then its own tests.
-fn plugin(
-    name: &'static str,
-    files: &'static [&'static str],
-    packages: &'static [&'static str],
-    words: &'static [&'static str],
-) -> Part {
-    let corpus = Pass { packages: &["softplug-conformance"], targets: &["--test=natively"], words };
-    let own = Pass { packages, targets: &[], words: &[] };
+/// A plug-in of these crates: its whole corpus natively, in the tests with its name,
+/// then its own tests.
+fn plugin(name: &'static str, crates: &[&str]) -> Part {
+    let files = crates.iter().map(|name| format!("plugins/{name}/src/**/*.rs")).collect();
+    let packages: Vec<_> = crates.iter().map(|name| format!("softplug-{name}")).collect();
+    let corpus = Pass {
+        packages: vec!["softplug-conformance".to_owned()],
+        targets: &["--test=natively"],
+        words: vec![name.replace('-', "_")],
+    };
+    let own = Pass { packages: packages.clone(), targets: &[], words: vec![] };
     Part { name, files, unoptimised: packages, passes: vec![corpus, own] }
 }
 
@@ -166,7 +138,7 @@ fn command(part: &Part, number: usize) -> Command {
     if number > 0 {
         command.arg("--iterate");
     }
-    command.args(["--", "--"]).args(pass.words);
+    command.args(["--", "--"]).args(&pass.words);
     command
 }
 
@@ -174,32 +146,63 @@ fn command(part: &Part, number: usize) -> Command {
 mod tests {
     use super::*;
 
+    /// The words of a part's pass.
+    fn words(part: &str, pass: usize) -> Vec<String> {
+        let part = parts().into_iter().find(|known| known.name == part).unwrap();
+        let command = command(&part, pass);
+        command.get_args().map(|word| word.to_str().unwrap().to_owned()).collect()
+    }
+
+    #[track_caller]
+    fn assert_has(words: &[String], expected: &[&str]) {
+        for word in expected {
+            assert!(words.iter().any(|known| known == word), "{word} is not in {words:?}");
+        }
+    }
+
     #[test]
     fn a_pass_names_files_targets_and_tests() {
-        let words = |pass| {
-            let command = command(&parts()[0], pass);
-            let words = command.get_args().map(|word| word.to_str().unwrap().to_owned());
-            words.collect::<Vec<_>>()
-        };
-        let first = words(0);
+        let first = words("trace", 0);
         assert!(first.starts_with(&["mutants".into(), "--jobs=1".into()]), "{first:?}");
-        for word in [
-            "--file=conformance/trace/src/parse/*.rs",
-            "--minimum-test-timeout=60",
-            "--cargo-arg=--lib",
-            "--skip=property",
-        ] {
-            assert!(first.iter().any(|known| known == word), "{word} is not in {first:?}");
-        }
-        let second = words(1);
-        assert!(second.iter().any(|word| word == "--iterate"), "{second:?}");
+        assert_has(
+            &first,
+            &[
+                "--file=conformance/trace/src/parse/*.rs",
+                "--minimum-test-timeout=60",
+                "--cargo-arg=--lib",
+                "--skip=property",
+            ],
+        );
+        let second = words("trace", 1);
+        assert_has(&second, &["--iterate"]);
         assert!(!second.iter().any(|word| word == "--skip=property"), "{second:?}");
+    }
+
+    #[test]
+    fn a_plug_in_is_tried_by_its_corpus_then_by_its_own_tests() {
+        let corpus = words("r3964", 0);
+        assert_has(
+            &corpus,
+            &[
+                "--file=plugins/procedure-3964/src/**/*.rs",
+                "--file=plugins/r3964-simplified/src/**/*.rs",
+                "--exclude=plugins/*/src/mutants.rs",
+                "--test-package=softplug-conformance",
+                "--cargo-arg=--test=natively",
+                "--cargo-arg=--config=profile.dev.package.softplug-r3964.opt-level=0",
+            ],
+        );
+        assert_eq!(corpus.last().unwrap(), "r3964");
+        assert_eq!(words("fanuc-rs232", 0).last().unwrap(), "fanuc_rs232");
+        let own = words("r3964", 1);
+        assert_has(&own, &["--iterate", "--test-package=softplug-procedure-3964"]);
+        assert_eq!(own.last().unwrap(), "--", "all of them: {own:?}");
     }
 
     #[test]
     fn every_file_of_a_part_is_there() {
         let workspace = Workspace::read().unwrap();
-        for file in parts().iter().flat_map(|part| part.files) {
+        for file in parts().iter().flat_map(|part| &part.files) {
             let fixed = file.split('*').next().unwrap();
             assert!(workspace.root().join(fixed).exists(), "{file}");
         }
@@ -210,7 +213,7 @@ mod tests {
         let error = run(&Workspace::read().unwrap(), Some("all")).err().unwrap();
         assert_eq!(
             error.to_string(),
-            "there is no part \"all\" to break; there are trace, suite, xon-xoff, 3964, \
+            "there is no part \"all\" to break; there are trace, suite, xon-xoff, r3964, \
              fanuc-rs232, heidenhain-fe"
         );
     }
