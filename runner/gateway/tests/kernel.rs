@@ -49,12 +49,14 @@ impl Drop for Ended {
     }
 }
 
-/// Takes deliveries in, but puts only a few bytes away at a time.
+/// Takes deliveries in, but puts bytes away only while the partner is stopped, a
+/// few at a time: however slow the partner is, it has to be stopped.
 struct SlowDisk {
     received: Vec<u8>,
     waiting: u32,
     drained: u32,
     stops: u32,
+    is_stopped: bool,
     /// How the delivery ended.
     end: Option<Result<(), Failure>>,
 }
@@ -66,7 +68,10 @@ impl Outside for SlowDisk {
                 self.received.extend(*bytes);
                 self.waiting += bytes.len() as u32;
             }
-            Action::State { name: "stopped" } => self.stops += 1,
+            Action::State { name } => {
+                self.is_stopped = *name == "stopped";
+                self.stops += u32::from(self.is_stopped);
+            }
             Action::DeliveryEnd { failure, .. } => self.end = Some(failure.map_or(Ok(()), Err)),
             _ => {}
         }
@@ -89,21 +94,30 @@ mod needs_stty {
             settings: settings(&[
                 ("low_mark", "30000"),
                 ("high_mark", "45000"),
-                ("quiet_time", "1000"),
+                ("quiet_time", "30000"),
+                ("end_mark", "25"),
+                ("end_quiet", "200"),
                 ("xoff_repeat", "0"),
             ]),
             delivery_room: 65_536,
             ..StationOptions::default()
         };
         let (mut station, path) = station(0, options);
-        let mut disk =
-            SlowDisk { received: Vec::new(), waiting: 0, drained: 0, stops: 0, end: None };
+        let mut disk = SlowDisk {
+            received: Vec::new(),
+            waiting: 0,
+            drained: 0,
+            stops: 0,
+            is_stopped: false,
+            end: None,
+        };
         station.open(&mut disk).unwrap();
         let set = Command::new("stty").arg("-F").arg(&path).args(["raw", "-echo", "ixon"]).status();
         assert!(set.unwrap().success());
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("program.nc");
-        let program = program(400_000);
+        let mut program = program(400_000);
+        program.push(b'%');
         std::fs::write(&file, &program).unwrap();
         let slave = File::options().write(true).open(&path).unwrap();
         let cat = Command::new("cat").arg(&file).stdout(slave).stdin(Stdio::null()).spawn();
@@ -112,7 +126,7 @@ mod needs_stty {
         while disk.end.is_none() && station.now() < end {
             let turn = station.turn(station.now() + Micros::from_millis(1), &mut disk).unwrap();
             assert_eq!(turn, Turn::Live);
-            let put_away = disk.waiting.min(2_000);
+            let put_away = if disk.is_stopped { disk.waiting.min(2_000) } else { 0 };
             disk.waiting -= put_away;
             disk.drained += put_away;
         }

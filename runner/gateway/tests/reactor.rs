@@ -31,8 +31,7 @@ fn a_job_reaches_the_machine_byte_by_byte() {
     let end = bench.end_of_job(lane);
     assert_eq!((end.job, end.outcome), (7, JobOutcome::Done));
     assert_eq!((end.taken, end.maybe_left), (4_000, 4_000));
-    let figures = bench.figures(lane);
-    assert_eq!((figures.condition, figures.bytes_out), (Condition::Up, 4_000));
+    bench.until(lane, |figures| (figures.condition, figures.bytes_out) == (Condition::Up, 4_000));
 }
 
 #[test]
@@ -269,6 +268,7 @@ fn whoever_watches_sees_both_ways_and_a_slow_one_costs_only_its_own_view() {
     let mut bench = Bench::start();
     let lane = bench.add_up(921_600);
     let (to, seen) = sync_channel(4);
+    bench.until(lane, |figures| figures.condition == Condition::Up);
     bench.reactor.tell(lane, Command::Watch(Some(Watch { to })));
     let program = program(10_000);
     write_all(&bench.machines[&lane], &[XOFF]);
@@ -300,8 +300,8 @@ fn a_lane_that_is_closed_sends_its_last_bytes_and_one_that_is_removed_does_not()
     bench.until(removed, |figures| figures.is_held);
     for lane in [closed, removed] {
         bench.send(lane, 1, &program);
-        bench.until(lane, |figures| figures.job_taken == 100);
     }
+    bench.until(removed, |figures| figures.job_taken == 100);
     let status = bench.reactor.status(closed).unwrap();
     bench
         .reactor

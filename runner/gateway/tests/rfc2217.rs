@@ -256,31 +256,32 @@ fn strange(act: impl FnOnce(std::net::TcpStream) + Send + 'static) -> SocketAddr
     address
 }
 
-fn open_error(address: SocketAddr) -> PortError {
-    let quick = PortOptions { connect_timeout: Duration::from_millis(300), ..options("9600") };
-    Port::open(&rfc2217(address), &quick).unwrap_err()
+fn open_error(address: SocketAddr, connect_timeout: Duration) -> PortError {
+    Port::open(&rfc2217(address), &PortOptions { connect_timeout, ..options("9600") }).unwrap_err()
 }
 
 #[test]
 fn what_is_no_such_server_is_named() {
-    let silent = open_error(strange(|mut stream| {
+    let silent = strange(|mut stream| {
         let _ = stream.read(&mut [0; 64]);
         thread::sleep(PATIENCE);
-    }));
+    });
+    let silent = open_error(silent, Duration::from_millis(300));
     assert_eq!(silent.blame(), Blame::Setup);
     assert!(silent.to_string().contains("does not speak RFC 2217: it does not answer"), "{silent}");
 
-    let echo = open_error(strange(|mut stream| {
+    let echo = strange(|mut stream| {
         let mut buffer = [0; 256];
         while let Ok(count @ 1..) = stream.read(&mut buffer) {
             if stream.write_all(&buffer[..count]).is_err() {
                 break;
             }
         }
-    }));
+    });
+    let echo = open_error(echo, PATIENCE);
     assert!(echo.to_string().contains("it sends back what it is sent"), "{echo}");
 
-    let plain = open_error(strange(|mut stream| {
+    let plain = strange(|mut stream| {
         // A Telnet server that wants nothing of it.
         let mut refusals = Vec::new();
         for option in [0, 3, 44] {
@@ -288,10 +289,11 @@ fn what_is_no_such_server_is_named() {
         }
         stream.write_all(&refusals).unwrap();
         let _ = stream.read_to_end(&mut Vec::new());
-    }));
+    });
+    let plain = open_error(plain, PATIENCE);
     assert!(plain.to_string().contains("it refuses to set its port"), "{plain}");
 
-    let closed = open_error(strange(drop));
+    let closed = open_error(strange(drop), PATIENCE);
     assert!(matches!(closed, PortError::Connect { .. }), "{closed}");
     assert!(closed.to_string().contains("hung up at once"), "{closed}");
 }
@@ -302,8 +304,8 @@ fn a_server_that_answers_no_setting_is_taken_with_differences() {
         stream.write_all(&[0xFF, 0xFD, 44]).unwrap();
         let _ = stream.read_to_end(&mut Vec::new());
     });
-    let quick = PortOptions { connect_timeout: Duration::from_millis(300), ..options("19200 7E2") };
-    let port = Port::open(&rfc2217(address), &quick).unwrap();
+    let patient = PortOptions { connect_timeout: PATIENCE, ..options("19200 7E2") };
+    let port = Port::open(&rfc2217(address), &patient).unwrap();
     let differences: Vec<_> = port.differences().iter().map(ToString::to_string).collect();
     assert_eq!(
         differences,

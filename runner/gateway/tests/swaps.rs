@@ -82,13 +82,18 @@ fn no_byte_is_lost_over_swaps_under_load() {
     assert!(reverted > SWAPS / 6 && kept > SWAPS / 6, "{reverted} reverted, {kept} kept");
 }
 
+const XON: u8 = 0x11;
+const XOFF: u8 = 0x13;
+
 #[test]
 fn without_a_common_format_it_waits_until_the_link_is_idle() {
     let mut load = Load::new(lanes::settings(&[]), 0, || NativePlugin::XonXoff.instantiate());
     let (lane, pty) = load.add(19_200);
     let stop = Arc::new(AtomicBool::new(false));
     load.wait_until_up();
-    let running = Machine::run_all(vec![Machine::new(pty, Vec::new(), 1)], Arc::clone(&stop));
+    // Held, so that the job is under way until both swaps have been asked for.
+    assert_eq!(pty.write(&[XOFF]).unwrap(), 1);
+    load.until(lane, |figures| figures.is_held);
     load.begin(lane, &pattern(1, 1_000));
     load.swap_as(lane, vec![9], When::Now);
     load.attend(|lanes| lanes[&lane].swaps.len() == 1);
@@ -99,9 +104,13 @@ fn without_a_common_format_it_waits_until_the_link_is_idle() {
     );
 
     load.swap_as(lane, vec![9], When::NowOrIdle);
+    load.attend(|lanes| lanes[&lane].swaps.len() == 2);
+    assert_eq!(load.lanes[&lane].swaps[1], SwapReport::Waiting);
+    assert_eq!(pty.write(&[XON]).unwrap(), 1);
+    let machine = Machine::new(pty, Vec::new(), 1).without_holds();
+    let running = Machine::run_all(vec![machine], Arc::clone(&stop));
     load.attend(|lanes| lanes[&lane].swaps.len() == 3);
     let seen = &load.lanes[&lane];
-    assert_eq!(seen.swaps[1], SwapReport::Waiting);
     let done = &seen.swaps[2];
     assert!(matches!(done, SwapReport::Done { with_state: false, .. }), "{done:?}");
     // The job went before.

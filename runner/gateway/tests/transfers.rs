@@ -66,20 +66,23 @@ fn read_from(pair: &PtyPair, count: usize) -> Vec<u8> {
 
 #[test]
 fn what_has_begun_may_take_longer_than_the_wait_for_it() {
-    let (mut station, pair) = pair(115_200, &[("quiet_time", "300")]);
+    let end = [("quiet_time", "20000"), ("end_mark", "25"), ("end_quiet", "200")];
+    let (mut station, pair) = pair(115_200, &end);
+    let mut master = File::from(pair.master().as_fd().try_clone_to_owned().unwrap());
+    master.write_all(b"N10 G1 X1\n").unwrap();
     let far = thread::spawn(move || {
-        let mut master = File::from(pair.master().as_fd().try_clone_to_owned().unwrap());
         for _ in 0..20 {
-            master.write_all(b"N10 G1 X1\n").unwrap();
             pause(20);
+            master.write_all(b"N10 G1 X1\n").unwrap();
         }
+        master.write_all(b"%").unwrap();
         pair
     });
     let mut out = Vec::new();
     let give_up = Some(Duration::from_millis(100));
     let report = receive(&mut station, &mut out, give_up, &watchdog(), &mut |_| {}).unwrap();
     assert_eq!(report.outcome, ReceiveOutcome::Complete);
-    assert_eq!(out, b"N10 G1 X1\n".repeat(20));
+    assert_eq!(out, [&b"N10 G1 X1\n".repeat(21)[..], b"%"].concat());
     drop(far.join().unwrap());
 }
 

@@ -318,6 +318,11 @@ impl<I: Instance> Channel<I> {
                 || unsent())
     }
 
+    /// The same, or the link is still to hear what has left: a job may end with that.
+    pub fn is_settling(&self, now: Micros) -> bool {
+        self.is_sending(now) || (self.gone.is_none() && self.link.awaits_departures())
+    }
+
     /// Of all bytes that the port was given, how many may have left, and how many
     /// surely have.
     pub fn left(&mut self, now: Micros) -> (u64, u64) {

@@ -160,7 +160,7 @@ impl<I: Instance> Station<I> {
         outside: &mut dyn Outside,
     ) -> Result<(), StationError<I::Fault>> {
         let until = self.now() + patience;
-        while self.now() < until && self.channel.is_sending(self.now()) {
+        while self.now() < until && self.channel.is_settling(self.now()) {
             self.turn(until, outside)?;
         }
         self.ask(outside, |link, now, outside| link.close(now, outside))

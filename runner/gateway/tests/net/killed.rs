@@ -1,6 +1,6 @@
 //! A device server that is killed in mid-job, whichever it is.
 
-use softplug_abi::Failure;
+use softplug_abi::{Failure, LinkDownReason};
 use softplug_gateway::reactor::{LaneId, Report};
 
 use super::lanes::{Bench, program};
@@ -24,11 +24,10 @@ pub(crate) fn kill_in_mid_job(bench: &mut Bench, lane: LaneId, server: &mut impl
     bench.send(lane, 1, &program);
     server.wait_received(500);
     server.kill();
-    let Report::Down { detail, .. } =
-        bench.wait_for(lane, |report| matches!(report, Report::Down { .. }))
-    else {
-        unreachable!()
+    let lost = |report: &Report| {
+        matches!(report, Report::Down { reason: LinkDownReason::Disconnected, .. })
     };
+    let Report::Down { detail, .. } = bench.wait_for(lane, lost) else { unreachable!() };
     assert!(detail.contains("closed by the other side"), "{detail}");
     let end = bench.end_of_job(lane);
     let failure =

@@ -205,7 +205,7 @@ impl<I: LaneInstance> Lane<I> {
     pub(super) fn is_closed(&self, now: Micros) -> bool {
         let Some(until) = self.closing_until else { return false };
         match &self.phase {
-            Phase::Open(channel) if !self.is_faulted => now >= until || !channel.is_sending(now),
+            Phase::Open(channel) if !self.is_faulted => now >= until || !channel.is_settling(now),
             _ => true,
         }
     }
