@@ -69,10 +69,15 @@ fn a_machine_that_never_reads_delays_no_other() {
         assert_eq!(bench.end_of_job(*lane).outcome, JobOutcome::Done);
     }
     assert!(bench.figures(stuck).bytes_out < 60_000);
-    // And it is aborted without the others' help.
+    // And it is aborted without the others' help; how far it was is not forgotten.
+    bench.until(stuck, |figures| figures.job_bytes_surely_left > 1_000);
+    let seen = bench.figures(stuck);
     bench.reactor.tell(stuck, Command::Abort(1));
-    let outcome = bench.end_of_job(stuck).outcome;
-    assert_eq!(outcome, JobOutcome::Failed { failure: Failure::Aborted, status: 0 });
+    let end = bench.end_of_job(stuck);
+    assert_eq!(end.outcome, JobOutcome::Failed { failure: Failure::Aborted, status: 0 });
+    assert!(end.bytes_surely_left >= seen.job_bytes_surely_left, "{end:?} after {seen:?}");
+    assert!(end.bytes_surely_left <= end.surely_left, "{end:?}");
+    assert!(end.bytes_surely_left + 1_024 <= end.taken, "{end:?}");
 }
 
 #[test]

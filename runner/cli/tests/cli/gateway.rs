@@ -8,9 +8,10 @@ mod systemd;
 mod visitors;
 
 use std::fs;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader};
 use std::process::{Child, ChildStdout, Command};
-use std::thread::sleep;
+use std::sync::{Arc, Mutex};
+use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
@@ -45,6 +46,9 @@ fn link(name: &str, port: &str) -> String {
 pub(crate) struct Gateway {
     child: Child,
     out: BufReader<ChildStdout>,
+    /// What it has written to stderr so far, and who reads that.
+    log: Arc<Mutex<String>>,
+    reader: JoinHandle<()>,
     pub(crate) address: String,
 }
 
@@ -57,8 +61,21 @@ impl Gateway {
     fn of(mut command: Command) -> Self {
         let mut child = command.spawn().unwrap();
         let mut out = BufReader::new(child.stdout.take().unwrap());
+        let log = Arc::new(Mutex::new(String::new()));
+        let (written, said) = (Arc::clone(&log), child.stderr.take().unwrap());
+        let reader = std::thread::spawn(move || {
+            for line in BufReader::new(said).lines() {
+                *written.lock().unwrap() += &(line.unwrap() + "\n");
+            }
+        });
         let address = ready(&mut out);
-        Self { child, out, address }
+        Self { child, out, log, reader, address }
+    }
+
+    /// Waits until it has written this to its log.
+    #[track_caller]
+    fn until_log_says(&self, text: &str) {
+        wait_for(text, || self.log.lock().unwrap().contains(text));
     }
 
     /// What a verb that speaks with it says.
@@ -75,8 +92,8 @@ impl Gateway {
 
     pub(crate) fn end(mut self) -> (Option<i32>, String) {
         let code = self.child.wait().unwrap().code();
-        let mut log = String::new();
-        self.child.stderr.take().unwrap().read_to_string(&mut log).unwrap();
+        self.reader.join().unwrap();
+        let log = self.log.lock().unwrap().clone();
         (code, log)
     }
 }
@@ -153,15 +170,14 @@ fn a_gateway_that_is_killed_knows_what_was_under_way() {
     });
     // While it is busy, no other command takes its place.
     gateway.signal(Signal::USR2);
+    gateway.until_log_says("cannot be replaced now: lathe is busy");
     let reached = got.len() + 5_000;
     wait_for("more bytes", || {
         take(&pty, &mut got);
         got.len() > reached
     });
     gateway.signal(Signal::KILL);
-    let (code, log) = gateway.end();
-    assert_eq!(code, None);
-    assert!(log.contains("cannot be replaced now: lathe is busy"), "{log}");
+    assert_eq!(gateway.end().0, None);
     take(&pty, &mut got);
     assert_eq!(got, program.as_bytes()[..got.len()]);
 

@@ -1,6 +1,7 @@
 //! The author's kit: a new project builds, passes its own tests and is conformant.
 
 use std::fmt::Write as _;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -48,11 +49,12 @@ pub(crate) fn alone(command: &mut Command) -> &mut Command {
         .env_remove("SOFTPLUG_PLUGINS")
 }
 
-/// Replaces a part of a file.
+/// Replaces a part of a file, in one step, as whoever watches the folder sees it.
 pub(crate) fn edit(bench: &Bench, file: &str, from: &str, to: &str) {
     let text = String::from_utf8(bench.read(file)).unwrap();
     assert!(text.contains(from), "{file} has no {from}");
-    bench.write(file, text.replacen(from, to, 1));
+    bench.write("edited", text.replacen(from, to, 1));
+    fs::rename(bench.path("edited"), bench.path(file)).unwrap();
 }
 
 /// Builds, replays and certifies a project; the digest of what its plug-in does.

@@ -158,11 +158,13 @@ fn what_a_stalled_side_does_not_take_is_told() {
     let bench = Bench::new();
     let recording = Recording::start(&bench, ["pty:", "pty:"], 2, &[]);
     let mut a = open(&recording.ptys[0]);
-    // Nobody reads on side b: the ptys and the tap fill up.
+    // Nobody reads on side b: the ptys and the tap fill up, with more than one pty holds.
     let block = [b'X'; 4_096];
-    let mut idle = 0;
-    while idle < 100 {
-        idle = if a.write(&block).unwrap() > 0 { 0 } else { idle + 1 };
+    let (mut written, mut idle) = (0, 0);
+    while written < 24_576 || idle < 1_000 {
+        let count = a.write(&block).unwrap();
+        written += count;
+        idle = if count > 0 { 0 } else { idle + 1 };
         sleep(Duration::from_millis(1));
     }
     recording.interrupt();
@@ -177,7 +179,8 @@ fn what_a_stalled_side_does_not_take_is_told() {
 #[test]
 fn a_plug_in_is_compared_and_a_program_redacted() {
     let bench = Bench::new();
-    let options = ["--plugin", "r3964", "--set", "nak_at_start=off", "--redact", "--idle", "1"];
+    let plugin = ["--plugin", "r3964", "--set", "nak_at_start=off", "--set", "zvz=60000"];
+    let options = [&plugin[..], &["--redact", "--idle", "3"]].concat();
     let recording = Recording::start(&bench, ["pty:", "pty:"], 2, &options);
     let (mut a, mut b) = (open(&recording.ptys[0]), open(&recording.ptys[1]));
     let block = b"SECRET7\x10\x03";

@@ -35,10 +35,15 @@ impl Terminal {
         Self { pty, slave, child, columns: 100, seen: String::new() }
     }
 
-    /// Types, and has all of the screen drawn anew: otherwise only what changes is.
     fn type_keys(&mut self, keys: &[u8]) {
         assert_eq!(self.pty.write(keys).unwrap(), keys.len());
-        self.columns += 1;
+        self.seen.clear();
+        self.redraw();
+    }
+
+    /// Has all of the screen drawn anew: otherwise only what changes is.
+    fn redraw(&mut self) {
+        self.columns = if self.columns == 100 { 101 } else { 100 };
         size(&self.slave, self.columns);
         kill_process(Pid::from_child(&self.child), Signal::WINCH).unwrap();
     }
@@ -46,12 +51,18 @@ impl Terminal {
     #[track_caller]
     fn sees(&mut self, text: &str) {
         let began = Instant::now();
+        let mut drawn = began;
         let mut buffer = [0; 4_096];
         while !plain(&self.seen).contains(text) {
             assert!(began.elapsed() < PATIENCE, "never seen: {text}\n{}", plain(&self.seen));
             match self.pty.read(&mut buffer).unwrap() {
                 ReadOutcome::Read(count) => {
                     self.seen.push_str(&String::from_utf8_lossy(&buffer[..count]));
+                }
+                // The keys may have come after the order to draw.
+                _ if drawn.elapsed() > Duration::from_millis(500) => {
+                    drawn = Instant::now();
+                    self.redraw();
                 }
                 _ => std::thread::sleep(Duration::from_millis(10)),
             }

@@ -214,8 +214,7 @@ impl Floor {
             Some(active) => self.ended = Some(Ended { active, outcome, sent }),
             // It found another under way.
             None if job < ENDPOINT_JOBS => {
-                let (taken, maybe_left, surely_left) = (0, 0, 0);
-                let end = JobEnd { job, outcome, taken, sent, maybe_left, surely_left };
+                let end = JobEnd::unbegun(job, outcome, sent);
                 self.tell_of_action(now, Report::JobEnded(end));
             }
             None => {}

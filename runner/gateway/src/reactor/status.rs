@@ -7,6 +7,8 @@ use super::AlarmKind;
 use crate::channel::Counters;
 
 const LINE_ERRORS: usize = LineErrorKind::ALL.len();
+/// Bytes that a plug-in may have taken and not yet passed on.
+const IN_THE_PLUGIN: u64 = 1_024;
 
 /// How a lane is.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -142,6 +144,9 @@ figures! {
     job_maybe_left: AtomicU64 u64,
     /// Characters that surely have.
     job_surely_left: AtomicU64 u64,
+    /// Bytes of its data that surely have: no more than either of two counts, as a
+    /// plug-in adds characters to them.
+    job_bytes_surely_left: AtomicU64 u64,
     /// Bytes in the buffer between the job's source and the plug-in.
     level: AtomicU64 u64,
 }
@@ -167,7 +172,18 @@ pub(super) struct JobFigures {
     pub(super) taken: u64,
     pub(super) maybe_left: u64,
     pub(super) surely_left: u64,
+    pub(super) bytes_surely_left: u64,
     pub(super) level: u64,
+}
+
+impl JobFigures {
+    /// Bytes of its data that have surely left: no more than the characters that
+    /// have, nor than what the plug-in took less all that may still be on its way.
+    pub(super) fn count_bytes(&mut self, waiting: usize) {
+        let under_way = self.maybe_left.saturating_sub(self.surely_left);
+        let behind = waiting as u64 + under_way + IN_THE_PLUGIN;
+        self.bytes_surely_left = self.taken.saturating_sub(behind).min(self.surely_left);
+    }
 }
 
 impl LaneStatus {
@@ -178,6 +194,12 @@ impl LaneStatus {
 
     pub(super) fn set_condition(&self, condition: Condition) {
         self.condition.store(condition as u8, Ordering::Relaxed);
+    }
+
+    /// Of this job's bytes, those that had surely left when it was last shown.
+    pub(super) fn bytes_surely_left(&self, job: u32) -> u64 {
+        let is_shown = self.job.load(Ordering::Relaxed) == job;
+        if is_shown { self.job_bytes_surely_left.load(Ordering::Relaxed) } else { 0 }
     }
 
     pub(super) fn set_alarms(&self, raised: impl Iterator<Item = AlarmKind>) {
@@ -224,6 +246,7 @@ impl LaneStatus {
         self.job_taken.store(job.taken, Ordering::Relaxed);
         self.job_maybe_left.store(job.maybe_left, Ordering::Relaxed);
         self.job_surely_left.store(job.surely_left, Ordering::Relaxed);
+        self.job_bytes_surely_left.store(job.bytes_surely_left, Ordering::Relaxed);
         self.level.store(job.level, Ordering::Relaxed);
     }
 }

@@ -10,7 +10,6 @@ mod progress;
 mod stream;
 
 pub use pace::Pace;
-pub use progress::surely_left;
 pub use stream::Stream;
 
 use std::cmp::Reverse;

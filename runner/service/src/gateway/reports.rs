@@ -8,7 +8,6 @@ use super::control::Control;
 use super::faults::described;
 use super::link::{After, Arriving, EndsAs, Lane};
 use crate::clerk::Incoming;
-use crate::feeder::surely_left;
 use crate::jobs::{Ending, Extent, Job, Left, Reason, Subject, Weight};
 use crate::supervise::Failed;
 use crate::view::{Change, CheckFault, DownView, now_ms};
@@ -147,12 +146,9 @@ impl Control {
             }
             (JobOutcome::SourceFailed(text), _) => Ending::Failed(Reason::new("source", text)),
         };
-        // What was surely left at the last look; the lane counts characters, not bytes.
         let from = running.job.order.from;
         let taken = from + end.taken;
-        let surely = from + surely_left(&link.status.read()).min(end.taken);
-        let is_its_own = link.status.read().job == end.job;
-        let surely = if is_its_own { surely } else { running.job.extent.surely };
+        let surely = running.job.extent.surely.max(from + end.bytes_surely_left);
         // A check sends nothing.
         let has_left = !matches!(ending, Ending::Failed(Reason { check: Some(_), .. }));
         let extent = if has_left {
@@ -276,7 +272,7 @@ impl Control {
         // The lane may have forgotten how far it was: then all that was granted may have left.
         let left = (taken > 0).then(|| {
             let taken = job.order.from + taken;
-            let surely = job.order.from + surely_left(&figures);
+            let surely = job.order.from + figures.job_bytes_surely_left;
             let extent = Extent { surely, maybe: taken };
             Left { extent, taken, sent: 0 }
         });

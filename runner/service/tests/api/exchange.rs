@@ -48,8 +48,9 @@ fn a_job_goes_to_the_machine_and_tells_how_it_went() {
     assert_eq!(job["surely_left"], sent.len());
     let listed = bench.get("/jobs?link=lathe-1&state=done").with(200).json();
     assert_eq!(listed[0]["id"], job["id"]);
-    let link = bench.get("/links/lathe-1").with(200).json();
-    assert!(link["counters"]["bytes_out"].as_u64().unwrap() >= sent.len() as u64, "{link:#}");
+    bench.until("/links/lathe-1", |link| {
+        link["counters"]["bytes_out"].as_u64().unwrap() >= sent.len() as u64
+    });
     let entries = bench.get(&format!("/journal?job={}", job["id"])).with(200).json();
     assert!(!entries.as_array().unwrap().is_empty());
     bench.post(&format!("{path}/abort"), &json!({})).with(409);

@@ -197,7 +197,7 @@ fn drain(stream: &mut TcpStream) -> bool {
 
 #[test]
 fn who_dawdles_over_the_head_is_closed_however_the_bytes_are_spread() {
-    let bench = Bench::with(|options| options.limits.head_patience = Duration::from_millis(300));
+    let bench = Bench::with(|options| options.limits.head_patience = Duration::from_secs(2));
     let mut silent = bench.connect();
     assert!(drain(&mut silent));
     let mut slow = bench.connect();
@@ -224,7 +224,7 @@ fn who_dawdles_over_the_head_is_closed_however_the_bytes_are_spread() {
 fn a_client_that_takes_nothing_of_its_answer_is_let_go() {
     let bench = Bench::with(|options| {
         options.limits.write_patience = Duration::from_millis(200);
-        options.limits.head_patience = Duration::from_millis(400);
+        options.limits.head_patience = Duration::from_secs(2);
         options.limits.upload_bytes = 64_000_000;
         options.limits.burst = 100_000;
         options.limits.requests_per_second = 100_000;

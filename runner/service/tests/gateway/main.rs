@@ -49,9 +49,10 @@ fn programs_reach_three_machines_as_they_are() {
         wait_for("the job's end", || gateway.jobs(&filter).unwrap()[0].state == JobState::Done);
         let job = &gateway.jobs(&filter).unwrap()[0];
         assert_eq!((job.surely_left, job.size), (job.maybe_left, Some(job.maybe_left)));
-        let link = gateway.link(&Shop::name(at)).unwrap();
-        assert_eq!((link.state, link.queued), (LinkState::Idle, 0));
-        assert!(link.counters.bytes_out >= program.len() as u64);
+        let link = || gateway.link(&Shop::name(at)).unwrap();
+        wait_for("the line's end", || link().state == LinkState::Idle);
+        assert_eq!(link().queued, 0);
+        assert!(link().counters.bytes_out >= program.len() as u64);
     }
     assert!(journal_says(gateway, "is done"));
     assert!(!journal_says(gateway, "was read again"), "nobody has asked for it");
@@ -186,5 +187,5 @@ fn a_plug_in_is_swapped_in_the_middle_of_a_job() {
     got.extend(shop.read(0, program.len() - got.len()));
     assert_eq!(got, program);
     wait_for("the job's end", || gateway.job(job.id).unwrap().state == JobState::Done);
-    assert!(journal_says(gateway, "runs in place of"));
+    wait_for("the swap", || journal_says(gateway, "runs in place of"));
 }

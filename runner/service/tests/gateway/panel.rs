@@ -47,9 +47,13 @@ fn the_panel_gets_the_program_that_it_asks_for() {
     let program = shop.program_in("b", "O1234", 2_000);
     press(&panel, Press::Request("O1234".to_owned()));
     until_panel_has(&panel, &program);
-    let jobs = || gateway.jobs(&JobFilter::default()).unwrap();
-    wait_for("the job", || jobs().iter().any(|job| job.state == JobState::Done));
-    assert_eq!(jobs()[0].program.as_deref(), Some("b/O1234"));
+    // The request itself is a reception.
+    let asked_for = || {
+        let jobs = gateway.jobs(&JobFilter::default()).unwrap();
+        jobs.into_iter().find(|job| job.origin == JobOrigin::Panel)
+    };
+    wait_for("the job", || asked_for().is_some_and(|job| job.state == JobState::Done));
+    assert_eq!(asked_for().unwrap().program.as_deref(), Some("b/O1234"));
     assert!(requests(gateway)[0].contains("name=O1234"), "{:?}", requests(gateway));
 }
 

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use serde_json::Value;
-use softplug_abi::{LineParameters, Micros};
+use softplug_abi::LineParameters;
 use softplug_gateway::station::{Station, StationOptions};
 use softplug_gateway::transfer::{self, SendOptions, SendOutcome, SendReport};
 use softplug_gateway::{Port, PortError, PortOptions, PortSpec};
@@ -22,9 +22,6 @@ use crate::live::progress::Bar;
 use crate::live::transfer_failure;
 use crate::plugin::{AnyInstance, Chosen};
 use crate::screen::Screen;
-
-/// A machine that was later than this may have failed by its own fault.
-pub(super) const LATE: Micros = Micros::from_millis(1);
 
 /// What the parts of the demonstration share.
 pub(super) struct Stage<'a> {
@@ -111,25 +108,30 @@ pub(super) fn why(plugin: &Chosen, outcome: SendOutcome) -> String {
 /// A machine on its own thread.
 pub(super) struct Worker<P> {
     stop: Arc<AtomicBool>,
+    may_end: Arc<AtomicBool>,
     thread: thread::JoinHandle<Result<Machine<P>, PortError>>,
 }
 
 impl<P: Simulated + Send + 'static> Worker<P> {
     pub(super) fn start(mut machine: Machine<P>) -> Self {
-        let stop = Arc::new(AtomicBool::new(false));
-        let seen = Arc::clone(&stop);
+        let (stop, may_end) = <(Arc<AtomicBool>, Arc<AtomicBool>)>::default();
+        let (is_stopped, ends) = (Arc::clone(&stop), Arc::clone(&may_end));
         let thread = thread::spawn(move || {
-            machine.run(&seen)?;
-            Ok(machine)
+            // A partner that pauses for long is no reason to go away.
+            loop {
+                machine.run(&is_stopped)?;
+                if is_stopped.load(Ordering::Relaxed) || ends.load(Ordering::Relaxed) {
+                    return Ok(machine);
+                }
+            }
         });
-        Self { stop, thread }
+        Self { stop, may_end, thread }
     }
 
     /// Waits for the machine's own end, or ends it now.
     pub(super) fn end(self, now: bool) -> Result<Machine<P>, Failure> {
-        if now {
-            self.stop.store(true, Ordering::Relaxed);
-        }
+        self.may_end.store(true, Ordering::Relaxed);
+        self.stop.store(now, Ordering::Relaxed);
         match self.thread.join() {
             Ok(machine) => Ok(machine?),
             Err(_) => Err(Failure::internal("the simulated machine has met a wrong state")),

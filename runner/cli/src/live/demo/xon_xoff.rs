@@ -7,7 +7,7 @@ use softplug_abi::{LineParameters, Micros};
 use softplug_conformance::partners::xon_xoff::{ControlOptions, ControlReport};
 use softplug_gateway::transfer::{self, ReceiveOutcome, ReceiveReport, SendOutcome, SendReport};
 
-use super::stage::{LATE, Shown, Stage, Worker, program, station, why};
+use super::stage::{Shown, Stage, Worker, program, station, why};
 use crate::commands::simulate::{Ending, XonXoffSimulation};
 use crate::failure::Failure;
 use crate::live::machine::Machine;
@@ -22,8 +22,6 @@ const BAUD: u32 = 921_600;
 /// Bytes per second that the control executes: less than the line brings, so
 /// that it must hold.
 const RATE: u32 = 45_000;
-/// Attempts on a busy computer.
-const ATTEMPTS: u32 = 3;
 
 pub(super) fn show(stage: &Stage<'_>, plugin: &Chosen) -> Result<Shown, Failure> {
     let screen = stage.screen;
@@ -44,7 +42,7 @@ pub(super) fn show(stage: &Stage<'_>, plugin: &Chosen) -> Result<Shown, Failure>
     if report.outcome != SendOutcome::Done || !identical || !seen.alarms.is_empty() {
         let lost = numbers::bytes(seen.alarms.len() as u64);
         let why = why(plugin, report.outcome);
-        return Ok(Shown::Failed(format!("{why}; {lost} lost{}", busy(seen.late))));
+        return Ok(Shown::Failed(format!("{why}; {lost} lost")));
     }
     let after = &seen.characters_after_xoff;
     screen.say(format_args!(
@@ -83,34 +81,7 @@ pub(super) fn show(stage: &Stage<'_>, plugin: &Chosen) -> Result<Shown, Failure>
     })))
 }
 
-fn busy(late: Micros) -> &'static str {
-    if late > LATE {
-        "; this computer was too busy to simulate the control in time, try again"
-    } else {
-        ""
-    }
-}
-
-/// Sends the program. A control that was late itself proves nothing, so that
-/// the sending is repeated.
 fn sent(
-    stage: &Stage<'_>,
-    plugin: &Chosen,
-    program: &[u8],
-) -> Result<(SendReport, ControlReport), Failure> {
-    let mut attempt = 1;
-    loop {
-        let (report, seen) = send_once(stage, plugin, program)?;
-        let is_inconclusive = !seen.alarms.is_empty() && seen.late > LATE;
-        if !is_inconclusive || attempt == ATTEMPTS || stage.is_stopped() {
-            return Ok((report, seen));
-        }
-        stage.screen.note("the computer was too busy to simulate the control in time; once more");
-        attempt += 1;
-    }
-}
-
-fn send_once(
     stage: &Stage<'_>,
     plugin: &Chosen,
     program: &[u8],

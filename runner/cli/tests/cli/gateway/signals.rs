@@ -37,6 +37,7 @@ fn a_configuration_is_read_again_while_a_job_runs_elsewhere() {
     // One that is wrong changes nothing.
     bench.write("gateway.toml", format!("{text}[[link]]\nname = \"lathe\"\n"));
     gateway.signal(Signal::HUP);
+    gateway.until_log_says("the configuration is not taken");
     let at = text.rfind("plugin =").unwrap();
     let changed = format!("{}buffer = {{ size = 8192 }}\n{}", &text[..at], &text[at..]);
     let size = || ask(&["link", "show", "mill", "--json"]).json()["buffer"]["size"].as_u64();
@@ -44,10 +45,8 @@ fn a_configuration_is_read_again_while_a_job_runs_elsewhere() {
     assert_eq!(links.as_array().unwrap().len(), 2);
     bench.write("gateway.toml", &changed);
     gateway.signal(Signal::HUP);
-    wait_for("the other buffer", || {
-        take(&ptys[0], &mut got);
-        size() == Some(8_192)
-    });
+    // Nobody takes anything: the job stands, and is under way whatever the computer does.
+    wait_for("the other buffer", || size() == Some(8_192));
     assert_eq!(ask(&["job", "show", "1", "--json"]).json()["state"], "running");
     wait_for("the program's end", || {
         take(&ptys[0], &mut got);
@@ -58,14 +57,13 @@ fn a_configuration_is_read_again_while_a_job_runs_elsewhere() {
     gateway.signal(Signal::TERM);
     let (code, log) = gateway.end();
     assert_eq!(code, Some(0), "{log}");
-    assert!(log.contains("the configuration is not taken"), "{log}");
     assert!(log.contains("was read again; changed mill"), "{log}");
 }
 
 #[test]
 fn what_a_machine_sends_while_another_command_takes_over_is_not_lost() {
     let pty = PtyPair::open().unwrap();
-    let quiet = "settings = { quiet-time = 1000 }\n";
+    let quiet = "settings = { quiet-time = 5000 }\n";
     let bench = bench(&(link("lathe", pty.slave_path().to_str().unwrap()) + quiet));
     let token = token(&bench);
     let mut gateway = Gateway::start(&bench);

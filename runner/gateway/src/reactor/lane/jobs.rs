@@ -36,8 +36,7 @@ impl<I: LaneInstance> Lane<I> {
 
     fn refuse(&mut self, job: u32, failure: Failure) {
         let outcome = JobOutcome::Failed { failure, status: 0 };
-        let (taken, sent, maybe_left, surely_left) = (0, 0, 0, 0);
-        let end = JobEnd { job, outcome, taken, sent, maybe_left, surely_left };
+        let end = JobEnd::unbegun(job, outcome, 0);
         self.floor.tell(Report::JobEnded(end));
     }
 
@@ -139,6 +138,7 @@ impl<I: LaneInstance> Lane<I> {
                 sent,
                 maybe_left: maybe - active.left_before.0.min(maybe),
                 surely_left: surely - active.left_before.1.min(surely),
+                bytes_surely_left: self.status.bytes_surely_left(active.id),
             }));
             return;
         }

@@ -336,7 +336,8 @@ impl<I: LaneInstance> Lane<I> {
         self.status.store_counters(counters);
         let link = channel.link();
         let (events, fuel) = (link.events(), link.instance().total_fuel());
-        self.status.store_plugin(events, fuel, link.waiting(), self.floor.to_put_away());
+        let waiting = link.waiting();
+        self.status.store_plugin(events, fuel, waiting, self.floor.to_put_away());
         let mut figures = JobFigures::default();
         if let Some(active) = &self.floor.job {
             let (maybe, surely) = channel.left_lately();
@@ -345,8 +346,10 @@ impl<I: LaneInstance> Lane<I> {
                 taken: active.taken,
                 maybe_left: maybe - active.left_before.0.min(maybe),
                 surely_left: surely - active.left_before.1.min(surely),
+                bytes_surely_left: 0,
                 level: self.floor.level(),
             };
+            figures.count_bytes(waiting);
         }
         self.status.store_job(&figures);
     }
