@@ -7,7 +7,7 @@ mod machine;
 mod port;
 
 use std::io::{Read, Write};
-use std::net::{SocketAddr, TcpListener};
+use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::thread;
 use std::time::Duration;
 
@@ -215,12 +215,23 @@ fn a_server_that_hangs_is_found() {
     for at in (0..60).step_by(5) {
         port.attend(Micros::from_secs(at)).unwrap();
         serve(&mut port, &mut heard, |port, _| !port.has_output() && port.unsent() == 0);
-        thread::sleep(Duration::from_millis(20));
+        has_served(&server);
         serve(&mut port, &mut heard, |_, _| true);
     }
     server.hang(true);
     let lost = (60..200).step_by(5).find_map(|at| port.attend(Micros::from_secs(at)).err());
     assert!(matches!(lost, Some(PortError::Gone(LinkDownReason::Failed))), "{lost:?}");
+}
+
+/// Waits until the server has answered all that it has been asked: it sends others away before
+/// it serves its client, so that it has served it once between two of them.
+fn has_served(server: &DeviceServer<Machine>) {
+    let count = |seen: &[Seen]| seen.iter().filter(|seen| matches!(seen, Seen::Busy)).count();
+    for _ in 0..2 {
+        let before = count(&server.seen());
+        let _other = TcpStream::connect(server.address()).unwrap();
+        assert!(server.wait_until(PATIENCE, |seen| count(seen) > before));
+    }
 }
 
 #[test]
@@ -249,7 +260,7 @@ fn a_server_that_is_killed_is_found_and_comes_back() {
 }
 
 /// A server that does `act` with its one connection.
-fn strange(act: impl FnOnce(std::net::TcpStream) + Send + 'static) -> SocketAddr {
+fn strange(act: impl FnOnce(TcpStream) + Send + 'static) -> SocketAddr {
     let listener = TcpListener::bind(any_port()).unwrap();
     let address = listener.local_addr().unwrap();
     thread::spawn(move || act(listener.accept().unwrap().0));
