@@ -98,6 +98,7 @@ impl Running {
         if self.thread.join().is_err() {
             tracing::error!("the control loop has met a state that it should not");
         }
+        self.gateway.shared.parts.worker.catch_up();
     }
 }
 

@@ -31,4 +31,11 @@ impl Worker {
         // The thread ends only with this sender.
         let _ = self.to.send(Box::new(work));
     }
+
+    /// Waits until all that it was given before is done, and let go.
+    pub(crate) fn catch_up(&self) {
+        let (last, done) = channel::<()>();
+        self.give(move || drop(last));
+        let _ = done.recv();
+    }
 }
