@@ -156,12 +156,25 @@ impl Browser {
              const {{ x, y, width, height }} = of.getBoundingClientRect(); \
              return [x + width / 2, y + height / 2]; }})()"
         );
-        let place = self.value(&place);
+        let place = self.settled(&place);
         for what in ["mousePressed", "mouseReleased"] {
             let event = json!({
                 "type": what, "x": place[0], "y": place[1], "button": "left", "clickCount": 1,
             });
             self.call("Input.dispatchMouseEvent", event);
+        }
+    }
+
+    /// The expression's value once it stays: what is above may still come or go.
+    fn settled(&mut self, expression: &str) -> Value {
+        let mut value = self.value(expression);
+        loop {
+            std::thread::sleep(Duration::from_millis(50));
+            let now = self.value(expression);
+            if now == value {
+                return value;
+            }
+            value = now;
         }
     }
 
