@@ -29,7 +29,7 @@ pub fn run(
     wanted.0["program"] = program.as_str().into();
     subject.add(&[wanted])?;
     subject.begin()?;
-    let mut result = saturate::run(subject, machines, Duration::from_secs(seconds + LONGER))?;
+    let mut result = saturate::both_ways(subject, machines, Duration::from_secs(seconds + LONGER))?;
     result["control"] = control::account(&machine.end()?, &program);
     result["job"] = subject.answer()?.into();
     Ok(result)
