@@ -103,7 +103,7 @@ pub fn measure(subject: &Subject, machines: &[PtyPair], span: Duration) -> Outco
         "p99_micros": trips.at(0.99),
         "max_micros": trips.at(1.0),
         "cpu_percent": used.subject,
-        "kernel_cpu_percent": used.kernel,
+        "other_cpu_percent": used.others,
         "resident_grown_kib": grown / 1_024,
     }))
 }

@@ -1,5 +1,5 @@
 //! Lines of 9,600 baud, filled both ways; each byte is looked at. Before that, [`run`] has only
-//! the machines send: what the kernel's threads do then is for the harness's own bytes.
+//! the machines send: what all else computes then is for the harness's own bytes.
 
 use std::io::{Read, Write};
 use std::os::fd::{AsFd, AsRawFd};
@@ -44,9 +44,9 @@ struct Lines<'a> {
 
 pub fn run(subject: &Subject, machines: &[PtyPair], span: Duration) -> Outcome<Value> {
     let mut harness = Harness::new(subject, machines)?;
-    let kernel = harness.machines_alone()?;
+    let others = harness.machines_alone()?;
     let mut result = harness.both_ways(span)?;
-    result["kernel_cpu_percent_for_machines"] = kernel.into();
+    result["other_cpu_percent_for_machines"] = others.into();
     Ok(result)
 }
 
@@ -74,12 +74,12 @@ impl<'a> Harness<'a> {
         Ok(Self { subject, lines, poll, events, begin: Instant::now(), turn: 0 })
     }
 
-    /// What the kernel's threads compute while only the machines send.
+    /// What all else than the subject and the harness computes while only the machines send.
     fn machines_alone(&mut self) -> Outcome<f64> {
         self.run(SETTLE)?;
         let before = Used::now(self.subject.pid())?;
         self.run(MACHINES_ALONE)?;
-        Ok(Used::now(self.subject.pid())?.since(&before, MACHINES_ALONE).kernel)
+        Ok(Used::now(self.subject.pid())?.since(&before, MACHINES_ALONE).others)
     }
 
     fn both_ways(&mut self, span: Duration) -> Outcome<Value> {
@@ -102,7 +102,7 @@ impl<'a> Harness<'a> {
             "to_machine_bytes_per_second": rate(after.0 - before.0),
             "to_client_bytes_per_second": rate(after.1 - before.1),
             "cpu_percent": used.subject,
-            "kernel_cpu_percent": used.kernel,
+            "other_cpu_percent": used.others,
             "resident_grown_kib": grown / 1_024,
         }))
     }

@@ -9,56 +9,50 @@ use super::Outcome;
 pub struct Used {
     /// By the subject, all its threads.
     subject: u64,
-    /// By the kernel's own threads, on whose behalf soever: they pass on what is
-    /// written to a pty, the harness's bytes as well.
-    kernel: u64,
+    /// By this process.
+    harness: u64,
+    /// By the whole machine.
+    machine: u64,
 }
 
 /// What was computed in a span, in hundredths of a core.
 pub struct Share {
     pub subject: f64,
-    pub kernel: f64,
+    /// By all else but the harness: the kernel's own threads above all, on whose behalf
+    /// soever. They pass on what is written to a pty, the harness's bytes as well.
+    pub others: f64,
 }
 
 impl Used {
     pub fn now(subject: u32) -> Outcome<Self> {
-        let mut kernel = 0;
-        for entry in fs::read_dir("/proc")?.flatten() {
-            // Others come and go.
-            let Some(Ok(pid)) = entry.file_name().to_str().map(str::parse) else { continue };
-            if let Ok(Process { parent: KERNEL, ticks }) = Process::read(pid) {
-                kernel += ticks;
-            }
-        }
-        Ok(Self { subject: Process::read(subject)?.ticks, kernel })
+        let machine = machine()?;
+        Ok(Self { subject: ticks(subject)?, harness: ticks(std::process::id())?, machine })
     }
 
     pub fn since(&self, before: &Self, span: Duration) -> Share {
-        let share = |now: u64, before: u64| now.saturating_sub(before) as f64 / span.as_secs_f64();
-        Share {
-            subject: share(self.subject, before.subject),
-            kernel: share(self.kernel, before.kernel),
-        }
+        let share = |ticks: u64| ticks as f64 / span.as_secs_f64();
+        let subject = self.subject - before.subject;
+        let ours = subject + (self.harness - before.harness);
+        let others = (self.machine - before.machine).saturating_sub(ours);
+        Share { subject: share(subject), others: share(others) }
     }
 }
 
-/// The parent of the kernel's threads.
-const KERNEL: u32 = 2;
-
-struct Process {
-    parent: u32,
-    /// Hundredths of a second that it has computed, all its threads.
-    ticks: u64,
+/// Hundredths of a second that a process has computed, all its threads.
+fn ticks(pid: u32) -> Outcome<u64> {
+    let stat = fs::read_to_string(format!("/proc/{pid}/stat"))?;
+    let rest = stat.rsplit_once(')').ok_or("no such statistics")?.1;
+    let fields: Vec<&str> = rest.split_whitespace().collect();
+    Ok(fields[11].parse::<u64>()? + fields[12].parse::<u64>()?)
 }
 
-impl Process {
-    fn read(pid: u32) -> Outcome<Self> {
-        let stat = fs::read_to_string(format!("/proc/{pid}/stat"))?;
-        let rest = stat.rsplit_once(')').ok_or("no such statistics")?.1;
-        let fields: Vec<&str> = rest.split_whitespace().collect();
-        let ticks = fields[11].parse::<u64>()? + fields[12].parse::<u64>()?;
-        Ok(Self { parent: fields[1].parse()?, ticks })
-    }
+/// The same of all processors; what they idled, and what the host took away, is not counted.
+fn machine() -> Outcome<u64> {
+    let stat = fs::read_to_string("/proc/stat")?;
+    let line = stat.lines().next().ok_or("no such statistics")?;
+    // user, nice, system, idle, waiting, interrupts of two kinds, taken away
+    let spans: Vec<u64> = line.split_whitespace().skip(1).flat_map(str::parse).collect();
+    Ok(spans[0] + spans[1] + spans[2] + spans[5] + spans[6])
 }
 
 /// Bytes of the process that are in memory.
