@@ -298,8 +298,10 @@ fn the_demonstration_goes_all_the_way() {
     bench.write("traces/xon-xoff/xon-xoff.tx.first.spt", crate::files::TRACE);
     let demo = ["demo", "--bytes", "30000", "--traces", "traces"];
     let ran = bench.run(&demo).with_code(0);
-    // A part is shown again where this computer was too busy for it.
-    assert!(ran.out.matches("Identical").count() >= 8, "{ran}");
+    // A part is shown again where this computer was too busy for it; half of it may have
+    // gone well.
+    let again = ran.err.matches("once more").count();
+    assert!((8..=8 + again).contains(&ran.out.matches("Identical").count()), "{ran}");
     assert!(ran.out.contains("All passed"), "{ran}");
 }
 

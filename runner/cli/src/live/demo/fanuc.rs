@@ -49,6 +49,7 @@ pub(super) fn show(stage: &Stage<'_>, plugin: &Chosen) -> Result<Shown, Failure>
     let sent = stage.send(plugin, &mut port, &program);
     let is_done = sent.as_ref().is_ok_and(|report| report.outcome == SendOutcome::Done);
     let seen = worker.end(!is_done)?.partner().control.report();
+    stage.pulse.saw(seen.late);
     let report = sent?;
     if report.outcome == SendOutcome::Aborted {
         return Ok(Shown::Aborted);
@@ -130,6 +131,7 @@ fn dialogue(
     });
     let is_done = counter.sent == Some(SendOutcome::Done);
     let seen = worker.end(!is_done)?.partner().control.report();
+    stage.pulse.saw(seen.late);
     served.map_err(transfer_failure)?;
     Ok((counter, seen))
 }

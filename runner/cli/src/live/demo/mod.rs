@@ -22,8 +22,8 @@ use crate::plugin::Chosen;
 use crate::screen::{GOOD, HEADING, Screen};
 use crate::stop;
 
-/// A computer that wakes a thread so much too late may have made a part fail.
-const LATE: Duration = Duration::from_millis(5);
+/// A computer, or a simulated machine, that is so much too late may have made a part fail.
+const LATE: Duration = Duration::from_millis(1);
 /// Attempts at each part on such a computer.
 const ATTEMPTS: u32 = 3;
 
@@ -48,15 +48,14 @@ struct Replayed {
 
 pub(crate) fn demo(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
     let stop = stop::on_signals()?;
-    let stage = Stage { arguments, screen, stop: &stop };
+    let stage = Stage { arguments, screen, stop: &stop, pulse: Pulse::start() };
     // A plug-in that is not there is told before anything is shown.
     let plugins = PLUGINS.map(|name| stage.plugin(name));
     let [xon_xoff, r3964, simplified, fanuc] = plugins;
     let plugins = [xon_xoff?, r3964?, simplified?, fanuc?];
     let mut document = Document { result: "failed", parts: Map::new(), replay: None };
-    let pulse = Pulse::start();
     for (name, plugin) in PLUGINS.iter().zip(&plugins) {
-        match show(&stage, &pulse, name, plugin)? {
+        match show(&stage, name, plugin)? {
             Shown::Good(value) => {
                 document.parts.insert((*name).to_owned(), value);
             }
@@ -112,19 +111,19 @@ pub(crate) fn demo(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failu
 
 /// Shows a plug-in's part. One that fails while this computer is late proves nothing,
 /// and is shown again.
-fn show(stage: &Stage<'_>, pulse: &Pulse, name: &str, plugin: &Chosen) -> Result<Shown, Failure> {
+fn show(stage: &Stage<'_>, name: &str, plugin: &Chosen) -> Result<Shown, Failure> {
     let mut attempt = 1;
     loop {
-        pulse.latest();
+        stage.pulse.latest();
         let shown = match name {
             "xon-xoff" => xon_xoff::show(stage, plugin)?,
             "r3964" => r3964::show(stage, plugin, &r3964::FULL)?,
             "r3964-simplified" => r3964::show(stage, plugin, &r3964::SIMPLIFIED)?,
             _ => fanuc::show(stage, plugin)?,
         };
-        let late = pulse.latest();
+        let late = stage.pulse.latest();
         let Shown::Failed(why) = &shown else { return Ok(shown) };
-        if late < LATE {
+        if late <= LATE || stage.is_stopped() {
             return Ok(shown);
         }
         let busy = format!(

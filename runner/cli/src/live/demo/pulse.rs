@@ -6,6 +6,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use softplug_abi::Micros;
+
 const BEAT: Duration = Duration::from_millis(1);
 
 /// A thread that wants to wake up each millisecond.
@@ -33,6 +35,11 @@ impl Pulse {
             }
         });
         Self { shared }
+    }
+
+    /// A simulated machine was so late itself.
+    pub(super) fn saw(&self, late: Micros) {
+        self.shared.latest.fetch_max(late.0.max(0) as u64, Ordering::Relaxed);
     }
 
     /// The latest since this was asked before.

@@ -13,6 +13,7 @@ use softplug_gateway::station::{Station, StationOptions};
 use softplug_gateway::transfer::{self, SendOptions, SendOutcome, SendReport};
 use softplug_gateway::{Port, PortError, PortOptions, PortSpec};
 
+use super::pulse::Pulse;
 use crate::commands::demo::Arguments;
 use crate::commands::send::{check_message, job_kind, reason};
 use crate::failure::Failure;
@@ -28,6 +29,7 @@ pub(super) struct Stage<'a> {
     pub(super) arguments: &'a Arguments,
     pub(super) screen: &'a Screen,
     pub(super) stop: &'a AtomicBool,
+    pub(super) pulse: Pulse,
 }
 
 /// How a part of the demonstration ended.
@@ -114,7 +116,7 @@ pub(super) struct Worker<P> {
 
 impl<P: Simulated + Send + 'static> Worker<P> {
     pub(super) fn start(mut machine: Machine<P>) -> Self {
-        let (stop, may_end) = <(Arc<AtomicBool>, Arc<AtomicBool>)>::default();
+        let (stop, may_end) = (Arc::<AtomicBool>::default(), Arc::<AtomicBool>::default());
         let (is_stopped, ends) = (Arc::clone(&stop), Arc::clone(&may_end));
         let thread = thread::spawn(move || {
             // A partner that pauses for long is no reason to go away.

@@ -102,6 +102,7 @@ fn sent(
     let sent = stage.send(plugin, &mut station, program);
     let is_done = sent.as_ref().is_ok_and(|report| report.outcome == SendOutcome::Done);
     let seen = worker.end(!is_done)?.partner().control.report();
+    stage.pulse.saw(seen.late);
     Ok((sent?, seen))
 }
 
