@@ -9,8 +9,9 @@ use std::collections::HashMap;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
-use load::{Fragile, Guests, HOSTILE, Load, Machine, pattern};
+use load::{Fragile, Guests, HOSTILE, Load, Machine, PATIENCE, pattern};
 use softplug_abi::EventKind;
 use softplug_abi::manifest::SettingValues;
 use softplug_gateway::reactor::LaneId;
@@ -48,7 +49,9 @@ fn ninety_links_notice_nothing_of_ten_hostile_ones() {
     let have_failed = |load: &Load<_>| {
         (0..HOSTILE_LINKS).all(|link| load.lanes[&LaneId(link + 1)].faults.len() > 3)
     };
+    let end = Instant::now() + PATIENCE;
     while !(echoed(&load) && have_failed(&load)) {
+        assert!(Instant::now() < end, "some neither echo nor fail");
         load.look();
         for link in 0..HOSTILE_LINKS {
             let lane = LaneId(link + 1);

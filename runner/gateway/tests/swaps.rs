@@ -9,7 +9,7 @@ mod load;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use load::{Load, Machine, pattern};
+use load::{Load, Machine, XOFF, XON, pattern};
 use softplug_gateway::reactor::{JobOutcome, LaneId, SwapReport, When};
 use softplug_native::NativePlugin;
 
@@ -81,9 +81,6 @@ fn no_byte_is_lost_over_swaps_under_load() {
     assert_eq!(done, SWAPS);
     assert!(reverted > SWAPS / 6 && kept > SWAPS / 6, "{reverted} reverted, {kept} kept");
 }
-
-const XON: u8 = 0x11;
-const XOFF: u8 = 0x13;
 
 #[test]
 fn without_a_common_format_it_waits_until_the_link_is_idle() {

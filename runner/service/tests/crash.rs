@@ -254,9 +254,8 @@ fn what_a_killed_gateway_leaves_is_whole_and_its_book_is_true() {
     let mut folder = tempfile::tempdir().unwrap();
     // It has to meet jobs and receptions in the middle: a slow computer takes longer to them.
     let enough = rounds as usize / 4;
-    let is_met = |interrupted, received| interrupted > enough && received > enough;
     for round in 0.. {
-        if round >= rounds && is_met(interrupted, received) {
+        if round >= rounds && interrupted > enough && received > enough {
             break;
         }
         assert!(round < 10 * rounds, "{interrupted} jobs interrupted, {received} receptions");

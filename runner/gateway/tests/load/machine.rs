@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use softplug_gateway::ReadOutcome;
 use softplug_gateway::pty::PtyPair;
 
-const XON: u8 = 0x11;
-const XOFF: u8 = 0x13;
+pub const XON: u8 = 0x11;
+pub const XOFF: u8 = 0x13;
 /// A machine holds for so long, so often.
 const HOLD: Duration = Duration::from_millis(15);
 const HOLD_EVERY: Duration = Duration::from_millis(400);

@@ -8,7 +8,7 @@ mod machine;
 
 pub use fragile::Fragile;
 pub use hostile::{Guests, HOSTILE};
-pub use machine::{Machine, pattern};
+pub use machine::{Machine, XOFF, XON, pattern};
 
 use std::collections::HashMap;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -27,7 +27,7 @@ use softplug_gateway::{PortOptions, PortSpec};
 use softplug_link::{Job, Spare, Successor};
 
 /// Without any report for so long, the load stands still.
-const PATIENCE: Duration = Duration::from_mins(1);
+pub const PATIENCE: Duration = Duration::from_mins(1);
 
 /// Characters in flight at most: with fewer, a thread that drives many saturated
 /// links wakes too often.
