@@ -252,9 +252,9 @@ fn what_a_killed_gateway_leaves_is_whole_and_its_book_is_true() {
     let rounds: u64 = rounds.map_or(30, |text| text.parse().expect("a number"));
     let (mut interrupted, mut received) = (0, 0);
     let mut folder = tempfile::tempdir().unwrap();
-    // It has to meet jobs and receptions in the middle: a slow computer takes longer to them.
-    let enough = rounds as usize / 4;
     for round in 0.. {
+        // It has to meet jobs and receptions in the middle: a slow computer takes longer to them.
+        let enough = round as usize / 4;
         if round >= rounds && interrupted > enough && received > enough {
             break;
         }
