@@ -86,6 +86,16 @@ pub enum PortError {
         /// Completes "this port cannot …".
         what: &'static str,
     },
+    /// Threads that drive links may not run at real-time priority.
+    #[error(
+        "the I/O threads may not have real-time priority {priority}: {reason}; allow it to this user (LimitRTPRIO={priority} in the service's unit, `ulimit -r {priority}`), or leave it out"
+    )]
+    RealTime {
+        /// The priority that was asked for.
+        priority: u8,
+        /// What the system said.
+        reason: String,
+    },
     /// The system refused.
     #[error("failed to {what}: {source}")]
     Io {
@@ -107,6 +117,7 @@ impl PortError {
             | Self::NotATerminal { .. }
             | Self::NoHardware { .. }
             | Self::NotRfc2217 { .. }
+            | Self::RealTime { .. }
             | Self::Unsupported { .. } => Blame::Setup,
             Self::Connect { .. } | Self::Gone(_) => Blame::Line,
             Self::Io { .. } => Blame::System,

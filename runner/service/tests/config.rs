@@ -15,6 +15,7 @@ state = "/var/lib/softplug"
 library = "plugins"
 programs = ["programs", "/srv/nc"]
 threads = 2
+real-time-priority = 1
 log = "json"
 stop = "finish"
 
@@ -72,6 +73,7 @@ fn all_of_it_is_understood() {
     assert_eq!(config.gateway.library, Path::new("shop/plugins"));
     assert_eq!(config.gateway.programs[1], Path::new("/srv/nc"));
     assert_eq!(config.gateway.receptions, Path::new("/var/lib/softplug/receptions"));
+    assert_eq!(config.gateway.real_time_priority, Some(1));
     assert_eq!(config.gateway.log, LogFormat::Json);
     assert_eq!(config.http.unwrap().limits.upload_bytes, 32 << 20);
     assert_eq!(config.supervision.faults, 3);
@@ -109,6 +111,7 @@ fn every_problem_has_its_place_and_a_hint() {
         ("[[link]\n", "1:"),
         ("[gateway]\nthreads = \"two\"\n", "2:11: invalid type: string \"two\", expected u16; "),
         ("[gateway]\nthreads = 0\n", "2:11: threads is 0; give at least 1"),
+        ("[gateway]\nreal-time-priority = 100\n", "2:22: there is no such real-time priority; "),
         ("[gateway]\nstop = \"prak\"\n", "2:8: \"prak\" is not known here; did you mean \"park\"?"),
         ("[http]\nlisten = \"0.0.0.0:80\"\n", "2:10: 0.0.0.0:80 can be reached from elsewhere"),
         (

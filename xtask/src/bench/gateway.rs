@@ -1,6 +1,7 @@
 //! What the gateway costs: many links at once, hostile neighbours, swaps; ser2net
 //! beside it where it is installed.
 
+use std::fs::OpenOptions;
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -45,7 +46,14 @@ pub(super) fn run(workspace: &Workspace) -> Result<(), Error> {
         eprintln!("left out: ser2net is not installed");
     }
     print_echoes(&echoes);
-    let full = example("many_links", &["saturate", plugin, MANY, SECONDS, DEPTH])?;
+    let saturate = ["saturate", plugin, MANY, SECONDS, DEPTH];
+    let mut full = vec![("shared", example("many_links", &saturate)?)];
+    if may_be_apart() {
+        let apart = [&saturate[..], &["--real-time", "--apart"]].concat();
+        full.push(("one for the gateway, at real-time priority", example("many_links", &apart)?));
+    } else {
+        eprintln!("left out: only root can keep a processor for the gateway");
+    }
     print_full(&full);
     let hostile = example("hostile_links", &[SECONDS, "1"])?;
     print_hostile(&hostile);
@@ -105,24 +113,31 @@ fn cpu_ratio(rows: &[Value]) -> Option<f64> {
     Some(share(rows[..at].last()?)? / share(&rows[at])?)
 }
 
-fn print_full(row: &Value) {
+/// Whether the kernel's workers can be told where to run.
+fn may_be_apart() -> bool {
+    OpenOptions::new().write(true).open("/sys/devices/virtual/workqueue/cpumask").is_ok()
+}
+
+fn print_full(rows: &[(&str, Value)]) {
     println!("{MANY} lines of 9,600 baud, full both ways, depth {DEPTH}");
     println!();
     println!(
-        "| to the machine, of 960 B/s | to the client | wrong bytes | CPU | all else | of that for the harness's bytes | memory |"
+        "| processors | to the machine, of 960 B/s | to the client | wrong bytes | CPU | all else | of that for the harness's bytes | memory |"
     );
-    println!("|---:|---:|---:|---:|---:|---:|---:|");
-    println!(
-        "| {:.0} | {:.0} | {} of {} | {} | {} | {} | {} |",
-        row["to_machine_bytes_per_second"].as_f64().unwrap_or_default(),
-        row["to_client_bytes_per_second"].as_f64().unwrap_or_default(),
-        row["wrong_bytes"],
-        sum(&[&row["to_machine_bytes"], &row["to_client_bytes"]]),
-        percent(&row["cpu_percent"]),
-        percent(&row["other_cpu_percent"]),
-        percent(&row["other_cpu_percent_for_machines"]),
-        mebibytes(&row["resident_grown_kib"]),
-    );
+    println!("|---|---:|---:|---:|---:|---:|---:|---:|");
+    for (processors, row) in rows {
+        println!(
+            "| {processors} | {:.0} | {:.0} | {} of {} | {} | {} | {} | {} |",
+            row["to_machine_bytes_per_second"].as_f64().unwrap_or_default(),
+            row["to_client_bytes_per_second"].as_f64().unwrap_or_default(),
+            row["wrong_bytes"],
+            sum(&[&row["to_machine_bytes"], &row["to_client_bytes"]]),
+            percent(&row["cpu_percent"]),
+            percent(&row["other_cpu_percent"]),
+            percent(&row["other_cpu_percent_for_machines"]),
+            mebibytes(&row["resident_grown_kib"]),
+        );
+    }
     println!();
 }
 

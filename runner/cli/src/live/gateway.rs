@@ -12,6 +12,7 @@ use std::time::Duration;
 use serde::Serialize;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR2};
 use signal_hook::iterator::Signals;
+use softplug_gateway::PortError;
 use softplug_service::config::{Config, ConfigError, FileWatch, LogFormat, Problem};
 use softplug_service::gateway::{self, Gateway, StartError};
 use softplug_service::http::{self, Role, ServeError};
@@ -98,6 +99,7 @@ fn start_failure(error: &StartError) -> Failure {
         | StartError::Library(_)
         | StartError::Jobs(_) => Failure::usage(error),
         StartError::Host(_) => Failure::plug_in(error),
+        StartError::Reactor(PortError::RealTime { .. }) => Failure::usage(error),
         StartError::Reactor(_) => Failure::new(Exit::Port, error),
         StartError::Thread(_) => Failure::internal(error),
     }

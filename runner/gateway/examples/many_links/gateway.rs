@@ -20,6 +20,7 @@ use softplug_host::{Host, HostOptions, Plugin, Session};
 use softplug_link::Job;
 
 use super::Outcome;
+use super::stage::Stage;
 
 /// What the gateway's configuration gives a link's flight recorder by default.
 const RECORDER: usize = 8_192;
@@ -34,14 +35,18 @@ struct Gateway {
     lanes: u32,
 }
 
-pub fn run(plugins: &[String]) -> Outcome {
+pub fn run(stage: Stage, plugins: &[String]) -> Outcome {
     let host = Host::new(HostOptions::default())?;
     let plugins = plugins
         .iter()
         .map(|path| Ok((path.clone(), host.load(path.as_ref())?)))
         .collect::<Outcome<_>>()?;
     let (report, reports) = channel();
-    let reactor = Reactor::start(ReactorOptions::default(), move |lane, said| {
+    let options = ReactorOptions {
+        real_time_priority: stage.is_real_time.then_some(1),
+        ..ReactorOptions::default()
+    };
+    let reactor = Reactor::start(options, move |lane, said| {
         if concerns_us(&said) {
             let _ = report.send((lane, said));
         }

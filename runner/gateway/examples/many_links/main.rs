@@ -14,6 +14,11 @@
 //! control at 19,200 baud beside that. Each prints one line of JSON. What is
 //! measured is another process, so that the clients' and machines' own work does
 //! not count.
+//!
+//! With `--real-time` the gateway's I/O threads, or ser2net, have real-time
+//! priority 1. With `--apart` the first processor is for what is measured and for
+//! the kernel's workers, the others are for the harness; that needs root, and what is
+//! interrupted leaves `1` in `/sys/devices/virtual/workqueue/cpumask`.
 #![allow(unreachable_pub)]
 
 #[path = "../common/control.rs"]
@@ -22,6 +27,7 @@ mod echo;
 mod feed;
 mod gateway;
 mod saturate;
+mod stage;
 mod subject;
 mod used;
 
@@ -29,18 +35,21 @@ use std::error::Error;
 use std::time::Duration;
 
 use softplug_gateway::pty::PtyPair;
+use stage::Stage;
 use subject::{Subject, Wanted};
 
 type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 
 fn main() -> Outcome {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let (options, arguments): (Vec<String>, Vec<String>) =
+        std::env::args().skip(1).partition(|argument| argument.starts_with("--"));
+    let stage = Stage::new(&options)?;
     let of = |at: usize| {
         arguments.get(at).map(String::as_str).ok_or("read the first lines of the source")
     };
     let mode = of(0)?;
     if mode == "gateway" {
-        return gateway::run(&arguments[1..]);
+        return gateway::run(stage, &arguments[1..]);
     }
     let (links, seconds) = (of(2)?.parse()?, of(3)?.parse()?);
     let machines = (0..links).map(|_| PtyPair::open()).collect::<Result<Vec<_>, _>>()?;
@@ -51,20 +60,20 @@ fn main() -> Outcome {
     };
     let result = match mode {
         "echo" => {
-            let mut subject = Subject::gateway(&[of(1)?])?;
+            let mut subject = Subject::gateway(stage, &[of(1)?])?;
             subject.add(&wanted(echo::BAUD, echo::DEPTH)?)?;
             echo::measure(&subject, &machines, span)?
         }
         "ser2net" => {
-            echo::measure(&Subject::ser2net(of(1)? == "true", &machines)?, &machines, span)?
+            echo::measure(&Subject::ser2net(stage, of(1)? == "true", &machines)?, &machines, span)?
         }
         "saturate" => {
-            let mut subject = Subject::gateway(&[of(1)?])?;
+            let mut subject = Subject::gateway(stage, &[of(1)?])?;
             subject.add(&wanted(saturate::BAUD, of(4)?.parse()?)?)?;
             saturate::run(&subject, &machines, span)?
         }
         "feed" => {
-            let mut subject = Subject::gateway(&[of(1)?, of(5)?])?;
+            let mut subject = Subject::gateway(stage, &[of(1)?, of(5)?])?;
             subject.add(&wanted(saturate::BAUD, of(4)?.parse()?)?)?;
             feed::run(&mut subject, &machines, of(5)?, of(6)?.parse()?, seconds)?
         }

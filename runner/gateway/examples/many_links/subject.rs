@@ -12,6 +12,7 @@ use std::time::Duration;
 use mio::net::TcpStream;
 use softplug_gateway::pty::PtyPair;
 
+use super::stage::{Apart, Stage};
 use super::used::resident;
 use super::{Outcome, echo};
 
@@ -43,19 +44,18 @@ pub struct Subject {
     pub addresses: Vec<SocketAddr>,
     pub name: String,
     _folder: Option<tempfile::TempDir>,
+    _apart: Option<Apart>,
     /// Resident bytes before the first link.
     pub before: u64,
 }
 
 impl Subject {
     /// A gateway without links, which has loaded these plug-ins.
-    pub fn gateway(plugins: &[&str]) -> Outcome<Self> {
-        let mut process = Command::new(std::env::current_exe()?)
-            .arg("gateway")
-            .args(plugins)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()?;
+    pub fn gateway(stage: Stage, plugins: &[&str]) -> Outcome<Self> {
+        let mut command = Command::new(std::env::current_exe()?);
+        command.arg("gateway").args(plugins).args(stage.options());
+        let (mut process, apart) =
+            stage.begin(command.stdin(Stdio::piped()).stdout(Stdio::piped()))?;
         let input = process.stdin.take();
         let output = process.stdout.take().ok_or("the gateway has no pipe")?;
         let (answer, answers) = channel();
@@ -67,7 +67,16 @@ impl Subject {
         thread::sleep(Duration::from_millis(500));
         let before = resident(process.id())?;
         let name = "softplug".into();
-        Ok(Self { process, input, answers, addresses: Vec::new(), name, _folder: None, before })
+        Ok(Self {
+            process,
+            input,
+            answers,
+            addresses: Vec::new(),
+            name,
+            _folder: None,
+            _apart: apart,
+            before,
+        })
     }
 
     /// Adds links.
@@ -92,7 +101,7 @@ impl Subject {
     }
 
     /// ser2net with a raw TCP port for each machine.
-    pub fn ser2net(chardelay: bool, machines: &[PtyPair]) -> Outcome<Self> {
+    pub fn ser2net(stage: Stage, chardelay: bool, machines: &[PtyPair]) -> Outcome<Self> {
         let mut text = Vec::new();
         let (mut addresses, mut kept) = (Vec::new(), Vec::new());
         for (at, machine) in machines.iter().enumerate() {
@@ -111,7 +120,11 @@ impl Subject {
         let folder = tempfile::tempdir()?;
         let file = folder.path().join("ser2net.yaml");
         fs::write(&file, text)?;
-        let process = Command::new("ser2net").arg("-n").arg("-c").arg(&file).arg("-u").spawn()?;
+        let mut command = Command::new(if stage.is_real_time { "chrt" } else { "ser2net" });
+        if stage.is_real_time {
+            command.args(["-r", "1", "ser2net"]);
+        }
+        let (process, apart) = stage.begin(command.arg("-n").arg("-c").arg(&file).arg("-u"))?;
         thread::sleep(Duration::from_secs(2));
         Ok(Self {
             process,
@@ -120,6 +133,7 @@ impl Subject {
             addresses,
             name: format!("ser2net, chardelay {chardelay}"),
             _folder: Some(folder),
+            _apart: apart,
             before: 0,
         })
     }

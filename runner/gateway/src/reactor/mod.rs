@@ -17,6 +17,7 @@ pub mod endpoint;
 mod floor;
 mod lane;
 mod opener;
+mod real_time;
 mod report;
 mod setup;
 mod status;
@@ -53,12 +54,16 @@ pub struct ReactorOptions {
     pub threads: Option<usize>,
     /// Lanes after which another thread is begun.
     pub links_per_thread: usize,
+    /// Real-time priority of these threads, 1 to 99 (`SCHED_RR`), so that nothing else that
+    /// computes on the machine makes them late. The thread for lanes that hold others up never
+    /// has it. Needs a right: [`PortError::RealTime`] without it.
+    pub real_time_priority: Option<u8>,
 }
 
 impl Default for ReactorOptions {
-    /// A thread for each 256 links.
+    /// A thread for each 256 links, at ordinary priority.
     fn default() -> Self {
-        Self { threads: None, links_per_thread: 256 }
+        Self { threads: None, links_per_thread: 256, real_time_priority: None }
     }
 }
 
@@ -97,10 +102,10 @@ impl<I: LaneInstance> Reactor<I> {
     ) -> Result<Self, PortError> {
         let reports: Reports = Arc::new(reports);
         let opener = Opener::start()?;
-        let aside = begin("softplug-aside".to_owned(), &opener, &reports, None)?;
+        let aside = begin("softplug-aside".to_owned(), None, &opener, &reports, None)?;
         let mut state = State { aside, threads: Vec::new(), lanes: HashMap::new() };
         for _ in 0..options.threads.unwrap_or(1).max(1) {
-            state.begin_thread(&opener, &reports)?;
+            state.begin_thread(options.real_time_priority, &opener, &reports)?;
         }
         let state = Mutex::new(state);
         Ok(Self { options, reports, opener, state })
@@ -154,7 +159,7 @@ impl<I: LaneInstance> Reactor<I> {
         if self.options.threads.is_some() || lanes < self.options.links_per_thread.max(1) {
             return at;
         }
-        match state.begin_thread(&self.opener, &self.reports) {
+        match state.begin_thread(self.options.real_time_priority, &self.opener, &self.reports) {
             Ok(()) => state.threads.len() - 1,
             Err(error) => {
                 tracing::warn!(%error, "no further thread for links; the others take more");
@@ -165,10 +170,15 @@ impl<I: LaneInstance> Reactor<I> {
 }
 
 impl<I: LaneInstance> State<I> {
-    fn begin_thread(&mut self, opener: &Opener, reports: &Reports) -> Result<(), PortError> {
+    fn begin_thread(
+        &mut self,
+        real_time_priority: Option<u8>,
+        opener: &Opener,
+        reports: &Reports,
+    ) -> Result<(), PortError> {
         let name = format!("softplug-io-{}", self.threads.len());
         let aside = self.aside.reach.clone();
-        self.threads.push(begin(name, opener, reports, Some(aside))?);
+        self.threads.push(begin(name, real_time_priority, opener, reports, Some(aside))?);
         Ok(())
     }
 }
@@ -181,6 +191,7 @@ impl<I: Instance> Reactor<I> {
 
 fn begin<I: LaneInstance>(
     name: String,
+    real_time_priority: Option<u8>,
     opener: &Opener,
     reports: &Reports,
     aside: Option<Reach<I>>,
@@ -188,7 +199,11 @@ fn begin<I: LaneInstance>(
     let (opener, reports) = (opener.clone(), Arc::clone(reports));
     let (made, wait) = std::sync::mpsc::sync_channel(1);
     // Made where it runs: plug-ins' faults need not be sent anywhere.
-    let drive = move || match Driver::new(opener, reports, aside) {
+    let make = move || {
+        real_time_priority.map_or(Ok(()), real_time::give)?;
+        Driver::new(opener, reports, aside)
+    };
+    let drive = move || match make() {
         Ok((driver, reach)) => {
             let _ = made.send(Ok(reach));
             driver.run();

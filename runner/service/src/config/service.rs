@@ -29,6 +29,8 @@ pub struct GatewayConfig {
     pub threads: Option<usize>,
     /// Links that one thread serves.
     pub links_per_thread: usize,
+    /// Real-time priority of I/O threads; an ordinary one if `None`.
+    pub real_time_priority: Option<u8>,
     /// How to log.
     pub log: LogFormat,
     /// What a stop does with jobs.
@@ -88,6 +90,12 @@ pub(super) fn gateway(
         }
         usize::from(*links.get_ref())
     });
+    if let Some(priority) = &written.real_time_priority
+        && !(1..=99).contains(priority.get_ref())
+    {
+        let hint = "give 1 to 99, of which 1 does, or leave it out";
+        problems.add(priority.span(), "there is no such real-time priority", hint);
+    }
     let journal = written.journal.as_ref().map_or(100_000, |entries| {
         if !(100..=100_000_000).contains(entries.get_ref()) {
             let range = "give a number of entries from 100 to 100000000";
@@ -103,6 +111,7 @@ pub(super) fn gateway(
         state,
         threads: written.threads.as_ref().map(|threads| usize::from(*threads.get_ref())),
         links_per_thread,
+        real_time_priority: written.real_time_priority.as_ref().map(|value| *value.get_ref()),
         log: choice(
             written.log.as_ref(),
             &[("human", LogFormat::Human), ("json", LogFormat::Json)],

@@ -29,6 +29,7 @@ pub(super) struct Gateway {
     pub(super) traces: Option<Text>,
     pub(super) threads: Option<Spanned<u16>>,
     pub(super) links_per_thread: Option<Spanned<u16>>,
+    pub(super) real_time_priority: Option<Spanned<u8>>,
     pub(super) log: Option<Text>,
     pub(super) stop: Option<Text>,
     pub(super) stop_patience: Option<Text>,

@@ -166,6 +166,7 @@ impl Control {
             ("gateway.traces", old.traces == new.traces),
             ("gateway.threads", old.threads == new.threads),
             ("gateway.links-per-thread", old.links_per_thread == new.links_per_thread),
+            ("gateway.real-time-priority", old.real_time_priority == new.real_time_priority),
             ("gateway.log", old.log == new.log),
             ("gateway.watch", old.watch == new.watch),
             ("gateway.journal", old.journal == new.journal),

@@ -149,6 +149,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
     let options = ReactorOptions {
         threads: ready.config.gateway.threads,
         links_per_thread: ready.config.gateway.links_per_thread,
+        real_time_priority: ready.config.gateway.real_time_priority,
     };
     let reports = inbox.clone();
     let reactor = Reactor::start(options, move |lane, report| {
