@@ -61,11 +61,12 @@ pub struct Pacer {
 /// Bytes that a port took at once.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Run {
-    ticks_per_micro: i128,
-    character: i128,
-    early_character: i128,
     start: i128,
     early_start: i128,
+    // There are many of these: what fits into half is kept in half.
+    ticks_per_micro: i64,
+    character: i64,
+    early_character: i64,
     slack: Micros,
     /// Bytes in the run.
     pub count: usize,
@@ -168,16 +169,16 @@ impl Pacer {
         // A fast line ends early, but never begins before the byte is there.
         let early_start = self.early_free.max(at).min(start);
         let run = Run {
-            ticks_per_micro: self.ticks_per_micro(),
-            character: self.character(),
-            early_character: self.early_character(),
             start,
             early_start,
+            ticks_per_micro: self.ticks_per_micro() as i64,
+            character: self.character() as i64,
+            early_character: self.early_character() as i64,
             slack: self.slack,
             count,
         };
-        self.free = start + count as i128 * run.character;
-        self.early_free = early_start + count as i128 * run.early_character;
+        self.free = start + count as i128 * self.character();
+        self.early_free = early_start + count as i128 * self.early_character();
         run
     }
 
@@ -220,15 +221,15 @@ impl Pacer {
 impl Run {
     /// When the last bit of byte `index` can have left: never too late.
     pub fn maybe_left(&self, index: usize) -> Micros {
-        let at = self.early_start + (index as i128 + 1) * self.early_character;
-        Micros(at.div_euclid(self.ticks_per_micro) as i64)
+        let at = self.early_start + (index as i128 + 1) * i128::from(self.early_character);
+        Micros(at.div_euclid(i128::from(self.ticks_per_micro)) as i64)
     }
 
     /// When the last bit of byte `index` has left by the line's rate and the
     /// slack; a port that still holds bytes then is later.
     pub fn surely_left(&self, index: usize) -> Micros {
-        let at = self.start + (index as i128 + 1) * self.character;
-        Micros(ceil_div(at, self.ticks_per_micro) as i64) + self.slack
+        let at = self.start + (index as i128 + 1) * i128::from(self.character);
+        Micros(ceil_div(at, i128::from(self.ticks_per_micro)) as i64) + self.slack
     }
 }
 

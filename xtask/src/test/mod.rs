@@ -90,7 +90,7 @@ const TOOLS: &[Tool] = &[
     Tool {
         program: "unshare",
         source: "Debian package util-linux",
-        purpose: "a gateway on a disk that is full",
+        purpose: "a gateway on a disk that is full, and one without rights",
     },
     Tool {
         program: "schemathesis",

@@ -8,7 +8,7 @@ use crate::pacer::Run;
 
 /// Runs after which those that have left are looked for: there are as many on
 /// each link, so they are not many.
-const RUNS: usize = 8;
+const RUNS: usize = 4;
 
 /// Runs of bytes that the port took and that have not all left for certain.
 #[derive(Debug)]
