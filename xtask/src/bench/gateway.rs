@@ -4,6 +4,7 @@
 use std::fs::OpenOptions;
 use std::path::PathBuf;
 use std::process::Command;
+use std::thread;
 
 use serde_json::Value;
 
@@ -52,7 +53,7 @@ pub(super) fn run(workspace: &Workspace) -> Result<(), Error> {
         let apart = [&saturate[..], &["--real-time", "--apart"]].concat();
         full.push(("one for the gateway, at real-time priority", example("many_links", &apart)?));
     } else {
-        eprintln!("left out: only root can keep a processor for the gateway");
+        eprintln!("left out: to keep a processor for the gateway takes two of them, and root");
     }
     print_full(&full);
     let hostile = example("hostile_links", &[SECONDS, "1"])?;
@@ -113,9 +114,11 @@ fn cpu_ratio(rows: &[Value]) -> Option<f64> {
     Some(share(rows[..at].last()?)? / share(&rows[at])?)
 }
 
-/// Whether the kernel's workers can be told where to run.
+/// Whether there is a processor to spare, and the kernel's workers can be told where to run.
 fn may_be_apart() -> bool {
-    OpenOptions::new().write(true).open("/sys/devices/virtual/workqueue/cpumask").is_ok()
+    let workers = "/sys/devices/virtual/workqueue/cpumask";
+    thread::available_parallelism().is_ok_and(|processors| processors.get() > 1)
+        && OpenOptions::new().write(true).open(workers).is_ok()
 }
 
 fn print_full(rows: &[(&str, Value)]) {
