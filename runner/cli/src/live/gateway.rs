@@ -97,9 +97,9 @@ fn start_failure(error: &StartError) -> Failure {
         StartError::Config(_)
         | StartError::Disk(_)
         | StartError::Library(_)
-        | StartError::Jobs(_) => Failure::usage(error),
+        | StartError::Jobs(_)
+        | StartError::Reactor(PortError::RealTime { .. }) => Failure::usage(error),
         StartError::Host(_) => Failure::plug_in(error),
-        StartError::Reactor(PortError::RealTime { .. }) => Failure::usage(error),
         StartError::Reactor(_) => Failure::new(Exit::Port, error),
         StartError::Thread(_) => Failure::internal(error),
     }
