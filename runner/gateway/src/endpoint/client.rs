@@ -152,10 +152,6 @@ impl Client {
             for (to, from) in buffer.iter_mut().zip(self.front.drain(..count)) {
                 *to = from;
             }
-            if self.front.is_empty() {
-                // A job reads on from the connection: this is not needed until the next.
-                self.front = VecDeque::new();
-            }
             return Taken::Bytes(count);
         }
         let taken = match self.telnet {
