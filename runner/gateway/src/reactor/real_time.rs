@@ -24,3 +24,16 @@ fn in_words(error: Error) -> String {
         other => other.to_string(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_priority_that_there_is_not_is_refused() {
+        for priority in [0, 100] {
+            let error = give(priority).unwrap_err();
+            assert!(error.to_string().contains(&format!("priority {priority}: ")), "{error}");
+        }
+    }
+}
