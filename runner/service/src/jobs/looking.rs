@@ -30,6 +30,22 @@ impl Jobs {
         Ok(self.book().jobs(filter.most, takes)?)
     }
 
+    /// Jobs that have ended, those that began: the newest of each link, and all that nobody has
+    /// acknowledged, the oldest first. Reads them all: for the start.
+    ///
+    /// # Errors
+    /// The database cannot be read.
+    pub fn results(&self) -> Result<Vec<Job>, JobsError> {
+        let links = std::cell::RefCell::new(BTreeSet::new());
+        let takes = |job: &Job| {
+            let has_ended = job.state.is_final() && job.has_begun();
+            has_ended && (links.borrow_mut().insert(job.order.link.clone()) || job.is_unseen)
+        };
+        let mut results = self.book().jobs(usize::MAX, takes)?;
+        results.reverse();
+        Ok(results)
+    }
+
     /// All jobs that have not ended, the oldest first. Asks no disk.
     pub fn live(&self) -> Vec<Job> {
         self.book().live().values().cloned().collect()

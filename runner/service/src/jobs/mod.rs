@@ -12,6 +12,7 @@ mod error;
 mod job;
 mod journal;
 mod looking;
+mod progress;
 mod receiving;
 mod shown;
 mod state;
@@ -25,6 +26,7 @@ pub use job::{
     CheckFault, Comparison, Data, Extent, Job, Kind, Left, Order, Origin, Reason, Reception,
 };
 pub use journal::{Entry, EntryFilter, Keep, Note, Subject, Weight};
+pub use progress::Lately;
 pub use state::{State, Step, after};
 
 use std::path::Path;
@@ -131,6 +133,7 @@ impl Jobs {
             match after(job.state, job.has_begun(), Step::Recover) {
                 Some(State::Interrupted) => {
                     interrupt(&mut job, "the gateway ended in the middle of it", now);
+                    job.is_unseen = true;
                     change.notes.push(ended_note(&job));
                     recovery.interrupted.push(job.clone());
                     change.jobs.push(job);
@@ -256,6 +259,7 @@ impl Jobs {
         })?;
         job.reason = reason;
         job.ended = Some(now());
+        job.is_unseen = job.has_ended_badly();
         if let Some(left) = left {
             (job.taken, job.sent) = (left.taken, left.sent);
             job.extent = narrowed(job.extent, left.extent);
@@ -270,6 +274,23 @@ impl Jobs {
         let change = Change { jobs: vec![job.clone()], notes, sent };
         book.write(&change, now())?;
         Ok(job)
+    }
+
+    /// Somebody has seen how jobs of a link ended: the last of `jobs`, and those before it.
+    ///
+    /// # Errors
+    /// It cannot be written down.
+    pub fn acknowledge(&self, jobs: &[Job]) -> Result<Vec<Job>, JobsError> {
+        let Some(last) = jobs.last() else { return Ok(Vec::new()) };
+        let seen = |job: &Job| Job { is_unseen: false, ..job.clone() };
+        let text = match jobs.len() {
+            1 => format!("job {} is {}: somebody has seen it", last.id, last.state.name()),
+            count => format!("{count} jobs, the last one {}, have been seen", last.id),
+        };
+        let notes = vec![note(last, text)];
+        let change = Change { jobs: jobs.iter().map(seen).collect(), notes, sent: None };
+        self.book().write(&change, now())?;
+        Ok(change.jobs)
     }
 
     /// Notes how far jobs may go and have come, all at once. What has ended meanwhile is left
@@ -374,6 +395,7 @@ fn created(id: u32, order: Order, state: State) -> Job {
         sent: 0,
         reason: None,
         reception: None,
+        is_unseen: false,
         created: now(),
         began: None,
         ended: None,

@@ -41,6 +41,7 @@ impl Jobs {
             job.reason = reason;
             job.order.program = name.or(job.order.program);
             job.ended = Some(now());
+            job.is_unseen = job.has_ended_badly();
         }
         put(&mut book, job, vec![note])
     }
