@@ -1,0 +1,3 @@
+//! Each test has a computer of its own.
+
+mod ports;
