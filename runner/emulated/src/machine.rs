@@ -181,12 +181,15 @@ impl Machine {
         // The guest's time stands still while the host is busy, so it is counted here.
         let begin = Instant::now();
         while self
-            .run(&format!("for i in 1 2 3 4 5; do {condition} && exit 0; usleep 100000; done; exit 1"))
+            .run(&format!(
+                "for i in 1 2 3 4 5; do {condition} && exit 0; usleep 100000; done; exit 1"
+            ))
             .code
             != 0
         {
             if begin.elapsed() > HANG {
-                let all = self.run("for f in /run/*.out /run/*.err; do echo == $f; cat $f; done; ps").out;
+                let all =
+                    self.run("for f in /run/*.out /run/*.err; do echo == $f; cat $f; done; ps").out;
                 panic!("waited in vain for {what}; in the guest:\n{all}");
             }
         }
@@ -195,13 +198,16 @@ impl Machine {
     /// Plugs the adapter in, always into the same socket, and waits for its device.
     #[track_caller]
     pub fn plug(&mut self) {
-        self.qmp.ask(
-            "device_add",
-            json!({
-                "driver": "usb-serial", "bus": "usb-bus.0", "port": "1", "id": "adapter",
-                "chardev": "usb", "serial": "EMULATED1",
-            }),
-        );
+        let adapter = json!({
+            "driver": "usb-serial", "bus": "usb-bus.0", "port": "1", "id": "adapter",
+            "chardev": "usb", "serial": "EMULATED1",
+        });
+        let begin = Instant::now();
+        // One that was pulled out a moment ago is not gone at once.
+        while let Err(error) = self.qmp.try_ask("device_add", &adapter) {
+            assert!(begin.elapsed() < HANG, "the adapter cannot be plugged in: {error}");
+            sleep(Duration::from_millis(20));
+        }
         self.until("/dev/ttyUSB0", "[ -c /dev/ttyUSB0 ]");
         self.run("udevadm settle").with_code(0);
     }
