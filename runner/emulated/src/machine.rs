@@ -148,6 +148,16 @@ impl Machine {
         self.run(&format!("cat /run/{number}.out /run/{number}.err")).with_code(0).out
     }
 
+    /// Waits until a program has printed this.
+    #[track_caller]
+    pub fn until_printed(&mut self, process: Process, text: &str) {
+        let number = process.number;
+        self.until(
+            &format!("{text:?} of process {number}"),
+            &format!("cat /run/{number}.out /run/{number}.err | grep -qF '{text}'"),
+        );
+    }
+
     /// Waits for a program's end.
     #[track_caller]
     pub fn wait(&mut self, process: Process) -> Ran {
