@@ -178,11 +178,13 @@ impl Arrival {
     /// More bytes of it.
     ///
     /// # Errors
-    /// They cannot be written; how many of them are is not known, and none may follow.
+    /// They cannot be written. None of them counts then; they may be given again.
     pub fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.inbox.write(bytes)?;
+        // Only then: what is given again would stand in it twice.
         let room = HEAD_BYTES - self.head.len();
         self.head.extend_from_slice(&bytes[..bytes.len().min(room)]);
-        self.inbox.write(bytes)
+        Ok(())
     }
 
     /// It has ended. When this returns it is on the disk under its name. Without a name from the
