@@ -123,5 +123,5 @@ fn while_the_disk_is_full_nothing_is_lost_and_with_room_it_goes_on() {
         }
     }
     assert!(taken == program[..60_000]);
-    assert_eq!(jobs.job(id).unwrap().extent.maybe, 60_000);
+    assert_eq!(jobs.reader().job(id).unwrap().extent.maybe, 60_000);
 }
