@@ -152,7 +152,7 @@ impl Shared {
     /// Removes snapshots that no job needs any more.
     fn sweep(&self) {
         let Parts { jobs, snapshots, .. } = &self.parts;
-        match snapshots.collect_garbage(|| jobs.needed_data()) {
+        match snapshots.collect_garbage(|| jobs.reader().needed_data()) {
             Ok(freed) => tracing::debug!(freed, "snapshots that nobody needs were removed"),
             Err(error) => tracing::warn!(%error, "snapshots that nobody needs are not removed"),
         }

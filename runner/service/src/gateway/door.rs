@@ -1,6 +1,6 @@
 //! The handle's calls that concern links, jobs and the gateway itself.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::io::{self, Read};
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
@@ -17,7 +17,7 @@ use super::swaps::Wanted;
 use super::{Gateway, Watching, show};
 use crate::Refusal;
 use crate::config::Config;
-use crate::jobs::{BeginAt, EntryFilter, JobFilter as Filter, Kind, Order, State, beginning_at};
+use crate::jobs::{BeginAt, EntryFilter, Job, JobFilter as Filter, Kind, Order, beginning_at};
 use crate::view::{
     Change, HealthView, JobFilter, JobOrder, JobView, JournalEntry, JournalFilter, KindView,
     LinkCounts, LinkState, LinkView, ReadyView, ReloadView, StopHow, SwapOrder, SwapView,
@@ -118,13 +118,23 @@ impl Gateway {
 impl Gateway {
     /// Jobs, the newest first.
     pub fn jobs(&self, filter: &JobFilter) -> Result<Vec<JobView>, Refusal> {
-        let jobs = self.shared.parts.jobs.list(&Filter::from(filter.clone()))?;
-        self.shared.ask(move |control| Ok(jobs.iter().map(|job| control.job_view(job)).collect()))
+        let jobs = self.shared.parts.jobs.reader().list(&Filter::from(filter.clone()))?;
+        // Of one that has ended nobody knows more than is written down.
+        let live: Vec<_> = jobs.iter().filter(|job| !job.state.is_final()).cloned().collect();
+        let mut views: HashMap<u32, JobView> = if live.is_empty() {
+            HashMap::new()
+        } else {
+            self.shared.ask(move |control| {
+                Ok(live.iter().map(|job| (job.id, control.job_view(job))).collect())
+            })?
+        };
+        let view = |job: &Job| views.remove(&job.id).unwrap_or_else(|| job.view(None));
+        Ok(jobs.iter().map(view).collect())
     }
 
     /// One job.
     pub fn job(&self, id: u32) -> Result<JobView, Refusal> {
-        let job = self.shared.parts.jobs.job(id)?;
+        let job = self.shared.parts.jobs.reader().job(id)?;
         let between = self.shared.parts.snapshots.between(&job);
         let last_block = between.ok().and_then(|between| between.last_whole);
         let view = self.shared.ask(move |control| Ok(control.job_view(&job)))?;
@@ -200,7 +210,7 @@ impl Gateway {
         self.shared.ask(move |control| {
             control.show_job(&job);
             control.begin_next(&job.order.link);
-            let job = control.shared.parts.jobs.job(job.id)?;
+            let job = control.shared.parts.jobs.reader().job(job.id)?;
             Ok(control.job_view(&job))
         })
     }
@@ -226,7 +236,7 @@ impl Gateway {
         self.refuse_while_stopping()?;
         let parts = &self.shared.parts;
         let _hold = parts.snapshots.hold();
-        let before = parts.jobs.job(id)?;
+        let before = parts.jobs.reader().job(id)?;
         let link = before.order.link.clone();
         let plugin = self.plugin_of(&link)?;
         let field = finds_blocks(&plugin, &before.order.job_kind);
@@ -269,7 +279,8 @@ fn finds_blocks(plugin: &Plugin, kind: &str) -> Option<&'static str> {
 impl Gateway {
     /// Entries of the journal, the newest first.
     pub fn journal(&self, filter: &JournalFilter) -> Result<Vec<JournalEntry>, Refusal> {
-        let entries = self.shared.parts.jobs.journal(&EntryFilter::from(filter.clone()))?;
+        let entries =
+            self.shared.parts.jobs.reader().journal(&EntryFilter::from(filter.clone()))?;
         Ok(entries.into_iter().map(Into::into).collect())
     }
 
@@ -344,7 +355,7 @@ impl Gateway {
 
 impl Control {
     fn link_views(&self) -> Vec<LinkView> {
-        let mut queued = self.queued();
+        let mut queued = self.shared.parts.jobs.queued();
         let links = self.links.iter();
         let view = |(name, link): (&String, &Link)| {
             show::link(name, link, queued.remove(name).unwrap_or(0), &self.results)
@@ -354,18 +365,8 @@ impl Control {
 
     pub(super) fn link_view(&self, name: &str) -> Result<LinkView, Refusal> {
         let link = self.links.get(name).ok_or_else(|| Refusal::no_link(name))?;
-        Ok(show::link(name, link, self.queued().remove(name).unwrap_or(0), &self.results))
-    }
-
-    /// Jobs that wait, by link.
-    fn queued(&self) -> BTreeMap<String, u32> {
-        let mut queued = BTreeMap::new();
-        for job in self.shared.parts.jobs.live() {
-            if job.state == State::Queued {
-                *queued.entry(job.order.link).or_default() += 1;
-            }
-        }
-        queued
+        let queued = self.shared.parts.jobs.queued().remove(name).unwrap_or(0);
+        Ok(show::link(name, link, queued, &self.results))
     }
 
     /// Shows the links that look otherwise than when they were last shown.

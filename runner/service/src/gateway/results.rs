@@ -26,7 +26,7 @@ impl Results {
     /// As they were written down. Reads all jobs.
     pub(super) fn of(jobs: &Jobs) -> Result<Self, JobsError> {
         let mut results = Self::default();
-        for job in jobs.results()? {
+        for job in jobs.reader().results()? {
             results.take(&job);
         }
         Ok(results)
@@ -73,7 +73,7 @@ impl Results {
 impl Control {
     /// Somebody has seen how a job ended, and with it those of its link before it.
     pub(super) fn acknowledge(&mut self, id: u32) -> Result<JobView, Refusal> {
-        let job = self.shared.parts.jobs.job(id)?;
+        let job = self.shared.parts.jobs.reader().job(id)?;
         if !job.state.is_final() {
             let state = job.state.name();
             let text = format!("job {id} is {state}: it can be acknowledged when it has ended");
@@ -83,7 +83,7 @@ impl Control {
         for seen in self.shared.parts.jobs.acknowledge(&unseen)? {
             self.show_job(&seen);
         }
-        let job = self.shared.parts.jobs.job(id)?;
+        let job = self.shared.parts.jobs.reader().job(id)?;
         Ok(self.job_view(&job))
     }
 }

@@ -215,6 +215,11 @@ impl Job {
         self.has_begun() && self.state.is_final() && self.state != State::Done
     }
 
+    /// The file of its reception, if it has one.
+    pub fn file(&self) -> Option<&str> {
+        self.reception.as_ref()?.file.as_deref()
+    }
+
     /// Bytes of the snapshot, 0 without.
     pub fn size(&self) -> u64 {
         self.order.data.map_or(0, |data| data.size)
