@@ -60,8 +60,8 @@ function overview(name, path) {
   const force = h('button', { onclick: onLink('force-resume') }, 'Go on although held');
   const reopen = h('button', { onclick: onLink('reopen'), class: 'quiet' }, 'Reopen the port');
   const node = h('div', { class: 'panel' },
-    h('div', { class: 'row' }, state.node, what), bar, wrong, seen.node,
-    h('div', { class: 'buttons' }, pause, resume, abort, force, reopen),
+    h('div', { class: 'row' }, state.node, what), bar, wrong,
+    h('div', { class: 'buttons' }, seen.node, pause, resume, abort, force, reopen),
     h('div', { class: 'wide' }, picture.node), legend, facts);
   return {
     node,

@@ -183,9 +183,10 @@ fn held_and_paused_are_two_things_and_all_say_the_same_words() {
     let result = link["last"]["text"].as_str().unwrap().to_owned();
     assert_eq!(link["unseen"][0]["text"], result);
     hall.card();
-    hall.browser.sees(&format!("O1.nc aborted; {result}"));
-    hall.browser
-        .until("document.querySelector('.card.trouble .wrong').innerText.includes('aborted')");
+    hall.browser.until(&format!(
+        "document.querySelector('.card.trouble .wrong').textContent === {}",
+        json!(format!("job {id}, O1.nc, aborted: {result}"))
+    ));
     hall.browser.sees("trouble 1");
     assert_eq!(hall.link()["trouble"].as_array().unwrap().len(), 1);
     hall.browser.click("button", "Seen");
