@@ -1,6 +1,7 @@
 //! Ports: a terminal, a TCP connection or a pty behind one interface that
 //! never blocks.
 
+pub(crate) mod ear;
 mod marks;
 mod spec;
 
@@ -27,6 +28,7 @@ mod tty;
 
 #[cfg(target_os = "linux")]
 pub use self::rfc2217::Rfc2217Port;
+pub use ear::Backlog;
 pub use marks::{Input, LineCounters, MarkDecoder};
 #[cfg(target_os = "linux")]
 pub use open::{Port, ReadOutcome};

@@ -175,6 +175,11 @@ impl Session {
         self.client.output().len() + own
     }
 
+    /// Whether the server was asked to obey the partner's XON/XOFF.
+    pub(super) fn is_stoppable(&self) -> bool {
+        self.flow == Flow::Device
+    }
+
     /// Whether the server wants a pause.
     pub(super) fn is_suspended(&self) -> bool {
         self.client.flow_suspended()
