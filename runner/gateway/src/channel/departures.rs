@@ -69,6 +69,8 @@ pub(super) struct Departures {
     taken: u64,
     /// Bytes of runs that have wholly left.
     settled: u64,
+    /// Up to which place the plug-in was told that all has surely left.
+    told: u64,
     look: Look,
     /// Since when the port has held as much as at the last look, if it holds something.
     stuck_since: Option<Micros>,
@@ -89,6 +91,7 @@ impl Departures {
             runs: VecDeque::new(),
             taken: 0,
             settled: 0,
+            told: 0,
             look: Look::default(),
             stuck_since: None,
             ageing: Look::default(),
@@ -176,6 +179,7 @@ impl Departures {
     /// the plug-in: never late, and never early.
     pub(super) fn places(&mut self, now: Micros) -> (u64, u64) {
         let surely = self.place_surely(now);
+        self.told = surely;
         if !self.line.rate_known {
             return (self.taken, surely);
         }
@@ -203,6 +207,11 @@ impl Departures {
             maybe: self.place_maybe(now).saturating_sub(from.taken),
             surely: surely.saturating_sub(never.saturating_sub(from.never_left)),
         }
+    }
+
+    /// Whether more has left than the plug-in was told.
+    pub(super) fn has_news(&self) -> bool {
+        self.settled > self.told
     }
 
     /// When the run that leaves next will have left.

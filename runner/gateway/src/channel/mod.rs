@@ -318,7 +318,13 @@ impl<I: Instance> Channel<I> {
 
     /// A port that still holds what should have left by now is looked at again.
     fn next_departure(&self, now: Micros) -> Option<Micros> {
-        let next = self.link.awaits_departures().then(|| self.departures.next()).flatten()?;
+        if !self.link.awaits_departures() {
+            return None;
+        }
+        if self.departures.has_news() {
+            return Some(now);
+        }
+        let next = self.departures.next()?;
         let keeps_rate = self.port.as_ref().is_some_and(Port::rate_known);
         let again = if keeps_rate { LOOK_AGAIN } else { LOOK_AGAIN_FAR };
         Some(if next > now { next } else { now + again })
