@@ -123,6 +123,13 @@ impl Machine {
         self.run(&format!("base64 -d > {path} <<'END'\n{lines}\nEND")).with_code(0);
     }
 
+    /// Reads a file of the guest, or several one after the other, as the shell expands the name.
+    #[track_caller]
+    pub fn read(&mut self, path: &str) -> Vec<u8> {
+        let text = self.run(&format!("cat {path} | base64 -w0")).with_code(0).out;
+        BASE64_STANDARD.decode(text).expect("the guest's base64 is right")
+    }
+
     /// Starts a program in the guest: one command, as the shell reads it.
     #[track_caller]
     pub fn spawn(&mut self, command: &str) -> Process {

@@ -7,6 +7,7 @@ mod held;
 mod line_errors;
 mod ports;
 mod receptions;
+mod station;
 mod unplugged;
 
 use softplug_emulated::{Machine, Wire};
