@@ -15,6 +15,7 @@ use rfc2217::{
 use softplug_abi::{LineErrorKind, LineParameters, ModemLines};
 
 use super::super::marks::Input;
+use super::super::rfc2217_bound::SubnegotiationBound;
 use super::super::rfc2217_values::{inputs_of, settings_of};
 use super::super::settings::{BAUD_RATE, SettingDifference, setting_texts};
 use super::super::spec::{Flow, PortOptions};
@@ -59,6 +60,8 @@ pub(super) enum Broken {
     Echo,
     /// It takes no more commands.
     Deaf,
+    /// A subnegotiation of its is longer than any can be.
+    Overlong,
 }
 
 /// How far opening has come.
@@ -92,6 +95,7 @@ pub(super) struct Session {
     /// Answers about the rate, our questions' included.
     rates: u64,
     signature: Option<String>,
+    bound: SubnegotiationBound,
     broken: Option<Broken>,
 }
 
@@ -112,6 +116,7 @@ impl Session {
             since_note: 0,
             rates: 0,
             signature: None,
+            bound: SubnegotiationBound::default(),
             broken: None,
         }
     }
@@ -288,6 +293,8 @@ impl Session {
     fn decode(&mut self, input: &[u8], sink: &mut impl FnMut(Input<'_>)) -> usize {
         let mut payload = [0; CHUNK];
         let mut taken = 0;
+        let all = input;
+        let input = &input[..self.bound.within(input)];
         loop {
             let progress = self.client.receive_into(&input[taken..], &mut payload);
             taken += progress.consumed;
@@ -299,6 +306,10 @@ impl Session {
                 self.event(&event, sink);
             }
             if progress.consumed == 0 {
+                self.bound.pass(&input[..taken]);
+                if taken == input.len() && taken < all.len() {
+                    self.broken = Some(Broken::Overlong);
+                }
                 return taken;
             }
         }
