@@ -51,6 +51,8 @@ fn receives_blocks(device: Device) {
     device.wire(&machine).answer_with(station);
     device.wire(&machine).say(&[STX]);
     let ran = machine.wait(receiving);
+    // What has left the guest by then is soon here.
+    machine.run("sleep 1").with_code(0);
     let seen = seen.lock().unwrap().clone();
     assert_eq!(seen, Seen { acknowledged: BLOCKS, ..Seen::default() }, "{ran}");
     ran.with_code(0);

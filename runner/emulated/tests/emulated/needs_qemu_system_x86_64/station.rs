@@ -72,15 +72,12 @@ impl Station {
                 }
                 let frame = std::mem::take(frame);
                 self.state = State::Idle;
-                match data(&frame) {
-                    Some(block) => {
-                        seen.blocks.push(block);
-                        vec![DLE]
-                    }
-                    None => {
-                        seen.wrong.push(format!("a block with a wrong check: {frame:02X?}"));
-                        vec![NAK]
-                    }
+                if let Some(block) = data(&frame) {
+                    seen.blocks.push(block);
+                    vec![DLE]
+                } else {
+                    seen.wrong.push(format!("a block with a wrong check: {frame:02X?}"));
+                    vec![NAK]
                 }
             }
             State::SettingUp if byte == DLE => {
