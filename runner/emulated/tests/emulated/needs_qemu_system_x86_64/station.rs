@@ -64,7 +64,6 @@ impl Station {
             }
             // The NAK with which a link opens.
             State::Idle if byte == NAK && seen.set_ups == 0 => Vec::new(),
-            State::Idle => self.stray(byte, seen),
             State::Taking(frame) => {
                 frame.push(byte);
                 if !is_whole(frame) {
@@ -95,7 +94,7 @@ impl Station {
                 self.state = State::SettingUp;
                 vec![STX]
             }
-            State::SettingUp | State::Given => self.stray(byte, seen),
+            State::Idle | State::SettingUp | State::Given => self.stray(byte, seen),
         }
     }
 
