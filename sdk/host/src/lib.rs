@@ -49,10 +49,7 @@ pub use digest::{Digest, NotADigest};
 pub use engine::{EngineInfo, EngineKind};
 pub use fault::{LoadError, Misbehaviour, SessionFault};
 pub use host::{Host, HostOptions};
-pub use lint::{
-    ELEMENTS, GLOBALS, Inspection, LOCALS, LintError, MemoryMaximum, SIGNATURE_MAILBOX,
-    SIGNATURE_STEP, lint,
-};
+pub use lint::{Inspection, LintError, MemoryMaximum, SIGNATURE_MAILBOX, SIGNATURE_STEP, lint};
 pub use plugin::{Origin, Plugin};
 pub use session::Session;
 pub use state::SavedState;

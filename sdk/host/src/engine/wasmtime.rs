@@ -2,9 +2,9 @@
 
 use super::{Compiled, EngineError, EngineInfo, Running, StartError, Stop, precompiled, weights};
 use crate::cache::{Cache, CacheKey};
-use crate::lint::{ELEMENTS, FEATURES};
+use crate::lint::FEATURES;
 use crate::{Digest, Origin, words};
-use softplug_abi::limits::MEMORY_PAGES;
+use softplug_abi::limits::{ELEMENTS, MEMORY_PAGES};
 use softplug_abi::{EXPORT_MAILBOX, EXPORT_MEMORY, EXPORT_STEP};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
