@@ -32,9 +32,12 @@
 
 #[cfg(feature = "wasmtime")]
 mod cache;
+#[cfg(feature = "wasmtime")]
+pub mod compiler;
 mod digest;
 mod engine;
 mod fault;
+mod files;
 mod host;
 mod lint;
 mod plugin;

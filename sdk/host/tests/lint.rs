@@ -343,9 +343,9 @@ fn the_weight_is_what_the_specification_says() {
     assert_eq!(of("(func (i32.store (i32.const 1) (i32.const 1)))"), 8);
     // Three locals (6) and a value on the stack, before a loop that counts twice; its end.
     assert_eq!(of("(func (local i32 i32 i32) i32.const 1 loop end drop)"), 6 + 2 + 2 + 2 + 2 + 4);
-    // A block, and six of the table with one value alive; together the square of seven by 32.
+    // A block, and six of the table with one value and one block alive; together the square of seven by 32.
     let table = "(func (block (br_table 0 0 0 0 0 0 (i32.const 1))))";
-    assert_eq!(of(table), 2 + 2 + (2 + 6 / 2) + 2 + 7 * 7 / 32);
+    assert_eq!(of(table), 2 + 2 + (2 + 6 * 2 / 2) + 2 + 7 * 7 / 32);
 }
 
 #[test]

@@ -74,7 +74,10 @@ impl Scales {
             let operator = reader.peek_operator(&validator.visitor(at))?;
             let more = joins_of(&operator);
             joins += more;
-            let alive = locals + u64::from(validator.operand_stack_height());
+            // Blocks around are carried along too, loops above all.
+            let alive = locals
+                + u64::from(validator.operand_stack_height())
+                + u64::from(validator.control_stack_height()).saturating_sub(1);
             let own = weight(&operator);
             function += own + more * alive / LIVE;
             if own >= CHECKED {
