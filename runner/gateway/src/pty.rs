@@ -13,6 +13,9 @@ use crate::error::PortError;
 use crate::port::scratch::with_scratch;
 use crate::port::{Input, ReadOutcome};
 
+/// The rate that Linux gives a new terminal.
+pub(crate) const FRESH_BAUD: u32 = 38_400;
+
 /// A pty: we have the master, somebody opens the slave.
 ///
 /// The slave is raw. One descriptor of it stays open here, so that the master
@@ -147,6 +150,13 @@ impl PtyPort {
             }
             Ok(outcome)
         })
+    }
+
+    /// The rate that the far end has set on it, if it has: of the master one reads the
+    /// slave's settings.
+    pub fn told_baud(&self) -> Option<u32> {
+        let termios = tcgetattr(&self.pair.master).ok()?;
+        Some(termios.output_speed()).filter(|baud| *baud != FRESH_BAUD)
     }
 
     /// Writes what the pty takes; 0 if it is full.
