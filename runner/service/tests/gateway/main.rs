@@ -3,6 +3,7 @@
 #![cfg(target_os = "linux")]
 
 mod feeds;
+mod lines;
 mod machine;
 mod memory;
 mod panel;
