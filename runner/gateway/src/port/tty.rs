@@ -14,13 +14,14 @@ use rustix::termios::{
 };
 use softplug_abi::{LineParameters, LinkDownReason, ModemLines};
 
+use super::difference::{SettingDifference, noted, refused};
 use super::ear::{Backlog, Ear, Plain};
 use super::holders::{group, holders, holders_but, is_pty};
 use super::ioctl;
 use super::marks::{Input, LineCounters, MarkDecoder};
 use super::open::ReadOutcome;
 use super::scratch::{READ_BYTES, with_scratch};
-use super::settings::{SettingDifference, apply, line_of};
+use super::settings::{apply, line_of};
 use super::spec::{Flow, PortOptions};
 use crate::error::{BadSpec, PortError};
 
@@ -58,8 +59,10 @@ pub struct TtyPort {
 }
 
 impl TtyPort {
-    /// Opens, locks and sets the device. Settings that it does not take are
-    /// found in [`differences`](Self::differences).
+    /// Opens, locks and sets the device. One that has something else in the end is
+    /// left as it was found, which is [`PortError::NotTaken`]; a pty, which has
+    /// neither rate nor parity, is not. What remains is found in
+    /// [`differences`](Self::differences).
     pub fn open(path: &Path, options: &PortOptions) -> Result<Self, PortError> {
         if options.line.baud == 0 {
             return Err(BadSpec::BaudMissing(path.to_owned()).into());
@@ -87,6 +90,12 @@ impl TtyPort {
                 error => error,
             }
         })?;
+        let differences = if pty { noted(differences) } else { differences };
+        if let Err(error) = check(path, &differences) {
+            let _ = tcsetattr(&fd, OptionalActions::Now, &before);
+            let _ = ioctl_tiocnxcl(&fd);
+            return Err(error);
+        }
         // What came before was read with other settings, unless they are the same: then somebody
         // has kept the port open for us.
         let is_as_it_was =
@@ -138,7 +147,7 @@ impl TtyPort {
         self.line
     }
 
-    /// What was asked for and the port did not take.
+    /// What was asked for and the port did not take, as far as it can be used so.
     pub fn differences(&self) -> &[SettingDifference] {
         &self.differences
     }
@@ -149,7 +158,8 @@ impl TtyPort {
     }
 
     /// Sets the port anew without closing it, which would drop DTR. What has
-    /// come and was not read is dropped: it was heard with other settings.
+    /// come and was not read is dropped: it was heard with other settings. After
+    /// [`PortError::NotTaken`] the port is set, to what it made of them.
     pub fn set_line(&mut self, options: &PortOptions) -> Result<(), PortError> {
         if options.line.baud == 0 {
             return Err(BadSpec::BaudMissing(self.path.clone()).into());
@@ -162,9 +172,9 @@ impl TtyPort {
         self.has_counters = counters.is_some();
         self.decoder = MarkDecoder::new(has.parity, counters);
         self.line = if self.pty { options.line } else { has };
-        self.differences = differences;
+        self.differences = if self.pty { noted(differences) } else { differences };
         self.flow = options.flow;
-        Ok(())
+        check(&self.path, &self.differences)
     }
 
     /// Counters of the driver, if it has any.
@@ -370,6 +380,12 @@ fn lock(fd: &OwnedFd, path: &Path, pty: bool) -> Result<(), PortError> {
         tracing::debug!(port = %path.display(), %error, "port not exclusive");
     }
     Ok(())
+}
+
+/// Whether the port can be used in spite of what it did not take.
+fn check(path: &Path, differences: &[SettingDifference]) -> Result<(), PortError> {
+    let port = || path.display().to_string();
+    refused(differences).map_or(Ok(()), |found| Err(PortError::NotTaken { port: port(), found }))
 }
 
 /// What a pty's far end sent before PARMRK was set: its FFs are not doubled.
