@@ -69,6 +69,10 @@ impl Control {
         link.condition = None;
         link.alarms.clear();
         self.lanes.insert(id, name.to_owned());
+        if let Some(remark) = link.config.line_remark(link.plugin.line()) {
+            let scribe = &self.shared.parts.scribe;
+            scribe.link(Subject::Port, Weight::Warning, name, remark.message);
+        }
         let setup = match setup(link) {
             Ok(setup) => setup,
             Err(text) => {
@@ -120,6 +124,7 @@ impl Control {
     pub(super) fn remake(&mut self, name: &str) {
         let Some(link) = self.links.get_mut(name) else { return };
         link.before.add(&link.status.read());
+        link.give_up_swap("the link was made anew before it was idle");
         if let Some(next) = link.next.take() {
             let (config, plugin) = *next;
             link.config = config;

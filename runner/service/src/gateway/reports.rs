@@ -1,5 +1,6 @@
 //! What the reactor tells, and what comes of it.
 
+use softplug_gateway::SettingDifference;
 use softplug_gateway::reactor::{
     Alarm, EndpointNews, JobEnd, JobOutcome, LaneFault, LaneId, Report,
 };
@@ -21,8 +22,7 @@ impl Control {
         let Some(name) = self.lanes.get(&lane).cloned() else { return };
         match report {
             Report::Opened { path, differences } => {
-                let differences: Vec<_> = differences.iter().map(ToString::to_string).collect();
-                self.opened(&name, path, &differences);
+                self.opened(&name, path, &texts(&differences));
             }
             Report::Up => {
                 if let Some(link) = self.links.get_mut(&name) {
@@ -31,9 +31,9 @@ impl Control {
                 self.begin_next(&name);
             }
             Report::HandedOver(kept) => self.shared.kept().push(kept),
-            Report::Down { detail, retry_in, .. } => {
+            Report::Down { detail, retry_in, differences, .. } => {
                 let retry_in_ms = retry_in.0.max(0) as u64 / 1_000;
-                self.down(&name, &detail, retry_in_ms);
+                self.down(&name, &detail, texts(&differences), retry_in_ms);
             }
             Report::JobEnded(end) => self.job_ended(&name, end),
             Report::Rewind { job } => self.refill(&name, job),
@@ -100,10 +100,11 @@ impl Control {
         }
     }
 
-    fn down(&mut self, name: &str, reason: &str, retry_in_ms: u64) {
+    fn down(&mut self, name: &str, reason: &str, differences: Vec<String>, retry_in_ms: u64) {
         let Some(link) = self.links.get_mut(name) else { return };
         let now = now_ms();
         link.port.is_up = false;
+        link.port.differences = differences;
         let retry_at_ms = Some(now + retry_in_ms);
         if let Some(down) = &mut link.port.down {
             reason.clone_into(&mut down.reason);
@@ -262,22 +263,19 @@ impl Control {
     /// What is under way ends: no more is heard of it.
     pub(super) fn break_off(&mut self, name: &str, why: &str) {
         let Some(link) = self.links.get_mut(name) else { return };
+        let figures = link.status.read();
+        let lately = link.job.as_ref().and_then(|running| link.lately(running.job.id, &figures));
         let running = link.job.take();
         link.deliveries.clear();
         link.requests.clear();
         self.clerk.lose(link.lane_id());
-        let figures = link.status.read();
         let Some(running) = running else { return };
         let job = running.job;
         self.feeder.forget(job.id);
-        let taken = if figures.job == job.id { figures.job_taken } else { 0 };
         // The lane may have forgotten how far it was: then all that was granted may have left.
-        let left = (taken > 0).then(|| {
-            let taken = job.order.from + taken;
-            let surely = job.order.from + figures.job_bytes_surely_left;
-            let extent = Extent { surely, maybe: taken };
-            Left { extent, taken, sent: 0 }
-        });
+        let lately = lately.filter(|lately| lately.taken > job.order.from);
+        let left =
+            lately.map(|lately| Left { extent: lately.extent, taken: lately.taken, sent: 0 });
         let ended = self.shared.parts.jobs.end(job.id, Ending::Interrupted(why.to_owned()), left);
         if let Some(job) = self.wrote(ended) {
             self.show_job(&job);
@@ -298,4 +296,9 @@ impl Control {
             Lane::Open(_) | Lane::Closing(..) => {}
         }
     }
+}
+
+/// What a port has otherwise than it was asked to, in words.
+fn texts(differences: &[SettingDifference]) -> Vec<String> {
+    differences.iter().map(ToString::to_string).collect()
 }

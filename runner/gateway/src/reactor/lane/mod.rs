@@ -73,7 +73,7 @@ pub(super) struct Lane<I: Instance> {
     /// of what waits, and nothing has come since.
     only_writes: bool,
     next_other: Option<Micros>,
-    /// When what has left of the job was last looked at to be shown.
+    /// When what has left of the job was shown last.
     shown_at: Micros,
     /// Its plug-in holds up all that share a thread with it.
     is_burden: bool,
@@ -228,7 +228,7 @@ impl<I: LaneInstance> Lane<I> {
             return None;
         }
         let Phase::Open(channel) = &mut self.phase else { return None };
-        match channel.write_on(now, &mut self.floor) {
+        match channel.write_on(self.clock, &mut self.floor) {
             Ok(Some(due)) => {
                 self.only_writes = true;
                 Some(self.until(Some(due)))
@@ -354,16 +354,13 @@ impl<I: LaneInstance> Lane<I> {
         self.status.store_plugin(events, fuel, waiting, self.floor.to_put_away());
         let mut figures = JobFigures::default();
         if let Some(active) = &self.floor.job {
-            let is_due = now >= self.shown_at + SHOWN_EVERY;
-            let (maybe, surely) = if is_due { channel.left(now) } else { channel.left_lately() };
-            if is_due {
-                self.shown_at = now;
-            }
+            self.shown_at = now;
+            let left = channel.left_lately(now, active.from);
             figures = JobFigures {
                 job: active.id,
                 taken: active.taken,
-                maybe_left: maybe - active.left_before.0.min(maybe),
-                surely_left: surely - active.left_before.1.min(surely),
+                maybe_left: left.maybe,
+                surely_left: left.surely,
                 bytes_surely_left: 0,
                 level: self.floor.level(),
             };
