@@ -14,6 +14,7 @@ use crate::supervise::Failed;
 use crate::view::{Change, CheckFault, DownView, now_ms};
 use softplug_abi::{Failure, NoteLevel};
 use std::fmt::Write as _;
+use std::time::Instant;
 
 impl Control {
     /// Something that a lane tells.
@@ -70,6 +71,7 @@ impl Control {
             Report::State(state) => {
                 if let Some(link) = self.links.get_mut(&name) {
                     link.condition = Some(state);
+                    link.condition_since = Instant::now();
                 }
             }
             Report::Alarm(alarm) => self.alarm(&name, alarm),

@@ -263,7 +263,9 @@ fn write(shared: &Shared, link: &str, asked: &Asked, place: &str) -> Result<Answ
         Ok(arrived) => arrived,
         Err(error) => {
             let reason = jobs::Reason::new("disk", error.clone());
-            let _ = shared.parts.jobs.end(job.id, jobs::Ending::Failed(reason), None);
+            if let Ok(job) = shared.parts.jobs.end(job.id, jobs::Ending::Failed(reason), None) {
+                shared.tell(move |control| control.show_job(&job));
+            }
             return Err(failed(&error));
         }
     };
@@ -271,7 +273,7 @@ fn write(shared: &Shared, link: &str, asked: &Asked, place: &str) -> Result<Answ
         Reception { file: arrived.file(), bytes: arrived.bytes, is_complete: true, compared: None };
     let received = shared.parts.jobs.received(job.id, Some(name), reception, None);
     let job = received.map_err(|error| failed(&error))?;
-    shared.changed(crate::view::Change::Job(Box::new(job.view(None))));
+    shared.tell(move |control| control.show_job(&job));
     shared.changed(crate::view::Change::Receptions { link: link.to_owned() });
     Ok(Answer::Data(Vec::new()))
 }

@@ -20,6 +20,7 @@ use super::Gateway;
 use super::control::{Control, Message, Parts, SWEEP, Shared};
 use super::loading::Loader;
 use super::reload::prepare;
+use super::results::Results;
 use super::scribe::Scribe;
 use super::worker::Worker;
 use crate::clerk::Clerk;
@@ -212,6 +213,8 @@ pub fn start(config: Config) -> Result<Running, StartError> {
         lanes: HashMap::new(),
         audiences: HashMap::new(),
         shown: HashMap::new(),
+        shown_jobs: HashMap::new(),
+        results: Results::of(&shared.parts.jobs)?,
         next_lane: 1,
         began: Instant::now(),
         next_sweep: Instant::now() + SWEEP,
