@@ -217,7 +217,7 @@ impl Bench {
     /// A request with an operator's token, to be sent raw.
     pub(crate) fn request(&self, method: &str, path: &str, more: &str) -> String {
         format!(
-            "{method} {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\nAuthorization: Bearer {}\r\n{more}\r\n",
+            "{method} {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nAuthorization: Bearer {}\r\n{more}\r\n",
             self.operator
         )
     }
