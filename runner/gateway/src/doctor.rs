@@ -11,7 +11,7 @@ use softplug_abi::{LineParameters, Micros, ModemLines};
 
 use crate::error::{Holder, PortError};
 use crate::poll::{Interest, Poller};
-use crate::port::holders::{group_name, holders, is_pty};
+use crate::port::holders::{group_name, holders, is_pty, is_terminal};
 use crate::port::{
     Input, LineCounters, PortOptions, ReadOutcome, SettingDifference, TtyPort, line_text,
 };
@@ -119,7 +119,7 @@ pub fn examine(path: &Path, options: &PortOptions) -> Report {
         findings: Vec::new(),
     };
     let metadata = match fs::metadata(path) {
-        Ok(metadata) if metadata.file_type().is_char_device() => metadata,
+        Ok(metadata) if metadata.file_type().is_char_device() && is_terminal(&metadata) => metadata,
         Ok(_) => {
             let error = PortError::NotATerminal { path: path.to_owned() };
             report.add(Severity::Problem, error.to_string());

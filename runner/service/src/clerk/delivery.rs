@@ -15,7 +15,6 @@ use crate::programs::{Arrival, Arrived, first_difference};
 const TURNS: usize = 4;
 
 pub(super) struct Delivery {
-    pub(super) lane: LaneId,
     pub(super) id: u32,
     pub(super) link: String,
     place: String,
@@ -65,9 +64,8 @@ pub(super) enum Next {
 
 impl Delivery {
     pub(super) fn new(incoming: Incoming) -> Self {
-        let Incoming { lane, link, place, delivery, job, bytes } = incoming;
+        let Incoming { lane: _, link, place, delivery, job, bytes } = incoming;
         Self {
-            lane,
             id: delivery,
             link,
             place,

@@ -92,6 +92,8 @@ pub(crate) struct Control {
     pub(super) stopping: Option<Stopping>,
     /// What a disk or a database last refused.
     pub(super) trouble: Option<String>,
+    /// Why a changed configuration was not taken.
+    pub(super) config_trouble: Option<String>,
 }
 
 /// A stop under way.

@@ -15,7 +15,7 @@ use super::jobs::Wish;
 use super::swaps::Wanted;
 use super::{Gateway, Watching, show};
 use crate::Refusal;
-use crate::config::{Config, ConfigError};
+use crate::config::Config;
 use crate::jobs::{BeginAt, EntryFilter, Job, JobFilter as Filter, Kind, Order, beginning_at};
 use crate::view::{
     Change, HealthView, JobFilter, JobOrder, JobView, JournalEntry, JournalFilter, KindView,
@@ -57,12 +57,19 @@ impl Gateway {
     pub fn swap(&self, link: &str, order: &SwapOrder) -> Result<SwapView, Refusal> {
         let settings = match &order.settings {
             Some(settings) => settings.clone(),
-            None => self.link(link)?.settings,
+            None => {
+                // Settings belong to a plug-in: another one has others.
+                let running = self.link(link)?;
+                let to = self.shared.parts.loader.resolve(&order.plugin)?;
+                let is_same = running.plugin.is_some_and(|plugin| plugin.name == to.name);
+                if is_same { running.settings } else { BTreeMap::new() }
+            }
         };
         let successor = self.shared.parts.loader.prepare(&order.plugin, &settings)?;
         let (to, done) = sync_channel(1);
         let probation = order.probation.map(Into::into);
-        let wanted = Wanted { successor, when: order.when, probation, waits: Some(to) };
+        let wanted =
+            Wanted { successor, when: order.when, probation, waits: Some(to), configured: None };
         let link = link.to_owned();
         let ordered = self.shared.ask(move |control| control.order_swap(&link, wanted))?;
         Ok(done.recv_timeout(SWAPPING).unwrap_or(ordered))
@@ -282,14 +289,17 @@ impl Gateway {
 
     /// How it is.
     pub fn health(&self) -> HealthView {
-        let asked = self.shared.ask(|control| Ok((control.counts(), control.trouble.clone())));
-        let (links, problems) = match asked {
-            Ok((links, trouble)) => (links, trouble.into_iter().collect()),
-            Err(refusal) => (LinkCounts::default(), vec![refusal.to_string()]),
+        let asked = self
+            .shared
+            .ask(|control| Ok((control.counts(), control.trouble.clone(), control.warnings())));
+        let (links, problems, warnings) = match asked {
+            Ok((links, trouble, warnings)) => (links, trouble.into_iter().collect(), warnings),
+            Err(refusal) => (LinkCounts::default(), vec![refusal.to_string()], Vec::new()),
         };
         HealthView {
             is_healthy: problems.is_empty(),
             problems,
+            warnings,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             started_ms: self.shared.started_ms,
             links,
@@ -316,10 +326,15 @@ impl Gateway {
     pub fn reload(&self) -> Result<ReloadView, Refusal> {
         self.refuse_while_stopping()?;
         let file = self.shared.ask(|control| Ok(control.config.file.clone()))?;
-        let wrong = |error: ConfigError| Refusal::invalid("configuration", error);
-        let config = Config::read(&file).map_err(wrong)?;
-        let ready = self.shared.make_ready(config).map_err(wrong)?;
-        self.shared.ask(move |control| Ok(control.reload(ready)))
+        let read = Config::read(&file).map_err(|error| (error, Vec::new()));
+        match read.and_then(|config| self.shared.prepare_all(config)) {
+            Ok(ready) => self.shared.ask(move |control| Ok(control.reload(ready))),
+            Err((error, missing)) => {
+                let why = error.to_string();
+                self.shared.tell(move |control| control.reload_refused(&why, missing));
+                Err(Refusal::invalid("configuration", error))
+            }
+        }
     }
 
     /// Stops the gateway for a new one that takes its place, if no link is busy: what a
@@ -357,6 +372,15 @@ impl Control {
         }
         let links = &self.links;
         self.shown.retain(|name, _| links.contains_key(name));
+    }
+
+    /// What somebody should look at.
+    fn warnings(&self) -> Vec<String> {
+        let links = self.links.iter().filter_map(|(name, link)| {
+            let unapplied = link.unapplied.as_ref()?;
+            Some(format!("{name}: {}", unapplied.text))
+        });
+        self.config_trouble.iter().cloned().chain(links).collect()
     }
 
     fn counts(&self) -> LinkCounts {

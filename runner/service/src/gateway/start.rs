@@ -194,6 +194,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
         next_sweep: Instant::now() + SWEEP,
         stopping: None,
         trouble: None,
+        config_trouble: None,
     };
     let thread = thread::Builder::new().name("softplug-control".to_owned()).spawn(move || {
         control.apply(ready);
