@@ -21,7 +21,7 @@ use crate::reservoir::{Drawn, ReservoirReader, ReservoirWriter, reservoir};
 const REPORTS_A_SECOND: i64 = 10_000;
 /// Deliveries that may wait to be put away. Their bytes have the link's room; each also costs
 /// whoever puts it away a file and a line in a journal, however few bytes it has.
-const DELIVERIES: usize = 1_024;
+const DELIVERIES: usize = 256;
 /// Notes and states a lane may tell in a second, and at once: people read them.
 const WORDS_A_SECOND: i64 = 20;
 

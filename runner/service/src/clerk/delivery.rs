@@ -3,7 +3,6 @@
 use std::fs::File;
 
 use softplug_abi::Failure;
-use softplug_gateway::reactor::LaneId;
 use softplug_gateway::reservoir::{Drawn, ReservoirReader};
 use softplug_gateway::store::Mark;
 

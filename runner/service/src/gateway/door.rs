@@ -1,6 +1,6 @@
 //! The handle's calls that concern links, jobs and the gateway itself.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::io::{self, Read};
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;

@@ -102,9 +102,12 @@ impl Quotas {
     /// # Errors
     /// So many have come today, or there is no room.
     pub fn begin(&self, link: &str, today: Today) -> Result<(), OverQuota> {
-        let most = self.of(link).receptions;
-        if today.receptions >= most {
-            return Err(OverQuota::Receptions { most });
+        let Quota { receptions, bytes, .. } = self.of(link);
+        if today.receptions >= receptions {
+            return Err(OverQuota::Receptions { most: receptions });
+        }
+        if today.bytes >= bytes {
+            return Err(OverQuota::Bytes { most: bytes });
         }
         self.free().map(drop)
     }
@@ -188,6 +191,7 @@ mod tests {
         let today = |receptions, bytes| Today { receptions, bytes, ..Today::default() };
         assert_eq!(quotas.begin("lathe", today(2, 0)), Ok(()));
         assert_eq!(quotas.begin("lathe", today(3, 0)), Err(OverQuota::Receptions { most: 3 }));
+        assert_eq!(quotas.begin("lathe", today(2, 250)), Err(OverQuota::Bytes { most: 250 }));
         assert_eq!(quotas.begin("mill", today(3, 0)), Ok(()));
         assert_eq!(quotas.room("lathe", today(1, 0), 10), Ok(90));
         assert_eq!(quotas.room("lathe", today(1, 200), 10), Ok(40));

@@ -73,7 +73,13 @@ impl Bench {
 
     /// One whose options are changed first.
     pub(crate) fn with(change: impl FnOnce(&mut Options)) -> Self {
+        Self::prepared(change, |_| {})
+    }
+
+    /// One into whose folder something was put before it starts.
+    pub(crate) fn prepared(change: impl FnOnce(&mut Options), prepare: impl FnOnce(&Path)) -> Self {
         let folder = tempfile::tempdir().unwrap();
+        prepare(folder.path());
         let path = |name: &str| folder.path().join(name);
         fs::create_dir(path("programs")).unwrap();
         let library = Library::open(&path("plugins")).unwrap();
@@ -277,6 +283,7 @@ name = "lathe-1"
 port = "simulate:xon-xoff"
 line = "19200 8N1"
 plugin = "xon-xoff"
+buffer = { size = 4096, low = 1024, high = 3072, packet = 256 }
 
 [[link]]
 name = "mill 2"

@@ -9,6 +9,7 @@ mod machine;
 mod memory;
 mod panel;
 mod plugins;
+mod quotas;
 mod receptions;
 mod shop;
 mod stopping;
