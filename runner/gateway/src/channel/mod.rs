@@ -425,10 +425,10 @@ impl<I: Instance> Channel<I> {
     ) -> Result<I, ChannelError<I::Fault>> {
         (self.pending_from, self.pending_to) = (0, 0);
         self.readable = true;
+        self.calls_back(true);
         // What the one before held, nobody will let go.
         self.counters.pause(now, false);
         self.counters.release(now);
-        self.calls_back(true);
         Ok(self.ask(now, outside, |link, now, outside| {
             link.replace(now, instance, settings, outside)
         })??)

@@ -27,7 +27,7 @@ use crate::clerk::Clerk;
 use crate::config::Config;
 use crate::feeder::Feeder;
 use crate::jobs::{Job, Jobs, JobsError};
-use crate::programs::{Programs, Receptions, Snapshots};
+use crate::programs::{Programs, Quotas, Receptions, Snapshots};
 use crate::view::{Change, JobView, LinkView, StopHow, TimeMs};
 use crate::{Refusal, library};
 
@@ -69,6 +69,7 @@ pub(crate) struct Parts {
     pub(crate) programs: Programs,
     pub(crate) snapshots: Snapshots,
     pub(crate) receptions: Receptions,
+    pub(crate) quotas: Quotas,
     pub(crate) scribe: Scribe,
     /// For what is written down and cleared away, and takes time.
     pub(crate) worker: Worker,

@@ -85,6 +85,11 @@ impl Gateway {
         })
     }
 
+    /// Stops a link's plug-in at once, whatever it is doing: the link is in quarantine then.
+    pub fn quarantine(&self, link: &str) -> Result<LinkView, Refusal> {
+        self.on_link(link, Control::quarantine)
+    }
+
     /// Lets a link out of quarantine: its plug-in is started again.
     pub fn release(&self, link: &str) -> Result<LinkView, Refusal> {
         self.on_link(link, Control::release)
@@ -191,7 +196,8 @@ impl Gateway {
             let snapshots = &self.shared.parts.snapshots;
             let _hold = snapshots.hold();
             let name = job.program.as_deref().unwrap_or("the data");
-            let data = snapshots.take_all(source, name, self.shared.upload_bytes)?;
+            let mut source = self.shared.parts.quotas.within(source);
+            let data = snapshots.take_all(&mut source, name, self.shared.upload_bytes)?;
             return self.put(Order { data: Some(data), ..job });
         }
         let link = link.to_owned();

@@ -11,7 +11,7 @@ use super::link::{EndsAs, Link, Running};
 use crate::Refusal;
 use crate::clerk::ClerkNews;
 use crate::feeder::{FeederNews, Feeding, Pace, Stream};
-use crate::jobs::{Ending, Job, JobsError, Order, Reason};
+use crate::jobs::{Ending, Job, JobsError, Order, Reason, Subject, Weight};
 use crate::view::{Change, JobView};
 
 impl From<JobsError> for Refusal {
@@ -192,11 +192,13 @@ impl Control {
             }
             ClerkNews::Stuck { link, why } => {
                 let text = format!("what \"{link}\" receives cannot be put away: {why}");
-                tracing::error!(link, "{text}; the machine is held");
+                let note = format!("{text}; the machine is held");
+                self.shared.parts.scribe.link(Subject::Reception, Weight::Alarm, &link, note);
                 self.trouble = Some(text);
             }
             ClerkNews::GoesOn { link } => {
-                tracing::info!(link, "what it receives is put away again");
+                let note = "what it receives is put away again";
+                self.shared.parts.scribe.link(Subject::Reception, Weight::Normal, &link, note);
                 self.trouble = None;
             }
         }

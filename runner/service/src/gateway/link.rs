@@ -137,6 +137,8 @@ pub(crate) struct Swapping {
     pub(crate) former: Option<Prepared>,
     /// Who waits for what comes of it.
     pub(crate) waits: Option<SyncSender<SwapView>>,
+    /// What is to be done at once in its place, when it is known what became of it.
+    pub(crate) then: Option<Box<super::swaps::Wanted>>,
     /// The plug-in as the configuration names it, if that asks for the swap.
     pub(crate) configured: Option<String>,
 }

@@ -10,6 +10,7 @@ mod machine;
 mod memory;
 mod panel;
 mod plugins;
+mod quotas;
 mod receptions;
 mod results;
 mod shop;

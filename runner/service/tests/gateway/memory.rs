@@ -67,6 +67,32 @@ fn jobs_read_and_write_the_machines_memory() {
 }
 
 #[test]
+fn the_machine_reads_inputs_outputs_and_flags_from_files_of_their_letters() {
+    let machine = Machine::rk512();
+    let shop = Shop::of_machine(&machine, LINES);
+    let memory = words(20);
+    let areas =
+        [(Area::Inputs, "I"), (Area::Outputs, "Q"), (Area::Flags, "M"), (Area::Dx(3), "DX3")];
+    for (_, file) in areas {
+        shop.program_in("b", file, 0);
+        fs::write(shop.path(&format!("programs/b/{file}")), &memory).unwrap();
+    }
+    machine.tell(move |now, computer: &mut Computer| {
+        for (area, _) in areas {
+            computer.fetch(now, area, 3, 8);
+        }
+    });
+    wait_for("the reactions", || {
+        machine.tell(|_, computer: &mut Computer| computer.waiting()) == 0
+    });
+    let outcomes = machine.tell(|_, computer: &mut Computer| computer.outcomes.clone());
+    let results: Vec<_> = outcomes.into_iter().map(|outcome| outcome.result).collect();
+    // The first three in bytes, a data block in words.
+    let bytes = || Ok(memory[3..11].to_vec());
+    assert_eq!(results, [bytes(), bytes(), bytes(), Ok(memory[6..22].to_vec())]);
+}
+
+#[test]
 fn the_machine_reads_files_and_writes_receptions() {
     let machine = Machine::rk512();
     let shop = Shop::of_machine(&machine, LINES);

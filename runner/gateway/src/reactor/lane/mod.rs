@@ -205,6 +205,8 @@ impl<I: LaneInstance> Lane<I> {
                 link.answer(now, request, answer.as_deref().map_err(|failure| *failure), out)
             }),
             Command::Swap(swap) => self.swap(thread, swap),
+            Command::CancelSwap => self.cancel_swap(),
+            Command::Halt(why) => self.halt(why),
             Command::Replace { instance, settings } => self.replace(thread, instance, settings),
             Command::Reopen => self.reopen(thread),
             Command::Close { patience, hand_over } => {

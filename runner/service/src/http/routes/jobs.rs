@@ -96,7 +96,7 @@ pub(super) async fn list(
     Filter(filter): Filter<JobFilter>,
 ) -> Answer<Json<Vec<JobView>>> {
     within_limit(filter.limit)?;
-    desk.ask(move |gateway| gateway.jobs(&filter)).await.map(Json)
+    desk.look(move |gateway| gateway.jobs(&filter)).await.map(Json)
 }
 
 /// One job
