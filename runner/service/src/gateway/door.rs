@@ -12,6 +12,7 @@ use tokio::sync::broadcast;
 
 use super::control::Control;
 use super::jobs::Wish;
+use super::link::Link;
 use super::swaps::Wanted;
 use super::{Gateway, Watching, show};
 use crate::Refusal;
@@ -248,10 +249,18 @@ impl Gateway {
         let at = from_block.map_or(BeginAt::Start, BeginAt::Block);
         let job = parts.jobs.restart(id, at, field, &parts.snapshots)?;
         self.shared.ask(move |control| {
+            // Who does it again knows how it ended.
+            control.acknowledge(id)?;
             control.show_job(&job);
             control.begin_next(&link);
             Ok(control.job_view(&job))
         })
+    }
+
+    /// Somebody has seen how a job ended, and the jobs of its link before it: they are no
+    /// trouble any more.
+    pub fn acknowledge(&self, id: u32) -> Result<JobView, Refusal> {
+        self.shared.ask(move |control| control.acknowledge(id))
     }
 
     /// Gives a job that waits another priority.
@@ -354,12 +363,16 @@ impl Control {
     fn link_views(&self) -> Vec<LinkView> {
         let mut queued = self.shared.parts.jobs.queued();
         let links = self.links.iter();
-        links.map(|(name, link)| show::link(name, link, queued.remove(name).unwrap_or(0))).collect()
+        let view = |(name, link): (&String, &Link)| {
+            show::link(name, link, queued.remove(name).unwrap_or(0), &self.results)
+        };
+        links.map(view).collect()
     }
 
     pub(super) fn link_view(&self, name: &str) -> Result<LinkView, Refusal> {
         let link = self.links.get(name).ok_or_else(|| Refusal::no_link(name))?;
-        Ok(show::link(name, link, self.shared.parts.jobs.queued().remove(name).unwrap_or(0)))
+        let queued = self.shared.parts.jobs.queued().remove(name).unwrap_or(0);
+        Ok(show::link(name, link, queued, &self.results))
     }
 
     /// Shows the links that look otherwise than when they were last shown.
@@ -370,8 +383,23 @@ impl Control {
                 self.shared.changed(Change::Link(Box::new(view)));
             }
         }
+        self.show_running();
         let links = &self.links;
         self.shown.retain(|name, _| links.contains_key(name));
+    }
+
+    /// Shows how far the jobs under way are.
+    fn show_running(&mut self) {
+        self.shown_jobs
+            .retain(|name, _| self.links.get(name).is_some_and(|link| link.job.is_some()));
+        for (name, link) in &self.links {
+            let Some(running) = &link.job else { continue };
+            let view = self.job_view(&running.job);
+            if self.shown_jobs.get(name) != Some(&view) {
+                self.shared.changed(Change::Job(Box::new(view.clone())));
+                self.shown_jobs.insert(name.clone(), view);
+            }
+        }
     }
 
     /// What somebody should look at.

@@ -82,8 +82,13 @@ impl Control {
             .records(fields)
             .map_err(|error| Reason::new("bad-job", error.to_string()))?;
         link.gauge = Some(source.figures());
-        link.job =
-            Some(Running { job: job.clone(), ends_as: EndsAs::ItIs, answers: 0, ended: None });
+        link.job = Some(Running {
+            job: job.clone(),
+            ends_as: EndsAs::ItIs,
+            answers: 0,
+            ended: None,
+            is_check: check,
+        });
         let lane_job = LaneJob { id: job.id, kind, size, fields, check };
         let lane = link.lane_id();
         self.reactor.tell(lane, Command::Begin(Feed { job: lane_job, source }));
@@ -154,6 +159,9 @@ impl Control {
         let source = self.source(name, &job, false);
         let Some(link) = self.links.get_mut(name) else { return };
         link.gauge = Some(source.figures());
+        if let Some(running) = &mut link.job {
+            running.is_check = false;
+        }
         let lane = link.lane_id();
         self.reactor.tell(lane, Command::Refill { job: id, source });
     }
@@ -231,13 +239,9 @@ impl Control {
 
     /// A job as it is now, with what its lane knows of it.
     pub(super) fn job_view(&self, job: &Job) -> JobView {
-        let mut view = job.view(None);
-        if let Some(link) = self.links.get(&job.order.link)
-            && link.job.as_ref().is_some_and(|running| running.job.id == job.id)
-        {
-            view.taken = super::show::brief(job, &link.status.read()).taken;
-        }
-        view
+        let link = self.links.get(&job.order.link);
+        let lately = link.and_then(|link| link.lately(job.id, &link.status.read()));
+        job.view(lately.as_ref())
     }
 }
 

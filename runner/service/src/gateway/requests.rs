@@ -93,7 +93,7 @@ impl Control {
         }
         let place = link.config.receive.clone();
         let (shared, name) = (std::sync::Arc::clone(&self.shared), name.to_owned());
-        self.shared.parts.worker.give(move || {
+        self.shared.parts.requests.give(move || {
             let answer = answer(&shared, &name, &asked, &search, &place);
             let control = std::sync::Arc::clone(&shared);
             control.tell(move |control| control.answer(&name, &asked, answer));
@@ -270,7 +270,9 @@ fn write(shared: &Shared, link: &str, asked: &Asked, place: &str) -> Result<Answ
         Ok(arrived) => arrived,
         Err(error) => {
             let reason = jobs::Reason::new("disk", error.clone());
-            let _ = shared.parts.jobs.end(job.id, jobs::Ending::Failed(reason), None);
+            if let Ok(job) = shared.parts.jobs.end(job.id, jobs::Ending::Failed(reason), None) {
+                shared.tell(move |control| control.show_job(&job));
+            }
             return Err(failed(&error));
         }
     };
@@ -278,7 +280,7 @@ fn write(shared: &Shared, link: &str, asked: &Asked, place: &str) -> Result<Answ
         Reception { file: arrived.file(), bytes: arrived.bytes, is_complete: true, compared: None };
     let received = shared.parts.jobs.received(job.id, Some(name), reception, None);
     let job = received.map_err(|error| failed(&error))?;
-    shared.changed(crate::view::Change::Job(Box::new(job.view(None))));
+    shared.tell(move |control| control.show_job(&job));
     shared.changed(crate::view::Change::Receptions { link: link.to_owned() });
     Ok(Answer::Data(Vec::new()))
 }

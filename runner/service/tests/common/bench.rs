@@ -73,11 +73,32 @@ impl Bench {
 
     /// One whose options are changed first.
     pub(crate) fn with(change: impl FnOnce(&mut Options)) -> Self {
-        Self::prepared(change, |_| {})
+        Self::made_of(CONFIGURATION, change, |_| {})
+    }
+
+    /// One with these links instead of the usual ones.
+    pub(crate) fn with_links(links: &str) -> Self {
+        let (head, _) = CONFIGURATION.split_once("[[link]]").unwrap();
+        Self::made_of(
+            &format!("{head}{links}"),
+            |options| {
+                options.limits.requests_per_second = 100_000;
+                options.limits.burst = 100_000;
+            },
+            |_| {},
+        )
     }
 
     /// One into whose folder something was put before it starts.
     pub(crate) fn prepared(change: impl FnOnce(&mut Options), prepare: impl FnOnce(&Path)) -> Self {
+        Self::made_of(CONFIGURATION, change, prepare)
+    }
+
+    fn made_of(
+        configuration: &str,
+        change: impl FnOnce(&mut Options),
+        prepare: impl FnOnce(&Path),
+    ) -> Self {
         let folder = tempfile::tempdir().unwrap();
         prepare(folder.path());
         let path = |name: &str| folder.path().join(name);
@@ -86,7 +107,7 @@ impl Bench {
         for plugin in ["xon-xoff.wasm", "r3964.wasm"] {
             library.add(&fs::read(plugins().join(plugin)).unwrap()).unwrap();
         }
-        fs::write(path("gateway.toml"), CONFIGURATION).unwrap();
+        fs::write(path("gateway.toml"), configuration).unwrap();
         let (operator, first) = http::new_token("operator", Role::Operator).unwrap();
         let (admin, second) = http::new_token("admin", Role::Admin).unwrap();
         fs::write(path("tokens.toml"), first.text() + &second.text()).unwrap();

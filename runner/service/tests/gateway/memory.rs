@@ -60,7 +60,7 @@ fn jobs_read_and_write_the_machines_memory() {
     fs::write(shop.path("programs/words"), &memory[..40]).unwrap();
     let program = Some("words".to_owned());
     let written = ended(gateway, &JobOrder { program, ..order("write", 6, 3, 20) });
-    assert_eq!((written.state, written.surely_left), (JobState::Done, 40), "{written:?}");
+    assert_eq!((written.state, written.progress.surely_left), (JobState::Done, 40), "{written:?}");
     let there = machine
         .tell(|_, computer: &mut Computer| computer.memory.area(Area::Db(6)).map(<[u8]>::to_vec));
     assert_eq!(there.unwrap()[6..46], memory[..40]);

@@ -7,6 +7,7 @@ mod held;
 mod line_errors;
 mod ports;
 mod receptions;
+mod station;
 mod unplugged;
 
 use softplug_emulated::{Machine, Wire};
@@ -52,7 +53,8 @@ impl Device {
 
 /// A program of so many lines of 13 bytes, which are all different.
 fn program(lines: u32) -> String {
-    (1..=lines).map(|line| format!("N{line:05}G1X1Y2\n")).collect()
+    let lines: Vec<_> = (1..=lines).map(|line| format!("N{line:05}G1X1Y2\n")).collect();
+    lines.concat()
 }
 
 /// Options of `softplug` for a device and a plug-in.

@@ -143,6 +143,7 @@ fn known_only() -> OpenApiRouter<Arc<Desk>> {
         .routes(routes!(jobs::resume))
         .routes(routes!(jobs::abort))
         .routes(routes!(jobs::restart))
+        .routes(routes!(jobs::acknowledge))
         .routes(routes!(jobs::prioritise))
         .routes(routes!(programs::list))
         .routes(routes!(programs::download, programs::upload, programs::delete))
