@@ -2,6 +2,7 @@
 //! its end, orderly or not.
 
 mod full;
+mod lines;
 mod real_time;
 mod signals;
 mod supervision;

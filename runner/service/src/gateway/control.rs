@@ -69,8 +69,12 @@ pub(crate) struct Parts {
     pub(crate) snapshots: Snapshots,
     pub(crate) receptions: Receptions,
     pub(crate) scribe: Scribe,
-    /// For what takes time and concerns one link or all.
+    /// For what is written down and cleared away, and takes time.
     pub(crate) worker: Worker,
+    /// For what machines ask for: a panel waits only for other panels.
+    pub(crate) requests: Worker,
+    /// For plug-ins that are compiled, of which one may take seconds.
+    pub(crate) loading: Worker,
 }
 
 /// What the loop owns.

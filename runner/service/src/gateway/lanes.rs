@@ -67,6 +67,10 @@ impl Control {
         link.condition = None;
         link.alarms.clear();
         self.lanes.insert(id, name.to_owned());
+        if let Some(remark) = link.config.line_remark(link.plugin.line()) {
+            let scribe = &self.shared.parts.scribe;
+            scribe.link(Subject::Port, Weight::Warning, name, remark.message);
+        }
         let setup = match setup(link) {
             Ok(setup) => setup,
             Err(text) => {

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashSet};
 use super::control::{Control, Shared};
 use super::lanes::limits;
 use super::link::{After, Lane};
-use super::loading::{Prepared, Unloadable};
+use super::loading::{Loader, Prepared, Unloadable};
 use super::swaps::Wanted;
 use crate::config::{Config, ConfigError, LinkConfig, Problem};
 use crate::jobs::{Note, Subject, Weight};
@@ -37,21 +37,24 @@ impl Shared {
 
     /// As [`make_ready`](Self::make_ready); beside what is wrong, the links whose plug-in cannot
     /// be had, and why.
-    pub(super) fn prepare_all(&self, config: Config) -> Result<Ready, (ConfigError, Vec<Missing>)> {
+    pub(super) fn prepare_all(
+        &self,
+        mut config: Config,
+    ) -> Result<Ready, (ConfigError, Vec<Missing>)> {
         let (mut plugins, mut problems) = (BTreeMap::new(), Vec::new());
         let mut missing = Vec::new();
-        for link in &config.links {
-            match self.parts.loader.prepare(&link.plugin, &link.settings) {
+        for link in &mut config.links {
+            match prepare(&self.parts.loader, link) {
                 Ok(prepared) => {
                     plugins.insert(link.name.clone(), prepared);
                 }
-                Err(error) => {
+                Err(problem) => {
                     missing.push(Missing {
                         link: link.name.clone(),
                         plugin: link.plugin.clone(),
-                        why: error.to_string(),
+                        why: problem.message.clone(),
                     });
-                    problems.push(problem(link, &error));
+                    problems.push(problem);
                 }
             }
         }
@@ -63,8 +66,16 @@ impl Shared {
     }
 }
 
+/// Finds a link's plug-in, checks its settings, and takes from it what is not written of the line.
+pub(super) fn prepare(loader: &Loader, link: &mut LinkConfig) -> Result<Prepared, Problem> {
+    let prepared = loader.prepare(&link.plugin, &link.settings);
+    let prepared = prepared.map_err(|error| problem(link, &error))?;
+    link.complete_line(prepared.line())?;
+    Ok(prepared)
+}
+
 /// What is wrong with a link's plug-in, where it is written.
-pub(crate) fn problem(link: &LinkConfig, error: &Unloadable) -> Problem {
+fn problem(link: &LinkConfig, error: &Unloadable) -> Problem {
     let (place, message, hint) = match error {
         Unloadable::Setting { name, text, hint } => {
             let place = name.as_ref().and_then(|name| link.places.settings.get(name));

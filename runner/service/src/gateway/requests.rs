@@ -93,7 +93,7 @@ impl Control {
         }
         let place = link.config.receive.clone();
         let (shared, name) = (std::sync::Arc::clone(&self.shared), name.to_owned());
-        self.shared.parts.worker.give(move || {
+        self.shared.parts.requests.give(move || {
             let answer = answer(&shared, &name, &asked, &search, &place);
             let control = std::sync::Arc::clone(&shared);
             control.tell(move |control| control.answer(&name, &asked, answer));

@@ -44,6 +44,7 @@ impl From<LibraryError> for Refusal {
         match error {
             LibraryError::NotFound { .. } | LibraryError::NoLibrary(_) => Self::NotFound(text),
             LibraryError::NotAPlugin(_)
+            | LibraryError::Unfit(_)
             | LibraryError::Version(_)
             | LibraryError::Ambiguous { .. } => Self::invalid("plugin", text),
             LibraryError::InUse { .. } => Self::Conflict(text),

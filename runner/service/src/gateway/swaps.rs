@@ -214,7 +214,7 @@ impl Control {
             };
             let (shared, name) = (Arc::clone(&self.shared), name.clone());
             let (plugin, settings) = (link.config.plugin.clone(), link.plugin.settings.clone());
-            self.shared.parts.worker.give(move || {
+            self.shared.parts.loading.give(move || {
                 let prepared = shared.parts.loader.prepare(&plugin, &settings);
                 let control = Arc::clone(&shared);
                 control.tell(move |control| match prepared {

@@ -5,6 +5,7 @@
 #[path = "../common/plugins.rs"]
 mod echo;
 mod feeds;
+mod lines;
 mod machine;
 mod memory;
 mod panel;
