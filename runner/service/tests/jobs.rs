@@ -161,7 +161,7 @@ fn what_was_under_way_is_interrupted_by_a_new_start_and_never_begun_again() {
     assert_eq!((jobs.next("a"), jobs.next("b")), (None, None));
     assert_eq!(jobs.next("lathe").unwrap().id, ids[0]);
     assert!(texts(&jobs).contains(
-        &"job 7 is interrupted: the gateway ended in the middle of it; bytes 0 to 300 may have left".to_owned()
+        &"job 7 is interrupted: the gateway ended in the middle of it; nothing has surely left, up to 300 of 1,000 bytes may have".to_owned()
     ));
     // Numbers go on.
     assert_eq!(send(&jobs, "lathe", 0), receiving + 1);

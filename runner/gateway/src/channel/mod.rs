@@ -204,6 +204,12 @@ impl<I: Instance> Channel<I> {
         self.counters.at(now)
     }
 
+    /// The host pauses the job, to be said before the plug-in is asked to; or no longer, to be
+    /// said after it: a pause is not counted as a hold of the partner's.
+    pub fn count_pause(&mut self, now: Micros, is_paused: bool) {
+        self.counters.pause(now, is_paused);
+    }
+
     /// Why the port is gone, if it is.
     pub fn gone(&self) -> Option<LinkDownReason> {
         self.gone
@@ -420,6 +426,9 @@ impl<I: Instance> Channel<I> {
         (self.pending_from, self.pending_to) = (0, 0);
         self.readable = true;
         self.calls_back(true);
+        // What the one before held, nobody will let go.
+        self.counters.pause(now, false);
+        self.counters.release(now);
         Ok(self.ask(now, outside, |link, now, outside| {
             link.replace(now, instance, settings, outside)
         })??)
