@@ -114,7 +114,7 @@ settings! {
 
 pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
     head: concat!(
-        r#""abi":"1.0","name":"fanuc-rs232","version":""#, env!("CARGO_PKG_VERSION"),
+        r#""abi":"1.1","name":"fanuc-rs232","version":""#, env!("CARGO_PKG_VERSION"),
         r#"","licence":""#, env!("CARGO_PKG_LICENSE"),
         r#"","protocol":"FANUC RS-232","description":"Reader/punch, remote buffer.""#,
     ),
@@ -134,7 +134,10 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
         r#"{"name":"number","type":"int","text":"Its number."}]}],"#,
         r#""profiles":[{"name":"fanuc-rs232","features":["eia","parity","tv","restart","request","remote"]}],"#,
         r#""needs":{"line_errors":"used","modem_lines":"used","software_parity":true,"check_pass":true},"#,
-        r#""state":{"saves":1,"accepts":[1]}"#,
+        r#""state":{"saves":1,"accepts":[1]},"line":"4800 7E2","line_when":["#,
+        r#"{"when":{"parity":"software"},"line":"4800 8N2"},"#,
+        r#"{"when":{"parity":"none"},"line":"4800 8N2"},"#,
+        r#"{"when":{"code":"eia"},"line":"4800 8N2"}]"#,
     ),
 };
 

@@ -1,9 +1,10 @@
-//! Ctrl-C and SIGTERM: the first asks for a clean end, the second ends at once.
+//! Ctrl-C, SIGTERM and SIGHUP: the first asks for a clean end, a second Ctrl-C or SIGTERM ends at
+//! once.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
 
 use crate::exit::Exit;
@@ -12,14 +13,44 @@ use crate::failure::Failure;
 /// A flag that a signal sets.
 pub(crate) fn on_signals() -> Result<Arc<AtomicBool>, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
+    let failed = |error| Failure::internal(format_args!("failed to listen for signals: {error}"));
     for signal in [SIGINT, SIGTERM] {
         // In this order: the second signal finds the flag set by the first.
         let code = i32::from(Exit::Incomplete.code());
         flag::register_conditional_shutdown(signal, code, Arc::clone(&stop))
             .and_then(|_| flag::register(signal, Arc::clone(&stop)))
-            .map_err(|error| {
-                Failure::internal(format_args!("failed to listen for signals: {error}"))
-            })?;
+            .map_err(failed)?;
+    }
+    // A terminal that is closed sends it from the shell and from the kernel: a second one says
+    // nothing new. Who started this with nohup wants it to go on.
+    if !is_ignored(SIGHUP) {
+        flag::register(SIGHUP, Arc::clone(&stop)).map_err(failed)?;
     }
     Ok(stop)
+}
+
+/// Whether the signal is ignored, as nohup has it; where the system does not tell, not.
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    is_in_mask(&status, signal)
+}
+
+/// Whether the signal is in the mask of ignored ones that a process's status shows.
+fn is_in_mask(status: &str, signal: i32) -> bool {
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    mask >> (signal - 1) & 1 == 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ignored_signals_are_read_from_the_mask() {
+        let status = "Name:\tsoftplug\nSigBlk:\tffffffffffffffff\nSigIgn:\t0000000000001001\n";
+        assert!(is_in_mask(status, SIGHUP));
+        assert!(!is_in_mask(status, SIGINT));
+        assert!(!is_in_mask("", SIGHUP));
+    }
 }

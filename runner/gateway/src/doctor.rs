@@ -11,7 +11,7 @@ use softplug_abi::{LineParameters, Micros, ModemLines};
 
 use crate::error::{Holder, PortError};
 use crate::poll::{Interest, Poller};
-use crate::port::holders::{group_name, holders, is_pty};
+use crate::port::holders::{group_name, holders, is_pty, is_terminal};
 use crate::port::{
     Input, LineCounters, PortOptions, ReadOutcome, SettingDifference, TtyPort, line_text,
 };
@@ -119,7 +119,7 @@ pub fn examine(path: &Path, options: &PortOptions) -> Report {
         findings: Vec::new(),
     };
     let metadata = match fs::metadata(path) {
-        Ok(metadata) if metadata.file_type().is_char_device() => metadata,
+        Ok(metadata) if metadata.file_type().is_char_device() && is_terminal(&metadata) => metadata,
         Ok(_) => {
             let error = PortError::NotATerminal { path: path.to_owned() };
             report.add(Severity::Problem, error.to_string());
@@ -150,7 +150,11 @@ pub fn listen(
     let bauds = if port.is_pty() { &bauds[..bauds.len().min(1)] } else { bauds };
     let mut samples = Vec::new();
     for &baud in bauds {
-        port.set_line(&PortOptions::new(LineParameters::new(baud)))?;
+        match port.set_line(&PortOptions::new(LineParameters::new(baud))) {
+            // A rate that the port does not have is none to listen at.
+            Err(PortError::NotTaken { .. }) => continue,
+            set => set?,
+        }
         let baud = if port.is_pty() { 0 } else { baud };
         let (sample, woken) = listen_once(port, baud, each, poller)?;
         samples.push(sample);
@@ -224,6 +228,7 @@ fn look_inside(report: &mut Report, options: &PortOptions) {
     let port = match TtyPort::open(&report.path, options) {
         Ok(port) => port,
         Err(error) => {
+            report.differences = error.differences().to_vec();
             report.add(Severity::Problem, error.to_string());
             return;
         }

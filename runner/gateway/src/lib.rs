@@ -64,6 +64,6 @@ pub mod transfer;
 pub use due::Due;
 pub use error::{BadSpec, Blame, Holder, PortError};
 pub use pacer::Pacer;
-pub use port::{Flow, PortOptions, PortSpec};
+pub use port::{Flow, PortOptions, PortSpec, SettingDifference};
 #[cfg(target_os = "linux")]
-pub use port::{Input, Port, ReadOutcome, SettingDifference};
+pub use port::{Input, Port, ReadOutcome};

@@ -118,6 +118,14 @@ pub enum ImportFault {
         /// The names in the file.
         found: String,
     },
+    /// CAN frames that are not said to be of the line.
+    #[error(
+        "which frames are those of the line? Say --received ID and --sent ID; the file has {found}"
+    )]
+    Frames {
+        /// The identifiers in the file.
+        found: String,
+    },
     /// The file is no capture.
     #[error("this is no capture; expected a file that begins like pcapng or pcap")]
     NotCapture,

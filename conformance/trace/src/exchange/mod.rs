@@ -60,7 +60,8 @@ pub enum Format {
     Pcapng,
     /// A hex dump that `text2pcap -D -t %s.%f` reads.
     Hexdump,
-    /// Lines like `(1.500000) port#4142 R`, as `candump -L -x` writes them.
+    /// Lines like `(1.500000) port#4142 R`. Lines of CAN frames, `(1.500000) can0 123#4142`, as
+    /// `candump -L` writes them, are read too.
     Candump,
     /// The table that Saleae Logic exports of its analyser for serial lines.
     Saleae,
@@ -127,9 +128,10 @@ pub struct Import {
     /// before zero.
     pub from_first: bool,
     /// Saleae: the name of the analyser at the line that the plug-in receives
-    /// from. Without: "rx".
+    /// from. Without: "rx". candump: the identifier of the CAN frames that it receives.
     pub received: Option<String>,
-    /// Saleae: the name of the analyser at the line that it sends on. Without: "tx".
+    /// Saleae: the name of the analyser at the line that it sends on. Without: "tx". candump: the
+    /// identifier of the CAN frames that it sends.
     pub sent: Option<String>,
 }
 
@@ -181,7 +183,7 @@ pub fn import(
     match format {
         Format::Pcapng => pcapng::read(first, &mut course, &mut notes)?,
         Format::Hexdump => hexdump::read(first, &mut course)?,
-        Format::Candump => candump::read(first, &mut course)?,
+        Format::Candump => candump::read(first, import, &mut course, &mut notes)?,
         Format::Saleae => saleae::read(sources, import, &mut course, &mut notes)?,
     }
     let (trace, zero) =

@@ -82,6 +82,13 @@ impl<'a> Cursor<'a> {
         micros(word).map_err(|fault| here.fault(fault))
     }
 
+    /// Takes a hex digit, if one stands here.
+    pub(super) fn hex_digit(&mut self) -> Option<u8> {
+        let digit = self.rest.chars().next()?.to_digit(16)?;
+        self.rest = &self.rest[1..];
+        Some(digit as u8)
+    }
+
     /// Takes two hex digits, if they stand here.
     pub(super) fn hex_pair(&mut self) -> Option<u8> {
         let pair = self.rest.get(..2).filter(|pair| pair.bytes().all(|c| c.is_ascii_hexdigit()))?;

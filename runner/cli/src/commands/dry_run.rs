@@ -27,7 +27,7 @@ pub(super) fn run(
 ) -> Result<Exit, Failure> {
     let Prepared { program, plugin, settings, job_kind, fields, check } = prepared;
     let manifest = plugin.manifest();
-    let line = arguments.link.line;
+    let line = arguments.link.line(manifest, &settings).line;
     let xon = xon(manifest, &settings);
     let name = program.name.clone();
     let mut paper = Paper::new(program);

@@ -45,6 +45,8 @@ struct Checked<'a> {
     result: &'static str,
     links: usize,
     problems: &'a [Problem],
+    /// What works and may be meant otherwise.
+    remarks: &'a [Problem],
 }
 
 pub(crate) fn gateway(
@@ -61,15 +63,18 @@ pub(crate) fn gateway(
 
 fn check(file: &Path, screen: &Screen) -> Result<Exit, Failure> {
     let checked = Config::read(file).map_err(StartError::from).and_then(|config| {
-        gateway::check(&config)?;
-        Ok(config)
+        let remarks = gateway::check(&config)?;
+        Ok((config, remarks))
     });
-    let config = match checked {
-        Ok(config) => config,
+    let (config, remarks) = match checked {
+        Ok(checked) => checked,
         Err(error) => return wrong(error, screen),
     };
     let links = config.links.len();
-    screen.document(&Checked { result: "right", links, problems: &[] });
+    screen.document(&Checked { result: "right", links, problems: &[], remarks: &remarks });
+    for remark in &remarks {
+        screen.note(format_args!("note: {remark}"));
+    }
     screen.say(format_args!(
         "{} is right: {}",
         file.display(),
@@ -82,7 +87,12 @@ fn check(file: &Path, screen: &Screen) -> Result<Exit, Failure> {
 fn wrong(error: StartError, screen: &Screen) -> Result<Exit, Failure> {
     match error {
         StartError::Config(ConfigError::Wrong(problems)) => {
-            screen.document(&Checked { result: "wrong", links: 0, problems: &problems });
+            screen.document(&Checked {
+                result: "wrong",
+                links: 0,
+                problems: &problems,
+                remarks: &[],
+            });
             for Problem { place, message, hint } in &problems {
                 let failure = Failure::usage(format_args!("{place}: {message}")).hint(hint);
                 screen.report_failure(&failure);

@@ -33,19 +33,33 @@ use softplug_abi::manifest::{Manifest, SettingValues};
 use softplug_gateway::port::line_text;
 use softplug_gateway::station::{Station, StationError, StationOptions};
 use softplug_gateway::transfer::{Note, TransferError};
-use softplug_gateway::{Port, PortSpec};
+use softplug_gateway::{Port, PortOptions, PortSpec};
 
 use crate::commands::send::NoteDocument;
 use crate::exit::Exit;
 use crate::failure::Failure;
-use crate::line::LinkArguments;
+use crate::line::{Carrier, ChosenLine, LinkArguments};
 use crate::plugin::{AnyFault, AnyInstance, Chosen};
 use crate::screen::Screen;
 
-/// Opens the port and says what it did not take.
-fn open(spec: &PortSpec, link: &LinkArguments, screen: &Screen) -> Result<Port, Failure> {
-    let port = Port::open(spec, &link.port_options())?;
-    for difference in port.differences() {
+/// Opens the port and says what is to be known of its line.
+fn open(
+    spec: &PortSpec,
+    options: &PortOptions,
+    line: &ChosenLine,
+    screen: &Screen,
+) -> Result<Port, Failure> {
+    let port = Port::open(spec, options)?;
+    let carrier = match &port {
+        Port::Tcp(_) => Carrier::Raw,
+        port if port.is_pty() => Carrier::Pty,
+        Port::Tty(_) | Port::Rfc2217(_) | Port::Pty(_) => Carrier::Port,
+    };
+    if let Some(remark) = line.remark(carrier) {
+        screen.note(format_args!("note: {remark}"));
+    }
+    // Of a pty the one line has said it.
+    for difference in port.differences().iter().filter(|_| carrier != Carrier::Pty) {
         screen.note(format_args!("note: the port has other settings: {difference}"));
     }
     if let Some(path) = port.slave_path() {
@@ -65,7 +79,8 @@ fn station(
 ) -> Result<Station<AnyInstance>, Failure> {
     // Compiled before the port is touched.
     let instance = plugin.instantiate()?;
-    let port = open(spec, link, screen)?;
+    let line = link.line(plugin.manifest(), &settings);
+    let port = open(spec, &link.port_options(line.line), &line, screen)?;
     let options = StationOptions { settings, depth: link.depth, ..StationOptions::default() };
     Ok(Station::new(port, instance, options)?)
 }

@@ -3,6 +3,7 @@
 
 mod bombs;
 mod full;
+mod lines;
 mod real_time;
 mod signals;
 mod supervision;

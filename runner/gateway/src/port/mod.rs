@@ -1,6 +1,8 @@
 //! Ports: a terminal, a TCP connection or a pty behind one interface that
 //! never blocks.
 
+mod difference;
+pub(crate) mod ear;
 mod marks;
 mod spec;
 
@@ -12,6 +14,8 @@ pub(crate) mod ioctl;
 mod open;
 #[cfg(target_os = "linux")]
 mod rfc2217;
+#[cfg(target_os = "linux")]
+pub(crate) mod rfc2217_bound;
 #[cfg(target_os = "linux")]
 pub(crate) mod rfc2217_values;
 #[cfg(target_os = "linux")]
@@ -27,12 +31,14 @@ mod tty;
 
 #[cfg(target_os = "linux")]
 pub use self::rfc2217::Rfc2217Port;
+pub use difference::{DifferenceWeight, SettingDifference};
+pub use ear::Backlog;
 pub use marks::{Input, LineCounters, MarkDecoder};
 #[cfg(target_os = "linux")]
 pub use open::{Port, ReadOutcome};
 #[cfg(target_os = "linux")]
-pub use settings::{SettingDifference, read_line};
-pub use spec::{Flow, PortOptions, PortSpec, line_text, parse_line};
+pub use settings::read_line;
+pub use spec::{Flow, PortOptions, PortSpec, line_mismatch, line_text, parse_line};
 #[cfg(target_os = "linux")]
 pub use tcp::TcpPort;
 #[cfg(target_os = "linux")]

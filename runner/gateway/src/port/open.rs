@@ -5,14 +5,15 @@ use std::path::{Path, PathBuf};
 
 use softplug_abi::{LineParameters, LinkDownReason, Micros, ModemLines, Parity};
 
+use super::difference::SettingDifference;
+use super::ear::{Backlog, Ear, Plain};
 use super::marks::Input;
 use super::rfc2217::Rfc2217Port;
-use super::settings::SettingDifference;
 use super::spec::{PortOptions, PortSpec};
 use super::tcp::TcpPort;
 use super::tty::TtyPort;
 use crate::error::PortError;
-use crate::pty::{PtyPair, PtyPort};
+use crate::pty::{FRESH_BAUD, PtyPair, PtyPort};
 
 /// An open port. Nothing here blocks.
 #[derive(Debug)]
@@ -39,7 +40,8 @@ pub enum ReadOutcome {
 }
 
 impl Port {
-    /// Opens a port. Of a device server, looking up, connecting and setting its
+    /// Opens a port. One that has other settings in the end than were asked for is
+    /// [`PortError::NotTaken`]. Of a device server, looking up, connecting and setting its
     /// port blocks, at most for the time-out once the name is known.
     pub fn open(spec: &PortSpec, options: &PortOptions) -> Result<Self, PortError> {
         Ok(match spec {
@@ -98,11 +100,20 @@ impl Port {
         most: usize,
         sink: &mut impl FnMut(Input<'_>),
     ) -> Result<ReadOutcome, PortError> {
+        self.read_to(most, &mut Plain(sink))
+    }
+
+    /// Reads once for an ear that may ask what the port held by then.
+    pub(crate) fn read_to(
+        &mut self,
+        most: usize,
+        ear: &mut impl Ear,
+    ) -> Result<ReadOutcome, PortError> {
         match self {
-            Self::Tty(port) => port.read(most, sink),
-            Self::Tcp(port) => port.read(most, sink),
-            Self::Rfc2217(port) => port.read(most, sink),
-            Self::Pty(port) => port.read(most, sink),
+            Self::Tty(port) => port.read_to(most, ear),
+            Self::Tcp(port) => port.read_to(most, ear),
+            Self::Rfc2217(port) => port.read_to(most, ear),
+            Self::Pty(port) => port.read_to(most, ear),
         }
     }
 
@@ -125,6 +136,36 @@ impl Port {
             Self::Tcp(port) => port.unsent(),
             Self::Rfc2217(port) => port.unsent(),
             Self::Pty(_) => 0,
+        }
+    }
+
+    /// What the port tells of the bytes that it was given.
+    pub fn backlog(&self) -> Backlog {
+        match self {
+            Self::Tty(port) => port.backlog(),
+            Self::Tcp(_) | Self::Rfc2217(_) => Backlog { bytes: self.unsent(), is_empty: false },
+            Self::Pty(_) => Backlog::default(),
+        }
+    }
+
+    /// Whether the partner can stop the port below us, because the port obeys it
+    /// (`flow = "device"`).
+    pub fn is_stoppable(&self) -> bool {
+        match self {
+            Self::Tty(port) => port.is_stoppable(),
+            Self::Rfc2217(port) => port.is_stoppable(),
+            Self::Tcp(_) => true,
+            Self::Pty(_) => false,
+        }
+    }
+
+    /// Characters that leave although the port was stopped by the partner, if
+    /// the kernel stops it: those that a UART had taken by then. `None`: nobody
+    /// stops it, or where is not known.
+    pub fn leaves_when_stopped(&self) -> Option<u32> {
+        match self {
+            Self::Tty(port) => port.leaves_when_stopped(),
+            Self::Tcp(_) | Self::Rfc2217(_) | Self::Pty(_) => None,
         }
     }
 
@@ -177,6 +218,28 @@ impl Port {
         self.set_break(false)
     }
 
+    /// Whether it is a pty, from either side: no rate, no parity, no modem lines.
+    pub fn is_pty(&self) -> bool {
+        match self {
+            Self::Tty(port) => port.is_pty(),
+            Self::Pty(_) => true,
+            Self::Tcp(_) | Self::Rfc2217(_) => false,
+        }
+    }
+
+    /// The rate that somebody has set on a pty, which keeps none itself: the program on
+    /// the far side of one made here, or whoever set the device before it was opened. `None` where
+    /// nobody has, and of all other ports.
+    pub fn told_baud(&self) -> Option<u32> {
+        match self {
+            Self::Tty(port) if port.is_pty() => {
+                Some(port.line_before().baud).filter(|baud| *baud != FRESH_BAUD)
+            }
+            Self::Pty(port) => port.told_baud(),
+            Self::Tty(_) | Self::Tcp(_) | Self::Rfc2217(_) => None,
+        }
+    }
+
     /// Whether the port itself keeps the line's rate. Elsewhere bytes are
     /// only as far apart as they are written.
     pub fn rate_known(&self) -> bool {
@@ -208,7 +271,8 @@ impl Port {
         }
     }
 
-    /// Settings that were asked for and the port did not take; to be reported.
+    /// Settings that were asked for and the port did not take, as far as it can be
+    /// used so; to be reported.
     pub fn differences(&self) -> &[SettingDifference] {
         match self {
             Self::Tty(port) => port.differences(),

@@ -3,6 +3,7 @@
 use std::fs;
 use std::io;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{FlockOperation, Mode, OFlags, flock, open};
@@ -13,13 +14,15 @@ use rustix::termios::{
 };
 use softplug_abi::{LineParameters, LinkDownReason, ModemLines};
 
+use super::difference::{SettingDifference, noted, refused};
+use super::ear::{Backlog, Ear, Plain};
 use super::holders::{group, holders, holders_but, is_pty};
 use super::ioctl;
 use super::marks::{Input, LineCounters, MarkDecoder};
 use super::open::ReadOutcome;
 use super::scratch::{READ_BYTES, with_scratch};
-use super::settings::{SettingDifference, apply, line_of};
-use super::spec::PortOptions;
+use super::settings::{apply, line_of};
+use super::spec::{Flow, PortOptions};
 use crate::error::{BadSpec, PortError};
 
 /// More than a pty holds.
@@ -41,6 +44,10 @@ pub struct TtyPort {
     decoder: MarkDecoder,
     has_counters: bool,
     pty: bool,
+    /// Characters that the UART takes from the kernel at once; `None` if it is
+    /// none of this computer's.
+    uart: Option<u32>,
+    flow: Flow,
     exclusive: bool,
     /// Whether to take back the request for low latency.
     low_latency: bool,
@@ -52,8 +59,10 @@ pub struct TtyPort {
 }
 
 impl TtyPort {
-    /// Opens, locks and sets the device. Settings that it does not take are
-    /// found in [`differences`](Self::differences).
+    /// Opens, locks and sets the device. One that has something else in the end is
+    /// left as it was found, which is [`PortError::NotTaken`]; a pty, which has
+    /// neither rate nor parity, is not. What remains is found in
+    /// [`differences`](Self::differences).
     pub fn open(path: &Path, options: &PortOptions) -> Result<Self, PortError> {
         if options.line.baud == 0 {
             return Err(BadSpec::BaudMissing(path.to_owned()).into());
@@ -68,7 +77,8 @@ impl TtyPort {
         if ioctl::modem_lines(&fd).is_err_and(is_gone) {
             return Err(no_hardware());
         }
-        let pty = fs::metadata(path).is_ok_and(|device| is_pty(&device));
+        let device = fs::metadata(path).ok();
+        let pty = device.as_ref().is_some_and(is_pty);
         if options.exclusive {
             lock(&fd, path, pty)?;
         }
@@ -80,6 +90,12 @@ impl TtyPort {
                 error => error,
             }
         })?;
+        let differences = if pty { noted(differences) } else { differences };
+        if let Err(error) = check(path, &differences) {
+            let _ = tcsetattr(&fd, OptionalActions::Now, &before);
+            let _ = ioctl_tiocnxcl(&fd);
+            return Err(error);
+        }
         // What came before was read with other settings, unless they are the same: then somebody
         // has kept the port open for us.
         let is_as_it_was =
@@ -99,6 +115,8 @@ impl TtyPort {
             decoder: MarkDecoder::new(has.parity, counters),
             has_counters: counters.is_some(),
             pty,
+            uart: device.as_ref().and_then(|device| uart_fifo(&fd, device)),
+            flow: options.flow,
             exclusive: options.exclusive,
             low_latency,
             gone: false,
@@ -129,7 +147,7 @@ impl TtyPort {
         self.line
     }
 
-    /// What was asked for and the port did not take.
+    /// What was asked for and the port did not take, as far as it can be used so.
     pub fn differences(&self) -> &[SettingDifference] {
         &self.differences
     }
@@ -140,7 +158,8 @@ impl TtyPort {
     }
 
     /// Sets the port anew without closing it, which would drop DTR. What has
-    /// come and was not read is dropped: it was heard with other settings.
+    /// come and was not read is dropped: it was heard with other settings. After
+    /// [`PortError::NotTaken`] the port is set, to what it made of them.
     pub fn set_line(&mut self, options: &PortOptions) -> Result<(), PortError> {
         if options.line.baud == 0 {
             return Err(BadSpec::BaudMissing(self.path.clone()).into());
@@ -153,8 +172,9 @@ impl TtyPort {
         self.has_counters = counters.is_some();
         self.decoder = MarkDecoder::new(has.parity, counters);
         self.line = if self.pty { options.line } else { has };
-        self.differences = differences;
-        Ok(())
+        self.differences = if self.pty { noted(differences) } else { differences };
+        self.flow = options.flow;
+        check(&self.path, &self.differences)
     }
 
     /// Counters of the driver, if it has any.
@@ -168,11 +188,20 @@ impl TtyPort {
         most: usize,
         sink: &mut impl FnMut(Input<'_>),
     ) -> Result<ReadOutcome, PortError> {
+        self.read_to(most, &mut Plain(sink))
+    }
+
+    pub(super) fn read_to(
+        &mut self,
+        most: usize,
+        ear: &mut impl Ear,
+    ) -> Result<ReadOutcome, PortError> {
         let most = most.min(READ_BYTES);
         if !self.early.is_empty() {
             let rest = self.early.split_off(most.min(self.early.len()));
             let early = std::mem::replace(&mut self.early, rest);
-            sink(Input::Bytes(&early));
+            ear.came(|| self.backlog());
+            ear.heard(Input::Bytes(&early));
             return Ok(ReadOutcome::Read(early.len()));
         }
         with_scratch(|buffer| match retry_on_intr(|| read(&self.fd, &mut buffer[..most])) {
@@ -181,7 +210,9 @@ impl TtyPort {
             Ok(count) => {
                 // After the read: a mark is never older than its count.
                 let counters = if self.has_counters { self.counters() } else { None };
-                self.decoder.decode(&buffer[..count], counters, sink);
+                ear.came(|| self.backlog());
+                let mut give = |input: Input<'_>| ear.heard(input);
+                self.decoder.decode(&buffer[..count], counters, &mut give);
                 Ok(ReadOutcome::Read(count))
             }
             Err(Errno::AGAIN) => Ok(ReadOutcome::Empty),
@@ -213,6 +244,27 @@ impl TtyPort {
             return 0;
         }
         ioctl::output_queue(&self.fd).unwrap_or(0)
+    }
+
+    /// What the kernel holds, and whether the UART below it is empty as well.
+    pub fn backlog(&self) -> Backlog {
+        let bytes = self.unsent();
+        // The kernel's queue first: nothing but a write of ours fills it, so
+        // that a UART that is empty after it has nothing to come.
+        let is_empty = bytes == 0 && self.uart.is_some() && self.transmitter_empty() == Some(true);
+        Backlog { bytes, is_empty }
+    }
+
+    /// Whether the port obeys the partner's XON/XOFF.
+    pub(super) fn is_stoppable(&self) -> bool {
+        self.flow == Flow::Device
+    }
+
+    /// Characters that leave although the partner has stopped the port, if it
+    /// is the kernel that obeys: those that the UART had taken, and the one on
+    /// the line.
+    pub fn leaves_when_stopped(&self) -> Option<u32> {
+        self.uart.filter(|_| self.flow == Flow::Device).map(|fifo| fifo + 1)
     }
 
     /// Whether the last bit of everything has left; `None` where the driver
@@ -330,6 +382,12 @@ fn lock(fd: &OwnedFd, path: &Path, pty: bool) -> Result<(), PortError> {
     Ok(())
 }
 
+/// Whether the port can be used in spite of what it did not take.
+fn check(path: &Path, differences: &[SettingDifference]) -> Result<(), PortError> {
+    let port = || path.display().to_string();
+    refused(differences).map_or(Ok(()), |found| Err(PortError::NotTaken { port: port(), found }))
+}
+
 /// What a pty's far end sent before PARMRK was set: its FFs are not doubled.
 fn read_early(fd: &OwnedFd, before: &Termios) -> Vec<u8> {
     let mut early = Vec::new();
@@ -345,6 +403,15 @@ fn read_early(fd: &OwnedFd, before: &Termios) -> Vec<u8> {
         }
     }
     early
+}
+
+/// The size of a UART's memory for what it sends; `None` of an adapter, whose
+/// driver does not show it and which answers no question at once.
+fn uart_fifo(fd: &OwnedFd, device: &fs::Metadata) -> Option<u32> {
+    let (major, minor) = (rustix::fs::major(device.rdev()), rustix::fs::minor(device.rdev()));
+    // Only the kernel's drivers of UARTs have this file, which not everybody may read.
+    let attribute = format!("/sys/dev/char/{major}:{minor}/xmit_fifo_size");
+    if Path::new(&attribute).exists() { ioctl::uart_fifo(fd).ok() } else { None }
 }
 
 /// What a driver says when its device is not there any more.

@@ -13,7 +13,7 @@ use super::report::{JobEnd, JobOutcome, Report};
 use super::setup::{Feed, LaneId};
 use super::status::Own;
 use super::watch::{Seen, Sight, Watch};
-use crate::channel::Surroundings;
+use crate::channel::{Place, Surroundings};
 use crate::port::Input;
 use crate::reservoir::{Drawn, ReservoirReader, ReservoirWriter, reservoir};
 
@@ -49,8 +49,8 @@ pub(super) struct Active {
     pub(super) id: u32,
     pub(super) source: Source,
     pub(super) taken: u64,
-    /// Characters that had left when it began: maybe, and surely.
-    pub(super) left_before: (u64, u64),
+    /// What the port was given before it began.
+    pub(super) from: Place,
     /// It asked for data and there was none.
     pub(super) is_hungry: bool,
     /// Why its data ends before its end.
@@ -113,15 +113,15 @@ impl Floor {
     }
 
     /// A job is given to the plug-in next.
-    pub(super) fn begin(&mut self, feed: Feed, left_before: (u64, u64)) -> softplug_link::Job {
+    pub(super) fn begin(&mut self, feed: Feed, from: Place) -> softplug_link::Job {
         feed.source.wake_with(self.wake.clone());
-        self.job = Some(Active::new(feed.job.id, Source::Reservoir(feed.source), left_before));
+        self.job = Some(Active::new(feed.job.id, Source::Reservoir(feed.source), from));
         feed.job
     }
 
     /// The same for what comes in at the endpoint.
-    pub(super) fn begin_endpoint(&mut self, id: u32, left_before: (u64, u64)) {
-        self.job = Some(Active::new(id, Source::Endpoint, left_before));
+    pub(super) fn begin_endpoint(&mut self, id: u32, from: Place) {
+        self.job = Some(Active::new(id, Source::Endpoint, from));
         if let Some(lane) = &mut self.endpoint {
             lane.endpoint.job_begun();
         }
@@ -277,12 +277,12 @@ impl Floor {
 }
 
 impl Active {
-    fn new(id: u32, source: Source, left_before: (u64, u64)) -> Self {
+    fn new(id: u32, source: Source, from: Place) -> Self {
         Self {
             id,
             source,
             taken: 0,
-            left_before,
+            from,
             is_hungry: false,
             source_failed: None,
             is_aborted: false,

@@ -161,7 +161,9 @@ impl<I: Instance> Station<I> {
     ) -> Result<(), StationError<I::Fault>> {
         let until = self.now() + patience;
         while self.now() < until && self.channel.is_settling(self.now()) {
-            self.turn(until, outside)?;
+            // Nobody tells when the line has sent all.
+            let look = self.channel.next_look_at_the_line(self.now());
+            self.turn(look.map_or(until, |at| at.min(until)), outside)?;
         }
         self.ask(outside, |link, now, outside| link.close(now, outside))
     }

@@ -76,8 +76,8 @@ fn one(
 ) -> Option<LinkConfig> {
     let name = name(link.name.as_ref(), &at, taken, problems)?;
     let port = port(link.port.as_ref(), &name, &at, taken, problems);
-    let has_rate = !matches!(port, Some(PortConfig::Port(PortSpec::Device(_))));
-    let line = line(link.line.as_ref(), has_rate, &at, problems);
+    let line_place = problems.place(link.line.as_ref().map_or_else(|| at.clone(), Spanned::span));
+    let line = line(link.line.as_ref(), problems);
     let plugin = plugin(link.plugin.as_ref(), &name, &at, problems);
     let (settings, setting_places) = settings(link.settings.unwrap_or_default(), problems);
     let plugin_place = problems.place(link.plugin.as_ref().map_or(at, Spanned::span));
@@ -151,7 +151,8 @@ fn one(
         watchdogs,
         probation,
         recorder,
-        places: Places { plugin: plugin_place, settings: setting_places },
+        written_line: link.line.map(Spanned::into_inner),
+        places: Places { plugin: plugin_place, line: line_place, settings: setting_places },
     })
 }
 
@@ -235,28 +236,15 @@ fn port(
     Some(port)
 }
 
-fn line(
-    text: Option<&Text>,
-    has_rate: bool,
-    at: &Range<usize>,
-    problems: &mut Problems<'_>,
-) -> LineParameters {
+/// As far as it is written; the rest is the plug-in's.
+fn line(text: Option<&Text>, problems: &mut Problems<'_>) -> LineParameters {
     let base = LineParameters::new(0);
-    let span = text.map_or(at.clone(), Spanned::span);
-    let line = match text.map(|text| parse_line(text.get_ref(), base)) {
-        None => base,
-        Some(Ok(line)) => line,
-        Some(Err(error)) => {
-            let (message, hint) = split(&error);
-            problems.add(span, message, hint);
-            return base;
-        }
-    };
-    if line.baud == 0 && !has_rate {
-        let message = "a serial port needs a baud rate";
-        problems.add(span, message, "add one: `line = \"9600 8N1\"`");
-    }
-    line
+    let Some(text) = text else { return base };
+    parse_line(text.get_ref(), base).unwrap_or_else(|error| {
+        let (message, hint) = split(&error);
+        problems.add(text.span(), message, hint);
+        base
+    })
 }
 
 /// Errors of ports are "what; what to do".

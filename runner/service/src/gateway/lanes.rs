@@ -32,6 +32,7 @@ impl Control {
         self.note_use(&name, &plugin, None);
         let link = Link {
             next: None,
+            unapplied: None,
             lane: Lane::Open(LaneId(0)),
             status: Arc::new(LaneStatus::default()),
             supervisor: Supervisor::new(limits),
@@ -66,6 +67,10 @@ impl Control {
         link.condition = None;
         link.alarms.clear();
         self.lanes.insert(id, name.to_owned());
+        if let Some(remark) = link.config.line_remark(link.plugin.line()) {
+            let scribe = &self.shared.parts.scribe;
+            scribe.link(Subject::Port, Weight::Warning, name, remark.message);
+        }
         let setup = match setup(link) {
             Ok(setup) => setup,
             Err(text) => {
@@ -121,6 +126,7 @@ impl Control {
             let (config, plugin) = *next;
             link.config = config;
             link.plugin = plugin;
+            link.unapplied = None;
             link.follow.runs(link.plugin.digest());
             link.supervisor.begin_anew();
             let plugin = link.plugin.clone();

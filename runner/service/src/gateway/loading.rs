@@ -10,7 +10,7 @@ use thiserror::Error;
 use crate::Refusal;
 use crate::library::{BadReference, Entry, Library, LibraryError, Reference};
 use crate::view::PluginRef;
-use softplug_abi::Micros;
+use softplug_abi::{LineParameters, Micros};
 
 /// Finds, compiles and starts plug-ins. Slow: never on a thread that serves links.
 #[derive(Debug)]
@@ -142,6 +142,12 @@ fn is_its_fault(error: &LoadError) -> bool {
 }
 
 impl Prepared {
+    /// The line that the plug-in names for its settings; a rate of 0 is left open.
+    pub(crate) fn line(&self) -> Option<LineParameters> {
+        let asked = self.settings.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+        self.plugin.manifest().line_for(asked, &self.values).map(|named| named.parameters)
+    }
+
     pub(crate) fn digest(&self) -> Digest {
         self.plugin.digest()
     }

@@ -1,5 +1,6 @@
 //! What the reactor tells, and what comes of it.
 
+use softplug_gateway::SettingDifference;
 use softplug_gateway::reactor::{
     Alarm, EndpointNews, JobEnd, JobOutcome, LaneFault, LaneId, Report,
 };
@@ -20,8 +21,7 @@ impl Control {
         let Some(name) = self.lanes.get(&lane).cloned() else { return };
         match report {
             Report::Opened { path, differences } => {
-                let differences: Vec<_> = differences.iter().map(ToString::to_string).collect();
-                self.opened(&name, path, &differences);
+                self.opened(&name, path, &texts(&differences));
             }
             Report::Up => {
                 if let Some(link) = self.links.get_mut(&name) {
@@ -30,9 +30,9 @@ impl Control {
                 self.begin_next(&name);
             }
             Report::HandedOver(kept) => self.shared.kept().push(kept),
-            Report::Down { detail, retry_in, .. } => {
+            Report::Down { detail, retry_in, differences, .. } => {
                 let retry_in_ms = retry_in.0.max(0) as u64 / 1_000;
-                self.down(&name, &detail, retry_in_ms);
+                self.down(&name, &detail, texts(&differences), retry_in_ms);
             }
             Report::JobEnded(end) => self.job_ended(&name, end),
             Report::Rewind { job } => self.refill(&name, job),
@@ -98,10 +98,11 @@ impl Control {
         }
     }
 
-    fn down(&mut self, name: &str, reason: &str, retry_in_ms: u64) {
+    fn down(&mut self, name: &str, reason: &str, differences: Vec<String>, retry_in_ms: u64) {
         let Some(link) = self.links.get_mut(name) else { return };
         let now = now_ms();
         link.port.is_up = false;
+        link.port.differences = differences;
         let retry_at_ms = Some(now + retry_in_ms);
         if let Some(down) = &mut link.port.down {
             reason.clone_into(&mut down.reason);
@@ -296,4 +297,9 @@ impl Control {
             Lane::Open(_) | Lane::Closing(..) => {}
         }
     }
+}
+
+/// What a port has otherwise than it was asked to, in words.
+fn texts(differences: &[SettingDifference]) -> Vec<String> {
+    differences.iter().map(ToString::to_string).collect()
 }

@@ -19,11 +19,11 @@ use tokio::sync::broadcast;
 use super::Gateway;
 use super::control::{Control, Message, Parts, SWEEP, Shared};
 use super::loading::Loader;
-use super::reload::problem;
+use super::reload::prepare;
 use super::scribe::Scribe;
 use super::worker::Worker;
 use crate::clerk::Clerk;
-use crate::config::{Config, ConfigError};
+use crate::config::{Config, ConfigError, Problem};
 use crate::disk::DiskError;
 use crate::feeder::Feeder;
 use crate::jobs::{Jobs, JobsError, Keep, Note, Recovery, Subject, Weight};
@@ -112,16 +112,19 @@ impl Running {
 }
 
 /// Checks what only the library can tell: that plug-ins are there and take
-/// their settings. Nothing is started or written.
-pub fn check(config: &Config) -> Result<(), StartError> {
+/// their settings. Nothing is started or written. What works and may be meant
+/// otherwise is given: lines that are not the protocol's.
+pub fn check(config: &Config) -> Result<Vec<Problem>, StartError> {
     let library = Library::existing(&config.gateway.library)?;
     let loader = Loader::new(Host::new(HostOptions::default())?, library);
-    let prepare = |link: &crate::config::LinkConfig| {
-        let error = loader.prepare(&link.plugin, &link.settings).err()?;
-        Some(problem(link, &error))
-    };
-    let problems: Vec<_> = config.links.iter().filter_map(prepare).collect();
-    if problems.is_empty() { Ok(()) } else { Err(ConfigError::Wrong(problems).into()) }
+    let (mut problems, mut remarks) = (Vec::new(), Vec::new());
+    for mut link in config.links.clone() {
+        match prepare(&loader, &mut link) {
+            Ok(prepared) => remarks.extend(link.line_remark(prepared.line())),
+            Err(problem) => problems.push(problem),
+        }
+    }
+    if problems.is_empty() { Ok(remarks) } else { Err(ConfigError::Wrong(problems).into()) }
 }
 
 /// Starts what a configuration describes.
@@ -130,9 +133,16 @@ pub fn start(config: Config) -> Result<Running, StartError> {
     let keep = Keep { entries: config.gateway.journal, ..Keep::default() };
     let (jobs, recovery) = Jobs::open(state, keep)?;
     let snapshots = Snapshots::open_folder(&state.join("snapshots"))?;
-    snapshots.collect_garbage(|| jobs.needed_data())?;
+    snapshots.collect_garbage(|| jobs.reader().needed_data())?;
     let receptions = Receptions::open(&config.gateway.receptions)?;
     let left_over = receptions.recover()?;
+    for left in &left_over {
+        let links = config.links.iter();
+        let link = links.filter(|link| link.receive == left.place).map(|link| &*link.name).next();
+        if let Some(file) = left.arrived.file() {
+            jobs.recovered(left.job, link, file, left.arrived.bytes)?;
+        }
+    }
     let programs = Programs::open(&config.gateway.programs)?;
     let library = Library::open(&config.gateway.library)?;
     let instances = (config.links.len() * INSTANCES_A_LINK + 64).max(1_024) as u32;
@@ -207,6 +217,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
         next_sweep: Instant::now() + SWEEP,
         stopping: None,
         trouble: None,
+        config_trouble: None,
     };
     let thread = thread::Builder::new().name("softplug-control".to_owned()).spawn(move || {
         control.apply(ready);

@@ -2,9 +2,11 @@
 //! `softplug.manifest`. A host reads it without instantiating the plug-in.
 
 mod fields;
+mod line;
 mod settings;
 
 pub use fields::FieldError;
+pub use line::{BadLine, LineCase, ProtocolLine};
 use settings::list;
 pub use settings::{OwnedValue, SettingError, SettingValues};
 
@@ -68,6 +70,12 @@ pub struct Manifest {
     /// Formats of saved state.
     #[serde(default)]
     pub state: StateFormats,
+    /// The protocol's line; since ABI 1.1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub line: Option<ProtocolLine>,
+    /// Settings for which it is another one; the first that holds counts. Since ABI 1.1.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub line_when: Vec<LineCase>,
 }
 
 /// A setting.
@@ -283,6 +291,26 @@ impl Manifest {
         self.jobs.iter().position(|kind| kind.name == name).map(|at| at as u16)
     }
 
+    /// The formats in which this plug-in takes over the state of `other`: none where that has
+    /// another name. The number of a format means something within one plug-in only.
+    ///
+    /// ```
+    /// use softplug_abi::manifest::Manifest;
+    ///
+    /// let named = |name: &str| {
+    ///     Manifest::parse(format!(r#"{{
+    ///         "abi": "1.0", "name": "{name}", "version": "1.0.0", "licence": "MIT", "protocol": "none",
+    ///         "description": "An example.", "state": {{"saves": 1, "accepts": [1]}}
+    ///     }}"#).as_bytes())
+    /// };
+    /// assert_eq!(named("lathe")?.accepts_of(&named("lathe")?), [1]);
+    /// assert_eq!(named("lathe")?.accepts_of(&named("press")?), []);
+    /// # Ok::<(), softplug_abi::manifest::ManifestError>(())
+    /// ```
+    pub fn accepts_of(&self, other: &Self) -> &[u16] {
+        if self.name == other.name { &self.state.accepts } else { &[] }
+    }
+
     /// The protocol's own status with this code, if it is listed.
     pub fn status(&self, code: u16) -> Option<&StatusCode> {
         self.status.iter().find(|status| status.code == code)
@@ -318,7 +346,7 @@ impl Manifest {
                 }
             }
         }
-        Ok(())
+        self.check_line()
     }
 
     fn check_version(&self) -> Result<(), ManifestError> {

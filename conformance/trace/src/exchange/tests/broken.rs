@@ -57,6 +57,26 @@ fn faults_in_texts_have_a_line_and_a_column() {
             "(99999999999999999999) a#41 R",
             "file:1:2: this time cannot be counted in µs",
         ),
+        (
+            Format::Candump,
+            "(1.0) can0 12G#41 R",
+            "file:1:12: expected `#` and hex pairs, or a CAN identifier before them, like 123#4142",
+        ),
+        (
+            Format::Candump,
+            "(1.0)  can0  123   [2]  41 42",
+            "file:1:17: expected the port, `#` and hex pairs, like ttyUSB0#4142",
+        ),
+        (
+            Format::Candump,
+            "(1.0) can0 123##",
+            "file:1:17: expected the flags of a CAN FD frame and hex pairs, like 123##04142",
+        ),
+        (
+            Format::Candump,
+            "(1.0) can0 123#414 R",
+            "file:1:18: expected hex pairs without spaces, then the direction",
+        ),
         (Format::Saleae, "a,b\n1,2\n", "file:1:1: the table has no column \"start_time\""),
         (
             Format::Saleae,

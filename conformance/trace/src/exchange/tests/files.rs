@@ -220,6 +220,54 @@ fn logs_of_can_tools_are_read() {
     assert_eq!(imported(text, Format::Candump), body);
 }
 
+/// Imports a log of CAN frames; `received` and `sent` name the identifiers.
+fn frames(text: &str, received: Option<&str>, sent: Option<&str>) -> Result<Imported, ImportError> {
+    let mut import_as = Import::new(front("9600 8N1"));
+    import_as.received = received.map(str::to_owned);
+    import_as.sent = sent.map(str::to_owned);
+    import(&[Source { name: "can.log", bytes: text.as_bytes() }], Format::Candump, &import_as)
+}
+
+#[test]
+fn frames_as_candump_logs_them_are_read() {
+    // As `candump -L -x` writes them: data, none, CAN FD, a request for data.
+    let marked = "\
+(0.500000) can0 123#11 R
+(1.000000) can0 1ABCDEF0#4142 T
+(1.100000) can0 123# R
+(1.200000) can0 123#R R
+(1.500000) can0 123##14344 R
+";
+    let import = frames(marked, None, None).unwrap();
+    let expected = "\
+< 0.500000 11             ; DC1=XON
+> 1.000000 \"AB\"
+< 1.500000 \"CD\"
+";
+    assert_eq!(body(&import.trace), expected);
+    let notes: Vec<_> = import.notes.iter().map(ToString::to_string).collect();
+    assert_eq!(notes, ["packets that are not of a serial line were left out (at 4)"]);
+}
+
+#[test]
+fn frames_without_a_direction_are_told_apart_by_their_identifiers() {
+    let log = "(0.5) can0 07a#11\n(1.0) can0 07B#4142\n(1.5) can0 7FF#00\n";
+    let import = frames(log, Some("07A"), Some("07b")).unwrap();
+    let expected = "< 0.500000 11             ; DC1=XON\n> 1.000000 \"AB\"\n";
+    assert_eq!(body(&import.trace), expected);
+    assert_eq!(import.notes.len(), 1);
+    let only_one = frames(log, None, Some("07B")).unwrap();
+    assert_eq!(body(&only_one.trace), "> 1.000000 \"AB\"\n");
+    let which = "can.log: which frames are those of the line? \
+                 Say --received ID and --sent ID; the file has ";
+    let unclear = |log: &str| frames(log, None, None).unwrap_err().to_string();
+    assert_eq!(unclear(log), format!("{which}07A, 07B, 7FF"));
+    // Two machines on one bus are not one line.
+    let two = "(0.5) can0 07A#11 R\n(0.6) can0 07C#12 R\n";
+    assert_eq!(unclear(two), format!("{which}07A, 07C"));
+    assert!(frames(two, Some("07C"), None).is_ok());
+}
+
 const LOGIC_2: &str = "\
 name,type,start_time,duration,\"data\",\"error\"
 \"CNC\",\"data\",-0.0005,0.000989,0x11,

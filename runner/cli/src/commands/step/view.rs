@@ -94,15 +94,16 @@ fn draw_list(frame: &mut Frame<'_>, area: Rect, walk: &Walk) {
     frame.render_stateful_widget(list, area, &mut state);
 }
 
+/// Signs are those of a trace: `<` reaches the plug-in, `>` leaves it.
 fn item(moment: &Moment, is_difference: bool) -> ListItem<'static> {
     let time = Span::from(format!("{:>11} ", Micros(moment.at_us).to_string())).dim();
     let mark = if is_difference { "!".red().bold() } else { " ".into() };
     let (arrow, text) = match &moment.what {
-        Happening::Wire(bytes) => ("< ", told("", bytes)),
-        Happening::Break(micros) => ("< ", format!("break of {micros} µs")),
+        Happening::Wire(bytes) => ("> ", told("", bytes)),
+        Happening::Break(micros) => ("> ", format!("break of {micros} µs")),
         Happening::Step(step) => {
             let arrow = match step.given.other {
-                Other::Line => "> ",
+                Other::Line => "< ",
                 Other::Host => "? ",
                 Other::Link => ". ",
             };
@@ -147,7 +148,7 @@ fn step_lines(step: &Step, walk: &Walk) -> Vec<Line<'static>> {
     lines[0] = lines[0].clone().bold();
     for action in &step.actions {
         let sign = match action.other {
-            Other::Line => "< ",
+            Other::Line => "> ",
             Other::Host => "= ",
             Other::Link => "  ",
         };

@@ -72,10 +72,12 @@ pub(super) struct Arguments {
     /// What recorded it [default: the format]
     #[arg(long)]
     tool: Option<String>,
-    /// Saleae: the analyser at the line that the plug-in receives from [default: rx]
+    /// Saleae: the analyser at the line that the plug-in receives from [default: rx]; candump: the
+    /// identifier of the CAN frames that it receives [default: as R and T say]
     #[arg(long, value_name = "NAME")]
     received: Option<String>,
-    /// Saleae: the analyser at the line that the plug-in sends on [default: tx]
+    /// Saleae: the analyser at the line that the plug-in sends on [default: tx]; candump: the
+    /// identifier of the CAN frames that it sends [default: as R and T say]
     #[arg(long, value_name = "NAME")]
     sent: Option<String>,
     /// Count times from the first event, and not as the file has them

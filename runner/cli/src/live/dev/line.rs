@@ -5,13 +5,15 @@ use std::sync::mpsc::Receiver;
 
 use softplug_abi::{Action, Micros};
 use softplug_gateway::station::{Station, StationError, StationOptions, Turn};
-use softplug_gateway::{Port, PortOptions, PortSpec};
+use softplug_gateway::{PortOptions, PortSpec};
 use softplug_link::{Job, Outside, Successor, Supply, SwapError};
 
 use super::{Ready, next};
 use crate::commands::dev::Arguments;
 use crate::commands::send::reason;
 use crate::failure::Failure;
+use crate::line::ChosenLine;
+use crate::live::open;
 use crate::numbers;
 use crate::plugin::{AnyFault, AnyInstance, Chosen};
 use crate::screen::{GOOD, Screen};
@@ -93,10 +95,11 @@ impl<'a> Line<'a> {
     fn swap(&mut self, plugin: &Chosen) -> Result<&'static str, Failure> {
         let settings = plugin.settings(&self.arguments.settings)?;
         if let Some(station) = &mut self.station {
+            let running = self.ground.plugin.as_ref().unwrap_or(plugin);
             let successor = Successor {
                 instance: plugin.instantiate()?,
                 settings: settings.clone(),
-                accepts: plugin.manifest().state.accepts.clone(),
+                accepts: plugin.manifest().accepts_of(running.manifest()).to_vec(),
                 spare: None,
             };
             match station.swap(successor, &mut self.ground)? {
@@ -115,7 +118,9 @@ impl<'a> Line<'a> {
         if let Some(mut station) = self.station.take() {
             station.close(PATIENCE, &mut self.ground).map_err(failure)?;
         }
-        let port = Port::open(self.port, &PortOptions::new(self.arguments.line))?;
+        let asked = self.arguments.line.as_ref();
+        let line = ChosenLine::of(asked, plugin.manifest(), &self.arguments.settings, &settings);
+        let port = open(self.port, &PortOptions::new(line.line), &line, self.screen)?;
         let options = StationOptions { settings, ..StationOptions::default() };
         let mut station = Station::new(port, plugin.instantiate()?, options)?;
         self.ground.plugin = Some(plugin.clone());

@@ -14,10 +14,11 @@ use softplug_abi::{LineParameters, LinkDownReason, Micros, ModemLines};
 
 use self::liveness::Liveness;
 use self::session::{Broken, Opening, Session};
+use super::difference::{SettingDifference, refused};
+use super::ear::{Backlog, Ear, Plain};
 use super::marks::Input;
 use super::open::ReadOutcome;
 use super::scratch::with_scratch;
-use super::settings::SettingDifference;
 use super::spec::{PortOptions, address_text};
 use super::stream::Stream;
 use crate::error::PortError;
@@ -44,9 +45,9 @@ pub struct Rfc2217Port {
 
 impl Rfc2217Port {
     /// Connects, agrees on the options and sets the server's port. All
-    /// together takes at most the time-out, but for looking a name up. Settings
-    /// that the server does not take are found in
-    /// [`differences`](Self::differences).
+    /// together takes at most the time-out, but for looking a name up. A server that
+    /// answers with other settings is [`PortError::NotTaken`]; what it does not
+    /// answer is found in [`differences`](Self::differences).
     pub fn connect(host: &str, port: u16, options: &PortOptions) -> Result<Self, PortError> {
         let end = Instant::now() + options.connect_timeout;
         let stream = Stream::connect(host, port, options.connect_timeout)?;
@@ -71,7 +72,10 @@ impl Rfc2217Port {
             },
         })?;
         port_of_server.session.compare();
-        Ok(port_of_server)
+        match refused(port_of_server.differences()) {
+            None => Ok(port_of_server),
+            Some(found) => Err(PortError::NotTaken { port: address_text(host, port), found }),
+        }
     }
 
     /// The descriptor to wait for.
@@ -101,13 +105,22 @@ impl Rfc2217Port {
         most: usize,
         sink: &mut impl FnMut(Input<'_>),
     ) -> Result<ReadOutcome, PortError> {
+        self.read_to(most, &mut Plain(sink))
+    }
+
+    pub(super) fn read_to(
+        &mut self,
+        most: usize,
+        ear: &mut impl Ear,
+    ) -> Result<ReadOutcome, PortError> {
         if !self.early.is_empty() {
             let rest = self.early.split_off(most.min(self.early.len()));
             let early = std::mem::replace(&mut self.early, rest);
-            sink(Input::Bytes(&early));
+            ear.came(|| Backlog { bytes: self.unsent(), is_empty: false });
+            ear.heard(Input::Bytes(&early));
             return Ok(ReadOutcome::Read(early.len()));
         }
-        let outcome = match self.take_in(most, sink) {
+        let outcome = match self.take_in(most, ear) {
             Err(PortError::Gone(reason)) => ReadOutcome::Gone(reason),
             outcome => outcome?,
         };
@@ -141,6 +154,11 @@ impl Rfc2217Port {
     /// connection.
     pub fn unsent(&self) -> usize {
         self.stream.unsent() + self.session.waiting()
+    }
+
+    /// Whether the server's port obeys the partner's XON/XOFF.
+    pub(super) fn is_stoppable(&self) -> bool {
+        self.session.is_stoppable()
     }
 
     /// Has the server drop what it has not sent.
@@ -198,14 +216,12 @@ impl Rfc2217Port {
         self.session.is_suspended()
     }
 
-    fn take_in(
-        &mut self,
-        most: usize,
-        sink: &mut impl FnMut(Input<'_>),
-    ) -> Result<ReadOutcome, PortError> {
+    fn take_in(&mut self, most: usize, ear: &mut impl Ear) -> Result<ReadOutcome, PortError> {
         self.flush()?;
+        let unsent = self.session.waiting();
         let outcome = if self.session.has_rest() {
-            match self.session.resume(most, sink) {
+            ear.came(|| Backlog { bytes: self.stream.unsent() + unsent, is_empty: false });
+            match self.session.resume(most, &mut |input| ear.heard(input)) {
                 0 => ReadOutcome::Empty,
                 count => ReadOutcome::Read(count),
             }
@@ -215,7 +231,8 @@ impl Rfc2217Port {
                 let most = most.min(buffer.len());
                 let outcome = stream.read(&mut buffer[..most])?;
                 if let ReadOutcome::Read(count) = outcome {
-                    session.receive(&buffer[..count], sink);
+                    ear.came(|| Backlog { bytes: stream.unsent() + unsent, is_empty: false });
+                    session.receive(&buffer[..count], &mut |input| ear.heard(input));
                 }
                 Ok::<_, PortError>(outcome)
             })?
@@ -277,16 +294,21 @@ impl Rfc2217Port {
     fn exchange(&mut self) -> Result<(), Failed> {
         loop {
             let mut early = std::mem::take(&mut self.early);
-            let outcome = self.take_in(EARLY_BYTES.saturating_sub(early.len()), &mut |input| {
+            let most = EARLY_BYTES.saturating_sub(early.len());
+            let mut keep = |input: Input<'_>| {
                 if let Input::Bytes(bytes) = input {
                     early.extend_from_slice(bytes);
                 }
-            });
+            };
+            let outcome = self.take_in(most, &mut Plain(&mut keep));
             self.early = early;
             match self.session.broken() {
                 Some(Broken::Refused) => return Err(Failed::Peer("it refuses to set its port")),
                 Some(Broken::Echo) => return Err(Failed::Peer("it sends back what it is sent")),
-                Some(Broken::Deaf) | None => {}
+                Some(Broken::Overlong) => {
+                    return Err(Failed::Peer("its subnegotiation is longer than any can be"));
+                }
+                Some(Broken::Deaf | Broken::Reset) | None => {}
             }
             let outcome = outcome.map_err(|error| match error {
                 PortError::Gone(_) => Failed::HungUp,

@@ -215,7 +215,7 @@ impl<I: LaneInstance> Lane<I> {
             return None;
         }
         let Phase::Open(channel) = &mut self.phase else { return None };
-        match channel.write_on(now, &mut self.floor) {
+        match channel.write_on(self.clock, &mut self.floor) {
             Ok(Some(due)) => {
                 self.only_writes = true;
                 Some(self.until(Some(due)))
@@ -340,12 +340,12 @@ impl<I: LaneInstance> Lane<I> {
         self.status.store_plugin(events, fuel, waiting, self.floor.to_put_away());
         let mut figures = JobFigures::default();
         if let Some(active) = &self.floor.job {
-            let (maybe, surely) = channel.left_lately();
+            let left = channel.left_lately(now, active.from);
             figures = JobFigures {
                 job: active.id,
                 taken: active.taken,
-                maybe_left: maybe - active.left_before.0.min(maybe),
-                surely_left: surely - active.left_before.1.min(surely),
+                maybe_left: left.maybe,
+                surely_left: left.surely,
                 bytes_surely_left: 0,
                 level: self.floor.level(),
             };
