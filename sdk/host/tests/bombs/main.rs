@@ -12,7 +12,10 @@ use corpus::{HEAVIEST, REFUSED, recipes};
 use rustix::time::{ClockId, clock_gettime};
 use softplug_abi::limits::{EXPORTS, MODULE_BYTES, MODULE_WEIGHT, PARAMETERS};
 use softplug_host::{Host, HostOptions, LintError, lint};
-use std::fmt::Write as _;
+use wasm_encoder::{
+    CodeSection, ExportKind, ExportSection, Function, FunctionSection, Instruction, Module,
+    TypeSection, ValType,
+};
 
 /// Promised are 2 s; twice that for a computer that is busy or slow.
 const SECONDS: f64 = 4.0;
@@ -34,41 +37,41 @@ fn peak() -> u64 {
     line.trim().trim_end_matches(" kB").parse::<u64>().unwrap() / 1_024
 }
 
-/// One type with 1,000 parameters and results, and as many exports of one function of that type
-/// as a file holds: 9 GB when each export had the type's text.
-fn exports_of_a_wide_type() -> Vec<u8> {
-    let mut text = format!("(module (func (param {}) ", "i64 ".repeat(1_000));
-    let _ = write!(text, "(result {}) unreachable)", "i64 ".repeat(1_000));
-    for nth in 0..28_000 {
-        let _ = write!(text, "(export \"{nth:x}\" (func 0))");
+/// A function of a type so wide, exports of it, and calls of it from another function, in code
+/// that cannot be reached.
+fn wide(parameters: usize, exports: usize, calls: usize) -> Vec<u8> {
+    let mut types = TypeSection::new();
+    types.ty().function(vec![ValType::I64; parameters], []);
+    let mut functions = FunctionSection::new();
+    functions.function(0).function(0);
+    let mut section = ExportSection::new();
+    for nth in 0..exports {
+        section.export(&format!("{nth:x}"), ExportKind::Func, 0);
     }
-    wat::parse_str(text + ")").unwrap()
-}
-
-/// As many exports, of a narrow type.
-fn many_exports() -> Vec<u8> {
-    let mut text = "(module (func) ".to_owned();
-    for nth in 0..28_000 {
-        let _ = write!(text, "(export \"{nth:x}\" (func 0))");
+    let mut code = CodeSection::new();
+    for calls in [0, calls] {
+        let mut function = Function::new([]);
+        function.instruction(&Instruction::Unreachable);
+        for _ in 0..calls {
+            function.instruction(&Instruction::Call(0));
+        }
+        function.instruction(&Instruction::End);
+        code.function(&function);
     }
-    wat::parse_str(text + ")").unwrap()
-}
-
-/// Calls of a function with very many parameters, in code that cannot be reached: two bytes make
-/// the validator take a thousand values off its stack.
-fn calls_that_cannot_be_reached() -> Vec<u8> {
-    let wide = format!("(func (param {}))", "i64 ".repeat(1_000));
-    let calls = "(call 0)".repeat(110_000);
-    wat::parse_str(format!("(module {wide} (func unreachable {calls}))")).unwrap()
+    let mut module = Module::new();
+    module.section(&types).section(&functions).section(&section).section(&code);
+    module.finish()
 }
 
 #[test]
 fn bombs_are_refused_or_compiled_in_time() {
     let begin = computed();
     for (wasm, what, most) in [
-        (exports_of_a_wide_type(), "parameters of a function", PARAMETERS),
-        (calls_that_cannot_be_reached(), "parameters of a function", PARAMETERS),
-        (many_exports(), "exports", EXPORTS),
+        // 9 GB, when each export had the text of its type.
+        (wide(1_000, 36_000, 0), "parameters of a function", PARAMETERS),
+        (wide(0, 36_000, 0), "exports", EXPORTS),
+        // Each call of two bytes makes the validator take a thousand values off its stack.
+        (wide(1_000, 0, 130_000), "parameters of a function", PARAMETERS),
     ] {
         assert!(wasm.len() <= MODULE_BYTES, "{what}: {} bytes", wasm.len());
         let before = computed();
