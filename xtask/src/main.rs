@@ -5,6 +5,7 @@ mod bench;
 mod book;
 mod code_mutants;
 mod demo;
+mod emulated;
 mod fuzz;
 mod mutants;
 mod nc;
@@ -56,6 +57,10 @@ enum Task {
         /// Fail where a tool is missing instead of leaving its tests out.
         #[arg(long)]
         all: bool,
+        /// Only the tests on an emulated computer with real serial drivers: minutes. They are a
+        /// part of --all.
+        #[arg(long)]
+        emulated: bool,
     },
     /// Hunts the plug-ins' mutants and writes the kill matrix.
     Mutants {
@@ -137,7 +142,9 @@ fn perform(task: Task) -> Result<ExitCode, Error> {
             plugins::build(&workspace, plugins::Report::Table)?;
             playground::build(&workspace)?;
         }
-        Task::Test { all } => return test::run(&Workspace::read()?, all),
+        Task::Test { all, emulated } => {
+            return test::run(&Workspace::read()?, test::Extent::new(all, emulated));
+        }
         Task::Mutants { long: true, filter, .. } => {
             return code_mutants::run(&Workspace::read()?, filter.as_deref());
         }
@@ -173,6 +180,8 @@ enum Error {
     Playground(#[from] playground::PlaygroundError),
     #[error(transparent)]
     Test(#[from] test::TestError),
+    #[error(transparent)]
+    Emulated(#[from] emulated::EmulatedError),
     #[error(transparent)]
     CodeMutants(#[from] code_mutants::CodeMutantsError),
     #[error(transparent)]

@@ -74,6 +74,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-trace",
         ],
     ),
+    ("softplug-emulated", &[]),
     ("xtask", &["softplug-build"]),
 ];
 

@@ -344,6 +344,27 @@ fn a_client_may_purge_and_ask_for_what_the_port_cannot() {
     assert_eq!((figures.bytes_out, figures.opened), (4, 1), "the port was not lost by it");
 }
 
+#[test]
+fn nothing_of_an_overlong_subnegotiation_reaches_the_machine() {
+    let (mut bench, lane, address) = lane(telnet(), &[]);
+    let mut client = connect(address);
+    let body = [b'B'; 3_000];
+    client.write_all(&[&b"N1"[..], &[0xFF, 250, 44, 0], &body, &[0xFF, 240]].concat()).unwrap();
+    let _ = client.write_all(b"N2");
+    // What it says of itself is answered, and then it is hung up on.
+    let mut answers = Vec::new();
+    let _ = client.read_to_end(&mut answers);
+    news(&mut bench, lane, gone);
+    let mut next = Port::open(&rfc2217(address), &options("115200")).unwrap();
+    write_all(&mut next, &mut Heard::default(), b"OK");
+    let mut line = Vec::new();
+    while !line.ends_with(b"OK") {
+        line.extend(bench.read_from_machine(lane, 1));
+    }
+    // What stood before it may have left; nothing of it and nothing behind it has.
+    assert!([&b"OK"[..], b"NOK", b"N1OK"].contains(&&line[..]), "{:?}", line.escape_ascii());
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 20, ..ProptestConfig::default() })]
 

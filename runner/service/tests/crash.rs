@@ -181,7 +181,8 @@ fn kill_one(folder: &Path, after: Duration) -> Vec<String> {
 
 fn check(folder: &Path, said: &[String]) -> (usize, usize) {
     let (shop, recovery) = Shop::open(folder);
-    let all = shop.jobs.list(&JobFilter { most: 100_000, ..JobFilter::default() }).unwrap();
+    let all =
+        shop.jobs.reader().list(&JobFilter { most: 100_000, ..JobFilter::default() }).unwrap();
     for job in &all {
         let left = fs::read(shop.line(job.id)).unwrap_or_default();
         let what = || format!("{job:?}, and {} bytes have left", left.len());

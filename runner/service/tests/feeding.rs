@@ -101,7 +101,7 @@ fn every_byte_arrives_and_none_before_it_was_written_down() {
                 let (taken, end) = drain(reader, |count| {
                     looks += 1;
                     if looks % 16 == 1 {
-                        let extent = shop.jobs.job(id).unwrap().extent;
+                        let extent = shop.jobs.reader().job(id).unwrap().extent;
                         assert!(extent.maybe >= from + count, "{extent:?}, and {count} came");
                         assert!(extent.maybe <= from + count + 2 * 6_000, "{extent:?}: too much");
                     }
@@ -109,7 +109,7 @@ fn every_byte_arrives_and_none_before_it_was_written_down() {
                 assert_eq!(end, Drawn::End);
                 assert!(taken == program[from as usize..], "{link}");
                 assert!(figures.highest() <= 6_000, "over the high mark");
-                assert_eq!(shop.jobs.job(id).unwrap().extent.maybe, size as u64);
+                assert_eq!(shop.jobs.reader().job(id).unwrap().extent.maybe, size as u64);
                 feeder.forget(id);
             });
         }
@@ -125,11 +125,11 @@ fn a_check_reads_all_and_grants_nothing_and_the_run_after_it_begins_anew() {
     let (writer, reader) = reservoir(8_192, 2_048, 6_000);
     feeder.feed(Feeding { is_check: true, ..feeding(id, data, 0, writer) });
     assert!(drain(reader, |_| ()) == (program.clone(), Drawn::End));
-    assert_eq!(shop.jobs.job(id).unwrap().extent, Extent::default());
+    assert_eq!(shop.jobs.reader().job(id).unwrap().extent, Extent::default());
     let (writer, reader) = reservoir(8_192, 2_048, 6_000);
     feeder.feed(feeding(id, data, 0, writer));
     assert!(drain(reader, |_| ()) == (program, Drawn::End));
-    assert_eq!(shop.jobs.job(id).unwrap().extent.maybe, 30_000);
+    assert_eq!(shop.jobs.reader().job(id).unwrap().extent.maybe, 30_000);
 }
 
 #[test]
@@ -145,7 +145,7 @@ fn a_machine_that_takes_nothing_gets_no_more_than_the_buffer_holds() {
     feeder.feed(feeding(other, data, 0, writer));
     assert_eq!(drain(busy, |_| ()).0.len(), 60_000);
     assert!((6_000 - 512..=6_000).contains(&reader.level()), "{}", reader.level());
-    let extent = shop.jobs.job(held).unwrap().extent;
+    let extent = shop.jobs.reader().job(held).unwrap().extent;
     assert!(extent.maybe <= 2 * 6_000, "{extent:?}");
     feeder.forget(held);
     // What it was promised is not all, and it is told so.

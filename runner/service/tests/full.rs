@@ -73,6 +73,24 @@ fn while_the_disk_is_full_nothing_is_lost_and_with_room_it_goes_on() {
     let file = job.reception.unwrap().file.unwrap();
     assert!(fs::read(folder.path().join("receptions/lathe").join(file)).unwrap() == program);
 
+    // One whose beginning is refused first: it is taken once, also for its name.
+    let (mut writer, reader) = reservoir(10_000, 0, 10_000);
+    let (link, place) = ("lathe".to_owned(), "lathe".to_owned());
+    clerk.take(Incoming { lane: LaneId(1), link, place, delivery: 2, job: None, bytes: reader });
+    assert!(matches!(next(&news), ClerkNews::Begun(_)));
+    limit(Some(1));
+    assert_eq!(writer.write(b"O1"), 2);
+    assert!(matches!(next(&news), ClerkNews::Stuck { .. }));
+    limit(None);
+    assert!(matches!(next(&news), ClerkNews::GoesOn { .. }));
+    assert_eq!(writer.write(b"234\nM30\n"), 8);
+    writer.finish();
+    clerk.end(LaneId(1), 2, None, 0, 10);
+    let ClerkNews::Kept(job) = next(&news) else { panic!("it is kept") };
+    assert_eq!(job.reception.unwrap().file.as_deref(), Some("O1234"));
+    let file = folder.path().join("receptions/lathe/O1234");
+    assert_eq!(fs::read(file).unwrap(), b"O1234\nM30\n");
+
     // A job: what can't be written down does not go out.
     let data = snapshots.take_all(&mut &program[..60_000], "O1", 1 << 20).unwrap();
     let id = jobs.submit(Order::send("lathe", "O1", data)).unwrap().id;
@@ -105,5 +123,5 @@ fn while_the_disk_is_full_nothing_is_lost_and_with_room_it_goes_on() {
         }
     }
     assert!(taken == program[..60_000]);
-    assert_eq!(jobs.job(id).unwrap().extent.maybe, 60_000);
+    assert_eq!(jobs.reader().job(id).unwrap().extent.maybe, 60_000);
 }

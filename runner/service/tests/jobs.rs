@@ -22,7 +22,7 @@ fn send(jobs: &Jobs, link: &str, priority: i32) -> u32 {
 
 fn texts(jobs: &Jobs) -> Vec<String> {
     let filter = EntryFilter { most: 1_000, ..EntryFilter::default() };
-    let entries = jobs.journal(&filter).unwrap();
+    let entries = jobs.reader().journal(&filter).unwrap();
     entries.into_iter().rev().map(|entry| entry.note.text).collect()
 }
 
@@ -46,8 +46,8 @@ fn a_job_goes_its_way_and_the_journal_tells_it() {
     assert_eq!(jobs.next("lathe").unwrap().id, low);
     assert_eq!(jobs.abort(low).unwrap().state, State::Aborted);
     assert_eq!(jobs.next("lathe"), None);
-    assert_eq!(jobs.last_sent("lathe", "O1").unwrap().unwrap().job, high);
-    assert_eq!(jobs.last_sent("mill", "O1").unwrap(), None);
+    assert_eq!(jobs.reader().last_sent("lathe", "O1").unwrap().unwrap().job, high);
+    assert_eq!(jobs.reader().last_sent("mill", "O1").unwrap(), None);
     assert_eq!(
         texts(&jobs),
         [
@@ -153,11 +153,11 @@ fn what_was_under_way_is_interrupted_by_a_new_start_and_never_begun_again() {
     let (jobs, recovery) = Jobs::open(folder.path(), Keep::default()).unwrap();
     let interrupted: Vec<_> = recovery.interrupted.iter().map(|job| job.id).collect();
     assert_eq!((interrupted, recovery.queued), (vec![6, 7, receiving], 4));
-    let job = jobs.job(6).unwrap();
+    let job = jobs.reader().job(6).unwrap();
     assert_eq!((job.state, job.extent), (State::Interrupted, Extent { surely: 400, maybe: 400 }));
-    assert_eq!(jobs.job(7).unwrap().extent, Extent { surely: 0, maybe: 300 });
-    assert_eq!(jobs.job(8).unwrap().state, State::Done);
-    assert_eq!(jobs.job(ids[1]).unwrap().state, State::Paused);
+    assert_eq!(jobs.reader().job(7).unwrap().extent, Extent { surely: 0, maybe: 300 });
+    assert_eq!(jobs.reader().job(8).unwrap().state, State::Done);
+    assert_eq!(jobs.reader().job(ids[1]).unwrap().state, State::Paused);
     assert_eq!((jobs.next("a"), jobs.next("b")), (None, None));
     assert_eq!(jobs.next("lathe").unwrap().id, ids[0]);
     assert!(texts(&jobs).contains(
@@ -231,8 +231,8 @@ fn a_job_is_done_again_from_a_block_with_the_data_as_they_were() {
     let partial = jobs.next("lathe").unwrap();
     jobs.begin(partial.id).unwrap();
     jobs.end(partial.id, Ending::Done, None).unwrap();
-    assert_eq!(jobs.last_sent("lathe", "O1").unwrap(), None);
-    assert_eq!(jobs.needed_data().unwrap().len(), 1);
+    assert_eq!(jobs.reader().last_sent("lathe", "O1").unwrap(), None);
+    assert_eq!(jobs.reader().needed_data().unwrap().len(), 1);
 }
 
 #[test]
@@ -283,27 +283,28 @@ fn lists_and_the_journal_are_bounded_and_can_be_filtered() {
         let id = send(&jobs, "lathe", 0);
         jobs.abort(id).unwrap();
     }
-    let all = jobs.list(&JobFilter { most: 1_000, ..JobFilter::default() }).unwrap();
+    let all = jobs.reader().list(&JobFilter { most: 1_000, ..JobFilter::default() }).unwrap();
     assert!((10..=14).contains(&all.len()), "{}", all.len());
     assert_eq!(all.last().unwrap().id, kept);
     assert!(all.windows(2).all(|pair| pair[0].id > pair[1].id));
     let filter = JobFilter { state: Some(State::Queued), most: 5, ..JobFilter::default() };
-    assert_eq!(jobs.list(&filter).unwrap().len(), 1);
+    assert_eq!(jobs.reader().list(&filter).unwrap().len(), 1);
     let filter =
         JobFilter { link: Some("lathe".into()), before: Some(40), most: 3, ..JobFilter::default() };
-    let ids: Vec<_> = jobs.list(&filter).unwrap().iter().map(|job| job.id).collect();
+    let ids: Vec<_> = jobs.reader().list(&filter).unwrap().iter().map(|job| job.id).collect();
     assert_eq!(ids, [39, 38, 37]);
 
     jobs.note(Note::new(Subject::Fault, "it trapped").of_link("mill").weighing(Weight::Alarm))
         .unwrap();
-    let entries = jobs.journal(&EntryFilter { most: 1_000, ..EntryFilter::default() }).unwrap();
+    let entries =
+        jobs.reader().journal(&EntryFilter { most: 1_000, ..EntryFilter::default() }).unwrap();
     assert_eq!(entries.len(), 20);
     assert!(entries.windows(2).all(|pair| pair[0].number == pair[1].number + 1));
     let filter = EntryFilter { at_least: Weight::Warning, most: 10, ..EntryFilter::default() };
-    let alarms = jobs.journal(&filter).unwrap();
+    let alarms = jobs.reader().journal(&filter).unwrap();
     assert_eq!((alarms.len(), &*alarms[0].note.text), (1, "it trapped"));
     let filter = EntryFilter { before: Some(entries[5].number), most: 2, ..EntryFilter::default() };
-    assert_eq!(jobs.journal(&filter).unwrap(), entries[6..8]);
+    assert_eq!(jobs.reader().journal(&filter).unwrap(), entries[6..8]);
     // Aged ones go when enough others came.
     let keep = Keep { days: 0, ..keep };
     drop(jobs);
@@ -312,7 +313,8 @@ fn lists_and_the_journal_are_bounded_and_can_be_filtered() {
     for number in 0..64 {
         jobs.note(Note::new(Subject::Gateway, format!("note {number}"))).unwrap();
     }
-    let entries = jobs.journal(&EntryFilter { most: 1_000, ..EntryFilter::default() }).unwrap();
+    let entries =
+        jobs.reader().journal(&EntryFilter { most: 1_000, ..EntryFilter::default() }).unwrap();
     assert!(entries.iter().all(|entry| entry.note.text.starts_with("note")));
 }
 
@@ -376,7 +378,7 @@ proptest! {
                     drop(jobs);
                     let (again, recovery) = Jobs::open(folder.path(), Keep::default()).unwrap();
                     for job in before {
-                        let now = again.job(job.id).unwrap();
+                        let now = again.reader().job(job.id).unwrap();
                         prop_assert_eq!(now.extent, job.extent);
                         let expected = if job.has_begun() { State::Interrupted } else { job.state };
                         prop_assert_eq!(now.state, expected);

@@ -21,7 +21,8 @@ pub struct Successor<I> {
     pub instance: I,
     /// A value for each of its settings.
     pub settings: SettingValues,
-    /// The formats of state that it accepts, as its manifest lists them.
+    /// The formats in which it accepts the running plug-in's state, as its manifest lists them;
+    /// none if that is a plug-in of another name, whose formats mean something else.
     pub accepts: Vec<u16>,
     /// With one, the successor is on [probation](Link::on_probation).
     pub spare: Option<Spare<I>>,
@@ -35,7 +36,8 @@ pub struct Spare<I> {
     /// A new instance of the plug-in that runs now. It gets the settings that
     /// the link has now.
     pub instance: I,
-    /// The formats of state that it accepts, as its manifest lists them.
+    /// The formats in which it accepts the successor's state, as its manifest lists them; none
+    /// if that is a plug-in of another name.
     pub accepts: Vec<u16>,
 }
 

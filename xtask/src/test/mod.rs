@@ -11,7 +11,7 @@ use std::process::{Command, ExitCode};
 pub(crate) use self::counts::Counts;
 use crate::run::{self, cargo, overhear};
 use crate::workspace::Workspace;
-use crate::{Error, playground, plugins};
+use crate::{Error, emulated, playground, plugins};
 
 /// With `--all`, all that is needed must be there.
 #[derive(Debug, thiserror::Error)]
@@ -33,6 +33,13 @@ impl Tool {
         format!("needs_{}", self.program.replace('-', "_"))
     }
 }
+
+/// Its tests take minutes, and fetch a kernel: they are run where they are asked for.
+const EMULATOR: Tool = Tool {
+    program: emulated::QEMU,
+    source: "Debian package qemu-system-x86",
+    purpose: "the command on real serial drivers, in an emulated computer",
+};
 
 const TOOLS: &[Tool] = &[
     Tool {
@@ -92,6 +99,7 @@ const TOOLS: &[Tool] = &[
         source: "Debian package util-linux",
         purpose: "a gateway on a disk that is full, and one without rights",
     },
+    EMULATOR,
     Tool {
         program: "schemathesis",
         source: "runner/service/tests/api/requirements.txt, from PyPI",
@@ -99,31 +107,93 @@ const TOOLS: &[Tool] = &[
     },
 ];
 
-/// Fails where a test fails; where a tool is missing only if `all`.
-pub(crate) fn run(workspace: &Workspace, all: bool) -> Result<ExitCode, Error> {
+/// Which tests to run.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(crate) enum Extent {
+    /// What is there, but for the emulated computer.
+    Usual,
+    /// Everything; what is missing is an error.
+    All,
+    /// The emulated computer alone.
+    Emulated,
+}
+
+impl Extent {
+    pub(crate) fn new(all: bool, emulated: bool) -> Self {
+        match (all, emulated) {
+            (_, true) => Self::Emulated,
+            (true, false) => Self::All,
+            (false, false) => Self::Usual,
+        }
+    }
+}
+
+/// Fails where a test fails; where a tool is missing only if all is asked for.
+pub(crate) fn run(workspace: &Workspace, extent: Extent) -> Result<ExitCode, Error> {
     let missing: Vec<_> = TOOLS.iter().filter(|tool| run::find(tool.program).is_none()).collect();
-    if all && !missing.is_empty() {
+    if extent == Extent::All && !missing.is_empty() {
         let names = missing.iter().map(|tool| format!("`{}` ({})", tool.program, tool.source));
         return Err(TestError(names.collect()).into());
     }
+    let mut left_out = Vec::new();
+    let emulated = match emulated_obstacle(extent) {
+        None => true,
+        Some(why) if extent == Extent::All => return Err(TestError(vec![why]).into()),
+        Some(why) => {
+            left_out.push((EMULATOR.purpose, why));
+            false
+        }
+    };
     plugins::build(workspace, plugins::Report::Table)?;
-    plugins::build_mutants(workspace)?;
-    playground::build(workspace)?;
-
-    let skips: Vec<_> = missing.iter().map(|tool| tool.module()).collect();
     let mut steps = Vec::new();
-    for (name, mut command) in steps_of(&skips) {
-        command
-            .current_dir(workspace.root())
-            .env("SOFTPLUG_PLUGINS", workspace.plugin_folder())
-            .env("SOFTPLUG_MUTANTS", workspace.mutant_folder())
-            .env("SOFTPLUG_PLAYGROUND", workspace.playground())
-            .env("CARGO_TERM_COLOR", "never");
-        let heard = overhear(&mut command)?;
-        let counts = Counts::read(&heard.stdout) + Counts::read(&heard.stderr);
-        steps.push(Step { name, counts, succeeded: heard.status.success() });
+    if extent != Extent::Emulated {
+        plugins::build_mutants(workspace)?;
+        playground::build(workspace)?;
+        let others = missing.iter().filter(|tool| tool.program != EMULATOR.program);
+        for tool in others {
+            let why = format!("`{}` is missing ({})", tool.program, tool.source);
+            left_out.push((tool.purpose, why));
+        }
+        let mut skips: Vec<_> = missing.iter().map(|tool| tool.module()).collect();
+        skips.push(EMULATOR.module());
+        for (name, command) in steps_of(&skips) {
+            steps.push(step(workspace, name, command)?);
+        }
     }
-    Ok(conclude(&steps, &missing))
+    if emulated {
+        // The tests before have built the command as well.
+        let built = workspace.target().join("debug").join("softplug");
+        let command =
+            if extent == Extent::All { built } else { plugins::build_command(workspace, true)? };
+        let images = emulated::make(workspace, &command)?;
+        let mut tests = emulated_tests();
+        tests.env("SOFTPLUG_EMULATED", images);
+        steps.push(step(workspace, "the emulated computer", tests)?);
+    }
+    Ok(conclude(&steps, &left_out))
+}
+
+/// Why the emulated computer is left out, if it is.
+fn emulated_obstacle(extent: Extent) -> Option<String> {
+    if run::find(EMULATOR.program).is_none() {
+        return Some(format!("`{}` is missing ({})", EMULATOR.program, EMULATOR.source));
+    }
+    if extent == Extent::Usual {
+        return Some("it takes minutes (cargo xtask test --emulated)".to_owned());
+    }
+    emulated::obstacle()
+}
+
+fn step(workspace: &Workspace, name: &'static str, mut command: Command) -> Result<Step, Error> {
+    command
+        .current_dir(workspace.root())
+        .env("SOFTPLUG_PLUGINS", workspace.plugin_folder())
+        .env("SOFTPLUG_MUTANTS", workspace.mutant_folder())
+        .env("SOFTPLUG_PLAYGROUND", workspace.playground())
+        .env("CARGO_TERM_COLOR", "never");
+    let heard = overhear(&mut command)?;
+    let counts = Counts::read(&heard.stdout) + Counts::read(&heard.stderr);
+    Ok(Step { name, counts, succeeded: heard.status.success() })
 }
 
 /// One run of a test runner.
@@ -166,23 +236,35 @@ fn steps_of(skips: &[String]) -> [(&'static str, Command); 2] {
     [(if nextest { "cargo nextest" } else { "cargo test" }, tests), ("the doc tests", examples)]
 }
 
+fn emulated_tests() -> Command {
+    let mut tests = cargo();
+    let package = ["-p", "softplug-emulated", "--no-fail-fast"];
+    if run::find("cargo-nextest").is_some() {
+        tests.args(["nextest", "run"]).args(package);
+    } else {
+        tests.arg("test").args(package).args(["--lib", "--tests"]);
+    }
+    tests
+}
+
 /// Skipped is never green by silence: everything left out has its line.
-fn conclude(steps: &[Step], missing: &[&Tool]) -> ExitCode {
+fn conclude(steps: &[Step], left_out: &[(&str, String)]) -> ExitCode {
     let total = steps.iter().fold(Counts::default(), |sum, step| sum + step.counts);
     let complaints: Vec<_> = steps.iter().filter_map(Step::complaint).collect();
     println!();
-    for tool in missing {
-        println!(
-            "left out: {}, because `{}` is missing ({})",
-            tool.purpose, tool.program, tool.source
-        );
+    for (what, why) in left_out {
+        println!("left out: {what}, because {why}");
     }
     println!("left out: benchmarks, because they measure and judge nothing (cargo xtask bench)");
     for complaint in &complaints {
         println!("error: {complaint}");
     }
     println!("{total}");
-    let good = complaints.is_empty() && steps.iter().all(|step| step.succeeded);
+    if steps.is_empty() {
+        println!("error: no test was run, which proves nothing");
+    }
+    let good =
+        !steps.is_empty() && complaints.is_empty() && steps.iter().all(|step| step.succeeded);
     if good { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
@@ -190,16 +272,25 @@ fn conclude(steps: &[Step], missing: &[&Tool]) -> ExitCode {
 mod tests {
     use super::*;
 
-    fn step(passed: u64, failed: u64, succeeded: bool) -> Step {
+    fn ended(passed: u64, failed: u64, succeeded: bool) -> Step {
         Step { name: "cargo test", counts: Counts { passed, failed, skipped: 0 }, succeeded }
     }
 
     #[test]
     fn a_run_without_tests_is_an_error_and_so_is_one_that_broke_off() {
-        assert_eq!(step(3, 0, true).complaint(), None);
-        assert_eq!(step(3, 1, false).complaint(), None);
-        assert!(step(0, 0, true).complaint().unwrap().contains("no test at all"));
-        assert!(step(0, 0, false).complaint().unwrap().contains("did not get to the end"));
+        assert_eq!(ended(3, 0, true).complaint(), None);
+        assert_eq!(ended(3, 1, false).complaint(), None);
+        assert!(ended(0, 0, true).complaint().unwrap().contains("no test at all"));
+        assert!(ended(0, 0, false).complaint().unwrap().contains("did not get to the end"));
+    }
+
+    #[test]
+    fn the_emulated_computer_is_a_part_of_all_and_not_of_the_usual() {
+        assert_eq!(Extent::new(false, false), Extent::Usual);
+        assert_eq!(Extent::new(true, false), Extent::All);
+        assert_eq!(Extent::new(true, true), Extent::Emulated);
+        assert!(emulated_obstacle(Extent::Usual).is_some());
+        assert_eq!(EMULATOR.module(), "needs_qemu_system_x86_64");
     }
 
     #[test]

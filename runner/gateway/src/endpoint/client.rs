@@ -300,7 +300,10 @@ impl Client {
             let Some(telnet) = &mut self.telnet else { break };
             let (taken, count) = telnet.receive(&self.input, buffer);
             self.input.drain(..taken);
-            if taken == 0 {
+            if telnet.is_broken() && !self.is_lost {
+                tracing::warn!(client = %self.address, "its subnegotiation is too long; hanging up");
+                self.is_lost = true;
+            } else if taken == 0 {
                 self.is_blocked = true;
             }
             self.flush(false);

@@ -13,6 +13,7 @@ use softplug_abi::{LineParameters, ModemLines};
 
 use super::LineAnswer;
 use crate::port::Flow;
+use crate::port::rfc2217_bound::SubnegotiationBound;
 use crate::port::rfc2217_values::{line_state, modem_state, settings_of};
 use crate::reactor::{EndpointWish, LineNews};
 
@@ -38,6 +39,9 @@ pub(super) struct Telnet {
     wishes: VecDeque<EndpointWish>,
     /// The client wants what was received and not sent to it to be dropped.
     purges_received: bool,
+    bound: SubnegotiationBound,
+    /// The client has sent what nobody sends who speaks the protocol.
+    is_broken: bool,
 }
 
 impl Telnet {
@@ -54,6 +58,8 @@ impl Telnet {
             output: VecDeque::new(),
             wishes: VecDeque::new(),
             purges_received: false,
+            bound: SubnegotiationBound::default(),
+            is_broken: false,
         };
         telnet.gather();
         telnet
@@ -63,6 +69,8 @@ impl Telnet {
     /// gives the data in it to `payload`.
     pub(super) fn receive(&mut self, input: &[u8], payload: &mut [u8]) -> (usize, usize) {
         let (mut taken, mut count) = (0, 0);
+        let all = input;
+        let input = &input[..self.bound.within(input)];
         while self.output.len() < WAITING && self.wishes.len() < WISHES {
             let progress = self.server.receive_into(&input[taken..], &mut payload[count..]);
             let Progress { consumed, payload_len, .. } = progress;
@@ -75,7 +83,15 @@ impl Telnet {
                 None => {}
             }
         }
+        self.bound.pass(&input[..taken]);
+        self.is_broken |= taken == input.len() && taken < all.len();
         (taken, count)
+    }
+
+    /// Whether the connection has to end: a subnegotiation is longer than any can be, and
+    /// nothing from it on is taken.
+    pub(super) fn is_broken(&self) -> bool {
+        self.is_broken
     }
 
     /// Encodes as much of what was delivered as may wait; how much that was.

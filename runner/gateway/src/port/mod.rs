@@ -14,6 +14,8 @@ mod open;
 #[cfg(target_os = "linux")]
 mod rfc2217;
 #[cfg(target_os = "linux")]
+pub(crate) mod rfc2217_bound;
+#[cfg(target_os = "linux")]
 pub(crate) mod rfc2217_values;
 #[cfg(target_os = "linux")]
 pub(crate) mod scratch;

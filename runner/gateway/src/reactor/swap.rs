@@ -20,7 +20,9 @@ pub struct Swap<I> {
 /// When to swap.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum When {
-    /// At once, whatever is under way: refused if the state cannot be carried over.
+    /// At once, whatever is under way: refused if the state cannot be carried over. A plug-in
+    /// that takes none of the running one's formats begins as new, and is refused unless
+    /// nothing is under way.
     Now,
     /// At the next moment at which nothing is under way.
     Idle,

@@ -43,6 +43,20 @@ struct UnderWay {
     file: File,
     path: PathBuf,
     bytes: u64,
+    /// A write failed, and part of it may stand behind `bytes`.
+    is_torn: bool,
+}
+
+impl UnderWay {
+    /// Takes away what a failed write left behind the good bytes.
+    fn mend(&mut self) -> io::Result<()> {
+        if self.is_torn {
+            self.file.set_len(self.bytes)?;
+            self.file.seek(SeekFrom::Start(self.bytes))?;
+            self.is_torn = false;
+        }
+        Ok(())
+    }
 }
 
 impl Inbox {
@@ -81,7 +95,7 @@ impl Inbox {
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(error) => return Err(error),
                 Ok(file) => {
-                    self.under_way = Some(UnderWay { file, path, bytes: 0 });
+                    self.under_way = Some(UnderWay { file, path, bytes: 0, is_torn: false });
                     return Ok(());
                 }
             }
@@ -92,16 +106,19 @@ impl Inbox {
     /// More bytes of the delivery under way.
     ///
     /// # Errors
-    /// They cannot be written. None of them is in the file then; they may be given again.
+    /// They cannot be written. None of them counts then; they may be given again.
     pub fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         let Some(under_way) = &mut self.under_way else { return Ok(()) };
-        let UnderWay { file, bytes: before, .. } = under_way;
-        if let Err(error) = file.write_all(bytes) {
-            file.set_len(*before)?;
-            file.seek(SeekFrom::Start(*before))?;
+        // What could not be taken away at once is before anything else is written: it would
+        // stand in the file twice.
+        under_way.mend()?;
+        if let Err(error) = under_way.file.write_all(bytes) {
+            under_way.is_torn = true;
+            // Said by the next write, or at the end, if it cannot be.
+            let _ = under_way.mend();
             return Err(error);
         }
-        *before += bytes.len() as u64;
+        under_way.bytes += bytes.len() as u64;
         Ok(())
     }
 
@@ -116,14 +133,16 @@ impl Inbox {
     /// The file cannot be brought onto the disk, and is kept as failed then; or it cannot get its
     /// name: what came stays in the `.partial` one.
     pub fn end(&mut self, name: Option<&str>, mark: Mark) -> io::Result<Kept> {
-        let Some(UnderWay { file, path, bytes }) = self.under_way.take() else {
+        let Some(mut under_way) = self.under_way.take() else {
             return Ok(Kept { path: None, bytes: 0 });
         };
+        let mended = under_way.mend();
+        let UnderWay { file, path, bytes, .. } = under_way;
         if mark == Mark::Failed && bytes == 0 {
             fs::remove_file(&path)?;
             return Ok(Kept { path: None, bytes });
         }
-        let synced = file.sync_all();
+        let synced = mended.and_then(|()| file.sync_all());
         drop(file);
         let end = match mark {
             Mark::Complete if synced.is_ok() => "",

@@ -217,7 +217,7 @@ impl Delivery {
 /// With what was sent last under this name. What cannot be compared is not.
 fn compare(office: &Office, link: &str, arrived: &Arrived) -> Option<Comparison> {
     let (name, path) = (arrived.name.as_ref()?, arrived.path.as_ref()?);
-    let sent = office.jobs.last_sent(link, name).ok()??;
+    let sent = office.jobs.reader().last_sent(link, name).ok()??;
     let (one, other) = (File::open(path).ok()?, office.snapshots.open(sent.data).ok()?);
     let differs_at = first_difference(one, other).ok()?;
     Some(Comparison { with: sent.job, differs_at })

@@ -91,6 +91,8 @@ pub(crate) struct Control {
     pub(super) stopping: Option<Stopping>,
     /// What a disk or a database last refused.
     pub(super) trouble: Option<String>,
+    /// Why a changed configuration was not taken.
+    pub(super) config_trouble: Option<String>,
 }
 
 /// A stop under way.
@@ -146,7 +148,7 @@ impl Shared {
     /// Removes snapshots that no job needs any more.
     fn sweep(&self) {
         let Parts { jobs, snapshots, .. } = &self.parts;
-        match snapshots.collect_garbage(|| jobs.needed_data()) {
+        match snapshots.collect_garbage(|| jobs.reader().needed_data()) {
             Ok(freed) => tracing::debug!(freed, "snapshots that nobody needs were removed"),
             Err(error) => tracing::warn!(%error, "snapshots that nobody needs are not removed"),
         }

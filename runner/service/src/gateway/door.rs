@@ -1,6 +1,6 @@
 //! The handle's calls that concern links, jobs and the gateway itself.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::io::{self, Read};
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
@@ -15,8 +15,8 @@ use super::jobs::Wish;
 use super::swaps::Wanted;
 use super::{Gateway, Watching, show};
 use crate::Refusal;
-use crate::config::{Config, ConfigError};
-use crate::jobs::{BeginAt, EntryFilter, JobFilter as Filter, Kind, Order, State, beginning_at};
+use crate::config::Config;
+use crate::jobs::{BeginAt, EntryFilter, Job, JobFilter as Filter, Kind, Order, beginning_at};
 use crate::view::{
     Change, HealthView, JobFilter, JobOrder, JobView, JournalEntry, JournalFilter, KindView,
     LinkCounts, LinkState, LinkView, ReadyView, ReloadView, StopHow, SwapOrder, SwapView,
@@ -57,12 +57,19 @@ impl Gateway {
     pub fn swap(&self, link: &str, order: &SwapOrder) -> Result<SwapView, Refusal> {
         let settings = match &order.settings {
             Some(settings) => settings.clone(),
-            None => self.link(link)?.settings,
+            None => {
+                // Settings belong to a plug-in: another one has others.
+                let running = self.link(link)?;
+                let to = self.shared.parts.loader.resolve(&order.plugin)?;
+                let is_same = running.plugin.is_some_and(|plugin| plugin.name == to.name);
+                if is_same { running.settings } else { BTreeMap::new() }
+            }
         };
         let successor = self.shared.parts.loader.prepare(&order.plugin, &settings)?;
         let (to, done) = sync_channel(1);
         let probation = order.probation.map(Into::into);
-        let wanted = Wanted { successor, when: order.when, probation, waits: Some(to) };
+        let wanted =
+            Wanted { successor, when: order.when, probation, waits: Some(to), configured: None };
         let link = link.to_owned();
         let ordered = self.shared.ask(move |control| control.order_swap(&link, wanted))?;
         Ok(done.recv_timeout(SWAPPING).unwrap_or(ordered))
@@ -110,13 +117,23 @@ impl Gateway {
 impl Gateway {
     /// Jobs, the newest first.
     pub fn jobs(&self, filter: &JobFilter) -> Result<Vec<JobView>, Refusal> {
-        let jobs = self.shared.parts.jobs.list(&Filter::from(filter.clone()))?;
-        self.shared.ask(move |control| Ok(jobs.iter().map(|job| control.job_view(job)).collect()))
+        let jobs = self.shared.parts.jobs.reader().list(&Filter::from(filter.clone()))?;
+        // Of one that has ended nobody knows more than is written down.
+        let live: Vec<_> = jobs.iter().filter(|job| !job.state.is_final()).cloned().collect();
+        let mut views: HashMap<u32, JobView> = if live.is_empty() {
+            HashMap::new()
+        } else {
+            self.shared.ask(move |control| {
+                Ok(live.iter().map(|job| (job.id, control.job_view(job))).collect())
+            })?
+        };
+        let view = |job: &Job| views.remove(&job.id).unwrap_or_else(|| job.view(None));
+        Ok(jobs.iter().map(view).collect())
     }
 
     /// One job.
     pub fn job(&self, id: u32) -> Result<JobView, Refusal> {
-        let job = self.shared.parts.jobs.job(id)?;
+        let job = self.shared.parts.jobs.reader().job(id)?;
         let between = self.shared.parts.snapshots.between(&job);
         let last_block = between.ok().and_then(|between| between.last_whole);
         let view = self.shared.ask(move |control| Ok(control.job_view(&job)))?;
@@ -192,7 +209,7 @@ impl Gateway {
         self.shared.ask(move |control| {
             control.show_job(&job);
             control.begin_next(&job.order.link);
-            let job = control.shared.parts.jobs.job(job.id)?;
+            let job = control.shared.parts.jobs.reader().job(job.id)?;
             Ok(control.job_view(&job))
         })
     }
@@ -218,7 +235,7 @@ impl Gateway {
         self.refuse_while_stopping()?;
         let parts = &self.shared.parts;
         let _hold = parts.snapshots.hold();
-        let before = parts.jobs.job(id)?;
+        let before = parts.jobs.reader().job(id)?;
         let link = before.order.link.clone();
         let plugin = self.plugin_of(&link)?;
         let field = finds_blocks(&plugin, &before.order.job_kind);
@@ -253,7 +270,8 @@ fn finds_blocks(plugin: &Plugin, kind: &str) -> Option<&'static str> {
 impl Gateway {
     /// Entries of the journal, the newest first.
     pub fn journal(&self, filter: &JournalFilter) -> Result<Vec<JournalEntry>, Refusal> {
-        let entries = self.shared.parts.jobs.journal(&EntryFilter::from(filter.clone()))?;
+        let entries =
+            self.shared.parts.jobs.reader().journal(&EntryFilter::from(filter.clone()))?;
         Ok(entries.into_iter().map(Into::into).collect())
     }
 
@@ -265,14 +283,17 @@ impl Gateway {
 
     /// How it is.
     pub fn health(&self) -> HealthView {
-        let asked = self.shared.ask(|control| Ok((control.counts(), control.trouble.clone())));
-        let (links, problems) = match asked {
-            Ok((links, trouble)) => (links, trouble.into_iter().collect()),
-            Err(refusal) => (LinkCounts::default(), vec![refusal.to_string()]),
+        let asked = self
+            .shared
+            .ask(|control| Ok((control.counts(), control.trouble.clone(), control.warnings())));
+        let (links, problems, warnings) = match asked {
+            Ok((links, trouble, warnings)) => (links, trouble.into_iter().collect(), warnings),
+            Err(refusal) => (LinkCounts::default(), vec![refusal.to_string()], Vec::new()),
         };
         HealthView {
             is_healthy: problems.is_empty(),
             problems,
+            warnings,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             started_ms: self.shared.started_ms,
             links,
@@ -299,10 +320,15 @@ impl Gateway {
     pub fn reload(&self) -> Result<ReloadView, Refusal> {
         self.refuse_while_stopping()?;
         let file = self.shared.ask(|control| Ok(control.config.file.clone()))?;
-        let wrong = |error: ConfigError| Refusal::invalid("configuration", error);
-        let config = Config::read(&file).map_err(wrong)?;
-        let ready = self.shared.make_ready(config).map_err(wrong)?;
-        self.shared.ask(move |control| Ok(control.reload(ready)))
+        let read = Config::read(&file).map_err(|error| (error, Vec::new()));
+        match read.and_then(|config| self.shared.prepare_all(config)) {
+            Ok(ready) => self.shared.ask(move |control| Ok(control.reload(ready))),
+            Err((error, missing)) => {
+                let why = error.to_string();
+                self.shared.tell(move |control| control.reload_refused(&why, missing));
+                Err(Refusal::invalid("configuration", error))
+            }
+        }
     }
 
     /// Stops the gateway for a new one that takes its place, if no link is busy: what a
@@ -320,25 +346,14 @@ impl Gateway {
 
 impl Control {
     fn link_views(&self) -> Vec<LinkView> {
-        let mut queued = self.queued();
+        let mut queued = self.shared.parts.jobs.queued();
         let links = self.links.iter();
         links.map(|(name, link)| show::link(name, link, queued.remove(name).unwrap_or(0))).collect()
     }
 
     pub(super) fn link_view(&self, name: &str) -> Result<LinkView, Refusal> {
         let link = self.links.get(name).ok_or_else(|| Refusal::no_link(name))?;
-        Ok(show::link(name, link, self.queued().remove(name).unwrap_or(0)))
-    }
-
-    /// Jobs that wait, by link.
-    fn queued(&self) -> BTreeMap<String, u32> {
-        let mut queued = BTreeMap::new();
-        for job in self.shared.parts.jobs.live() {
-            if job.state == State::Queued {
-                *queued.entry(job.order.link).or_default() += 1;
-            }
-        }
-        queued
+        Ok(show::link(name, link, self.shared.parts.jobs.queued().remove(name).unwrap_or(0)))
     }
 
     /// Shows the links that look otherwise than when they were last shown.
@@ -351,6 +366,15 @@ impl Control {
         }
         let links = &self.links;
         self.shown.retain(|name, _| links.contains_key(name));
+    }
+
+    /// What somebody should look at.
+    fn warnings(&self) -> Vec<String> {
+        let links = self.links.iter().filter_map(|(name, link)| {
+            let unapplied = link.unapplied.as_ref()?;
+            Some(format!("{name}: {}", unapplied.text))
+        });
+        self.config_trouble.iter().cloned().chain(links).collect()
     }
 
     fn counts(&self) -> LinkCounts {

@@ -11,7 +11,7 @@ use super::link::{EndsAs, Link, Running};
 use crate::Refusal;
 use crate::clerk::ClerkNews;
 use crate::feeder::{FeederNews, Feeding, Pace, Stream};
-use crate::jobs::{Ending, Job, JobsError, Order, Reason, State};
+use crate::jobs::{Ending, Job, JobsError, Order, Reason};
 use crate::view::{Change, JobView};
 
 impl From<JobsError> for Refusal {
@@ -30,18 +30,7 @@ impl Control {
     /// Begins what waits on every link that can take it. Most are begun at once
     /// where their turn comes; this is for what nobody told.
     pub(super) fn begin_where_possible(&mut self) {
-        let mut waiting: Vec<String> = self
-            .shared
-            .parts
-            .jobs
-            .live()
-            .into_iter()
-            .filter(|job| job.state == State::Queued)
-            .map(|job| job.order.link)
-            .collect();
-        waiting.sort_unstable();
-        waiting.dedup();
-        for name in waiting {
+        for name in self.shared.parts.jobs.queued().into_keys() {
             self.begin_next(&name);
         }
     }

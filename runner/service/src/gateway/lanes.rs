@@ -32,6 +32,7 @@ impl Control {
         self.note_use(&name, &plugin, None);
         let link = Link {
             next: None,
+            unapplied: None,
             lane: Lane::Open(LaneId(0)),
             status: Arc::new(LaneStatus::default()),
             supervisor: Supervisor::new(limits),
@@ -125,6 +126,7 @@ impl Control {
             let (config, plugin) = *next;
             link.config = config;
             link.plugin = plugin;
+            link.unapplied = None;
             link.follow.runs(link.plugin.digest());
             link.supervisor.begin_anew();
             let plugin = link.plugin.clone();

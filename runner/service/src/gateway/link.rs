@@ -15,7 +15,7 @@ use super::simulated::Simulated;
 use crate::config::LinkConfig;
 use crate::jobs::Job;
 use crate::supervise::{Follow, State, Supervisor};
-use crate::view::{FaultView, LinkState, SwapState, SwapView, TimeMs};
+use crate::view::{FaultView, LinkState, SwapState, SwapView, TimeMs, UnappliedView, now_ms};
 
 /// Faults that are shown.
 const FAULTS: usize = 10;
@@ -25,6 +25,8 @@ pub(crate) struct Link {
     pub(crate) config: LinkConfig,
     /// Its configuration has changed; it is made anew once it is idle.
     pub(crate) next: Option<Box<(LinkConfig, Prepared)>>,
+    /// What the configuration asks for and the link did not take.
+    pub(crate) unapplied: Option<UnappliedView>,
     pub(crate) lane: Lane,
     pub(crate) status: Arc<LaneStatus>,
     pub(crate) plugin: Prepared,
@@ -127,6 +129,8 @@ pub(crate) struct Swapping {
     pub(crate) former: Option<Prepared>,
     /// Who waits for what comes of it.
     pub(crate) waits: Option<SyncSender<SwapView>>,
+    /// The plug-in as the configuration names it, if that asks for the swap.
+    pub(crate) configured: Option<String>,
 }
 
 /// Counts of closed lanes.
@@ -210,6 +214,25 @@ impl Link {
             None if self.deliveries.is_empty() => LinkState::Idle,
             None => LinkState::Receiving,
         }
+    }
+
+    /// The configuration asks for this plug-in, and the link goes on without it.
+    pub(crate) fn did_not_take(&mut self, plugin: &str, why: &str) {
+        let text =
+            format!("gateway.toml asks for the plug-in {plugin}, which was not taken: {why}");
+        if self.unapplied.as_ref().is_none_or(|unapplied| unapplied.text != text) {
+            self.unapplied =
+                Some(UnappliedView { plugin: plugin.to_owned(), text, since_ms: now_ms() });
+        }
+    }
+
+    /// A change of the configuration waits until nothing is under way.
+    pub(crate) fn has_change_waiting(&self) -> bool {
+        let swap_waits = self.swap.as_ref().is_some_and(|swap| {
+            swap.configured.is_some()
+                && matches!(swap.view.state, SwapState::Ordered | SwapState::Waiting)
+        });
+        matches!(self.lane, Lane::Open(_)) && (self.next.is_some() || swap_waits)
     }
 
     pub(crate) fn keep_fault(&mut self, fault: FaultView) {

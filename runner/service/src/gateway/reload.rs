@@ -8,7 +8,7 @@ use super::link::{After, Lane};
 use super::loading::{Loader, Prepared, Unloadable};
 use super::swaps::Wanted;
 use crate::config::{Config, ConfigError, LinkConfig, Problem};
-use crate::jobs::{Note, Subject};
+use crate::jobs::{Note, Subject, Weight};
 use crate::view::{ReloadView, RemadeLink, SwapWhen};
 
 /// Keys that say what the loop does with a link, and nothing of its lane.
@@ -22,22 +22,49 @@ pub(super) struct Ready {
     pub(super) plugins: BTreeMap<String, Prepared>,
 }
 
+/// A plug-in that a link's configuration asks for and that cannot be had.
+pub(super) struct Missing {
+    link: String,
+    plugin: String,
+    why: String,
+}
+
 impl Shared {
     /// Finds the plug-ins of all links and checks their settings.
-    pub(super) fn make_ready(&self, mut config: Config) -> Result<Ready, ConfigError> {
+    pub(super) fn make_ready(&self, config: Config) -> Result<Ready, ConfigError> {
+        self.prepare_all(config).map_err(|(error, _)| error)
+    }
+
+    /// As [`make_ready`](Self::make_ready); beside what is wrong, the links whose plug-in cannot
+    /// be had, and why.
+    pub(super) fn prepare_all(
+        &self,
+        mut config: Config,
+    ) -> Result<Ready, (ConfigError, Vec<Missing>)> {
         let (mut plugins, mut problems) = (BTreeMap::new(), Vec::new());
+        let mut missing = Vec::new();
         for link in &mut config.links {
-            match prepare(&self.parts.loader, link) {
-                Ok(prepared) => {
-                    plugins.insert(link.name.clone(), prepared);
+            match self.parts.loader.prepare(&link.plugin, &link.settings) {
+                Ok(prepared) => match link.complete_line(prepared.line()) {
+                    Ok(()) => {
+                        plugins.insert(link.name.clone(), prepared);
+                    }
+                    Err(problem) => problems.push(problem),
+                },
+                Err(error) => {
+                    missing.push(Missing {
+                        link: link.name.clone(),
+                        plugin: link.plugin.clone(),
+                        why: error.to_string(),
+                    });
+                    problems.push(problem(link, &error));
                 }
-                Err(problem) => problems.push(problem),
             }
         }
         if problems.is_empty() {
             Ok(Ready { config, plugins })
         } else {
-            Err(ConfigError::Wrong(problems))
+            Err((ConfigError::Wrong(problems), missing))
         }
     }
 }
@@ -90,7 +117,15 @@ impl Control {
             };
             // What waits already is what it will be.
             let will_be = known.next.as_ref().map_or(&known.config, |next| &next.0);
-            let keys = will_be.changed_keys(link);
+            let mut keys = will_be.changed_keys(link);
+            if known.unapplied.is_some() && !keys.contains(&"plugin") {
+                // It was asked for before, and is tried again, unless it is what runs.
+                if known.plugin.digest() != plugin.digest() {
+                    keys.push("plugin");
+                } else if let Some(known) = self.links.get_mut(&link.name) {
+                    known.unapplied = None;
+                }
+            }
             if keys.is_empty() {
                 view.untouched += 1;
                 continue;
@@ -107,8 +142,24 @@ impl Control {
         view
     }
 
+    /// A configuration that was read again is not taken: all goes on as before.
+    pub(super) fn reload_refused(&mut self, why: &str, missing: Vec<Missing>) {
+        let text = format!("the changed gateway.toml is not taken, all goes on as before: {why}");
+        if self.config_trouble.as_ref() != Some(&text) {
+            let note = Note::new(Subject::Gateway, text.as_str()).weighing(Weight::Warning);
+            self.shared.parts.scribe.note(note);
+            self.config_trouble = Some(text);
+        }
+        for Missing { link, plugin, why } in missing {
+            if let Some(link) = self.links.get_mut(&link) {
+                link.did_not_take(&plugin, &why);
+            }
+        }
+    }
+
     /// Applies a configuration that was read again.
     pub(super) fn reload(&mut self, ready: Ready) -> ReloadView {
+        self.config_trouble = None;
         let view = self.apply(ready);
         self.tell_reload(&view);
         view
@@ -129,12 +180,12 @@ impl Control {
                 when: SwapWhen::NowOrIdle,
                 probation: None,
                 waits: None,
+                configured: Some(config.plugin.clone()),
             };
             if self.order_swap(name, wanted).is_ok() {
-                if let Some(link) = self.links.get_mut(name) {
-                    link.config = config.clone();
-                }
-                return false;
+                let Some(link) = self.links.get_mut(name) else { return false };
+                link.config = config.clone();
+                return link.has_change_waiting();
             }
         }
         let Some(link) = self.links.get_mut(name) else { return false };

@@ -43,7 +43,11 @@ impl Asked {
     /// What a memory's part is called as a file: `DB5`, `M`.
     fn area(&self) -> Option<String> {
         let area = self.field("area")?;
-        let block = self.field("block").unwrap_or_default();
+        // Only data blocks have numbers; the telegram has one all the same.
+        let block = match area {
+            "DB" | "DX" => self.field("block").unwrap_or_default(),
+            _ => "",
+        };
         Some(format!("{area}{block}"))
     }
 
@@ -157,7 +161,7 @@ impl Control {
         let Some(link) = self.links.get_mut(name) else { return };
         let Some(Some(job)) = link.requests.remove(&request) else { return };
         if link.job.as_ref().is_none_or(|running| running.job.id != job)
-            && let Ok(job) = self.shared.parts.jobs.job(job)
+            && let Ok(job) = self.shared.parts.jobs.reader().job(job)
         {
             self.drop_job(&job);
         }

@@ -79,7 +79,7 @@ impl Scribe {
 }
 
 fn write(jobs: &Jobs, changes: &broadcast::Sender<Arc<Change>>, notes: &Receiver<Option<Note>>) {
-    let newest = jobs.journal(&EntryFilter { most: 1, ..EntryFilter::default() });
+    let newest = jobs.reader().journal(&EntryFilter { most: 1, ..EntryFilter::default() });
     let mut shown = newest.ok().and_then(|entries| entries.first().map(|entry| entry.number));
     while let Ok(first) = notes.recv() {
         thread::sleep(GATHER);
@@ -96,7 +96,7 @@ fn write(jobs: &Jobs, changes: &broadcast::Sender<Arc<Change>>, notes: &Receiver
             continue;
         }
         let filter = EntryFilter { most: SHOWN, ..EntryFilter::default() };
-        let Ok(entries) = jobs.journal(&filter) else { continue };
+        let Ok(entries) = jobs.reader().journal(&filter) else { continue };
         let newest = entries.first().map(|entry| entry.number);
         let is_new = |number: u64| shown.is_none_or(|shown| number > shown);
         // Nobody was there before: only the latest is news.

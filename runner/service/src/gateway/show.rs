@@ -7,7 +7,7 @@ use softplug_gateway::endpoint::EndpointKind;
 use softplug_gateway::reactor::{AlarmKind, LaneFigures};
 use softplug_gateway::reservoir::Gauge;
 
-use super::link::{Lane, Link};
+use super::link::Link;
 use crate::jobs::Job;
 use crate::programs::Program;
 use crate::supervise;
@@ -22,7 +22,7 @@ pub(super) fn link(name: &str, link: &Link, queued: u32) -> LinkView {
     let figures = link.status.read();
     let config = &link.config;
     let probation = link.swap.as_ref().filter(|swap| swap.view.state == SwapState::Probation);
-    LinkView {
+    let mut view = LinkView {
         name: name.to_owned(),
         state: link.state(&figures),
         condition: link.condition.clone(),
@@ -73,8 +73,26 @@ pub(super) fn link(name: &str, link: &Link, queued: u32) -> LinkView {
             }),
             _ => None,
         },
-        is_change_waiting: link.next.is_some() && matches!(link.lane, Lane::Open(_)),
+        is_change_waiting: link.has_change_waiting(),
+        unapplied: link.unapplied.clone(),
+        trouble: Vec::new(),
+    };
+    view.trouble = trouble(&view);
+    view
+}
+
+/// What is wrong with a link: the same sentences wherever it is shown.
+fn trouble(view: &LinkView) -> Vec<String> {
+    let mut trouble = Vec::new();
+    if let Some(quarantine) = &view.quarantine {
+        let why =
+            quarantine.faults.last().map_or("the plug-in failed too often", |last| &last.text);
+        trouble.push(format!("quarantine: {why}"));
     }
+    trouble.extend(view.down.iter().map(|down| down.reason.clone()));
+    trouble.extend(view.unapplied.iter().map(|unapplied| unapplied.text.clone()));
+    trouble.extend(view.alarms.iter().map(|alarm| alarm.text.clone()));
+    trouble
 }
 
 fn counters(link: &Link, figures: &LaneFigures) -> CountersView {

@@ -124,9 +124,16 @@ pub fn start(config: Config) -> Result<Running, StartError> {
     let keep = Keep { entries: config.gateway.journal, ..Keep::default() };
     let (jobs, recovery) = Jobs::open(state, keep)?;
     let snapshots = Snapshots::open_folder(&state.join("snapshots"))?;
-    snapshots.collect_garbage(|| jobs.needed_data())?;
+    snapshots.collect_garbage(|| jobs.reader().needed_data())?;
     let receptions = Receptions::open(&config.gateway.receptions)?;
     let left_over = receptions.recover()?;
+    for left in &left_over {
+        let links = config.links.iter();
+        let link = links.filter(|link| link.receive == left.place).map(|link| &*link.name).next();
+        if let Some(file) = left.arrived.file() {
+            jobs.recovered(left.job, link, file, left.arrived.bytes)?;
+        }
+    }
     let programs = Programs::open(&config.gateway.programs)?;
     let library = Library::open(&config.gateway.library)?;
     let instances = (config.links.len() * INSTANCES_A_LINK + 64).max(1_024) as u32;
@@ -188,6 +195,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
         next_sweep: Instant::now() + SWEEP,
         stopping: None,
         trouble: None,
+        config_trouble: None,
     };
     let thread = thread::Builder::new().name("softplug-control".to_owned()).spawn(move || {
         control.apply(ready);

@@ -11,13 +11,10 @@ use super::loading::reference_of;
 use super::{Download, Gateway, show};
 use crate::Refusal;
 use crate::disk::DiskError;
-use crate::jobs::{JobFilter, Kind};
+use crate::jobs::Kind;
 use crate::library::{Entry, LibraryError, Reference};
 use crate::programs::{ProgramError, ProgramName};
 use crate::view::{Change, Compared, PluginRef, PluginView, ProgramView, ReceptionView};
-
-/// Jobs that are looked at for what is known of receptions.
-const LOOKED_AT: usize = 2_000;
 
 impl From<DiskError> for Refusal {
     fn from(error: DiskError) -> Self {
@@ -96,18 +93,11 @@ impl Gateway {
     /// What a link has received, the newest first.
     pub fn receptions(&self, link: &str) -> Result<Vec<ReceptionView>, Refusal> {
         let place = self.place(link)?;
-        let filter =
-            JobFilter { link: Some(link.to_owned()), most: LOOKED_AT, ..JobFilter::default() };
-        let mut jobs = BTreeMap::new();
-        for job in self.shared.parts.jobs.list(&filter)? {
-            if let Some(file) = job.reception.as_ref().and_then(|reception| reception.file.clone())
-            {
-                jobs.insert(file, job);
-            }
-        }
         let files = self.shared.parts.receptions.list(&place)?;
-        let view = |file: crate::programs::ReceptionFile| {
-            let job = jobs.get(&file.name);
+        let names = files.iter().map(|file| file.name.as_str());
+        let jobs = self.shared.parts.jobs.reader().of_receptions(link, names)?;
+        let view = |file: &crate::programs::ReceptionFile| {
+            let job = jobs.get(file.name.as_str());
             let reception = job.and_then(|job| job.reception.as_ref());
             let known = job.filter(|job| job.order.kind == Kind::Receive);
             let reason = job.and_then(|job| job.reason.as_ref()).map(|reason| reason.text.clone());
@@ -126,10 +116,10 @@ impl Gateway {
                         differs_at: compared.differs_at,
                     }
                 }),
-                file: file.name,
+                file: file.name.clone(),
             }
         };
-        Ok(files.into_iter().map(view).collect())
+        Ok(files.iter().map(view).collect())
     }
 
     /// Something that a link has received.

@@ -26,6 +26,8 @@ pub(super) struct Wanted {
     /// As configured if `None`.
     pub(super) probation: Option<config::Probation>,
     pub(super) waits: Option<SyncSender<SwapView>>,
+    /// The plug-in as the configuration names it, if that asks for the swap.
+    pub(super) configured: Option<String>,
 }
 
 impl Control {
@@ -45,7 +47,7 @@ impl Control {
                 "the link \"{name}\" is being made anew with another configuration"
             )));
         }
-        let Wanted { successor, when, probation, waits } = wanted;
+        let Wanted { successor, when, probation, waits, configured } = wanted;
         let view = SwapView {
             link: name.to_owned(),
             from: Some(link.plugin.which.clone()),
@@ -62,7 +64,7 @@ impl Control {
         let swap = swap(&link.plugin, &successor, when, probation.unwrap_or(link.config.probation));
         let swap = swap.map_err(|error| Refusal::invalid("plugin", error))?;
         let former = Some(link.plugin.clone());
-        link.swap = Some(Swapping { view: view.clone(), successor, former, waits });
+        link.swap = Some(Swapping { view: view.clone(), successor, former, waits, configured });
         let lane = link.lane_id();
         self.reactor.tell(lane, Command::Swap(swap));
         Ok(view)
@@ -78,7 +80,9 @@ impl Control {
             let waits = None;
             let former = None;
             link.plugin = successor.clone();
-            link.swap = Some(Swapping { view: view.clone(), successor, former, waits });
+            link.unapplied = None;
+            let configured = None;
+            link.swap = Some(Swapping { view: view.clone(), successor, former, waits, configured });
             let plugin = link.plugin.clone();
             self.note_use(name, &plugin, None);
         }
@@ -93,6 +97,19 @@ impl Control {
         let Some(swap) = &mut link.swap else { return };
         let (new, old) = (described(&swap.successor), swap.former.as_ref().map(described));
         let old = old.unwrap_or_default();
+        let not_taken = match (&report, &swap.configured) {
+            (SwapReport::Refused { sentence }, Some(plugin)) => {
+                Some((plugin.clone(), sentence.clone()))
+            }
+            (SwapReport::Reverted(fault), Some(plugin)) => {
+                Some((plugin.clone(), fault.sentence.clone()))
+            }
+            (SwapReport::Done { .. }, Some(_)) => {
+                link.unapplied = None;
+                None
+            }
+            _ => None,
+        };
         swap.view.at_ms = now_ms();
         let mut used = None;
         let (weight, text) = match report {
@@ -148,6 +165,9 @@ impl Control {
                 (Weight::Alarm, text)
             }
         };
+        if let Some(((plugin, why), link)) = not_taken.zip(self.links.get_mut(name)) {
+            link.did_not_take(&plugin, &why);
+        }
         self.shared.parts.scribe.link(Subject::Swap, weight, name, text);
         if let Some((running, former)) = used {
             self.note_use(name, &running, former.as_ref());
@@ -218,7 +238,7 @@ impl Control {
         if link.follow.asks(&successor.digest()) != Taking::Take {
             return;
         }
-        let wanted = Wanted { successor, when, probation: None, waits: None };
+        let wanted = Wanted { successor, when, probation: None, waits: None, configured: None };
         if let Err(refusal) = self.order_swap(name, wanted) {
             tracing::warn!(link = name, %refusal, "a new version is not taken now");
         }
@@ -232,13 +252,13 @@ fn swap(
     when: SwapWhen,
     probation: config::Probation,
 ) -> Result<Swap<softplug_host::Session>, super::loading::Unloadable> {
-    let accepts = |plugin: &Prepared| plugin.plugin.manifest().state.accepts.clone();
+    let (new, old) = (successor.plugin.manifest(), running.plugin.manifest());
     // There is a way back in the middle only with a state that the one before takes.
-    let saves = successor.plugin.manifest().state.saves;
-    let goes_back = saves.is_some_and(|format| accepts(running).contains(&format));
+    let accepts_back = old.accepts_of(new);
+    let goes_back = new.state.saves.is_some_and(|format| accepts_back.contains(&format));
     let has_probation = probation != config::Probation::default() && goes_back;
     let spare = if has_probation {
-        Some(Spare { instance: running.instance()?, accepts: accepts(running) })
+        Some(Spare { instance: running.instance()?, accepts: accepts_back.to_vec() })
     } else {
         None
     };
@@ -246,7 +266,7 @@ fn swap(
         successor: Successor {
             instance: successor.instance()?,
             settings: successor.values.clone(),
-            accepts: accepts(successor),
+            accepts: new.accepts_of(old).to_vec(),
             spare,
         },
         when: match when {

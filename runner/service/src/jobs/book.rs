@@ -2,22 +2,20 @@
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
+use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 
-use redb::{Database, ReadableDatabase, ReadableTable, ReadableTableMetadata, TableDefinition};
-use serde::de::DeserializeOwned;
+use redb::{Database, ReadableDatabase, ReadableTable};
 use serde::{Deserialize, Serialize};
 use softplug_gateway::store::sync_folder;
 
 use super::ballast::Ballast;
 use super::error::BookError;
-use super::{Data, Entry, EntryFilter, Job, Keep, Note};
+use super::reading::{JobsReader, Opened};
+use super::tables::{JOBS, JOURNAL, JobTables, NUMBERS, SENT, TODAY, decoded, encoded};
+use super::{Data, Entry, Job, Keep, Note};
 
-const JOBS: TableDefinition<u32, &[u8]> = TableDefinition::new("jobs");
-const JOURNAL: TableDefinition<u64, &[u8]> = TableDefinition::new("journal");
-/// What was sent last, by link and program.
-const SENT: TableDefinition<(&str, &str), &[u8]> = TableDefinition::new("sent");
-const NUMBERS: TableDefinition<&str, u64> = TableDefinition::new("numbers");
 const NEXT_JOB: &str = "next-job";
 const NEXT_ENTRY: &str = "next-entry";
 
@@ -25,6 +23,9 @@ const NEXT_ENTRY: &str = "next-entry";
 const CACHE_BYTES: usize = 4 << 20;
 /// The age of the oldest entries is looked at once in so many.
 const LOOK_EVERY: u64 = 64;
+/// Entries that go with one change at most: a change must not take long.
+const PRUNED_AT_ONCE: usize = 2 * LOOK_EVERY as usize;
+/// In milliseconds.
 const DAY: u64 = 24 * 60 * 60 * 1_000;
 
 /// Where the database is; opened anew after an error.
@@ -40,6 +41,24 @@ pub struct Sent {
     pub data: Data,
 }
 
+/// What a link has received on one day, which begins at midnight UTC.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+pub struct Today {
+    day: u64,
+    /// Receptions that were begun.
+    pub receptions: u64,
+    /// Bytes of those that have ended.
+    pub bytes: u64,
+}
+
+impl Today {
+    /// What counts at this time: of another day nothing does.
+    fn at(self, now: u64) -> Self {
+        let day = now / DAY;
+        if self.day == day { self } else { Self { day, ..Self::default() } }
+    }
+}
+
 /// What is written in one go, or not at all.
 #[derive(Default)]
 pub(super) struct Change {
@@ -47,17 +66,32 @@ pub(super) struct Change {
     pub(super) notes: Vec<Note>,
     /// Link, program and what was sent.
     pub(super) sent: Option<(String, String, Sent)>,
+    /// Link, receptions that began and bytes of those that ended.
+    pub(super) came: Option<(String, u64, u64)>,
+}
+
+/// What everybody may look at without a turn: locked for as long as memory takes, never while
+/// something is written.
+#[derive(Debug, Default)]
+pub(super) struct Known {
+    /// All jobs that have not ended.
+    pub(super) live: BTreeMap<u32, Job>,
+    today: BTreeMap<String, Today>,
+}
+
+impl Known {
+    /// What a link has received today.
+    pub(super) fn today(&self, link: &str, now: u64) -> Today {
+        self.today.get(link).copied().unwrap_or_default().at(now)
+    }
 }
 
 pub(super) struct Book {
-    path: PathBuf,
+    opened: Arc<Opened>,
     open: Open,
-    /// None after an error, until the next use.
-    database: Option<Database>,
     ballast: Option<Ballast>,
     keep: Keep,
-    /// All jobs that have not ended.
-    live: BTreeMap<u32, Job>,
+    known: Arc<RwLock<Known>>,
     next_job: u32,
     next_entry: u64,
 }
@@ -71,21 +105,28 @@ impl Book {
         keep: Keep,
     ) -> Result<Self, BookError> {
         let mut book = Self {
-            path: path.to_owned(),
+            opened: Arc::new(Opened::new(path.to_owned())),
             open,
-            database: None,
             ballast,
             keep,
-            live: BTreeMap::new(),
+            known: Arc::default(),
             next_job: 1,
             next_entry: 1,
         };
-        book.reopen().map_err(|error| book.blame(error))?;
+        book.reopen().map_err(|error| book.opened.blame(error))?;
         Ok(book)
     }
 
-    pub(super) fn live(&self) -> &BTreeMap<u32, Job> {
-        &self.live
+    pub(super) fn reader(&self) -> JobsReader {
+        JobsReader { opened: Arc::clone(&self.opened) }
+    }
+
+    pub(super) fn shared(&self) -> Arc<RwLock<Known>> {
+        Arc::clone(&self.known)
+    }
+
+    pub(super) fn known(&self) -> RwLockReadGuard<'_, Known> {
+        look(&self.known)
     }
 
     /// The number that the next new job gets.
@@ -104,22 +145,26 @@ impl Book {
             tracing::error!(
                 "the disk is full: the last reserve is used to write down what is under way"
             );
-            self.database = None;
+            self.opened.set(None);
             written = self.try_to_write(change, now);
         }
         if let Err(error) = written {
             // What the disk says counts; if it says nothing, the next use asks again.
-            self.database = None;
+            self.opened.set(None);
             let _ = self.reopen();
-            return Err(self.blame(error));
+            return Err(self.opened.blame(error));
         }
+        let mut known = self.known.write().unwrap_or_else(PoisonError::into_inner);
         for job in &change.jobs {
             if job.state.is_final() {
-                self.live.remove(&job.id);
+                known.live.remove(&job.id);
             } else {
-                self.live.insert(job.id, job.clone());
+                known.live.insert(job.id, job.clone());
             }
             self.next_job = self.next_job.max(job.id + 1);
+        }
+        if let Some((link, today)) = today_after(&known, change, now) {
+            known.today.insert(link.to_owned(), today);
         }
         self.next_entry += change.notes.len() as u64;
         Ok(())
@@ -130,177 +175,148 @@ impl Book {
         self.ballast.as_ref().map_or(Ok(()), Ballast::load)
     }
 
-    pub(super) fn job(&mut self, id: u32) -> Result<Option<Job>, BookError> {
-        if let Some(job) = self.live.get(&id) {
+    /// A job, also one that has ended.
+    pub(super) fn job(&self, id: u32) -> Result<Option<Job>, BookError> {
+        if let Some(job) = self.known().live.get(&id) {
             return Ok(Some(job.clone()));
         }
-        self.read(|database| {
-            let table = database.begin_read()?.open_table(JOBS)?;
-            Ok(table.get(id)?.and_then(|value| decoded(value.value())))
-        })
-    }
-
-    /// The newest first, of those for which `takes` says so, at most so many.
-    pub(super) fn jobs(
-        &mut self,
-        most: usize,
-        takes: impl Fn(&Job) -> bool,
-    ) -> Result<Vec<Job>, BookError> {
-        self.read(|database| {
-            let table = database.begin_read()?.open_table(JOBS)?;
-            let mut jobs = Vec::new();
-            for row in table.iter()?.rev() {
-                if jobs.len() >= most {
-                    break;
-                }
-                jobs.extend(decoded(row?.1.value()).filter(&takes));
-            }
-            Ok(jobs)
-        })
-    }
-
-    /// The newest first.
-    pub(super) fn entries(&mut self, filter: &EntryFilter) -> Result<Vec<Entry>, BookError> {
-        self.read(|database| {
-            let table = database.begin_read()?.open_table(JOURNAL)?;
-            let mut entries = Vec::new();
-            for row in table.range(..filter.before.unwrap_or(u64::MAX))?.rev() {
-                if entries.len() >= filter.most {
-                    break;
-                }
-                let (number, value) = row?;
-                let entry = decoded::<Entry>(value.value());
-                let entry = entry.map(|entry| Entry { number: number.value(), ..entry });
-                entries.extend(entry.filter(|entry| filter.takes(entry)));
-            }
-            Ok(entries)
-        })
-    }
-
-    pub(super) fn sent(&mut self, link: &str, program: &str) -> Result<Option<Sent>, BookError> {
-        self.read(|database| {
-            let table = database.begin_read()?.open_table(SENT)?;
-            Ok(table.get((link, program))?.and_then(|value| decoded(value.value())))
-        })
-    }
-
-    /// All snapshots that a job or a comparison may need.
-    pub(super) fn data(&mut self) -> Result<Vec<Data>, BookError> {
-        self.read(|database| {
-            let reading = database.begin_read()?;
-            let mut data = Vec::new();
-            for row in reading.open_table(SENT)?.iter()? {
-                data.extend(decoded::<Sent>(row?.1.value()).map(|sent| sent.data));
-            }
-            for row in reading.open_table(JOBS)?.iter()? {
-                data.extend(decoded::<Job>(row?.1.value()).and_then(|job| job.order.data));
-            }
-            Ok(data)
-        })
-    }
-
-    fn read<T>(
-        &mut self,
-        read: impl FnOnce(&Database) -> Result<T, redb::Error>,
-    ) -> Result<T, BookError> {
-        let read = self.database().and_then(read);
-        read.map_err(|error| {
-            self.database = None;
-            self.blame(error)
-        })
+        self.opened.job(id).map_err(|error| self.opened.blame(error))
     }
 
     fn try_to_write(&mut self, change: &Change, now: u64) -> Result<(), redb::Error> {
         // First: it may bring the numbers up to date.
-        self.database()?;
-        let (first_new, keep, live) = (self.next_entry, self.keep, self.live.len());
-        let next_job = change.jobs.iter().map(|job| job.id + 1).fold(self.next_job, u32::max);
-        let writing = self.database()?.begin_write()?;
-        {
-            let mut jobs = writing.open_table(JOBS)?;
-            for job in &change.jobs {
-                jobs.insert(job.id, &*encoded(job))?;
-            }
-            if change.jobs.iter().any(|job| job.state.is_final()) {
-                // Those that have not ended do not count.
-                prune_jobs(&mut jobs, keep.jobs + live)?;
-            }
-            if let Some((link, program, sent)) = &change.sent {
-                writing.open_table(SENT)?.insert((&**link, &**program), &*encoded(sent))?;
-            }
-            let mut journal = writing.open_table(JOURNAL)?;
-            for (number, note) in (first_new..).zip(&change.notes) {
-                let entry = Entry { number, time: now, note: note.clone() };
-                journal.insert(number, &*encoded(&entry))?;
-            }
-            let next_entry = first_new + change.notes.len() as u64;
-            if !change.notes.is_empty() {
-                prune_journal(&mut journal, next_entry, keep, now)?;
-            }
-            let mut numbers = writing.open_table(NUMBERS)?;
-            numbers.insert(NEXT_JOB, u64::from(next_job))?;
-            numbers.insert(NEXT_ENTRY, next_entry)?;
-        }
-        Ok(writing.commit()?)
-    }
-
-    fn database(&mut self) -> Result<&Database, redb::Error> {
-        if self.database.is_none() {
+        if !self.opened.is_open() {
             self.reopen()?;
         }
-        // Just opened; the borrow checker wants it said again.
-        self.database.as_ref().ok_or(redb::Error::DatabaseClosed)
+        let (first_new, keep) = (self.next_entry, self.keep);
+        let next_job = change.jobs.iter().map(|job| job.id + 1).fold(self.next_job, u32::max);
+        self.opened.with(|database| {
+            let writing = database.begin_write()?;
+            {
+                let mut jobs = JobTables::open(&writing)?;
+                let known = |id: u32| self.known().live.get(&id).map(|job| job.state);
+                for job in &change.jobs {
+                    jobs.put(job, known(job.id))?;
+                }
+                if change.jobs.iter().any(|job| job.state.is_final()) {
+                    // Those that have not ended do not count.
+                    let live = self.known().live.len();
+                    jobs.prune(keep.jobs + live)?;
+                }
+                if let Some((link, program, sent)) = &change.sent {
+                    let mut table = writing.open_table(SENT)?;
+                    table.insert((&**link, &**program), &*encoded(sent))?;
+                }
+                let today = today_after(&self.known(), change, now);
+                if let Some((link, Today { day, receptions, bytes })) = today {
+                    writing.open_table(TODAY)?.insert(link, (day, receptions, bytes))?;
+                }
+                let mut journal = writing.open_table(JOURNAL)?;
+                for (number, note) in (first_new..).zip(&change.notes) {
+                    let entry = Entry { number, time: now, note: note.clone() };
+                    journal.insert(number, &*encoded(&entry))?;
+                }
+                let next_entry = first_new + change.notes.len() as u64;
+                if !change.notes.is_empty() {
+                    prune_journal(&mut journal, next_entry, keep, now)?;
+                }
+                let mut numbers = writing.open_table(NUMBERS)?;
+                numbers.insert(NEXT_JOB, u64::from(next_job))?;
+                numbers.insert(NEXT_ENTRY, next_entry)?;
+            }
+            Ok(writing.commit()?)
+        })
     }
 
     /// Takes over what the disk says.
     fn reopen(&mut self) -> Result<(), redb::Error> {
         let database = (self.open)()?;
         // A full disk must not keep a database from being read that is there already.
-        if let Err(redb::TableError::TableDoesNotExist(_)) =
-            database.begin_read()?.open_table(NUMBERS)
-        {
+        if lacks_tables(&database)? {
             let writing = database.begin_write()?;
-            writing.open_table(JOBS)?;
+            JobTables::open(&writing)?.complete()?;
             writing.open_table(JOURNAL)?;
             writing.open_table(SENT)?;
             writing.open_table(NUMBERS)?;
+            writing.open_table(TODAY)?;
             writing.commit()?;
         }
         let reading = database.begin_read()?;
-        let mut live = BTreeMap::new();
+        let mut known = Known::default();
         for row in reading.open_table(JOBS)?.iter()? {
             let (id, value) = row?;
             match decoded::<Job>(value.value()) {
                 Some(job) if job.state.is_final() => {}
-                Some(job) => drop(live.insert(id.value(), job)),
+                Some(job) => drop(known.live.insert(id.value(), job)),
                 None => {
                     tracing::error!(job = id.value(), "this job cannot be read, it is left out");
                 }
             }
+        }
+        for row in reading.open_table(TODAY)?.iter()? {
+            let (link, value) = row?;
+            let (day, receptions, bytes) = value.value();
+            known.today.insert(link.value().to_owned(), Today { day, receptions, bytes });
         }
         let numbers = reading.open_table(NUMBERS)?;
         let number =
             |name| Ok::<_, redb::Error>(numbers.get(name)?.map_or(1, |value| value.value()));
         self.next_job = number(NEXT_JOB)? as u32;
         self.next_entry = number(NEXT_ENTRY)?;
-        self.live = live;
-        self.database = Some(database);
+        *self.known.write().unwrap_or_else(PoisonError::into_inner) = known;
+        drop(reading);
+        self.opened.set(Some(database));
         Ok(())
     }
+}
 
-    fn blame(&self, error: redb::Error) -> BookError {
-        BookError { path: self.path.clone(), source: Box::new(error) }
+/// What everybody may look at.
+pub(super) fn look(known: &RwLock<Known>) -> RwLockReadGuard<'_, Known> {
+    known.read().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What a link has received today when this is written.
+fn today_after<'a>(known: &Known, change: &'a Change, now: u64) -> Option<(&'a str, Today)> {
+    let (link, receptions, bytes) = change.came.as_ref()?;
+    let mut today = known.today(link, now);
+    today.receptions += receptions;
+    today.bytes += bytes;
+    Some((link, today))
+}
+
+/// It is new, or from a gateway that knew less.
+fn lacks_tables(database: &Database) -> Result<bool, redb::Error> {
+    let reading = database.begin_read()?;
+    match (reading.open_table(NUMBERS), reading.open_table(TODAY)) {
+        (Ok(_), Ok(_)) => Ok(!super::tables::is_complete(&reading)?),
+        (Err(redb::TableError::TableDoesNotExist(_)), _)
+        | (_, Err(redb::TableError::TableDoesNotExist(_))) => Ok(true),
+        (Err(error), _) | (_, Err(error)) => Err(error.into()),
     }
 }
 
 /// The database in a file.
 pub(super) fn in_file(path: PathBuf) -> Open {
     Box::new(move || {
-        if !path.exists() {
-            make_file(&path)?;
+        match fs::metadata(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => make_file(&path)?,
+            Err(error) => return Err(error.into()),
+            Ok(file) if !file.is_file() => return Err(not_ours("it is no file")),
+            // No gateway leaves one behind: it is made whole before it gets its name.
+            Ok(file) if file.len() == 0 => return Err(not_ours("the file is empty")),
+            Ok(_) => {}
         }
-        Ok(builder().create(&path)?)
+        Ok(builder().open(&path)?)
     })
+}
+
+fn not_ours(what: &str) -> redb::Error {
+    redb::Error::Io(io::Error::new(
+        io::ErrorKind::InvalidData,
+        format!(
+            "{what}; put a copy of it in its place, or move it away to begin without jobs and journal"
+        ),
+    ))
 }
 
 fn builder() -> redb::Builder {
@@ -330,30 +346,7 @@ fn make_file(path: &Path) -> Result<(), redb::Error> {
 
 type Table<'txn, K> = redb::Table<'txn, K, &'static [u8]>;
 
-/// The oldest that have ended go, a tenth at a time.
-fn prune_jobs(jobs: &mut Table<'_, u32>, keep: usize) -> Result<(), redb::Error> {
-    let count = jobs.len()? as usize;
-    if count <= keep + keep / 10 {
-        return Ok(());
-    }
-    let mut old = Vec::new();
-    for row in jobs.iter()? {
-        if old.len() + keep >= count {
-            break;
-        }
-        let (id, value) = row?;
-        let is_final = |job: &Job| job.state.is_final();
-        if decoded::<Job>(value.value()).as_ref().is_none_or(is_final) {
-            old.push(id.value());
-        }
-    }
-    for id in old {
-        jobs.remove(id)?;
-    }
-    Ok(())
-}
-
-/// What is too much goes at once; what is too old is looked for now and then.
+/// What is too much goes, a few at a time; what is too old is looked for now and then.
 fn prune_journal(
     journal: &mut Table<'_, u64>,
     next: u64,
@@ -362,7 +355,7 @@ fn prune_journal(
 ) -> Result<(), redb::Error> {
     let oldest = now.saturating_sub(keep.days.saturating_mul(DAY));
     let looks_at_age = next.is_multiple_of(LOOK_EVERY);
-    loop {
+    for _ in 0..PRUNED_AT_ONCE {
         let Some((number, is_old)) = journal.first()?.map(|(number, value)| {
             let is_old = || decoded::<Entry>(value.value()).is_none_or(|entry| entry.time < oldest);
             (number.value(), looks_at_age && is_old())
@@ -374,12 +367,5 @@ fn prune_journal(
         }
         journal.remove(number)?;
     }
-}
-
-fn encoded(value: &impl Serialize) -> Vec<u8> {
-    serde_json::to_vec(value).expect("plain data with text keys is JSON")
-}
-
-fn decoded<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
-    serde_json::from_slice(bytes).ok()
+    Ok(())
 }

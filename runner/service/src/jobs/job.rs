@@ -207,6 +207,11 @@ impl Job {
         self.order.kind != Kind::Receive && self.has_begun() && !self.state.is_final()
     }
 
+    /// The file of its reception, if it has one.
+    pub fn file(&self) -> Option<&str> {
+        self.reception.as_ref()?.file.as_deref()
+    }
+
     /// Bytes of the snapshot, 0 without.
     pub fn size(&self) -> u64 {
         self.order.data.map_or(0, |data| data.size)

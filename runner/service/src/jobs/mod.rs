@@ -11,24 +11,28 @@ mod book;
 mod error;
 mod job;
 mod journal;
-mod looking;
+mod reading;
 mod receiving;
 mod shown;
 mod state;
+mod tables;
 mod told;
+mod turns;
 
 pub use begin::{BeginAt, beginning_at};
 pub use blocks::{Between, Block};
-pub use book::Sent;
+pub use book::{Sent, Today};
 pub use error::{BookError, JobsError};
 pub use job::{
     CheckFault, Comparison, Data, Extent, Job, Kind, Left, Order, Origin, Reason, Reception,
 };
 pub use journal::{Entry, EntryFilter, Keep, Note, Subject, Weight};
+pub use reading::JobsReader;
 pub use state::{State, Step, after};
 
+use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, RwLock};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use redb::Database;
@@ -36,16 +40,22 @@ use redb::Database;
 use crate::disk::make_folder;
 use crate::programs::Snapshots;
 use ballast::Ballast;
-use book::{Book, Change};
+use book::{Book, Change, Known, look};
 use told::{ended_note, note, what};
+use turns::{Turn, Turns, Who};
 
 /// Most jobs that wait on one link.
 const WAITING: usize = 1_000;
 
-/// All jobs and the journal of a gateway. Clones are the same.
+/// All jobs and the journal of a gateway, to be changed: one after the other, what serves a
+/// line first. Clones are the same.
+///
+/// What can be read is read through [`JobsReader`], which has no part in these turns.
 #[derive(Clone)]
 pub struct Jobs {
-    book: Arc<Mutex<Book>>,
+    book: Arc<Turns<Book>>,
+    known: Arc<RwLock<Known>>,
+    reader: JobsReader,
 }
 
 /// What was found at the start.
@@ -64,8 +74,6 @@ pub struct JobFilter {
     pub link: Option<String>,
     /// In this state only.
     pub state: Option<State>,
-    /// Of this kind only.
-    pub kind: Option<Kind>,
     /// Older than the job of this number.
     pub before: Option<u32>,
     /// At most so many, the newest first.
@@ -126,8 +134,8 @@ impl Jobs {
         let now = now();
         let mut change = Change::default();
         let mut recovery = Recovery::default();
-        for job in book.live().values() {
-            let mut job = job.clone();
+        let live: Vec<Job> = book.known().live.values().cloned().collect();
+        for mut job in live {
             match after(job.state, job.has_begun(), Step::Recover) {
                 Some(State::Interrupted) => {
                     interrupt(&mut job, "the gateway ended in the middle of it", now);
@@ -145,7 +153,33 @@ impl Jobs {
         if let Err(error) = book.load_ballast() {
             tracing::warn!(%error, "no room is kept for the case of a full disk");
         }
-        Ok((Self { book: Arc::new(Mutex::new(book)) }, recovery))
+        let (known, reader) = (book.shared(), book.reader());
+        Ok((Self { book: Arc::new(Turns::new(book)), known, reader }, recovery))
+    }
+
+    /// What can be read, for whoever only reads.
+    pub fn reader(&self) -> &JobsReader {
+        &self.reader
+    }
+
+    /// All jobs that have not ended, the oldest first. Asks no disk, and waits for nobody who
+    /// writes.
+    pub fn live(&self) -> Vec<Job> {
+        look(&self.known).live.values().cloned().collect()
+    }
+
+    /// How many jobs wait for their turn on each link that has such.
+    pub fn queued(&self) -> BTreeMap<String, u32> {
+        let mut queued = BTreeMap::new();
+        for job in look(&self.known).live.values() {
+            if job.state == State::Queued {
+                match queued.get_mut(&job.order.link) {
+                    Some(count) => *count += 1,
+                    None => drop(queued.insert(job.order.link.clone(), 1)),
+                }
+            }
+        }
+        queued
     }
 
     /// Takes a job into the queue of its link.
@@ -153,14 +187,14 @@ impl Jobs {
     /// # Errors
     /// It cannot be written down, or too many wait. It is not taken then.
     pub fn submit(&self, order: Order) -> Result<Job, JobsError> {
-        let mut book = self.book();
+        let mut book = self.book.take(Who::Other);
         if order.from > order.data.map_or(0, |data| data.size) {
             return Err(JobsError::Order(
                 "the job would begin behind the program's end".to_owned(),
             ));
         }
         let on_link = |job: &&Job| job.order.link == order.link && job.order.kind != Kind::Receive;
-        let waiting = book.live().values().filter(on_link).count();
+        let waiting = book.known().live.values().filter(on_link).count();
         if waiting >= WAITING {
             return Err(JobsError::QueueFull { link: order.link, waiting });
         }
@@ -173,8 +207,8 @@ impl Jobs {
 
     /// The job whose turn it is on a link, if the link is not busy.
     pub fn next(&self, link: &str) -> Option<Job> {
-        let book = self.book();
-        job::next(book.live().values().filter(|job| job.order.link == link)).cloned()
+        let known = look(&self.known);
+        job::next(known.live.values().filter(|job| job.order.link == link)).cloned()
     }
 
     /// The job is about to be given to the plug-in.
@@ -226,7 +260,7 @@ impl Jobs {
     /// It has ended, or it cannot be written down.
     pub fn prioritise(&self, id: u32, priority: i32) -> Result<Job, JobsError> {
         let mut book = self.book();
-        let mut job = live(&mut book, id, Step::Pause)?;
+        let mut job = live(&book, id, Step::Pause)?;
         job.order.priority = priority;
         let note = note(&job, format!("job {id} has priority {priority}"));
         put(&mut book, job, vec![note])
@@ -239,7 +273,7 @@ impl Jobs {
     /// It is not under way, or it cannot be written down.
     pub fn end(&self, id: u32, ending: Ending, left: Option<Left>) -> Result<Job, JobsError> {
         let mut book = self.book();
-        let mut job = live(&mut book, id, Step::End(State::Done))?;
+        let mut job = live(&book, id, Step::End(State::Done))?;
         let (state, reason) = match ending {
             Ending::Done => (State::Done, None),
             Ending::Failed(reason) => (State::Failed, Some(reason)),
@@ -267,7 +301,7 @@ impl Jobs {
         }
         let notes = vec![ended_note(&job)];
         let sent = sent(&job);
-        let change = Change { jobs: vec![job.clone()], notes, sent };
+        let change = Change { jobs: vec![job.clone()], notes, sent, came: None };
         book.write(&change, now())?;
         Ok(job)
     }
@@ -281,15 +315,14 @@ impl Jobs {
         let mut book = self.book();
         let mut change = Change::default();
         for advance in advances {
-            let Some(job) = book.live().get(&advance.id).filter(|job| job.has_begun()) else {
-                continue;
-            };
+            let job = book.known().live.get(&advance.id).filter(|job| job.has_begun()).cloned();
+            let Some(job) = job else { continue };
             let Extent { surely, maybe } = job.extent;
             let maybe = maybe.max(advance.grant.unwrap_or(0));
             let surely = surely.max(advance.surely.unwrap_or(0)).min(maybe);
             let extent = Extent { surely, maybe };
             if extent != job.extent {
-                change.jobs.push(Job { extent, ..job.clone() });
+                change.jobs.push(Job { extent, ..job });
             }
         }
         if change.jobs.is_empty() {
@@ -312,7 +345,7 @@ impl Jobs {
         field: Option<&str>,
         snapshots: &Snapshots,
     ) -> Result<Job, JobsError> {
-        let job = self.job(id)?;
+        let job = self.reader.job(id)?;
         if !job.state.is_final() {
             return Err(JobsError::Order(format!(
                 "job {id} is {}: it can be restarted when it has ended",
@@ -335,7 +368,7 @@ impl Jobs {
         change: impl FnOnce(&mut Job, u64) -> Option<String>,
     ) -> Result<Job, JobsError> {
         let mut book = self.book();
-        let mut job = live(&mut book, id, step)?;
+        let mut job = live(&book, id, step)?;
         job.state = after(job.state, job.has_begun(), step).ok_or(JobsError::State {
             id,
             state: job.state,
@@ -346,9 +379,17 @@ impl Jobs {
         put(&mut book, job, notes)
     }
 
-    fn book(&self) -> MutexGuard<'_, Book> {
-        // What a panicking thread left is what the disk says.
-        self.book.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Writes something into the journal.
+    ///
+    /// # Errors
+    /// It cannot be written down.
+    pub fn note(&self, note: Note) -> Result<(), JobsError> {
+        let change = Change { notes: vec![note.tamed()], ..Change::default() };
+        Ok(self.book.take(Who::Other).write(&change, now())?)
+    }
+
+    fn book(&self) -> Turn<'_, Book> {
+        self.book.take(Who::Line)
     }
 }
 
@@ -381,13 +422,13 @@ fn created(id: u32, order: Order, state: State) -> Job {
 }
 
 fn put(book: &mut Book, job: Job, notes: Vec<Note>) -> Result<Job, JobsError> {
-    let change = Change { jobs: vec![job], notes, sent: None };
+    let change = Change { jobs: vec![job], notes, ..Change::default() };
     book.write(&change, now())?;
     Ok(change.jobs.into_iter().next().expect("it was just put there"))
 }
 
-fn live(book: &mut Book, id: u32, step: Step) -> Result<Job, JobsError> {
-    if let Some(job) = book.live().get(&id) {
+fn live(book: &Book, id: u32, step: Step) -> Result<Job, JobsError> {
+    if let Some(job) = book.known().live.get(&id) {
         return Ok(job.clone());
     }
     let job = book.job(id)?.ok_or(JobsError::NotFound(id))?;

@@ -1,9 +1,10 @@
 //! Receptions: jobs that a machine begins, and answers to those that ask it.
 
+use super::book::{Change, look};
 use super::told::{note, received_note};
 use super::{
-    Job, Jobs, JobsError, Kind, Order, Origin, Reason, Reception, State, Step, created, live, now,
-    put,
+    Job, Jobs, JobsError, Kind, Order, Origin, Reason, Reception, State, Step, Today, created,
+    live, now,
 };
 
 impl Jobs {
@@ -16,8 +17,11 @@ impl Jobs {
         let order = Order { origin: Origin::Machine, ..Order::new(link, Kind::Receive, "") };
         let mut job = created(book.next_job(), order, State::Running);
         job.began = Some(job.created);
-        let note = note(&job, format!("job {}: the machine sends", job.id));
-        put(&mut book, job, vec![note])
+        let notes = vec![note(&job, format!("job {}: the machine sends", job.id))];
+        let came = Some((link.to_owned(), 1, 0));
+        let change = Change { jobs: vec![job.clone()], notes, came, ..Change::default() };
+        book.write(&change, now())?;
+        Ok(job)
     }
 
     /// What came is on the disk, under its name. Ends the job if it is a reception of the
@@ -33,8 +37,11 @@ impl Jobs {
         reason: Option<Reason>,
     ) -> Result<Job, JobsError> {
         let mut book = self.book();
-        let mut job = live(&mut book, id, Step::End(State::Done))?;
+        let mut job = live(&book, id, Step::End(State::Done))?;
         let note = received_note(&job, name.as_deref(), &reception, reason.as_ref());
+        // An answer is begun by its job, and counted here.
+        let receptions = u64::from(job.order.kind != Kind::Receive);
+        let came = Some((job.order.link.clone(), receptions, reception.bytes));
         job.reception = Some(reception);
         if job.order.kind == Kind::Receive {
             job.state = if reason.is_some() { State::Failed } else { State::Done };
@@ -42,6 +49,49 @@ impl Jobs {
             job.order.program = name.or(job.order.program);
             job.ended = Some(now());
         }
-        put(&mut book, job, vec![note])
+        let change = Change { jobs: vec![job.clone()], notes: vec![note], came, sent: None };
+        book.write(&change, now())?;
+        Ok(job)
+    }
+
+    /// What a link has received today.
+    pub fn today(&self, link: &str) -> Today {
+        look(&self.known).today(link, now())
+    }
+
+    /// What came before the gateway was killed is on the disk as failed: the job that it belongs
+    /// to says so. One that is not known any more gets a job of its own, if its link is known.
+    ///
+    /// # Errors
+    /// It cannot be written down.
+    pub fn recovered(
+        &self,
+        id: u32,
+        link: Option<&str>,
+        file: String,
+        bytes: u64,
+    ) -> Result<(), JobsError> {
+        let mut book = self.book();
+        let reception = Reception { file: Some(file), bytes, is_complete: false, compared: None };
+        let reason = Reason::new("interrupted", "the gateway ended in the middle of it");
+        let is_of_link = |job: &Job| link.is_none_or(|link| job.order.link == link);
+        let found = book.job(id)?.filter(is_of_link).filter(|job| job.reception.is_none());
+        let mut job = match (found, link) {
+            (Some(job), _) => job,
+            (None, Some(link)) => {
+                let order =
+                    Order { origin: Origin::Machine, ..Order::new(link, Kind::Receive, "") };
+                let mut job = created(book.next_job(), order, State::Interrupted);
+                (job.began, job.ended) = (Some(job.created), Some(job.created));
+                job.reason = Some(reason.clone());
+                job
+            }
+            (None, None) => return Ok(()),
+        };
+        let notes = vec![received_note(&job, None, &reception, Some(&reason))];
+        let came = Some((job.order.link.clone(), 0, bytes));
+        job.reception = Some(reception);
+        let change = Change { jobs: vec![job], notes, came, sent: None };
+        Ok(book.write(&change, now())?)
     }
 }

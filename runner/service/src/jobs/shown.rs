@@ -64,7 +64,7 @@ impl From<view::JobFilter> for JobFilter {
     fn from(asked: view::JobFilter) -> Self {
         let view::JobFilter { link, state, before, limit } = asked;
         let most = limit.unwrap_or(LISTED.0).min(LISTED.1) as usize;
-        Self { link, state, kind: None, before, most }
+        Self { link, state, before, most }
     }
 }
 

@@ -10,5 +10,5 @@ mod snapshots;
 pub use compare::first_difference;
 pub use error::ProgramError;
 pub use folders::{Program, ProgramName, Programs};
-pub use receptions::{Arrival, Arrived, ReceptionFile, Receptions};
+pub use receptions::{Arrival, Arrived, LeftOver, ReceptionFile, Receptions};
 pub use snapshots::Snapshots;

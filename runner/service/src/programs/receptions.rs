@@ -55,6 +55,17 @@ pub struct Arrived {
     pub bytes: u64,
 }
 
+/// What a gateway that was killed had of a reception.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct LeftOver {
+    /// The folder among the receptions.
+    pub place: String,
+    /// The job that it belongs to.
+    pub job: u32,
+    /// Where it is kept.
+    pub arrived: Arrived,
+}
+
 impl Arrived {
     /// The name of its file.
     pub fn file(&self) -> Option<String> {
@@ -84,14 +95,14 @@ impl Receptions {
         Ok(Arrival { inbox, folder, head: Vec::new() })
     }
 
-    /// Keeps as failed what a gateway that was killed left behind; tells the jobs and the files.
+    /// Keeps as failed what a gateway that was killed left behind.
     ///
     /// # Errors
     /// A folder cannot be read, or a file not renamed.
-    pub fn recover(&self) -> Result<Vec<(u32, Arrived)>, DiskError> {
+    pub fn recover(&self) -> Result<Vec<LeftOver>, DiskError> {
         let mut recovered = Vec::new();
         for place in disk::names_in(&self.folder)? {
-            let folder = self.folder.join(place);
+            let folder = self.folder.join(&place);
             if !folder.is_dir() {
                 continue;
             }
@@ -102,7 +113,8 @@ impl Receptions {
                 let job = stem.strip_prefix("job-").and_then(|rest| rest.split('-').next());
                 if let Some(job) = job.and_then(|job| job.parse().ok()) {
                     let (path, bytes) = (kept.path, kept.bytes);
-                    recovered.push((job, Arrived { path, name: None, bytes }));
+                    let arrived = Arrived { path, name: None, bytes };
+                    recovered.push(LeftOver { place: place.clone(), job, arrived });
                 }
             }
         }
@@ -178,11 +190,13 @@ impl Arrival {
     /// More bytes of it.
     ///
     /// # Errors
-    /// They cannot be written; how many of them are is not known, and none may follow.
+    /// They cannot be written. None of them counts then; they may be given again.
     pub fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.inbox.write(bytes)?;
+        // Only then: what is given again would stand in it twice.
         let room = HEAD_BYTES - self.head.len();
         self.head.extend_from_slice(&bytes[..bytes.len().min(room)]);
-        self.inbox.write(bytes)
+        Ok(())
     }
 
     /// It has ended. When this returns it is on the disk under its name. Without a name from the
@@ -272,7 +286,7 @@ mod tests {
 
         let recovered = receptions.recover().unwrap();
         assert_eq!(recovered.len(), 2);
-        let of = |job| recovered.iter().find(|(id, _)| *id == job).unwrap().1.clone();
+        let of = |job| recovered.iter().find(|left| left.job == job).unwrap().arrived.clone();
         assert_eq!((of(5).file(), of(5).bytes), (file("000001.failed"), 4));
         assert_eq!((of(6).file(), of(6).bytes), (None, 0));
         assert_eq!(receptions.recover().unwrap(), []);

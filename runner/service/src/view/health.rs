@@ -12,6 +12,8 @@ pub struct HealthView {
     pub is_healthy: bool,
     /// What is wrong, in sentences.
     pub problems: Vec<String>,
+    /// What somebody should look at, in sentences; the gateway works all the same.
+    pub warnings: Vec<String>,
     /// Its version.
     pub version: String,
     /// When it started.

@@ -47,6 +47,10 @@ pub struct LinkView {
     pub quarantine: Option<QuarantineView>,
     /// A change of the configuration that waits until the link is idle.
     pub is_change_waiting: bool,
+    /// A plug-in that the configuration asks for and that was not taken.
+    pub unapplied: Option<UnappliedView>,
+    /// What is wrong with it, in sentences, the gravest first; empty if nothing is.
+    pub trouble: Vec<String>,
 }
 
 /// What a link is doing.
@@ -200,6 +204,17 @@ pub struct AlarmView {
     /// `no-bytes`, `no-progress` or `stuck-held`.
     pub kind: String,
     /// In a sentence.
+    pub text: String,
+    /// Since when.
+    pub since_ms: TimeMs,
+}
+
+/// A plug-in that the configuration asks for, on a link that goes on without it.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize, ToSchema)]
+pub struct UnappliedView {
+    /// As the configuration names it.
+    pub plugin: String,
+    /// Why it was not taken, in a sentence.
     pub text: String,
     /// Since when.
     pub since_ms: TimeMs,

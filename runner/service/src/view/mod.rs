@@ -19,7 +19,7 @@ pub use job::{CheckFault, JobBrief, JobFilter, JobOrder, JobOrigin, JobState, Jo
 pub use journal::{JournalEntry, JournalFilter, JournalKind};
 pub use link::{
     AlarmView, BufferView, CountersView, DownView, EndpointView, FaultView, LinkState, LinkView,
-    PortView, QuarantineView, ReceivingView,
+    PortView, QuarantineView, ReceivingView, UnappliedView,
 };
 pub use plugin::{FieldView, PluginRef, PluginView, SettingView};
 pub use program::{Compared, ProgramView, ReceptionView};

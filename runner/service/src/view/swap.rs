@@ -12,7 +12,8 @@ use super::{PluginRef, TimeMs};
 pub struct SwapOrder {
     /// The plug-in: `name`, `name@version` or `name@sha256:…`.
     pub plugin: String,
-    /// Its settings; those that the link has if nothing is said.
+    /// Its settings; if nothing is said those that the link has, or the defaults where another
+    /// plug-in runs.
     #[serde(default)]
     pub settings: Option<BTreeMap<String, String>>,
     /// When.
@@ -27,11 +28,12 @@ pub struct SwapOrder {
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SwapWhen {
-    /// At once with the state carried over; refused if the formats do not match.
+    /// At once with the state carried over; refused if the formats do not match. Another
+    /// plug-in, by its name, takes over no state: it is refused unless nothing is under way.
     Now,
     /// At the next moment at which nothing is under way.
     Idle,
-    /// At once if the formats match, else when idle.
+    /// At once if it is the same plug-in by name and the formats match, else when idle.
     #[default]
     NowOrIdle,
 }

@@ -2,6 +2,8 @@
 //! journal; machines are simulated partners or a pty's master.
 #![cfg(target_os = "linux")]
 
+#[path = "../common/plugins.rs"]
+mod echo;
 mod feeds;
 mod lines;
 mod machine;
@@ -11,6 +13,7 @@ mod plugins;
 mod receptions;
 mod shop;
 mod stopping;
+mod strangers;
 mod supervision;
 
 use std::collections::BTreeMap;

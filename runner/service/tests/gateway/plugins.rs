@@ -6,3 +6,11 @@ pub(crate) fn fragile(version: &str, traps_at: Option<char>) -> Vec<u8> {
     let text = include_str!("fragile.wat").replace("VERSION", version);
     wat::parse_str(text.replace("LETTER", &letter.to_string())).unwrap()
 }
+
+/// `fragile` of this version, which traps when it is given a state.
+pub(crate) fn refusing(version: &str) -> Vec<u8> {
+    let takes = "(then (global.set $count (i32.load (i32.const 1036))))";
+    let text = include_str!("fragile.wat").replace("VERSION", version).replace("LETTER", "0");
+    assert!(text.contains(takes), "where it takes a state");
+    wat::parse_str(text.replace(takes, "(then unreachable)")).unwrap()
+}

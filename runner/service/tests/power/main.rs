@@ -125,7 +125,7 @@ fn lose_power(seed: u64) {
         let jobs = open(&disk).unwrap_or_else(|error| panic!("seed {seed}, life {life}: {error}"));
         let highest = acknowledged.keys().last().copied().unwrap_or(0);
         for (id, known) in &mut acknowledged {
-            let found = match jobs.job(*id) {
+            let found = match jobs.reader().job(*id) {
                 Ok(found) => found,
                 // Old ones that have ended are not kept for ever.
                 Err(JobsError::NotFound(_)) if known.state.is_final() => continue,
@@ -150,7 +150,8 @@ fn lose_power(seed: u64) {
         let new = jobs.submit(Order::new("lathe", Kind::Fetch, "fetch")).unwrap();
         assert!(new.id > highest, "seed {seed}: number {} is given twice", new.id);
         acknowledged.insert(new.id, new);
-        let entries = jobs.journal(&EntryFilter { most: 1_000, ..EntryFilter::default() }).unwrap();
+        let entries =
+            jobs.reader().journal(&EntryFilter { most: 1_000, ..EntryFilter::default() }).unwrap();
         assert!(entries.windows(2).all(|pair| pair[0].number == pair[1].number + 1));
     }
 }
@@ -207,12 +208,12 @@ fn a_full_disk_refuses_and_says_so_and_what_was_acknowledged_stays() {
     // Nothing that was acknowledged is lost, now or after a loss of power, and it goes on with room.
     let live = |jobs: &Jobs| jobs.live().iter().map(|job| job.id).collect::<Vec<_>>();
     assert_eq!(live(&jobs), acknowledged);
-    assert_eq!(jobs.job(first.id).unwrap().state, State::Running);
+    assert_eq!(jobs.reader().job(first.id).unwrap().state, State::Running);
     disk.allow_growth();
     jobs.advance(&[Advance { id: first.id, grant: Some(500), surely: None }]).unwrap();
     jobs.end(first.id, Ending::Aborted, None).unwrap();
     drop(jobs);
     let jobs = open(&disk.after_power_loss()).unwrap();
     assert_eq!(live(&jobs), acknowledged[1..]);
-    assert_eq!(jobs.job(first.id).unwrap().extent, Extent { surely: 0, maybe: 500 });
+    assert_eq!(jobs.reader().job(first.id).unwrap().extent, Extent { surely: 0, maybe: 500 });
 }

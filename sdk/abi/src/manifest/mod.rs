@@ -291,6 +291,26 @@ impl Manifest {
         self.jobs.iter().position(|kind| kind.name == name).map(|at| at as u16)
     }
 
+    /// The formats in which this plug-in takes over the state of `other`: none where that has
+    /// another name. The number of a format means something within one plug-in only.
+    ///
+    /// ```
+    /// use softplug_abi::manifest::Manifest;
+    ///
+    /// let named = |name: &str| {
+    ///     Manifest::parse(format!(r#"{{
+    ///         "abi": "1.0", "name": "{name}", "version": "1.0.0", "licence": "MIT", "protocol": "none",
+    ///         "description": "An example.", "state": {{"saves": 1, "accepts": [1]}}
+    ///     }}"#).as_bytes())
+    /// };
+    /// assert_eq!(named("lathe")?.accepts_of(&named("lathe")?), [1]);
+    /// assert_eq!(named("lathe")?.accepts_of(&named("press")?), []);
+    /// # Ok::<(), softplug_abi::manifest::ManifestError>(())
+    /// ```
+    pub fn accepts_of(&self, other: &Self) -> &[u16] {
+        if self.name == other.name { &self.state.accepts } else { &[] }
+    }
+
     /// The protocol's own status with this code, if it is listed.
     pub fn status(&self, code: u16) -> Option<&StatusCode> {
         self.status.iter().find(|status| status.code == code)

@@ -95,10 +95,11 @@ impl<'a> Line<'a> {
     fn swap(&mut self, plugin: &Chosen) -> Result<&'static str, Failure> {
         let settings = plugin.settings(&self.arguments.settings)?;
         if let Some(station) = &mut self.station {
+            let running = self.ground.plugin.as_ref().unwrap_or(plugin);
             let successor = Successor {
                 instance: plugin.instantiate()?,
                 settings: settings.clone(),
-                accepts: plugin.manifest().state.accepts.clone(),
+                accepts: plugin.manifest().accepts_of(running.manifest()).to_vec(),
                 spare: None,
             };
             match station.swap(successor, &mut self.ground)? {

@@ -40,13 +40,7 @@ pub(super) fn doing(link: &LinkView) -> String {
 
 /// What is wrong with the link; empty if nothing is.
 pub(super) fn trouble(link: &LinkView) -> String {
-    let mut parts: Vec<String> = link.alarms.iter().map(|alarm| printable(&alarm.text)).collect();
-    if let Some(down) = &link.down {
-        parts.insert(0, printable(&down.reason));
-    }
-    if let Some(fault) = link.quarantine.as_ref().and_then(|quarantine| quarantine.faults.last()) {
-        parts.insert(0, printable(&fault.text));
-    }
+    let parts: Vec<String> = link.trouble.iter().map(|text| printable(text)).collect();
     parts.join("; ")
 }
 

@@ -289,6 +289,9 @@ impl Rfc2217Port {
             match self.session.broken() {
                 Some(Broken::Refused) => return Err(Failed::Peer("it refuses to set its port")),
                 Some(Broken::Echo) => return Err(Failed::Peer("it sends back what it is sent")),
+                Some(Broken::Overlong) => {
+                    return Err(Failed::Peer("its subnegotiation is longer than any can be"));
+                }
                 Some(Broken::Deaf | Broken::Reset) | None => {}
             }
             let outcome = outcome.map_err(|error| match error {

@@ -16,6 +16,7 @@ use softplug_abi::{LineErrorKind, LineParameters, ModemLines};
 
 use super::super::difference::{DifferenceWeight, SettingDifference, weight_of_rate};
 use super::super::marks::Input;
+use super::super::rfc2217_bound::SubnegotiationBound;
 use super::super::rfc2217_values::{inputs_of, settings_of};
 use super::super::settings::{BAUD_RATE, setting_texts};
 use super::super::spec::{Flow, PortOptions};
@@ -62,6 +63,8 @@ pub(super) enum Broken {
     Deaf,
     /// Its port has other settings now than it was asked for.
     Reset,
+    /// A subnegotiation of its is longer than any can be.
+    Overlong,
 }
 
 /// How far opening has come.
@@ -95,6 +98,7 @@ pub(super) struct Session {
     /// Answers about the rate, our questions' included.
     rates: u64,
     signature: Option<String>,
+    bound: SubnegotiationBound,
     broken: Option<Broken>,
 }
 
@@ -115,6 +119,7 @@ impl Session {
             since_note: 0,
             rates: 0,
             signature: None,
+            bound: SubnegotiationBound::default(),
             broken: None,
         }
     }
@@ -306,6 +311,8 @@ impl Session {
     fn decode(&mut self, input: &[u8], sink: &mut impl FnMut(Input<'_>)) -> usize {
         let mut payload = [0; CHUNK];
         let mut taken = 0;
+        let all = input;
+        let input = &input[..self.bound.within(input)];
         loop {
             let progress = self.client.receive_into(&input[taken..], &mut payload);
             taken += progress.consumed;
@@ -317,6 +324,10 @@ impl Session {
                 self.event(&event, sink);
             }
             if progress.consumed == 0 {
+                self.bound.pass(&input[..taken]);
+                if taken == input.len() && taken < all.len() {
+                    self.broken = Some(Broken::Overlong);
+                }
                 return taken;
             }
         }

@@ -14,6 +14,9 @@ use crate::recorder::{Recorded, recording_of};
 /// A plug-in with a timer running may be in the middle of a frame; if nothing has
 /// come for so long, it is not.
 const QUIET: Micros = Micros::from_millis(1_000);
+/// Why a swap at once is refused.
+const STRANGER: &str = "the new plug-in takes over no state of the running one, and something is \
+                        under way; swap it when the link is idle";
 
 pub(super) struct Swapping<I> {
     /// Waits until nothing is under way.
@@ -44,18 +47,27 @@ impl<I: LaneInstance> Lane<I> {
         if self.is_faulted {
             return self.swap_as_new(thread, swap);
         }
+        // A plug-in that takes no state of the one that runs begins as new, and so when idle.
+        let is_stranger = swap.successor.accepts.is_empty();
         let is_possible = match swap.when {
-            When::Now => true,
+            When::Now => !is_stranger,
             When::NowOrIdle => self.can_carry_over(&swap.successor.accepts),
             When::Idle => false,
         };
         if is_possible {
             return self.swap_with_state(thread, swap.successor, swap.probation);
         }
+        let may_wait = swap.when != When::Now;
         self.swapping.waiting = Some(Box::new(swap));
         self.begin_quiet();
-        if !self.swap_if_idle(thread) {
+        if self.swap_if_idle(thread) {
+            return;
+        }
+        if may_wait {
             self.floor.tell(Report::Swapped(SwapReport::Waiting));
+        } else {
+            self.swapping.waiting = None;
+            self.refuse_swap(STRANGER.to_owned());
         }
     }
 
@@ -106,6 +118,9 @@ impl<I: LaneInstance> Lane<I> {
 
     /// Whether the plug-in saves a state in one of these formats.
     fn can_carry_over(&mut self, accepts: &[u16]) -> bool {
+        if accepts.is_empty() {
+            return false;
+        }
         let Phase::Open(channel) = &mut self.phase else { return false };
         let saved = channel
             .ask(self.clock.now(), &mut self.floor, |link, now, outside| link.save(now, outside));

@@ -13,7 +13,7 @@ const SIGNS = {
 const TROUBLE = new Set(['down', 'restarting', 'quarantined']);
 const WORK = new Set(['sending', 'receiving', 'paused']);
 
-export const inTrouble = (link) => TROUBLE.has(link.state) || link.alarms.length > 0;
+export const inTrouble = (link) => TROUBLE.has(link.state) || link.trouble.length > 0;
 export const errors = (link) => Object.values(link.counters.line_errors).reduce((sum, count) => sum + count, 0);
 
 /** The state in a sign and a word; colour only adds to it. */
@@ -36,9 +36,7 @@ export function badge() {
 
 /** What is wrong with a link, in a sentence; empty if nothing is. */
 export function trouble(link) {
-  if (link.quarantine) return `Quarantine: ${link.quarantine.faults.at(-1)?.text ?? 'the plug-in failed too often'}`;
-  if (link.down) return link.down.reason;
-  return link.alarms.map((alarm) => alarm.text).join('; ');
+  return link.trouble.join('; ');
 }
 
 function card(link) {

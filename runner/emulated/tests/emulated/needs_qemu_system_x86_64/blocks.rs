@@ -1,0 +1,1 @@
+//! 3964R with a partner that answers at once.
