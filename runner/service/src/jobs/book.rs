@@ -44,7 +44,7 @@ pub struct Sent {
 /// What a link has received on one day, which begins at midnight UTC.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
 pub struct Today {
-    day: u64,
+    pub(crate) day: u64,
     /// Receptions that were begun.
     pub receptions: u64,
     /// Bytes of those that have ended.
