@@ -53,8 +53,10 @@ pub struct Pacer {
     slack: Micros,
     /// When the line has sent all that it was given, in ticks.
     free: i128,
-    /// The same for a line whose clock is as fast as a clock may be.
+    /// The same for a line whose clock is as fast as a clock may be, and for one
+    /// that was given everything as late as may be.
     early_free: i128,
+    late_free: i128,
     written: u64,
 }
 
@@ -80,7 +82,8 @@ impl Pacer {
     pub fn new(line: LineParameters, depth: u32) -> Self {
         let depth = depth.max(1);
         let past = i128::MIN / 2;
-        Self { line, depth, slack: Micros::ZERO, free: past, early_free: past, written: 0 }
+        let (free, early_free, late_free) = (past, past, past);
+        Self { line, depth, slack: Micros::ZERO, free, early_free, late_free, written: 0 }
     }
 
     /// The same, sure of a byte's departure only `slack` after the model is:
@@ -161,15 +164,24 @@ impl Pacer {
 
     /// The port took `count` bytes at `now`.
     pub fn took(&mut self, now: Micros, count: usize) -> Run {
+        self.took_between(now, now, count)
+    }
+
+    /// The port took `count` bytes, after one reading of the clock and before
+    /// another; between them anything can have held our thread up.
+    pub fn took_between(&mut self, before: Micros, after: Micros, count: usize) -> Run {
         self.written += count as u64;
-        let at = self.ticks(now);
+        // What a write takes is not the line's loss; what a thread was late is its gain.
+        let is_late = self.ticks(after) - self.ticks(before) > self.character() / 2;
+        let at = self.ticks(if is_late { after } else { before });
         // Within one µs the line was never idle: our clock is only that fine.
         let idle = at - self.free >= self.ticks_per_micro();
         let start = if idle { at } else { self.free };
         // A fast line ends early, but never begins before the byte is there.
-        let early_start = self.early_free.max(at).min(start);
+        let early_start = self.early_free.max(self.ticks(before)).min(start);
+        let late_start = start.max(self.late_free).max(self.ticks(after));
         let run = Run {
-            start,
+            start: late_start,
             early_start,
             ticks_per_micro: self.ticks_per_micro() as i64,
             character: self.character() as i64,
@@ -179,6 +191,7 @@ impl Pacer {
         };
         self.free = start + count as i128 * self.character();
         self.early_free = early_start + count as i128 * self.early_character();
+        self.late_free = late_start + count as i128 * self.character();
         run
     }
 
@@ -187,6 +200,7 @@ impl Pacer {
     pub fn holds(&mut self, now: Micros, unsent: usize) {
         let least = self.ticks(now) + unsent as i128 * self.character();
         self.free = self.free.max(least);
+        self.late_free = self.late_free.max(least);
     }
 
     /// What the port held was discarded; the character on the line ends.
@@ -194,6 +208,7 @@ impl Pacer {
         let most = self.ticks(now) + self.character();
         self.free = self.free.min(most);
         self.early_free = self.early_free.min(most);
+        self.late_free = self.late_free.min(most);
     }
 
     /// The line sends nothing until `until`: a break.
@@ -214,8 +229,23 @@ impl Pacer {
     }
 
     fn early_character(&self) -> i128 {
-        self.character() / 1_000 * (1_000 - CLOCK_TOLERANCE)
+        early(self.character())
     }
+}
+
+/// How many characters the fastest line sends in so long a time; all there may
+/// be where the rate is unknown.
+pub(crate) fn most_in(line: LineParameters, span: Micros) -> u64 {
+    if line.baud == 0 {
+        return u64::MAX;
+    }
+    let ticks = i128::from(span.0.max(0)) * 2 * i128::from(line.baud);
+    u64::try_from(ticks / early(i128::from(line.half_bits()) * 1_000_000)).unwrap_or(u64::MAX)
+}
+
+/// A character of so many ticks on a line whose clock is as fast as a clock may be.
+fn early(character: i128) -> i128 {
+    character / 1_000 * (1_000 - CLOCK_TOLERANCE)
 }
 
 impl Run {

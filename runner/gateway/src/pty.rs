@@ -10,8 +10,9 @@ use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcseta
 use softplug_abi::{LineParameters, LinkDownReason};
 
 use crate::error::PortError;
+use crate::port::ear::Ear;
 use crate::port::scratch::with_scratch;
-use crate::port::{Input, ReadOutcome};
+use crate::port::{Backlog, Input, ReadOutcome};
 
 /// The rate that Linux gives a new terminal.
 pub(crate) const FRESH_BAUD: u32 = 38_400;
@@ -136,17 +137,17 @@ impl PtyPort {
         self.line
     }
 
-    /// Reads once, at most `most` bytes, and gives what came to `sink`.
-    pub fn read(
+    pub(crate) fn read_to(
         &mut self,
         most: usize,
-        sink: &mut impl FnMut(Input<'_>),
+        ear: &mut impl Ear,
     ) -> Result<ReadOutcome, PortError> {
         with_scratch(|buffer| {
             let most = most.min(buffer.len());
             let outcome = self.pair.read(&mut buffer[..most])?;
             if let ReadOutcome::Read(count) = outcome {
-                sink(Input::Bytes(&buffer[..count]));
+                ear.came(Backlog::default);
+                ear.heard(Input::Bytes(&buffer[..count]));
             }
             Ok(outcome)
         })

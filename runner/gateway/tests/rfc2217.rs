@@ -330,6 +330,30 @@ fn a_server_that_answers_no_setting_is_taken_with_differences() {
     );
 }
 
+#[test]
+fn nothing_of_an_overlong_subnegotiation_is_taken_for_what_the_machine_sent() {
+    let address = strange(|mut stream| {
+        stream.write_all(&[0xFF, 0xFD, 44]).unwrap();
+        stream.write_all(&[&b"N1"[..], &[0xFF, 250, 44, 100], &[b'B'; 3_000]].concat()).unwrap();
+        stream.write_all(&[0xFF, 240, b'N', b'2']).unwrap();
+        let _ = stream.read_to_end(&mut Vec::new());
+    });
+    let quick = PortOptions { connect_timeout: Duration::from_millis(300), ..options("9600") };
+    let mut heard = Heard::default();
+    // It may be found out while the port is opened, or after.
+    match Port::open(&rfc2217(address), &quick) {
+        Ok(mut port) => {
+            let lost = serve_or_lose(&mut port, &mut heard, |_, _| false);
+            assert_eq!(lost, Err(LinkDownReason::Failed));
+            assert_eq!(heard.bytes, b"N1");
+        }
+        Err(error) => {
+            assert_eq!(error.blame(), Blame::Setup);
+            assert!(error.to_string().contains("longer than any can be"), "{error}");
+        }
+    }
+}
+
 /// A server that sets its port as asked, and after a word tells that it has another
 /// rate; then it hears an X.
 fn fickle(word: Receiver<u32>) -> SocketAddr {
@@ -382,30 +406,6 @@ fn a_server_whose_port_gets_another_rate_is_lost() {
             }
         };
         assert_eq!(lost, is_lost.then_some(LinkDownReason::Failed), "{rate}");
-    }
-}
-
-#[test]
-fn nothing_of_an_overlong_subnegotiation_is_taken_for_what_the_machine_sent() {
-    let address = strange(|mut stream| {
-        stream.write_all(&[0xFF, 0xFD, 44]).unwrap();
-        stream.write_all(&[&b"N1"[..], &[0xFF, 250, 44, 100], &[b'B'; 3_000]].concat()).unwrap();
-        stream.write_all(&[0xFF, 240, b'N', b'2']).unwrap();
-        let _ = stream.read_to_end(&mut Vec::new());
-    });
-    let quick = PortOptions { connect_timeout: Duration::from_millis(300), ..options("9600") };
-    let mut heard = Heard::default();
-    // It may be found out while the port is opened, or after.
-    match Port::open(&rfc2217(address), &quick) {
-        Ok(mut port) => {
-            let lost = serve_or_lose(&mut port, &mut heard, |_, _| false);
-            assert_eq!(lost, Err(LinkDownReason::Failed));
-            assert_eq!(heard.bytes, b"N1");
-        }
-        Err(error) => {
-            assert_eq!(error.blame(), Blame::Setup);
-            assert!(error.to_string().contains("longer than any can be"), "{error}");
-        }
     }
 }
 

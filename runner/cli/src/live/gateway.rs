@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::channel;
 use std::thread;
 use std::time::Duration;
 
@@ -191,11 +192,24 @@ fn say_ready(address: Option<String>, names: &[String], screen: &Screen) {
 
 /// Does what signals ask for, on a thread of its own.
 fn heed(mut signals: Signals, gateway: Gateway, how: StopHow, is_replaced: Arc<AtomicBool>) {
+    // Reading again may take seconds, if there is something to compile: a stop does not wait for it.
+    let (again, wanted) = channel();
+    let to_reload = gateway.clone();
+    let reloading = move || {
+        while wanted.recv().is_ok() {
+            while wanted.try_recv().is_ok() {}
+            reload(&to_reload);
+        }
+    };
+    if let Err(error) = thread::Builder::new().name("reload".to_owned()).spawn(reloading) {
+        tracing::error!(%error, "SIGHUP is not heeded");
+    }
     let heeding = move || {
         let mut stops = 0;
         for signal in signals.forever() {
             if signal == SIGHUP {
-                reload(&gateway);
+                // Nobody reloads only if there was no thread, which was told.
+                let _ = again.send(());
                 continue;
             }
             if signal == SIGUSR2 {

@@ -3,10 +3,12 @@
 
 mod counters;
 mod departures;
+mod listening;
 mod sending;
 mod tap;
 
 pub use counters::Counters;
+pub use departures::{Left, Place};
 
 use departures::Departures;
 use softplug_abi::manifest::SettingValues;
@@ -20,11 +22,8 @@ use crate::clock::Clock;
 use crate::due::Due;
 use crate::error::PortError;
 use crate::pacer::{Pacer, default_depth};
-use crate::port::scratch::READ_BYTES;
-use crate::port::{Input, Port, ReadOutcome};
+use crate::port::{Input, Port};
 
-/// A received byte is delivered as at most so many: a line end can become LF CR CR.
-const GROWTH: u32 = 3;
 /// Most reads and writes of one turn: then others have their say.
 const ROUNDS: usize = 16;
 /// Longest turn: then others have their say.
@@ -50,7 +49,8 @@ pub struct StationOptions {
     pub depth: Option<u32>,
     /// Bytes that the transmit queue takes.
     pub transmit_room: u32,
-    /// Bytes of deliveries that may wait to be put away.
+    /// Bytes of deliveries that may wait to be put away; 0: none is taken, and a partner whose
+    /// protocol has a way to be refused is.
     pub delivery_room: u32,
 }
 
@@ -143,6 +143,12 @@ pub struct Channel<I: Instance> {
     readable: bool,
     gone: Option<LinkDownReason>,
     depth: Option<u32>,
+    /// There is room for deliveries, now or later.
+    takes_deliveries: bool,
+    /// What the port still holds belongs to a job that is over.
+    is_calling_back: bool,
+    /// The partner has stopped the line below us: when to look again.
+    stopped_until: Option<Micros>,
 }
 
 impl<I: Instance> Channel<I> {
@@ -160,7 +166,7 @@ impl<I: Instance> Channel<I> {
                 settings: options.settings,
             },
         );
-        let departures = Departures::new(port.rate_known());
+        let departures = Departures::new(&port);
         Self {
             pacer: pacer(line, options.depth),
             port: Some(port),
@@ -177,6 +183,9 @@ impl<I: Instance> Channel<I> {
             readable: true,
             gone: None,
             depth: options.depth,
+            takes_deliveries: options.delivery_room > 0,
+            is_calling_back: false,
+            stopped_until: None,
         }
     }
 
@@ -199,6 +208,12 @@ impl<I: Instance> Channel<I> {
         self.counters.at(now)
     }
 
+    /// The host pauses the job, to be said before the plug-in is asked to; or no longer, to be
+    /// said after it: a pause is not counted as a hold of the partner's.
+    pub fn count_pause(&mut self, now: Micros, is_paused: bool) {
+        self.counters.pause(now, is_paused);
+    }
+
     /// Why the port is gone, if it is.
     pub fn gone(&self) -> Option<LinkDownReason> {
         self.gone
@@ -216,8 +231,18 @@ impl<I: Instance> Channel<I> {
     }
 
     /// A request of the host: whatever `act` does with the link, with what it
-    /// sets on the port.
+    /// sets on the port. It comes before a timer whose time is over and that has
+    /// not run out, because what may stop that is perhaps not read yet.
     pub fn ask<R>(
+        &mut self,
+        now: Micros,
+        outside: &mut dyn Surroundings,
+        act: impl FnOnce(&mut Link<I>, Micros, &mut dyn Outside) -> R,
+    ) -> Result<R, PortError> {
+        self.ask_at(self.before_timers(now), outside, act)
+    }
+
+    fn ask_at<R>(
         &mut self,
         now: Micros,
         outside: &mut dyn Surroundings,
@@ -225,8 +250,9 @@ impl<I: Instance> Channel<I> {
     ) -> Result<R, PortError> {
         let mut tap = Tap::new(outside, &mut self.counters, &self.pacer);
         let asked = act(&mut self.link, now, &mut tap);
-        let lines = tap.modem_lines;
+        let (lines, has_failed) = (tap.modem_lines, tap.has_failed);
         self.set_modem_lines(lines)?;
+        self.calls_back(has_failed);
         Ok(asked)
     }
 
@@ -248,20 +274,19 @@ impl<I: Instance> Channel<I> {
         clock: Clock,
         outside: &mut dyn Surroundings,
     ) -> Result<Work, ChannelError<I::Fault>> {
-        let mut now = clock.now();
-        let until = now + TURN;
-        self.attend_port(now, outside)?;
+        let until = clock.now() + TURN;
+        self.attend_port(clock.now(), outside)?;
         for _ in 0..ROUNDS {
-            self.read(now, outside)?;
-            self.look_at_modem_lines(now, outside)?;
+            let now = self.take_in(clock, outside)?;
+            self.look_at_modem_lines(clock, outside)?;
             self.note_departures(now);
-            self.ask(now, outside, |link, now, outside| link.run(now, outside))??;
-            let has_sent = self.gone.is_none() && self.send_some(now, outside)?;
+            self.ask_at(now, outside, |link, now, outside| link.run(now, outside))??;
+            let has_sent = self.gone.is_none() && self.send_some(clock.now(), clock, outside)?;
+            let now = clock.now();
             let goes_on = self.may_read() || (has_sent && self.may_go_on(now));
             if !goes_on {
                 return Ok(Work::Done);
             }
-            now = clock.now();
             if now > until {
                 break;
             }
@@ -281,6 +306,7 @@ impl<I: Instance> Channel<I> {
         let deadlines = [
             self.link.next_timer(),
             self.next_departure(now),
+            self.is_calling_back.then_some(now + LOOK_AGAIN),
             self.break_until,
             self.break_next.is_some().then_some(now + LOOK_AGAIN),
             self.looks_for_modem_lines().then_some(self.modem_lines_at),
@@ -296,13 +322,19 @@ impl<I: Instance> Channel<I> {
 
     fn next_write(&self, now: Micros) -> Due {
         let waiting = self.link.waiting();
-        let at = self.pacer.next(now, waiting);
+        let at = self.pacer.next(now, waiting).max(self.stopped_until.unwrap_or(now));
         Due { at, by: at + self.pacer.patience(waiting).min(GATHER) }
     }
 
     /// A port that still holds what should have left by now is looked at again.
     fn next_departure(&self, now: Micros) -> Option<Micros> {
-        let next = self.link.awaits_departures().then(|| self.departures.next()).flatten()?;
+        if !self.link.awaits_departures() {
+            return None;
+        }
+        if self.departures.has_news() {
+            return Some(now);
+        }
+        let next = self.departures.next()?;
         let keeps_rate = self.port.as_ref().is_some_and(Port::rate_known);
         let again = if keeps_rate { LOOK_AGAIN } else { LOOK_AGAIN_FAR };
         Some(if next > now { next } else { now + again })
@@ -312,7 +344,8 @@ impl<I: Instance> Channel<I> {
     pub fn is_sending(&self, now: Micros) -> bool {
         let unsent = || self.port.as_ref().is_some_and(|port| port.unsent() > 0);
         self.gone.is_none()
-            && (self.link.has_to_send()
+            && (self.is_calling_back
+                || self.link.has_to_send()
                 || self.pending_from < self.pending_to
                 || self.pacer.in_flight(now) > 0
                 || unsent())
@@ -323,11 +356,31 @@ impl<I: Instance> Channel<I> {
         self.is_sending(now) || (self.gone.is_none() && self.link.awaits_departures())
     }
 
-    /// Of all bytes that the port was given, how many may have left, and how many
-    /// surely have.
-    pub fn left(&mut self, now: Micros) -> (u64, u64) {
-        let unsent = self.port.as_ref().map_or(0, Port::unsent);
-        self.departures.left(now, unsent)
+    /// How much the port was given so far: a job begins behind it.
+    pub fn place(&self) -> Place {
+        self.departures.place()
+    }
+
+    /// What has left of all that the port was given behind `from`, by asking the
+    /// port. See [`Left`] for what the figures mean.
+    pub fn left(&mut self, now: Micros, from: Place) -> Left {
+        self.look(now);
+        self.departures.left(now, from)
+    }
+
+    /// [`left`](Self::left), without asking a port that was asked a moment ago.
+    pub(crate) fn left_lately(&mut self, now: Micros, from: Place) -> Left {
+        if now >= self.departures.looked_at() + LOOK_AGAIN_FAR {
+            self.look(now);
+        }
+        self.departures.left(now, from)
+    }
+
+    /// Asks the port what it still holds.
+    fn look(&mut self, now: Micros) {
+        if let Some(port) = self.port.as_ref().filter(|_| self.gone.is_none()) {
+            self.departures.looked(now, port.backlog());
+        }
     }
 
     /// The port is lost, or taken away by the host: the plug-in is told. What
@@ -341,16 +394,18 @@ impl<I: Instance> Channel<I> {
         self.gone = Some(reason);
         (self.pending_from, self.pending_to) = (0, 0);
         (self.break_next, self.break_until) = (None, None);
+        (self.is_calling_back, self.stopped_until) = (false, None);
+        let now = listening::input_time(&self.link, now);
+        if self.link.awaits_departures() {
+            // It cannot be asked any more: what it said last bounds it.
+            let (maybe, surely) = self.departures.places(now);
+            self.link.left(maybe, surely);
+        }
         self.ask(now, outside, |link, now, outside| {
             link.link_down(now, reason, outside)?;
             link.run(now, outside)
         })??;
         Ok(())
-    }
-
-    /// The same as of the last time that it was asked.
-    pub(crate) fn left_lately(&self) -> (u64, u64) {
-        self.departures.lately()
     }
 
     /// When to look again whether all that the port took has left.
@@ -374,14 +429,18 @@ impl<I: Instance> Channel<I> {
     ) -> Result<I, ChannelError<I::Fault>> {
         (self.pending_from, self.pending_to) = (0, 0);
         self.readable = true;
+        self.calls_back(true);
+        // What the one before held, nobody will let go.
+        self.counters.pause(now, false);
+        self.counters.release(now);
         Ok(self.ask(now, outside, |link, now, outside| {
             link.replace(now, instance, settings, outside)
         })??)
     }
 
-    fn put_port(&mut self, port: Port) {
+    fn put_port(&mut self, now: Micros, port: Port) {
         self.pacer = pacer(port.line(), self.depth);
-        self.departures.begin_anew(port.rate_known());
+        self.departures.begin_anew(&port, now);
         self.modem_lines = port.modem_lines();
         self.port = Some(port);
         self.gone = None;
@@ -401,7 +460,7 @@ impl<I: Instance> Channel<I> {
         now: Micros,
         outside: &mut dyn Surroundings,
     ) -> Result<(), ChannelError<I::Fault>> {
-        self.put_port(port);
+        self.put_port(now, port);
         let lines = self.modem_lines;
         self.ask(now, outside, |link, now, outside| {
             // Also where the plug-in has ended: its successor finds the port back.
@@ -414,73 +473,15 @@ impl<I: Instance> Channel<I> {
         Ok(())
     }
 
-    /// Reads once.
-    fn read(
-        &mut self,
-        now: Micros,
-        outside: &mut dyn Surroundings,
-    ) -> Result<(), ChannelError<I::Fault>> {
-        if self.gone.is_some() || !self.readable {
-            return Ok(());
-        }
-        let most = self.readable_bytes();
-        let Some(port) = self.port.as_mut().filter(|_| most > 0) else { return Ok(()) };
-        let mut tap = Tap::new(outside, &mut self.counters, &self.pacer);
-        let (link, mut fault) = (&mut self.link, None);
-        let outcome = port.read(most, &mut |input| {
-            if fault.is_some() {
-                return;
-            }
-            tap.heard(now, &input);
-            let told = match input {
-                Input::Bytes(bytes) => link.received(now, bytes, &mut tap),
-                Input::LineError { kind, byte, span } => {
-                    link.line_error(now, kind, byte, span, &mut tap)
-                }
-            };
-            fault = told.err();
-        })?;
-        let lines = tap.modem_lines;
-        self.set_modem_lines(lines)?;
-        if let Some(fault) = fault {
-            return Err(fault.into());
-        }
-        match outcome {
-            ReadOutcome::Read(count) => {
-                // A terminal that gives less than was asked for has no more: what
-                // comes later is told anew.
-                let is_terminal = matches!(self.port, Some(Port::Tty(_) | Port::Pty(_)));
-                self.readable = !is_terminal || count >= most.min(READ_BYTES);
-                Ok(())
-            }
-            ReadOutcome::Empty => {
-                self.readable = false;
-                Ok(())
-            }
-            ReadOutcome::Gone(reason) => self.lose(now, reason, outside),
-        }
-    }
-
     /// Whether there is more to do for what has just been sent.
     fn may_go_on(&self, now: Micros) -> bool {
         self.link.has_reports() || self.break_next.is_some() || self.may_send(now)
     }
 
-    /// Whether there is something to read and room for it, which may have come
-    /// only after a look that found none.
-    fn may_read(&self) -> bool {
-        self.readable && self.gone.is_none() && self.readable_bytes() > 0
-    }
-
-    /// How many bytes may be read: what finds no room for delivery stays with
-    /// the kernel, which loses nothing as long as the partner obeys.
-    fn readable_bytes(&self) -> usize {
-        (self.link.known_delivery_room() / GROWTH) as usize
-    }
-
     fn note_departures(&mut self, now: Micros) {
         if self.link.awaits_departures() {
-            let (maybe, surely) = self.left(now);
+            self.look(now);
+            let (maybe, surely) = self.departures.places(now);
             self.link.left(maybe, surely);
         }
     }
@@ -502,37 +503,6 @@ impl<I: Instance> Channel<I> {
             Err(PortError::Gone(reason)) => self.lose(now, reason, outside),
             attended => Ok(attended?),
         }
-    }
-
-    /// Whether nobody tells of modem lines, so that they are looked at again and
-    /// again.
-    fn looks_for_modem_lines(&self) -> bool {
-        let tells = self.port.as_ref().is_some_and(Port::tells_modem_lines);
-        self.modem_lines.is_some() && !tells
-    }
-
-    fn look_at_modem_lines(
-        &mut self,
-        now: Micros,
-        outside: &mut dyn Surroundings,
-    ) -> Result<(), ChannelError<I::Fault>> {
-        if self.looks_for_modem_lines() && now < self.modem_lines_at {
-            return Ok(());
-        }
-        self.modem_lines_at = now + MODEM_LINES_EVERY;
-        let Some(port) = &self.port else { return Ok(()) };
-        if self.modem_lines.is_none() && !port.tells_modem_lines() {
-            return Ok(());
-        }
-        let lines = port.modem_lines();
-        if lines == self.modem_lines {
-            return Ok(());
-        }
-        self.modem_lines = lines;
-        let (known, on) = lines.unwrap_or_default();
-        outside.modem_lines(now, known, on);
-        self.ask(now, outside, |link, now, outside| link.modem_lines(now, known, on, outside))??;
-        Ok(())
     }
 
     /// Holds the line low, or no longer; nothing on a port that cannot.

@@ -1,26 +1,44 @@
 //! From the link to the port: what may leave now, and breaks between.
+//!
+//! The pacer knows the line's rate, and not that somebody has stopped the line
+//! below us: a kernel that obeys DC3, a clock that is slow. So a port that keeps
+//! a rate is asked what it still holds before it is given more, and that counts
+//! as in flight. What it holds of a job that has failed is called back, so that
+//! it does not leave when the line is let go.
 
 use softplug_abi::{Instance, Micros};
 use softplug_link::Taken;
 
 use super::{CHUNK, Channel, ChannelError, Surroundings};
+use crate::clock::Clock;
 use crate::due::Due;
 use crate::error::PortError;
-use crate::port::Port;
+use crate::port::{Backlog, Port};
+
+/// How often a port is asked what it holds if nobody can stop it where it keeps
+/// its rate: a slow clock makes it hold more only little by little.
+const LOOK_EVERY: Micros = Micros::from_millis(16);
+/// A port that has held the same for so long was stopped, unless its UART takes
+/// longer for what it has taken.
+const STOPPED: Micros = Micros::from_millis(20);
+/// How often a port is asked that was stopped.
+const WHILE_STOPPED: Micros = Micros::from_millis(10);
 
 impl<I: Instance> Channel<I> {
     /// Gives the port what it may have now; whether something was given.
     pub(super) fn send_some(
         &mut self,
         now: Micros,
+        clock: Clock,
         outside: &mut dyn Surroundings,
     ) -> Result<bool, ChannelError<I::Fault>> {
-        if self.breaks(now)? {
+        if self.call_back(now)? || self.breaks(now)? {
             return Ok(false);
         }
         if self.pending_from == self.pending_to && !self.link.has_to_send() {
             return Ok(false);
         }
+        self.look_below(now);
         let available = self.pacer.available(now);
         if self.pending_from == self.pending_to {
             let most = available.min(CHUNK);
@@ -43,14 +61,75 @@ impl<I: Instance> Channel<I> {
             }
             Err(error) => return Err(error.into()),
         };
+        let after = clock.now();
         if written > 0 {
             outside.wrote(now, &self.pending[self.pending_from..self.pending_from + written]);
             self.pending_from += written;
             self.counters.bytes_out += written as u64;
-            let run = self.pacer.took(now, written);
+            let run = self.pacer.took_between(now, after, written);
             self.departures.took(now, run);
         }
         Ok(written > 0)
+    }
+
+    /// What the port still holds counts as in flight.
+    fn look_below(&mut self, now: Micros) {
+        let Some(port) = self.port.as_ref().filter(|port| port.tells_backlog()) else { return };
+        let is_watched = port.rate_known() && port.is_stoppable();
+        if !is_watched && now < self.departures.looked_at() + LOOK_EVERY {
+            return;
+        }
+        let backlog = Backlog { bytes: port.unsent(), is_empty: false };
+        self.departures.looked(now, backlog);
+        if !port.rate_known() {
+            // What a server has not acknowledged is maybe only on its way.
+            return;
+        }
+        self.pacer.holds(now, backlog.bytes);
+        let is_stopped = self.departures.stuck_for(now) >= self.stopped_after();
+        self.stopped_until = is_stopped.then_some(now + WHILE_STOPPED);
+    }
+
+    /// How long the port must have held the same to be taken for stopped.
+    fn stopped_after(&self) -> Micros {
+        let fifo = self.port.as_ref().and_then(Port::leaves_when_stopped).unwrap_or(0);
+        STOPPED.max(self.pacer.line().characters(2 * u64::from(fifo)))
+    }
+
+    /// A job has failed: what the port has of it is called back.
+    pub(super) fn calls_back(&mut self, has_failed: bool) {
+        self.is_calling_back |= has_failed && self.gone.is_none();
+    }
+
+    /// Calls back what the port holds of a job that has failed, if it does not
+    /// leave by itself; whether the port is not to be given anything yet.
+    fn call_back(&mut self, now: Micros) -> Result<bool, PortError> {
+        if !self.is_calling_back {
+            return Ok(false);
+        }
+        let stopped_after = self.stopped_after();
+        let Some(port) = self.port.as_mut() else { return Ok(false) };
+        if matches!(port, Port::Rfc2217(_)) && port.is_stoppable() {
+            self.is_calling_back = false;
+            self.departures.lost(now);
+            return port.discard_output().map(|()| false);
+        }
+        if !port.rate_known() {
+            self.is_calling_back = false;
+            return Ok(false);
+        }
+        let backlog = port.backlog();
+        self.departures.looked(now, backlog);
+        if backlog.bytes > 0 {
+            if self.departures.stuck_for(now) < stopped_after {
+                return Ok(true);
+            }
+            port.discard_output()?;
+            self.departures.called_back();
+            self.pacer.discarded(now);
+        }
+        self.is_calling_back = false;
+        Ok(false)
     }
 
     /// Gives the port what it may have now, and nothing else: when there is to be
@@ -58,13 +137,14 @@ impl<I: Instance> Channel<I> {
     /// does.
     pub fn write_on(
         &mut self,
-        now: Micros,
+        clock: Clock,
         outside: &mut dyn Surroundings,
     ) -> Result<Option<Due>, ChannelError<I::Fault>> {
         if self.gone.is_some() || self.may_read() || self.link.has_reports() {
             return Ok(None);
         }
-        self.send_some(now, outside)?;
+        self.send_some(clock.now(), clock, outside)?;
+        let now = clock.now();
         let has_more = self.link.has_reports() || self.may_send(now);
         let may_wait = !has_more && self.wants_to_send(false);
         Ok(may_wait.then(|| self.next_write(now)))

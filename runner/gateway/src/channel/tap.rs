@@ -14,6 +14,8 @@ pub(super) struct Tap<'a> {
     pacer: &'a Pacer,
     /// Lines to set: which, and which of them on.
     pub(super) modem_lines: Option<(ModemLines, ModemLines)>,
+    /// A job has failed: what it still had on the way is wanted no more.
+    pub(super) has_failed: bool,
 }
 
 impl<'a> Tap<'a> {
@@ -22,7 +24,7 @@ impl<'a> Tap<'a> {
         counters: &'a mut Counters,
         pacer: &'a Pacer,
     ) -> Self {
-        Self { outside, counters, pacer, modem_lines: None }
+        Self { outside, counters, pacer, modem_lines: None, has_failed: false }
     }
 
     pub(super) fn heard(&mut self, now: Micros, input: &Input<'_>) {
@@ -36,6 +38,7 @@ impl Outside for Tap<'_> {
         match action {
             Action::Hold => self.counters.hold(now, self.pacer.in_flight(now)),
             Action::Release => self.counters.release(now),
+            Action::JobFailed { .. } => self.has_failed = true,
             Action::ModemLines { mask, on } => {
                 let (set, set_on) = self.modem_lines.unwrap_or_default();
                 let on = ModemLines((set_on.0 & !mask.0) | on.0);

@@ -155,6 +155,12 @@ pub(crate) fn transmitter_empty(fd: impl AsFd) -> Result<bool> {
     Ok(status & TRANSMITTER_EMPTY != 0)
 }
 
+/// Characters that a UART takes from the kernel at once.
+pub(crate) fn uart_fifo(fd: impl AsFd) -> Result<u32> {
+    let fifo = serial_settings(fd)?.transmit_fifo;
+    Ok(u32::try_from(fifo).unwrap_or(0).max(1))
+}
+
 /// Holds the line low, or no longer.
 pub(crate) fn set_break(fd: impl AsFd, on: bool) -> Result<()> {
     if on {

@@ -2,9 +2,12 @@
 //! never blocks.
 
 mod difference;
+pub(crate) mod ear;
 mod marks;
 mod spec;
 
+#[cfg(target_os = "linux")]
+mod held;
 #[cfg(target_os = "linux")]
 pub(crate) mod holders;
 #[cfg(target_os = "linux")]
@@ -31,6 +34,9 @@ mod tty;
 #[cfg(target_os = "linux")]
 pub use self::rfc2217::Rfc2217Port;
 pub use difference::{DifferenceWeight, SettingDifference};
+pub use ear::Backlog;
+#[cfg(target_os = "linux")]
+pub use held::discard_all;
 pub use marks::{Input, LineCounters, MarkDecoder};
 #[cfg(target_os = "linux")]
 pub use open::{Port, ReadOutcome};

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use softplug_abi::{LineParameters, LinkDownReason, Micros, ModemLines, Parity};
 
 use super::difference::SettingDifference;
+use super::ear::{Backlog, Ear, Plain};
 use super::marks::Input;
 use super::rfc2217::Rfc2217Port;
 use super::spec::{PortOptions, PortSpec};
@@ -99,11 +100,20 @@ impl Port {
         most: usize,
         sink: &mut impl FnMut(Input<'_>),
     ) -> Result<ReadOutcome, PortError> {
+        self.read_to(most, &mut Plain(sink))
+    }
+
+    /// Reads once for an ear that may ask what the port held by then.
+    pub(crate) fn read_to(
+        &mut self,
+        most: usize,
+        ear: &mut impl Ear,
+    ) -> Result<ReadOutcome, PortError> {
         match self {
-            Self::Tty(port) => port.read(most, sink),
-            Self::Tcp(port) => port.read(most, sink),
-            Self::Rfc2217(port) => port.read(most, sink),
-            Self::Pty(port) => port.read(most, sink),
+            Self::Tty(port) => port.read_to(most, ear),
+            Self::Tcp(port) => port.read_to(most, ear),
+            Self::Rfc2217(port) => port.read_to(most, ear),
+            Self::Pty(port) => port.read_to(most, ear),
         }
     }
 
@@ -126,6 +136,45 @@ impl Port {
             Self::Tcp(port) => port.unsent(),
             Self::Rfc2217(port) => port.unsent(),
             Self::Pty(_) => 0,
+        }
+    }
+
+    /// Whether the port tells what it still [holds](Self::backlog).
+    pub fn tells_backlog(&self) -> bool {
+        match self {
+            Self::Tty(port) => !port.is_pty(),
+            Self::Tcp(_) | Self::Rfc2217(_) => true,
+            Self::Pty(_) => false,
+        }
+    }
+
+    /// What the port tells of the bytes that it was given.
+    pub fn backlog(&self) -> Backlog {
+        match self {
+            Self::Tty(port) => port.backlog(),
+            Self::Tcp(_) | Self::Rfc2217(_) => Backlog { bytes: self.unsent(), is_empty: false },
+            Self::Pty(_) => Backlog::default(),
+        }
+    }
+
+    /// Whether the partner can stop the port below us, because the port obeys it
+    /// (`flow = "device"`).
+    pub fn is_stoppable(&self) -> bool {
+        match self {
+            Self::Tty(port) => port.is_stoppable(),
+            Self::Rfc2217(port) => port.is_stoppable(),
+            Self::Tcp(_) => true,
+            Self::Pty(_) => false,
+        }
+    }
+
+    /// Characters that leave although the port was stopped by the partner, if
+    /// the kernel stops it: those that a UART had taken by then. `None`: nobody
+    /// stops it, or where is not known.
+    pub fn leaves_when_stopped(&self) -> Option<u32> {
+        match self {
+            Self::Tty(port) => port.leaves_when_stopped(),
+            Self::Tcp(_) | Self::Rfc2217(_) | Self::Pty(_) => None,
         }
     }
 

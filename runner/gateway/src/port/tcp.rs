@@ -4,6 +4,7 @@ use std::os::fd::BorrowedFd;
 
 use softplug_abi::{LineParameters, LinkDownReason, Micros};
 
+use super::ear::{Backlog, Ear, Plain};
 use super::marks::Input;
 use super::open::ReadOutcome;
 use super::scratch::with_scratch;
@@ -45,11 +46,20 @@ impl TcpPort {
         most: usize,
         sink: &mut impl FnMut(Input<'_>),
     ) -> Result<ReadOutcome, PortError> {
+        self.read_to(most, &mut Plain(sink))
+    }
+
+    pub(super) fn read_to(
+        &mut self,
+        most: usize,
+        ear: &mut impl Ear,
+    ) -> Result<ReadOutcome, PortError> {
         with_scratch(|buffer| {
             let most = most.min(buffer.len());
             let outcome = self.stream.read(&mut buffer[..most])?;
             if let ReadOutcome::Read(count) = outcome {
-                sink(Input::Bytes(&buffer[..count]));
+                ear.came(|| Backlog { bytes: self.stream.unsent(), is_empty: false });
+                ear.heard(Input::Bytes(&buffer[..count]));
             }
             Ok(outcome)
         })

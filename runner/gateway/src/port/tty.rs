@@ -3,7 +3,9 @@
 use std::fs;
 use std::io;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use rustix::fs::{FlockOperation, Mode, OFlags, flock, open};
 use rustix::io::{Errno, read, retry_on_intr, write};
@@ -14,13 +16,15 @@ use rustix::termios::{
 use softplug_abi::{LineParameters, LinkDownReason, ModemLines};
 
 use super::difference::{SettingDifference, noted, refused};
+use super::ear::{Backlog, Ear, Plain};
+use super::held;
 use super::holders::{group, holders, holders_but, is_pty};
 use super::ioctl;
 use super::marks::{Input, LineCounters, MarkDecoder};
 use super::open::ReadOutcome;
 use super::scratch::{READ_BYTES, with_scratch};
 use super::settings::{apply, line_of};
-use super::spec::PortOptions;
+use super::spec::{Flow, PortOptions};
 use crate::error::{BadSpec, PortError};
 
 /// More than a pty holds.
@@ -34,7 +38,7 @@ const EARLY_BYTES: usize = 65_536;
 /// the port had before come back, unless it was [handed over](Self::hand_over).
 #[derive(Debug)]
 pub struct TtyPort {
-    fd: OwnedFd,
+    fd: Arc<OwnedFd>,
     path: PathBuf,
     before: Termios,
     line: LineParameters,
@@ -42,6 +46,10 @@ pub struct TtyPort {
     decoder: MarkDecoder,
     has_counters: bool,
     pty: bool,
+    /// Characters that the UART takes from the kernel at once; `None` if it is
+    /// none of this computer's.
+    uart: Option<u32>,
+    flow: Flow,
     exclusive: bool,
     /// Whether to take back the request for low latency.
     low_latency: bool,
@@ -71,7 +79,8 @@ impl TtyPort {
         if ioctl::modem_lines(&fd).is_err_and(is_gone) {
             return Err(no_hardware());
         }
-        let pty = fs::metadata(path).is_ok_and(|device| is_pty(&device));
+        let device = fs::metadata(path).ok();
+        let pty = device.as_ref().is_some_and(is_pty);
         if options.exclusive {
             lock(&fd, path, pty)?;
         }
@@ -98,6 +107,12 @@ impl TtyPort {
         }
         let low_latency = !pty && ioctl::set_low_latency(&fd, true).is_ok_and(|before| !before);
         let counters = ioctl::counters(&fd).ok();
+        let uart = device.as_ref().and_then(|device| uart_fifo(&fd, device));
+        let fd = Arc::new(fd);
+        // Closing a pty never waits, and what it has taken is for a reader that is only slow.
+        if !pty {
+            held::note(&fd);
+        }
         // A pty makes no characters: the line is the far end's, as asked for.
         let line = if pty { options.line } else { has };
         Ok(Self {
@@ -108,6 +123,8 @@ impl TtyPort {
             decoder: MarkDecoder::new(has.parity, counters),
             has_counters: counters.is_some(),
             pty,
+            uart,
+            flow: options.flow,
             exclusive: options.exclusive,
             low_latency,
             gone: false,
@@ -164,6 +181,7 @@ impl TtyPort {
         self.decoder = MarkDecoder::new(has.parity, counters);
         self.line = if self.pty { options.line } else { has };
         self.differences = if self.pty { noted(differences) } else { differences };
+        self.flow = options.flow;
         check(&self.path, &self.differences)
     }
 
@@ -178,11 +196,20 @@ impl TtyPort {
         most: usize,
         sink: &mut impl FnMut(Input<'_>),
     ) -> Result<ReadOutcome, PortError> {
+        self.read_to(most, &mut Plain(sink))
+    }
+
+    pub(super) fn read_to(
+        &mut self,
+        most: usize,
+        ear: &mut impl Ear,
+    ) -> Result<ReadOutcome, PortError> {
         let most = most.min(READ_BYTES);
         if !self.early.is_empty() {
             let rest = self.early.split_off(most.min(self.early.len()));
             let early = std::mem::replace(&mut self.early, rest);
-            sink(Input::Bytes(&early));
+            ear.came(|| self.backlog());
+            ear.heard(Input::Bytes(&early));
             return Ok(ReadOutcome::Read(early.len()));
         }
         with_scratch(|buffer| match retry_on_intr(|| read(&self.fd, &mut buffer[..most])) {
@@ -191,7 +218,9 @@ impl TtyPort {
             Ok(count) => {
                 // After the read: a mark is never older than its count.
                 let counters = if self.has_counters { self.counters() } else { None };
-                self.decoder.decode(&buffer[..count], counters, sink);
+                ear.came(|| self.backlog());
+                let mut give = |input: Input<'_>| ear.heard(input);
+                self.decoder.decode(&buffer[..count], counters, &mut give);
                 Ok(ReadOutcome::Read(count))
             }
             Err(Errno::AGAIN) => Ok(ReadOutcome::Empty),
@@ -223,6 +252,27 @@ impl TtyPort {
             return 0;
         }
         ioctl::output_queue(&self.fd).unwrap_or(0)
+    }
+
+    /// What the kernel holds, and whether the UART below it is empty as well.
+    pub fn backlog(&self) -> Backlog {
+        let bytes = self.unsent();
+        // The kernel's queue first: nothing but a write of ours fills it, so
+        // that a UART that is empty after it has nothing to come.
+        let is_empty = bytes == 0 && self.uart.is_some() && self.transmitter_empty() == Some(true);
+        Backlog { bytes, is_empty }
+    }
+
+    /// Whether the port obeys the partner's XON/XOFF.
+    pub(super) fn is_stoppable(&self) -> bool {
+        self.flow == Flow::Device
+    }
+
+    /// Characters that leave although the partner has stopped the port, if it
+    /// is the kernel that obeys: those that the UART had taken, and the one on
+    /// the line.
+    pub fn leaves_when_stopped(&self) -> Option<u32> {
+        self.uart.filter(|_| self.flow == Flow::Device).map(|fifo| fifo + 1)
     }
 
     /// Whether the last bit of everything has left; `None` where the driver
@@ -361,6 +411,15 @@ fn read_early(fd: &OwnedFd, before: &Termios) -> Vec<u8> {
         }
     }
     early
+}
+
+/// The size of a UART's memory for what it sends; `None` of an adapter, whose
+/// driver does not show it and which answers no question at once.
+fn uart_fifo(fd: &OwnedFd, device: &fs::Metadata) -> Option<u32> {
+    let (major, minor) = (rustix::fs::major(device.rdev()), rustix::fs::minor(device.rdev()));
+    // Only the kernel's drivers of UARTs have this file, which not everybody may read.
+    let attribute = format!("/sys/dev/char/{major}:{minor}/xmit_fifo_size");
+    if Path::new(&attribute).exists() { ioctl::uart_fifo(fd).ok() } else { None }
 }
 
 /// What a driver says when its device is not there any more.

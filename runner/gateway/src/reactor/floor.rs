@@ -13,12 +13,15 @@ use super::report::{JobEnd, JobOutcome, Report};
 use super::setup::{Feed, LaneId};
 use super::status::Own;
 use super::watch::{Seen, Sight, Watch};
-use crate::channel::Surroundings;
+use crate::channel::{Place, Surroundings};
 use crate::port::Input;
 use crate::reservoir::{Drawn, ReservoirReader, ReservoirWriter, reservoir};
 
 /// Reports of all kinds a lane may make in a second, and at once.
 const REPORTS_A_SECOND: i64 = 10_000;
+/// Deliveries that may wait to be put away. Their bytes have the link's room; each also costs
+/// whoever puts it away a file and a line in a journal, however few bytes it has.
+const DELIVERIES: usize = 256;
 /// Notes and states a lane may tell in a second, and at once: people read them.
 const WORDS_A_SECOND: i64 = 20;
 
@@ -49,8 +52,8 @@ pub(super) struct Active {
     pub(super) id: u32,
     pub(super) source: Source,
     pub(super) taken: u64,
-    /// Characters that had left when it began: maybe, and surely.
-    pub(super) left_before: (u64, u64),
+    /// What the port was given before it began.
+    pub(super) from: Place,
     /// It asked for data and there was none.
     pub(super) is_hungry: bool,
     /// Why its data ends before its end.
@@ -113,15 +116,15 @@ impl Floor {
     }
 
     /// A job is given to the plug-in next.
-    pub(super) fn begin(&mut self, feed: Feed, left_before: (u64, u64)) -> softplug_link::Job {
+    pub(super) fn begin(&mut self, feed: Feed, from: Place) -> softplug_link::Job {
         feed.source.wake_with(self.wake.clone());
-        self.job = Some(Active::new(feed.job.id, Source::Reservoir(feed.source), left_before));
+        self.job = Some(Active::new(feed.job.id, Source::Reservoir(feed.source), from));
         feed.job
     }
 
     /// The same for what comes in at the endpoint.
-    pub(super) fn begin_endpoint(&mut self, id: u32, left_before: (u64, u64)) {
-        self.job = Some(Active::new(id, Source::Endpoint, left_before));
+    pub(super) fn begin_endpoint(&mut self, id: u32, from: Place) {
+        self.job = Some(Active::new(id, Source::Endpoint, from));
         if let Some(lane) = &mut self.endpoint {
             lane.endpoint.job_begun();
         }
@@ -233,6 +236,9 @@ impl Floor {
             self.tell_of_action(now, Report::DeliveryBegun { delivery: id, job, bytes });
             Some(writer)
         };
+        if self.deliveries.len() >= DELIVERIES {
+            self.has_flooded = true;
+        }
         self.deliveries.push_back(Delivery { id, to, bytes: 0, counted: 0, is_open: true });
     }
 
@@ -277,12 +283,12 @@ impl Floor {
 }
 
 impl Active {
-    fn new(id: u32, source: Source, left_before: (u64, u64)) -> Self {
+    fn new(id: u32, source: Source, from: Place) -> Self {
         Self {
             id,
             source,
             taken: 0,
-            left_before,
+            from,
             is_hungry: false,
             source_failed: None,
             is_aborted: false,
@@ -298,6 +304,12 @@ impl Delivery {
         if self.counted < self.bytes {
             to.wake_at(to.level().saturating_sub(room / 8));
         }
+    }
+
+    /// Whether somebody still has to do with it.
+    fn is_under_way(&self) -> bool {
+        let is_kept = self.to.as_ref().is_some_and(|to| !to.is_abandoned());
+        self.is_open || self.counted < self.bytes || is_kept
     }
 
     /// Bytes put away since the last call.
@@ -437,7 +449,7 @@ impl Outside for Floor {
             drained += delivery.drained() as u32;
             delivery.wake_when_read(self.delivery_room);
         }
-        self.deliveries.retain(|delivery| delivery.is_open || delivery.counted < delivery.bytes);
+        self.deliveries.retain(Delivery::is_under_way);
         drained
     }
 }

@@ -1,6 +1,7 @@
 //! Lanes: made for links, closed, made anew.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use softplug_abi::Micros;
 use softplug_gateway::channel::StationOptions;
@@ -39,6 +40,7 @@ impl Control {
             follow: Follow::new(digest),
             port: PortFacts::default(),
             condition: None,
+            condition_since: Instant::now(),
             alarms: Vec::new(),
             job: None,
             deliveries: std::collections::BTreeMap::new(),

@@ -10,10 +10,11 @@ use super::faults::described;
 use super::link::{After, Arriving, EndsAs, Lane};
 use crate::clerk::Incoming;
 use crate::jobs::{Ending, Extent, Job, Left, Reason, Subject, Weight};
-use crate::supervise::Failed;
+use crate::supervise::{Failed, State};
 use crate::view::{Change, CheckFault, DownView, now_ms};
 use softplug_abi::{Failure, NoteLevel};
 use std::fmt::Write as _;
+use std::time::Instant;
 
 impl Control {
     /// Something that a lane tells.
@@ -70,6 +71,7 @@ impl Control {
             Report::State(state) => {
                 if let Some(link) = self.links.get_mut(&name) {
                     link.condition = Some(state);
+                    link.condition_since = Instant::now();
                 }
             }
             Report::Alarm(alarm) => self.alarm(&name, alarm),
@@ -256,7 +258,18 @@ impl Control {
         let view = self.shared.fault_view(name, &link.plugin, fault);
         link.keep_fault(view);
         self.shared.parts.scribe.link(Subject::Fault, Weight::Warning, name, text);
-        self.break_off(name, "the plug-in failed in the middle of it");
+        let is_stopped = self
+            .links
+            .get(name)
+            .is_some_and(|link| matches!(link.supervisor.state(), State::Quarantined { .. }));
+        self.break_off(
+            name,
+            if is_stopped {
+                "the plug-in was stopped in the middle of it"
+            } else {
+                "the plug-in failed in the middle of it"
+            },
+        );
         self.supervise_fault(name, what);
     }
 

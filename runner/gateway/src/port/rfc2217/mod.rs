@@ -15,6 +15,7 @@ use softplug_abi::{LineParameters, LinkDownReason, Micros, ModemLines};
 use self::liveness::Liveness;
 use self::session::{Broken, Opening, Session};
 use super::difference::{SettingDifference, refused};
+use super::ear::{Backlog, Ear, Plain};
 use super::marks::Input;
 use super::open::ReadOutcome;
 use super::scratch::with_scratch;
@@ -104,13 +105,22 @@ impl Rfc2217Port {
         most: usize,
         sink: &mut impl FnMut(Input<'_>),
     ) -> Result<ReadOutcome, PortError> {
+        self.read_to(most, &mut Plain(sink))
+    }
+
+    pub(super) fn read_to(
+        &mut self,
+        most: usize,
+        ear: &mut impl Ear,
+    ) -> Result<ReadOutcome, PortError> {
         if !self.early.is_empty() {
             let rest = self.early.split_off(most.min(self.early.len()));
             let early = std::mem::replace(&mut self.early, rest);
-            sink(Input::Bytes(&early));
+            ear.came(|| Backlog { bytes: self.unsent(), is_empty: false });
+            ear.heard(Input::Bytes(&early));
             return Ok(ReadOutcome::Read(early.len()));
         }
-        let outcome = match self.take_in(most, sink) {
+        let outcome = match self.take_in(most, ear) {
             Err(PortError::Gone(reason)) => ReadOutcome::Gone(reason),
             outcome => outcome?,
         };
@@ -144,6 +154,11 @@ impl Rfc2217Port {
     /// connection.
     pub fn unsent(&self) -> usize {
         self.stream.unsent() + self.session.waiting()
+    }
+
+    /// Whether the server's port obeys the partner's XON/XOFF.
+    pub(super) fn is_stoppable(&self) -> bool {
+        self.session.is_stoppable()
     }
 
     /// Has the server drop what it has not sent.
@@ -201,14 +216,12 @@ impl Rfc2217Port {
         self.session.is_suspended()
     }
 
-    fn take_in(
-        &mut self,
-        most: usize,
-        sink: &mut impl FnMut(Input<'_>),
-    ) -> Result<ReadOutcome, PortError> {
+    fn take_in(&mut self, most: usize, ear: &mut impl Ear) -> Result<ReadOutcome, PortError> {
         self.flush()?;
+        let unsent = self.session.waiting();
         let outcome = if self.session.has_rest() {
-            match self.session.resume(most, sink) {
+            ear.came(|| Backlog { bytes: self.stream.unsent() + unsent, is_empty: false });
+            match self.session.resume(most, &mut |input| ear.heard(input)) {
                 0 => ReadOutcome::Empty,
                 count => ReadOutcome::Read(count),
             }
@@ -218,7 +231,8 @@ impl Rfc2217Port {
                 let most = most.min(buffer.len());
                 let outcome = stream.read(&mut buffer[..most])?;
                 if let ReadOutcome::Read(count) = outcome {
-                    session.receive(&buffer[..count], sink);
+                    ear.came(|| Backlog { bytes: stream.unsent() + unsent, is_empty: false });
+                    session.receive(&buffer[..count], &mut |input| ear.heard(input));
                 }
                 Ok::<_, PortError>(outcome)
             })?
@@ -280,11 +294,13 @@ impl Rfc2217Port {
     fn exchange(&mut self) -> Result<(), Failed> {
         loop {
             let mut early = std::mem::take(&mut self.early);
-            let outcome = self.take_in(EARLY_BYTES.saturating_sub(early.len()), &mut |input| {
+            let most = EARLY_BYTES.saturating_sub(early.len());
+            let mut keep = |input: Input<'_>| {
                 if let Input::Bytes(bytes) = input {
                     early.extend_from_slice(bytes);
                 }
-            });
+            };
+            let outcome = self.take_in(most, &mut Plain(&mut keep));
             self.early = early;
             match self.session.broken() {
                 Some(Broken::Refused) => return Err(Failed::Peer("it refuses to set its port")),

@@ -61,10 +61,10 @@ pub(super) enum Broken {
     Echo,
     /// It takes no more commands.
     Deaf,
-    /// Its port has other settings now than it was asked for.
-    Reset,
     /// A subnegotiation of its is longer than any can be.
     Overlong,
+    /// Its port has other settings now than it was asked for.
+    Reset,
 }
 
 /// How far opening has come.
@@ -181,6 +181,11 @@ impl Session {
     pub(super) fn waiting(&self) -> usize {
         let own = if self.is_active() { self.own.len() - self.own_sent } else { 0 };
         self.client.output().len() + own
+    }
+
+    /// Whether the server was asked to obey the partner's XON/XOFF.
+    pub(super) fn is_stoppable(&self) -> bool {
+        self.flow == Flow::Device
     }
 
     /// Whether the server wants a pause.

@@ -4,6 +4,7 @@ use softplug_abi::{Failure, Micros, ModemLines};
 use softplug_link::{HoldState, Job};
 
 use super::{Lane, Phase};
+use crate::channel::Place;
 use crate::reactor::ENDPOINT_JOBS;
 use crate::reactor::LaneInstance;
 use crate::reactor::endpoint::{EndpointNews, EndpointWish};
@@ -16,19 +17,19 @@ use crate::recorder::Recorded;
 impl<I: LaneInstance> Lane<I> {
     pub(super) fn begin(&mut self, thread: &Thread<I>, feed: Feed) {
         let job = feed.job.id;
-        let Some(left) = self.left_if_up() else { return self.refuse(job, Failure::LinkDown) };
+        let Some(from) = self.place_if_up() else { return self.refuse(job, Failure::LinkDown) };
         if self.floor.job.is_some() || self.closing_until.is_some() {
             return self.refuse(job, Failure::Busy);
         }
-        let job = self.floor.begin(feed, left);
+        let job = self.floor.begin(feed, from);
         self.ask(thread, |link, now, outside| link.begin_job(now, job, outside));
     }
 
-    /// What has left so far, on a link that can take a job.
-    fn left_if_up(&mut self) -> Option<(u64, u64)> {
-        match &mut self.phase {
+    /// What the port was given so far, on a link that can take a job.
+    fn place_if_up(&self) -> Option<Place> {
+        match &self.phase {
             Phase::Open(channel) if !self.is_faulted && channel.gone().is_none() => {
-                Some(channel.left(self.clock.now()))
+                Some(channel.place())
             }
             _ => None,
         }
@@ -54,7 +55,7 @@ impl<I: LaneInstance> Lane<I> {
         if !self.endpoint_waits() {
             return;
         }
-        let Some(left) = self.left_if_up() else { return };
+        let Some(from) = self.place_if_up() else { return };
         let Some(lane) = &self.floor.endpoint else { return };
         let job = Job {
             id: self.next_endpoint_job,
@@ -64,7 +65,7 @@ impl<I: LaneInstance> Lane<I> {
             check: lane.check,
         };
         self.next_endpoint_job = self.next_endpoint_job.checked_add(1).unwrap_or(ENDPOINT_JOBS);
-        self.floor.begin_endpoint(job.id, left);
+        self.floor.begin_endpoint(job.id, from);
         self.ask(thread, |link, now, outside| link.begin_job(now, job, outside));
     }
 
@@ -111,6 +112,16 @@ impl<I: LaneInstance> Lane<I> {
         }
     }
 
+    /// The job under way is paused by the host, or no longer.
+    pub(super) fn count_pause(&mut self, job: u32, is_paused: bool) {
+        let is_it = self.floor.job.as_ref().is_some_and(|active| active.id == job);
+        if let Phase::Open(channel) = &mut self.phase
+            && is_it
+        {
+            channel.count_pause(self.clock.now(), is_paused);
+        }
+    }
+
     /// A job whose source failed is aborted: it must not pass for whole.
     pub(super) fn abort_without_source(&mut self, thread: &Thread<I>) {
         let Some(active) = &mut self.floor.job else { return };
@@ -125,19 +136,22 @@ impl<I: LaneInstance> Lane<I> {
     pub(super) fn conclude(&mut self, now: Micros) {
         let Some(Ended { active, outcome, sent }) = self.floor.ended.take() else { return };
         let Phase::Open(channel) = &mut self.phase else { return };
-        let (maybe, surely) = channel.left(now);
+        channel.count_pause(now, false);
+        let left = channel.left(now, active.from);
         let outcome = match active.source_failed {
             Some(why) if outcome != JobOutcome::Done => JobOutcome::SourceFailed(why),
             _ => outcome,
         };
+        // A plug-in counts what the port was given, and cannot know that it stopped there.
+        let sent = if outcome == JobOutcome::Done { sent } else { sent.min(left.surely) };
         if active.id < ENDPOINT_JOBS {
             self.floor.tell(Report::JobEnded(JobEnd {
                 job: active.id,
                 outcome,
                 taken: active.taken,
                 sent,
-                maybe_left: maybe - active.left_before.0.min(maybe),
-                surely_left: surely - active.left_before.1.min(surely),
+                maybe_left: left.maybe,
+                surely_left: left.surely,
                 bytes_surely_left: self.status.bytes_surely_left(active.id),
             }));
             return;
