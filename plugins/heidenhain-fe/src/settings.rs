@@ -30,7 +30,7 @@ settings! {
 
 pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
     head: concat!(
-        r#""abi":"1.0","name":"heidenhain-fe","version":""#, env!("CARGO_PKG_VERSION"),
+        r#""abi":"1.1","name":"heidenhain-fe","version":""#, env!("CARGO_PKG_VERSION"),
         r#"","licence":""#, env!("CARGO_PKG_LICENSE"),
         r#"","protocol":"Heidenhain FE","description":"Blockwise transfer with block check and answers (FE1 mode).""#,
     ),
@@ -46,6 +46,7 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
         r#"{"name":"kind","type":"text","text":"Its kind: H a dialog program."}]}],"#,
         r#""profiles":[{"name":"heidenhain-fe","features":["parity","bcc-space"]}],"#,
         r#""needs":{"line_errors":"used","software_parity":true,"check_pass":true},"#,
-        r#""state":{"saves":1,"accepts":[1]}"#,
+        r#""state":{"saves":1,"accepts":[1]},"line":"7E2","#,
+        r#""line_when":[{"when":{"parity":"even"},"line":"8N2"}]"#,
     ),
 };

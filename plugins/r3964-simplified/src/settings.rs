@@ -17,7 +17,7 @@ softplug_procedure_3964::procedure_settings! {
 
 pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
     head: concat!(
-        r#""abi":"1.0","name":"r3964-simplified","version":""#, env!("CARGO_PKG_VERSION"),
+        r#""abi":"1.1","name":"r3964-simplified","version":""#, env!("CARGO_PKG_VERSION"),
         r#"","licence":""#, env!("CARGO_PKG_LICENSE"),
         r#"","protocol":"simplified 3964R","description":"The subset of 3964R that small devices speak, with RK512.""#,
     ),
@@ -26,7 +26,7 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
         r#""presets":["#,
         r#"{"name":"no-handshake","text":"STX, data and end in one go.","values":{"handshake":false}},"#,
         r#"{"name":"no-bcc","text":"No block check.","values":{"bcc":false}}],"#,
-        r#""profiles":[{"name":"r3964-simplified","features":["no-doubling","no-check","no-handshake"]},{"name":"rk512","features":["active","passive"]}],"#,
+        r#""line":"8E1","profiles":[{"name":"r3964-simplified","features":["no-doubling","no-check","no-handshake"]},{"name":"rk512","features":["active","passive"]}],"#,
         softplug_procedure_3964::procedure_manifest!(),
     ),
 };

@@ -4,7 +4,7 @@ use softplug_procedure_3964::Options;
 
 pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
     head: concat!(
-        r#""abi":"1.0","name":"r3964","version":""#, env!("CARGO_PKG_VERSION"),
+        r#""abi":"1.1","name":"r3964","version":""#, env!("CARGO_PKG_VERSION"),
         r#"","licence":""#, env!("CARGO_PKG_LICENSE"),
         r#"","protocol":"3964R","description":"3964R and 3964, with RK512.""#,
     ),
@@ -20,6 +20,8 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
         r#"{"name":"euchner","text":"Euchner HBA.","values":{"qvz":500,"zvz":128,"setup_attempts":3,"transmission_attempts":3}},"#,
         r#"{"name":"ifm","text":"ifm efector 190.","values":{"qvz":3000,"zvz":200,"priority":"high"}},"#,
         r#"{"name":"wago","text":"WAGO.","values":{"qvz":2000,"priority":"low","block_size":128,"nak_on_garbage":false}}],"#,
+        r#""line":"8E1","line_when":[{"when":{"preset":"buderus"},"line":"2400 8N1"},"#,
+        r#"{"when":{"preset":"vipa-cp040"},"line":"8N1"}],"#,
         r#""profiles":[{"name":"r3964","features":["split","presets"]},{"name":"3964"},{"name":"rk512","features":["active","passive"]}],"#,
         softplug_procedure_3964::procedure_manifest!(),
     ),

@@ -5,7 +5,7 @@ use std::fmt::Display;
 use serde::Serialize;
 use softplug_gateway::BadSpec;
 #[cfg(target_os = "linux")]
-use softplug_gateway::PortError;
+use softplug_gateway::{PortError, SettingDifference};
 
 use crate::exit::Exit;
 
@@ -17,6 +17,16 @@ pub(crate) struct Failure {
     pub(crate) message: String,
     /// What to try.
     pub(crate) hint: Option<String>,
+    /// What a port has otherwise than it was asked to, if that is why.
+    differences: Vec<Difference>,
+}
+
+/// A setting that a port did not take.
+#[derive(Debug, Serialize)]
+struct Difference {
+    setting: &'static str,
+    asked: String,
+    has: String,
 }
 
 /// An error as `--json` prints it.
@@ -31,11 +41,13 @@ struct JsonError<'a> {
     message: &'a str,
     #[serde(skip_serializing_if = "Option::is_none")]
     hint: Option<&'a str>,
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    differences: &'a [Difference],
 }
 
 impl Failure {
     pub(crate) fn new(exit: Exit, message: impl Display) -> Self {
-        Self { exit, message: message.to_string(), hint: None }
+        Self { exit, message: message.to_string(), hint: None, differences: Vec::new() }
     }
 
     /// Wrong usage, or a file that cannot be used.
@@ -63,6 +75,7 @@ impl Failure {
             code: self.exit.code(),
             message: &self.message,
             hint: self.hint.as_deref(),
+            differences: &self.differences,
         };
         serde_json::to_string(&Json { error }).expect("text and a number are JSON")
     }
@@ -82,6 +95,14 @@ impl From<PortError> for Failure {
             _ => Self::new(Exit::Port, &error),
         };
         match error {
+            PortError::NotTaken { found, .. } => {
+                let difference = |found: SettingDifference| Difference {
+                    setting: found.setting,
+                    asked: found.asked,
+                    has: found.has,
+                };
+                Self { differences: found.into_iter().map(difference).collect(), ..failure }
+            }
             PortError::NotFound { .. } | PortError::NoHardware { .. } => {
                 failure.hint("`softplug ports` lists the ports that there are")
             }

@@ -3,8 +3,9 @@
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
-use softplug_abi::LineParameters;
-use softplug_gateway::port::parse_line;
+use softplug_abi::manifest::{Manifest, SettingValues};
+use softplug_abi::{LineParameters, Parity};
+use softplug_gateway::port::{line_mismatch, line_text, parse_line};
 use softplug_gateway::{Flow, PortOptions, PortSpec};
 
 use crate::plugin::Library;
@@ -12,9 +13,10 @@ use crate::plugin::Library;
 /// How to speak on a line, apart from its port.
 #[derive(Debug, Args)]
 pub(crate) struct LinkArguments {
-    /// The line: baud rate and form of a character, such as "4800 7E2"
-    #[arg(long, value_name = "LINE", default_value = "9600 8N1", value_parser = line)]
-    pub(crate) line: LineParameters,
+    /// The line: baud rate and form of a character, such as "4800 7E2" [default: the plug-in's, or
+    /// 9600 8N1]
+    #[arg(long, value_name = "LINE")]
+    pub(crate) line: Option<AskedLine>,
     /// Who reacts to XON and XOFF: the plug-in (host) or the port's driver (device)
     #[arg(long, value_enum, default_value_t, value_name = "WHO")]
     pub(crate) flow: FlowBy,
@@ -32,13 +34,112 @@ pub(crate) struct LinkArguments {
 }
 
 impl LinkArguments {
+    /// The line to speak on with this plug-in.
+    pub(crate) fn line(&self, manifest: &Manifest, values: &SettingValues) -> ChosenLine {
+        ChosenLine::of(self.line.as_ref(), manifest, &self.settings, values)
+    }
+
     /// How to open the port.
-    pub(crate) fn port_options(&self) -> PortOptions {
+    pub(crate) fn port_options(&self, line: LineParameters) -> PortOptions {
         let flow = match self.flow {
             FlowBy::Host => Flow::Host,
             FlowBy::Device => Flow::Device,
         };
-        PortOptions { flow, ..PortOptions::new(self.line) }
+        PortOptions { flow, ..PortOptions::new(line) }
+    }
+}
+
+/// The line where nobody names one.
+pub(crate) const USUAL_LINE: LineParameters = LineParameters::new(9_600);
+
+/// A line as it was asked for; what it leaves out is the plug-in's.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub(crate) struct AskedLine(String);
+
+impl FromStr for AskedLine {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let read = parse_line(text, USUAL_LINE).map_err(|error| error.to_string());
+        read.map(|_| Self(text.to_owned()))
+    }
+}
+
+impl AskedLine {
+    /// With what it leaves out as in `base`.
+    pub(crate) fn or(&self, base: LineParameters) -> LineParameters {
+        parse_line(&self.0, base).expect("it was read before")
+    }
+}
+
+/// What carries a line.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(crate) enum Carrier {
+    /// A port that is set from here.
+    Port,
+    /// A pty, which has neither rate nor parity.
+    Pty,
+    /// A raw connection to a device server, which is set there.
+    Raw,
+}
+
+/// The line that is taken, and what it is to the protocol.
+#[derive(Copy, Clone, Debug)]
+pub(crate) struct ChosenLine {
+    pub(crate) line: LineParameters,
+    /// As the plug-in's manifest names it; with the usual rate where it leaves that open.
+    named: Option<LineParameters>,
+    is_asked: bool,
+}
+
+impl ChosenLine {
+    /// The line that was asked for, else the plug-in's with these settings, else the usual one.
+    pub(crate) fn of(
+        asked: Option<&AskedLine>,
+        manifest: &Manifest,
+        settings: &[Assignment],
+        values: &SettingValues,
+    ) -> Self {
+        let named = manifest.line_for(settings.iter().map(Assignment::as_pair), values);
+        let named = named.map(|named| match named.parameters {
+            LineParameters { baud: 0, .. } => {
+                LineParameters { baud: USUAL_LINE.baud, ..named.parameters }
+            }
+            parameters => parameters,
+        });
+        let base = named.unwrap_or(USUAL_LINE);
+        let line = asked.map_or(base, |asked| asked.or(base));
+        Self { line, named, is_asked: asked.is_some() }
+    }
+
+    /// What is to be said of it on such a port, in one line.
+    pub(crate) fn remark(&self, carrier: Carrier) -> Option<String> {
+        let line = line_text(&self.line);
+        let is_plain = self.line.parity == Parity::None && self.line.data_bits == 8;
+        let carried = match carrier {
+            Carrier::Pty if !is_plain => {
+                "; a pty carries 8 data bits and no parity: it is neither made nor looked at"
+            }
+            Carrier::Raw => "; a raw connection has what is set at the server",
+            Carrier::Port | Carrier::Pty => "",
+        };
+        match (self.named, carrier) {
+            (Some(_), _) if !self.is_asked => {
+                Some(format!("the line is {line}, as the plug-in names it{carried}"))
+            }
+            (None, Carrier::Port) if !self.is_asked => Some(format!(
+                "the line is {line}, as nobody named one: no parity is looked at; --line names another"
+            )),
+            (Some(named), Carrier::Port) => {
+                let form = line_text(&LineParameters { baud: 0, ..named });
+                let lost = line_mismatch(self.line, named)?;
+                Some(format!("the line is {line}, the protocol's {form}: {lost}"))
+            }
+            (_, Carrier::Pty) if self.is_asked && !is_plain => {
+                Some(format!("the line is {line}{carried}"))
+            }
+            _ => None,
+        }
     }
 }
 
@@ -86,6 +187,88 @@ pub(crate) fn port(text: &str) -> Result<PortSpec, String> {
     text.parse::<PortSpec>().map_err(|error| error.to_string())
 }
 
-pub(crate) fn line(text: &str) -> Result<LineParameters, String> {
-    parse_line(text, LineParameters::new(9_600)).map_err(|error| error.to_string())
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A plug-in that names this line, or none.
+    fn manifest(line: Option<&str>) -> Manifest {
+        let line = line.map_or(String::new(), |line| format!(r#","line":"{line}""#));
+        let text = format!(
+            r#"{{"abi":"1.1","name":"x","version":"1","licence":"MIT","protocol":"x","description":"x"{line}}}"#
+        );
+        Manifest::parse(text.as_bytes()).unwrap()
+    }
+
+    fn chosen(asked: Option<&str>, named: Option<&str>) -> ChosenLine {
+        let asked = asked.map(|asked| asked.parse::<AskedLine>().unwrap());
+        ChosenLine::of(asked.as_ref(), &manifest(named), &[], &SettingValues::default())
+    }
+
+    #[test]
+    fn what_is_not_asked_for_is_the_plug_ins() {
+        let text = |asked, named| line_text(&chosen(asked, named).line);
+        assert_eq!(text(None, None), "9600 8N1");
+        assert_eq!(text(None, Some("4800 7E2")), "4800 7E2");
+        assert_eq!(text(None, Some("8E1")), "9600 8E1");
+        assert_eq!(text(Some("19200"), Some("4800 7E2")), "19200 7E2");
+        assert_eq!(text(Some("8N1"), Some("4800 7E2")), "4800 8N1");
+        assert_eq!(text(Some("8N1"), None), "9600 8N1");
+        assert!("8X1".parse::<AskedLine>().is_err());
+    }
+
+    #[test]
+    fn a_line_that_is_not_the_protocols_is_told() {
+        let remark = |asked, named| chosen(asked, named).remark(Carrier::Port);
+        assert_eq!(
+            remark(None, Some("4800 7E2")).as_deref(),
+            Some("the line is 4800 7E2, as the plug-in names it")
+        );
+        assert_eq!(
+            remark(Some("9600 8N1"), Some("4800 7E2")).as_deref(),
+            Some("the line is 9600 8N1, the protocol's 7E2: a wrong parity bit is not looked at")
+        );
+        let told = |asked, named| remark(Some(asked), Some(named)).unwrap();
+        assert!(
+            told("8E1", "8N1")
+                .ends_with(": a parity bit is expected that the protocol does not have")
+        );
+        assert!(
+            told("7O2", "7E2")
+                .ends_with(": a parity bit is expected that the protocol has otherwise")
+        );
+        assert!(told("8E2", "7E2").ends_with(": characters have another number of bits"));
+        assert!(told("7E1", "7E2").ends_with(": only the stop bits differ"));
+        // Another rate is nobody's mistake.
+        assert_eq!(remark(Some("19200"), Some("4800 7E2")), None);
+        assert_eq!(remark(Some("8N1"), None), None);
+        assert_eq!(
+            remark(None, None).as_deref(),
+            Some(
+                "the line is 9600 8N1, as nobody named one: no parity is looked at; --line names another"
+            )
+        );
+    }
+
+    #[test]
+    fn of_a_pty_only_the_missing_parity_is_told() {
+        let remark = |asked, named| chosen(asked, named).remark(Carrier::Pty);
+        let carried = "; a pty carries 8 data bits and no parity: it is neither made nor looked at";
+        assert_eq!(remark(Some("4800 7E2"), None), Some(format!("the line is 4800 7E2{carried}")));
+        assert_eq!(
+            remark(None, Some("4800 7E2")),
+            Some(format!("the line is 4800 7E2, as the plug-in names it{carried}"))
+        );
+        assert_eq!(remark(Some("9600 8N1"), Some("4800 7E2")), None);
+        assert_eq!(remark(None, None), None);
+        let remark = |asked, named| chosen(asked, named).remark(Carrier::Raw);
+        assert_eq!(
+            remark(None, Some("8E1")).as_deref(),
+            Some(
+                "the line is 9600 8E1, as the plug-in names it; a raw connection has what is set at \
+                 the server"
+            )
+        );
+        assert_eq!((remark(Some("8N1"), Some("8E1")), remark(None, None)), (None, None));
+    }
 }

@@ -32,8 +32,19 @@ use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::screen::Screen;
 use softplug_gateway::guess;
+use softplug_host::compiler::{self, CompilerProcess};
+
+/// The word that makes this program the process that compiles plug-ins for another of its kind.
+const COMPILE: &str = "__compile";
 
 fn main() -> ExitCode {
+    if std::env::args_os().nth(1).is_some_and(|word| word == COMPILE) {
+        return compile();
+    }
+    // Where the system does not tell which file this is, plug-ins are compiled in this process.
+    if let Ok(compiler) = CompilerProcess::this_program([COMPILE]) {
+        compiler.install();
+    }
     match arguments::read() {
         Start::Run(command_line) => {
             let screen = Screen::new(&command_line.global);
@@ -41,9 +52,21 @@ fn main() -> ExitCode {
                 screen::start_log(&command_line.global);
             }
             let CommandLine { command, global } = *command_line;
-            guard(&screen, || commands::run(command, &global, &screen)).into()
+            let exit = guard(&screen, || commands::run(command, &global, &screen));
+            screen::conclude(exit).into()
         }
-        Start::End(exit) => exit.into(),
+        Start::End(exit) => screen::conclude(exit).into(),
+    }
+}
+
+/// Does what a host asks for on standard input; it reads what is said on standard error.
+fn compile() -> ExitCode {
+    match compiler::run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            Exit::Internal.into()
+        }
     }
 }
 

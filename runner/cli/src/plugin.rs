@@ -244,6 +244,7 @@ pub(crate) fn load_failure(file: &Path, error: &LoadError) -> Failure {
             Failure::plug_in(format_args!("{} is not a plug-in: {rule}", file.display()))
         }
         LoadError::TooLarge { .. } | LoadError::Engine(_) => Failure::plug_in(error),
+        LoadError::CompilerProcess(_) => Failure::internal(error),
         error => Failure::plug_in(format_args!("{}: {error}", file.display())),
     }
 }

@@ -52,7 +52,7 @@ impl Machine {
         let incoming = format!("exec:cat {STATE}");
         let mut machine = Self::of(&images, &["-S", "-incoming", &incoming]);
         let begin = Instant::now();
-        while machine.qmp.ask("query-status", json!({}))["status"] == "inmigrate" {
+        while machine.qmp.ask("query-status", &json!({}))["status"] == "inmigrate" {
             assert!(begin.elapsed() < HANG, "QEMU does not go on: {}", machine.qemu.errors());
             sleep(Duration::from_millis(10));
         }
@@ -72,10 +72,10 @@ impl Machine {
     fn keep(mut self, images: &Path) {
         self.stand_still();
         let new = format!("{STATE}.new");
-        self.qmp.ask("migrate", json!({ "uri": format!("exec:cat > {new}") }));
+        self.qmp.ask("migrate", &json!({ "uri": format!("exec:cat > {new}") }));
         let begin = Instant::now();
         loop {
-            let migration = self.qmp.ask("query-migrate", json!({}));
+            let migration = self.qmp.ask("query-migrate", &json!({}));
             match migration["status"].as_str() {
                 Some("completed") => break,
                 Some("failed" | "cancelled") => panic!("not kept: {migration}"),
@@ -121,6 +121,13 @@ impl Machine {
         let lines: Vec<_> = text.as_bytes().chunks(76).map(String::from_utf8_lossy).collect();
         let lines = lines.join("\n");
         self.run(&format!("base64 -d > {path} <<'END'\n{lines}\nEND")).with_code(0);
+    }
+
+    /// Reads a file of the guest, or several one after the other, as the shell expands the name.
+    #[track_caller]
+    pub fn read(&mut self, path: &str) -> Vec<u8> {
+        let text = self.run(&format!("cat {path} | base64 -w0")).with_code(0).out;
+        BASE64_STANDARD.decode(text).expect("the guest's base64 is right")
     }
 
     /// Starts a program in the guest: one command, as the shell reads it.
@@ -225,25 +232,25 @@ impl Machine {
     /// Pulls the adapter out, in whatever it is doing.
     #[track_caller]
     pub fn unplug(&mut self) {
-        self.qmp.ask("device_del", json!({ "id": "adapter" }));
+        self.qmp.ask("device_del", &json!({ "id": "adapter" }));
     }
 
     /// A break on the line to `/dev/ttyS1`.
     #[track_caller]
     pub fn send_break(&mut self) {
-        self.qmp.ask("chardev-send-break", json!({ "id": "uart" }));
+        self.qmp.ask("chardev-send-break", &json!({ "id": "uart" }));
     }
 
     /// Stops the processor; what is on the wires goes on.
     #[track_caller]
     pub fn stand_still(&mut self) {
-        self.qmp.ask("stop", json!({}));
+        self.qmp.ask("stop", &json!({}));
     }
 
     /// Lets the processor go on.
     #[track_caller]
     pub fn go_on(&mut self) {
-        self.qmp.ask("cont", json!({}));
+        self.qmp.ask("cont", &json!({}));
     }
 }
 

@@ -21,14 +21,14 @@ impl Qmp {
         let mut qmp = Self { out, input: BufReader::new(stream) };
         let greeting = qmp.read();
         assert!(greeting.get("QMP").is_some(), "no greeting of QEMU: {greeting}");
-        qmp.ask("qmp_capabilities", json!({}));
+        qmp.ask("qmp_capabilities", &json!({}));
         qmp
     }
 
     /// Carries out a command and gives its answer.
     #[track_caller]
-    pub(crate) fn ask(&mut self, command: &str, arguments: Value) -> Value {
-        self.try_ask(command, &arguments).unwrap_or_else(|error| panic!("{command}: {error}"))
+    pub(crate) fn ask(&mut self, command: &str, arguments: &Value) -> Value {
+        self.try_ask(command, arguments).unwrap_or_else(|error| panic!("{command}: {error}"))
     }
 
     /// The same, where the machine may be gone.

@@ -106,7 +106,7 @@ impl Wire {
 }
 
 fn read(mut stream: UnixStream, shared: &Shared, answers: &Sender<Vec<u8>>) {
-    let mut buffer = [0; 65_536];
+    let mut buffer = [0; 16_384];
     while let Ok(count) = stream.read(&mut buffer) {
         if count == 0 {
             return;

@@ -150,7 +150,11 @@ pub fn listen(
     let bauds = if port.is_pty() { &bauds[..bauds.len().min(1)] } else { bauds };
     let mut samples = Vec::new();
     for &baud in bauds {
-        port.set_line(&PortOptions::new(LineParameters::new(baud)))?;
+        match port.set_line(&PortOptions::new(LineParameters::new(baud))) {
+            // A rate that the port does not have is none to listen at.
+            Err(PortError::NotTaken { .. }) => continue,
+            set => set?,
+        }
         let baud = if port.is_pty() { 0 } else { baud };
         let (sample, woken) = listen_once(port, baud, each, poller)?;
         samples.push(sample);
@@ -224,6 +228,7 @@ fn look_inside(report: &mut Report, options: &PortOptions) {
     let port = match TtyPort::open(&report.path, options) {
         Ok(port) => port,
         Err(error) => {
+            report.differences = error.differences().to_vec();
             report.add(Severity::Problem, error.to_string());
             return;
         }

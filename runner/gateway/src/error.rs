@@ -6,6 +6,8 @@ use std::path::PathBuf;
 
 use softplug_abi::LinkDownReason;
 
+use crate::port::SettingDifference;
+
 /// Who can mend a [`PortError`].
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Blame {
@@ -77,6 +79,17 @@ pub enum PortError {
         /// What it did instead.
         reason: &'static str,
     },
+    /// The port has taken what was asked of it otherwise than it was asked.
+    #[error(
+        "{port} does not do what was asked of it: {}; choose settings that it has, or a port that has these",
+        differences(found)
+    )]
+    NotTaken {
+        /// The device, or host and port.
+        port: String,
+        /// What it has instead; at least one.
+        found: Vec<SettingDifference>,
+    },
     /// The port was there and is gone.
     #[error("the port is lost: {}; check the cable", .0.text())]
     Gone(LinkDownReason),
@@ -117,10 +130,19 @@ impl PortError {
             | Self::NotATerminal { .. }
             | Self::NoHardware { .. }
             | Self::NotRfc2217 { .. }
+            | Self::NotTaken { .. }
             | Self::RealTime { .. }
             | Self::Unsupported { .. } => Blame::Setup,
             Self::Connect { .. } | Self::Gone(_) => Blame::Line,
             Self::Io { .. } => Blame::System,
+        }
+    }
+
+    /// What the port has otherwise than it was asked to, if that is why.
+    pub fn differences(&self) -> &[SettingDifference] {
+        match self {
+            Self::NotTaken { found, .. } => found,
+            _ => &[],
         }
     }
 
@@ -182,6 +204,12 @@ fn advice(group: Option<&str>) -> String {
     }
 }
 
+/// The differences in one phrase.
+fn differences(found: &[SettingDifference]) -> String {
+    let texts: Vec<_> = found.iter().map(SettingDifference::to_string).collect();
+    texts.join(", and ")
+}
+
 /// The holders in one phrase.
 fn list(holders: &[Holder]) -> String {
     if holders.is_empty() {
@@ -194,6 +222,7 @@ fn list(holders: &[Holder]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::port::DifferenceWeight;
 
     #[test]
     fn messages_say_what_where_and_what_to_do() {
@@ -209,6 +238,19 @@ mod tests {
             "/dev/ttyUSB0 may not be opened by this user; run `sudo usermod -aG dialout \"$USER\"` \
              and log in again"
         );
+        let found = vec![SettingDifference {
+            setting: "baud rate",
+            asked: "250000".to_owned(),
+            has: "9600".to_owned(),
+            weight: DifferenceWeight::Refused,
+        }];
+        let not_taken = PortError::NotTaken { port: "/dev/ttyS0".to_owned(), found };
+        assert_eq!(
+            not_taken.to_string(),
+            "/dev/ttyS0 does not do what was asked of it: baud rate: asked for 250000, the port \
+             has 9600; choose settings that it has, or a port that has these"
+        );
+        assert_eq!(not_taken.blame(), Blame::Setup);
         let gone = PortError::Gone(LinkDownReason::Unplugged);
         assert_eq!(gone.to_string(), "the port is lost: the device is gone; check the cable");
         assert_eq!(gone.blame(), Blame::Line);

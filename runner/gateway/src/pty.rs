@@ -14,6 +14,9 @@ use crate::port::ear::Ear;
 use crate::port::scratch::with_scratch;
 use crate::port::{Backlog, Input, ReadOutcome};
 
+/// The rate that Linux gives a new terminal.
+pub(crate) const FRESH_BAUD: u32 = 38_400;
+
 /// A pty: we have the master, somebody opens the slave.
 ///
 /// The slave is raw. One descriptor of it stays open here, so that the master
@@ -148,6 +151,13 @@ impl PtyPort {
             }
             Ok(outcome)
         })
+    }
+
+    /// The rate that the far end has set on it, if it has: of the master one reads the
+    /// slave's settings.
+    pub fn told_baud(&self) -> Option<u32> {
+        let termios = tcgetattr(&self.pair.master).ok()?;
+        Some(termios.output_speed()).filter(|baud| *baud != FRESH_BAUD)
     }
 
     /// Writes what the pty takes; 0 if it is full.

@@ -16,11 +16,11 @@ use port::{Heard, options, rfc2217, serve, write_all};
 use proptest::prelude::*;
 use rustix::net::sockopt;
 use softplug_abi::{Failure, Micros, ModemLines};
-use softplug_gateway::Port;
 use softplug_gateway::endpoint::{
     EndpointKind, EndpointSetup, Framing, LineAnswer, ServerEndpoint,
 };
 use softplug_gateway::reactor::{EndpointNews, JobOutcome, LaneEndpoint, LaneId, Report};
+use softplug_gateway::{Blame, Port};
 
 const XON: u8 = 0x11;
 const XOFF: u8 = 0x13;
@@ -283,8 +283,9 @@ fn an_address_that_is_taken_is_told_and_tried_again() {
 #[test]
 fn a_client_of_rfc2217_is_told_the_ports_own_settings() {
     let (bench, lane, address) = lane(telnet(), &[("control_in_data", "send"), ("speak", "false")]);
-    let mut client = Port::open(&rfc2217(address), &options("9600 7E1")).unwrap();
-    let differences: Vec<_> = client.differences().iter().map(ToString::to_string).collect();
+    let error = Port::open(&rfc2217(address), &options("9600 7E1")).unwrap_err();
+    assert_eq!(error.blame(), Blame::Setup, "{error}");
+    let differences: Vec<_> = error.differences().iter().map(ToString::to_string).collect();
     assert_eq!(
         differences,
         [
@@ -293,6 +294,11 @@ fn a_client_of_rfc2217_is_told_the_ports_own_settings() {
             "parity: asked for even, the port has none",
         ]
     );
+    // A rate that UARTs take for the same is none.
+    let mut client = Port::open(&rfc2217(address), &options("115000 8N1")).unwrap();
+    assert_eq!(client.line().baud, 115_200);
+    let differences: Vec<_> = client.differences().iter().map(ToString::to_string).collect();
+    assert_eq!(differences, ["baud rate: asked for 115000, the port has 115200"]);
     let all: Vec<u8> = (0..=255).chain([0xFF, 0xFF, 0, 0xFF]).cycle().take(5_000).collect();
     let mut heard = Heard::default();
     write_all(&mut client, &mut heard, &all);

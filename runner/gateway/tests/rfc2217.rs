@@ -8,18 +8,19 @@ mod port;
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use machine::{Machine, PATIENCE};
 use port::*;
 use proptest::prelude::*;
-use rfc2217::{DataBits, FlowControl, Parity, PortSettings, Purge, StopBits};
+use rfc2217::{DataBits, FlowControl, Parity, PortSettings, Purge, Server, StopBits};
 use softplug_abi::{LineErrorKind, LinkDownReason, Micros, ModemLines};
 use softplug_conformance::partners::Signal;
 use softplug_gateway::device_server::{DeviceServer, Seen};
 use softplug_gateway::port::line_text;
-use softplug_gateway::{Blame, Port, PortError, PortOptions, ReadOutcome};
+use softplug_gateway::{Blame, Input, Port, PortError, PortOptions, ReadOutcome};
 
 fn any_port() -> SocketAddr {
     "127.0.0.1:0".parse().unwrap()
@@ -350,6 +351,61 @@ fn nothing_of_an_overlong_subnegotiation_is_taken_for_what_the_machine_sent() {
             assert_eq!(error.blame(), Blame::Setup);
             assert!(error.to_string().contains("longer than any can be"), "{error}");
         }
+    }
+}
+
+/// A server that sets its port as asked, and after a word tells that it has another
+/// rate; then it hears an X.
+fn fickle(word: Receiver<u32>) -> SocketAddr {
+    strange(move |mut stream| {
+        stream.set_read_timeout(Some(Duration::from_millis(10))).unwrap();
+        let mut server = Server::new(PortSettings::default());
+        let mut buffer = [0; 512];
+        let rate: u32 = loop {
+            match word.try_recv() {
+                Ok(rate) => break rate,
+                Err(TryRecvError::Disconnected) => return,
+                Err(TryRecvError::Empty) => {}
+            }
+            let count = stream.read(&mut buffer).unwrap_or(0);
+            let mut taken = 0;
+            while taken < count {
+                taken += server.receive_into(&buffer[taken..count], &mut [0; 512]).consumed;
+                while server.poll_event().is_some() {}
+                stream.write_all(server.output()).unwrap();
+                server.consume_output(server.output().len());
+            }
+        };
+        let rate = rate.to_be_bytes();
+        stream.write_all(&[&[0xFF, 250, 44, 101], &rate[..], &[0xFF, 240, b'X']].concat()).unwrap();
+        while stream.read(&mut buffer).is_err() {}
+    })
+}
+
+#[test]
+fn a_server_whose_port_gets_another_rate_is_lost() {
+    for (rate, is_lost) in [(19_230, false), (0, false), (9_600, true)] {
+        let (tell, word) = channel();
+        let mut port = Port::open(&rfc2217(fickle(word)), &options("19200")).unwrap();
+        assert_eq!(port.differences(), &[]);
+        tell.send(rate).unwrap();
+        let mut heard = Vec::new();
+        let begin = Instant::now();
+        let lost = loop {
+            assert!(begin.elapsed() < PATIENCE, "{rate}");
+            let read = port.read(usize::MAX, &mut |input| {
+                if let Input::Bytes(bytes) = input {
+                    heard.extend_from_slice(bytes);
+                }
+            });
+            match read.unwrap() {
+                ReadOutcome::Gone(reason) => break Some(reason),
+                ReadOutcome::Empty => thread::sleep(Duration::from_millis(1)),
+                ReadOutcome::Read(_) if heard == b"X" && !is_lost => break None,
+                ReadOutcome::Read(_) => {}
+            }
+        };
+        assert_eq!(lost, is_lost.then_some(LinkDownReason::Failed), "{rate}");
     }
 }
 

@@ -80,7 +80,7 @@ fn what_has_begun_may_take_longer_than_the_wait_for_it() {
     });
     let mut out = Vec::new();
     let give_up = Some(Duration::from_millis(100));
-    let report = receive(&mut station, &mut out, give_up, &watchdog(), &mut |_| {}).unwrap();
+    let report = receive(&mut station, &mut out, None, give_up, &watchdog(), &mut |_| {}).unwrap();
     assert_eq!(report.outcome, ReceiveOutcome::Complete);
     assert_eq!(out, [&b"N10 G1 X1\n".repeat(21)[..], b"%"].concat());
     drop(far.join().unwrap());
@@ -90,7 +90,8 @@ fn what_has_begun_may_take_longer_than_the_wait_for_it() {
 fn a_wait_for_nothing_ends() {
     let (mut station, _pair) = pair(115_200, &[]);
     let give_up = Some(Duration::from_millis(50));
-    let report = receive(&mut station, &mut Vec::new(), give_up, &watchdog(), &mut |_| {}).unwrap();
+    let report =
+        receive(&mut station, &mut Vec::new(), None, give_up, &watchdog(), &mut |_| {}).unwrap();
     assert_eq!(report.outcome, ReceiveOutcome::NothingCame);
     assert_eq!(report.bytes, 0);
 }

@@ -127,7 +127,6 @@ fn every_problem_has_its_place_and_a_hint() {
         ("[[link]]\nname = \"../a\"\n", "2:8: \"../a\" cannot name a link; use 1 to 64"),
         (&link("port = \"COM3\""), "4:8: `COM3` names no port; give a device"),
         (&link("port = \"simulate:r3965\""), "4:8: \"r3965\" is no machine to simulate; did you"),
-        (&link("port = \"/dev/ttyS0\""), "1:1: a serial port needs a baud rate; add one"),
         (&link("port = \"pty:\"\nline = \"9600 9N1\""), "5:8: `9N1` is not a form of characters; "),
         (&link("port = \"pty:\"\ndepth = 0"), "5:9: so many characters cannot be in flight; "),
         (&link("port = \"pty:\"\nsearch = [\"a/b\"]"), "5:11: \"a/b\" cannot name a folder; use"),

@@ -1,4 +1,4 @@
-//! The Softplug plug-in ABI, version 1.0: what a host tells a plug-in
+//! The Softplug plug-in ABI, version 1.1: what a host tells a plug-in
 //! ([`Event`]), what a plug-in asks of the host ([`Action`]), the numbers that
 //! bound both ([`limits`]), and the one encoding of all of it.
 //!
@@ -59,7 +59,7 @@ pub use wire::{Malformed, MalformedReason, NoSpace};
 /// // A plug-in of version 1.0 is served by a host of the same major version.
 /// assert_eq!(softplug_abi::VERSION.0, 1);
 /// ```
-pub const VERSION: (u16, u16) = (1, 0);
+pub const VERSION: (u16, u16) = (1, 1);
 
 /// Name of the export that returns the mailbox descriptor's address.
 pub const EXPORT_MAILBOX: &str = "softplug_v1";

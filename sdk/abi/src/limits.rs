@@ -7,6 +7,43 @@ pub const MODULE_BYTES: usize = 256 * 1024;
 /// maximum must be equal. More is refused by the lint.
 pub const MEMORY_PAGES: u64 = 4;
 
+/// Most function types. More is refused by the lint, before anything is built from the module, as
+/// with all that follow up to [`MODULE_WEIGHT`].
+pub const TYPES: u64 = 1_024;
+
+/// Most parameters of one function type.
+pub const PARAMETERS: u64 = 64;
+
+/// Most functions.
+pub const FUNCTIONS: u64 = 4_096;
+
+/// Most globals. An instance's resident size would grow with them.
+pub const GLOBALS: u64 = 1_024;
+
+/// Most exports.
+pub const EXPORTS: u64 = 256;
+
+/// Most elements of the table, and of all element segments together. An instance's resident
+/// size would grow with them.
+pub const ELEMENTS: u64 = 1_024;
+
+/// Most element segments, and most data segments.
+pub const SEGMENTS: u64 = 1_024;
+
+/// Most parameters and locals of one function. A few bytes can declare thousands.
+pub const LOCALS: u64 = 1_024;
+
+/// Most blocks, loops and ifs within each other.
+pub const NESTING: u64 = 1_024;
+
+/// Most weight of one function, in the units of `docs/abi.md` (about 1 µs of compiling each).
+/// A heavier one is refused by the lint.
+pub const FUNCTION_WEIGHT: u64 = 500_000;
+
+/// Most weight of all functions together, in the same units. A heavier module is refused by the
+/// lint.
+pub const MODULE_WEIGHT: u64 = 1_500_000;
+
 /// Largest manifest in bytes. A larger one is refused by the lint.
 pub const MANIFEST_BYTES: usize = 64 * 1024;
 

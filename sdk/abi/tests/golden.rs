@@ -303,7 +303,7 @@ fn value_records_decode_to_every_type() {
 
 #[test]
 fn names_and_version() {
-    assert_eq!(softplug_abi::VERSION, (1, 0));
+    assert_eq!(softplug_abi::VERSION, (1, 1));
     assert_eq!(softplug_abi::EXPORT_MEMORY, "memory");
     assert_eq!(softplug_abi::EXPORT_MAILBOX, "softplug_v1");
     assert_eq!(softplug_abi::EXPORT_STEP, "softplug_v1_step");

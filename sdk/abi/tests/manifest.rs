@@ -135,6 +135,100 @@ fn unknown_keys_are_refused_at_every_level() {
     }
 }
 
+/// A manifest of ABI 1.1 with these entries, besides a setting and a preset.
+fn with_line(entries: &Json) -> Result<Manifest, ManifestError> {
+    let mut manifest = with(&json!({
+        "abi": "1.1",
+        "settings": [setting(&json!({})), setting(&json!({"name": "t", "type": "bool", "default": false}))],
+        "presets": [{"name": "slow", "text": ".", "values": {"s": 2}}],
+    }));
+    for (key, value) in entries.as_object().expect("entries are an object") {
+        manifest[key] = value.clone();
+    }
+    parse(&manifest)
+}
+
+#[test]
+fn the_line_is_that_of_the_first_case_that_holds() {
+    let manifest = with_line(&json!({
+        "line": "4800 7E2",
+        "line_when": [
+            {"when": {"preset": "slow"}, "line": "300 7E2"},
+            {"when": {"s": 3, "t": true}, "line": "8N2"},
+            {"when": {"s": 3}, "line": "8N1"},
+        ]
+    }))
+    .unwrap();
+    let line = |asked: &[(&str, &str)]| {
+        let values = manifest.resolve_settings(asked.iter().copied()).unwrap();
+        manifest.line_for(asked.iter().copied(), &values).unwrap().to_string()
+    };
+    assert_eq!(line(&[]), "4800 7E2");
+    assert_eq!(line(&[("preset", "slow")]), "300 7E2");
+    assert_eq!(line(&[("s", "2")]), "4800 7E2", "the preset is meant, not what it sets");
+    assert_eq!(line(&[("s", "3")]), "8N1");
+    assert_eq!(line(&[("t", "on"), ("s", "0x3")]), "8N2");
+    // Written out and read again it is the same; without a line the keys are left out.
+    let text = serde_json::to_string(&manifest).unwrap();
+    assert_eq!(Manifest::parse(text.as_bytes()), Ok(manifest));
+    let without = with_line(&json!({})).unwrap();
+    assert!(!serde_json::to_string(&without).unwrap().contains("line_when"));
+    let values = without.resolve_settings([]).unwrap();
+    assert_eq!(without.line_for([], &values), None);
+}
+
+#[test]
+fn a_line_that_says_nothing_is_refused() {
+    let cases = [
+        (json!({"abi": "1.0", "line": "7E2"}), "line: it came with ABI 1.1: write that as `abi`"),
+        (json!({"abi": "1.00", "line": "7E2"}), "line: it came with ABI 1.1: write that as `abi`"),
+        (
+            json!({"line_when": [{"when": {"s": 1}, "line": "7E2"}]}),
+            "line_when: it needs a `line`, for all other settings",
+        ),
+        (
+            json!({"line": "7E2", "line_when": [{"when": {}, "line": "8N1"}]}),
+            "line_when[0]: `when` names no setting",
+        ),
+        (
+            json!({"line": "7E2", "line_when": [{"when": {"x": 1}, "line": "8N1"}]}),
+            "line_when[0]: there is no such setting",
+        ),
+        (
+            json!({"line": "7E2", "line_when": [{"when": {"preset": "x"}, "line": "8N1"}]}),
+            "line_when[0]: there is no such preset",
+        ),
+        (
+            json!({"line": "7E2", "line_when": [{"when": {"s": "a"}, "line": "8N1"}]}),
+            "line_when[0].s: setting \"s\": \"\"a\"\" is not a whole number",
+        ),
+    ];
+    for (entries, message) in cases {
+        assert_eq!(with_line(&entries).unwrap_err().to_string(), message, "{entries}");
+    }
+    for line in [
+        "",
+        "4800",
+        "7e2",
+        "9N1",
+        "8N3",
+        "8N1 ",
+        " 8N1",
+        "049 8N1",
+        "49 8N1",
+        "+50 8N1",
+        "16000001 8N1",
+        "9600  8N1",
+    ] {
+        let error = with_line(&json!({"line": line})).unwrap_err().to_string();
+        assert!(error.contains("is not a line; write it as"), "{line}: {error}");
+    }
+    for line in ["5N1.5", "50 8M1", "16000000 8S2"] {
+        let manifest = with_line(&json!({"line": line})).unwrap();
+        assert_eq!(manifest.line.unwrap().to_string(), line);
+    }
+}
+
 #[test]
 fn versions() {
     let too_new = format!("{}.{}", softplug_abi::VERSION.0, softplug_abi::VERSION.1 + 1);
@@ -145,7 +239,7 @@ fn versions() {
         assert_eq!(error, Err(ManifestError::Version(abi.to_string())), "{abi}");
     }
     let error = ManifestError::Version("2.0".to_string());
-    assert_eq!(error.to_string(), "the plug-in speaks ABI 2.0, this host serves 1.0 to 1.0");
+    assert_eq!(error.to_string(), "the plug-in speaks ABI 2.0, this host serves 1.0 to 1.1");
 }
 
 #[test]

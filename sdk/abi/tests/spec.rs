@@ -141,7 +141,7 @@ fn limits() -> Vec<(String, String)> {
             (name.to_string(), number(value.trim().trim_end_matches(';')))
         })
         .collect();
-    assert_eq!(constants.len(), 22);
+    assert_eq!(constants.len(), 33);
     constants
 }
 

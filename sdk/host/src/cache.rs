@@ -8,7 +8,7 @@
 //! systems the directory's own permissions have to see to that.
 
 use crate::{Digest, EngineInfo};
-use std::fs::{self, File, Metadata, OpenOptions};
+use std::fs::{self, Metadata, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -17,7 +17,7 @@ const MAGIC: &[u8; 8] = b"SPLGCOD1";
 const HEADER_BYTES: usize = 8 + 32 + 8 + 32;
 
 /// Code of a 256 KiB module is a few MiB; what is larger is not ours.
-const CODE_BYTES: u64 = 64 << 20;
+pub(crate) const CODE_BYTES: u64 = 64 << 20;
 
 /// Names one module's code for one engine, version and settings.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -37,6 +37,19 @@ pub(crate) struct VerifiedCode {
 }
 
 impl VerifiedCode {
+    /// What our own compiler's process has written, in the form of a cache file.
+    pub(crate) fn received(file: Vec<u8>, key: CacheKey) -> Result<Self, &'static str> {
+        check(&file, key)?;
+        Ok(Self { file })
+    }
+
+    /// The code in the form of a cache file.
+    pub(crate) fn file_for(key: CacheKey, code: &[u8]) -> Vec<u8> {
+        let length = (code.len() as u64).to_le_bytes();
+        let sum = Digest::of(code);
+        [&MAGIC[..], key.0.as_bytes(), &length[..], sum.as_bytes(), code].concat()
+    }
+
     pub(crate) fn as_bytes(&self) -> &[u8] {
         &self.file[HEADER_BYTES..]
     }
@@ -79,8 +92,13 @@ impl Cache {
 
     /// Keeps `code`; a failure is logged and otherwise does no harm.
     pub(crate) fn write(&self, key: CacheKey, code: &[u8]) {
+        self.keep(key, &VerifiedCode { file: VerifiedCode::file_for(key, code) });
+    }
+
+    /// Keeps code that was checked for this key.
+    pub(crate) fn keep(&self, key: CacheKey, code: &VerifiedCode) {
         let path = self.path(key);
-        if let Err(error) = self.write_whole(&path, key, code) {
+        if let Err(error) = self.write_whole(&path, &code.file) {
             tracing::warn!(path = %path.display(), %error, "compiled code cannot be kept");
         }
     }
@@ -91,11 +109,11 @@ impl Cache {
 
     /// Another process may read or write the same file: it is made under a name
     /// of its own and put in place whole.
-    fn write_whole(&self, path: &Path, key: CacheKey, code: &[u8]) -> io::Result<()> {
+    fn write_whole(&self, path: &Path, file: &[u8]) -> io::Result<()> {
         static COUNT: AtomicU32 = AtomicU32::new(0);
         let count = COUNT.fetch_add(1, Ordering::Relaxed);
         let temporary = self.directory.join(format!("{}.{count}.new", std::process::id()));
-        let written = write_new(&temporary, key, code).and_then(|()| fs::rename(&temporary, path));
+        let written = write_new(&temporary, file).and_then(|()| fs::rename(&temporary, path));
         if written.is_err() {
             // What could not be written is of no use; if it cannot be removed
             // either, the warning about the first failure says enough.
@@ -105,21 +123,17 @@ impl Cache {
     }
 }
 
-fn write_new(path: &Path, key: CacheKey, code: &[u8]) -> io::Result<()> {
+fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut options = OpenOptions::new();
     options.write(true).create(true).truncate(true);
     #[cfg(unix)]
     std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
     let mut file = options.open(path)?;
-    file.write_all(MAGIC)?;
-    file.write_all(key.0.as_bytes())?;
-    file.write_all(&(code.len() as u64).to_le_bytes())?;
-    file.write_all(Digest::of(code).as_bytes())?;
-    file.write_all(code)
+    file.write_all(bytes)
 }
 
 fn read_verified(path: &Path, key: CacheKey) -> io::Result<VerifiedCode> {
-    let file = File::open(path)?;
+    let file = crate::files::open(path)?;
     // Of the open file, not of the path: nothing can come between.
     let metadata = file.metadata()?;
     if !metadata.is_file() {
@@ -198,6 +212,20 @@ mod tests {
         ] {
             assert_ne!(key, different);
         }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_pipe_in_the_place_of_a_cache_file_holds_nobody_up() {
+        let directory = tempfile::tempdir().unwrap();
+        let cache = Cache::open(directory.path()).unwrap();
+        let key = CacheKey::new(Digest::of(b"a"), ENGINE, 1);
+        let made = std::process::Command::new("mkfifo").arg(cache.path(key)).status().unwrap();
+        assert!(made.success());
+        // Nobody will ever write into it.
+        assert!(cache.read(key).is_none());
+        cache.write(key, b"code");
+        assert_eq!(cache.read(key).unwrap().as_bytes(), b"code");
     }
 
     #[test]

@@ -5,6 +5,7 @@ use softplug_abi::limits::{MODULE_BYTES, OUTPUT_ROUNDS, STATE_BYTES};
 use softplug_abi::{EventKind, MailboxError, Malformed, Refusal};
 use std::io;
 use std::path::PathBuf;
+use std::time::Duration;
 use thiserror::Error;
 
 /// Why a plug-in cannot be loaded or instantiated.
@@ -54,6 +55,28 @@ pub enum LoadError {
     /// The engine cannot compile the module.
     #[error("the module cannot be compiled: {0}")]
     Compile(String),
+    /// Compiling it takes more computing than the [compiler's process](crate::compiler) gives.
+    #[error(
+        "compiling the module takes more than {} s of computing: divide its largest functions, or \
+             build it for size", most.as_secs_f32()
+    )]
+    CompileTime {
+        /// The most.
+        most: Duration,
+    },
+    /// Compiling it takes more memory than the [compiler's process](crate::compiler) gives.
+    #[error(
+        "compiling the module takes more than {} MB of memory: divide its largest functions, or \
+             build it for size", most / 1_000_000
+    )]
+    CompileMemory {
+        /// The most, in bytes.
+        most: u64,
+    },
+    /// The [compiler's process](crate::compiler) cannot be started, or does not do what it should.
+    /// The plug-in is not to blame.
+    #[error("the process that compiles plug-ins cannot be used: {0}")]
+    CompilerProcess(String),
     /// As many instances run as the host was made for.
     #[error(
         "{limit} instances are running, the most that this host was set up for: end some, or \

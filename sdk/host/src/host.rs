@@ -1,14 +1,15 @@
 //! The host: an engine, its limits and its cache.
 
+#[cfg(feature = "wasmtime")]
+use crate::compiler::CompilerProcess;
 #[cfg(feature = "wasmi")]
 use crate::engine::Wasmi;
 #[cfg(feature = "wasmtime")]
 use crate::engine::Wasmtime;
-use crate::engine::{Engine, EngineError, EngineKind};
+use crate::engine::{Engine, EngineError, EngineKind, NotLoaded};
 use crate::plugin::Plugin;
-use crate::{EngineInfo, LoadError, lint};
+use crate::{EngineInfo, LoadError, files, lint};
 use softplug_abi::limits::{FUEL_PER_EVENT, MODULE_BYTES};
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -35,6 +36,10 @@ pub struct HostOptions {
     /// Directory for compiled code; `None`: compile at every load. It is made
     /// if it is missing. It must belong to this user alone.
     pub cache: Option<PathBuf>,
+    /// Where the compiler runs; `None`: in this process, bounded by the lint alone. An
+    /// interpreter never has one.
+    #[cfg(feature = "wasmtime")]
+    pub compiler: Option<CompilerProcess>,
     /// Units of fuel for one event or one round of `continue`.
     pub fuel_per_event: u64,
     /// Most instances at one time. Each reserves 4 GiB of addresses, not memory;
@@ -44,11 +49,14 @@ pub struct HostOptions {
 }
 
 impl Default for HostOptions {
-    /// The compiler, no cache, the ABI's fuel, 1,024 instances.
+    /// The compiler, in the process that was [installed](CompilerProcess::install) or else in this
+    /// one; no cache, the ABI's fuel, 1,024 instances.
     fn default() -> Self {
         Self {
             engine: EngineKind::default(),
             cache: None,
+            #[cfg(feature = "wasmtime")]
+            compiler: CompilerProcess::installed(),
             fuel_per_event: FUEL_PER_EVENT,
             instances: 1_024,
         }
@@ -89,8 +97,12 @@ impl Host {
         let engine: Box<dyn Engine> = match options.engine {
             #[cfg(feature = "wasmtime")]
             EngineKind::Wasmtime => Box::new(
-                Wasmtime::new(options.instances, options.cache.as_deref())
-                    .map_err(|EngineError(reason)| LoadError::Engine(reason))?,
+                Wasmtime::new(
+                    options.instances,
+                    options.cache.as_deref(),
+                    options.compiler.clone(),
+                )
+                .map_err(|EngineError(reason)| LoadError::Engine(reason))?,
             ),
             #[cfg(feature = "wasmi")]
             EngineKind::Wasmi => Box::new(Wasmi::new()),
@@ -114,12 +126,15 @@ impl Host {
     /// The module is no plug-in.
     pub fn load_bytes(&self, wasm: &[u8]) -> Result<Plugin, LoadError> {
         let inspection = lint(wasm)?;
-        let (compiled, origin) = self
-            .inner
-            .engine
-            .load(wasm, inspection.digest)
-            .map_err(|EngineError(reason)| LoadError::Compile(reason))?;
+        let (compiled, origin) =
+            self.inner.engine.load(wasm, inspection.digest).map_err(NotLoaded::into_error)?;
         Ok(Plugin::new(compiled, inspection, origin, &self.inner.options))
+    }
+
+    /// Breaks off what a [compiler's process](HostOptions::compiler) has under way, and all later
+    /// compiling: for a host that is about to stop. What is compiled already can be used.
+    pub fn stop_compiling(&self) {
+        self.inner.engine.stop_compiling();
     }
 
     /// Which engine runs the plug-ins.
@@ -150,7 +165,11 @@ fn read_module(path: &Path) -> Result<Vec<u8>, LoadError> {
         return Err(too_large(metadata.len()));
     }
     let mut wasm = Vec::with_capacity(metadata.len() as usize);
-    let file = File::open(path).map_err(io)?;
+    let file = files::open(path).map_err(io)?;
+    // Of the open file: something else may have come in its place.
+    if !file.metadata().map_err(io)?.is_file() {
+        return Err(LoadError::NotAFile { path: path.to_owned() });
+    }
     file.take(MODULE_BYTES as u64 + 1).read_to_end(&mut wasm).map_err(io)?;
     if wasm.len() > MODULE_BYTES {
         return Err(too_large(wasm.len() as u64));

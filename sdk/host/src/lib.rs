@@ -32,9 +32,12 @@
 
 #[cfg(feature = "wasmtime")]
 mod cache;
+#[cfg(feature = "wasmtime")]
+pub mod compiler;
 mod digest;
 mod engine;
 mod fault;
+mod files;
 mod host;
 mod lint;
 mod plugin;
@@ -49,10 +52,7 @@ pub use digest::{Digest, NotADigest};
 pub use engine::{EngineInfo, EngineKind};
 pub use fault::{LoadError, Misbehaviour, SessionFault};
 pub use host::{Host, HostOptions};
-pub use lint::{
-    ELEMENTS, GLOBALS, Inspection, LOCALS, LintError, MemoryMaximum, SIGNATURE_MAILBOX,
-    SIGNATURE_STEP, lint,
-};
+pub use lint::{Inspection, LintError, MemoryMaximum, SIGNATURE_MAILBOX, SIGNATURE_STEP, lint};
 pub use plugin::{Origin, Plugin};
 pub use session::Session;
 pub use state::SavedState;

@@ -3,12 +3,12 @@
 mod common;
 
 use common::{Guest, MANIFEST, echo, wat};
-use softplug_abi::limits::{MANIFEST_BYTES, MODULE_BYTES};
-use softplug_abi::manifest::ManifestError;
-use softplug_host::{
-    Digest, ELEMENTS, GLOBALS, LOCALS, LintError, MemoryMaximum, SIGNATURE_MAILBOX, SIGNATURE_STEP,
-    lint,
+use softplug_abi::limits::{
+    ELEMENTS, EXPORTS, FUNCTIONS, GLOBALS, LOCALS, MANIFEST_BYTES, MODULE_BYTES, NESTING,
+    PARAMETERS, SEGMENTS, TYPES,
 };
+use softplug_abi::manifest::ManifestError;
+use softplug_host::{Digest, LintError, MemoryMaximum, SIGNATURE_MAILBOX, SIGNATURE_STEP, lint};
 
 fn refused(guest: &Guest) -> LintError {
     lint(&guest.wasm()).unwrap_err()
@@ -274,34 +274,78 @@ fn floats_and_mutable_globals_are_part_of_it() {
     assert!(lint(&guest.wasm()).is_ok());
 }
 
-#[test]
-fn more_than_an_instance_should_hold() {
-    let too_many = |what, count, most| LintError::TooMany { what, count, most };
-    let table = |elements: u64| with_extra(&format!("(table {elements} {elements} funcref)"));
-    assert!(lint(&table(ELEMENTS).wasm()).is_ok());
-    assert_eq!(refused(&table(ELEMENTS + 1)), too_many("table elements", ELEMENTS + 1, ELEMENTS));
+/// `extra` beside a guest's own, so often that one more is too many: `most` minus its own.
+fn at_the_bound(what: &'static str, most: u64, own: u64, extra: impl Fn(u64) -> String) {
+    let fitting = with_extra(&extra(most - own)).wasm();
+    assert!(lint(&fitting).is_ok(), "{what}: {}", lint(&fitting).unwrap_err());
     assert_eq!(
-        refused(&with_extra("(table 10000000 funcref)")),
-        too_many("table elements", 10_000_000, ELEMENTS)
+        refused(&with_extra(&extra(most - own + 1))),
+        LintError::TooMany { what, count: most + 1, most }
     );
-    let segments = "(elem (i32.const 0) 0 0 0 0 0 0 0 0)".repeat(200);
-    assert_eq!(
-        refused(&with_extra(&format!("(table 8 8 funcref) {segments}"))),
-        too_many("table elements", 1_600, ELEMENTS)
-    );
-    let globals = "(global i32 (i32.const 0))".repeat(GLOBALS as usize + 1);
-    assert_eq!(refused(&with_extra(&globals)), too_many("globals", GLOBALS + 1, GLOBALS));
 }
 
 #[test]
-fn locals_that_take_few_bytes_and_much_compiling() {
-    // A run of locals is a count and a type, whatever the count.
-    let locals = format!("(func (local {}))", "i64 ".repeat(40_000));
-    let error = refused(&with_extra(&locals.repeat(7)));
-    assert!(
-        matches!(error, LintError::TooMany { what: "parameters and locals", count, most: LOCALS } if count > 280_000),
-        "{error}"
-    );
+fn more_than_may_be_declared() {
+    let times = |text: &str, count: u64| text.repeat(count as usize);
+    at_the_bound("types", TYPES, 2, |count| times("(type (func))", count));
+    at_the_bound("parameters of a function", PARAMETERS, 0, |count| {
+        format!("(type (func (param {})))", times("i64 ", count))
+    });
+    at_the_bound("functions", FUNCTIONS, 2, |count| times("(func (type 0) (i32.const 0))", count));
+    at_the_bound("globals", GLOBALS, 0, |count| times("(global i32 (i32.const 0))", count));
+    at_the_bound("exports", EXPORTS, 3, |count| {
+        let exports: String = (0..count).map(|nth| format!("(export \"{nth}\")")).collect();
+        format!("(global {exports} i32 (i32.const 0))")
+    });
+    at_the_bound("table elements", ELEMENTS, 0, |count| format!("(table {count} {count} funcref)"));
+    at_the_bound("table elements", ELEMENTS, 0, |count| {
+        // In two segments: they count together.
+        let one = format!("(elem (i32.const 0) {})", times("0 ", count / 2));
+        let rest = format!("(elem (i32.const 0) {})", times("0 ", count - count / 2));
+        format!("(table 8 8 funcref) {one} {rest}")
+    });
+    at_the_bound("element segments", SEGMENTS, 0, |count| {
+        format!("(table 8 8 funcref) {}", times("(elem (i32.const 0))", count))
+    });
+    at_the_bound("data segments", SEGMENTS, 1, |count| times("(data (i32.const 0) \"\")", count));
+    at_the_bound("parameters and locals of a function", LOCALS, 3, |count| {
+        format!("(func (param i32 i64 f32) (local {}))", times("i64 ", count))
+    });
+    at_the_bound("blocks within blocks", NESTING, 0, |count| {
+        format!("(func {} {})", times("block ", count), times("end ", count))
+    });
+}
+
+#[test]
+fn a_function_that_takes_too_much_compiling() {
+    let function = |loops: usize| with_extra(&format!("(func {})", "(loop) ".repeat(loops)));
+    // 300 for the function, 4 for each loop and its end, 2 for the last end, and of
+    // twice the loops the square by 32.
+    let loops = (1..).find(|loops| 302 + 4 * loops + (2 * loops) * (2 * loops) / 32 > 500_000);
+    let loops = loops.unwrap();
+    assert!(lint(&function(loops - 1).wasm()).is_ok());
+    let error = refused(&function(loops));
+    assert!(matches!(error, LintError::HeavyFunction { function: 0, .. }), "{error}");
+
+    let four = format!("(func {}) ", "(loop) ".repeat(loops - 1)).repeat(4);
+    assert_eq!(refused(&with_extra(&four)), LintError::HeavyModule, "four of half a million");
+}
+
+#[test]
+fn the_weight_is_what_the_specification_says() {
+    let empty = lint(&Guest::default().wasm()).unwrap().weight;
+    let of = |body: &str| lint(&with_extra(body).wasm()).unwrap().weight - empty - 302;
+    assert_eq!(of("(func)"), 0);
+    assert_eq!(of("(func (param i32) (local i64 i64))"), 6);
+    assert_eq!(of("(func (drop (f32.sqrt (f32.const 1))))"), 2 + 50 + 1 + 2);
+    assert_eq!(of("(func (drop (i32.div_u (i32.const 1) (i32.const 1))))"), 2 + 2 + 20 + 2 + 2);
+    assert_eq!(of("(func (drop (i32.ctz (i32.const 1))))"), 10);
+    assert_eq!(of("(func (i32.store (i32.const 1) (i32.const 1)))"), 8);
+    // Three locals (6) and a value on the stack, before a loop that counts twice; its end.
+    assert_eq!(of("(func (local i32 i32 i32) i32.const 1 loop end drop)"), 6 + 2 + 2 + 2 + 2 + 4);
+    // A block, and six of the table with one value and one block alive; together the square of seven by 32.
+    let table = "(func (block (br_table 0 0 0 0 0 0 (i32.const 1))))";
+    assert_eq!(of(table), 2 + 2 + (2 + 6 * 2 / 2) + 2 + 7 * 7 / 32);
 }
 
 #[test]

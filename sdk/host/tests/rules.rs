@@ -3,9 +3,9 @@
 mod common;
 
 use common::{CAPACITY, Guest, HOST, OUTPUT, WORDS, echo};
-use softplug_abi::limits::{FUEL_PER_EVENT, MODULE_BYTES};
+use softplug_abi::limits::{EXPORTS, FUEL_PER_EVENT, MODULE_BYTES, MODULE_WEIGHT, PARAMETERS};
 use softplug_abi::{Event, EventKind, Instance, LineErrorKind, MailboxError, Micros};
-use softplug_host::{LoadError, Misbehaviour, SessionFault};
+use softplug_host::{LintError, LoadError, Misbehaviour, SessionFault, lint};
 
 const NOW: Micros = Micros(7);
 const BYTE: Event<'static> = Event::Received(b"N");
@@ -140,4 +140,45 @@ fn fault_region_checked() {
             reason: Misbehaviour::Length { length: OUTPUT, capacity: CAPACITY }
         }
     );
+}
+
+#[test]
+fn budget_declared() {
+    // One type with as many parameters as a file may have, and an export for every three bytes:
+    // read into a list of texts, it would be thousands of times its size.
+    let extra = |exports: usize| {
+        let exports: String = (0..exports).map(|nth| format!("(export \"{nth}\")")).collect();
+        format!("(func {exports} (param {}))", "i64 ".repeat(1_000))
+    };
+    let fault = Guest::default().extra(&extra(20_000)).start().unwrap_err();
+    let LoadError::Lint(LintError::TooMany { what, count, most }) = fault else {
+        panic!("{fault}")
+    };
+    assert_eq!((what, count, most), ("parameters of a function", 1_000, PARAMETERS));
+    let exports: String = (0..20_000).map(|nth| format!("(export \"{nth}\")")).collect();
+    let fault = Guest::default().extra(&format!("(func {exports})")).start().unwrap_err();
+    let LoadError::Lint(LintError::TooMany { what, count, most }) = fault else {
+        panic!("{fault}")
+    };
+    assert_eq!((what, count, most), ("exports", 20_003, EXPORTS));
+}
+
+#[test]
+fn budget_weight() {
+    // 100 loops within each other, and 1,000 locals that each of them carries.
+    let body = |times: usize| {
+        let copy = "(local.set 1 (local.get 0))".repeat(times);
+        let (loops, ends) = ("loop ".repeat(100), "(br_if 0 (local.get 0)) end ".repeat(100));
+        format!("(func (local {}) {loops} {copy} {ends})", "i32 ".repeat(1_000))
+    };
+    assert!(Guest::default().extra(&body(1)).start().is_ok());
+    let heavy = Guest::default().extra(&body(1).repeat(20));
+    let weight = lint(&Guest::default().extra(&body(1)).wasm()).unwrap().weight;
+    assert!(weight < MODULE_WEIGHT && weight * 20 > MODULE_WEIGHT, "{weight}");
+    assert!(matches!(heavy.start(), Err(LoadError::Lint(LintError::HeavyModule))));
+
+    let table = "(block (br_table 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 (local.get 0)))".repeat(300);
+    let heavy = Guest::default().extra(&format!("(func (param i32) {table})"));
+    let fault = heavy.start().unwrap_err();
+    assert!(matches!(fault, LoadError::Lint(LintError::HeavyFunction { .. })), "{fault}");
 }

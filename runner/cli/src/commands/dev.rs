@@ -3,11 +3,10 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use softplug_abi::LineParameters;
 use softplug_gateway::PortSpec;
 
 use super::remote::Remote;
-use crate::line::{Assignment, line, port};
+use crate::line::{AskedLine, Assignment, port};
 
 /// On each save builds the plug-in, replays its traces, and swaps it into a live link.
 ///
@@ -32,15 +31,19 @@ pub(crate) struct Arguments {
     /// Port to run the plug-in on: /dev/ttyUSB0, a pty, tcp://HOST:PORT or rfc2217://HOST:PORT
     #[arg(long, short, value_parser = port)]
     pub(crate) port: Option<PortSpec>,
-    /// The line: baud rate and form of a character, such as "4800 7E2"
-    #[arg(long, value_name = "LINE", default_value = "9600 8N1", value_parser = line)]
-    pub(crate) line: LineParameters,
+    /// The line: baud rate and form of a character, such as "4800 7E2" [default: the plug-in's, or
+    /// 9600 8N1]
+    #[arg(long, value_name = "LINE")]
+    pub(crate) line: Option<AskedLine>,
     /// A setting of the plug-in on the port or link; may be repeated
     #[arg(long = "set", short = 's', value_name = "NAME=VALUE")]
     pub(crate) settings: Vec<Assignment>,
     /// File to send on the port, anew after each swap
     #[arg(long, value_name = "FILE", requires = "port")]
     pub(crate) send: Option<PathBuf>,
+    /// Keep what comes on the port in this folder; without it only its beginning is shown
+    #[arg(long, value_name = "DIR", requires = "port")]
+    pub(crate) keep: Option<PathBuf>,
     /// Swap also what does something else than its traces demand
     #[arg(long)]
     pub(crate) anyway: bool,

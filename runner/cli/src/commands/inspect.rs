@@ -81,6 +81,13 @@ fn describe(inspection: &Inspection) -> String {
     line(&format!("size      {}", numbers::bytes(inspection.size as u64)));
     line(&format!("memory    {}", numbers::things(inspection.memory_pages, "page")));
     line(&format!("sha256    {}", inspection.digest));
+    if let Some(named) = manifest.line {
+        let others = manifest.line_when.iter().map(|case| {
+            let when = case.when.iter().map(|(name, value)| assignment(name, value));
+            format!(", {} with {}", case.line, when.collect::<Vec<_>>().join(" "))
+        });
+        line(&format!("line      {named}{}", others.collect::<String>()));
+    }
     for profile in &manifest.profiles {
         let features = profile.features.join(", ");
         let with = if features.is_empty() { String::new() } else { format!(", with {features}") };
@@ -139,17 +146,22 @@ fn range(setting: &Setting) -> String {
 fn presets(manifest: &Manifest) -> Option<Table> {
     let mut table = Table::new(["PRESET", "SETS", "MEANING"]);
     for preset in &manifest.presets {
-        let sets = preset.values.iter().map(|(name, value)| match value {
-            Value::Bool(true) => format!("{name}=on"),
-            Value::Bool(false) => format!("{name}=off"),
-            Value::String(text) if text.contains(' ') => format!("{name}=\"{text}\""),
-            Value::String(text) => format!("{name}={text}"),
-            other => format!("{name}={other}"),
-        });
+        let sets = preset.values.iter().map(|(name, value)| assignment(name, value));
         let sets = sets.collect::<Vec<_>>().join(" ");
         table.row([preset.name.clone(), sets, preset.text.clone()]);
     }
     (!manifest.presets.is_empty()).then_some(table)
+}
+
+/// A setting with its value, as it would be written on the command line.
+fn assignment(name: &str, value: &Value) -> String {
+    match value {
+        Value::Bool(true) => format!("{name}=on"),
+        Value::Bool(false) => format!("{name}=off"),
+        Value::String(text) if text.contains(' ') => format!("{name}=\"{text}\""),
+        Value::String(text) => format!("{name}={text}"),
+        other => format!("{name}={other}"),
+    }
 }
 
 fn kinds(manifest: &Manifest) -> Option<Table> {
@@ -168,7 +180,7 @@ fn kinds(manifest: &Manifest) -> Option<Table> {
 fn status(manifest: &Manifest) -> Option<Table> {
     let mut table = Table::new(["STATUS", "NAME", "MEANING"]);
     for status in &manifest.status {
-        table.row([status.code.to_string(), status.name.clone(), status.text.clone()]);
+        table.row([format!("{:04X}", status.code), status.name.clone(), status.text.clone()]);
     }
     (!manifest.status.is_empty()).then_some(table)
 }

@@ -12,7 +12,7 @@ use softplug_trace::is_slug;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files::Partial;
-use crate::line::{Assignment, line, port};
+use crate::line::{AskedLine, Assignment, ChosenLine, USUAL_LINE, port};
 use crate::live;
 use crate::plugin::{Chosen, Library};
 use crate::screen::Screen;
@@ -40,9 +40,10 @@ pub(crate) struct Arguments {
     /// The port to the other partner
     #[arg(long, value_name = "PORT", value_parser = port)]
     pub(crate) b: PortSpec,
-    /// The line: baud rate and form of a character, such as "4800 7E2"
-    #[arg(long, value_name = "LINE", default_value = "9600 8N1", value_parser = line)]
-    pub(crate) line: LineParameters,
+    /// The line: baud rate and form of a character, such as "4800 7E2" [default: the plug-in's, or
+    /// 9600 8N1; between two ptys, the rate that a program sets there]
+    #[arg(long, value_name = "LINE")]
+    pub(crate) line: Option<AskedLine>,
     /// The trace to write
     #[arg(long, short, value_name = "FILE")]
     pub(crate) out: PathBuf,
@@ -92,6 +93,19 @@ pub(crate) enum SideName {
 pub(crate) struct Prepared {
     pub(crate) plugin: Chosen,
     pub(crate) settings: SettingValues,
+}
+
+impl Arguments {
+    /// The line that the ports are set to: as asked for, else the plug-in's, else the usual one.
+    pub(crate) fn line(&self, prepared: Option<&Prepared>) -> LineParameters {
+        let asked = self.line.as_ref();
+        match prepared {
+            Some(Prepared { plugin, settings }) => {
+                ChosenLine::of(asked, plugin.manifest(), &self.settings, settings).line
+            }
+            None => asked.map_or(USUAL_LINE, |asked| asked.or(USUAL_LINE)),
+        }
+    }
 }
 
 /// What machines get.

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::channel;
 use std::thread;
 use std::time::Duration;
 
@@ -44,6 +45,8 @@ struct Checked<'a> {
     result: &'static str,
     links: usize,
     problems: &'a [Problem],
+    /// What works and may be meant otherwise.
+    remarks: &'a [Problem],
 }
 
 pub(crate) fn gateway(
@@ -60,15 +63,18 @@ pub(crate) fn gateway(
 
 fn check(file: &Path, screen: &Screen) -> Result<Exit, Failure> {
     let checked = Config::read(file).map_err(StartError::from).and_then(|config| {
-        gateway::check(&config)?;
-        Ok(config)
+        let remarks = gateway::check(&config)?;
+        Ok((config, remarks))
     });
-    let config = match checked {
-        Ok(config) => config,
+    let (config, remarks) = match checked {
+        Ok(checked) => checked,
         Err(error) => return wrong(error, screen),
     };
     let links = config.links.len();
-    screen.document(&Checked { result: "right", links, problems: &[] });
+    screen.document(&Checked { result: "right", links, problems: &[], remarks: &remarks });
+    for remark in &remarks {
+        screen.note(format_args!("note: {remark}"));
+    }
     screen.say(format_args!(
         "{} is right: {}",
         file.display(),
@@ -81,7 +87,12 @@ fn check(file: &Path, screen: &Screen) -> Result<Exit, Failure> {
 fn wrong(error: StartError, screen: &Screen) -> Result<Exit, Failure> {
     match error {
         StartError::Config(ConfigError::Wrong(problems)) => {
-            screen.document(&Checked { result: "wrong", links: 0, problems: &problems });
+            screen.document(&Checked {
+                result: "wrong",
+                links: 0,
+                problems: &problems,
+                remarks: &[],
+            });
             for Problem { place, message, hint } in &problems {
                 let failure = Failure::usage(format_args!("{place}: {message}")).hint(hint);
                 screen.report_failure(&failure);
@@ -181,11 +192,24 @@ fn say_ready(address: Option<String>, names: &[String], screen: &Screen) {
 
 /// Does what signals ask for, on a thread of its own.
 fn heed(mut signals: Signals, gateway: Gateway, how: StopHow, is_replaced: Arc<AtomicBool>) {
+    // Reading again may take seconds, if there is something to compile: a stop does not wait for it.
+    let (again, wanted) = channel();
+    let to_reload = gateway.clone();
+    let reloading = move || {
+        while wanted.recv().is_ok() {
+            while wanted.try_recv().is_ok() {}
+            reload(&to_reload);
+        }
+    };
+    if let Err(error) = thread::Builder::new().name("reload".to_owned()).spawn(reloading) {
+        tracing::error!(%error, "SIGHUP is not heeded");
+    }
     let heeding = move || {
         let mut stops = 0;
         for signal in signals.forever() {
             if signal == SIGHUP {
-                reload(&gateway);
+                // Nobody reloads only if there was no thread, which was told.
+                let _ = again.send(());
                 continue;
             }
             if signal == SIGUSR2 {

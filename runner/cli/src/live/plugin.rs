@@ -153,9 +153,10 @@ fn reference(text: &str) -> Result<Reference, Failure> {
 /// Who is to blame: a module that is no plug-in, or how the command was used.
 fn failure(error: LibraryError) -> Failure {
     match error {
-        LibraryError::NotAPlugin(_) | LibraryError::Version(_) | LibraryError::Damaged { .. } => {
-            Failure::plug_in(error)
-        }
+        LibraryError::NotAPlugin(_)
+        | LibraryError::Unfit(_)
+        | LibraryError::Version(_)
+        | LibraryError::Damaged { .. } => Failure::plug_in(error),
         LibraryError::InUse { .. } => Failure::new(Exit::Failed, error),
         LibraryError::NoLibrary(_) => {
             Failure::usage(error).hint("name another folder with --library or SOFTPLUG_LIBRARY")

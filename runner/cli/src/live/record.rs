@@ -41,8 +41,9 @@ pub(crate) fn record(
     let profile = profile(arguments, prepared.as_ref());
     // Compiled before the ports are touched.
     let instance = prepared.as_ref().map(|prepared| prepared.plugin.instantiate()).transpose()?;
-    let a = open(Side::A, &arguments.a, arguments.line, screen)?;
-    let b = open(Side::B, &arguments.b, arguments.line, screen)?;
+    let line = arguments.line(prepared.as_ref());
+    let a = open(Side::A, &arguments.a, line, screen)?;
+    let b = open(Side::B, &arguments.b, line, screen)?;
     let tap = Tap::new(a, b)?;
     let side = match arguments.side {
         SideName::A => Side::A,
@@ -51,9 +52,9 @@ pub(crate) fn record(
     let lines = tap.modem_lines(side.other());
     let rehearsal = prepared.zip(instance).map(|(prepared, instance)| {
         let name = &prepared.plugin.manifest().name;
-        Rehearsal::new(name, instance, prepared.settings, arguments.line, lines, !arguments.redact)
+        Rehearsal::new(name, instance, prepared.settings, line, lines, !arguments.redact)
     });
-    let mut front = front(arguments, &profile, side);
+    let mut front = front(arguments, &profile, side, line);
     if let Some((_, on)) = lines {
         front.modem = story::inputs(on);
     }
@@ -66,8 +67,11 @@ pub(crate) fn record(
     let recording = Recording {
         story,
         book: Book::create(&arguments.out, arguments.force, front)?,
+        is_line_asked: arguments.line.is_some(),
         redactor: arguments.redact.then(|| Redactor::new(&profile)),
         rehearsal,
+        side,
+        has_begun: false,
         origin: None,
         last: Time::default(),
         passed: [0; 2],
@@ -126,6 +130,9 @@ fn run(
                 }
                 recording.tell(at, &event, screen);
             })?;
+            if recording.is_at_start() {
+                recording.begin_line(&tap, screen);
+            }
             recording.write(tap.now())?;
             if let Turn::Gone(side, reason) = turn {
                 return Ok(End::Lost(side, reason.text().to_owned()));
@@ -231,8 +238,14 @@ fn open(
 struct Recording {
     story: Story,
     book: Book,
+    /// Nobody who is recorded has a say in it.
+    is_line_asked: bool,
     redactor: Option<Redactor>,
     rehearsal: Option<Rehearsal>,
+    /// The side in the plug-in's place.
+    side: Side,
+    /// Something was told.
+    has_begun: bool,
     /// When the first event was.
     origin: Option<Micros>,
     last: Time,
@@ -264,15 +277,45 @@ impl Recording {
             }
             Event::Heard { .. } | Event::Lines { .. } => {}
         }
+        self.has_begun = true;
         self.story.tell(at, event);
     }
 
-    /// Writes what is sure by now.
+    /// Whether something has happened, and nothing of it is written yet.
+    fn is_at_start(&self) -> bool {
+        self.has_begun && !self.book.is_begun()
+    }
+
+    /// A pty has the rate that the program on it has set by the time at which it sends: that is the
+    /// line's, unless somebody has named one or a port keeps one.
+    fn begin_line(&mut self, tap: &Tap, screen: &Screen) {
+        for side in [self.side, self.side.other()] {
+            let Some(told) = tap.port(side).told_baud() else { continue };
+            let line = self.book.line();
+            if told == line.baud {
+                return;
+            }
+            let is_free = !self.is_line_asked
+                && ![Side::A, Side::B].iter().any(|side| tap.port(*side).rate_known());
+            if is_free {
+                self.book.set_line(LineSettings { baud: told, ..line });
+                return;
+            }
+            screen.note(format_args!(
+                "note: the program on side {side} has set its port to {told} baud, the line is at {}; \
+                 --line names another",
+                line.baud
+            ));
+            return;
+        }
+    }
+
+    /// Writes what is sure by now; nothing before the first event.
     fn write(&mut self, now: Micros) -> Result<(), Failure> {
         while let Some((at, what)) = self.story.next(now) {
             self.add(at, what)?;
         }
-        self.book.flush()
+        if self.has_begun { self.book.flush() } else { Ok(()) }
     }
 
     fn finish(mut self, now: Micros) -> Result<Vec<std::path::PathBuf>, Failure> {
@@ -367,7 +410,7 @@ fn profile(arguments: &Arguments, prepared: Option<&Prepared>) -> String {
     claimed.map_or_else(|| "recorded".to_owned(), |profile| profile.name.clone())
 }
 
-fn front(arguments: &Arguments, profile: &str, side: Side) -> FrontMatter {
+fn front(arguments: &Arguments, profile: &str, side: Side, line: LineParameters) -> FrontMatter {
     let far = match side {
         Side::A => &arguments.b,
         Side::B => &arguments.a,
@@ -382,7 +425,7 @@ fn front(arguments: &Arguments, profile: &str, side: Side) -> FrontMatter {
         clauses: vec![format!("{profile}.recorded")],
         level: Level::May,
         edge: None,
-        line: line_settings(arguments.line),
+        line: line_settings(line),
         config: config(arguments),
         room: softplug_trace::Room::default(),
         modem: softplug_trace::ModemLevels::default(),

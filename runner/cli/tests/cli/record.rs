@@ -128,6 +128,31 @@ fn the_trace_is_what_was_exchanged() {
     }
 }
 
+/// As [`open`], by a program that sets this rate.
+fn open_at(path: &str, baud: u32) -> Port {
+    let options = PortOptions::new(LineParameters::new(baud));
+    Port::open(&PortSpec::Device(path.into()), &options).unwrap()
+}
+
+#[test]
+fn the_rate_that_a_program_sets_on_its_pty_is_the_lines() {
+    for (options, recorded, is_told) in
+        [(&[][..], 115_200, false), (&["--line", "9600 8N1"][..], 9_600, true)]
+    {
+        let bench = Bench::new();
+        let recording = Recording::start(&bench, ["pty:", "pty:"], 2, options);
+        let mut a = open_at(&recording.ptys[0], 115_200);
+        let mut b = open_at(&recording.ptys[1], 115_200);
+        say(&mut a, &mut b, b"G1X1");
+        recording.interrupt();
+        let ran = recording.end().with_code(0);
+        let told = "set its port to 115200 baud, the line is at 9600";
+        assert_eq!(ran.err.contains(told), is_told, "{ran}");
+        let (trace, _, sent) = trace(&bench);
+        assert_eq!((trace.front.line.baud, &sent[..]), (recorded, &b"G1X1"[..]));
+    }
+}
+
 #[test]
 fn a_port_that_is_unplugged_ends_it_and_the_trace_stays() {
     let bench = Bench::new();

@@ -2,7 +2,7 @@
 //! against a master in this process.
 
 use std::io::{BufRead, BufReader, Read};
-use std::process::{Child, ChildStdout};
+use std::process::{Child, ChildStdout, Command, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -166,6 +166,49 @@ fn ctrl_c_aborts_a_sending_in_the_middle() {
 }
 
 #[test]
+fn a_terminal_that_closes_aborts_as_ctrl_c_does() {
+    let bench = Bench::new();
+    bench.write("O1.nc", program("surfacing.nc"));
+    let pty = PtyPair::open().unwrap();
+    let send = ["send", "--port", &slave(&pty), "--plugin", "xon-xoff", "O1.nc", "--json"];
+    let child = bench.command(&send).spawn().unwrap();
+    read(&pty, 10);
+    pty.write(&[0x13]).unwrap();
+    // The shell sends it, and the kernel when the shell has ended.
+    let pid = Pid::from_child(&child);
+    kill_process(pid, Signal::HUP).unwrap();
+    kill_process(pid, Signal::HUP).unwrap();
+    let json = ended(child).with_code(5).json();
+    assert_eq!(json["result"], "aborted", "{json}");
+
+    let simulation = Simulation::start(&bench, &[]);
+    kill_process(Pid::from_child(&simulation.child), Signal::HUP).unwrap();
+    let (code, report) = simulation.end();
+    assert_eq!((code, &report["result"]), (0, &"done".into()), "{report}");
+}
+
+#[test]
+fn under_nohup_a_terminal_may_close() {
+    let bench = Bench::new();
+    bench.write("O1.nc", "G1X1\n".repeat(40));
+    let pty = PtyPair::open().unwrap();
+    let send = ["send", "--port", &slave(&pty), "--plugin", "xon-xoff", "O1.nc", "--json"];
+    let asked = bench.command(&send);
+    let mut child = Command::new("sh");
+    // As nohup does it.
+    child.args(["-c", "trap '' HUP; exec \"$0\" \"$@\""]).arg(asked.get_program());
+    child.args(asked.get_args()).current_dir(asked.get_current_dir().unwrap());
+    child.envs(asked.get_envs().filter_map(|(name, value)| Some((name, value?))));
+    let child = child.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let got = read(&pty, 10);
+    kill_process(Pid::from_child(&child), Signal::HUP).unwrap();
+    let rest = read(&pty, 200 - got.len());
+    assert_eq!(got.len() + rest.len(), 200);
+    let json = ended(child).with_code(0).json();
+    assert_eq!(json["result"], "done", "{json}");
+}
+
+#[test]
 fn ctrl_c_keeps_what_was_received() {
     let bench = Bench::new();
     let pty = PtyPair::open().unwrap();
@@ -245,7 +288,8 @@ fn a_reception_that_never_begins_is_given_up() {
     let pty = PtyPair::open().unwrap();
     let receive = ["receive", "--port", &slave(&pty), "--plugin", "xon-xoff", "--out", "O1.nc"];
     let ran = bench.run(&[&receive[..], &["--wait", "1"]].concat()).with_code(5);
-    assert_eq!(ran.err, "error: nothing came in the time given\n");
+    assert!(ran.err.starts_with("waiting for the machine to send: "), "{ran}");
+    assert!(ran.err.ends_with("error: nothing came in the time given\n"), "{ran}");
     assert_eq!(bench.names(), Vec::<String>::new());
 }
 
@@ -289,6 +333,27 @@ fn the_doctor_hears_what_comes() {
     assert!(json["heard"].is_array(), "{json}");
     let ran = bench.run(&["doctor", &slave(&pty)]).with_code(0);
     assert!(ran.out.starts_with("ok: "), "{ran}");
+}
+
+#[test]
+fn the_doctor_does_not_name_itself() {
+    let bench = Bench::new();
+    let pty = PtyPair::open().unwrap();
+    // On a console its own streams are the port.
+    let console = || std::fs::File::options().read(true).write(true).open(slave(&pty)).unwrap();
+    let mut doctor = bench.command(&["doctor", &slave(&pty), "--json"]);
+    let doctor = doctor.stdin(console()).spawn().unwrap();
+    let pid = doctor.id();
+    let json = ended(doctor).json();
+    let holders = json["holders"].as_array().unwrap();
+    assert!(holders.iter().any(|holder| holder["pid"] == std::process::id()), "{json}");
+    assert!(holders.iter().all(|holder| holder["pid"] != pid), "{json}");
+    // Its own standard input, which half of all programs have open too.
+    let ran = bench.run(&["doctor", "/dev/null"]).with_code(6);
+    assert_eq!(
+        ran.out,
+        "problem: /dev/null is not a serial port; give a device such as /dev/ttyUSB0\n"
+    );
 }
 
 #[test]
@@ -398,4 +463,101 @@ fn an_operator_asks_for_programs_at_the_panel() {
     assert_eq!(bench.read("in/O1234"), b"theirs");
     let (code, report) = simulation.end();
     assert_eq!((code, &report["as_expected"]), (0, &true.into()), "{report}");
+}
+
+/// The block "A", and the partner's "XY".
+const OURS: [u8; 4] = [b'A', 0x10, 0x03, 0x52];
+const THEIRS: [u8; 5] = [b'X', b'Y', 0x10, 0x03, 0x12];
+
+/// Sends "A" to a partner that begins at the same time with "XY", and says what is to be said.
+fn in_conflict(bench: &Bench, more: &[&str], says: &[(usize, &[u8])]) -> Ran {
+    bench.write("block.bin", "A");
+    let pty = PtyPair::open().unwrap();
+    let send = ["send", "--port", &slave(&pty), "--plugin", "r3964", "--json", "block.bin"];
+    let quiet = ["--set", "nak_at_start=off", "--set", "zvz=20000", "--set", "qvz=20000"];
+    let child = bench.command(&[&send[..], &quiet, more].concat()).spawn().unwrap();
+    let mut heard = Vec::new();
+    for (count, answer) in says {
+        heard.extend(read(&pty, *count));
+        pty.write(answer).unwrap();
+    }
+    let expected: &[u8] = if more.is_empty() { &[2, 0x15, 2] } else { &[2, 0x10, 0x10, 2] };
+    assert_eq!(heard, [expected, &OURS].concat());
+    ended(child).with_code(0)
+}
+
+#[test]
+fn what_a_partner_sends_meanwhile_is_refused_or_kept_and_never_dropped() {
+    let _alone = alone();
+    let bench = Bench::new();
+    let refused = in_conflict(&bench, &[], &[(1, &[2]), (2, &[0x10]), (4, &[0x10])]);
+    assert_eq!((&refused.json()["refused"], &refused.json()["received"]), (&1.into(), &0.into()));
+    assert!(refused.err.contains("wanted to send meanwhile, 1 time"), "{refused}");
+
+    std::fs::create_dir(bench.path("in")).unwrap();
+    let says: [(usize, &[u8]); 4] = [(1, &[2]), (1, &THEIRS), (2, &[0x10]), (4, &[0x10])];
+    let kept = in_conflict(&bench, &["--keep", "in"], &says).json();
+    assert_eq!((&kept["refused"], &kept["kept"][0]["bytes"]), (&0.into(), &2.into()));
+    assert_eq!(kept["kept"][0]["file"], "in/000001");
+    assert_eq!(bench.read("in/000001"), b"XY");
+}
+
+#[test]
+fn fewer_deliveries_than_were_asked_for_are_not_done() {
+    let _alone = alone();
+    let bench = Bench::new();
+    std::fs::create_dir(bench.path("in")).unwrap();
+    let pty = PtyPair::open().unwrap();
+    let receive = ["receive", "--port", &slave(&pty), "--plugin", "xon-xoff", "--dir", "in"];
+    let more = ["--count", "3", "--wait", "1", "--set", "quiet_time=200", "--json"];
+    let child = bench.command(&[&receive[..], &more].concat()).spawn().unwrap();
+    pty.write(b"G1X1\n").unwrap();
+    let ran = ended(child).with_code(5);
+    let end = lines(&ran).pop().unwrap();
+    assert_eq!((&end["result"], &end["complete"]), (&"incomplete".into(), &1.into()), "{ran}");
+    assert_eq!(end["heard"], 5);
+}
+
+#[test]
+fn characters_that_begin_no_program_are_told() {
+    let bench = Bench::new();
+    let pty = PtyPair::open().unwrap();
+    let receive = ["receive", "--port", &slave(&pty), "--plugin", "fanuc-rs232", "--wait", "1"];
+    let child = bench.command(&[&receive[..], &["--out", "O1.nc"]].concat()).spawn().unwrap();
+    pty.write(b"%\nO1\nM30\n%\n").unwrap();
+    let ran = ended(child).with_code(5);
+    let said = "11 bytes came in the time given, but nothing that begins a program of FANUC RS-232";
+    assert!(ran.err.contains(said), "{ran}");
+}
+
+#[test]
+fn a_plug_ins_own_line_is_taken_and_told() {
+    let bench = Bench::new();
+    let pty = PtyPair::open().unwrap();
+    let carried = "; a pty carries 8 data bits and no parity: it is neither made nor looked at\n";
+    let told = |plugin: &str, more: &[&str]| {
+        let port = slave(&pty);
+        let words = ["receive", "--port", &port, "--plugin", plugin, "--out", "O1.nc"];
+        bench.run(&[&words[..], &["--wait", "1"], more].concat()).with_code(5).err
+    };
+    let fanuc = told("fanuc-rs232", &[]);
+    assert!(
+        fanuc.starts_with(&format!("note: the line is 4800 7E2, as the plug-in names it{carried}")),
+        "{fanuc}"
+    );
+    let rated = told("fanuc-rs232", &["--line", "19200"]);
+    assert!(rated.starts_with(&format!("note: the line is 19200 7E2{carried}")), "{rated}");
+    let eia = told("fanuc-rs232", &["--set", "preset=eia"]);
+    assert!(eia.starts_with("note: the line is 4800 8N2, as the plug-in names it\n"), "{eia}");
+    let plain = told("fanuc-rs232", &["--line", "9600 8N1"]);
+    assert!(!plain.contains("the line is"), "{plain}");
+    // It names none, and of a pty there is nothing to say.
+    assert_eq!(told("xon-xoff", &[]), "error: nothing came in the time given\n");
+
+    let ran = bench.run(&["inspect", "fanuc-rs232"]).with_code(0);
+    let line = "\nline      4800 7E2, 4800 8N2 with parity=software, 4800 8N2 with parity=none, \
+                4800 8N2 with code=eia\n";
+    assert!(ran.out.contains(line), "{ran}");
+    let json = bench.run(&["inspect", "fanuc-rs232", "--json"]).with_code(0).json();
+    assert_eq!((&json["abi"], &json["manifest"]["line"]), (&"1.1".into(), &"4800 7E2".into()));
 }

@@ -1,10 +1,13 @@
 //! Ports: a terminal, a TCP connection or a pty behind one interface that
 //! never blocks.
 
+mod difference;
 pub(crate) mod ear;
 mod marks;
 mod spec;
 
+#[cfg(target_os = "linux")]
+mod held;
 #[cfg(target_os = "linux")]
 pub(crate) mod holders;
 #[cfg(target_os = "linux")]
@@ -30,13 +33,16 @@ mod tty;
 
 #[cfg(target_os = "linux")]
 pub use self::rfc2217::Rfc2217Port;
+pub use difference::{DifferenceWeight, SettingDifference};
 pub use ear::Backlog;
+#[cfg(target_os = "linux")]
+pub use held::discard_all;
 pub use marks::{Input, LineCounters, MarkDecoder};
 #[cfg(target_os = "linux")]
 pub use open::{Port, ReadOutcome};
 #[cfg(target_os = "linux")]
-pub use settings::{SettingDifference, read_line};
-pub use spec::{Flow, PortOptions, PortSpec, line_text, parse_line};
+pub use settings::read_line;
+pub use spec::{Flow, PortOptions, PortSpec, line_mismatch, line_text, parse_line};
 #[cfg(target_os = "linux")]
 pub use tcp::TcpPort;
 #[cfg(target_os = "linux")]

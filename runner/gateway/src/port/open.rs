@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 
 use softplug_abi::{LineParameters, LinkDownReason, Micros, ModemLines, Parity};
 
+use super::difference::SettingDifference;
 use super::ear::{Backlog, Ear, Plain};
 use super::marks::Input;
 use super::rfc2217::Rfc2217Port;
-use super::settings::SettingDifference;
 use super::spec::{PortOptions, PortSpec};
 use super::tcp::TcpPort;
 use super::tty::TtyPort;
 use crate::error::PortError;
-use crate::pty::{PtyPair, PtyPort};
+use crate::pty::{FRESH_BAUD, PtyPair, PtyPort};
 
 /// An open port. Nothing here blocks.
 #[derive(Debug)]
@@ -40,7 +40,8 @@ pub enum ReadOutcome {
 }
 
 impl Port {
-    /// Opens a port. Of a device server, looking up, connecting and setting its
+    /// Opens a port. One that has other settings in the end than were asked for is
+    /// [`PortError::NotTaken`]. Of a device server, looking up, connecting and setting its
     /// port blocks, at most for the time-out once the name is known.
     pub fn open(spec: &PortSpec, options: &PortOptions) -> Result<Self, PortError> {
         Ok(match spec {
@@ -226,6 +227,28 @@ impl Port {
         self.set_break(false)
     }
 
+    /// Whether it is a pty, from either side: no rate, no parity, no modem lines.
+    pub fn is_pty(&self) -> bool {
+        match self {
+            Self::Tty(port) => port.is_pty(),
+            Self::Pty(_) => true,
+            Self::Tcp(_) | Self::Rfc2217(_) => false,
+        }
+    }
+
+    /// The rate that somebody has set on a pty, which keeps none itself: the program on
+    /// the far side of one made here, or whoever set the device before it was opened. `None` where
+    /// nobody has, and of all other ports.
+    pub fn told_baud(&self) -> Option<u32> {
+        match self {
+            Self::Tty(port) if port.is_pty() => {
+                Some(port.line_before().baud).filter(|baud| *baud != FRESH_BAUD)
+            }
+            Self::Pty(port) => port.told_baud(),
+            Self::Tty(_) | Self::Tcp(_) | Self::Rfc2217(_) => None,
+        }
+    }
+
     /// Whether the port itself keeps the line's rate. Elsewhere bytes are
     /// only as far apart as they are written.
     pub fn rate_known(&self) -> bool {
@@ -257,7 +280,8 @@ impl Port {
         }
     }
 
-    /// Settings that were asked for and the port did not take; to be reported.
+    /// Settings that were asked for and the port did not take, as far as it can be
+    /// used so; to be reported.
     pub fn differences(&self) -> &[SettingDifference] {
         match self {
             Self::Tty(port) => port.differences(),

@@ -1,6 +1,5 @@
 //! A terminal's settings: raw with marks, read back and compared.
 
-use std::fmt;
 use std::os::fd::AsFd;
 
 use rustix::termios::{
@@ -8,26 +7,10 @@ use rustix::termios::{
 };
 use softplug_abi::{LineParameters, LinkDownReason, Parity};
 
+use super::difference::{DifferenceWeight, SettingDifference, weight_of_rate};
 use super::spec::{Flow, PortOptions};
 use super::tty::is_gone;
 use crate::error::PortError;
-
-/// A setting that a port did not take.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct SettingDifference {
-    /// The setting's name.
-    pub setting: &'static str,
-    /// What was asked for.
-    pub asked: String,
-    /// What the port says it has.
-    pub has: String,
-}
-
-impl fmt::Display for SettingDifference {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: asked for {}, the port has {}", self.setting, self.asked, self.has)
-    }
-}
 
 /// The line settings that a terminal has now.
 pub fn read_line(fd: impl AsFd) -> Result<LineParameters, PortError> {
@@ -139,19 +122,24 @@ pub(super) fn line_of(termios: &Termios) -> LineParameters {
     LineParameters { baud: termios.output_speed(), data_bits, parity, stop_half_bits }
 }
 
+/// What a terminal has otherwise than it was wanted.
 fn differences(wanted: &Termios, has: &Termios, asked: LineParameters) -> Vec<SettingDifference> {
     let mut differences = Vec::new();
-    let mut compare = |setting, asked: String, has: String| {
+    let mut compare = |setting, asked: String, has: String, weight| {
         if asked != has {
-            differences.push(SettingDifference { setting, asked, has });
+            differences.push(SettingDifference { setting, asked, has, weight });
         }
     };
-    let (asked_texts, has_texts) = (setting_texts(asked), setting_texts(line_of(has)));
+    let line = line_of(has);
+    let (asked_texts, has_texts) = (setting_texts(asked), setting_texts(line));
     for ((setting, asked_text), (_, has_text)) in asked_texts.into_iter().zip(has_texts) {
-        // Without a rate, it is left to the other side.
-        if setting != BAUD_RATE || asked.baud != 0 {
-            compare(setting, asked_text, has_text);
-        }
+        let weight = match setting {
+            // Without a rate, it is left to the other side.
+            BAUD_RATE if asked.baud == 0 => continue,
+            BAUD_RATE => weight_of_rate(asked.baud, line.baud),
+            _ => DifferenceWeight::Refused,
+        };
+        compare(setting, asked_text, has_text, weight);
     }
     let flags = [
         ("parity checking", InputModes::INPCK),
@@ -162,7 +150,8 @@ fn differences(wanted: &Termios, has: &Termios, asked: LineParameters) -> Vec<Se
     for (setting, flag) in flags {
         let text =
             |termios: &Termios| if termios.input_modes.contains(flag) { "on" } else { "off" };
-        compare(setting, text(wanted).to_owned(), text(has).to_owned());
+        let (asked, has) = (text(wanted).to_owned(), text(has).to_owned());
+        compare(setting, asked, has, DifferenceWeight::Refused);
     }
     differences
 }
@@ -194,5 +183,50 @@ fn stop_text(half_bits: u8) -> String {
     match half_bits {
         3 => "1.5".to_owned(),
         half_bits => (half_bits / 2).to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::port::{difference::refused, parse_line};
+    use crate::pty::PtyPair;
+
+    /// What is found if a port that was asked for `asked` has `has`.
+    fn found(asked: &str, has: &str) -> Vec<(String, bool)> {
+        let pair = PtyPair::open().unwrap();
+        let mut wanted = tcgetattr(pair.as_fd()).unwrap();
+        let mut taken = wanted.clone();
+        let line = |text| parse_line(text, LineParameters::new(9_600)).unwrap();
+        let (asked, has) = (line(asked), line(has));
+        prepare(&mut wanted, &PortOptions::new(asked)).unwrap();
+        prepare(&mut taken, &PortOptions::new(has)).unwrap();
+        let differences = differences(&wanted, &taken, asked);
+        assert_eq!(
+            refused(&differences).is_some(),
+            differences.iter().any(SettingDifference::is_refused)
+        );
+        differences.iter().map(|one| (one.to_string(), one.is_refused())).collect()
+    }
+
+    #[test]
+    fn only_a_rounded_rate_is_borne() {
+        let rate =
+            |text: &str, is_refused| vec![(format!("baud rate: asked for {text}"), is_refused)];
+        assert_eq!(found("9600 7E2", "9600 7E2"), []);
+        assert_eq!(found("115200", "115385"), rate("115200, the port has 115385", false));
+        assert_eq!(found("250000", "9600"), rate("250000, the port has 9600", true));
+        let names = |asked, has| -> Vec<bool> {
+            found(asked, has).into_iter().map(|(_, is_refused)| is_refused).collect()
+        };
+        // Data bits, parity, stop bits.
+        assert_eq!(names("7E2", "8N1"), [true, true, true]);
+        assert_eq!(found("8M1", "8N1")[0].0, "parity: asked for mark, the port has none");
+        // A UART makes 2 of 1.5 but for characters of five bits.
+        assert_eq!(
+            found("8N1.5", "8N1.5"),
+            [("stop bits: asked for 1.5, the port has 2".to_owned(), true)]
+        );
+        assert_eq!(found("5N1.5", "5N1.5"), []);
     }
 }

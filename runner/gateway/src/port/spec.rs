@@ -191,6 +191,32 @@ pub fn line_text(line: &LineParameters) -> String {
     }
 }
 
+/// What a line does not do whose characters are not those that the protocol names; `None` where
+/// they are the same. Another rate is the machine's own affair.
+///
+/// ```
+/// use softplug_abi::LineParameters;
+/// use softplug_gateway::port::{line_mismatch, parse_line};
+///
+/// let named = parse_line("4800 7E2", LineParameters::new(9_600)).unwrap();
+/// let line = LineParameters::new(9_600);
+/// assert_eq!(line_mismatch(line, named), Some("a wrong parity bit is not looked at"));
+/// assert_eq!(line_mismatch(LineParameters { baud: 300, ..named }, named), None);
+/// ```
+pub fn line_mismatch(line: LineParameters, named: LineParameters) -> Option<&'static str> {
+    if line.parity != named.parity {
+        return Some(match (line.parity, named.parity) {
+            (Parity::None, _) => "a wrong parity bit is not looked at",
+            (_, Parity::None) => "a parity bit is expected that the protocol does not have",
+            _ => "a parity bit is expected that the protocol has otherwise",
+        });
+    }
+    if line.data_bits != named.data_bits {
+        return Some("characters have another number of bits");
+    }
+    (line.stop_half_bits != named.stop_half_bits).then_some("only the stop bits differ")
+}
+
 /// 16 Mbaud is the most that any adapter known to Linux makes.
 fn parse_baud(word: &str) -> Result<u32, BadSpec> {
     let baud = word.parse().ok().filter(|baud| (50..=16_000_000).contains(baud));

@@ -5,6 +5,7 @@ use std::io;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use rustix::fs::{FlockOperation, Mode, OFlags, flock, open};
 use rustix::io::{Errno, read, retry_on_intr, write};
@@ -14,13 +15,15 @@ use rustix::termios::{
 };
 use softplug_abi::{LineParameters, LinkDownReason, ModemLines};
 
+use super::difference::{SettingDifference, noted, refused};
 use super::ear::{Backlog, Ear, Plain};
+use super::held;
 use super::holders::{group, holders, holders_but, is_pty};
 use super::ioctl;
 use super::marks::{Input, LineCounters, MarkDecoder};
 use super::open::ReadOutcome;
 use super::scratch::{READ_BYTES, with_scratch};
-use super::settings::{SettingDifference, apply, line_of};
+use super::settings::{apply, line_of};
 use super::spec::{Flow, PortOptions};
 use crate::error::{BadSpec, PortError};
 
@@ -35,7 +38,7 @@ const EARLY_BYTES: usize = 65_536;
 /// the port had before come back, unless it was [handed over](Self::hand_over).
 #[derive(Debug)]
 pub struct TtyPort {
-    fd: OwnedFd,
+    fd: Arc<OwnedFd>,
     path: PathBuf,
     before: Termios,
     line: LineParameters,
@@ -58,8 +61,10 @@ pub struct TtyPort {
 }
 
 impl TtyPort {
-    /// Opens, locks and sets the device. Settings that it does not take are
-    /// found in [`differences`](Self::differences).
+    /// Opens, locks and sets the device. One that has something else in the end is
+    /// left as it was found, which is [`PortError::NotTaken`]; a pty, which has
+    /// neither rate nor parity, is not. What remains is found in
+    /// [`differences`](Self::differences).
     pub fn open(path: &Path, options: &PortOptions) -> Result<Self, PortError> {
         if options.line.baud == 0 {
             return Err(BadSpec::BaudMissing(path.to_owned()).into());
@@ -87,6 +92,12 @@ impl TtyPort {
                 error => error,
             }
         })?;
+        let differences = if pty { noted(differences) } else { differences };
+        if let Err(error) = check(path, &differences) {
+            let _ = tcsetattr(&fd, OptionalActions::Now, &before);
+            let _ = ioctl_tiocnxcl(&fd);
+            return Err(error);
+        }
         // What came before was read with other settings, unless they are the same: then somebody
         // has kept the port open for us.
         let is_as_it_was =
@@ -96,6 +107,12 @@ impl TtyPort {
         }
         let low_latency = !pty && ioctl::set_low_latency(&fd, true).is_ok_and(|before| !before);
         let counters = ioctl::counters(&fd).ok();
+        let uart = device.as_ref().and_then(|device| uart_fifo(&fd, device));
+        let fd = Arc::new(fd);
+        // Closing a pty never waits, and what it has taken is for a reader that is only slow.
+        if !pty {
+            held::note(&fd);
+        }
         // A pty makes no characters: the line is the far end's, as asked for.
         let line = if pty { options.line } else { has };
         Ok(Self {
@@ -106,7 +123,7 @@ impl TtyPort {
             decoder: MarkDecoder::new(has.parity, counters),
             has_counters: counters.is_some(),
             pty,
-            uart: device.as_ref().and_then(|device| uart_fifo(&fd, device)),
+            uart,
             flow: options.flow,
             exclusive: options.exclusive,
             low_latency,
@@ -138,7 +155,7 @@ impl TtyPort {
         self.line
     }
 
-    /// What was asked for and the port did not take.
+    /// What was asked for and the port did not take, as far as it can be used so.
     pub fn differences(&self) -> &[SettingDifference] {
         &self.differences
     }
@@ -149,7 +166,8 @@ impl TtyPort {
     }
 
     /// Sets the port anew without closing it, which would drop DTR. What has
-    /// come and was not read is dropped: it was heard with other settings.
+    /// come and was not read is dropped: it was heard with other settings. After
+    /// [`PortError::NotTaken`] the port is set, to what it made of them.
     pub fn set_line(&mut self, options: &PortOptions) -> Result<(), PortError> {
         if options.line.baud == 0 {
             return Err(BadSpec::BaudMissing(self.path.clone()).into());
@@ -162,9 +180,9 @@ impl TtyPort {
         self.has_counters = counters.is_some();
         self.decoder = MarkDecoder::new(has.parity, counters);
         self.line = if self.pty { options.line } else { has };
-        self.differences = differences;
+        self.differences = if self.pty { noted(differences) } else { differences };
         self.flow = options.flow;
-        Ok(())
+        check(&self.path, &self.differences)
     }
 
     /// Counters of the driver, if it has any.
@@ -370,6 +388,12 @@ fn lock(fd: &OwnedFd, path: &Path, pty: bool) -> Result<(), PortError> {
         tracing::debug!(port = %path.display(), %error, "port not exclusive");
     }
     Ok(())
+}
+
+/// Whether the port can be used in spite of what it did not take.
+fn check(path: &Path, differences: &[SettingDifference]) -> Result<(), PortError> {
+    let port = || path.display().to_string();
+    refused(differences).map_or(Ok(()), |found| Err(PortError::NotTaken { port: port(), found }))
 }
 
 /// What a pty's far end sent before PARMRK was set: its FFs are not doubled.

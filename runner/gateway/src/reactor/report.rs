@@ -19,7 +19,7 @@ pub enum Report {
     Opened {
         /// The device, where there is one.
         path: Option<PathBuf>,
-        /// Settings that it did not take.
+        /// Settings that it did not take, as far as it can be used so.
         differences: Vec<SettingDifference>,
     },
     /// The plug-in knows that the port is open.
@@ -32,6 +32,8 @@ pub enum Report {
         reason: LinkDownReason,
         /// Why, in words.
         detail: String,
+        /// Settings that it did not take, if that is why.
+        differences: Vec<SettingDifference>,
         /// When it is tried again.
         retry_in: Micros,
     },

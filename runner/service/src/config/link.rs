@@ -6,10 +6,11 @@ use std::time::Duration;
 
 use softplug_abi::{LineParameters, Micros};
 use softplug_gateway::endpoint::EndpointSetup;
-use softplug_gateway::port::line_text;
+use softplug_gateway::port::{line_mismatch, line_text, parse_line};
 use softplug_gateway::{Flow, PortSpec};
 
-use super::problem::Place;
+use super::problem::{Place, Problem};
+use crate::programs::Quota;
 use crate::view::ProbationOrder;
 
 /// One link.
@@ -19,7 +20,7 @@ pub struct LinkConfig {
     pub name: String,
     /// Its port.
     pub port: PortConfig,
-    /// The line.
+    /// The line. What is not written of it is the plug-in's, once that is known.
     pub line: LineParameters,
     /// Who reacts to XON and XOFF.
     pub flow: Flow,
@@ -44,6 +45,8 @@ pub struct LinkConfig {
     pub search: Vec<String>,
     /// Folder of its receptions, below that of all.
     pub receive: String,
+    /// What it may receive.
+    pub quota: Quota,
     /// The buffer between server and machine.
     pub buffer: Buffer,
     /// The server endpoint.
@@ -56,6 +59,8 @@ pub struct LinkConfig {
     pub probation: Probation,
     /// Bytes of the flight recorder.
     pub recorder: u32,
+    /// The line as it is written.
+    pub(crate) written_line: Option<String>,
     /// Where its parts are written.
     pub(crate) places: Places,
 }
@@ -64,6 +69,7 @@ pub struct LinkConfig {
 #[derive(Clone, Debug)]
 pub(crate) struct Places {
     pub(crate) plugin: Place,
+    pub(crate) line: Place,
     pub(crate) settings: BTreeMap<String, Place>,
 }
 
@@ -172,6 +178,7 @@ impl LinkConfig {
             ("delivery-room", self.delivery_room == other.delivery_room),
             ("search", self.search == other.search),
             ("receive", self.receive == other.receive),
+            ("quota", self.quota == other.quota),
             ("buffer", self.buffer == other.buffer),
             ("endpoint", self.endpoint == other.endpoint),
             ("watchdog", self.watchdogs == other.watchdogs),
@@ -180,6 +187,40 @@ impl LinkConfig {
             ("recorder", self.recorder == other.recorder),
         ];
         keys.into_iter().filter(|(_, same)| !same).map(|(key, _)| key).collect()
+    }
+
+    /// Takes what is not written of the line from what the plug-in names.
+    ///
+    /// # Errors
+    /// A serial port is left without a rate.
+    pub(crate) fn complete_line(&mut self, named: Option<LineParameters>) -> Result<(), Problem> {
+        let base = named.unwrap_or_else(|| LineParameters::new(0));
+        let written = self.written_line.as_deref();
+        // It was read before.
+        self.line = written.and_then(|text| parse_line(text, base).ok()).unwrap_or(base);
+        if self.line.baud != 0 || !matches!(self.port, PortConfig::Port(PortSpec::Device(_))) {
+            return Ok(());
+        }
+        let rate = LineParameters { baud: 9_600, ..self.line };
+        Err(Problem {
+            place: self.places.line.clone(),
+            message: "a serial port needs a baud rate".to_owned(),
+            hint: format!("add one: `line = \"{}\"`", line_text(&rate)),
+        })
+    }
+
+    /// What its line does not do that the plug-in's would; nothing where no port is set.
+    pub(crate) fn line_remark(&self, named: Option<LineParameters>) -> Option<Problem> {
+        let named = named?;
+        let is_set =
+            matches!(self.port, PortConfig::Port(PortSpec::Device(_) | PortSpec::Rfc2217 { .. }));
+        let lost = line_mismatch(self.line, named).filter(|_| is_set)?;
+        let form = line_text(&LineParameters { baud: 0, ..named });
+        Some(Problem {
+            place: self.places.line.clone(),
+            message: format!("the line is {}, the protocol's {form}: {lost}", self.line_text()),
+            hint: format!("`line = \"{form}\"`, unless the machine is set otherwise"),
+        })
     }
 
     /// The line as people write it.

@@ -19,6 +19,7 @@ use super::problem::{Place, Problems};
 use super::service::{address, bytes, choice, optional_span, span};
 use super::written::{self, Text};
 use super::{MOST_LINKS, of_names};
+use crate::programs::Quota;
 
 /// All links, each with what it does not say taken from the defaults.
 pub(super) fn all(
@@ -76,8 +77,8 @@ fn one(
 ) -> Option<LinkConfig> {
     let name = name(link.name.as_ref(), &at, taken, problems)?;
     let port = port(link.port.as_ref(), &name, &at, taken, problems);
-    let has_rate = !matches!(port, Some(PortConfig::Port(PortSpec::Device(_))));
-    let line = line(link.line.as_ref(), has_rate, &at, problems);
+    let line_place = problems.place(link.line.as_ref().map_or_else(|| at.clone(), Spanned::span));
+    let line = line(link.line.as_ref(), problems);
     let plugin = plugin(link.plugin.as_ref(), &name, &at, problems);
     let (settings, setting_places) = settings(link.settings.unwrap_or_default(), problems);
     let plugin_place = problems.place(link.plugin.as_ref().map_or(at, Spanned::span));
@@ -122,6 +123,7 @@ fn one(
         events: probation.events.map_or(0, Spanned::into_inner),
         span: span(probation.span.as_ref(), 60_000, problems),
     };
+    let quota = quota(link.quota, problems);
     let buffer = buffer(link.buffer, problems);
     let endpoint = link.endpoint.and_then(|written| endpoint(&written, &name, taken, problems));
     let flows = [("host", Flow::Host), ("device", Flow::Device)];
@@ -146,12 +148,14 @@ fn one(
         delivery_room,
         search,
         receive,
+        quota,
         buffer,
         endpoint,
         watchdogs,
         probation,
         recorder,
-        places: Places { plugin: plugin_place, settings: setting_places },
+        written_line: link.line.map(Spanned::into_inner),
+        places: Places { plugin: plugin_place, line: line_place, settings: setting_places },
     })
 }
 
@@ -235,28 +239,15 @@ fn port(
     Some(port)
 }
 
-fn line(
-    text: Option<&Text>,
-    has_rate: bool,
-    at: &Range<usize>,
-    problems: &mut Problems<'_>,
-) -> LineParameters {
+/// As far as it is written; the rest is the plug-in's.
+fn line(text: Option<&Text>, problems: &mut Problems<'_>) -> LineParameters {
     let base = LineParameters::new(0);
-    let span = text.map_or(at.clone(), Spanned::span);
-    let line = match text.map(|text| parse_line(text.get_ref(), base)) {
-        None => base,
-        Some(Ok(line)) => line,
-        Some(Err(error)) => {
-            let (message, hint) = split(&error);
-            problems.add(span, message, hint);
-            return base;
-        }
-    };
-    if line.baud == 0 && !has_rate {
-        let message = "a serial port needs a baud rate";
-        problems.add(span, message, "add one: `line = \"9600 8N1\"`");
-    }
-    line
+    let Some(text) = text else { return base };
+    parse_line(text.get_ref(), base).unwrap_or_else(|error| {
+        let (message, hint) = split(&error);
+        problems.add(text.span(), message, hint);
+        base
+    })
 }
 
 /// Errors of ports are "what; what to do".
@@ -313,6 +304,25 @@ fn settings(
         }
     }
     (settings, places)
+}
+
+fn quota(written: Option<Spanned<written::Quota>>, problems: &mut Problems<'_>) -> Quota {
+    let written = written.map(Spanned::into_inner).unwrap_or_default();
+    let default = Quota::default();
+    let mut of = |value: Option<&Spanned<Value>>, default: u64| {
+        value.map_or(default, |value| bytes(value, 1, 1 << 50, problems).unwrap_or(default))
+    };
+    let (reception, day) = (
+        of(written.reception.as_ref(), default.reception),
+        of(written.bytes.as_ref(), default.bytes),
+    );
+    let receptions = written.receptions.map_or(default.receptions, |count| {
+        if *count.get_ref() == 0 {
+            problems.add(count.span(), "receptions is 0", "give at least 1, or leave it out");
+        }
+        *count.get_ref()
+    });
+    Quota { reception, receptions, bytes: day }
 }
 
 fn buffer(written: Option<Spanned<written::Buffer>>, problems: &mut Problems<'_>) -> Buffer {

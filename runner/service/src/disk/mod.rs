@@ -93,6 +93,19 @@ pub fn remove(path: &Path) -> Result<(), DiskError> {
     fs::remove_file(path).and_then(|()| sync_above(path)).map_err(DiskError::when("remove", path))
 }
 
+/// Opens a file for reading. A pipe that nobody writes into is not waited for, nor is a device
+/// touched further: only a file is opened.
+///
+/// # Errors
+/// It cannot be opened, or is no file.
+pub fn open(path: &Path) -> io::Result<File> {
+    use std::os::unix::fs::OpenOptionsExt as _;
+    let flags = rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::NOCTTY;
+    let file = fs::OpenOptions::new().read(true).custom_flags(flags.bits() as i32).open(path)?;
+    // Of the open file, not of the path: nothing can come between.
+    if file.metadata()?.is_file() { Ok(file) } else { Err(io::Error::other("it is no file")) }
+}
+
 /// A small file, of which more than `most` bytes are an error.
 ///
 /// # Errors
@@ -100,7 +113,7 @@ pub fn remove(path: &Path) -> Result<(), DiskError> {
 pub fn read_small(path: &Path, most: usize) -> Result<Vec<u8>, DiskError> {
     let read = || {
         let mut bytes = Vec::new();
-        File::open(path)?.take(most as u64 + 1).read_to_end(&mut bytes)?;
+        open(path)?.take(most as u64 + 1).read_to_end(&mut bytes)?;
         if bytes.len() > most {
             return Err(io::Error::other(format!("it has more than {most} bytes")));
         }
@@ -177,6 +190,16 @@ mod tests {
         assert_eq!(names_in(path.parent().unwrap()).unwrap(), ["c"]);
         remove(&path).unwrap();
         assert!(remove(&path).unwrap_err().is_missing());
+    }
+
+    #[test]
+    fn a_pipe_that_nobody_writes_into_is_no_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pipe");
+        let made = std::process::Command::new("mkfifo").arg(&path).status().unwrap();
+        assert!(made.success());
+        assert!(read_small(&path, 9).unwrap_err().to_string().ends_with("it is no file"));
+        assert!(open(folder.path()).is_err());
     }
 
     #[test]

@@ -72,7 +72,7 @@ impl Objects {
     /// It is not there, or cannot be opened.
     pub fn open_object(&self, digest: Digest) -> Result<File, DiskError> {
         let path = self.path(digest);
-        File::open(&path).map_err(DiskError::when("read", &path))
+        super::open(&path).map_err(DiskError::when("read", &path))
     }
 
     /// Whether it is there, and how large.

@@ -1,6 +1,7 @@
 //! Lanes: made for links, closed, made anew.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use softplug_abi::Micros;
 use softplug_gateway::channel::StationOptions;
@@ -39,6 +40,7 @@ impl Control {
             follow: Follow::new(digest),
             port: PortFacts::default(),
             condition: None,
+            condition_since: Instant::now(),
             alarms: Vec::new(),
             job: None,
             deliveries: std::collections::BTreeMap::new(),
@@ -67,6 +69,10 @@ impl Control {
         link.condition = None;
         link.alarms.clear();
         self.lanes.insert(id, name.to_owned());
+        if let Some(remark) = link.config.line_remark(link.plugin.line()) {
+            let scribe = &self.shared.parts.scribe;
+            scribe.link(Subject::Port, Weight::Warning, name, remark.message);
+        }
         let setup = match setup(link) {
             Ok(setup) => setup,
             Err(text) => {

@@ -4,13 +4,13 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::{Mutex, PoisonError};
 
 use softplug_abi::manifest::{SettingError, SettingValues};
-use softplug_host::{Digest, Host, Plugin, Session};
+use softplug_host::{Digest, Host, LoadError, Plugin, Session};
 use thiserror::Error;
 
 use crate::Refusal;
 use crate::library::{BadReference, Entry, Library, LibraryError, Reference};
 use crate::view::PluginRef;
-use softplug_abi::Micros;
+use softplug_abi::{LineParameters, Micros};
 
 /// Finds, compiles and starts plug-ins. Slow: never on a thread that serves links.
 #[derive(Debug)]
@@ -18,7 +18,13 @@ pub(crate) struct Loader {
     host: Host,
     library: Library,
     loaded: Mutex<HashMap<Digest, Plugin>>,
+    /// Modules that are at fault, and how: many links may ask for one that takes seconds to be
+    /// refused.
+    refused: Mutex<HashMap<Digest, String>>,
 }
+
+/// Most modules of which it is known that they are refused. Past it, all are tried again.
+const REFUSED: usize = 256;
 
 /// A plug-in with settings that it takes.
 #[derive(Clone, Debug)]
@@ -62,7 +68,7 @@ impl From<Unloadable> for Refusal {
 
 impl Loader {
     pub(crate) fn new(host: Host, library: Library) -> Self {
-        Self { host, library, loaded: Mutex::default() }
+        Self { host, library, loaded: Mutex::default(), refused: Mutex::default() }
     }
 
     pub(crate) fn library(&self) -> &Library {
@@ -93,11 +99,28 @@ impl Loader {
         if let Some(plugin) = loaded().get(&digest) {
             return Ok(plugin.clone());
         }
+        let refused = || self.refused.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(reason) = refused().get(&digest) {
+            return Err(Unloadable::Plugin(reason.clone()));
+        }
         let module = self.library.read(digest)?;
-        let plugin = self.host.load_bytes(&module);
-        let plugin = plugin.map_err(|error| Unloadable::Plugin(error.to_string()))?;
+        let plugin = self.host.load_bytes(&module).map_err(|error| {
+            if is_its_fault(&error) {
+                let mut refused = refused();
+                if refused.len() >= REFUSED {
+                    refused.clear();
+                }
+                refused.insert(digest, error.to_string());
+            }
+            Unloadable::Plugin(error.to_string())
+        })?;
         loaded().insert(digest, plugin.clone());
         Ok(plugin)
+    }
+
+    /// Breaks off what is being compiled, and lets nothing more be.
+    pub(crate) fn stop(&self) {
+        self.host.stop_compiling();
     }
 
     /// Lets go of the code of plug-ins that no link runs.
@@ -107,7 +130,24 @@ impl Loader {
     }
 }
 
+/// Whether the same module would be refused for the same reason again.
+fn is_its_fault(error: &LoadError) -> bool {
+    matches!(
+        error,
+        LoadError::Lint(_)
+            | LoadError::Compile(_)
+            | LoadError::CompileTime { .. }
+            | LoadError::CompileMemory { .. }
+    )
+}
+
 impl Prepared {
+    /// The line that the plug-in names for its settings; a rate of 0 is left open.
+    pub(crate) fn line(&self) -> Option<LineParameters> {
+        let asked = self.settings.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+        self.plugin.manifest().line_for(asked, &self.values).map(|named| named.parameters)
+    }
+
     pub(crate) fn digest(&self) -> Digest {
         self.plugin.digest()
     }

@@ -5,14 +5,14 @@ use std::collections::{BTreeMap, HashSet};
 use super::control::{Control, Shared};
 use super::lanes::limits;
 use super::link::{After, Lane};
-use super::loading::{Prepared, Unloadable};
+use super::loading::{Loader, Prepared, Unloadable};
 use super::swaps::Wanted;
 use crate::config::{Config, ConfigError, LinkConfig, Problem};
 use crate::jobs::{Note, Subject, Weight};
 use crate::view::{ReloadView, RemadeLink, SwapWhen};
 
 /// Keys that say what the loop does with a link, and nothing of its lane.
-const AT_ONCE: [&str; 4] = ["search", "receive", "swap", "probation"];
+const AT_ONCE: [&str; 5] = ["search", "receive", "quota", "swap", "probation"];
 /// Keys for which a swap does.
 const BY_SWAP: [&str; 2] = ["plugin", "settings"];
 
@@ -37,14 +37,20 @@ impl Shared {
 
     /// As [`make_ready`](Self::make_ready); beside what is wrong, the links whose plug-in cannot
     /// be had, and why.
-    pub(super) fn prepare_all(&self, config: Config) -> Result<Ready, (ConfigError, Vec<Missing>)> {
+    pub(super) fn prepare_all(
+        &self,
+        mut config: Config,
+    ) -> Result<Ready, (ConfigError, Vec<Missing>)> {
         let (mut plugins, mut problems) = (BTreeMap::new(), Vec::new());
         let mut missing = Vec::new();
-        for link in &config.links {
+        for link in &mut config.links {
             match self.parts.loader.prepare(&link.plugin, &link.settings) {
-                Ok(prepared) => {
-                    plugins.insert(link.name.clone(), prepared);
-                }
+                Ok(prepared) => match link.complete_line(prepared.line()) {
+                    Ok(()) => {
+                        plugins.insert(link.name.clone(), prepared);
+                    }
+                    Err(problem) => problems.push(problem),
+                },
                 Err(error) => {
                     missing.push(Missing {
                         link: link.name.clone(),
@@ -63,8 +69,16 @@ impl Shared {
     }
 }
 
+/// Finds a link's plug-in, checks its settings, and takes from it what is not written of the line.
+pub(super) fn prepare(loader: &Loader, link: &mut LinkConfig) -> Result<Prepared, Problem> {
+    let prepared = loader.prepare(&link.plugin, &link.settings);
+    let prepared = prepared.map_err(|error| problem(link, &error))?;
+    link.complete_line(prepared.line())?;
+    Ok(prepared)
+}
+
 /// What is wrong with a link's plug-in, where it is written.
-pub(crate) fn problem(link: &LinkConfig, error: &Unloadable) -> Problem {
+fn problem(link: &LinkConfig, error: &Unloadable) -> Problem {
     let (place, message, hint) = match error {
         Unloadable::Setting { name, text, hint } => {
             let place = name.as_ref().and_then(|name| link.places.settings.get(name));
@@ -120,6 +134,8 @@ impl Control {
             let keys = keys.into_iter().map(ToOwned::to_owned).collect();
             view.changed.push(RemadeLink { name: link.name.clone(), keys, waits });
         }
+        let quotas = config.links.iter().map(|link| (link.name.clone(), link.quota)).collect();
+        self.shared.parts.quotas.set(quotas);
         let limits = limits(&config.supervision);
         for link in self.links.values_mut() {
             link.supervisor.limit(limits);
@@ -215,6 +231,7 @@ impl Control {
             ("gateway.log", old.log == new.log),
             ("gateway.watch", old.watch == new.watch),
             ("gateway.journal", old.journal == new.journal),
+            ("gateway.free-space", old.free_space == new.free_space),
             ("http", self.config.http == config.http),
         ];
         keys.into_iter().filter(|(_, same)| !same).map(|(key, _)| key.to_owned()).collect()

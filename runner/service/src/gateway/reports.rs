@@ -1,5 +1,6 @@
 //! What the reactor tells, and what comes of it.
 
+use softplug_gateway::SettingDifference;
 use softplug_gateway::reactor::{
     Alarm, EndpointNews, JobEnd, JobOutcome, LaneFault, LaneId, Report,
 };
@@ -9,10 +10,11 @@ use super::faults::described;
 use super::link::{After, Arriving, EndsAs, Lane};
 use crate::clerk::Incoming;
 use crate::jobs::{Ending, Extent, Job, Left, Reason, Subject, Weight};
-use crate::supervise::Failed;
+use crate::supervise::{Failed, State};
 use crate::view::{Change, CheckFault, DownView, now_ms};
 use softplug_abi::{Failure, NoteLevel};
 use std::fmt::Write as _;
+use std::time::Instant;
 
 impl Control {
     /// Something that a lane tells.
@@ -20,8 +22,7 @@ impl Control {
         let Some(name) = self.lanes.get(&lane).cloned() else { return };
         match report {
             Report::Opened { path, differences } => {
-                let differences: Vec<_> = differences.iter().map(ToString::to_string).collect();
-                self.opened(&name, path, &differences);
+                self.opened(&name, path, &texts(&differences));
             }
             Report::Up => {
                 if let Some(link) = self.links.get_mut(&name) {
@@ -30,9 +31,9 @@ impl Control {
                 self.begin_next(&name);
             }
             Report::HandedOver(kept) => self.shared.kept().push(kept),
-            Report::Down { detail, retry_in, .. } => {
+            Report::Down { detail, retry_in, differences, .. } => {
                 let retry_in_ms = retry_in.0.max(0) as u64 / 1_000;
-                self.down(&name, &detail, retry_in_ms);
+                self.down(&name, &detail, texts(&differences), retry_in_ms);
             }
             Report::JobEnded(end) => self.job_ended(&name, end),
             Report::Rewind { job } => self.refill(&name, job),
@@ -70,6 +71,7 @@ impl Control {
             Report::State(state) => {
                 if let Some(link) = self.links.get_mut(&name) {
                     link.condition = Some(state);
+                    link.condition_since = Instant::now();
                 }
             }
             Report::Alarm(alarm) => self.alarm(&name, alarm),
@@ -98,10 +100,11 @@ impl Control {
         }
     }
 
-    fn down(&mut self, name: &str, reason: &str, retry_in_ms: u64) {
+    fn down(&mut self, name: &str, reason: &str, differences: Vec<String>, retry_in_ms: u64) {
         let Some(link) = self.links.get_mut(name) else { return };
         let now = now_ms();
         link.port.is_up = false;
+        link.port.differences = differences;
         let retry_at_ms = Some(now + retry_in_ms);
         if let Some(down) = &mut link.port.down {
             reason.clone_into(&mut down.reason);
@@ -253,7 +256,18 @@ impl Control {
         let view = self.shared.fault_view(name, &link.plugin, fault);
         link.keep_fault(view);
         self.shared.parts.scribe.link(Subject::Fault, Weight::Warning, name, text);
-        self.break_off(name, "the plug-in failed in the middle of it");
+        let is_stopped = self
+            .links
+            .get(name)
+            .is_some_and(|link| matches!(link.supervisor.state(), State::Quarantined { .. }));
+        self.break_off(
+            name,
+            if is_stopped {
+                "the plug-in was stopped in the middle of it"
+            } else {
+                "the plug-in failed in the middle of it"
+            },
+        );
         self.supervise_fault(name, what);
     }
 
@@ -296,4 +310,9 @@ impl Control {
             Lane::Open(_) | Lane::Closing(..) => {}
         }
     }
+}
+
+/// What a port has otherwise than it was asked to, in words.
+fn texts(differences: &[SettingDifference]) -> Vec<String> {
+    differences.iter().map(ToString::to_string).collect()
 }

@@ -19,20 +19,23 @@ use tokio::sync::broadcast;
 use super::Gateway;
 use super::control::{Control, Message, Parts, SWEEP, Shared};
 use super::loading::Loader;
-use super::reload::problem;
+use super::reload::prepare;
+use super::results::Results;
 use super::scribe::Scribe;
 use super::worker::Worker;
 use crate::clerk::Clerk;
-use crate::config::{Config, ConfigError};
+use crate::config::{Config, ConfigError, Problem};
 use crate::disk::DiskError;
 use crate::feeder::Feeder;
 use crate::jobs::{Jobs, JobsError, Keep, Note, Recovery, Subject, Weight};
 use crate::library::{Library, LibraryError, Watch};
-use crate::programs::{Programs, Receptions, Snapshots};
+use crate::programs::{Programs, Quotas, Receptions, Snapshots};
 use crate::view::now_ms;
 
 /// Changes that a reader who is slow may fall behind.
 const CHANGES: usize = 4_096;
+/// How long work that was begun is waited for at the end: a disk may stand still.
+const CATCHING_UP: std::time::Duration = std::time::Duration::from_secs(5);
 /// How often it is looked whether the end has come.
 const LOOK: std::time::Duration = std::time::Duration::from_millis(20);
 /// Instances of plug-ins: the one that runs, a successor, one to go back to, and one
@@ -93,26 +96,36 @@ impl Running {
     }
 
     /// Waits until it has stopped. If there is no other handle any more, its database is
-    /// closed when this returns.
+    /// closed when this returns, unless work that was begun does not end.
     pub fn wait(self) {
         if self.thread.join().is_err() {
             tracing::error!("the control loop has met a state that it should not");
         }
-        self.gateway.shared.parts.worker.catch_up();
+        let Parts { worker, requests, loading, .. } = &self.gateway.shared.parts;
+        let until = Instant::now() + CATCHING_UP;
+        let workers = [(worker, "journal"), (requests, "requests"), (loading, "loading")];
+        for (worker, what) in workers {
+            if !worker.catch_up(until.saturating_duration_since(Instant::now())) {
+                tracing::warn!(what, "work that does not end is left behind");
+            }
+        }
     }
 }
 
 /// Checks what only the library can tell: that plug-ins are there and take
-/// their settings. Nothing is started or written.
-pub fn check(config: &Config) -> Result<(), StartError> {
+/// their settings. Nothing is started or written. What works and may be meant
+/// otherwise is given: lines that are not the protocol's.
+pub fn check(config: &Config) -> Result<Vec<Problem>, StartError> {
     let library = Library::existing(&config.gateway.library)?;
     let loader = Loader::new(Host::new(HostOptions::default())?, library);
-    let prepare = |link: &crate::config::LinkConfig| {
-        let error = loader.prepare(&link.plugin, &link.settings).err()?;
-        Some(problem(link, &error))
-    };
-    let problems: Vec<_> = config.links.iter().filter_map(prepare).collect();
-    if problems.is_empty() { Ok(()) } else { Err(ConfigError::Wrong(problems).into()) }
+    let (mut problems, mut remarks) = (Vec::new(), Vec::new());
+    for mut link in config.links.clone() {
+        match prepare(&loader, &mut link) {
+            Ok(prepared) => remarks.extend(link.line_remark(prepared.line())),
+            Err(problem) => problems.push(problem),
+        }
+    }
+    if problems.is_empty() { Ok(remarks) } else { Err(ConfigError::Wrong(problems).into()) }
 }
 
 /// Starts what a configuration describes.
@@ -131,6 +144,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
             jobs.recovered(left.job, link, file, left.arrived.bytes)?;
         }
     }
+    let quotas = Quotas::new(&config.gateway.receptions, config.gateway.free_space);
     let programs = Programs::open(&config.gateway.programs)?;
     let library = Library::open(&config.gateway.library)?;
     let instances = (config.links.len() * INSTANCES_A_LINK + 64).max(1_024) as u32;
@@ -140,6 +154,9 @@ pub fn start(config: Config) -> Result<Running, StartError> {
     let (inbox, messages) = channel();
     let scribe = Scribe::start(jobs.clone(), changes.clone())?;
     let worker = Worker::start("softplug-worker")?;
+    let requests = Worker::start("softplug-panel")?;
+    let loading = Worker::start("softplug-load")?;
+    let library = library.checking(loads(&host));
     let loader = Loader::new(host, library.clone());
     let shared = Arc::new(Shared {
         inbox: inbox.clone(),
@@ -147,7 +164,18 @@ pub fn start(config: Config) -> Result<Running, StartError> {
         started_ms: now_ms(),
         traces: config.gateway.traces.clone(),
         upload_bytes: config.http.as_ref().map_or(u64::MAX, |http| http.limits.upload_bytes),
-        parts: Parts { loader, jobs, programs, snapshots, receptions, scribe, worker },
+        parts: Parts {
+            loader,
+            jobs,
+            programs,
+            snapshots,
+            receptions,
+            quotas,
+            scribe,
+            worker,
+            requests,
+            loading,
+        },
         is_stopping: AtomicBool::new(false),
         kept: Mutex::default(),
     });
@@ -174,7 +202,8 @@ pub fn start(config: Config) -> Result<Running, StartError> {
         to.tell(move |control| control.feeder_news(news));
     })?;
     let (to, receptions) = (Arc::clone(&shared), shared.parts.receptions.clone());
-    let clerk = Clerk::start(jobs, receptions, snapshots, move |news| {
+    let quotas = shared.parts.quotas.clone();
+    let clerk = Clerk::start(jobs, receptions, snapshots, quotas, move |news| {
         to.tell(move |control| control.clerk_news(news));
     })?;
     let mut control = Control {
@@ -187,6 +216,8 @@ pub fn start(config: Config) -> Result<Running, StartError> {
         lanes: HashMap::new(),
         audiences: HashMap::new(),
         shown: HashMap::new(),
+        shown_jobs: HashMap::new(),
+        results: Results::of(&shared.parts.jobs)?,
         next_lane: 1,
         began: Instant::now(),
         next_sweep: Instant::now() + SWEEP,
@@ -199,6 +230,23 @@ pub fn start(config: Config) -> Result<Running, StartError> {
         control.run(&messages);
     })?;
     Ok(Running { gateway: Gateway { shared }, thread, _library: watch })
+}
+
+/// Whether a module can be loaded and started, as a check of the library: what takes too much compiling
+/// is refused where it comes in, and not where it is swapped onto a link. One at a time, so that
+/// many at once take no more memory than one.
+fn loads(host: &Host) -> impl Fn(&[u8]) -> Result<(), LibraryError> + Send + Sync + 'static {
+    let (host, one) = (host.clone(), Mutex::new(()));
+    move |wasm| {
+        let _one = one.lock();
+        let loaded = host.load_bytes(wasm).and_then(|plugin| plugin.instantiate().map(drop));
+        loaded.map_err(|error| match error {
+            LoadError::CompilerProcess(_) | LoadError::TooManyInstances { .. } => {
+                LibraryError::Unchecked(error.to_string())
+            }
+            error => LibraryError::Unfit(error.to_string()),
+        })
+    }
 }
 
 fn tell_recovery(scribe: &Scribe, recovery: &Recovery, left_over: usize) {

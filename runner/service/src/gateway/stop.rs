@@ -117,6 +117,7 @@ impl Control {
         for name in left {
             self.break_off(&name, PARKED);
         }
+        self.shared.parts.loader.stop();
         self.shared.parts.scribe.note(Note::new(Subject::Gateway, "the gateway has stopped"));
     }
 }

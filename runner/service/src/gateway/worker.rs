@@ -2,8 +2,9 @@
 
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::mpsc::{Sender, channel};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread;
+use std::time::Duration;
 
 type Work = Box<dyn FnOnce() + Send>;
 
@@ -32,10 +33,27 @@ impl Worker {
         let _ = self.to.send(Box::new(work));
     }
 
-    /// Waits until all that it was given before is done, and let go.
-    pub(crate) fn catch_up(&self) {
+    /// Waits until all that it was given before is done, and let go, but no longer than
+    /// `patience`: whether it is.
+    pub(crate) fn catch_up(&self, patience: Duration) -> bool {
         let (last, done) = channel::<()>();
         self.give(move || drop(last));
-        let _ = done.recv();
+        !matches!(done.recv_timeout(patience), Err(RecvTimeoutError::Timeout))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_never_ends_is_not_waited_for() {
+        let worker = Worker::start("test").unwrap();
+        assert!(worker.catch_up(Duration::from_mins(1)));
+        let (never, ends) = channel::<()>();
+        worker.give(move || drop(ends.recv()));
+        assert!(!worker.catch_up(Duration::from_millis(10)));
+        drop(never);
+        assert!(worker.catch_up(Duration::from_mins(1)));
     }
 }

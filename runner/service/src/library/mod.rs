@@ -19,9 +19,11 @@ pub use reference::{BadReference, Reference, Which};
 pub use used::Use;
 pub use watch::{LibraryNews, Watch};
 
+use std::fmt;
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use softplug_abi::limits::MODULE_BYTES;
@@ -36,6 +38,17 @@ use softplug_gateway::guess::nearest;
 pub struct Library {
     folder: PathBuf,
     objects: Objects,
+    check: Option<Check>,
+}
+
+/// What a module must pass to be added, beside the lint.
+#[derive(Clone)]
+struct Check(Arc<dyn Fn(&[u8]) -> Result<(), LibraryError> + Send + Sync>);
+
+impl fmt::Debug for Check {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Check")
+    }
 }
 
 /// A plug-in in the library.
@@ -83,7 +96,7 @@ impl Library {
         for part in ["names", "used", "incoming"] {
             make_folder(&folder.join(part))?;
         }
-        Ok(Self { folder: folder.to_owned(), objects })
+        Ok(Self { folder: folder.to_owned(), objects, check: None })
     }
 
     /// The library in `folder`, if there is one.
@@ -95,6 +108,16 @@ impl Library {
             return Err(LibraryError::NoLibrary(folder.to_owned()));
         }
         Self::open(folder)
+    }
+
+    /// The same library, which takes a module only if it passes this check too. It may take
+    /// seconds; the library is not locked meanwhile.
+    #[must_use]
+    pub fn checking(
+        self,
+        check: impl Fn(&[u8]) -> Result<(), LibraryError> + Send + Sync + 'static,
+    ) -> Self {
+        Self { check: Some(Check(Arc::new(check))), ..self }
     }
 
     /// Where it is.
@@ -113,6 +136,9 @@ impl Library {
         if !reference::is_version(version) {
             return Err(LibraryError::Version(version.chars().take(80).collect()));
         }
+        if let Some(Check(check)) = &self.check {
+            check(wasm)?;
+        }
         let _lock = self.lock()?;
         let object = self.objects.put(&mut &*wasm)?;
         let before = self.index().point(&inspection.manifest.name, version, object.digest)?;
@@ -129,7 +155,7 @@ impl Library {
         // One byte more than allowed, for the check to find.
         let read = || {
             let mut wasm = Vec::new();
-            File::open(path)?.take(MODULE_BYTES as u64 + 1).read_to_end(&mut wasm)?;
+            disk::open(path)?.take(MODULE_BYTES as u64 + 1).read_to_end(&mut wasm)?;
             Ok(wasm)
         };
         self.add(&read().map_err(DiskError::when("read", path))?)

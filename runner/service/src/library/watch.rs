@@ -46,7 +46,12 @@ pub enum LibraryNews {
 pub struct Watch {
     watcher: Option<RecommendedWatcher>,
     thread: Option<JoinHandle<()>>,
+    /// Closed when the thread ends.
+    ended: Receiver<()>,
 }
+
+/// How long the thread is waited for when it is to end: a disk may stand still.
+const PATIENCE: Duration = Duration::from_secs(5);
 
 impl Library {
     /// Tells, on a thread of its own, what becomes available from now on. What lies in `incoming/`
@@ -68,10 +73,14 @@ impl Library {
             tell,
         };
         let thread = thread::Builder::new().name("library".to_owned());
+        let (end, ended) = channel();
         let thread = thread
-            .spawn(move || desk.run(&changes))
+            .spawn(move || {
+                let _end: Sender<()> = end;
+                desk.run(&changes);
+            })
             .map_err(DiskError::when("watch", &self.folder))?;
-        Ok(Watch { watcher: Some(watcher), thread: Some(thread) })
+        Ok(Watch { watcher: Some(watcher), thread: Some(thread), ended })
     }
 
     fn start_watching(&self, signals: Sender<Signal>) -> Result<RecommendedWatcher, LibraryError> {
@@ -104,6 +113,10 @@ impl Drop for Watch {
         // It holds the other end of the thread's channel.
         drop(self.watcher.take());
         if let Some(thread) = self.thread.take() {
+            if self.ended.recv_timeout(PATIENCE) == Err(RecvTimeoutError::Timeout) {
+                tracing::warn!("what is put into the library does not end and is left behind");
+                return;
+            }
             // It has panicked, which was told then.
             let _ = thread.join();
         }

@@ -104,7 +104,7 @@ impl Programs {
     /// There is none of this name, or it cannot be read.
     pub fn download(&self, name: &ProgramName) -> Result<(File, Program), ProgramError> {
         let path = self.find(name)?;
-        let file = File::open(&path).map_err(DiskError::when("read", &path))?;
+        let file = disk::open(&path).map_err(DiskError::when("read", &path))?;
         let metadata = file.metadata().map_err(DiskError::when("read", &path))?;
         Ok((file, program(name.to_string(), &metadata)))
     }

@@ -10,7 +10,7 @@ use std::time::SystemTime;
 use softplug_host::Digest;
 
 use super::ProgramError;
-use crate::disk::{DiskError, Object, Objects};
+use crate::disk::{self, DiskError, Object, Objects};
 use crate::jobs::{Between, Data, Extent, Job, blocks};
 
 /// A program that changes while it is copied is copied again so often.
@@ -53,11 +53,11 @@ impl Snapshots {
     /// It cannot be read, is empty or being written, or the disk would not take it.
     pub fn take(&self, path: &Path, name: &str) -> Result<Data, ProgramError> {
         for _ in 0..ATTEMPTS {
-            let mut file = File::open(path).map_err(DiskError::when("read", path))?;
+            let mut file = disk::open(path).map_err(DiskError::when("read", path))?;
             let before = state(&file, path)?;
             let object = self.objects.put(&mut file)?;
             // Of the path: it may lead to another file by now.
-            let now = File::open(path).map_err(DiskError::when("read", path))?;
+            let now = disk::open(path).map_err(DiskError::when("read", path))?;
             if state(&now, path)? != before || object.size != before.0 {
                 continue;
             }

@@ -39,8 +39,8 @@ fn a_stranger_with_the_same_number_of_format_begins_as_new() {
     shop.write(0, b"abc");
     assert_eq!(shop.read(0, 3), b"abc", "a byte of the stranger's state would be added");
     assert_eq!(shop.gateway().link("link-0").unwrap().settings, BTreeMap::new());
-    wait_for("the journal", || journal_says(shop.gateway(), "parrot 1.0.0"));
-    assert!(journal_says(shop.gateway(), "as new"));
+    wait_for("the journal", || journal_says(shop.gateway(), "in place of echo 1.0.0"));
+    assert!(!journal_says(shop.gateway(), "with its state"));
     // The same name: its state goes with it, whatever the settings were.
     shop.gateway().add_plugin(&echo("parrot", "1.1.0", "")).unwrap();
     swap(&shop, "parrot@1.0.0", SwapWhen::Now, &[("shift", "2")]);

@@ -4,9 +4,12 @@
 #[path = "../common/bench.rs"]
 mod bench;
 mod browser;
+mod machine;
 mod picture;
 
 mod needs_chromium {
+    mod truth;
+
     use std::fmt::Write as _;
     use std::fs;
 

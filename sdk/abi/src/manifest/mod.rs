@@ -2,9 +2,11 @@
 //! `softplug.manifest`. A host reads it without instantiating the plug-in.
 
 mod fields;
+mod line;
 mod settings;
 
 pub use fields::FieldError;
+pub use line::{BadLine, LineCase, ProtocolLine};
 use settings::list;
 pub use settings::{OwnedValue, SettingError, SettingValues};
 
@@ -68,6 +70,12 @@ pub struct Manifest {
     /// Formats of saved state.
     #[serde(default)]
     pub state: StateFormats,
+    /// The protocol's line; since ABI 1.1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub line: Option<ProtocolLine>,
+    /// Settings for which it is another one; the first that holds counts. Since ABI 1.1.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub line_when: Vec<LineCase>,
 }
 
 /// A setting.
@@ -338,7 +346,7 @@ impl Manifest {
                 }
             }
         }
-        Ok(())
+        self.check_line()
     }
 
     fn check_version(&self) -> Result<(), ManifestError> {

@@ -10,7 +10,7 @@ mod wasmi;
 #[cfg(feature = "wasmtime")]
 mod wasmtime;
 
-use crate::{Digest, Origin};
+use crate::{Digest, LoadError, Origin};
 use std::fmt;
 
 #[cfg(feature = "wasmi")]
@@ -82,8 +82,10 @@ pub(crate) trait Engine: Send + Sync {
     fn info(&self) -> EngineInfo;
 
     /// Compiles the module of this digest, or finds what it once compiled of it.
-    fn load(&self, wasm: &[u8], digest: Digest)
-    -> Result<(Box<dyn Compiled>, Origin), EngineError>;
+    fn load(&self, wasm: &[u8], digest: Digest) -> Result<(Box<dyn Compiled>, Origin), NotLoaded>;
+
+    /// Breaks off what it has others compile, for good.
+    fn stop_compiling(&self) {}
 }
 
 /// A compiled module.
@@ -132,3 +134,34 @@ pub(crate) enum StartError {
 /// What the engine says of its own failure.
 #[derive(Debug)]
 pub(crate) struct EngineError(pub(crate) String);
+
+/// Why an engine has no code of a module.
+#[derive(Debug)]
+pub(crate) enum NotLoaded {
+    Engine(EngineError),
+    #[cfg(feature = "wasmtime")]
+    Apart(crate::compiler::Failed),
+}
+
+impl From<EngineError> for NotLoaded {
+    fn from(error: EngineError) -> Self {
+        Self::Engine(error)
+    }
+}
+
+impl NotLoaded {
+    pub(crate) fn into_error(self) -> LoadError {
+        #[cfg(feature = "wasmtime")]
+        use crate::compiler::Failed;
+        match self {
+            Self::Engine(EngineError(reason)) => LoadError::Compile(reason),
+            #[cfg(feature = "wasmtime")]
+            Self::Apart(failed) => match failed {
+                Failed::Time(most) => LoadError::CompileTime { most },
+                Failed::Memory(most) => LoadError::CompileMemory { most },
+                Failed::Refused(reason) => LoadError::Compile(reason),
+                Failed::Process(reason) => LoadError::CompilerProcess(reason),
+            },
+        }
+    }
+}

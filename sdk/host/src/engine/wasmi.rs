@@ -1,6 +1,6 @@
 //! The wasmi engine: an interpreter, with the limits and the costs of the compiler.
 
-use super::{Compiled, EngineError, EngineInfo, Running, StartError, Stop, weights};
+use super::{Compiled, EngineError, EngineInfo, NotLoaded, Running, StartError, Stop, weights};
 use crate::{Digest, Origin};
 use softplug_abi::{EXPORT_MAILBOX, EXPORT_MEMORY, EXPORT_STEP};
 use wasmi::{
@@ -75,7 +75,7 @@ impl super::Engine for Wasmi {
         EngineInfo { name: "wasmi", version: VERSION }
     }
 
-    fn load(&self, wasm: &[u8], _: Digest) -> Result<(Box<dyn Compiled>, Origin), EngineError> {
+    fn load(&self, wasm: &[u8], _: Digest) -> Result<(Box<dyn Compiled>, Origin), NotLoaded> {
         let module = Module::new(&self.engine, wasm).map_err(engine_error)?;
         Ok((Box::new(Ready { module }), Origin::Compiled))
     }

@@ -1,13 +1,17 @@
 //! The wasmtime engine: configuration, pool and calls.
 
-use super::{Compiled, EngineError, EngineInfo, Running, StartError, Stop, precompiled, weights};
-use crate::cache::{Cache, CacheKey};
-use crate::lint::{ELEMENTS, FEATURES};
+use super::{
+    Compiled, EngineError, EngineInfo, NotLoaded, Running, StartError, Stop, precompiled, weights,
+};
+use crate::cache::{Cache, CacheKey, VerifiedCode};
+use crate::compiler::{self, CompilerProcess};
+use crate::lint::FEATURES;
 use crate::{Digest, Origin, words};
-use softplug_abi::limits::MEMORY_PAGES;
+use softplug_abi::limits::{ELEMENTS, MEMORY_PAGES};
 use softplug_abi::{EXPORT_MAILBOX, EXPORT_MEMORY, EXPORT_STEP};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use wasmtime::{
     Config, Engine, InstanceAllocationStrategy, InstancePre, Linker, Memory, Module, OperatorCost,
     PoolConcurrencyLimitError, PoolingAllocationConfig, Store, Trap, TypedFunc, WasmBacktrace,
@@ -32,28 +36,55 @@ const FRAMES: usize = 8;
 /// wasmtime with all that an embedding of the ABI needs, and no more.
 pub(crate) struct Wasmtime {
     engine: Engine,
+    /// Instances come from a pool, which the code has to fit.
+    is_pooled: bool,
     cache: Option<Cache>,
+    compiler: Option<CompilerProcess>,
+    has_stopped_compiling: AtomicBool,
     instances: u32,
 }
 
 impl Wasmtime {
     /// An engine with a pool for `instances`; without one where the address
     /// space is too small for it. Compiled code is kept in the folder `cache`.
-    pub(crate) fn new(instances: u32, cache: Option<&Path>) -> Result<Self, EngineError> {
-        let engine = Engine::new(&pooled(instances)).or_else(|error| {
-            tracing::info!(%error, "no address space for a pool of instances, going on without");
-            Engine::new(&on_demand())
-        });
-        let engine = engine.map_err(engine_error)?;
-        Ok(Self { engine, cache: cache.and_then(Cache::open), instances })
+    pub(crate) fn new(
+        instances: u32,
+        cache: Option<&Path>,
+        compiler: Option<CompilerProcess>,
+    ) -> Result<Self, EngineError> {
+        let (engine, is_pooled) = match Engine::new(&pooled(instances)) {
+            Ok(engine) => (engine, true),
+            Err(error) => {
+                tracing::info!(%error, "no address space for a pool of instances, going on without");
+                (Engine::new(&on_demand()).map_err(engine_error)?, false)
+            }
+        };
+        let cache = cache.and_then(Cache::open);
+        let has_stopped_compiling = AtomicBool::new(false);
+        Ok(Self { engine, is_pooled, cache, compiler, has_stopped_compiling, instances })
+    }
+
+    /// The code of a module as a cache file, for an engine with or without a pool. Made on
+    /// this thread alone.
+    pub(crate) fn code_for(wasm: &[u8], is_pooled: bool) -> Result<Vec<u8>, EngineError> {
+        let mut config = if is_pooled { pooled(1) } else { on_demand() };
+        let engine = Engine::new(config.parallel_compilation(false)).map_err(engine_error)?;
+        let (cache, compiler) = (None, None);
+        let has_stopped_compiling = AtomicBool::new(false);
+        let itself =
+            Self { engine, is_pooled, cache, compiler, has_stopped_compiling, instances: 1 };
+        let code = itself.engine.precompile_module(wasm).map_err(engine_error)?;
+        Ok(VerifiedCode::file_for(itself.key(Digest::of(wasm)), &code))
+    }
+
+    fn key(&self, digest: Digest) -> CacheKey {
+        CacheKey::new(digest, super::Engine::info(self), self.settings_hash())
     }
 
     /// The module, from the cache if it is there.
-    fn module(&self, wasm: &[u8], digest: Digest) -> Result<(Module, Origin), EngineError> {
-        let compile = || Module::from_binary(&self.engine, wasm).map_err(engine_error);
-        let Some(cache) = &self.cache else { return Ok((compile()?, Origin::Compiled)) };
-        let key = CacheKey::new(digest, super::Engine::info(self), self.settings_hash());
-        if let Some(code) = cache.read(key) {
+    fn module(&self, wasm: &[u8], digest: Digest) -> Result<(Module, Origin), NotLoaded> {
+        let key = self.key(digest);
+        if let Some(code) = self.cache.as_ref().and_then(|cache| cache.read(key)) {
             match precompiled::load(&self.engine, &code) {
                 Ok(module) => return Ok((module, Origin::Cache)),
                 Err(error) => {
@@ -61,12 +92,38 @@ impl Wasmtime {
                 }
             }
         }
-        let module = compile()?;
-        match module.serialize() {
-            Ok(code) => cache.write(key, &code),
-            Err(error) => tracing::warn!(%error, "the code cannot be kept"),
-        }
+        let module = match &self.compiler {
+            Some(compiler) => self.compiled_by(compiler, wasm, key)?,
+            None => self.compiled_here(wasm, key)?,
+        };
         Ok((module, Origin::Compiled))
+    }
+
+    fn compiled_here(&self, wasm: &[u8], key: CacheKey) -> Result<Module, NotLoaded> {
+        let module = Module::from_binary(&self.engine, wasm).map_err(engine_error)?;
+        if let Some(cache) = &self.cache {
+            match module.serialize() {
+                Ok(code) => cache.write(key, &code),
+                Err(error) => tracing::warn!(%error, "the code cannot be kept"),
+            }
+        }
+        Ok(module)
+    }
+
+    fn compiled_by(
+        &self,
+        compiler: &CompilerProcess,
+        wasm: &[u8],
+        key: CacheKey,
+    ) -> Result<Module, NotLoaded> {
+        let broken_off = &self.has_stopped_compiling;
+        let code = compiler::compile(compiler, wasm, self.is_pooled, key, broken_off)
+            .map_err(NotLoaded::Apart)?;
+        let module = precompiled::load(&self.engine, &code).map_err(engine_error)?;
+        if let Some(cache) = &self.cache {
+            cache.keep(key, &code);
+        }
+        Ok(module)
     }
 
     /// Two engines whose code can be exchanged give the same number.
@@ -144,14 +201,14 @@ impl super::Engine for Wasmtime {
         EngineInfo { name: "wasmtime", version: VERSION }
     }
 
-    fn load(
-        &self,
-        wasm: &[u8],
-        digest: Digest,
-    ) -> Result<(Box<dyn Compiled>, Origin), EngineError> {
+    fn load(&self, wasm: &[u8], digest: Digest) -> Result<(Box<dyn Compiled>, Origin), NotLoaded> {
         let (module, origin) = self.module(wasm, digest)?;
         let pre = Linker::new(&self.engine).instantiate_pre(&module).map_err(engine_error)?;
         Ok((Box::new(Ready { pre, instances: self.instances }), origin))
+    }
+
+    fn stop_compiling(&self) {
+        self.has_stopped_compiling.store(true, Ordering::Relaxed);
     }
 }
 
@@ -269,10 +326,25 @@ mod tests {
     }
 
     #[test]
+    fn code_made_apart_has_the_key_of_the_engine_that_runs_it() {
+        let wasm = wat::parse_str("(module (func (export \"f\") (result i32) i32.const 1))");
+        let wasm = wasm.unwrap();
+        for instances in [64, 100_000] {
+            let engine = Wasmtime::new(instances, None, None).unwrap();
+            let key = engine.key(Digest::of(&wasm));
+            let file = Wasmtime::code_for(&wasm, engine.is_pooled).unwrap();
+            let code = VerifiedCode::received(file, key).unwrap();
+            assert!(precompiled::load(&engine.engine, &code).is_ok());
+            let other = Wasmtime::code_for(&wasm, !engine.is_pooled).unwrap();
+            assert!(VerifiedCode::received(other, key).is_err());
+        }
+    }
+
+    #[test]
     fn a_pool_that_does_not_fit_falls_back_to_none() {
         // 100,000 reservations of 4 GiB are more than 47 bits can address.
         assert!(Engine::new(&pooled(100_000)).is_err());
-        let engine = Wasmtime::new(100_000, None).unwrap();
+        let engine = Wasmtime::new(100_000, None, None).unwrap();
         assert!(Module::new(&engine.engine, b"\0asm\x01\0\0\0").is_ok());
     }
 }

@@ -1,7 +1,7 @@
 //! Why a module is no plug-in.
 
 use softplug_abi::MANIFEST_SECTION;
-use softplug_abi::limits::{MEMORY_PAGES, MODULE_BYTES};
+use softplug_abi::limits::{FUNCTION_WEIGHT, MEMORY_PAGES, MODULE_BYTES, MODULE_WEIGHT};
 use softplug_abi::manifest::ManifestError;
 use std::fmt;
 use thiserror::Error;
@@ -142,6 +142,23 @@ pub enum LintError {
         /// How many are allowed.
         most: u64,
     },
+    /// One of its functions weighs more than [`FUNCTION_WEIGHT`].
+    #[error(
+        "function {function}, at byte {at}, takes too much compiling (its weight is over \
+         {FUNCTION_WEIGHT}): divide it into smaller ones"
+    )]
+    HeavyFunction {
+        /// Where it becomes too heavy, in bytes.
+        at: usize,
+        /// Its index.
+        function: u32,
+    },
+    /// All of its functions together weigh more than [`MODULE_WEIGHT`].
+    #[error(
+        "the module takes too much compiling (its weight is over {MODULE_WEIGHT}): build it for \
+         size"
+    )]
+    HeavyModule,
     /// It has no manifest.
     #[error("the custom section \"{MANIFEST_SECTION}\" is missing: is this a plug-in?")]
     ManifestMissing,

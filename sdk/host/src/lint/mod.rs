@@ -1,7 +1,9 @@
 //! The lint: whether a module is a plug-in, found out without compiling it.
 
+mod bounds;
 mod error;
 mod outline;
+mod weight;
 
 pub use error::{LintError, MemoryMaximum};
 
@@ -10,55 +12,8 @@ use outline::{Export, Outline, Signature};
 use softplug_abi::limits::{MEMORY_PAGES, MODULE_BYTES};
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{EXPORT_MAILBOX, EXPORT_MEMORY, EXPORT_STEP};
-use wasmparser::{Validator, WasmFeatures};
-
-/// Most elements of a table, and of all element segments together. More is
-/// refused: an instance's resident size would grow with them.
-///
-/// ```
-/// use softplug_host::{ELEMENTS, LintError, lint};
-///
-/// # let echo = std::fs::read_to_string("tests/guests/echo.wat")?;
-/// let one_too_many = format!("(table {} funcref)", ELEMENTS + 1);
-/// # let wasm = wat::parse_str(echo.replace("(memory", &format!("{one_too_many} (memory")))?;
-/// let error = lint(&wasm).unwrap_err();
-/// assert!(matches!(error, LintError::TooMany { what: "table elements", most: ELEMENTS, .. }));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-pub const ELEMENTS: u64 = 1_024;
-
-/// Most globals. More is refused, for the same reason.
-///
-/// ```
-/// use softplug_host::{GLOBALS, LintError, lint};
-///
-/// # let echo = std::fs::read_to_string("tests/guests/echo.wat")?;
-/// // Beside the two that this plug-in has already.
-/// let too_many = "(global i32 (i32.const 0))".repeat(GLOBALS as usize);
-/// # let wasm = wat::parse_str(echo.replace("(memory", &format!("{too_many} (memory")))?;
-/// let error = lint(&wasm).unwrap_err();
-/// assert!(matches!(error, LintError::TooMany { what: "globals", most: GLOBALS, .. }));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-pub const GLOBALS: u64 = 1_024;
-
-/// Most parameters and locals of all functions together. More is refused: a few
-/// bytes can declare thousands, and each costs time and memory in compiling.
-///
-/// ```
-/// use softplug_host::{LOCALS, LintError, lint};
-///
-/// # let echo = std::fs::read_to_string("tests/guests/echo.wat")?;
-/// // Empty functions of one type, which has 1,000 parameters.
-/// let many = format!("(type $many (func (param {})))", "i32 ".repeat(1_000));
-/// let functions = "(func (type $many))".repeat(LOCALS as usize / 1_000 + 1);
-/// # let wasm = wat::parse_str(echo.replace("(memory", &format!("{many} {functions} (memory")))?;
-/// let error = lint(&wasm).unwrap_err();
-/// assert!(matches!(error, LintError::TooMany { most: LOCALS, .. }));
-/// assert!(error.to_string().contains("parameters and locals"));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-pub const LOCALS: u64 = 256 * 1024;
+use wasmparser::{FuncValidatorAllocations, Parser, ValidPayload, Validator, WasmFeatures};
+use weight::{Scales, Unfit};
 
 /// Signature of `softplug_v1`.
 ///
@@ -104,6 +59,9 @@ pub struct Inspection {
     pub size: usize,
     /// Memory of an instance, in pages of 64 KiB.
     pub memory_pages: u64,
+    /// What compiling it costs, in the units of the specification: at most
+    /// [`MODULE_WEIGHT`](softplug_abi::limits::MODULE_WEIGHT).
+    pub weight: u64,
     /// Imports; a plug-in has none, so this is 0.
     pub imports: usize,
     /// Names of the exports, as they stand in the module.
@@ -135,9 +93,8 @@ pub fn lint(wasm: &[u8]) -> Result<Inspection, LintError> {
     if !wasm.starts_with(b"\0asm") {
         return Err(LintError::NotWasm);
     }
-    if let Err(error) = Validator::new_with_features(FEATURES).validate_all(wasm) {
-        return Err(why_invalid(wasm, &error));
-    }
+    bounds::check(wasm)?;
+    let weight = validate(wasm)?;
     let outline = Outline::read(wasm).map_err(|error| LintError::from_parser(wasm, &error))?;
     check_imports(&outline)?;
     if outline.has_start {
@@ -145,17 +102,44 @@ pub fn lint(wasm: &[u8]) -> Result<Inspection, LintError> {
     }
     let memory_pages = check_memory(&outline)?;
     check_exports(&outline)?;
-    check_amount("table elements", outline.elements, ELEMENTS)?;
-    check_amount("globals", outline.globals, GLOBALS)?;
-    check_amount("parameters and locals", outline.locals, LOCALS)?;
     Ok(Inspection {
         manifest: check_manifest(&outline)?,
         digest: Digest::of(wasm),
         size: wasm.len(),
         memory_pages,
-        imports: outline.imports.len(),
+        weight,
+        imports: outline.import_count,
         exports: outline.exports.into_iter().map(|(name, _)| name).collect(),
     })
+}
+
+/// Validates the module, function by function, and weighs what compiling it costs.
+fn validate(wasm: &[u8]) -> Result<u64, LintError> {
+    let mut scales = Scales::default();
+    match weigh(wasm, &mut scales) {
+        Ok(()) => Ok(scales.module()),
+        Err(Unfit::Lint(error)) => Err(error),
+        Err(Unfit::Invalid(error)) => Err(why_invalid(wasm, &error)),
+    }
+}
+
+fn weigh(wasm: &[u8], scales: &mut Scales) -> Result<(), Unfit> {
+    let mut validator = Validator::new_with_features(FEATURES);
+    let mut parser = Parser::new(0);
+    parser.set_features(FEATURES);
+    let mut functions = Vec::new();
+    for payload in parser.parse_all(wasm) {
+        if let ValidPayload::Func(function, body) = validator.payload(&payload?)? {
+            functions.push((function, body));
+        }
+    }
+    let mut allocations = FuncValidatorAllocations::default();
+    for (function, body) in functions {
+        let mut validator = function.into_validator(allocations);
+        scales.take(&mut validator, &body, FEATURES)?;
+        allocations = validator.into_allocations();
+    }
+    Ok(())
 }
 
 /// A module that is invalid here may be valid elsewhere: then it was built for
@@ -168,7 +152,10 @@ fn why_invalid(wasm: &[u8], error: &wasmparser::Error) -> LintError {
     if memories.iter().any(|memory| memory.shared) {
         return LintError::SharedMemory;
     }
-    if Validator::new_with_features(WasmFeatures::all()).validate_all(wasm).is_err() {
+    // A component may hold other modules: it is not looked into.
+    let is_component = wasm.get(4..8) == Some(&[0x0d, 0, 1, 0]);
+    let is_valid = || Validator::new_with_features(WasmFeatures::all()).validate_all(wasm).is_ok();
+    if !is_component && !is_valid() {
         return LintError::from_parser(wasm, error);
     }
     LintError::ForbiddenFeature {
@@ -178,15 +165,14 @@ fn why_invalid(wasm: &[u8], error: &wasmparser::Error) -> LintError {
 }
 
 fn check_imports(outline: &Outline<'_>) -> Result<(), LintError> {
-    if outline.imports.is_empty() {
+    if outline.import_count == 0 {
         return Ok(());
     }
-    let shown = 8;
-    let mut names = outline.imports[..outline.imports.len().min(shown)].join(", ");
-    if outline.imports.len() > shown {
+    let mut names = outline.imports.join(", ");
+    if outline.import_count > outline.imports.len() {
         names.push_str(", …");
     }
-    Err(LintError::Imports { count: outline.imports.len(), names })
+    Err(LintError::Imports { count: outline.import_count, names })
 }
 
 fn check_memory(outline: &Outline<'_>) -> Result<u64, LintError> {
@@ -236,10 +222,6 @@ fn check_exports(outline: &Outline<'_>) -> Result<(), LintError> {
 
 fn wrong_kind(name: &'static str, expected: &'static str, found: &Export) -> LintError {
     LintError::WrongKind { name, expected, found: found.name() }
-}
-
-fn check_amount(what: &'static str, count: u64, most: u64) -> Result<(), LintError> {
-    if count > most { Err(LintError::TooMany { what, count, most }) } else { Ok(()) }
 }
 
 fn check_manifest(outline: &Outline<'_>) -> Result<Manifest, LintError> {

@@ -2,23 +2,22 @@
 
 use softplug_abi::MANIFEST_SECTION;
 use wasmparser::{
-    CompositeInnerType, ElementItems, ExternalKind, FuncType, MemoryType, Parser, Payload, Result,
-    TypeRef, WasmFeatures,
+    CompositeInnerType, ExternalKind, FuncType, MemoryType, Parser, Payload, Result, TypeRef,
+    WasmFeatures,
 };
 
-/// What a module declares.
+/// Imports that a message names.
+const IMPORTS_NAMED: usize = 8;
+
+/// What a module declares. Its counts are within the [bounds](super::bounds).
 #[derive(Default)]
 pub(super) struct Outline<'a> {
-    /// As `module.name`.
+    pub(super) import_count: usize,
+    /// The first of them, as `module.name`.
     pub(super) imports: Vec<String>,
     pub(super) exports: Vec<(String, Export)>,
     pub(super) memories: Vec<MemoryType>,
     pub(super) has_start: bool,
-    /// The largest of: elements of a table, items of all element segments.
-    pub(super) elements: u64,
-    pub(super) globals: u64,
-    /// Parameters and locals of all functions.
-    pub(super) locals: u64,
     pub(super) manifests: Vec<&'a [u8]>,
 }
 
@@ -73,8 +72,11 @@ impl<'a> Outline<'a> {
             Payload::ImportSection(section) => {
                 for import in section.into_imports() {
                     let import = import?;
-                    let name = format!("{}.{}", import.module, import.name);
-                    self.imports.push(crate::words::printable(name.as_bytes()));
+                    self.import_count += 1;
+                    if self.imports.len() < IMPORTS_NAMED {
+                        let name = format!("{}.{}", import.module, import.name);
+                        self.imports.push(crate::words::printable(name.as_bytes()));
+                    }
                     match import.ty {
                         TypeRef::Func(ty) | TypeRef::FuncExact(ty) => spaces.functions.push(ty),
                         TypeRef::Global(ty) => spaces.globals_mutable.push(ty.mutable),
@@ -85,15 +87,7 @@ impl<'a> Outline<'a> {
             }
             Payload::FunctionSection(section) => {
                 for ty in section {
-                    let ty = ty?;
-                    spaces.functions.push(ty);
-                    let signature = spaces.types.get(ty as usize).and_then(Option::as_ref);
-                    self.locals += signature.map_or(0, |signature| signature.params().len() as u64);
-                }
-            }
-            Payload::TableSection(section) => {
-                for table in section {
-                    self.elements = self.elements.max(table?.ty.initial);
+                    spaces.functions.push(ty?);
                 }
             }
             Payload::MemorySection(section) => {
@@ -104,7 +98,6 @@ impl<'a> Outline<'a> {
             Payload::GlobalSection(section) => {
                 for global in section {
                     spaces.globals_mutable.push(global?.ty.mutable);
-                    self.globals += 1;
                 }
             }
             Payload::ExportSection(section) => {
@@ -115,21 +108,6 @@ impl<'a> Outline<'a> {
                 }
             }
             Payload::StartSection { .. } => self.has_start = true,
-            Payload::ElementSection(section) => {
-                let mut items = 0;
-                for element in section {
-                    items += match element?.items {
-                        ElementItems::Functions(items) => u64::from(items.count()),
-                        ElementItems::Expressions(_, items) => u64::from(items.count()),
-                    };
-                }
-                self.elements = self.elements.max(items);
-            }
-            Payload::CodeSectionEntry(body) => {
-                for locals in body.get_locals_reader()? {
-                    self.locals += u64::from(locals?.0);
-                }
-            }
             Payload::CustomSection(section) if section.name() == MANIFEST_SECTION => {
                 self.manifests.push(section.data());
             }

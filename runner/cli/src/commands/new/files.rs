@@ -162,7 +162,7 @@ impl Plan<'_> {
         let (path, text) = match self.language {
             Language::Rust => {
                 let (from, to) = (origin.plugin, name);
-                let head = |name: &str| format!("\"abi\":\"1.0\",\"name\":\"{name}\"");
+                let head = |name: &str| format!("\",\"name\":\"{name}\",\"version\":");
                 (format!("src/{path}"), text.replacen(&head(from), &head(to), 1))
             }
             Language::C if path == "xon_xoff.c" => {

@@ -5,7 +5,7 @@ use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use softplug_trace::{FrontMatter, Line, Trace, limits};
+use softplug_trace::{FrontMatter, Line, LineSettings, Trace, limits};
 
 use crate::failure::Failure;
 use crate::files::{Partial, unwritable};
@@ -33,13 +33,15 @@ pub(super) struct Book {
     lines: usize,
     complete: Vec<PathBuf>,
     limits: Limits,
+    /// The head is written.
+    is_begun: bool,
 }
 
 impl Book {
     /// Makes the first part's file.
     pub(super) fn create(out: &Path, force: bool, front: FrontMatter) -> Result<Self, Failure> {
         let partial = Partial::create(out, force)?;
-        let mut book = Self {
+        Ok(Self {
             out: out.to_owned(),
             force,
             front,
@@ -50,10 +52,24 @@ impl Book {
             lines: 0,
             complete: Vec::new(),
             limits: PART,
-        };
-        let head = book.head();
-        book.write(&head)?;
-        Ok(book)
+            is_begun: false,
+        })
+    }
+
+    /// Whether something stands in it: then it is known what its line is.
+    pub(super) fn is_begun(&self) -> bool {
+        self.is_begun
+    }
+
+    /// The line as it stands, or will stand, in it.
+    pub(super) fn line(&self) -> LineSettings {
+        self.front.line
+    }
+
+    /// Another line, before something stands in it.
+    pub(super) fn set_line(&mut self, line: LineSettings) {
+        debug_assert!(!self.is_begun, "the head is written");
+        self.front.line = line;
     }
 
     /// Adds a line; the disk has it at the next [`flush`](Self::flush) at the latest.
@@ -66,6 +82,10 @@ impl Book {
     pub(super) fn flush(&mut self) -> Result<(), Failure> {
         if self.batch.is_empty() {
             return Ok(());
+        }
+        if !std::mem::replace(&mut self.is_begun, true) {
+            let head = self.head();
+            self.write(&head)?;
         }
         if self.bytes >= self.limits.bytes || self.lines >= self.limits.lines {
             self.next_part()?;

@@ -71,12 +71,6 @@ impl Gateway {
         self.ask(machine, &format!("job wait {id} --json"));
         self.job(machine, id)
     }
-
-    /// The link as it is.
-    #[track_caller]
-    pub(super) fn link(&self, machine: &mut Machine) -> Value {
-        self.ask(machine, &format!("link show {LINK} --json")).with_code(0).json()
-    }
 }
 
 /// The figures of a job: what has surely left of its program, and what may have.

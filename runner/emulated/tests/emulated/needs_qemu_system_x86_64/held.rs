@@ -18,11 +18,11 @@ fn hold(wire: &Wire) {
         came += bytes.len();
         if before < HOLDS_AFTER && came >= HOLDS_AFTER { vec![XOFF] } else { Vec::new() }
     });
-    wire.until_count(HOLDS_AFTER);
 }
 
-/// What has come, once nothing more comes.
+/// What has come, once the machine has held and nothing more comes.
 fn settled(machine: &mut Machine, device: Device) -> Vec<u8> {
+    device.wire(machine).until_count(HOLDS_AFTER);
     loop {
         let before = device.wire(machine).seen().len();
         machine.run("sleep 1").with_code(0);
@@ -39,8 +39,8 @@ fn aborted_in_a_hold(device: Device, flow: &str) {
     let more = format!("line = \"115200 8N1\"\nflow = \"{flow}\"");
     let gateway = Gateway::start(&mut machine, device, "xon-xoff", &more);
     let program = program(3_000);
-    let job = gateway.submit(&mut machine, "O1.nc", &program);
     hold(device.wire(&machine));
+    let job = gateway.submit(&mut machine, "O1.nc", &program);
     let held = settled(&mut machine, device);
     assert!(held.len() < HOLDS_AFTER + UNDER_WAY, "{} came before it stood still", held.len());
 
@@ -86,8 +86,8 @@ fn send_says(device: Device, flow: &str) {
     let program = program(3_000);
     machine.write("O1.nc", program.as_bytes());
     let link = link(device, "115200 8N1", "xon-xoff");
-    let sending = machine.spawn(&format!("softplug send --json --flow {flow} {link} O1.nc"));
     hold(device.wire(&machine));
+    let sending = machine.spawn(&format!("softplug send --json --flow {flow} {link} O1.nc"));
     let held = settled(&mut machine, device);
     machine.signal(sending, "INT");
     let ran = machine.wait(sending).with_code(5);
@@ -116,8 +116,8 @@ fn a_hold_of_the_uart_ends_and_the_program_arrives_whole() {
     let program = program(1_000);
     machine.write("O1.nc", program.as_bytes());
     let link = link(Device::Uart, "115200 8N1", "xon-xoff");
-    let sending = machine.spawn(&format!("softplug send --json --flow device {link} O1.nc"));
     hold(machine.uart());
+    let sending = machine.spawn(&format!("softplug send --json --flow device {link} O1.nc"));
     let held = settled(&mut machine, Device::Uart);
     assert!(held.len() < HOLDS_AFTER + UNDER_WAY, "{} came before it stood still", held.len());
     machine.uart().say(&[XON]);

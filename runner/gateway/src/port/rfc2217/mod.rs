@@ -14,11 +14,11 @@ use softplug_abi::{LineParameters, LinkDownReason, Micros, ModemLines};
 
 use self::liveness::Liveness;
 use self::session::{Broken, Opening, Session};
+use super::difference::{SettingDifference, refused};
 use super::ear::{Backlog, Ear, Plain};
 use super::marks::Input;
 use super::open::ReadOutcome;
 use super::scratch::with_scratch;
-use super::settings::SettingDifference;
 use super::spec::{PortOptions, address_text};
 use super::stream::Stream;
 use crate::error::PortError;
@@ -45,9 +45,9 @@ pub struct Rfc2217Port {
 
 impl Rfc2217Port {
     /// Connects, agrees on the options and sets the server's port. All
-    /// together takes at most the time-out, but for looking a name up. Settings
-    /// that the server does not take are found in
-    /// [`differences`](Self::differences).
+    /// together takes at most the time-out, but for looking a name up. A server that
+    /// answers with other settings is [`PortError::NotTaken`]; what it does not
+    /// answer is found in [`differences`](Self::differences).
     pub fn connect(host: &str, port: u16, options: &PortOptions) -> Result<Self, PortError> {
         let end = Instant::now() + options.connect_timeout;
         let stream = Stream::connect(host, port, options.connect_timeout)?;
@@ -72,7 +72,10 @@ impl Rfc2217Port {
             },
         })?;
         port_of_server.session.compare();
-        Ok(port_of_server)
+        match refused(port_of_server.differences()) {
+            None => Ok(port_of_server),
+            Some(found) => Err(PortError::NotTaken { port: address_text(host, port), found }),
+        }
     }
 
     /// The descriptor to wait for.
@@ -305,7 +308,7 @@ impl Rfc2217Port {
                 Some(Broken::Overlong) => {
                     return Err(Failed::Peer("its subnegotiation is longer than any can be"));
                 }
-                Some(Broken::Deaf) | None => {}
+                Some(Broken::Deaf | Broken::Reset) | None => {}
             }
             let outcome = outcome.map_err(|error| match error {
                 PortError::Gone(_) => Failed::HungUp,

@@ -14,10 +14,11 @@ use rfc2217::{
 };
 use softplug_abi::{LineErrorKind, LineParameters, ModemLines};
 
+use super::super::difference::{DifferenceWeight, SettingDifference, weight_of_rate};
 use super::super::marks::Input;
 use super::super::rfc2217_bound::SubnegotiationBound;
 use super::super::rfc2217_values::{inputs_of, settings_of};
-use super::super::settings::{BAUD_RATE, SettingDifference, setting_texts};
+use super::super::settings::{BAUD_RATE, setting_texts};
 use super::super::spec::{Flow, PortOptions};
 
 /// `IAC SB COM-PORT-OPTION SET-LINESTATE-MASK (overrun, parity, framing,
@@ -62,6 +63,8 @@ pub(super) enum Broken {
     Deaf,
     /// A subnegotiation of its is longer than any can be.
     Overlong,
+    /// Its port has other settings now than it was asked for.
+    Reset,
 }
 
 /// How far opening has come.
@@ -234,7 +237,8 @@ impl Session {
     /// The rate as the server tells it, the rest as it was asked for: where a
     /// server makes other characters, its port is no UART.
     pub(super) fn line(&self) -> LineParameters {
-        let baud = self.client.reported_settings().baud_rate.unwrap_or(self.asked.baud);
+        let told = self.client.reported_settings().baud_rate;
+        let baud = told.filter(|rate| *rate != 0).unwrap_or(self.asked.baud);
         LineParameters { baud, ..self.asked }
     }
 
@@ -269,19 +273,33 @@ impl Session {
         self.compared = Some(told);
         self.differences.clear();
         let not_told = || "what it does not tell".to_owned();
-        for ((setting, asked), has) in setting_texts(self.asked).into_iter().zip(texts(&told)) {
+        let mut add = |setting, asked, has: Option<String>, weight| {
+            let weight = if has.is_some() { weight } else { DifferenceWeight::Note };
             let has = has.unwrap_or_else(not_told);
-            // Without a rate, it is left to the server.
-            if asked != has && (setting != BAUD_RATE || self.asked.baud != 0) {
-                self.differences.push(SettingDifference { setting, asked, has });
+            self.differences.push(SettingDifference { setting, asked, has, weight });
+        };
+        for ((setting, asked), has) in setting_texts(self.asked).into_iter().zip(texts(&told)) {
+            let weight = match (setting, told.baud_rate) {
+                // Without a rate, it is left to the server.
+                (BAUD_RATE, _) if self.asked.baud == 0 => continue,
+                (BAUD_RATE, Some(rate)) => weight_of_rate(self.asked.baud, rate),
+                _ => DifferenceWeight::Refused,
+            };
+            if has.as_ref() != Some(&asked) {
+                add(setting, asked, has, weight);
             }
         }
-        let asked = flow_text(self.client.requested_settings().flow_control).to_owned();
-        let has = told.flow_control.map_or_else(not_told, |flow| flow_text(flow).to_owned());
+        let asked = self.client.requested_settings().flow_control;
+        let has = told.flow_control;
         // A port that has nobody's flow control is what was asked for even if
         // the server will not say so.
-        if asked != has && (self.flow == Flow::Device || told.flow_control.is_some()) {
-            self.differences.push(SettingDifference { setting: "flow control", asked, has });
+        if has != Some(asked) && (self.flow == Flow::Device || has.is_some()) {
+            // A server that obeys XON and XOFF unasked takes them out of the data; one
+            // that does not, though asked, lets the machine overflow. Wires only wait.
+            let matters = [Some(asked), has].contains(&Some(FlowControl::XonXoff));
+            let weight = if matters { DifferenceWeight::Refused } else { DifferenceWeight::Note };
+            let has = has.map(|flow| flow_text(flow).to_owned());
+            add("flow control", flow_text(asked).to_owned(), has, weight);
         }
     }
 
@@ -348,8 +366,12 @@ impl Session {
 
     /// After the opening, what the server tells is compared at once.
     fn told(&mut self) {
-        if self.compared.is_some() {
-            self.compare();
+        if self.compared.is_none() {
+            return;
+        }
+        self.compare();
+        if self.differences.iter().any(SettingDifference::is_refused) {
+            self.broken = Some(Broken::Reset);
         }
     }
 
@@ -410,7 +432,8 @@ fn texts(told: &PartialSettings) -> [Option<String>; 4] {
         StopBits::OnePointFive => "1.5",
         StopBits::Two => "2",
     });
-    let rate = told.baud_rate.map(|rate| rate.to_string());
+    // A server that answers 0 says that it does not know.
+    let rate = told.baud_rate.filter(|rate| *rate != 0).map(|rate| rate.to_string());
     let texts = [data_bits, parity, stop_bits].map(|text| text.map(str::to_owned));
     let [data_bits, parity, stop_bits] = texts;
     [rate, data_bits, parity, stop_bits]

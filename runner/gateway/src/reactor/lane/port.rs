@@ -9,7 +9,7 @@ use super::{Lane, Phase};
 use crate::channel::Channel;
 use crate::clock::Clock;
 use crate::error::PortError;
-use crate::port::{Port, PortOptions, PortSpec};
+use crate::port::{Port, PortOptions, PortSpec, SettingDifference};
 use crate::reactor::LaneInstance;
 use crate::reactor::endpoint::LineNews;
 use crate::reactor::report::Report;
@@ -69,14 +69,19 @@ impl<I: LaneInstance> Lane<I> {
         match opened {
             Ok(port) if self.closing_until.is_some() => thread.opener.close(port),
             Ok(port) => self.take_port(thread, port),
-            Err(error) => self.is_down(LinkDownReason::Failed, error.to_string()),
+            Err(error) => self.cannot_open(&error),
         }
+    }
+
+    fn cannot_open(&mut self, error: &PortError) {
+        let differences = error.differences().to_vec();
+        self.is_down(LinkDownReason::Failed, error.to_string(), differences);
     }
 
     fn take_port(&mut self, thread: &Thread<I>, port: Port) {
         if let Err(error) = self.port.register(thread, self.tokens.start, &port) {
             thread.opener.close(port);
-            return self.is_down(LinkDownReason::Failed, error.to_string());
+            return self.cannot_open(&error);
         }
         self.port.failures = 0;
         self.floor.own.opened += 1;
@@ -118,7 +123,7 @@ impl<I: LaneInstance> Lane<I> {
         let Phase::Open(channel) = &mut self.phase else { return };
         let Some(reason) = channel.gone() else { return };
         if self.let_go(thread) {
-            self.is_down(reason, PortError::Gone(reason).to_string());
+            self.is_down(reason, PortError::Gone(reason).to_string(), Vec::new());
         }
     }
 
@@ -162,11 +167,16 @@ impl<I: LaneInstance> Lane<I> {
             self.plugin_failed(&fault);
         }
         if had_port {
-            self.is_down(reason, detail);
+            self.is_down(reason, detail, Vec::new());
         }
     }
 
-    fn is_down(&mut self, reason: LinkDownReason, detail: String) {
+    fn is_down(
+        &mut self,
+        reason: LinkDownReason,
+        detail: String,
+        differences: Vec<SettingDifference>,
+    ) {
         self.port.failures += 1;
         let retry_in = self.port.reopen.after(self.port.failures);
         if self.closing_until.is_none() {
@@ -175,7 +185,7 @@ impl<I: LaneInstance> Lane<I> {
         if let Some(lane) = &mut self.floor.endpoint {
             lane.endpoint.line_news(&LineNews::Down);
         }
-        self.floor.tell(Report::Down { reason, detail, retry_in });
+        self.floor.tell(Report::Down { reason, detail, differences, retry_in });
     }
 
     /// Waits for room to write only while there is none: on a pty each read of
