@@ -45,12 +45,16 @@ pub fn run() -> io::Result<()> {
 fn hold_to(limits: CompileLimits) -> io::Result<()> {
     #[cfg(unix)]
     {
-        use rustix::process::{Resource, Rlimit, setrlimit};
-        let both = |most| Rlimit { current: Some(most), maximum: Some(most) };
-        setrlimit(Resource::Core, both(0))?;
-        setrlimit(Resource::Data, both(limits.memory))?;
+        use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+        let limit = |resource, most: u64| {
+            // Somebody may have set a lower one for all of us, which cannot be raised.
+            let most = getrlimit(resource).maximum.map_or(most, |set| set.min(most));
+            setrlimit(resource, Rlimit { current: Some(most), maximum: Some(most) })
+        };
+        limit(Resource::Core, 0)?;
+        limit(Resource::Data, limits.memory)?;
         // The clock below is finer; this one holds whatever happens to its thread.
-        setrlimit(Resource::Cpu, both(limits.computing.as_secs() + 2))?;
+        limit(Resource::Cpu, limits.computing.as_secs() + 2)?;
         // What serves machines goes before. A system that refuses it is no reason not to compile.
         let _ = rustix::process::nice(10);
         #[cfg(target_os = "linux")]

@@ -85,7 +85,7 @@ fn talk(
         let _ = stdout.take(CODE_BYTES).read_to_end(&mut output);
         let _ = stderr.take(WORDS_BYTES).read_to_end(&mut words);
         // Nobody waits any more: it was broken off.
-        let _ = to.send((output, crate::words::printable(&words)));
+        let _ = to.send((output, crate::words::printable(words.trim_ascii())));
     });
     spawned.map_err(|error| Failed::Process(error.to_string()))?;
     let until = Instant::now() + by.limits.patience;
