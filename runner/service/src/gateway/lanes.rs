@@ -124,6 +124,7 @@ impl Control {
     pub(super) fn remake(&mut self, name: &str) {
         let Some(link) = self.links.get_mut(name) else { return };
         link.before.add(&link.status.read());
+        link.give_up_swap("the link was made anew before it was idle");
         if let Some(next) = link.next.take() {
             let (config, plugin) = *next;
             link.config = config;

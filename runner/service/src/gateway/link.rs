@@ -267,6 +267,22 @@ impl Link {
         }
     }
 
+    /// A swap that waits went with the lane: nothing more is heard of it.
+    pub(crate) fn give_up_swap(&mut self, why: &str) {
+        let Some(swap) = &mut self.swap else { return };
+        if !matches!(swap.view.state, SwapState::Ordered | SwapState::Waiting) {
+            return;
+        }
+        swap.view.state = SwapState::Refused;
+        swap.view.message = Some(why.to_owned());
+        swap.view.at_ms = now_ms();
+        swap.former = None;
+        if let Some(waits) = swap.waits.take() {
+            // It may have become tired of waiting.
+            let _ = waits.try_send(swap.view.clone());
+        }
+    }
+
     /// A change of the configuration waits until nothing is under way.
     pub(crate) fn has_change_waiting(&self) -> bool {
         let swap_waits = self.swap.as_ref().is_some_and(|swap| {

@@ -276,22 +276,19 @@ impl Control {
     /// What is under way ends: no more is heard of it.
     pub(super) fn break_off(&mut self, name: &str, why: &str) {
         let Some(link) = self.links.get_mut(name) else { return };
+        let figures = link.status.read();
+        let lately = link.job.as_ref().and_then(|running| link.lately(running.job.id, &figures));
         let running = link.job.take();
         link.deliveries.clear();
         link.requests.clear();
         self.clerk.lose(link.lane_id());
-        let figures = link.status.read();
         let Some(running) = running else { return };
         let job = running.job;
         self.feeder.forget(job.id);
-        let taken = if figures.job == job.id { figures.job_taken } else { 0 };
         // The lane may have forgotten how far it was: then all that was granted may have left.
-        let left = (taken > 0).then(|| {
-            let taken = job.order.from + taken;
-            let surely = job.order.from + figures.job_bytes_surely_left;
-            let extent = Extent { surely, maybe: taken };
-            Left { extent, taken, sent: 0 }
-        });
+        let lately = lately.filter(|lately| lately.taken > job.order.from);
+        let left =
+            lately.map(|lately| Left { extent: lately.extent, taken: lately.taken, sent: 0 });
         let ended = self.shared.parts.jobs.end(job.id, Ending::Interrupted(why.to_owned()), left);
         if let Some(job) = self.wrote(ended) {
             self.show_job(&job);

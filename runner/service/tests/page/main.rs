@@ -78,6 +78,13 @@ mod needs_chromium {
         browser.sees("aborted");
         bench.until("/jobs?link=lathe-1", |jobs| jobs[0]["state"] == "aborted");
         bench.until_link("lathe-1", "idle");
+
+        browser.click("button", "Stop the plug-in");
+        browser.click("button", "Stop the plug-in: sure?");
+        browser.sees("stopped by hand");
+        bench.until_link("lathe-1", "quarantined");
+        browser.click("button", "Let it out");
+        bench.until_link("lathe-1", "idle");
         assert_eq!(browser.complaints, Vec::<String>::new());
     }
 

@@ -29,6 +29,10 @@ pub(super) fn doing(link: &LinkView) -> String {
     let mut parts = Vec::new();
     match (&link.job, &link.last) {
         (Some(job), _) => parts.push(brief(job)),
+        // What nobody has seen stands among the trouble, with all of it.
+        (None, Some(last)) if link.unseen.iter().any(|unseen| unseen.id == last.id) => {
+            parts.push(format!("last {}", named(last)));
+        }
         (None, Some(last)) => parts.push(format!("last {}", brief(last))),
         (None, None) => {}
     }
@@ -48,13 +52,19 @@ pub(super) fn trouble(link: &LinkView) -> String {
     parts.join("; ")
 }
 
-/// A job in short: its number, its program, and how far it is in the gateway's words.
-fn brief(job: &JobBrief) -> String {
+/// A job by its number and program, with its state unless it runs.
+fn named(job: &JobBrief) -> String {
     let what = printable(job.program.as_ref().unwrap_or(&job.kind));
     let mut text = format!("{}: {what}", job.id);
     if job.state != JobState::Running {
         let _ = write!(text, " {}", job.state.name());
     }
+    text
+}
+
+/// A job in short, with how far it is in the gateway's words.
+fn brief(job: &JobBrief) -> String {
+    let mut text = named(job);
     if !job.progress.text.is_empty() {
         let _ = write!(text, ", {}", printable(&job.progress.text));
     }

@@ -73,7 +73,7 @@ pub(super) struct Lane<I: Instance> {
     /// of what waits, and nothing has come since.
     only_writes: bool,
     next_other: Option<Micros>,
-    /// When what has left of the job was last looked at to be shown.
+    /// When what has left of the job was shown last.
     shown_at: Micros,
     /// Its plug-in holds up all that share a thread with it.
     is_burden: bool,
@@ -356,9 +356,7 @@ impl<I: LaneInstance> Lane<I> {
         self.status.store_plugin(events, fuel, waiting, self.floor.to_put_away());
         let mut figures = JobFigures::default();
         if let Some(active) = &self.floor.job {
-            if now >= self.shown_at + SHOWN_EVERY {
-                self.shown_at = now;
-            }
+            self.shown_at = now;
             let left = channel.left_lately(now, active.from);
             figures = JobFigures {
                 job: active.id,

@@ -59,9 +59,10 @@ function overview(name, path) {
   const seen = seenButton();
   const force = h('button', { onclick: onLink('force-resume') }, 'Go on although held');
   const reopen = h('button', { onclick: onLink('reopen'), class: 'quiet' }, 'Reopen the port');
+  const halt = sureButton('Stop the plug-in', onLink('quarantine'));
   const node = h('div', { class: 'panel' },
-    h('div', { class: 'row' }, state.node, what), bar, wrong, seen.node,
-    h('div', { class: 'buttons' }, pause, resume, abort, force, reopen),
+    h('div', { class: 'row' }, state.node, what), bar, wrong,
+    h('div', { class: 'buttons' }, seen.node, pause, resume, abort, force, reopen, halt),
     h('div', { class: 'wide' }, picture.node), legend, facts);
   return {
     node,
@@ -77,6 +78,8 @@ function overview(name, path) {
       show(resume, link.job?.state === 'paused');
       show(abort, link.job);
       show(force, link.is_held || link.job?.awaits);
+      // Whatever it does, at once: an admin's.
+      show(halt, store.role === 'admin' && !link.quarantine);
       picture.update(link.buffer, store.levels.get(name));
       say(legend, `Buffer: ${text.bytes(link.buffer.level)} of ${text.bytes(link.buffer.size)}; dashed: the marks, at ${text.bytes(link.buffer.low)} and ${text.bytes(link.buffer.high)}; shaded: held by the machine`);
       pairs(facts, [
@@ -183,7 +186,8 @@ function quarantine(path) {
     update(link) {
       show(node, link.quarantine);
       if (!link.quarantine) return;
-      say(since, `The plug-in failed too often; since ${text.time(link.quarantine.since_ms)} it is not started again. Its line is silent, others see nothing of it.`);
+      const why = link.quarantine.faults.at(-1)?.text ?? 'the plug-in failed too often';
+      say(since, `Since ${text.time(link.quarantine.since_ms)} the plug-in is not started again: ${why}. Its line is silent, others see nothing of it.`);
       keyed(list, link.quarantine.faults, (fault) => fault.at_ms, (fault) => ({ node: faultItem(path, fault), update() {} }));
     },
   };

@@ -98,7 +98,9 @@ export function doing(link) {
   if (link.job) return `${link.job.program ?? link.job.kind}: ${link.job.text}${waits}`;
   if (link.receiving) return `from the machine: ${link.receiving.name ?? 'unnamed'} ${text.bytes(link.receiving.bytes)}`;
   if (link.queued) return `${link.queued} waiting`;
-  if (link.last) return `last ${text.time(link.last.ended_ms)}: ${link.last.program ?? link.last.kind} ${link.last.state}; ${link.last.text}`;
+  // What nobody has seen stands among the trouble.
+  const isNews = link.last && link.last.id !== link.unseen[0]?.id;
+  if (isNews && link.state !== 'sending') return `last ${text.time(link.last.ended_ms)}: ${link.last.program ?? link.last.kind} ${link.last.state}; ${link.last.text}`;
   return link.plugin ? text.plugin(link.plugin) : 'no plug-in';
 }
 

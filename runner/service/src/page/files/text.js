@@ -48,8 +48,9 @@ export const isBad = (job) => BAD.has(job.state);
 /** A job in a sentence: the gateway's own words for how far it is. */
 export function job(of) {
   const parts = [`Job ${of.id}, ${of.program ?? of.kind} on ${of.link}: ${of.state}`];
+  const isSaid = of.text.endsWith(of.state);
   if (isBad(of) && of.message) parts.push(of.message);
-  if (of.text) parts.push(of.text);
+  if (of.text) parts.push(isSaid ? of.text.slice(0, -of.state.length).replace(/; $/, '') : of.text);
   return parts.join('; ');
 }
 

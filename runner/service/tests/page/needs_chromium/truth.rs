@@ -154,18 +154,19 @@ fn held_and_paused_are_two_things_and_all_say_the_same_words() {
     hall.browser.sees("sending, held by the machine");
     hall.page();
     hall.browser.sees(&format!("O1.nc: {held}"));
-    hall.browser.until(&format!("document.querySelector('{ROW}').textContent === {}", json!(held)));
+    hall.browser
+        .until(&format!("document.querySelector('{ROW}')?.textContent === {}", json!(held)));
 
     hall.browser.click("button", "Pause");
     hall.bench.until("/links/lathe-1", |link| link["is_held"] == false);
     let paused = words(&hall);
     assert!(paused.ends_with("; paused") && !paused.contains("held"), "{paused}");
-    hall.browser.until("document.querySelector('.badge').textContent.endsWith('paused')");
+    hall.browser.until("document.querySelector('.badge')?.textContent.endsWith('paused')");
     hall.browser.sees(&format!("O1.nc: {paused}"));
     hall.browser.until("!document.body.innerText.includes('Go on although held')");
     hall.card();
     hall.browser.sees(&format!("O1.nc: {paused}"));
-    hall.browser.until("!document.querySelector('.card').innerText.includes('held')");
+    hall.browser.until("!document.querySelector('.card')?.innerText.includes('held')");
     // Nothing has come meanwhile that was not told.
     let told = surely(&hall.link()["job"]);
     assert!(hall.machine.count() >= told && hall.machine.count() <= told + BEHIND);
@@ -183,9 +184,10 @@ fn held_and_paused_are_two_things_and_all_say_the_same_words() {
     let result = link["last"]["text"].as_str().unwrap().to_owned();
     assert_eq!(link["unseen"][0]["text"], result);
     hall.card();
-    hall.browser.sees(&format!("O1.nc aborted; {result}"));
-    hall.browser
-        .until("document.querySelector('.card.trouble .wrong').innerText.includes('aborted')");
+    hall.browser.until(&format!(
+        "document.querySelector('.card.trouble .wrong')?.textContent === {}",
+        json!(format!("job {id}, O1.nc, aborted: {result}"))
+    ));
     hall.browser.sees("trouble 1");
     assert_eq!(hall.link()["trouble"].as_array().unwrap().len(), 1);
     hall.browser.click("button", "Seen");
