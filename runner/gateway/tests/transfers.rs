@@ -8,7 +8,7 @@ use std::os::fd::AsFd;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use softplug_abi::manifest::Manifest;
@@ -123,13 +123,15 @@ fn an_abort_sends_the_last_words_and_nothing_else() {
     let far = thread::spawn(move || {
         let first = read_from(&pair, 50);
         stopper.store(true, Ordering::Relaxed);
-        (first, pair)
+        (first, pair, Instant::now())
     });
     let options = SendOptions { check: true, ..SendOptions::default() };
     let mut source = Cursor::new(&program);
     let report = send(&mut station, &mut source, &options, &stop, &mut |_| {}).unwrap();
     assert_eq!(report.outcome, SendOutcome::Aborted);
-    let (mut received, pair) = far.join().unwrap();
+    let (mut received, pair, stopped) = far.join().unwrap();
+    // It waits for its last words to leave, a few ms, and not for as long as they may take: 2 s.
+    assert!(stopped.elapsed() < Duration::from_millis(1_900), "it took {:?}", stopped.elapsed());
     let rest = usize::try_from(report.sent).unwrap() + 2 - received.len();
     received.extend(read_from(&pair, rest));
     let (sent, last_words) = received.split_at(received.len() - 2);

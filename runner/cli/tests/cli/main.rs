@@ -1,6 +1,8 @@
 //! The built command from outside: what it prints and how it ends.
 
 mod bench;
+#[cfg(target_os = "linux")]
+mod bombs;
 mod certify;
 mod ci_kit;
 mod ci_new;

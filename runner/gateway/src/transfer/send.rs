@@ -9,6 +9,7 @@ use std::time::Duration;
 use super::besides::{Besides, Reception};
 use super::source::Source;
 use super::{Note, PATIENCE, Progress, TICK, TransferError, duration, note, refuse_all};
+use crate::channel::Left;
 use crate::station::{Station, Turn};
 use crate::store::Inbox;
 
@@ -73,8 +74,12 @@ pub struct SendReport {
     pub outcome: SendOutcome,
     /// Bytes of the program that were taken.
     pub bytes: u64,
-    /// Bytes that left for it, as the plug-in counts.
+    /// Bytes that left for it, as the plug-in counts; of a job that is not done
+    /// no more than surely have.
     pub sent: u64,
+    /// Characters that left for it, the protocol's own included: whatever the
+    /// job's end, no more than `maybe` ever will.
+    pub left: Left,
     /// From the job's begin to its end.
     pub elapsed: Duration,
     /// Time for which the partner held us.
@@ -131,6 +136,7 @@ pub fn ask<I: Instance>(
     let mut feed = Feed::new(source, answer, besides);
     station.open(&mut feed)?;
     let begin = station.now();
+    let place = station.place();
     let job = Job {
         id: JOB,
         kind: options.job_kind,
@@ -192,10 +198,14 @@ pub fn ask<I: Instance>(
     if let Some(error) = feed.answer_error.or(feed.besides.error) {
         return Err(TransferError::Sink(error));
     }
+    let left = station.left(place);
+    let outcome = feed.outcome.unwrap_or(SendOutcome::Aborted);
+    let is_done = outcome == SendOutcome::Done;
     Ok(SendReport {
-        outcome: feed.outcome.unwrap_or(SendOutcome::Aborted),
+        outcome,
         bytes: feed.source.supplied,
-        sent: feed.sent,
+        sent: if is_done { feed.sent } else { feed.sent.min(left.surely) },
+        left,
         elapsed,
         held: duration(counters.held),
         holds: counters.holds,
