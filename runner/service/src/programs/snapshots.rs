@@ -10,7 +10,7 @@ use std::time::SystemTime;
 use softplug_host::Digest;
 
 use super::ProgramError;
-use crate::disk::{DiskError, Object, Objects};
+use crate::disk::{self, DiskError, Object, Objects};
 use crate::jobs::{Between, Data, Extent, Job, blocks};
 
 /// A program that changes while it is copied is copied again so often.
