@@ -52,9 +52,10 @@ fn main() -> ExitCode {
                 screen::start_log(&command_line.global);
             }
             let CommandLine { command, global } = *command_line;
-            guard(&screen, || commands::run(command, &global, &screen)).into()
+            let exit = guard(&screen, || commands::run(command, &global, &screen));
+            screen::conclude(exit).into()
         }
-        Start::End(exit) => exit.into(),
+        Start::End(exit) => screen::conclude(exit).into(),
     }
 }
 

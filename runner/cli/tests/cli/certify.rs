@@ -74,6 +74,32 @@ fn a_conformant_plug_in_gets_every_report() {
 }
 
 #[test]
+fn a_report_that_names_another_engine_is_not_reproduced_as_a_whole() {
+    let bench = Bench::new();
+    bench.run(&SMALL).with_code(0);
+    let mut report: serde_json::Value =
+        serde_json::from_str(&text(&bench, "out/conformance.json")).unwrap();
+    let engine = report["suite"]["engine"].as_str().unwrap().to_owned();
+    // Half of the fuel, as somebody would like it.
+    let units = report["fuel"]["units"].as_u64().unwrap() / 2;
+    report["fuel"]["units"] = units.into();
+    let forged = |bench: &Bench, report: &serde_json::Value| {
+        bench.write("forged.json", serde_json::to_string_pretty(report).unwrap());
+    };
+    let verify = ["verify", "forged.json", "r3964"];
+    forged(&bench, &report);
+    assert!(bench.run(&verify).with_code(1).out.contains("fuel units"));
+    report["suite"]["engine"] = "wasmtime 1.0.0".into();
+    forged(&bench, &report);
+    let ran = bench.run(&verify).with_code(5);
+    assert!(ran.out.starts_with("reproduced but for its fuel: "), "{ran}");
+    assert!(ran.err.contains("wasmtime 1.0.0 measured it") && ran.err.contains(&engine), "{ran}");
+    let json = bench.run(&with(&verify, &["--json"])).with_code(5).json();
+    assert_eq!((&json["reproduced"], &json["fuel_compared"]), (&true.into(), &false.into()));
+    bench.run(&with(&verify, &["--without-fuel"])).with_code(0);
+}
+
+#[test]
 fn a_plug_in_of_another_protocol_is_not_conformant() {
     let bench = Bench::new();
     let words = ["certify", "xon-xoff", "--profile", "3964", "--out", "out", "--annotations"];

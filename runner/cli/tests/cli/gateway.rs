@@ -1,6 +1,7 @@
 //! `softplug gateway`: configurations checked, and the real process from its start to
 //! its end, orderly or not.
 
+mod bombs;
 mod full;
 mod lines;
 mod real_time;

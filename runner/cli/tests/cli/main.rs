@@ -1,6 +1,8 @@
 //! The built command from outside: what it prints and how it ends.
 
 mod bench;
+#[cfg(target_os = "linux")]
+mod bombs;
 mod certify;
 mod ci_kit;
 mod ci_new;
@@ -9,6 +11,8 @@ mod dev;
 mod diff;
 mod exchange;
 mod files;
+#[cfg(target_os = "linux")]
+mod full_output;
 #[cfg(target_os = "linux")]
 mod gateway;
 mod help;

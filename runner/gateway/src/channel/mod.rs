@@ -49,7 +49,8 @@ pub struct StationOptions {
     pub depth: Option<u32>,
     /// Bytes that the transmit queue takes.
     pub transmit_room: u32,
-    /// Bytes of deliveries that may wait to be put away.
+    /// Bytes of deliveries that may wait to be put away; 0: none is taken, and a partner whose
+    /// protocol has a way to be refused is.
     pub delivery_room: u32,
 }
 
@@ -142,6 +143,8 @@ pub struct Channel<I: Instance> {
     readable: bool,
     gone: Option<LinkDownReason>,
     depth: Option<u32>,
+    /// There is room for deliveries, now or later.
+    takes_deliveries: bool,
     /// What the port still holds belongs to a job that is over.
     is_calling_back: bool,
     /// The partner has stopped the line below us: when to look again.
@@ -180,6 +183,7 @@ impl<I: Instance> Channel<I> {
             readable: true,
             gone: None,
             depth: options.depth,
+            takes_deliveries: options.delivery_room > 0,
             is_calling_back: false,
             stopped_until: None,
         }

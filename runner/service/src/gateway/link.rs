@@ -287,8 +287,12 @@ impl Link {
     pub(crate) fn words(&self, failure: Failure, status: u16) -> String {
         match (status, self.plugin.plugin.manifest().status(status)) {
             (0, _) => failure.text().to_owned(),
+            // The plug-in says itself what is wrong with the job, and knows better.
+            (_, Some(known)) if failure == Failure::BadJob => {
+                format!("{} ({})", known.text, known.name)
+            }
             (_, Some(known)) => format!("{} ({}: {})", failure.text(), known.name, known.text),
-            (_, None) => format!("{} (status {status})", failure.text()),
+            (_, None) => format!("{} (status {status:04X})", failure.text()),
         }
     }
 }

@@ -44,17 +44,20 @@ impl Shared {
         let (mut plugins, mut problems) = (BTreeMap::new(), Vec::new());
         let mut missing = Vec::new();
         for link in &mut config.links {
-            match prepare(&self.parts.loader, link) {
-                Ok(prepared) => {
-                    plugins.insert(link.name.clone(), prepared);
-                }
-                Err(problem) => {
+            match self.parts.loader.prepare(&link.plugin, &link.settings) {
+                Ok(prepared) => match link.complete_line(prepared.line()) {
+                    Ok(()) => {
+                        plugins.insert(link.name.clone(), prepared);
+                    }
+                    Err(problem) => problems.push(problem),
+                },
+                Err(error) => {
                     missing.push(Missing {
                         link: link.name.clone(),
                         plugin: link.plugin.clone(),
-                        why: problem.message.clone(),
+                        why: error.to_string(),
                     });
-                    problems.push(problem);
+                    problems.push(problem(link, &error));
                 }
             }
         }

@@ -235,12 +235,17 @@ pub fn start(config: Config) -> Result<Running, StartError> {
 /// Whether a module can be loaded and started, as a check of the library: what takes too much compiling
 /// is refused where it comes in, and not where it is swapped onto a link. One at a time, so that
 /// many at once take no more memory than one.
-fn loads(host: &Host) -> impl Fn(&[u8]) -> Result<(), String> + Send + Sync + 'static {
+fn loads(host: &Host) -> impl Fn(&[u8]) -> Result<(), LibraryError> + Send + Sync + 'static {
     let (host, one) = (host.clone(), Mutex::new(()));
     move |wasm| {
         let _one = one.lock();
         let loaded = host.load_bytes(wasm).and_then(|plugin| plugin.instantiate().map(drop));
-        loaded.map_err(|error| error.to_string())
+        loaded.map_err(|error| match error {
+            LoadError::CompilerProcess(_) | LoadError::TooManyInstances { .. } => {
+                LibraryError::Unchecked(error.to_string())
+            }
+            error => LibraryError::Unfit(error.to_string()),
+        })
     }
 }
 

@@ -49,7 +49,7 @@ impl From<LibraryError> for Refusal {
             | LibraryError::Version(_)
             | LibraryError::Ambiguous { .. } => Self::invalid("plugin", text),
             LibraryError::InUse { .. } => Self::Conflict(text),
-            LibraryError::Damaged { .. } => Self::Unavailable(text),
+            LibraryError::Damaged { .. } | LibraryError::Unchecked(_) => Self::Unavailable(text),
             LibraryError::Disk(error) => error.into(),
         }
     }

@@ -23,6 +23,9 @@ pub enum LibraryError {
     /// The module cannot be loaded and started.
     #[error("it cannot be used: {0}")]
     Unfit(String),
+    /// The module could not be looked at; it may be a plug-in.
+    #[error("it cannot be checked now: {0}")]
+    Unchecked(String),
     /// Its version cannot stand in a reference.
     #[error(
         "the plug-in calls its version \"{0}\", which nobody could ask for: a version is 1 to 64 of letters, digits, dots, hyphens, plus and underscore"

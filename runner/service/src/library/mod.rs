@@ -43,7 +43,7 @@ pub struct Library {
 
 /// What a module must pass to be added, beside the lint.
 #[derive(Clone)]
-struct Check(Arc<dyn Fn(&[u8]) -> Result<(), String> + Send + Sync>);
+struct Check(Arc<dyn Fn(&[u8]) -> Result<(), LibraryError> + Send + Sync>);
 
 impl fmt::Debug for Check {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -115,7 +115,7 @@ impl Library {
     #[must_use]
     pub fn checking(
         self,
-        check: impl Fn(&[u8]) -> Result<(), String> + Send + Sync + 'static,
+        check: impl Fn(&[u8]) -> Result<(), LibraryError> + Send + Sync + 'static,
     ) -> Self {
         Self { check: Some(Check(Arc::new(check))), ..self }
     }
@@ -137,7 +137,7 @@ impl Library {
             return Err(LibraryError::Version(version.chars().take(80).collect()));
         }
         if let Some(Check(check)) = &self.check {
-            check(wasm).map_err(LibraryError::Unfit)?;
+            check(wasm)?;
         }
         let _lock = self.lock()?;
         let object = self.objects.put(&mut &*wasm)?;

@@ -1,7 +1,6 @@
 //! The side that compiles: it limits itself, reads a module, writes its code, and ends.
 
 use std::io::{self, Read, Write};
-use std::thread;
 use std::time::Duration;
 
 use softplug_abi::limits::MODULE_BYTES;
@@ -10,6 +9,7 @@ use super::{CompileLimits, Head, REFUSED};
 use crate::engine::{EngineError, Wasmtime};
 
 /// How often it is looked how much was computed.
+#[cfg(unix)]
 const LOOK: Duration = Duration::from_millis(10);
 
 /// Compiles the module that comes on standard input, as a host has asked for, and writes its code
@@ -55,15 +55,15 @@ fn hold_to(limits: CompileLimits) -> io::Result<()> {
         let _ = rustix::process::nice(10);
         #[cfg(target_os = "linux")]
         rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::KILL))?;
-        thread::Builder::new().stack_size(64 * 1024).spawn(move || {
+        std::thread::Builder::new().stack_size(64 * 1024).spawn(move || {
             while computed() < limits.computing {
-                thread::sleep(LOOK);
+                std::thread::sleep(LOOK);
             }
             std::process::exit(super::TIME_IS_UP);
         })?;
     }
     #[cfg(not(unix))]
-    let _ = (limits, LOOK);
+    let _ = limits;
     Ok(())
 }
 

@@ -11,7 +11,7 @@ use softplug_abi::limits::{FUNCTION_WEIGHT, LOCALS, MODULE_WEIGHT, NESTING};
 use wasmparser::{FuncValidator, FunctionBody, Operator, Result, ValidatorResources, WasmFeatures};
 
 /// Of a function, whatever it does.
-const FUNCTION: u64 = 200;
+const FUNCTION: u64 = 300;
 /// Of a local or parameter.
 const LOCAL: u64 = 2;
 /// Of most operators.

@@ -10,7 +10,7 @@ use wasm_encoder::{
     MemorySection, MemoryType, Module, RefType, TableSection, TableType, TypeSection, ValType,
 };
 
-const MANIFEST: &str = r#"{"abi":"1.0","name":"bomb","version":"0.1.0","description":"Takes long to compile.","protocol":"none","licence":"MIT OR Apache-2.0"}"#;
+const MANIFEST: &str = r#"{"abi":"1.0","name":"bomb","version":"9.0.0","description":"Takes long to compile.","protocol":"none","licence":"MIT OR Apache-2.0"}"#;
 
 /// What the innermost code of a function is made of.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -174,8 +174,13 @@ impl Recipe {
             && self.parameters <= 1_000
     }
 
-    /// The module, with all that the ABI asks for.
+    /// The module, with all that the ABI asks for but a mailbox.
     pub(crate) fn module(&self) -> Vec<u8> {
+        self.module_of("bomb")
+    }
+
+    /// The module of a plug-in of this name.
+    pub(crate) fn module_of(&self, plugin: &str) -> Vec<u8> {
         let mut types = TypeSection::new();
         types.ty().function([], [ValType::I32]);
         types.ty().function([ValType::I32, ValType::I32, ValType::I64], [ValType::I32]);
@@ -226,8 +231,9 @@ impl Recipe {
         let mut module = Module::new();
         module.section(&types).section(&functions).section(&tables).section(&memories);
         module.section(&globals).section(&exports).section(&elements).section(&code);
+        let manifest = MANIFEST.replace("\"bomb\"", &format!("\"{plugin}\""));
         let name = "softplug.manifest".into();
-        module.section(&CustomSection { name, data: MANIFEST.as_bytes().into() });
+        module.section(&CustomSection { name, data: manifest.as_bytes().into() });
         module.finish()
     }
 

@@ -142,6 +142,8 @@ impl<I: LaneInstance> Lane<I> {
             Some(why) if outcome != JobOutcome::Done => JobOutcome::SourceFailed(why),
             _ => outcome,
         };
+        // A plug-in counts what the port was given, and cannot know that it stopped there.
+        let sent = if outcome == JobOutcome::Done { sent } else { sent.min(left.surely) };
         if active.id < ENDPOINT_JOBS {
             self.floor.tell(Report::JobEnded(JobEnd {
                 job: active.id,
