@@ -272,6 +272,6 @@ mod tests {
                 count += 1;
             }
         }
-        assert_eq!(count, 35);
+        assert_eq!(count, 36);
     }
 }
