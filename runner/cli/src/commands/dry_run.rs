@@ -262,6 +262,6 @@ impl Outside for Paper {
     fn on_wire(&mut self, start: Micros, byte: u8) {
         self.last = start;
         self.wire.push(byte);
-        self.exchange.add(Side::Us, byte);
+        self.exchange.add(Side::Us, start, byte);
     }
 }

@@ -30,9 +30,22 @@ const ACK: u8 = 0x06;
 const DC1: u8 = 0x11;
 const ETB: u8 = 0x17;
 
-/// What both sides said, in the order in which it was.
-#[derive(Clone, Default, Debug)]
-pub(super) struct Exchange(Rc<RefCell<Vec<(Side, Vec<u8>)>>>);
+/// What both sides said, in the order in which it began.
+#[derive(Clone, Debug)]
+pub(super) struct Exchange {
+    pieces: Rc<RefCell<Vec<Said>>>,
+    /// Characters of one side that follow each other within this are one piece; so both may speak
+    /// at once.
+    gap: Micros,
+}
+
+/// What one side said without a pause.
+#[derive(Debug)]
+struct Said {
+    side: Side,
+    last: Micros,
+    bytes: Vec<u8>,
+}
 
 /// Who said it.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -42,16 +55,27 @@ pub(super) enum Side {
 }
 
 impl Exchange {
-    pub(super) fn add(&self, side: Side, byte: u8) {
-        let mut all = self.0.borrow_mut();
-        match all.last_mut() {
-            Some((last, bytes)) if *last == side => bytes.push(byte),
-            _ => all.push((side, vec![byte])),
+    fn new(line: LineParameters) -> Self {
+        // Half a character more than one takes.
+        Self { pieces: Rc::default(), gap: Micros(line.characters(3).0 / 2) }
+    }
+
+    /// A character of this side: begun, for us, and ended, for the partner, at this time.
+    pub(super) fn add(&self, side: Side, at: Micros, byte: u8) {
+        let mut pieces = self.pieces.borrow_mut();
+        let is_last = pieces.last().is_some_and(|piece| piece.side == side);
+        let latest = pieces.iter_mut().rev().find(|piece| piece.side == side);
+        match latest {
+            Some(piece) if is_last || (self.gap > Micros::ZERO && at - piece.last <= self.gap) => {
+                piece.bytes.push(byte);
+                piece.last = at;
+            }
+            _ => pieces.push(Said { side, last: at, bytes: vec![byte] }),
         }
     }
 
     pub(super) fn pieces(&self) -> Vec<(Side, Vec<u8>)> {
-        self.0.borrow().clone()
+        self.pieces.borrow().iter().map(|piece| (piece.side, piece.bytes.clone())).collect()
     }
 }
 
@@ -94,7 +118,7 @@ impl Willing {
                 _ => Machine::Nobody,
             }
         };
-        Ok(Self { machine, exchange: Exchange::default() })
+        Ok(Self { machine, exchange: Exchange::new(line) })
     }
 
     pub(super) fn exchange(&self) -> Exchange {
@@ -262,7 +286,7 @@ impl Partner for Willing {
             }
         };
         if let Some(Signal::Character(byte)) = signal {
-            self.exchange.add(Side::Partner, byte);
+            self.exchange.add(Side::Partner, now, byte);
         }
         signal
     }

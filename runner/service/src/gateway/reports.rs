@@ -104,14 +104,16 @@ impl Control {
         let Some(link) = self.links.get_mut(name) else { return };
         let now = now_ms();
         link.port.is_up = false;
+        // Trying again mends a cable, and not what somebody has to set.
+        let is_new = !differences.is_empty() && link.port.differences != differences;
         link.port.differences = differences;
         let retry_at_ms = Some(now + retry_in_ms);
-        if let Some(down) = &mut link.port.down {
-            reason.clone_into(&mut down.reason);
-            down.retry_at_ms = retry_at_ms;
+        let since_ms = link.port.down.as_ref().map_or(now, |down| down.since_ms);
+        let was_down =
+            link.port.down.replace(DownView { reason: reason.to_owned(), since_ms, retry_at_ms });
+        if was_down.is_some() && !is_new {
             return;
         }
-        link.port.down = Some(DownView { reason: reason.to_owned(), since_ms: now, retry_at_ms });
         let text = format!("the port is down: {reason}");
         self.shared.parts.scribe.link(Subject::Port, Weight::Warning, name, text);
     }

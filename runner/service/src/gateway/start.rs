@@ -12,6 +12,7 @@ use std::time::Instant;
 
 use softplug_gateway::PortError;
 use softplug_gateway::reactor::{Reactor, ReactorOptions};
+use softplug_host::compiler::CompilerProcess;
 use softplug_host::{Host, HostOptions, LoadError};
 use thiserror::Error;
 use tokio::sync::broadcast;
@@ -149,7 +150,9 @@ pub fn start(config: Config) -> Result<Running, StartError> {
     let library = Library::open(&config.gateway.library)?;
     let instances = (config.links.len() * INSTANCES_A_LINK + 64).max(1_024) as u32;
     let cache = Some(state.join("cache"));
-    let host = Host::new(HostOptions { cache, instances, ..HostOptions::default() })?;
+    let compiler = CompilerProcess::installed().map(CompilerProcess::in_background);
+    let options = HostOptions { cache, compiler, instances, ..HostOptions::default() };
+    let host = Host::new(options)?;
     let (changes, _) = broadcast::channel(CHANGES);
     let (inbox, messages) = channel();
     let scribe = Scribe::start(jobs.clone(), changes.clone())?;

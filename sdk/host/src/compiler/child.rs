@@ -12,6 +12,10 @@ use crate::engine::{EngineError, Wasmtime};
 #[cfg(unix)]
 const LOOK: Duration = Duration::from_millis(10);
 
+/// How much lower the priority is of a compiler in the background.
+#[cfg(unix)]
+const NICE: i32 = 5;
+
 /// Compiles the module that comes on standard input, as a host has asked for, and writes its code
 /// to standard output. For a program that was started as a
 /// [`CompilerProcess`](super::CompilerProcess); it has nothing else to do and should end.
@@ -29,7 +33,7 @@ pub fn run() -> io::Result<()> {
     }
     let mut module = vec![0; head.module_bytes as usize];
     input.read_exact(&mut module)?;
-    hold_to(head.limits)?;
+    hold_to(head.limits, head.in_background)?;
     let mut output = io::stdout().lock();
     match Wasmtime::code_for(&module, head.is_pooled) {
         Ok(code) => output.write_all(&code)?,
@@ -42,17 +46,23 @@ pub fn run() -> io::Result<()> {
 }
 
 /// Takes the limits upon this process; what the system does not offer is left out.
-fn hold_to(limits: CompileLimits) -> io::Result<()> {
+fn hold_to(limits: CompileLimits, in_background: bool) -> io::Result<()> {
     #[cfg(unix)]
     {
-        use rustix::process::{Resource, Rlimit, setrlimit};
-        let both = |most| Rlimit { current: Some(most), maximum: Some(most) };
-        setrlimit(Resource::Core, both(0))?;
-        setrlimit(Resource::Data, both(limits.memory))?;
+        use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+        let limit = |resource, most: u64| {
+            // Somebody may have set a lower one for all of us, which cannot be raised.
+            let most = getrlimit(resource).maximum.map_or(most, |set| set.min(most));
+            setrlimit(resource, Rlimit { current: Some(most), maximum: Some(most) })
+        };
+        limit(Resource::Core, 0)?;
+        limit(Resource::Data, limits.memory)?;
         // The clock below is finer; this one holds whatever happens to its thread.
-        setrlimit(Resource::Cpu, both(limits.computing.as_secs() + 2))?;
+        limit(Resource::Cpu, limits.computing.as_secs() + 2)?;
         // What serves machines goes before. A system that refuses it is no reason not to compile.
-        let _ = rustix::process::nice(10);
+        if in_background {
+            let _ = rustix::process::nice(NICE);
+        }
         #[cfg(target_os = "linux")]
         rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::KILL))?;
         std::thread::Builder::new().stack_size(64 * 1024).spawn(move || {
@@ -63,7 +73,7 @@ fn hold_to(limits: CompileLimits) -> io::Result<()> {
         })?;
     }
     #[cfg(not(unix))]
-    let _ = limits;
+    let _ = (limits, in_background);
     Ok(())
 }
 

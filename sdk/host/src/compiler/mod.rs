@@ -41,6 +41,7 @@ pub struct CompilerProcess {
     program: PathBuf,
     arguments: Vec<OsString>,
     limits: CompileLimits,
+    in_background: bool,
 }
 
 /// What compiling one plug-in may take. More is the plug-in's fault.
@@ -65,12 +66,12 @@ pub struct CompileLimits {
 }
 
 impl Default for CompileLimits {
-    /// 1.5 s of computing, 128 MiB, half a minute.
+    /// 1.5 s of computing, 128 MiB, two minutes.
     fn default() -> Self {
         Self {
             computing: Duration::from_millis(1_500),
             memory: 128 << 20,
-            patience: Duration::from_secs(30),
+            patience: Duration::from_mins(2),
         }
     }
 }
@@ -84,6 +85,7 @@ impl CompilerProcess {
             program: program.to_owned(),
             arguments: arguments.into_iter().map(Into::into).collect(),
             limits: CompileLimits::default(),
+            in_background: false,
         }
     }
 
@@ -107,6 +109,12 @@ impl CompilerProcess {
         Self { limits, ..self }
     }
 
+    /// The same at a lower priority (on Unix): for a program that serves machines meanwhile.
+    #[must_use]
+    pub fn in_background(self) -> Self {
+        Self { in_background: true, ..self }
+    }
+
     /// Makes it that of all hosts of this process that are not given another:
     /// [`HostOptions::default`](crate::HostOptions::default) has it from now on. The first one
     /// counts.
@@ -128,17 +136,19 @@ const REFUSED: &[u8; 8] = b"SPLGREF1";
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 struct Head {
     is_pooled: bool,
+    in_background: bool,
     limits: CompileLimits,
     module_bytes: u32,
 }
 
 impl Head {
-    const BYTES: usize = 8 + 1 + 8 + 8 + 4;
+    const BYTES: usize = 8 + 1 + 1 + 8 + 8 + 4;
 
     fn encode(&self) -> Vec<u8> {
         let computing = u64::try_from(self.limits.computing.as_millis()).unwrap_or(u64::MAX);
         let mut bytes = MAGIC.to_vec();
         bytes.push(self.is_pooled.into());
+        bytes.push(self.in_background.into());
         bytes.extend(computing.to_le_bytes());
         bytes.extend(self.limits.memory.to_le_bytes());
         bytes.extend(self.module_bytes.to_le_bytes());
@@ -148,6 +158,7 @@ impl Head {
     fn decode(bytes: &[u8; Self::BYTES]) -> Option<Self> {
         let (magic, rest) = bytes.split_first_chunk::<8>()?;
         let (pooled, rest) = rest.split_first()?;
+        let (background, rest) = rest.split_first()?;
         let (computing, rest) = rest.split_first_chunk()?;
         let (memory, rest) = rest.split_first_chunk()?;
         let limits = CompileLimits {
@@ -156,7 +167,8 @@ impl Head {
             ..CompileLimits::default()
         };
         let module_bytes = u32::from_le_bytes(rest.try_into().ok()?);
-        (magic == MAGIC).then_some(Self { is_pooled: *pooled != 0, limits, module_bytes })
+        let (is_pooled, in_background) = (*pooled != 0, *background != 0);
+        (magic == MAGIC).then_some(Self { is_pooled, in_background, limits, module_bytes })
     }
 }
 
@@ -172,7 +184,7 @@ mod tests {
     #[test]
     fn a_head_is_read_as_it_was_written() {
         let limits = CompileLimits { memory: 7, ..CompileLimits::default() };
-        let head = Head { is_pooled: true, limits, module_bytes: 262_144 };
+        let head = Head { is_pooled: true, in_background: false, limits, module_bytes: 262_144 };
         let bytes: [u8; Head::BYTES] = head.encode().try_into().unwrap();
         assert_eq!(Head::decode(&bytes), Some(head));
         let mut other = bytes;

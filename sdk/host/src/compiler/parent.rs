@@ -37,7 +37,8 @@ pub(crate) fn compile(
     broken_off: &AtomicBool,
 ) -> Result<VerifiedCode, Failed> {
     let module_bytes = wasm.len() as u32;
-    let head = Head { is_pooled, limits: by.limits, module_bytes };
+    let in_background = by.in_background;
+    let head = Head { is_pooled, in_background, limits: by.limits, module_bytes };
     let mut child = start(by).map_err(|error| Failed::Process(error.to_string()))?;
     let talked = talk(&mut child, [head.encode(), wasm.to_vec()].concat(), by, broken_off);
     // Ended already, as a rule; what cannot be killed has ended.
@@ -85,7 +86,7 @@ fn talk(
         let _ = stdout.take(CODE_BYTES).read_to_end(&mut output);
         let _ = stderr.take(WORDS_BYTES).read_to_end(&mut words);
         // Nobody waits any more: it was broken off.
-        let _ = to.send((output, crate::words::printable(&words)));
+        let _ = to.send((output, crate::words::printable(words.trim_ascii())));
     });
     spawned.map_err(|error| Failed::Process(error.to_string()))?;
     let until = Instant::now() + by.limits.patience;
