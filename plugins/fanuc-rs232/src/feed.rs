@@ -112,13 +112,14 @@ impl Feed {
         } else {
             self.encoder.begin(&job.fields).err()
         };
+        let status = refusal.map_or(0, |failure| self.encoder.status(failure));
         // Without a check it would be known too late that the block is not there.
         let is_blind = !is_check && self.encoder.seeks() && self.checked != job.job;
         if let Some(failure) = refusal.or(is_blind.then_some(Failure::BadJob)) {
             if is_check {
-                link.check_failed(job.job, failure, 0, 0);
+                link.check_failed_with(job.job, failure, status, 0, 0);
             } else {
-                link.job_failed(job.job, failure, 0, 0);
+                link.job_failed(job.job, failure, status, 0);
             }
             return;
         }
@@ -211,7 +212,10 @@ impl Feed {
                 self.checked = self.job;
                 link.check_good(self.job);
             }
-            Err(failure) => link.check_failed(self.job, failure, line, column),
+            Err(failure) => {
+                let status = self.encoder.status(failure);
+                link.check_failed_with(self.job, failure, status, line, column);
+            }
         }
     }
 

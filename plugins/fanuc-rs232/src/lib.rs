@@ -16,8 +16,8 @@ mod tape;
 mod timer;
 
 pub use settings::{
-    BlockNumbers, Eob, LineEnd, Mode, OnLineError, OutputFlow, PacketEnd, ParityMode, Programs,
-    ReceiveCode, ResumeCode, SendCode, Settings, Unsupported,
+    AfterEnd, BlockNumbers, Eob, LineEnd, Mode, OnLineError, OutputFlow, PacketEnd, ParityMode,
+    Programs, ReceiveCode, ResumeCode, SendCode, Settings, Unsupported,
 };
 
 use code::{Code, Control, control};

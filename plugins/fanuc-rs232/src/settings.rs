@@ -38,6 +38,11 @@ choice! {
 }
 
 choice! {
+    /// What to do with text behind the closing `%`.
+    pub enum AfterEnd { Refuse = "refuse", Drop = "drop" }
+}
+
+choice! {
     /// What to do with block numbers.
     pub enum BlockNumbers { Keep = "keep", Strip = "strip", Renumber = "renumber" }
 }
@@ -89,6 +94,7 @@ settings! {
         ascii: bool = false, "ISO: all of ASCII.";
         eia_codes: Bytes<32> = "", "Pairs: character, EIA code.";
         percent: bool = true, "Add a % that lacks.";
+        after_end: AfterEnd = "refuse", "Text behind the last %.";
         block_numbers: BlockNumbers = "keep", "N numbers.";
         number_step: i64 = 10 in 1..=1000 "", "Number step.";
         dc1_timeout: i64 = 0 in 0..=86400000 "ms", "Wait for DC1; 0: any.";
@@ -133,6 +139,11 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
         r#"{"name":"name","type":"text","text":"Its name."},"#,
         r#"{"name":"number","type":"int","text":"Its number."}]}],"#,
         r#""profiles":[{"name":"fanuc-rs232","features":["eia","parity","tv","restart","request","remote"]}],"#,
+        r#""status":["#,
+        r#"{"code":1,"name":"bad-job 1","text":"from_block or from_sequence is out of range"},"#,
+        r#"{"code":2,"name":"bad-job 2","text":"the preamble cannot be sent"},"#,
+        r#"{"code":3,"name":"bad-job 3","text":"text before the first %"},"#,
+        r#"{"code":4,"name":"bad-job 4","text":"text behind the closing %, which ends the tape; after_end=drop leaves it out"}],"#,
         r#""needs":{"line_errors":"used","modem_lines":"used","software_parity":true,"check_pass":true},"#,
         r#""state":{"saves":1,"accepts":[1]},"line":"4800 7E2","line_when":["#,
         r#"{"when":{"parity":"software"},"line":"4800 8N2"},"#,

@@ -89,6 +89,10 @@ impl HeidenhainFe {
         };
         let name = rest.get(..rest.len().saturating_sub(1)).unwrap_or_default();
         match mode {
+            b'A' if !self.takes && !mutant!("heidenhain-fe.rx.no-room/acknowledged") => {
+                link.note(NoteLevel::Warning, 0, "the control has a program, and nobody takes it");
+                say(link, &self.settings, EOT);
+            }
             b'A' if !rest.is_empty() => {
                 self.receiver.begin(link, name);
                 self.stage = Stage::Receiving;

@@ -43,6 +43,8 @@ pub struct HeidenhainFe {
     receiver: Receiver,
     /// The request that the host has not answered.
     request: u32,
+    /// The host takes deliveries: it has told of room for them.
+    takes: bool,
     /// The name that the control asks for.
     asked: Text,
     /// The header that ended a job is looked at once the job is over.
@@ -66,6 +68,7 @@ impl Converter for HeidenhainFe {
             sender: Sender::default(),
             receiver: Receiver::default(),
             request: 0,
+            takes: true,
             asked: Text::default(),
             has_header: false,
             named: None,
@@ -73,6 +76,7 @@ impl Converter for HeidenhainFe {
     }
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
+        self.takes = opening.delivery_room > 0;
         if opening.resumed {
             self.line.set_timers(link);
         } else if mutant!("heidenhain-fe.line.close/hold-kept")
@@ -197,6 +201,7 @@ impl Converter for HeidenhainFe {
     }
 
     fn delivery_room(&mut self, link: &mut Context<'_>) {
+        self.takes = true;
         if self.stage == Stage::Waiting {
             self.accept(link);
             self.watch(link);

@@ -138,6 +138,13 @@ impl Machine {
         if !opening.resumed {
             self.limit = match self.options.layer {
                 Layer::Rk512 => LARGEST_TELEGRAM,
+                // A host that takes no deliveries has no buffer for any block.
+                Layer::None
+                    if opening.delivery_room == 0
+                        && !mutant!("r3964.rx.no-buffer/accepted-without-any-room") =>
+                {
+                    self.options.block_size as u16
+                }
                 Layer::None => opening.delivery_room.min(self.options.block_size as u32) as u16,
             };
             if self.options.nak_at_start && !mutant!("r3964.line.start-nak/missing") {

@@ -8,6 +8,7 @@ use clap::{ArgAction, Args, ColorChoice, CommandFactory, FromArgMatches, Parser,
 use crate::commands;
 use crate::exit::{self, Exit};
 use crate::failure::Failure;
+use crate::screen::Screen;
 
 /// Help is as wide as this at most.
 const WIDTH: usize = 100;
@@ -117,11 +118,16 @@ fn end(error: &clap::Error, words: &[OsString]) -> Exit {
         _ => Exit::Usage,
     };
     if exit == Exit::Usage && before_dashes(words).any(|word| word == "--json") {
-        println!("{}", in_json(&error.render().to_string()));
+        let json = in_json(&error.render().to_string()) + "\n";
+        Screen::early(json, false, anstream::ColorChoice::Never);
         return exit;
     }
-    // Nobody can be told that nobody reads.
-    let _ = error.print();
+    let colours = match color(words) {
+        ColorChoice::Always => anstream::ColorChoice::Always,
+        ColorChoice::Never => anstream::ColorChoice::Never,
+        ColorChoice::Auto => anstream::ColorChoice::Auto,
+    };
+    Screen::early(error.render().ansi(), error.use_stderr(), colours);
     exit
 }
 

@@ -48,7 +48,9 @@ impl Exit {
         match self {
             Self::Done => "done",
             Self::Failed => "failed: a transfer, a verdict, or what was to be verified",
-            Self::Usage => "wrong usage, or a file that cannot be read or written",
+            Self::Usage => {
+                "wrong usage; a file, or standard output, that cannot be read or written"
+            }
             Self::PlugIn => "the plug-in cannot be loaded, or judged",
             Self::NothingSelected => "nothing was selected",
             Self::Incomplete => "incomplete, partial or aborted",

@@ -24,26 +24,39 @@ mod screen;
 mod stop;
 mod table;
 
+use std::ffi::OsStr;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
+use std::time::Duration;
 
 use crate::arguments::{CommandLine, Start};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::screen::Screen;
 use softplug_gateway::guess;
-use softplug_host::compiler::{self, CompilerProcess};
+use softplug_host::compiler::{self, CompileLimits, CompilerProcess};
 
 /// The word that makes this program the process that compiles plug-ins for another of its kind.
 const COMPILE: &str = "__compile";
+
+/// How many seconds of computing the compiling of a plug-in may take on a slow computer.
+const COMPILE_SECONDS: &str = "SOFTPLUG_COMPILE_SECONDS";
+/// More than the slowest computer needs.
+const MOST_SECONDS: u64 = 600;
 
 fn main() -> ExitCode {
     if std::env::args_os().nth(1).is_some_and(|word| word == COMPILE) {
         return compile();
     }
+    let Some(limits) = compile_limits(std::env::var_os(COMPILE_SECONDS).as_deref()) else {
+        eprintln!(
+            "error: {COMPILE_SECONDS} is no whole number of seconds from 1 to {MOST_SECONDS}"
+        );
+        return Exit::Usage.into();
+    };
     // Where the system does not tell which file this is, plug-ins are compiled in this process.
     if let Ok(compiler) = CompilerProcess::this_program([COMPILE]) {
-        compiler.install();
+        compiler.limited(limits).install();
     }
     match arguments::read() {
         Start::Run(command_line) => {
@@ -52,10 +65,24 @@ fn main() -> ExitCode {
                 screen::start_log(&command_line.global);
             }
             let CommandLine { command, global } = *command_line;
-            guard(&screen, || commands::run(command, &global, &screen)).into()
+            let exit = guard(&screen, || commands::run(command, &global, &screen));
+            screen::conclude(exit).into()
         }
-        Start::End(exit) => exit.into(),
+        Start::End(exit) => screen::conclude(exit).into(),
     }
+}
+
+/// What compiling a plug-in may take, if so many seconds of computing are asked for; `None` if
+/// that is no number which can be meant.
+fn compile_limits(seconds: Option<&OsStr>) -> Option<CompileLimits> {
+    let usual = CompileLimits::default();
+    let Some(seconds) = seconds else { return Some(usual) };
+    let seconds: u64 = seconds.to_str()?.parse().ok()?;
+    if !(1..=MOST_SECONDS).contains(&seconds) {
+        return None;
+    }
+    let computing = Duration::from_secs(seconds);
+    Some(CompileLimits { computing, patience: usual.patience.max(4 * computing), ..usual })
 }
 
 /// Does what a host asks for on standard input; it reads what is said on standard error.
@@ -95,5 +122,18 @@ mod tests {
         assert_eq!(guard(&screen, || panic!("a bug")), Exit::Internal);
         assert_eq!(guard(&screen, || Err(Failure::usage("no"))), Exit::Usage);
         assert_eq!(guard(&screen, || Ok(Exit::Done)), Exit::Done);
+    }
+
+    #[test]
+    fn a_slow_computer_may_take_longer_to_compile() {
+        let limits = |text: &str| compile_limits(Some(OsStr::new(text)));
+        assert_eq!(compile_limits(None), Some(CompileLimits::default()));
+        let slow = limits("120").unwrap();
+        assert_eq!(slow.computing, Duration::from_mins(2));
+        assert!(slow.patience > slow.computing);
+        assert_eq!(slow.memory, CompileLimits::default().memory);
+        for wrong in ["", "0", "601", "-1", "1.5", "2s"] {
+            assert_eq!(limits(wrong), None, "{wrong}");
+        }
     }
 }

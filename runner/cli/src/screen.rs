@@ -1,14 +1,20 @@
 //! Where output goes: results to standard output, everything else to standard
 //! error; for people, or as JSON.
+//!
+//! Nothing else in this command writes to either (`clippy.toml` beside it sees to that): what
+//! cannot be written is kept here, and ends the command as an error.
+#![expect(clippy::disallowed_methods, reason = "this is the one place that writes")]
 
 use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
+use std::sync::OnceLock;
 
 use anstyle::{AnsiColor, Style};
 use serde::Serialize;
 use tracing_subscriber::EnvFilter;
 
 use crate::arguments::{Color, Global};
+use crate::exit::Exit;
 use crate::failure::Failure;
 
 const ERROR: Style = AnsiColor::Red.on_default().bold();
@@ -18,6 +24,9 @@ pub(crate) const HEADING: Style = Style::new().bold();
 pub(crate) const GOOD: Style = AnsiColor::Green.on_default();
 pub(crate) const WARNING: Style = AnsiColor::Yellow.on_default();
 pub(crate) const BAD: Style = AnsiColor::Red.on_default().bold();
+
+/// Why the first result was not written that was not.
+static UNWRITTEN: OnceLock<io::Error> = OnceLock::new();
 
 /// The terminal, a pipe or a file that we speak to.
 #[derive(Debug)]
@@ -52,7 +61,7 @@ impl Screen {
     /// A result for people; machines do not get it.
     pub(crate) fn say(&self, text: impl Display) {
         if !self.json {
-            forgive(writeln!(anstream::stdout(), "{text}"));
+            result(writeln!(anstream::stdout(), "{text}"));
         }
     }
 
@@ -60,7 +69,7 @@ impl Screen {
     pub(crate) fn document(&self, value: &impl Serialize) {
         if self.json {
             let text = serde_json::to_string_pretty(value).expect("results are plain data");
-            forgive(writeln!(io::stdout().lock(), "{text}"));
+            result(writeln!(io::stdout().lock(), "{text}"));
         }
     }
 
@@ -69,14 +78,34 @@ impl Screen {
         if self.json {
             let text = serde_json::to_string(value).expect("results are plain data");
             let mut out = io::stdout().lock();
-            forgive(writeln!(out, "{text}").and_then(|()| out.flush()));
+            result(writeln!(out, "{text}").and_then(|()| out.flush()));
         }
     }
 
     /// Bytes as they are, with or without `--json`.
     pub(crate) fn raw(bytes: &[u8]) {
         let mut out = io::stdout().lock();
-        forgive(out.write_all(bytes).and_then(|()| out.flush()));
+        result(out.write_all(bytes).and_then(|()| out.flush()));
+    }
+
+    /// What the reading of the command line itself has to say, before there is a screen: help and
+    /// the version as results, else an error.
+    pub(crate) fn early(text: impl Display, is_error: bool, colours: anstream::ColorChoice) {
+        if is_error {
+            forgive(write!(anstream::AutoStream::new(io::stderr(), colours), "{text}"));
+        } else {
+            result(write!(anstream::AutoStream::new(io::stdout(), colours), "{text}"));
+        }
+    }
+
+    /// What a tool that works for us says, as it says it.
+    pub(crate) fn pass_on(said: &str) {
+        forgive(io::stderr().lock().write_all(said.as_bytes()));
+    }
+
+    /// Whether somebody sits at the terminal: standard input and output are one.
+    pub(crate) fn is_attended() -> bool {
+        io::stdout().is_terminal() && io::stdin().is_terminal()
     }
 
     /// Something beside the result, for people.
@@ -101,10 +130,12 @@ impl Screen {
     /// The error that ends the command.
     pub(crate) fn failure(&self, failure: &Failure) {
         if self.json {
-            forgive(writeln!(io::stdout().lock(), "{}", failure.json()));
-            return;
+            result(writeln!(io::stdout().lock(), "{}", failure.json()));
+            if UNWRITTEN.get().is_none() {
+                return;
+            }
         }
-        self.report_failure(failure);
+        say_failure(failure);
     }
 
     /// One of several, for people.
@@ -112,10 +143,35 @@ impl Screen {
         if self.json {
             return;
         }
-        self.error(&failure.message);
-        if let Some(hint) = &failure.hint {
-            forgive(writeln!(anstream::stderr(), "{HINT}hint:{HINT:#} {hint}"));
-        }
+        say_failure(failure);
+    }
+}
+
+/// The command has ended with this: all results are brought out, and if one of them was not
+/// written that is said, whatever else is to be quiet, and is the exit code of a command that is
+/// done otherwise.
+pub(crate) fn conclude(exit: Exit) -> Exit {
+    result(io::stdout().lock().flush());
+    let Some(error) = UNWRITTEN.get() else { return exit };
+    say_failure(
+        &Failure::usage(format_args!("standard output cannot be written: {error}"))
+            .hint("what was printed is not all; what the command did beside printing stands"),
+    );
+    if exit == Exit::Done { Exit::Usage } else { exit }
+}
+
+fn say_failure(failure: &Failure) {
+    forgive(writeln!(anstream::stderr(), "{ERROR}error:{ERROR:#} {}", failure.message));
+    if let Some(hint) = &failure.hint {
+        forgive(writeln!(anstream::stderr(), "{HINT}hint:{HINT:#} {hint}"));
+    }
+}
+
+/// Part of a result was written, or was not. Who closes a pipe has read enough: that is no error.
+fn result(written: io::Result<()>) {
+    match written {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => drop(UNWRITTEN.set(error)),
+        written => forgive(written),
     }
 }
 

@@ -6,6 +6,8 @@ use std::sync::atomic::AtomicBool;
 
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
+use signal_hook::iterator::Signals;
+use signal_hook::low_level::exit;
 
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -14,19 +16,25 @@ use crate::failure::Failure;
 pub(crate) fn on_signals() -> Result<Arc<AtomicBool>, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     let failed = |error| Failure::internal(format_args!("failed to listen for signals: {error}"));
-    for signal in [SIGINT, SIGTERM] {
-        // In this order: the second signal finds the flag set by the first.
-        let code = i32::from(Exit::Incomplete.code());
-        flag::register_conditional_shutdown(signal, code, Arc::clone(&stop))
-            .and_then(|_| flag::register(signal, Arc::clone(&stop)))
-            .map_err(failed)?;
-    }
-    // A terminal that is closed sends it from the shell and from the kernel: a second one says
+    // A terminal that is closed sends SIGHUP from the shell and from the kernel: a second one says
     // nothing new. Who started this with nohup wants it to go on.
-    if !is_ignored(SIGHUP) {
-        flag::register(SIGHUP, Arc::clone(&stop)).map_err(failed)?;
+    let asks = [SIGINT, SIGTERM, SIGHUP].into_iter();
+    let asks: Vec<_> = asks.filter(|signal| *signal != SIGHUP || !is_ignored(SIGHUP)).collect();
+    for signal in &asks {
+        flag::register(*signal, Arc::clone(&stop)).map_err(failed)?;
     }
+    let signals = Signals::new(&asks).map_err(failed)?;
+    std::thread::spawn(move || end_at_the_second(signals));
     Ok(stop)
+}
+
+/// Waits for nothing: neither for whatever else goes on, nor for a port that the machine holds.
+fn end_at_the_second(mut signals: Signals) {
+    if signals.forever().skip(1).any(|signal| signal != SIGHUP) {
+        #[cfg(target_os = "linux")]
+        softplug_gateway::port::discard_all();
+        exit(i32::from(Exit::Incomplete.code()));
+    }
 }
 
 /// Whether the signal is ignored, as nohup has it; where the system does not tell, not.

@@ -16,12 +16,14 @@
 //! - [`timer`] and [`poll`]: waiting for a port, a deadline and a wake-up; [`due`]:
 //!   when somebody is to be called.
 //! - [`ports`] and [`doctor`]: which ports there are and what ails one.
+//! - [`awaited`]: what a job waits for, and what the operator has to do.
 //! - [`guess`]: what was meant, where a name is not known.
 //! - [`suggest`]: baud and parity from what was heard.
 //!
 //! What needs Linux is compiled there only; settings, pacing and the pure
 //! decoders are everywhere.
 
+pub mod awaited;
 pub mod due;
 pub mod error;
 pub mod guess;

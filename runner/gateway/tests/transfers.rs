@@ -8,7 +8,7 @@ use std::os::fd::AsFd;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use softplug_abi::manifest::Manifest;
@@ -80,7 +80,7 @@ fn what_has_begun_may_take_longer_than_the_wait_for_it() {
     });
     let mut out = Vec::new();
     let give_up = Some(Duration::from_millis(100));
-    let report = receive(&mut station, &mut out, give_up, &watchdog(), &mut |_| {}).unwrap();
+    let report = receive(&mut station, &mut out, None, give_up, &watchdog(), &mut |_| {}).unwrap();
     assert_eq!(report.outcome, ReceiveOutcome::Complete);
     assert_eq!(out, [&b"N10 G1 X1\n".repeat(21)[..], b"%"].concat());
     drop(far.join().unwrap());
@@ -90,7 +90,8 @@ fn what_has_begun_may_take_longer_than_the_wait_for_it() {
 fn a_wait_for_nothing_ends() {
     let (mut station, _pair) = pair(115_200, &[]);
     let give_up = Some(Duration::from_millis(50));
-    let report = receive(&mut station, &mut Vec::new(), give_up, &watchdog(), &mut |_| {}).unwrap();
+    let report =
+        receive(&mut station, &mut Vec::new(), None, give_up, &watchdog(), &mut |_| {}).unwrap();
     assert_eq!(report.outcome, ReceiveOutcome::NothingCame);
     assert_eq!(report.bytes, 0);
 }
@@ -122,13 +123,15 @@ fn an_abort_sends_the_last_words_and_nothing_else() {
     let far = thread::spawn(move || {
         let first = read_from(&pair, 50);
         stopper.store(true, Ordering::Relaxed);
-        (first, pair)
+        (first, pair, Instant::now())
     });
     let options = SendOptions { check: true, ..SendOptions::default() };
     let mut source = Cursor::new(&program);
     let report = send(&mut station, &mut source, &options, &stop, &mut |_| {}).unwrap();
     assert_eq!(report.outcome, SendOutcome::Aborted);
-    let (mut received, pair) = far.join().unwrap();
+    let (mut received, pair, stopped) = far.join().unwrap();
+    // It waits for its last words to leave, a few ms, and not for as long as they may take: 2 s.
+    assert!(stopped.elapsed() < Duration::from_millis(1_900), "it took {:?}", stopped.elapsed());
     let rest = usize::try_from(report.sent).unwrap() + 2 - received.len();
     received.extend(read_from(&pair, rest));
     let (sent, last_words) = received.split_at(received.len() - 2);

@@ -96,10 +96,13 @@ const TIMES: [(&str, &str, Counted); 2] = [
 
 type Measured = fn(&LinkView) -> u64;
 
-const GAUGES: [(&str, &str, Measured); 8] = [
+const GAUGES: [(&str, &str, Measured); 9] = [
     ("up", "1 if the port is open and the plug-in runs", |link| link.is_up().into()),
     ("is_held", "1 while the machine holds the line", |link| link.is_held.into()),
     ("queued_jobs", "Jobs that wait", |link| link.queued.into()),
+    ("unseen_jobs", "Jobs that ended badly and that nobody has acknowledged", |link| {
+        link.unseen_count.into()
+    }),
     ("alarms", "Watchdogs that have found something", |link| link.alarms.len() as u64),
     ("buffer_bytes", "Bytes in the buffer before the machine", |link| link.buffer.level),
     ("buffer_low_bytes", "Its low mark", |link| link.buffer.low),

@@ -17,7 +17,7 @@ use softplug_service::clerk::{Clerk, Incoming};
 use softplug_service::feeder::{Feeder, Feeding, Pace};
 use softplug_service::jobs::{Data, Ending, JobFilter, Jobs, Keep, Order, Recovery, State};
 use softplug_service::library::Library;
-use softplug_service::programs::{ProgramName, Programs, Receptions, Snapshots};
+use softplug_service::programs::{ProgramName, Programs, Quotas, Receptions, Snapshots};
 
 #[path = "common/plugins.rs"]
 mod plugins;
@@ -87,7 +87,14 @@ fn work(folder: &Path) -> ! {
     let feeder = Arc::new(feeder.unwrap());
     let ended = Arc::new(Mutex::new(BTreeSet::new()));
     let (receptions, snapshots) = (shop.receptions.clone(), shop.snapshots.clone());
-    let clerk = Clerk::start(shop.jobs.clone(), receptions, snapshots, |_| {}).unwrap();
+    let clerk = Clerk::start(
+        shop.jobs.clone(),
+        receptions,
+        snapshots,
+        Quotas::new(Path::new("."), 0),
+        |_| {},
+    )
+    .unwrap();
     let seed = u64::from(std::process::id());
     for link in LINKS {
         let (shop, feeder, ended) = (Arc::clone(&shop), Arc::clone(&feeder), Arc::clone(&ended));

@@ -12,7 +12,7 @@ use softplug_gateway::reservoir::{Drawn, ReservoirReader, reservoir};
 use softplug_service::clerk::{Clerk, ClerkNews, Incoming};
 use softplug_service::feeder::{Feeder, Feeding, Pace, Stream};
 use softplug_service::jobs::{Data, Ending, Extent, Jobs, Keep, Kind, Order, State};
-use softplug_service::programs::{Receptions, Snapshots};
+use softplug_service::programs::{Quotas, Receptions, Snapshots};
 
 struct Shop {
     folder: tempfile::TempDir,
@@ -46,7 +46,13 @@ impl Shop {
         let (tell, news) = channel();
         let tell = move |what| tell.send(what).unwrap();
         let receptions = self.receptions.clone();
-        let clerk = Clerk::start(self.jobs.clone(), receptions, self.snapshots.clone(), tell);
+        let clerk = Clerk::start(
+            self.jobs.clone(),
+            receptions,
+            self.snapshots.clone(),
+            Quotas::new(std::path::Path::new("."), 0),
+            tell,
+        );
         (clerk.unwrap(), news)
     }
 }

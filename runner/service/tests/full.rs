@@ -12,7 +12,7 @@ use softplug_gateway::reservoir::{Drawn, reservoir};
 use softplug_service::clerk::{Clerk, ClerkNews, Incoming};
 use softplug_service::feeder::{Feeder, FeederNews, Feeding, Pace};
 use softplug_service::jobs::{Jobs, Keep, Order, State};
-use softplug_service::programs::{Receptions, Snapshots};
+use softplug_service::programs::{Quotas, Receptions, Snapshots};
 
 /// No file may grow beyond this, or be written there.
 fn limit(bytes: Option<u64>) {
@@ -38,7 +38,9 @@ fn while_the_disk_is_full_nothing_is_lost_and_with_room_it_goes_on() {
     // A reception: the machine is held where the disk ends.
     let (tell, news) = channel();
     let tell = move |what| tell.send(what).unwrap();
-    let clerk = Clerk::start(jobs.clone(), receptions.clone(), snapshots.clone(), tell).unwrap();
+    let quotas = Quotas::new(folder.path(), 0);
+    let clerk =
+        Clerk::start(jobs.clone(), receptions.clone(), snapshots.clone(), quotas, tell).unwrap();
     let (mut writer, reader) = reservoir(10_000, 0, 10_000);
     let (link, place) = ("lathe".to_owned(), "lathe".to_owned());
     clerk.take(Incoming { lane: LaneId(1), link, place, delivery: 1, job: None, bytes: reader });

@@ -124,6 +124,25 @@ fn a_second_gateway_is_kept_out() {
 }
 
 #[test]
+fn what_is_no_database_is_refused_and_left_as_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("jobs.redb");
+    let refused = || Jobs::open(folder.path(), Keep::default()).map(drop).unwrap_err().to_string();
+    drop(open(folder.path()));
+    let whole = std::fs::read(&path).unwrap();
+    std::fs::write(&path, "").unwrap();
+    let text = refused();
+    assert!(text.contains("the file is empty; put a copy of it in its place"), "{text}");
+    assert_eq!(std::fs::read(&path).unwrap(), b"");
+    std::fs::write(&path, &whole[..100]).unwrap();
+    refused();
+    assert_eq!(std::fs::read(&path).unwrap(), whole[..100]);
+    std::fs::remove_file(&path).unwrap();
+    std::fs::create_dir(&path).unwrap();
+    assert!(refused().contains("it is no file"), "{}", refused());
+}
+
+#[test]
 fn what_was_under_way_is_interrupted_by_a_new_start_and_never_begun_again() {
     let folder = tempfile::tempdir().unwrap();
     let jobs = open(folder.path());
@@ -161,7 +180,7 @@ fn what_was_under_way_is_interrupted_by_a_new_start_and_never_begun_again() {
     assert_eq!((jobs.next("a"), jobs.next("b")), (None, None));
     assert_eq!(jobs.next("lathe").unwrap().id, ids[0]);
     assert!(texts(&jobs).contains(
-        &"job 7 is interrupted: the gateway ended in the middle of it; bytes 0 to 300 may have left".to_owned()
+        &"job 7 is interrupted: the gateway ended in the middle of it; nothing has surely left, up to 300 of 1,000 bytes may have".to_owned()
     ));
     // Numbers go on.
     assert_eq!(send(&jobs, "lathe", 0), receiving + 1);

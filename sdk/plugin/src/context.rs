@@ -255,6 +255,19 @@ impl<'a> Context<'a> {
         self.push(&Action::CheckResult { job, failure, status: 0, line, column });
     }
 
+    /// The job's check pass found a fault that has a status of the manifest too, at this line and
+    /// column, from 1; 0: at none.
+    pub fn check_failed_with(
+        &mut self,
+        job: u32,
+        failure: Failure,
+        status: u16,
+        line: u32,
+        column: u32,
+    ) {
+        self.push(&Action::CheckResult { job, failure: Some(failure), status, line, column });
+    }
+
     /// Asks the host for something of `kind`, its place in the manifest.
     pub fn request(&mut self, request: u32, kind: u16, fields: Values<'_>) {
         self.push(&Action::Request { request, kind, fields });

@@ -193,7 +193,7 @@ mod tests {
         let error = |module: Vec<u8>| check(module).unwrap_err().to_string();
         assert_eq!(
             error(module(&[1, 1, 1, 4], MOST_BYTES + 1)),
-            "the plug-in x has 32769 bytes, 32768 are allowed: make it smaller"
+            "the plug-in x has 40961 bytes, 40960 are allowed: make it smaller"
         );
         assert_eq!(
             error(module(&[1, 1, 1, 5], 100)),

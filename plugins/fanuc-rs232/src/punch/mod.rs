@@ -35,7 +35,7 @@ enum Stage {
     Leader,
     /// Behind the first %.
     Program,
-    /// Behind the second %: nothing counts.
+    /// Behind the second %: blanks do not count, all else is another program.
     Closed,
 }
 
@@ -153,6 +153,7 @@ impl Punch {
 
     fn answer_dc2(&mut self, link: &mut Context<'_>, settings: &Settings) {
         if settings.answer_dc2
+            && (link.delivery_room() > 0 || mutant!("fanuc-rs232.punch.answer-dc2/without-room"))
             && (!self.is_answering || mutant!("fanuc-rs232.punch.answer-dc2/twice"))
             && !mutant!("fanuc-rs232.punch.answer-dc2/not-answered")
         {
@@ -237,6 +238,7 @@ impl Punch {
             return;
         }
         let was_text = self.has_text();
+        let is_closed = self.stage == Stage::Closed;
         let damaged = match decode(settings, self.code, byte) {
             Decoded::Ignored => return,
             Decoded::Character(character) => {
@@ -245,7 +247,9 @@ impl Punch {
             }
             Decoded::Damaged(byte) | Decoded::Unknown(byte) => byte,
         };
-        if self.code == Code::Iso {
+        if is_closed {
+            // As before the first %: it is noise.
+        } else if self.code == Code::Iso {
             self.character(link, settings, damaged);
         } else if was_text && damaged != 0 {
             self.text.put(link, damaged);
@@ -268,11 +272,18 @@ impl Punch {
             Stage::Program => {
                 self.text.character(link, settings, &mut self.requests, character);
             }
-            _ => {
-                if mutant!("fanuc-rs232.punch.after-end/delivered") && self.stage == Stage::Closed {
-                    self.text.character(link, settings, &mut self.requests, character);
-                }
+            Stage::Closed if mutant!("fanuc-rs232.punch.after-end/delivered") => {
+                self.text.character(link, settings, &mut self.requests, character);
             }
+            Stage::Closed if mutant!("fanuc-rs232.punch.after-end/lost") => {}
+            Stage::Closed if character == b'\n' => self.text.end_behind(),
+            Stage::Closed if matches!(character, b' ' | b'\t') => {}
+            // Another program: nothing of what the control puts out is left out.
+            Stage::Closed => {
+                self.stage = Stage::Program;
+                self.text.begin_again(link, settings, &mut self.requests, character);
+            }
+            _ => {}
         }
     }
 
@@ -293,7 +304,7 @@ impl Punch {
         kind: LineErrorKind,
         byte: Option<u8>,
     ) {
-        if !self.is_capturing() || self.ended {
+        if !self.is_capturing() || self.ended || self.stage == Stage::Closed {
             return;
         }
         let was_text = self.has_text();

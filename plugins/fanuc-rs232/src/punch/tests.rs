@@ -73,6 +73,23 @@ fn programs_are_split_or_kept_together() {
 }
 
 #[test]
+fn what_follows_a_closing_percent_is_another_delivery() {
+    let two = [good("%\nO1\nM30\n%\n", "O1"), good("%\nO2\nM30\n%\n", "O2")];
+    for eob in ["\n", "\r\n", "\r"] {
+        for between in ["%\n", "%\n%\n", "%\n\0 \n%\n"] {
+            let tape = format!("%\nO1\nM30\n{between}O2\nM30\n%\n\0\0");
+            let tape = tape.replace('\n', eob);
+            assert_eq!(captured(options(), tape.as_bytes()), two, "{tape:?}");
+        }
+    }
+    let cut = captured(options(), b"%\nO7(50% )\nG1\nM30\n%\n");
+    assert_eq!(cut, [good("%\nO7(50%\n", "O7"), good("%)\nG1\nM30\n%\n", "")]);
+    let open = captured(options(), b"%\nO1\n%\nO2\nM30\n");
+    let failed = ("%\nO2\nM30\n".to_owned(), Some(Failure::NoEndMark), "O2".to_owned());
+    assert_eq!(open, [good("%\nO1\n%\n", "O1"), failed]);
+}
+
+#[test]
 fn a_flood_of_programs_loses_nothing() {
     let tape = (0..300).map(|number| format!("O{number}")).collect::<Vec<_>>().join("\n") + "\n";
     let mut bench = options().set("programs", "split").open();

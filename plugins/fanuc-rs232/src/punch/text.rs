@@ -30,7 +30,9 @@ pub(crate) struct Text {
     odd: bool,
     /// An EOB has come: blocks are checked from it on.
     counts: bool,
-    spare: [u8; 3],
+    /// An EOB has come behind the second %.
+    ended_behind: bool,
+    spare: [u8; 2],
     title: Title,
     /// Empty between two events.
     piece: [u8; PIECE],
@@ -45,6 +47,7 @@ impl Text {
         self.after_cr = false;
         self.odd = false;
         self.counts = false;
+        self.ended_behind = false;
     }
 
     #[inline(never)]
@@ -55,6 +58,37 @@ impl Text {
         self.named = 0;
         link.delivery_begin(self.delivery, 0);
         self.put(link, b'%');
+    }
+
+    /// An EOB behind the second %.
+    pub(super) fn end_behind(&mut self) {
+        self.ended_behind = true;
+    }
+
+    /// Behind the second % comes another program, with this character: the one before is ended.
+    /// Its % is this one's first, if that has none of its own.
+    pub(super) fn begin_again(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        requests: &mut Requests,
+        character: u8,
+    ) {
+        let is_in_block = self.ended_behind || self.after_cr;
+        let has_lf = self.has_lf;
+        self.end(link, settings, requests, None);
+        self.start();
+        self.has_lf = has_lf;
+        self.begin(link);
+        if character == b'%' {
+            return;
+        }
+        if is_in_block {
+            self.counts = true;
+            self.title.next_program();
+            self.line_end(link, settings);
+        }
+        self.character(link, settings, requests, character);
     }
 
     /// A CR is a line end where there are no LFs.
@@ -101,6 +135,7 @@ impl Text {
     /// The second %.
     pub(super) fn close(&mut self, link: &mut Context<'_>, settings: &Settings) {
         self.end_at_cr(link, settings);
+        self.ended_behind = false;
         self.put_close(link, settings);
     }
 

@@ -34,6 +34,23 @@ const SPECIAL: u8 = 0x80;
 const REFUSED: u8 = 0xFF;
 /// A character that is left out.
 const DROPPED: u8 = 0xFE;
+/// Before and behind a program of old editors: the end of the file.
+const END_OF_FILE: u8 = 0x1A;
+
+/// What is wrong with a job that is a [`Failure::BadJob`]: the statuses of the manifest.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(u8)]
+pub(crate) enum Fault {
+    None,
+    /// A field of the job is out of its range.
+    Field,
+    /// The preamble cannot be sent.
+    Preamble,
+    /// There is text before the first `%`.
+    TextBefore,
+    /// There is text behind the closing `%`.
+    TextBehind,
+}
 
 /// Part of the program that the next byte belongs to.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, FromZeros, IntoBytes, Immutable)]
@@ -92,7 +109,9 @@ struct Place {
     counts: u8,
     /// The lowest bit tells whether the block's characters are odd so far.
     count: u8,
-    spare: [u8; 2],
+    /// What was wrong.
+    fault: Fault,
+    spare: u8,
     prefix: Prefix,
 }
 
@@ -109,7 +128,15 @@ impl Encoder {
         self.place.counts = 1;
         self.place.prefix.clear();
         self.output.clear();
-        self.restart.take(fields)
+        self.place.fault = Fault::Field;
+        self.restart.take(fields)?;
+        self.place.fault = Fault::None;
+        Ok(())
+    }
+
+    /// The status of what was wrong, beside a [`Failure::BadJob`]; else 0.
+    pub(crate) fn status(&self, failure: Failure) -> u16 {
+        if failure == Failure::BadJob { self.place.fault as u16 } else { 0 }
     }
 
     /// The next byte of the program file. Not to be called while the encoder
@@ -117,7 +144,7 @@ impl Encoder {
     ///
     /// # Errors
     /// At [`position`](Self::position): [`Failure::UnsupportedCharacter`], or
-    /// [`Failure::BadJob`] for text behind a `%` that may have been meant as the first.
+    /// [`Failure::BadJob`] for text behind the closing `%`, which may have been meant as the first.
     pub(crate) fn push(&mut self, settings: &Setup, byte: u8) -> Result<(), Failure> {
         self.place.column += 1;
         let character = settings.characters[usize::from(byte)];
@@ -146,6 +173,14 @@ impl Encoder {
     /// # Errors
     /// [`Failure::BadJob`]: the preamble cannot be sent.
     pub(crate) fn next(&mut self, settings: &Setup) -> Result<(), Failure> {
+        let sent = self.next_of_preamble(settings);
+        if sent.is_err() && self.place.fault == Fault::None {
+            self.place.fault = Fault::Preamble;
+        }
+        sent
+    }
+
+    fn next_of_preamble(&mut self, settings: &Setup) -> Result<(), Failure> {
         if let Some(byte) = self.restart.next() {
             return match settings.characters[usize::from(byte)] {
                 SPECIAL_LF => {
@@ -222,6 +257,15 @@ impl Encoder {
             self.place.ends = Ends::InLine;
         }
         let character = if character == SPECIAL_CR { SPECIAL_LF } else { character };
+        // Around a program stands what the code need not have, as a NUL in EIA.
+        let is_around = match self.place.part {
+            Part::Leader => byte == 0 && !mutant!("fanuc-rs232.tape.percent/nul-in-eia-refused"),
+            Part::End => matches!(byte, 0 | END_OF_FILE),
+            _ => false,
+        };
+        if is_around {
+            return Ok(());
+        }
         let taken = match character {
             DROPPED => Ok(()),
             _ => self.take(settings, character),

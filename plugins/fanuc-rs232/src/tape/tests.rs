@@ -1,7 +1,7 @@
 use super::*;
 use crate::code::tests::bytes;
 use crate::code::{Code, encode};
-use crate::{BlockNumbers, Eob, SendCode, Settings, Unsupported};
+use crate::{AfterEnd, BlockNumbers, Eob, SendCode, Settings, Unsupported};
 use softplug_plugin::{SettingSet, Values};
 
 /// The settings as a host gives them, all at their defaults.
@@ -87,7 +87,7 @@ const UNSUPPORTED: Failure = Failure::UnsupportedCharacter;
 fn the_tape_begins_at_its_first_percent_and_ends_at_the_next() {
     let settings = defaults();
     assert_sent(&settings, "%\nO1\nM30\n%\n", "%\nO1\nM30\n%");
-    assert_sent(&settings, "\0\0 \r\n\n%PART 7\nM30\n%\nG0\n%\nü", "%PART 7\nM30\n%");
+    assert_sent(&settings, "\0\0 \r\n\n%PART 7\nM30\n%\r\n\0 \t\x7F\x1A", "%PART 7\nM30\n%");
     assert_sent(&settings, "%\nM30%", "%\nM30%");
     assert_sent(&settings, "%%", "%%");
     for program in ["O1\nM30", "O1\nM30\n", "%\nO1\nM30", "%\nO1\nM30\n", "O1\nM30\n%"] {
@@ -95,6 +95,17 @@ fn the_tape_begins_at_its_first_percent_and_ends_at_the_next() {
     }
     assert_sent(&settings, "", "%\n%");
     let refused = encoded(&settings, "PART 7\n%\n\nO1\n%\n");
+    assert_eq!(refused, Err((Failure::BadJob, 4, 1)));
+    // Text behind the closing % would not arrive.
+    let more = "%\nM30\n%\n\nG0\n%\nü";
+    assert_eq!(encoded(&settings, more), Err((Failure::BadJob, 5, 1)));
+    assert_eq!(encoded(&settings, "%\nO1\nM30\n%\n%\nO2\n%"), Err((Failure::BadJob, 5, 1)));
+    assert_eq!(encoded(&settings, "%\nO1\nM30%O2"), Err((Failure::BadJob, 3, 5)));
+    let ascii = Settings { ascii: true, ..settings };
+    assert_eq!(encoded(&ascii, "%\nM6 ; 50% DONE\nM30\n%"), Err((Failure::BadJob, 2, 10)));
+    let first = Settings { after_end: AfterEnd::Drop, ..settings };
+    assert_sent(&first, more, "%\nM30\n%");
+    let refused = encoded(&first, "PART 7\n%\n\nO1\n%\n");
     assert_eq!(refused, Err((Failure::BadJob, 4, 1)));
     let off = Settings { percent: false, ..settings };
     for program in ["O1\nM30", "O1\nM30\n", "%\nO1\nM30", "O1\nM30\n%", "", "N1"] {
@@ -128,6 +139,9 @@ fn eia_has_one_eob_and_no_colon() {
     let settings = Settings { code: SendCode::Eia, eob: Eob::LfCrCr, ..defaults() };
     let sent = encoded_from(&settings, &[], b"%\r\nO35\nM6%");
     assert_eq!(sent, Ok(vec![0x0B, 0x80, 0x46, 0x13, 0x15, 0x80, 0x54, 0x16, 0x0B]));
+    // A blank tape around the program.
+    let sent = encoded_from(&settings, &[], b"\0\0%\nM6\n%\n\0\0");
+    assert_eq!(sent, Ok(vec![0x0B, 0x80, 0x54, 0x16, 0x80, 0x0B]));
     assert_eq!(encoded(&settings, "%\n:1\n%"), Err((UNSUPPORTED, 2, 1)));
     assert_eq!(encoded(&settings, "%\nO1\0\n%"), Err((UNSUPPORTED, 2, 3)));
 }
@@ -287,4 +301,27 @@ fn a_restart_without_an_o_line_or_a_last_eob() {
     }
     assert_eq!(restart(&fields, "%\nO1\n%"), Err((Failure::NotFound, 3, 1)));
     assert_eq!(restart(&fields, ""), Err((Failure::NotFound, 1, 0)));
+}
+
+#[test]
+fn a_bad_job_says_what_is_bad() {
+    let fault = |fields: &[u8], program: &str| {
+        let settings = &Setup::new(&defaults());
+        let mut encoder = Encoder::new_zeroed();
+        let mut taken = encoder.begin(&Values::new(fields));
+        let mut bytes = program.bytes();
+        while taken.is_ok() {
+            taken = match bytes.next() {
+                _ if encoder.is_waiting() => encoder.next(settings),
+                Some(byte) => encoder.push(settings, byte),
+                None => encoder.finish(settings).and(Err(Failure::Internal)),
+            };
+        }
+        taken.map_err(|failure| encoder.status(failure)).unwrap_err()
+    };
+    assert_eq!(fault(&from_block(0), ""), Fault::Field as u16);
+    assert_eq!(fault(&preamble("M98%"), "%\nG1\n%"), Fault::Preamble as u16);
+    assert_eq!(fault(&[], "PART 7\n%\nO1\n"), Fault::TextBefore as u16);
+    assert_eq!(fault(&[], "%\nO1\n%\nO2\n"), Fault::TextBehind as u16);
+    assert_eq!(fault(&[], "%\nG1;\n%"), 0, "it is no bad job");
 }

@@ -2,10 +2,10 @@
 
 use super::prefix::NO_NUMBER;
 use super::{
-    Encoder, Part, REFUSED, SPECIAL, SPECIAL_CLOSE, SPECIAL_LF, SPECIAL_OPEN, SPECIAL_PERCENT,
-    Setup,
+    Encoder, Fault, Part, REFUSED, SPECIAL, SPECIAL_CLOSE, SPECIAL_LF, SPECIAL_OPEN,
+    SPECIAL_PERCENT, Setup,
 };
-use crate::{BlockNumbers, Unsupported};
+use crate::{AfterEnd, BlockNumbers, Unsupported};
 use softplug_plugin::{Failure, mutant};
 
 /// Block numbers have at most five digits; after the highest the first comes again.
@@ -42,8 +42,18 @@ impl Encoder {
                 }
                 return Ok(());
             }
+            Part::End if is_blank(character) => return Ok(()),
             // Without its first `%` the file has ended at what may be that one.
-            Part::End if self.place.is_open && !is_blank(character) => {
+            Part::End if self.place.is_open => {
+                self.place.fault = Fault::TextBefore;
+                return Err(Failure::BadJob);
+            }
+            // Another program, or the rest of this one behind a `%` in the middle.
+            Part::End
+                if settings.after_end == AfterEnd::Refuse
+                    && !mutant!("fanuc-rs232.tape.after-end/passed-over") =>
+            {
+                self.place.fault = Fault::TextBehind;
                 return Err(Failure::BadJob);
             }
             Part::End => return Ok(()),

@@ -41,6 +41,9 @@ pub(crate) struct Arguments {
     /// File to send on the port, anew after each swap
     #[arg(long, value_name = "FILE", requires = "port")]
     pub(crate) send: Option<PathBuf>,
+    /// Keep what comes on the port in this folder; without it only its beginning is shown
+    #[arg(long, value_name = "DIR", requires = "port")]
+    pub(crate) keep: Option<PathBuf>,
     /// Swap also what does something else than its traces demand
     #[arg(long)]
     pub(crate) anyway: bool,

@@ -1,14 +1,18 @@
-//! `softplug send --dry-run`: what would be on the wire, in virtual time.
+//! `softplug send --dry-run`: what would be on the wire, in virtual time, with a partner that wants
+//! it.
 
 use std::io::{self, Read, Seek};
 
-use softplug_abi::manifest::{Manifest, OwnedValue, SettingValues};
-use softplug_abi::{Action, Failure as Why, LineParameters, Micros};
+use softplug_abi::{Action, Failure as Why, Instance, LineParameters, Micros};
+use softplug_conformance::closed_loop::ClosedLoop;
 use softplug_gateway::pacer::default_depth;
 use softplug_gateway::port::line_text;
-use softplug_link::{Job, LinkOptions, Outside, Supply, VirtualLine};
+use softplug_link::{Job, LinkFault, LinkOptions, Outside, Supply};
 
-use super::send::{Arguments, Document, NoteDocument, Prepared, check_message, reason};
+use super::send::{
+    Arguments, Document, NoteDocument, Piece, Prepared, StatusDocument, check_message, reason,
+};
+use super::willing::{Exchange, Side, Willing};
 use crate::dump::{Dump, hex};
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -28,38 +32,38 @@ pub(super) fn run(
     let Prepared { program, plugin, settings, job_kind, fields, check } = prepared;
     let manifest = plugin.manifest();
     let line = arguments.link.line(manifest, &settings).line;
-    let xon = xon(manifest, &settings);
     let name = program.name.clone();
-    let mut paper = Paper::new(program);
+    let partner = Willing::new(manifest, &settings, line, &arguments.fields)?;
+    let is_dialogue = partner.is_dialogue();
+    let mut paper = Paper::new(program, partner.exchange());
 
     let options = LinkOptions { line, settings, ..LinkOptions::default() };
     let depth = arguments.link.depth.unwrap_or_else(|| default_depth(line.baud));
-    let mut wire = VirtualLine::new(plugin.instantiate()?, options, depth as usize);
+    let mut both = ClosedLoop::new(plugin.instantiate()?, options, depth as usize, partner);
     let job = Job { id: JOB, kind: job_kind, size: Some(paper.size), fields, check };
     let ran = (|| {
-        wire.link.open(Micros::ZERO, &mut paper)?;
-        wire.link.begin_job(Micros::ZERO, job, &mut paper)?;
-        wire.transmit(Micros::ZERO, &mut paper)?;
-        if let Some(xon) = xon {
-            let now = line.characters(1);
-            wire.run_until(now, &mut paper)?;
-            wire.link.received(now, &[xon], &mut paper)?;
-            wire.tick(now, &mut paper)?;
-        }
+        both.line.link.open(Micros::ZERO, &mut paper)?;
+        both.line.link.begin_job(Micros::ZERO, job, &mut paper)?;
+        both.settle(&mut paper)?;
         while paper.end.is_none() && paper.error.is_none() {
-            let Some(next) = wire.next().filter(|next| *next < paper.last + PATIENCE) else {
+            let limit = paper.last + PATIENCE;
+            if !both.step(limit, &mut paper)? {
                 break;
-            };
-            wire.tick(next.max(wire.link.now()), &mut paper)?;
+            }
+            paper.refuse(&mut both)?;
         }
-        Ok(wire.link.now())
+        Ok(both.now())
     })();
-    let took = ran.map_err(|fault: softplug_link::LinkFault<_>| {
+    let took = ran.map_err(|fault: LinkFault<_>| {
         Failure::new(Exit::Failed, format_args!("the plug-in cannot go on: {fault}"))
     })?;
     if let Some(error) = paper.error {
         return Err(Failure::usage(format_args!("cannot read {name}: {error}")));
     }
+    let status = match paper.end {
+        Some(End::Failed(_, status) | End::CheckFailed(_, status, ..)) => status,
+        Some(End::Done) | None => 0,
+    };
     let (exit, result, failure, message) = match paper.end {
         Some(End::Done) => (Exit::Done, "done", None, None),
         Some(End::Failed(why, status)) => {
@@ -75,7 +79,8 @@ pub(super) fn run(
             (Exit::Incomplete, "incomplete", None, Some(message.to_owned()))
         }
     };
-    show(arguments, screen, &paper.wire, line, took);
+    let dialogue = if is_dialogue { paper.exchange.pieces() } else { Vec::new() };
+    show(arguments, screen, &paper.wire, &dialogue, line, took);
     if let Some(message) = &message {
         screen.error(message);
     }
@@ -86,19 +91,39 @@ pub(super) fn run(
         seconds: took.as_secs_f64(),
         held_seconds: 0.0,
         holds: 0,
-        answered: None,
+        answered: Some(paper.answered).filter(|answered| *answered > 0),
+        kept: Vec::new(),
+        refused: 0,
         received: 0,
         file: None,
         answer: None,
         failure: failure.map(Why::name),
+        status: StatusDocument::new(manifest, status),
         message,
         wire: Some(hex(&paper.wire)),
+        exchange: dialogue.iter().map(piece).collect(),
         notes: paper.notes,
     });
     Ok(exit)
 }
 
-fn show(arguments: &Arguments, screen: &Screen, wire: &[u8], line: LineParameters, took: Micros) {
+/// A piece of the dialogue, for machines.
+fn piece((side, bytes): &(Side, Vec<u8>)) -> Piece {
+    let from = match side {
+        Side::Us => "plug-in",
+        Side::Partner => "partner",
+    };
+    Piece { from, hex: hex(bytes) }
+}
+
+fn show(
+    arguments: &Arguments,
+    screen: &Screen,
+    wire: &[u8],
+    dialogue: &[(Side, Vec<u8>)],
+    line: LineParameters,
+    took: Micros,
+) {
     if arguments.raw {
         Screen::raw(wire);
         return;
@@ -106,7 +131,16 @@ fn show(arguments: &Arguments, screen: &Screen, wire: &[u8], line: LineParameter
     if wire.is_empty() {
         return;
     }
-    screen.say(Dump(wire));
+    if dialogue.is_empty() {
+        screen.say(Dump(wire));
+    }
+    for (side, bytes) in dialogue {
+        // As in a trace: what the partner is sent, and what it says.
+        let arrow = if *side == Side::Us { '>' } else { '<' };
+        for line in Dump(bytes).to_string().lines() {
+            screen.say(format_args!("{arrow} {line}"));
+        }
+    }
     if !screen.is_json() {
         screen.note(format_args!(
             "{} on the wire, at least {:.3} s at {}",
@@ -114,18 +148,6 @@ fn show(arguments: &Arguments, screen: &Screen, wire: &[u8], line: LineParameter
             took.as_secs_f64(),
             line_text(&line)
         ));
-    }
-}
-
-/// The XON of a partner, where the settings say that one is waited for.
-fn xon(manifest: &Manifest, settings: &SettingValues) -> Option<u8> {
-    let value = |name: &str| {
-        let at = manifest.settings.iter().position(|setting| setting.name == name)?;
-        settings.as_slice().get(at)
-    };
-    match (value("wait_for_xon")?, value("xon")?) {
-        (OwnedValue::Bool(true), OwnedValue::Int(xon)) => u8::try_from(*xon).ok(),
-        _ => None,
     }
 }
 
@@ -144,6 +166,10 @@ struct Paper {
     wire: Vec<u8>,
     /// When something last left.
     last: Micros,
+    exchange: Exchange,
+    /// Bytes that answered the job.
+    answered: u64,
+    requests: Vec<u32>,
     end: Option<End>,
     error: Option<io::Error>,
     notes: Vec<NoteDocument>,
@@ -151,18 +177,33 @@ struct Paper {
 }
 
 impl Paper {
-    fn new(program: Program) -> Self {
+    fn new(program: Program, exchange: Exchange) -> Self {
         Self {
             size: program.size,
             program,
             supplied: 0,
             wire: Vec::new(),
             last: Micros::ZERO,
+            exchange,
+            answered: 0,
+            requests: Vec::new(),
             end: None,
             error: None,
             notes: Vec::new(),
             drained: 0,
         }
+    }
+
+    /// What the partner asks for beside the job is not to be had.
+    fn refuse<I: Instance>(
+        &mut self,
+        both: &mut ClosedLoop<I, Willing>,
+    ) -> Result<(), LinkFault<I::Fault>> {
+        for request in std::mem::take(&mut self.requests) {
+            both.line.link.answer(both.now(), request, Err(Why::NotSupported), self)?;
+            both.settle(self)?;
+        }
+        Ok(())
     }
 }
 
@@ -176,7 +217,11 @@ impl Outside for Paper {
             Action::CheckResult { failure: Some(failure), status, line, column, .. } => {
                 self.end = Some(End::CheckFailed(*failure, *status, *line, *column));
             }
-            Action::Deliver { bytes, .. } => self.drained += bytes.len() as u32,
+            Action::Deliver { bytes, .. } => {
+                self.drained += bytes.len() as u32;
+                self.answered += bytes.len() as u64;
+            }
+            Action::Request { request, .. } => self.requests.push(*request),
             Action::Note { level, code, text } => self.notes.push(NoteDocument {
                 level: level.name(),
                 code: *code,
@@ -217,5 +262,6 @@ impl Outside for Paper {
     fn on_wire(&mut self, start: Micros, byte: u8) {
         self.last = start;
         self.wire.push(byte);
+        self.exchange.add(Side::Us, start, byte);
     }
 }

@@ -180,7 +180,7 @@ fn kinds(manifest: &Manifest) -> Option<Table> {
 fn status(manifest: &Manifest) -> Option<Table> {
     let mut table = Table::new(["STATUS", "NAME", "MEANING"]);
     for status in &manifest.status {
-        table.row([status.code.to_string(), status.name.clone(), status.text.clone()]);
+        table.row([format!("{:04X}", status.code), status.name.clone(), status.text.clone()]);
     }
     (!manifest.status.is_empty()).then_some(table)
 }

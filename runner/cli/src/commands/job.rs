@@ -31,6 +31,8 @@ pub(crate) enum Verb {
     Resume(Numbered),
     /// Aborts a job, or takes it out of the queue
     Abort(Numbered),
+    /// Says that somebody has seen how a job ended, and those of its link before it
+    Acknowledge(Numbered),
     Restart(Restart),
     Priority(Rank),
 }

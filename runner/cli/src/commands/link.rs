@@ -26,6 +26,8 @@ pub(crate) enum Verb {
     Reopen(Named),
     /// Goes on although the machine holds the line
     ForceResume(Named),
+    /// Stops a link's plug-in at once, whatever it is doing; an admin's
+    Quarantine(Named),
     /// Lets a link out of quarantine: its plug-in is started again
     Release(Named),
     Swap(Swap),

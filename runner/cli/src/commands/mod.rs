@@ -29,6 +29,7 @@ pub(crate) mod simulate;
 mod step;
 pub(crate) mod trace;
 pub(crate) mod verify;
+mod willing;
 
 use crate::arguments::{Command, Global};
 use crate::exit::Exit;

@@ -9,7 +9,7 @@ use softplug_abi::manifest::SettingValues;
 use softplug_gateway::PortSpec;
 use softplug_gateway::store::{Inbox, Shelf};
 
-use super::send::NoteDocument;
+use super::send::{KeptDocument, NoteDocument, StatusDocument};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files::Partial;
@@ -22,7 +22,8 @@ use crate::screen::Screen;
 ///
 /// What comes is written to FILE.partial, which gets its name when the reception is complete. One
 /// that fails, or that Ctrl-C aborts, is kept as FILE.failed. With most plug-ins a reception ends
-/// after some seconds of quiet; see the plug-in's settings.
+/// after some seconds of quiet; see the plug-in's settings. What follows at once, such as the next
+/// program of one punch, becomes a file of its own in the same folder.
 ///
 /// With --dir it goes on until Ctrl-C: each delivery becomes a file of its own, under the name that
 /// the machine gave, made safe, or under a number. Nothing is overwritten: O1234 is followed by
@@ -91,8 +92,16 @@ pub(crate) struct Document<'a> {
     /// The name that the machine gave.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) name: Option<String>,
+    /// Bytes that came, whatever they were.
+    pub(crate) heard: u64,
+    /// What came besides, before the port was closed.
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    pub(crate) kept: Vec<KeptDocument>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) failure: Option<&'a str>,
+    /// The protocol's own code of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) status: Option<StatusDocument>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) message: Option<String>,
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
@@ -121,6 +130,6 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     live::serve(arguments, folders, prepare()?, screen)
 }
 
-fn no_folder(path: &Path, error: &io::Error) -> Failure {
+pub(crate) fn no_folder(path: &Path, error: &io::Error) -> Failure {
     Failure::usage(format_args!("{} is no folder to use: {error}", path.display()))
 }

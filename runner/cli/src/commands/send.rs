@@ -7,8 +7,10 @@ use serde::Serialize;
 use softplug_abi::Failure as Why;
 use softplug_abi::manifest::{FieldError, Kind, Manifest, SettingValues};
 use softplug_gateway::PortSpec;
+use softplug_gateway::store::Inbox;
 
 use super::dry_run;
+use super::receive::no_folder;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files::{Partial, Program};
@@ -19,7 +21,7 @@ use crate::plugin::Chosen;
 use crate::screen::Screen;
 
 /// The kind of job that is meant if nothing else is said.
-const SEND: &str = "send";
+pub(crate) const SEND: &str = "send";
 
 /// Sends a file through a plug-in, or carries out another of its jobs.
 ///
@@ -32,6 +34,8 @@ const SEND: &str = "send";
 #[command(after_help = "Examples:
   softplug send --port /dev/ttyUSB0 --line \"4800 7E2\" --plugin xon-xoff O0001.nc
   softplug send --port tcp://10.0.0.7:4001 --plugin xon-xoff --set wait_for_xon=on O0001.nc
+  softplug send --port /dev/ttyUSB0 --plugin r3964 --keep from-partner telegram.bin
+  softplug send --dry-run --plugin r3964 telegram.bin
   softplug send --dry-run --plugin xon-xoff --set feed_start=\"12\" O0001.nc
   softplug send --port /dev/ttyUSB0 --line \"4800 7E2\" --plugin fanuc-rs232 --field from_block=120 O0001.nc
   softplug send --port /dev/ttyUSB0 --plugin r3964 --set preset=buderus telegram.bin
@@ -55,10 +59,15 @@ pub(crate) struct Arguments {
     /// Write what the job brings into this file; without it, it is shown
     #[arg(long, short, value_name = "FILE", conflicts_with = "dry_run")]
     pub(crate) out: Option<PathBuf>,
+    /// Keep what the partner sends meanwhile in this folder, each as a file of its own; without it
+    /// the partner is refused, as far as its protocol has a way to
+    #[arg(long, value_name = "DIR", conflicts_with = "dry_run")]
+    pub(crate) keep: Option<PathBuf>,
     /// Overwrite the file of --out
     #[arg(long, short, requires = "out")]
     pub(crate) force: bool,
-    /// Show what would be on the wire; no port is touched, and the partner never holds
+    /// Show what would be on the wire, with a partner that takes it and never holds; no port is
+    /// touched
     #[arg(long)]
     pub(crate) dry_run: bool,
     /// With --dry-run: write the bytes to standard output as they are
@@ -94,7 +103,12 @@ pub(crate) struct Document<'a> {
     /// Bytes that answered the job.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) answered: Option<u64>,
-    /// Bytes that came meanwhile and were dropped.
+    /// What came meanwhile and was kept.
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    pub(crate) kept: Vec<KeptDocument>,
+    /// What came meanwhile and had no place: how often the partner was refused.
+    pub(crate) refused: u64,
+    /// Bytes of it that were dropped all the same.
     pub(crate) received: u64,
     /// The file that holds the answer.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -104,12 +118,62 @@ pub(crate) struct Document<'a> {
     pub(crate) answer: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) failure: Option<&'a str>,
+    /// The protocol's own code of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) status: Option<StatusDocument>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) message: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) wire: Option<String>,
+    /// What was said both ways, where the protocol is a dialogue.
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    pub(crate) exchange: Vec<Piece>,
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     pub(crate) notes: Vec<NoteDocument>,
+}
+
+/// What one side said before the other did.
+#[derive(Serialize)]
+pub(crate) struct Piece {
+    pub(crate) from: &'static str,
+    pub(crate) hex: String,
+}
+
+/// The protocol's own code of a failure.
+#[derive(Serialize)]
+pub(crate) struct StatusDocument {
+    code: u16,
+    /// As the protocol's page writes it: its name, or four hex digits.
+    name: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    text: Option<String>,
+}
+
+impl StatusDocument {
+    /// The code in words of the manifest; `None` without one.
+    pub(crate) fn new(manifest: &Manifest, status: u16) -> Option<Self> {
+        let known = manifest.status(status);
+        (status != 0).then(|| Self {
+            code: status,
+            name: known.map_or_else(|| Self::number(status), |known| known.name.clone()),
+            text: known.map(|known| known.text.clone()),
+        })
+    }
+
+    fn number(status: u16) -> String {
+        format!("{status:04X}")
+    }
+}
+
+/// Something that came besides, and was kept.
+#[derive(Serialize)]
+pub(crate) struct KeptDocument {
+    pub(crate) result: &'static str,
+    pub(crate) bytes: u64,
+    pub(crate) file: Option<String>,
+    /// The name that the machine gave.
+    pub(crate) name: Option<String>,
+    pub(crate) failure: Option<&'static str>,
 }
 
 /// Something that the plug-in said.
@@ -131,6 +195,9 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     };
     if let Some(out) = &arguments.out {
         Partial::check(out, arguments.force)?;
+    }
+    if let Some(keep) = &arguments.keep {
+        Inbox::new(keep).map_err(|error| no_folder(keep, &error))?;
     }
     let plugin = arguments.link.library.load(&arguments.link.plugin)?;
     let settings = plugin.settings(&arguments.link.settings)?;
@@ -207,8 +274,10 @@ fn fields(kind: &Kind, asked: &[Assignment]) -> Result<Vec<u8>, Failure> {
 pub(crate) fn reason(manifest: &Manifest, failure: Why, status: u16) -> String {
     match (status, manifest.status(status)) {
         (0, _) => failure.text().to_owned(),
+        // The plug-in says itself what is wrong with the job, and knows better.
+        (_, Some(known)) if failure == Why::BadJob => format!("{} ({})", known.text, known.name),
         (_, Some(known)) => format!("{} ({}: {})", failure.text(), known.name, known.text),
-        (_, None) => format!("{} (status {status})", failure.text()),
+        (_, None) => format!("{} (status {})", failure.text(), StatusDocument::number(status)),
     }
 }
 

@@ -32,13 +32,14 @@ use softplug_abi::NoteLevel;
 use softplug_abi::manifest::{Manifest, SettingValues};
 use softplug_gateway::port::line_text;
 use softplug_gateway::station::{Station, StationError, StationOptions};
-use softplug_gateway::transfer::{Note, TransferError};
+use softplug_gateway::transfer::{Note, Reception, TransferError};
 use softplug_gateway::{Port, PortOptions, PortSpec};
 
-use crate::commands::send::NoteDocument;
+use crate::commands::send::{KeptDocument, NoteDocument, reason};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::line::{Carrier, ChosenLine, LinkArguments};
+use crate::numbers;
 use crate::plugin::{AnyFault, AnyInstance, Chosen};
 use crate::screen::Screen;
 
@@ -69,19 +70,23 @@ fn open(
     Ok(port)
 }
 
-/// The plug-in on the port.
+/// The plug-in on the port. It is given room for deliveries if they have a place.
 fn station(
     spec: &PortSpec,
     link: &LinkArguments,
     plugin: &Chosen,
     settings: SettingValues,
+    takes_deliveries: bool,
     screen: &Screen,
 ) -> Result<Station<AnyInstance>, Failure> {
     // Compiled before the port is touched.
     let instance = plugin.instantiate()?;
     let line = link.line(plugin.manifest(), &settings);
     let port = open(spec, &link.port_options(line.line), &line, screen)?;
-    let options = StationOptions { settings, depth: link.depth, ..StationOptions::default() };
+    let mut options = StationOptions { settings, depth: link.depth, ..StationOptions::default() };
+    if !takes_deliveries {
+        options.delivery_room = 0;
+    }
     Ok(Station::new(port, instance, options)?)
 }
 
@@ -111,6 +116,33 @@ fn say_notes(notes: &[Note], manifest: &Manifest, screen: &Screen) {
             None => screen.note(format_args!("{}: {text}", note.level)),
         }
     }
+}
+
+/// Says what came besides, each with its place.
+fn say_kept(kept: &[Reception], manifest: &Manifest, screen: &Screen) {
+    for reception in kept {
+        let came = numbers::bytes(reception.bytes);
+        let place = reception.path.as_ref().map(|path| format!(" into {}", path.display()));
+        let place = place.unwrap_or_default();
+        match reception.failure {
+            None => screen.say(format_args!("received {came} besides{place}")),
+            Some((failure, status)) => screen.error(format_args!(
+                "a reception besides failed after {came}{place}: {}",
+                reason(manifest, failure, status)
+            )),
+        }
+    }
+}
+
+fn kept_documents(kept: &[Reception]) -> Vec<KeptDocument> {
+    let document = |reception: &Reception| KeptDocument {
+        result: if reception.failure.is_none() { "complete" } else { "failed" },
+        bytes: reception.bytes,
+        file: reception.path.as_ref().map(|path| path.display().to_string()),
+        name: reception.name.clone(),
+        failure: reception.failure.map(|(failure, _)| failure.name()),
+    };
+    kept.iter().map(document).collect()
 }
 
 fn note_documents(notes: &[Note]) -> Vec<NoteDocument> {

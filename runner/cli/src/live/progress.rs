@@ -1,7 +1,9 @@
-//! The progress bar: how far, how fast, how long yet, how long held.
+//! The progress bar: how far, how fast, how long yet, how long held; and, with a bar or without,
+//! what the machine is waited for.
 
+use std::cell::RefCell;
 use std::fmt::Write as _;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use softplug_gateway::transfer::Progress;
@@ -9,16 +11,52 @@ use softplug_gateway::transfer::Progress;
 use crate::numbers;
 use crate::screen::Screen;
 
+/// How the state of a plug-in begins that waits for the machine: for DC1, XON, DLE, the control.
+const WAITING: &str = "waiting for ";
+/// A machine may take so long without a word from us; most waits of a protocol are shorter.
+const PATIENCE: Duration = Duration::from_secs(3);
+
 /// A bar on standard error, or nothing where nobody would see it.
-pub(super) struct Bar {
+pub(super) struct Bar<'a> {
     bar: ProgressBar,
+    screen: &'a Screen,
+    wait: RefCell<Wait>,
 }
 
-impl Bar {
+/// What is waited for, and since when.
+#[derive(Default)]
+struct Wait {
+    state: String,
+    since: Option<Instant>,
+    /// The states that were told: each is told once.
+    told: Vec<String>,
+}
+
+impl Wait {
+    /// Whether this state has lasted so long that it is to be told.
+    fn is_to_be_told(&mut self, state: &str, now: Instant) -> bool {
+        if self.state != state {
+            state.clone_into(&mut self.state);
+            self.since = state.starts_with(WAITING).then_some(now);
+        }
+        let is_long = self.since.is_some_and(|since| now - since >= PATIENCE);
+        let is_news = is_long && !self.told.iter().any(|told| told == state);
+        if is_news {
+            self.told.push(state.to_owned());
+        }
+        is_news
+    }
+}
+
+impl<'a> Bar<'a> {
     /// A bar for a known size, or a line that tells how much came.
-    pub(super) fn new(total: Option<u64>, screen: &Screen) -> Self {
+    pub(super) fn new(total: Option<u64>, screen: &'a Screen) -> Self {
+        Self { bar: Self::bar(total, screen), screen, wait: RefCell::default() }
+    }
+
+    fn bar(total: Option<u64>, screen: &Screen) -> ProgressBar {
         if !screen.shows_progress() {
-            return Self { bar: ProgressBar::hidden() };
+            return ProgressBar::hidden();
         }
         let bar = ProgressBar::with_draw_target(total, ProgressDrawTarget::stderr());
         let template = match total {
@@ -26,10 +64,19 @@ impl Bar {
             None => "{msg}",
         };
         let style = ProgressStyle::with_template(template).expect("the template is sound");
-        Self { bar: bar.with_style(style.progress_chars("=> ")) }
+        bar.with_style(style.progress_chars("=> "))
     }
 
     pub(super) fn show(&self, progress: &Progress<'_>) {
+        if self.wait.borrow_mut().is_to_be_told(progress.state, Instant::now()) {
+            let state = progress.state.escape_debug();
+            self.aside(|| {
+                self.screen.note(format_args!(
+                    "{state}: nothing leaves before that; see that the machine is connected and \
+                     takes in (READ, DNC operation or the like)"
+                ));
+            });
+        }
         if self.bar.is_hidden() {
             return;
         }
@@ -48,11 +95,14 @@ impl Bar {
     }
 }
 
-/// `12,288 bytes, 912 bytes/s, 5 min 2 s left, held 3.1 s`.
+/// `12,288 bytes, 912 bytes/s, 5 min 2 s left, held 3.1 s`. While the machine is waited for there
+/// is no rate, and nothing to say how long it takes.
 fn text(progress: &Progress<'_>) -> String {
     let mut text = numbers::bytes(progress.bytes);
     let seconds = progress.elapsed.as_secs_f64();
-    if progress.bytes > 0 && seconds > 0.0 {
+    if progress.state.starts_with(WAITING) {
+        let _ = write!(text, ", {}", progress.state.escape_debug());
+    } else if progress.bytes > 0 && seconds > 0.0 {
         let rate = progress.bytes as f64 / seconds;
         let _ = write!(text, ", {} bytes/s", numbers::count(rate as u64));
         if let Some(total) = progress.total {
@@ -93,5 +143,23 @@ mod tests {
         progress.held = Duration::ZERO;
         progress.is_held = false;
         assert_eq!(text(&progress), "0 bytes");
+        progress.bytes = 54;
+        progress.is_held = false;
+        progress.total = Some(5_000);
+        progress.state = "waiting for DC1";
+        assert_eq!(text(&progress), "54 bytes, waiting for DC1");
+    }
+
+    #[test]
+    fn a_long_wait_is_told_once() {
+        let begin = Instant::now();
+        let mut wait = Wait::default();
+        let mut at =
+            |seconds, state| wait.is_to_be_told(state, begin + Duration::from_secs(seconds));
+        assert!(!at(0, "waiting for DC1") && !at(2, "waiting for DC1"));
+        assert!(at(3, "waiting for DC1") && !at(4, "waiting for DC1"));
+        assert!(!at(5, "sending") && !at(60, "sending"));
+        assert!(!at(61, "waiting for DC3") && at(64, "waiting for DC3"));
+        assert!(!at(65, "waiting for DC1") && !at(99, "waiting for DC1"));
     }
 }

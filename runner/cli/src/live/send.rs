@@ -6,11 +6,15 @@ use std::path::{Path, PathBuf};
 
 use softplug_abi::Failure as Why;
 use softplug_gateway::PortSpec;
+use softplug_gateway::store::Inbox;
 use softplug_gateway::transfer::{self, Progress, SendOptions, SendOutcome, SendReport};
 
 use super::progress::Bar;
-use super::{note_documents, say_notes, station, transfer_failure};
-use crate::commands::send::{Arguments, Document, Prepared, check_message, reason};
+use super::{kept_documents, note_documents, say_kept, say_notes, station, transfer_failure};
+use crate::commands::receive::no_folder;
+use crate::commands::send::{
+    Arguments, Document, Prepared, SEND, StatusDocument, check_message, reason,
+};
 use crate::dump::{Dump, hex};
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -27,7 +31,14 @@ pub(crate) fn send(
 ) -> Result<Exit, Failure> {
     let Prepared { mut program, plugin, settings, job_kind, fields, check } = prepared;
     let stop = stop::on_signals()?;
-    let mut station = station(port, &arguments.link, &plugin, settings, screen)?;
+    // A job that only sends needs no room: who has something to say meanwhile is refused.
+    let only_sends = plugin.manifest().jobs[usize::from(job_kind)].name == SEND;
+    let takes = !only_sends || arguments.keep.is_some() || arguments.out.is_some();
+    let mut station = station(port, &arguments.link, &plugin, settings, takes, screen)?;
+    let mut besides = match &arguments.keep {
+        Some(keep) => Some(Inbox::new(keep).map_err(|error| no_folder(keep, &error))?),
+        None => None,
+    };
     let options = SendOptions { check, size: Some(program.size), job_kind, fields };
     let mut answer = match &arguments.out {
         Some(out) => Answer::File(Partial::create(out, arguments.force)?),
@@ -35,7 +46,8 @@ pub(crate) fn send(
     };
     let bar = Bar::new(options.size.filter(|size| *size > 0), screen);
     let (source, show) = (&mut program.file, &mut |progress: &Progress<'_>| bar.show(progress));
-    let sent = transfer::ask(&mut station, source, &mut answer, &options, &stop, show);
+    let besides = besides.as_mut();
+    let sent = transfer::ask(&mut station, source, &mut answer, besides, &options, &stop, show);
     bar.end();
     let report = match sent {
         Ok(report) => report,
@@ -49,6 +61,14 @@ pub(crate) fn send(
     let manifest = plugin.manifest();
     let after = numbers::bytes(report.sent);
     let (exit, result, failure, message) = match report.outcome {
+        SendOutcome::Done if report.received > 0 => {
+            // The plug-in had room for an answer, and took something else with it.
+            let came = numbers::bytes(report.received);
+            let message = format!(
+                "{came} came meanwhile that are no answer, and are lost; give a folder with --keep"
+            );
+            (Exit::Failed, "done-with-loss", None, Some(message))
+        }
         SendOutcome::Done => (Exit::Done, "done", None, None),
         SendOutcome::Aborted => {
             (Exit::Incomplete, "aborted", None, Some(format!("aborted after {after}")))
@@ -62,6 +82,10 @@ pub(crate) fn send(
             let message = format!("the transfer failed after {after}: {why}");
             (exit_of(failure), "failed", Some(failure), Some(message))
         }
+    };
+    let status = match report.outcome {
+        SendOutcome::Failed { status, .. } | SendOutcome::CheckFailed { status, .. } => status,
+        SendOutcome::Done | SendOutcome::Aborted => 0,
     };
     let file = match (report.outcome, report.answered, answer) {
         (SendOutcome::Done, 1.., answer) => answer.complete(screen)?,
@@ -80,17 +104,29 @@ pub(crate) fn send(
         held_seconds: numbers::seconds(report.held),
         holds: report.holds,
         answered: Some(report.answered).filter(|answered| *answered > 0),
+        kept: kept_documents(&report.kept),
+        refused: report.refused,
         received: report.received,
         file: file.as_ref().map(|file| file.display().to_string()),
         answer,
         failure: failure.map(Why::name),
+        status: StatusDocument::new(manifest, status),
         message: message.clone(),
         wire: None,
+        exchange: Vec::new(),
         notes: note_documents(&report.notes),
     });
     match message {
         None => screen.say(done(&report, file.as_deref())),
         Some(message) => screen.error(message),
+    }
+    say_kept(&report.kept, manifest, screen);
+    if report.refused > 0 {
+        screen.note(format_args!(
+            "the machine wanted to send meanwhile, {}, and there was no place for it; --keep DIR \
+             takes what comes",
+            numbers::things(report.refused, "time")
+        ));
     }
     Ok(exit)
 }
@@ -156,6 +192,12 @@ fn done(report: &SendReport, file: Option<&Path>) -> String {
         (0, answered) => {
             format!("received {} in {}", numbers::bytes(answered), numbers::span(report.elapsed))
         }
+        (bytes, _) if report.sent < bytes => format!(
+            "sent {} of the file's {} in {}",
+            numbers::bytes(report.sent),
+            numbers::bytes(bytes),
+            numbers::span(report.elapsed)
+        ),
         (bytes, _) => {
             format!("sent {} in {}", numbers::bytes(bytes), numbers::span(report.elapsed))
         }
@@ -171,10 +213,6 @@ fn done(report: &SendReport, file: Option<&Path>) -> String {
     if report.holds > 0 {
         let times = numbers::things(report.holds, "time");
         let _ = write!(text, "; held {times}, {} in all", numbers::span(report.held));
-    }
-    if report.received > 0 {
-        let came = numbers::bytes(report.received);
-        let _ = write!(text, "; {came} came meanwhile and were dropped");
     }
     text
 }

@@ -15,9 +15,10 @@ use softplug_gateway::transfer::{
 };
 
 use super::progress::Bar;
+use super::receive::{AWAITED, nothing_came};
 use super::{say_notes, station, transfer_failure};
 use crate::commands::receive::{Arguments, Folders, Prepared};
-use crate::commands::send::{check_message, reason};
+use crate::commands::send::{StatusDocument, check_message, reason};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::numbers;
@@ -40,6 +41,8 @@ enum Line<'a> {
         file: Option<String>,
         name: Option<&'a str>,
         failure: Option<&'a str>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        status: Option<StatusDocument>,
         message: Option<String>,
     },
     Request {
@@ -52,6 +55,8 @@ enum Line<'a> {
         result: &'static str,
         sent: u64,
         seconds: f64,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        status: Option<StatusDocument>,
         message: Option<String>,
     },
     Note {
@@ -66,6 +71,8 @@ enum Line<'a> {
         sent: u64,
         not_sent: u64,
         refused: u64,
+        /// Bytes that came, whatever they were.
+        heard: u64,
     },
 }
 
@@ -77,8 +84,9 @@ pub(crate) fn serve(
 ) -> Result<Exit, Failure> {
     let Prepared { plugin, settings } = prepared;
     let stop = stop::on_signals()?;
-    let mut station = station(&arguments.port, &arguments.link, &plugin, settings, screen)?;
+    let mut station = station(&arguments.port, &arguments.link, &plugin, settings, true, screen)?;
     let Folders { inbox, shelf } = folders;
+    screen.note(AWAITED);
     let bar = Bar::new(None, screen);
     let mut counter = Counter { inbox, shelf, manifest: plugin.manifest(), bar: &bar, screen };
     let options = ServeOptions {
@@ -90,9 +98,9 @@ pub(crate) fn serve(
     });
     bar.end();
     let report = served.map_err(transfer_failure)?;
-    let (exit, result, message) = verdict(&report);
-    let ServeReport { complete, failed, sent, not_sent, refused, .. } = report;
-    screen.json_line(&Line::End { result, complete, failed, sent, not_sent, refused });
+    let (exit, result, message) = verdict(&report, arguments.count, plugin.manifest());
+    let ServeReport { complete, failed, sent, not_sent, refused, heard, .. } = report;
+    screen.json_line(&Line::End { result, complete, failed, sent, not_sent, refused, heard });
     if let Some(message) = message {
         screen.error(message);
     }
@@ -100,15 +108,26 @@ pub(crate) fn serve(
     Ok(exit)
 }
 
-/// Ctrl-C is how this usually ends: what counts is what became of what came.
-fn verdict(report: &ServeReport) -> (Exit, &'static str, Option<&'static str>) {
+/// Ctrl-C is how this usually ends: what counts is what became of what came, and whether that is
+/// as much as was asked for.
+fn verdict(
+    report: &ServeReport,
+    count: Option<u64>,
+    manifest: &Manifest,
+) -> (Exit, &'static str, Option<String>) {
     let has_failures = report.failed > 0 || report.not_sent > 0;
-    match report.end {
-        ServeEnd::Gone => (Exit::Port, "gone", Some("the port is gone")),
-        ServeEnd::Idle if report.complete + report.failed + report.sent == 0 => {
-            (Exit::Incomplete, "nothing-came", Some("nothing came in the time given"))
+    let came = report.complete + report.failed;
+    match (report.end, count) {
+        (ServeEnd::Gone, _) => (Exit::Port, "gone", Some("the port is gone".to_owned())),
+        (ServeEnd::Idle, _) if came + report.sent == 0 => {
+            (Exit::Incomplete, "nothing-came", Some(nothing_came(report.heard, manifest)))
         }
         _ if has_failures => (Exit::Failed, "failed", None),
+        (_, Some(count)) if came < count => {
+            let (came, all) = (numbers::count(came), numbers::count(count));
+            let message = format!("only {came} of the {all} that were asked for came");
+            (Exit::Incomplete, "incomplete", Some(message))
+        }
         _ => (Exit::Done, "done", None),
     }
 }
@@ -131,7 +150,7 @@ struct Counter<'a> {
     inbox: Inbox,
     shelf: Option<Shelf>,
     manifest: &'a Manifest,
-    bar: &'a Bar,
+    bar: &'a Bar<'a>,
     screen: &'a Screen,
 }
 
@@ -207,7 +226,12 @@ impl Counter<'_> {
             None => self.say(format_args!("{name}: another program was asked for instead")),
         }
         let seconds = numbers::seconds(report.elapsed);
-        self.screen.json_line(&Line::Job { program: name, result, sent, seconds, message });
+        let status = match report.outcome {
+            SendOutcome::Failed { status, .. } | SendOutcome::CheckFailed { status, .. } => status,
+            SendOutcome::Done | SendOutcome::Aborted => 0,
+        };
+        let status = StatusDocument::new(self.manifest, status);
+        self.screen.json_line(&Line::Job { program: name, result, sent, seconds, status, message });
     }
 }
 
@@ -260,6 +284,9 @@ impl Desk for Counter<'_> {
             file,
             name,
             failure: delivered.failure.map(|(failure, _)| failure.name()),
+            status: delivered
+                .failure
+                .and_then(|(_, status)| StatusDocument::new(self.manifest, status)),
             message,
         });
         Ok(())

@@ -74,6 +74,66 @@ fn a_dry_run_shows_the_wire() {
 }
 
 #[test]
+fn a_dry_run_has_a_willing_partner() {
+    let bench = Bench::new();
+    bench.write("block.bin", b"AB\x10C");
+    bench.write("words.bin", [0x12, 0x34]);
+    bench.write("O1.nc", "%\nO1\nM30\n%\n");
+    bench.write("1.h", "0 BEGIN PGM 1 MM\n");
+    let run = |line: &str| {
+        let words = ["send", "--dry-run", "--plugin"];
+        bench.run(&[&words[..], &line.split(' ').collect::<Vec<_>>()].concat()).with_code(0)
+    };
+    snapshot("dry-run-3964r", run("r3964 block.bin"));
+    snapshot("dry-run-heidenhain-fe", run("heidenhain-fe 1.h"));
+    let exchange = |line: &str| {
+        let json = run(&format!("{line} --json")).json();
+        assert_eq!(json["result"], "done", "{line}");
+        let pieces = json["exchange"].as_array().unwrap().clone();
+        let text = |piece: &serde_json::Value| {
+            let arrow = if piece["from"] == "partner" { "<" } else { ">" };
+            format!("{arrow}{}", piece["hex"].as_str().unwrap())
+        };
+        (pieces.iter().map(text).collect::<Vec<_>>().join(" "), json["answered"].clone())
+    };
+    let quiet = "--set nak_at_start=off";
+    let block = ">02 <10 >41421010431003";
+    assert_eq!(exchange(&format!("r3964 {quiet} block.bin")).0, format!("{block}53 <10"));
+    let without = format!("r3964 {quiet} --set preset=3964 block.bin");
+    assert_eq!(exchange(&without).0, format!("{block} <10"));
+    let at_once = "r3964-simplified --set handshake=off block.bin";
+    assert_eq!(exchange(at_once).0, ">024142101043100353 <10");
+    let place = "--field area=DB --field block=5 --field offset=10";
+    let rk512 = format!("r3964 {quiet} --set layer=rk512 {place}");
+    assert_eq!(
+        exchange(&format!("{rk512} --job write words.bin")).0,
+        ">02 <10 >00004144050a0001ffff123410033e <1002 >10 <00000000100313 >10"
+    );
+    assert_eq!(exchange(&format!("{rk512} --job read --field count=7")).1, 14);
+    // GTD and EOD.
+    let packets = exchange("fanuc-rs232 --set preset=15-remote-a O1.nc").0;
+    assert!(packets.contains("45434754440d"), "{packets}");
+    assert!(packets.contains("4535454f440d"), "{packets}");
+    let raw = run("fanuc-rs232 --raw O1.nc");
+    assert_eq!(raw.out, "%\nO1\nM30\n%");
+}
+
+#[test]
+fn a_second_program_in_a_file_is_refused_at_its_place() {
+    let bench = Bench::new();
+    bench.write("two.nc", "%\nO1\nM30\n%\n%\nO2\nM30\n%\n");
+    let words = ["send", "--dry-run", "--plugin", "fanuc-rs232", "two.nc"];
+    let ran = bench.run(&words).with_code(1);
+    assert_eq!(ran.out, "");
+    let said = "two.nc, line 5, column 1 cannot be sent: text behind the closing %";
+    assert!(ran.err.contains(said), "{ran}");
+    let json = bench.run(&[&words[..], &["--json"]].concat()).with_code(1).json();
+    assert_eq!((&json["failure"], &json["status"]["code"]), (&"bad-job".into(), &4.into()));
+    let first = bench.run(&[&words[..], &["--raw", "--set", "after_end=drop"]].concat());
+    assert_eq!(first.with_code(0).out, "%\nO1\nM30\n%");
+}
+
+#[test]
 fn a_dry_run_is_the_same_in_the_sandbox_and_native() {
     let bench = Bench::new();
     bench.write("O1.nc", crate::bench::program("surfacing.nc"));

@@ -9,6 +9,7 @@ mod signals;
 mod supervision;
 mod systemd;
 mod visitors;
+mod waiting;
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -190,6 +191,18 @@ fn a_gateway_that_is_killed_knows_what_was_under_way() {
     let (surely, maybe) =
         (job["surely_left"].as_u64().unwrap(), job["maybe_left"].as_u64().unwrap());
     assert!(surely <= got.len() as u64 && got.len() as u64 <= maybe, "{surely} {maybe} {job}");
+    // In every list the same words, and trouble until somebody has seen it.
+    let text = job["text"].as_str().unwrap();
+    let jobs = gateway.ask(&bench, &token, &["job", "list"]).with_code(0).out;
+    assert!(jobs.contains(text), "{text}\n{jobs}");
+    let links = gateway.ask(&bench, &token, &["link", "list"]).with_code(0).out;
+    assert!(links.contains("last 1: O1.nc interrupted") && links.contains(text), "{text}\n{links}");
+    assert!(links.contains("job 1, O1.nc, interrupted: the gateway ended"), "{links}");
+    let seen = gateway.ask(&bench, &token, &["job", "acknowledge", "1"]).with_code(0).out;
+    assert!(seen.contains(text), "{text}\n{seen}");
+    let shown = gateway.ask(&bench, &token, &["link", "show", "lathe"]).with_code(0).out;
+    assert!(shown.contains(&format!("last 1: O1.nc interrupted, {text}")), "{text}\n{shown}");
+    assert!(!shown.contains("trouble"), "{shown}");
     // Nothing is sent again unasked, also by the command that takes its place.
     gateway.signal(Signal::USR2);
     gateway.address = ready(&mut gateway.out);

@@ -51,6 +51,7 @@ const VERBS: &[&[&str]] = &[
     &["job", "pause"],
     &["job", "resume"],
     &["job", "abort"],
+    &["job", "acknowledge"],
     &["job", "restart"],
     &["job", "priority"],
     &["program"],

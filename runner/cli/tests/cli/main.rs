@@ -12,6 +12,8 @@ mod diff;
 mod exchange;
 mod files;
 #[cfg(target_os = "linux")]
+mod full_output;
+#[cfg(target_os = "linux")]
 mod gateway;
 mod help;
 mod kit;

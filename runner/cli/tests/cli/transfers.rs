@@ -288,7 +288,8 @@ fn a_reception_that_never_begins_is_given_up() {
     let pty = PtyPair::open().unwrap();
     let receive = ["receive", "--port", &slave(&pty), "--plugin", "xon-xoff", "--out", "O1.nc"];
     let ran = bench.run(&[&receive[..], &["--wait", "1"]].concat()).with_code(5);
-    assert_eq!(ran.err, "error: nothing came in the time given\n");
+    assert!(ran.err.starts_with("waiting for the machine to send: "), "{ran}");
+    assert!(ran.err.ends_with("error: nothing came in the time given\n"), "{ran}");
     assert_eq!(bench.names(), Vec::<String>::new());
 }
 
@@ -464,6 +465,71 @@ fn an_operator_asks_for_programs_at_the_panel() {
     assert_eq!((code, &report["as_expected"]), (0, &true.into()), "{report}");
 }
 
+/// The block "A", and the partner's "XY".
+const OURS: [u8; 4] = [b'A', 0x10, 0x03, 0x52];
+const THEIRS: [u8; 5] = [b'X', b'Y', 0x10, 0x03, 0x12];
+
+/// Sends "A" to a partner that begins at the same time with "XY", and says what is to be said.
+fn in_conflict(bench: &Bench, more: &[&str], says: &[(usize, &[u8])]) -> Ran {
+    bench.write("block.bin", "A");
+    let pty = PtyPair::open().unwrap();
+    let send = ["send", "--port", &slave(&pty), "--plugin", "r3964", "--json", "block.bin"];
+    let quiet = ["--set", "nak_at_start=off", "--set", "zvz=20000", "--set", "qvz=20000"];
+    let child = bench.command(&[&send[..], &quiet, more].concat()).spawn().unwrap();
+    let mut heard = Vec::new();
+    for (count, answer) in says {
+        heard.extend(read(&pty, *count));
+        pty.write(answer).unwrap();
+    }
+    let expected: &[u8] = if more.is_empty() { &[2, 0x15, 2] } else { &[2, 0x10, 0x10, 2] };
+    assert_eq!(heard, [expected, &OURS].concat());
+    ended(child).with_code(0)
+}
+
+#[test]
+fn what_a_partner_sends_meanwhile_is_refused_or_kept_and_never_dropped() {
+    let _alone = alone();
+    let bench = Bench::new();
+    let refused = in_conflict(&bench, &[], &[(1, &[2]), (2, &[0x10]), (4, &[0x10])]);
+    assert_eq!((&refused.json()["refused"], &refused.json()["received"]), (&1.into(), &0.into()));
+    assert!(refused.err.contains("wanted to send meanwhile, 1 time"), "{refused}");
+
+    std::fs::create_dir(bench.path("in")).unwrap();
+    let says: [(usize, &[u8]); 4] = [(1, &[2]), (1, &THEIRS), (2, &[0x10]), (4, &[0x10])];
+    let kept = in_conflict(&bench, &["--keep", "in"], &says).json();
+    assert_eq!((&kept["refused"], &kept["kept"][0]["bytes"]), (&0.into(), &2.into()));
+    assert_eq!(kept["kept"][0]["file"], "in/000001");
+    assert_eq!(bench.read("in/000001"), b"XY");
+}
+
+#[test]
+fn fewer_deliveries_than_were_asked_for_are_not_done() {
+    let _alone = alone();
+    let bench = Bench::new();
+    std::fs::create_dir(bench.path("in")).unwrap();
+    let pty = PtyPair::open().unwrap();
+    let receive = ["receive", "--port", &slave(&pty), "--plugin", "xon-xoff", "--dir", "in"];
+    let more = ["--count", "3", "--wait", "1", "--set", "quiet_time=200", "--json"];
+    let child = bench.command(&[&receive[..], &more].concat()).spawn().unwrap();
+    pty.write(b"G1X1\n").unwrap();
+    let ran = ended(child).with_code(5);
+    let end = lines(&ran).pop().unwrap();
+    assert_eq!((&end["result"], &end["complete"]), (&"incomplete".into(), &1.into()), "{ran}");
+    assert_eq!(end["heard"], 5);
+}
+
+#[test]
+fn characters_that_begin_no_program_are_told() {
+    let bench = Bench::new();
+    let pty = PtyPair::open().unwrap();
+    let receive = ["receive", "--port", &slave(&pty), "--plugin", "fanuc-rs232", "--wait", "1"];
+    let child = bench.command(&[&receive[..], &["--out", "O1.nc"]].concat()).spawn().unwrap();
+    pty.write(b"%\nO1\nM30\n%\n").unwrap();
+    let ran = ended(child).with_code(5);
+    let said = "11 bytes came in the time given, but nothing that begins a program of FANUC RS-232";
+    assert!(ran.err.contains(said), "{ran}");
+}
+
 #[test]
 fn a_plug_ins_own_line_is_taken_and_told() {
     let bench = Bench::new();
@@ -486,7 +552,9 @@ fn a_plug_ins_own_line_is_taken_and_told() {
     let plain = told("fanuc-rs232", &["--line", "9600 8N1"]);
     assert!(!plain.contains("the line is"), "{plain}");
     // It names none, and of a pty there is nothing to say.
-    assert_eq!(told("xon-xoff", &[]), "error: nothing came in the time given\n");
+    let nothing = told("xon-xoff", &[]);
+    assert!(nothing.starts_with("waiting for the machine to send: "), "{nothing}");
+    assert!(nothing.ends_with("error: nothing came in the time given\n"), "{nothing}");
 
     let ran = bench.run(&["inspect", "fanuc-rs232"]).with_code(0);
     let line = "\nline      4800 7E2, 4800 8N2 with parity=software, 4800 8N2 with parity=none, \

@@ -13,7 +13,8 @@ pub struct Counters {
     pub bytes_out: u64,
     /// Line errors, by [`LineErrorKind`] in the order of their codes.
     pub line_errors: [u64; LineErrorKind::ALL.len()],
-    /// How often the transmit queue was held.
+    /// How often the partner held the transmit queue. What a pause of the host's holds does not
+    /// count here and below.
     pub holds: u64,
     /// How long it was held in all.
     pub held: Micros,
@@ -21,12 +22,19 @@ pub struct Counters {
     pub after_hold: u64,
     /// The most at one time.
     pub after_hold_most: u64,
-    /// Since when it has been held.
+    /// Since when the partner has held it.
     held_since: Option<Micros>,
+    /// Whether it stands, whoever wants that.
+    stands: bool,
+    /// The host has paused the job: that it stands says nothing of the partner.
+    is_paused: bool,
+    /// The partner held it when the pause began.
+    was_held: bool,
 }
 
 impl Counters {
-    /// Whether the transmit queue is held.
+    /// Whether the partner holds the transmit queue, as far as is known: not while the host has
+    /// paused the job.
     pub fn is_held(&self) -> bool {
         self.held_since.is_some()
     }
@@ -49,7 +57,8 @@ impl Counters {
     }
 
     pub(crate) fn hold(&mut self, now: Micros, in_flight: u64) {
-        if self.held_since.is_none() {
+        self.stands = true;
+        if self.held_since.is_none() && !self.is_paused {
             self.after_hold += in_flight;
             self.after_hold_most = self.after_hold_most.max(in_flight);
             self.holds += 1;
@@ -58,8 +67,64 @@ impl Counters {
     }
 
     pub(crate) fn release(&mut self, now: Micros) {
+        (self.stands, self.was_held) = (false, false);
+        self.end_hold(now);
+    }
+
+    /// The host pauses the job: to be told before the plug-in is. Ends the pause: after it.
+    pub(crate) fn pause(&mut self, now: Micros, is_paused: bool) {
+        if is_paused == self.is_paused {
+            return;
+        }
+        self.is_paused = is_paused;
+        if is_paused {
+            self.was_held = self.held_since.is_some();
+            self.end_hold(now);
+        } else if self.stands {
+            // It still stands: now that is the partner's doing.
+            self.holds += u64::from(!std::mem::take(&mut self.was_held));
+            self.held_since = Some(now);
+        }
+    }
+
+    fn end_hold(&mut self, now: Micros) {
         if let Some(since) = self.held_since.take() {
             self.held = self.held + (now - since);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pause_is_no_hold_of_the_partners() {
+        let mut counters = Counters::default();
+        counters.pause(Micros(0), true);
+        counters.hold(Micros(1), 3);
+        assert!(!counters.is_held());
+        counters.release(Micros(5));
+        counters.pause(Micros(5), false);
+        assert_eq!((counters.holds, counters.at(Micros(9)).held), (0, Micros::ZERO));
+        assert_eq!(counters.after_hold, 0);
+    }
+
+    #[test]
+    fn a_hold_that_outlasts_a_pause_is_one_hold_and_counts_without_it() {
+        let mut counters = Counters::default();
+        counters.hold(Micros(10), 2);
+        counters.pause(Micros(20), true);
+        assert!(!counters.is_held());
+        counters.pause(Micros(50), false);
+        assert!(counters.is_held());
+        assert_eq!((counters.holds, counters.at(Micros(55)).held), (1, Micros(15)));
+        counters.release(Micros(60));
+        assert!(!counters.is_held());
+        // Held while it was paused: known from the pause's end on.
+        counters.pause(Micros(70), true);
+        counters.hold(Micros(71), 1);
+        counters.pause(Micros(80), false);
+        assert_eq!((counters.holds, counters.is_held()), (2, true));
     }
 }

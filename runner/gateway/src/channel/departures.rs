@@ -48,6 +48,8 @@ struct Line {
     characters: LineParameters,
     /// The port keeps the line's rate: no byte leaves before its time.
     rate_known: bool,
+    /// The port tells what it holds: as long as it is not asked, nothing is sure.
+    tells: bool,
     /// Characters that the port does not tell of, and that leave although the
     /// partner has stopped it.
     below: Option<u32>,
@@ -59,6 +61,7 @@ struct Look {
     at: Micros,
     out: u64,
     held: u64,
+    taken: u64,
 }
 
 /// Runs of bytes that the port took and that have not all left for certain.
@@ -86,8 +89,12 @@ pub(super) struct Departures {
 
 impl Departures {
     pub(super) fn new(port: &Port) -> Self {
+        Self::on(Line::of(port))
+    }
+
+    fn on(line: Line) -> Self {
         Self {
-            line: Line::of(port),
+            line,
             runs: VecDeque::new(),
             taken: 0,
             settled: 0,
@@ -120,7 +127,7 @@ impl Departures {
             Some(since) if is_stuck => Some(since),
             _ => Some(now),
         };
-        self.look = Look { at: now, out, held };
+        self.look = Look { at: now, out, held, taken: self.taken };
         if backlog.is_empty {
             self.aged = self.taken;
             self.settled = self.taken;
@@ -171,7 +178,7 @@ impl Departures {
     pub(super) fn begin_anew(&mut self, port: &Port, now: Micros) {
         self.lost(now);
         self.line = Line::of(port);
-        self.look = Look { at: now, out: self.taken, held: 0 };
+        self.look = Look { at: now, out: self.taken, held: 0, taken: self.taken };
         (self.ageing, self.aged, self.stuck_since) = (self.look, self.taken, None);
     }
 
@@ -219,13 +226,16 @@ impl Departures {
         self.runs.front().map(|run| run.surely_left(run.count - 1))
     }
 
-    /// What was out at the last look, and what the fastest line has sent since.
+    /// What was out at the last look, and what the fastest line has sent since; also as much as
+    /// the port was given since, which is little, because an adapter need not keep to the rate
+    /// that it has.
     fn place_maybe(&self, now: Micros) -> u64 {
         if !self.line.rate_known {
             return self.taken;
         }
         let since = most_in(self.line.characters, now - self.look.at);
-        self.look.out.saturating_add(since).min(self.taken)
+        let given = self.taken - self.look.taken;
+        self.look.out.saturating_add(since.max(given)).min(self.taken)
     }
 
     fn place_surely(&mut self, now: Micros) -> u64 {
@@ -253,7 +263,11 @@ impl Departures {
 
     /// The place up to which the port held nothing.
     fn limit(&self) -> u64 {
-        if self.line.below.is_some() { self.aged } else { self.look.out }
+        match self.line.below {
+            _ if !self.line.tells => self.taken,
+            Some(_) => self.aged,
+            None => self.look.out,
+        }
     }
 
     /// What was never sent is behind us.
@@ -272,7 +286,155 @@ impl Line {
         Self {
             characters: port.line(),
             rate_known: port.rate_known(),
+            tells: port.tells_backlog(),
             below: port.leaves_when_stopped(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::pacer::Pacer;
+
+    /// A UART below the kernel's queue: the kernel fills its memory when that is empty, unless
+    /// the partner has stopped it; what is in it leaves.
+    #[derive(Debug)]
+    struct Uart {
+        character: i64,
+        fifo: u64,
+        queue: u64,
+        inside: u64,
+        left: u64,
+        is_stopped: bool,
+        /// When the character on the line ends.
+        ends: i64,
+        now: i64,
+    }
+
+    impl Uart {
+        fn fill(&mut self) {
+            if self.inside == 0 && !self.is_stopped && self.queue > 0 {
+                self.inside = self.queue.min(self.fifo);
+                self.queue -= self.inside;
+                self.ends = self.now + self.character;
+            }
+        }
+
+        fn until(&mut self, at: i64) {
+            self.fill();
+            while self.inside > 0 && self.ends <= at {
+                self.now = self.ends;
+                self.inside -= 1;
+                self.left += 1;
+                self.ends = self.now + self.character;
+                self.fill();
+            }
+            self.now = at;
+        }
+    }
+
+    #[derive(Clone, Debug)]
+    enum Step {
+        Wait(i64),
+        Write(usize),
+        Stop(bool),
+        CallBack,
+    }
+
+    fn step() -> impl Strategy<Value = Step> {
+        prop_oneof![
+            4 => (1_i64..60_000).prop_map(Step::Wait),
+            4 => (1_usize..40).prop_map(Step::Write),
+            2 => any::<bool>().prop_map(Step::Stop),
+            1 => Just(Step::CallBack),
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn what_has_left_lies_between_the_two_figures(
+            steps in prop::collection::vec(step(), 1..120),
+            fifo in prop_oneof![Just(1_u64), Just(16), Just(64)],
+            tells_empty in any::<bool>(),
+        ) {
+            let characters = LineParameters::new(9_600);
+            let mut pacer = Pacer::new(characters, 4);
+            let below = Some(fifo as u32 + 1);
+            let mut departures = Departures::on(Line { characters, rate_known: true, tells: true, below });
+            let mut uart = Uart {
+                // A character of 1,041.67 µs takes no longer than that, nor half a per cent less.
+                character: 1_041, fifo, queue: 0, inside: 0, left: 0, is_stopped: false, ends: 0, now: 0,
+            };
+            let mut from = (Place::default(), 0);
+            for step in steps {
+                let now = Micros(uart.now);
+                match step {
+                    Step::Wait(span) => uart.until(uart.now + span),
+                    Step::Write(count) => {
+                        uart.queue += count as u64;
+                        departures.took(now, pacer.took(now, count));
+                        uart.fill();
+                    }
+                    Step::Stop(is_stopped) => {
+                        uart.is_stopped = is_stopped;
+                        uart.fill();
+                    }
+                    Step::CallBack => {
+                        departures.looked(now, Backlog { bytes: uart.queue as usize, is_empty: false });
+                        uart.queue = 0;
+                        departures.called_back();
+                        pacer.discarded(now);
+                        // The next job's figures begin here.
+                        from = (departures.place(), uart.left + uart.inside);
+                    }
+                }
+                let now = Micros(uart.now);
+                let is_empty = tells_empty && uart.queue + uart.inside == 0;
+                departures.looked(now, Backlog { bytes: uart.queue as usize, is_empty });
+                let left = departures.left(now, Place::default());
+                prop_assert!(left.surely <= uart.left && uart.left <= left.maybe, "{left:?} {uart:?}");
+                let (maybe, surely) = departures.places(now);
+                prop_assert!(surely <= maybe);
+                let (left, behind) = (departures.left(now, from.0), uart.left.saturating_sub(from.1));
+                prop_assert!(left.surely <= behind && behind <= left.maybe, "{left:?} {uart:?}");
+            }
+            // In the end all has left that was not called back, and that is known.
+            uart.is_stopped = false;
+            uart.until(uart.now + 2_000_000);
+            for _ in 0..2 {
+                departures.looked(Micros(uart.now), Backlog::default());
+                uart.until(uart.now + 2_000_000);
+            }
+            departures.looked(Micros(uart.now), Backlog::default());
+            let left = departures.left(Micros(uart.now), Place::default());
+            prop_assert_eq!(left.surely, uart.left);
+            prop_assert!(left.maybe >= uart.left);
+        }
+    }
+
+    #[test]
+    fn a_port_that_is_lost_leaves_what_it_was_last_known_to_hold() {
+        let characters = LineParameters::new(9_600);
+        let mut pacer = Pacer::new(characters, 4_096);
+        let mut departures =
+            Departures::on(Line { characters, rate_known: true, tells: true, below: None });
+        departures.took(Micros(0), pacer.took(Micros(0), 4_009));
+        // It has passed on 400, and is pulled out ten characters later.
+        departures.looked(Micros(417_000), Backlog { bytes: 3_609, is_empty: false });
+        let now = Micros(427_416);
+        assert_eq!(departures.left(now, Place::default()), Left { maybe: 410, surely: 400 });
+        departures.lost(now);
+        let later = Micros(9_000_000);
+        assert_eq!(departures.left(later, Place::default()).surely, 400);
+        // The next job begins behind all that was lost.
+        let place = departures.place();
+        departures.look.out = departures.taken;
+        departures.took(later, pacer.took(later, 3));
+        departures.looked(later + Micros(20_000_000), Backlog::default());
+        let left = departures.left(later + Micros(20_000_000), place);
+        assert_eq!(left, Left { maybe: 3, surely: 3 });
     }
 }

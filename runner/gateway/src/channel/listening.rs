@@ -20,6 +20,8 @@ use softplug_link::{Link, LinkFault};
 
 /// Most bytes that a received one becomes: a line end can be LF CR CR.
 const GROWTH: u32 = 3;
+/// Bytes that are read at once where nothing is delivered.
+const READ_UNDELIVERED: usize = 256;
 /// Most reads before a timer that is due: a partner that never pauses must not
 /// keep it back.
 const READS: usize = 8;
@@ -133,9 +135,14 @@ impl<I: Instance> Channel<I> {
     }
 
     /// How many bytes may be read: what finds no room for delivery stays with
-    /// the kernel, which loses nothing as long as the partner obeys.
+    /// the kernel, which loses nothing as long as the partner obeys. Where nothing is delivered
+    /// ever, nothing waits for room.
     pub(super) fn readable_bytes(&self) -> usize {
-        (self.link.known_delivery_room() / GROWTH) as usize
+        if self.takes_deliveries {
+            (self.link.known_delivery_room() / GROWTH) as usize
+        } else {
+            READ_UNDELIVERED
+        }
     }
 
     /// Whether nobody tells of modem lines, so that they are looked at again and

@@ -49,7 +49,8 @@ pub struct StationOptions {
     pub depth: Option<u32>,
     /// Bytes that the transmit queue takes.
     pub transmit_room: u32,
-    /// Bytes of deliveries that may wait to be put away.
+    /// Bytes of deliveries that may wait to be put away; 0: none is taken, and a partner whose
+    /// protocol has a way to be refused is.
     pub delivery_room: u32,
 }
 
@@ -142,6 +143,8 @@ pub struct Channel<I: Instance> {
     readable: bool,
     gone: Option<LinkDownReason>,
     depth: Option<u32>,
+    /// There is room for deliveries, now or later.
+    takes_deliveries: bool,
     /// What the port still holds belongs to a job that is over.
     is_calling_back: bool,
     /// The partner has stopped the line below us: when to look again.
@@ -180,6 +183,7 @@ impl<I: Instance> Channel<I> {
             readable: true,
             gone: None,
             depth: options.depth,
+            takes_deliveries: options.delivery_room > 0,
             is_calling_back: false,
             stopped_until: None,
         }
@@ -202,6 +206,12 @@ impl<I: Instance> Channel<I> {
     /// What has been counted up to `now`.
     pub fn counters(&self, now: Micros) -> Counters {
         self.counters.at(now)
+    }
+
+    /// The host pauses the job, to be said before the plug-in is asked to; or no longer, to be
+    /// said after it: a pause is not counted as a hold of the partner's.
+    pub fn count_pause(&mut self, now: Micros, is_paused: bool) {
+        self.counters.pause(now, is_paused);
     }
 
     /// Why the port is gone, if it is.
@@ -420,6 +430,9 @@ impl<I: Instance> Channel<I> {
         (self.pending_from, self.pending_to) = (0, 0);
         self.readable = true;
         self.calls_back(true);
+        // What the one before held, nobody will let go.
+        self.counters.pause(now, false);
+        self.counters.release(now);
         Ok(self.ask(now, outside, |link, now, outside| {
             link.replace(now, instance, settings, outside)
         })??)

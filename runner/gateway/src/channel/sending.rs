@@ -15,8 +15,8 @@ use crate::due::Due;
 use crate::error::PortError;
 use crate::port::{Backlog, Port};
 
-/// How often a port that keeps its rate is asked what it holds, if nobody can
-/// stop it: a slow clock makes it hold more only little by little.
+/// How often a port is asked what it holds if nobody can stop it where it keeps
+/// its rate: a slow clock makes it hold more only little by little.
 const LOOK_EVERY: Micros = Micros::from_millis(16);
 /// A port that has held the same for so long was stopped, unless its UART takes
 /// longer for what it has taken.
@@ -74,12 +74,17 @@ impl<I: Instance> Channel<I> {
 
     /// What the port still holds counts as in flight.
     fn look_below(&mut self, now: Micros) {
-        let Some(port) = self.port.as_ref().filter(|port| port.rate_known()) else { return };
-        if !port.is_stoppable() && now < self.departures.looked_at() + LOOK_EVERY {
+        let Some(port) = self.port.as_ref().filter(|port| port.tells_backlog()) else { return };
+        let is_watched = port.rate_known() && port.is_stoppable();
+        if !is_watched && now < self.departures.looked_at() + LOOK_EVERY {
             return;
         }
         let backlog = Backlog { bytes: port.unsent(), is_empty: false };
         self.departures.looked(now, backlog);
+        if !port.rate_known() {
+            // What a server has not acknowledged is maybe only on its way.
+            return;
+        }
         self.pacer.holds(now, backlog.bytes);
         let is_stopped = self.departures.stuck_for(now) >= self.stopped_after();
         self.stopped_until = is_stopped.then_some(now + WHILE_STOPPED);

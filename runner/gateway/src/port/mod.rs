@@ -7,6 +7,8 @@ mod marks;
 mod spec;
 
 #[cfg(target_os = "linux")]
+mod held;
+#[cfg(target_os = "linux")]
 pub(crate) mod holders;
 #[cfg(target_os = "linux")]
 pub(crate) mod ioctl;
@@ -33,6 +35,8 @@ mod tty;
 pub use self::rfc2217::Rfc2217Port;
 pub use difference::{DifferenceWeight, SettingDifference};
 pub use ear::Backlog;
+#[cfg(target_os = "linux")]
+pub use held::discard_all;
 pub use marks::{Input, LineCounters, MarkDecoder};
 #[cfg(target_os = "linux")]
 pub use open::{Port, ReadOutcome};

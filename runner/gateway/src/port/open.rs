@@ -139,6 +139,15 @@ impl Port {
         }
     }
 
+    /// Whether the port tells what it still [holds](Self::backlog).
+    pub fn tells_backlog(&self) -> bool {
+        match self {
+            Self::Tty(port) => !port.is_pty(),
+            Self::Tcp(_) | Self::Rfc2217(_) => true,
+            Self::Pty(_) => false,
+        }
+    }
+
     /// What the port tells of the bytes that it was given.
     pub fn backlog(&self) -> Backlog {
         match self {

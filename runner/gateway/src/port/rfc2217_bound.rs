@@ -47,7 +47,7 @@ impl SubnegotiationBound {
     fn take(&mut self, byte: u8) -> bool {
         self.state = match (self.state, byte) {
             (State::Data, IAC) => State::Command,
-            (State::Data, _) | (State::Option, _) => State::Data,
+            (State::Data | State::Option, _) => State::Data,
             (State::Inside, IAC) => State::InsideCommand,
             (State::Inside, _) | (State::InsideCommand, IAC) => {
                 self.length += 1;

@@ -5,6 +5,7 @@ use std::io;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use rustix::fs::{FlockOperation, Mode, OFlags, flock, open};
 use rustix::io::{Errno, read, retry_on_intr, write};
@@ -16,6 +17,7 @@ use softplug_abi::{LineParameters, LinkDownReason, ModemLines};
 
 use super::difference::{SettingDifference, noted, refused};
 use super::ear::{Backlog, Ear, Plain};
+use super::held;
 use super::holders::{group, holders, holders_but, is_pty};
 use super::ioctl;
 use super::marks::{Input, LineCounters, MarkDecoder};
@@ -36,7 +38,7 @@ const EARLY_BYTES: usize = 65_536;
 /// the port had before come back, unless it was [handed over](Self::hand_over).
 #[derive(Debug)]
 pub struct TtyPort {
-    fd: OwnedFd,
+    fd: Arc<OwnedFd>,
     path: PathBuf,
     before: Termios,
     line: LineParameters,
@@ -105,6 +107,12 @@ impl TtyPort {
         }
         let low_latency = !pty && ioctl::set_low_latency(&fd, true).is_ok_and(|before| !before);
         let counters = ioctl::counters(&fd).ok();
+        let uart = device.as_ref().and_then(|device| uart_fifo(&fd, device));
+        let fd = Arc::new(fd);
+        // Closing a pty never waits, and what it has taken is for a reader that is only slow.
+        if !pty {
+            held::note(&fd);
+        }
         // A pty makes no characters: the line is the far end's, as asked for.
         let line = if pty { options.line } else { has };
         Ok(Self {
@@ -115,7 +123,7 @@ impl TtyPort {
             decoder: MarkDecoder::new(has.parity, counters),
             has_counters: counters.is_some(),
             pty,
-            uart: device.as_ref().and_then(|device| uart_fifo(&fd, device)),
+            uart,
             flow: options.flow,
             exclusive: options.exclusive,
             low_latency,

@@ -19,6 +19,9 @@ use crate::reservoir::{Drawn, ReservoirReader, ReservoirWriter, reservoir};
 
 /// Reports of all kinds a lane may make in a second, and at once.
 const REPORTS_A_SECOND: i64 = 10_000;
+/// Deliveries that may wait to be put away. Their bytes have the link's room; each also costs
+/// whoever puts it away a file and a line in a journal, however few bytes it has.
+const DELIVERIES: usize = 256;
 /// Notes and states a lane may tell in a second, and at once: people read them.
 const WORDS_A_SECOND: i64 = 20;
 
@@ -233,6 +236,9 @@ impl Floor {
             self.tell_of_action(now, Report::DeliveryBegun { delivery: id, job, bytes });
             Some(writer)
         };
+        if self.deliveries.len() >= DELIVERIES {
+            self.has_flooded = true;
+        }
         self.deliveries.push_back(Delivery { id, to, bytes: 0, counted: 0, is_open: true });
     }
 
@@ -298,6 +304,12 @@ impl Delivery {
         if self.counted < self.bytes {
             to.wake_at(to.level().saturating_sub(room / 8));
         }
+    }
+
+    /// Whether somebody still has to do with it.
+    fn is_under_way(&self) -> bool {
+        let is_kept = self.to.as_ref().is_some_and(|to| !to.is_abandoned());
+        self.is_open || self.counted < self.bytes || is_kept
     }
 
     /// Bytes put away since the last call.
@@ -437,7 +449,7 @@ impl Outside for Floor {
             drained += delivery.drained() as u32;
             delivery.wake_when_read(self.delivery_room);
         }
-        self.deliveries.retain(|delivery| delivery.is_open || delivery.counted < delivery.bytes);
+        self.deliveries.retain(Delivery::is_under_way);
         drained
     }
 }

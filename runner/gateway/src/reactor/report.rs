@@ -120,7 +120,8 @@ pub struct JobEnd {
     pub outcome: JobOutcome,
     /// Bytes of its data that the plug-in took.
     pub taken: u64,
-    /// Bytes that left for it, as the plug-in counts.
+    /// Bytes that left for it, as the plug-in counts; of a job that is not done
+    /// no more than surely have.
     pub sent: u64,
     /// Characters that may have left the line since it began, the protocol's
     /// own ones included.

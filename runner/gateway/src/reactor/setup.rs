@@ -112,6 +112,11 @@ pub enum Command<I> {
     },
     /// Put another plug-in in the place of the running one.
     Swap(Swap<I>),
+    /// Give up a swap that waits: it is told as refused. Without one nothing happens.
+    CancelSwap,
+    /// End the plug-in at once, whatever it is doing: it is called no more, and told as at fault,
+    /// with this sentence. The port stays open, nothing is read or sent.
+    Halt(String),
     /// Put a plug-in in the place of one that has ended by a fault. The port
     /// stays open.
     Replace {

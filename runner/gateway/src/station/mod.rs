@@ -5,7 +5,7 @@ pub use crate::channel::{ChannelError as StationError, Counters, StationOptions}
 use softplug_abi::{Action, Failure, Instance, LinkDownReason, Micros};
 use softplug_link::{Job, Link, LinkFault, Outside, Successor, Supply, SwapError};
 
-use crate::channel::{Channel, Surroundings, Wants, Work};
+use crate::channel::{Channel, Left, Place, Surroundings, Wants, Work};
 use crate::clock::Clock;
 use crate::error::PortError;
 use crate::poll::{Interest, Poller};
@@ -50,6 +50,16 @@ impl<I: Instance> Station<I> {
     /// What has been counted so far.
     pub fn counters(&self) -> Counters {
         self.channel.counters(self.now())
+    }
+
+    /// How much the port was given so far: a job begins behind it.
+    pub fn place(&self) -> Place {
+        self.channel.place()
+    }
+
+    /// What has left of all that the port was given behind `from`.
+    pub fn left(&mut self, from: Place) -> Left {
+        self.channel.left(self.now(), from)
     }
 
     /// Time on the link's clock.
@@ -161,9 +171,10 @@ impl<I: Instance> Station<I> {
     ) -> Result<(), StationError<I::Fault>> {
         let until = self.now() + patience;
         while self.now() < until && self.channel.is_settling(self.now()) {
+            self.turn(self.now(), outside)?;
             // Nobody tells when the line has sent all.
             let look = self.channel.next_look_at_the_line(self.now());
-            self.turn(look.map_or(until, |at| at.min(until)), outside)?;
+            self.wait(look.map_or(until, |at| at.min(until)))?;
         }
         self.ask(outside, |link, now, outside| link.close(now, outside))
     }

@@ -1,11 +1,13 @@
 //! One program in one direction over one station, or all that comes and is
 //! asked for: what the command does, and what a small gateway may do.
 
+mod besides;
 mod receive;
 mod send;
 mod serve;
 mod source;
 
+pub use besides::Reception;
 pub use receive::{ReceiveOutcome, ReceiveReport, receive};
 pub use send::{SendOptions, SendOutcome, SendReport, ask, send};
 pub use serve::{

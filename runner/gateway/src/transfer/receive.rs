@@ -6,8 +6,10 @@ use std::io::{self, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use super::besides::{Besides, Reception};
 use super::{Note, PATIENCE, Progress, TICK, TransferError, duration, note, refuse_all};
 use crate::station::{Station, Turn};
+use crate::store::Inbox;
 
 /// How a reception ended.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -41,23 +43,32 @@ pub struct ReceiveReport {
     pub elapsed: Duration,
     /// Time for which we held the partner.
     pub held: Duration,
+    /// Deliveries that followed before the link was closed, and were kept.
+    pub kept: Vec<Reception>,
+    /// Deliveries that followed and had no place.
+    pub dropped: u64,
+    /// Bytes that the port brought, whatever they were.
+    pub heard: u64,
     /// What the plug-in said.
     pub notes: Vec<Note>,
 }
 
 /// Receives one delivery into `out`. `stop` ends it: what came by then is in
-/// `out`, and a partner that we hold is let go. Requests of the partner are refused.
+/// `out`, and a partner that we hold is let go. Requests of the partner are refused. A delivery
+/// that has begun when the first one ends, such as the next program of one punch, goes into
+/// `besides` and is waited for; without that folder it is dropped and counted.
 ///
 /// # Errors
-/// The port, the plug-in or the sink failed.
+/// The port, the plug-in, the sink or `besides` failed.
 pub fn receive<I: Instance>(
     station: &mut Station<I>,
     out: &mut impl Write,
+    besides: Option<&mut Inbox>,
     give_up_after: Option<Duration>,
     stop: &AtomicBool,
     progress: &mut dyn FnMut(&Progress<'_>),
 ) -> Result<ReceiveReport, TransferError<I::Fault>> {
-    let mut catch = Catch::new(out);
+    let mut catch = Catch::new(out, besides);
     station.open(&mut catch)?;
     let begin = station.now();
     let give_up_at = give_up_after.map_or(Micros::MAX, |span| {
@@ -99,11 +110,22 @@ pub fn receive<I: Instance>(
     }
     let now = station.now();
     let (elapsed, held) = (duration(catch.elapsed(now)), duration(catch.held_at(now)));
+    while catch.besides.is_taking() && !stop.load(Ordering::Relaxed) {
+        let until = station.now() + TICK;
+        if let Turn::Gone(_) = station.turn(until, &mut catch)? {
+            break;
+        }
+    }
+    if catch.besides.is_taking() {
+        station.abort(0, &mut catch)?;
+    }
+    let heard = station.counters().bytes_in;
     station.close(PATIENCE, &mut catch)?;
+    catch.besides.close();
     if catch.error.is_none() {
         catch.error = catch.out.flush().err();
     }
-    if let Some(error) = catch.error {
+    if let Some(error) = catch.error.or(catch.besides.error) {
         return Err(TransferError::Sink(error));
     }
     Ok(ReceiveReport {
@@ -112,6 +134,9 @@ pub fn receive<I: Instance>(
         name: catch.name,
         elapsed,
         held,
+        kept: catch.besides.kept,
+        dropped: catch.besides.refused,
+        heard,
         notes: catch.notes,
     })
 }
@@ -119,6 +144,8 @@ pub fn receive<I: Instance>(
 /// The host's side of the delivery.
 struct Catch<'a, W> {
     out: &'a mut W,
+    /// What follows the first delivery.
+    besides: Besides<'a>,
     bytes: u64,
     drained: u32,
     requests: Vec<u32>,
@@ -133,9 +160,10 @@ struct Catch<'a, W> {
 }
 
 impl<'a, W: Write> Catch<'a, W> {
-    fn new(out: &'a mut W) -> Self {
+    fn new(out: &'a mut W, besides: Option<&'a mut Inbox>) -> Self {
         Self {
             out,
+            besides: Besides::new(besides),
             bytes: 0,
             drained: 0,
             requests: Vec::new(),
@@ -173,13 +201,23 @@ impl<'a, W: Write> Catch<'a, W> {
 impl<W: Write> Outside for Catch<'_, W> {
     fn handle(&mut self, now: Micros, action: &Action<'_>) {
         match action {
+            Action::DeliveryBegin { .. }
+            | Action::Deliver { .. }
+            | Action::DeliveryName { .. }
+            | Action::DeliveryEnd { .. }
+                if self.outcome.is_some() =>
+            {
+                if let Action::Deliver { bytes, .. } = action {
+                    self.drained += bytes.len() as u32;
+                }
+                self.besides.take(action);
+            }
             Action::DeliveryBegin { .. } => {
                 self.first_at.get_or_insert(now);
             }
-            // What comes after the first delivery is not part of it.
             Action::Deliver { bytes, .. } => {
                 self.drained += bytes.len() as u32;
-                if self.outcome.is_some() || self.error.is_some() {
+                if self.error.is_some() {
                     return;
                 }
                 match self.out.write_all(bytes) {
@@ -187,10 +225,10 @@ impl<W: Write> Outside for Catch<'_, W> {
                     Err(error) => self.error = Some(error),
                 }
             }
-            Action::DeliveryName { name, .. } if self.outcome.is_none() => {
+            Action::DeliveryName { name, .. } => {
                 self.name = Some((*name).to_owned());
             }
-            Action::DeliveryEnd { failure, status, .. } if self.outcome.is_none() => {
+            Action::DeliveryEnd { failure, status, .. } => {
                 self.outcome = Some(match failure {
                     None => ReceiveOutcome::Complete,
                     Some(Failure::Aborted) => ReceiveOutcome::Aborted,

@@ -6,9 +6,12 @@ use std::io::{self, Read, Seek, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use super::besides::{Besides, Reception};
 use super::source::Source;
 use super::{Note, PATIENCE, Progress, TICK, TransferError, duration, note, refuse_all};
+use crate::channel::Left;
 use crate::station::{Station, Turn};
+use crate::store::Inbox;
 
 /// The only job of such a station.
 const JOB: u32 = 1;
@@ -71,8 +74,12 @@ pub struct SendReport {
     pub outcome: SendOutcome,
     /// Bytes of the program that were taken.
     pub bytes: u64,
-    /// Bytes that left for it, as the plug-in counts.
+    /// Bytes that left for it, as the plug-in counts; of a job that is not done
+    /// no more than surely have.
     pub sent: u64,
+    /// Characters that left for it, the protocol's own included: whatever the
+    /// job's end, no more than `maybe` ever will.
+    pub left: Left,
     /// From the job's begin to its end.
     pub elapsed: Duration,
     /// Time for which the partner held us.
@@ -81,7 +88,12 @@ pub struct SendReport {
     pub holds: u64,
     /// Bytes of the answer to the job, for kinds of job that have one.
     pub answered: u64,
-    /// Bytes that came meanwhile and are no answer; they were dropped.
+    /// Deliveries that came meanwhile, are no answer, and were kept.
+    pub kept: Vec<Reception>,
+    /// Deliveries that came meanwhile and had no place: the partner was refused, as far as its
+    /// protocol has a way to.
+    pub refused: u64,
+    /// Bytes of them that were dropped all the same.
     pub received: u64,
     /// What the plug-in said.
     pub notes: Vec<Note>,
@@ -89,7 +101,8 @@ pub struct SendReport {
 
 /// Sends all of `source` as one job. `stop` aborts it cleanly: the queue is
 /// dropped, and the partner gets what the protocol has for the case. Requests of
-/// the partner meanwhile are refused, what it delivers is dropped.
+/// the partner meanwhile are refused. What it delivers is dropped: a station without any
+/// `delivery_room` has it refused instead where the protocol can.
 ///
 /// # Errors
 /// The port, the plug-in or the source failed. What the partner got by then is
@@ -102,25 +115,28 @@ pub fn send<I: Instance>(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(&Progress<'_>),
 ) -> Result<SendReport, TransferError<I::Fault>> {
-    ask(station, source, &mut io::sink(), options, stop, progress)
+    ask(station, source, &mut io::sink(), None, options, stop, progress)
 }
 
-/// Like [`send`], for a job that is answered (one that reads): the answer goes
-/// to `answer`.
+/// Carries out a job with all that it may bring: what answers it (it reads) goes to `answer`, and
+/// what the partner sends besides into `besides`; one that is under way when the job ends is
+/// waited for. Without that folder it is dropped: see [`send`].
 ///
 /// # Errors
-/// The port, the plug-in, the source or `answer` failed.
+/// The port, the plug-in, the source, `answer` or `besides` failed.
 pub fn ask<I: Instance>(
     station: &mut Station<I>,
     source: &mut (impl Read + Seek),
     answer: &mut impl Write,
+    besides: Option<&mut Inbox>,
     options: &SendOptions,
     stop: &AtomicBool,
     progress: &mut dyn FnMut(&Progress<'_>),
 ) -> Result<SendReport, TransferError<I::Fault>> {
-    let mut feed = Feed::new(source, answer);
+    let mut feed = Feed::new(source, answer, besides);
     station.open(&mut feed)?;
     let begin = station.now();
+    let place = station.place();
     let job = Job {
         id: JOB,
         kind: options.job_kind,
@@ -162,25 +178,41 @@ pub fn ask<I: Instance>(
     }
     let elapsed = duration(station.now() - begin);
     let counters = station.counters();
+    while feed.besides.is_taking() && !stop.load(Ordering::Relaxed) {
+        let until = station.now() + TICK;
+        if let Turn::Gone(_) = station.turn(until, &mut feed)? {
+            break;
+        }
+    }
+    if feed.besides.is_taking() {
+        station.abort(0, &mut feed)?;
+    }
     station.close(PATIENCE, &mut feed)?;
+    feed.besides.close();
     if feed.answer_error.is_none() {
         feed.answer_error = feed.answer.flush().err();
     }
     if let Some(error) = feed.source.error {
         return Err(TransferError::Source(error));
     }
-    if let Some(error) = feed.answer_error {
+    if let Some(error) = feed.answer_error.or(feed.besides.error) {
         return Err(TransferError::Sink(error));
     }
+    let left = station.left(place);
+    let outcome = feed.outcome.unwrap_or(SendOutcome::Aborted);
+    let is_done = outcome == SendOutcome::Done;
     Ok(SendReport {
-        outcome: feed.outcome.unwrap_or(SendOutcome::Aborted),
+        outcome,
         bytes: feed.source.supplied,
-        sent: feed.sent,
+        sent: if is_done { feed.sent } else { feed.sent.min(left.surely) },
+        left,
         elapsed,
         held: duration(counters.held),
         holds: counters.holds,
         answered: feed.answered,
-        received: feed.received,
+        kept: feed.besides.kept,
+        refused: feed.besides.refused,
+        received: feed.besides.dropped,
         notes: feed.notes,
     })
 }
@@ -192,28 +224,28 @@ struct Feed<'a, S, W> {
     answer_error: Option<io::Error>,
     /// The delivery under way answers the job.
     is_answer: bool,
+    besides: Besides<'a>,
     requests: Vec<u32>,
     outcome: Option<SendOutcome>,
     sent: u64,
     answered: u64,
-    received: u64,
     drained: u32,
     notes: Vec<Note>,
     state: String,
 }
 
 impl<'a, S: Read + Seek, W: Write> Feed<'a, S, W> {
-    fn new(source: &'a mut S, answer: &'a mut W) -> Self {
+    fn new(source: &'a mut S, answer: &'a mut W, besides: Option<&'a mut Inbox>) -> Self {
         Self {
             source: Source::new(source),
             answer,
             answer_error: None,
             is_answer: false,
+            besides: Besides::new(besides),
             requests: Vec::new(),
             outcome: None,
             sent: 0,
             answered: 0,
-            received: 0,
             drained: 0,
             notes: Vec::new(),
             state: String::new(),
@@ -221,7 +253,7 @@ impl<'a, S: Read + Seek, W: Write> Feed<'a, S, W> {
     }
 
     fn has_error(&self) -> bool {
-        self.source.error.is_some() || self.answer_error.is_some()
+        self.source.error.is_some() || self.answer_error.is_some() || self.besides.error.is_some()
     }
 
     /// Bytes of the program that have left, or of the answer that came.
@@ -231,9 +263,7 @@ impl<'a, S: Read + Seek, W: Write> Feed<'a, S, W> {
 
     fn deliver(&mut self, bytes: &[u8]) {
         self.drained += bytes.len() as u32;
-        if !self.is_answer {
-            self.received += bytes.len() as u64;
-        } else if self.answer_error.is_none() {
+        if self.answer_error.is_none() {
             match self.answer.write_all(bytes) {
                 Ok(()) => self.answered += bytes.len() as u64,
                 Err(error) => self.answer_error = Some(error),
@@ -257,8 +287,20 @@ impl<S: Read + Seek, W: Write> Outside for Feed<'_, S, W> {
                 let (failure, status, line, column) = (*failure, *status, *line, *column);
                 self.outcome = Some(SendOutcome::CheckFailed { failure, status, line, column });
             }
-            Action::DeliveryBegin { job, .. } => self.is_answer = *job == JOB,
-            Action::Deliver { bytes, .. } => self.deliver(bytes),
+            Action::DeliveryBegin { job, .. } => {
+                self.is_answer = *job == JOB;
+                if !self.is_answer {
+                    self.besides.take(action);
+                }
+            }
+            Action::Deliver { bytes, .. } if self.is_answer => self.deliver(bytes),
+            Action::Deliver { bytes, .. } => {
+                self.drained += bytes.len() as u32;
+                self.besides.take(action);
+            }
+            Action::DeliveryName { .. } | Action::DeliveryEnd { .. } if !self.is_answer => {
+                self.besides.take(action);
+            }
             Action::Request { request, .. } => self.requests.push(*request),
             Action::Note { level, code, text } => self.notes.push(note(*level, *code, text)),
             Action::State { name } => (*name).clone_into(&mut self.state),

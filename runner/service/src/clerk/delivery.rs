@@ -3,7 +3,6 @@
 use std::fs::File;
 
 use softplug_abi::Failure;
-use softplug_gateway::reactor::LaneId;
 use softplug_gateway::reservoir::{Drawn, ReservoirReader};
 use softplug_gateway::store::Mark;
 
@@ -15,7 +14,6 @@ use crate::programs::{Arrival, Arrived, first_difference};
 const TURNS: usize = 4;
 
 pub(super) struct Delivery {
-    pub(super) lane: LaneId,
     pub(super) id: u32,
     pub(super) link: String,
     place: String,
@@ -65,9 +63,8 @@ pub(super) enum Next {
 
 impl Delivery {
     pub(super) fn new(incoming: Incoming) -> Self {
-        let Incoming { lane, link, place, delivery, job, bytes } = incoming;
+        let Incoming { lane: _, link, place, delivery, job, bytes } = incoming;
         Self {
-            lane,
             id: delivery,
             link,
             place,
@@ -93,17 +90,23 @@ impl Delivery {
         self.is_woken = true;
     }
 
-    /// Goes as far as it can.
+    /// Goes as far as it can. `is_last`: it cannot be tried again, so that what was taken of the
+    /// machine is put away whatever the quotas say; it is no more than the room for deliveries.
     pub(super) fn work(
         &mut self,
         office: &Office,
         buffer: &mut [u8],
+        is_last: bool,
         tell: &mut dyn FnMut(ClerkNews),
     ) -> Result<Next, String> {
         if let Stage::New = self.stage {
             let job = if let Some(job) = self.answers {
                 job
             } else {
+                if !is_last {
+                    let begun = office.quotas.begin(&self.link, office.jobs.today(&self.link));
+                    begun.map_err(|over| over.to_string())?;
+                }
                 let job = office.jobs.receive(&self.link).map_err(|error| error.to_string())?;
                 let id = job.id;
                 tell(ClerkNews::Begun(Box::new(job)));
@@ -117,7 +120,7 @@ impl Delivery {
             self.stage = Stage::Coming(job, Box::new(arrival));
         }
         if let Stage::Coming(..) = self.stage
-            && let Some(next) = self.take(buffer)?
+            && let Some(next) = self.take(office, buffer)?
         {
             return Ok(next);
         }
@@ -127,7 +130,7 @@ impl Delivery {
     }
 
     /// Writes what there is; `None` when that was all.
-    fn take(&mut self, buffer: &mut [u8]) -> Result<Option<Next>, String> {
+    fn take(&mut self, office: &Office, buffer: &mut [u8]) -> Result<Option<Next>, String> {
         let Stage::Coming(_, arrival) = &mut self.stage else { return Ok(None) };
         let cannot = |error| format!("what comes on \"{}\" cannot be written: {error}", self.link);
         if !self.pending.is_empty() {
@@ -136,7 +139,20 @@ impl Delivery {
             self.pending.clear();
         }
         for _ in 0..TURNS {
-            match self.bytes.read(buffer) {
+            let room = match self.end {
+                // No more comes than has been taken of the machine already.
+                Some(_) => u64::MAX,
+                None => {
+                    let today = office.jobs.today(&self.link);
+                    match office.quotas.room(&self.link, today, self.written) {
+                        Ok(room) => room,
+                        Err(over) if self.bytes.level() > 0 => return Err(over.to_string()),
+                        Err(_) => 1,
+                    }
+                }
+            };
+            let most = usize::try_from(room).unwrap_or(usize::MAX).min(buffer.len());
+            match self.bytes.read(&mut buffer[..most]) {
                 Drawn::Bytes(count) => {
                     let bytes = &buffer[..count];
                     if let Err(error) = arrival.write(bytes) {

@@ -1,11 +1,12 @@
 //! The clerk: one thread that puts away what machines send. A reception is complete when it
 //! is on the disk under its name, and not before.
 //!
-//! When the disk takes nothing, nothing is read either: the buffer fills, and the plug-in holds
-//! the machine. It is tried again until there is room.
+//! When the disk takes nothing, or a quota is reached, nothing is read either: the buffer fills, and
+//! the plug-in holds the machine. It is tried again until there is room.
 
 mod delivery;
 
+use std::collections::VecDeque;
 use std::io;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
@@ -17,7 +18,7 @@ use softplug_gateway::reactor::LaneId;
 use softplug_gateway::reservoir::ReservoirReader;
 
 use crate::jobs::{Job, Jobs};
-use crate::programs::{Receptions, Snapshots};
+use crate::programs::{Quotas, Receptions, Snapshots};
 use crate::wakes::{SLOTS, Wakes};
 use delivery::{Delivery, Next};
 
@@ -48,7 +49,7 @@ pub enum ClerkNews {
     Begun(Box<Job>),
     /// It is put away; the job's reception says where. One that answers a job has not ended that.
     Kept(Box<Job>),
-    /// The disk takes nothing; the machine is held. Says why.
+    /// The disk takes nothing, or a quota is reached; the machine is held. Says why.
     Stuck {
         /// The link.
         link: String,
@@ -86,14 +87,15 @@ impl Clerk {
         jobs: Jobs,
         receptions: Receptions,
         snapshots: Snapshots,
+        quotas: Quotas,
         tell: impl FnMut(ClerkNews) + Send + 'static,
     ) -> io::Result<Self> {
         let (sender, orders) = channel();
         let thread = thread::Builder::new().name("clerk".to_owned());
         let thread = thread.spawn(move || {
             let wakes = Wakes::new(thread::current());
-            let office = Office { jobs, receptions, snapshots };
-            Desk { office, tell, wakes, deliveries: Vec::new() }.run(&orders);
+            let office = Office { jobs, receptions, snapshots, quotas };
+            Desk { office, tell, wakes, lanes: Vec::new() }.run(&orders);
         })?;
         Ok(Self { orders: Some(sender), thread: Some(thread) })
     }
@@ -149,13 +151,27 @@ struct Office {
     jobs: Jobs,
     receptions: Receptions,
     snapshots: Snapshots,
+    quotas: Quotas,
 }
 
 struct Desk<T> {
     office: Office,
     tell: T,
     wakes: Arc<Wakes>,
-    deliveries: Vec<Option<Delivery>>,
+    lanes: Vec<Option<Place>>,
+}
+
+/// What one lane brought, in its order: only the first is put away, so that a lane takes one
+/// place however much of it waits.
+struct Place {
+    lane: LaneId,
+    deliveries: VecDeque<Delivery>,
+}
+
+impl Place {
+    fn first(&mut self) -> Option<&mut Delivery> {
+        self.deliveries.front_mut()
+    }
 }
 
 impl<T: FnMut(ClerkNews)> Desk<T> {
@@ -177,13 +193,14 @@ impl<T: FnMut(ClerkNews)> Desk<T> {
                 return self.clear_up(&mut buffer);
             }
             for slot in self.wakes.take() {
-                if let Some(delivery) = self.deliveries.get_mut(slot).and_then(Option::as_mut) {
+                let place = self.lanes.get_mut(slot).and_then(Option::as_mut);
+                if let Some(delivery) = place.and_then(Place::first) {
                     delivery.is_woken = true;
                 }
             }
             let retry = self.serve(&mut buffer);
             match retry {
-                None if self.deliveries.iter().flatten().any(|delivery| delivery.is_woken) => {}
+                None if self.lanes.iter_mut().flatten().any(is_woken) => {}
                 None => thread::park(),
                 Some(retry) => {
                     thread::park_timeout(retry.saturating_duration_since(Instant::now()));
@@ -206,53 +223,59 @@ impl<T: FnMut(ClerkNews)> Desk<T> {
                 }
             }
             Order::Lose(lane) => {
-                for delivery in self.deliveries.iter_mut().flatten() {
-                    if delivery.lane == lane {
-                        delivery.end(Some(Failure::Interrupted), 0, None);
-                    }
+                for delivery in self.of(lane) {
+                    delivery.end(Some(Failure::Interrupted), 0, None);
                 }
             }
         }
     }
 
+    /// What is there of a lane.
+    fn of(&mut self, lane: LaneId) -> impl Iterator<Item = &mut Delivery> {
+        let places = self.lanes.iter_mut().flatten().filter(move |place| place.lane == lane);
+        places.flat_map(|place| &mut place.deliveries)
+    }
+
     /// The one that has not ended, if the plug-in has used an id again.
     fn find(&mut self, lane: LaneId, id: u32) -> Option<&mut Delivery> {
-        let mut all = self.deliveries.iter_mut().flatten();
-        all.find(|delivery| delivery.lane == lane && delivery.id == id && !delivery.has_ended())
+        self.of(lane).find(|delivery| delivery.id == id && !delivery.has_ended())
     }
 
     fn take_on(&mut self, incoming: Incoming) {
         // A lane has one at a time: what is still open there never got its end.
-        for delivery in self.deliveries.iter_mut().flatten() {
-            if delivery.lane == incoming.lane {
-                delivery.end(Some(Failure::Interrupted), 0, None);
-            }
+        for delivery in self.of(incoming.lane) {
+            delivery.end(Some(Failure::Interrupted), 0, None);
         }
-        let free = self.deliveries.iter().position(Option::is_none);
-        let slot = free.unwrap_or(self.deliveries.len());
+        let is_its =
+            |place: &Option<Place>| place.as_ref().is_some_and(|place| place.lane == incoming.lane);
+        let own = self.lanes.iter().position(is_its);
+        let slot = own.or_else(|| self.lanes.iter().position(Option::is_none));
+        let slot = slot.unwrap_or(self.lanes.len());
         if slot >= SLOTS {
-            tracing::error!(link = incoming.link, "too many receptions at once, one is dropped");
+            tracing::error!(link = incoming.link, "too many links receive at once, one is dropped");
             return;
         }
         incoming.bytes.wake_with(self.wakes.waker(slot));
-        if free.is_none() {
-            self.deliveries.push(None);
+        if slot == self.lanes.len() {
+            self.lanes.push(None);
         }
-        self.deliveries[slot] = Some(Delivery::new(incoming));
+        let lane = incoming.lane;
+        let place = self.lanes[slot].get_or_insert(Place { lane, deliveries: VecDeque::new() });
+        place.deliveries.push_back(Delivery::new(incoming));
     }
 
     /// Gives each its turn; tells when the first of those that the disk refused is tried again.
     fn serve(&mut self, buffer: &mut [u8]) -> Option<Instant> {
         let now = Instant::now();
         let mut retry: Option<Instant> = None;
-        for place in &mut self.deliveries {
-            let Some(delivery) = place else { continue };
+        for slot in &mut self.lanes {
+            let Some(delivery) = slot.as_mut().and_then(Place::first) else { continue };
             if delivery.retry_at.map_or(!delivery.is_woken, |at| now < at) {
                 retry = [retry, delivery.retry_at].into_iter().flatten().min();
                 continue;
             }
             delivery.is_woken = false;
-            match delivery.work(&self.office, buffer, &mut self.tell) {
+            match delivery.work(&self.office, buffer, false, &mut self.tell) {
                 Ok(next) => {
                     if delivery.retry_at.take().is_some() {
                         (self.tell)(ClerkNews::GoesOn { link: delivery.link.clone() });
@@ -260,7 +283,16 @@ impl<T: FnMut(ClerkNews)> Desk<T> {
                     match next {
                         Next::Woken => {}
                         Next::Again => delivery.is_woken = true,
-                        Next::Over => *place = None,
+                        Next::Over => {
+                            let place = slot.as_mut();
+                            let rest = place.map_or(0, |place| {
+                                place.deliveries.pop_front();
+                                place.deliveries.len()
+                            });
+                            if rest == 0 {
+                                *slot = None;
+                            }
+                        }
                     }
                 }
                 Err(why) => {
@@ -279,11 +311,11 @@ impl<T: FnMut(ClerkNews)> Desk<T> {
 
     /// The gateway ends: what has not come is missing.
     fn clear_up(mut self, buffer: &mut [u8]) {
-        for place in &mut self.deliveries {
-            let Some(delivery) = place else { continue };
+        let lanes = std::mem::take(&mut self.lanes);
+        for mut delivery in lanes.into_iter().flatten().flat_map(|place| place.deliveries) {
             delivery.end(Some(Failure::Interrupted), 0, None);
             loop {
-                match delivery.work(&self.office, buffer, &mut self.tell) {
+                match delivery.work(&self.office, buffer, true, &mut self.tell) {
                     Ok(Next::Again) => {}
                     Ok(Next::Woken | Next::Over) => break,
                     Err(error) => {
@@ -298,4 +330,8 @@ impl<T: FnMut(ClerkNews)> Desk<T> {
             }
         }
     }
+}
+
+fn is_woken(place: &mut Place) -> bool {
+    place.first().is_some_and(|delivery| delivery.is_woken)
 }

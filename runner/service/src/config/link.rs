@@ -10,6 +10,7 @@ use softplug_gateway::port::{line_mismatch, line_text, parse_line};
 use softplug_gateway::{Flow, PortSpec};
 
 use super::problem::{Place, Problem};
+use crate::programs::Quota;
 use crate::view::ProbationOrder;
 
 /// One link.
@@ -44,6 +45,8 @@ pub struct LinkConfig {
     pub search: Vec<String>,
     /// Folder of its receptions, below that of all.
     pub receive: String,
+    /// What it may receive.
+    pub quota: Quota,
     /// The buffer between server and machine.
     pub buffer: Buffer,
     /// The server endpoint.
@@ -175,6 +178,7 @@ impl LinkConfig {
             ("delivery-room", self.delivery_room == other.delivery_room),
             ("search", self.search == other.search),
             ("receive", self.receive == other.receive),
+            ("quota", self.quota == other.quota),
             ("buffer", self.buffer == other.buffer),
             ("endpoint", self.endpoint == other.endpoint),
             ("watchdog", self.watchdogs == other.watchdogs),

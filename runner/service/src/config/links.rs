@@ -19,6 +19,7 @@ use super::problem::{Place, Problems};
 use super::service::{address, bytes, choice, optional_span, span};
 use super::written::{self, Text};
 use super::{MOST_LINKS, of_names};
+use crate::programs::Quota;
 
 /// All links, each with what it does not say taken from the defaults.
 pub(super) fn all(
@@ -122,6 +123,7 @@ fn one(
         events: probation.events.map_or(0, Spanned::into_inner),
         span: span(probation.span.as_ref(), 60_000, problems),
     };
+    let quota = quota(link.quota, problems);
     let buffer = buffer(link.buffer, problems);
     let endpoint = link.endpoint.and_then(|written| endpoint(&written, &name, taken, problems));
     let flows = [("host", Flow::Host), ("device", Flow::Device)];
@@ -146,6 +148,7 @@ fn one(
         delivery_room,
         search,
         receive,
+        quota,
         buffer,
         endpoint,
         watchdogs,
@@ -301,6 +304,25 @@ fn settings(
         }
     }
     (settings, places)
+}
+
+fn quota(written: Option<Spanned<written::Quota>>, problems: &mut Problems<'_>) -> Quota {
+    let written = written.map(Spanned::into_inner).unwrap_or_default();
+    let default = Quota::default();
+    let mut of = |value: Option<&Spanned<Value>>, default: u64| {
+        value.map_or(default, |value| bytes(value, 1, 1 << 50, problems).unwrap_or(default))
+    };
+    let (reception, day) = (
+        of(written.reception.as_ref(), default.reception),
+        of(written.bytes.as_ref(), default.bytes),
+    );
+    let receptions = written.receptions.map_or(default.receptions, |count| {
+        if *count.get_ref() == 0 {
+            problems.add(count.span(), "receptions is 0", "give at least 1, or leave it out");
+        }
+        *count.get_ref()
+    });
+    Quota { reception, receptions, bytes: day }
 }
 
 fn buffer(written: Option<Spanned<written::Buffer>>, problems: &mut Problems<'_>) -> Buffer {

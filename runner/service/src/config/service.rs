@@ -1,6 +1,6 @@
 //! The tables `[gateway]`, `[http]` and `[supervision]`.
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -10,6 +10,7 @@ use super::problem::Problems;
 use super::unit;
 use super::written::{self, Text};
 use crate::http::{Certificate, Limits, Options};
+use crate::programs::FREE_SPACE;
 use crate::view::StopHow;
 
 /// The gateway itself.
@@ -41,6 +42,8 @@ pub struct GatewayConfig {
     pub watch: bool,
     /// Entries that the journal keeps.
     pub journal: u64,
+    /// Bytes of the disk that only jobs and journal may use.
+    pub free_space: u64,
 }
 
 /// How to log.
@@ -103,6 +106,10 @@ pub(super) fn gateway(
         }
         *entries.get_ref()
     });
+    let free_space = written
+        .free_space
+        .as_ref()
+        .map_or(FREE_SPACE, |value| bytes(value, 0, 1 << 50, problems).unwrap_or_default());
     GatewayConfig {
         library: path(&written.library, state.join("plugins")),
         programs,
@@ -125,6 +132,7 @@ pub(super) fn gateway(
         stop_patience: span(written.stop_patience.as_ref(), 30_000, problems),
         watch: written.watch.unwrap_or(true),
         journal,
+        free_space,
     }
 }
 
@@ -192,7 +200,31 @@ pub(super) fn http(
         burst: at_least_one(&written.burst, default.burst),
         ..default
     };
-    Options { listen, tokens, certificate, limits }
+    Options {
+        listen,
+        tokens,
+        certificate,
+        names: names(written.names.as_deref(), problems),
+        limits,
+    }
+}
+
+/// Names by which the API may be asked for.
+fn names(written: Option<&[Text]>, problems: &mut Problems<'_>) -> Vec<String> {
+    let mut names = Vec::new();
+    for text in written.unwrap_or_default() {
+        let name = text.get_ref();
+        let is_name = (1..=253).contains(&name.len())
+            && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b".-_".contains(&byte));
+        if is_name || name.parse::<IpAddr>().is_ok() {
+            names.push(name.clone());
+        } else {
+            let message = format!("\"{}\" is not the name of a host", name.escape_debug());
+            let hint = "write it as \"gateway.shop.example\", without a port or a path";
+            problems.add(text.span(), message, hint);
+        }
+    }
+    names
 }
 
 pub(super) fn supervision(

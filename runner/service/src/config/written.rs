@@ -35,6 +35,7 @@ pub(super) struct Gateway {
     pub(super) stop_patience: Option<Text>,
     pub(super) watch: Option<bool>,
     pub(super) journal: Option<Spanned<u64>>,
+    pub(super) free_space: Option<Spanned<Value>>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -45,6 +46,7 @@ pub(super) struct Http {
     pub(super) certificate: Option<Text>,
     pub(super) key: Option<Text>,
     pub(super) plain: Option<bool>,
+    pub(super) names: Option<Vec<Text>>,
     pub(super) upload_bytes: Option<Spanned<Value>>,
     pub(super) connections: Option<Spanned<u32>>,
     pub(super) requests_per_second: Option<Spanned<u32>>,
@@ -77,6 +79,7 @@ pub(super) struct Link {
     pub(super) delivery_room: Option<Spanned<Value>>,
     pub(super) search: Option<Texts>,
     pub(super) receive: Option<Text>,
+    pub(super) quota: Option<Spanned<Quota>>,
     pub(super) buffer: Option<Spanned<Buffer>>,
     pub(super) endpoint: Option<Spanned<Endpoint>>,
     pub(super) watchdog: Option<Watchdog>,
@@ -90,6 +93,14 @@ pub(super) struct Link {
 pub(super) struct Reopen {
     pub(super) first: Option<Text>,
     pub(super) longest: Option<Text>,
+}
+
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
+pub(super) struct Quota {
+    pub(super) reception: Option<Spanned<Value>>,
+    pub(super) receptions: Option<Spanned<u64>>,
+    pub(super) bytes: Option<Spanned<Value>>,
 }
 
 #[derive(Clone, Debug, Default, Deserialize)]
@@ -158,6 +169,7 @@ impl Link {
             delivery_room: self.delivery_room.or(defaults.delivery_room),
             search: self.search.or(defaults.search),
             receive: self.receive,
+            quota: self.quota.or(defaults.quota),
             buffer: self.buffer.or(defaults.buffer),
             watchdog: self.watchdog.or(defaults.watchdog),
             swap: self.swap.or(defaults.swap),

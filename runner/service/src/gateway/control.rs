@@ -19,6 +19,7 @@ use tokio::sync::broadcast;
 
 use super::link::Link;
 use super::loading::Loader;
+use super::results::Results;
 use super::scribe::Scribe;
 use super::watching::Audiences;
 use super::worker::Worker;
@@ -26,8 +27,8 @@ use crate::clerk::Clerk;
 use crate::config::Config;
 use crate::feeder::Feeder;
 use crate::jobs::{Job, Jobs, JobsError};
-use crate::programs::{Programs, Receptions, Snapshots};
-use crate::view::{Change, LinkView, StopHow, TimeMs};
+use crate::programs::{Programs, Quotas, Receptions, Snapshots};
+use crate::view::{Change, JobView, LinkView, StopHow, TimeMs};
 use crate::{Refusal, library};
 
 /// How long a handle waits for the loop: it answers in microseconds, a disk that
@@ -68,6 +69,7 @@ pub(crate) struct Parts {
     pub(crate) programs: Programs,
     pub(crate) snapshots: Snapshots,
     pub(crate) receptions: Receptions,
+    pub(crate) quotas: Quotas,
     pub(crate) scribe: Scribe,
     /// For what is written down and cleared away, and takes time.
     pub(crate) worker: Worker,
@@ -89,6 +91,9 @@ pub(crate) struct Control {
     pub(super) audiences: Audiences,
     /// Links as they were last shown.
     pub(super) shown: HashMap<String, LinkView>,
+    /// Jobs under way as they were last shown, by link.
+    pub(super) shown_jobs: HashMap<String, JobView>,
+    pub(super) results: Results,
     pub(super) next_lane: u32,
     pub(super) began: Instant,
     pub(super) next_sweep: Instant,
@@ -238,8 +243,10 @@ impl Control {
     }
 
     /// Shows a job to whoever listens.
-    pub(super) fn show_job(&self, job: &Job) {
-        self.shared.changed(Change::Job(Box::new(job.view(None))));
+    pub(super) fn show_job(&mut self, job: &Job) {
+        self.results.take(job);
+        let view = self.job_view(job);
+        self.shared.changed(Change::Job(Box::new(view)));
         self.shared.parts.scribe.look();
     }
 }

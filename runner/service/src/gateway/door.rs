@@ -12,6 +12,7 @@ use tokio::sync::broadcast;
 
 use super::control::Control;
 use super::jobs::Wish;
+use super::link::Link;
 use super::swaps::Wanted;
 use super::{Gateway, Watching, show};
 use crate::Refusal;
@@ -82,6 +83,11 @@ impl Gateway {
             control.reactor.tell(lane, Command::ForceResume);
             Ok(())
         })
+    }
+
+    /// Stops a link's plug-in at once, whatever it is doing: the link is in quarantine then.
+    pub fn quarantine(&self, link: &str) -> Result<LinkView, Refusal> {
+        self.on_link(link, Control::quarantine)
     }
 
     /// Lets a link out of quarantine: its plug-in is started again.
@@ -190,7 +196,8 @@ impl Gateway {
             let snapshots = &self.shared.parts.snapshots;
             let _hold = snapshots.hold();
             let name = job.program.as_deref().unwrap_or("the data");
-            let data = snapshots.take_all(source, name, self.shared.upload_bytes)?;
+            let mut source = self.shared.parts.quotas.within(source);
+            let data = snapshots.take_all(&mut source, name, self.shared.upload_bytes)?;
             return self.put(Order { data: Some(data), ..job });
         }
         let link = link.to_owned();
@@ -242,10 +249,18 @@ impl Gateway {
         let at = from_block.map_or(BeginAt::Start, BeginAt::Block);
         let job = parts.jobs.restart(id, at, field, &parts.snapshots)?;
         self.shared.ask(move |control| {
+            // Who does it again knows how it ended.
+            control.acknowledge(id)?;
             control.show_job(&job);
             control.begin_next(&link);
             Ok(control.job_view(&job))
         })
+    }
+
+    /// Somebody has seen how a job ended, and the jobs of its link before it: they are no
+    /// trouble any more.
+    pub fn acknowledge(&self, id: u32) -> Result<JobView, Refusal> {
+        self.shared.ask(move |control| control.acknowledge(id))
     }
 
     /// Gives a job that waits another priority.
@@ -348,12 +363,16 @@ impl Control {
     fn link_views(&self) -> Vec<LinkView> {
         let mut queued = self.shared.parts.jobs.queued();
         let links = self.links.iter();
-        links.map(|(name, link)| show::link(name, link, queued.remove(name).unwrap_or(0))).collect()
+        let view = |(name, link): (&String, &Link)| {
+            show::link(name, link, queued.remove(name).unwrap_or(0), &self.results)
+        };
+        links.map(view).collect()
     }
 
     pub(super) fn link_view(&self, name: &str) -> Result<LinkView, Refusal> {
         let link = self.links.get(name).ok_or_else(|| Refusal::no_link(name))?;
-        Ok(show::link(name, link, self.shared.parts.jobs.queued().remove(name).unwrap_or(0)))
+        let queued = self.shared.parts.jobs.queued().remove(name).unwrap_or(0);
+        Ok(show::link(name, link, queued, &self.results))
     }
 
     /// Shows the links that look otherwise than when they were last shown.
@@ -364,8 +383,23 @@ impl Control {
                 self.shared.changed(Change::Link(Box::new(view)));
             }
         }
+        self.show_running();
         let links = &self.links;
         self.shown.retain(|name, _| links.contains_key(name));
+    }
+
+    /// Shows how far the jobs under way are.
+    fn show_running(&mut self) {
+        self.shown_jobs
+            .retain(|name, _| self.links.get(name).is_some_and(|link| link.job.is_some()));
+        for (name, link) in &self.links {
+            let Some(running) = &link.job else { continue };
+            let view = self.job_view(&running.job);
+            if self.shown_jobs.get(name) != Some(&view) {
+                self.shared.changed(Change::Job(Box::new(view.clone())));
+                self.shown_jobs.insert(name.clone(), view);
+            }
+        }
     }
 
     /// What somebody should look at.

@@ -6,7 +6,7 @@ use super::control::Control;
 use super::loading::Prepared;
 use crate::Refusal;
 use crate::jobs::{Subject, Weight};
-use crate::supervise::{Failed, Verdict};
+use crate::supervise::{Failed, State, Verdict};
 use crate::view::{SwapState, now_ms};
 use std::time::{Duration, Instant};
 
@@ -15,6 +15,10 @@ impl Control {
     pub(super) fn supervise_fault(&mut self, name: &str, what: Failed) {
         let now = self.time();
         let Some(link) = self.links.get_mut(name) else { return };
+        if matches!(link.supervisor.state(), State::Quarantined { .. }) {
+            // Somebody stopped it, which was said.
+            return;
+        }
         match link.supervisor.failed(now, what) {
             Verdict::RestartAt(_) => {}
             Verdict::RestartFormer => {
@@ -78,6 +82,25 @@ impl Control {
                 self.supervise_fault(name, Failed::Start);
             }
         }
+    }
+
+    /// Somebody stops the plug-in of a link at once, whatever it is doing.
+    pub(super) fn quarantine(&mut self, name: &str) -> Result<(), Refusal> {
+        let now = self.time();
+        let link = self.link(name)?;
+        if !link.supervisor.quarantine(now) {
+            return Err(Refusal::Conflict(format!("the link \"{name}\" is in quarantine already")));
+        }
+        let lane = link.lane_id();
+        let text = format!(
+            "{} is stopped by hand; the link is in quarantine until somebody releases it",
+            described(&link.plugin)
+        );
+        self.shared.parts.scribe.link(Subject::Fault, Weight::Alarm, name, text);
+        // What is under way is broken off when the lane tells that it has stopped: until then
+        // bytes leave, and are counted.
+        self.reactor.tell(lane, Command::Halt("it was stopped by hand".to_owned()));
+        Ok(())
     }
 
     /// Somebody lets a link out of quarantine.

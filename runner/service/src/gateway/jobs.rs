@@ -11,7 +11,7 @@ use super::link::{EndsAs, Link, Running};
 use crate::Refusal;
 use crate::clerk::ClerkNews;
 use crate::feeder::{FeederNews, Feeding, Pace, Stream};
-use crate::jobs::{Ending, Job, JobsError, Order, Reason};
+use crate::jobs::{Ending, Job, JobsError, Order, Reason, Subject, Weight};
 use crate::view::{Change, JobView};
 
 impl From<JobsError> for Refusal {
@@ -82,8 +82,13 @@ impl Control {
             .records(fields)
             .map_err(|error| Reason::new("bad-job", error.to_string()))?;
         link.gauge = Some(source.figures());
-        link.job =
-            Some(Running { job: job.clone(), ends_as: EndsAs::ItIs, answers: 0, ended: None });
+        link.job = Some(Running {
+            job: job.clone(),
+            ends_as: EndsAs::ItIs,
+            answers: 0,
+            ended: None,
+            is_check: check,
+        });
         let lane_job = LaneJob { id: job.id, kind, size, fields, check };
         let lane = link.lane_id();
         self.reactor.tell(lane, Command::Begin(Feed { job: lane_job, source }));
@@ -154,6 +159,9 @@ impl Control {
         let source = self.source(name, &job, false);
         let Some(link) = self.links.get_mut(name) else { return };
         link.gauge = Some(source.figures());
+        if let Some(running) = &mut link.job {
+            running.is_check = false;
+        }
         let lane = link.lane_id();
         self.reactor.tell(lane, Command::Refill { job: id, source });
     }
@@ -184,11 +192,13 @@ impl Control {
             }
             ClerkNews::Stuck { link, why } => {
                 let text = format!("what \"{link}\" receives cannot be put away: {why}");
-                tracing::error!(link, "{text}; the machine is held");
+                let note = format!("{text}; the machine is held");
+                self.shared.parts.scribe.link(Subject::Reception, Weight::Alarm, &link, note);
                 self.trouble = Some(text);
             }
             ClerkNews::GoesOn { link } => {
-                tracing::info!(link, "what it receives is put away again");
+                let note = "what it receives is put away again";
+                self.shared.parts.scribe.link(Subject::Reception, Weight::Normal, &link, note);
                 self.trouble = None;
             }
         }
@@ -229,13 +239,9 @@ impl Control {
 
     /// A job as it is now, with what its lane knows of it.
     pub(super) fn job_view(&self, job: &Job) -> JobView {
-        let mut view = job.view(None);
-        if let Some(link) = self.links.get(&job.order.link)
-            && link.job.as_ref().is_some_and(|running| running.job.id == job.id)
-        {
-            view.taken = super::show::brief(job, &link.status.read()).taken;
-        }
-        view
+        let link = self.links.get(&job.order.link);
+        let lately = link.and_then(|link| link.lately(job.id, &link.status.read()));
+        job.view(lately.as_ref())
     }
 }
 

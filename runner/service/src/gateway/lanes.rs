@@ -1,6 +1,7 @@
 //! Lanes: made for links, closed, made anew.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use softplug_abi::Micros;
 use softplug_gateway::channel::StationOptions;
@@ -39,6 +40,7 @@ impl Control {
             follow: Follow::new(digest),
             port: PortFacts::default(),
             condition: None,
+            condition_since: Instant::now(),
             alarms: Vec::new(),
             job: None,
             deliveries: std::collections::BTreeMap::new(),
@@ -122,6 +124,7 @@ impl Control {
     pub(super) fn remake(&mut self, name: &str) {
         let Some(link) = self.links.get_mut(name) else { return };
         link.before.add(&link.status.read());
+        link.give_up_swap("the link was made anew before it was idle");
         if let Some(next) = link.next.take() {
             let (config, plugin) = *next;
             link.config = config;

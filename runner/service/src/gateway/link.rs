@@ -4,8 +4,10 @@ use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::SyncSender;
+use std::time::{Duration, Instant};
 
 use softplug_abi::Failure;
+use softplug_gateway::awaited::awaited;
 use softplug_gateway::reactor::{AlarmKind, Condition, JobEnd, LaneFigures, LaneId, LaneStatus};
 use softplug_gateway::reservoir::Gauge;
 use softplug_host::Digest;
@@ -13,10 +15,12 @@ use softplug_host::Digest;
 use super::loading::Prepared;
 use super::simulated::Simulated;
 use crate::config::LinkConfig;
-use crate::jobs::Job;
+use crate::jobs::{Extent, Job, Lately};
 use crate::supervise::{Follow, State, Supervisor};
 use crate::view::{FaultView, LinkState, SwapState, SwapView, TimeMs, UnappliedView, now_ms};
 
+/// What is awaited for less than this is in the course of things: an answer to each block.
+const AWAITED: Duration = Duration::from_secs(1);
 /// Faults that are shown.
 const FAULTS: usize = 10;
 
@@ -34,6 +38,8 @@ pub(crate) struct Link {
     pub(crate) follow: Follow<Digest>,
     pub(crate) port: PortFacts,
     pub(crate) condition: Option<String>,
+    /// Since when the plug-in has said so.
+    pub(crate) condition_since: Instant,
     pub(crate) alarms: Vec<(AlarmKind, TimeMs)>,
     pub(crate) job: Option<Running>,
     /// What comes, by the plug-in's numbers.
@@ -92,6 +98,8 @@ pub(crate) struct Running {
     pub(crate) answers: u32,
     /// How it ended, while an answer is being put away.
     pub(crate) ended: Option<JobEnd>,
+    /// The program is looked at; nothing of it is sent yet.
+    pub(crate) is_check: bool,
 }
 
 impl Running {
@@ -129,6 +137,8 @@ pub(crate) struct Swapping {
     pub(crate) former: Option<Prepared>,
     /// Who waits for what comes of it.
     pub(crate) waits: Option<SyncSender<SwapView>>,
+    /// What is to be done at once in its place, when it is known what became of it.
+    pub(crate) then: Option<Box<super::swaps::Wanted>>,
     /// The plug-in as the configuration names it, if that asks for the swap.
     pub(crate) configured: Option<String>,
 }
@@ -190,6 +200,37 @@ impl Link {
             && self.status.condition() == Condition::Up
     }
 
+    /// What its lane knows of the job under way, if it is this one. The one place where a lane's
+    /// figures become a job's.
+    pub(crate) fn lately(&self, job: u32, figures: &LaneFigures) -> Option<Lately> {
+        let running = self.job.as_ref().filter(|running| running.job.id == job)?;
+        let from = running.job.order.from;
+        let is_known = figures.job == job && !running.is_check;
+        let (taken, surely) = if is_known {
+            (from + figures.job_taken, from + figures.job_bytes_surely_left)
+        } else {
+            (from, from)
+        };
+        // All that the plug-in took may have left: never too low, also where figures lag behind.
+        let extent = Extent { surely, maybe: taken.max(surely) };
+        let is_held = self.is_held(figures);
+        let awaits = self.awaits().filter(|_| !running.is_check);
+        Some(Lately { taken, extent, is_held, awaits, is_check: running.is_check })
+    }
+
+    /// Whether the machine holds the line. What has not been let go yet for the first time is
+    /// awaited, not held.
+    pub(crate) fn is_held(&self, figures: &LaneFigures) -> bool {
+        let waits = self.condition.as_deref().is_some_and(|state| awaited(state).is_some());
+        figures.is_held && figures.condition == Condition::Up && !waits
+    }
+
+    /// What is awaited from the machine, once it has been for a while.
+    fn awaits(&self) -> Option<String> {
+        let is_long = self.condition_since.elapsed() >= AWAITED;
+        awaited(self.condition.as_deref()?).filter(|_| is_long)
+    }
+
     /// What it is doing, in one word.
     pub(crate) fn state(&self, figures: &LaneFigures) -> LinkState {
         if matches!(self.lane, Lane::Closing(..)) {
@@ -226,6 +267,22 @@ impl Link {
         }
     }
 
+    /// A swap that waits went with the lane: nothing more is heard of it.
+    pub(crate) fn give_up_swap(&mut self, why: &str) {
+        let Some(swap) = &mut self.swap else { return };
+        if !matches!(swap.view.state, SwapState::Ordered | SwapState::Waiting) {
+            return;
+        }
+        swap.view.state = SwapState::Refused;
+        swap.view.message = Some(why.to_owned());
+        swap.view.at_ms = now_ms();
+        swap.former = None;
+        if let Some(waits) = swap.waits.take() {
+            // It may have become tired of waiting.
+            let _ = waits.try_send(swap.view.clone());
+        }
+    }
+
     /// A change of the configuration waits until nothing is under way.
     pub(crate) fn has_change_waiting(&self) -> bool {
         let swap_waits = self.swap.as_ref().is_some_and(|swap| {
@@ -246,8 +303,12 @@ impl Link {
     pub(crate) fn words(&self, failure: Failure, status: u16) -> String {
         match (status, self.plugin.plugin.manifest().status(status)) {
             (0, _) => failure.text().to_owned(),
+            // The plug-in says itself what is wrong with the job, and knows better.
+            (_, Some(known)) if failure == Failure::BadJob => {
+                format!("{} ({})", known.text, known.name)
+            }
             (_, Some(known)) => format!("{} ({}: {})", failure.text(), known.name, known.text),
-            (_, None) => format!("{} (status {status})", failure.text()),
+            (_, None) => format!("{} (status {status:04X})", failure.text()),
         }
     }
 }

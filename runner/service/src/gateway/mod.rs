@@ -16,6 +16,7 @@ mod loading;
 mod reload;
 mod reports;
 mod requests;
+mod results;
 mod scribe;
 mod show;
 mod simulated;

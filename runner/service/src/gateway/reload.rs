@@ -12,7 +12,7 @@ use crate::jobs::{Note, Subject, Weight};
 use crate::view::{ReloadView, RemadeLink, SwapWhen};
 
 /// Keys that say what the loop does with a link, and nothing of its lane.
-const AT_ONCE: [&str; 4] = ["search", "receive", "swap", "probation"];
+const AT_ONCE: [&str; 5] = ["search", "receive", "quota", "swap", "probation"];
 /// Keys for which a swap does.
 const BY_SWAP: [&str; 2] = ["plugin", "settings"];
 
@@ -44,17 +44,20 @@ impl Shared {
         let (mut plugins, mut problems) = (BTreeMap::new(), Vec::new());
         let mut missing = Vec::new();
         for link in &mut config.links {
-            match prepare(&self.parts.loader, link) {
-                Ok(prepared) => {
-                    plugins.insert(link.name.clone(), prepared);
-                }
-                Err(problem) => {
+            match self.parts.loader.prepare(&link.plugin, &link.settings) {
+                Ok(prepared) => match link.complete_line(prepared.line()) {
+                    Ok(()) => {
+                        plugins.insert(link.name.clone(), prepared);
+                    }
+                    Err(problem) => problems.push(problem),
+                },
+                Err(error) => {
                     missing.push(Missing {
                         link: link.name.clone(),
                         plugin: link.plugin.clone(),
-                        why: problem.message.clone(),
+                        why: error.to_string(),
                     });
-                    problems.push(problem);
+                    problems.push(problem(link, &error));
                 }
             }
         }
@@ -131,6 +134,8 @@ impl Control {
             let keys = keys.into_iter().map(ToOwned::to_owned).collect();
             view.changed.push(RemadeLink { name: link.name.clone(), keys, waits });
         }
+        let quotas = config.links.iter().map(|link| (link.name.clone(), link.quota)).collect();
+        self.shared.parts.quotas.set(quotas);
         let limits = limits(&config.supervision);
         for link in self.links.values_mut() {
             link.supervisor.limit(limits);
@@ -226,6 +231,7 @@ impl Control {
             ("gateway.log", old.log == new.log),
             ("gateway.watch", old.watch == new.watch),
             ("gateway.journal", old.journal == new.journal),
+            ("gateway.free-space", old.free_space == new.free_space),
             ("http", self.config.http == config.http),
         ];
         keys.into_iter().filter(|(_, same)| !same).map(|(key, _)| key.to_owned()).collect()

@@ -10,10 +10,11 @@ use super::faults::described;
 use super::link::{After, Arriving, EndsAs, Lane};
 use crate::clerk::Incoming;
 use crate::jobs::{Ending, Extent, Job, Left, Reason, Subject, Weight};
-use crate::supervise::Failed;
+use crate::supervise::{Failed, State};
 use crate::view::{Change, CheckFault, DownView, now_ms};
 use softplug_abi::{Failure, NoteLevel};
 use std::fmt::Write as _;
+use std::time::Instant;
 
 impl Control {
     /// Something that a lane tells.
@@ -70,6 +71,7 @@ impl Control {
             Report::State(state) => {
                 if let Some(link) = self.links.get_mut(&name) {
                     link.condition = Some(state);
+                    link.condition_since = Instant::now();
                 }
             }
             Report::Alarm(alarm) => self.alarm(&name, alarm),
@@ -102,14 +104,16 @@ impl Control {
         let Some(link) = self.links.get_mut(name) else { return };
         let now = now_ms();
         link.port.is_up = false;
+        // Trying again mends a cable, and not what somebody has to set.
+        let is_new = !differences.is_empty() && link.port.differences != differences;
         link.port.differences = differences;
         let retry_at_ms = Some(now + retry_in_ms);
-        if let Some(down) = &mut link.port.down {
-            reason.clone_into(&mut down.reason);
-            down.retry_at_ms = retry_at_ms;
+        let since_ms = link.port.down.as_ref().map_or(now, |down| down.since_ms);
+        let was_down =
+            link.port.down.replace(DownView { reason: reason.to_owned(), since_ms, retry_at_ms });
+        if was_down.is_some() && !is_new {
             return;
         }
-        link.port.down = Some(DownView { reason: reason.to_owned(), since_ms: now, retry_at_ms });
         let text = format!("the port is down: {reason}");
         self.shared.parts.scribe.link(Subject::Port, Weight::Warning, name, text);
     }
@@ -254,29 +258,37 @@ impl Control {
         let view = self.shared.fault_view(name, &link.plugin, fault);
         link.keep_fault(view);
         self.shared.parts.scribe.link(Subject::Fault, Weight::Warning, name, text);
-        self.break_off(name, "the plug-in failed in the middle of it");
+        let is_stopped = self
+            .links
+            .get(name)
+            .is_some_and(|link| matches!(link.supervisor.state(), State::Quarantined { .. }));
+        self.break_off(
+            name,
+            if is_stopped {
+                "the plug-in was stopped in the middle of it"
+            } else {
+                "the plug-in failed in the middle of it"
+            },
+        );
         self.supervise_fault(name, what);
     }
 
     /// What is under way ends: no more is heard of it.
     pub(super) fn break_off(&mut self, name: &str, why: &str) {
         let Some(link) = self.links.get_mut(name) else { return };
+        let figures = link.status.read();
+        let lately = link.job.as_ref().and_then(|running| link.lately(running.job.id, &figures));
         let running = link.job.take();
         link.deliveries.clear();
         link.requests.clear();
         self.clerk.lose(link.lane_id());
-        let figures = link.status.read();
         let Some(running) = running else { return };
         let job = running.job;
         self.feeder.forget(job.id);
-        let taken = if figures.job == job.id { figures.job_taken } else { 0 };
         // The lane may have forgotten how far it was: then all that was granted may have left.
-        let left = (taken > 0).then(|| {
-            let taken = job.order.from + taken;
-            let surely = job.order.from + figures.job_bytes_surely_left;
-            let extent = Extent { surely, maybe: taken };
-            Left { extent, taken, sent: 0 }
-        });
+        let lately = lately.filter(|lately| lately.taken > job.order.from);
+        let left =
+            lately.map(|lately| Left { extent: lately.extent, taken: lately.taken, sent: 0 });
         let ended = self.shared.parts.jobs.end(job.id, Ending::Interrupted(why.to_owned()), left);
         if let Some(job) = self.wrote(ended) {
             self.show_job(&job);

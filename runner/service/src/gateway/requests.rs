@@ -253,7 +253,14 @@ fn write(shared: &Shared, link: &str, asked: &Asked, place: &str) -> Result<Answ
         tracing::error!(%error, link, "what a machine wrote cannot be kept");
         Failure::Busy
     };
-    let job = shared.parts.jobs.receive(link).map_err(|error| failed(&error))?;
+    let (jobs, quotas) = (&shared.parts.jobs, &shared.parts.quotas);
+    let today = jobs.today(link);
+    quotas.begin(link, today).map_err(|over| failed(&over))?;
+    let room = quotas.room(link, today, 0).map_err(|over| failed(&over))?;
+    if room < bytes.len() as u64 {
+        return Err(failed(&"it would be more than may come today"));
+    }
+    let job = jobs.receive(link).map_err(|error| failed(&error))?;
     let kept = shared.parts.receptions.begin(place, job.id).map_err(|error| error.to_string());
     let kept = kept.and_then(|mut arrival| {
         arrival.write(&bytes).map_err(|error| error.to_string())?;
@@ -263,7 +270,9 @@ fn write(shared: &Shared, link: &str, asked: &Asked, place: &str) -> Result<Answ
         Ok(arrived) => arrived,
         Err(error) => {
             let reason = jobs::Reason::new("disk", error.clone());
-            let _ = shared.parts.jobs.end(job.id, jobs::Ending::Failed(reason), None);
+            if let Ok(job) = shared.parts.jobs.end(job.id, jobs::Ending::Failed(reason), None) {
+                shared.tell(move |control| control.show_job(&job));
+            }
             return Err(failed(&error));
         }
     };
@@ -271,7 +280,7 @@ fn write(shared: &Shared, link: &str, asked: &Asked, place: &str) -> Result<Answ
         Reception { file: arrived.file(), bytes: arrived.bytes, is_complete: true, compared: None };
     let received = shared.parts.jobs.received(job.id, Some(name), reception, None);
     let job = received.map_err(|error| failed(&error))?;
-    shared.changed(crate::view::Change::Job(Box::new(job.view(None))));
+    shared.tell(move |control| control.show_job(&job));
     shared.changed(crate::view::Change::Receptions { link: link.to_owned() });
     Ok(Answer::Data(Vec::new()))
 }

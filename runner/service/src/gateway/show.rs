@@ -8,7 +8,7 @@ use softplug_gateway::reactor::{AlarmKind, LaneFigures};
 use softplug_gateway::reservoir::Gauge;
 
 use super::link::Link;
-use crate::jobs::Job;
+use super::results::Results;
 use crate::programs::Program;
 use crate::supervise;
 use crate::view::{
@@ -16,12 +16,14 @@ use crate::view::{
     PluginView, PortView, ProbationView, ProgramView, QuarantineView, ReceivingView, SettingView,
     SwapState,
 };
+use std::fmt::Write as _;
 
 /// A link, with so many jobs that wait.
-pub(super) fn link(name: &str, link: &Link, queued: u32) -> LinkView {
+pub(super) fn link(name: &str, link: &Link, queued: u32, results: &Results) -> LinkView {
     let figures = link.status.read();
     let config = &link.config;
     let probation = link.swap.as_ref().filter(|swap| swap.view.state == SwapState::Probation);
+    let (unseen, unseen_count) = results.unseen(name);
     let mut view = LinkView {
         name: name.to_owned(),
         state: link.state(&figures),
@@ -49,14 +51,20 @@ pub(super) fn link(name: &str, link: &Link, queued: u32) -> LinkView {
         }),
         plugin: Some(link.plugin.which.clone()),
         settings: link.plugin.settings.clone(),
-        job: link.job.as_ref().map(|running| brief(&running.job, &figures)),
+        job: link
+            .job
+            .as_ref()
+            .map(|running| running.job.brief(link.lately(running.job.id, &figures).as_ref())),
+        last: results.last(name),
+        unseen,
+        unseen_count,
         queued,
         receiving: link.deliveries.values().next_back().map(|delivery| ReceivingView {
             name: delivery.name.clone(),
             bytes: delivery.gauge.written(),
             since_ms: delivery.since_ms,
         }),
-        is_held: figures.is_held,
+        is_held: link.is_held(&figures),
         counters: counters(link, &figures),
         buffer: buffer(link),
         down: link.port.down.clone(),
@@ -92,6 +100,7 @@ fn trouble(view: &LinkView) -> Vec<String> {
     trouble.extend(view.down.iter().map(|down| down.reason.clone()));
     trouble.extend(view.unapplied.iter().map(|unapplied| unapplied.text.clone()));
     trouble.extend(view.alarms.iter().map(|alarm| alarm.text.clone()));
+    trouble.extend(view.unseen.first().map(|job| result(job, view.unseen_count)));
     trouble
 }
 
@@ -149,12 +158,17 @@ pub(super) const fn alarm_text(kind: AlarmKind) -> &'static str {
     }
 }
 
-/// A job with what its lane knows of it now.
-pub(super) fn brief(job: &Job, figures: &LaneFigures) -> JobBrief {
-    let is_it = figures.job == job.id;
-    let taken = if is_it { job.order.from + figures.job_taken } else { 0 };
-    let brief = job.brief();
-    JobBrief { taken: brief.taken.max(taken), ..brief }
+/// How the newest job ended of those that nobody has acknowledged.
+fn result(job: &JobBrief, count: u32) -> String {
+    let what = job.program.as_ref().unwrap_or(&job.kind);
+    let mut text = format!("job {}, {what}, {}", job.id, job.state.name());
+    for part in job.message.iter().chain(Some(&job.progress.text).filter(|text| !text.is_empty())) {
+        let _ = write!(text, ": {part}");
+    }
+    if count > 1 {
+        let _ = write!(text, "; and {} before it that nobody has acknowledged", count - 1);
+    }
+    text
 }
 
 pub(super) fn program(program: Program) -> ProgramView {

@@ -21,6 +21,7 @@ use super::Gateway;
 use super::control::{Control, Message, Parts, SWEEP, Shared};
 use super::loading::Loader;
 use super::reload::prepare;
+use super::results::Results;
 use super::scribe::Scribe;
 use super::worker::Worker;
 use crate::clerk::Clerk;
@@ -29,7 +30,7 @@ use crate::disk::DiskError;
 use crate::feeder::Feeder;
 use crate::jobs::{Jobs, JobsError, Keep, Note, Recovery, Subject, Weight};
 use crate::library::{Library, LibraryError, Watch};
-use crate::programs::{Programs, Receptions, Snapshots};
+use crate::programs::{Programs, Quotas, Receptions, Snapshots};
 use crate::view::now_ms;
 
 /// Changes that a reader who is slow may fall behind.
@@ -144,6 +145,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
             jobs.recovered(left.job, link, file, left.arrived.bytes)?;
         }
     }
+    let quotas = Quotas::new(&config.gateway.receptions, config.gateway.free_space);
     let programs = Programs::open(&config.gateway.programs)?;
     let library = Library::open(&config.gateway.library)?;
     let instances = (config.links.len() * INSTANCES_A_LINK + 64).max(1_024) as u32;
@@ -171,6 +173,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
             programs,
             snapshots,
             receptions,
+            quotas,
             scribe,
             worker,
             requests,
@@ -202,7 +205,8 @@ pub fn start(config: Config) -> Result<Running, StartError> {
         to.tell(move |control| control.feeder_news(news));
     })?;
     let (to, receptions) = (Arc::clone(&shared), shared.parts.receptions.clone());
-    let clerk = Clerk::start(jobs, receptions, snapshots, move |news| {
+    let quotas = shared.parts.quotas.clone();
+    let clerk = Clerk::start(jobs, receptions, snapshots, quotas, move |news| {
         to.tell(move |control| control.clerk_news(news));
     })?;
     let mut control = Control {
@@ -215,6 +219,8 @@ pub fn start(config: Config) -> Result<Running, StartError> {
         lanes: HashMap::new(),
         audiences: HashMap::new(),
         shown: HashMap::new(),
+        shown_jobs: HashMap::new(),
+        results: Results::of(&shared.parts.jobs)?,
         next_lane: 1,
         began: Instant::now(),
         next_sweep: Instant::now() + SWEEP,

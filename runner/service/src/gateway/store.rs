@@ -10,7 +10,7 @@ use softplug_host::lint;
 use super::loading::reference_of;
 use super::{Download, Gateway, show};
 use crate::Refusal;
-use crate::disk::DiskError;
+use crate::disk::{DiskError, is_full};
 use crate::jobs::Kind;
 use crate::library::{Entry, LibraryError, Reference};
 use crate::programs::{ProgramError, ProgramName};
@@ -31,6 +31,7 @@ impl From<ProgramError> for Refusal {
             ProgramError::Exists(_) | ProgramError::Busy(_) => Self::Conflict(text),
             ProgramError::Name(_) | ProgramError::Empty(_) => Self::invalid("program", text),
             ProgramError::TooLarge { .. } => Self::TooLarge(text),
+            ProgramError::Source(error) if is_full(&error) => Self::Unavailable(error.to_string()),
             ProgramError::Source(_) => Self::invalid("body", text),
             ProgramError::NoFolder => Self::Forbidden(text),
             ProgramError::Disk(error) => error.into(),
@@ -72,7 +73,9 @@ impl Gateway {
     ) -> Result<ProgramView, Refusal> {
         let name: ProgramName = name.parse()?;
         let most = self.shared.upload_bytes;
-        let program = self.shared.parts.programs.upload(&name, source, most, overwrite)?;
+        let parts = &self.shared.parts;
+        let mut source = parts.quotas.within(source);
+        let program = parts.programs.upload(&name, &mut source, most, overwrite)?;
         self.shared.changed(Change::Programs);
         Ok(show::program(program))
     }
@@ -174,6 +177,8 @@ impl Gateway {
 
     /// Checks a module and adds it.
     pub fn add_plugin(&self, module: &[u8]) -> Result<PluginView, Refusal> {
+        let free = self.shared.parts.quotas.free();
+        free.map_err(|over| Refusal::Unavailable(over.to_string()))?;
         let added = self.shared.parts.loader.library().add(module)?;
         self.shared.changed(Change::Plugins);
         let running = self.running()?;

@@ -16,7 +16,7 @@ use crate::config::{self, SwapPolicy, micros};
 use crate::jobs::{Note, Subject, Weight};
 use crate::library::LibraryNews;
 use crate::supervise::{State, Taking};
-use crate::view::{Change, SwapState, SwapView, SwapWhen, now_ms};
+use crate::view::{Change, PluginRef, SwapState, SwapView, SwapWhen, now_ms};
 
 /// A swap that was prepared.
 #[derive(Debug)]
@@ -34,11 +34,20 @@ impl Control {
     /// Orders a swap.
     pub(super) fn order_swap(&mut self, name: &str, wanted: Wanted) -> Result<SwapView, Refusal> {
         let link = self.link(name)?;
-        if let Some(swap) = &link.swap
+        let is_running = link.supervisor.state() == State::Running;
+        if let Some(swap) = &mut link.swap
             && matches!(swap.view.state, SwapState::Ordered | SwapState::Waiting)
+            && is_running
         {
+            if wanted.when == SwapWhen::Now && swap.view.state == SwapState::Waiting {
+                let view = ordered(name, Some(link.plugin.which.clone()), &wanted.successor);
+                swap.then = Some(Box::new(wanted));
+                let lane = link.lane_id();
+                self.reactor.tell(lane, Command::CancelSwap);
+                return Ok(view);
+            }
             return Err(Refusal::Conflict(format!(
-                "the link \"{name}\" is about to take {} {}",
+                "the link \"{name}\" is about to take {} {}; `now` does not wait for that",
                 swap.view.to.name, swap.view.to.version
             )));
         }
@@ -48,23 +57,20 @@ impl Control {
             )));
         }
         let Wanted { successor, when, probation, waits, configured } = wanted;
-        let view = SwapView {
-            link: name.to_owned(),
-            from: Some(link.plugin.which.clone()),
-            to: successor.which.clone(),
-            state: SwapState::Ordered,
-            at_ms: now_ms(),
-            pause_us: None,
-            message: None,
-        };
+        let view = ordered(name, Some(link.plugin.which.clone()), &successor);
         link.follow.ordered(successor.digest());
-        if link.supervisor.state() != State::Running {
+        if !is_running {
+            // What waited has nothing left to wait for.
+            let lane = link.lane_id();
+            self.reactor.tell(lane, Command::CancelSwap);
             return Ok(self.put_in_place(name, successor, view));
         }
         let swap = swap(&link.plugin, &successor, when, probation.unwrap_or(link.config.probation));
         let swap = swap.map_err(|error| Refusal::invalid("plugin", error))?;
         let former = Some(link.plugin.clone());
-        link.swap = Some(Swapping { view: view.clone(), successor, former, waits, configured });
+        let then = None;
+        link.swap =
+            Some(Swapping { view: view.clone(), successor, former, waits, then, configured });
         let lane = link.lane_id();
         self.reactor.tell(lane, Command::Swap(swap));
         Ok(view)
@@ -81,8 +87,9 @@ impl Control {
             let former = None;
             link.plugin = successor.clone();
             link.unapplied = None;
-            let configured = None;
-            link.swap = Some(Swapping { view: view.clone(), successor, former, waits, configured });
+            let (then, configured) = (None, None);
+            link.swap =
+                Some(Swapping { view: view.clone(), successor, former, waits, then, configured });
             let plugin = link.plugin.clone();
             self.note_use(name, &plugin, None);
         }
@@ -95,6 +102,12 @@ impl Control {
     pub(super) fn swapped(&mut self, name: &str, report: SwapReport) {
         let Some(link) = self.links.get_mut(name) else { return };
         let Some(swap) = &mut link.swap else { return };
+        if matches!(report, SwapReport::Refused { .. })
+            && !matches!(swap.view.state, SwapState::Ordered | SwapState::Waiting)
+        {
+            // Of one that waited until another took its place.
+            return;
+        }
         let (new, old) = (described(&swap.successor), swap.former.as_ref().map(described));
         let old = old.unwrap_or_default();
         let not_taken = match (&report, &swap.configured) {
@@ -178,7 +191,23 @@ impl Control {
             // It may have become tired of waiting.
             let _ = waits.try_send(swap.view.clone());
         }
+        self.swap_instead(name);
         self.begin_next(name);
+    }
+
+    /// Goes on with what was wanted at once while another swap waited.
+    fn swap_instead(&mut self, name: &str) {
+        let Some(swap) = self.links.get_mut(name).and_then(|link| link.swap.as_mut()) else {
+            return;
+        };
+        if matches!(swap.view.state, SwapState::Ordered | SwapState::Waiting) {
+            return;
+        }
+        let Some(wanted) = swap.then.take() else { return };
+        if let Err(refusal) = self.order_swap(name, *wanted) {
+            let text = format!("the swap that was wanted at once is not done: {refusal}");
+            self.shared.parts.scribe.link(Subject::Swap, Weight::Warning, name, text);
+        }
     }
 
     fn keep_fault(&mut self, name: &str, plugin: &Prepared, fault: LaneFault) {
@@ -242,6 +271,19 @@ impl Control {
         if let Err(refusal) = self.order_swap(name, wanted) {
             tracing::warn!(link = name, %refusal, "a new version is not taken now");
         }
+    }
+}
+
+/// A swap as it is shown when it is ordered.
+fn ordered(name: &str, from: Option<PluginRef>, successor: &Prepared) -> SwapView {
+    SwapView {
+        link: name.to_owned(),
+        from,
+        to: successor.which.clone(),
+        state: SwapState::Ordered,
+        at_ms: now_ms(),
+        pause_us: None,
+        message: None,
     }
 }
 

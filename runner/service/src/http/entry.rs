@@ -1,4 +1,5 @@
-//! What every request passes before it is handled: the rate, then the token.
+//! What every request passes before it is handled: the rate, the length of its head, the name
+//! that it asks for, then the token.
 
 use std::net::{IpAddr, Ipv6Addr, SocketAddr};
 use std::num::NonZeroU32;
@@ -13,7 +14,8 @@ use axum::response::{IntoResponse, Response};
 use governor::{DefaultKeyedRateLimiter, Quota, RateLimiter};
 
 use super::connections::Connections;
-use super::options::Limits;
+use super::names::Names;
+use super::options::{HEAD_BYTES, Limits};
 use super::problem::Problem;
 use super::tokens::{Role, Tokens};
 
@@ -24,6 +26,7 @@ const FORGET_EVERY: u64 = 4096;
 #[derive(Debug)]
 pub(super) struct Door {
     tokens: Tokens,
+    names: Names,
     rate: DefaultKeyedRateLimiter<IpAddr>,
     connections: Connections,
     pub(super) tally: Tally,
@@ -43,12 +46,17 @@ pub(crate) struct Tally {
 }
 
 impl Door {
-    pub(super) fn new(tokens: Tokens, connections: Connections, limits: &Limits) -> Self {
+    pub(super) fn new(
+        tokens: Tokens,
+        names: Names,
+        connections: Connections,
+        limits: &Limits,
+    ) -> Self {
         let at_least_one = |number| NonZeroU32::new(number).unwrap_or(NonZeroU32::MIN);
         let quota = Quota::per_second(at_least_one(limits.requests_per_second))
             .allow_burst(at_least_one(limits.burst));
         let rate = RateLimiter::keyed(quota);
-        Self { tokens, rate, connections, tally: Tally::default() }
+        Self { tokens, names, rate, connections, tally: Tally::default() }
     }
 
     pub(super) fn connections(&self) -> usize {
@@ -89,6 +97,18 @@ fn bearer(value: &HeaderValue) -> Option<&str> {
     scheme.eq_ignore_ascii_case("bearer").then(|| token.trim())
 }
 
+/// The length of a request's head, as it is written without spaces that need not be.
+fn head_bytes(request: &Request) -> usize {
+    let uri = request.uri();
+    let whole = uri.authority().map_or(0, |authority| "http://".len() + authority.as_str().len());
+    let path = uri.path_and_query().map_or(0, |path| path.as_str().len());
+    let first = request.method().as_str().len() + " ".len() + whole + path + " HTTP/1.1\r\n".len();
+    let line = |(name, value): (&header::HeaderName, &HeaderValue)| {
+        name.as_str().len() + ": ".len() + value.len() + "\r\n".len()
+    };
+    first + request.headers().iter().map(line).sum::<usize>() + "\r\n".len()
+}
+
 /// Outermost: the rate, the headers that every answer has, the counters.
 pub(super) async fn pass(
     State(door): State<Arc<Door>>,
@@ -101,6 +121,14 @@ pub(super) async fn pass(
         door.tally.hasty.fetch_add(1, Ordering::Relaxed);
         let sentence = "too many requests from this address; try again in a second";
         Problem::new(StatusCode::TOO_MANY_REQUESTS, sentence).into_response()
+    } else if head_bytes(&request) > HEAD_BYTES {
+        let sentence = format!("the head of a request has at most {HEAD_BYTES} bytes");
+        let problem = Problem::new(StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE, sentence);
+        let mut response = problem.into_response();
+        response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+        response
+    } else if let Err(problem) = door.names.check(&request) {
+        problem.into_response()
     } else {
         next.run(request).await
     };

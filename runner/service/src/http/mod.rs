@@ -6,6 +6,7 @@
 mod connections;
 mod entry;
 mod extract;
+mod names;
 mod options;
 mod problem;
 mod routes;

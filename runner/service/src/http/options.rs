@@ -13,6 +13,8 @@ pub struct Options {
     pub tokens: Option<PathBuf>,
     /// Speak TLS with this certificate.
     pub certificate: Option<Certificate>,
+    /// Names by which it may be asked for, beside `localhost` and the address.
+    pub names: Vec<String>,
     /// How much of what is taken.
     pub limits: Limits,
 }
@@ -20,7 +22,8 @@ pub struct Options {
 impl Options {
     /// Plain HTTP at this address, for the holders of these tokens.
     pub fn new(listen: SocketAddr, tokens: Option<PathBuf>) -> Self {
-        Self { listen, tokens, certificate: None, limits: Limits::default() }
+        let (names, limits) = (Vec::new(), Limits::default());
+        Self { listen, tokens, certificate: None, names, limits }
     }
 }
 
@@ -64,6 +67,8 @@ impl Default for Limits {
     }
 }
 
+/// Longest head of a request, in bytes.
+pub(super) const HEAD_BYTES: usize = 32 * 1024;
 /// Largest JSON document in a request, in bytes.
 pub(super) const DOCUMENT_BYTES: usize = 64 * 1024;
 /// Until a JSON document has come.
@@ -83,6 +88,8 @@ pub(super) const UPLOAD_PACE: Pace = Pace { patience: Duration::from_secs(30), b
 pub(super) const FEED_PACE: Pace = Pace { patience: Duration::from_mins(10), bytes: 1 };
 /// Largest plug-in, in bytes; it is held in memory.
 pub(super) const PLUGIN_BYTES: u64 = 16 * 1024 * 1024;
+/// Lists that are read at one time; more wait.
+pub(super) const LOOKS: usize = 2;
 /// Uploads at one time.
 pub(super) const UPLOADS: usize = 32;
 /// Direct feeds at one time; each has a thread.

@@ -15,7 +15,8 @@ use tokio::sync::watch;
 
 use super::connections::Connections;
 use super::entry::Door;
-use super::options::Options;
+use super::names::Names;
+use super::options::{HEAD_BYTES, Options};
 use super::tls::{self, CertificateError};
 use super::tokens::{Tokens, TokensError};
 
@@ -23,8 +24,6 @@ use super::tokens::{Tokens, TokensError};
 const BACKLOG: u32 = 1024;
 /// Threads for calls that block.
 const BLOCKING_THREADS: usize = 128;
-/// Longest head of a request, in bytes.
-const HEAD_BYTES: usize = 32 * 1024;
 
 /// Why the API cannot be served.
 #[derive(Debug, thiserror::Error)]
@@ -80,7 +79,8 @@ impl Server {
         let listener = listen(&runtime, options.listen).map_err(refused)?;
         let address = listener.local_addr().map_err(refused)?;
         let connections = Connections::new(options.limits);
-        let door = Arc::new(Door::new(tokens, connections.clone(), &options.limits));
+        let names = Names::new(options.listen.ip(), &options.names);
+        let door = Arc::new(Door::new(tokens, names, connections.clone(), &options.limits));
         let (stopping, stop) = watch::channel(false);
         let routes = routes(Surroundings { door, stopping: stop });
         let handle = Handle::new();
@@ -141,6 +141,7 @@ async fn serving(
     routes: Router,
 ) -> io::Result<()> {
     let mut server = axum_server::Server::<SocketAddr>::from_listener(listener).handle(handle);
+    // A head that comes in one piece may be twice as long, and is refused at the door.
     server.http_builder().http1().max_buf_size(HEAD_BYTES);
     let service = routes.into_make_service_with_connect_info::<SocketAddr>();
     match tls {

@@ -186,6 +186,9 @@ pub struct Job {
     /// What came.
     #[serde(default)]
     pub reception: Option<Reception>,
+    /// It ended otherwise than done, and nobody has acknowledged that yet.
+    #[serde(default)]
+    pub is_unseen: bool,
     /// When it was given, in milliseconds since 1970.
     pub created: u64,
     /// When it began.
@@ -205,6 +208,11 @@ impl Job {
     /// The link is busy with it. A reception does not keep the link from sending.
     pub fn occupies(&self) -> bool {
         self.order.kind != Kind::Receive && self.has_begun() && !self.state.is_final()
+    }
+
+    /// It ended otherwise than done, after it had begun: somebody has to know.
+    pub(super) fn has_ended_badly(&self) -> bool {
+        self.has_begun() && self.state.is_final() && self.state != State::Done
     }
 
     /// The file of its reception, if it has one.
@@ -242,6 +250,7 @@ mod tests {
             sent: 0,
             reason: None,
             reception: None,
+            is_unseen: false,
             created: 0,
             began: has_begun.then_some(1),
             ended: None,

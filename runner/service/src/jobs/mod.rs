@@ -11,6 +11,7 @@ mod book;
 mod error;
 mod job;
 mod journal;
+mod progress;
 mod reading;
 mod receiving;
 mod shown;
@@ -27,6 +28,7 @@ pub use job::{
     CheckFault, Comparison, Data, Extent, Job, Kind, Left, Order, Origin, Reason, Reception,
 };
 pub use journal::{Entry, EntryFilter, Keep, Note, Subject, Weight};
+pub use progress::Lately;
 pub use reading::JobsReader;
 pub use state::{State, Step, after};
 
@@ -46,6 +48,9 @@ use turns::{Turn, Turns, Who};
 
 /// Most jobs that wait on one link.
 const WAITING: usize = 1_000;
+
+/// Most jobs that are acknowledged in one change.
+const SEEN_AT_ONCE: usize = 32;
 
 /// All jobs and the journal of a gateway, to be changed: one after the other, what serves a
 /// line first. Clones are the same.
@@ -139,6 +144,7 @@ impl Jobs {
             match after(job.state, job.has_begun(), Step::Recover) {
                 Some(State::Interrupted) => {
                     interrupt(&mut job, "the gateway ended in the middle of it", now);
+                    job.is_unseen = true;
                     change.notes.push(ended_note(&job));
                     recovery.interrupted.push(job.clone());
                     change.jobs.push(job);
@@ -290,6 +296,7 @@ impl Jobs {
         })?;
         job.reason = reason;
         job.ended = Some(now());
+        job.is_unseen = job.has_ended_badly();
         if let Some(left) = left {
             (job.taken, job.sent) = (left.taken, left.sent);
             job.extent = narrowed(job.extent, left.extent);
@@ -304,6 +311,28 @@ impl Jobs {
         let change = Change { jobs: vec![job.clone()], notes, sent, came: None };
         book.write(&change, now())?;
         Ok(job)
+    }
+
+    /// Somebody has seen how jobs of a link ended: the last of `jobs`, and those before it.
+    ///
+    /// # Errors
+    /// It cannot be written down.
+    pub fn acknowledge(&self, jobs: &[Job]) -> Result<Vec<Job>, JobsError> {
+        let Some(last) = jobs.last() else { return Ok(Vec::new()) };
+        let seen = |job: &Job| Job { is_unseen: false, ..job.clone() };
+        let text = match jobs.len() {
+            1 => format!("job {} is {}: somebody has seen it", last.id, last.state.name()),
+            count => format!("{count} jobs, the last one {}, have been seen", last.id),
+        };
+        let mut notes = vec![note(last, text)];
+        let seen: Vec<Job> = jobs.iter().map(seen).collect();
+        // The newest first, which is what was asked for: a line may have its turn in between.
+        for some in seen.rchunks(SEEN_AT_ONCE) {
+            let notes = std::mem::take(&mut notes);
+            let change = Change { jobs: some.to_vec(), notes, ..Change::default() };
+            self.book().write(&change, now())?;
+        }
+        Ok(seen)
     }
 
     /// Notes how far jobs may go and have come, all at once. What has ended meanwhile is left
@@ -415,6 +444,7 @@ fn created(id: u32, order: Order, state: State) -> Job {
         sent: 0,
         reason: None,
         reception: None,
+        is_unseen: false,
         created: now(),
         began: None,
         ended: None,

@@ -160,6 +160,27 @@ impl JobsReader {
         self.tell(look())
     }
 
+    /// Jobs that have begun and ended: the newest of each link, and all that nobody has
+    /// acknowledged, the oldest first. Reads them all: for the start.
+    ///
+    /// # Errors
+    /// The database cannot be read.
+    pub fn results(&self) -> Result<Vec<Job>, JobsError> {
+        let look = || {
+            let (mut results, mut links) = (Vec::new(), BTreeSet::new());
+            for row in self.opened.snapshot()?.open_table(JOBS)?.iter()?.rev() {
+                let Some(job) = decoded::<Job>(row?.1.value()) else { continue };
+                let has_ended = job.state.is_final() && job.has_begun();
+                if has_ended && (links.insert(job.order.link.clone()) || job.is_unseen) {
+                    results.push(job);
+                }
+            }
+            results.reverse();
+            Ok(results)
+        };
+        self.tell(look())
+    }
+
     fn tell<T>(&self, read: Result<T, redb::Error>) -> Result<T, JobsError> {
         read.map_err(|error| self.opened.blame(error).into())
     }

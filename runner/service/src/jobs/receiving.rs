@@ -48,6 +48,7 @@ impl Jobs {
             job.reason = reason;
             job.order.program = name.or(job.order.program);
             job.ended = Some(now());
+            job.is_unseen = job.has_ended_badly();
         }
         let change = Change { jobs: vec![job.clone()], notes: vec![note], came, sent: None };
         book.write(&change, now())?;
@@ -84,6 +85,7 @@ impl Jobs {
                 let mut job = created(book.next_job(), order, State::Interrupted);
                 (job.began, job.ended) = (Some(job.created), Some(job.created));
                 job.reason = Some(reason.clone());
+                job.is_unseen = job.has_ended_badly();
                 job
             }
             (None, None) => return Ok(()),

@@ -1,33 +1,29 @@
 //! Jobs and entries as they are shown.
 
-use super::{Entry, EntryFilter, Job, JobFilter, Order};
+use super::{Entry, EntryFilter, Job, JobFilter, Lately, Order};
 use crate::view::{self, JobBrief, JobView, JournalEntry};
 
 /// What a list has if nothing is said, and at most.
 const LISTED: (u32, u32) = (100, 1_000);
 
 impl Job {
-    /// As it is shown. `last_block` is for [`Snapshots::between`](crate::programs::Snapshots::between)
-    /// to find out.
-    pub fn view(&self, last_block: Option<u64>) -> JobView {
-        let Order { link, job_kind, fields, program, data, .. } = self.order.clone();
+    /// As it is shown. `lately`: what its lane knows, while it is under way.
+    pub fn view(&self, lately: Option<&Lately>) -> JobView {
+        let Order { link, job_kind, fields, program, .. } = self.order.clone();
         JobView {
             id: self.id,
             link,
-            kind: job_kind,
+            kind: kind_name(job_kind),
             state: self.state,
             origin: self.order.origin,
             program,
             fields: fields.into_iter().collect(),
             priority: self.order.priority,
-            size: data.map(|data| data.size),
+            progress: self.progress(lately),
             start_byte: self.order.from,
             start_block: self.order.from_block,
-            taken: self.taken.max(self.extent.surely),
             sent: self.sent,
-            surely_left: self.extent.surely,
-            maybe_left: self.extent.maybe,
-            last_block,
+            last_block: None,
             created_ms: self.created,
             started_ms: self.began,
             ended_ms: self.ended,
@@ -36,21 +32,27 @@ impl Job {
             check: self.reason.as_ref().and_then(|reason| reason.check.clone()),
             answer: self.reception.as_ref().and_then(|reception| reception.file.clone()),
             restart_of: self.order.restarts,
+            is_unseen: self.is_unseen,
         }
     }
 
     /// In short.
-    pub fn brief(&self) -> JobBrief {
+    pub fn brief(&self, lately: Option<&Lately>) -> JobBrief {
         JobBrief {
             id: self.id,
-            kind: self.order.job_kind.clone(),
+            kind: kind_name(self.order.job_kind.clone()),
             program: self.order.program.clone(),
             state: self.state,
-            size: self.order.data.map(|data| data.size),
-            taken: self.taken.max(self.extent.surely),
-            surely_left: self.extent.surely,
+            progress: self.progress(lately),
+            message: self.reason.as_ref().map(|reason| reason.text.clone()),
+            ended_ms: self.ended,
         }
     }
+}
+
+/// What the machine sends of its own accord is of no kind of the plug-in's.
+fn kind_name(kind: String) -> String {
+    if kind.is_empty() { "receive".to_owned() } else { kind }
 }
 
 impl From<Entry> for JournalEntry {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{Comparison, Extent, Job, Kind, Note, Reason, Reception, State, Subject, Weight};
+use super::{Comparison, Job, Kind, Note, Reason, Reception, State, Subject, Weight};
 
 pub(super) fn note(job: &Job, text: String) -> Note {
     Note::new(Subject::Job, text).of_link(&*job.order.link).of_job(job.id).tamed()
@@ -36,14 +36,7 @@ pub(super) fn ended_note(job: &Job) -> Note {
         let _ = write!(text, ": {}", reason.text);
     }
     if job.state != State::Done && job.order.kind == Kind::Send {
-        let Extent { surely, maybe } = job.extent;
-        if maybe == job.order.from {
-            text.push_str("; nothing of it has left");
-        } else if surely == maybe {
-            let _ = write!(text, "; it has left up to byte {maybe}");
-        } else {
-            let _ = write!(text, "; bytes {surely} to {maybe} may have left");
-        }
+        let _ = write!(text, "; {}", job.progress(None).text);
     }
     let weight = match job.state {
         State::Failed | State::Interrupted => Weight::Warning,

@@ -129,7 +129,7 @@ mod tests {
         for thread in waiting {
             thread.join().unwrap();
         }
-        let order = turns.take(Who::Other);
+        let order = turns.take(Who::Other).clone();
         assert_eq!(order.len(), 18);
         assert_eq!(order[..2], [Who::Line; 2], "{order:?}");
     }

@@ -4,11 +4,13 @@
 mod compare;
 mod error;
 mod folders;
+mod quota;
 mod receptions;
 mod snapshots;
 
 pub use compare::first_difference;
 pub use error::ProgramError;
 pub use folders::{Program, ProgramName, Programs};
+pub use quota::{FREE_SPACE, OverQuota, Quota, Quotas, WithinFree};
 pub use receptions::{Arrival, Arrived, LeftOver, ReceptionFile, Receptions};
 pub use snapshots::Snapshots;

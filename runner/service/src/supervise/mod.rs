@@ -142,6 +142,17 @@ impl Supervisor {
         }
     }
 
+    /// Somebody stops the plug-in, whatever it is doing: nothing is started until somebody releases
+    /// the link. `false` if it is in quarantine already.
+    pub fn quarantine(&mut self, now: Duration) -> bool {
+        let is_new = !matches!(self.state, State::Quarantined { .. });
+        if is_new {
+            let faults = self.faults(now);
+            self.state = State::Quarantined { since: now, faults };
+        }
+        is_new
+    }
+
     /// Whether the plug-in is to be started now; told once.
     pub fn takes_start(&mut self, now: Duration) -> bool {
         let is_due = self.next().is_some_and(|until| until <= now);
@@ -239,6 +250,20 @@ mod tests {
         assert_eq!(again, Verdict::RestartAt(seconds(106)));
         supervisor.begin_anew();
         assert_eq!(supervisor.state(), State::Running);
+    }
+
+    #[test]
+    fn somebody_may_stop_it_at_any_time() {
+        let mut supervisor = supervisor(3);
+        assert!(matches!(supervisor.failed(seconds(1), Failed::Settled), Verdict::RestartAt(_)));
+        assert!(supervisor.quarantine(seconds(1)));
+        let stopped = State::Quarantined { since: seconds(1), faults: 1 };
+        assert_eq!((supervisor.state(), supervisor.next()), (stopped, None));
+        assert!(!supervisor.quarantine(seconds(2)) && !supervisor.takes_start(seconds(9)));
+        // Its end is told as a fault: nothing comes of that any more.
+        assert_eq!(supervisor.failed(seconds(2), Failed::OnProbation), Verdict::Quarantine);
+        assert!(supervisor.release());
+        assert_eq!((supervisor.state(), supervisor.faults(seconds(3))), (State::Running, 0));
     }
 
     #[test]

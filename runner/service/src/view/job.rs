@@ -13,7 +13,8 @@ pub struct JobView {
     pub id: u32,
     /// The link.
     pub link: String,
-    /// The kind, as the plug-in's manifest names it: `send`, `read`, `write` …
+    /// The kind, as the plug-in's manifest names it: `send`, `read`, `write` …; `receive` for what
+    /// the machine sends of its own accord.
     pub kind: String,
     /// How far it is.
     pub state: JobState,
@@ -25,20 +26,15 @@ pub struct JobView {
     pub fields: BTreeMap<String, String>,
     /// Jobs of a higher priority come first.
     pub priority: i32,
-    /// Bytes of data, if that is known.
-    pub size: Option<u64>,
+    /// How far it is.
+    #[serde(flatten)]
+    pub progress: JobProgress,
     /// The byte of the program at which it begins.
     pub start_byte: u64,
     /// The block at which it begins, counted from 1; 1 is the program's first.
     pub start_block: u64,
-    /// Bytes of the program that the plug-in has taken, the ones before `start_byte` included.
-    pub taken: u64,
-    /// Bytes that have left for it on the line.
+    /// Bytes that have left for it on the line, as the plug-in counts; known when it has ended.
     pub sent: u64,
-    /// The program up to this byte has surely left.
-    pub surely_left: u64,
-    /// The program up to this byte may have left.
-    pub maybe_left: u64,
     /// The last block that has surely left as a whole.
     pub last_block: Option<u64>,
     /// When it was ordered.
@@ -57,6 +53,30 @@ pub struct JobView {
     pub answer: Option<String>,
     /// The job that this one is a restart of.
     pub restart_of: Option<u32>,
+    /// It ended otherwise than done, and nobody has acknowledged that yet.
+    pub is_unseen: bool,
+}
+
+/// How far a job is: the same numbers and words on the link, in the list of jobs, in what
+/// happens, on the page and in the command.
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize, ToSchema)]
+pub struct JobProgress {
+    /// Bytes of data, if that is known.
+    pub size: Option<u64>,
+    /// Bytes of the program that the plug-in has taken, the ones before `start_byte` included.
+    pub taken: u64,
+    /// The program up to this byte has surely left.
+    pub surely_left: u64,
+    /// The program up to this byte may have left.
+    pub maybe_left: u64,
+    /// What has surely left, of a hundred.
+    pub percent: Option<u8>,
+    /// The machine holds the line in the middle of it. A job that somebody has paused is not held.
+    pub is_held: bool,
+    /// What the machine or its operator has to do before it goes on, in a sentence.
+    pub awaits: Option<String>,
+    /// All of this for people.
+    pub text: String,
 }
 
 /// A job in short, on its link.
@@ -70,12 +90,13 @@ pub struct JobBrief {
     pub program: Option<String>,
     /// How far it is.
     pub state: JobState,
-    /// Bytes of data, if that is known.
-    pub size: Option<u64>,
-    /// Bytes of it that the plug-in has taken.
-    pub taken: u64,
-    /// Bytes that have surely left.
-    pub surely_left: u64,
+    /// How far it is, in bytes and words.
+    #[serde(flatten)]
+    pub progress: JobProgress,
+    /// Why it ended otherwise than done, in a sentence.
+    pub message: Option<String>,
+    /// When it ended.
+    pub ended_ms: Option<TimeMs>,
 }
 
 /// How far a job is.

@@ -25,11 +25,18 @@ pub struct LinkView {
     pub settings: BTreeMap<String, String>,
     /// The job that runs or is paused.
     pub job: Option<JobBrief>,
+    /// The job that ended last; a reception is one, too.
+    pub last: Option<JobBrief>,
+    /// The newest of the jobs that ended otherwise than done and that nobody has acknowledged.
+    pub unseen: Vec<JobBrief>,
+    /// How many of these there are in all.
+    pub unseen_count: u32,
     /// Jobs that wait behind it.
     pub queued: u32,
     /// What is being received.
     pub receiving: Option<ReceivingView>,
-    /// Whether the machine holds the line.
+    /// Whether the machine holds the line, as far as is known: not while somebody has paused
+    /// the job, nor before the machine has asked for it.
     pub is_held: bool,
     /// What was counted since the gateway started.
     pub counters: CountersView,

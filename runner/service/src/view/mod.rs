@@ -15,7 +15,9 @@ mod swap;
 
 pub use change::{Change, Seen, SeenWhat};
 pub use health::{HealthView, LinkCounts, ReadyView, ReloadView, RemadeLink, StopHow};
-pub use job::{CheckFault, JobBrief, JobFilter, JobOrder, JobOrigin, JobState, JobView, KindView};
+pub use job::{
+    CheckFault, JobBrief, JobFilter, JobOrder, JobOrigin, JobProgress, JobState, JobView, KindView,
+};
 pub use journal::{JournalEntry, JournalFilter, JournalKind};
 pub use link::{
     AlarmView, BufferView, CountersView, DownView, EndpointView, FaultView, LinkState, LinkView,

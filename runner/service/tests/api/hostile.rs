@@ -116,8 +116,43 @@ fn what_is_too_large_is_refused_and_nothing_of_it_stays() {
     assert!([0, 400, 431].contains(&status(&answer)), "{answer}");
     let path = format!("/api/v1/links/{}", "a".repeat(40_000));
     let answer = bench.raw(bench.request("GET", &path, "").as_bytes());
-    assert!([0, 400, 404, 414, 431].contains(&status(&answer)), "{answer}");
+    assert!([0, 400, 414, 431].contains(&status(&answer)), "{answer}");
+    // To the byte, and in one line as in many.
+    let empty = bench.request("GET", "/api/v1/links", "").len();
+    for (most, expected) in [(32 * 1024, 200), (32 * 1024 + 1, 431), (40_000, 431)] {
+        let one = format!("X-Long: {}\r\n", "x".repeat(most - empty - 10));
+        let mut many = "X-Long: y\r\n".repeat(60);
+        let rest = most - empty - many.len() - 10;
+        let _ = write!(many, "X-Rest: {}\r\n", "x".repeat(rest));
+        for head in [one, many] {
+            let request = bench.request("GET", "/api/v1/links", &head);
+            assert_eq!(request.len(), most);
+            let answer = bench.raw(request.as_bytes());
+            assert_eq!(status(&answer), expected, "{most} bytes: {answer}");
+        }
+    }
     bench.get("/links").with(200);
+}
+
+/// A stranger's page whose name was made to lead here asks for the stranger's name.
+#[test]
+fn a_name_that_is_not_ours_is_not_answered() {
+    let bench = Bench::with(|options| options.names = vec!["gateway.shop.example".to_owned()]);
+    let asked = |path: &str, host: &str| {
+        let request = bench.request("GET", path, "").replace("Host: localhost", host);
+        status(&bench.raw(request.as_bytes()))
+    };
+    let port = bench.address().port();
+    for path in ["/", "/healthz", "/api/v1/links", "/api/v1/openapi.json", "/nothing"] {
+        let own = if path == "/nothing" { 404 } else { 200 };
+        assert_eq!(asked(path, "Host: gateway.shop.example"), own, "{path}");
+        assert_eq!(asked(path, &format!("Host: 127.0.0.1:{port}")), own, "{path}");
+        assert_eq!(asked(path, "Host: rebound.example"), 421, "{path}");
+        assert_eq!(asked(path, &format!("Host: rebound.example:{port}")), 421, "{path}");
+        assert_eq!(asked(path, "Host: localhost\r\nHost: rebound.example"), 400, "{path}");
+        assert_eq!(asked(path, "X: y"), 400, "{path}");
+    }
+    assert_eq!(asked("http://rebound.example/api/v1/links", "Host: localhost"), 421);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use crate::bench::Bench;
 
 /// What is asked of the API, and whether it is an admin's.
-const OPERATIONS: [(&str, &str, bool); 14] = [
+const OPERATIONS: [(&str, &str, bool); 15] = [
     ("GET", "/links", false),
     ("GET", "/links/lathe-1", false),
     ("GET", "/links/lathe-1/watch", false),
@@ -14,6 +14,7 @@ const OPERATIONS: [(&str, &str, bool); 14] = [
     ("GET", "/events", false),
     ("GET", "/health", false),
     ("POST", "/links/lathe-1/swap", true),
+    ("POST", "/links/lathe-1/quarantine", true),
     ("POST", "/plugins", true),
     ("POST", "/reload", true),
     ("DELETE", "/programs/O1.nc", true),
@@ -31,14 +32,15 @@ fn nobody_enters_without_a_token_that_is_known() {
             bench.ask(method, path, token, b"{}").with(401);
         }
     }
-    let answer = bench.raw(b"GET /metrics HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n");
+    let answer =
+        bench.raw(b"GET /metrics HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
     assert!(answer.starts_with("HTTP/1.1 401 "), "{answer}");
     assert!(answer.to_lowercase().contains("\r\nwww-authenticate: bearer"), "{answer}");
-    let basic = "GET /api/v1/links HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\
+    let basic = "GET /api/v1/links HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\
                  Authorization: Basic b3BlcmF0b3I6eA==\r\n\r\n";
     assert!(bench.raw(basic.as_bytes()).starts_with("HTTP/1.1 401 "));
     let twice = format!(
-        "GET /api/v1/links HTTP/1.1\r\nHost: x\r\nConnection: close\r\nAuthorization: x\r\n\
+        "GET /api/v1/links HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nAuthorization: x\r\n\
          Authorization: Bearer {}\r\n\r\n",
         bench.operator
     );
@@ -77,7 +79,8 @@ fn what_is_public_is_public_and_says_little() {
         bench.plain(file).with(200);
     }
     assert!(!text.contains("http://") && !text.contains("https://"), "nothing from elsewhere");
-    let head = bench.raw(b"GET / HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n").to_lowercase();
+    let head =
+        bench.raw(b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").to_lowercase();
     assert!(
         head.contains("content-security-policy: default-src 'none'; script-src 'self'"),
         "{head}"

@@ -73,14 +73,41 @@ impl Bench {
 
     /// One whose options are changed first.
     pub(crate) fn with(change: impl FnOnce(&mut Options)) -> Self {
+        Self::made_of(CONFIGURATION, change, |_| {})
+    }
+
+    /// One with these links instead of the usual ones.
+    pub(crate) fn with_links(links: &str) -> Self {
+        let (head, _) = CONFIGURATION.split_once("[[link]]").unwrap();
+        Self::made_of(
+            &format!("{head}{links}"),
+            |options| {
+                options.limits.requests_per_second = 100_000;
+                options.limits.burst = 100_000;
+            },
+            |_| {},
+        )
+    }
+
+    /// One into whose folder something was put before it starts.
+    pub(crate) fn prepared(change: impl FnOnce(&mut Options), prepare: impl FnOnce(&Path)) -> Self {
+        Self::made_of(CONFIGURATION, change, prepare)
+    }
+
+    fn made_of(
+        configuration: &str,
+        change: impl FnOnce(&mut Options),
+        prepare: impl FnOnce(&Path),
+    ) -> Self {
         let folder = tempfile::tempdir().unwrap();
+        prepare(folder.path());
         let path = |name: &str| folder.path().join(name);
         fs::create_dir(path("programs")).unwrap();
         let library = Library::open(&path("plugins")).unwrap();
         for plugin in ["xon-xoff.wasm", "r3964.wasm"] {
             library.add(&fs::read(plugins().join(plugin)).unwrap()).unwrap();
         }
-        fs::write(path("gateway.toml"), CONFIGURATION).unwrap();
+        fs::write(path("gateway.toml"), configuration).unwrap();
         let (operator, first) = http::new_token("operator", Role::Operator).unwrap();
         let (admin, second) = http::new_token("admin", Role::Admin).unwrap();
         fs::write(path("tokens.toml"), first.text() + &second.text()).unwrap();
@@ -217,7 +244,7 @@ impl Bench {
     /// A request with an operator's token, to be sent raw.
     pub(crate) fn request(&self, method: &str, path: &str, more: &str) -> String {
         format!(
-            "{method} {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\nAuthorization: Bearer {}\r\n{more}\r\n",
+            "{method} {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nAuthorization: Bearer {}\r\n{more}\r\n",
             self.operator
         )
     }
@@ -277,6 +304,7 @@ name = "lathe-1"
 port = "simulate:xon-xoff"
 line = "19200 8N1"
 plugin = "xon-xoff"
+buffer = { size = 4096, low = 1024, high = 3072, packet = 256 }
 
 [[link]]
 name = "mill 2"

@@ -121,7 +121,8 @@ fn a_port_that_does_not_do_what_was_asked_is_down() {
             "parity: asked for even, the port has none",
         ]
     );
-    assert!(journal_says(gateway, "asked for 9600, the port has 115200"));
+    // Also where nobody answered at first.
+    wait_for("the journal", || journal_says(gateway, "asked for 9600, the port has 115200"));
     // It is tried again: set right, it comes up.
     shop.configure(|text| text.replace("9600 7E1", "115200 8N1"));
     gateway.reload().unwrap();

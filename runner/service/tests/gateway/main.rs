@@ -10,7 +10,9 @@ mod machine;
 mod memory;
 mod panel;
 mod plugins;
+mod quotas;
 mod receptions;
+mod results;
 mod shop;
 mod stopping;
 mod strangers;
@@ -52,7 +54,10 @@ fn programs_reach_three_machines_as_they_are() {
         let filter = JobFilter { link: Some(Shop::name(at)), ..JobFilter::default() };
         wait_for("the job's end", || gateway.jobs(&filter).unwrap()[0].state == JobState::Done);
         let job = &gateway.jobs(&filter).unwrap()[0];
-        assert_eq!((job.surely_left, job.size), (job.maybe_left, Some(job.maybe_left)));
+        assert_eq!(
+            (job.progress.surely_left, job.progress.size),
+            (job.progress.maybe_left, Some(job.progress.maybe_left))
+        );
         let link = || gateway.link(&Shop::name(at)).unwrap();
         wait_for("the line's end", || link().state == LinkState::Idle);
         assert_eq!(link().queued, 0);

@@ -60,10 +60,36 @@ fn jobs_read_and_write_the_machines_memory() {
     fs::write(shop.path("programs/words"), &memory[..40]).unwrap();
     let program = Some("words".to_owned());
     let written = ended(gateway, &JobOrder { program, ..order("write", 6, 3, 20) });
-    assert_eq!((written.state, written.surely_left), (JobState::Done, 40), "{written:?}");
+    assert_eq!((written.state, written.progress.surely_left), (JobState::Done, 40), "{written:?}");
     let there = machine
         .tell(|_, computer: &mut Computer| computer.memory.area(Area::Db(6)).map(<[u8]>::to_vec));
     assert_eq!(there.unwrap()[6..46], memory[..40]);
+}
+
+#[test]
+fn the_machine_reads_inputs_outputs_and_flags_from_files_of_their_letters() {
+    let machine = Machine::rk512();
+    let shop = Shop::of_machine(&machine, LINES);
+    let memory = words(20);
+    let areas =
+        [(Area::Inputs, "I"), (Area::Outputs, "Q"), (Area::Flags, "M"), (Area::Dx(3), "DX3")];
+    for (_, file) in areas {
+        shop.program_in("b", file, 0);
+        fs::write(shop.path(&format!("programs/b/{file}")), &memory).unwrap();
+    }
+    machine.tell(move |now, computer: &mut Computer| {
+        for (area, _) in areas {
+            computer.fetch(now, area, 3, 8);
+        }
+    });
+    wait_for("the reactions", || {
+        machine.tell(|_, computer: &mut Computer| computer.waiting()) == 0
+    });
+    let outcomes = machine.tell(|_, computer: &mut Computer| computer.outcomes.clone());
+    let results: Vec<_> = outcomes.into_iter().map(|outcome| outcome.result).collect();
+    // The first three in bytes, a data block in words.
+    let bytes = || Ok(memory[3..11].to_vec());
+    assert_eq!(results, [bytes(), bytes(), bytes(), Ok(memory[6..22].to_vec())]);
 }
 
 #[test]

@@ -14,3 +14,9 @@ pub(crate) fn refusing(version: &str) -> Vec<u8> {
     assert!(text.contains(takes), "where it takes a state");
     wat::parse_str(text.replace(takes, "(then unreachable)")).unwrap()
 }
+
+/// One that invents deliveries without end: a single one, or many of one byte each.
+pub(crate) fn flood(is_many: bool) -> Vec<u8> {
+    let (name, how) = if is_many { ("flood-many", "$many") } else { ("flood", "$one") };
+    wat::parse_str(include_str!("flood.wat").replace("NAME", name).replace("$HOW", how)).unwrap()
+}

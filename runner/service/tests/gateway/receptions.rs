@@ -2,7 +2,9 @@
 
 use std::io::Read;
 
-use softplug_service::view::{JobFilter, JobState, ReceptionView};
+use softplug_service::jobs::{Jobs, Keep};
+use softplug_service::programs::Receptions;
+use softplug_service::view::{JobFilter, JobState, ReceptionView, StopHow};
 
 use crate::send;
 use crate::shop::{Shop, wait_for};
@@ -53,4 +55,44 @@ fn what_a_machine_sends_is_kept_in_versions_compared_and_never_overwritten() {
         let job = gateway.job(reception.job.unwrap()).unwrap();
         assert_eq!(job.state, JobState::Failed);
     }
+}
+
+#[test]
+fn what_came_before_a_kill_belongs_to_a_job() {
+    let mut shop = Shop::with(1, "plugin = \"xon-xoff\"\nline = \"921600 8N1\"\n");
+    shop.gateway().stop(StopHow::Park);
+    shop.stopped();
+    let link = Shop::name(0);
+    let killed = {
+        let (jobs, _) = Jobs::open(&shop.path("state"), Keep::default()).unwrap();
+        let receptions = Receptions::open(&shop.path("state/receptions")).unwrap();
+        let job = jobs.receive(&link).unwrap().id;
+        // The second is of a job that nobody knows any more.
+        for (id, text) in [(job, "%\nO1\nN10"), (9_999, "N20 G1")] {
+            let mut arrival = receptions.begin(&link, id).unwrap();
+            arrival.write(text.as_bytes()).unwrap();
+            std::mem::forget(arrival);
+        }
+        job
+    };
+    shop.start();
+    let gateway = shop.gateway();
+    let all = gateway.receptions(&link).unwrap();
+    assert_eq!(all.len(), 2, "{all:?}");
+    for reception in &all {
+        let job = gateway.job(reception.job.expect("it has a job")).unwrap();
+        assert_eq!(
+            (job.state, job.answer.as_ref()),
+            (JobState::Interrupted, Some(&reception.file))
+        );
+        assert_eq!(job.link, link);
+        assert!(reception.failure.is_some() && reception.file.ends_with(".failed"));
+    }
+    let first = all.iter().find(|reception| reception.bytes == 8).unwrap();
+    assert_eq!(first.job, Some(killed));
+    // Once: the next start finds nothing new.
+    shop.gateway().stop(StopHow::Park);
+    shop.stopped();
+    shop.start();
+    assert_eq!(shop.gateway().receptions(&link).unwrap(), all);
 }

@@ -16,7 +16,7 @@ use softplug_service::view::{LinkState, StopHow};
 use tempfile::TempDir;
 
 use crate::machine::Machine;
-use crate::plugins::fragile;
+use crate::plugins::{flood, fragile};
 
 /// Longer than anything here takes; only a hang gets there.
 pub(crate) const HANG: Duration = Duration::from_mins(2);
@@ -55,6 +55,15 @@ impl Shop {
         Self::of(&ports, lines, ptys)
     }
 
+    /// A link for each of these, and the gateway with more lines of its own.
+    pub(crate) fn each(gateway: &str, lines: &[&str]) -> Self {
+        let ptys: Vec<_> = lines.iter().map(|_| PtyPair::open().unwrap()).collect();
+        let ports: Vec<_> = ptys.iter().map(|pty| pty.slave_path().display().to_string()).collect();
+        let links: Vec<_> =
+            ports.iter().zip(lines).map(|(port, lines)| (&**port, *lines)).collect();
+        Self::of_links(gateway, &links, ptys)
+    }
+
     /// One link with this machine.
     pub(crate) fn of_machine<P>(machine: &Machine<P>, lines: &str) -> Self {
         Self::of(std::slice::from_ref(&machine.port), lines, Vec::new())
@@ -66,14 +75,23 @@ impl Shop {
     }
 
     fn of(ports: &[String], lines: &str, ptys: Vec<PtyPair>) -> Self {
+        let links: Vec<_> = ports.iter().map(|port| (&**port, lines)).collect();
+        Self::of_links("", &links, ptys)
+    }
+
+    /// Links, each with its port and lines.
+    pub(crate) fn of_links(gateway: &str, links: &[(&str, &str)], ptys: Vec<PtyPair>) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let library = Library::open(&folder.path().join("state/plugins")).unwrap();
         for name in ["xon-xoff", "fanuc-rs232", "r3964"] {
             library.add_file(&plugins().join(format!("{name}.wasm"))).unwrap();
         }
         library.add(&fragile("1.0.0", Some('X'))).unwrap();
+        library.add(&flood(false)).unwrap();
+        library.add(&flood(true)).unwrap();
         let mut text = "[gateway]\nwatch = false\nstop-patience = \"20s\"\n".to_owned();
-        for (at, port) in ports.iter().enumerate() {
+        text.push_str(gateway);
+        for (at, (port, lines)) in links.iter().enumerate() {
             let head = format!("[[link]]\nname = \"link-{at}\"\nport = \"{port}\"\n");
             text.extend([head.as_str(), "search = [\"b\"]\n", lines]);
         }

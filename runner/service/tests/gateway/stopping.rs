@@ -22,7 +22,10 @@ fn a_stop_parks_jobs_and_says_how_far_they_were() {
     shop.start();
     let job = shop.gateway().job(job.id).unwrap();
     assert_eq!(job.state, JobState::Interrupted);
-    assert!(job.maybe_left >= 20_000 && job.surely_left <= job.maybe_left, "{job:?}");
+    assert!(
+        job.progress.maybe_left >= 20_000 && job.progress.surely_left <= job.progress.maybe_left,
+        "{job:?}"
+    );
     assert!(job.last_block.is_some(), "{job:?}");
     assert!(journal_says(shop.gateway(), "the gateway has stopped"));
 }
@@ -47,7 +50,7 @@ fn a_stop_that_finishes_ends_what_runs_and_begins_nothing() {
 
     shop.start();
     let job = shop.gateway().job(running.id).unwrap();
-    assert_eq!((job.state, job.surely_left), (JobState::Done, program.len() as u64));
+    assert_eq!((job.state, job.progress.surely_left), (JobState::Done, program.len() as u64));
     // What waited goes on waiting for its turn, which has come.
     assert_eq!(shop.read(0, next.len()), next);
     let is_done = || shop.gateway().job(waiting.id).unwrap().state == JobState::Done;

@@ -39,8 +39,8 @@ fn a_stranger_with_the_same_number_of_format_begins_as_new() {
     shop.write(0, b"abc");
     assert_eq!(shop.read(0, 3), b"abc", "a byte of the stranger's state would be added");
     assert_eq!(shop.gateway().link("link-0").unwrap().settings, BTreeMap::new());
-    wait_for("the journal", || journal_says(shop.gateway(), "parrot 1.0.0"));
-    assert!(journal_says(shop.gateway(), "as new"));
+    wait_for("the journal", || journal_says(shop.gateway(), "in place of echo 1.0.0"));
+    assert!(!journal_says(shop.gateway(), "with its state"));
     // The same name: its state goes with it, whatever the settings were.
     shop.gateway().add_plugin(&echo("parrot", "1.1.0", "")).unwrap();
     swap(&shop, "parrot@1.0.0", SwapWhen::Now, &[("shift", "2")]);
@@ -129,4 +129,23 @@ fn a_version_that_refuses_the_state_is_trouble_and_is_tried_again_when_asked() {
     gateway.reload().unwrap();
     wait_for("the third version", || view().plugin.unwrap().version == "3.0.0");
     assert_eq!((view().unapplied, view().trouble), (None, Vec::new()));
+}
+
+#[test]
+fn a_swap_that_waited_when_the_link_was_made_anew_does_not_keep_jobs_from_it() {
+    let shop = Shop::with(1, "plugin = \"xon-xoff\"\nline = \"921600 8N1\"\n");
+    let gateway = shop.gateway();
+    let view = || gateway.link("link-0").unwrap();
+    // Held, the link is not idle; but nothing is under way that a change would break off.
+    shop.hold(0);
+    assert_eq!(swap(&shop, "r3964", SwapWhen::NowOrIdle, &[]).state, SwapState::Waiting);
+    shop.configure(|text| text.replace("line =", "buffer = { size = 8192 }\nline ="));
+    gateway.reload().unwrap();
+    wait_for("the change", || view().buffer.size == 8_192 && view().state == LinkState::Idle);
+    let given_up = view().swap.unwrap();
+    assert_eq!((given_up.state, runs(&shop).as_str()), (SwapState::Refused, "xon-xoff"));
+    assert!(given_up.message.unwrap().contains("made anew"));
+    let program = shop.program("O1.nc", 2_000);
+    gateway.submit("link-0", &send("O1.nc")).unwrap();
+    assert_eq!(shop.read(0, program.len()), program);
 }

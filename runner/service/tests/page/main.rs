@@ -4,9 +4,12 @@
 #[path = "../common/bench.rs"]
 mod bench;
 mod browser;
+mod machine;
 mod picture;
 
 mod needs_chromium {
+    mod truth;
+
     use std::fmt::Write as _;
     use std::fs;
 
@@ -74,6 +77,13 @@ mod needs_chromium {
         browser.click("button", "Abort: sure?");
         browser.sees("aborted");
         bench.until("/jobs?link=lathe-1", |jobs| jobs[0]["state"] == "aborted");
+        bench.until_link("lathe-1", "idle");
+
+        browser.click("button", "Stop the plug-in");
+        browser.click("button", "Stop the plug-in: sure?");
+        browser.sees("stopped by hand");
+        bench.until_link("lathe-1", "quarantined");
+        browser.click("button", "Let it out");
         bench.until_link("lathe-1", "idle");
         assert_eq!(browser.complaints, Vec::<String>::new());
     }

@@ -4,6 +4,7 @@ use super::{Manifest, ManifestError, Setting, SettingValues, entry};
 use crate::{LineParameters, Parity};
 use alloc::collections::BTreeMap;
 use alloc::string::{String, ToString};
+use alloc::vec::Vec;
 use core::fmt;
 use core::str::FromStr;
 use serde::{Deserialize, Serialize};
@@ -150,12 +151,14 @@ impl Manifest {
     /// ```
     pub fn line_for<'a>(
         &self,
-        asked: impl IntoIterator<Item = (&'a str, &'a str)> + Clone,
+        asked: impl IntoIterator<Item = (&'a str, &'a str)>,
         values: &SettingValues,
     ) -> Option<ProtocolLine> {
-        let is_asked = |preset: &Json| {
-            asked.clone().into_iter().any(|(name, value)| name == "preset" && preset == value)
-        };
+        let presets: Vec<&str> = asked
+            .into_iter()
+            .filter_map(|(name, value)| (name == "preset").then_some(value))
+            .collect();
+        let is_asked = |preset: &Json| presets.iter().any(|asked| preset == asked);
         let is_set = |name: &str, value: &Json| {
             let at = self.settings.iter().position(|setting| setting.name == name);
             at.is_some_and(|at| {

@@ -7,6 +7,7 @@ use super::tool;
 use crate::commands::pack;
 use crate::failure::Failure;
 use crate::files;
+use crate::screen::Screen;
 
 /// The file that tells such a project: the manifest.
 pub(super) const MARK: &str = "manifest.json";
@@ -57,7 +58,7 @@ pub(super) fn compile(root: &Path) -> Result<(PathBuf, Vec<u8>), Failure> {
     }
     // Warnings.
     if !said.is_empty() {
-        eprint!("{said}");
+        Screen::pass_on(&said);
     }
     let module = files::read(&file)?;
     let packed = softplug_build::pack(&module, &manifest, softplug_build::Strip::Debug);

@@ -5,7 +5,7 @@ mod source;
 mod view;
 mod walk;
 
-use std::io::{self, IsTerminal};
+use std::io;
 use std::time::Duration;
 
 use crossterm::event::{self, Event, KeyEventKind};
@@ -16,13 +16,14 @@ use self::walk::{Turn, Walk};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::plugin::Chosen;
+use crate::screen::Screen;
 
 /// How often it is looked whether there still is a terminal.
 const LOOK_AGAIN: Duration = Duration::from_millis(500);
 
 /// Runs the case and shows it until it has been seen enough of; the exit code is that of the run.
 pub(super) fn run(plugin: &Chosen, case: &Case, permutation: Permutation) -> Result<Exit, Failure> {
-    if !io::stdout().is_terminal() || !io::stdin().is_terminal() {
+    if !Screen::is_attended() {
         return Err(Failure::usage("--step shows the run on a terminal, and here is none")
             .hint("leave --step out, or take --calls FILE for every call as JSON"));
     }

@@ -119,9 +119,10 @@ fn received(
     let mut bytes = Vec::with_capacity(program.len());
     let bar = Bar::new(None, stage.screen);
     let wait = Some(Duration::from_secs(10));
-    let received = transfer::receive(&mut station, &mut bytes, wait, stage.stop, &mut |progress| {
-        bar.show(progress);
-    });
+    let received =
+        transfer::receive(&mut station, &mut bytes, None, wait, stage.stop, &mut |progress| {
+            bar.show(progress);
+        });
     bar.end();
     worker.end(true)?;
     Ok((received.map_err(transfer_failure)?, bytes))

@@ -5,6 +5,7 @@ use std::sync::mpsc::Receiver;
 
 use softplug_abi::{Action, Micros};
 use softplug_gateway::station::{Station, StationError, StationOptions, Turn};
+use softplug_gateway::store::{Inbox, Mark};
 use softplug_gateway::{PortOptions, PortSpec};
 use softplug_link::{Job, Outside, Successor, Supply, SwapError};
 
@@ -39,6 +40,7 @@ impl<'a> Line<'a> {
         port: &'a PortSpec,
         arguments: &'a Arguments,
         data: Option<Vec<u8>>,
+        inbox: Option<Inbox>,
         screen: &'a Screen,
     ) -> Self {
         let ground = Ground {
@@ -47,6 +49,8 @@ impl<'a> Line<'a> {
             data: data.unwrap_or_default(),
             given: 0,
             shown: Vec::new(),
+            inbox,
+            name: None,
             bytes: 0,
             drained: 0,
         };
@@ -188,11 +192,25 @@ struct Ground<'a> {
     given: usize,
     /// The delivery under way: its first bytes, and how many there are.
     shown: Vec<u8>,
+    /// Where deliveries are kept, if they are.
+    inbox: Option<Inbox>,
+    name: Option<String>,
     bytes: u64,
     drained: u32,
 }
 
 impl Ground<'_> {
+    /// Does something with the folder that keeps deliveries, if there is one.
+    fn keep<T>(&mut self, act: impl FnOnce(&mut Inbox) -> std::io::Result<T>) -> Option<T> {
+        match act(self.inbox.as_mut()?) {
+            Ok(done) => Some(done),
+            Err(error) => {
+                self.screen.error(format_args!("what comes is not kept: {error}"));
+                None
+            }
+        }
+    }
+
     fn reason(&self, why: softplug_abi::Failure, status: u16) -> String {
         match &self.plugin {
             Some(plugin) => reason(plugin.manifest(), why, status),
@@ -203,25 +221,36 @@ impl Ground<'_> {
 
 impl Outside for Ground<'_> {
     fn handle(&mut self, _now: Micros, action: &Action<'_>) {
-        let say = |text: &dyn std::fmt::Display| self.screen.say(text);
+        let screen = self.screen;
+        let say = |text: &dyn std::fmt::Display| screen.say(text);
         match action {
             Action::DeliveryBegin { .. } => {
                 self.shown.clear();
                 self.bytes = 0;
+                self.name = None;
+                self.keep(Inbox::begin);
             }
             Action::Deliver { bytes, .. } => {
                 let left = SHOWN.saturating_sub(self.shown.len()).min(bytes.len());
                 self.shown.extend(&bytes[..left]);
                 self.bytes += bytes.len() as u64;
                 self.drained += bytes.len() as u32;
+                self.keep(|inbox| inbox.write(bytes));
             }
+            Action::DeliveryName { name, .. } => self.name = Some((*name).to_owned()),
             Action::DeliveryEnd { failure, status, .. } => {
                 let dots = if self.bytes > self.shown.len() as u64 { "…" } else { "" };
+                let mark = if failure.is_none() { Mark::Complete } else { Mark::Failed };
+                let name = self.name.take();
+                let kept = self.keep(|inbox| inbox.end(name.as_deref(), mark));
+                let kept = kept.and_then(|kept| kept.path);
+                let place = kept.map(|path| format!(" into {}", path.display()));
                 let end = failure.map(|why| format!(", failed: {}", self.reason(why, *status)));
                 say(&format_args!(
-                    "received {} \"{}\"{dots}{}",
+                    "received {} \"{}\"{dots}{}{}",
                     numbers::bytes(self.bytes),
                     self.shown.escape_ascii(),
+                    place.unwrap_or_default(),
                     end.unwrap_or_default()
                 ));
             }

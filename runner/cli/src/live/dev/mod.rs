@@ -14,8 +14,11 @@ use softplug_conformance::Summary;
 use self::line::Line;
 use self::watch::Changes;
 use super::remote;
+use softplug_gateway::store::Inbox;
+
 use crate::commands::build::{Built, Project, build};
 use crate::commands::dev::Arguments;
+use crate::commands::receive::no_folder;
 use crate::commands::replay;
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -53,13 +56,18 @@ pub(crate) fn dev(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let project = Project::find(&arguments.project)?;
     let changes = Changes::watch(&project)?;
     let data = arguments.send.as_deref().map(files::read).transpose()?;
+    let inbox = arguments
+        .keep
+        .as_ref()
+        .map(|keep| Inbox::new(keep).map_err(|error| no_folder(keep, &error)));
+    let inbox = inbox.transpose()?;
     let stop = stop::on_signals()?;
     let (to, ready) = channel();
     thread::scope(|scope| {
         let desk = Desk { arguments, project: &project, screen, stop: &stop, to };
         scope.spawn(move || desk.run(&changes));
         match &arguments.port {
-            Some(port) => Line::new(port, arguments, data, screen).run(&ready, &stop),
+            Some(port) => Line::new(port, arguments, data, inbox, screen).run(&ready, &stop),
             None => wait(&stop),
         }
     });

@@ -44,6 +44,7 @@ pub(crate) fn job(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         Verb::Pause(of) => (order(of.id, "pause")?, false),
         Verb::Resume(of) => (order(of.id, "resume")?, false),
         Verb::Abort(of) => (order(of.id, "abort")?, false),
+        Verb::Acknowledge(of) => (order(of.id, "acknowledge")?, false),
         Verb::Restart(of) => {
             let order = Restart { from_block: of.from_block };
             (client.post(&format!("/jobs/{}/restart", of.id), Some(&order))?, false)
@@ -83,7 +84,7 @@ fn list(client: &Client, of: &List, screen: &Screen) -> Result<Exit, Failure> {
             job.link.clone(),
             printable(job.program.as_ref().unwrap_or(&job.kind)),
             job.state.name().to_owned(),
-            show::progress(job),
+            printable(&job.progress.text),
             printable(job.message.as_deref().unwrap_or_default()),
         ]);
     }
@@ -122,10 +123,13 @@ fn feed(client: &Client, of: &Feed) -> Result<JobView, Failure> {
 }
 
 fn wait(client: &Client, mut job: JobView, screen: &Screen) -> Result<JobView, Failure> {
-    let mut state = None;
+    let mut told = None;
     while !job.state.is_final() {
-        if state.replace(job.state) != Some(job.state) {
+        // Also what it waits for: somebody has to press a key at the machine.
+        let now = (job.state, job.progress.is_held, job.progress.awaits.clone());
+        if told.as_ref() != Some(&now) {
             screen.note(show::job(&job));
+            told = Some(now);
         }
         sleep(LOOK);
         job = client.get(&format!("/jobs/{}", job.id))?;

@@ -27,6 +27,7 @@ pub(crate) fn link(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failu
         }
         Verb::Reopen(of) => order(&client, &of.link, "reopen", screen),
         Verb::ForceResume(of) => order(&client, &of.link, "force-resume", screen),
+        Verb::Quarantine(of) => order(&client, &of.link, "quarantine", screen),
         Verb::Release(of) => order(&client, &of.link, "release", screen),
         Verb::Swap(of) => swap(&client, of, screen),
         Verb::Watch(of) => watch(&client, of, screen),

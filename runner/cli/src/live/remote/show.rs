@@ -2,7 +2,9 @@
 
 use std::fmt::Write as _;
 
-use softplug_service::view::{JobView, LinkView, PluginRef, Seen, SeenWhat, SwapView};
+use softplug_service::view::{
+    JobBrief, JobState, JobView, LinkView, PluginRef, Seen, SeenWhat, SwapView,
+};
 
 use super::printable;
 use crate::numbers;
@@ -13,20 +15,26 @@ pub(super) fn plugin(plugin: Option<&PluginRef>) -> String {
 
 /// What the link is doing, with the machine's hold.
 pub(super) fn state(link: &LinkView) -> String {
-    let held = if link.is_held { ", held" } else { "" };
-    format!("{}{held}", link.state.name())
+    let awaits = link.job.as_ref().is_some_and(|job| job.progress.awaits.is_some());
+    let what = match (link.is_held, awaits) {
+        (true, _) => ", held by the machine",
+        (false, true) => ", waits for the machine",
+        (false, false) => "",
+    };
+    format!("{}{what}", link.state.name())
 }
 
-/// The job that runs, and those behind it.
+/// The job that runs, or the last one, and those that wait.
 pub(super) fn doing(link: &LinkView) -> String {
     let mut parts = Vec::new();
-    if let Some(job) = &link.job {
-        let what = job.program.as_ref().unwrap_or(&job.kind);
-        let done = match job.size {
-            Some(size) if size > 0 => format!("{} %", job.surely_left.min(size) * 100 / size),
-            _ => format!("{} bytes", numbers::count(job.surely_left)),
-        };
-        parts.push(format!("{}: {} {done}", job.id, printable(what)));
+    match (&link.job, &link.last) {
+        (Some(job), _) => parts.push(brief(job)),
+        // What nobody has seen stands among the trouble, with all of it.
+        (None, Some(last)) if link.unseen.iter().any(|unseen| unseen.id == last.id) => {
+            parts.push(format!("last {}", named(last)));
+        }
+        (None, Some(last)) => parts.push(format!("last {}", brief(last))),
+        (None, None) => {}
     }
     if let Some(receiving) = &link.receiving {
         let name = receiving.name.as_deref().unwrap_or("unnamed");
@@ -44,13 +52,23 @@ pub(super) fn trouble(link: &LinkView) -> String {
     parts.join("; ")
 }
 
-/// How far a job is, in bytes.
-pub(super) fn progress(job: &JobView) -> String {
-    let left = numbers::count(job.surely_left);
-    match job.size {
-        Some(size) => format!("{left} of {}", numbers::count(size)),
-        None => left,
+/// A job by its number and program, with its state unless it runs.
+fn named(job: &JobBrief) -> String {
+    let what = printable(job.program.as_ref().unwrap_or(&job.kind));
+    let mut text = format!("{}: {what}", job.id);
+    if job.state != JobState::Running {
+        let _ = write!(text, " {}", job.state.name());
     }
+    text
+}
+
+/// A job in short, with how far it is in the gateway's words.
+fn brief(job: &JobBrief) -> String {
+    let mut text = named(job);
+    if !job.progress.text.is_empty() {
+        let _ = write!(text, ", {}", printable(&job.progress.text));
+    }
+    text
 }
 
 /// A job in a sentence.
@@ -58,12 +76,8 @@ pub(super) fn job(job: &JobView) -> String {
     let what = job.program.as_ref().unwrap_or(&job.kind);
     let mut text =
         format!("job {}: {} on {}, {}", job.id, printable(what), job.link, job.state.name());
-    if job.surely_left > 0 {
-        let _ = write!(text, ", {} bytes have left", progress(job));
-    }
-    if job.state.is_final() && job.maybe_left > job.surely_left {
-        let maybe = numbers::count(job.maybe_left);
-        let _ = write!(text, ", up to {maybe} may have left");
+    if !job.progress.text.is_empty() {
+        let _ = write!(text, ", {}", printable(&job.progress.text));
     }
     if let Some(message) = &job.message {
         let _ = write!(text, ": {}", printable(message));

@@ -27,7 +27,7 @@ fn resident_kib(gateway: &Gateway) -> usize {
 fn visit(gateway: &Gateway, token: &str) {
     let ask = |line: &str, token: &str, more: &str| {
         format!(
-            "{line} HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer {token}\r\nConnection: close\r\n{more}\r\n"
+            "{line} HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {token}\r\nConnection: close\r\n{more}\r\n"
         )
     };
     let kinds = [

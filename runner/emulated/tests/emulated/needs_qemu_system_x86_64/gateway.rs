@@ -73,8 +73,17 @@ impl Gateway {
     }
 }
 
-/// The figures of a job: what has surely left of its program, and what may have.
-pub(super) fn figures(job: &Value) -> (usize, usize) {
+/// What a plug-in may have taken and not passed on: the link's `transmit-room`.
+const IN_THE_PLUG_IN: usize = 4_096;
+
+/// Holds what a job says of its program against what the other end saw: neither is ever told as
+/// left what has not, nor as not left what has.
+#[track_caller]
+pub(super) fn judge_figures(job: &Value, seen: usize) {
     let figure = |name: &str| job[name].as_u64().unwrap_or_else(|| panic!("no {name}: {job}"));
-    (figure("surely_left") as usize, figure("maybe_left") as usize)
+    let (surely, maybe) = (figure("surely_left") as usize, figure("maybe_left") as usize);
+    assert!(surely <= seen && seen <= maybe, "{seen} were seen: {job}");
+    assert!(maybe - seen <= IN_THE_PLUG_IN, "{seen} were seen: {job}");
+    let sent = figure("sent") as usize;
+    assert!(sent <= seen, "{seen} were seen: {job}");
 }

@@ -2,7 +2,7 @@
 
 use softplug_emulated::{Machine, Wire};
 
-use super::gateway::{Gateway, figures};
+use super::gateway::{Gateway, judge_figures};
 use super::{Device, XOFF, XON, link, program};
 
 /// Characters after which the machine holds.
@@ -56,9 +56,7 @@ fn aborted_in_a_hold(device: Device, flow: &str) {
         "this left after the abort: {:?}",
         text(&seen[held.len()..])
     );
-    let (surely, maybe) = figures(&job);
-    assert!(surely <= seen.len() && seen.len() <= maybe, "{} were seen: {job}", seen.len());
-    assert!(seen.len() - surely < 2_048 && maybe - seen.len() < UNDER_WAY, "{}: {job}", seen.len());
+    judge_figures(&job, seen.len());
 }
 
 fn text(bytes: &[u8]) -> String {

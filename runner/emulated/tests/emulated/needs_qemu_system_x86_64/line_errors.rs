@@ -11,7 +11,7 @@ const TOO_MANY: usize = 20;
 fn recorded(machine: &mut Machine, events: impl FnOnce(&mut Machine)) -> String {
     let recording =
         machine.spawn("softplug record --a pty: --b /dev/ttyS1 --line '9600 8N1' --out t.spt");
-    machine.until_printed(recording, "/dev/pts");
+    Device::Uart.until_set(machine);
     events(machine);
     machine.signal(recording, "INT");
     machine.wait(recording).with_code(0);

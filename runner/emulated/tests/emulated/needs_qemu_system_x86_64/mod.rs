@@ -34,6 +34,21 @@ impl Device {
         }
     }
 
+    /// Whether the shell finds low latency asked for. That is the last that the command does to a
+    /// port when it opens it: from then on nothing that comes is lost.
+    fn has_low_latency(self) -> &'static str {
+        match self {
+            // `ASYNC_LOW_LATENCY` is bit 13.
+            Self::Uart => "[ $(($(cat /sys/class/tty/ttyS1/flags) >> 13 & 1)) = 1 ]",
+            Self::Usb => "[ $(cat /sys/bus/usb-serial/devices/ttyUSB0/latency_timer) = 1 ]",
+        }
+    }
+
+    /// Waits until the command has opened and set it.
+    fn until_set(self, machine: &mut Machine) {
+        machine.until(&format!("{self:?}, open and set"), self.has_low_latency());
+    }
+
     /// A computer that has it.
     fn machine(self) -> Machine {
         let mut machine = Machine::start();

@@ -40,7 +40,7 @@ fn a_second_opener_is_refused_with_the_holders_name() {
         let mut machine = device.machine();
         let link = link(device, "9600 8N1", "xon-xoff");
         let first = machine.spawn(&format!("softplug receive {link} --out first.nc"));
-        machine.until_open(first, device.path());
+        device.until_set(&mut machine);
         let second = machine.run(&format!("softplug receive {link} --out second.nc")).with_code(6);
         let holder = format!("softplug (process {})", first.id);
         assert!(second.err.contains(&holder), "{second}");
@@ -57,18 +57,21 @@ fn a_second_opener_is_refused_with_the_holders_name() {
 }
 
 #[test]
-fn the_adapter_has_low_latency_while_it_is_open() {
-    let mut machine = Device::Usb.machine();
-    let timer = "cat /sys/bus/usb-serial/devices/ttyUSB0/latency_timer";
-    let device = "/sys/bus/usb-serial/devices/ttyUSB0/latency_timer";
-    machine.run(&format!("echo 16 > {device}")).with_code(0);
-    let link = link(Device::Usb, "9600 8N1", "xon-xoff");
-    let open = machine.spawn(&format!("softplug receive {link} --out O1.nc"));
-    machine.until_open(open, "/dev/ttyUSB0");
-    machine.until("a latency timer of 1 ms", &format!("[ $({timer}) = 1 ]"));
-    machine.signal(open, "INT");
-    machine.wait(open);
-    assert_eq!(machine.run(timer).with_code(0).out, "16\n");
+fn a_port_has_low_latency_while_it_is_open() {
+    for device in Device::BOTH {
+        let mut machine = device.machine();
+        if device == Device::Usb {
+            let timer = "/sys/bus/usb-serial/devices/ttyUSB0/latency_timer";
+            machine.run(&format!("echo 16 > {timer}")).with_code(0);
+        }
+        machine.run(device.has_low_latency()).with_code(1);
+        let link = link(device, "9600 8N1", "xon-xoff");
+        let open = machine.spawn(&format!("softplug receive {link} --out O1.nc"));
+        device.until_set(&mut machine);
+        machine.signal(open, "INT");
+        machine.wait(open);
+        machine.run(device.has_low_latency()).with_code(1);
+    }
 }
 
 /// A rate that the 16550A does not have, and one that is too much for the adapter: both drivers

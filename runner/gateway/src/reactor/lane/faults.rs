@@ -27,6 +27,11 @@ impl<I: LaneInstance> Lane<I> {
         self.fault(event_of(fault), sentence(fault));
     }
 
+    /// Somebody ends the plug-in. It is not asked: it may be what cannot be stopped otherwise.
+    pub(super) fn halt(&mut self, why: String) {
+        self.fault(None, why);
+    }
+
     fn fault(&mut self, event: Option<EventKind>, sentence: String) {
         if std::mem::replace(&mut self.is_faulted, true) {
             return;

@@ -112,6 +112,16 @@ impl<I: LaneInstance> Lane<I> {
         }
     }
 
+    /// The job under way is paused by the host, or no longer.
+    pub(super) fn count_pause(&mut self, job: u32, is_paused: bool) {
+        let is_it = self.floor.job.as_ref().is_some_and(|active| active.id == job);
+        if let Phase::Open(channel) = &mut self.phase
+            && is_it
+        {
+            channel.count_pause(self.clock.now(), is_paused);
+        }
+    }
+
     /// A job whose source failed is aborted: it must not pass for whole.
     pub(super) fn abort_without_source(&mut self, thread: &Thread<I>) {
         let Some(active) = &mut self.floor.job else { return };
@@ -126,11 +136,14 @@ impl<I: LaneInstance> Lane<I> {
     pub(super) fn conclude(&mut self, now: Micros) {
         let Some(Ended { active, outcome, sent }) = self.floor.ended.take() else { return };
         let Phase::Open(channel) = &mut self.phase else { return };
+        channel.count_pause(now, false);
         let left = channel.left(now, active.from);
         let outcome = match active.source_failed {
             Some(why) if outcome != JobOutcome::Done => JobOutcome::SourceFailed(why),
             _ => outcome,
         };
+        // A plug-in counts what the port was given, and cannot know that it stopped there.
+        let sent = if outcome == JobOutcome::Done { sent } else { sent.min(left.surely) };
         if active.id < ENDPOINT_JOBS {
             self.floor.tell(Report::JobEnded(JobEnd {
                 job: active.id,

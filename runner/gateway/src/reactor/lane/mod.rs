@@ -36,6 +36,10 @@ pub(super) const TOKENS: usize = 4;
 /// what any sound plug-in was seen to use, and a quarter of a millisecond or so.
 const LIGHT: u64 = FUEL_PER_EVENT / 4;
 
+/// How old what is shown of a job may become while its line is written to: turns that only
+/// write show nothing.
+const SHOWN_EVERY: Micros = Micros::from_millis(250);
+
 /// What a turn of a lane left behind.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub(super) enum Turn {
@@ -69,6 +73,8 @@ pub(super) struct Lane<I: Instance> {
     /// of what waits, and nothing has come since.
     only_writes: bool,
     next_other: Option<Micros>,
+    /// When what has left of the job was shown last.
+    shown_at: Micros,
     /// Its plug-in holds up all that share a thread with it.
     is_burden: bool,
     /// The device stays open when the lane has ended.
@@ -112,6 +118,7 @@ impl<I: LaneInstance> Lane<I> {
             closing_until: None,
             only_writes: false,
             next_other: None,
+            shown_at: Micros::ZERO,
             is_burden: false,
             hands_over: false,
         };
@@ -184,14 +191,22 @@ impl<I: LaneInstance> Lane<I> {
             Command::Watch(watch) => self.floor.watch = watch,
             Command::Refill { job, source } => self.floor.refill(job, source),
             Command::Begin(feed) => self.begin(thread, feed),
-            Command::Pause(job) => self.ask(thread, |link, now, out| link.pause(now, job, out)),
-            Command::Resume(job) => self.ask(thread, |link, now, out| link.resume(now, job, out)),
+            Command::Pause(job) => {
+                self.count_pause(job, true);
+                self.ask(thread, |link, now, out| link.pause(now, job, out));
+            }
+            Command::Resume(job) => {
+                self.ask(thread, |link, now, out| link.resume(now, job, out));
+                self.count_pause(job, false);
+            }
             Command::Abort(job) => self.ask(thread, |link, now, out| link.abort(now, job, out)),
             Command::ForceResume => self.ask(thread, |link, now, out| link.force_resume(now, out)),
             Command::Answer { request, answer } => self.ask(thread, |link, now, out| {
                 link.answer(now, request, answer.as_deref().map_err(|failure| *failure), out)
             }),
             Command::Swap(swap) => self.swap(thread, swap),
+            Command::CancelSwap => self.cancel_swap(),
+            Command::Halt(why) => self.halt(why),
             Command::Replace { instance, settings } => self.replace(thread, instance, settings),
             Command::Reopen => self.reopen(thread),
             Command::Close { patience, hand_over } => {
@@ -320,6 +335,7 @@ impl<I: LaneInstance> Lane<I> {
             self.floor.state_due(),
             self.closing_until,
             self.swap_deadline(now),
+            self.floor.job.as_ref().map(|_| self.shown_at + SHOWN_EVERY),
         ]
         .into_iter()
         .flatten()
@@ -340,6 +356,7 @@ impl<I: LaneInstance> Lane<I> {
         self.status.store_plugin(events, fuel, waiting, self.floor.to_put_away());
         let mut figures = JobFigures::default();
         if let Some(active) = &self.floor.job {
+            self.shown_at = now;
             let left = channel.left_lately(now, active.from);
             figures = JobFigures {
                 job: active.id,

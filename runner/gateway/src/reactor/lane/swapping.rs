@@ -71,6 +71,13 @@ impl<I: LaneInstance> Lane<I> {
         }
     }
 
+    /// The swap that waits is no longer wanted.
+    pub(super) fn cancel_swap(&mut self) {
+        if self.swapping.waiting.take().is_some() {
+            self.refuse_swap("another one was asked for at once".to_owned());
+        }
+    }
+
     /// Once a turn: whoever waits or is on trial.
     pub(super) fn look_after_swap(&mut self, thread: &Thread<I>) {
         self.tell_reverted(thread);

@@ -113,11 +113,11 @@ impl<'d, D: Desk> Floor<'d, D> {
         self.job.as_ref().filter(|_| self.delivery.is_none())?.program.size
     }
 
-    pub(super) fn report(self, end: ServeEnd) -> io::Result<ServeReport> {
+    pub(super) fn report(self, end: ServeEnd, heard: u64) -> io::Result<ServeReport> {
         let Self { error, complete, failed, sent, not_sent, refused, .. } = self;
         match error {
             Some(error) => Err(error),
-            None => Ok(ServeReport { end, complete, failed, sent, not_sent, refused }),
+            None => Ok(ServeReport { end, complete, failed, sent, not_sent, refused, heard }),
         }
     }
 

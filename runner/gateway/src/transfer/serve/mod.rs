@@ -51,6 +51,8 @@ pub struct ServeReport {
     pub not_sent: u64,
     /// Requests that were refused.
     pub refused: u64,
+    /// Bytes that the port brought, whatever they were.
+    pub heard: u64,
 }
 
 /// Serves until `stop`, or as `options` say. What is under way at the end is
@@ -106,6 +108,7 @@ pub fn serve<I: Instance>(
             break ServeEnd::Gone;
         }
     };
+    let heard = station.counters().bytes_in;
     floor.wind_up(station)?;
-    floor.report(end).map_err(TransferError::Sink)
+    floor.report(end, heard).map_err(TransferError::Sink)
 }

@@ -96,7 +96,7 @@ pub(super) async fn list(
     Filter(filter): Filter<JobFilter>,
 ) -> Answer<Json<Vec<JobView>>> {
     within_limit(filter.limit)?;
-    desk.ask(move |gateway| gateway.jobs(&filter)).await.map(Json)
+    desk.look(move |gateway| gateway.jobs(&filter)).await.map(Json)
 }
 
 /// One job
@@ -157,6 +157,20 @@ pub(super) async fn restart(
 ) -> Answer<(StatusCode, Json<JobView>)> {
     let job = desk.ask(move |gateway| gateway.restart(id, order.from_block)).await?;
     Ok((StatusCode::CREATED, Json(job)))
+}
+
+/// Acknowledge how a job ended
+///
+/// It, and those of its link before it, no longer count as trouble.
+#[utoipa::path(post, operation_id = "job_acknowledge", path = "/jobs/{id}/acknowledge",
+    tag = "jobs",
+    params(("id" = u32, Path, description = "Number of the job")),
+    responses((status = OK, body = JobView), Refused))]
+pub(super) async fn acknowledge(
+    State(desk): At,
+    Segments(id): Segments<u32>,
+) -> Answer<Json<JobView>> {
+    desk.ask(move |gateway| gateway.acknowledge(id)).await.map(Json)
 }
 
 /// Another priority for a job that waits.

@@ -71,6 +71,21 @@ pub(super) async fn force_resume(
     desk.ask(move |gateway| gateway.force_resume(&link)).await.map(Json)
 }
 
+/// Stop a link's plug-in at once, whatever it is doing
+///
+/// The link is in quarantine then: its port stays open, nothing is read or sent. An admin's.
+#[utoipa::path(post, operation_id = "link_quarantine", path = "/links/{link}/quarantine",
+    tag = "links",
+    params(("link" = String, Path, description = "Name of the link")),
+    responses((status = OK, body = LinkView), Refused))]
+pub(super) async fn quarantine(
+    _: Admin,
+    State(desk): At,
+    Segments(link): Segments<String>,
+) -> Answer<Json<LinkView>> {
+    desk.ask(move |gateway| gateway.quarantine(&link)).await.map(Json)
+}
+
 /// Let a link out of quarantine
 #[utoipa::path(post, operation_id = "link_release", path = "/links/{link}/release",
     tag = "links",

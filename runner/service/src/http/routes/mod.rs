@@ -25,7 +25,7 @@ use utoipa_axum::routes;
 pub use system::MeView;
 
 use super::entry::{self, Door};
-use super::options::{FEEDS, Limits, STREAMS, UPLOADS};
+use super::options::{FEEDS, LOOKS, Limits, STREAMS, UPLOADS};
 use super::problem::Problem;
 use super::server::Surroundings;
 use crate::{Gateway, Refusal};
@@ -36,6 +36,7 @@ pub(super) struct Desk {
     pub(super) door: Arc<Door>,
     pub(super) limits: Limits,
     pub(super) stopping: watch::Receiver<bool>,
+    looks: Arc<Semaphore>,
     uploads: Arc<Semaphore>,
     feeds: Arc<Semaphore>,
     streams: Arc<Semaphore>,
@@ -58,6 +59,17 @@ impl Desk {
             Ok(answer) => answer.map_err(Problem::from),
             Err(_) => Err(Problem::ours()),
         }
+    }
+
+    /// The same for a list, which takes longer: a few at a time, so that whoever asks for many
+    /// has no more of the processors than that.
+    pub(super) async fn look<T: Send + 'static>(
+        &self,
+        question: impl FnOnce(&Gateway) -> Result<T, Refusal> + Send + 'static,
+    ) -> Answer<T> {
+        // It is never closed.
+        let _turn = self.looks.acquire().await.map_err(|_| Problem::ours())?;
+        self.ask(question).await
     }
 
     fn a_slot(slots: &Arc<Semaphore>, what: &str) -> Answer<OwnedSemaphorePermit> {
@@ -119,6 +131,7 @@ fn known_only() -> OpenApiRouter<Arc<Desk>> {
         .routes(routes!(links::kinds))
         .routes(routes!(links::reopen))
         .routes(routes!(links::force_resume))
+        .routes(routes!(links::quarantine))
         .routes(routes!(links::release))
         .routes(routes!(links::swap))
         .routes(routes!(links::watch))
@@ -130,6 +143,7 @@ fn known_only() -> OpenApiRouter<Arc<Desk>> {
         .routes(routes!(jobs::resume))
         .routes(routes!(jobs::abort))
         .routes(routes!(jobs::restart))
+        .routes(routes!(jobs::acknowledge))
         .routes(routes!(jobs::prioritise))
         .routes(routes!(programs::list))
         .routes(routes!(programs::download, programs::upload, programs::delete))
@@ -159,6 +173,7 @@ pub(super) fn all(gateway: Gateway, limits: Limits, surroundings: Surroundings) 
         door: door.clone(),
         limits,
         stopping,
+        looks: Arc::new(Semaphore::new(LOOKS)),
         uploads: Arc::new(Semaphore::new(UPLOADS)),
         feeds: Arc::new(Semaphore::new(FEEDS)),
         streams: Arc::new(Semaphore::new(STREAMS)),
@@ -257,6 +272,6 @@ mod tests {
                 count += 1;
             }
         }
-        assert_eq!(count, 34);
+        assert_eq!(count, 36);
     }
 }

@@ -22,7 +22,7 @@ use crate::view::{ProgramView, ReceptionView};
     tag = "programs",
     responses((status = OK, body = Vec<ProgramView>), Refused))]
 pub(super) async fn list(State(desk): At) -> Answer<Json<Vec<ProgramView>>> {
-    desk.ask(Gateway::programs).await.map(Json)
+    desk.look(Gateway::programs).await.map(Json)
 }
 
 /// A program's bytes
@@ -94,7 +94,7 @@ pub(super) async fn receptions(
     State(desk): At,
     Segments(link): Segments<String>,
 ) -> Answer<Json<Vec<ReceptionView>>> {
-    desk.ask(move |gateway| gateway.receptions(&link)).await.map(Json)
+    desk.look(move |gateway| gateway.receptions(&link)).await.map(Json)
 }
 
 /// The bytes of something that was received

@@ -53,7 +53,7 @@ pub(super) async fn journal(
     Filter(filter): Filter<JournalFilter>,
 ) -> Answer<Json<Vec<JournalEntry>>> {
     within_limit(filter.limit)?;
-    desk.ask(move |gateway| gateway.journal(&filter)).await.map(Json)
+    desk.look(move |gateway| gateway.journal(&filter)).await.map(Json)
 }
 
 /// All that changes from now on

@@ -26,10 +26,16 @@ export function table(list, withLink = true) {
 function row(job, withLink) {
   const state = h('td');
   const progress = h('td');
-  const order = (verb, body) => () => act(async () => store.took(await api.post(`/jobs/${job.id}/${verb}`, body)));
+  const order = (verb, body) => () => act(async () => {
+    const came = await api.post(`/jobs/${job.id}/${verb}`, body);
+    store.took(came);
+    return verb === 'acknowledge' ? '' : { progressOf: came.id };
+  });
+  let asksForBlock = true;
   const pause = h('button', { class: 'quiet', onclick: order('pause') }, 'Pause');
   const resume = h('button', { class: 'quiet', onclick: order('resume') }, 'Resume');
   const abort = sureButton('Abort', order('abort'));
+  const seen = h('button', { class: 'quiet', onclick: order('acknowledge') }, 'Seen');
   const again = h('button', { class: 'quiet', onclick: order('restart', {}) }, 'Again');
   const from = h('button', { class: 'quiet', onclick: () => order('restart', { from_block: from.block })() });
   const up = h('button', {
@@ -40,34 +46,31 @@ function row(job, withLink) {
     h('td', {}, String(job.id)),
     withLink && h('td', {}, h('a', { href: `#/link/${encodeURIComponent(job.link)}` }, job.link)),
     h('td', {}, job.program ?? job.kind), state, progress, h('td', {}, text.time(job.created_ms)),
-    h('td', { class: 'buttons' }, pause, resume, up, abort, from, again));
-  for (const button of [pause, resume, abort, again, up]) button.setAttribute('aria-label', `${button.textContent} job ${job.id}`);
+    h('td', { class: 'buttons' }, pause, resume, up, abort, seen, from, again));
+  for (const button of [pause, resume, abort, seen, again, up]) button.setAttribute('aria-label', `${button.textContent} job ${job.id}`);
   return {
     node,
     update(now) {
       node.className = now.state;
       say(state, now.message && ENDED.has(now.state) && now.state !== 'done' ? `${now.state}: ${now.message}` : now.state);
-      say(progress, progressOf(now));
+      say(progress, now.text);
       show(pause, now.state === 'running');
       show(resume, now.state === 'paused');
       show(abort, !ENDED.has(now.state));
+      show(seen, now.is_unseen);
       show(again, ENDED.has(now.state) && now.program);
       up.priority = now.priority;
       show(up, now.state === 'queued');
       from.block = (now.last_block ?? 0) + 1;
       say(from, `From block ${from.block}`);
       show(from, ENDED.has(now.state) && now.state !== 'done' && now.last_block);
+      if (asksForBlock && now.is_unseen && now.last_block === null && now.surely_left > now.start_byte) {
+        // Where a restart can begin is in the program: the gateway looks there for one job at a time.
+        asksForBlock = false;
+        api.get(`/jobs/${job.id}`).then(store.took, () => {});
+      }
     },
   };
-}
-
-function progressOf(job) {
-  if (job.state === 'queued') return job.size === null ? '' : text.bytes(job.size);
-  const whole = job.size === null ? '' : ` of ${text.bytes(job.size)}`;
-  const surely = `${text.bytes(job.surely_left)}${whole}`;
-  // While it runs there is always something on its way.
-  if (!ENDED.has(job.state) || job.state === 'done' || job.maybe_left <= job.surely_left) return surely;
-  return `${surely}; up to ${text.bytes(job.maybe_left)} may have left`;
 }
 
 export function page() {

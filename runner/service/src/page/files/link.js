@@ -3,7 +3,7 @@
 import * as api from './api.js';
 import { act } from './message.js';
 import { field, h, keyed, options, say, show, sureButton } from './dom.js';
-import { badge, doing, trouble } from './links.js';
+import { badge, doing, seenButton, trouble } from './links.js';
 import { chart } from './chart.js';
 import { table as jobTable } from './jobs.js';
 import { sequence } from './sequence.js';
@@ -46,17 +46,23 @@ function overview(name, path) {
   const legend = h('p', { class: 'facts' });
   const order = (verb) => async () => {
     const link = store.links.get(name);
-    if (link?.job) await act(async () => store.took(await api.post(`/jobs/${link.job.id}/${verb}`)));
+    if (link?.job) await act(async () => {
+      const job = await api.post(`/jobs/${link.job.id}/${verb}`);
+      store.took(job);
+      return { progressOf: job.id };
+    });
   };
   const onLink = (verb) => () => act(async () => store.took(await api.post(`${path}/${verb}`)));
   const pause = h('button', { onclick: order('pause') }, 'Pause');
   const resume = h('button', { onclick: order('resume') }, 'Resume');
   const abort = sureButton('Abort', order('abort'));
+  const seen = seenButton();
   const force = h('button', { onclick: onLink('force-resume') }, 'Go on although held');
   const reopen = h('button', { onclick: onLink('reopen'), class: 'quiet' }, 'Reopen the port');
+  const halt = sureButton('Stop the plug-in', onLink('quarantine'));
   const node = h('div', { class: 'panel' },
     h('div', { class: 'row' }, state.node, what), bar, wrong,
-    h('div', { class: 'buttons' }, pause, resume, abort, force, reopen),
+    h('div', { class: 'buttons' }, seen.node, pause, resume, abort, force, reopen, halt),
     h('div', { class: 'wide' }, picture.node), legend, facts);
   return {
     node,
@@ -64,13 +70,16 @@ function overview(name, path) {
       state.update(link);
       say(what, doing(link));
       show(bar, link.job?.size);
-      if (link.job?.size) bar.value = text.percent(link.job.surely_left, link.job.size);
+      bar.value = link.job?.percent ?? 0;
+      seen.update(link);
       say(wrong, trouble(link));
       show(wrong, trouble(link));
       show(pause, link.job?.state === 'running');
       show(resume, link.job?.state === 'paused');
       show(abort, link.job);
-      show(force, link.is_held);
+      show(force, link.is_held || link.job?.awaits);
+      // Whatever it does, at once: an admin's.
+      show(halt, store.role === 'admin' && !link.quarantine);
       picture.update(link.buffer, store.levels.get(name));
       say(legend, `Buffer: ${text.bytes(link.buffer.level)} of ${text.bytes(link.buffer.size)}; dashed: the marks, at ${text.bytes(link.buffer.low)} and ${text.bytes(link.buffer.high)}; shaded: held by the machine`);
       pairs(facts, [
@@ -109,7 +118,7 @@ function sendForm(path) {
       act(async () => {
         const job = await api.post(`${path}/jobs`, order);
         store.took(job);
-        return `Job ${job.id}: ${job.program} ${job.state}`;
+        return { progressOf: job.id };
       });
     },
   }, field('Program', program), field('Priority', priority), field('From block', block), h('button', { class: 'main' }, 'Send'));
@@ -177,7 +186,8 @@ function quarantine(path) {
     update(link) {
       show(node, link.quarantine);
       if (!link.quarantine) return;
-      say(since, `The plug-in failed too often; since ${text.time(link.quarantine.since_ms)} it is not started again. Its line is silent, others see nothing of it.`);
+      const why = link.quarantine.faults.at(-1)?.text ?? 'the plug-in failed too often';
+      say(since, `Since ${text.time(link.quarantine.since_ms)} the plug-in is not started again: ${why}. Its line is silent, others see nothing of it.`);
       keyed(list, link.quarantine.faults, (fault) => fault.at_ms, (fault) => ({ node: faultItem(path, fault), update() {} }));
     },
   };

@@ -1,5 +1,7 @@
 // Links at a glance.
 
+import * as api from './api.js';
+import { act } from './message.js';
 import { h, keyed, say, show } from './dom.js';
 import { chart } from './chart.js';
 import * as store from './store.js';
@@ -26,8 +28,9 @@ export function badge() {
     update(link) {
       const isHeld = link.is_held && !TROUBLE.has(link.state);
       say(sign, isHeld ? '■' : SIGNS[link.state] ?? '?');
-      say(word, isHeld ? `${link.state}, held` : link.state);
-      const isOdd = link.alarms.length || isHeld || link.state === 'paused';
+      const waits = link.job?.awaits;
+      say(word, `${link.state}${isHeld ? ', held by the machine' : waits ? ', waits for the machine' : ''}`);
+      const isOdd = link.alarms.length || isHeld || waits || link.state === 'paused';
       const kind = TROUBLE.has(link.state) ? 'bad' : isOdd ? 'warn' : WORK.has(link.state) ? 'work' : 'calm';
       node.className = `badge ${kind}`;
     },
@@ -39,6 +42,23 @@ export function trouble(link) {
   return link.trouble.join('; ');
 }
 
+/** Says that somebody has seen how the jobs of a link ended that did not end well. */
+export function seenButton() {
+  const button = h('button', {
+    class: 'seen',
+    onclick: () => act(async () => store.took(await api.post(`/jobs/${button.job}/acknowledge`))),
+  }, 'Seen');
+  return {
+    node: button,
+    update(link) {
+      const newest = link.unseen[0];
+      button.job = newest?.id;
+      button.setAttribute('aria-label', `I have seen how job ${newest?.id} ended`);
+      show(button, newest);
+    },
+  };
+}
+
 function card(link) {
   const state = badge();
   const picture = chart();
@@ -46,9 +66,10 @@ function card(link) {
   const bar = h('progress', { max: 100 });
   const wrong = h('p', { class: 'wrong' });
   const facts = h('p', { class: 'facts' });
+  const seen = seenButton();
   const node = h('li', { class: 'card' },
     h('a', { class: 'cover', href: `#/link/${encodeURIComponent(link.name)}` }, link.name),
-    state.node, what, bar, picture.node, facts, wrong);
+    state.node, what, bar, picture.node, facts, wrong, seen.node);
   return {
     node,
     update(now) {
@@ -56,7 +77,9 @@ function card(link) {
       const job = now.job;
       say(what, doing(now));
       show(bar, job?.size);
-      if (job?.size) bar.value = text.percent(job.surely_left, job.size);
+      bar.value = job?.percent ?? 0;
+      node.classList.toggle('trouble', inTrouble(now));
+      seen.update(now);
       bar.setAttribute('aria-label', `Progress of ${job?.program ?? 'the job'}`);
       picture.update(now.buffer, store.levels.get(now.name));
       const parts = [`buffer ${text.bytes(now.buffer.level)}`, `errors ${text.count(errors(now))}`];
@@ -72,13 +95,12 @@ function card(link) {
 /** What a link does, in a few words. */
 export function doing(link) {
   const waits = link.queued ? `, ${link.queued} waiting` : '';
-  if (link.job) {
-    const { program, kind, size, surely_left: left } = link.job;
-    const name = program ?? kind;
-    return size ? `${name} ${text.percent(left, size)} %${waits}` : `${name} ${text.bytes(left)}${waits}`;
-  }
+  if (link.job) return `${link.job.program ?? link.job.kind}: ${link.job.text}${waits}`;
   if (link.receiving) return `from the machine: ${link.receiving.name ?? 'unnamed'} ${text.bytes(link.receiving.bytes)}`;
   if (link.queued) return `${link.queued} waiting`;
+  // What nobody has seen stands among the trouble.
+  const isNews = link.last && link.last.id !== link.unseen[0]?.id;
+  if (isNews && link.state !== 'sending') return `last ${text.time(link.last.ended_ms)}: ${link.last.program ?? link.last.kind} ${link.last.state}; ${link.last.text}`;
   return link.plugin ? text.plugin(link.plugin) : 'no plug-in';
 }
 

@@ -38,7 +38,7 @@ export function page() {
     const send = h('button', { onclick: () => act(async () => {
       const job = await api.post(`/links/${api.part(link.value)}/jobs`, { program: name });
       store.took(job);
-      return `Job ${job.id}: ${name} to ${job.link}, ${job.state}`;
+      return { progressOf: job.id };
     }) });
     const node = h('tr', {}, h('td', {}, name), size, when, h('td', { class: 'buttons' }, send,
       h('button', { class: 'quiet', 'aria-label': `Save ${name}`, onclick: () => act(() => api.save(`/programs/${api.part(name)}`, name.split('/').at(-1))) }, 'Save'),

@@ -61,15 +61,20 @@ export async function loadReceptions(link) {
 
 /** Something came back from an action: it counts as news. */
 export function took(view) {
-  if (view && 'kind' in view && 'id' in view) jobs.set(view.id, view);
+  if (view && 'kind' in view && 'id' in view) keepJob(view);
   else if (view && 'port' in view) links.set(view.name, view);
   changed();
+}
+
+/** The last block that left is found out for one job at a time only: it stays known. */
+function keepJob(job) {
+  jobs.set(job.id, { ...job, last_block: job.last_block ?? jobs.get(job.id)?.last_block ?? null });
 }
 
 const news = {
   link: (change) => links.set(change.name, change),
   'link-removed': (change) => links.delete(change.name),
-  job: (change) => jobs.set(change.id, change),
+  job: keepJob,
   journal: (change) => journal.unshift(change),
   programs: async () => { programs = await api.get('/programs'); },
   receptions: (change) => receptions.has(change.link) && loadReceptions(change.link),

@@ -40,8 +40,18 @@ export function since(ms) {
   return ms ? span(Math.max(0, Date.now() - ms) * 1000) : '';
 }
 
-export function percent(part, whole) {
-  return whole ? Math.min(100, Math.floor((100 * part) / whole)) : 0;
+const BAD = new Set(['failed', 'aborted', 'interrupted']);
+
+export const hasEnded = (job) => job.state === 'done' || BAD.has(job.state);
+export const isBad = (job) => BAD.has(job.state);
+
+/** A job in a sentence: the gateway's own words for how far it is. */
+export function job(of) {
+  const parts = [`Job ${of.id}, ${of.program ?? of.kind} on ${of.link}: ${of.state}`];
+  const isSaid = of.text.endsWith(of.state);
+  if (isBad(of) && of.message) parts.push(of.message);
+  if (of.text) parts.push(isSaid ? of.text.slice(0, -of.state.length).replace(/; $/, '') : of.text);
+  return parts.join('; ');
 }
 
 /** A plug-in's name and version. */

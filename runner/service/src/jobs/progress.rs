@@ -1,0 +1,171 @@
+//! How far a job is, in numbers and in words: made here, shown everywhere.
+
+use super::{Extent, Job, Kind, State};
+use crate::view::JobProgress;
+
+/// What the lane of a job that is under way knows of it now, counted from the beginning of the
+/// program.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct Lately {
+    /// Bytes of the program that the plug-in took.
+    pub taken: u64,
+    /// Which bytes have left.
+    pub extent: Extent,
+    /// The machine holds the line.
+    pub is_held: bool,
+    /// What the machine or its operator has to do before the job goes on, in a sentence.
+    pub awaits: Option<String>,
+    /// The program is looked at; nothing of it is sent yet.
+    pub is_check: bool,
+}
+
+impl Job {
+    /// How far it is. `lately`: of one that is under way, what its lane knows.
+    pub fn progress(&self, lately: Option<&Lately>) -> JobProgress {
+        let known = self.extent;
+        let (taken, extent) = match lately {
+            None => (self.taken, known),
+            // What is written down lags behind, and was the lane's, too.
+            Some(lately) => {
+                let surely = lately.extent.surely.max(known.surely);
+                (lately.taken, Extent { surely, maybe: lately.extent.maybe.max(surely) })
+            }
+        };
+        let size = self.order.data.map(|data| data.size);
+        let percent = |size: u64| (extent.surely.min(size) * 100 / size) as u8;
+        let mut progress = JobProgress {
+            size,
+            taken: taken.max(extent.surely),
+            maybe_left: extent.maybe,
+            surely_left: extent.surely,
+            percent: size.filter(|size| *size > 0).map(percent),
+            is_held: lately.is_some_and(|lately| lately.is_held) && self.state == State::Running,
+            awaits: lately.and_then(|lately| lately.awaits.clone()),
+            text: String::new(),
+        };
+        progress.text = self.words(&progress, lately.is_some_and(|lately| lately.is_check));
+        progress
+    }
+
+    fn words(&self, progress: &JobProgress, is_check: bool) -> String {
+        let mut parts = Vec::new();
+        let moves_data = self.order.kind == Kind::Send;
+        if moves_data && self.has_begun() {
+            parts.push(self.left_in_words(progress));
+        } else if let Some(size) = progress.size {
+            parts.push(format!("{} bytes", grouped(size)));
+        } else if let Some(reception) = &self.reception {
+            parts.push(format!("{} bytes came", grouped(reception.bytes)));
+        }
+        match self.state {
+            State::Queued => parts.push("waits for its turn".to_owned()),
+            State::Paused => parts.push("paused".to_owned()),
+            State::Running if progress.is_held => parts.push("held by the machine".to_owned()),
+            State::Running if is_check => parts.push("the program is checked".to_owned()),
+            State::Running => parts.extend(progress.awaits.clone()),
+            _ => {}
+        }
+        parts.join("; ")
+    }
+
+    /// `601 of 40,015 bytes have surely left, 1 %, up to 4,697 may have`.
+    pub(super) fn left_in_words(&self, progress: &JobProgress) -> String {
+        let JobProgress { size, maybe_left: maybe, surely_left: surely, .. } = *progress;
+        let from = self.order.from;
+        let whole = size.map_or(String::new(), |size| format!(" of {}", grouped(size)));
+        let percent = progress.percent.map_or(String::new(), |percent| format!(", {percent} %"));
+        let bytes = |count: u64| format!("{}{whole} bytes", grouped(count));
+        let text = match (self.state.is_final(), surely > from, maybe > surely) {
+            (false, false, _) => "nothing has left yet".to_owned(),
+            // While it is under way there is always something on its way.
+            (false, true, _) | (true, true, false) => {
+                format!("{} have left{percent}", bytes(surely))
+            }
+            (true, true, true) => {
+                let surely = bytes(surely);
+                format!("{surely} have surely left{percent}, up to {} may have", grouped(maybe))
+            }
+            (true, false, true) => {
+                format!("nothing has surely left, up to {} may have", bytes(maybe))
+            }
+            (true, false, false) => "nothing has left".to_owned(),
+        };
+        match from {
+            0 => text,
+            from => format!("{text}; it began behind byte {}", grouped(from)),
+        }
+    }
+}
+
+/// Digits in groups of three.
+fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (at, digit) in digits.chars().enumerate() {
+        if at > 0 && (digits.len() - at).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::jobs::{Data, Order};
+    use softplug_host::Digest;
+
+    fn job(state: State, from: u64, surely: u64, maybe: u64) -> Job {
+        let data = Data { digest: Digest::of(b"G1"), size: 40_015 };
+        let order = Order { from, ..Order::send("lathe", "O1", data) };
+        let mut job = super::super::created(1, order, state);
+        job.began = (state != State::Queued).then_some(1);
+        job.extent = Extent { surely, maybe };
+        job
+    }
+
+    #[test]
+    fn a_job_is_told_in_the_same_words_wherever_it_stands() {
+        let text = |job: Job| job.progress(None).text;
+        assert_eq!(text(job(State::Queued, 0, 0, 0)), "40,015 bytes; waits for its turn");
+        assert_eq!(text(job(State::Running, 0, 0, 900)), "nothing has left yet");
+        assert_eq!(text(job(State::Running, 0, 601, 900)), "601 of 40,015 bytes have left, 1 %");
+        assert_eq!(
+            text(job(State::Failed, 0, 601, 4_697)),
+            "601 of 40,015 bytes have surely left, 1 %, up to 4,697 may have"
+        );
+        assert_eq!(
+            text(job(State::Aborted, 0, 0, 300)),
+            "nothing has surely left, up to 300 of 40,015 bytes may have"
+        );
+        assert_eq!(text(job(State::Interrupted, 0, 0, 0)), "nothing has left");
+        assert_eq!(
+            text(job(State::Done, 0, 40_015, 40_015)),
+            "40,015 of 40,015 bytes have left, 100 %"
+        );
+        assert_eq!(
+            text(job(State::Failed, 500, 500, 500)),
+            "nothing has left; it began behind byte 500"
+        );
+    }
+
+    #[test]
+    fn what_the_lane_knows_goes_before_what_was_written_down() {
+        let extent = Extent { surely: 7_000, maybe: 7_500 };
+        let mut lately = Lately { taken: 8_000, extent, ..Lately::default() };
+        // 16 KiB were granted.
+        let mut running = job(State::Running, 0, 601, 16_384);
+        let progress = running.progress(Some(&lately));
+        let figures = (progress.surely_left, progress.maybe_left, progress.taken, progress.percent);
+        assert_eq!(figures, (7_000, 7_500, 8_000, Some(17)));
+        lately.is_held = true;
+        let held = running.progress(Some(&lately));
+        assert_eq!(held.text, "7,000 of 40,015 bytes have left, 17 %; held by the machine");
+        // Paused is not held, whatever the queue does.
+        running.state = State::Paused;
+        let paused = running.progress(Some(&lately));
+        assert_eq!(paused.text, "7,000 of 40,015 bytes have left, 17 %; paused");
+        assert!(!paused.is_held);
+    }
+}
