@@ -25,11 +25,11 @@ pub(crate) const HEAVIEST: [&str; 10] = [
     "189 37 18 14 38 11 2 call memory 16",
     "177 37 18 59 31 2 2 leave memory 16",
     "118 47 18 118 31 4 1 leave grow 16",
-    "70 2 2 3 14 1 92 convert add 83",
+    "20 2 2 3 14 1 92 convert add 83",
     "70 7 1 235 31 0 1 indirect divide 4",
     "40 4 60 1 20 0 20 again round 0",
     "50 5 4 22 126 0 1 loop global 0",
-    "4 0 60 0 1 0 300 join if 0",
+    "12 0 60 0 1 0 300 join if 0",
     "3400 0 1 0 0 0 1 loop loop 0",
     "2 0 1 0 1 0 800 count round 0",
 ];
