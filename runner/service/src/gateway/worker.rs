@@ -51,7 +51,9 @@ mod tests {
         let worker = Worker::start("test").unwrap();
         assert!(worker.catch_up(Duration::from_mins(1)));
         let (never, ends) = channel::<()>();
-        worker.give(move || drop(ends.recv()));
+        worker.give(move || {
+            let _ = ends.recv();
+        });
         assert!(!worker.catch_up(Duration::from_millis(10)));
         drop(never);
         assert!(worker.catch_up(Duration::from_mins(1)));

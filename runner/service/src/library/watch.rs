@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs::{self, Metadata};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, SystemTime};
 
@@ -46,8 +47,8 @@ pub enum LibraryNews {
 pub struct Watch {
     watcher: Option<RecommendedWatcher>,
     thread: Option<JoinHandle<()>>,
-    /// Closed when the thread ends.
-    ended: Receiver<()>,
+    /// Closed when the thread ends. Locked by nobody: it lets a watch be shared.
+    ended: Mutex<Receiver<()>>,
 }
 
 /// How long the thread is waited for when it is to end: a disk may stand still.
@@ -80,7 +81,7 @@ impl Library {
                 desk.run(&changes);
             })
             .map_err(DiskError::when("watch", &self.folder))?;
-        Ok(Watch { watcher: Some(watcher), thread: Some(thread), ended })
+        Ok(Watch { watcher: Some(watcher), thread: Some(thread), ended: Mutex::new(ended) })
     }
 
     fn start_watching(&self, signals: Sender<Signal>) -> Result<RecommendedWatcher, LibraryError> {
@@ -113,7 +114,8 @@ impl Drop for Watch {
         // It holds the other end of the thread's channel.
         drop(self.watcher.take());
         if let Some(thread) = self.thread.take() {
-            if self.ended.recv_timeout(PATIENCE) == Err(RecvTimeoutError::Timeout) {
+            let ended = self.ended.get_mut().unwrap_or_else(PoisonError::into_inner);
+            if ended.recv_timeout(PATIENCE) == Err(RecvTimeoutError::Timeout) {
                 tracing::warn!("what is put into the library does not end and is left behind");
                 return;
             }
