@@ -10,7 +10,7 @@ use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcseta
 use softplug_abi::{LineParameters, LinkDownReason};
 
 use crate::error::PortError;
-use crate::port::ear::Ear;
+use crate::port::input_sink::InputSink;
 use crate::port::scratch::with_scratch;
 use crate::port::{Backlog, Input, ReadOutcome};
 
@@ -140,14 +140,14 @@ impl PtyPort {
     pub(crate) fn read_to(
         &mut self,
         most: usize,
-        ear: &mut impl Ear,
+        sink: &mut impl InputSink,
     ) -> Result<ReadOutcome, PortError> {
         with_scratch(|buffer| {
             let most = most.min(buffer.len());
             let outcome = self.pair.read(&mut buffer[..most])?;
             if let ReadOutcome::Read(count) = outcome {
-                ear.came(Backlog::default);
-                ear.heard(Input::Bytes(&buffer[..count]));
+                sink.came(Backlog::default);
+                sink.heard(Input::Bytes(&buffer[..count]));
             }
             Ok(outcome)
         })

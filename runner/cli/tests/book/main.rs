@@ -83,6 +83,8 @@ pages! {
     decision_0009: "decisions/0009-one-engine-for-the-3964-family.md",
     decision_0010: "decisions/0010-signed-results-name-their-report.md",
     decision_0011: "decisions/0011-jobs-in-redb.md",
+    decision_0012: "decisions/0012-readers-have-no-part-in-the-writers-turns.md",
+    decision_0013: "decisions/0013-weighed-then-compiled-apart.md",
     decisions_dependencies: "decisions/dependencies.md",
 }
 

@@ -13,7 +13,7 @@ use super::departures::Departures;
 use super::tap::Tap;
 use super::{Channel, ChannelError, MODEM_LINES_EVERY, Surroundings};
 use crate::clock::Clock;
-use crate::port::ear::Ear;
+use crate::port::input_sink::InputSink;
 use crate::port::scratch::READ_BYTES;
 use crate::port::{Backlog, Input, Port, ReadOutcome};
 use softplug_link::{Link, LinkFault};
@@ -89,7 +89,7 @@ impl<I: Instance> Channel<I> {
     ) -> Result<Drained, ChannelError<I::Fault>> {
         let most = self.readable_bytes();
         let Some(port) = self.port.as_mut().filter(|_| most > 0) else { return Ok(Drained::Yes) };
-        let mut listener = Listener {
+        let mut input = LinkInput {
             clock,
             at: None,
             link: &mut self.link,
@@ -97,8 +97,8 @@ impl<I: Instance> Channel<I> {
             tap: Tap::new(outside, &mut self.counters, &self.pacer),
             fault: None,
         };
-        let outcome = port.read_to(most, &mut listener)?;
-        let Listener { tap, fault, .. } = listener;
+        let outcome = port.read_to(most, &mut input)?;
+        let LinkInput { tap, fault, .. } = input;
         let has_failed = tap.has_failed;
         let lines = tap.modem_lines;
         self.set_modem_lines(lines)?;
@@ -187,7 +187,7 @@ pub(super) fn input_time<I: Instance>(link: &Link<I>, now: Micros) -> Micros {
 }
 
 /// Gives on to the link what a port heard.
-struct Listener<'a, I: Instance> {
+struct LinkInput<'a, I: Instance> {
     clock: Clock,
     /// When it was read.
     at: Option<Micros>,
@@ -197,7 +197,7 @@ struct Listener<'a, I: Instance> {
     fault: Option<LinkFault<I::Fault>>,
 }
 
-impl<I: Instance> Ear for Listener<'_, I> {
+impl<I: Instance> InputSink for LinkInput<'_, I> {
     fn came(&mut self, backlog: impl FnOnce() -> Backlog) {
         let now = self.clock.now();
         let at = input_time(self.link, now);

@@ -2,7 +2,7 @@
 //! never blocks.
 
 mod difference;
-pub(crate) mod ear;
+pub(crate) mod input_sink;
 mod marks;
 mod spec;
 
@@ -34,9 +34,9 @@ mod tty;
 #[cfg(target_os = "linux")]
 pub use self::rfc2217::Rfc2217Port;
 pub use difference::{DifferenceWeight, SettingDifference};
-pub use ear::Backlog;
 #[cfg(target_os = "linux")]
 pub use held::discard_all;
+pub use input_sink::Backlog;
 pub use marks::{Input, LineCounters, MarkDecoder};
 #[cfg(target_os = "linux")]
 pub use open::{Port, ReadOutcome};

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use softplug_abi::{LineParameters, LinkDownReason, Micros, ModemLines, Parity};
 
 use super::difference::SettingDifference;
-use super::ear::{Backlog, Ear, Plain};
+use super::input_sink::{Backlog, InputOnly, InputSink};
 use super::marks::Input;
 use super::rfc2217::Rfc2217Port;
 use super::spec::{PortOptions, PortSpec};
@@ -100,20 +100,20 @@ impl Port {
         most: usize,
         sink: &mut impl FnMut(Input<'_>),
     ) -> Result<ReadOutcome, PortError> {
-        self.read_to(most, &mut Plain(sink))
+        self.read_to(most, &mut InputOnly(sink))
     }
 
-    /// Reads once for an ear that may ask what the port held by then.
+    /// Reads once for a sink that may ask what the port held by then.
     pub(crate) fn read_to(
         &mut self,
         most: usize,
-        ear: &mut impl Ear,
+        sink: &mut impl InputSink,
     ) -> Result<ReadOutcome, PortError> {
         match self {
-            Self::Tty(port) => port.read_to(most, ear),
-            Self::Tcp(port) => port.read_to(most, ear),
-            Self::Rfc2217(port) => port.read_to(most, ear),
-            Self::Pty(port) => port.read_to(most, ear),
+            Self::Tty(port) => port.read_to(most, sink),
+            Self::Tcp(port) => port.read_to(most, sink),
+            Self::Rfc2217(port) => port.read_to(most, sink),
+            Self::Pty(port) => port.read_to(most, sink),
         }
     }
 

@@ -4,7 +4,7 @@ use std::os::fd::BorrowedFd;
 
 use softplug_abi::{LineParameters, LinkDownReason, Micros};
 
-use super::ear::{Backlog, Ear, Plain};
+use super::input_sink::{Backlog, InputOnly, InputSink};
 use super::marks::Input;
 use super::open::ReadOutcome;
 use super::scratch::with_scratch;
@@ -46,20 +46,20 @@ impl TcpPort {
         most: usize,
         sink: &mut impl FnMut(Input<'_>),
     ) -> Result<ReadOutcome, PortError> {
-        self.read_to(most, &mut Plain(sink))
+        self.read_to(most, &mut InputOnly(sink))
     }
 
     pub(super) fn read_to(
         &mut self,
         most: usize,
-        ear: &mut impl Ear,
+        sink: &mut impl InputSink,
     ) -> Result<ReadOutcome, PortError> {
         with_scratch(|buffer| {
             let most = most.min(buffer.len());
             let outcome = self.stream.read(&mut buffer[..most])?;
             if let ReadOutcome::Read(count) = outcome {
-                ear.came(|| Backlog { bytes: self.stream.unsent(), is_empty: false });
-                ear.heard(Input::Bytes(&buffer[..count]));
+                sink.came(|| Backlog { bytes: self.stream.unsent(), is_empty: false });
+                sink.heard(Input::Bytes(&buffer[..count]));
             }
             Ok(outcome)
         })

@@ -16,9 +16,9 @@ use rustix::termios::{
 use softplug_abi::{LineParameters, LinkDownReason, ModemLines};
 
 use super::difference::{SettingDifference, noted, refused};
-use super::ear::{Backlog, Ear, Plain};
 use super::held;
 use super::holders::{group, holders, holders_but, is_pty};
+use super::input_sink::{Backlog, InputOnly, InputSink};
 use super::ioctl;
 use super::marks::{Input, LineCounters, MarkDecoder};
 use super::open::ReadOutcome;
@@ -196,20 +196,20 @@ impl TtyPort {
         most: usize,
         sink: &mut impl FnMut(Input<'_>),
     ) -> Result<ReadOutcome, PortError> {
-        self.read_to(most, &mut Plain(sink))
+        self.read_to(most, &mut InputOnly(sink))
     }
 
     pub(super) fn read_to(
         &mut self,
         most: usize,
-        ear: &mut impl Ear,
+        sink: &mut impl InputSink,
     ) -> Result<ReadOutcome, PortError> {
         let most = most.min(READ_BYTES);
         if !self.early.is_empty() {
             let rest = self.early.split_off(most.min(self.early.len()));
             let early = std::mem::replace(&mut self.early, rest);
-            ear.came(|| self.backlog());
-            ear.heard(Input::Bytes(&early));
+            sink.came(|| self.backlog());
+            sink.heard(Input::Bytes(&early));
             return Ok(ReadOutcome::Read(early.len()));
         }
         with_scratch(|buffer| match retry_on_intr(|| read(&self.fd, &mut buffer[..most])) {
@@ -218,8 +218,8 @@ impl TtyPort {
             Ok(count) => {
                 // After the read: a mark is never older than its count.
                 let counters = if self.has_counters { self.counters() } else { None };
-                ear.came(|| self.backlog());
-                let mut give = |input: Input<'_>| ear.heard(input);
+                sink.came(|| self.backlog());
+                let mut give = |input: Input<'_>| sink.heard(input);
                 self.decoder.decode(&buffer[..count], counters, &mut give);
                 Ok(ReadOutcome::Read(count))
             }

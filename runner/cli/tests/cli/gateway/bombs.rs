@@ -40,6 +40,9 @@ fn bombs_at_every_door_hold_nobody_up() {
     // This one takes whatever comes with its plug-in's name.
     let follows = link("mill", "pty:").replace("xon-xoff\"", "xon-xoff\"\nswap = \"follow\"");
     let bench = bench(&(fed + &follows));
+    let text = fs::read_to_string(bench.path("gateway.toml")).unwrap();
+    let limits = "[http]\nrequests-per-second = 100000\nburst = 100000\n";
+    bench.write("gateway.toml", text.replace("[http]\n", limits));
     let token = token(&bench);
     let program = format!("%\nO1\n{}M30\n%\n", "N10 G1 X12.5 Y25\n".repeat(10_000));
     bench.write("programs/O1.nc", &program);

@@ -15,7 +15,7 @@ use softplug_abi::{LineParameters, LinkDownReason, Micros, ModemLines};
 use self::liveness::Liveness;
 use self::session::{Broken, Opening, Session};
 use super::difference::{SettingDifference, refused};
-use super::ear::{Backlog, Ear, Plain};
+use super::input_sink::{Backlog, InputOnly, InputSink};
 use super::marks::Input;
 use super::open::ReadOutcome;
 use super::scratch::with_scratch;
@@ -105,22 +105,22 @@ impl Rfc2217Port {
         most: usize,
         sink: &mut impl FnMut(Input<'_>),
     ) -> Result<ReadOutcome, PortError> {
-        self.read_to(most, &mut Plain(sink))
+        self.read_to(most, &mut InputOnly(sink))
     }
 
     pub(super) fn read_to(
         &mut self,
         most: usize,
-        ear: &mut impl Ear,
+        sink: &mut impl InputSink,
     ) -> Result<ReadOutcome, PortError> {
         if !self.early.is_empty() {
             let rest = self.early.split_off(most.min(self.early.len()));
             let early = std::mem::replace(&mut self.early, rest);
-            ear.came(|| Backlog { bytes: self.unsent(), is_empty: false });
-            ear.heard(Input::Bytes(&early));
+            sink.came(|| Backlog { bytes: self.unsent(), is_empty: false });
+            sink.heard(Input::Bytes(&early));
             return Ok(ReadOutcome::Read(early.len()));
         }
-        let outcome = match self.take_in(most, ear) {
+        let outcome = match self.take_in(most, sink) {
             Err(PortError::Gone(reason)) => ReadOutcome::Gone(reason),
             outcome => outcome?,
         };
@@ -216,12 +216,16 @@ impl Rfc2217Port {
         self.session.is_suspended()
     }
 
-    fn take_in(&mut self, most: usize, ear: &mut impl Ear) -> Result<ReadOutcome, PortError> {
+    fn take_in(
+        &mut self,
+        most: usize,
+        sink: &mut impl InputSink,
+    ) -> Result<ReadOutcome, PortError> {
         self.flush()?;
         let unsent = self.session.waiting();
         let outcome = if self.session.has_rest() {
-            ear.came(|| Backlog { bytes: self.stream.unsent() + unsent, is_empty: false });
-            match self.session.resume(most, &mut |input| ear.heard(input)) {
+            sink.came(|| Backlog { bytes: self.stream.unsent() + unsent, is_empty: false });
+            match self.session.resume(most, &mut |input| sink.heard(input)) {
                 0 => ReadOutcome::Empty,
                 count => ReadOutcome::Read(count),
             }
@@ -231,8 +235,8 @@ impl Rfc2217Port {
                 let most = most.min(buffer.len());
                 let outcome = stream.read(&mut buffer[..most])?;
                 if let ReadOutcome::Read(count) = outcome {
-                    ear.came(|| Backlog { bytes: stream.unsent() + unsent, is_empty: false });
-                    session.receive(&buffer[..count], &mut |input| ear.heard(input));
+                    sink.came(|| Backlog { bytes: stream.unsent() + unsent, is_empty: false });
+                    session.receive(&buffer[..count], &mut |input| sink.heard(input));
                 }
                 Ok::<_, PortError>(outcome)
             })?
@@ -300,7 +304,7 @@ impl Rfc2217Port {
                     early.extend_from_slice(bytes);
                 }
             };
-            let outcome = self.take_in(most, &mut Plain(&mut keep));
+            let outcome = self.take_in(most, &mut InputOnly(&mut keep));
             self.early = early;
             match self.session.broken() {
                 Some(Broken::Refused) => return Err(Failed::Peer("it refuses to set its port")),

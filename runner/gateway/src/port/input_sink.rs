@@ -15,7 +15,7 @@ pub struct Backlog {
 }
 
 /// Takes in what a read brings.
-pub(crate) trait Ear {
+pub(crate) trait InputSink {
     /// Something was read, and is given next. `backlog` asks the port, which is
     /// behind the read: what the answer says is still held was no cause of it.
     fn came(&mut self, backlog: impl FnOnce() -> Backlog);
@@ -24,10 +24,10 @@ pub(crate) trait Ear {
     fn heard(&mut self, input: Input<'_>);
 }
 
-/// An ear that asks nothing.
-pub(super) struct Plain<'a, F>(pub(super) &'a mut F);
+/// A sink that asks nothing.
+pub(super) struct InputOnly<'a, F>(pub(super) &'a mut F);
 
-impl<F: FnMut(Input<'_>)> Ear for Plain<'_, F> {
+impl<F: FnMut(Input<'_>)> InputSink for InputOnly<'_, F> {
     fn came(&mut self, _: impl FnOnce() -> Backlog) {}
 
     fn heard(&mut self, input: Input<'_>) {
