@@ -96,9 +96,14 @@ impl<I: Instance> Channel<I> {
         STOPPED.max(self.pacer.line().characters(2 * u64::from(fifo)))
     }
 
-    /// A job has failed: what the port has of it is called back.
+    /// A job has failed: what the port has of it is called back, if the port allows it.
     pub(super) fn calls_back(&mut self, has_failed: bool) {
-        self.is_calling_back |= has_failed && self.gone.is_none();
+        let allows = |port: &Port| match port {
+            Port::Rfc2217(_) => port.is_stoppable(),
+            port => port.rate_known(),
+        };
+        let may = self.gone.is_none() && self.port.as_ref().is_some_and(allows);
+        self.is_calling_back |= has_failed && may;
     }
 
     /// Calls back what the port holds of a job that has failed, if it does not
@@ -109,14 +114,10 @@ impl<I: Instance> Channel<I> {
         }
         let stopped_after = self.stopped_after();
         let Some(port) = self.port.as_mut() else { return Ok(false) };
-        if matches!(port, Port::Rfc2217(_)) && port.is_stoppable() {
+        if matches!(port, Port::Rfc2217(_)) {
             self.is_calling_back = false;
             self.departures.lost(now);
             return port.discard_output().map(|()| false);
-        }
-        if !port.rate_known() {
-            self.is_calling_back = false;
-            return Ok(false);
         }
         let backlog = port.backlog();
         self.departures.looked(now, backlog);

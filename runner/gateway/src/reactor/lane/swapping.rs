@@ -103,8 +103,10 @@ impl<I: LaneInstance> Lane<I> {
         let trial = self.swapping.trial.map(|(_, until)| until).filter(|until| *until > now);
         let idle = || {
             let Phase::Open(channel) = &self.phase else { return None };
-            let at = self.swapping.quiet.1 + QUIET;
-            (channel.link().is_idle() && at > now).then_some(at)
+            let quiet = Some(self.swapping.quiet.1 + QUIET).filter(|at| *at > now);
+            // What is still on the line ends without a word.
+            let line = channel.next_look_at_the_line(now);
+            [quiet, line].into_iter().flatten().min().filter(|_| channel.link().is_idle())
         };
         let idle = self.swapping.waiting.as_ref().and_then(|_| idle());
         [trial, idle].into_iter().flatten().min()
