@@ -6,7 +6,6 @@ use common::{CAPACITY, ENGINES, Guest, HOST, HOSTS, INPUT, OUTPUT, WORDS, echo, 
 use softplug_abi::limits::{FUEL_PER_EVENT, OUTPUT_ROUNDS};
 use softplug_abi::{Actions, Event, EventKind, Instance, MailboxError, Micros, Refusal};
 use softplug_host::{HostOptions, LoadError, Misbehaviour, SessionFault};
-use std::fmt::Write;
 
 const NOW: Micros = Micros(7);
 const BYTE: Event<'static> = Event::Received(b"N");
