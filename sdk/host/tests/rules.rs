@@ -147,7 +147,8 @@ fn budget_declared() {
     // One type with as many parameters as a file may have, and an export for every three bytes:
     // read into a list of texts, it would be thousands of times its size.
     let extra = |exports: usize| {
-        let exports: String = (0..exports).map(|nth| format!("(export \"{nth}\")")).collect();
+        let exports: Vec<_> = (0..exports).map(|nth| format!("(export \"{nth}\")")).collect();
+        let exports = exports.concat();
         format!("(func {exports} (param {}))", "i64 ".repeat(1_000))
     };
     let fault = Guest::default().extra(&extra(20_000)).start().unwrap_err();
@@ -155,7 +156,8 @@ fn budget_declared() {
         panic!("{fault}")
     };
     assert_eq!((what, count, most), ("parameters of a function", 1_000, PARAMETERS));
-    let exports: String = (0..20_000).map(|nth| format!("(export \"{nth}\")")).collect();
+    let exports: Vec<_> = (0..20_000).map(|nth| format!("(export \"{nth}\")")).collect();
+    let exports = exports.concat();
     let fault = Guest::default().extra(&format!("(func {exports})")).start().unwrap_err();
     let LoadError::Lint(LintError::TooMany { what, count, most }) = fault else {
         panic!("{fault}")

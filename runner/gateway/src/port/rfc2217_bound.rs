@@ -47,7 +47,6 @@ impl SubnegotiationBound {
     fn take(&mut self, byte: u8) -> bool {
         self.state = match (self.state, byte) {
             (State::Data, IAC) => State::Command,
-            (State::Data | State::Option, _) => State::Data,
             (State::Inside, IAC) => State::InsideCommand,
             (State::Inside, _) | (State::InsideCommand, IAC) => {
                 self.length += 1;
@@ -59,7 +58,7 @@ impl SubnegotiationBound {
                 State::Inside
             }
             (State::Command | State::InsideCommand, 251..=254) => State::Option,
-            (State::InsideCommand, SE) | (State::Command | State::InsideCommand, _) => State::Data,
+            (State::Data | State::Option | State::Command | State::InsideCommand, _) => State::Data,
         };
         self.state != State::Inside || self.length <= MOST
     }
