@@ -7,7 +7,6 @@ const MOST: u32 = 1_000;
 
 const IAC: u8 = 255;
 const SB: u8 = 250;
-const SE: u8 = 240;
 
 /// Follows a Telnet stream, as far as subnegotiations are concerned.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
@@ -70,6 +69,8 @@ mod tests {
     use rfc2217::Server;
 
     use super::*;
+
+    const SE: u8 = 240;
 
     fn of(body: &[u8]) -> Vec<u8> {
         [&[IAC, SB, 44, 0], body, &[IAC, SE]].concat()
