@@ -12,7 +12,7 @@ use softplug_link::{Job, Outside, Supply};
 use softplug_native::{NativeInstance, NativePlugin};
 
 /// So long that only something lost makes a test wait for it.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_mins(1);
 /// One call in so many is late.
 const ONE_IN: u64 = 8;
 
@@ -49,7 +49,7 @@ impl Late {
         self.random ^= self.random << 13;
         self.random ^= self.random >> 7;
         self.random ^= self.random << 17;
-        if self.most > 0 && self.random % ONE_IN == 0 {
+        if self.most > 0 && self.random.is_multiple_of(ONE_IN) {
             std::thread::sleep(Duration::from_micros((self.random >> 8) % self.most));
         }
     }

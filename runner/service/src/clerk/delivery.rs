@@ -139,16 +139,15 @@ impl Delivery {
             self.pending.clear();
         }
         for _ in 0..TURNS {
-            let room = match self.end {
+            let room = if self.end.is_some() {
                 // No more comes than has been taken of the machine already.
-                Some(_) => u64::MAX,
-                None => {
-                    let today = office.jobs.today(&self.link);
-                    match office.quotas.room(&self.link, today, self.written) {
-                        Ok(room) => room,
-                        Err(over) if self.bytes.level() > 0 => return Err(over.to_string()),
-                        Err(_) => 1,
-                    }
+                u64::MAX
+            } else {
+                let today = office.jobs.today(&self.link);
+                match office.quotas.room(&self.link, today, self.written) {
+                    Ok(room) => room,
+                    Err(over) if self.bytes.level() > 0 => return Err(over.to_string()),
+                    Err(_) => 1,
                 }
             };
             let most = usize::try_from(room).unwrap_or(usize::MAX).min(buffer.len());

@@ -56,15 +56,14 @@ impl Gateway {
     /// Swaps a link's plug-in. Loads it first, which may take a second; then
     /// waits a moment for the swap, which may have to wait for the link.
     pub fn swap(&self, link: &str, order: &SwapOrder) -> Result<SwapView, Refusal> {
-        let settings = match &order.settings {
-            Some(settings) => settings.clone(),
-            None => {
-                // Settings belong to a plug-in: another one has others.
-                let running = self.link(link)?;
-                let to = self.shared.parts.loader.resolve(&order.plugin)?;
-                let is_same = running.plugin.is_some_and(|plugin| plugin.name == to.name);
-                if is_same { running.settings } else { BTreeMap::new() }
-            }
+        let settings = if let Some(settings) = &order.settings {
+            settings.clone()
+        } else {
+            // Settings belong to a plug-in: another one has others.
+            let running = self.link(link)?;
+            let to = self.shared.parts.loader.resolve(&order.plugin)?;
+            let is_same = running.plugin.is_some_and(|plugin| plugin.name == to.name);
+            if is_same { running.settings } else { BTreeMap::new() }
         };
         let successor = self.shared.parts.loader.prepare(&order.plugin, &settings)?;
         let (to, done) = sync_channel(1);

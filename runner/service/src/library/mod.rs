@@ -43,7 +43,9 @@ pub struct Library {
 
 /// What a module must pass to be added, beside the lint.
 #[derive(Clone)]
-struct Check(Arc<dyn Fn(&[u8]) -> Result<(), LibraryError> + Send + Sync>);
+struct Check(Arc<CheckModule>);
+
+type CheckModule = dyn Fn(&[u8]) -> Result<(), LibraryError> + Send + Sync;
 
 impl fmt::Debug for Check {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
