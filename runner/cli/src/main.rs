@@ -49,9 +49,10 @@ fn main() -> ExitCode {
         return compile();
     }
     let Some(limits) = compile_limits(std::env::var_os(COMPILE_SECONDS).as_deref()) else {
-        eprintln!(
-            "error: {COMPILE_SECONDS} is no whole number of seconds from 1 to {MOST_SECONDS}"
+        let text = format!(
+            "error: {COMPILE_SECONDS} is no whole number of seconds from 1 to {MOST_SECONDS}\n"
         );
+        Screen::early(text, true, anstream::ColorChoice::Never);
         return Exit::Usage.into();
     };
     // Where the system does not tell which file this is, plug-ins are compiled in this process.
@@ -90,7 +91,7 @@ fn compile() -> ExitCode {
     match compiler::run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("{error}");
+            Screen::early(format!("{error}\n"), true, anstream::ColorChoice::Never);
             Exit::Internal.into()
         }
     }

@@ -15,7 +15,7 @@ use softplug_service::jobs::{
 };
 
 /// Longer than anything here takes; only a wait for the other side gets there.
-const HANG: Duration = Duration::from_secs(60);
+const HANG: Duration = Duration::from_mins(1);
 
 /// A storage whose reads, or syncs, stand still while its gate is shut. Reads by threads
 /// called `reader` only.

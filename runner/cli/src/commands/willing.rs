@@ -274,9 +274,8 @@ impl Partner for Willing {
 
     fn poll_signal(&mut self, now: Micros) -> Option<Signal> {
         let signal = match &mut self.machine {
-            Machine::Nobody => None,
             Machine::Ready(byte) if now >= BEGIN => byte.take().map(Signal::Character),
-            Machine::Ready(_) => None,
+            Machine::Nobody | Machine::Ready(_) => None,
             Machine::R3964(station) => station.poll_signal(now),
             Machine::Rk512(computer) => computer.poll_signal(now),
             Machine::Remote(control) => control.poll_signal(now),
@@ -358,9 +357,8 @@ impl Blockwise {
     fn receive(&mut self, now: Micros, byte: u8) {
         let byte = byte & 0x7F;
         self.place = match (self.place, byte) {
-            (Place::Outside | Place::Behind, STX) => Place::Text,
             (Place::Text, ETB) => Place::Check,
-            (Place::Text, _) => Place::Text,
+            (Place::Outside | Place::Behind, STX) | (Place::Text, _) => Place::Text,
             (Place::Check, _) if self.dc1 => Place::Behind,
             (Place::Check, _) | (Place::Behind, DC1) => {
                 self.say(now, ACK);

@@ -18,7 +18,7 @@ const PATIENCE: Duration = Duration::from_secs(3);
 
 /// A bar on standard error, or nothing where nobody would see it.
 pub(super) struct Bar<'a> {
-    bar: ProgressBar,
+    shown: ProgressBar,
     screen: &'a Screen,
     wait: RefCell<Wait>,
 }
@@ -51,7 +51,7 @@ impl Wait {
 impl<'a> Bar<'a> {
     /// A bar for a known size, or a line that tells how much came.
     pub(super) fn new(total: Option<u64>, screen: &'a Screen) -> Self {
-        Self { bar: Self::bar(total, screen), screen, wait: RefCell::default() }
+        Self { shown: Self::bar(total, screen), screen, wait: RefCell::default() }
     }
 
     fn bar(total: Option<u64>, screen: &Screen) -> ProgressBar {
@@ -77,21 +77,21 @@ impl<'a> Bar<'a> {
                 ));
             });
         }
-        if self.bar.is_hidden() {
+        if self.shown.is_hidden() {
             return;
         }
-        self.bar.set_position(progress.bytes);
-        self.bar.set_message(text(progress));
+        self.shown.set_position(progress.bytes);
+        self.shown.set_message(text(progress));
     }
 
     /// Prints something while the bar is out of the way.
     pub(super) fn aside(&self, print: impl FnOnce()) {
-        self.bar.suspend(print);
+        self.shown.suspend(print);
     }
 
     /// Takes the bar away: the result says it all.
     pub(super) fn end(&self) {
-        self.bar.finish_and_clear();
+        self.shown.finish_and_clear();
     }
 }
 

@@ -17,6 +17,7 @@ use softplug_host::{Host, HostOptions, LoadError, Origin};
 use crate::bench::{Bench, Ran, plugins};
 
 pub(crate) use corpus::{HEAVIEST, REFUSED, recipes};
+pub(crate) use recipe::Recipe;
 
 /// Promised: seconds of computing and kilobytes. A process that wants more of either is ended by
 /// the system, and so does not end with a code.

@@ -1,5 +1,7 @@
 //! The built command from outside: what it prints and how it ends.
 
+#![allow(clippy::disallowed_macros, reason = "tests print their figures")]
+
 mod bench;
 #[cfg(target_os = "linux")]
 mod bombs;

@@ -11,7 +11,7 @@ use softplug_gateway::pty::PtyPair;
 use softplug_service::library::Library;
 
 use super::{Gateway, HANG, bench, link, take, token, wait_for};
-use crate::bombs::{HEAVIEST, REFUSED, recipes};
+use crate::bombs::{HEAVIEST, REFUSED, Recipe, recipes};
 
 /// How many of those that have to be compiled to be refused are tried at each door: each may take
 /// seconds.
@@ -52,8 +52,8 @@ fn bombs_at_every_door_hold_nobody_up() {
     let gateway = Gateway::start(&bench);
     gateway.ask(&bench, &token, &["job", "submit", "lathe", "O1.nc", "--json"]).with_code(0);
 
-    let mut modules: Vec<_> = recipes(&REFUSED).iter().map(|recipe| recipe.module()).collect();
-    modules.extend(recipes(&HEAVIEST[..COMPILED]).iter().map(|recipe| recipe.module()));
+    let mut modules: Vec<_> = recipes(&REFUSED).iter().map(Recipe::module).collect();
+    modules.extend(recipes(&HEAVIEST[..COMPILED]).iter().map(Recipe::module));
     for (nth, module) in modules.iter().enumerate() {
         // Put in place whole, as a copying program does.
         let new = bench.write(&format!("new-{nth}"), module);
