@@ -12,6 +12,8 @@ use crate::cache::{CODE_BYTES, CacheKey, VerifiedCode};
 
 /// How often it is looked whether compiling is to be broken off.
 const LOOK: Duration = Duration::from_millis(20);
+/// How long a process that has said all may take to end.
+const ENDING: Duration = Duration::from_secs(2);
 /// Most bytes of what the process says when it fails.
 const WORDS_BYTES: u64 = 4_096;
 
@@ -41,7 +43,10 @@ pub(crate) fn compile(
     let head = Head { is_pooled, in_background, limits: by.limits, module_bytes };
     let mut child = start(by).map_err(|error| Failed::Process(error.to_string()))?;
     let talked = talk(&mut child, [head.encode(), wasm.to_vec()].concat(), by, broken_off);
-    // Ended already, as a rule; what cannot be killed has ended.
+    if talked.is_ok() {
+        await_end(&mut child);
+    }
+    // What cannot be killed has ended.
     let _ = child.kill();
     let status = child.wait().map_err(|error| Failed::Process(error.to_string()))?;
     let (output, words) = talked?;
@@ -51,6 +56,15 @@ pub(crate) fn compile(
     match VerifiedCode::received(output, key) {
         Ok(code) => Ok(code),
         Err(reason) => Err(why(status, &words, reason, by)),
+    }
+}
+
+/// Who has closed its output is about to end, and how it ends says why there is no code: it is
+/// not killed before.
+fn await_end(child: &mut Child) {
+    let until = Instant::now() + ENDING;
+    while matches!(child.try_wait(), Ok(None)) && Instant::now() < until {
+        thread::sleep(Duration::from_millis(1));
     }
 }
 
