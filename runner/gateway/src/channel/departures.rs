@@ -174,6 +174,12 @@ impl Departures {
         self.pass_over();
     }
 
+    /// So many bytes behind those that the port was given will never be: what follows is behind
+    /// them. What is there counts as [`lost`](Self::lost) next.
+    pub(super) fn pass_over_never_given(&mut self, count: u64) {
+        self.taken += count;
+    }
+
     /// Another port; what the one before was given is settled.
     pub(super) fn begin_anew(&mut self, port: &Port, now: Micros) {
         self.lost(now);

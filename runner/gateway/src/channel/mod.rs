@@ -132,6 +132,8 @@ pub struct Channel<I: Instance> {
     pending: [u8; CHUNK],
     pending_from: usize,
     pending_to: usize,
+    /// Bytes given out by the link that no port will be given.
+    never_given: u64,
     /// A break to send as soon as nothing is in flight, and one under way.
     break_next: Option<u32>,
     break_until: Option<Micros>,
@@ -175,6 +177,7 @@ impl<I: Instance> Channel<I> {
             pending: [0; CHUNK],
             pending_from: 0,
             pending_to: 0,
+            never_given: 0,
             break_next: None,
             break_until: None,
             modem_lines,
@@ -392,7 +395,7 @@ impl<I: Instance> Channel<I> {
         outside: &mut dyn Surroundings,
     ) -> Result<(), ChannelError<I::Fault>> {
         self.gone = Some(reason);
-        (self.pending_from, self.pending_to) = (0, 0);
+        self.drop_pending();
         (self.break_next, self.break_until) = (None, None);
         (self.is_calling_back, self.stopped_until) = (false, None);
         let now = listening::input_time(&self.link, now);
@@ -427,7 +430,11 @@ impl<I: Instance> Channel<I> {
         settings: SettingValues,
         outside: &mut dyn Surroundings,
     ) -> Result<I, ChannelError<I::Fault>> {
-        (self.pending_from, self.pending_to) = (0, 0);
+        self.drop_pending();
+        if self.gone.is_none() && self.never_given > 0 {
+            self.pass_over_never_given();
+            self.departures.lost(now);
+        }
         self.readable = true;
         self.calls_back(true);
         // What the one before held, nobody will let go.
@@ -440,11 +447,24 @@ impl<I: Instance> Channel<I> {
 
     fn put_port(&mut self, now: Micros, port: Port) {
         self.pacer = pacer(port.line(), self.depth);
+        self.pass_over_never_given();
         self.departures.begin_anew(&port, now);
         self.modem_lines = port.modem_lines();
         self.port = Some(port);
         self.gone = None;
         self.readable = true;
+    }
+
+    /// What the link gave out and no port took is not sent any more.
+    fn drop_pending(&mut self) {
+        self.never_given += (self.pending_to - self.pending_from) as u64;
+        (self.pending_from, self.pending_to) = (0, 0);
+    }
+
+    /// The link counts what it gave out: places go on behind it, else what follows would never
+    /// count as left.
+    fn pass_over_never_given(&mut self) {
+        self.departures.pass_over_never_given(std::mem::take(&mut self.never_given));
     }
 
     /// Takes the port out, to be closed where closing may take its time.
