@@ -41,14 +41,23 @@ fn parts() -> Vec<Part> {
         },
         Part {
             name: "suite",
-            files: ["replay", "compare", "permute", "cut", "course", "deed"]
-                .map(|module| format!("conformance/suite/src/{module}.rs"))
-                .into(),
+            files: [
+                "given/course",
+                "run/back_to_back",
+                "run/cut",
+                "run/deed",
+                "run/permute",
+                "run/replay",
+                "judge/compare",
+                "judge/demand",
+            ]
+            .map(|module| format!("conformance/suite/src/{module}.rs"))
+            .into(),
             unoptimised: vec!["softplug-conformance".to_owned()],
             passes: vec![Pass {
                 packages: vec![],
                 targets: &["--lib", "--test=bites", "--test=natively"],
-                words: vec!["--skip=partners".to_owned()],
+                words: vec![],
             }],
         },
         plugin("xon-xoff", &["xon-xoff"]),

@@ -1,16 +1,23 @@
 //! Runs the property tests with many random cases: the tests of the suite whose
-//! name ends in `_fuzz`.
+//! name ends in `_fuzz`. With `--long` also what searches for hours: a partner
+//! that answers at once, and modules that take long to compile.
 
 use std::process::{Command, ExitCode};
 
 use crate::Error;
-use crate::run::{cargo, overhear};
+use crate::run::{cargo, overhear, status};
 use crate::test::Counts;
 use crate::workspace::Workspace;
 
 const PACKAGE: &str = "softplug-conformance";
 const CASES: u32 = 2_000;
 const MANY_CASES: u32 = 100_000;
+/// The partner that answers at once: blocks each way on each kind of port.
+const PROMPT: &str = "prompt";
+const PROMPT_BLOCKS: u32 = 20_000;
+/// The search for modules that take long to compile, and its seconds.
+const BOMBS: &str = "bombs";
+const BOMBS_SECONDS: u32 = 600;
 
 /// Nothing was found to run.
 #[derive(Debug, thiserror::Error)]
@@ -23,6 +30,42 @@ pub(crate) enum FuzzError {
 
 /// Fails where a test fails.
 pub(crate) fn run(
+    workspace: &Workspace,
+    long: bool,
+    seed: Option<u64>,
+    filter: Option<&str>,
+) -> Result<ExitCode, Error> {
+    let names_a_search = filter.is_some_and(|filter| [PROMPT, BOMBS].contains(&filter));
+    if !names_a_search {
+        let code = property_tests(workspace, long, seed, filter)?;
+        if !long || filter.is_some() || code != ExitCode::SUCCESS {
+            return Ok(code);
+        }
+    }
+    for (name, mut command) in [(PROMPT, prompt()), (BOMBS, bombs(seed))] {
+        let is_asked_for = filter.is_none_or(|filter| filter == name);
+        if is_asked_for && !status(command.current_dir(workspace.root()))?.success() {
+            return Ok(ExitCode::FAILURE);
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn prompt() -> Command {
+    let mut command = cargo();
+    command.env("SOFTPLUG_PROMPT_BLOCKS", PROMPT_BLOCKS.to_string());
+    command.args(["test", "--workspace", "--test", PROMPT, "--", "--nocapture"]);
+    command
+}
+
+fn bombs(seed: Option<u64>) -> Command {
+    let mut command = cargo();
+    command.args(["run", "--release", "-p", "softplug-host", "--example", BOMBS, "--", "search"]);
+    command.args([BOMBS_SECONDS.to_string(), seed.unwrap_or(1).to_string()]);
+    command
+}
+
+fn property_tests(
     workspace: &Workspace,
     long: bool,
     seed: Option<u64>,
@@ -77,6 +120,15 @@ mod tests {
         };
         assert_eq!(variable("SOFTPLUG_FUZZ_CASES").as_deref(), Some("7"));
         assert_eq!(variable("SOFTPLUG_FUZZ_SEED").as_deref(), Some("3"));
+    }
+
+    #[test]
+    fn the_searches_run_for_long() {
+        let words = |command: &Command| {
+            command.get_args().map(|word| word.to_str().unwrap().to_owned()).collect::<Vec<_>>()
+        };
+        assert!(words(&prompt()).contains(&PROMPT.to_owned()));
+        assert!(words(&bombs(Some(5))).ends_with(&["search".into(), "600".into(), "5".into()]));
     }
 
     #[test]

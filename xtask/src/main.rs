@@ -77,13 +77,16 @@ enum Task {
     },
     /// Runs the property tests with many random cases, optimised.
     Fuzz {
-        /// 100,000 cases a test instead of 2,000.
+        /// 100,000 cases a test instead of 2,000; then 20,000 blocks with a partner that answers
+        /// at once on each kind of port, and a search for modules that take long to compile:
+        /// hours.
         #[arg(long)]
         long: bool,
         /// The seed of the first case: a failure prints the one of its own.
         #[arg(long)]
         seed: Option<u64>,
-        /// Only tests whose name contains this.
+        /// Only tests whose name contains this; `prompt` and `bombs`: only that partner, or that
+        /// search.
         filter: Option<String>,
     },
     /// Runs the benchmarks and prints their tables.

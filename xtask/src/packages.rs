@@ -13,6 +13,7 @@ const LIBRARIES: &[&str] = &[
     "softplug-link",
     "softplug-plugin",
     "softplug-host",
+    "softplug-machines",
     "softplug-trace",
     "softplug-report",
     "softplug-conformance",

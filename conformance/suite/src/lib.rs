@@ -1,58 +1,55 @@
-//! Judges Softplug plug-ins: traces replayed in virtual time, simulated
-//! partners, reports.
+//! Judges Softplug plug-ins: traces replayed in virtual time, scripts played
+//! with simulated machines, reports.
 //!
 //! A [`Subject`] is a plug-in to be judged, in the sandbox ([`Sandboxed`]) or
 //! native ([`FromFn`]). [`load`] reads traces; [`run_all`] replays each of them in every
 //! [`Permutation`] and compares what the plug-in does, µs by µs, with what the
 //! trace demands. What fails carries its first [`Divergence`].
+//!
+//! The rooms of the crate, in the order in which they are entered; each uses only those
+//! above it:
+//!
+//! | room | what |
+//! |---|---|
+//! | `given` | traces, [ledgers](ledger), and what a trace gives to a plug-in |
+//! | `run` | subjects, permutations, replay, and what was seen |
+//! | [`script`] | cases that are code, against simulated machines |
+//! | `judge` | demands, comparison, divergences, verdicts |
+//! | [`mutants`] | plug-ins that are wrong on purpose, and which case notices |
+//! | `corpus` | all that plug-ins are judged by, and [whether it fits](lint) |
+//! | [`certify`] | a whole profile under two engines, as a report |
+//! | `show` | runs walked through, blessed traces, parts of [pages](page) |
 
-mod bless;
 #[cfg(feature = "wasmtime")]
 pub mod certify;
-pub mod closed_loop;
-mod compare;
 mod corpus;
-mod course;
-mod cut;
-mod deed;
-mod disturb;
-mod divergence;
-mod fault;
-mod fields;
-mod file_error;
-pub mod ledger;
-mod lines;
-mod load;
+mod given;
+mod judge;
 pub mod mutants;
-mod overhear;
-pub mod page;
-pub mod partners;
-mod permute;
-mod phrase;
-mod replay;
-mod rerun;
 mod run;
 pub mod script;
 mod show;
-mod stepper;
-mod subject;
-mod verdict;
 
-pub use bless::{BlessFailure, bless};
-pub use corpus::{Corpus, CorpusError, Listed, Source};
-pub use course::CourseError;
-pub use deed::{Deed, Delivered};
-pub use disturb::{Disturbed, Noise, disturb};
-pub use divergence::{Divergence, Side};
-pub use fault::{Fault, FaultClass};
-pub use file_error::FileError;
-pub use lines::modem_lines;
-pub use load::{Case, LoadError, load};
-pub use overhear::{Call, calls};
-pub use permute::{Permutation, UnknownPermutation};
-pub use phrase::{Other, Phrase};
-pub use replay::{Outcome, Seen, replay};
-pub use run::{Filter, Judge, Summary, judge, run_all};
-pub use stepper::{Happening, Moment, Standing, Step, Stepper, Timer};
-pub use subject::{FromFn, Fuel, Sandboxed, Subject, SubjectError};
-pub use verdict::{Class, Failure, Verdict};
+pub use corpus::{Corpus, CorpusError, Listed, Source, lint};
+pub use given::course::CourseError;
+pub use given::disturb::{Disturbed, Noise, disturb};
+pub use given::file_error::FileError;
+pub use given::ledger;
+pub use given::lines::modem_lines;
+pub use given::load::{Case, LoadError, load};
+pub use judge::divergence::{Divergence, Side};
+pub use judge::run::{Filter, Judge, Summary, judge, run_all};
+pub use judge::verdict::{Failure, Verdict};
+pub use run::class::Class;
+pub use run::closed_loop;
+pub use run::deed::{Deed, Delivered};
+pub use run::fault::{Fault, FaultClass};
+pub use run::outcome::{Outcome, Seen};
+pub use run::overhear::{Call, calls};
+pub use run::permute::{Permutation, UnknownPermutation};
+pub use run::replay::replay;
+pub use run::subject::{FromFn, Fuel, Sandboxed, Subject, SubjectError};
+pub use show::bless::{BlessFailure, bless};
+pub use show::page;
+pub use show::phrase::{Other, Phrase};
+pub use show::stepper::{Happening, Moment, Standing, Step, Stepper, Timer};

@@ -7,11 +7,11 @@ use fanuc::resolve;
 use sha2::{Digest, Sha256};
 use softplug_abi::{Action, Failure, Micros};
 use softplug_conformance::closed_loop::ClosedLoop;
-use softplug_conformance::partners::fanuc::{
+use softplug_link::{Job, LinkHost, LinkOptions, Supply};
+use softplug_machines::fanuc::{
     Control, FeedHold, Feeding, Options, Press, Report, seven_even_two,
 };
-use softplug_conformance::partners::kept::{Keep, Received};
-use softplug_link::{Job, LinkOptions, Outside, Supply};
+use softplug_machines::kept::{Keep, Received};
 use softplug_native::NativePlugin;
 use std::fmt::Write;
 use std::time::Instant;
@@ -72,7 +72,7 @@ impl Host {
     }
 }
 
-impl Outside for Host {
+impl LinkHost for Host {
     fn handle(&mut self, _now: Micros, action: &Action<'_>) {
         match action {
             Action::JobDone { sent, .. } => self.end = Some(Ok(*sent)),

@@ -11,7 +11,7 @@ mod reading;
 mod remote;
 
 use softplug_abi::Micros;
-use softplug_conformance::partners::fanuc::{Eob, Options};
+use softplug_machines::fanuc::{Eob, Options};
 
 const SECOND: Micros = Micros::from_secs(1);
 const EOBS: [(&str, Eob); 5] = [

@@ -3,8 +3,8 @@
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Action, LineParameters, Micros};
 use softplug_conformance::closed_loop::ClosedLoop;
-use softplug_conformance::partners::xon_xoff::{Control, ControlOptions, ControlReport};
-use softplug_link::{Job, LinkOptions, Outside, Supply};
+use softplug_link::{Job, LinkHost, LinkOptions, Supply};
+use softplug_machines::xon_xoff::{Control, ControlOptions, ControlReport};
 use softplug_native::NativePlugin;
 
 /// Supplies a program and keeps how its job ended.
@@ -14,7 +14,7 @@ struct Host<'a> {
     end: Option<Result<u64, softplug_abi::Failure>>,
 }
 
-impl Outside for Host<'_> {
+impl LinkHost for Host<'_> {
     fn handle(&mut self, _now: Micros, action: &Action<'_>) {
         match action {
             Action::JobDone { sent, .. } => self.end = Some(Ok(*sent)),

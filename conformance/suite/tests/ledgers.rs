@@ -8,7 +8,8 @@ mod small;
 
 use small::{Small, files, ledger, plain_ledger, write};
 use softplug_conformance::Corpus;
-use softplug_conformance::ledger::{Finding, Ledger, LedgerError, fingerprint, lint};
+use softplug_conformance::ledger::{Ledger, LedgerError, fingerprint};
+use softplug_conformance::lint::{Finding, lint};
 use std::collections::BTreeSet;
 use std::path::Path;
 

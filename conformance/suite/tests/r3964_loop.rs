@@ -13,8 +13,8 @@ use pair::{Pair, PluginEnd};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use softplug_abi::{LineParameters, Micros};
-use softplug_conformance::partners::r3964::{Fault, Faults, Options, Priority, Station, When};
 use softplug_link::LinkOptions;
+use softplug_machines::r3964::{Fault, Faults, Options, Priority, Station, When};
 use softplug_native::NativePlugin;
 
 const LONG: Micros = Micros::from_secs(1_000_000);

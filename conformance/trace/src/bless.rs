@@ -32,7 +32,7 @@ pub enum BlessError {
 impl Trace {
     /// The trace with all expectations replaced by what was observed, merged in
     /// the order of time. Inputs, `.` lines and comments stay, alternatives go:
-    /// what was observed is one course of events. An expectation that holds
+    /// what was observed is one timeline. An expectation that holds
     /// (same content, time in its window) stays as it was written, with its
     /// window and its way to write bytes. `files` finds the data of `file:`
     /// items; where it does not, the item counts as different.

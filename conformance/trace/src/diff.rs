@@ -54,7 +54,7 @@ pub fn diff(
     tolerance: u64,
 ) -> Result<Vec<Difference>, PayloadError> {
     let mut all = front(&first.0.front, &second.0.front);
-    let mut courses = (course(first.0, first.1)?, course(second.0, second.1)?);
+    let mut courses = (timeline(first.0, first.1)?, timeline(second.0, second.1)?);
     let signs = courses.0.keys().chain(courses.1.keys());
     let mut signs: Vec<_> = signs.copied().collect();
     signs.sort_unstable();
@@ -139,14 +139,14 @@ enum Thing {
 }
 
 /// The units of a trace by the sign of their kind; bursts are single characters.
-fn course(
+fn timeline(
     trace: &Trace,
     files: &impl Files,
 ) -> Result<BTreeMap<&'static str, Vec<Unit>>, PayloadError> {
     let pace = Pace::of(&trace.front.line);
     let inside = trace.alternatives().flat_map(|block| block.branches.iter().flatten());
     let inside = inside.filter_map(crate::Line::entry);
-    let mut course: BTreeMap<&'static str, Vec<Unit>> = BTreeMap::new();
+    let mut timeline: BTreeMap<&'static str, Vec<Unit>> = BTreeMap::new();
     for entry in trace.entries().chain(inside) {
         let (payload, is_paced, sign) = match &entry.what {
             What::Receive(payload) => (payload, false, "<"),
@@ -155,11 +155,11 @@ fn course(
             other => {
                 let what = Thing::Event(other.clone());
                 let unit = Unit { when: entry.when, line: entry.line, what };
-                course.entry(other.sign()).or_default().push(unit);
+                timeline.entry(other.sign()).or_default().push(unit);
                 continue;
             }
         };
-        let units = course.entry(sign).or_default();
+        let units = timeline.entry(sign).or_default();
         let characters = payload.pieces(files)?.into_iter().flat_map(|piece| match piece {
             Piece::Bytes(bytes) => bytes.into_iter().map(|byte| Item::Hex(vec![byte])).collect(),
             Piece::Bad { kind, byte } => vec![Item::Bad { kind, byte }],
@@ -171,10 +171,10 @@ fn course(
             Unit { when, line: entry.line, what: Thing::Character(item) }
         }));
     }
-    for units in course.values_mut() {
+    for units in timeline.values_mut() {
         units.sort_by_key(|unit| unit.when.from);
     }
-    Ok(course)
+    Ok(timeline)
 }
 
 fn compare(

@@ -2,14 +2,14 @@
 
 use std::fmt::{self, Write as _};
 
-use crate::gloss::gloss;
+use crate::annotation::annotation;
 use crate::model::{
     Assignment, DeliveryEnd, Drain, Entry, Exact, Expected, FrontMatter, HostRequest, Item, Line,
     LineErrorKind, LineEvent, ModemLevels, Origin, Payload, Permutations, Room, Trace, What,
 };
 use crate::parse::UNDER_WAY;
 
-/// Where the gloss begins, unless the line is longer.
+/// Where the annotation begins, unless the line is longer.
 const GLOSS_COLUMN: usize = 24;
 
 /// The whole file.
@@ -92,7 +92,7 @@ fn write_line(text: &mut String, indent: &str, line: &Line) {
         }
         Line::Entry(entry) => {
             let written = format!("{indent}{}", self::entry(entry));
-            let _ = writeln!(text, "{}", with_gloss(&written, entry));
+            let _ = writeln!(text, "{}", with_annotation(&written, entry));
         }
         Line::Alternatives(block) => {
             let _ = writeln!(text, "{{ alt {}", block.clause);
@@ -109,27 +109,27 @@ fn write_line(text: &mut String, indent: &str, line: &Line) {
     }
 }
 
-fn with_gloss(written: &str, entry: &Entry) -> String {
-    match entry.what.payload().and_then(gloss) {
-        Some(gloss) => format!("{written:<GLOSS_COLUMN$}  ; {gloss}"),
+fn with_annotation(written: &str, entry: &Entry) -> String {
+    match entry.what.payload().and_then(annotation) {
+        Some(annotation) => format!("{written:<GLOSS_COLUMN$}  ; {annotation}"),
         None => written.to_owned(),
     }
 }
 
 impl fmt::Display for Entry {
-    /// The line of a trace, with its gloss.
+    /// The line of a trace, with its annotation.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&with_gloss(&self::entry(self), self))
+        f.write_str(&with_annotation(&self::entry(self), self))
     }
 }
 
-/// The longest that an entry's line can be: indented, with a gloss.
+/// The longest that an entry's line can be: indented, with an annotation.
 pub(crate) fn line_bytes(entry: &Entry) -> usize {
     const INDENT_AND_GLOSS: usize = 256;
     self::entry(entry).len() + INDENT_AND_GLOSS
 }
 
-/// An entry without its gloss.
+/// An entry without its annotation.
 fn entry(entry: &Entry) -> String {
     let mut text = format!("{} {}", entry.what.sign(), entry.when);
     let mut part = |part: &str| {

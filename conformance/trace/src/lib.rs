@@ -29,6 +29,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod annotation;
 mod bless;
 mod diff;
 mod error;
@@ -36,7 +37,6 @@ pub mod exchange;
 mod file_name;
 mod format;
 mod generate;
-mod gloss;
 pub mod limits;
 mod model;
 mod parse;
@@ -44,12 +44,12 @@ mod suggest;
 #[cfg(test)]
 mod tests;
 
+pub use annotation::reading;
 pub use bless::BlessError;
 pub use diff::{Difference, diff};
 pub use error::{ParseError, ParseErrorKind};
 pub use file_name::{FileNameError, is_slug};
 pub use generate::{GENERATORS, GeneratorKind};
-pub use gloss::reading;
 pub use model::{
     Alternatives, Assignment, BadKind, CheckFault, DeliveryEnd, Digest, Direction, Drain, Edge,
     Entry, Exact, Expected, Files, FrontMatter, Generator, HostRequest, Item, Level, Line,

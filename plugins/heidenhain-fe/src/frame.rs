@@ -96,7 +96,7 @@ pub(crate) struct Frame {
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
 enum Part {
     #[default]
-    Outside,
+    LinkHost,
     Text,
     Check,
     /// DC1 is still to come.
@@ -130,12 +130,12 @@ impl Reader {
     }
 
     pub(crate) fn is_inside(&self) -> bool {
-        self.part != Part::Outside
+        self.part != Part::LinkHost
     }
 
     /// A frame that is under way is forgotten.
     pub(crate) fn forget(&mut self) {
-        self.part = Part::Outside;
+        self.part = Part::LinkHost;
     }
 
     /// A character of the frame under way was lost or altered.
@@ -145,7 +145,7 @@ impl Reader {
 
     /// Silence has ended a frame in its middle.
     pub(crate) fn cut_off(&mut self) -> Frame {
-        self.part = Part::Outside;
+        self.part = Part::LinkHost;
         Frame { begin: self.begin, is_good: false }
     }
 
@@ -158,11 +158,11 @@ impl Reader {
                 Heard::Inside
             }
             // A check may be any character; all others that begin a frame do.
-            (Part::Outside | Part::Text | Part::Invitation, SOH | STX) => {
+            (Part::LinkHost | Part::Text | Part::Invitation, SOH | STX) => {
                 *self = Self { part: Part::Text, begin: byte, ..Self::default() };
                 Heard::Inside
             }
-            (Part::Outside, _) => Heard::Alone(byte),
+            (Part::LinkHost, _) => Heard::Alone(byte),
             (Part::Text, ETB) => {
                 self.part = Part::Check;
                 Heard::Inside
@@ -187,7 +187,7 @@ impl Reader {
     }
 
     fn whole(&mut self, has_end: bool, spaced: bool) -> Frame {
-        self.part = Part::Outside;
+        self.part = Part::LinkHost;
         let expected = block_check(self.begin, self.text.as_slice());
         let is_damaged = self.is_damaged && !mutant!("heidenhain-fe.line.damaged/taken");
         let is_good = has_end && !is_damaged && self.check == expected;
@@ -209,8 +209,8 @@ impl Reader {
 
     pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
         let part = match state.u8() {
-            1..=3 if mutant!("heidenhain-fe.line.swap/block-forgotten") => Part::Outside,
-            0 => Part::Outside,
+            1..=3 if mutant!("heidenhain-fe.line.swap/block-forgotten") => Part::LinkHost,
+            0 => Part::LinkHost,
             1 => Part::Text,
             2 => Part::Check,
             3 => Part::Invitation,

@@ -102,12 +102,12 @@ fn row(line: &str) -> Option<(String, Row<'_>)> {
     }
     let (sign, rest) = line.split_once(' ')?;
     let (time, what) = rest.trim_start().split_once(' ').unwrap_or((rest.trim_start(), ""));
-    let (what, gloss) = match what.split_once("  ; ") {
-        Some((what, gloss)) => (what.trim(), Some(gloss.trim())),
+    let (what, annotation) = match what.split_once("  ; ") {
+        Some((what, annotation)) => (what.trim(), Some(annotation.trim())),
         None => (what.trim(), None),
     };
-    let text = match gloss {
-        Some(gloss) if !gloss.contains(what) => format!("{what}  {gloss}"),
+    let text = match annotation {
+        Some(annotation) if !annotation.contains(what) => format!("{what}  {annotation}"),
         _ => what.to_owned(),
     };
     let row = match sign {

@@ -9,7 +9,7 @@ use softplug_abi::{Event, Instance, Micros, Output};
 #[cfg(feature = "native")]
 use softplug_conformance::FromFn;
 use softplug_conformance::{Call, Case, Permutation, Sandboxed, Stepper, calls};
-use softplug_host::{Host, HostOptions, LoadError, Plugin, Session, SessionFault};
+use softplug_host::{Host, HostOptions, LoadError, Plugin, Session, SessionFault, read_module};
 #[cfg(feature = "native")]
 use softplug_native::{NativeInstance, NativePlugin};
 
@@ -45,6 +45,12 @@ impl Library {
             places.join(", ")
         ))
         .hint("give the path of a .wasm file, or the folder with --plugins or SOFTPLUG_PLUGINS"))
+    }
+
+    /// Finds a plug-in and reads its module, which may be none.
+    pub(crate) fn read(&self, plugin: &str) -> Result<Vec<u8>, Failure> {
+        let file = self.find(plugin)?;
+        read_module(&file).map_err(|error| load_failure(&file, &error))
     }
 
     fn folders(&self) -> Vec<PathBuf> {

@@ -16,11 +16,11 @@ use std::sync::atomic::AtomicBool;
 
 use control::Machine;
 use softplug_abi::LineParameters;
-use softplug_conformance::partners::fanuc::{Report, eight_none_two};
 use softplug_gateway::station::{Station, StationOptions};
 use softplug_gateway::transfer::{SendOptions, SendOutcome, SendReport, send};
 use softplug_gateway::{Port, PortOptions, PortSpec};
 use softplug_host::{Host, HostOptions};
+use softplug_machines::fanuc::{Report, eight_none_two};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

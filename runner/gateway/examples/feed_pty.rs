@@ -13,12 +13,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use softplug_abi::{LineParameters, Micros};
-use softplug_conformance::partners::xon_xoff::{Control, ControlOptions, ControlReport};
 use softplug_gateway::simulator::Simulator;
 use softplug_gateway::station::{Station, StationOptions};
 use softplug_gateway::transfer::{SendOptions, SendOutcome, SendReport, send};
 use softplug_gateway::{Port, PortOptions, PortSpec};
 use softplug_host::{Host, HostOptions};
+use softplug_machines::xon_xoff::{Control, ControlOptions, ControlReport};
 
 /// The control's own lateness past which an overflow says nothing.
 const INCONCLUSIVE: Micros = Micros::from_millis(1);

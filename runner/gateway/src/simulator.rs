@@ -5,7 +5,7 @@ use std::os::fd::AsFd;
 use std::path::Path;
 
 use softplug_abi::Micros;
-use softplug_conformance::partners::{Partner, Signal};
+use softplug_machines::{Partner, Signal};
 
 use crate::clock::Clock;
 use crate::error::PortError;

@@ -17,7 +17,7 @@ use softplug_abi::{Action, Failure, LineParameters, Micros};
 use softplug_gateway::station::{Station, StationOptions, Turn};
 use softplug_gateway::transfer::{SendOptions, SendOutcome, send};
 use softplug_gateway::{Port, PortOptions, PortSpec};
-use softplug_link::Outside;
+use softplug_link::LinkHost;
 use softplug_native::{NativeInstance, NativePlugin};
 
 /// No test waits longer.
@@ -61,7 +61,7 @@ struct SlowDisk {
     end: Option<Result<(), Failure>>,
 }
 
-impl Outside for SlowDisk {
+impl LinkHost for SlowDisk {
     fn handle(&mut self, _now: Micros, action: &Action<'_>) {
         match action {
             Action::Deliver { bytes, .. } => {

@@ -42,6 +42,9 @@ fn answer(prompt: &Prompt, mut from: impl Read, mut to: impl Write) {
             if to.write_all(&answer).is_err() {
                 return;
             }
+            if !answer.is_empty() {
+                prompt.has_answered();
+            }
         }
     }
 }
@@ -72,8 +75,9 @@ fn over_tcp(prompt: &Prompt) -> Port {
 
 /// Each block is answered, and the partner's own begins with the byte behind the answer.
 fn exchange(port: Port, prompt: &Prompt, blocks: u64) {
-    let mut late = Late::new(50_000);
+    let mut late = Late::new(50_000, prompt);
     let mut link = Link::open(port, &mut late, &[]);
+    let mut slowest = Duration::ZERO;
     for n in 0..blocks {
         prompt.expect(block(n, true), block(n, false));
         link.begin(&mut late, &block(n, true));
@@ -81,7 +85,9 @@ fn exchange(port: Port, prompt: &Prompt, blocks: u64) {
         link.until(&mut late, |late| is_delivered(late) && prompt.is_over());
         late.check(n, &block(n, false));
         prompt.check(n);
+        slowest = slowest.max(prompt.slowest());
     }
+    println!("{blocks} blocks each way; an answer took {slowest:?} at most");
     link.close(&mut late);
 }
 
@@ -112,7 +118,7 @@ fn an_answer_that_waits_to_be_read_is_in_time() {
     for asks_first in [false, true] {
         let prompt = Prompt::default();
         let (port, mut master) = on_a_pty(&prompt);
-        let mut late = Late::new(0);
+        let mut late = Late::new(0, &prompt);
         let mut link = Link::open(port, &mut late, &[("qvz", "500")]);
         prompt.expect(block(7, true), Vec::new());
         prompt.hold(true);

@@ -13,8 +13,8 @@ use softplug_abi::{Failure, LinkDownReason, Micros};
 use softplug_gateway::PortSpec;
 use softplug_gateway::pty::PtyPair;
 use softplug_gateway::reactor::{
-    Alarm, AlarmKind, Backoff, Command, Condition, Feed, JobOutcome, LaneFigures, Report, Sight,
-    Watch,
+    Alarm, AlarmKind, Backoff, Command, Condition, Feed, JobOutcome, LaneFigures, Report, Watch,
+    WatchEvent,
 };
 use softplug_gateway::reservoir::{Drawn, ReservoirReader, reservoir};
 
@@ -78,6 +78,9 @@ fn a_machine_that_never_reads_delays_no_other() {
     assert!(end.bytes_surely_left >= seen.job_bytes_surely_left, "{end:?} after {seen:?}");
     assert!(end.bytes_surely_left <= end.surely_left, "{end:?}");
     assert!(end.bytes_surely_left + 1_024 <= end.taken, "{end:?}");
+    // What the plug-in took and the port never had has not left, nor will it.
+    let maybe = end.bytes_maybe_left;
+    assert!(end.bytes_surely_left <= maybe && maybe + 2_000 < end.taken, "{end:?}");
 }
 
 #[test]
@@ -284,7 +287,7 @@ fn whoever_watches_sees_both_ways_and_a_slow_one_costs_only_its_own_view() {
     assert_eq!(bench.end_of_job(lane).outcome, JobOutcome::Done);
     bench.until(lane, |figures| figures.unseen > 0);
     let first: Vec<_> = seen.try_iter().take(2).map(|seen| seen.what).collect();
-    assert_eq!(first, [Sight::Heard(vec![XOFF]), Sight::Held]);
+    assert_eq!(first, [WatchEvent::Heard(vec![XOFF]), WatchEvent::Held]);
     // One that has gone away costs nothing.
     drop(seen);
     bench.until(lane, |figures| figures.job == 0);

@@ -17,10 +17,10 @@ use port::*;
 use proptest::prelude::*;
 use rfc2217::{DataBits, FlowControl, Parity, PortSettings, Purge, Server, StopBits};
 use softplug_abi::{LineErrorKind, LinkDownReason, Micros, ModemLines};
-use softplug_conformance::partners::Signal;
 use softplug_gateway::device_server::{DeviceServer, Seen};
 use softplug_gateway::port::line_text;
 use softplug_gateway::{Blame, Input, Port, PortError, PortOptions, ReadOutcome};
+use softplug_machines::Signal;
 
 fn any_port() -> SocketAddr {
     "127.0.0.1:0".parse().unwrap()

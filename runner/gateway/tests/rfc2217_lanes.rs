@@ -17,10 +17,10 @@ use lanes::{Bench, program};
 use machine::{Machine, PATIENCE};
 use port::{device_options, rfc2217};
 use softplug_abi::{LineErrorKind, ModemLines};
-use softplug_conformance::partners::Signal;
 use softplug_gateway::PortOptions;
 use softplug_gateway::device_server::{DeviceServer, Seen};
 use softplug_gateway::reactor::{JobOutcome, LaneId, Report};
+use softplug_machines::Signal;
 
 const ANYWHERE: &str = "127.0.0.1:0";
 

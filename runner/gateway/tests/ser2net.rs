@@ -20,11 +20,11 @@ mod needs_ser2net {
     use rfc2217::{FlowControl, Purge};
     use rustix::fs::{Mode, OFlags, open};
     use softplug_abi::{LineErrorKind, LinkDownReason, ModemLines};
-    use softplug_conformance::partners::Signal;
     use softplug_gateway::device_server::{DeviceServer, Seen};
     use softplug_gateway::port::read_line;
     use softplug_gateway::pty::{PtyPair, PtyPort};
     use softplug_gateway::{Port, PortError, PortOptions, PortSpec, ReadOutcome};
+    use softplug_machines::Signal;
 
     use super::killed::{self, Server};
     use super::lanes::Bench;

@@ -6,7 +6,6 @@
 //! [`view`] is what they are shown.
 #![cfg(target_os = "linux")]
 
-pub mod clerk;
 pub mod config;
 pub mod disk;
 pub mod feeder;
@@ -18,6 +17,7 @@ pub mod logs;
 mod metrics;
 mod page;
 pub mod programs;
+pub mod reception_writer;
 pub mod refusal;
 pub mod supervise;
 pub mod systemd;

@@ -19,7 +19,7 @@ pub(crate) const CONTENT_TYPE: &str = "application/openmetrics-text; version=1.0
 
 /// What the HTTP side counts.
 #[derive(Copy, Clone, Debug)]
-pub(crate) struct Door<'a> {
+pub(crate) struct HttpFigures<'a> {
     pub(crate) tally: &'a Tally,
     pub(crate) connections: usize,
 }
@@ -28,10 +28,10 @@ pub(crate) struct Door<'a> {
 pub(crate) fn text(
     health: &HealthView,
     links: &[LinkView],
-    door: Door<'_>,
+    http: HttpFigures<'_>,
 ) -> Result<String, fmt::Error> {
     let mut registry = Registry::default();
-    registry.register_collector(Box::new(Snapshot::new(health, links, door)));
+    registry.register_collector(Box::new(Snapshot::new(health, links, http)));
     let mut text = String::new();
     openmetrics::encode(&mut text, &registry)?;
     Ok(text)
@@ -47,14 +47,14 @@ struct Snapshot {
 }
 
 impl Snapshot {
-    fn new(health: &HealthView, links: &[LinkView], door: Door<'_>) -> Self {
-        let Tally { requests, strangers, hasty, failed } = door.tally;
+    fn new(health: &HealthView, links: &[LinkView], http: HttpFigures<'_>) -> Self {
+        let Tally { requests, strangers, hasty, failed } = http.tally;
         let [requests, strangers, hasty, failed] =
             [requests, strangers, hasty, failed].map(|count| count.load(Ordering::Relaxed));
         Self {
             health: health.clone(),
             links: links.to_vec(),
-            connections: door.connections as u64,
+            connections: http.connections as u64,
             requests: [
                 ("requests", "HTTP requests", requests),
                 ("unauthorised", "HTTP requests without a known token", strangers),

@@ -13,11 +13,11 @@ use std::time::Duration;
 
 use softplug_gateway::reactor::LaneId;
 use softplug_gateway::reservoir::{Drawn, reservoir};
-use softplug_service::clerk::{Clerk, Incoming};
 use softplug_service::feeder::{Feeder, Feeding, Pace};
-use softplug_service::jobs::{Data, Ending, JobFilter, Jobs, Keep, Order, Recovery, State};
+use softplug_service::jobs::{Data, Ending, JobFilter, JobSpec, Jobs, Keep, Recovery, State};
 use softplug_service::library::Library;
 use softplug_service::programs::{ProgramName, Programs, Quotas, Receptions, Snapshots};
+use softplug_service::reception_writer::{Incoming, ReceptionWriter};
 
 #[path = "common/plugins.rs"]
 mod plugins;
@@ -87,7 +87,7 @@ fn work(folder: &Path) -> ! {
     let feeder = Arc::new(feeder.unwrap());
     let ended = Arc::new(Mutex::new(BTreeSet::new()));
     let (receptions, snapshots) = (shop.receptions.clone(), shop.snapshots.clone());
-    let clerk = Clerk::start(
+    let reception_writer = ReceptionWriter::start(
         shop.jobs.clone(),
         receptions,
         snapshots,
@@ -101,7 +101,7 @@ fn work(folder: &Path) -> ! {
         thread::spawn(move || {
             loop {
                 match shop.jobs.next(link) {
-                    Some(job) => run(&shop, &feeder, job.id, job.order.data.unwrap()),
+                    Some(job) => run(&shop, &feeder, job.id, job.spec.data.unwrap()),
                     None => thread::sleep(Duration::from_millis(1)),
                 }
                 ended.lock().unwrap().insert(link);
@@ -114,9 +114,9 @@ fn work(folder: &Path) -> ! {
         shop.programs.upload(&name, &mut &*program(number), 1 << 20, false).unwrap();
         say(format!("uploaded {name}\n"));
         let data = shop.programs.snapshot(&name, &shop.snapshots).unwrap();
-        let job = shop.jobs.submit(Order::send(link, name.as_str(), data)).unwrap();
+        let job = shop.jobs.submit(JobSpec::send(link, name.as_str(), data)).unwrap();
         say(format!("queued {}\n", job.id));
-        receive(&clerk, number);
+        receive(&reception_writer, number);
         if number % 7 == 0 {
             let version = format!("1.0.{number}");
             shop.library.add(&plugins::echo("echo", &version, "")).unwrap();
@@ -152,17 +152,17 @@ fn run(shop: &Shop, feeder: &Feeder, id: u32, data: Data) {
     shop.jobs.end(id, Ending::Done, None).unwrap();
 }
 
-fn receive(clerk: &Clerk, number: u64) {
+fn receive(reception_writer: &ReceptionWriter, number: u64) {
     let (mut writer, reader) = reservoir(64 * 1_024, 0, 64 * 1_024);
     let (link, place) = ("lathe".to_owned(), "lathe".to_owned());
     let (lane, delivery) = (LaneId(1), number as u32 | 1 << 31);
-    clerk.take(Incoming { lane, link, place, delivery, job: None, bytes: reader });
+    reception_writer.take(Incoming { lane, link, place, delivery, job: None, bytes: reader });
     let bytes = program(number);
     for piece in bytes.chunks(1_000) {
         assert_eq!(writer.write(piece), piece.len());
     }
     writer.finish();
-    clerk.end(lane, delivery, None, 0, bytes.len() as u64);
+    reception_writer.end(lane, delivery, None, 0, bytes.len() as u64);
 }
 
 /// Lets a child work for so long, and kills it; tells what it acknowledged.
@@ -198,14 +198,14 @@ fn check(folder: &Path, said: &[String]) -> (usize, usize) {
             "{}",
             what()
         );
-        if job.order.program.is_none() || job.order.data.is_none() {
+        if job.spec.program.is_none() || job.spec.data.is_none() {
             continue;
         }
         let bytes = left.len() as u64;
         assert!(job.extent.surely <= bytes && bytes <= job.extent.maybe, "{}", what());
         assert!(job.state != State::Queued || left.is_empty(), "{}", what());
         let mut program = Vec::new();
-        shop.snapshots.open(job.order.data.unwrap()).unwrap().read_to_end(&mut program).unwrap();
+        shop.snapshots.open(job.spec.data.unwrap()).unwrap().read_to_end(&mut program).unwrap();
         assert!(is_whole(&program), "the snapshot of {}", what());
         assert!(program.starts_with(&left), "{}", what());
         assert!(job.state != State::Done || left.len() == program.len(), "{}", what());

@@ -1,4 +1,4 @@
-//! The feeder and the clerk: what they pass on is whole, between the marks, and
+//! The feeder and the writer of receptions: what they pass on is whole, between the marks, and
 //! written down before.
 
 use std::io::Write;
@@ -9,10 +9,10 @@ use std::time::Duration;
 use softplug_abi::Failure;
 use softplug_gateway::reactor::LaneId;
 use softplug_gateway::reservoir::{Drawn, ReservoirReader, reservoir};
-use softplug_service::clerk::{Clerk, ClerkNews, Incoming};
 use softplug_service::feeder::{Feeder, Feeding, Pace, Stream};
-use softplug_service::jobs::{Data, Ending, Extent, Jobs, Keep, Kind, Order, State};
+use softplug_service::jobs::{Data, Ending, Extent, JobSpec, Jobs, Keep, Kind, State};
 use softplug_service::programs::{Quotas, Receptions, Snapshots};
+use softplug_service::reception_writer::{Incoming, ReceptionWriter, ReceptionWriterNews};
 
 struct Shop {
     folder: tempfile::TempDir,
@@ -36,24 +36,24 @@ impl Shop {
 
     fn begun(&self, link: &str, program: &[u8], from: u64) -> (u32, Data) {
         let data = self.snapshots.take_all(&mut &*program, "O1", u64::MAX - 1).unwrap();
-        let order = Order { from, ..Order::send(link, "O1", data) };
-        let id = self.jobs.submit(order).unwrap().id;
+        let spec = JobSpec { from, ..JobSpec::send(link, "O1", data) };
+        let id = self.jobs.submit(spec).unwrap().id;
         self.jobs.begin(id).unwrap();
         (id, data)
     }
 
-    fn clerk(&self) -> (Clerk, Receiver<ClerkNews>) {
+    fn reception_writer(&self) -> (ReceptionWriter, Receiver<ReceptionWriterNews>) {
         let (tell, news) = channel();
         let tell = move |what| tell.send(what).unwrap();
         let receptions = self.receptions.clone();
-        let clerk = Clerk::start(
+        let reception_writer = ReceptionWriter::start(
             self.jobs.clone(),
             receptions,
             self.snapshots.clone(),
             Quotas::new(std::path::Path::new("."), 0),
             tell,
         );
-        (clerk.unwrap(), news)
+        (reception_writer.unwrap(), news)
     }
 }
 
@@ -177,8 +177,8 @@ fn a_snapshot_that_is_gone_or_too_short_fails_the_job() {
 #[test]
 fn a_stream_is_held_back_and_written_down_too() {
     let shop = Shop::new();
-    let order = Order::new("lathe", Kind::Send, "send");
-    let id = shop.jobs.submit(order).unwrap().id;
+    let spec = JobSpec::new("lathe", Kind::Send, "send");
+    let id = shop.jobs.submit(spec).unwrap().id;
     shop.jobs.begin(id).unwrap();
     let (writer, reader) = reservoir(4_096, 1_024, 3_000);
     let (figures, jobs) = (reader.figures(), shop.jobs.clone());
@@ -202,11 +202,11 @@ fn a_stream_is_held_back_and_written_down_too() {
     assert_eq!(stream.write(b"G1").unwrap_err().kind(), std::io::ErrorKind::BrokenPipe);
 }
 
-fn kept(news: &Receiver<ClerkNews>) -> softplug_service::jobs::Job {
+fn kept(news: &Receiver<ReceptionWriterNews>) -> softplug_service::jobs::Job {
     loop {
         match news.recv_timeout(Duration::from_mins(1)).expect("news comes") {
-            ClerkNews::Kept(job) => return *job,
-            ClerkNews::Begun(job) => assert_eq!(job.state, State::Running),
+            ReceptionWriterNews::Kept(job) => return *job,
+            ReceptionWriterNews::Begun(job) => assert_eq!(job.state, State::Running),
             other => panic!("{other:?}"),
         }
     }
@@ -215,10 +215,10 @@ fn kept(news: &Receiver<ClerkNews>) -> softplug_service::jobs::Job {
 #[test]
 fn receptions_are_put_away_named_and_compared() {
     let shop = Shop::new();
-    let (clerk, news) = shop.clerk();
+    let (reception_writer, news) = shop.reception_writer();
     let sent = b"%\nO7\nN10 G1 X1\n%\n";
     let data = shop.snapshots.take_all(&mut &sent[..], "lathes/O7.nc", 1_000).unwrap();
-    let job = shop.jobs.submit(Order::send("lathe", "lathes/O7.nc", data)).unwrap().id;
+    let job = shop.jobs.submit(JobSpec::send("lathe", "lathes/O7.nc", data)).unwrap().id;
     shop.jobs.begin(job).unwrap();
     shop.jobs.end(job, Ending::Done, None).unwrap();
 
@@ -226,7 +226,7 @@ fn receptions_are_put_away_named_and_compared() {
         let (mut writer, reader) = reservoir(64, 0, 64);
         let (link, place) = ("lathe".to_owned(), "from lathe".to_owned());
         let lane = LaneId(1);
-        clerk.take(Incoming { lane, link, place, delivery, job: None, bytes: reader });
+        reception_writer.take(Incoming { lane, link, place, delivery, job: None, bytes: reader });
         let mut rest = bytes;
         while !rest.is_empty() {
             let count = writer.write(rest);
@@ -234,10 +234,10 @@ fn receptions_are_put_away_named_and_compared() {
             std::thread::yield_now();
         }
         if let Some(name) = name {
-            clerk.name(lane, delivery, name.to_owned());
+            reception_writer.name(lane, delivery, name.to_owned());
         }
         writer.finish();
-        clerk.end(lane, delivery, failure, 0, bytes.len() as u64);
+        reception_writer.end(lane, delivery, failure, 0, bytes.len() as u64);
         kept(&news)
     };
     let same = receive(1, sent, Some("O7"), None);
@@ -261,12 +261,19 @@ fn receptions_are_put_away_named_and_compared() {
 #[test]
 fn what_is_under_way_when_the_gateway_ends_is_kept_as_failed() {
     let shop = Shop::new();
-    let (clerk, news) = shop.clerk();
+    let (reception_writer, news) = shop.reception_writer();
     let (mut writer, reader) = reservoir(64, 0, 64);
     let (link, place) = ("lathe".to_owned(), "lathe".to_owned());
-    clerk.take(Incoming { lane: LaneId(1), link, place, delivery: 1, job: None, bytes: reader });
+    reception_writer.take(Incoming {
+        lane: LaneId(1),
+        link,
+        place,
+        delivery: 1,
+        job: None,
+        bytes: reader,
+    });
     writer.write(b"O1 half");
-    drop(clerk);
+    drop(reception_writer);
     let job = kept(&news);
     assert_eq!((job.state, job.reception.unwrap().bytes), (State::Failed, 7));
     assert_eq!(shop.receptions.list("lathe").unwrap()[0].name, "O1.failed");
@@ -276,7 +283,7 @@ fn what_is_under_way_when_the_gateway_ends_is_kept_as_failed() {
 #[test]
 fn while_the_disk_takes_nothing_nothing_is_read_and_nothing_is_lost() {
     let shop = Shop::new();
-    let (clerk, news) = shop.clerk();
+    let (reception_writer, news) = shop.reception_writer();
     // A file where the link's folder should be: nothing can be written.
     let place = shop.folder.path().join("receptions/lathe");
     std::fs::write(&place, "in the way").unwrap();
@@ -289,23 +296,23 @@ fn while_the_disk_takes_nothing_nothing_is_read_and_nothing_is_lost() {
         job: None,
         bytes: reader,
     };
-    clerk.take(incoming);
+    reception_writer.take(incoming);
     assert_eq!(writer.write(&[b'X'; 100]), 64);
     let said = Mutex::new(Vec::new());
     let said = Arc::new(said);
     loop {
         match news.recv_timeout(Duration::from_mins(1)).unwrap() {
-            ClerkNews::Stuck { link, why } => {
+            ReceptionWriterNews::Stuck { link, why } => {
                 said.lock().unwrap().push(why);
                 assert_eq!((&*link, writer.level()), ("lathe", 64));
                 std::fs::remove_file(&place).unwrap();
             }
-            ClerkNews::GoesOn { .. } => break,
+            ReceptionWriterNews::GoesOn { .. } => break,
             _ => {}
         }
     }
     writer.finish();
-    clerk.end(LaneId(1), 1, None, 0, 64);
+    reception_writer.end(LaneId(1), 1, None, 0, 64);
     let job = kept(&news);
     assert_eq!((job.state, job.reception.unwrap().bytes), (State::Done, 64));
     assert_eq!(said.lock().unwrap().len(), 1);

@@ -9,10 +9,10 @@ use std::time::Duration;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use softplug_gateway::reactor::LaneId;
 use softplug_gateway::reservoir::{Drawn, reservoir};
-use softplug_service::clerk::{Clerk, ClerkNews, Incoming};
 use softplug_service::feeder::{Feeder, FeederNews, Feeding, Pace};
-use softplug_service::jobs::{Jobs, Keep, Order, State};
+use softplug_service::jobs::{JobSpec, Jobs, Keep, State};
 use softplug_service::programs::{Quotas, Receptions, Snapshots};
+use softplug_service::reception_writer::{Incoming, ReceptionWriter, ReceptionWriterNews};
 
 /// No file may grow beyond this, or be written there.
 fn limit(bytes: Option<u64>) {
@@ -39,12 +39,20 @@ fn while_the_disk_is_full_nothing_is_lost_and_with_room_it_goes_on() {
     let (tell, news) = channel();
     let tell = move |what| tell.send(what).unwrap();
     let quotas = Quotas::new(folder.path(), 0);
-    let clerk =
-        Clerk::start(jobs.clone(), receptions.clone(), snapshots.clone(), quotas, tell).unwrap();
+    let reception_writer =
+        ReceptionWriter::start(jobs.clone(), receptions.clone(), snapshots.clone(), quotas, tell)
+            .unwrap();
     let (mut writer, reader) = reservoir(10_000, 0, 10_000);
     let (link, place) = ("lathe".to_owned(), "lathe".to_owned());
-    clerk.take(Incoming { lane: LaneId(1), link, place, delivery: 1, job: None, bytes: reader });
-    assert!(matches!(next(&news), ClerkNews::Begun(_)));
+    reception_writer.take(Incoming {
+        lane: LaneId(1),
+        link,
+        place,
+        delivery: 1,
+        job: None,
+        bytes: reader,
+    });
+    assert!(matches!(next(&news), ReceptionWriterNews::Begun(_)));
     let database = fs::metadata(folder.path().join("state/jobs.redb")).unwrap().len();
     let most = database + 12_345;
     let program: Vec<u8> =
@@ -54,7 +62,7 @@ fn while_the_disk_is_full_nothing_is_lost_and_with_room_it_goes_on() {
     let said = loop {
         given += writer.write(&program[given..]);
         match news.try_recv() {
-            Ok(ClerkNews::Stuck { why, .. }) => break why,
+            Ok(ReceptionWriterNews::Stuck { why, .. }) => break why,
             Ok(other) => panic!("{other:?}"),
             Err(_) => std::thread::yield_now(),
         }
@@ -63,14 +71,14 @@ fn while_the_disk_is_full_nothing_is_lost_and_with_room_it_goes_on() {
     given += writer.write(&program[given..]);
     assert_eq!((writer.level(), writer.write(&program[given..])), (10_000, 0));
     limit(None);
-    assert!(matches!(next(&news), ClerkNews::GoesOn { .. }));
+    assert!(matches!(next(&news), ReceptionWriterNews::GoesOn { .. }));
     while given < program.len() {
         given += writer.write(&program[given..]);
         std::thread::yield_now();
     }
     writer.finish();
-    clerk.end(LaneId(1), 1, None, 0, given as u64);
-    let ClerkNews::Kept(job) = next(&news) else { panic!("it is kept") };
+    reception_writer.end(LaneId(1), 1, None, 0, given as u64);
+    let ReceptionWriterNews::Kept(job) = next(&news) else { panic!("it is kept") };
     assert_eq!(job.state, State::Done);
     let file = job.reception.unwrap().file.unwrap();
     assert!(fs::read(folder.path().join("receptions/lathe").join(file)).unwrap() == program);
@@ -78,24 +86,31 @@ fn while_the_disk_is_full_nothing_is_lost_and_with_room_it_goes_on() {
     // One whose beginning is refused first: it is taken once, also for its name.
     let (mut writer, reader) = reservoir(10_000, 0, 10_000);
     let (link, place) = ("lathe".to_owned(), "lathe".to_owned());
-    clerk.take(Incoming { lane: LaneId(1), link, place, delivery: 2, job: None, bytes: reader });
-    assert!(matches!(next(&news), ClerkNews::Begun(_)));
+    reception_writer.take(Incoming {
+        lane: LaneId(1),
+        link,
+        place,
+        delivery: 2,
+        job: None,
+        bytes: reader,
+    });
+    assert!(matches!(next(&news), ReceptionWriterNews::Begun(_)));
     limit(Some(1));
     assert_eq!(writer.write(b"O1"), 2);
-    assert!(matches!(next(&news), ClerkNews::Stuck { .. }));
+    assert!(matches!(next(&news), ReceptionWriterNews::Stuck { .. }));
     limit(None);
-    assert!(matches!(next(&news), ClerkNews::GoesOn { .. }));
+    assert!(matches!(next(&news), ReceptionWriterNews::GoesOn { .. }));
     assert_eq!(writer.write(b"234\nM30\n"), 8);
     writer.finish();
-    clerk.end(LaneId(1), 2, None, 0, 10);
-    let ClerkNews::Kept(job) = next(&news) else { panic!("it is kept") };
+    reception_writer.end(LaneId(1), 2, None, 0, 10);
+    let ReceptionWriterNews::Kept(job) = next(&news) else { panic!("it is kept") };
     assert_eq!(job.reception.unwrap().file.as_deref(), Some("O1234"));
     let file = folder.path().join("receptions/lathe/O1234");
     assert_eq!(fs::read(file).unwrap(), b"O1234\nM30\n");
 
     // A job: what can't be written down does not go out.
     let data = snapshots.take_all(&mut &program[..60_000], "O1", 1 << 20).unwrap();
-    let id = jobs.submit(Order::send("lathe", "O1", data)).unwrap().id;
+    let id = jobs.submit(JobSpec::send("lathe", "O1", data)).unwrap().id;
     jobs.begin(id).unwrap();
     let (tell, news) = channel();
     let tell = move |what| tell.send(what).unwrap();
@@ -107,7 +122,7 @@ fn while_the_disk_is_full_nothing_is_lost_and_with_room_it_goes_on() {
     let stalled = next(&news);
     let mut buffer = [0; 1_000];
     let drawn = reader.read(&mut buffer);
-    let refused = jobs.submit(Order::send("lathe", "O1", data)).map(drop);
+    let refused = jobs.submit(JobSpec::send("lathe", "O1", data)).map(drop);
     limit(None);
     assert!(
         matches!(&stalled, FeederNews::Stalled(why) if why.ends_with("make room on the disk")),

@@ -5,8 +5,8 @@ use std::path::Path;
 use proptest::prelude::*;
 use softplug_host::Digest;
 use softplug_service::jobs::{
-    Advance, BeginAt, Comparison, Data, Ending, EntryFilter, Extent, Job, JobFilter, Jobs, Keep,
-    Kind, Left, Note, Order, Origin, Reason, Reception, State, Subject, Weight,
+    Advance, BeginAt, Comparison, Data, Ending, EntryFilter, Extent, Job, JobFilter, JobSpec, Jobs,
+    Keep, Kind, Left, Note, Origin, Reason, Reception, State, Subject, Weight,
 };
 use softplug_service::programs::Snapshots;
 
@@ -17,7 +17,7 @@ fn open(folder: &Path) -> Jobs {
 }
 
 fn send(jobs: &Jobs, link: &str, priority: i32) -> u32 {
-    jobs.submit(Order { priority, ..Order::send(link, "O1", DATA()) }).unwrap().id
+    jobs.submit(JobSpec { priority, ..JobSpec::send(link, "O1", DATA()) }).unwrap().id
 }
 
 fn texts(jobs: &Jobs) -> Vec<String> {
@@ -91,21 +91,21 @@ fn refusals_say_what_to_do() {
         refused(jobs.begin(id)),
         Err("job 1 is aborted: it cannot be begun; restart it, from a block if need be".to_owned())
     );
-    let fetch = jobs.submit(Order::new("lathe", Kind::Fetch, "fetch")).unwrap().id;
+    let fetch = jobs.submit(JobSpec::new("lathe", Kind::Fetch, "fetch")).unwrap().id;
     jobs.abort(fetch).unwrap();
     assert_eq!(
         refused(jobs.restart(fetch, BeginAt::Block(2), None, &snapshots)),
         Err("the job has no program, and so no blocks".to_owned())
     );
     assert!(jobs.restart(fetch, BeginAt::Start, None, &snapshots).is_ok());
-    let behind = Order { from: 1_001, ..Order::send("lathe", "O1", DATA()) };
+    let behind = JobSpec { from: 1_001, ..JobSpec::send("lathe", "O1", DATA()) };
     assert!(jobs.submit(behind).is_err());
     for _ in 0..1_000 {
-        let taken = jobs.submit(Order::send("full", "O1", DATA()));
+        let taken = jobs.submit(JobSpec::send("full", "O1", DATA()));
         assert!(taken.is_ok(), "a queue takes a thousand");
     }
     assert_eq!(
-        refused(jobs.submit(Order::send("full", "O1", DATA()))),
+        refused(jobs.submit(JobSpec::send("full", "O1", DATA()))),
         Err("1000 jobs wait on \"full\", no more are taken: abort some, or wait".to_owned())
     );
 }
@@ -149,8 +149,8 @@ fn what_was_under_way_is_interrupted_by_a_new_start_and_never_begun_again() {
     let ids: Vec<_> = (0..5).map(|_| send(&jobs, "lathe", 0)).collect();
     let begun = |id: u32, link: &str| {
         // Each on a link of its own, so that all can be under way.
-        let order = Order::send(link, "O1", DATA());
-        assert_eq!(jobs.submit(order).unwrap().id, id);
+        let spec = JobSpec::send(link, "O1", DATA());
+        assert_eq!(jobs.submit(spec).unwrap().id, id);
         jobs.begin(id).unwrap();
     };
     begun(6, "a");
@@ -220,9 +220,9 @@ fn a_job_is_done_again_from_a_block_with_the_data_as_they_were() {
     let program = "%\nO1\nN10 G0\nN20 G1\nN30 M30\n%\n";
     let data = snapshots.take_all(&mut program.as_bytes(), "O1", 1_000).unwrap();
     let first = jobs
-        .submit(Order {
+        .submit(JobSpec {
             fields: vec![("from_block".into(), "2".into())],
-            ..Order::send("lathe", "O1", data)
+            ..JobSpec::send("lathe", "O1", data)
         })
         .unwrap();
     jobs.begin(first.id).unwrap();
@@ -230,17 +230,17 @@ fn a_job_is_done_again_from_a_block_with_the_data_as_they_were() {
 
     let again = jobs.restart(first.id, BeginAt::Block(4), None, &snapshots).unwrap();
     assert_eq!(
-        (again.order.from, again.order.from_block, again.order.restarts),
+        (again.spec.from, again.spec.from_block, again.spec.restarts),
         (12, 4, Some(first.id))
     );
     assert_eq!(&program[12..18], "N20 G1");
     assert!(again.id != first.id && again.state == State::Queued);
     let again = jobs.restart(first.id, BeginAt::Byte(5), None, &snapshots).unwrap();
-    assert_eq!(again.order.from, 5);
+    assert_eq!(again.spec.from, 5);
     let by_plug_in =
         jobs.restart(first.id, BeginAt::Block(4), Some("from_block"), &snapshots).unwrap();
     assert_eq!(
-        (by_plug_in.order.from, &by_plug_in.order.fields[..]),
+        (by_plug_in.spec.from, &by_plug_in.spec.fields[..]),
         (0, &[("from_block".into(), "4".into())][..])
     );
     for at in [BeginAt::Block(0), BeginAt::Block(7), BeginAt::Byte(31)] {
@@ -260,7 +260,7 @@ fn receptions_are_jobs_that_do_not_keep_others_from_being_sent() {
     let jobs = open(folder.path());
     let sending = send(&jobs, "lathe", 0);
     let coming = jobs.receive("lathe").unwrap();
-    assert_eq!((coming.state, coming.order.origin), (State::Running, Origin::Machine));
+    assert_eq!((coming.state, coming.spec.origin), (State::Running, Origin::Machine));
     assert_eq!(jobs.next("lathe").unwrap().id, sending);
     let compared = Some(Comparison { with: 1, differs_at: Some(17) });
     let reception = Reception { file: Some("O1-2".into()), bytes: 30, is_complete: true, compared };
@@ -285,7 +285,7 @@ fn receptions_are_jobs_that_do_not_keep_others_from_being_sent() {
         ]
     );
     // An answer belongs to the job that asked for it, which ends by itself.
-    let fetch = jobs.submit(Order::new("mill", Kind::Fetch, "fetch")).unwrap().id;
+    let fetch = jobs.submit(JobSpec::new("mill", Kind::Fetch, "fetch")).unwrap().id;
     jobs.begin(fetch).unwrap();
     assert_eq!(jobs.received(fetch, None, reception, None).unwrap().state, State::Running);
     let ended = jobs.end(fetch, Ending::Done, None).unwrap();

@@ -11,7 +11,7 @@ use redb::StorageBackend;
 use redb::backends::InMemoryBackend;
 use softplug_host::Digest;
 use softplug_service::jobs::{
-    Advance, Data, Ending, EntryFilter, JobFilter, Jobs, Keep, Order, State,
+    Advance, Data, Ending, EntryFilter, JobFilter, JobSpec, Jobs, Keep, State,
 };
 
 /// Longer than anything here takes; only a wait for the other side gets there.
@@ -116,8 +116,8 @@ fn on_thread<T: Send + 'static>(
     done
 }
 
-fn order(link: &str) -> Order {
-    Order::send(link, "O1", Data { digest: Digest::of(b"G1"), size: 100_000 })
+fn order(link: &str) -> JobSpec {
+    JobSpec::send(link, "O1", Data { digest: Digest::of(b"G1"), size: 100_000 })
 }
 
 fn with_jobs(gate: &Gate) -> (Jobs, u32) {

@@ -152,9 +152,26 @@ impl std::fmt::Debug for Host {
     }
 }
 
+/// Reads a module that is yet to be checked, without loading it.
+///
 /// The size is looked at first, and the read is bounded all the same: a file can
 /// grow between the two.
-fn read_module(path: &Path) -> Result<Vec<u8>, LoadError> {
+///
+/// # Errors
+/// The file cannot be read, is none, or is larger than [`MODULE_BYTES`].
+///
+/// ```
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("echo.wasm");
+/// # std::fs::write(&path, b"\0asm\x01\0\0\0")?;
+/// use softplug_host::{LoadError, lint, read_module};
+///
+/// let module = read_module(&path)?;
+/// assert!(lint(&module).is_err());
+/// assert!(matches!(read_module(folder.path()), Err(LoadError::NotAFile { .. })));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn read_module(path: &Path) -> Result<Vec<u8>, LoadError> {
     let io = |source| LoadError::Io { path: path.to_owned(), source };
     let too_large = |bytes| LoadError::TooLarge { path: path.to_owned(), bytes };
     let metadata = std::fs::metadata(path).map_err(io)?;

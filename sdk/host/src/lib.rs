@@ -51,7 +51,7 @@ compile_error!("softplug-host needs an engine: switch on the feature \"wasmtime\
 pub use digest::{Digest, NotADigest};
 pub use engine::{EngineInfo, EngineKind};
 pub use fault::{LoadError, Misbehaviour, SessionFault};
-pub use host::{Host, HostOptions};
+pub use host::{Host, HostOptions, read_module};
 pub use lint::{Inspection, LintError, MemoryMaximum, SIGNATURE_MAILBOX, SIGNATURE_STEP, lint};
 pub use plugin::{Origin, Plugin};
 pub use session::Session;

@@ -1,7 +1,8 @@
 //! What a link knows, and what each action does to it.
 
-use crate::Outside;
+use crate::LinkHost;
 use crate::fault::RuleBroken;
+use crate::fed::Fed;
 use crate::job::ActiveJob;
 use crate::queue::Queue;
 use crate::timers::Timers;
@@ -33,6 +34,8 @@ pub(crate) struct Core {
     pub(crate) queue: Queue,
     pub(crate) timers: Timers,
     pub(crate) job: Option<ActiveJob>,
+    /// What the plug-in was given of the latest job's data.
+    pub(crate) fed: Fed,
     /// The delivery under way.
     pub(crate) delivery: Option<u32>,
     delivery_capacity: u32,
@@ -48,6 +51,7 @@ impl Core {
             queue: Queue::new(transmit_room),
             timers: Timers::default(),
             job: None,
+            fed: Fed::new(transmit_room),
             delivery: None,
             delivery_capacity: delivery_room,
             delivery_room,
@@ -61,7 +65,7 @@ impl Core {
         now: Micros,
         action: &Action<'_>,
         answering: Answering,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), RuleBroken> {
         match (answering, action) {
             (Answering::Ordinary, Action::Saved { .. }) => return Err(RuleBroken::StateUnasked),
@@ -71,6 +75,7 @@ impl Core {
         match action {
             Action::Transmit { mark, bytes } => return self.queue.transmit(*mark, bytes),
             Action::TransmitUrgent { mark, bytes } => {
+                self.fed.urgent(bytes.len());
                 return self.queue.transmit_urgent(*mark, bytes);
             }
             Action::Break { micros } => return self.queue.send_break(*micros),
@@ -88,6 +93,7 @@ impl Core {
             }
             Action::Discard => {
                 self.queue.discard();
+                self.fed.discarded(self.queue.given());
                 return Ok(());
             }
             Action::Hold => self.queue.set_held(true),
@@ -108,7 +114,7 @@ impl Core {
             Action::ModemLines { .. } | Action::Note { .. } | Action::State { .. } => {}
             Action::Saved { .. } => unreachable!("answered above"),
         }
-        outside.handle(now, action);
+        host.handle(now, action);
         Ok(())
     }
 
@@ -117,10 +123,10 @@ impl Core {
         &mut self,
         now: Micros,
         actions: &[u8],
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), RuleBroken> {
         for action in Actions::new(actions).flatten() {
-            self.apply(now, &action, Answering::Ordinary, outside)?;
+            self.apply(now, &action, Answering::Ordinary, host)?;
         }
         Ok(())
     }
@@ -196,8 +202,8 @@ impl Core {
 
     /// Growth of room for deliveries to report: an eighth of the capacity, or
     /// all of it once nothing is left to put away.
-    pub(crate) fn next_delivery_room(&mut self, outside: &mut dyn Outside) -> Option<u32> {
-        self.drained += outside.drained();
+    pub(crate) fn next_delivery_room(&mut self, host: &mut dyn LinkHost) -> Option<u32> {
+        self.drained += host.drained();
         let all_put_away = self.delivery_room + self.drained == self.delivery_capacity;
         let due = self.drained >= self.delivery_capacity / 8 || all_put_away;
         if self.drained == 0 || !due {
@@ -245,17 +251,17 @@ impl Core {
     }
 
     /// Ends what the plug-in had under way, because it can no longer.
-    pub(crate) fn interrupt(&mut self, now: Micros, outside: &mut dyn Outside) {
+    pub(crate) fn interrupt(&mut self, now: Micros, host: &mut dyn LinkHost) {
         self.timers.clear();
         self.requests.clear();
         let failure = Failure::Interrupted;
         if let Some(delivery) = self.delivery.take() {
             let end = Action::DeliveryEnd { delivery, failure: Some(failure), status: 0 };
-            outside.handle(now, &end);
+            host.handle(now, &end);
         }
         if let Some(active) = self.job.take() {
             let job = active.job.id;
-            outside.handle(now, &Action::JobFailed { job, failure, status: 0, sent: 0 });
+            host.handle(now, &Action::JobFailed { job, failure, status: 0, sent: 0 });
         }
     }
 }

@@ -1,7 +1,7 @@
 //! What comes from the line.
 
 use crate::fault::LinkFault;
-use crate::{Link, Outside};
+use crate::{Link, LinkHost};
 use softplug_abi::{Event, Instance, LineErrorKind, LinkDownReason, Micros, ModemLines};
 
 impl<I: Instance> Link<I> {
@@ -10,15 +10,15 @@ impl<I: Instance> Link<I> {
         &mut self,
         now: Micros,
         bytes: &[u8],
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.begin_input(now, outside)?;
+        self.begin_input(now, host)?;
         let mut rest = bytes;
         while !rest.is_empty() {
             let (piece, later) = rest.split_at(rest.len().min(self.capacity()));
             rest = later;
             self.steps = 0;
-            self.step(&Event::Received(piece), outside)?;
+            self.step(&Event::Received(piece), host)?;
         }
         Ok(())
     }
@@ -31,10 +31,10 @@ impl<I: Instance> Link<I> {
         kind: LineErrorKind,
         byte: Option<u8>,
         span: u32,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.begin_input(now, outside)?;
-        self.step(&Event::LineError { kind, byte, span }, outside)
+        self.begin_input(now, host)?;
+        self.step(&Event::LineError { kind, byte, span }, host)
     }
 
     /// The modem lines have changed.
@@ -43,11 +43,11 @@ impl<I: Instance> Link<I> {
         now: Micros,
         known: ModemLines,
         on: ModemLines,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.begin_input(now, outside)?;
+        self.begin_input(now, host)?;
         self.options.modem_lines = Some((known, on));
-        self.step(&Event::ModemLines { known, on }, outside)
+        self.step(&Event::ModemLines { known, on }, host)
     }
 
     /// The port is gone: nothing is sent until it is back. A port that is gone
@@ -56,39 +56,39 @@ impl<I: Instance> Link<I> {
         &mut self,
         now: Micros,
         reason: LinkDownReason,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.begin_input(now, outside)?;
+        self.begin_input(now, host)?;
         if self.down.replace(reason).is_some() {
             return Ok(());
         }
-        self.step(&Event::LinkDown(reason), outside)
+        self.step(&Event::LinkDown(reason), host)
     }
 
     /// The port is back; the modem lines are told again.
     pub fn link_up(
         &mut self,
         now: Micros,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.begin_input(now, outside)?;
+        self.begin_input(now, host)?;
         if self.down.take().is_none() {
             return Ok(());
         }
-        self.step(&Event::LinkUp, outside)?;
-        self.tell_modem_lines(outside)
+        self.step(&Event::LinkUp, host)?;
+        self.tell_modem_lines(host)
     }
 
     /// Line input of a later instant comes after the marks of an earlier one.
     fn begin_input(
         &mut self,
         now: Micros,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         let is_later = now > self.now;
         self.begin_instant(now);
         while let Some((mark, state)) = is_later.then(|| self.core.queue.next_mark()).flatten() {
-            self.step(&Event::Mark { mark, state }, outside)?;
+            self.step(&Event::Mark { mark, state }, host)?;
         }
         self.steps = 0;
         Ok(())

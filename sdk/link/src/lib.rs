@@ -64,6 +64,7 @@
 
 mod core;
 mod fault;
+mod fed;
 mod input;
 mod job;
 mod link;
@@ -101,7 +102,7 @@ use softplug_abi::{Action, Micros};
 ///
 /// ```
 /// use softplug_abi::{Action, Micros};
-/// use softplug_link::{Outside, Supply};
+/// use softplug_link::{LinkHost, Supply};
 ///
 /// /// Supplies one program, and keeps the jobs that are done.
 /// struct Host {
@@ -109,7 +110,7 @@ use softplug_abi::{Action, Micros};
 ///     done: Vec<u32>,
 /// }
 ///
-/// impl Outside for Host {
+/// impl LinkHost for Host {
 ///     fn handle(&mut self, _now: Micros, action: &Action<'_>) {
 ///         if let Action::JobDone { job, .. } = action {
 ///             self.done.push(*job);
@@ -131,7 +132,7 @@ use softplug_abi::{Action, Micros};
 /// host.handle(Micros(4_167), &Action::JobDone { job: 7, sent: 4 });
 /// assert_eq!(host.done, [7]);
 /// ```
-pub trait Outside {
+pub trait LinkHost {
     /// The plug-in did something that concerns the host: deliveries, ends of
     /// jobs, requests, notes, state names, hold and release, modem lines, and
     /// breaks at the moment they are to be sent.
@@ -170,7 +171,7 @@ pub trait Outside {
 
 /// Answer of a job's source.
 ///
-/// The example of [`Outside`] shows two.
+/// The example of [`LinkHost`] shows two.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Supply {
     /// So many bytes are in the buffer, at least one.

@@ -5,7 +5,7 @@ use crate::core::{Answering, Core, HoldState};
 use crate::fault::{LinkFault, RuleBroken};
 use crate::probation::{Probation, Reverted};
 use crate::queue::Taken;
-use crate::{Outside, Supply, UnderWay};
+use crate::{LinkHost, Supply, UnderWay};
 use softplug_abi::limits::{OUTPUT_ROUNDS, STEPS_PER_INSTANT};
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Actions, Event, Instance, LineParameters, LinkDownReason, Micros, ModemLines};
@@ -141,14 +141,14 @@ impl<I: Instance> Link<I> {
     pub fn open(
         &mut self,
         now: Micros,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         self.begin_instant(now);
         self.steps = 0;
         let settings = std::mem::take(&mut self.options.settings);
         let capacity = self.instance.input_capacity();
-        let given = settings
-            .pieces(capacity, |event| self.step_as(event, Answering::Nothing, &mut *outside));
+        let given =
+            settings.pieces(capacity, |event| self.step_as(event, Answering::Nothing, &mut *host));
         self.options.settings = settings;
         given?;
         self.is_open = true;
@@ -156,9 +156,9 @@ impl<I: Instance> Link<I> {
         self.taken_over_with = UnderWay::default();
         let opening = self.opening(false);
         self.core.restate_rooms();
-        self.step(&opening, outside)?;
-        self.tell_modem_lines(outside)?;
-        self.run(self.now, outside)
+        self.step(&opening, host)?;
+        self.tell_modem_lines(host)?;
+        self.run(self.now, host)
     }
 
     /// The opening that tells a plug-in of the same state what this one knows.
@@ -190,15 +190,15 @@ impl<I: Instance> Link<I> {
     pub fn close(
         &mut self,
         now: Micros,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         if !self.is_open {
             return Ok(());
         }
-        let closed = if self.has_ended { Ok(()) } else { self.tell_close(now, outside) };
+        let closed = if self.has_ended { Ok(()) } else { self.tell_close(now, host) };
         self.keep();
         self.is_open = false;
-        self.core.interrupt(self.now, outside);
+        self.core.interrupt(self.now, host);
         self.core.queue.clear();
         closed
     }
@@ -206,12 +206,12 @@ impl<I: Instance> Link<I> {
     fn tell_close(
         &mut self,
         now: Micros,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.run(now, outside)?;
+        self.run(now, host)?;
         self.keep();
         self.steps = 0;
-        self.step(&Event::Close, outside)
+        self.step(&Event::Close, host)
     }
 
     /// How many characters, of all that [`take`](Self::take) gave out, have left
@@ -224,34 +224,27 @@ impl<I: Instance> Link<I> {
     /// Delivers what is due at `now` until nothing of this instant is left:
     /// transmit progress, timers by (deadline, id), room for deliveries, then
     /// the job's data.
-    pub fn run(
-        &mut self,
-        now: Micros,
-        outside: &mut dyn Outside,
-    ) -> Result<(), LinkFault<I::Fault>> {
+    pub fn run(&mut self, now: Micros, host: &mut dyn LinkHost) -> Result<(), LinkFault<I::Fault>> {
         self.begin_instant(now);
         if !self.is_open {
             return Ok(());
         }
-        self.give_due(outside)?;
-        while self.feed(outside)? {
-            self.give_due(outside)?;
+        self.give_due(host)?;
+        while self.feed(host)? {
+            self.give_due(host)?;
         }
         Ok(())
     }
 
     /// All that goes before host requests and data.
-    pub(crate) fn give_due(
-        &mut self,
-        outside: &mut dyn Outside,
-    ) -> Result<(), LinkFault<I::Fault>> {
-        while let Some(event) = self.due(outside) {
-            self.step(&event, outside)?;
+    pub(crate) fn give_due(&mut self, host: &mut dyn LinkHost) -> Result<(), LinkFault<I::Fault>> {
+        while let Some(event) = self.due(host) {
+            self.step(&event, host)?;
         }
         Ok(())
     }
 
-    fn due(&mut self, outside: &mut dyn Outside) -> Option<Event<'static>> {
+    fn due(&mut self, host: &mut dyn LinkHost) -> Option<Event<'static>> {
         let queue = &mut self.core.queue;
         if let Some((mark, state)) = queue.next_mark() {
             return Some(Event::Mark { mark, state });
@@ -265,33 +258,35 @@ impl<I: Instance> Link<I> {
         if let Some((id, deadline)) = self.core.timers.take_due(self.now) {
             return Some(Event::Timer { id, deadline });
         }
-        let grown = self.core.next_delivery_room(outside)?;
+        let grown = self.core.next_delivery_room(host)?;
         Some(Event::DeliveryRoom { grown })
     }
 
     /// One event of the job: its beginning after a good check, data, or its end.
-    fn feed(&mut self, outside: &mut dyn Outside) -> Result<bool, LinkFault<I::Fault>> {
+    fn feed(&mut self, host: &mut dyn LinkHost) -> Result<bool, LinkFault<I::Fault>> {
         let capacity = self.capacity();
         let Some(active) = &mut self.core.job else { return Ok(false) };
         let job = active.job.id;
         if active.run_next {
             active.start_run();
-            outside.rewind(job);
+            self.core.fed.begin();
+            host.rewind(job);
             self.steps = 0;
-            return self.begin_event(outside).map(|()| true);
+            return self.begin_event(host).map(|()| true);
         }
         let Some(most) = active.hungry(capacity) else { return Ok(false) };
-        match outside.supply(job, &mut self.scratch[..most]) {
+        match host.supply(job, &mut self.scratch[..most]) {
             Supply::Later => return Ok(false),
             Supply::End => {
                 active.end_data();
-                self.step(&Event::JobEnd { job }, outside)?;
+                self.step(&Event::JobEnd { job }, host)?;
             }
             Supply::Bytes(count) => {
                 active.given(count);
+                self.core.fed.give(count, self.core.queue.tail());
                 self.steps = 0;
                 let scratch = std::mem::take(&mut self.scratch);
-                let given = self.step(&Event::JobData { job, bytes: &scratch[..count] }, outside);
+                let given = self.step(&Event::JobData { job, bytes: &scratch[..count] }, host);
                 // Another plug-in may have come with its own.
                 if self.scratch.is_empty() {
                     self.scratch = scratch;
@@ -345,6 +340,54 @@ impl<I: Instance> Link<I> {
     /// Bytes that wait in the transmit queue.
     pub fn waiting(&self) -> usize {
         self.core.queue.waiting()
+    }
+
+    /// Characters that [`take`](Self::take) has given out or may give out yet, urgent
+    /// ones that still wait left out.
+    pub fn characters(&self) -> u64 {
+        self.core.queue.tail()
+    }
+
+    /// Bytes of the latest job's data, also of one that has ended, of which some
+    /// may be among the first `characters` that [`take`](Self::take) gave out, of
+    /// all since the link began: never too few, provided that a byte of data is at
+    /// least one character where the plug-in sends it as urgent. Too many by what
+    /// the plug-in is given at once, and by a little.
+    ///
+    /// ```
+    /// # use softplug_abi::{Action, ActionWriter, Event, Instance, Micros, NoSpace, Output};
+    /// # use softplug_link::{Job, Link, LinkOptions, Recorder};
+    /// # struct Sender(Vec<u8>);
+    /// # impl Instance for Sender {
+    /// #     type Fault = NoSpace;
+    /// #     fn input_capacity(&self) -> usize {
+    /// #         512
+    /// #     }
+    /// #     fn step(&mut self, event: &Event<'_>, _now: Micros) -> Result<Output<'_>, NoSpace> {
+    /// #         self.0.resize(1_024, 0);
+    /// #         let mut actions = ActionWriter::new(&mut self.0);
+    /// #         match event {
+    /// #             Event::JobBegin { job, .. } => actions.push(&Action::Want { job: *job, bytes: 900 })?,
+    /// #             Event::JobData { bytes, .. } => actions.transmit(bytes)?,
+    /// #             _ => {}
+    /// #         }
+    /// #         let length = actions.len();
+    /// #         Ok(Output { actions: &self.0[..length], more: false })
+    /// #     }
+    /// # }
+    /// let mut link = Link::new(Sender(Vec::new()), LinkOptions::default());
+    /// let mut host = Recorder::default();
+    /// link.open(Micros(0), &mut host)?;
+    /// host.add_source(7, vec![b'X'; 900]);
+    /// let job = Job { id: 7, kind: 0, size: Some(900), fields: Vec::new(), check: false };
+    /// link.begin_job(Micros(0), job, &mut host)?;
+    /// // It was given 508 bytes, and the rest when these were in the queue.
+    /// assert_eq!(link.characters(), 900);
+    /// assert_eq!([0, 1, 509].map(|left| link.job_bytes_within(left)), [0, 508, 900]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn job_bytes_within(&self, characters: u64) -> u64 {
+        self.core.fed.within(characters)
     }
 
     /// Events that the plug-in was given.
@@ -415,12 +458,12 @@ impl<I: Instance> Link<I> {
     pub(crate) fn step(
         &mut self,
         event: &Event<'_>,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         if !self.is_open {
             return Ok(());
         }
-        self.step_as(event, Answering::Ordinary, outside)
+        self.step_as(event, Answering::Ordinary, host)
     }
 
     /// One event with all rounds of its output. A fault ends the plug-in.
@@ -428,23 +471,23 @@ impl<I: Instance> Link<I> {
         &mut self,
         event: &Event<'_>,
         answering: Answering,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         if self.has_ended {
             return Err(LinkFault::Ended);
         }
         if self.probation.is_some() {
-            return self.step_on_probation(event, outside);
+            return self.step_on_probation(event, host);
         }
-        let stepped = self.rounds(event, answering, outside);
-        self.ended_by(stepped, outside)
+        let stepped = self.rounds(event, answering, host);
+        self.ended_by(stepped, host)
     }
 
     fn rounds(
         &mut self,
         event: &Event<'_>,
         answering: Answering,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         self.count_step(event)?;
         let now = self.now;
@@ -458,7 +501,7 @@ impl<I: Instance> Link<I> {
             for action in Actions::new(output.actions) {
                 let action = action
                     .map_err(|source| LinkFault::Malformed { event: event.kind(), source })?;
-                self.core.apply(now, &action, answering, outside).map_err(broken)?;
+                self.core.apply(now, &action, answering, host).map_err(broken)?;
             }
             if !output.more {
                 return Ok(());
@@ -497,21 +540,21 @@ impl<I: Instance> Link<I> {
     pub(crate) fn ended_by(
         &mut self,
         result: Result<(), LinkFault<I::Fault>>,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         if result.is_err() {
             self.has_ended = true;
-            self.core.interrupt(self.now, outside);
+            self.core.interrupt(self.now, host);
         }
         result
     }
 
     pub(crate) fn tell_modem_lines(
         &mut self,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         match self.options.modem_lines {
-            Some((known, on)) => self.step(&Event::ModemLines { known, on }, outside),
+            Some((known, on)) => self.step(&Event::ModemLines { known, on }, host),
             None => Ok(()),
         }
     }

@@ -5,7 +5,7 @@ use crate::fault::{LinkFault, RuleBroken};
 use crate::requests::is_too_long;
 use crate::saving::{SavedState, answer_of, saved_by};
 use crate::swap::{Rooms, Spare};
-use crate::{Link, Outside, UnderWay};
+use crate::{Link, LinkHost, UnderWay};
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Action, Event, EventKind, Failure, Instance, Micros};
 
@@ -124,25 +124,25 @@ impl<I: Instance> Link<I> {
     pub(crate) fn step_on_probation(
         &mut self,
         event: &Event<'_>,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        let (answer, state) = match self.tried(event, outside) {
+        let (answer, state) = match self.tried(event, host) {
             Ok(tried) => tried,
-            Err(fault) => return self.go_back(event, fault, outside),
+            Err(fault) => return self.go_back(event, fault, host),
         };
         if let Some(probation) = &mut self.probation {
             probation.state = state;
             probation.events += 1;
         }
-        let applied = self.core.apply_all(self.now, &answer, outside);
+        let applied = self.core.apply_all(self.now, &answer, host);
         let applied = applied.map_err(|source| LinkFault::Rule { event: event.kind(), source });
-        self.ended_by(applied, outside)
+        self.ended_by(applied, host)
     }
 
     fn tried(
         &mut self,
         event: &Event<'_>,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(Vec<u8>, SavedState), LinkFault<I::Fault>> {
         let broken = |event, source| LinkFault::Rule { event, source };
         self.count_step(event)?;
@@ -151,7 +151,7 @@ impl<I: Instance> Link<I> {
         trial
             .apply_all(self.now, &answer, &mut Silent)
             .map_err(|source| broken(event.kind(), source))?;
-        let state = saved_by(&mut self.instance, self.now, outside)?;
+        let state = saved_by(&mut self.instance, self.now, host)?;
         let state = state.ok_or_else(|| broken(EventKind::Save, RuleBroken::StatePieces))?;
         Ok((answer, state))
     }
@@ -162,26 +162,25 @@ impl<I: Instance> Link<I> {
         &mut self,
         event: &Event<'_>,
         fault: LinkFault<I::Fault>,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         let Some(probation) = self.probation.take() else { return Err(fault) };
         let Probation { spare: Spare { mut instance, accepts }, settings, state, .. } = *probation;
         if !accepts.contains(&state.format) {
-            return self.ended_by(Err(fault), outside);
+            return self.ended_by(Err(fault), host);
         }
         self.take_back(event);
-        let Ok(answer) = self.resumed(&mut instance, &settings, &state, Rooms::Known, outside)
-        else {
-            return self.ended_by(Err(fault), outside);
+        let Ok(answer) = self.resumed(&mut instance, &settings, &state, Rooms::Known, host) else {
+            return self.ended_by(Err(fault), host);
         };
         let taken_over_with = std::mem::take(&mut self.taken_over_with);
-        let failed = self.seat(instance, settings, &answer, Rooms::Known, outside);
+        let failed = self.seat(instance, settings, &answer, Rooms::Known, host);
         let (at, kind) = (self.now, event.kind());
         self.reverted =
             Some(Box::new(Reverted { at, event: kind, fault, failed, taken_over_with }));
         self.begin_request();
-        self.tell_modem_lines(outside)?;
-        self.give_again(event, outside)
+        self.tell_modem_lines(host)?;
+        self.give_again(event, host)
     }
 
     /// What the event told counts as not told yet. A plug-in may do nothing about
@@ -191,23 +190,43 @@ impl<I: Instance> Link<I> {
             Event::Discarded { bytes } => self.core.queue.undo_discarded(*bytes),
             Event::TransmitRoom { grown } => self.core.queue.shrink_room(*grown),
             Event::DeliveryRoom { grown } => self.core.shrink_delivery_room(*grown),
-            _ => {}
+            Event::Settings { .. }
+            | Event::Open { .. }
+            | Event::Close
+            | Event::Received(..)
+            | Event::LineError { .. }
+            | Event::ModemLines { .. }
+            | Event::LinkDown(..)
+            | Event::LinkUp
+            | Event::Timer { .. }
+            | Event::Mark { .. }
+            | Event::JobBegin { .. }
+            | Event::JobData { .. }
+            | Event::JobEnd { .. }
+            | Event::Pause { .. }
+            | Event::Resume { .. }
+            | Event::Abort { .. }
+            | Event::ForceResume
+            | Event::Answer { .. }
+            | Event::Save
+            | Event::Restore { .. }
+            | Event::Continue => {}
         }
     }
 
     fn give_again(
         &mut self,
         event: &Event<'_>,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         match event {
             Event::TransmitRoom { grown } => {
                 self.core.queue.grow_room(*grown);
-                self.step(event, outside)
+                self.step(event, host)
             }
             Event::DeliveryRoom { grown } => {
                 self.core.grow_delivery_room(*grown);
-                self.step(event, outside)
+                self.step(event, host)
             }
             // Modem lines followed the opening, timers were set anew, and answers to
             // discards are due again.
@@ -217,13 +236,31 @@ impl<I: Instance> Link<I> {
             {
                 self.core.job = None;
                 let failure = Failure::BadJob;
-                outside.handle(
+                host.handle(
                     self.now,
                     &Action::JobFailed { job: *job, failure, status: 0, sent: 0 },
                 );
                 Ok(())
             }
-            _ => self.step(event, outside),
+            Event::Settings { .. }
+            | Event::Open { .. }
+            | Event::Close
+            | Event::Received(..)
+            | Event::LineError { .. }
+            | Event::LinkDown(..)
+            | Event::LinkUp
+            | Event::Mark { .. }
+            | Event::JobBegin { .. }
+            | Event::JobData { .. }
+            | Event::JobEnd { .. }
+            | Event::Pause { .. }
+            | Event::Resume { .. }
+            | Event::Abort { .. }
+            | Event::ForceResume
+            | Event::Answer { .. }
+            | Event::Save
+            | Event::Restore { .. }
+            | Event::Continue => self.step(event, host),
         }
     }
 }
@@ -231,6 +268,6 @@ impl<I: Instance> Link<I> {
 /// Hears nothing: for a trial.
 pub(crate) struct Silent;
 
-impl Outside for Silent {
+impl LinkHost for Silent {
     fn handle(&mut self, _now: Micros, _action: &Action<'_>) {}
 }

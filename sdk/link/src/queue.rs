@@ -127,6 +127,16 @@ impl Queue {
         self.bytes.len()
     }
 
+    /// Characters that the port was ever given.
+    pub(crate) fn given(&self) -> u64 {
+        self.given
+    }
+
+    /// These, and those that wait behind them, urgent ones left out.
+    pub(crate) fn tail(&self) -> u64 {
+        self.given + self.bytes.len() as u64
+    }
+
     pub(crate) fn discard(&mut self) {
         let dropped = self.bytes.len() as u32;
         self.bytes.clear();

@@ -1,6 +1,6 @@
 //! An outside that keeps all that happens, in memory.
 
-use crate::{Outside, Supply};
+use crate::{LinkHost, Supply};
 use softplug_abi::{Action, Failure, Micros, ModemLines, NoteLevel};
 use std::collections::BTreeMap;
 
@@ -92,7 +92,7 @@ pub struct Delivery {
 ///
 /// ```
 /// use softplug_abi::{Action, Micros};
-/// use softplug_link::{Delivery, Observed, Outside, Recorder};
+/// use softplug_link::{Delivery, Observed, LinkHost, Recorder};
 ///
 /// // As a link calls it: a delivery in two pieces.
 /// let mut host = Recorder::default();
@@ -159,7 +159,9 @@ impl Recorder {
     }
 }
 
-impl Outside for Recorder {
+// A new action has to be decided on here.
+#[deny(clippy::wildcard_enum_match_arm)]
+impl LinkHost for Recorder {
     fn handle(&mut self, now: Micros, action: &Action<'_>) {
         let observed = match action {
             Action::Hold => Observed::Hold,
@@ -211,7 +213,13 @@ impl Outside for Recorder {
             Action::Note { level, code, text } => Observed::Note(*level, *code, (*text).to_owned()),
             Action::State { name } => Observed::State((*name).to_owned()),
             // What the link handles itself never comes out.
-            _ => return,
+            Action::Transmit { .. }
+            | Action::TransmitUrgent { .. }
+            | Action::Discard
+            | Action::SetTimer { .. }
+            | Action::CancelTimer { .. }
+            | Action::Want { .. }
+            | Action::Saved { .. } => return,
         };
         self.push(now, observed);
     }

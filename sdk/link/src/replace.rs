@@ -2,7 +2,7 @@
 //! under way.
 
 use crate::fault::LinkFault;
-use crate::{Link, Outside};
+use crate::{Link, LinkHost};
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Instance, Micros};
 
@@ -20,17 +20,17 @@ impl<I: Instance> Link<I> {
         now: Micros,
         successor: I,
         settings: SettingValues,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<I, LinkFault<I::Fault>> {
         let down = self.down;
         // What the old one does wrong on its last event no longer matters.
-        let _ = self.close(now, outside);
+        let _ = self.close(now, host);
         let old = self.put(successor);
         self.options.settings = settings;
-        self.open(now, outside)?;
+        self.open(now, host)?;
         if let Some(reason) = down {
-            self.link_down(now, reason, outside)?;
-            self.run(now, outside)?;
+            self.link_down(now, reason, host)?;
+            self.run(now, host)?;
         }
         Ok(old)
     }

@@ -2,7 +2,7 @@
 
 use crate::fault::LinkFault;
 use crate::job::{ActiveJob, Job};
-use crate::{Link, Outside};
+use crate::{Link, LinkHost};
 use softplug_abi::{Action, Event, Failure, Instance, Micros, Values};
 
 /// Bytes of a job's beginning before its fields.
@@ -20,9 +20,9 @@ impl<I: Instance> Link<I> {
         &mut self,
         now: Micros,
         job: Job,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.run(now, outside)?;
+        self.run(now, host)?;
         self.steps = 0;
         let too_long = is_too_long(&job.fields, self.instance.input_capacity());
         let failure = match &self.core.job {
@@ -31,23 +31,24 @@ impl<I: Instance> Link<I> {
         };
         if let Some(failure) = failure {
             let refused = Action::JobFailed { job: job.id, failure, status: 0, sent: 0 };
-            outside.handle(self.now, &refused);
+            host.handle(self.now, &refused);
             return Ok(());
         }
         self.core.job = Some(ActiveJob::new(job));
-        self.begin_event(outside)?;
-        self.run(now, outside)
+        self.core.fed.begin();
+        self.begin_event(host)?;
+        self.run(now, host)
     }
 
     pub(crate) fn begin_event(
         &mut self,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         let Some(active) = &self.core.job else { return Ok(()) };
         let Job { id, kind, size, fields, .. } = active.job.clone();
         let pass = active.pass;
         let fields = Values::new(&fields);
-        self.step(&Event::JobBegin { job: id, kind, pass, size, fields }, outside)
+        self.step(&Event::JobBegin { job: id, kind, pass, size, fields }, host)
     }
 
     /// Asks for a pause of the job.
@@ -55,9 +56,9 @@ impl<I: Instance> Link<I> {
         &mut self,
         now: Micros,
         job: u32,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.request_of_job(now, job, &Event::Pause { job }, outside)
+        self.request_of_job(now, job, &Event::Pause { job }, host)
     }
 
     /// Ends the pause.
@@ -65,9 +66,9 @@ impl<I: Instance> Link<I> {
         &mut self,
         now: Micros,
         job: u32,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.request_of_job(now, job, &Event::Resume { job }, outside)
+        self.request_of_job(now, job, &Event::Resume { job }, host)
     }
 
     /// Aborts the job, or, with 0, the delivery under way.
@@ -75,9 +76,9 @@ impl<I: Instance> Link<I> {
         &mut self,
         now: Micros,
         job: u32,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.request_of_job(now, job, &Event::Abort { job }, outside)
+        self.request_of_job(now, job, &Event::Abort { job }, host)
     }
 
     /// A job that has ended in the meantime is no longer asked anything.
@@ -86,27 +87,27 @@ impl<I: Instance> Link<I> {
         now: Micros,
         job: u32,
         event: &Event<'_>,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.run(now, outside)?;
+        self.run(now, host)?;
         self.steps = 0;
         if job != 0 && self.job() != Some(job) {
             return Ok(());
         }
-        self.step(event, outside)?;
-        self.run(now, outside)
+        self.step(event, host)?;
+        self.run(now, host)
     }
 
     /// Goes on although the partner holds the line.
     pub fn force_resume(
         &mut self,
         now: Micros,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.run(now, outside)?;
+        self.run(now, host)?;
         self.steps = 0;
-        self.step(&Event::ForceResume, outside)?;
-        self.run(now, outside)
+        self.step(&Event::ForceResume, host)?;
+        self.run(now, host)
     }
 
     /// Answers a request: with data, or with why it is refused. An answer to a
@@ -116,9 +117,9 @@ impl<I: Instance> Link<I> {
         now: Micros,
         request: u32,
         answer: Result<&[u8], Failure>,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.run(now, outside)?;
+        self.run(now, host)?;
         self.steps = 0;
         let (refused, bytes) = match answer {
             Ok(bytes) => (None, bytes),
@@ -131,11 +132,11 @@ impl<I: Instance> Link<I> {
             rest = later;
             let more = !rest.is_empty();
             if self.core.awaits_answer(request, !more) {
-                self.step(&Event::Answer { request, refused, more, bytes: piece }, outside)?;
-                self.give_due(outside)?;
+                self.step(&Event::Answer { request, refused, more, bytes: piece }, host)?;
+                self.give_due(host)?;
             }
             if !more {
-                return self.run(now, outside);
+                return self.run(now, host);
             }
         }
     }

@@ -6,7 +6,7 @@ use crate::fault::LinkFault;
 use crate::job::{ActiveJob, Job};
 use crate::saving::saved_by;
 use crate::swap::give_quiet;
-use crate::{Link, LinkOptions, Outside, UnderWay};
+use crate::{Link, LinkHost, LinkOptions, UnderWay};
 use softplug_abi::{Event, Instance, MarkState, Micros};
 
 /// Gives an instance exactly the events that another one was given, at their
@@ -74,7 +74,7 @@ impl<I: Instance> Rerun<I> {
         &mut self,
         now: Micros,
         event: &Event<'_>,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         let link = &mut self.link;
         if link.has_ended() {
@@ -90,21 +90,39 @@ impl<I: Instance> Rerun<I> {
         link.core.was_told(event);
         match event {
             Event::Continue => Ok(()),
-            Event::Settings { .. } => link.step_as(event, Answering::Nothing, outside),
+            Event::Settings { .. } => link.step_as(event, Answering::Nothing, host),
             Event::Restore { .. } => {
-                let given = give_quiet(&mut link.instance, event, now, outside);
-                link.ended_by(given, outside)
+                let given = give_quiet(&mut link.instance, event, now, host);
+                link.ended_by(given, host)
             }
             Event::Save => {
-                let saved = saved_by(&mut link.instance, now, outside).map(drop);
-                link.ended_by(saved, outside)
+                let saved = saved_by(&mut link.instance, now, host).map(drop);
+                link.ended_by(saved, host)
             }
             Event::Close => {
-                let closed = link.step_as(event, Answering::Ordinary, outside);
-                link.core.interrupt(now, outside);
+                let closed = link.step_as(event, Answering::Ordinary, host);
+                link.core.interrupt(now, host);
                 closed
             }
-            _ => link.step_as(event, Answering::Ordinary, outside),
+            Event::Open { .. }
+            | Event::Received(..)
+            | Event::LineError { .. }
+            | Event::ModemLines { .. }
+            | Event::LinkDown(..)
+            | Event::LinkUp
+            | Event::Timer { .. }
+            | Event::Mark { .. }
+            | Event::TransmitRoom { .. }
+            | Event::Discarded { .. }
+            | Event::DeliveryRoom { .. }
+            | Event::JobBegin { .. }
+            | Event::JobData { .. }
+            | Event::JobEnd { .. }
+            | Event::Pause { .. }
+            | Event::Resume { .. }
+            | Event::Abort { .. }
+            | Event::ForceResume
+            | Event::Answer { .. } => link.step_as(event, Answering::Ordinary, host),
         }
     }
 }
@@ -159,7 +177,24 @@ impl Core {
             Event::Answer { request, more, .. } => {
                 self.awaits_answer(*request, !more);
             }
-            _ => {}
+            Event::Settings { .. }
+            | Event::Close
+            | Event::Received(..)
+            | Event::LineError { .. }
+            | Event::ModemLines { .. }
+            | Event::LinkDown(..)
+            | Event::LinkUp
+            | Event::Timer { .. }
+            | Event::Mark { .. }
+            | Event::JobData { .. }
+            | Event::JobEnd { .. }
+            | Event::Pause { .. }
+            | Event::Resume { .. }
+            | Event::Abort { .. }
+            | Event::ForceResume
+            | Event::Save
+            | Event::Restore { .. }
+            | Event::Continue => {}
         }
     }
 }

@@ -1,7 +1,7 @@
 //! A plug-in's state, out of it.
 
 use crate::fault::{LinkFault, RuleBroken};
-use crate::{Link, Outside};
+use crate::{Link, LinkHost};
 use softplug_abi::limits::{OUTPUT_ROUNDS, STATE_BYTES};
 use softplug_abi::{Action, Actions, Event, EventKind, Instance, Micros};
 
@@ -58,7 +58,7 @@ impl<I: Instance> Link<I> {
     pub fn save(
         &mut self,
         now: Micros,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<Option<SavedState>, LinkFault<I::Fault>> {
         if !self.is_open() {
             return Ok(None);
@@ -66,14 +66,14 @@ impl<I: Instance> Link<I> {
         if self.has_ended() {
             return Err(LinkFault::Ended);
         }
-        self.run(now, outside)?;
+        self.run(now, host)?;
         if let Some(probation) = &self.probation {
             return Ok(Some(probation.state().clone()));
         }
         self.begin_request();
-        match saved_by(&mut self.instance, self.now, outside) {
+        match saved_by(&mut self.instance, self.now, host) {
             Ok(saved) => Ok(saved),
-            Err(fault) => self.ended_by(Err(fault), outside).map(|()| None),
+            Err(fault) => self.ended_by(Err(fault), host).map(|()| None),
         }
     }
 }
@@ -82,7 +82,7 @@ impl<I: Instance> Link<I> {
 pub(crate) fn saved_by<I: Instance>(
     instance: &mut I,
     now: Micros,
-    outside: &mut dyn Outside,
+    host: &mut dyn LinkHost,
 ) -> Result<Option<SavedState>, LinkFault<I::Fault>> {
     let broken = |source| LinkFault::Rule { event: EventKind::Save, source };
     let answer = answer_of(instance, &Event::Save, now)?;
@@ -92,8 +92,26 @@ pub(crate) fn saved_by<I: Instance>(
             Action::Saved { format, offset, total, bytes } => {
                 saving.take(format, offset, total, bytes).map_err(broken)?;
             }
-            Action::Note { .. } | Action::State { .. } => outside.handle(now, &action),
-            _ => return Err(broken(RuleBroken::ActedOnState)),
+            Action::Note { .. } | Action::State { .. } => host.handle(now, &action),
+            Action::Transmit { .. }
+            | Action::TransmitUrgent { .. }
+            | Action::Hold
+            | Action::Release
+            | Action::Discard
+            | Action::SetTimer { .. }
+            | Action::CancelTimer { .. }
+            | Action::ModemLines { .. }
+            | Action::Break { .. }
+            | Action::Want { .. }
+            | Action::DeliveryBegin { .. }
+            | Action::Deliver { .. }
+            | Action::DeliveryName { .. }
+            | Action::DeliveryEnd { .. }
+            | Action::JobDone { .. }
+            | Action::JobFailed { .. }
+            | Action::CheckResult { .. }
+            | Action::Request { .. }
+            | Action::Withdraw { .. } => return Err(broken(RuleBroken::ActedOnState)),
         }
     }
     saving.finish().map_err(broken)

@@ -3,7 +3,7 @@
 use crate::fault::{LinkFault, RuleBroken};
 use crate::probation::{Probation, Silent};
 use crate::saving::{SavedState, answer_of, saved_by};
-use crate::{Link, Outside};
+use crate::{Link, LinkHost};
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{
     Action, Actions, Event, EventKind, Instance, Malformed, Micros, restore_pieces,
@@ -151,11 +151,11 @@ impl<I: Instance> Link<I> {
         &mut self,
         now: Micros,
         successor: I,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<I, SwapError<I::Fault>> {
-        let state = self.save(now, outside).map_err(SwapError::Save)?.ok_or(SwapError::NoState)?;
+        let state = self.save(now, host).map_err(SwapError::Save)?.ok_or(SwapError::NoState)?;
         let settings = self.options.settings.clone();
-        self.take_over(successor, settings, &state, None, outside)
+        self.take_over(successor, settings, &state, None, host)
     }
 
     /// Replaces the plug-in by another one, which gets its settings and the
@@ -169,14 +169,14 @@ impl<I: Instance> Link<I> {
         &mut self,
         now: Micros,
         successor: Successor<I>,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<I, SwapError<I::Fault>> {
-        let state = self.save(now, outside).map_err(SwapError::Save)?.ok_or(SwapError::NoState)?;
+        let state = self.save(now, host).map_err(SwapError::Save)?.ok_or(SwapError::NoState)?;
         let Successor { instance, settings, accepts, spare } = successor;
         if !accepts.contains(&state.format) {
             return Err(SwapError::Format { format: state.format });
         }
-        self.take_over(instance, settings, &state, spare, outside)
+        self.take_over(instance, settings, &state, spare, host)
     }
 
     fn take_over(
@@ -185,21 +185,21 @@ impl<I: Instance> Link<I> {
         settings: SettingValues,
         state: &SavedState,
         spare: Option<Spare<I>>,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<I, SwapError<I::Fault>> {
         let whole = Rooms::Whole;
-        let answer = self.resumed(&mut successor, &settings, state, whole, outside)?;
+        let answer = self.resumed(&mut successor, &settings, state, whole, host)?;
         let mut probation = None;
         if let Some(spare) = spare {
-            let state = saved_by(&mut successor, self.now(), outside)?;
+            let state = saved_by(&mut successor, self.now(), host)?;
             let state = state.ok_or(SwapError::NoProbation)?;
             let settings = self.options.settings.clone();
             probation = Some(Box::new(Probation::new(spare, settings, state)));
         }
-        let old = self.seat(successor, settings, &answer, whole, outside);
+        let old = self.seat(successor, settings, &answer, whole, host);
         self.probation = probation;
-        let told = self.tell_modem_lines(outside);
-        told.and_then(|()| self.run(self.now(), outside)).map_err(SwapError::Failed)?;
+        let told = self.tell_modem_lines(host);
+        told.and_then(|()| self.run(self.now(), host)).map_err(SwapError::Failed)?;
         Ok(old)
     }
 
@@ -212,11 +212,11 @@ impl<I: Instance> Link<I> {
         settings: &SettingValues,
         state: &SavedState,
         rooms: Rooms,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<Vec<u8>, LinkFault<I::Fault>> {
         let now = self.now();
         let capacity = instance.input_capacity();
-        let mut give = |event: &Event<'_>| give_quiet(instance, event, now, outside);
+        let mut give = |event: &Event<'_>| give_quiet(instance, event, now, host);
         settings.pieces(capacity, &mut give)?;
         restore_pieces(state.format, &state.bytes, capacity, &mut give)?;
         let mut trial = self.core.clone();
@@ -242,7 +242,7 @@ impl<I: Instance> Link<I> {
         settings: SettingValues,
         answer: &[u8],
         rooms: Rooms,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> I {
         self.taken_over_with = self.under_way();
         if rooms == Rooms::Whole {
@@ -250,7 +250,7 @@ impl<I: Instance> Link<I> {
         }
         self.options.settings = settings;
         let old = self.put(instance);
-        let applied = self.core.apply_all(self.now, answer, outside);
+        let applied = self.core.apply_all(self.now, answer, host);
         debug_assert_eq!(applied, Ok(()), "a trial has shown that it can be applied");
         old
     }
@@ -271,7 +271,7 @@ pub(crate) fn give_quiet<I: Instance>(
     instance: &mut I,
     event: &Event<'_>,
     now: Micros,
-    outside: &mut dyn Outside,
+    host: &mut dyn LinkHost,
 ) -> Result<(), LinkFault<I::Fault>> {
     let answer = answer_of(instance, event, now)?;
     for action in Actions::new(&answer).flatten() {
@@ -279,7 +279,7 @@ pub(crate) fn give_quiet<I: Instance>(
             let source = RuleBroken::ActedOnState;
             return Err(LinkFault::Rule { event: event.kind(), source });
         }
-        outside.handle(now, &action);
+        host.handle(now, &action);
     }
     Ok(())
 }

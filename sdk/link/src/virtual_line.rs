@@ -1,6 +1,6 @@
 //! A link in virtual time: the clock is a number, the port a model of a UART.
 
-use crate::{Link, LinkFault, LinkOptions, Outside, Taken, Wire};
+use crate::{Link, LinkFault, LinkHost, LinkOptions, Taken, Wire};
 use softplug_abi::{Action, Instance, Micros};
 
 /// A [`Link`] on a [`Wire`].
@@ -37,12 +37,12 @@ impl<I: Instance> VirtualLine<I> {
     pub fn advance(
         &mut self,
         now: Micros,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         self.wire.advance(now);
         self.break_until = self.break_until.filter(|until| *until > now);
         self.link.left(self.wire.left(), self.wire.left());
-        self.link.run(now, outside)
+        self.link.run(now, host)
     }
 
     /// Lets the transmitter take what it may, until nothing more happens at
@@ -53,10 +53,10 @@ impl<I: Instance> VirtualLine<I> {
     pub fn transmit(
         &mut self,
         now: Micros,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         loop {
-            self.advance(now, outside)?;
+            self.advance(now, host)?;
             if self.break_until.is_some() {
                 return Ok(());
             }
@@ -67,14 +67,14 @@ impl<I: Instance> VirtualLine<I> {
                 Taken::Bytes(count) => {
                     for byte in &buffer[..count] {
                         let start = self.wire.give(now);
-                        outside.on_wire(start, *byte);
-                        outside.off_wire(self.wire.free_at(), *byte);
+                        host.on_wire(start, *byte);
+                        host.off_wire(self.wire.free_at(), *byte);
                     }
                 }
                 Taken::Break(micros) => {
                     let start = self.wire.give_break(now, Micros(i64::from(micros)));
                     self.break_until = Some(start + Micros(i64::from(micros)));
-                    outside.handle(start, &Action::Break { micros });
+                    host.handle(start, &Action::Break { micros });
                 }
             }
         }
@@ -87,10 +87,10 @@ impl<I: Instance> VirtualLine<I> {
     pub fn tick(
         &mut self,
         now: Micros,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        self.advance(now, outside)?;
-        self.transmit(now, outside)
+        self.advance(now, host)?;
+        self.transmit(now, host)
     }
 
     /// Lets time go on to `until`, through every instant at which something
@@ -101,11 +101,11 @@ impl<I: Instance> VirtualLine<I> {
     pub fn run_until(
         &mut self,
         until: Micros,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
         while let Some(next) = self.next().filter(|next| *next <= until) {
-            self.tick(next.max(self.link.now()), outside)?;
+            self.tick(next.max(self.link.now()), host)?;
         }
-        self.tick(until, outside)
+        self.tick(until, host)
     }
 }

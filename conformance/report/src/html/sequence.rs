@@ -45,7 +45,7 @@ enum Kind {
 }
 
 impl Step {
-    /// `KIND TIME[~TIME] WHAT ; GLOSS`. What is no such line is a note, with a time in
+    /// `KIND TIME[~TIME] WHAT ; ANNOTATION`. What is no such line is a note, with a time in
     /// front or without.
     fn parse(line: &str) -> Self {
         let line = text::line(line);

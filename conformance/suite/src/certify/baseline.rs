@@ -1,8 +1,8 @@
 //! Baselines: failures that are known and expected. Each entry must fail, for its reason.
 
-use crate::corpus::hex;
-use crate::file_error::read_toml;
-use crate::{Class, FileError};
+use crate::given::file_error::{FileError, read_toml};
+use crate::given::hex::hex;
+use crate::run::class::Class;
 use serde::Deserialize;
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeSet;

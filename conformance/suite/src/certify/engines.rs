@@ -1,12 +1,20 @@
 //! The two engines, and a module in both.
 
-use super::CertifyError;
-use super::execute::met_limit;
-use crate::{Case, Class, Judge, Outcome, Permutation, Sandboxed};
+use super::error::CertifyError;
+use crate::given::load::Case;
+use crate::judge::run::Judge;
+use crate::run::class::Class;
+use crate::run::fault::FaultClass;
+use crate::run::outcome::Outcome;
+use crate::run::permute::Permutation;
+use crate::run::subject::Sandboxed;
 use softplug_abi::Micros;
 use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_abi::manifest::Manifest;
 use softplug_host::{EngineKind, Host, HostOptions, Plugin, SessionFault, lint};
+
+/// The name of the run under the second engine.
+pub(super) const SECOND_ENGINE: &str = "wasmi";
 
 /// The budget is the first engine's. The second one counts in other units; its own bound ends
 /// what never ends.
@@ -125,4 +133,9 @@ impl Subjects {
 
 fn class(outcome: &Outcome) -> Option<Class> {
     outcome.fault.as_ref().map(|fault| Class::Fault(fault.class))
+}
+
+/// Whether a run ended at a limit of its engine.
+pub(super) fn met_limit(class: Option<Class>) -> bool {
+    matches!(class, Some(Class::Fault(FaultClass::Trapped | FaultClass::BudgetExhausted)))
 }

@@ -1,22 +1,26 @@
 //! Runs the cases of a plan, spread over threads.
 
-use super::engines::Subjects;
+use super::engines::{SECOND_ENGINE, Subjects, met_limit};
+use super::error::CertifyError;
+use super::order::{Order, Progress};
 use super::plan::{Fate, Plan};
-use super::{CertifyError, Order, Progress};
 use crate::corpus::{Listed, Source};
-use crate::replay::Outcome;
-use crate::run::{Start, assess, pure};
+use crate::given::hex::hex;
+use crate::given::load::Case;
+use crate::judge::divergence::Divergence;
+use crate::judge::run::{Judge, Start, assess, pure};
+use crate::judge::verdict::Failure;
+use crate::run::class::Class;
+use crate::run::outcome::Outcome;
+use crate::run::permute::Permutation;
+use crate::run::subject::Fuel;
 use crate::script::{Script, ScriptFailure, ScriptRun};
-use crate::{Case, Class, Failure, FaultClass, Fuel, Judge, Permutation};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use softplug_report::{FAILURES, FailedRun};
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
-
-/// The name of the run under the second engine.
-pub(super) const SECOND_ENGINE: &str = "wasmi";
 
 /// What came of a case, with all its permutations.
 #[derive(Debug, Default)]
@@ -221,11 +225,6 @@ impl Ran {
     }
 }
 
-/// Whether a run ended at a limit of its engine.
-pub(super) fn met_limit(class: Option<Class>) -> bool {
-    matches!(class, Some(Class::Fault(FaultClass::Trapped | FaultClass::BudgetExhausted)))
-}
-
 /// Lines of a script's log that are shown.
 const BEFORE: usize = 8;
 
@@ -257,10 +256,10 @@ fn failed_run(listed: &Listed<'_>, case: &Case, run: &str, failure: Failure) -> 
         Some(fault) => format!("the plug-in {}: {}", class.text(), fault.message),
         None => format!("the plug-in {}", class.text()),
     };
-    let hex = |bytes: &[u8]| crate::corpus::hex(bytes).to_uppercase();
+    let hex = |bytes: &[u8]| hex(bytes).to_uppercase();
     let divergence = failure.divergence.as_ref();
     let at_fault = failure.fault.as_ref().map(|fault| fault.at_us);
-    let side = |side: fn(&crate::Divergence) -> String| divergence.map(side).unwrap_or_default();
+    let side = |side: fn(&Divergence) -> String| divergence.map(side).unwrap_or_default();
     FailedRun {
         run: format!("{}/{run}", listed.id),
         class: class.name().to_owned(),

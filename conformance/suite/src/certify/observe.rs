@@ -1,10 +1,14 @@
 //! What a plug-in was seen to do in single runs, as traces.
 
-use super::CertifyError;
-use super::engines::Engines;
-use crate::corpus::Source;
+use super::engines::{Engines, SECOND_ENGINE};
+use super::error::CertifyError;
+use crate::corpus::{Corpus, Source};
+use crate::given::load::Case;
+use crate::judge::run::Judge;
+use crate::run::permute::Permutation;
+use crate::run::subject::Sandboxed;
+use crate::run::transcript;
 use crate::script::Script;
-use crate::{Case, Corpus, Judge, Permutation, Sandboxed, show};
 use softplug_abi::Micros;
 use softplug_trace::Line;
 
@@ -51,7 +55,7 @@ pub fn observe<'a>(
         let (id, name) = run.rsplit_once('/')?;
         let listed = list.iter().find(|listed| listed.id == id)?;
         let (subject, permutation) = match name {
-            super::execute::SECOND_ENGINE => (&subjects.second, Permutation::Uncut),
+            SECOND_ENGINE => (&subjects.second, Permutation::Uncut),
             name => (&subjects.first, name.parse().ok()?),
         };
         let text = match listed.source {
@@ -83,7 +87,7 @@ fn of_script(subject: &Sandboxed, script: &Script) -> String {
 
 fn of_trace(subject: &Sandboxed, case: &Case, permutation: Permutation, cut_seed: u64) -> String {
     let outcome = Judge::run(subject, case, permutation, cut_seed);
-    let mut trace = show::observed(case, Judge::manifest(subject), &outcome.seen);
+    let mut trace = transcript::observed(case, Judge::manifest(subject), &outcome.seen);
     let mut comment = |text: String| {
         // A comment ends with its line.
         let text = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();

@@ -1,9 +1,10 @@
 //! Which cases are run, and which of them count.
 
+use super::error::CertifyError;
 use super::glob::matches;
-use super::{CertifyError, Order};
+use super::order::Order;
 use crate::corpus::{Corpus, Listed};
-use crate::ledger::Ledger;
+use crate::given::ledger::Ledger;
 use softplug_abi::manifest::{Manifest, Setting};
 
 /// The profile that every plug-in is held to without a claim.

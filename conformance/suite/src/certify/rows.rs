@@ -1,12 +1,13 @@
 //! From what ran to the report.
 
+use super::baseline::{Baseline, Expected};
 use super::engines::{Engines, Judged};
 use super::execute::Ran;
+use super::order::Order;
 use super::plan::{Fate, Plan, Planned};
-use super::{Baseline, Expected, Order};
-use crate::Corpus;
-use crate::corpus::hex;
-use crate::ledger::Clause;
+use crate::corpus::Corpus;
+use crate::given::hex::hex;
+use crate::given::ledger::Clause;
 use sha2::{Digest as _, Sha256};
 use softplug_report::{
     CaseResult, CaseRow, ClauseRow, Counts, Fuel, PluginInfo, ProfileInfo, Reason, Report, SCHEMA,

@@ -2,8 +2,8 @@
 
 use super::patch::id;
 use crate::FileError;
-use crate::file_error::read_toml;
-use crate::ledger::Ledger;
+use crate::given::file_error::read_toml;
+use crate::given::ledger::Ledger;
 use serde::Deserialize;
 use softplug_report::Level;
 use std::collections::{BTreeMap, BTreeSet};

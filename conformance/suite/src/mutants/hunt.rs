@@ -1,7 +1,7 @@
 //! Runs the cases of a profile against a mutant until one sees wrong behaviour.
 
 use super::Mutant;
-use crate::run::Start;
+use crate::judge::run::Start;
 use crate::script::Script;
 use crate::{Case, Class, FaultClass, Judge, Permutation};
 

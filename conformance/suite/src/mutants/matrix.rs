@@ -3,7 +3,7 @@
 
 use super::{Catalogue, Hunt, Mutant};
 use crate::FileError;
-use crate::file_error::read_toml;
+use crate::given::file_error::read_toml;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

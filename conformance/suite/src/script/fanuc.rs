@@ -1,15 +1,16 @@
 //! FANUC RS-232: a reader, a drip feed, a punch, a request from the panel and the remote
 //! buffer, each with a simulated control.
 
-use super::Script;
+use super::case::Script;
+use super::failure::{Outcome, diverged};
 use super::play::Play;
-use super::stage::{Outcome, Setup, diverged};
-use crate::partners::fanuc::{
+use super::setup::Setup;
+use softplug_abi::{Failure, Micros, Value, Values};
+use softplug_link::Observed;
+use softplug_machines::fanuc::{
     Control, FeedHold, Feeding, Interface, Options, Parity, Press, PunchOptions, RemoteOptions,
     eight_none_two, seven_even_two,
 };
-use softplug_abi::{Failure, Micros, Value, Values};
-use softplug_link::Observed;
 use std::fmt::Write as _;
 
 const SECOND: Micros = Micros::from_secs(1);

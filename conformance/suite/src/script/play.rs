@@ -1,21 +1,19 @@
 //! A plug-in, a simulated machine and a host on one line, as a scenario drives them.
 
-use super::erased::{Anything, Erased};
-use super::stage::{Outcome, Setup, Stage, diverged};
-use crate::closed_loop::ClosedLoop;
-use crate::deed::Deed;
-use crate::fault::{Fault, FaultClass};
-use crate::partners::Partner;
-use crate::replay::Seen;
-use crate::subject::{Meter, Watched, WatchedFault};
-use crate::{Fuel, SubjectError};
+use super::failure::{Outcome, diverged, not_applicable};
+use super::setup::Setup;
+use crate::run::closed_loop::ClosedLoop;
+use crate::run::deed::Deed;
+use crate::run::erased::{Anything, Boxed, Erased};
+use crate::run::fault::{Fault, FaultClass};
+use crate::run::outcome::Seen;
+use crate::run::subject::{Fuel, Meter, SubjectError, Watched, WatchedFault};
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Failure, Micros};
 use softplug_link::{Delivery, Job, LinkFault, Observed, Recorder};
+use softplug_machines::Partner;
 use std::fmt::Debug;
 use std::rc::Rc;
-
-use super::Boxed;
 
 /// Events of one scenario that a plug-in may be given: one that keeps setting timers
 /// would else be waited for without end.
@@ -89,11 +87,11 @@ impl<'a, P: Partner> Play<'a, P> {
     pub(super) fn job(&mut self, kind: &str, fields: &[(&str, &str)], data: &[u8]) -> Outcome<u32> {
         let manifest = self.manifest();
         let Some(place) = manifest.jobs.iter().position(|known| known.name == kind) else {
-            return Err(Stage::not_applicable(&format!("there is no job of the kind \"{kind}\"")));
+            return Err(not_applicable(&format!("there is no job of the kind \"{kind}\"")));
         };
         let fields = manifest.jobs[place]
             .records(fields.iter().copied())
-            .map_err(|error| Stage::not_applicable(&error.to_string()))?;
+            .map_err(|error| not_applicable(&error))?;
         self.jobs += 1;
         let id = self.jobs;
         self.host.add_source(id, data.to_vec());

@@ -1,10 +1,11 @@
 //! The 3964 family: retries up to their limits, both sides at once, a lossy line.
 
-use super::Script;
+use super::case::Script;
+use super::failure::Outcome;
 use super::play::{End, Play};
-use super::stage::{Outcome, Setup};
-use crate::partners::r3964::{Fault, Faults, Noise, Noisy, Options, Priority, Station, When};
+use super::setup::Setup;
 use softplug_abi::{Failure, Micros};
+use softplug_machines::r3964::{Fault, Faults, Noise, Noisy, Options, Priority, Station, When};
 
 const STX: u8 = 0x02;
 const NAK: u8 = 0x15;

@@ -1,12 +1,13 @@
 //! RK512: what the host asks for through the plug-in, and what a simulated computer asks
 //! of the host.
 
-use super::Script;
+use super::case::Script;
+use super::failure::Outcome;
 use super::play::Play;
-use super::stage::{Outcome, Setup};
-use crate::partners::r3964::rk512::{Area, Computer, Memory, Options};
+use super::setup::Setup;
 use softplug_abi::{Failure, Micros, Value, Values};
 use softplug_link::Observed;
+use softplug_machines::r3964::rk512::{Area, Computer, Memory, Options};
 
 const LONG: Micros = Micros::from_secs(1_000);
 const SETTINGS: [(&str, &str); 4] =

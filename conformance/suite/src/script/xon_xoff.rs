@@ -1,11 +1,12 @@
 //! XON/XOFF: a feed against a control that cannot keep up, and a control that sends to a
 //! host that cannot.
 
-use super::Script;
+use super::case::Script;
+use super::failure::Outcome;
 use super::play::Play;
-use super::stage::{Outcome, Setup};
-use crate::partners::xon_xoff::{Control, ControlOptions};
+use super::setup::Setup;
 use softplug_abi::{LineParameters, Micros};
+use softplug_machines::xon_xoff::{Control, ControlOptions};
 use std::fmt::Write as _;
 
 const DAY: Micros = Micros::from_secs(86_400);

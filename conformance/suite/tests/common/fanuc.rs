@@ -4,11 +4,11 @@
 use softplug_abi::manifest::{Manifest, SettingValues};
 use softplug_abi::{Failure, Micros, ModemLines};
 use softplug_conformance::closed_loop::ClosedLoop;
-use softplug_conformance::partners::fanuc::{
+use softplug_link::{Delivery, Job, LinkOptions, Observed, Recorder};
+use softplug_machines::fanuc::{
     Code, Control, Options, Parity, Press, Report, eight_none_two, seven_even_two,
 };
-use softplug_conformance::partners::kept::Received;
-use softplug_link::{Delivery, Job, LinkOptions, Observed, Recorder};
+use softplug_machines::kept::Received;
 use softplug_native::{NativeInstance, NativePlugin};
 use std::fmt::Write;
 

@@ -4,8 +4,8 @@
 
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Action, Failure, Micros};
-use softplug_conformance::partners::{Partner, Signal};
-use softplug_link::{Job, LinkOptions, Outside, Supply, VirtualLine};
+use softplug_link::{Job, LinkHost, LinkOptions, Supply, VirtualLine};
+use softplug_machines::{Partner, Signal};
 use softplug_native::{NativeInstance, NativePlugin};
 use std::collections::VecDeque;
 
@@ -118,7 +118,7 @@ pub(crate) struct Host {
     start: Micros,
 }
 
-impl Outside for Host {
+impl LinkHost for Host {
     fn handle(&mut self, now: Micros, action: &Action<'_>) {
         match action {
             Action::DeliveryBegin { job, .. } => self.open = Some((*job, Vec::new())),

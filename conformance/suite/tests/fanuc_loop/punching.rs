@@ -1,8 +1,8 @@
 //! PUNCH: programs from the control, and its requests for others.
 
 use softplug_abi::{Failure, LineErrorKind, Micros, Value, Values};
-use softplug_conformance::partners::fanuc::{Dc4, Options, Press, PunchOptions};
 use softplug_link::Observed;
+use softplug_machines::fanuc::{Dc4, Options, Press, PunchOptions};
 
 use crate::fanuc::{Bench, Settings, codings, program, text_of};
 use crate::{EOBS, SECOND, small};

@@ -1,7 +1,7 @@
 //! READ: programs to the control.
 
 use softplug_abi::{Failure, Micros};
-use softplug_conformance::partners::fanuc::{Eob, Options, Press, TvCheck, seven_even_two};
+use softplug_machines::fanuc::{Eob, Options, Press, TvCheck, seven_even_two};
 
 use crate::fanuc::{Bench, Settings, codings, program, text_of};
 use crate::{EOBS, SECOND, small};
@@ -84,8 +84,7 @@ fn blocks_are_padded_for_the_tv_check() {
             let (end, report) = read(&settings);
             assert!(end.is_ok(), "{what}: {end:?}");
             assert_eq!(report.alarms, [], "{what}");
-            let softplug_conformance::partners::kept::Received::Bytes(read_text) = report.received
-            else {
+            let softplug_machines::kept::Received::Bytes(read_text) = report.received else {
                 panic!("all bytes are kept")
             };
             let read_text = String::from_utf8(read_text).unwrap();
@@ -197,7 +196,7 @@ fn assert_next_job_is_whole(bench: &mut Bench) {
     bench.press(Press::Read);
     assert!(bench.end_of(job).is_ok());
     let report = bench.report();
-    let softplug_conformance::partners::kept::Received::Bytes(text) = report.received else {
+    let softplug_machines::kept::Received::Bytes(text) = report.received else {
         panic!("all bytes are kept")
     };
     let start = before.received.count() as usize;

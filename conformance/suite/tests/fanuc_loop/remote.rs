@@ -1,7 +1,7 @@
 //! The remote buffer, protocols A and B.
 
 use softplug_abi::{Failure, Micros};
-use softplug_conformance::partners::fanuc::{
+use softplug_machines::fanuc::{
     Interface, Options, Parity, Press, RemoteOptions, eight_none_two, seven_even_two,
 };
 

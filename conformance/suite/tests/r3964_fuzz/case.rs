@@ -3,7 +3,7 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use softplug_abi::{LineParameters, Micros, Parity};
-use softplug_conformance::partners::r3964::{Fault, Faults, Noise, Options, Priority, When};
+use softplug_machines::r3964::{Fault, Faults, Noise, Options, Priority, When};
 
 /// Who is judged.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]

@@ -1,8 +1,8 @@
 //! What must hold of a run, whatever went wrong in it.
 
 use softplug_abi::Micros;
-use softplug_conformance::partners::Signal;
-use softplug_conformance::partners::r3964::{Arrival, Options, Station};
+use softplug_machines::Signal;
+use softplug_machines::r3964::{Arrival, Options, Station};
 
 use crate::pair::PluginEnd;
 

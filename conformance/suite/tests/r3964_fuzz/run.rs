@@ -3,8 +3,8 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use softplug_abi::Micros;
-use softplug_conformance::partners::r3964::{Noisy, Options, Priority, Received, Sent, Station};
 use softplug_link::LinkOptions;
+use softplug_machines::r3964::{Noisy, Options, Priority, Received, Sent, Station};
 use softplug_native::NativePlugin;
 
 use crate::case::{Case, Subject};
@@ -92,7 +92,7 @@ const PROBE: &[u8] = b"probe";
 fn with_station(case: &Case) -> Result<Tally, String> {
     let near = Options {
         priority: case.priority,
-        faults: softplug_conformance::partners::r3964::Faults::default(),
+        faults: softplug_machines::r3964::Faults::default(),
         ..case.options.clone()
     };
     let near = Station::new(near).expect("sound options");
@@ -371,9 +371,7 @@ fn count_tries(case: &Case, near: &Side, noisy: &Noisy<Station>) -> Result<(), S
             .to_outer
             .iter()
             .filter(|arrival| in_time(arrival.at) || in_time(arrival.at + case.latency))
-            .filter(|arrival| {
-                arrival.signal == softplug_conformance::partners::Signal::Character(0x02)
-            })
+            .filter(|arrival| arrival.signal == softplug_machines::Signal::Character(0x02))
             .count();
         let is_stx = |byte: &u8| *byte == 0x02;
         let stx = own.iter().copied().filter(is_stx).count();

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use rand_chacha::rand_core::Rng;
 use softplug_abi::{Failure, LineParameters, Micros, Value, ValueWriter, Values};
-use softplug_conformance::partners::r3964::rk512::{
+use softplug_machines::r3964::rk512::{
     Area, Command, Computer, Fault, Memory, Options, TELEGRAM_BYTES, Trouble,
 };
-use softplug_conformance::partners::r3964::{Noise, Noisy};
+use softplug_machines::r3964::{Noise, Noisy};
 
 use super::{LONG, blocks, plugin, random};
 use crate::pair::{Asked, Pair, PluginEnd};
@@ -356,7 +356,7 @@ fn two_computers_read_and_write_each_other() {
         .map(|side| {
             let mut options = Options::default();
             if side == 0 {
-                options.procedure.priority = softplug_conformance::partners::r3964::Priority::Low;
+                options.procedure.priority = softplug_machines::r3964::Priority::Low;
             }
             let mut computer = Computer::new(options).expect("sound options");
             computer.memory = memory();

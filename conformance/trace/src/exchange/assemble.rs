@@ -1,9 +1,9 @@
-//! From a course of events to a trace: readable lines that mean the same.
+//! From a timeline to a trace: readable lines that mean the same.
 
 use super::Import;
-use super::course::{Course, Event, read};
 use super::error::ImportFault;
 use super::pace::Pace;
+use super::timeline::{Event, Timeline, read};
 use crate::limits;
 use crate::model::{BadKind, Entry, Item, Line, Payload, SourceLine, Time, Trace, What, When};
 
@@ -11,8 +11,8 @@ use crate::model::{BadKind, Entry, Item, Line, Payload, SourceLine, Time, Trace,
 const LONGEST: usize = 12 << 10;
 
 /// The trace, and the time of the file at which it begins.
-pub(super) fn trace(course: Course, import: &Import) -> Result<(Trace, i64), ImportFault> {
-    let Course { pace, modem, mut events } = course;
+pub(super) fn trace(timeline: Timeline, import: &Import) -> Result<(Trace, i64), ImportFault> {
+    let Timeline { pace, modem, mut events } = timeline;
     events.sort_by_key(|event| event.at);
     let (Some(first), Some(last)) = (events.first(), events.last()) else {
         return Err(ImportFault::Nothing);

@@ -4,11 +4,11 @@
 
 use std::fmt::Write as _;
 
-use super::course::{Course, Event};
 use super::error::{ImportError, ImportFault};
 use super::hexdump::{Record, records};
 use super::note::{Left, Notes};
 use super::text::{Cursor, lines};
+use super::timeline::{Event, Timeline};
 use super::{Import, Source};
 use crate::Time;
 use crate::model::{Payload, What};
@@ -16,9 +16,9 @@ use crate::model::{Payload, What};
 /// Bytes of a line that is written, at most.
 const LONGEST: usize = 64;
 
-pub(super) fn write(course: &Course, notes: &mut Notes) -> Vec<u8> {
+pub(super) fn write(timeline: &Timeline, notes: &mut Notes) -> Vec<u8> {
     let mut text = String::new();
-    for Record { at, received, bytes } in records(course, LONGEST, notes) {
+    for Record { at, received, bytes } in records(timeline, LONGEST, notes) {
         let _ = write!(text, "({}) port#", Time(at as u64));
         for byte in bytes {
             let _ = write!(text, "{byte:02X}");
@@ -42,7 +42,7 @@ struct Logged {
 pub(super) fn read(
     source: Source<'_>,
     import: &Import,
-    course: &mut Course,
+    timeline: &mut Timeline,
     notes: &mut Notes,
 ) -> Result<(), ImportError> {
     let mut log = Vec::new();
@@ -78,7 +78,7 @@ pub(super) fn read(
         }
         let payload = Payload::hex(bytes);
         let what = if is_received { What::Receive(payload) } else { What::Send(payload) };
-        course.events.push(Event { at: *at, what, place: *line });
+        timeline.events.push(Event { at: *at, what, place: *line });
     }
     Ok(())
 }

@@ -4,10 +4,10 @@
 use std::fmt::Write as _;
 
 use super::Source;
-use super::course::{Course, Event};
 use super::error::ImportError;
 use super::note::{Left, Notes};
 use super::text::lines;
+use super::timeline::{Event, Timeline};
 use crate::Time;
 use crate::model::{Payload, What};
 
@@ -17,9 +17,9 @@ const LONGEST: usize = 32 << 10;
 /// Bytes of a line.
 const ROW: usize = 16;
 
-pub(super) fn write(course: &Course, notes: &mut Notes) -> Vec<u8> {
+pub(super) fn write(timeline: &Timeline, notes: &mut Notes) -> Vec<u8> {
     let mut text = String::new();
-    for Record { at, received, bytes } in records(course, LONGEST, notes) {
+    for Record { at, received, bytes } in records(timeline, LONGEST, notes) {
         let _ = writeln!(text, "{} {}", if received { 'I' } else { 'O' }, Time(at as u64));
         for (place, row) in bytes.chunks(ROW).enumerate() {
             let _ = write!(text, "{:04x}", place * ROW);
@@ -32,7 +32,7 @@ pub(super) fn write(course: &Course, notes: &mut Notes) -> Vec<u8> {
     text.into_bytes()
 }
 
-pub(super) fn read(source: Source<'_>, course: &mut Course) -> Result<(), ImportError> {
+pub(super) fn read(source: Source<'_>, timeline: &mut Timeline) -> Result<(), ImportError> {
     // The packet that is being read: its head and its bytes.
     let mut open: Option<(Event, Vec<u8>)> = None;
     for mut line in lines(source)? {
@@ -43,7 +43,7 @@ pub(super) fn read(source: Source<'_>, course: &mut Course) -> Result<(), Import
         if direction.len() == 1 {
             line.skip_space();
             let at = line.seconds()?;
-            close(open.take(), course);
+            close(open.take(), timeline);
             let nothing = Payload::default();
             let what = if direction == "I" { What::Receive(nothing) } else { What::Send(nothing) };
             open = Some((Event { at, what, place: line.line }, Vec::new()));
@@ -75,14 +75,14 @@ pub(super) fn read(source: Source<'_>, course: &mut Course) -> Result<(), Import
             line.skip_space();
         }
     }
-    close(open, course);
+    close(open, timeline);
     Ok(())
 }
 
-fn close(open: Option<(Event, Vec<u8>)>, course: &mut Course) {
+fn close(open: Option<(Event, Vec<u8>)>, timeline: &mut Timeline) {
     if let Some((event, bytes)) = open.filter(|(_, bytes)| !bytes.is_empty()) {
         let what = event.what.with_payload(Payload::hex(&bytes));
-        course.events.push(Event { what, ..event });
+        timeline.events.push(Event { what, ..event });
     }
 }
 
@@ -93,13 +93,13 @@ pub(super) struct Record {
     pub(super) bytes: Vec<u8>,
 }
 
-/// A course as records, `most` bytes at most in each, sorted by time; a reader that
+/// A timeline as records, `most` bytes at most in each, sorted by time; a reader that
 /// knows only the time of each record finds the time of every byte. What is no byte
 /// is noted.
-pub(super) fn records(course: &Course, most: usize, notes: &mut Notes) -> Vec<Record> {
-    let pace = course.pace;
+pub(super) fn records(timeline: &Timeline, most: usize, notes: &mut Notes) -> Vec<Record> {
+    let pace = timeline.pace;
     let mut records = Vec::new();
-    for event in &course.events {
+    for event in &timeline.events {
         notes.unheld(&event.what, event.place);
         let characters: Vec<_> = event.characters(pace).collect();
         for _ in characters.iter().filter(|character| character.damage.is_some()) {

@@ -34,7 +34,6 @@
 mod assemble;
 mod candump;
 mod capture;
-mod course;
 mod error;
 mod hexdump;
 mod note;
@@ -45,13 +44,14 @@ mod saleae;
 #[cfg(test)]
 mod tests;
 mod text;
+mod timeline;
 
 pub use error::{ExportError, ImportError, ImportFault, Place};
 pub use note::{Left, Note};
 
 use crate::model::{Files, FrontMatter, Trace};
-use course::Course;
 use note::Notes;
+use timeline::Timeline;
 
 /// A format of another tool.
 #[derive(Copy, Clone, PartialEq, Eq, Hash, Debug)]
@@ -98,12 +98,12 @@ pub struct Exported {
 /// A `file:` or `gen:` item has no bytes, or they are too many.
 pub fn export(trace: &Trace, format: Format, files: &impl Files) -> Result<Exported, ExportError> {
     let mut notes = Notes::default();
-    let course = Course::of(trace, files, &mut notes)?;
+    let timeline = Timeline::of(trace, files, &mut notes)?;
     let bytes = match format {
-        Format::Pcapng => pcapng::write(&course, &mut notes),
-        Format::Hexdump => hexdump::write(&course, &mut notes),
-        Format::Candump => candump::write(&course, &mut notes),
-        Format::Saleae => saleae::write(&course, &mut notes),
+        Format::Pcapng => pcapng::write(&timeline, &mut notes),
+        Format::Hexdump => hexdump::write(&timeline, &mut notes),
+        Format::Candump => candump::write(&timeline, &mut notes),
+        Format::Saleae => saleae::write(&timeline, &mut notes),
     };
     Ok(Exported { bytes, notes: notes.finish() })
 }
@@ -179,14 +179,14 @@ pub fn import(
         }
     }
     let mut notes = Notes::default();
-    let mut course = Course::new(import.front.line);
+    let mut timeline = Timeline::new(import.front.line);
     match format {
-        Format::Pcapng => pcapng::read(first, &mut course, &mut notes)?,
-        Format::Hexdump => hexdump::read(first, &mut course)?,
-        Format::Candump => candump::read(first, import, &mut course, &mut notes)?,
-        Format::Saleae => saleae::read(sources, import, &mut course, &mut notes)?,
+        Format::Pcapng => pcapng::read(first, &mut timeline, &mut notes)?,
+        Format::Hexdump => hexdump::read(first, &mut timeline)?,
+        Format::Candump => candump::read(first, import, &mut timeline, &mut notes)?,
+        Format::Saleae => saleae::read(sources, import, &mut timeline, &mut notes)?,
     }
     let (trace, zero) =
-        assemble::trace(course, import).map_err(|fault| ImportError::whole(first.name, fault))?;
+        assemble::trace(timeline, import).map_err(|fault| ImportError::whole(first.name, fault))?;
     Ok(Imported { trace, zero, notes: notes.finish() })
 }

@@ -4,11 +4,11 @@ use super::Source;
 use super::capture::{
     self, BYTE_ORDER, ENHANCED_PACKET, INTERFACE, OPTION_FLAGS, OPTION_RESOLUTION, SECTION, packets,
 };
-use super::course::{Course, Event, read as characters};
 use super::error::{ImportError, ImportFault, Place};
 use super::note::{Left, Notes};
 use super::pace::Pace;
 use super::rtac::{self, Event as Kind, Levels};
+use super::timeline::{Event, Timeline, read as characters};
 use crate::model::{
     BadKind, Item, LineErrorKind, LineEvent, ModemLevels, ModemLine, Payload, What,
 };
@@ -19,12 +19,12 @@ const LONGEST: usize = 32 << 10;
 const PLAIN: std::ops::RangeInclusive<u32> = 147..=162;
 
 /// Times are moments since 1970, so that zero of the trace is the first of January.
-pub(super) fn write(course: &Course, notes: &mut Notes) -> Vec<u8> {
-    let mut levels = start(course, notes);
+pub(super) fn write(timeline: &Timeline, notes: &mut Notes) -> Vec<u8> {
+    let mut levels = start(timeline, notes);
     // The first is there so that readers know the modem lines at the start.
     let mut outline = Outline { packets: vec![Packet::status(0, ModemLevels::default())] };
-    for event in &course.events {
-        outline.event(event, course.pace, notes);
+    for event in &timeline.events {
+        outline.event(event, timeline.pace, notes);
     }
     outline.packets.sort_by_key(|packet| packet.at);
 
@@ -37,9 +37,9 @@ pub(super) fn write(course: &Course, notes: &mut Notes) -> Vec<u8> {
 }
 
 /// The modem lines at the start.
-fn start(course: &Course, notes: &mut Notes) -> Levels {
-    let mut known = course.modem.clone();
-    for event in &course.events {
+fn start(timeline: &Timeline, notes: &mut Notes) -> Levels {
+    let mut known = timeline.modem.clone();
+    for event in &timeline.events {
         let (What::SetLines(levels) | What::Line(LineEvent::Modem(levels))) = &event.what else {
             continue;
         };
@@ -241,7 +241,7 @@ fn option(body: &mut Vec<u8>, code: u16, value: &[u8]) {
 
 pub(super) fn read(
     source: Source<'_>,
-    course: &mut Course,
+    timeline: &mut Timeline,
     notes: &mut Notes,
 ) -> Result<(), ImportError> {
     let mut line = Lines { file: source.name, interface: None, levels: None, used: 0 };
@@ -256,7 +256,7 @@ pub(super) fn read(
             return Err(line.fault(&packet, ImportFault::SecondLine));
         }
         if serial {
-            let levels = line.serial(&packet, course, notes)?;
+            let levels = line.serial(&packet, timeline, notes)?;
             first.get_or_insert(levels);
             return Ok(());
         }
@@ -266,11 +266,11 @@ pub(super) fn read(
             Some(false) => What::Send(payload),
             None => return Err(line.fault(&packet, ImportFault::NoDirection)),
         };
-        course.events.push(Event { at: packet.at, what, place: packet.number });
+        timeline.events.push(Event { at: packet.at, what, place: packet.number });
         Ok(())
     })?;
     // A line that is never on is most likely not connected.
-    course.modem = first.unwrap_or_default().select(ModemLine::INPUTS, line.used);
+    timeline.modem = first.unwrap_or_default().select(ModemLine::INPUTS, line.used);
     Ok(())
 }
 
@@ -294,7 +294,7 @@ impl Lines<'_> {
     fn serial(
         &mut self,
         packet: &capture::Packet<'_>,
-        course: &mut Course,
+        timeline: &mut Timeline,
         notes: &mut Notes,
     ) -> Result<Levels, ImportError> {
         let Some((kind, levels, bytes)) = rtac::parse(packet.bytes) else {
@@ -302,7 +302,7 @@ impl Lines<'_> {
             return Err(self.fault(packet, fault));
         };
         let place = packet.number;
-        let mut add = |at: i64, what: What| course.events.push(Event { at, what, place });
+        let mut add = |at: i64, what: What| timeline.events.push(Event { at, what, place });
         let before = self.levels.replace(levels).unwrap_or(levels);
         self.used |= levels.0;
         let changed = levels.changed_from(before, ModemLine::INPUTS);
@@ -323,11 +323,11 @@ impl Lines<'_> {
         match kind {
             Kind::SendStart if !bytes.is_empty() => add(packet.at, What::Send(payload)),
             Kind::SendEnd if !bytes.is_empty() => {
-                let length = course.pace.of_characters(bytes.len());
+                let length = timeline.pace.of_characters(bytes.len());
                 add(packet.at - length, What::Send(payload));
             }
             Kind::ReceiveStart if !bytes.is_empty() => {
-                add(packet.at + course.pace.of_characters(1), What::Burst(payload));
+                add(packet.at + timeline.pace.of_characters(1), What::Burst(payload));
             }
             Kind::ReceiveEnd if !bytes.is_empty() => add(packet.at, What::Receive(payload)),
             Kind::Parity | Kind::Framing => {

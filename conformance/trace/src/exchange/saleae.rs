@@ -6,10 +6,10 @@ use std::fmt::Write as _;
 
 use csv::StringRecord;
 
-use super::course::{Course, Event};
 use super::error::{ImportError, ImportFault, Place};
 use super::note::{Left, Notes};
 use super::text::{decode, micros};
+use super::timeline::{Event, Timeline};
 use super::{Import, Source};
 use crate::model::{BadKind, Item, Payload, What};
 
@@ -18,13 +18,13 @@ const SENT: &str = "tx";
 
 /// As Logic 2 writes it, with "rx" for the line that the plug-in receives from and
 /// "tx" for the other.
-pub(super) fn write(course: &Course, notes: &mut Notes) -> Vec<u8> {
+pub(super) fn write(timeline: &Timeline, notes: &mut Notes) -> Vec<u8> {
     let mut text = String::from("name,type,start_time,duration,\"data\",\"error\"\n");
-    let duration = course.pace.of_characters(1);
+    let duration = timeline.pace.of_characters(1);
     let mut rows = Vec::new();
-    for event in &course.events {
+    for event in &timeline.events {
         notes.unheld(&event.what, event.place);
-        for character in event.characters(course.pace) {
+        for character in event.characters(timeline.pace) {
             let name = if character.received { RECEIVED } else { SENT };
             let start = if character.received { character.at - duration } else { character.at };
             let error = match character.damage {
@@ -61,11 +61,11 @@ impl std::fmt::Display for Seconds {
 pub(super) fn read(
     sources: &[Source<'_>],
     import: &Import,
-    course: &mut Course,
+    timeline: &mut Timeline,
     notes: &mut Notes,
 ) -> Result<(), ImportError> {
     for (place, source) in sources.iter().enumerate() {
-        table(*source, place == 0, import, course, notes)?;
+        table(*source, place == 0, import, timeline, notes)?;
     }
     Ok(())
 }
@@ -113,7 +113,7 @@ fn table(
     source: Source<'_>,
     first: bool,
     import: &Import,
-    course: &mut Course,
+    timeline: &mut Timeline,
     notes: &mut Notes,
 ) -> Result<(), ImportError> {
     let fault = |line: u64, fault| ImportError {
@@ -130,7 +130,7 @@ fn table(
     let columns =
         Columns::find(reader.headers().map_err(row_fault)?).map_err(|missing| fault(1, missing))?;
     let mut names = BTreeSet::new();
-    let begin = course.events.len();
+    let begin = timeline.events.len();
     for row in reader.records() {
         let row = row.map_err(row_fault)?;
         let line = row.position().map_or(1, csv::Position::line);
@@ -160,14 +160,14 @@ fn table(
                 What::Send(Payload::hex(&[byte]))
             }
         };
-        let mut length = course.pace.of_characters(1);
+        let mut length = timeline.pace.of_characters(1);
         if length == 0 && received && columns.duration.is_some() {
             length = micros(field(columns.duration).trim()).map_err(|bad| fault(line, bad))?;
         }
         let at = if received { start + length } else { start };
-        course.events.push(Event { at, what, place: line as u32 });
+        timeline.events.push(Event { at, what, place: line as u32 });
     }
-    if course.events.len() == begin && !names.is_empty() {
+    if timeline.events.len() == begin && !names.is_empty() {
         let found = names.iter().map(|name| format!("{name:?}")).collect::<Vec<_>>().join(", ");
         return Err(fault(1, ImportFault::Names { found }));
     }

@@ -108,7 +108,7 @@ impl Trace {
         })
     }
 
-    /// Every course of events that the trace allows: one for each combination
+    /// Every timeline that the trace allows: one for each combination
     /// of alternatives, each with all entries sorted by start. A trace without
     /// alternatives has one. At most [`VARIANTS`](crate::limits::VARIANTS) in a
     /// trace that was parsed.

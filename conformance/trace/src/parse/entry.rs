@@ -16,7 +16,7 @@ use crate::model::{
     LinkDownReason, ModemLine, Room, SourceLine, Time, What, When,
 };
 
-const NOTHING_MORE: &str = "nothing more here, or a gloss after `;`";
+const NOTHING_MORE: &str = "nothing more here, or an annotation after `;`";
 const JOB: &str = "a job id";
 const DELIVERY: &str = "a delivery id";
 const REQUEST: &str = "a request id";

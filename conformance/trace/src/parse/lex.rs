@@ -62,7 +62,7 @@ pub(crate) fn skip_space(input: &str) -> &str {
     input.trim_start_matches([' ', '\t'])
 }
 
-/// Whether nothing but the gloss is left.
+/// Whether nothing but the annotation is left.
 pub(crate) fn at_end(input: &str) -> bool {
     input.is_empty() || input.starts_with(';')
 }
@@ -72,7 +72,7 @@ pub(crate) fn end<'a>(input: &'a str, what: &'static str) -> Parsed<'a, ()> {
     if at_end(input) { Ok((input, ())) } else { expected(input, what) }
 }
 
-/// Ends a token: a space, the gloss or the line's end must follow.
+/// Ends a token: a space, the annotation or the line's end must follow.
 pub(crate) fn close<T>(rest: &str, value: T) -> Parsed<'_, T> {
     if at_end(rest) || rest.starts_with([' ', '\t']) {
         Ok((skip_space(rest), value))

@@ -253,7 +253,7 @@ impl<'a> Body<'a> {
         if self.block.is_some() && entry.what.direction() == Direction::Input {
             return Err(source.error(text, ParseErrorKind::InputInAlternatives));
         }
-        // Only a long line can grow over the limit by its escapes and its gloss.
+        // Only a long line can grow over the limit by its escapes and its annotation.
         if source.text.len() > limits::LINE_BYTES / 8
             && crate::format::line_bytes(&entry) > limits::LINE_BYTES
         {

@@ -58,7 +58,7 @@ fn the_longest_line_that_fits_does() {
         let comment = format!("#{}\n. 1.0\n", "x".repeat(limits::LINE_BYTES - spare));
         assert_eq!(parse_body(&comment).is_ok(), fits, "{spare}");
     }
-    // A tab is two bytes in the canonical form, which keeps 256 for indent and gloss.
+    // A tab is two bytes in the canonical form, which keeps 256 for indent and annotation.
     let room = limits::LINE_BYTES - 256 - "? 0.000000 send 1 \"\"".len();
     for (tabs, letters, fits) in [(room / 2, room % 2, true), (room / 2, room % 2 + 1, false)] {
         let text = format!("{}{}", "\t".repeat(tabs), "A".repeat(letters));

@@ -3,7 +3,7 @@
 use clap::Args;
 use serde::Serialize;
 use softplug_conformance::certify::matches;
-use softplug_conformance::{Corpus, Listed, ledger};
+use softplug_conformance::{Corpus, Listed, lint};
 use softplug_report::{CaseKind, Level};
 
 use crate::corpus::Source;
@@ -110,7 +110,7 @@ pub(super) fn no_profile(corpus: &Corpus, profile: &str) -> Failure {
 }
 
 fn lint(corpus: &Corpus, screen: &Screen) -> Exit {
-    let findings = ledger::lint(&corpus.ledgers, corpus);
+    let findings = lint::lint(&corpus.ledgers, corpus);
     let findings: Vec<_> = findings.iter().map(ToString::to_string).collect();
     for finding in &findings {
         screen.say(finding);

@@ -7,7 +7,7 @@ use softplug_abi::{Action, Failure as Why, Instance, LineParameters, Micros};
 use softplug_conformance::closed_loop::ClosedLoop;
 use softplug_gateway::pacer::default_depth;
 use softplug_gateway::port::line_text;
-use softplug_link::{Job, LinkFault, LinkOptions, Outside, Supply};
+use softplug_link::{Job, LinkFault, LinkHost, LinkOptions, Supply};
 
 use super::send::{
     Arguments, Document, NoteDocument, Piece, Prepared, StatusDocument, check_message, reason,
@@ -88,6 +88,7 @@ pub(super) fn run(
         result,
         bytes: paper.supplied,
         sent: paper.wire.len() as u64,
+        may_have_left: None,
         seconds: took.as_secs_f64(),
         held_seconds: 0.0,
         holds: 0,
@@ -207,7 +208,9 @@ impl Paper {
     }
 }
 
-impl Outside for Paper {
+// A new action has to be decided on here.
+#[deny(clippy::wildcard_enum_match_arm)]
+impl LinkHost for Paper {
     fn handle(&mut self, _now: Micros, action: &Action<'_>) {
         match action {
             Action::JobDone { .. } => self.end = Some(End::Done),
@@ -227,7 +230,23 @@ impl Outside for Paper {
                 code: *code,
                 text: (*text).to_owned(),
             }),
-            _ => {}
+            Action::Transmit { .. }
+            | Action::TransmitUrgent { .. }
+            | Action::Hold
+            | Action::Release
+            | Action::Discard
+            | Action::SetTimer { .. }
+            | Action::CancelTimer { .. }
+            | Action::ModemLines { .. }
+            | Action::Break { .. }
+            | Action::Want { .. }
+            | Action::DeliveryBegin { .. }
+            | Action::DeliveryName { .. }
+            | Action::DeliveryEnd { .. }
+            | Action::CheckResult { .. }
+            | Action::Withdraw { .. }
+            | Action::State { .. }
+            | Action::Saved { .. } => {}
         }
     }
 

@@ -97,6 +97,9 @@ pub(crate) struct Document<'a> {
     pub(crate) bytes: u64,
     /// Bytes that left for it.
     pub(crate) sent: u64,
+    /// Characters that have left, may have, or may leave yet.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) may_have_left: Option<u64>,
     pub(crate) seconds: f64,
     pub(crate) held_seconds: f64,
     pub(crate) holds: u64,

@@ -69,7 +69,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let text = files::read_text(&arguments.report)?;
     let report = json::read(&arguments.report, &text).map_err(Failure::usage)?;
     let signed = arguments.key.as_deref().map(|key| signed(arguments, key, &text)).transpose()?;
-    let module = files::read(&arguments.library.find(&arguments.plugin)?)?;
+    let module = arguments.library.read(&arguments.plugin)?;
     let corpus = arguments.corpus.load()?;
     let baseline = arguments.baseline.as_deref().map(read_baseline).transpose()?;
     if report.selection.baseline.is_some() && baseline.is_none() {

@@ -7,12 +7,12 @@ use std::rc::Rc;
 
 use softplug_abi::manifest::{Manifest, OwnedValue, SettingValues, ValueType};
 use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines};
-use softplug_conformance::partners::fanuc::{
+use softplug_machines::fanuc::{
     CharacterSet, Control, Interface, Options as FanucOptions, Parity, Press, RemoteOptions,
 };
-use softplug_conformance::partners::r3964::rk512::{Area, Computer, Options as Rk512Options};
-use softplug_conformance::partners::r3964::{Options as R3964Options, Priority, Station};
-use softplug_conformance::partners::{Partner, Signal};
+use softplug_machines::r3964::rk512::{Area, Computer, Options as Rk512Options};
+use softplug_machines::r3964::{Options as R3964Options, Priority, Station};
+use softplug_machines::{Partner, Signal};
 
 use crate::failure::Failure;
 use crate::line::Assignment;
@@ -312,7 +312,7 @@ struct Blockwise {
 /// Where in a block it reads.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 enum Place {
-    Outside,
+    LinkHost,
     Text,
     Check,
     Behind,
@@ -324,7 +324,7 @@ impl Blockwise {
             line,
             dc1: set.bool("dc1"),
             has_parity: set.choice("parity").as_deref() == Some("even"),
-            place: Place::Outside,
+            place: Place::LinkHost,
             leaving: VecDeque::new(),
         };
         let name = fields.iter().find(|field| field.name == "name");
@@ -358,14 +358,14 @@ impl Blockwise {
         let byte = byte & 0x7F;
         self.place = match (self.place, byte) {
             (Place::Text, ETB) => Place::Check,
-            (Place::Outside | Place::Behind, STX) | (Place::Text, _) => Place::Text,
+            (Place::LinkHost | Place::Behind, STX) | (Place::Text, _) => Place::Text,
             (Place::Check, _) if self.dc1 => Place::Behind,
             (Place::Check, _) | (Place::Behind, DC1) => {
                 self.say(now, ACK);
-                Place::Outside
+                Place::LinkHost
             }
             // ETX EOT ends the program.
-            (_, ETX | EOT) | (Place::Outside | Place::Behind, _) => Place::Outside,
+            (_, ETX | EOT) | (Place::LinkHost | Place::Behind, _) => Place::LinkHost,
         };
     }
 }

@@ -4,9 +4,9 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use softplug_abi::{LineErrorKind, Micros};
-use softplug_conformance::partners::{Partner, Signal};
 use softplug_gateway::PortError;
 use softplug_gateway::simulator::Simulator;
+use softplug_machines::{Partner, Signal};
 
 /// How often a stop is looked for.
 const TICK: Micros = Micros::from_millis(50);

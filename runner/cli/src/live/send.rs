@@ -59,7 +59,7 @@ pub(crate) fn send(
     say_notes(&report.notes, plugin.manifest(), screen);
 
     let manifest = plugin.manifest();
-    let after = numbers::bytes(report.sent);
+    let after = so_far(&report);
     let (exit, result, failure, message) = match report.outcome {
         SendOutcome::Done if report.received > 0 => {
             // The plug-in had room for an answer, and took something else with it.
@@ -100,6 +100,7 @@ pub(crate) fn send(
         result,
         bytes: report.bytes,
         sent: report.sent,
+        may_have_left: Some(report.left.maybe.max(report.sent)),
         seconds: numbers::seconds(report.elapsed),
         held_seconds: numbers::seconds(report.held),
         holds: report.holds,
@@ -215,4 +216,16 @@ fn done(report: &SendReport, file: Option<&Path>) -> String {
         let _ = write!(text, "; held {times}, {} in all", numbers::span(report.held));
     }
     text
+}
+
+/// What left of a job that is not done, and what cannot be called back.
+fn so_far(report: &SendReport) -> String {
+    let sent = numbers::bytes(report.sent);
+    match report.left.maybe.saturating_sub(report.sent) {
+        0 => sent,
+        more => {
+            let more = numbers::things(more, "more character");
+            format!("{sent} (up to {more} may have left, or may leave yet)")
+        }
+    }
 }

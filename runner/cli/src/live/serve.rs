@@ -10,7 +10,7 @@ use softplug_abi::Failure as Why;
 use softplug_abi::manifest::{Kind, Manifest};
 use softplug_gateway::store::{Inbox, Mark, Shelf};
 use softplug_gateway::transfer::{
-    self, Delivered, Desk, JobReport, News, Program, Reply, Request, SendOutcome, ServeEnd,
+    self, Delivered, JobReport, News, Program, Reply, Request, SendOutcome, ServeEnd, ServeHandler,
     ServeOptions, ServeReport,
 };
 
@@ -244,7 +244,7 @@ fn refusal(error: &io::Error) -> Why {
     }
 }
 
-impl Desk for Counter<'_> {
+impl ServeHandler for Counter<'_> {
     fn begin(&mut self) -> io::Result<()> {
         self.inbox.begin()
     }

@@ -49,6 +49,17 @@ fn every_bomb_is_refused_or_loaded_within_what_is_promised() {
     }
 }
 
+#[test]
+fn a_file_of_any_size_is_refused_unread() {
+    let bench = Bench::new();
+    let huge = std::fs::File::create(bench.path("huge.wasm")).unwrap();
+    huge.set_len(64 << 30).unwrap();
+    for words in [&["inspect", "huge.wasm"][..], &["certify", "huge.wasm", "--profile", "r3964"]] {
+        let ran = in_a_cage(&bench, words).with_code(3);
+        assert!(ran.err.contains("68719476736 bytes"), "{words:?}: {ran}");
+    }
+}
+
 fn compiling(by: CompilerProcess) -> Host {
     let options = HostOptions { compiler: Some(by), instances: 4, ..HostOptions::default() };
     Host::new(options).unwrap()

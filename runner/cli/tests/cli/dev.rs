@@ -121,9 +121,14 @@ mod needs_clang {
     fn each_save_goes_onto_a_port() {
         let bench = project("kit-port", "c");
         bench.write("kit-port/text.nc", "one\ntwo\n");
+        std::fs::create_dir(bench.path("kit-port/kept")).unwrap();
         let pty = PtyPair::open().unwrap();
         let port = pty.slave_path().display().to_string();
-        let words = ["--port", &port, "--send", "text.nc", "--set", "answer_time=60000"];
+        let words = [
+            &["--port", &port, "--send", "text.nc", "--set", "answer_time=60000"][..],
+            &["--keep", "kept"],
+        ]
+        .concat();
         let mut dev = Dev::start(&bench, "kit-port", &words, &[]);
         let first = dev.round();
         assert_eq!(first["result"], "swapped", "{first}");
@@ -148,6 +153,18 @@ mod needs_clang {
         let third = dev.round();
         assert_eq!(third["result"], "swapped", "{third}");
         reads(&pty, "one\n");
+        pty.write(ACK).unwrap();
+        reads(&pty, "two\n");
+        pty.write(ACK).unwrap();
+        // What the machine sends is acknowledged, and kept.
+        pty.write(b"M30\n").unwrap();
+        reads(&pty, "\x06");
+        let kept = || {
+            let folder = std::fs::read_dir(bench.path("kit-port/kept")).unwrap();
+            let files = folder.map(|entry| std::fs::read(entry.unwrap().path()).unwrap());
+            files.collect::<Vec<_>>()
+        };
+        wait_for("what was kept", || kept() == [b"M30\n"]);
         // A plug-in that traps ends, and the next save begins anew.
         edit(
             &bench,

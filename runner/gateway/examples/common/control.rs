@@ -9,11 +9,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
 use softplug_abi::{LineParameters, Micros};
-use softplug_conformance::partners::fanuc::{
-    Control, FeedHold, Feeding, Options, Parity, Press, Report,
-};
 use softplug_gateway::PortError;
 use softplug_gateway::simulator::Simulator;
+use softplug_machines::fanuc::{Control, FeedHold, Feeding, Options, Parity, Press, Report};
 
 /// The control's own lateness past which a complaint says nothing.
 pub const INCONCLUSIVE: Micros = Micros::from_millis(1);

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use softplug_conformance::partners::fanuc::eight_none_two;
 use softplug_gateway::pty::PtyPair;
+use softplug_machines::fanuc::eight_none_two;
 
 use super::control::{self, Machine};
 use super::subject::{Subject, Wanted};

@@ -235,7 +235,7 @@ impl Departures {
     /// What was out at the last look, and what the fastest line has sent since; also as much as
     /// the port was given since, which is little, because an adapter need not keep to the rate
     /// that it has.
-    fn place_maybe(&self, now: Micros) -> u64 {
+    pub(super) fn place_maybe(&self, now: Micros) -> u64 {
         if !self.line.rate_known {
             return self.taken;
         }

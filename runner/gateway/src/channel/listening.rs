@@ -11,7 +11,7 @@ use softplug_abi::{Instance, Micros};
 
 use super::departures::Departures;
 use super::tap::Tap;
-use super::{Channel, ChannelError, MODEM_LINES_EVERY, Surroundings};
+use super::{Channel, ChannelError, ChannelHost, MODEM_LINES_EVERY};
 use crate::clock::Clock;
 use crate::port::input_sink::InputSink;
 use crate::port::scratch::READ_BYTES;
@@ -42,7 +42,7 @@ impl<I: Instance> Channel<I> {
     pub(super) fn take_in(
         &mut self,
         clock: Clock,
-        outside: &mut dyn Surroundings,
+        host: &mut dyn ChannelHost,
     ) -> Result<Micros, ChannelError<I::Fault>> {
         let mut before = clock.now().max(self.link.now());
         for _ in 0..READS {
@@ -54,7 +54,7 @@ impl<I: Instance> Channel<I> {
             if !self.readable {
                 break;
             }
-            let drained = self.read(clock, outside)?;
+            let drained = self.read(clock, host)?;
             let latest = self.link.now();
             let is_missed = self.is_due(latest) && !self.is_due(before);
             if self.gone.is_some() || (drained == Drained::Yes && !is_missed) {
@@ -85,7 +85,7 @@ impl<I: Instance> Channel<I> {
     fn read(
         &mut self,
         clock: Clock,
-        outside: &mut dyn Surroundings,
+        host: &mut dyn ChannelHost,
     ) -> Result<Drained, ChannelError<I::Fault>> {
         let most = self.readable_bytes();
         let Some(port) = self.port.as_mut().filter(|_| most > 0) else { return Ok(Drained::Yes) };
@@ -94,7 +94,7 @@ impl<I: Instance> Channel<I> {
             at: None,
             link: &mut self.link,
             departures: &mut self.departures,
-            tap: Tap::new(outside, &mut self.counters, &self.pacer),
+            tap: Tap::new(host, &mut self.counters, &self.pacer),
             fault: None,
         };
         let outcome = port.read_to(most, &mut input)?;
@@ -122,7 +122,7 @@ impl<I: Instance> Channel<I> {
                 Ok(Drained::Yes)
             }
             ReadOutcome::Gone(reason) => {
-                self.lose(clock.now(), reason, outside)?;
+                self.lose(clock.now(), reason, host)?;
                 Ok(Drained::Yes)
             }
         }
@@ -155,7 +155,7 @@ impl<I: Instance> Channel<I> {
     pub(super) fn look_at_modem_lines(
         &mut self,
         clock: Clock,
-        outside: &mut dyn Surroundings,
+        host: &mut dyn ChannelHost,
     ) -> Result<(), ChannelError<I::Fault>> {
         let now = clock.now();
         if self.looks_for_modem_lines() && now < self.modem_lines_at {
@@ -174,8 +174,8 @@ impl<I: Instance> Channel<I> {
         let (known, on) = lines.unwrap_or_default();
         let at = input_time(&self.link, clock.now());
         self.note_departures(at);
-        outside.modem_lines(at, known, on);
-        self.ask_at(at, outside, |link, at, outside| link.modem_lines(at, known, on, outside))??;
+        host.modem_lines(at, known, on);
+        self.ask_at(at, host, |link, at, host| link.modem_lines(at, known, on, host))??;
         Ok(())
     }
 }

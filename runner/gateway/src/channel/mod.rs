@@ -13,7 +13,7 @@ pub use departures::{Left, Place};
 use departures::Departures;
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Instance, LineParameters, LinkDownReason, Micros, ModemLines};
-use softplug_link::{Link, LinkFault, LinkOptions, Outside};
+use softplug_link::{Link, LinkFault, LinkHost, LinkOptions};
 use std::error::Error;
 use tap::Tap;
 use thiserror::Error;
@@ -79,7 +79,7 @@ pub enum ChannelError<F: Error + 'static> {
 
 /// What a channel needs from around it: what the link needs, and somebody who
 /// looks at what passes on the line.
-pub trait Surroundings: Outside {
+pub trait ChannelHost: LinkHost {
     /// The port heard this.
     fn heard(&mut self, now: Micros, input: &Input<'_>) {
         let _ = (now, input);
@@ -239,19 +239,19 @@ impl<I: Instance> Channel<I> {
     pub fn ask<R>(
         &mut self,
         now: Micros,
-        outside: &mut dyn Surroundings,
-        act: impl FnOnce(&mut Link<I>, Micros, &mut dyn Outside) -> R,
+        host: &mut dyn ChannelHost,
+        act: impl FnOnce(&mut Link<I>, Micros, &mut dyn LinkHost) -> R,
     ) -> Result<R, PortError> {
-        self.ask_at(self.before_timers(now), outside, act)
+        self.ask_at(self.before_timers(now), host, act)
     }
 
     fn ask_at<R>(
         &mut self,
         now: Micros,
-        outside: &mut dyn Surroundings,
-        act: impl FnOnce(&mut Link<I>, Micros, &mut dyn Outside) -> R,
+        host: &mut dyn ChannelHost,
+        act: impl FnOnce(&mut Link<I>, Micros, &mut dyn LinkHost) -> R,
     ) -> Result<R, PortError> {
-        let mut tap = Tap::new(outside, &mut self.counters, &self.pacer);
+        let mut tap = Tap::new(host, &mut self.counters, &self.pacer);
         let asked = act(&mut self.link, now, &mut tap);
         let (lines, has_failed) = (tap.modem_lines, tap.has_failed);
         self.set_modem_lines(lines)?;
@@ -263,9 +263,9 @@ impl<I: Instance> Channel<I> {
     pub fn open(
         &mut self,
         now: Micros,
-        outside: &mut dyn Surroundings,
+        host: &mut dyn ChannelHost,
     ) -> Result<(), ChannelError<I::Fault>> {
-        Ok(self.ask(now, outside, |link, now, outside| link.open(now, outside))??)
+        Ok(self.ask(now, host, |link, now, host| link.open(now, host))??)
     }
 
     /// What can be done without waiting, up to a bound. Reads before each write: a
@@ -275,16 +275,16 @@ impl<I: Instance> Channel<I> {
     pub fn work(
         &mut self,
         clock: Clock,
-        outside: &mut dyn Surroundings,
+        host: &mut dyn ChannelHost,
     ) -> Result<Work, ChannelError<I::Fault>> {
         let until = clock.now() + TURN;
-        self.attend_port(clock.now(), outside)?;
+        self.attend_port(clock.now(), host)?;
         for _ in 0..ROUNDS {
-            let now = self.take_in(clock, outside)?;
-            self.look_at_modem_lines(clock, outside)?;
+            let now = self.take_in(clock, host)?;
+            self.look_at_modem_lines(clock, host)?;
             self.note_departures(now);
-            self.ask_at(now, outside, |link, now, outside| link.run(now, outside))??;
-            let has_sent = self.gone.is_none() && self.send_some(clock.now(), clock, outside)?;
+            self.ask_at(now, host, |link, now, host| link.run(now, host))??;
+            let has_sent = self.gone.is_none() && self.send_some(clock.now(), clock, host)?;
             let now = clock.now();
             let goes_on = self.may_read() || (has_sent && self.may_go_on(now));
             if !goes_on {
@@ -371,6 +371,15 @@ impl<I: Instance> Channel<I> {
         self.departures.left(now, from)
     }
 
+    /// Bytes of the latest job's data of which some may have left or may leave yet, now that it
+    /// is over.
+    pub fn job_may_have_left(&mut self, now: Micros) -> u64 {
+        // What a port has that is lost is no more than it had when it last told.
+        let lost = self.gone.map(|_| self.departures.place_maybe(now));
+        let place = lost.unwrap_or(u64::MAX).min(self.link.characters());
+        self.link.job_bytes_within(place)
+    }
+
     /// [`left`](Self::left), without asking a port that was asked a moment ago.
     pub(crate) fn left_lately(&mut self, now: Micros, from: Place) -> Left {
         if now >= self.departures.looked_at() + LOOK_AGAIN_FAR {
@@ -392,7 +401,7 @@ impl<I: Instance> Channel<I> {
         &mut self,
         now: Micros,
         reason: LinkDownReason,
-        outside: &mut dyn Surroundings,
+        host: &mut dyn ChannelHost,
     ) -> Result<(), ChannelError<I::Fault>> {
         self.gone = Some(reason);
         self.drop_pending();
@@ -404,9 +413,9 @@ impl<I: Instance> Channel<I> {
             let (maybe, surely) = self.departures.places(now);
             self.link.left(maybe, surely);
         }
-        self.ask(now, outside, |link, now, outside| {
-            link.link_down(now, reason, outside)?;
-            link.run(now, outside)
+        self.ask(now, host, |link, now, host| {
+            link.link_down(now, reason, host)?;
+            link.run(now, host)
         })??;
         Ok(())
     }
@@ -428,7 +437,7 @@ impl<I: Instance> Channel<I> {
         now: Micros,
         instance: I,
         settings: SettingValues,
-        outside: &mut dyn Surroundings,
+        host: &mut dyn ChannelHost,
     ) -> Result<I, ChannelError<I::Fault>> {
         self.drop_pending();
         if self.gone.is_none() && self.never_given > 0 {
@@ -440,9 +449,7 @@ impl<I: Instance> Channel<I> {
         // What the one before held, nobody will let go.
         self.counters.pause(now, false);
         self.counters.release(now);
-        Ok(self.ask(now, outside, |link, now, outside| {
-            link.replace(now, instance, settings, outside)
-        })??)
+        Ok(self.ask(now, host, |link, now, host| link.replace(now, instance, settings, host))??)
     }
 
     fn put_port(&mut self, now: Micros, port: Port) {
@@ -478,17 +485,16 @@ impl<I: Instance> Channel<I> {
         &mut self,
         port: Port,
         now: Micros,
-        outside: &mut dyn Surroundings,
+        host: &mut dyn ChannelHost,
     ) -> Result<(), ChannelError<I::Fault>> {
         self.put_port(now, port);
         let lines = self.modem_lines;
-        self.ask(now, outside, |link, now, outside| {
+        self.ask(now, host, |link, now, host| {
             // Also where the plug-in has ended: its successor finds the port back.
-            let up = link.link_up(now, outside);
-            let told =
-                lines.map_or(Ok(()), |(known, on)| link.modem_lines(now, known, on, outside));
+            let up = link.link_up(now, host);
+            let told = lines.map_or(Ok(()), |(known, on)| link.modem_lines(now, known, on, host));
             up.and(told)?;
-            link.run(now, outside)
+            link.run(now, host)
         })??;
         Ok(())
     }
@@ -510,7 +516,7 @@ impl<I: Instance> Channel<I> {
     fn attend_port(
         &mut self,
         now: Micros,
-        outside: &mut dyn Surroundings,
+        host: &mut dyn ChannelHost,
     ) -> Result<(), ChannelError<I::Fault>> {
         let Some(port) = self.port.as_mut().filter(|_| self.gone.is_none()) else {
             return Ok(());
@@ -520,7 +526,7 @@ impl<I: Instance> Channel<I> {
         }
         self.readable = true;
         match port.attend(now) {
-            Err(PortError::Gone(reason)) => self.lose(now, reason, outside),
+            Err(PortError::Gone(reason)) => self.lose(now, reason, host),
             attended => Ok(attended?),
         }
     }

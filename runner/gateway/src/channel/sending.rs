@@ -9,7 +9,7 @@
 use softplug_abi::{Instance, Micros};
 use softplug_link::Taken;
 
-use super::{CHUNK, Channel, ChannelError, Surroundings};
+use super::{CHUNK, Channel, ChannelError, ChannelHost};
 use crate::clock::Clock;
 use crate::due::Due;
 use crate::error::PortError;
@@ -30,7 +30,7 @@ impl<I: Instance> Channel<I> {
         &mut self,
         now: Micros,
         clock: Clock,
-        outside: &mut dyn Surroundings,
+        host: &mut dyn ChannelHost,
     ) -> Result<bool, ChannelError<I::Fault>> {
         if self.call_back(now)? || self.breaks(now)? {
             return Ok(false);
@@ -56,14 +56,14 @@ impl<I: Instance> Channel<I> {
         let written = match port.write(&self.pending[self.pending_from..end]) {
             Ok(written) => written,
             Err(PortError::Gone(reason)) => {
-                self.lose(now, reason, outside)?;
+                self.lose(now, reason, host)?;
                 return Ok(false);
             }
             Err(error) => return Err(error.into()),
         };
         let after = clock.now();
         if written > 0 {
-            outside.wrote(now, &self.pending[self.pending_from..self.pending_from + written]);
+            host.wrote(now, &self.pending[self.pending_from..self.pending_from + written]);
             self.pending_from += written;
             self.counters.bytes_out += written as u64;
             let run = self.pacer.took_between(now, after, written);
@@ -139,12 +139,12 @@ impl<I: Instance> Channel<I> {
     pub fn write_on(
         &mut self,
         clock: Clock,
-        outside: &mut dyn Surroundings,
+        host: &mut dyn ChannelHost,
     ) -> Result<Option<Due>, ChannelError<I::Fault>> {
         if self.gone.is_some() || self.may_read() || self.link.has_reports() {
             return Ok(None);
         }
-        self.send_some(clock.now(), clock, outside)?;
+        self.send_some(clock.now(), clock, host)?;
         let now = clock.now();
         let has_more = self.link.has_reports() || self.may_send(now);
         let may_wait = !has_more && self.wants_to_send(false);

@@ -2,14 +2,14 @@
 //! is kept for it, what is counted is counted.
 
 use softplug_abi::{Action, Micros, ModemLines};
-use softplug_link::{Outside, Supply};
+use softplug_link::{LinkHost, Supply};
 
-use super::{Counters, Surroundings};
+use super::{ChannelHost, Counters};
 use crate::pacer::Pacer;
 use crate::port::Input;
 
 pub(super) struct Tap<'a> {
-    outside: &'a mut dyn Surroundings,
+    host: &'a mut dyn ChannelHost,
     counters: &'a mut Counters,
     pacer: &'a Pacer,
     /// Lines to set: which, and which of them on.
@@ -20,20 +20,22 @@ pub(super) struct Tap<'a> {
 
 impl<'a> Tap<'a> {
     pub(super) fn new(
-        outside: &'a mut dyn Surroundings,
+        host: &'a mut dyn ChannelHost,
         counters: &'a mut Counters,
         pacer: &'a Pacer,
     ) -> Self {
-        Self { outside, counters, pacer, modem_lines: None, has_failed: false }
+        Self { host, counters, pacer, modem_lines: None, has_failed: false }
     }
 
     pub(super) fn heard(&mut self, now: Micros, input: &Input<'_>) {
         self.counters.count_input(input);
-        self.outside.heard(now, input);
+        self.host.heard(now, input);
     }
 }
 
-impl Outside for Tap<'_> {
+// A new action has to be decided on here.
+#[deny(clippy::wildcard_enum_match_arm)]
+impl LinkHost for Tap<'_> {
     fn handle(&mut self, now: Micros, action: &Action<'_>) {
         match action {
             Action::Hold => self.counters.hold(now, self.pacer.in_flight(now)),
@@ -44,20 +46,37 @@ impl Outside for Tap<'_> {
                 let on = ModemLines((set_on.0 & !mask.0) | on.0);
                 self.modem_lines = Some((set.union(*mask), on));
             }
-            _ => {}
+            Action::Transmit { .. }
+            | Action::TransmitUrgent { .. }
+            | Action::Discard
+            | Action::SetTimer { .. }
+            | Action::CancelTimer { .. }
+            | Action::Break { .. }
+            | Action::Want { .. }
+            | Action::DeliveryBegin { .. }
+            | Action::Deliver { .. }
+            | Action::DeliveryName { .. }
+            | Action::DeliveryEnd { .. }
+            | Action::JobDone { .. }
+            | Action::CheckResult { .. }
+            | Action::Request { .. }
+            | Action::Withdraw { .. }
+            | Action::Note { .. }
+            | Action::State { .. }
+            | Action::Saved { .. } => {}
         }
-        self.outside.handle(now, action);
+        self.host.handle(now, action);
     }
 
     fn supply(&mut self, job: u32, buffer: &mut [u8]) -> Supply {
-        self.outside.supply(job, buffer)
+        self.host.supply(job, buffer)
     }
 
     fn rewind(&mut self, job: u32) {
-        self.outside.rewind(job);
+        self.host.rewind(job);
     }
 
     fn drained(&mut self) -> u32 {
-        self.outside.drained()
+        self.host.drained()
     }
 }

@@ -13,12 +13,12 @@ use std::time::{Duration, Instant};
 
 use rfc2217::{PortSettings, Purge};
 use rustix::net::sockopt;
-use softplug_conformance::partners::{Partner, Signal};
+use softplug_machines::{Partner, Signal};
 
 use crate::clock::Clock;
 use crate::error::PortError;
 use crate::poll::{Poller, Waker};
-use worker::{Order, Worker};
+use worker::{Command, Worker};
 
 /// What the server's TCP takes in before anybody reads.
 const RECEIVE_BUFFER: usize = 16_384;
@@ -50,7 +50,7 @@ pub enum Seen {
 #[derive(Debug)]
 pub struct DeviceServer<P> {
     address: SocketAddr,
-    orders: Sender<Order>,
+    commands: Sender<Command>,
     waker: Waker,
     seen: Arc<Log>,
     thread: Option<JoinHandle<Result<P, PortError>>>,
@@ -69,14 +69,14 @@ impl<P: Partner + Send + 'static> DeviceServer<P> {
         let address = listener.local_addr().map_err(failed)?;
         let poller = Poller::new(Clock::start())?;
         let waker = poller.waker();
-        let (orders, inbox) = channel();
+        let (commands, inbox) = channel();
         let seen = Arc::new(Log::default());
         let worker = Worker::new(listener, machine, poller, inbox, Arc::clone(&seen));
         let thread = std::thread::Builder::new()
             .name("device-server".to_owned())
             .spawn(move || worker.run())
             .map_err(failed)?;
-        Ok(Self { address, orders, waker, seen, thread: Some(thread) })
+        Ok(Self { address, commands, waker, seen, thread: Some(thread) })
     }
 
     /// Where it listens.
@@ -107,27 +107,27 @@ impl<P: Partner + Send + 'static> DeviceServer<P> {
 
     /// Lets the line bring this, as if from the machine.
     pub fn inject(&self, signal: Signal) {
-        self.order(Order::Inject(signal));
+        self.command(Command::Inject(signal));
     }
 
     /// Asks the client for a pause, or ends it.
     pub fn suspend(&self, on: bool) {
-        self.order(Order::Suspend(on));
+        self.command(Command::Suspend(on));
     }
 
     /// Stops serving the client without closing its connection, or goes on.
     pub fn hang(&self, on: bool) {
-        self.order(Order::Hang(on));
+        self.command(Command::Hang(on));
     }
 
     /// Ends the client's connection as a crash would.
     pub fn drop_client(&self) {
-        self.order(Order::DropClient);
+        self.command(Command::DropClient);
     }
 
     /// Ends the server as a crash would and gives its machine, for the next.
     pub fn kill(mut self) -> Result<P, PortError> {
-        self.order(Order::Kill);
+        self.command(Command::Kill);
         let ended = self.thread.take().map(JoinHandle::join);
         match ended {
             Some(Ok(ended)) => ended,
@@ -135,16 +135,16 @@ impl<P: Partner + Send + 'static> DeviceServer<P> {
         }
     }
 
-    fn order(&self, order: Order) {
-        // A server that has ended by itself takes no orders; `kill` tells why.
-        let _ = self.orders.send(order);
+    fn command(&self, command: Command) {
+        // A server that has ended by itself takes no commands; `kill` tells why.
+        let _ = self.commands.send(command);
         self.waker.wake();
     }
 }
 
 impl<P> Drop for DeviceServer<P> {
     fn drop(&mut self) {
-        let _ = self.orders.send(Order::Kill);
+        let _ = self.commands.send(Command::Kill);
         self.waker.wake();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();

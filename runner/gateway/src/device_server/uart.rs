@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 
 use rfc2217::{FlowControl, PortSettings};
 use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines};
-use softplug_conformance::partners::{Partner, Signal};
+use softplug_machines::{Partner, Signal};
 
 use crate::port::rfc2217_values::line_of;
 

@@ -9,7 +9,7 @@ use std::time::Duration;
 use rfc2217::{CommandError, PortSettings, Purge, Server, ServerEvent};
 use rustix::net::sockopt;
 use softplug_abi::{LineErrorKind, Micros, ModemLines};
-use softplug_conformance::partners::{Partner, Signal};
+use softplug_machines::{Partner, Signal};
 
 use super::uart::{Heard, TRANSMIT, Uart};
 use super::{Log, Seen};
@@ -19,9 +19,9 @@ use crate::port::ReadOutcome;
 use crate::port::rfc2217_values::{line_state, modem_state};
 use crate::port::stream::Stream;
 
-/// What a server is told from outside.
+/// What a server is told by its owner.
 #[derive(Debug)]
-pub(super) enum Order {
+pub(super) enum Command {
     Inject(Signal),
     Suspend(bool),
     Hang(bool),
@@ -35,7 +35,7 @@ pub(super) struct Worker<P> {
     uart: Option<Uart<P>>,
     client: Option<Client>,
     poller: Poller,
-    inbox: Receiver<Order>,
+    inbox: Receiver<Command>,
     seen: Arc<Log>,
     /// The machine's outputs, our inputs: none until it drives some.
     lines: Option<ModemLines>,
@@ -63,7 +63,7 @@ impl<P: Partner> Worker<P> {
         listener: TcpListener,
         machine: P,
         poller: Poller,
-        inbox: Receiver<Order>,
+        inbox: Receiver<Command>,
         seen: Arc<Log>,
     ) -> Self {
         let uart = Some(Uart::new(machine, PortSettings::default()));
@@ -73,17 +73,17 @@ impl<P: Partner> Worker<P> {
     pub(super) fn run(mut self) -> Result<P, PortError> {
         let Some(mut uart) = self.uart.take() else { unreachable!("a worker runs once") };
         loop {
-            while let Ok(order) = self.inbox.try_recv() {
-                match order {
-                    Order::Inject(signal) => uart.inject(self.poller.clock().now(), signal),
-                    Order::Suspend(on) => {
+            while let Ok(command) = self.inbox.try_recv() {
+                match command {
+                    Command::Inject(signal) => uart.inject(self.poller.clock().now(), signal),
+                    Command::Suspend(on) => {
                         if let Some(client) = &mut self.client {
                             client.suspend = Some(on);
                         }
                     }
-                    Order::Hang(on) => self.hangs = on,
-                    Order::DropClient => uart = self.drop_client(uart),
-                    Order::Kill => {
+                    Command::Hang(on) => self.hangs = on,
+                    Command::DropClient => uart = self.drop_client(uart),
+                    Command::Kill => {
                         let uart = self.drop_client(uart);
                         return Ok(uart.partner);
                     }

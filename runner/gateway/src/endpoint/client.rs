@@ -14,7 +14,7 @@ use super::{EndpointKind, EndpointSetup};
 use crate::error::PortError;
 use crate::port::scratch::{READ_BYTES, with_scratch};
 use crate::port::stream::{Received, Stream};
-use crate::reactor::{EndpointWish, LineNews};
+use crate::reactor::{EndpointRequest, LineNews};
 
 /// What is taken in before a job takes it, so that there is known to be some.
 const FRONT: usize = 512;
@@ -223,11 +223,11 @@ impl Client {
         std::mem::take(&mut self.drained)
     }
 
-    pub(super) fn next_wish(&mut self) -> Option<EndpointWish> {
-        let wish = self.telnet.as_mut()?.next_wish();
+    pub(super) fn next_request(&mut self) -> Option<EndpointRequest> {
+        let request = self.telnet.as_mut()?.next_request();
         // There is room for another.
-        self.is_blocked &= wish.is_none();
-        wish
+        self.is_blocked &= request.is_none();
+        request
     }
 
     /// Drops deliveries that wait, if the client wants that.

@@ -7,7 +7,7 @@
 //! either side.
 
 mod client;
-mod door;
+mod listener;
 mod setup;
 mod telnet;
 
@@ -25,8 +25,8 @@ use softplug_abi::Micros;
 use softplug_link::Supply;
 
 use self::client::{Client, Taken};
-use self::door::Door;
-use crate::reactor::{Endpoint, EndpointNews, EndpointWish, JobOutcome, LineNews};
+use self::listener::EndpointListener;
+use crate::reactor::{Endpoint, EndpointNews, EndpointRequest, JobOutcome, LineNews};
 
 /// Deliveries are sent once so many bytes are gathered: a packet of Ethernet.
 const PACKET: usize = 1_400;
@@ -38,7 +38,7 @@ const LOOK_EVERY: Micros = Micros::from_millis(10_000);
 pub struct ServerEndpoint {
     setup: EndpointSetup,
     tokens: Range<usize>,
-    door: Door,
+    listener: EndpointListener,
     client: Option<Client>,
     /// A job of the client's is under way; its data may have ended.
     job: Option<Job>,
@@ -52,7 +52,7 @@ pub struct ServerEndpoint {
     look_at: Option<Micros>,
     now: Micros,
     news: VecDeque<EndpointNews>,
-    wishes: VecDeque<EndpointWish>,
+    requests: VecDeque<EndpointRequest>,
     drained: u32,
     /// The port as it is, while it is there.
     line: Option<LineNews>,
@@ -75,12 +75,12 @@ impl ServerEndpoint {
     /// that gets the endpoint tells it and tries again: the address may be
     /// another's for a moment.
     pub fn new(setup: EndpointSetup) -> Self {
-        let (door, failure) = Door::new(setup.listen);
+        let (listener, failure) = EndpointListener::new(setup.listen);
         let news = failure.map(EndpointNews::Failed);
         Self {
             setup,
             tokens: 0..0,
-            door,
+            listener,
             client: None,
             job: None,
             is_dropping: false,
@@ -90,7 +90,7 @@ impl ServerEndpoint {
             look_at: None,
             now: Micros::ZERO,
             news: news.into_iter().collect(),
-            wishes: VecDeque::new(),
+            requests: VecDeque::new(),
             drained: 0,
             line: None,
         }
@@ -98,12 +98,12 @@ impl ServerEndpoint {
 
     /// Where it listens, if it does.
     pub fn address(&self) -> Option<SocketAddr> {
-        self.door.address()
+        self.listener.address()
     }
 
-    /// Lets in who is at the door, or sends away.
+    /// Accepts clients that want to connect, or turns them away.
     fn accept(&mut self, registry: &Registry) {
-        while let Some((stream, address)) = self.door.next(self.now) {
+        while let Some((stream, address)) = self.listener.next(self.now) {
             match self.client.as_ref().map(Client::address) {
                 None => self.let_in(registry, stream, address),
                 Some(first) => {
@@ -152,7 +152,7 @@ impl ServerEndpoint {
         if matches!(self.job, Some(Job::Open | Job::Closed)) {
             // It may not pass for whole.
             self.job = Some(Job::Orphaned);
-            self.wishes.push_back(EndpointWish::Purge);
+            self.requests.push_back(EndpointRequest::Purge);
         }
     }
 
@@ -172,8 +172,8 @@ impl ServerEndpoint {
             client.peek();
         }
         client.purge();
-        while let Some(wish) = client.next_wish() {
-            self.wishes.push_back(wish);
+        while let Some(request) = client.next_request() {
+            self.requests.push_back(request);
         }
         if client.has_heard()
             && let Framing::Gap(gap) = self.setup.framing
@@ -211,7 +211,7 @@ impl ServerEndpoint {
     /// is looked at at once.
     fn set_time(&mut self, now: Micros) {
         if now < self.now {
-            self.door.look_at(now);
+            self.listener.look_at(now);
             for at in [&mut self.gap_at, &mut self.gather_until, &mut self.look_at] {
                 *at = at.map(|_| now);
             }
@@ -226,27 +226,27 @@ impl Endpoint for ServerEndpoint {
         if let Some(client) = &self.client {
             self.register(registry, client)?;
         }
-        self.door.attach(registry, Token(self.tokens.start), self.now)
+        self.listener.attach(registry, Token(self.tokens.start), self.now)
     }
 
     fn leave(&mut self, registry: &Registry) {
         if let Some(client) = &self.client {
             let _ = registry.deregister(&mut SourceFd(&client.fd()));
         }
-        self.door.leave(registry);
+        self.listener.leave(registry);
     }
 
     fn ready(&mut self, _registry: &Registry, event: &Event, now: Micros) {
         self.set_time(now);
         if event.token().0 == self.tokens.start {
-            self.door.ready();
+            self.listener.ready();
         } else if let Some(client) = &mut self.client {
             client.ready(event);
         }
     }
 
     fn deadline(&self) -> Option<Micros> {
-        let has_more = self.news.len() + self.wishes.len() > 0
+        let has_more = self.news.len() + self.requests.len() > 0
             || self.is_ending
             || self.client.as_ref().is_some_and(|client| {
                 client.is_lost() || self.job.is_none() && (client.has_unread() || client.is_done())
@@ -254,7 +254,7 @@ impl Endpoint for ServerEndpoint {
         if has_more {
             return Some(self.now);
         }
-        [self.door.deadline(), self.gap_at, self.gather_until, self.look_at]
+        [self.listener.deadline(), self.gap_at, self.gather_until, self.look_at]
             .into_iter()
             .flatten()
             .min()
@@ -262,7 +262,7 @@ impl Endpoint for ServerEndpoint {
 
     fn turn(&mut self, registry: &Registry, now: Micros) {
         self.set_time(now);
-        if let Some(failure) = self.door.turn(registry, now) {
+        if let Some(failure) = self.listener.turn(registry, now) {
             self.news.push_back(EndpointNews::Failed(failure));
         }
         self.serve(registry);
@@ -276,8 +276,8 @@ impl Endpoint for ServerEndpoint {
         self.news.pop_front()
     }
 
-    fn next_wish(&mut self) -> Option<EndpointWish> {
-        self.wishes.pop_front()
+    fn next_request(&mut self) -> Option<EndpointRequest> {
+        self.requests.pop_front()
     }
 
     fn wants_job(&self) -> bool {
@@ -385,6 +385,6 @@ impl Endpoint for ServerEndpoint {
         if let Some(client) = self.client.take() {
             let _ = registry.deregister(&mut SourceFd(&client.fd()));
         }
-        self.door.detach(registry);
+        self.listener.detach(registry);
     }
 }

@@ -15,13 +15,13 @@ use super::LineAnswer;
 use crate::port::Flow;
 use crate::port::rfc2217_bound::SubnegotiationBound;
 use crate::port::rfc2217_values::{line_state, modem_state, settings_of};
-use crate::reactor::{EndpointWish, LineNews};
+use crate::reactor::{EndpointRequest, LineNews};
 
 /// Bytes that may wait for a client that does not read; then nothing more is
 /// taken from it.
 const WAITING: usize = 2_048;
-/// Wishes that may wait to be granted; the same.
-const WISHES: usize = 16;
+/// Requests that may wait to be granted; while there are so many, the client is not read.
+const REQUESTS: usize = 16;
 /// Deliveries are encoded as far as so many bytes wait. Much less than above, so
 /// that they alone never keep us from reading.
 const DELIVERIES: usize = 512;
@@ -36,7 +36,7 @@ pub(super) struct Telnet {
     /// What the server believes that the port has.
     model: PortSettings,
     output: VecDeque<u8>,
-    wishes: VecDeque<EndpointWish>,
+    requests: VecDeque<EndpointRequest>,
     /// The client wants what was received and not sent to it to be dropped.
     purges_received: bool,
     bound: SubnegotiationBound,
@@ -56,7 +56,7 @@ impl Telnet {
             model: own,
             is_known: line.is_some(),
             output: VecDeque::new(),
-            wishes: VecDeque::new(),
+            requests: VecDeque::new(),
             purges_received: false,
             bound: SubnegotiationBound::default(),
             is_broken: false,
@@ -71,7 +71,7 @@ impl Telnet {
         let (mut taken, mut count) = (0, 0);
         let all = input;
         let input = &input[..self.bound.within(input)];
-        while self.output.len() < WAITING && self.wishes.len() < WISHES {
+        while self.output.len() < WAITING && self.requests.len() < REQUESTS {
             let progress = self.server.receive_into(&input[taken..], &mut payload[count..]);
             let Progress { consumed, payload_len, .. } = progress;
             (taken, count) = (taken + consumed, count + payload_len);
@@ -117,8 +117,8 @@ impl Telnet {
         self.output.drain(..count);
     }
 
-    pub(super) fn next_wish(&mut self) -> Option<EndpointWish> {
-        self.wishes.pop_front()
+    pub(super) fn next_request(&mut self) -> Option<EndpointRequest> {
+        self.requests.pop_front()
     }
 
     /// Whether what was received and not sent to the client is to be dropped.
@@ -172,10 +172,10 @@ impl Telnet {
             ServerEvent::SettingsChanged(settings) => self.settings_changed(*settings),
             ServerEvent::Dtr(on) => self.wish_lines(ModemLines::DTR, *on),
             ServerEvent::Rts(on) => self.wish_lines(ModemLines::RTS, *on),
-            ServerEvent::Break(on) => self.wishes.push_back(EndpointWish::Break(*on)),
+            ServerEvent::Break(on) => self.requests.push_back(EndpointRequest::Break(*on)),
             ServerEvent::Purge(purge) => {
                 if *purge != Purge::Receive {
-                    self.wishes.push_back(EndpointWish::Purge);
+                    self.requests.push_back(EndpointRequest::Purge);
                 }
                 self.purges_received |= *purge != Purge::Transmit;
             }
@@ -185,7 +185,7 @@ impl Telnet {
 
     fn wish_lines(&mut self, line: ModemLines, on: bool) {
         let on = if on { line } else { ModemLines::default() };
-        self.wishes.push_back(EndpointWish::ModemLines(line, on));
+        self.requests.push_back(EndpointRequest::ModemLines(line, on));
     }
 
     /// The client asked for one setting that the model did not have, and the
@@ -335,7 +335,7 @@ mod tests {
             to_client.drain(..progress.consumed);
             at_client.extend_from_slice(&payload[..progress.payload_len]);
             while client.poll_event().is_some() {}
-            while telnet.next_wish().is_some() {}
+            while telnet.next_request().is_some() {}
 
             sent += client.try_write_data(&to_send[sent..]).unwrap_or(0);
             delivered += telnet.deliver(&to_deliver[delivered..]);
@@ -421,7 +421,7 @@ mod tests {
             }
             telnet.receive(&input, &mut vec![0; input.len()]);
             prop_assert!(telnet.output.len() < WAITING + 512);
-            prop_assert!(telnet.wishes.len() <= WISHES);
+            prop_assert!(telnet.requests.len() <= REQUESTS);
         }
     }
 }

@@ -60,7 +60,7 @@ pub trait Endpoint: Debug + Send {
     fn next_news(&mut self) -> Option<EndpointNews>;
 
     /// What the client asks of the port; called until `None`.
-    fn next_wish(&mut self) -> Option<EndpointWish> {
+    fn next_request(&mut self) -> Option<EndpointRequest> {
         None
     }
 
@@ -142,7 +142,7 @@ pub enum EndpointNews {
 
 /// What an endpoint's client asks of the lane's port; done where the port can.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub enum EndpointWish {
+pub enum EndpointRequest {
     /// Modem lines: which, and those of them on.
     ModemLines(ModemLines, ModemLines),
     /// A break, on or off.

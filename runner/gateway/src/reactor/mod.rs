@@ -14,7 +14,7 @@
 
 mod deadlines;
 pub mod endpoint;
-mod floor;
+mod host;
 mod lane;
 mod opener;
 mod real_time;
@@ -25,19 +25,21 @@ mod swap;
 mod thread;
 mod watch;
 
-pub use endpoint::{ENDPOINT_JOBS, Endpoint, EndpointNews, EndpointWish, LaneEndpoint, LineNews};
+pub use endpoint::{
+    ENDPOINT_JOBS, Endpoint, EndpointNews, EndpointRequest, LaneEndpoint, LineNews,
+};
 pub use report::{Alarm, AlarmKind, JobEnd, JobOutcome, LaneFault, Report};
 pub use setup::{Backoff, Command, Feed, LaneId, LaneSetup, Watchdogs};
 pub use status::{Condition, LaneFigures, LaneStatus};
 pub use swap::{Probation, Swap, SwapReport, When};
-pub use watch::{Seen, Sight, Watch};
+pub use watch::{Seen, Watch, WatchEvent};
 
 use opener::Opener;
 use softplug_abi::Instance;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use thread::{Driver, Order, Reach};
+use thread::{Driver, Reach, ThreadCommand};
 
 use crate::error::PortError;
 
@@ -122,14 +124,14 @@ impl<I: LaneInstance> Reactor<I> {
         let status = Arc::new(LaneStatus::default());
         state.lanes.insert(id, (at, Arc::clone(&status)));
         state.threads[at].lanes += 1;
-        state.threads[at].reach.give(Order::Add(id, Box::new(setup), status));
+        state.threads[at].reach.give(ThreadCommand::Add(id, Box::new(setup), status));
     }
 
     /// Tells a lane something; one that is no more is told nothing.
     pub fn tell(&self, id: LaneId, command: Command<I>) {
         let state = self.state();
         if let Some((at, _)) = state.lanes.get(&id) {
-            state.threads[*at].reach.give(Order::Tell(id, command));
+            state.threads[*at].reach.give(ThreadCommand::Tell(id, command));
         }
     }
 
@@ -139,7 +141,7 @@ impl<I: LaneInstance> Reactor<I> {
         let mut state = self.state();
         if let Some((at, _)) = state.lanes.remove(&id) {
             state.threads[at].lanes -= 1;
-            state.threads[at].reach.give(Order::Remove(id));
+            state.threads[at].reach.give(ThreadCommand::Remove(id));
         }
     }
 
@@ -230,7 +232,7 @@ impl<I: Instance> Drop for Reactor<I> {
 
 fn end<I: Instance>(threads: &mut [Running<I>]) {
     for running in &*threads {
-        running.reach.give(Order::Stop);
+        running.reach.give(ThreadCommand::Stop);
     }
     for running in threads {
         if let Some(thread) = running.thread.take() {

@@ -128,6 +128,8 @@ pub struct JobEnd {
     pub maybe_left: u64,
     /// Characters that surely have.
     pub surely_left: u64,
+    /// Bytes of its data of which some may have left, or may leave yet.
+    pub bytes_maybe_left: u64,
     /// Bytes of its data that surely had when the lane last looked before the end.
     pub bytes_surely_left: u64,
 }
@@ -135,8 +137,16 @@ pub struct JobEnd {
 impl JobEnd {
     /// Of a job that was never begun.
     pub(super) fn unbegun(job: u32, outcome: JobOutcome, sent: u64) -> Self {
-        let (taken, maybe_left, surely_left, bytes_surely_left) = (0, 0, 0, 0);
-        Self { job, outcome, taken, sent, maybe_left, surely_left, bytes_surely_left }
+        Self {
+            job,
+            outcome,
+            taken: 0,
+            sent,
+            maybe_left: 0,
+            surely_left: 0,
+            bytes_maybe_left: 0,
+            bytes_surely_left: 0,
+        }
     }
 }
 

@@ -153,7 +153,7 @@ figures! {
 
 /// What a lane counts by itself, to be shown; beside the channel's counters.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
-pub(super) struct Own {
+pub(super) struct LaneCounters {
     pub(super) starvations: u64,
     pub(super) starved: Micros,
     pub(super) restarts: u64,
@@ -227,7 +227,7 @@ impl LaneStatus {
         self.to_put_away.store(to_put_away, Ordering::Relaxed);
     }
 
-    pub(super) fn store_own(&self, own: &Own, starved_since: Option<Micros>, now: Micros) {
+    pub(super) fn store_own(&self, own: &LaneCounters, starved_since: Option<Micros>, now: Micros) {
         let starved = own.starved + starved_since.map_or(Micros::ZERO, |since| now - since);
         self.starvations.store(own.starvations, Ordering::Relaxed);
         self.starved_micros.store(starved.0.max(0) as u64, Ordering::Relaxed);

@@ -12,7 +12,7 @@ use std::sync::mpsc::{Receiver, Sender, TryRecvError};
 use std::task::Wake;
 
 use super::deadlines::Deadlines;
-use super::floor::Floor;
+use super::host::LaneHost;
 use super::lane::{Lane, TOKENS, Turn};
 use super::opener::Opener;
 use super::setup::{Command, LaneId, LaneSetup};
@@ -29,7 +29,7 @@ const WAKER: Token = Token(usize::MAX - 2);
 const EVENTS: usize = 256;
 
 /// What a thread is told.
-pub(super) enum Order<I: Instance> {
+pub(super) enum ThreadCommand<I: Instance> {
     Add(LaneId, Box<LaneSetup<I>>, Arc<LaneStatus>),
     Tell(LaneId, Command<I>),
     Remove(LaneId),
@@ -41,7 +41,7 @@ pub(super) enum Order<I: Instance> {
     Stop,
 }
 
-impl<I: Instance> Order<I> {
+impl<I: Instance> ThreadCommand<I> {
     /// The lane for which this is, wherever it is driven.
     fn lane(&self) -> Option<LaneId> {
         match self {
@@ -54,19 +54,19 @@ impl<I: Instance> Order<I> {
 
 /// How to reach a thread.
 pub(super) struct Reach<I: Instance> {
-    orders: Sender<Order<I>>,
+    commands: Sender<ThreadCommand<I>>,
     waker: Arc<mio::Waker>,
 }
 
 impl<I: Instance> Clone for Reach<I> {
     fn clone(&self) -> Self {
-        Self { orders: self.orders.clone(), waker: Arc::clone(&self.waker) }
+        Self { commands: self.commands.clone(), waker: Arc::clone(&self.waker) }
     }
 }
 
 impl<I: Instance> Reach<I> {
-    pub(super) fn give(&self, order: Order<I>) {
-        if self.orders.send(order).is_ok() {
+    pub(super) fn give(&self, command: ThreadCommand<I>) {
+        if self.commands.send(command).is_ok() {
             let _ = self.waker.wake();
         }
     }
@@ -83,7 +83,7 @@ pub(super) struct Poke<I: Instance> {
 impl<I: LaneInstance> Wake for Poke<I> {
     fn wake(self: Arc<Self>) {
         if !self.is_given.swap(true, Ordering::AcqRel) {
-            self.reach.give(Order::Poke(Arc::clone(&self)));
+            self.reach.give(ThreadCommand::Poke(Arc::clone(&self)));
         }
     }
 }
@@ -100,7 +100,7 @@ impl<I: LaneInstance> Thread<I> {
     /// Has a lane's port opened, and sent to this thread.
     pub(super) fn open(&self, id: LaneId, spec: &PortSpec, options: &PortOptions) {
         let reach = self.reach.clone();
-        let opened = move |opened| reach.give(Order::Opened(id, opened));
+        let opened = move |opened| reach.give(ThreadCommand::Opened(id, opened));
         self.opener.open(spec, options, Box::new(opened));
     }
 }
@@ -109,7 +109,7 @@ pub(super) struct Driver<I: Instance> {
     poll: Poll,
     timer: Timer,
     thread: Thread<I>,
-    orders: Receiver<Order<I>>,
+    commands: Receiver<ThreadCommand<I>>,
     reports: Reports,
     lanes: Vec<Option<Box<Lane<I>>>>,
     free: Vec<usize>,
@@ -141,13 +141,13 @@ impl<I: LaneInstance> Driver<I> {
         let fd = timer.as_fd().as_raw_fd();
         poll.registry().register(&mut SourceFd(&fd), TIMER, Interest::READABLE).map_err(failed)?;
         let registry = poll.registry().try_clone().map_err(failed)?;
-        let (sender, orders) = std::sync::mpsc::channel();
-        let reach = Reach { orders: sender, waker };
+        let (sender, commands) = std::sync::mpsc::channel();
+        let reach = Reach { commands: sender, waker };
         let driver = Self {
             poll,
             timer,
             thread: Thread { registry, opener, reach: reach.clone(), clock },
-            orders,
+            commands,
             reports,
             lanes: Vec::new(),
             free: Vec::new(),
@@ -227,10 +227,10 @@ impl<I: LaneInstance> Driver<I> {
 
     fn take_orders(&mut self) {
         while !self.is_stopped {
-            match self.orders.try_recv() {
-                Ok(order) => {
-                    if let Some(order) = self.pass_on(order) {
-                        self.take_order(order);
+            match self.commands.try_recv() {
+                Ok(command) => {
+                    if let Some(command) = self.pass_on(command) {
+                        self.take_order(command);
                     }
                 }
                 Err(TryRecvError::Disconnected) => self.is_stopped = true,
@@ -239,33 +239,35 @@ impl<I: LaneInstance> Driver<I> {
         }
     }
 
-    fn take_order(&mut self, order: Order<I>) {
-        match order {
-            Order::Add(id, setup, status) => self.add(id, *setup, status),
-            Order::Tell(id, command) => self.with(id, |lane, thread| lane.tell(thread, command)),
-            Order::Opened(id, opened) => self.take_opened(id, opened),
-            Order::Remove(id) => {
+    fn take_order(&mut self, command: ThreadCommand<I>) {
+        match command {
+            ThreadCommand::Add(id, setup, status) => self.add(id, *setup, status),
+            ThreadCommand::Tell(id, command) => {
+                self.with(id, |lane, thread| lane.tell(thread, command))
+            }
+            ThreadCommand::Opened(id, opened) => self.take_opened(id, opened),
+            ThreadCommand::Remove(id) => {
                 if let Some(slot) = self.slots.get(&id).copied() {
                     self.end_lane(slot);
                 }
             }
-            Order::Poke(poke) => {
+            ThreadCommand::Poke(poke) => {
                 poke.is_given.store(false, Ordering::Release);
                 self.with(poke.id, |_, _| {});
             }
-            Order::Take(lane) => self.take_over(lane),
-            Order::Stop => self.is_stopped = true,
+            ThreadCommand::Take(lane) => self.take_over(lane),
+            ThreadCommand::Stop => self.is_stopped = true,
         }
     }
 
     /// What is for a lane that was set aside goes after it; gives back all else.
-    fn pass_on(&mut self, order: Order<I>) -> Option<Order<I>> {
-        let id = order.lane().filter(|id| self.set_aside.contains(id));
-        let (Some(id), Some(aside)) = (id, &self.aside) else { return Some(order) };
-        if matches!(order, Order::Remove(_)) {
+    fn pass_on(&mut self, command: ThreadCommand<I>) -> Option<ThreadCommand<I>> {
+        let id = command.lane().filter(|id| self.set_aside.contains(id));
+        let (Some(id), Some(aside)) = (id, &self.aside) else { return Some(command) };
+        if matches!(command, ThreadCommand::Remove(_)) {
             self.set_aside.remove(&id);
         }
-        aside.give(order);
+        aside.give(command);
         None
     }
 
@@ -281,8 +283,9 @@ impl<I: LaneInstance> Driver<I> {
         let slot = self.free_slot();
         let poke = Poke { id, reach: self.thread.reach.clone(), is_given: AtomicBool::new(false) };
         let reports = Arc::clone(&self.reports);
-        let floor = |room, endpoint| Floor::new(id, reports, Arc::new(poke).into(), room, endpoint);
-        let lane = Lane::new(id, slot, setup, floor, status, &self.thread);
+        let host =
+            |room, endpoint| LaneHost::new(id, reports, Arc::new(poke).into(), room, endpoint);
+        let lane = Lane::new(id, slot, setup, host, status, &self.thread);
         self.put(slot, Box::new(lane));
     }
 
@@ -313,7 +316,7 @@ impl<I: LaneInstance> Driver<I> {
         lane.leave(&self.thread);
         self.set_aside.insert(lane.id);
         self.free_up(slot, lane.id);
-        aside.give(Order::Take(lane));
+        aside.give(ThreadCommand::Take(lane));
     }
 
     fn with(&mut self, id: LaneId, act: impl FnOnce(&mut Lane<I>, &Thread<I>)) {

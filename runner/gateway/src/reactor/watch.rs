@@ -28,12 +28,12 @@ pub struct Seen {
     /// When, on the lane's clock.
     pub at: Micros,
     /// What.
-    pub what: Sight,
+    pub what: WatchEvent,
 }
 
 /// What passed on the line.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub enum Sight {
+pub enum WatchEvent {
     /// Bytes from the machine.
     Heard(Vec<u8>),
     /// Bytes to the machine, as the port took them.

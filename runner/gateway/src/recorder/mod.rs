@@ -8,7 +8,7 @@ pub use recording::{Entry, Recording};
 
 use log::Log;
 use softplug_abi::{Event, Instance, Micros, restore_pieces};
-use softplug_link::{Link, LinkFault, Outside};
+use softplug_link::{Link, LinkFault, LinkHost};
 use std::convert::Infallible;
 
 /// An instance of which the events are kept.
@@ -90,9 +90,9 @@ impl<I: Instance> Instance for Recorded<I> {
 pub fn checkpoint<I: Instance>(
     link: &mut Link<Recorded<I>>,
     now: Micros,
-    outside: &mut dyn Outside,
+    host: &mut dyn LinkHost,
 ) -> Result<(), LinkFault<I::Fault>> {
-    let Some(state) = link.save(now, outside)? else {
+    let Some(state) = link.save(now, host)? else {
         link.instance_mut().log.never_again();
         return Ok(());
     };

@@ -3,9 +3,9 @@
 pub use crate::channel::{ChannelError as StationError, Counters, StationOptions};
 
 use softplug_abi::{Action, Failure, Instance, LinkDownReason, Micros};
-use softplug_link::{Job, Link, LinkFault, Outside, Successor, Supply, SwapError};
+use softplug_link::{Job, Link, LinkFault, LinkHost, Successor, Supply, SwapError};
 
-use crate::channel::{Channel, Left, Place, Surroundings, Wants, Work};
+use crate::channel::{Channel, ChannelHost, Left, Place, Wants, Work};
 use crate::clock::Clock;
 use crate::error::PortError;
 use crate::poll::{Interest, Poller};
@@ -68,44 +68,44 @@ impl<I: Instance> Station<I> {
     }
 
     /// Gives the settings to the plug-in and opens the link.
-    pub fn open(&mut self, outside: &mut dyn Outside) -> Result<(), StationError<I::Fault>> {
-        self.ask(outside, |link, now, outside| link.open(now, outside))
+    pub fn open(&mut self, host: &mut dyn LinkHost) -> Result<(), StationError<I::Fault>> {
+        self.ask(host, |link, now, host| link.open(now, host))
     }
 
     /// Begins a job.
     pub fn begin_job(
         &mut self,
         job: Job,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), StationError<I::Fault>> {
-        self.ask(outside, |link, now, outside| link.begin_job(now, job, outside))
+        self.ask(host, |link, now, host| link.begin_job(now, job, host))
     }
 
     /// Aborts the job, or, with 0, the delivery under way.
     pub fn abort(
         &mut self,
         job: u32,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), StationError<I::Fault>> {
-        self.ask(outside, |link, now, outside| link.abort(now, job, outside))
+        self.ask(host, |link, now, host| link.abort(now, job, host))
     }
 
     /// Asks for a pause of the job.
     pub fn pause(
         &mut self,
         job: u32,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), StationError<I::Fault>> {
-        self.ask(outside, |link, now, outside| link.pause(now, job, outside))
+        self.ask(host, |link, now, host| link.pause(now, job, host))
     }
 
     /// Ends the pause.
     pub fn resume(
         &mut self,
         job: u32,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), StationError<I::Fault>> {
-        self.ask(outside, |link, now, outside| link.resume(now, job, outside))
+        self.ask(host, |link, now, host| link.resume(now, job, host))
     }
 
     /// Answers a request: with data, or with why it is refused. One that was
@@ -114,17 +114,14 @@ impl<I: Instance> Station<I> {
         &mut self,
         request: u32,
         answer: Result<&[u8], Failure>,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), StationError<I::Fault>> {
-        self.ask(outside, |link, now, outside| link.answer(now, request, answer, outside))
+        self.ask(host, |link, now, host| link.answer(now, request, answer, host))
     }
 
     /// Goes on although the partner holds the line.
-    pub fn force_resume(
-        &mut self,
-        outside: &mut dyn Outside,
-    ) -> Result<(), StationError<I::Fault>> {
-        self.ask(outside, |link, now, outside| link.force_resume(now, outside))
+    pub fn force_resume(&mut self, host: &mut dyn LinkHost) -> Result<(), StationError<I::Fault>> {
+        self.ask(host, |link, now, host| link.force_resume(now, host))
     }
 
     /// Puts another plug-in in the place of the one that runs, with its state: see
@@ -135,12 +132,11 @@ impl<I: Instance> Station<I> {
     pub fn swap(
         &mut self,
         successor: Successor<I>,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<Result<I, SwapError<I::Fault>>, PortError> {
         let now = self.now();
-        self.channel.ask(now, &mut Unwatched(outside), |link, now, outside| {
-            link.swap_to(now, successor, outside)
-        })
+        self.channel
+            .ask(now, &mut Unwatched(host), |link, now, host| link.swap_to(now, successor, host))
     }
 
     /// One turn: what came, what is due, what may leave; then waits until there
@@ -148,11 +144,11 @@ impl<I: Instance> Station<I> {
     pub fn turn(
         &mut self,
         until: Micros,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<Turn, StationError<I::Fault>> {
         self.channel.set_readable();
         let clock = self.poller.clock();
-        let work = self.channel.work(clock, &mut Unwatched(outside))?;
+        let work = self.channel.work(clock, &mut Unwatched(host))?;
         if let Some(reason) = self.channel.gone() {
             return Ok(Turn::Gone(reason));
         }
@@ -167,25 +163,25 @@ impl<I: Instance> Station<I> {
     pub fn close(
         &mut self,
         patience: Micros,
-        outside: &mut dyn Outside,
+        host: &mut dyn LinkHost,
     ) -> Result<(), StationError<I::Fault>> {
         let until = self.now() + patience;
         while self.now() < until && self.channel.is_settling(self.now()) {
-            self.turn(self.now(), outside)?;
+            self.turn(self.now(), host)?;
             // Nobody tells when the line has sent all.
             let look = self.channel.next_look_at_the_line(self.now());
             self.wait(look.map_or(until, |at| at.min(until)))?;
         }
-        self.ask(outside, |link, now, outside| link.close(now, outside))
+        self.ask(host, |link, now, host| link.close(now, host))
     }
 
     fn ask(
         &mut self,
-        outside: &mut dyn Outside,
-        act: impl FnOnce(&mut Link<I>, Micros, &mut dyn Outside) -> Result<(), LinkFault<I::Fault>>,
+        host: &mut dyn LinkHost,
+        act: impl FnOnce(&mut Link<I>, Micros, &mut dyn LinkHost) -> Result<(), LinkFault<I::Fault>>,
     ) -> Result<(), StationError<I::Fault>> {
         let now = self.now();
-        Ok(self.channel.ask(now, &mut Unwatched(outside), act)??)
+        Ok(self.channel.ask(now, &mut Unwatched(host), act)??)
     }
 
     fn wait(&mut self, until: Micros) -> Result<(), PortError> {
@@ -198,12 +194,12 @@ impl<I: Instance> Station<I> {
     }
 }
 
-/// An outside that does not look at the line.
-struct Unwatched<'a>(&'a mut dyn Outside);
+/// A host that does not look at the line.
+struct Unwatched<'a>(&'a mut dyn LinkHost);
 
-impl Surroundings for Unwatched<'_> {}
+impl ChannelHost for Unwatched<'_> {}
 
-impl Outside for Unwatched<'_> {
+impl LinkHost for Unwatched<'_> {
     fn handle(&mut self, now: Micros, action: &Action<'_>) {
         self.0.handle(now, action);
     }

@@ -11,13 +11,13 @@ pub use besides::Reception;
 pub use receive::{ReceiveOutcome, ReceiveReport, receive};
 pub use send::{SendOptions, SendOutcome, SendReport, ask, send};
 pub use serve::{
-    Delivered, Desk, JobReport, News, Program, Reply, Request, ServeEnd, ServeOptions, ServeReport,
-    serve,
+    Delivered, JobReport, News, Program, Reply, Request, ServeEnd, ServeHandler, ServeOptions,
+    ServeReport, serve,
 };
 pub use source::ReadSeek;
 
 use softplug_abi::{Failure, Instance, Micros, NoteLevel};
-use softplug_link::Outside;
+use softplug_link::LinkHost;
 use std::error::Error;
 use std::io;
 use std::time::Duration;
@@ -84,10 +84,10 @@ impl<F: Error + 'static> From<PortError> for TransferError<F> {
 fn refuse_all<I: Instance>(
     requests: &[u32],
     station: &mut Station<I>,
-    outside: &mut dyn Outside,
+    host: &mut dyn LinkHost,
 ) -> Result<(), TransferError<I::Fault>> {
     for request in requests {
-        station.answer(*request, Err(Failure::NotSupported), outside)?;
+        station.answer(*request, Err(Failure::NotSupported), host)?;
     }
     Ok(())
 }

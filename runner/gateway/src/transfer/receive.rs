@@ -1,7 +1,7 @@
 //! Receives a program.
 
 use softplug_abi::{Action, Failure, Instance, Micros};
-use softplug_link::Outside;
+use softplug_link::LinkHost;
 use std::io::{self, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -198,7 +198,9 @@ impl<'a, W: Write> Catch<'a, W> {
     }
 }
 
-impl<W: Write> Outside for Catch<'_, W> {
+// A new action has to be decided on here.
+#[deny(clippy::wildcard_enum_match_arm)]
+impl<W: Write> LinkHost for Catch<'_, W> {
     fn handle(&mut self, now: Micros, action: &Action<'_>) {
         match action {
             Action::DeliveryBegin { .. }
@@ -238,7 +240,21 @@ impl<W: Write> Outside for Catch<'_, W> {
             Action::Request { request, .. } => self.requests.push(*request),
             Action::Note { level, code, text } => self.notes.push(note(*level, *code, text)),
             Action::State { name } => self.enter(now, name),
-            _ => {}
+            Action::Transmit { .. }
+            | Action::TransmitUrgent { .. }
+            | Action::Hold
+            | Action::Release
+            | Action::Discard
+            | Action::SetTimer { .. }
+            | Action::CancelTimer { .. }
+            | Action::ModemLines { .. }
+            | Action::Break { .. }
+            | Action::Want { .. }
+            | Action::JobDone { .. }
+            | Action::JobFailed { .. }
+            | Action::CheckResult { .. }
+            | Action::Withdraw { .. }
+            | Action::Saved { .. } => {}
         }
     }
 

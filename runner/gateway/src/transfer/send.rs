@@ -1,7 +1,7 @@
 //! Sends a program.
 
 use softplug_abi::{Action, Failure, Instance, Micros};
-use softplug_link::{Job, Outside, Supply};
+use softplug_link::{Job, LinkHost, Supply};
 use std::io::{self, Read, Seek, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -272,7 +272,9 @@ impl<'a, S: Read + Seek, W: Write> Feed<'a, S, W> {
     }
 }
 
-impl<S: Read + Seek, W: Write> Outside for Feed<'_, S, W> {
+// A new action has to be decided on here.
+#[deny(clippy::wildcard_enum_match_arm)]
+impl<S: Read + Seek, W: Write> LinkHost for Feed<'_, S, W> {
     fn handle(&mut self, _now: Micros, action: &Action<'_>) {
         match action {
             Action::JobDone { sent, .. } => {
@@ -304,7 +306,21 @@ impl<S: Read + Seek, W: Write> Outside for Feed<'_, S, W> {
             Action::Request { request, .. } => self.requests.push(*request),
             Action::Note { level, code, text } => self.notes.push(note(*level, *code, text)),
             Action::State { name } => (*name).clone_into(&mut self.state),
-            _ => {}
+            Action::Transmit { .. }
+            | Action::TransmitUrgent { .. }
+            | Action::Hold
+            | Action::Release
+            | Action::Discard
+            | Action::SetTimer { .. }
+            | Action::CancelTimer { .. }
+            | Action::ModemLines { .. }
+            | Action::Break { .. }
+            | Action::Want { .. }
+            | Action::DeliveryName { .. }
+            | Action::DeliveryEnd { .. }
+            | Action::CheckResult { .. }
+            | Action::Withdraw { .. }
+            | Action::Saved { .. } => {}
         }
     }
 

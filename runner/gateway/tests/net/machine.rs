@@ -6,7 +6,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use softplug_abi::{LineErrorKind, Micros, ModemLines};
-use softplug_conformance::partners::{Partner, Signal};
+use softplug_machines::{Partner, Signal};
 
 /// So long that only something lost makes a test wait for it.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(30);

@@ -4,12 +4,14 @@ use std::time::{Duration, Instant};
 
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Action, Failure, Micros, NoteLevel};
-use softplug_gateway::channel::{Channel, StationOptions, Surroundings, Work};
+use softplug_gateway::channel::{Channel, ChannelHost, StationOptions, Work};
 use softplug_gateway::clock::Clock;
 use softplug_gateway::poll::{Interest, Poller};
 use softplug_gateway::{Input, Port};
-use softplug_link::{Job, Outside, Supply};
+use softplug_link::{Job, LinkHost, Supply};
 use softplug_native::{NativeInstance, NativePlugin};
+
+use super::partner::Prompt;
 
 /// So long that only something lost makes a test wait for it.
 const PATIENCE: Duration = Duration::from_mins(1);
@@ -28,11 +30,18 @@ pub(crate) struct Late {
     delivered: Vec<u8>,
     drained: u32,
     warnings: Vec<(u16, String)>,
+    partner: Prompt,
+    /// Deliveries that failed, how long the partner took, and since when nothing had come.
+    cut_off: Vec<(Failure, Duration, Duration)>,
+    heard: Instant,
 }
 
 impl Late {
-    pub(crate) fn new(most: u64) -> Self {
+    pub(crate) fn new(most: u64, partner: &Prompt) -> Self {
         Self {
+            partner: partner.clone(),
+            cut_off: Vec::new(),
+            heard: Instant::now(),
             most,
             random: 0x9E37_79B9_7F4A_7C15,
             data: Vec::new(),
@@ -56,23 +65,26 @@ impl Late {
 
     /// The job is done, this was delivered meanwhile, and nothing was out of order.
     pub(crate) fn check(&mut self, n: u64, delivered: &[u8]) {
+        assert_eq!(self.cut_off, [], "block {n}: {:?}", self.warnings);
         assert_eq!(self.warnings, [], "block {n}");
         assert_eq!(self.ended.take(), Some(Ok(())), "block {n}");
         assert_eq!(std::mem::take(&mut self.delivered), delivered, "block {n}");
     }
 }
 
-impl Surroundings for Late {
+impl ChannelHost for Late {
     fn heard(&mut self, _: Micros, _: &Input<'_>) {
+        self.heard = Instant::now();
         self.is_late();
     }
 
     fn wrote(&mut self, _: Micros, _: &[u8]) {
+        self.partner.was_asked();
         self.is_late();
     }
 }
 
-impl Outside for Late {
+impl LinkHost for Late {
     fn handle(&mut self, _: Micros, action: &Action<'_>) {
         match action {
             Action::JobDone { .. } => self.ended = Some(Ok(())),
@@ -82,7 +94,10 @@ impl Outside for Late {
                 self.drained += bytes.len() as u32;
             }
             Action::DeliveryEnd { failure, .. } => {
-                assert_eq!(*failure, None);
+                if let Some(failure) = failure {
+                    let took = self.partner.slowest();
+                    self.cut_off.push((*failure, took, self.heard.elapsed()));
+                }
                 self.deliveries += 1;
             }
             Action::Note { level, code, text } if *level != NoteLevel::Debug => {
@@ -130,8 +145,8 @@ impl Link {
         late.data = data.to_vec();
         let size = Some(data.len() as u64);
         let job = Job { id: self.jobs, kind: 0, size, fields: Vec::new(), check: false };
-        let begin = |link: &mut softplug_link::Link<_>, now, outside: &mut dyn Outside| {
-            link.begin_job(now, job, outside)
+        let begin = |link: &mut softplug_link::Link<_>, now, host: &mut dyn LinkHost| {
+            link.begin_job(now, job, host)
         };
         self.channel.ask(self.clock.now(), late, begin).unwrap().unwrap();
     }
@@ -139,8 +154,8 @@ impl Link {
     /// Asks for something that changes nothing.
     pub(crate) fn resume(&mut self, late: &mut Late) {
         let job = self.jobs;
-        let resume = |link: &mut softplug_link::Link<_>, now, outside: &mut dyn Outside| {
-            link.resume(now, job, outside)
+        let resume = |link: &mut softplug_link::Link<_>, now, host: &mut dyn LinkHost| {
+            link.resume(now, job, host)
         };
         self.channel.ask(self.clock.now(), late, resume).unwrap().unwrap();
     }
@@ -149,6 +164,7 @@ impl Link {
     pub(crate) fn until(&mut self, late: &mut Late, is_so: impl Fn(&Late) -> bool) {
         let end = Instant::now() + PATIENCE;
         while !is_so(late) {
+            assert!(late.cut_off.is_empty(), "{:?} {:?}", late.cut_off, late.warnings);
             assert!(Instant::now() < end, "{:?} {:?}", late.warnings, late.ended);
             self.turn(late);
         }
@@ -199,9 +215,8 @@ impl Link {
     }
 
     pub(crate) fn close(mut self, late: &mut Late) {
-        let close = |link: &mut softplug_link::Link<_>, now, outside: &mut dyn Outside| {
-            link.close(now, outside)
-        };
+        let close =
+            |link: &mut softplug_link::Link<_>, now, host: &mut dyn LinkHost| link.close(now, host);
         self.channel.ask(self.clock.now(), late, close).unwrap().unwrap();
     }
 }

@@ -3,9 +3,10 @@
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard};
+use std::time::{Duration, Instant};
 
 use softplug_abi::Micros;
-use softplug_conformance::partners::Partner;
+use softplug_machines::Partner;
 
 pub(crate) const STX: u8 = 0x02;
 const ETX: u8 = 0x03;
@@ -61,6 +62,8 @@ struct State {
     holds: bool,
     held: Vec<u8>,
     out: VecDeque<u8>,
+    asked: Option<Instant>,
+    slowest: Duration,
 }
 
 /// Clones share the station.
@@ -76,7 +79,7 @@ impl Prompt {
     pub(crate) fn expect(&self, awaited: Vec<u8>, own: Vec<u8>) {
         let mut state = self.state();
         (state.awaited, state.own) = (awaited, own);
-        (state.received, state.sent) = (0, 0);
+        (state.received, state.sent, state.slowest) = (0, 0, Duration::ZERO);
     }
 
     /// One byte; what is answered.
@@ -88,6 +91,23 @@ impl Prompt {
             return Vec::new();
         }
         answer
+    }
+
+    /// It was sent something; to be said by whoever sent it.
+    pub(crate) fn was_asked(&self) {
+        self.state().asked = Some(Instant::now());
+    }
+
+    /// Its answer is on the line.
+    pub(crate) fn has_answered(&self) {
+        let mut state = self.state();
+        let took = state.asked.map_or(Duration::ZERO, |asked| asked.elapsed());
+        state.slowest = state.slowest.max(took);
+    }
+
+    /// How long this computer made it take for an answer to this block, at most.
+    pub(crate) fn slowest(&self) -> Duration {
+        self.state().slowest
     }
 
     /// Keeps its answers to itself, or no longer.
@@ -172,6 +192,9 @@ impl State {
 impl Partner for Prompt {
     fn receive(&mut self, _: Micros, byte: u8) {
         let answer = self.take(byte);
+        if !answer.is_empty() {
+            self.has_answered();
+        }
         self.state().out.extend(answer);
     }
 

@@ -66,12 +66,12 @@ pub enum FeederNews {
 /// The thread, until it is dropped.
 #[derive(Debug)]
 pub struct Feeder {
-    orders: Option<Sender<Order>>,
+    requests: Option<Sender<Request>>,
     thread: Option<JoinHandle<()>>,
 }
 
 #[derive(Debug)]
-enum Order {
+enum Request {
     Feed(Box<Feeding>),
     Forget(u32),
 }
@@ -86,12 +86,12 @@ impl Feeder {
         snapshots: Snapshots,
         tell: impl FnMut(FeederNews) + Send + 'static,
     ) -> io::Result<Self> {
-        let (sender, orders) = channel();
+        let (sender, requests) = channel();
         let thread = thread::Builder::new().name("feeder".to_owned());
         let thread = thread.spawn(move || {
             let wakes = Wakes::new(thread::current());
             let now = Instant::now();
-            Desk {
+            Worker {
                 jobs,
                 snapshots,
                 tell,
@@ -102,25 +102,25 @@ impl Feeder {
                 next_look: now + LOOK,
                 stalled: None,
             }
-            .run(&orders);
+            .run(&requests);
         })?;
-        Ok(Self { orders: Some(sender), thread: Some(thread) })
+        Ok(Self { requests: Some(sender), thread: Some(thread) })
     }
 
     /// Feeds a job, from now on. If its data cannot be read, its buffer says so to the lane.
     pub fn feed(&self, feeding: Feeding) {
-        self.order(Order::Feed(Box::new(feeding)));
+        self.request(Request::Feed(Box::new(feeding)));
     }
 
     /// A job has ended: it is not looked after any more. Its buffer ends where it is.
     pub fn forget(&self, job: u32) {
-        self.order(Order::Forget(job));
+        self.request(Request::Forget(job));
     }
 
-    fn order(&self, order: Order) {
-        if let (Some(orders), Some(thread)) = (&self.orders, &self.thread) {
+    fn request(&self, request: Request) {
+        if let (Some(requests), Some(thread)) = (&self.requests, &self.thread) {
             // It has panicked if not; then each buffer has failed, and says so.
-            let _ = orders.send(order);
+            let _ = requests.send(request);
             thread.thread().unpark();
         }
     }
@@ -128,7 +128,7 @@ impl Feeder {
 
 impl Drop for Feeder {
     fn drop(&mut self) {
-        drop(self.orders.take());
+        drop(self.requests.take());
         if let Some(thread) = self.thread.take() {
             thread.thread().unpark();
             let _ = thread.join();
@@ -155,7 +155,7 @@ struct Feed {
     progress: Option<Progress>,
 }
 
-struct Desk<T> {
+struct Worker<T> {
     jobs: Jobs,
     snapshots: Snapshots,
     tell: T,
@@ -169,14 +169,14 @@ struct Desk<T> {
     stalled: Option<Instant>,
 }
 
-impl<T: FnMut(FeederNews)> Desk<T> {
-    fn run(mut self, orders: &Receiver<Order>) {
+impl<T: FnMut(FeederNews)> Worker<T> {
+    fn run(mut self, requests: &Receiver<Request>) {
         let mut ready = Vec::new();
         loop {
             loop {
-                match orders.try_recv() {
-                    Ok(Order::Feed(feeding)) => ready.extend(self.take_on(*feeding)),
-                    Ok(Order::Forget(job)) => self.forget(job),
+                match requests.try_recv() {
+                    Ok(Request::Feed(feeding)) => ready.extend(self.take_on(*feeding)),
+                    Ok(Request::Forget(job)) => self.forget(job),
                     Err(TryRecvError::Empty) => break,
                     Err(TryRecvError::Disconnected) => return,
                 }
@@ -254,7 +254,7 @@ impl<T: FnMut(FeederNews)> Desk<T> {
     }
 
     fn serve(&mut self, ready: &mut Vec<usize>, now: Instant) {
-        let grants = ready.iter().filter_map(|slot| self.feeds[*slot].as_ref()?.wish(now));
+        let grants = ready.iter().filter_map(|slot| self.feeds[*slot].as_ref()?.advance(now));
         let grants: Vec<Advance> = grants.collect();
         if !grants.is_empty() && self.write_down(&grants, now) {
             for feed in self.feeds.iter_mut().flatten() {
@@ -333,14 +333,14 @@ impl Feed {
     }
 
     /// What must be written down before the next packet can go.
-    fn wish(&self, now: Instant) -> Option<Advance> {
+    fn advance(&self, now: Instant) -> Option<Advance> {
         self.to.as_ref()?;
         let next = self.at + self.next_packet() as u64;
         let is_due = !self.is_filled || self.schedule.due() <= now;
         // A buffer's worth: so often, and no oftener, something is written.
         let grant = (self.at + self.high as u64).min(self.end);
-        let wish = Advance { id: self.job, grant: Some(grant), surely: None };
-        (is_due && next > self.granted && self.has_room()).then_some(wish)
+        let advance = Advance { id: self.job, grant: Some(grant), surely: None };
+        (is_due && next > self.granted && self.has_room()).then_some(advance)
     }
 
     fn has_room(&self) -> bool {

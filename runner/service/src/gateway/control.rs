@@ -17,17 +17,17 @@ use softplug_gateway::reactor::{LaneId, Reactor, Report};
 use softplug_host::Session;
 use tokio::sync::broadcast;
 
+use super::journal_writer::JournalWriter;
 use super::link::Link;
 use super::loading::Loader;
 use super::results::Results;
-use super::scribe::Scribe;
 use super::watching::Audiences;
 use super::worker::Worker;
-use crate::clerk::Clerk;
 use crate::config::Config;
 use crate::feeder::Feeder;
 use crate::jobs::{Job, Jobs, JobsError};
 use crate::programs::{Programs, Quotas, Receptions, Snapshots};
+use crate::reception_writer::ReceptionWriter;
 use crate::view::{Change, JobView, LinkView, StopHow, TimeMs};
 use crate::{Refusal, library};
 
@@ -70,7 +70,7 @@ pub(crate) struct Parts {
     pub(crate) snapshots: Snapshots,
     pub(crate) receptions: Receptions,
     pub(crate) quotas: Quotas,
-    pub(crate) scribe: Scribe,
+    pub(crate) journal_writer: JournalWriter,
     /// For what is written down and cleared away, and takes time.
     pub(crate) worker: Worker,
     /// For what machines ask for: a panel waits only for other panels.
@@ -85,7 +85,7 @@ pub(crate) struct Control {
     pub(super) config: Config,
     pub(super) reactor: Reactor<Session>,
     pub(super) feeder: Feeder,
-    pub(super) clerk: Clerk,
+    pub(super) reception_writer: ReceptionWriter,
     pub(super) links: BTreeMap<String, Link>,
     pub(super) lanes: HashMap<LaneId, String>,
     pub(super) audiences: Audiences,
@@ -247,7 +247,7 @@ impl Control {
         self.results.take(job);
         let view = self.job_view(job);
         self.shared.changed(Change::Job(Box::new(view)));
-        self.shared.parts.scribe.look();
+        self.shared.parts.journal_writer.look();
     }
 }
 

@@ -37,7 +37,7 @@ impl Control {
             Verdict::Quarantine => {
                 let text = "the plug-in has failed too often; the link is in quarantine until somebody \
                             releases it";
-                self.shared.parts.scribe.link(Subject::Fault, Weight::Alarm, name, text);
+                self.shared.parts.journal_writer.link(Subject::Fault, Weight::Alarm, name, text);
             }
         }
     }
@@ -74,11 +74,11 @@ impl Control {
                 let settings = link.plugin.values.clone();
                 let text = format!("{} is started again", described(&link.plugin));
                 self.reactor.tell(lane, Command::Replace { instance, settings });
-                self.shared.parts.scribe.link(Subject::Fault, Weight::Normal, name, text);
+                self.shared.parts.journal_writer.link(Subject::Fault, Weight::Normal, name, text);
             }
             Err(error) => {
                 let text = format!("{} cannot be started: {error}", described(&link.plugin));
-                self.shared.parts.scribe.link(Subject::Fault, Weight::Warning, name, text);
+                self.shared.parts.journal_writer.link(Subject::Fault, Weight::Warning, name, text);
                 self.supervise_fault(name, Failed::Start);
             }
         }
@@ -96,7 +96,7 @@ impl Control {
             "{} is stopped by hand; the link is in quarantine until somebody releases it",
             described(&link.plugin)
         );
-        self.shared.parts.scribe.link(Subject::Fault, Weight::Alarm, name, text);
+        self.shared.parts.journal_writer.link(Subject::Fault, Weight::Alarm, name, text);
         // What is under way is broken off when the lane tells that it has stopped: until then
         // bytes leave, and are counted.
         self.reactor.tell(lane, Command::Halt("it was stopped by hand".to_owned()));
@@ -110,7 +110,7 @@ impl Control {
             return Err(Refusal::Conflict(format!("the link \"{name}\" is not in quarantine")));
         }
         let text = "the link is released from quarantine";
-        self.shared.parts.scribe.link(Subject::Fault, Weight::Normal, name, text);
+        self.shared.parts.journal_writer.link(Subject::Fault, Weight::Normal, name, text);
         self.start_plugin(name);
         Ok(())
     }

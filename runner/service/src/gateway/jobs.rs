@@ -9,9 +9,9 @@ use softplug_link::Job as LaneJob;
 use super::control::Control;
 use super::link::{EndsAs, Link, Running};
 use crate::Refusal;
-use crate::clerk::ClerkNews;
 use crate::feeder::{FeederNews, Feeding, Pace, Stream};
-use crate::jobs::{Ending, Job, JobsError, Order, Reason, Subject, Weight};
+use crate::jobs::{Ending, Job, JobSpec, JobsError, Reason, Subject, Weight};
+use crate::reception_writer::ReceptionWriterNews;
 use crate::view::{Change, JobView};
 
 impl From<JobsError> for Refusal {
@@ -20,8 +20,8 @@ impl From<JobsError> for Refusal {
         match error {
             JobsError::NotFound(_) => Self::NotFound(text),
             JobsError::State { .. } | JobsError::QueueFull { .. } => Self::Conflict(text),
-            JobsError::Order(_) => Self::invalid("job", text),
-            JobsError::Disk(_) | JobsError::Book(_) => Self::Unavailable(text),
+            JobsError::Spec(_) => Self::invalid("job", text),
+            JobsError::Disk(_) | JobsError::JobStore(_) => Self::Unavailable(text),
         }
     }
 }
@@ -44,10 +44,10 @@ impl Control {
             let Some(job) = self.wrote(begun) else { return };
             self.show_job(&job);
             let needs_check = self.links.get(name).is_some_and(|link| {
-                link.plugin.plugin.manifest().needs.check_pass && job.order.data.is_some()
+                link.plugin.plugin.manifest().needs.check_pass && job.spec.data.is_some()
             });
             let source = self.source(name, &job, needs_check);
-            let size = Some(job.size() - job.order.from);
+            let size = Some(job.size() - job.spec.from);
             if let Err(reason) = self.give(name, &job, source, size, needs_check) {
                 self.feeder.forget(job.id);
                 let ended = self.shared.parts.jobs.end(job.id, Ending::Failed(reason), None);
@@ -72,12 +72,12 @@ impl Control {
             return Err(Reason::new("interrupted", "the link is gone"));
         };
         let manifest = link.plugin.plugin.manifest();
-        let kind = manifest.job_kind(&job.order.job_kind).ok_or_else(|| {
+        let kind = manifest.job_kind(&job.spec.job_kind).ok_or_else(|| {
             let text =
-                format!("the plug-in {} has no job \"{}\"", manifest.name, job.order.job_kind);
+                format!("the plug-in {} has no job \"{}\"", manifest.name, job.spec.job_kind);
             Reason::new("not-supported", text)
         })?;
-        let fields = job.order.fields.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+        let fields = job.spec.fields.iter().map(|(name, value)| (name.as_str(), value.as_str()));
         let fields = manifest.jobs[usize::from(kind)]
             .records(fields)
             .map_err(|error| Reason::new("bad-job", error.to_string()))?;
@@ -101,7 +101,7 @@ impl Control {
         let buffer = link.config.buffer;
         let (mut writer, reader) =
             reservoir(buffer.size as usize, buffer.low as usize, buffer.high as usize);
-        let Some(data) = job.order.data else {
+        let Some(data) = job.spec.data else {
             writer.finish();
             return reader;
         };
@@ -111,7 +111,7 @@ impl Control {
         self.feeder.feed(Feeding {
             job: job.id,
             data,
-            from: job.order.from,
+            from: job.spec.from,
             to: writer,
             pace: Pace { packet: buffer.packet as usize, characters_a_second },
             is_check,
@@ -124,7 +124,7 @@ impl Control {
     pub(super) fn feed(
         &mut self,
         name: &str,
-        order: Order,
+        order: JobSpec,
         size: Option<u64>,
     ) -> Result<(u32, Stream), Refusal> {
         let waits = self.shared.parts.jobs.next(name).is_some();
@@ -181,51 +181,61 @@ impl Control {
         }
     }
 
-    /// What the clerk tells of receptions.
-    pub(super) fn clerk_news(&mut self, news: ClerkNews) {
+    /// What the writer of receptions tells.
+    pub(super) fn reception_writer_news(&mut self, news: ReceptionWriterNews) {
         match news {
-            ClerkNews::Begun(job) => self.show_job(&job),
-            ClerkNews::Kept(job) => {
-                self.shared.changed(Change::Receptions { link: job.order.link.clone() });
+            ReceptionWriterNews::Begun(job) => self.show_job(&job),
+            ReceptionWriterNews::Kept(job) => {
+                self.shared.changed(Change::Receptions { link: job.spec.link.clone() });
                 self.show_job(&job);
                 self.answered(&job);
             }
-            ClerkNews::Stuck { link, why } => {
+            ReceptionWriterNews::Stuck { link, why } => {
                 let text = format!("what \"{link}\" receives cannot be put away: {why}");
                 let note = format!("{text}; the machine is held");
-                self.shared.parts.scribe.link(Subject::Reception, Weight::Alarm, &link, note);
+                self.shared.parts.journal_writer.link(
+                    Subject::Reception,
+                    Weight::Alarm,
+                    &link,
+                    note,
+                );
                 self.trouble = Some(text);
             }
-            ClerkNews::GoesOn { link } => {
+            ReceptionWriterNews::GoesOn { link } => {
                 let note = "what it receives is put away again";
-                self.shared.parts.scribe.link(Subject::Reception, Weight::Normal, &link, note);
+                self.shared.parts.journal_writer.link(
+                    Subject::Reception,
+                    Weight::Normal,
+                    &link,
+                    note,
+                );
                 self.trouble = None;
             }
         }
     }
 
     /// Somebody wants a job to pause, to go on or to end.
-    pub(super) fn steer(&mut self, id: u32, wish: Wish) -> Result<JobView, Refusal> {
+    pub(super) fn steer(&mut self, id: u32, command: JobCommand) -> Result<JobView, Refusal> {
         let jobs = &self.shared.parts.jobs;
-        let job = match wish {
-            Wish::Pause => jobs.pause(id)?,
-            Wish::Resume => jobs.resume(id)?,
-            Wish::Abort => jobs.abort(id)?,
-            Wish::Prioritise(priority) => jobs.prioritise(id, priority)?,
+        let job = match command {
+            JobCommand::Pause => jobs.pause(id)?,
+            JobCommand::Resume => jobs.resume(id)?,
+            JobCommand::Abort => jobs.abort(id)?,
+            JobCommand::Prioritise(priority) => jobs.prioritise(id, priority)?,
         };
-        let name = job.order.link.clone();
+        let name = job.spec.link.clone();
         if let Some(link) = self.links.get_mut(&name)
             && let Some(running) = link.job.as_mut().filter(|running| running.job.id == id)
         {
             running.job = job.clone();
-            let command = match wish {
-                Wish::Pause => Some(Command::Pause(id)),
-                Wish::Resume => Some(Command::Resume(id)),
-                Wish::Abort => {
+            let command = match command {
+                JobCommand::Pause => Some(Command::Pause(id)),
+                JobCommand::Resume => Some(Command::Resume(id)),
+                JobCommand::Abort => {
                     running.ends_as = EndsAs::Aborted;
                     Some(Command::Abort(id))
                 }
-                Wish::Prioritise(_) => None,
+                JobCommand::Prioritise(_) => None,
             };
             let lane = link.lane_id();
             if let Some(command) = command {
@@ -239,15 +249,15 @@ impl Control {
 
     /// A job as it is now, with what its lane knows of it.
     pub(super) fn job_view(&self, job: &Job) -> JobView {
-        let link = self.links.get(&job.order.link);
-        let lately = link.and_then(|link| link.lately(job.id, &link.status.read()));
-        job.view(lately.as_ref())
+        let link = self.links.get(&job.spec.link);
+        let lane_progress = link.and_then(|link| link.lane_progress(job.id, &link.status.read()));
+        job.view(lane_progress.as_ref())
     }
 }
 
 /// What somebody wants of a job.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub(super) enum Wish {
+pub(super) enum JobCommand {
     Pause,
     Resume,
     Abort,

@@ -70,8 +70,8 @@ impl Control {
         link.alarms.clear();
         self.lanes.insert(id, name.to_owned());
         if let Some(remark) = link.config.line_remark(link.plugin.line()) {
-            let scribe = &self.shared.parts.scribe;
-            scribe.link(Subject::Port, Weight::Warning, name, remark.message);
+            let journal_writer = &self.shared.parts.journal_writer;
+            journal_writer.link(Subject::Port, Weight::Warning, name, remark.message);
         }
         let setup = match setup(link) {
             Ok(setup) => setup,
@@ -96,7 +96,7 @@ impl Control {
             retry_at_ms: None,
         });
         let text = format!("the link cannot be opened: {text}");
-        self.shared.parts.scribe.link(Subject::Port, Weight::Alarm, name, text);
+        self.shared.parts.journal_writer.link(Subject::Port, Weight::Alarm, name, text);
     }
 
     /// Closes a link's lane.

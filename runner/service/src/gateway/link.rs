@@ -15,7 +15,7 @@ use softplug_host::Digest;
 use super::loading::Prepared;
 use super::simulated::Simulated;
 use crate::config::LinkConfig;
-use crate::jobs::{Extent, Job, Lately};
+use crate::jobs::{Extent, Job, LaneProgress};
 use crate::supervise::{Follow, State, Supervisor};
 use crate::view::{FaultView, LinkState, SwapState, SwapView, TimeMs, UnappliedView, now_ms};
 
@@ -202,9 +202,9 @@ impl Link {
 
     /// What its lane knows of the job under way, if it is this one. The one place where a lane's
     /// figures become a job's.
-    pub(crate) fn lately(&self, job: u32, figures: &LaneFigures) -> Option<Lately> {
+    pub(crate) fn lane_progress(&self, job: u32, figures: &LaneFigures) -> Option<LaneProgress> {
         let running = self.job.as_ref().filter(|running| running.job.id == job)?;
-        let from = running.job.order.from;
+        let from = running.job.spec.from;
         let is_known = figures.job == job && !running.is_check;
         let (taken, surely) = if is_known {
             (from + figures.job_taken, from + figures.job_bytes_surely_left)
@@ -215,7 +215,7 @@ impl Link {
         let extent = Extent { surely, maybe: taken.max(surely) };
         let is_held = self.is_held(figures);
         let awaits = self.awaits().filter(|_| !running.is_check);
-        Some(Lately { taken, extent, is_held, awaits, is_check: running.is_check })
+        Some(LaneProgress { taken, extent, is_held, awaits, is_check: running.is_check })
     }
 
     /// Whether the machine holds the line. What has not been let go yet for the first time is

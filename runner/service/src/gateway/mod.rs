@@ -1,15 +1,16 @@
-//! The gateway that runs: one door for whoever wants something of it.
+//! The gateway that runs: the one handle for whoever wants something of it.
 //!
 //! [`Gateway`] is a handle that can be cloned and shared. Its calls block, but
 //! never for long: what takes time goes on by itself and is seen in views and in
 //! the stream of changes. Behind it one thread, the control loop, owns all
 //! that is decided; bytes pass on the reactor's threads and never wait for it.
 
+mod calls;
 mod control;
-mod door;
 mod evidence;
 mod faults;
 mod jobs;
+mod journal_writer;
 mod lanes;
 mod link;
 mod loading;
@@ -17,7 +18,6 @@ mod reload;
 mod reports;
 mod requests;
 mod results;
-mod scribe;
 mod show;
 mod simulated;
 mod start;

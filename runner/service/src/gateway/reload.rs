@@ -149,7 +149,7 @@ impl Control {
         let text = format!("the changed gateway.toml is not taken, all goes on as before: {why}");
         if self.config_trouble.as_ref() != Some(&text) {
             let note = Note::new(Subject::Gateway, text.as_str()).weighing(Weight::Warning);
-            self.shared.parts.scribe.note(note);
+            self.shared.parts.journal_writer.note(note);
             self.config_trouble = Some(text);
         }
         for Missing { link, plugin, why } in missing {
@@ -253,6 +253,6 @@ impl Control {
         } else {
             format!("the configuration was read again; {}", parts.join("; "))
         };
-        self.shared.parts.scribe.note(Note::new(Subject::Gateway, text));
+        self.shared.parts.journal_writer.note(Note::new(Subject::Gateway, text));
     }
 }

@@ -8,8 +8,8 @@ use softplug_gateway::reactor::{
 use super::control::Control;
 use super::faults::described;
 use super::link::{After, Arriving, EndsAs, Lane};
-use crate::clerk::Incoming;
 use crate::jobs::{Ending, Extent, Job, Left, Reason, Subject, Weight};
+use crate::reception_writer::Incoming;
 use crate::supervise::{Failed, State};
 use crate::view::{Change, CheckFault, DownView, now_ms};
 use softplug_abi::{Failure, NoteLevel};
@@ -49,17 +49,17 @@ impl Control {
                 }
                 let place = link.config.receive.clone();
                 let link = name.clone();
-                self.clerk.take(Incoming { lane, link, place, delivery, job, bytes });
+                self.reception_writer.take(Incoming { lane, link, place, delivery, job, bytes });
             }
             Report::DeliveryNamed { delivery, name: called } => {
-                self.clerk.name(lane, delivery, called.clone());
+                self.reception_writer.name(lane, delivery, called.clone());
                 let link = self.links.get_mut(&name);
                 if let Some(arriving) = link.and_then(|link| link.deliveries.get_mut(&delivery)) {
                     arriving.name = Some(called);
                 }
             }
             Report::DeliveryEnded { delivery, failure, status, bytes } => {
-                self.clerk.end(lane, delivery, failure, status, bytes);
+                self.reception_writer.end(lane, delivery, failure, status, bytes);
                 if let Some(link) = self.links.get_mut(&name) {
                     link.deliveries.remove(&delivery);
                 }
@@ -90,13 +90,13 @@ impl Control {
         }
         let differs = link.port.differences != *differences && !differences.is_empty();
         differences.clone_into(&mut link.port.differences);
-        let scribe = &self.shared.parts.scribe;
+        let journal_writer = &self.shared.parts.journal_writer;
         if was_down {
-            scribe.link(Subject::Port, Weight::Normal, name, "the port is back");
+            journal_writer.link(Subject::Port, Weight::Normal, name, "the port is back");
         }
         if differs {
             let text = format!("the port has other settings: {}", differences.join(", "));
-            scribe.link(Subject::Port, Weight::Warning, name, text);
+            journal_writer.link(Subject::Port, Weight::Warning, name, text);
         }
     }
 
@@ -115,7 +115,7 @@ impl Control {
             return;
         }
         let text = format!("the port is down: {reason}");
-        self.shared.parts.scribe.link(Subject::Port, Weight::Warning, name, text);
+        self.shared.parts.journal_writer.link(Subject::Port, Weight::Warning, name, text);
     }
 
     fn job_ended(&mut self, name: &str, end: JobEnd) {
@@ -151,13 +151,13 @@ impl Control {
             }
             (JobOutcome::SourceFailed(text), _) => Ending::Failed(Reason::new("source", text)),
         };
-        let from = running.job.order.from;
+        let from = running.job.spec.from;
         let taken = from + end.taken;
         let surely = running.job.extent.surely.max(from + end.bytes_surely_left);
         // A check sends nothing.
         let has_left = !matches!(ending, Ending::Failed(Reason { check: Some(_), .. }));
         let extent = if has_left {
-            Extent { surely, maybe: taken }
+            Extent { surely, maybe: surely.max(from + end.bytes_maybe_left) }
         } else {
             Extent { surely: from, maybe: from }
         };
@@ -173,7 +173,7 @@ impl Control {
 
     /// An answer to a job is put away, as far as it could be.
     pub(super) fn answered(&mut self, job: &Job) {
-        let Some(link) = self.links.get_mut(&job.order.link) else { return };
+        let Some(link) = self.links.get_mut(&job.spec.link) else { return };
         let Some(running) = link.job.as_mut().filter(|running| running.job.id == job.id) else {
             return;
         };
@@ -182,7 +182,7 @@ impl Control {
         if running.answers == 0
             && let Some(end) = running.ended.take()
         {
-            self.job_ended(&job.order.link.clone(), end);
+            self.job_ended(&job.spec.link.clone(), end);
         }
     }
 
@@ -205,10 +205,10 @@ impl Control {
         let text = super::show::alarm_text(alarm.kind);
         if alarm.raised {
             link.alarms.push((alarm.kind, now_ms()));
-            self.shared.parts.scribe.link(Subject::Alarm, Weight::Alarm, name, text);
+            self.shared.parts.journal_writer.link(Subject::Alarm, Weight::Alarm, name, text);
         } else {
             let text = format!("it is over that {text}");
-            self.shared.parts.scribe.link(Subject::Alarm, Weight::Normal, name, text);
+            self.shared.parts.journal_writer.link(Subject::Alarm, Weight::Normal, name, text);
         }
     }
 
@@ -242,7 +242,7 @@ impl Control {
                 (Weight::Alarm, format!("the endpoint does not work: {text}"))
             }
         };
-        self.shared.parts.scribe.link(Subject::Port, weight, name, text);
+        self.shared.parts.journal_writer.link(Subject::Port, weight, name, text);
         // What its client sends counts as work: a change may wait for its end.
         self.tend_change(name);
     }
@@ -257,7 +257,7 @@ impl Control {
         }
         let view = self.shared.fault_view(name, &link.plugin, fault);
         link.keep_fault(view);
-        self.shared.parts.scribe.link(Subject::Fault, Weight::Warning, name, text);
+        self.shared.parts.journal_writer.link(Subject::Fault, Weight::Warning, name, text);
         let is_stopped = self
             .links
             .get(name)
@@ -277,18 +277,23 @@ impl Control {
     pub(super) fn break_off(&mut self, name: &str, why: &str) {
         let Some(link) = self.links.get_mut(name) else { return };
         let figures = link.status.read();
-        let lately = link.job.as_ref().and_then(|running| link.lately(running.job.id, &figures));
+        let lane_progress =
+            link.job.as_ref().and_then(|running| link.lane_progress(running.job.id, &figures));
         let running = link.job.take();
         link.deliveries.clear();
         link.requests.clear();
-        self.clerk.lose(link.lane_id());
+        self.reception_writer.lose(link.lane_id());
         let Some(running) = running else { return };
         let job = running.job;
         self.feeder.forget(job.id);
         // The lane may have forgotten how far it was: then all that was granted may have left.
-        let lately = lately.filter(|lately| lately.taken > job.order.from);
-        let left =
-            lately.map(|lately| Left { extent: lately.extent, taken: lately.taken, sent: 0 });
+        let lane_progress =
+            lane_progress.filter(|lane_progress| lane_progress.taken > job.spec.from);
+        let left = lane_progress.map(|lane_progress| Left {
+            extent: lane_progress.extent,
+            taken: lane_progress.taken,
+            sent: 0,
+        });
         let ended = self.shared.parts.jobs.end(job.id, Ending::Interrupted(why.to_owned()), left);
         if let Some(job) = self.wrote(ended) {
             self.show_job(&job);

@@ -6,7 +6,7 @@ use softplug_gateway::store::Mark;
 
 use super::control::{Control, Shared};
 use super::link::{EndsAs, Link};
-use crate::jobs::{self, Job, Order, Origin, Reception, Subject, Weight};
+use crate::jobs::{self, Job, JobSpec, Origin, Reception, Subject, Weight};
 use crate::programs::ProgramName;
 use std::io::{Read, Seek, SeekFrom};
 
@@ -130,8 +130,8 @@ impl Control {
                     self.reactor.tell(lane, Command::Abort(running.job.id));
                 }
                 let text =
-                    format!("{}: {}", asked.text(), job.order.program.as_deref().unwrap_or(""));
-                self.shared.parts.scribe.link(Subject::Request, Weight::Normal, name, text);
+                    format!("{}: {}", asked.text(), job.spec.program.as_deref().unwrap_or(""));
+                self.shared.parts.journal_writer.link(Subject::Request, Weight::Normal, name, text);
                 self.show_job(&job);
                 self.begin_next(name);
             }
@@ -141,7 +141,7 @@ impl Control {
                 let (request, answer) = (asked.request, Ok(bytes));
                 self.reactor.tell(lane, Command::Answer { request, answer });
                 let text = asked.text();
-                self.shared.parts.scribe.link(Subject::Request, Weight::Normal, name, text);
+                self.shared.parts.journal_writer.link(Subject::Request, Weight::Normal, name, text);
             }
         }
     }
@@ -153,7 +153,7 @@ impl Control {
         let (request, answer) = (asked.request, Err(failure));
         self.reactor.tell(lane, Command::Answer { request, answer });
         let text = format!("{}; refused: {}", asked.text(), failure.text());
-        self.shared.parts.scribe.link(Subject::Request, Weight::Warning, name, text);
+        self.shared.parts.journal_writer.link(Subject::Request, Weight::Warning, name, text);
     }
 
     /// The machine no longer wants it.
@@ -211,10 +211,10 @@ fn program(
         tracing::warn!(%error, link, "a program that was asked for cannot be read");
         Failure::NotFound
     })?;
-    let order = Order {
+    let order = JobSpec {
         priority: PANEL,
         origin: Origin::Panel,
-        ..Order::send(link, program.as_str(), data)
+        ..JobSpec::send(link, program.as_str(), data)
     };
     let submitted = shared.parts.jobs.submit(order);
     submitted.map(|job| Answer::Job(Box::new(job))).map_err(|error| {

@@ -37,7 +37,7 @@ impl Results {
         if !job.state.is_final() || !job.has_begun() {
             return;
         }
-        let link = self.0.entry(job.order.link.clone()).or_default();
+        let link = self.0.entry(job.spec.link.clone()).or_default();
         if job.is_unseen {
             link.unseen.insert(job.id, job.clone());
         } else {
@@ -79,7 +79,7 @@ impl Control {
             let text = format!("job {id} is {state}: it can be acknowledged when it has ended");
             return Err(Refusal::Conflict(text));
         }
-        let unseen = self.results.up_to(&job.order.link, id);
+        let unseen = self.results.up_to(&job.spec.link, id);
         for seen in self.shared.parts.jobs.acknowledge(&unseen)? {
             self.show_job(&seen);
         }

@@ -51,10 +51,9 @@ pub(super) fn link(name: &str, link: &Link, queued: u32, results: &Results) -> L
         }),
         plugin: Some(link.plugin.which.clone()),
         settings: link.plugin.settings.clone(),
-        job: link
-            .job
-            .as_ref()
-            .map(|running| running.job.brief(link.lately(running.job.id, &figures).as_ref())),
+        job: link.job.as_ref().map(|running| {
+            running.job.brief(link.lane_progress(running.job.id, &figures).as_ref())
+        }),
         last: results.last(name),
         unseen,
         unseen_count,

@@ -6,10 +6,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
 use softplug_abi::{LineErrorKind, LineParameters, Micros};
-use softplug_conformance::partners::kept::Keep;
-use softplug_conformance::partners::{Partner, Signal, fanuc, r3964, xon_xoff};
 use softplug_gateway::poll::Waker;
 use softplug_gateway::simulator::Simulator;
+use softplug_machines::kept::Keep;
+use softplug_machines::{Partner, Signal, fanuc, r3964, xon_xoff};
 
 /// A simulated machine on a pty; it ends when this is dropped.
 #[derive(Debug)]

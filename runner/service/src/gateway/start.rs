@@ -19,18 +19,18 @@ use tokio::sync::broadcast;
 
 use super::Gateway;
 use super::control::{Control, Message, Parts, SWEEP, Shared};
+use super::journal_writer::JournalWriter;
 use super::loading::Loader;
 use super::reload::prepare;
 use super::results::Results;
-use super::scribe::Scribe;
 use super::worker::Worker;
-use crate::clerk::Clerk;
 use crate::config::{Config, ConfigError, Problem};
 use crate::disk::DiskError;
 use crate::feeder::Feeder;
 use crate::jobs::{Jobs, JobsError, Keep, Note, Recovery, Subject, Weight};
 use crate::library::{Library, LibraryError, Watch};
 use crate::programs::{Programs, Quotas, Receptions, Snapshots};
+use crate::reception_writer::ReceptionWriter;
 use crate::view::now_ms;
 
 /// Changes that a reader who is slow may fall behind.
@@ -155,7 +155,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
     let host = Host::new(options)?;
     let (changes, _) = broadcast::channel(CHANGES);
     let (inbox, messages) = channel();
-    let scribe = Scribe::start(jobs.clone(), changes.clone())?;
+    let journal_writer = JournalWriter::start(jobs.clone(), changes.clone())?;
     let worker = Worker::start("softplug-worker")?;
     let requests = Worker::start("softplug-panel")?;
     let loading = Worker::start("softplug-load")?;
@@ -174,7 +174,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
             snapshots,
             receptions,
             quotas,
-            scribe,
+            journal_writer,
             worker,
             requests,
             loading,
@@ -183,7 +183,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
         kept: Mutex::default(),
     });
     let ready = shared.make_ready(config)?;
-    tell_recovery(&shared.parts.scribe, &recovery, left_over.len());
+    tell_recovery(&shared.parts.journal_writer, &recovery, left_over.len());
     let options = ReactorOptions {
         threads: ready.config.gateway.threads,
         links_per_thread: ready.config.gateway.links_per_thread,
@@ -206,15 +206,16 @@ pub fn start(config: Config) -> Result<Running, StartError> {
     })?;
     let (to, receptions) = (Arc::clone(&shared), shared.parts.receptions.clone());
     let quotas = shared.parts.quotas.clone();
-    let clerk = Clerk::start(jobs, receptions, snapshots, quotas, move |news| {
-        to.tell(move |control| control.clerk_news(news));
-    })?;
+    let reception_writer =
+        ReceptionWriter::start(jobs, receptions, snapshots, quotas, move |news| {
+            to.tell(move |control| control.reception_writer_news(news));
+        })?;
     let mut control = Control {
         shared: Arc::clone(&shared),
         config: ready.config.clone(),
         reactor,
         feeder,
-        clerk,
+        reception_writer,
         links: BTreeMap::new(),
         lanes: HashMap::new(),
         audiences: HashMap::new(),
@@ -252,7 +253,7 @@ fn loads(host: &Host) -> impl Fn(&[u8]) -> Result<(), LibraryError> + Send + Syn
     }
 }
 
-fn tell_recovery(scribe: &Scribe, recovery: &Recovery, left_over: usize) {
+fn tell_recovery(journal_writer: &JournalWriter, recovery: &Recovery, left_over: usize) {
     let interrupted = recovery.interrupted.len();
     let text = format!(
         "the gateway starts; {interrupted} jobs were interrupted, {} wait, {left_over} receptions \
@@ -260,5 +261,5 @@ fn tell_recovery(scribe: &Scribe, recovery: &Recovery, left_over: usize) {
         recovery.queued
     );
     let weight = if interrupted + left_over > 0 { Weight::Warning } else { Weight::Normal };
-    scribe.note(Note::new(Subject::Gateway, text).weighing(weight));
+    journal_writer.note(Note::new(Subject::Gateway, text).weighing(weight));
 }

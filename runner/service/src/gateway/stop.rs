@@ -68,7 +68,7 @@ impl Control {
     fn begin_stop(&self, text: &str) {
         self.shared.is_stopping.store(true, Ordering::Relaxed);
         self.shared.changed(Change::Stopping);
-        self.shared.parts.scribe.note(Note::new(Subject::Gateway, text));
+        self.shared.parts.journal_writer.note(Note::new(Subject::Gateway, text));
     }
 
     /// Ends the jobs that run, in the way that the protocol has for that.
@@ -118,6 +118,9 @@ impl Control {
             self.break_off(&name, PARKED);
         }
         self.shared.parts.loader.stop();
-        self.shared.parts.scribe.note(Note::new(Subject::Gateway, "the gateway has stopped"));
+        self.shared
+            .parts
+            .journal_writer
+            .note(Note::new(Subject::Gateway, "the gateway has stopped"));
     }
 }

@@ -103,12 +103,12 @@ impl Gateway {
         let view = |file: &crate::programs::ReceptionFile| {
             let job = jobs.get(file.name.as_str());
             let reception = job.and_then(|job| job.reception.as_ref());
-            let known = job.filter(|job| job.order.kind == Kind::Receive);
+            let known = job.filter(|job| job.spec.kind == Kind::Receive);
             let reason = job.and_then(|job| job.reason.as_ref()).map(|reason| reason.text.clone());
             let failed = file.is_failed.then(|| "it is not whole".to_owned());
             ReceptionView {
                 link: link.to_owned(),
-                name: known.and_then(|job| job.order.program.clone()),
+                name: known.and_then(|job| job.spec.program.clone()),
                 bytes: file.size,
                 at_ms: file.modified,
                 failure: if file.is_failed { reason.or(failed) } else { None },

@@ -93,7 +93,7 @@ impl Control {
             let plugin = link.plugin.clone();
             self.note_use(name, &plugin, None);
         }
-        self.shared.parts.scribe.link(Subject::Swap, Weight::Normal, name, text);
+        self.shared.parts.journal_writer.link(Subject::Swap, Weight::Normal, name, text);
         self.start_plugin(name);
         view
     }
@@ -181,7 +181,7 @@ impl Control {
         if let Some(((plugin, why), link)) = not_taken.zip(self.links.get_mut(name)) {
             link.did_not_take(&plugin, &why);
         }
-        self.shared.parts.scribe.link(Subject::Swap, weight, name, text);
+        self.shared.parts.journal_writer.link(Subject::Swap, weight, name, text);
         if let Some((running, former)) = used {
             self.note_use(name, &running, former.as_ref());
         }
@@ -206,7 +206,7 @@ impl Control {
         let Some(wanted) = swap.then.take() else { return };
         if let Err(refusal) = self.order_swap(name, *wanted) {
             let text = format!("the swap that was wanted at once is not done: {refusal}");
-            self.shared.parts.scribe.link(Subject::Swap, Weight::Warning, name, text);
+            self.shared.parts.journal_writer.link(Subject::Swap, Weight::Warning, name, text);
         }
     }
 
@@ -229,7 +229,7 @@ impl Control {
                 format!("{} was not taken: {error}", file.display())
             }
         };
-        self.shared.parts.scribe.note(Note::new(Subject::Library, text));
+        self.shared.parts.journal_writer.note(Note::new(Subject::Library, text));
         self.shared.changed(Change::Plugins);
     }
 
@@ -250,7 +250,7 @@ impl Control {
                     Ok(successor) => control.follow_one(&name, successor, when),
                     Err(error) => {
                         let text = format!("what is new in the library is not taken: {error}");
-                        control.shared.parts.scribe.link(
+                        control.shared.parts.journal_writer.link(
                             Subject::Swap,
                             Weight::Warning,
                             &name,

@@ -7,7 +7,7 @@ use std::thread;
 use std::time::Duration;
 
 use softplug_abi::ModemLines;
-use softplug_gateway::reactor::{Command, LaneId, Seen as LaneSeen, Sight, Watch};
+use softplug_gateway::reactor::{Command, LaneId, Seen as LaneSeen, Watch, WatchEvent};
 
 use super::control::{Control, Shared};
 use crate::Refusal;
@@ -142,15 +142,15 @@ fn show(shared: &Shared, lane: LaneId, audience: &Audience, seen: &Receiver<Lane
 
 fn shown(LaneSeen { at, what }: LaneSeen) -> Seen {
     let what = match what {
-        Sight::Heard(bytes) => SeenWhat::Received { hex: hex(&bytes) },
-        Sight::Sent(bytes) => SeenWhat::Sent { hex: hex(&bytes) },
-        Sight::LineError { kind, byte } => {
+        WatchEvent::Heard(bytes) => SeenWhat::Received { hex: hex(&bytes) },
+        WatchEvent::Sent(bytes) => SeenWhat::Sent { hex: hex(&bytes) },
+        WatchEvent::LineError { kind, byte } => {
             SeenWhat::LineError { kind: kind.name().to_owned(), hex: byte.map(|byte| hex(&[byte])) }
         }
-        Sight::ModemLines(_, on) => SeenWhat::ModemLines { on: names(on) },
-        Sight::Held => SeenWhat::Held { is_held: true },
-        Sight::Released => SeenWhat::Held { is_held: false },
-        Sight::State(name) => SeenWhat::State { name },
+        WatchEvent::ModemLines(_, on) => SeenWhat::ModemLines { on: names(on) },
+        WatchEvent::Held => SeenWhat::Held { is_held: true },
+        WatchEvent::Released => SeenWhat::Held { is_held: false },
+        WatchEvent::State(name) => SeenWhat::State { name },
     };
     Seen { at_us: at.0, what, dropped: 0 }
 }

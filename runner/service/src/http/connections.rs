@@ -23,12 +23,12 @@ use super::options::Limits;
 #[derive(Clone, Debug)]
 pub(super) struct Connections {
     limits: Limits,
-    open: Arc<Mutex<HashMap<SocketAddr, Arc<Course>>>>,
+    open: Arc<Mutex<HashMap<SocketAddr, Arc<RequestState>>>>,
 }
 
 /// How far the request under way is.
 #[derive(Debug, Default)]
-struct Course {
+struct RequestState {
     /// It is being handled.
     busy: AtomicBool,
     /// It has been handled since this was last looked at.
@@ -46,26 +46,26 @@ impl Connections {
 
     /// From now on, until the guard goes, a request of this peer is being handled.
     pub(super) fn handling(&self, peer: SocketAddr) -> Handling {
-        let course = self.open.lock().ok().and_then(|open| open.get(&peer).cloned());
-        let course = course.unwrap_or_default();
-        course.busy.store(true, Ordering::Relaxed);
-        Handling(course)
+        let state = self.open.lock().ok().and_then(|open| open.get(&peer).cloned());
+        let state = state.unwrap_or_default();
+        state.busy.store(true, Ordering::Relaxed);
+        Handling(state)
     }
 
     fn admit(&self, stream: TcpStream) -> io::Result<Guarded> {
         let peer = stream.peer_addr()?;
         stream.set_nodelay(true)?;
-        let course = Arc::<Course>::default();
+        let state = Arc::<RequestState>::default();
         {
             let mut open = self.open.lock().map_err(|_| io::ErrorKind::Other)?;
             if open.len() >= self.limits.connections {
                 return Err(io::ErrorKind::ConnectionRefused.into());
             }
-            open.insert(peer, course.clone());
+            open.insert(peer, state.clone());
         }
         Ok(Guarded {
             stream,
-            course,
+            state,
             head: Box::pin(sleep_until(Instant::now() + self.limits.head_patience)),
             stalled: None,
             entry: Entered { peer, connections: self.clone() },
@@ -75,7 +75,7 @@ impl Connections {
 
 /// A request is being handled.
 #[derive(Debug)]
-pub(super) struct Handling(Arc<Course>);
+pub(super) struct Handling(Arc<RequestState>);
 
 impl Drop for Handling {
     fn drop(&mut self) {
@@ -112,7 +112,7 @@ impl Drop for Entered {
 #[derive(Debug)]
 pub(super) struct Guarded {
     stream: TcpStream,
-    course: Arc<Course>,
+    state: Arc<RequestState>,
     /// Until when a request's head must have come.
     head: Pin<Box<Sleep>>,
     /// Since when nothing can be written.
@@ -147,10 +147,10 @@ impl AsyncRead for Guarded {
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
         let read = Pin::new(&mut self.stream).poll_read(context, buffer);
-        if self.course.busy.load(Ordering::Relaxed) {
+        if self.state.busy.load(Ordering::Relaxed) {
             return read;
         }
-        if self.course.answered.swap(false, Ordering::Relaxed) {
+        if self.state.answered.swap(false, Ordering::Relaxed) {
             let patience = self.entry.connections.limits.head_patience;
             self.head.as_mut().reset(Instant::now() + patience);
         }

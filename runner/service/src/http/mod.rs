@@ -3,8 +3,8 @@
 //! HTTP runs on a thread of its own, with a runtime of its own; calls into the gateway run on
 //! threads that may block. Nothing here is on the way of the bytes.
 
+mod access;
 mod connections;
-mod entry;
 mod extract;
 mod names;
 mod options;
@@ -16,7 +16,7 @@ mod tls;
 mod tokens;
 mod upload;
 
-pub(crate) use entry::Tally;
+pub(crate) use access::Tally;
 pub use options::{Certificate, Limits, Options};
 pub use problem::Problem;
 pub use routes::MeView;
@@ -31,5 +31,5 @@ use crate::Gateway;
 /// # Errors
 /// The address, the tokens or the certificate cannot be used.
 pub fn serve(gateway: Gateway, options: &Options) -> Result<Server, ServeError> {
-    Server::start(options, |surroundings| routes::all(gateway, options.limits, surroundings))
+    Server::start(options, |parts| routes::all(gateway, options.limits, parts))
 }

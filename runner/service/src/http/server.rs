@@ -13,8 +13,8 @@ use tokio::net::{TcpListener, TcpSocket};
 use tokio::runtime::{self, Runtime};
 use tokio::sync::watch;
 
+use super::access::AccessControl;
 use super::connections::Connections;
-use super::entry::Door;
 use super::names::Names;
 use super::options::{HEAD_BYTES, Options};
 use super::tls::{self, CertificateError};
@@ -57,8 +57,8 @@ pub struct Server {
 }
 
 /// What the routes get besides the gateway.
-pub(super) struct Surroundings {
-    pub(super) door: Arc<Door>,
+pub(super) struct RouteParts {
+    pub(super) access: Arc<AccessControl>,
     pub(super) stopping: watch::Receiver<bool>,
 }
 
@@ -66,7 +66,7 @@ impl Server {
     /// Serves the routes until told to stop.
     pub(super) fn start(
         options: &Options,
-        routes: impl FnOnce(Surroundings) -> Router,
+        routes: impl FnOnce(RouteParts) -> Router,
     ) -> Result<Self, ServeError> {
         let tokens = Tokens::read(options.tokens.as_deref())?;
         let tls = options.certificate.as_ref().map(tls::configuration).transpose()?;
@@ -80,9 +80,10 @@ impl Server {
         let address = listener.local_addr().map_err(refused)?;
         let connections = Connections::new(options.limits);
         let names = Names::new(options.listen.ip(), &options.names);
-        let door = Arc::new(Door::new(tokens, names, connections.clone(), &options.limits));
+        let access =
+            Arc::new(AccessControl::new(tokens, names, connections.clone(), &options.limits));
         let (stopping, stop) = watch::channel(false);
-        let routes = routes(Surroundings { door, stopping: stop });
+        let routes = routes(RouteParts { access, stopping: stop });
         let handle = Handle::new();
         let serving = serving(listener, connections, tls, handle.clone(), routes);
         let thread = thread::Builder::new()

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{JobsError, Order, blocks};
+use super::{JobSpec, JobsError, blocks};
 use crate::disk::DiskError;
 use crate::programs::Snapshots;
 
@@ -23,26 +23,26 @@ pub enum BeginAt {
 /// # Errors
 /// There is no such block or byte, or the program cannot be read.
 pub fn beginning_at(
-    mut order: Order,
+    mut spec: JobSpec,
     at: BeginAt,
     field: Option<&str>,
     snapshots: &Snapshots,
-) -> Result<Order, JobsError> {
-    (order.from, order.from_block) = (0, 1);
+) -> Result<JobSpec, JobsError> {
+    (spec.from, spec.from_block) = (0, 1);
     if let Some(field) = field {
-        order.fields.retain(|(name, _)| name != field);
+        spec.fields.retain(|(name, _)| name != field);
     }
-    let data = match (at, order.data) {
-        (BeginAt::Start, _) => return Ok(order),
+    let data = match (at, spec.data) {
+        (BeginAt::Start, _) => return Ok(spec),
         (_, Some(data)) => data,
         (_, None) => {
-            return Err(JobsError::Order("the job has no program, and so no blocks".to_owned()));
+            return Err(JobsError::Spec("the job has no program, and so no blocks".to_owned()));
         }
     };
     match at {
-        BeginAt::Byte(byte) if byte < data.size => (order.from, order.from_block) = (byte, 0),
+        BeginAt::Byte(byte) if byte < data.size => (spec.from, spec.from_block) = (byte, 0),
         BeginAt::Byte(byte) => {
-            return Err(JobsError::Order(format!(
+            return Err(JobsError::Spec(format!(
                 "the program has no byte {byte}, it has {}",
                 data.size
             )));
@@ -51,15 +51,15 @@ pub fn beginning_at(
             let program = snapshots.open(data)?;
             let failed = DiskError::when("read", Path::new("the snapshot"));
             let Some(block) = blocks::block(program, number).map_err(failed)? else {
-                return Err(JobsError::Order(format!("the program has no block {number}")));
+                return Err(JobsError::Spec(format!("the program has no block {number}")));
             };
-            order.from_block = number;
+            spec.from_block = number;
             match field {
-                Some(field) => order.fields.push((field.to_owned(), number.to_string())),
-                None => order.from = block.start,
+                Some(field) => spec.fields.push((field.to_owned(), number.to_string())),
+                None => spec.from = block.start,
             }
         }
         BeginAt::Start => {}
     }
-    Ok(order)
+    Ok(spec)
 }

@@ -26,7 +26,7 @@ pub enum JobsError {
     },
     /// What was asked for does not fit the job.
     #[error("{0}")]
-    Order(String),
+    Spec(String),
     /// Too many jobs wait already.
     #[error("{waiting} jobs wait on \"{link}\", no more are taken: abort some, or wait")]
     QueueFull {
@@ -40,7 +40,7 @@ pub enum JobsError {
     Disk(#[from] DiskError),
     /// Our database.
     #[error(transparent)]
-    Book(#[from] BookError),
+    JobStore(#[from] StoreError),
 }
 
 impl JobsError {
@@ -48,7 +48,7 @@ impl JobsError {
     pub fn is_full(&self) -> bool {
         match self {
             Self::Disk(error) => error.is_full(),
-            Self::Book(error) => error.is_full(),
+            Self::JobStore(error) => error.is_full(),
             _ => false,
         }
     }
@@ -57,14 +57,14 @@ impl JobsError {
 /// The database would not do it. What was to be written is not, as far as can be known.
 #[derive(Debug, Error)]
 #[error("the jobs and the journal in {} cannot be used: {}", path.display(), text(source))]
-pub struct BookError {
+pub struct StoreError {
     /// The database.
     pub path: PathBuf,
     /// Why.
     pub source: Box<redb::Error>,
 }
 
-impl BookError {
+impl StoreError {
     /// There was no room on the disk.
     pub fn is_full(&self) -> bool {
         io_error(&self.source).is_some_and(disk::is_full)

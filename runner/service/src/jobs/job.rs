@@ -30,7 +30,7 @@ pub struct Data {
 
 /// What to do: a job before it has a number.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub struct Order {
+pub struct JobSpec {
     /// The link.
     pub link: String,
     /// What kind of work.
@@ -65,7 +65,7 @@ pub struct Order {
     pub restarts: Option<u32>,
 }
 
-impl Order {
+impl JobSpec {
     /// A program to send, with nothing said beyond what is needed.
     pub fn send(link: impl Into<String>, program: impl Into<String>, data: Data) -> Self {
         let program = Some(program.into());
@@ -167,7 +167,7 @@ pub struct Job {
     pub id: u32,
     /// What to do.
     #[serde(flatten)]
-    pub order: Order,
+    pub spec: JobSpec,
     /// Where it stands.
     pub state: State,
     /// Which bytes have left.
@@ -207,7 +207,7 @@ impl Job {
 
     /// The link is busy with it. A reception does not keep the link from sending.
     pub fn occupies(&self) -> bool {
-        self.order.kind != Kind::Receive && self.has_begun() && !self.state.is_final()
+        self.spec.kind != Kind::Receive && self.has_begun() && !self.state.is_final()
     }
 
     /// It ended otherwise than done, after it had begun: somebody has to know.
@@ -222,7 +222,7 @@ impl Job {
 
     /// Bytes of the snapshot, 0 without.
     pub fn size(&self) -> u64 {
-        self.order.data.map_or(0, |data| data.size)
+        self.spec.data.map_or(0, |data| data.size)
     }
 }
 
@@ -232,7 +232,7 @@ pub(super) fn next<'a>(jobs: impl Iterator<Item = &'a Job> + Clone) -> Option<&'
         return None;
     }
     let queued = jobs.filter(|job| job.state == State::Queued);
-    queued.max_by_key(|job| (job.order.priority, std::cmp::Reverse(job.id)))
+    queued.max_by_key(|job| (job.spec.priority, std::cmp::Reverse(job.id)))
 }
 
 #[cfg(test)]
@@ -243,7 +243,7 @@ mod tests {
     fn job(id: u32, priority: i32, state: State, has_begun: bool, kind: Kind) -> Job {
         Job {
             id,
-            order: Order { priority, ..Order::new("a", kind, "send") },
+            spec: JobSpec { priority, ..JobSpec::new("a", kind, "send") },
             state,
             extent: Extent::default(),
             taken: 0,
@@ -284,7 +284,7 @@ mod tests {
                     prop_assert!(!jobs.iter().any(Job::occupies));
                     prop_assert_eq!(found.state, State::Queued);
                     for other in jobs.iter().filter(|other| other.state == State::Queued) {
-                        prop_assert!(found.order.priority >= other.order.priority);
+                        prop_assert!(found.spec.priority >= other.spec.priority);
                     }
                 }
             }
@@ -295,11 +295,11 @@ mod tests {
     fn what_is_written_is_read_also_if_it_is_from_an_older_gateway() {
         let data = Data { digest: Digest::of(b"G1"), size: 2 };
         let mut one = job(1, 3, State::Running, true, Kind::Send);
-        one.order = Order::send("lathe", "O1", data);
+        one.spec = JobSpec::send("lathe", "O1", data);
         let text = serde_json::to_string(&one).unwrap();
         assert_eq!(serde_json::from_str::<Job>(&text).unwrap(), one);
         let old = r#"{"id": 7, "link": "a", "kind": "send", "state": "queued", "created": 1}"#;
         let old: Job = serde_json::from_str(old).unwrap();
-        assert_eq!((old.id, old.order.origin, old.size()), (7, Origin::Order, 0));
+        assert_eq!((old.id, old.spec.origin, old.size()), (7, Origin::Order, 0));
     }
 }

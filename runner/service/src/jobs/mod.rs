@@ -7,7 +7,6 @@
 mod ballast;
 mod begin;
 pub mod blocks;
-mod book;
 mod error;
 mod job;
 mod journal;
@@ -16,21 +15,22 @@ mod reading;
 mod receiving;
 mod shown;
 mod state;
+mod store;
 mod tables;
 mod told;
 mod turns;
 
 pub use begin::{BeginAt, beginning_at};
 pub use blocks::{Between, Block};
-pub use book::{Sent, Today};
-pub use error::{BookError, JobsError};
+pub use error::{JobsError, StoreError};
 pub use job::{
-    CheckFault, Comparison, Data, Extent, Job, Kind, Left, Order, Origin, Reason, Reception,
+    CheckFault, Comparison, Data, Extent, Job, JobSpec, Kind, Left, Origin, Reason, Reception,
 };
 pub use journal::{Entry, EntryFilter, Keep, Note, Subject, Weight};
-pub use progress::Lately;
+pub use progress::LaneProgress;
 pub use reading::JobsReader;
 pub use state::{State, Step, after};
+pub use store::{Sent, Today};
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -42,7 +42,7 @@ use redb::Database;
 use crate::disk::make_folder;
 use crate::programs::Snapshots;
 use ballast::Ballast;
-use book::{Book, Change, Known, look};
+use store::{Change, JobStore, Known, look};
 use told::{ended_note, note, what};
 use turns::{Turn, Turns, Who};
 
@@ -58,7 +58,7 @@ const SEEN_AT_ONCE: usize = 32;
 /// What can be read is read through [`JobsReader`], which has no part in these turns.
 #[derive(Clone)]
 pub struct Jobs {
-    book: Arc<Turns<Book>>,
+    store: Arc<Turns<JobStore>>,
     known: Arc<RwLock<Known>>,
     reader: JobsReader,
 }
@@ -119,8 +119,8 @@ impl Jobs {
         make_folder(folder)?;
         let path = folder.join("jobs.redb");
         let ballast = Ballast::new(folder.join("reserve"));
-        let opener = book::in_file(path.clone());
-        Self::start(Book::open(&path, opener, Some(ballast), keep)?)
+        let opener = store::in_file(path.clone());
+        Self::start(JobStore::open(&path, opener, Some(ballast), keep)?)
     }
 
     /// The same in a database that somebody else opens, each time anew after an error.
@@ -132,14 +132,14 @@ impl Jobs {
         keep: Keep,
     ) -> Result<(Self, Recovery), JobsError> {
         let opener = Box::new(move || Ok(open()?));
-        Self::start(Book::open(Path::new("a database"), opener, None, keep)?)
+        Self::start(JobStore::open(Path::new("a database"), opener, None, keep)?)
     }
 
-    fn start(mut book: Book) -> Result<(Self, Recovery), JobsError> {
+    fn start(mut store: JobStore) -> Result<(Self, Recovery), JobsError> {
         let now = now();
         let mut change = Change::default();
         let mut recovery = Recovery::default();
-        let live: Vec<Job> = book.known().live.values().cloned().collect();
+        let live: Vec<Job> = store.known().live.values().cloned().collect();
         for mut job in live {
             match after(job.state, job.has_begun(), Step::Recover) {
                 Some(State::Interrupted) => {
@@ -153,14 +153,14 @@ impl Jobs {
             }
         }
         if !change.jobs.is_empty() {
-            book.write(&change, now)?;
+            store.write(&change, now)?;
         }
         // Without it a disk that is full now is found out at the first job.
-        if let Err(error) = book.load_ballast() {
+        if let Err(error) = store.load_ballast() {
             tracing::warn!(%error, "no room is kept for the case of a full disk");
         }
-        let (known, reader) = (book.shared(), book.reader());
-        Ok((Self { book: Arc::new(Turns::new(book)), known, reader }, recovery))
+        let (known, reader) = (store.shared(), store.reader());
+        Ok((Self { store: Arc::new(Turns::new(store)), known, reader }, recovery))
     }
 
     /// What can be read, for whoever only reads.
@@ -179,9 +179,9 @@ impl Jobs {
         let mut queued = BTreeMap::new();
         for job in look(&self.known).live.values() {
             if job.state == State::Queued {
-                match queued.get_mut(&job.order.link) {
+                match queued.get_mut(&job.spec.link) {
                     Some(count) => *count += 1,
-                    None => drop(queued.insert(job.order.link.clone(), 1)),
+                    None => drop(queued.insert(job.spec.link.clone(), 1)),
                 }
             }
         }
@@ -192,29 +192,27 @@ impl Jobs {
     ///
     /// # Errors
     /// It cannot be written down, or too many wait. It is not taken then.
-    pub fn submit(&self, order: Order) -> Result<Job, JobsError> {
-        let mut book = self.book.take(Who::Other);
-        if order.from > order.data.map_or(0, |data| data.size) {
-            return Err(JobsError::Order(
-                "the job would begin behind the program's end".to_owned(),
-            ));
+    pub fn submit(&self, spec: JobSpec) -> Result<Job, JobsError> {
+        let mut store = self.store.take(Who::Other);
+        if spec.from > spec.data.map_or(0, |data| data.size) {
+            return Err(JobsError::Spec("the job would begin behind the program's end".to_owned()));
         }
-        let on_link = |job: &&Job| job.order.link == order.link && job.order.kind != Kind::Receive;
-        let waiting = book.known().live.values().filter(on_link).count();
+        let on_link = |job: &&Job| job.spec.link == spec.link && job.spec.kind != Kind::Receive;
+        let waiting = store.known().live.values().filter(on_link).count();
         if waiting >= WAITING {
-            return Err(JobsError::QueueFull { link: order.link, waiting });
+            return Err(JobsError::QueueFull { link: spec.link, waiting });
         }
         // New work is taken only with the reserve in place.
-        book.load_ballast()?;
-        let job = created(book.next_job(), order, State::Queued);
+        store.load_ballast()?;
+        let job = created(store.next_job(), spec, State::Queued);
         let note = note(&job, format!("job {} is queued: {}", job.id, what(&job)));
-        put(&mut book, job, vec![note])
+        put(&mut store, job, vec![note])
     }
 
     /// The job whose turn it is on a link, if the link is not busy.
     pub fn next(&self, link: &str) -> Option<Job> {
         let known = look(&self.known);
-        job::next(known.live.values().filter(|job| job.order.link == link)).cloned()
+        job::next(known.live.values().filter(|job| job.spec.link == link)).cloned()
     }
 
     /// The job is about to be given to the plug-in.
@@ -224,7 +222,7 @@ impl Jobs {
     pub fn begin(&self, id: u32) -> Result<Job, JobsError> {
         self.step(id, Step::Begin, |job, now| {
             job.began = Some(now);
-            job.extent = Extent { surely: job.order.from, maybe: job.order.from };
+            job.extent = Extent { surely: job.spec.from, maybe: job.spec.from };
             Some(format!("job {} begins: {}", job.id, what(job)))
         })
     }
@@ -265,11 +263,11 @@ impl Jobs {
     /// # Errors
     /// It has ended, or it cannot be written down.
     pub fn prioritise(&self, id: u32, priority: i32) -> Result<Job, JobsError> {
-        let mut book = self.book();
-        let mut job = live(&book, id, Step::Pause)?;
-        job.order.priority = priority;
+        let mut store = self.store();
+        let mut job = live(&store, id, Step::Pause)?;
+        job.spec.priority = priority;
         let note = note(&job, format!("job {id} has priority {priority}"));
-        put(&mut book, job, vec![note])
+        put(&mut store, job, vec![note])
     }
 
     /// The job has ended. `left` is what the link knows of the bytes that left, which may be
@@ -278,8 +276,8 @@ impl Jobs {
     /// # Errors
     /// It is not under way, or it cannot be written down.
     pub fn end(&self, id: u32, ending: Ending, left: Option<Left>) -> Result<Job, JobsError> {
-        let mut book = self.book();
-        let mut job = live(&book, id, Step::End(State::Done))?;
+        let mut store = self.store();
+        let mut job = live(&store, id, Step::End(State::Done))?;
         let (state, reason) = match ending {
             Ending::Done => (State::Done, None),
             Ending::Failed(reason) => (State::Failed, Some(reason)),
@@ -303,13 +301,13 @@ impl Jobs {
         }
         if state == State::Done {
             // Of data from a connection the size is known now.
-            let all = job.order.data.map_or(job.taken, |data| data.size);
+            let all = job.spec.data.map_or(job.taken, |data| data.size);
             job.extent = Extent { surely: all, maybe: all };
         }
         let notes = vec![ended_note(&job)];
         let sent = sent(&job);
         let change = Change { jobs: vec![job.clone()], notes, sent, came: None };
-        book.write(&change, now())?;
+        store.write(&change, now())?;
         Ok(job)
     }
 
@@ -330,7 +328,7 @@ impl Jobs {
         for some in seen.rchunks(SEEN_AT_ONCE) {
             let notes = std::mem::take(&mut notes);
             let change = Change { jobs: some.to_vec(), notes, ..Change::default() };
-            self.book().write(&change, now())?;
+            self.store().write(&change, now())?;
         }
         Ok(seen)
     }
@@ -341,10 +339,10 @@ impl Jobs {
     /// # Errors
     /// It cannot be written down: then nothing more may be given away.
     pub fn advance(&self, advances: &[Advance]) -> Result<(), JobsError> {
-        let mut book = self.book();
+        let mut store = self.store();
         let mut change = Change::default();
         for advance in advances {
-            let job = book.known().live.get(&advance.id).filter(|job| job.has_begun()).cloned();
+            let job = store.known().live.get(&advance.id).filter(|job| job.has_begun()).cloned();
             let Some(job) = job else { continue };
             let Extent { surely, maybe } = job.extent;
             let maybe = maybe.max(advance.grant.unwrap_or(0));
@@ -357,7 +355,7 @@ impl Jobs {
         if change.jobs.is_empty() {
             return Ok(());
         }
-        Ok(book.write(&change, now())?)
+        Ok(store.write(&change, now())?)
     }
 
     /// A new job that does an ended one again, from its beginning or further on, with the
@@ -376,18 +374,18 @@ impl Jobs {
     ) -> Result<Job, JobsError> {
         let job = self.reader.job(id)?;
         if !job.state.is_final() {
-            return Err(JobsError::Order(format!(
+            return Err(JobsError::Spec(format!(
                 "job {id} is {}: it can be restarted when it has ended",
                 job.state.name()
             )));
         }
-        let order = Order { restarts: Some(id), origin: Origin::Order, ..job.order };
-        if order.kind == Kind::Receive || (order.kind == Kind::Send && order.data.is_none()) {
-            return Err(JobsError::Order(format!(
+        let spec = JobSpec { restarts: Some(id), origin: Origin::Order, ..job.spec };
+        if spec.kind == Kind::Receive || (spec.kind == Kind::Send && spec.data.is_none()) {
+            return Err(JobsError::Spec(format!(
                 "job {id} cannot be restarted: the gateway has no data to send"
             )));
         }
-        self.submit(beginning_at(order, at, field, snapshots)?)
+        self.submit(beginning_at(spec, at, field, snapshots)?)
     }
 
     fn step(
@@ -396,8 +394,8 @@ impl Jobs {
         step: Step,
         change: impl FnOnce(&mut Job, u64) -> Option<String>,
     ) -> Result<Job, JobsError> {
-        let mut book = self.book();
-        let mut job = live(&book, id, step)?;
+        let mut store = self.store();
+        let mut job = live(&store, id, step)?;
         job.state = after(job.state, job.has_begun(), step).ok_or(JobsError::State {
             id,
             state: job.state,
@@ -405,7 +403,7 @@ impl Jobs {
         })?;
         let text = change(&mut job, now());
         let notes = text.map(|text| note(&job, text)).into_iter().collect();
-        put(&mut book, job, notes)
+        put(&mut store, job, notes)
     }
 
     /// Writes something into the journal.
@@ -414,11 +412,11 @@ impl Jobs {
     /// It cannot be written down.
     pub fn note(&self, note: Note) -> Result<(), JobsError> {
         let change = Change { notes: vec![note.tamed()], ..Change::default() };
-        Ok(self.book.take(Who::Other).write(&change, now())?)
+        Ok(self.store.take(Who::Other).write(&change, now())?)
     }
 
-    fn book(&self) -> Turn<'_, Book> {
-        self.book.take(Who::Line)
+    fn store(&self) -> Turn<'_, JobStore> {
+        self.store.take(Who::Line)
     }
 }
 
@@ -434,10 +432,10 @@ pub fn now() -> u64 {
     since.map_or(0, |since| since.as_millis() as u64)
 }
 
-fn created(id: u32, order: Order, state: State) -> Job {
+fn created(id: u32, spec: JobSpec, state: State) -> Job {
     Job {
         id,
-        order,
+        spec,
         state,
         extent: Extent::default(),
         taken: 0,
@@ -451,17 +449,17 @@ fn created(id: u32, order: Order, state: State) -> Job {
     }
 }
 
-fn put(book: &mut Book, job: Job, notes: Vec<Note>) -> Result<Job, JobsError> {
+fn put(store: &mut JobStore, job: Job, notes: Vec<Note>) -> Result<Job, JobsError> {
     let change = Change { jobs: vec![job], notes, ..Change::default() };
-    book.write(&change, now())?;
+    store.write(&change, now())?;
     Ok(change.jobs.into_iter().next().expect("it was just put there"))
 }
 
-fn live(book: &Book, id: u32, step: Step) -> Result<Job, JobsError> {
-    if let Some(job) = book.known().live.get(&id) {
+fn live(store: &JobStore, id: u32, step: Step) -> Result<Job, JobsError> {
+    if let Some(job) = store.known().live.get(&id) {
         return Ok(job.clone());
     }
-    let job = book.job(id)?.ok_or(JobsError::NotFound(id))?;
+    let job = store.job(id)?.ok_or(JobsError::NotFound(id))?;
     Err(JobsError::State { id, state: job.state, step })
 }
 
@@ -479,10 +477,10 @@ fn narrowed(known: Extent, left: Extent) -> Extent {
 
 /// Only a whole program is what the machine has.
 fn sent(job: &Job) -> Option<(String, String, Sent)> {
-    let is_whole = job.state == State::Done && job.order.kind == Kind::Send && job.order.from == 0;
-    let (program, data) = (job.order.program.clone()?, job.order.data?);
+    let is_whole = job.state == State::Done && job.spec.kind == Kind::Send && job.spec.from == 0;
+    let (program, data) = (job.spec.program.clone()?, job.spec.data?);
     let name = plain_name(&program).to_owned();
-    is_whole.then(|| (job.order.link.clone(), name, Sent { job: job.id, data }))
+    is_whole.then(|| (job.spec.link.clone(), name, Sent { job: job.id, data }))
 }
 
 /// As a machine would call it: without folders and extension.

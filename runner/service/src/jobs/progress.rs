@@ -6,7 +6,7 @@ use crate::view::JobProgress;
 /// What the lane of a job that is under way knows of it now, counted from the beginning of the
 /// program.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
-pub struct Lately {
+pub struct LaneProgress {
     /// Bytes of the program that the plug-in took.
     pub taken: u64,
     /// Which bytes have left.
@@ -21,17 +21,20 @@ pub struct Lately {
 
 impl Job {
     /// How far it is. `lately`: of one that is under way, what its lane knows.
-    pub fn progress(&self, lately: Option<&Lately>) -> JobProgress {
+    pub fn progress(&self, lane_progress: Option<&LaneProgress>) -> JobProgress {
         let known = self.extent;
-        let (taken, extent) = match lately {
+        let (taken, extent) = match lane_progress {
             None => (self.taken, known),
             // What is written down lags behind, and was the lane's, too.
-            Some(lately) => {
-                let surely = lately.extent.surely.max(known.surely);
-                (lately.taken, Extent { surely, maybe: lately.extent.maybe.max(surely) })
+            Some(lane_progress) => {
+                let surely = lane_progress.extent.surely.max(known.surely);
+                (
+                    lane_progress.taken,
+                    Extent { surely, maybe: lane_progress.extent.maybe.max(surely) },
+                )
             }
         };
-        let size = self.order.data.map(|data| data.size);
+        let size = self.spec.data.map(|data| data.size);
         let percent = |size: u64| (extent.surely.min(size) * 100 / size) as u8;
         let mut progress = JobProgress {
             size,
@@ -39,17 +42,19 @@ impl Job {
             maybe_left: extent.maybe,
             surely_left: extent.surely,
             percent: size.filter(|size| *size > 0).map(percent),
-            is_held: lately.is_some_and(|lately| lately.is_held) && self.state == State::Running,
-            awaits: lately.and_then(|lately| lately.awaits.clone()),
+            is_held: lane_progress.is_some_and(|lane_progress| lane_progress.is_held)
+                && self.state == State::Running,
+            awaits: lane_progress.and_then(|lane_progress| lane_progress.awaits.clone()),
             text: String::new(),
         };
-        progress.text = self.words(&progress, lately.is_some_and(|lately| lately.is_check));
+        progress.text = self
+            .words(&progress, lane_progress.is_some_and(|lane_progress| lane_progress.is_check));
         progress
     }
 
     fn words(&self, progress: &JobProgress, is_check: bool) -> String {
         let mut parts = Vec::new();
-        let moves_data = self.order.kind == Kind::Send;
+        let moves_data = self.spec.kind == Kind::Send;
         if moves_data && self.has_begun() {
             parts.push(self.left_in_words(progress));
         } else if let Some(size) = progress.size {
@@ -71,7 +76,7 @@ impl Job {
     /// `601 of 40,015 bytes have surely left, 1 %, up to 4,697 may have`.
     pub(super) fn left_in_words(&self, progress: &JobProgress) -> String {
         let JobProgress { size, maybe_left: maybe, surely_left: surely, .. } = *progress;
-        let from = self.order.from;
+        let from = self.spec.from;
         let whole = size.map_or(String::new(), |size| format!(" of {}", grouped(size)));
         let percent = progress.percent.map_or(String::new(), |percent| format!(", {percent} %"));
         let bytes = |count: u64| format!("{}{whole} bytes", grouped(count));
@@ -113,13 +118,13 @@ fn grouped(number: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::jobs::{Data, Order};
+    use crate::jobs::{Data, JobSpec};
     use softplug_host::Digest;
 
     fn job(state: State, from: u64, surely: u64, maybe: u64) -> Job {
         let data = Data { digest: Digest::of(b"G1"), size: 40_015 };
-        let order = Order { from, ..Order::send("lathe", "O1", data) };
-        let mut job = super::super::created(1, order, state);
+        let spec = JobSpec { from, ..JobSpec::send("lathe", "O1", data) };
+        let mut job = super::super::created(1, spec, state);
         job.began = (state != State::Queued).then_some(1);
         job.extent = Extent { surely, maybe };
         job
@@ -153,18 +158,18 @@ mod tests {
     #[test]
     fn what_the_lane_knows_goes_before_what_was_written_down() {
         let extent = Extent { surely: 7_000, maybe: 7_500 };
-        let mut lately = Lately { taken: 8_000, extent, ..Lately::default() };
+        let mut lane_progress = LaneProgress { taken: 8_000, extent, ..LaneProgress::default() };
         // 16 KiB were granted.
         let mut running = job(State::Running, 0, 601, 16_384);
-        let progress = running.progress(Some(&lately));
+        let progress = running.progress(Some(&lane_progress));
         let figures = (progress.surely_left, progress.maybe_left, progress.taken, progress.percent);
         assert_eq!(figures, (7_000, 7_500, 8_000, Some(17)));
-        lately.is_held = true;
-        let held = running.progress(Some(&lately));
+        lane_progress.is_held = true;
+        let held = running.progress(Some(&lane_progress));
         assert_eq!(held.text, "7,000 of 40,015 bytes have left, 17 %; held by the machine");
         // Paused is not held, whatever the queue does.
         running.state = State::Paused;
-        let paused = running.progress(Some(&lately));
+        let paused = running.progress(Some(&lane_progress));
         assert_eq!(paused.text, "7,000 of 40,015 bytes have left, 17 %; paused");
         assert!(!paused.is_held);
     }

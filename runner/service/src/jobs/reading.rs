@@ -11,8 +11,8 @@ use std::sync::{Arc, PoisonError, RwLock};
 use redb::{Database, ReadTransaction, ReadableDatabase, ReadableTable};
 use softplug_host::Digest;
 
-use super::book::Sent;
-use super::error::BookError;
+use super::error::StoreError;
+use super::store::Sent;
 use super::tables::{BY_LINK, BY_STATE, JOBS, JOURNAL, RECEIVED, SENT, STATES, code, decoded};
 use super::{Data, Entry, EntryFilter, Job, JobFilter, JobsError, plain_name};
 
@@ -44,8 +44,8 @@ impl Opened {
         act(database.as_ref().ok_or(redb::Error::DatabaseClosed)?)
     }
 
-    pub(super) fn blame(&self, error: redb::Error) -> BookError {
-        BookError { path: self.path.clone(), source: Box::new(error) }
+    pub(super) fn blame(&self, error: redb::Error) -> StoreError {
+        StoreError { path: self.path.clone(), source: Box::new(error) }
     }
 
     /// As it is now, whatever is written from here on.
@@ -152,7 +152,7 @@ impl JobsReader {
                 needed.extend(decoded::<Sent>(row?.1.value()).map(|sent| sent.data.digest));
             }
             for row in snapshot.open_table(JOBS)?.iter()? {
-                let data = |job: Job| job.order.data.map(|data: Data| data.digest);
+                let data = |job: Job| job.spec.data.map(|data: Data| data.digest);
                 needed.extend(decoded::<Job>(row?.1.value()).and_then(data));
             }
             Ok(needed)
@@ -171,7 +171,7 @@ impl JobsReader {
             for row in self.opened.snapshot()?.open_table(JOBS)?.iter()?.rev() {
                 let Some(job) = decoded::<Job>(row?.1.value()) else { continue };
                 let has_ended = job.state.is_final() && job.has_begun();
-                if has_ended && (links.insert(job.order.link.clone()) || job.is_unseen) {
+                if has_ended && (links.insert(job.spec.link.clone()) || job.is_unseen) {
                     results.push(job);
                 }
             }

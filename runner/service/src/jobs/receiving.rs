@@ -1,9 +1,9 @@
 //! Receptions: jobs that a machine begins, and answers to those that ask it.
 
-use super::book::{Change, look};
+use super::store::{Change, look};
 use super::told::{note, received_note};
 use super::{
-    Job, Jobs, JobsError, Kind, Order, Origin, Reason, Reception, State, Step, Today, created,
+    Job, JobSpec, Jobs, JobsError, Kind, Origin, Reason, Reception, State, Step, Today, created,
     live, now,
 };
 
@@ -13,14 +13,14 @@ impl Jobs {
     /// # Errors
     /// It cannot be written down.
     pub fn receive(&self, link: &str) -> Result<Job, JobsError> {
-        let mut book = self.book();
-        let order = Order { origin: Origin::Machine, ..Order::new(link, Kind::Receive, "") };
-        let mut job = created(book.next_job(), order, State::Running);
+        let mut store = self.store();
+        let spec = JobSpec { origin: Origin::Machine, ..JobSpec::new(link, Kind::Receive, "") };
+        let mut job = created(store.next_job(), spec, State::Running);
         job.began = Some(job.created);
         let notes = vec![note(&job, format!("job {}: the machine sends", job.id))];
         let came = Some((link.to_owned(), 1, 0));
         let change = Change { jobs: vec![job.clone()], notes, came, ..Change::default() };
-        book.write(&change, now())?;
+        store.write(&change, now())?;
         Ok(job)
     }
 
@@ -36,22 +36,22 @@ impl Jobs {
         reception: Reception,
         reason: Option<Reason>,
     ) -> Result<Job, JobsError> {
-        let mut book = self.book();
-        let mut job = live(&book, id, Step::End(State::Done))?;
+        let mut store = self.store();
+        let mut job = live(&store, id, Step::End(State::Done))?;
         let note = received_note(&job, name.as_deref(), &reception, reason.as_ref());
         // An answer is begun by its job, and counted here.
-        let receptions = u64::from(job.order.kind != Kind::Receive);
-        let came = Some((job.order.link.clone(), receptions, reception.bytes));
+        let receptions = u64::from(job.spec.kind != Kind::Receive);
+        let came = Some((job.spec.link.clone(), receptions, reception.bytes));
         job.reception = Some(reception);
-        if job.order.kind == Kind::Receive {
+        if job.spec.kind == Kind::Receive {
             job.state = if reason.is_some() { State::Failed } else { State::Done };
             job.reason = reason;
-            job.order.program = name.or(job.order.program);
+            job.spec.program = name.or(job.spec.program);
             job.ended = Some(now());
             job.is_unseen = job.has_ended_badly();
         }
         let change = Change { jobs: vec![job.clone()], notes: vec![note], came, sent: None };
-        book.write(&change, now())?;
+        store.write(&change, now())?;
         Ok(job)
     }
 
@@ -72,17 +72,17 @@ impl Jobs {
         file: String,
         bytes: u64,
     ) -> Result<(), JobsError> {
-        let mut book = self.book();
+        let mut store = self.store();
         let reception = Reception { file: Some(file), bytes, is_complete: false, compared: None };
         let reason = Reason::new("interrupted", "the gateway ended in the middle of it");
-        let is_of_link = |job: &Job| link.is_none_or(|link| job.order.link == link);
-        let found = book.job(id)?.filter(is_of_link).filter(|job| job.reception.is_none());
+        let is_of_link = |job: &Job| link.is_none_or(|link| job.spec.link == link);
+        let found = store.job(id)?.filter(is_of_link).filter(|job| job.reception.is_none());
         let mut job = match (found, link) {
             (Some(job), _) => job,
             (None, Some(link)) => {
-                let order =
-                    Order { origin: Origin::Machine, ..Order::new(link, Kind::Receive, "") };
-                let mut job = created(book.next_job(), order, State::Interrupted);
+                let spec =
+                    JobSpec { origin: Origin::Machine, ..JobSpec::new(link, Kind::Receive, "") };
+                let mut job = created(store.next_job(), spec, State::Interrupted);
                 (job.began, job.ended) = (Some(job.created), Some(job.created));
                 job.reason = Some(reason.clone());
                 job.is_unseen = job.has_ended_badly();
@@ -91,9 +91,9 @@ impl Jobs {
             (None, None) => return Ok(()),
         };
         let notes = vec![received_note(&job, None, &reception, Some(&reason))];
-        let came = Some((job.order.link.clone(), 0, bytes));
+        let came = Some((job.spec.link.clone(), 0, bytes));
         job.reception = Some(reception);
         let change = Change { jobs: vec![job], notes, came, sent: None };
-        Ok(book.write(&change, now())?)
+        Ok(store.write(&change, now())?)
     }
 }

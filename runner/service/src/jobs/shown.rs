@@ -1,6 +1,6 @@
 //! Jobs and entries as they are shown.
 
-use super::{Entry, EntryFilter, Job, JobFilter, Lately, Order};
+use super::{Entry, EntryFilter, Job, JobFilter, JobSpec, LaneProgress};
 use crate::view::{self, JobBrief, JobView, JournalEntry};
 
 /// What a list has if nothing is said, and at most.
@@ -8,20 +8,20 @@ const LISTED: (u32, u32) = (100, 1_000);
 
 impl Job {
     /// As it is shown. `lately`: what its lane knows, while it is under way.
-    pub fn view(&self, lately: Option<&Lately>) -> JobView {
-        let Order { link, job_kind, fields, program, .. } = self.order.clone();
+    pub fn view(&self, lane_progress: Option<&LaneProgress>) -> JobView {
+        let JobSpec { link, job_kind, fields, program, .. } = self.spec.clone();
         JobView {
             id: self.id,
             link,
             kind: kind_name(job_kind),
             state: self.state,
-            origin: self.order.origin,
+            origin: self.spec.origin,
             program,
             fields: fields.into_iter().collect(),
-            priority: self.order.priority,
-            progress: self.progress(lately),
-            start_byte: self.order.from,
-            start_block: self.order.from_block,
+            priority: self.spec.priority,
+            progress: self.progress(lane_progress),
+            start_byte: self.spec.from,
+            start_block: self.spec.from_block,
             sent: self.sent,
             last_block: None,
             created_ms: self.created,
@@ -31,19 +31,19 @@ impl Job {
             message: self.reason.as_ref().map(|reason| reason.text.clone()),
             check: self.reason.as_ref().and_then(|reason| reason.check.clone()),
             answer: self.reception.as_ref().and_then(|reception| reception.file.clone()),
-            restart_of: self.order.restarts,
+            restart_of: self.spec.restarts,
             is_unseen: self.is_unseen,
         }
     }
 
     /// In short.
-    pub fn brief(&self, lately: Option<&Lately>) -> JobBrief {
+    pub fn brief(&self, lane_progress: Option<&LaneProgress>) -> JobBrief {
         JobBrief {
             id: self.id,
-            kind: kind_name(self.order.job_kind.clone()),
-            program: self.order.program.clone(),
+            kind: kind_name(self.spec.job_kind.clone()),
+            program: self.spec.program.clone(),
             state: self.state,
-            progress: self.progress(lately),
+            progress: self.progress(lane_progress),
             message: self.reason.as_ref().map(|reason| reason.text.clone()),
             ended_ms: self.ended,
         }

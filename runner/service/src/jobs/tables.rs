@@ -77,7 +77,7 @@ impl<'txn> JobTables<'txn> {
             Some(state) => Some(state),
             None => self.job(job.id)?.map(|before| before.state),
         };
-        let link = &*job.order.link;
+        let link = &*job.spec.link;
         if let Some(before) = before.filter(|before| *before != job.state) {
             self.by_state.remove((code(before), job.id))?;
             self.by_link.remove((link, code(before), job.id))?;
@@ -114,7 +114,7 @@ impl<'txn> JobTables<'txn> {
         for row in self.jobs.iter()? {
             let (id, value) = row?;
             let Some(job) = decoded::<Job>(value.value()) else { continue };
-            let (link, code, id) = (&*job.order.link, code(job.state), id.value());
+            let (link, code, id) = (&*job.spec.link, code(job.state), id.value());
             self.by_state.insert((code, id), ())?;
             self.by_link.insert((link, code, id), ())?;
             if let Some(file) = job.file() {
@@ -144,7 +144,7 @@ impl<'txn> JobTables<'txn> {
         let job = self.job(id)?;
         self.jobs.remove(id)?;
         let Some(job) = job else { return Ok(()) };
-        let link = &*job.order.link;
+        let link = &*job.spec.link;
         self.by_state.remove((code(job.state), id))?;
         self.by_link.remove((link, code(job.state), id))?;
         if let Some(file) = job.file() {

@@ -5,26 +5,26 @@ use std::fmt::Write as _;
 use super::{Comparison, Job, Kind, Note, Reason, Reception, State, Subject, Weight};
 
 pub(super) fn note(job: &Job, text: String) -> Note {
-    Note::new(Subject::Job, text).of_link(&*job.order.link).of_job(job.id).tamed()
+    Note::new(Subject::Job, text).of_link(&*job.spec.link).of_job(job.id).tamed()
 }
 
 pub(super) fn what(job: &Job) -> String {
-    let mut text = match job.order.kind {
+    let mut text = match job.spec.kind {
         Kind::Send => "sends",
         Kind::Fetch => "fetches",
         Kind::Receive => "receives",
     }
     .to_owned();
-    if let Some(program) = &job.order.program {
+    if let Some(program) = &job.spec.program {
         let _ = write!(text, " {program}");
     }
-    if let Some(data) = job.order.data {
-        let _ = write!(text, ", {} bytes", data.size - job.order.from);
+    if let Some(data) = job.spec.data {
+        let _ = write!(text, ", {} bytes", data.size - job.spec.from);
     }
-    if job.order.from > 0 {
-        let _ = write!(text, " from byte {}", job.order.from);
+    if job.spec.from > 0 {
+        let _ = write!(text, " from byte {}", job.spec.from);
     }
-    if let Some(before) = job.order.restarts {
+    if let Some(before) = job.spec.restarts {
         let _ = write!(text, ", in place of job {before}");
     }
     text
@@ -35,7 +35,7 @@ pub(super) fn ended_note(job: &Job) -> Note {
     if let Some(reason) = &job.reason {
         let _ = write!(text, ": {}", reason.text);
     }
-    if job.state != State::Done && job.order.kind == Kind::Send {
+    if job.state != State::Done && job.spec.kind == Kind::Send {
         let _ = write!(text, "; {}", job.progress(None).text);
     }
     let weight = match job.state {
@@ -53,7 +53,7 @@ pub(super) fn received_note(
 ) -> Note {
     let text = received_text(job.id, name, reception, reason);
     let weight = if reason.is_some() { Weight::Warning } else { Weight::Normal };
-    Note::new(Subject::Reception, text).of_link(&*job.order.link).of_job(job.id).weighing(weight)
+    Note::new(Subject::Reception, text).of_link(&*job.spec.link).of_job(job.id).weighing(weight)
 }
 
 fn received_text(

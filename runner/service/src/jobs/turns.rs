@@ -129,8 +129,8 @@ mod tests {
         for thread in waiting {
             thread.join().unwrap();
         }
-        let order = turns.take(Who::Other).clone();
-        assert_eq!(order.len(), 18);
-        assert_eq!(order[..2], [Who::Line; 2], "{order:?}");
+        let spec = turns.take(Who::Other).clone();
+        assert_eq!(spec.len(), 18);
+        assert_eq!(spec[..2], [Who::Line; 2], "{spec:?}");
     }
 }

@@ -66,7 +66,7 @@ impl Library {
     ) -> Result<Watch, LibraryError> {
         let (signals, changes) = channel();
         let watcher = self.start_watching(signals)?;
-        let desk = Desk {
+        let desk = Worker {
             library: self.clone(),
             known: meanings(self)?,
             refused: HashMap::new(),
@@ -146,7 +146,7 @@ fn meanings(library: &Library) -> Result<Meanings, LibraryError> {
     Ok(named.map(|named| ((named.name, named.version), named.digest)).collect())
 }
 
-struct Desk<T> {
+struct Worker<T> {
     library: Library,
     known: Meanings,
     /// As they were when they were refused: they are tried again when they have changed.
@@ -155,7 +155,7 @@ struct Desk<T> {
     tell: T,
 }
 
-impl<T: FnMut(LibraryNews)> Desk<T> {
+impl<T: FnMut(LibraryNews)> Worker<T> {
     fn run(mut self, changes: &Receiver<Signal>) {
         let mut waits = self.take_incoming();
         self.compare();

@@ -97,7 +97,7 @@ impl Snapshots {
     /// # Errors
     /// The snapshot cannot be read.
     pub fn between(&self, job: &Job) -> Result<Between, DiskError> {
-        let Some(data) = job.order.data else { return Ok(Between::default()) };
+        let Some(data) = job.spec.data else { return Ok(Between::default()) };
         let Extent { surely, maybe } = job.extent;
         let found = blocks::between(self.open(data)?, surely, maybe);
         found.map_err(DiskError::when("read", &self.objects.path(data.digest)))

@@ -3,7 +3,7 @@
 use std::fs;
 use std::io::Read;
 
-use softplug_conformance::partners::r3964::rk512::{Area, Computer, Trouble};
+use softplug_machines::r3964::rk512::{Area, Computer, Trouble};
 use softplug_service::Gateway;
 use softplug_service::view::{JobOrder, JobState, JobView};
 

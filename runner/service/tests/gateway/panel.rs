@@ -3,8 +3,8 @@
 use std::fs;
 use std::os::unix::fs::symlink;
 
-use softplug_conformance::partners::fanuc::{Control, Press};
-use softplug_conformance::partners::kept::Received;
+use softplug_machines::fanuc::{Control, Press};
+use softplug_machines::kept::Received;
 use softplug_service::Gateway;
 use softplug_service::view::{JobFilter, JobOrigin, JobState, JournalFilter, JournalKind};
 
@@ -63,7 +63,7 @@ fn no_name_from_the_panel_leads_out_of_its_folder() {
     let shop = Shop::of_machine(&panel, LINES);
     let gateway = shop.gateway();
     let program = shop.program_in("b", "O1234", 2_000);
-    // Outside of the programs, beside the search path, hidden, and behind a link.
+    // LinkHost of the programs, beside the search path, hidden, and behind a link.
     let text = "%\nO6666\nM30\n%\n";
     for file in ["SECRET", "programs/O7", "programs/b/.HIDDEN"] {
         fs::write(shop.path(file), text).unwrap();

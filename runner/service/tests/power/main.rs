@@ -10,7 +10,7 @@ use disk::Disk;
 use redb::Database;
 use softplug_host::Digest;
 use softplug_service::jobs::{
-    Advance, Data, Ending, EntryFilter, Extent, Job, Jobs, JobsError, Keep, Kind, Note, Order,
+    Advance, Data, Ending, EntryFilter, Extent, Job, JobSpec, Jobs, JobsError, Keep, Kind, Note,
     Reason, Reception, State, Step, Subject, after,
 };
 
@@ -52,7 +52,7 @@ fn deed(jobs: &Jobs, dice: &mut Dice) -> Result<Option<Job>, JobsError> {
     };
     let data = Data { digest: Digest::of(b"G1"), size: 100_000 };
     match dice.below(10) {
-        0 | 1 => jobs.submit(Order::send("lathe", "O1", data)).map(Some),
+        0 | 1 => jobs.submit(JobSpec::send("lathe", "O1", data)).map(Some),
         2 => jobs.receive("lathe").map(Some),
         3 => jobs
             .note(Note::new(Subject::Gateway, "x".repeat(dice.below(1_500) as usize)))
@@ -112,7 +112,7 @@ fn lose_power(seed: u64) {
                 match deed(jobs, &mut dice) {
                     Ok(Some(job)) => drop(acknowledged.insert(job.id, job)),
                     Ok(None) => {}
-                    Err(JobsError::Book(_)) => {
+                    Err(JobsError::JobStore(_)) => {
                         under_way = Some(before);
                         break;
                     }
@@ -147,7 +147,7 @@ fn lose_power(seed: u64) {
             assert!(found.extent.maybe >= known.extent.maybe || found.state.is_final());
             *known = found;
         }
-        let new = jobs.submit(Order::new("lathe", Kind::Fetch, "fetch")).unwrap();
+        let new = jobs.submit(JobSpec::new("lathe", Kind::Fetch, "fetch")).unwrap();
         assert!(new.id > highest, "seed {seed}: number {} is given twice", new.id);
         acknowledged.insert(new.id, new);
         let entries =
@@ -190,14 +190,14 @@ fn a_full_disk_refuses_and_says_so_and_what_was_acknowledged_stays() {
     let disk = Disk::new(Dice(7));
     let jobs = open(&disk).unwrap();
     let data = Data { digest: Digest::of(b"G1"), size: 1_000 };
-    let first = jobs.submit(Order::send("lathe", "O1", data)).unwrap();
+    let first = jobs.submit(JobSpec::send("lathe", "O1", data)).unwrap();
     jobs.begin(first.id).unwrap();
     disk.allow_no_growth();
     let mut acknowledged = vec![first.id];
     let error = loop {
-        match jobs.submit(Order {
+        match jobs.submit(JobSpec {
             fields: vec![("text".into(), "x".repeat(3_000))],
-            ..Order::send("mill", "O1", data)
+            ..JobSpec::send("mill", "O1", data)
         }) {
             Ok(job) => acknowledged.push(job.id),
             Err(error) => break error,

@@ -4,7 +4,7 @@
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Action, Event, EventKind, Instance, LineParameters, Micros, Output};
 use softplug_host::{Host, HostOptions, Plugin};
-use softplug_link::{Job, LinkOptions, Outside, Supply, VirtualLine};
+use softplug_link::{Job, LinkHost, LinkOptions, Supply, VirtualLine};
 use softplug_native::{NativeInstance, NativePlugin};
 use std::path::{Path, PathBuf};
 
@@ -217,7 +217,7 @@ struct Far {
     drained: u32,
 }
 
-impl Outside for Far {
+impl LinkHost for Far {
     fn handle(&mut self, _now: Micros, action: &Action<'_>) {
         match action {
             Action::JobDone { .. } => self.done += 1,

@@ -5,7 +5,7 @@ use crate::common::{Plugin, Rig, Script, rooms};
 use softplug_abi::limits::STATE_BYTES;
 use softplug_abi::{Action, Failure, Micros, ModemLines, NoteLevel, Values};
 use softplug_link::{
-    Link, LinkFault, LinkOptions, Observed, Outside, Recorder, RuleBroken, Supply, SwapError,
+    Link, LinkFault, LinkHost, LinkOptions, Observed, Recorder, RuleBroken, Supply, SwapError,
 };
 
 pub(super) fn saved(offset: u32, total: u32, bytes: &[u8]) -> Action<'_> {
@@ -59,7 +59,7 @@ struct Slow {
     has_data: bool,
 }
 
-impl Outside for Slow {
+impl LinkHost for Slow {
     fn handle(&mut self, now: Micros, action: &Action<'_>) {
         self.recorder.handle(now, action);
     }

@@ -8,11 +8,12 @@ mod random;
 mod saving;
 mod settings;
 
-use super::Script;
-use super::stage::{Outcome, Stage, diverged};
-use crate::fault::{Fault, FaultClass};
-use crate::replay;
-use crate::{Class, Permutation};
+use super::case::Script;
+use super::failure::{Outcome, diverged};
+use super::stage::Stage;
+use crate::run::class::Class;
+use crate::run::permute::Permutation;
+use crate::run::{outcome, replay};
 use random::{Shape, ground};
 use saving::Saving;
 use softplug_abi::Micros;
@@ -75,7 +76,7 @@ fn run(
     shape: Shape,
     seed: u64,
     way: Permutation,
-) -> Outcome<replay::Outcome> {
+) -> Outcome<outcome::Outcome> {
     let ground = ground(stage.manifest(), shape, seed)?;
     let line = ground.options.line;
     let outcome = replay::run(&stage.subject, ground, way);
@@ -124,7 +125,7 @@ fn saves_change_nothing(stage: &mut Stage<'_>, seed: u64) -> Outcome {
     same(Class::DependsOnSwap, &first, &second)
 }
 
-fn same(class: Class, first: &replay::Outcome, second: &replay::Outcome) -> Outcome {
+fn same(class: Class, first: &outcome::Outcome, second: &outcome::Outcome) -> Outcome {
     let both = first.seen.iter().zip(&second.seen);
     let place = both.take_while(|(first, second)| first == second).count();
     let (expected, observed) = (first.seen.get(place), second.seen.get(place));
@@ -132,16 +133,11 @@ fn same(class: Class, first: &replay::Outcome, second: &replay::Outcome) -> Outc
         return Ok(());
     }
     let at = expected.or(observed).map_or(Micros::ZERO, |seen| seen.at);
-    let text = |seen: Option<&replay::Seen>| match seen {
+    let text = |seen: Option<&outcome::Seen>| match seen {
         Some(seen) => format!("at {} {:?}", seen.at, seen.deed),
         None => "nothing".to_owned(),
     };
     let mut failure = diverged(at, class.text(), text(expected), text(observed));
     failure.class = class;
     Err(failure)
-}
-
-/// The plug-in cannot be asked for what its own manifest offers.
-fn unfit(reason: &dyn std::fmt::Display) -> Fault {
-    Fault::new(FaultClass::NotApplicable, Micros::ZERO, reason)
 }

@@ -1,9 +1,8 @@
 //! Legal input for any plug-in, from a seed and its manifest.
 
-use super::super::stage::Outcome;
-use super::unfit;
-use crate::course::{Asked, Course, Given, Input};
-use crate::replay::Ground;
+use super::super::failure::{Outcome, not_applicable};
+use crate::given::course::{Asked, Course, Given, Input};
+use crate::run::replay::Ground;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use softplug_abi::manifest::{Kind, Manifest, ValueType};
@@ -101,7 +100,7 @@ pub(super) fn ground(manifest: &Manifest, shape: Shape, seed: u64) -> Outcome<Gr
     // The defaults first, then one preset after the other.
     let preset = manifest.presets.get((seed as usize).wrapping_sub(2));
     let asked = preset.map(|preset| ("preset", preset.name.as_str()));
-    let settings = manifest.resolve_settings(asked).map_err(|error| unfit(&error))?;
+    let settings = manifest.resolve_settings(asked).map_err(|error| not_applicable(&error))?;
     let is_tight = shape == Shape::Rooms;
     let mut room = || if is_tight { 1 + draw.below(200) } else { 4_096 };
     let (transmit_room, delivery_room) = (room(), room());

@@ -1,8 +1,7 @@
 //! A plug-in that is asked for its state after every event.
 
-use super::super::Boxed;
-use super::super::erased::{Anything, Erased};
-use crate::{Subject, SubjectError};
+use crate::run::erased::{Anything, Boxed, Erased};
+use crate::run::subject::{Subject, SubjectError};
 use softplug_abi::limits::OUTPUT_ROUNDS;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Event, EventKind, Instance, Micros, Output};

@@ -1,11 +1,11 @@
 //! Settings as the manifest allows them, and as it does not; states that nobody saved.
 
-use super::super::erased::Erased;
-use super::super::stage::{Outcome, Stage, diverged};
-use super::super::{Boxed, Script};
-use super::unfit;
-use crate::fault::{Fault, FaultClass};
-use crate::subject::{Meter, Watched, WatchedFault};
+use super::super::case::Script;
+use super::super::failure::{Outcome, diverged, not_applicable};
+use super::super::stage::Stage;
+use crate::run::erased::{Boxed, Erased};
+use crate::run::fault::{Fault, FaultClass};
+use crate::run::subject::{Meter, Watched, WatchedFault};
 use softplug_abi::limits::{OUTPUT_ROUNDS, VALUE_BYTES};
 use softplug_abi::manifest::{Manifest, SettingValues, ValueType};
 use softplug_abi::{Event, Instance, LineParameters, Micros, Refusal, Value, ValueWriter, Values};
@@ -117,7 +117,7 @@ fn defaults_and_presets(stage: &mut Stage<'_>) -> Outcome {
     let presets = manifest.presets.iter().map(|preset| Some(preset.name.as_str()));
     for preset in std::iter::once(None).chain(presets) {
         let asked = preset.map(|name| ("preset", name));
-        let values = manifest.resolve_settings(asked).map_err(|error| unfit(&error))?;
+        let values = manifest.resolve_settings(asked).map_err(|error| not_applicable(&error))?;
         let mut player = start(stage)?;
         let words = preset.map_or("the defaults".to_owned(), |name| format!("the preset {name}"));
         if let Err(refusal) = give_all(&mut player, &values)? {
@@ -150,7 +150,8 @@ fn ends_of_ranges(stage: &mut Stage<'_>) -> Outcome {
         };
         for text in texts {
             let asked = [(setting.name.as_str(), text.as_str())];
-            let values = manifest.resolve_settings(asked).map_err(|error| unfit(&error))?;
+            let values =
+                manifest.resolve_settings(asked).map_err(|error| not_applicable(&error))?;
             let mut player = start(stage)?;
             let answer = give_all(&mut player, &values)?;
             if answer.is_ok() {
@@ -206,7 +207,7 @@ fn wrong_records(manifest: &Manifest) -> Vec<(String, Vec<u8>)> {
 
 fn garbage_states(stage: &mut Stage<'_>) -> Outcome {
     let manifest = stage.manifest();
-    let values = manifest.resolve_settings([]).map_err(|error| unfit(&error))?;
+    let values = manifest.resolve_settings([]).map_err(|error| not_applicable(&error))?;
     for &format in &manifest.state.accepts {
         for length in [0, 1, 7, 64, 200, 500] {
             for fill in [0x00, 0x01, 0x7F, 0xFF] {

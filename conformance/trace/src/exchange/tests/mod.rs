@@ -5,8 +5,8 @@ mod files;
 mod notes;
 mod round;
 
-use super::course::{Course, Event};
 use super::note::Notes;
+use super::timeline::{Event, Timeline};
 use super::*;
 use crate::limits;
 use crate::model::{Line, LineEvent, ModemLine, NoFiles, What};
@@ -48,15 +48,15 @@ fn refused(text: impl AsRef<[u8]>, format: Format) -> String {
 
 /// What happens on the line, character by character and modem line by modem line,
 /// however it is written.
-fn course(trace: &Trace) -> Vec<(i64, String)> {
-    let course = Course::of(trace, &NoFiles, &mut Notes::default()).unwrap();
-    let mut known = course.modem.clone();
+fn timeline(trace: &Trace) -> Vec<(i64, String)> {
+    let timeline = Timeline::of(trace, &NoFiles, &mut Notes::default()).unwrap();
+    let mut known = timeline.modem.clone();
     let mut all = Vec::new();
-    for event in &course.events {
+    for event in &timeline.events {
         let Event { at, what, .. } = event;
         match what {
             What::Receive(_) | What::Burst(_) | What::Send(_) => {
-                all.extend(event.characters(course.pace).map(|character| {
+                all.extend(event.characters(timeline.pace).map(|character| {
                     let way = if character.received { "received" } else { "sent" };
                     let damage =
                         character.damage.map_or(String::new(), |kind| format!(" {kind:?}"));
@@ -90,7 +90,13 @@ fn there_and_back(trace: &Trace, format: Format) -> Trace {
     let source = Source { name: "exported", bytes: &exported.bytes };
     let import_as = Import::new(trace.front.clone());
     let back = import(&[source], format, &import_as).unwrap_or_else(|error| panic!("{error}"));
-    assert_eq!(course(&back.trace), course(trace), "{}\n{}", trace.format(), back.trace.format());
+    assert_eq!(
+        timeline(&back.trace),
+        timeline(trace),
+        "{}\n{}",
+        trace.format(),
+        back.trace.format()
+    );
     let text = back.trace.format();
     assert_eq!(Trace::parse(&text).map(|trace| trace.format()), Ok(text));
     back.trace

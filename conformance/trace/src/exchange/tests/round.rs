@@ -1,4 +1,4 @@
-//! What is exported and imported again is the same course of events.
+//! What is exported and imported again is the same timeline.
 
 use proptest::collection::{btree_map, vec};
 use proptest::prelude::*;
@@ -114,7 +114,7 @@ fn what(format: Format) -> BoxedStrategy<What> {
     .boxed()
 }
 
-/// Any course of events that the format can hold and a line can carry: in each
+/// Any timeline that the format can hold and a line can carry: in each
 /// direction a character begins when the one before has ended.
 fn any_trace(format: Format) -> impl Strategy<Value = Trace> {
     const LINES: &[&str] =

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 use softplug_abi::Micros;
-use softplug_conformance::partners::fanuc::{
+use softplug_machines::fanuc::{
     CharacterSet, Code, Dc4, Eob, Feeding, Interface, Options, Parity, Press, PunchOptions,
     RemoteOptions, TvCheck, eight_none_two, seven_even_two,
 };

@@ -1,7 +1,7 @@
 //! Faults of a simulated 3964R station as they are written on the command line.
 
 use softplug_abi::Micros;
-use softplug_conformance::partners::r3964::{Fault, When};
+use softplug_machines::r3964::{Fault, When};
 
 /// The faults with their values, for the help.
 pub(super) const HELP: &str = "\

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use softplug_abi::{LineParameters, Micros};
-use softplug_conformance::partners::r3964::{Fault, Faults, Noise, Options, Priority, When, rk512};
+use softplug_machines::r3964::{Fault, Faults, Noise, Options, Priority, When, rk512};
 
 use super::{Common, Ending, faults, micros, seconds};
 use crate::failure::Failure;

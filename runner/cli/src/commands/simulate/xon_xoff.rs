@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use softplug_abi::{LineParameters, Micros};
-use softplug_conformance::partners::xon_xoff::ControlOptions;
+use softplug_machines::xon_xoff::ControlOptions;
 
 use super::{Common, Ending, micros, seconds};
 use crate::failure::Failure;

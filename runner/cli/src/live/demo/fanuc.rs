@@ -5,10 +5,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde_json::json;
 use softplug_abi::{Failure as Why, Micros};
-use softplug_conformance::partners::fanuc::{Feeding, Options, Press, Report, eight_none_two};
 use softplug_gateway::transfer::{
-    self, Delivered, Desk, News, Program, Reply, Request, SendOutcome, ServeOptions,
+    self, Delivered, News, Program, Reply, Request, SendOutcome, ServeHandler, ServeOptions,
 };
+use softplug_machines::fanuc::{Feeding, Options, Press, Report, eight_none_two};
 
 use super::stage::{Shown, Stage, Worker, program, station, why};
 use crate::commands::send::job_kind;
@@ -178,7 +178,7 @@ struct Watched<'a> {
     done: &'a AtomicBool,
 }
 
-impl Desk for Watched<'_> {
+impl ServeHandler for Watched<'_> {
     fn begin(&mut self) -> io::Result<()> {
         self.counter.under_way.clear();
         Ok(())

@@ -5,12 +5,10 @@ use std::time::Duration;
 
 use serde_json::json;
 use softplug_abi::{LineParameters, Micros};
-use softplug_conformance::partners::r3964::{
-    Fault, Faults, Noise, Options, Report, Station as Partner, When,
-};
 use softplug_gateway::transfer::{
-    self, Delivered, Desk, News, Reply, Request, SendOutcome, SendReport, ServeOptions,
+    self, Delivered, News, Reply, Request, SendOutcome, SendReport, ServeHandler, ServeOptions,
 };
+use softplug_machines::r3964::{Fault, Faults, Noise, Options, Report, Station as Partner, When};
 
 use super::stage::{Shown, Stage, Worker, station, why};
 use crate::commands::simulate::{Ending, R3964Simulation};
@@ -132,16 +130,16 @@ fn received(
     let line = LineParameters::new(BAUD);
     let mut station = station(plugin, &machine, line, variant.settings)?;
     let worker = Worker::start(machine);
-    let mut desk = Blocks::default();
+    let mut handler = Blocks::default();
     let options = ServeOptions {
         give_up_after: Some(Duration::from_secs(10)),
         deliveries: Some(BLOCKS as u64),
     };
-    let served = transfer::serve(&mut station, &mut desk, &options, stage.stop, &mut |_| {});
-    let is_complete = desk.complete.len() == BLOCKS;
+    let served = transfer::serve(&mut station, &mut handler, &options, stage.stop, &mut |_| {});
+    let is_complete = handler.complete.len() == BLOCKS;
     let seen = worker.end(!is_complete)?.partner().report().clone();
     served.map_err(transfer_failure)?;
-    Ok((desk.complete, seen))
+    Ok((handler.complete, seen))
 }
 
 fn machine(
@@ -175,7 +173,7 @@ struct Blocks {
     complete: Vec<Vec<u8>>,
 }
 
-impl Desk for Blocks {
+impl ServeHandler for Blocks {
     fn begin(&mut self) -> io::Result<()> {
         self.under_way.clear();
         Ok(())

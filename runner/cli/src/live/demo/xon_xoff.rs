@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use serde_json::json;
 use softplug_abi::{LineParameters, Micros};
-use softplug_conformance::partners::xon_xoff::{ControlOptions, ControlReport};
 use softplug_gateway::transfer::{self, ReceiveOutcome, ReceiveReport, SendOutcome, SendReport};
+use softplug_machines::xon_xoff::{ControlOptions, ControlReport};
 
 use super::stage::{Shown, Stage, Worker, program, station, why};
 use crate::commands::simulate::{Ending, XonXoffSimulation};

@@ -7,7 +7,7 @@ use softplug_abi::{Action, Micros};
 use softplug_gateway::station::{Station, StationError, StationOptions, Turn};
 use softplug_gateway::store::{Inbox, Mark};
 use softplug_gateway::{PortOptions, PortSpec};
-use softplug_link::{Job, Outside, Successor, Supply, SwapError};
+use softplug_link::{Job, LinkHost, Successor, Supply, SwapError};
 
 use super::{Ready, next};
 use crate::commands::dev::Arguments;
@@ -219,7 +219,9 @@ impl Ground<'_> {
     }
 }
 
-impl Outside for Ground<'_> {
+// A new action has to be decided on here.
+#[deny(clippy::wildcard_enum_match_arm)]
+impl LinkHost for Ground<'_> {
     fn handle(&mut self, _now: Micros, action: &Action<'_>) {
         let screen = self.screen;
         let say = |text: &dyn std::fmt::Display| screen.say(text);
@@ -269,7 +271,21 @@ impl Outside for Ground<'_> {
             Action::Note { level, text, .. } => {
                 say(&format_args!("{level}: {}", text.escape_debug()));
             }
-            _ => {}
+            Action::Transmit { .. }
+            | Action::TransmitUrgent { .. }
+            | Action::Hold
+            | Action::Release
+            | Action::Discard
+            | Action::SetTimer { .. }
+            | Action::CancelTimer { .. }
+            | Action::ModemLines { .. }
+            | Action::Break { .. }
+            | Action::Want { .. }
+            | Action::CheckResult { .. }
+            | Action::Request { .. }
+            | Action::Withdraw { .. }
+            | Action::State { .. }
+            | Action::Saved { .. } => {}
         }
     }
 

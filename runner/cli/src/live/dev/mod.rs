@@ -64,8 +64,8 @@ pub(crate) fn dev(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let stop = stop::on_signals()?;
     let (to, ready) = channel();
     thread::scope(|scope| {
-        let desk = Desk { arguments, project: &project, screen, stop: &stop, to };
-        scope.spawn(move || desk.run(&changes));
+        let session = Session { arguments, project: &project, screen, stop: &stop, to };
+        scope.spawn(move || session.run(&changes));
         match &arguments.port {
             Some(port) => Line::new(port, arguments, data, inbox, screen).run(&ready, &stop),
             None => wait(&stop),
@@ -93,7 +93,7 @@ fn next<T>(from: &Receiver<T>, stop: &AtomicBool) -> Option<T> {
 }
 
 /// Builds and replays, on a thread of its own: a link on a port does not wait.
-struct Desk<'a> {
+struct Session<'a> {
     arguments: &'a Arguments,
     project: &'a Project,
     screen: &'a Screen,
@@ -101,7 +101,7 @@ struct Desk<'a> {
     to: Sender<Ready>,
 }
 
-impl Desk<'_> {
+impl Session<'_> {
     /// Once at the start, then after each save.
     fn run(&self, changes: &Changes) {
         let mut since = Instant::now();

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Action, LineErrorKind, LineParameters, Micros, ModemLines, NoteLevel};
 use softplug_conformance::modem_lines;
-use softplug_link::{LinkFault, LinkOptions, Outside, VirtualLine};
+use softplug_link::{LinkFault, LinkHost, LinkOptions, VirtualLine};
 use softplug_trace::{BadKind, LineEvent, ModemLevels};
 
 use super::story::{Character, Happening};
@@ -227,7 +227,9 @@ struct Watcher {
     waiting: u32,
 }
 
-impl Outside for Watcher {
+// A new action has to be decided on here.
+#[deny(clippy::wildcard_enum_match_arm)]
+impl LinkHost for Watcher {
     fn handle(&mut self, now: Micros, action: &Action<'_>) {
         let at = seconds(now);
         let deed = match action {
@@ -262,7 +264,23 @@ impl Outside for Watcher {
                 };
                 format!("would have noted at {at}: {text}")
             }
-            _ => return,
+            Action::Transmit { .. }
+            | Action::TransmitUrgent { .. }
+            | Action::Hold
+            | Action::Release
+            | Action::Discard
+            | Action::SetTimer { .. }
+            | Action::CancelTimer { .. }
+            | Action::ModemLines { .. }
+            | Action::Want { .. }
+            | Action::DeliveryName { .. }
+            | Action::JobDone { .. }
+            | Action::JobFailed { .. }
+            | Action::CheckResult { .. }
+            | Action::Withdraw { .. }
+            | Action::Note { .. }
+            | Action::State { .. }
+            | Action::Saved { .. } => return,
         };
         if self.deeds.len() < KEPT {
             self.deeds.push(deed);

@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 use softplug_abi::{LineErrorKind, Micros};
-use softplug_conformance::partners::fanuc::{AlarmKind, Control, Report};
-use softplug_conformance::partners::kept::Received;
-use softplug_conformance::partners::{Partner, Signal};
+use softplug_machines::fanuc::{AlarmKind, Control, Report};
+use softplug_machines::kept::Received;
+use softplug_machines::{Partner, Signal};
 
 use super::{Distribution, on_a_pty, put_away, say_expected, seconds};
 use crate::commands::simulate::FanucSimulation;

@@ -10,7 +10,7 @@ pub(super) use xon_xoff::XonXoff;
 
 use serde::Serialize;
 use softplug_abi::Micros;
-use softplug_conformance::partners::kept::Counts;
+use softplug_machines::kept::Counts;
 
 use super::machine::{Machine, Simulated};
 use crate::commands::simulate::{Ending, Simulation};

@@ -4,9 +4,9 @@ use std::collections::VecDeque;
 
 use serde::Serialize;
 use softplug_abi::{LineErrorKind, Micros};
-use softplug_conformance::partners::r3964::rk512::{self, Computer};
-use softplug_conformance::partners::r3964::{Noisy, Report, Station};
-use softplug_conformance::partners::{Partner, Signal};
+use softplug_machines::r3964::rk512::{self, Computer};
+use softplug_machines::r3964::{Noisy, Report, Station};
+use softplug_machines::{Partner, Signal};
 
 use super::{on_a_pty, put_away, say_expected, seconds};
 use crate::commands::simulate::R3964Simulation;

@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 use softplug_abi::Micros;
-use softplug_conformance::partners::Partner;
-use softplug_conformance::partners::kept::Received;
-use softplug_conformance::partners::xon_xoff::{AlarmKind, Control, ControlReport};
+use softplug_machines::Partner;
+use softplug_machines::kept::Received;
+use softplug_machines::xon_xoff::{AlarmKind, Control, ControlReport};
 
 use super::{Distribution, on_a_pty, put_away, say_expected, seconds};
 use crate::commands::simulate::XonXoffSimulation;

@@ -84,11 +84,16 @@ fn bombs_at_every_door_hold_nobody_up() {
     uploads.join().unwrap();
     assert!(got == program.as_bytes());
     answers.sort();
+    let fed = call(&gateway.address, &token, "GET /api/v1/links/lathe", b"").unwrap();
+    let starved =
+        |name: &str| fed.split_once(name).unwrap().1.split(',').next().unwrap().to_owned();
     println!(
-        "{} answers beside the bombs, p99 {:?}, at most {:?}",
+        "{} answers beside the bombs, p99 {:?}, at most {:?}; the machine fed starved {} times, {} µs",
         answers.len(),
         answers[answers.len() * 99 / 100],
-        answers[answers.len() - 1]
+        answers[answers.len() - 1],
+        starved("\"starved\":"),
+        starved("\"starved_us\":"),
     );
     // Each that was put there is refused and told once, and stays; the pipe too.
     let refused = REFUSED.len() + COMPILED + 1;

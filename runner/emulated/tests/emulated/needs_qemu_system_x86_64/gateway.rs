@@ -73,8 +73,10 @@ impl Gateway {
     }
 }
 
-/// What a plug-in may have taken and not passed on: the link's `transmit-room`.
-const IN_THE_PLUG_IN: usize = 4_096;
+/// What a plug-in is given at once of a program, and what a UART or an adapter may have besides.
+const AT_ONCE: usize = 512 + 256;
+/// What a plug-in may have taken and not passed on, and what may be on its way.
+const IN_THE_PLUG_IN: usize = 1_024 + 256;
 
 /// Holds what a job says of its program against what the other end saw: neither is ever told as
 /// left what has not, nor as not left what has.
@@ -83,7 +85,8 @@ pub(super) fn judge_figures(job: &Value, seen: usize) {
     let figure = |name: &str| job[name].as_u64().unwrap_or_else(|| panic!("no {name}: {job}"));
     let (surely, maybe) = (figure("surely_left") as usize, figure("maybe_left") as usize);
     assert!(surely <= seen && seen <= maybe, "{seen} were seen: {job}");
-    assert!(maybe - seen <= IN_THE_PLUG_IN, "{seen} were seen: {job}");
+    assert!(maybe - seen <= AT_ONCE, "{seen} were seen: {job}");
+    assert!(seen - surely <= IN_THE_PLUG_IN, "{seen} were seen: {job}");
     let sent = figure("sent") as usize;
     assert!(sent <= seen, "{seen} were seen: {job}");
 }

@@ -94,6 +94,8 @@ fn send_says(device: Device, flow: &str) {
     let said = ran.json();
     let sent = said["sent"].as_u64().unwrap() as usize;
     assert!(sent <= seen.len() && seen.len() - sent < UNDER_WAY, "{} left: {said}", seen.len());
+    let maybe = said["may_have_left"].as_u64().unwrap() as usize;
+    assert!((seen.len()..seen.len() + UNDER_WAY).contains(&maybe), "{} left: {said}", seen.len());
     let message = said["message"].as_str().unwrap();
     assert!(message.starts_with("aborted after "), "{said}");
 }

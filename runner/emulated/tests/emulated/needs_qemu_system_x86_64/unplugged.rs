@@ -44,5 +44,6 @@ fn a_sending_ends_with_the_port() {
     let said = ran.json();
     let sent = said["sent"].as_u64().unwrap() as usize;
     assert!(sent <= seen.len(), "{} left: {said}", seen.len());
+    assert!(said["may_have_left"].as_u64().unwrap() as usize >= seen.len(), "{said}");
     assert_eq!(said["failure"], "link-down", "{said}");
 }

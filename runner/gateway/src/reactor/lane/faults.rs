@@ -45,13 +45,13 @@ impl<I: LaneInstance> Lane<I> {
         };
         let on_probation = self.swapping.ends();
         let fault = LaneFault { event, sentence, last_words, recording, on_probation };
-        self.floor.tell(Report::Fault(Box::new(fault)));
+        self.host.tell(Report::Fault(Box::new(fault)));
     }
 
     /// What the plug-in did in this turn that ends it or its job.
     pub(super) fn look_after_plugin(&mut self, thread: &Thread<I>) {
-        if self.floor.has_flooded && !self.is_faulted {
-            self.ask(thread, |link, now, outside| link.close(now, outside));
+        if self.host.has_flooded && !self.is_faulted {
+            self.ask(thread, |link, now, host| link.close(now, host));
             self.fault(None, "the plug-in tells more than anybody can take in".to_owned());
         }
         self.abort_without_source(thread);
@@ -70,9 +70,9 @@ impl<I: LaneInstance> Lane<I> {
             options.settings = settings;
             return;
         }
-        self.floor.own.restarts += 1;
+        self.host.own.restarts += 1;
         match self.put(thread, instance, settings) {
-            Ok(()) => self.floor.tell(Report::Up),
+            Ok(()) => self.host.tell(Report::Up),
             Err(error) => self.failed(thread, error),
         }
     }
@@ -87,9 +87,9 @@ impl<I: LaneInstance> Lane<I> {
         let Phase::Open(channel) = &mut self.phase else { return Ok(()) };
         self.is_faulted = false;
         self.swapping.ends();
-        self.floor.has_flooded = false;
+        self.host.has_flooded = false;
         let instance = Recorded::new(instance, self.recorder_bytes);
-        let old = channel.replace(self.clock.now(), instance, settings, &mut self.floor)?;
+        let old = channel.replace(self.clock.now(), instance, settings, &mut self.host)?;
         thread.opener.bury(Box::new(old));
         Ok(())
     }

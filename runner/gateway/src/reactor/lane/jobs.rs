@@ -7,8 +7,8 @@ use super::{Lane, Phase};
 use crate::channel::Place;
 use crate::reactor::ENDPOINT_JOBS;
 use crate::reactor::LaneInstance;
-use crate::reactor::endpoint::{EndpointNews, EndpointWish};
-use crate::reactor::floor::Ended;
+use crate::reactor::endpoint::{EndpointNews, EndpointRequest};
+use crate::reactor::host::Ended;
 use crate::reactor::report::{JobEnd, JobOutcome, Report};
 use crate::reactor::setup::Feed;
 use crate::reactor::thread::Thread;
@@ -18,11 +18,11 @@ impl<I: LaneInstance> Lane<I> {
     pub(super) fn begin(&mut self, thread: &Thread<I>, feed: Feed) {
         let job = feed.job.id;
         let Some(from) = self.place_if_up() else { return self.refuse(job, Failure::LinkDown) };
-        if self.floor.job.is_some() || self.closing_until.is_some() {
+        if self.host.job.is_some() || self.closing_until.is_some() {
             return self.refuse(job, Failure::Busy);
         }
-        let job = self.floor.begin(feed, from);
-        self.ask(thread, |link, now, outside| link.begin_job(now, job, outside));
+        let job = self.host.begin(feed, from);
+        self.ask(thread, |link, now, host| link.begin_job(now, job, host));
     }
 
     /// What the port was given so far, on a link that can take a job.
@@ -38,25 +38,25 @@ impl<I: LaneInstance> Lane<I> {
     fn refuse(&mut self, job: u32, failure: Failure) {
         let outcome = JobOutcome::Failed { failure, status: 0 };
         let end = JobEnd::unbegun(job, outcome, 0);
-        self.floor.tell(Report::JobEnded(end));
+        self.host.tell(Report::JobEnded(end));
     }
 
     /// What the endpoint has to say, and data that came in there, which becomes a
     /// job.
     pub(super) fn turn_endpoint(&mut self, thread: &Thread<I>) {
-        let Some(lane) = &mut self.floor.endpoint else { return };
+        let Some(lane) = &mut self.host.endpoint else { return };
         lane.endpoint.turn(&thread.registry, self.clock.now());
-        while let Some(news) = self.floor.endpoint_news() {
-            self.floor.tell(Report::Endpoint(news));
+        while let Some(news) = self.host.endpoint_news() {
+            self.host.tell(Report::Endpoint(news));
         }
-        while let Some(wish) = self.floor.endpoint_wish() {
-            self.grant(thread, wish);
+        while let Some(request) = self.host.next_endpoint_request() {
+            self.grant(thread, request);
         }
         if !self.endpoint_waits() {
             return;
         }
         let Some(from) = self.place_if_up() else { return };
-        let Some(lane) = &self.floor.endpoint else { return };
+        let Some(lane) = &self.host.endpoint else { return };
         let job = Job {
             id: self.next_endpoint_job,
             kind: lane.job_kind,
@@ -65,34 +65,30 @@ impl<I: LaneInstance> Lane<I> {
             check: lane.check,
         };
         self.next_endpoint_job = self.next_endpoint_job.checked_add(1).unwrap_or(ENDPOINT_JOBS);
-        self.floor.begin_endpoint(job.id, from);
-        self.ask(thread, |link, now, outside| link.begin_job(now, job, outside));
+        self.host.begin_endpoint(job.id, from);
+        self.ask(thread, |link, now, host| link.begin_job(now, job, host));
     }
 
     /// Whether data at the endpoint could begin a job.
     pub(super) fn endpoint_waits(&self) -> bool {
-        let waits = self.floor.endpoint.as_ref().is_some_and(|lane| lane.endpoint.wants_job());
+        let waits = self.host.endpoint.as_ref().is_some_and(|lane| lane.endpoint.wants_job());
         let is_up = matches!(&self.phase, Phase::Open(channel) if channel.gone().is_none());
         waits
             && is_up
             && !self.is_faulted
             && self.closing_until.is_none()
-            && self.floor.job.is_none()
+            && self.host.job.is_none()
     }
 
-    fn grant(&mut self, thread: &Thread<I>, wish: EndpointWish) {
-        match wish {
-            EndpointWish::ModemLines(mask, on) => self.set_modem_lines(thread, mask, on),
-            EndpointWish::Break(on) => self.set_break(thread, on),
-            EndpointWish::Purge => {
-                if let Some(job) = self
-                    .floor
-                    .job
-                    .as_ref()
-                    .map(|active| active.id)
-                    .filter(|id| *id >= ENDPOINT_JOBS)
+    fn grant(&mut self, thread: &Thread<I>, request: EndpointRequest) {
+        match request {
+            EndpointRequest::ModemLines(mask, on) => self.set_modem_lines(thread, mask, on),
+            EndpointRequest::Break(on) => self.set_break(thread, on),
+            EndpointRequest::Purge => {
+                if let Some(job) =
+                    self.host.job.as_ref().map(|active| active.id).filter(|id| *id >= ENDPOINT_JOBS)
                 {
-                    self.ask(thread, |link, now, outside| link.abort(now, job, outside));
+                    self.ask(thread, |link, now, host| link.abort(now, job, host));
                 }
             }
         }
@@ -114,7 +110,7 @@ impl<I: LaneInstance> Lane<I> {
 
     /// The job under way is paused by the host, or no longer.
     pub(super) fn count_pause(&mut self, job: u32, is_paused: bool) {
-        let is_it = self.floor.job.as_ref().is_some_and(|active| active.id == job);
+        let is_it = self.host.job.as_ref().is_some_and(|active| active.id == job);
         if let Phase::Open(channel) = &mut self.phase
             && is_it
         {
@@ -124,17 +120,17 @@ impl<I: LaneInstance> Lane<I> {
 
     /// A job whose source failed is aborted: it must not pass for whole.
     pub(super) fn abort_without_source(&mut self, thread: &Thread<I>) {
-        let Some(active) = &mut self.floor.job else { return };
+        let Some(active) = &mut self.host.job else { return };
         if active.source_failed.is_some() && !active.is_aborted {
             active.is_aborted = true;
             let job = active.id;
-            self.ask(thread, |link, now, outside| link.abort(now, job, outside));
+            self.ask(thread, |link, now, host| link.abort(now, job, host));
         }
     }
 
     /// Tells of a job that has ended.
     pub(super) fn conclude(&mut self, now: Micros) {
-        let Some(Ended { active, outcome, sent }) = self.floor.ended.take() else { return };
+        let Some(Ended { active, outcome, sent }) = self.host.ended.take() else { return };
         let Phase::Open(channel) = &mut self.phase else { return };
         channel.count_pause(now, false);
         let left = channel.left(now, active.from);
@@ -145,32 +141,35 @@ impl<I: LaneInstance> Lane<I> {
         // A plug-in counts what the port was given, and cannot know that it stopped there.
         let sent = if outcome == JobOutcome::Done { sent } else { sent.min(left.surely) };
         if active.id < ENDPOINT_JOBS {
-            self.floor.tell(Report::JobEnded(JobEnd {
+            let is_done = outcome == JobOutcome::Done;
+            let maybe = if is_done { active.taken } else { channel.job_may_have_left(now) };
+            self.host.tell(Report::JobEnded(JobEnd {
                 job: active.id,
                 outcome,
                 taken: active.taken,
                 sent,
                 maybe_left: left.maybe,
                 surely_left: left.surely,
+                bytes_maybe_left: maybe,
                 bytes_surely_left: self.status.bytes_surely_left(active.id),
             }));
             return;
         }
-        if let Some(lane) = &mut self.floor.endpoint {
+        if let Some(lane) = &mut self.host.endpoint {
             lane.endpoint.job_ended(&outcome);
         }
-        self.floor.own.endpoint_jobs += 1;
-        self.floor.own.endpoint_bytes += active.taken;
+        self.host.own.endpoint_jobs += 1;
+        self.host.own.endpoint_bytes += active.taken;
         if outcome != JobOutcome::Done {
-            self.floor.own.endpoint_failed += 1;
-            self.floor.tell(Report::Endpoint(EndpointNews::JobFailed(outcome)));
+            self.host.own.endpoint_failed += 1;
+            self.host.tell(Report::Endpoint(EndpointNews::JobFailed(outcome)));
         }
     }
 
     /// Whether the job waits for data that does not come, so that the line will
     /// stand idle.
     pub(super) fn is_about_to_starve(&self) -> bool {
-        let is_hungry = self.floor.job.as_ref().is_some_and(|active| {
+        let is_hungry = self.host.job.as_ref().is_some_and(|active| {
             active.is_hungry && active.taken > 0 && active.id < ENDPOINT_JOBS
         });
         let is_free = |channel: &crate::channel::Channel<Recorded<I>>| {
@@ -190,12 +189,12 @@ impl<I: LaneInstance> Lane<I> {
             && matches!(&self.phase, Phase::Open(channel) if idle(channel));
         match (was_since, is_starved) {
             (None, true) => {
-                self.floor.own.starvations += 1;
+                self.host.own.starvations += 1;
                 self.starved_since = Some(now);
             }
             (Some(since), true) => self.starved_since = Some(since),
             (Some(since), false) => {
-                self.floor.own.starved = self.floor.own.starved + (now - since);
+                self.host.own.starved = self.host.own.starved + (now - since);
             }
             (None, false) => {}
         }

@@ -9,13 +9,13 @@ mod watchdogs;
 use mio::unix::SourceFd;
 use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_abi::{Instance, Micros};
-use softplug_link::{Link, LinkFault, Outside};
+use softplug_link::{Link, LinkFault, LinkHost};
 use std::ops::Range;
 use std::os::fd::AsRawFd;
 use std::sync::Arc;
 
 use super::endpoint::EndpointNews;
-use super::floor::Floor;
+use super::host::LaneHost;
 use super::report::Report;
 use super::setup::{Command, LaneSetup};
 use super::status::{Condition, JobFigures, LaneStatus};
@@ -55,7 +55,7 @@ pub(super) struct Lane<I: Instance> {
     pub(super) id: LaneId,
     tokens: Range<usize>,
     phase: Phase<I>,
-    floor: Floor,
+    host: LaneHost,
     port: PortSetup,
     /// The lane's clock began here on the thread's.
     clock: Clock,
@@ -88,13 +88,13 @@ enum Phase<I: Instance> {
 }
 
 impl<I: LaneInstance> Lane<I> {
-    /// A lane in `slot`, whose port is asked for. `floor` is made with the room
+    /// A lane in `slot`, whose port is asked for. `host` is made with the room
     /// for deliveries and the endpoint.
     pub(super) fn new(
         id: LaneId,
         slot: usize,
         setup: LaneSetup<I>,
-        floor: impl FnOnce(u32, Option<super::LaneEndpoint>) -> Floor,
+        host: impl FnOnce(u32, Option<super::LaneEndpoint>) -> LaneHost,
         status: Arc<LaneStatus>,
         thread: &Thread<I>,
     ) -> Self {
@@ -103,7 +103,7 @@ impl<I: LaneInstance> Lane<I> {
         let mut lane = Self {
             id,
             tokens: first..first + TOKENS,
-            floor: floor(setup.station.delivery_room, setup.endpoint),
+            host: host(setup.station.delivery_room, setup.endpoint),
             phase: Phase::New(Some(Box::new((instance, setup.station)))),
             swapping: Swapping::new(),
             recorder_bytes: setup.recorder_bytes,
@@ -145,7 +145,7 @@ impl<I: LaneInstance> Lane<I> {
         {
             let _ = thread.registry.deregister(&mut SourceFd(&port.fd().as_raw_fd()));
         }
-        if let Some(lane) = &mut self.floor.endpoint {
+        if let Some(lane) = &mut self.host.endpoint {
             lane.endpoint.leave(&thread.registry);
         }
     }
@@ -167,10 +167,10 @@ impl<I: LaneInstance> Lane<I> {
 
     fn attach_endpoint(&mut self, thread: &Thread<I>) {
         let tokens = self.tokens.start + 1..self.tokens.end;
-        if let Some(endpoint) = &mut self.floor.endpoint
+        if let Some(endpoint) = &mut self.host.endpoint
             && let Err(error) = endpoint.endpoint.attach(&thread.registry, tokens)
         {
-            self.floor.tell(Report::Endpoint(EndpointNews::Failed(error.to_string())));
+            self.host.tell(Report::Endpoint(EndpointNews::Failed(error.to_string())));
         }
     }
 
@@ -181,15 +181,15 @@ impl<I: LaneInstance> Lane<I> {
                 // A hang-up is read, too.
                 channel.set_readable();
             }
-        } else if let Some(lane) = &mut self.floor.endpoint {
+        } else if let Some(lane) = &mut self.host.endpoint {
             lane.endpoint.ready(&thread.registry, event, self.clock.now());
         }
     }
 
     pub(super) fn tell(&mut self, thread: &Thread<I>, command: Command<I>) {
         match command {
-            Command::Watch(watch) => self.floor.watch = watch,
-            Command::Refill { job, source } => self.floor.refill(job, source),
+            Command::Watch(watch) => self.host.watch = watch,
+            Command::Refill { job, source } => self.host.refill(job, source),
             Command::Begin(feed) => self.begin(thread, feed),
             Command::Pause(job) => {
                 self.count_pause(job, true);
@@ -230,7 +230,7 @@ impl<I: LaneInstance> Lane<I> {
             return None;
         }
         let Phase::Open(channel) = &mut self.phase else { return None };
-        match channel.write_on(self.clock, &mut self.floor) {
+        match channel.write_on(self.clock, &mut self.host) {
             Ok(Some(due)) => {
                 self.only_writes = true;
                 Some(self.until(Some(due)))
@@ -255,7 +255,7 @@ impl<I: LaneInstance> Lane<I> {
         if !self.is_faulted
             && let Phase::Open(channel) = &mut self.phase
         {
-            match channel.work(self.clock, &mut self.floor) {
+            match channel.work(self.clock, &mut self.host) {
                 Ok(work) => more = work == Work::More,
                 Err(error) => self.failed(thread, error),
             }
@@ -266,7 +266,7 @@ impl<I: LaneInstance> Lane<I> {
         self.conclude(now);
         self.look_after_swap(thread);
         self.count_starved(now);
-        self.floor.tell_state(now);
+        self.host.tell_state(now);
         if self.is_closed(now) {
             self.end(thread);
             return Turn::Removed;
@@ -293,14 +293,14 @@ impl<I: LaneInstance> Lane<I> {
         act: impl FnOnce(
             &mut Link<Recorded<I>>,
             Micros,
-            &mut dyn Outside,
+            &mut dyn LinkHost,
         ) -> Result<(), LinkFault<I::Fault>>,
     ) {
         if self.is_faulted {
             return;
         }
         let Phase::Open(channel) = &mut self.phase else { return };
-        match channel.ask(self.clock.now(), &mut self.floor, act) {
+        match channel.ask(self.clock.now(), &mut self.host, act) {
             Ok(Ok(())) => {}
             Ok(Err(fault)) => self.failed(thread, fault.into()),
             Err(error) => self.failed(thread, error.into()),
@@ -309,7 +309,7 @@ impl<I: LaneInstance> Lane<I> {
 
     /// Whether something has come up that the turn was too early for.
     fn has_news(&self) -> bool {
-        !self.is_faulted && (self.floor.is_supplied() || self.endpoint_waits())
+        !self.is_faulted && (self.host.is_supplied() || self.endpoint_waits())
     }
 
     /// When the line takes more of what waits. What else it is to be called for is
@@ -325,17 +325,17 @@ impl<I: LaneInstance> Lane<I> {
             line_free = waits_for_the_line.then(|| channel.next_look_at_the_line(now)).flatten();
         }
         self.want_write(thread, wants.write);
-        let endpoint = self.floor.endpoint.as_ref().and_then(|lane| lane.endpoint.deadline());
+        let endpoint = self.host.endpoint.as_ref().and_then(|lane| lane.endpoint.deadline());
         self.next_other = [
             wants.deadline,
             line_free,
             endpoint,
             self.port.retry_at,
             self.watching.next(),
-            self.floor.state_due(),
+            self.host.state_due(),
             self.closing_until,
             self.swap_deadline(now),
-            self.floor.job.as_ref().map(|_| self.shown_at + SHOWN_EVERY),
+            self.host.job.as_ref().map(|_| self.shown_at + SHOWN_EVERY),
         ]
         .into_iter()
         .flatten()
@@ -347,15 +347,15 @@ impl<I: LaneInstance> Lane<I> {
     /// Stores what is shown of the lane.
     fn show(&mut self, now: Micros, counters: &crate::channel::Counters) {
         self.status.set_condition(self.condition());
-        self.status.store_own(&self.floor.own, self.starved_since, now);
+        self.status.store_own(&self.host.own, self.starved_since, now);
         let Phase::Open(channel) = &mut self.phase else { return };
         self.status.store_counters(counters);
         let link = channel.link();
         let (events, fuel) = (link.events(), link.instance().total_fuel());
         let waiting = link.waiting();
-        self.status.store_plugin(events, fuel, waiting, self.floor.to_put_away());
+        self.status.store_plugin(events, fuel, waiting, self.host.to_put_away());
         let mut figures = JobFigures::default();
-        if let Some(active) = &self.floor.job {
+        if let Some(active) = &self.host.job {
             self.shown_at = now;
             let left = channel.left_lately(now, active.from);
             figures = JobFigures {
@@ -364,7 +364,7 @@ impl<I: LaneInstance> Lane<I> {
                 maybe_left: left.maybe,
                 surely_left: left.surely,
                 bytes_surely_left: 0,
-                level: self.floor.level(),
+                level: self.host.level(),
             };
             figures.count_bytes(waiting);
         }

@@ -84,9 +84,9 @@ impl<I: LaneInstance> Lane<I> {
             return self.cannot_open(&error);
         }
         self.port.failures = 0;
-        self.floor.own.opened += 1;
+        self.host.own.opened += 1;
         let (path, differences) = (port.path(), port.differences().to_vec());
-        self.floor.tell(Report::Opened { path, differences });
+        self.host.tell(Report::Opened { path, differences });
         let up = LineNews::Up(port.line(), port.modem_lines());
         let began = match &mut self.phase {
             Phase::New(made) => {
@@ -96,23 +96,23 @@ impl<I: LaneInstance> Lane<I> {
                 self.clock = Clock::start();
                 self.began = thread.clock.now();
                 let mut channel = Box::new(Channel::new(port, instance, options));
-                let began = channel.open(Micros::ZERO, &mut self.floor);
+                let began = channel.open(Micros::ZERO, &mut self.host);
                 self.phase = Phase::Open(channel);
                 began
             }
             Phase::Open(channel) if self.is_faulted => {
-                let _ = channel.attach(port, self.clock.now(), &mut self.floor);
+                let _ = channel.attach(port, self.clock.now(), &mut self.host);
                 Ok(())
             }
-            Phase::Open(channel) => channel.attach(port, self.clock.now(), &mut self.floor),
+            Phase::Open(channel) => channel.attach(port, self.clock.now(), &mut self.host),
         };
         self.watching.restart(self.clock.now());
-        if let Some(lane) = &mut self.floor.endpoint {
+        if let Some(lane) = &mut self.host.endpoint {
             lane.endpoint.line_news(&up);
         }
         match began {
             Ok(()) if self.is_faulted => {}
-            Ok(()) => self.floor.tell(Report::Up),
+            Ok(()) => self.host.tell(Report::Up),
             Err(error) => self.failed(thread, error),
         }
     }
@@ -136,7 +136,7 @@ impl<I: LaneInstance> Lane<I> {
         if self.hands_over
             && let Some(kept) = port.hand_over()
         {
-            self.floor.tell(Report::HandedOver(kept));
+            self.host.tell(Report::HandedOver(kept));
         }
         thread.opener.close(port);
         true
@@ -161,7 +161,7 @@ impl<I: LaneInstance> Lane<I> {
 
     fn lose_port(&mut self, thread: &Thread<I>, reason: LinkDownReason, detail: String) {
         let Phase::Open(channel) = &mut self.phase else { return };
-        let lost = channel.lose(self.clock.now(), reason, &mut self.floor);
+        let lost = channel.lose(self.clock.now(), reason, &mut self.host);
         let had_port = self.let_go(thread);
         if let Err(crate::channel::ChannelError::Plugin(fault)) = lost {
             self.plugin_failed(&fault);
@@ -182,10 +182,10 @@ impl<I: LaneInstance> Lane<I> {
         if self.closing_until.is_none() {
             self.port.retry_at = Some(self.clock.now() + retry_in);
         }
-        if let Some(lane) = &mut self.floor.endpoint {
+        if let Some(lane) = &mut self.host.endpoint {
             lane.endpoint.line_news(&LineNews::Down);
         }
-        self.floor.tell(Report::Down { reason, detail, differences, retry_in });
+        self.host.tell(Report::Down { reason, detail, differences, retry_in });
     }
 
     /// Waits for room to write only while there is none: on a pty each read of
@@ -223,13 +223,13 @@ impl<I: LaneInstance> Lane<I> {
     /// Closes all that is open and tells so.
     pub(in crate::reactor) fn end(&mut self, thread: &Thread<I>) {
         self.closing_until.get_or_insert(self.clock.now());
-        self.ask(thread, |link, now, outside| link.close(now, outside));
+        self.ask(thread, |link, now, host| link.close(now, host));
         self.conclude(self.clock.now());
         self.let_go(thread);
-        if let Some(lane) = &mut self.floor.endpoint {
+        if let Some(lane) = &mut self.host.endpoint {
             lane.endpoint.detach(&thread.registry);
         }
         self.status.set_condition(Condition::Removed);
-        self.floor.tell(Report::Removed);
+        self.host.tell(Report::Removed);
     }
 }

@@ -64,7 +64,7 @@ impl<I: LaneInstance> Lane<I> {
             return;
         }
         if may_wait {
-            self.floor.tell(Report::Swapped(SwapReport::Waiting));
+            self.host.tell(Report::Swapped(SwapReport::Waiting));
         } else {
             self.swapping.waiting = None;
             self.refuse_swap(STRANGER.to_owned());
@@ -89,7 +89,7 @@ impl<I: LaneInstance> Lane<I> {
             if self.clock.now() >= until && mastered.is_some_and(|mastered| mastered >= events) {
                 link.keep();
                 self.swapping.trial = None;
-                self.floor.tell(Report::Swapped(SwapReport::Kept));
+                self.host.tell(Report::Swapped(SwapReport::Kept));
             }
         }
         if self.swapping.waiting.is_some() {
@@ -113,7 +113,7 @@ impl<I: LaneInstance> Lane<I> {
     }
 
     fn refuse_swap(&mut self, sentence: String) {
-        self.floor.tell(Report::Swapped(SwapReport::Refused { sentence }));
+        self.host.tell(Report::Swapped(SwapReport::Refused { sentence }));
     }
 
     fn swap_before_open(&mut self, swap: Swap<I>) {
@@ -131,8 +131,8 @@ impl<I: LaneInstance> Lane<I> {
             return false;
         }
         let Phase::Open(channel) = &mut self.phase else { return false };
-        let saved = channel
-            .ask(self.clock.now(), &mut self.floor, |link, now, outside| link.save(now, outside));
+        let saved =
+            channel.ask(self.clock.now(), &mut self.host, |link, now, host| link.save(now, host));
         // A fault shows again where it is dealt with.
         match saved {
             Ok(Ok(Some(state))) => accepts.contains(&state.format),
@@ -161,9 +161,8 @@ impl<I: LaneInstance> Lane<I> {
             spare,
         };
         let before = self.clock.now();
-        let swapped = channel.ask(before, &mut self.floor, |link, now, outside| {
-            link.swap_to(now, successor, outside)
-        });
+        let swapped = channel
+            .ask(before, &mut self.host, |link, now, host| link.swap_to(now, successor, host));
         let pause = self.clock.now() - before;
         match swapped {
             Ok(Ok(old)) => {
@@ -186,7 +185,7 @@ impl<I: LaneInstance> Lane<I> {
     fn tell_done(&mut self, pause: Micros, with_state: bool) {
         let on_probation = self.swapping.trial.is_some();
         let done = SwapReport::Done { pause, with_state, on_probation };
-        self.floor.tell(Report::Swapped(done));
+        self.host.tell(Report::Swapped(done));
     }
 
     fn begin_quiet(&mut self) {
@@ -243,7 +242,7 @@ impl<I: LaneInstance> Lane<I> {
         fault.event = Some(reverted.event);
         fault.on_probation = true;
         thread.opener.bury(Box::new(reverted.failed));
-        self.floor.tell(Report::Swapped(SwapReport::Reverted(Box::new(fault))));
+        self.host.tell(Report::Swapped(SwapReport::Reverted(Box::new(fault))));
     }
 }
 

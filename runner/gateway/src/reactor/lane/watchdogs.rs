@@ -75,7 +75,7 @@ impl Dog {
 impl<I: LaneInstance> Lane<I> {
     pub(super) fn watch(&mut self, now: Micros, counters: &Counters) {
         let is_up = matches!(&self.phase, Phase::Open(channel) if channel.gone().is_none());
-        let progress = self.floor.job.as_ref().map(|active| active.taken + counters.bytes_out);
+        let progress = self.host.job.as_ref().map(|active| active.taken + counters.bytes_out);
         let seen = [
             (is_up, counters.bytes_in),
             (is_up && progress.is_some(), progress.unwrap_or(0)),
@@ -90,7 +90,7 @@ impl<I: LaneInstance> Lane<I> {
             }
             if let Some(raised) = dog.look(now, is_watching, mark) {
                 has_changed = true;
-                self.floor.tell(Report::Alarm(Alarm { kind, raised }));
+                self.host.tell(Report::Alarm(Alarm { kind, raised }));
             }
         }
         if has_changed {

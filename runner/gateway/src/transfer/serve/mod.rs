@@ -1,16 +1,16 @@
 //! Serves a station: takes every delivery, answers requests, and sends the
 //! programs that machines ask for.
 
-mod desk;
-mod floor;
+mod handler;
+mod host;
 
-pub use desk::{Delivered, Desk, JobReport, News, Program, Reply, Request};
+pub use handler::{Delivered, JobReport, News, Program, Reply, Request, ServeHandler};
 
 use softplug_abi::Instance;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use self::floor::Floor;
+use self::host::ServeHost;
 use super::{Progress, TICK, TransferError, duration};
 use crate::station::{Station, Turn};
 
@@ -63,52 +63,52 @@ pub struct ServeReport {
 /// refused as busy.
 ///
 /// # Errors
-/// The port, the plug-in or the desk failed.
+/// The port, the plug-in or the handler failed.
 pub fn serve<I: Instance>(
     station: &mut Station<I>,
-    desk: &mut impl Desk,
+    handler: &mut impl ServeHandler,
     options: &ServeOptions,
     stop: &AtomicBool,
     progress: &mut dyn FnMut(&Progress<'_>),
 ) -> Result<ServeReport, TransferError<I::Fault>> {
-    let mut floor = Floor::new(desk);
-    station.open(&mut floor)?;
+    let mut host = ServeHost::new(handler);
+    station.open(&mut host)?;
     let end = loop {
         let now = station.now();
-        if stop.load(Ordering::Relaxed) || floor.has_failed() {
+        if stop.load(Ordering::Relaxed) || host.has_failed() {
             break ServeEnd::Stopped;
         }
-        if options.deliveries.is_some_and(|most| floor.deliveries() >= most) {
+        if options.deliveries.is_some_and(|most| host.deliveries() >= most) {
             break ServeEnd::Enough;
         }
-        let quiet = duration(now - floor.moved_at());
-        if floor.is_idle() && options.give_up_after.is_some_and(|most| quiet >= most) {
+        let quiet = duration(now - host.moved_at());
+        if host.is_idle() && options.give_up_after.is_some_and(|most| quiet >= most) {
             break ServeEnd::Idle;
         }
         let counters = station.counters();
         progress(&Progress {
-            bytes: floor.moved(station.link().waiting() as u64),
-            total: floor.total(),
-            elapsed: duration(floor.elapsed(now)),
+            bytes: host.moved(station.link().waiting() as u64),
+            total: host.total(),
+            elapsed: duration(host.elapsed(now)),
             held: duration(counters.held),
             is_held: counters.is_held(),
-            state: floor.state(),
+            state: host.state(),
         });
         let until = now + TICK;
         let mut is_gone = false;
-        while station.now() < until && !floor.has_work() {
-            if let Turn::Gone(reason) = station.turn(until, &mut floor)? {
+        while station.now() < until && !host.has_work() {
+            if let Turn::Gone(reason) = station.turn(until, &mut host)? {
                 tracing::debug!(%reason, "the port is gone");
                 is_gone = true;
                 break;
             }
         }
-        floor.attend(station)?;
+        host.attend(station)?;
         if is_gone {
             break ServeEnd::Gone;
         }
     };
     let heard = station.counters().bytes_in;
-    floor.wind_up(station)?;
-    floor.report(end, heard).map_err(TransferError::Sink)
+    host.wind_up(station)?;
+    host.report(end, heard).map_err(TransferError::Sink)
 }

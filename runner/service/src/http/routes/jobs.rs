@@ -25,11 +25,11 @@ use crate::view::{JobFilter, JobOrder, JobView};
     request_body = JobOrder,
     responses((status = CREATED, body = JobView), Refused))]
 pub(super) async fn submit(
-    State(desk): At,
+    State(app): At,
     Segments(link): Segments<String>,
     Document(order): Document<JobOrder>,
 ) -> Answer<(StatusCode, Json<JobView>)> {
-    let job = desk.ask(move |gateway| gateway.submit(&link, &order)).await?;
+    let job = app.ask(move |gateway| gateway.submit(&link, &order)).await?;
     Ok((StatusCode::CREATED, Json(job)))
 }
 
@@ -57,17 +57,17 @@ pub(super) struct FeedOrder {
     request_body(content = Vec<u8>, content_type = "application/octet-stream"),
     responses((status = CREATED, body = JobView), Refused))]
 pub(super) async fn feed(
-    State(desk): At,
+    State(app): At,
     Segments(link): Segments<String>,
     Filter(order): Filter<FeedOrder>,
     headers: HeaderMap,
     body: Body,
 ) -> Answer<(StatusCode, Json<JobView>)> {
-    let _slot = desk.feed_slot()?;
+    let _slot = app.feed_slot()?;
     let order = order.read()?;
     let length = headers.get(header::CONTENT_LENGTH).and_then(|length| length.to_str().ok());
     let length = length.and_then(|length| length.parse().ok());
-    let gateway = desk.gateway.clone();
+    let gateway = app.gateway.clone();
     let job = upload::receive(body, FEED_PACE, u64::MAX, move |body| {
         Ok(gateway.feed(&link, &order, length, body)?)
     });
@@ -92,11 +92,11 @@ impl FeedOrder {
     tag = "jobs", params(JobFilter),
     responses((status = OK, body = Vec<JobView>), Refused))]
 pub(super) async fn list(
-    State(desk): At,
+    State(app): At,
     Filter(filter): Filter<JobFilter>,
 ) -> Answer<Json<Vec<JobView>>> {
     within_limit(filter.limit)?;
-    desk.look(move |gateway| gateway.jobs(&filter)).await.map(Json)
+    app.look(move |gateway| gateway.jobs(&filter)).await.map(Json)
 }
 
 /// One job
@@ -104,8 +104,8 @@ pub(super) async fn list(
     tag = "jobs",
     params(("id" = u32, Path, description = "Number of the job")),
     responses((status = OK, body = JobView), Refused))]
-pub(super) async fn show(State(desk): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
-    desk.ask(move |gateway| gateway.job(id)).await.map(Json)
+pub(super) async fn show(State(app): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
+    app.ask(move |gateway| gateway.job(id)).await.map(Json)
 }
 
 /// Pause a job
@@ -113,8 +113,8 @@ pub(super) async fn show(State(desk): At, Segments(id): Segments<u32>) -> Answer
     tag = "jobs",
     params(("id" = u32, Path, description = "Number of the job")),
     responses((status = OK, body = JobView), Refused))]
-pub(super) async fn pause(State(desk): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
-    desk.ask(move |gateway| gateway.pause(id)).await.map(Json)
+pub(super) async fn pause(State(app): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
+    app.ask(move |gateway| gateway.pause(id)).await.map(Json)
 }
 
 /// End a job's pause
@@ -122,8 +122,8 @@ pub(super) async fn pause(State(desk): At, Segments(id): Segments<u32>) -> Answe
     tag = "jobs",
     params(("id" = u32, Path, description = "Number of the job")),
     responses((status = OK, body = JobView), Refused))]
-pub(super) async fn resume(State(desk): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
-    desk.ask(move |gateway| gateway.resume(id)).await.map(Json)
+pub(super) async fn resume(State(app): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
+    app.ask(move |gateway| gateway.resume(id)).await.map(Json)
 }
 
 /// Abort a job, or take it out of the queue
@@ -131,8 +131,8 @@ pub(super) async fn resume(State(desk): At, Segments(id): Segments<u32>) -> Answ
     tag = "jobs",
     params(("id" = u32, Path, description = "Number of the job")),
     responses((status = OK, body = JobView), Refused))]
-pub(super) async fn abort(State(desk): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
-    desk.ask(move |gateway| gateway.abort(id)).await.map(Json)
+pub(super) async fn abort(State(app): At, Segments(id): Segments<u32>) -> Answer<Json<JobView>> {
+    app.ask(move |gateway| gateway.abort(id)).await.map(Json)
 }
 
 /// Where a job that has ended begins again.
@@ -151,11 +151,11 @@ pub(super) struct RestartOrder {
     request_body = RestartOrder,
     responses((status = CREATED, body = JobView), Refused))]
 pub(super) async fn restart(
-    State(desk): At,
+    State(app): At,
     Segments(id): Segments<u32>,
     Document(order): Document<RestartOrder>,
 ) -> Answer<(StatusCode, Json<JobView>)> {
-    let job = desk.ask(move |gateway| gateway.restart(id, order.from_block)).await?;
+    let job = app.ask(move |gateway| gateway.restart(id, order.from_block)).await?;
     Ok((StatusCode::CREATED, Json(job)))
 }
 
@@ -167,10 +167,10 @@ pub(super) async fn restart(
     params(("id" = u32, Path, description = "Number of the job")),
     responses((status = OK, body = JobView), Refused))]
 pub(super) async fn acknowledge(
-    State(desk): At,
+    State(app): At,
     Segments(id): Segments<u32>,
 ) -> Answer<Json<JobView>> {
-    desk.ask(move |gateway| gateway.acknowledge(id)).await.map(Json)
+    app.ask(move |gateway| gateway.acknowledge(id)).await.map(Json)
 }
 
 /// Another priority for a job that waits.
@@ -188,9 +188,9 @@ pub(super) struct PriorityOrder {
     request_body = PriorityOrder,
     responses((status = OK, body = JobView), Refused))]
 pub(super) async fn prioritise(
-    State(desk): At,
+    State(app): At,
     Segments(id): Segments<u32>,
     Document(order): Document<PriorityOrder>,
 ) -> Answer<Json<JobView>> {
-    desk.ask(move |gateway| gateway.prioritise(id, order.priority)).await.map(Json)
+    app.ask(move |gateway| gateway.prioritise(id, order.priority)).await.map(Json)
 }

@@ -5,7 +5,7 @@ use axum::body::Body;
 use axum::extract::State;
 use axum::http::StatusCode;
 
-use super::super::entry::Admin;
+use super::super::access::Admin;
 use super::super::extract::Segments;
 use super::super::options::{PLUGIN_BYTES, UPLOAD_PACE};
 use super::super::problem::{Problem, Refused};
@@ -18,8 +18,8 @@ use crate::view::{PluginRef, PluginView};
 #[utoipa::path(get, operation_id = "plugin_list", path = "/plugins",
     tag = "plug-ins",
     responses((status = OK, body = Vec<PluginView>), Refused))]
-pub(super) async fn list(State(desk): At) -> Answer<Json<Vec<PluginView>>> {
-    desk.ask(Gateway::plugins).await.map(Json)
+pub(super) async fn list(State(app): At) -> Answer<Json<Vec<PluginView>>> {
+    app.ask(Gateway::plugins).await.map(Json)
 }
 
 /// Check a module and add it
@@ -31,12 +31,12 @@ pub(super) async fn list(State(desk): At) -> Answer<Json<Vec<PluginView>>> {
     responses((status = CREATED, body = PluginView), Refused))]
 pub(super) async fn add(
     _: Admin,
-    State(desk): At,
+    State(app): At,
     body: Body,
 ) -> Answer<(StatusCode, Json<PluginView>)> {
-    let _slot = desk.upload_slot()?;
-    let gateway = desk.gateway.clone();
-    let most = desk.limits.upload_bytes.min(PLUGIN_BYTES);
+    let _slot = app.upload_slot()?;
+    let gateway = app.gateway.clone();
+    let most = app.limits.upload_bytes.min(PLUGIN_BYTES);
     let added = upload::receive(body, UPLOAD_PACE, most, move |body| {
         let mut module = Vec::new();
         body.read_to_end(&mut module).map_err(|_| Problem::bad("the body broke off"))?;
@@ -54,10 +54,10 @@ pub(super) async fn add(
     responses((status = NO_CONTENT), Refused))]
 pub(super) async fn remove(
     _: Admin,
-    State(desk): At,
+    State(app): At,
     Segments(plugin): Segments<String>,
 ) -> Answer<StatusCode> {
-    desk.ask(move |gateway| gateway.remove_plugin(&plugin)).await.map(|()| StatusCode::NO_CONTENT)
+    app.ask(move |gateway| gateway.remove_plugin(&plugin)).await.map(|()| StatusCode::NO_CONTENT)
 }
 
 /// Remove modules that nothing refers to
@@ -66,6 +66,6 @@ pub(super) async fn remove(
 #[utoipa::path(post, operation_id = "plugin_collect_garbage", path = "/plugins/collect-garbage",
     tag = "plug-ins",
     responses((status = OK, body = Vec<PluginRef>), Refused))]
-pub(super) async fn collect_garbage(_: Admin, State(desk): At) -> Answer<Json<Vec<PluginRef>>> {
-    desk.ask(Gateway::collect_garbage).await.map(Json)
+pub(super) async fn collect_garbage(_: Admin, State(app): At) -> Answer<Json<Vec<PluginRef>>> {
+    app.ask(Gateway::collect_garbage).await.map(Json)
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use axum::Json;
 use axum::extract::State;
 
-use super::super::entry::Admin;
+use super::super::access::Admin;
 use super::super::extract::{Document, Segments};
 use super::super::options::GATHER;
 use super::super::problem::Refused;
@@ -19,8 +19,8 @@ use crate::view::{KindView, LinkView, Seen, SwapOrder, SwapView};
 #[utoipa::path(get, operation_id = "link_list", path = "/links",
     tag = "links",
     responses((status = OK, body = Vec<LinkView>), Refused))]
-pub(super) async fn list(State(desk): At) -> Answer<Json<Vec<LinkView>>> {
-    desk.ask(Gateway::links).await.map(Json)
+pub(super) async fn list(State(app): At) -> Answer<Json<Vec<LinkView>>> {
+    app.ask(Gateway::links).await.map(Json)
 }
 
 /// One link
@@ -29,10 +29,10 @@ pub(super) async fn list(State(desk): At) -> Answer<Json<Vec<LinkView>>> {
     params(("link" = String, Path, description = "Name of the link")),
     responses((status = OK, body = LinkView), Refused))]
 pub(super) async fn show(
-    State(desk): At,
+    State(app): At,
     Segments(link): Segments<String>,
 ) -> Answer<Json<LinkView>> {
-    desk.ask(move |gateway| gateway.link(&link)).await.map(Json)
+    app.ask(move |gateway| gateway.link(&link)).await.map(Json)
 }
 
 /// The kinds of job that a link's plug-in takes
@@ -41,10 +41,10 @@ pub(super) async fn show(
     params(("link" = String, Path, description = "Name of the link")),
     responses((status = OK, body = Vec<KindView>), Refused))]
 pub(super) async fn kinds(
-    State(desk): At,
+    State(app): At,
     Segments(link): Segments<String>,
 ) -> Answer<Json<Vec<KindView>>> {
-    desk.ask(move |gateway| gateway.job_kinds(&link)).await.map(Json)
+    app.ask(move |gateway| gateway.job_kinds(&link)).await.map(Json)
 }
 
 /// Close a link's port and open it again
@@ -53,10 +53,10 @@ pub(super) async fn kinds(
     params(("link" = String, Path, description = "Name of the link")),
     responses((status = OK, body = LinkView), Refused))]
 pub(super) async fn reopen(
-    State(desk): At,
+    State(app): At,
     Segments(link): Segments<String>,
 ) -> Answer<Json<LinkView>> {
-    desk.ask(move |gateway| gateway.reopen(&link)).await.map(Json)
+    app.ask(move |gateway| gateway.reopen(&link)).await.map(Json)
 }
 
 /// Go on although the machine holds the line
@@ -65,10 +65,10 @@ pub(super) async fn reopen(
     params(("link" = String, Path, description = "Name of the link")),
     responses((status = OK, body = LinkView), Refused))]
 pub(super) async fn force_resume(
-    State(desk): At,
+    State(app): At,
     Segments(link): Segments<String>,
 ) -> Answer<Json<LinkView>> {
-    desk.ask(move |gateway| gateway.force_resume(&link)).await.map(Json)
+    app.ask(move |gateway| gateway.force_resume(&link)).await.map(Json)
 }
 
 /// Stop a link's plug-in at once, whatever it is doing
@@ -80,10 +80,10 @@ pub(super) async fn force_resume(
     responses((status = OK, body = LinkView), Refused))]
 pub(super) async fn quarantine(
     _: Admin,
-    State(desk): At,
+    State(app): At,
     Segments(link): Segments<String>,
 ) -> Answer<Json<LinkView>> {
-    desk.ask(move |gateway| gateway.quarantine(&link)).await.map(Json)
+    app.ask(move |gateway| gateway.quarantine(&link)).await.map(Json)
 }
 
 /// Let a link out of quarantine
@@ -92,10 +92,10 @@ pub(super) async fn quarantine(
     params(("link" = String, Path, description = "Name of the link")),
     responses((status = OK, body = LinkView), Refused))]
 pub(super) async fn release(
-    State(desk): At,
+    State(app): At,
     Segments(link): Segments<String>,
 ) -> Answer<Json<LinkView>> {
-    desk.ask(move |gateway| gateway.release(&link)).await.map(Json)
+    app.ask(move |gateway| gateway.release(&link)).await.map(Json)
 }
 
 /// Swap a link's plug-in
@@ -108,11 +108,11 @@ pub(super) async fn release(
     responses((status = OK, body = SwapView), Refused))]
 pub(super) async fn swap(
     _: Admin,
-    State(desk): At,
+    State(app): At,
     Segments(link): Segments<String>,
     Document(order): Document<SwapOrder>,
 ) -> Answer<Json<SwapView>> {
-    desk.ask(move |gateway| gateway.swap(&link, &order)).await.map(Json)
+    app.ask(move |gateway| gateway.swap(&link, &order)).await.map(Json)
 }
 
 /// Watch what passes on a link's line
@@ -123,14 +123,14 @@ pub(super) async fn swap(
     tag = "links",
     params(("link" = String, Path, description = "Name of the link")),
     responses((status = OK, body = Vec<Seen>, content_type = "text/event-stream"), Refused))]
-pub(super) async fn watch(State(desk): At, Segments(link): Segments<String>) -> Answer<Stream> {
-    let slot = desk.stream_slot()?;
-    let mut watching = desk.ask(move |gateway| gateway.watch(&link)).await?;
+pub(super) async fn watch(State(app): At, Segments(link): Segments<String>) -> Answer<Stream> {
+    let slot = app.stream_slot()?;
+    let mut watching = app.ask(move |gateway| gateway.watch(&link)).await?;
     let source = move || match watching.next(Duration::ZERO) {
         Next::Seen(seen) => Polled::News(seen),
         Next::Nothing => Polled::Nothing,
         Next::End => Polled::End,
     };
     let telling = Telling { name: "seen", gather: GATHER, thin: |seen: Vec<Seen>| seen };
-    Ok(stream::of(source, telling, desk.stopping.clone(), slot))
+    Ok(stream::of(source, telling, app.stopping.clone(), slot))
 }

@@ -24,16 +24,16 @@ use utoipa_axum::routes;
 
 pub use system::MeView;
 
-use super::entry::{self, Door};
+use super::access::{self, AccessControl};
 use super::options::{FEEDS, LOOKS, Limits, STREAMS, UPLOADS};
 use super::problem::Problem;
-use super::server::Surroundings;
+use super::server::RouteParts;
 use crate::{Gateway, Refusal};
 
 /// What every handler can reach.
-pub(super) struct Desk {
+pub(super) struct AppState {
     pub(super) gateway: Gateway,
-    pub(super) door: Arc<Door>,
+    pub(super) access: Arc<AccessControl>,
     pub(super) limits: Limits,
     pub(super) stopping: watch::Receiver<bool>,
     looks: Arc<Semaphore>,
@@ -42,13 +42,13 @@ pub(super) struct Desk {
     streams: Arc<Semaphore>,
 }
 
-/// [`Desk`] as a handler takes it.
-pub(super) type At = State<Arc<Desk>>;
+/// [`AppState`] as a handler takes it.
+pub(super) type At = State<Arc<AppState>>;
 
 /// What a handler that may refuse gives.
 pub(super) type Answer<T> = Result<T, Problem>;
 
-impl Desk {
+impl AppState {
     /// Asks the gateway, on a thread that may block.
     pub(super) async fn ask<T: Send + 'static>(
         &self,
@@ -124,7 +124,7 @@ impl Modify for Bearer {
     }
 }
 
-fn known_only() -> OpenApiRouter<Arc<Desk>> {
+fn known_only() -> OpenApiRouter<Arc<AppState>> {
     OpenApiRouter::new()
         .routes(routes!(links::list))
         .routes(routes!(links::show))
@@ -161,16 +161,16 @@ fn known_only() -> OpenApiRouter<Arc<Desk>> {
 }
 
 /// The routes that stand in the API's document.
-fn described() -> OpenApiRouter<Arc<Desk>> {
+fn described() -> OpenApiRouter<Arc<AppState>> {
     OpenApiRouter::with_openapi(Document::openapi()).nest("/api/v1", known_only())
 }
 
 /// All routes.
-pub(super) fn all(gateway: Gateway, limits: Limits, surroundings: Surroundings) -> Router {
-    let Surroundings { door, stopping } = surroundings;
-    let desk = Arc::new(Desk {
+pub(super) fn all(gateway: Gateway, limits: Limits, surroundings: RouteParts) -> Router {
+    let RouteParts { access, stopping } = surroundings;
+    let app = Arc::new(AppState {
         gateway,
-        door: door.clone(),
+        access: access.clone(),
         limits,
         stopping,
         looks: Arc::new(Semaphore::new(LOOKS)),
@@ -182,7 +182,7 @@ pub(super) fn all(gateway: Gateway, limits: Limits, surroundings: Surroundings) 
     let document = Arc::new(document);
     let with_token = api
         .route("/metrics", get(system::metrics))
-        .route_layer(from_fn_with_state(door.clone(), entry::known));
+        .route_layer(from_fn_with_state(access.clone(), access::known));
     Router::new()
         .route("/api/v1/openapi.json", get(move || async move { Json(document.as_ref().clone()) }))
         .route("/healthz", get(system::healthz))
@@ -191,8 +191,8 @@ pub(super) fn all(gateway: Gateway, limits: Limits, surroundings: Surroundings) 
         .merge(with_token)
         .fallback(nothing_here)
         .method_not_allowed_fallback(no_such_method)
-        .layer(from_fn_with_state(door, entry::pass))
-        .with_state(desk)
+        .layer(from_fn_with_state(access, access::pass))
+        .with_state(app)
 }
 
 /// A list has at most this many entries.

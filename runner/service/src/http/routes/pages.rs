@@ -7,7 +7,7 @@ use axum::http::{HeaderName, header};
 use axum::response::IntoResponse;
 use axum::routing::get;
 
-use super::Desk;
+use super::AppState;
 use crate::page;
 
 /// Only what comes from here, and nothing inline.
@@ -15,7 +15,7 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
     connect-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; \
     frame-ancestors 'none'";
 
-pub(super) fn routes() -> Router<Arc<Desk>> {
+pub(super) fn routes() -> Router<Arc<AppState>> {
     page::FILES.iter().fold(Router::new(), |router, file| {
         router.route(file.path, get(move || async move { answer(file) }))
     })

@@ -8,7 +8,7 @@ use axum::response::Response;
 use serde::Deserialize;
 use utoipa::IntoParams;
 
-use super::super::entry::Admin;
+use super::super::access::Admin;
 use super::super::extract::{Filter, Segments};
 use super::super::options::UPLOAD_PACE;
 use super::super::problem::Refused;
@@ -21,8 +21,8 @@ use crate::view::{ProgramView, ReceptionView};
 #[utoipa::path(get, operation_id = "program_list", path = "/programs",
     tag = "programs",
     responses((status = OK, body = Vec<ProgramView>), Refused))]
-pub(super) async fn list(State(desk): At) -> Answer<Json<Vec<ProgramView>>> {
-    desk.look(Gateway::programs).await.map(Json)
+pub(super) async fn list(State(app): At) -> Answer<Json<Vec<ProgramView>>> {
+    app.look(Gateway::programs).await.map(Json)
 }
 
 /// A program's bytes
@@ -30,11 +30,8 @@ pub(super) async fn list(State(desk): At) -> Answer<Json<Vec<ProgramView>>> {
     tag = "programs",
     params(("name" = String, Path, description = "Name of the program; a slash in it as %2F")),
     responses((status = OK, body = Vec<u8>, content_type = "application/octet-stream"), Refused))]
-pub(super) async fn download(
-    State(desk): At,
-    Segments(name): Segments<String>,
-) -> Answer<Response> {
-    desk.ask(move |gateway| gateway.download(&name)).await.map(download::answer)
+pub(super) async fn download(State(app): At, Segments(name): Segments<String>) -> Answer<Response> {
+    app.ask(move |gateway| gateway.download(&name)).await.map(download::answer)
 }
 
 /// What to do about a program that is there.
@@ -56,14 +53,14 @@ pub(super) struct Overwrite {
     request_body(content = Vec<u8>, content_type = "application/octet-stream"),
     responses((status = CREATED, body = ProgramView), Refused))]
 pub(super) async fn upload(
-    State(desk): At,
+    State(app): At,
     Segments(name): Segments<String>,
     Filter(Overwrite { overwrite }): Filter<Overwrite>,
     body: Body,
 ) -> Answer<(StatusCode, Json<ProgramView>)> {
-    let _slot = desk.upload_slot()?;
-    let gateway = desk.gateway.clone();
-    let most = desk.limits.upload_bytes;
+    let _slot = app.upload_slot()?;
+    let gateway = app.gateway.clone();
+    let most = app.limits.upload_bytes;
     let stored = upload::receive(body, UPLOAD_PACE, most, move |body| {
         Ok(gateway.upload(&name, overwrite, body)?)
     });
@@ -79,10 +76,10 @@ pub(super) async fn upload(
     responses((status = NO_CONTENT), Refused))]
 pub(super) async fn delete(
     _: Admin,
-    State(desk): At,
+    State(app): At,
     Segments(name): Segments<String>,
 ) -> Answer<StatusCode> {
-    desk.ask(move |gateway| gateway.delete(&name)).await.map(|()| StatusCode::NO_CONTENT)
+    app.ask(move |gateway| gateway.delete(&name)).await.map(|()| StatusCode::NO_CONTENT)
 }
 
 /// What a link has received, the newest first
@@ -91,10 +88,10 @@ pub(super) async fn delete(
     params(("link" = String, Path, description = "Name of the link")),
     responses((status = OK, body = Vec<ReceptionView>), Refused))]
 pub(super) async fn receptions(
-    State(desk): At,
+    State(app): At,
     Segments(link): Segments<String>,
 ) -> Answer<Json<Vec<ReceptionView>>> {
-    desk.look(move |gateway| gateway.receptions(&link)).await.map(Json)
+    app.look(move |gateway| gateway.receptions(&link)).await.map(Json)
 }
 
 /// The bytes of something that was received
@@ -106,10 +103,10 @@ pub(super) async fn receptions(
     ),
     responses((status = OK, body = Vec<u8>, content_type = "application/octet-stream"), Refused))]
 pub(super) async fn download_reception(
-    State(desk): At,
+    State(app): At,
     Segments((link, file)): Segments<(String, String)>,
 ) -> Answer<Response> {
-    desk.ask(move |gateway| gateway.download_reception(&link, &file)).await.map(download::answer)
+    app.ask(move |gateway| gateway.download_reception(&link, &file)).await.map(download::answer)
 }
 
 /// Delete something that was received
@@ -124,10 +121,10 @@ pub(super) async fn download_reception(
     responses((status = NO_CONTENT), Refused))]
 pub(super) async fn delete_reception(
     _: Admin,
-    State(desk): At,
+    State(app): At,
     Segments((link, file)): Segments<(String, String)>,
 ) -> Answer<StatusCode> {
-    let deleted = desk.ask(move |gateway| gateway.delete_reception(&link, &file)).await;
+    let deleted = app.ask(move |gateway| gateway.delete_reception(&link, &file)).await;
     deleted.map(|()| StatusCode::NO_CONTENT)
 }
 
@@ -140,8 +137,8 @@ pub(super) async fn delete_reception(
     ),
     responses((status = OK, body = Vec<u8>, content_type = "application/octet-stream"), Refused))]
 pub(super) async fn download_trace(
-    State(desk): At,
+    State(app): At,
     Segments((link, file)): Segments<(String, String)>,
 ) -> Answer<Response> {
-    desk.ask(move |gateway| gateway.download_trace(&link, &file)).await.map(download::answer)
+    app.ask(move |gateway| gateway.download_trace(&link, &file)).await.map(download::answer)
 }

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use tokio::sync::broadcast::error::TryRecvError;
 use utoipa::ToSchema;
 
-use super::super::entry::Admin;
+use super::super::access::Admin;
 use super::super::extract::Filter;
 use super::super::options::GATHER_CHANGES;
 use super::super::problem::{Problem, Refused};
@@ -40,8 +40,8 @@ pub(super) async fn me(Extension(role): Extension<Role>) -> Json<MeView> {
 #[utoipa::path(get, operation_id = "gateway_health", path = "/health",
     tag = "gateway",
     responses((status = OK, body = HealthView), Refused))]
-pub(super) async fn health(State(desk): At) -> Answer<Json<HealthView>> {
-    desk.ask(|gateway| Ok(gateway.health())).await.map(Json)
+pub(super) async fn health(State(app): At) -> Answer<Json<HealthView>> {
+    app.ask(|gateway| Ok(gateway.health())).await.map(Json)
 }
 
 /// The journal, the newest first
@@ -49,11 +49,11 @@ pub(super) async fn health(State(desk): At) -> Answer<Json<HealthView>> {
     tag = "gateway", params(JournalFilter),
     responses((status = OK, body = Vec<JournalEntry>), Refused))]
 pub(super) async fn journal(
-    State(desk): At,
+    State(app): At,
     Filter(filter): Filter<JournalFilter>,
 ) -> Answer<Json<Vec<JournalEntry>>> {
     within_limit(filter.limit)?;
-    desk.look(move |gateway| gateway.journal(&filter)).await.map(Json)
+    app.look(move |gateway| gateway.journal(&filter)).await.map(Json)
 }
 
 /// All that changes from now on
@@ -63,9 +63,9 @@ pub(super) async fn journal(
 #[utoipa::path(get, operation_id = "gateway_events", path = "/events",
     tag = "gateway",
     responses((status = OK, body = Vec<Change>, content_type = "text/event-stream"), Refused))]
-pub(super) async fn events(State(desk): At) -> Answer<Stream> {
-    let slot = desk.stream_slot()?;
-    let mut changes = desk.gateway.subscribe();
+pub(super) async fn events(State(app): At) -> Answer<Stream> {
+    let slot = app.stream_slot()?;
+    let mut changes = app.gateway.subscribe();
     let source = move || match changes.try_recv() {
         Ok(change) => Polled::News(Arc::unwrap_or_clone(change)),
         Err(TryRecvError::Lagged(count)) => Polled::Missed(count),
@@ -73,7 +73,7 @@ pub(super) async fn events(State(desk): At) -> Answer<Stream> {
         Err(TryRecvError::Closed) => Polled::End,
     };
     let telling = Telling { name: "changes", gather: GATHER_CHANGES, thin: newest };
-    Ok(stream::of(source, telling, desk.stopping.clone(), slot))
+    Ok(stream::of(source, telling, app.stopping.clone(), slot))
 }
 
 /// Of each link and each job only the newest view.
@@ -101,19 +101,19 @@ fn newest(mut changes: Vec<Change>) -> Vec<Change> {
 #[utoipa::path(post, operation_id = "gateway_reload", path = "/reload",
     tag = "gateway",
     responses((status = OK, body = ReloadView), Refused))]
-pub(super) async fn reload(_: Admin, State(desk): At) -> Answer<Json<ReloadView>> {
-    desk.ask(Gateway::reload).await.map(Json)
+pub(super) async fn reload(_: Admin, State(app): At) -> Answer<Json<ReloadView>> {
+    app.ask(Gateway::reload).await.map(Json)
 }
 
 /// Whether the gateway is alive; for whoever restarts it, so without a token.
-pub(super) async fn healthz(State(desk): At) -> Answer<Response> {
-    let HealthView { is_healthy, .. } = desk.ask(|gateway| Ok(gateway.health())).await?;
+pub(super) async fn healthz(State(app): At) -> Answer<Response> {
+    let HealthView { is_healthy, .. } = app.ask(|gateway| Ok(gateway.health())).await?;
     Ok(plainly(is_healthy, if is_healthy { "healthy\n" } else { "not healthy\n" }))
 }
 
 /// Whether the gateway takes work; for whoever waits for it, so without a token.
-pub(super) async fn readyz(State(desk): At) -> Answer<Response> {
-    let ReadyView { is_ready, .. } = desk.ask(|gateway| Ok(gateway.ready())).await?;
+pub(super) async fn readyz(State(app): At) -> Answer<Response> {
+    let ReadyView { is_ready, .. } = app.ask(|gateway| Ok(gateway.ready())).await?;
     Ok(plainly(is_ready, if is_ready { "ready\n" } else { "not ready\n" }))
 }
 
@@ -123,11 +123,12 @@ fn plainly(well: bool, text: &'static str) -> Response {
 }
 
 /// Metrics as Prometheus reads them.
-pub(super) async fn metrics(State(desk): At) -> Answer<Response> {
-    let seen = desk.ask(|gateway| Ok((gateway.health(), gateway.links()?))).await?;
+pub(super) async fn metrics(State(app): At) -> Answer<Response> {
+    let seen = app.ask(|gateway| Ok((gateway.health(), gateway.links()?))).await?;
     let (health, links) = seen;
-    let door = metrics::Door { tally: &desk.door.tally, connections: desk.door.connections() };
-    let text = metrics::text(&health, &links, door).map_err(|_| Problem::ours())?;
+    let http =
+        metrics::HttpFigures { tally: &app.access.tally, connections: app.access.connections() };
+    let text = metrics::text(&health, &links, http).map_err(|_| Problem::ours())?;
     let mut response = text.into_response();
     let kind = HeaderValue::from_static(metrics::CONTENT_TYPE);
     response.headers_mut().insert(header::CONTENT_TYPE, kind);

@@ -1,0 +1,250 @@
+//! What a plug-in is given in one run of a trace, each at its time.
+
+use super::fields::records;
+use super::lines::{bad_kind, down_reason, line_error, line_parameters, modem_lines};
+use super::load::Case;
+use softplug_abi::manifest::Manifest;
+use softplug_abi::{Failure, LineErrorKind, LinkDownReason, Micros, ModemLines};
+use softplug_link::Job;
+use softplug_trace::{Drain, HostRequest, LineEvent, PayloadError, Piece, What, When};
+
+/// Inputs in the order in which they come.
+#[derive(Clone, Debug)]
+pub(crate) struct Course {
+    pub(crate) given: Vec<Given>,
+    pub(crate) end: Micros,
+}
+
+/// One input.
+#[derive(Clone, Debug)]
+pub(crate) struct Given {
+    pub(crate) at: Micros,
+    pub(crate) what: Input,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) enum Input {
+    /// Characters of one time, which may be cut anywhere.
+    Bytes(Vec<u8>),
+    /// One character of a burst.
+    Character(u8),
+    /// A damaged character, an overrun or a break.
+    Damaged {
+        kind: LineErrorKind,
+        byte: Option<u8>,
+        span: u32,
+    },
+    /// Modem lines change: which, and those of them that are on.
+    Modem(ModemLines, ModemLines),
+    Down(LinkDownReason),
+    Up,
+    Host(Asked),
+}
+
+/// What the host does.
+#[derive(Clone, Debug)]
+pub(crate) enum Asked {
+    Job(Job, Vec<u8>),
+    Pause(u32),
+    Resume(u32),
+    Abort(u32),
+    ForceResume,
+    Room(u32),
+    Drain(Drain),
+    Answer(u32, Result<Vec<u8>, Failure>),
+    Swap,
+    Close,
+    Open,
+}
+
+impl Input {
+    pub(crate) fn is_from_line(&self) -> bool {
+        !matches!(self, Self::Host(_))
+    }
+}
+
+/// Which end of each window an input takes.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(crate) enum Windows {
+    Early,
+    /// All late.
+    Late,
+    /// Only the one with this number, from 1, late.
+    LateOnly(u32),
+}
+
+/// A trace asks for what the plug-in or the replay cannot do.
+///
+/// ```
+/// use softplug_conformance::CourseError;
+///
+/// let reason = "the plug-in has no job \"send-eia\"".to_owned();
+/// let error = CourseError { line: 12, reason };
+/// assert_eq!(error.to_string(), "line 12: the plug-in has no job \"send-eia\"");
+/// ```
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error("line {line}: {reason}")]
+pub struct CourseError {
+    /// The line of the trace's file.
+    pub line: u32,
+    /// Why, for people.
+    pub reason: String,
+}
+
+impl Course {
+    pub(crate) fn new(
+        case: &Case,
+        manifest: &Manifest,
+        windows: Windows,
+    ) -> Result<Self, CourseError> {
+        let line = line_parameters(&case.trace.front.line);
+        let reaction = Micros(i64::from(case.trace.front.line.reaction));
+        let mut given = Vec::new();
+        let mut window = 0;
+        for entry in case.trace.inputs() {
+            let number = entry.line.0;
+            let fail = |reason: String| CourseError { line: number, reason };
+            let bytes = |error: PayloadError| fail(error.to_string());
+            let at = place(entry.when, windows, &mut window);
+            match &entry.what {
+                What::Receive(payload) => {
+                    let pieces = payload.pieces(&case.files()).map_err(bytes)?;
+                    given.extend(pieces.into_iter().map(|piece| {
+                        let what = match piece {
+                            Piece::Bytes(bytes) => Input::Bytes(bytes),
+                            Piece::Bad { kind, byte } => damaged(kind, byte),
+                        };
+                        Given { at: at + reaction, what }
+                    }));
+                }
+                What::Burst(payload) => {
+                    let pieces = payload.pieces(&case.files()).map_err(bytes)?;
+                    let characters = pieces.into_iter().flat_map(|piece| match piece {
+                        Piece::Bytes(bytes) => bytes.into_iter().map(Input::Character).collect(),
+                        Piece::Bad { kind, byte } => vec![damaged(kind, byte)],
+                    });
+                    given.extend(characters.enumerate().map(|(n, what)| Given {
+                        at: at + line.characters(n as u64) + reaction,
+                        what,
+                    }));
+                }
+                What::Line(event) => given.push(Given { at, what: of_line(event) }),
+                What::Host(request) => {
+                    let asked = of_host(case, manifest, request).map_err(fail)?;
+                    given.push(Given { at, what: Input::Host(asked) });
+                }
+                What::Send(_)
+                | What::SetLines(_)
+                | What::SendBreak(_)
+                | What::Act(_)
+                | What::Exact(_)
+                | What::Quiet => {}
+            }
+        }
+        given.sort_by_key(|given| (given.at, !given.what.is_from_line()));
+        Ok(Self { given, end: micros(case.trace.end()) })
+    }
+}
+
+/// How many inputs have a window.
+pub(crate) fn windows(case: &Case) -> u32 {
+    case.trace.inputs().filter(|entry| entry.when.is_window()).count() as u32
+}
+
+pub(crate) fn micros(time: softplug_trace::Time) -> Micros {
+    Micros(i64::try_from(time.0).unwrap_or(i64::MAX))
+}
+
+fn place(when: When, windows: Windows, window: &mut u32) -> Micros {
+    if !when.is_window() {
+        return micros(when.from);
+    }
+    *window += 1;
+    let late = match windows {
+        Windows::Early => false,
+        Windows::Late => true,
+        Windows::LateOnly(number) => number == *window,
+    };
+    micros(if late { when.to } else { when.from })
+}
+
+fn damaged(kind: softplug_trace::BadKind, byte: u8) -> Input {
+    Input::Damaged { kind: bad_kind(kind), byte: Some(byte), span: 0 }
+}
+
+fn of_line(event: &LineEvent) -> Input {
+    match event {
+        LineEvent::Modem(levels) => {
+            let (named, on) = modem_lines(levels);
+            Input::Modem(named, on)
+        }
+        LineEvent::Error { kind, byte, span } => {
+            Input::Damaged { kind: line_error(*kind), byte: *byte, span: *span }
+        }
+        LineEvent::Down(reason) => Input::Down(down_reason(*reason)),
+        LineEvent::Up => Input::Up,
+    }
+}
+
+fn of_host(case: &Case, manifest: &Manifest, request: &HostRequest) -> Result<Asked, String> {
+    let bytes = |payload: &softplug_trace::Payload| {
+        payload.bytes(&case.files()).map_err(|error| error.to_string())
+    };
+    Ok(match request {
+        HostRequest::Job { id, kind, fields, data } => {
+            let data = bytes(data)?;
+            let place = manifest
+                .job_kind(kind)
+                .ok_or_else(|| format!("the plug-in takes no job of kind \"{kind}\""))?;
+            let job = Job {
+                id: *id,
+                kind: place,
+                size: Some(data.len() as u64),
+                fields: records(&manifest.jobs[usize::from(place)], fields)?,
+                check: manifest.needs.check_pass,
+            };
+            Asked::Job(job, data)
+        }
+        HostRequest::Pause(id) => Asked::Pause(*id),
+        HostRequest::Resume(id) => Asked::Resume(*id),
+        HostRequest::Abort(id) => Asked::Abort(*id),
+        HostRequest::ForceResume => Asked::ForceResume,
+        HostRequest::Room(room) => match (room.transmit, room.delivery) {
+            (None, Some(bytes)) => Asked::Room(bytes),
+            _ => {
+                return Err("room to transmit grows as bytes leave; only room for deliveries \
+                            can be given"
+                    .to_owned());
+            }
+        },
+        HostRequest::Drain(drain) => Asked::Drain(*drain),
+        HostRequest::Grant { id, data } => Asked::Answer(*id, Ok(bytes(data)?)),
+        HostRequest::Refuse { id, code } => Asked::Answer(*id, Err(failure(code)?)),
+        HostRequest::Swap => Asked::Swap,
+        HostRequest::Close => Asked::Close,
+        HostRequest::Open => Asked::Open,
+    })
+}
+
+pub(crate) fn failure(name: &str) -> Result<Failure, String> {
+    Failure::from_name(name).ok_or_else(|| format!("\"{name}\" is no failure of the ABI"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use softplug_trace::Time;
+
+    #[test]
+    fn each_window_is_tried_at_both_ends() {
+        let window = When { from: Time(5), to: Time(9) };
+        let places = |windows| {
+            let mut number = 0;
+            [window, When::at(Time(7)), window].map(|when| place(when, windows, &mut number).0)
+        };
+        assert_eq!(places(Windows::Early), [5, 7, 5]);
+        assert_eq!(places(Windows::Late), [9, 7, 9]);
+        assert_eq!(places(Windows::LateOnly(1)), [9, 7, 5]);
+        assert_eq!(places(Windows::LateOnly(2)), [5, 7, 9]);
+    }
+}

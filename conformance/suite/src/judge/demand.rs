@@ -1,0 +1,126 @@
+//! What a trace demands of a plug-in, line by line.
+
+use crate::given::course::{CourseError, failure, micros};
+use crate::given::fields::records;
+use crate::given::lines::modem_lines;
+use crate::given::load::Case;
+use crate::run::deed::{Deed, Delivered};
+use softplug_abi::Micros;
+use softplug_abi::manifest::Manifest;
+use softplug_trace::{Assignment, CheckFault, DeliveryEnd, Entry, Expected, Payload, What};
+
+/// A line of a trace that demands something.
+#[derive(Clone, Debug)]
+pub(crate) struct Demand {
+    pub(crate) from: Micros,
+    pub(crate) to: Micros,
+    /// The line of the trace's file.
+    pub(crate) line: u32,
+    pub(crate) what: Demanded,
+}
+
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub(crate) enum Demanded {
+    /// Characters back to back.
+    Bytes(Vec<u8>),
+    Deed(Deed),
+}
+
+impl Demand {
+    /// How many deeds it takes.
+    pub(crate) fn length(&self) -> usize {
+        match &self.what {
+            Demanded::Bytes(bytes) => bytes.len(),
+            Demanded::Deed(_) => 1,
+        }
+    }
+
+    /// The deed with this number, from 0.
+    pub(crate) fn deed(&self, number: usize) -> Deed {
+        match &self.what {
+            Demanded::Bytes(bytes) => Deed::Byte(bytes[number]),
+            Demanded::Deed(deed) => deed.clone(),
+        }
+    }
+}
+
+/// Everything that one course of events of a trace demands.
+pub(crate) fn demands(
+    case: &Case,
+    manifest: &Manifest,
+    course: &[&Entry],
+) -> Result<Vec<Demand>, CourseError> {
+    let expected = course.iter().filter(|entry| entry.what.is_expectation());
+    let demand = |entry: &&Entry| {
+        let what = demanded(case, manifest, &entry.what)
+            .map_err(|reason| CourseError { line: entry.line.0, reason })?;
+        let (from, to) = (micros(entry.when.from), micros(entry.when.to));
+        Ok(Demand { from, to, line: entry.line.0, what })
+    };
+    expected.map(demand).collect()
+}
+
+fn demanded(case: &Case, manifest: &Manifest, what: &What) -> Result<Demanded, String> {
+    let bytes = |payload: &Payload| payload.bytes(&case.files()).map_err(|error| error.to_string());
+    Ok(Demanded::Deed(match what {
+        What::Send(payload) => return Ok(Demanded::Bytes(bytes(payload)?)),
+        What::SendBreak(micros) => Deed::Break(*micros),
+        What::SetLines(levels) => {
+            let (named, on) = modem_lines(levels);
+            Deed::Lines(named, on)
+        }
+        What::Act(Expected::Deliver { id, data, end, status, name }) => Deed::Deliver(Delivered {
+            id: *id,
+            bytes: bytes(data)?,
+            failure: match end {
+                DeliveryEnd::Complete => None,
+                DeliveryEnd::Failed(code) => Some(failure(code)?),
+            },
+            status: status.unwrap_or(0),
+            name: name.clone(),
+        }),
+        What::Act(Expected::Done { id, sent }) => Deed::Done { id: *id, sent: *sent },
+        What::Act(Expected::Fail { id, code, status, sent }) => Deed::Fail {
+            id: *id,
+            failure: failure(code)?,
+            status: status.unwrap_or(0),
+            sent: *sent,
+        },
+        What::Act(Expected::Check { id, fault }) => check(*id, fault.as_ref())?,
+        What::Act(Expected::Request { id, kind, fields }) => request(manifest, *id, kind, fields)?,
+        What::Act(Expected::Withdraw(id)) => Deed::Withdraw(*id),
+        What::Receive(_)
+        | What::Burst(_)
+        | What::Line(_)
+        | What::Host(_)
+        | What::Exact(_)
+        | What::Quiet => {
+            unreachable!("only expectations are asked for")
+        }
+    }))
+}
+
+fn check(id: u32, fault: Option<&CheckFault>) -> Result<Deed, String> {
+    let Some(fault) = fault else {
+        return Ok(Deed::Check { id, failure: None, status: 0, line: 0, column: 0 });
+    };
+    Ok(Deed::Check {
+        id,
+        failure: Some(failure(&fault.code)?),
+        status: fault.status.unwrap_or(0),
+        line: fault.line.unwrap_or(0),
+        column: fault.column.unwrap_or(0),
+    })
+}
+
+fn request(
+    manifest: &Manifest,
+    id: u32,
+    kind: &str,
+    fields: &[Assignment],
+) -> Result<Deed, String> {
+    let place = manifest.requests.iter().position(|known| known.name == kind);
+    let place = place.ok_or_else(|| format!("the plug-in makes no request of kind \"{kind}\""))?;
+    let fields = records(&manifest.requests[place], fields)?;
+    Ok(Deed::Request { id, kind: place as u16, fields })
+}

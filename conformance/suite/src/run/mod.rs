@@ -1,0 +1,17 @@
+//! What is run: a plug-in in virtual time, in every permutation of a trace, and what was
+//! seen of it. Nothing here knows what is right.
+
+pub(crate) mod back_to_back;
+pub(crate) mod class;
+pub mod closed_loop;
+pub(crate) mod cut;
+pub(crate) mod deed;
+pub(crate) mod erased;
+pub(crate) mod fault;
+pub(crate) mod outcome;
+pub(crate) mod overhear;
+pub(crate) mod permute;
+pub(crate) mod replay;
+pub(crate) mod rerun;
+pub(crate) mod subject;
+pub(crate) mod transcript;

@@ -1,0 +1,46 @@
+//! What a run of a trace or a recording showed.
+
+use super::deed::Deed;
+use super::fault::Fault;
+use super::subject::Fuel;
+use softplug_abi::Micros;
+
+/// What a run showed.
+///
+/// The example of [`replay`] shows one.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Outcome {
+    /// All that could be seen from outside, in the order of time, up to the
+    /// trace's end.
+    pub seen: Vec<Seen>,
+    /// Why the run ended before that.
+    pub fault: Option<Fault>,
+    /// On the link's clock, where the trace's clock began: later than 0 if it is
+    /// the second of two runs.
+    pub began: Micros,
+    /// At how many places the plug-in could have been swapped.
+    pub swap_places: u32,
+    /// What the plug-in's computing cost.
+    pub fuel: Fuel,
+    /// Bytes that came, left, and were delivered.
+    pub bytes: u64,
+}
+
+/// A deed at its time.
+///
+/// The example of [`replay`] shows some.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Seen {
+    /// When, on the trace's clock.
+    pub at: Micros,
+    /// What.
+    pub deed: Deed,
+}
+
+impl Outcome {
+    pub(crate) fn unstarted(fault: Fault) -> Self {
+        let (seen, fuel) = (Vec::new(), Fuel::default());
+        let began = Micros::ZERO;
+        Self { seen, fault: Some(fault), began, swap_places: 0, fuel, bytes: 0 }
+    }
+}

@@ -1,0 +1,111 @@
+//! Writes into the journal what may be written a moment later, and shows what
+//! was written.
+
+use std::io;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use tokio::sync::broadcast;
+
+use crate::jobs::{EntryFilter, Jobs, Note, Subject, Weight};
+use crate::view::Change;
+use std::sync::Arc;
+
+/// Entries are looked for a little later, several at once.
+const GATHER: Duration = Duration::from_millis(20);
+/// Entries that are shown at once.
+const SHOWN: usize = 200;
+/// Notes that wait; beyond that they are in the log only.
+const WAITING: usize = 10_000;
+
+/// Writes into the journal.
+#[derive(Debug)]
+pub(crate) struct JournalWriter {
+    to: Option<Sender<Option<Note>>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// What it was given is written before it ends.
+impl Drop for JournalWriter {
+    fn drop(&mut self) {
+        drop(self.to.take());
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+impl JournalWriter {
+    pub(crate) fn start(jobs: Jobs, changes: broadcast::Sender<Arc<Change>>) -> io::Result<Self> {
+        let (to, notes) = channel();
+        let thread = thread::Builder::new()
+            .name("journal".to_owned())
+            .spawn(move || write(&jobs, &changes, &notes))?;
+        Ok(Self { to: Some(to), thread: Some(thread) })
+    }
+
+    /// Something happened to a link.
+    pub(crate) fn link(
+        &self,
+        subject: Subject,
+        weight: Weight,
+        link: &str,
+        text: impl Into<String>,
+    ) {
+        let note = Note::new(subject, text).of_link(link).weighing(weight);
+        self.note(note);
+    }
+
+    pub(crate) fn note(&self, note: Note) {
+        if note.weight == Weight::Normal {
+            tracing::info!(link = note.link, job = note.job, "{}", note.text);
+        } else {
+            tracing::warn!(link = note.link, job = note.job, "{}", note.text);
+        }
+        self.send(Some(note));
+    }
+
+    /// Something was written by somebody else.
+    pub(crate) fn look(&self) {
+        self.send(None);
+    }
+
+    fn send(&self, note: Option<Note>) {
+        if let Some(to) = &self.to {
+            let _ = to.send(note);
+        }
+    }
+}
+
+fn write(jobs: &Jobs, changes: &broadcast::Sender<Arc<Change>>, notes: &Receiver<Option<Note>>) {
+    let newest = jobs.reader().journal(&EntryFilter { most: 1, ..EntryFilter::default() });
+    let mut shown = newest.ok().and_then(|entries| entries.first().map(|entry| entry.number));
+    while let Ok(first) = notes.recv() {
+        thread::sleep(GATHER);
+        for (count, note) in std::iter::once(first).chain(notes.try_iter()).flatten().enumerate() {
+            if count >= WAITING {
+                continue;
+            }
+            if let Err(error) = jobs.note(note) {
+                tracing::error!(%error, "an entry of the journal is lost");
+            }
+        }
+        if changes.receiver_count() == 0 {
+            shown = None;
+            continue;
+        }
+        let filter = EntryFilter { most: SHOWN, ..EntryFilter::default() };
+        let Ok(entries) = jobs.reader().journal(&filter) else { continue };
+        let newest = entries.first().map(|entry| entry.number);
+        let is_new = |number: u64| shown.is_none_or(|shown| number > shown);
+        // Nobody was there before: only the latest is news.
+        let most = if shown.is_none() { 1 } else { SHOWN };
+        let fresh: Vec<_> =
+            entries.into_iter().take(most).filter(|entry| is_new(entry.number)).collect();
+        for entry in fresh.into_iter().rev() {
+            let _ = changes.send(Arc::new(Change::Journal(entry.into())));
+        }
+        shown = newest.or(shown);
+    }
+}

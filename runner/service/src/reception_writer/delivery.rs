@@ -1,0 +1,241 @@
+//! One delivery on its way to the disk. Every step can be tried again.
+
+use std::fs::File;
+
+use softplug_abi::Failure;
+use softplug_gateway::reservoir::{Drawn, ReservoirReader};
+use softplug_gateway::store::Mark;
+
+use super::{Incoming, ReceptionWriterNews, Stores};
+use crate::jobs::{Comparison, Reason, Reception};
+use crate::programs::{Arrival, Arrived, first_difference};
+
+/// Turns of one delivery before the next has its turn, in buffers.
+const TURNS: usize = 4;
+
+pub(super) struct Delivery {
+    pub(super) id: u32,
+    pub(super) link: String,
+    place: String,
+    answers: Option<u32>,
+    bytes: ReservoirReader,
+    pub(super) name: Option<String>,
+    end: Option<End>,
+    /// There may be something to read, or it has ended.
+    pub(super) is_woken: bool,
+    /// The disk refused; when it is tried again.
+    pub(super) retry_at: Option<std::time::Instant>,
+    /// Read, and not yet written.
+    pending: Vec<u8>,
+    written: u64,
+    stage: Stage,
+}
+
+/// How it ended.
+struct End {
+    failure: Option<Failure>,
+    status: u16,
+    /// How many bytes the plug-in gave, if it said so.
+    bytes: Option<u64>,
+}
+
+enum Stage {
+    /// No job and no file yet.
+    New,
+    /// Its job is known.
+    Numbered(u32),
+    /// Its file is being written.
+    Coming(u32, Box<Arrival>),
+    /// It is on the disk, and not yet in the book.
+    Kept(u32, Arrived, Option<Reason>),
+    Over,
+}
+
+/// What a delivery waits for.
+pub(super) enum Next {
+    /// Being woken.
+    Woken,
+    /// Its next turn.
+    Again,
+    /// Nothing.
+    Over,
+}
+
+impl Delivery {
+    pub(super) fn new(incoming: Incoming) -> Self {
+        let Incoming { lane: _, link, place, delivery, job, bytes } = incoming;
+        Self {
+            id: delivery,
+            link,
+            place,
+            answers: job,
+            bytes,
+            name: None,
+            end: None,
+            is_woken: true,
+            retry_at: None,
+            pending: Vec::new(),
+            written: 0,
+            stage: Stage::New,
+        }
+    }
+
+    pub(super) fn has_ended(&self) -> bool {
+        self.end.is_some()
+    }
+
+    /// The first end counts.
+    pub(super) fn end(&mut self, failure: Option<Failure>, status: u16, bytes: Option<u64>) {
+        self.end.get_or_insert(End { failure, status, bytes });
+        self.is_woken = true;
+    }
+
+    /// Goes as far as it can. `is_last`: it cannot be tried again, so that what was taken of the
+    /// machine is put away whatever the quotas say; it is no more than the room for deliveries.
+    pub(super) fn work(
+        &mut self,
+        stores: &Stores,
+        buffer: &mut [u8],
+        is_last: bool,
+        tell: &mut dyn FnMut(ReceptionWriterNews),
+    ) -> Result<Next, String> {
+        if let Stage::New = self.stage {
+            let job = if let Some(job) = self.answers {
+                job
+            } else {
+                if !is_last {
+                    let begun = stores.quotas.begin(&self.link, stores.jobs.today(&self.link));
+                    begun.map_err(|over| over.to_string())?;
+                }
+                let job = stores.jobs.receive(&self.link).map_err(|error| error.to_string())?;
+                let id = job.id;
+                tell(ReceptionWriterNews::Begun(Box::new(job)));
+                id
+            };
+            self.stage = Stage::Numbered(job);
+        }
+        if let Stage::Numbered(job) = self.stage {
+            let arrival = stores.receptions.begin(&self.place, job);
+            let arrival = arrival.map_err(|error| error.to_string())?;
+            self.stage = Stage::Coming(job, Box::new(arrival));
+        }
+        if let Stage::Coming(..) = self.stage
+            && let Some(next) = self.take(stores, buffer)?
+        {
+            return Ok(next);
+        }
+        self.keep();
+        self.write_down(stores, tell)?;
+        Ok(Next::Over)
+    }
+
+    /// Writes what there is; `None` when that was all.
+    fn take(&mut self, stores: &Stores, buffer: &mut [u8]) -> Result<Option<Next>, String> {
+        let Stage::Coming(_, arrival) = &mut self.stage else { return Ok(None) };
+        let cannot = |error| format!("what comes on \"{}\" cannot be written: {error}", self.link);
+        if !self.pending.is_empty() {
+            arrival.write(&self.pending).map_err(cannot)?;
+            self.written += self.pending.len() as u64;
+            self.pending.clear();
+        }
+        for _ in 0..TURNS {
+            let room = if self.end.is_some() {
+                // No more comes than has been taken of the machine already.
+                u64::MAX
+            } else {
+                let today = stores.jobs.today(&self.link);
+                match stores.quotas.room(&self.link, today, self.written) {
+                    Ok(room) => room,
+                    Err(over) if self.bytes.level() > 0 => return Err(over.to_string()),
+                    Err(_) => 1,
+                }
+            };
+            let most = usize::try_from(room).unwrap_or(usize::MAX).min(buffer.len());
+            match self.bytes.read(&mut buffer[..most]) {
+                Drawn::Bytes(count) => {
+                    let bytes = &buffer[..count];
+                    if let Err(error) = arrival.write(bytes) {
+                        self.pending.extend_from_slice(bytes);
+                        return Err(cannot(error));
+                    }
+                    self.written += count as u64;
+                }
+                // The lane says when it ends, and closes the buffer before.
+                _ if self.end.is_none() => return Ok(Some(Next::Woken)),
+                Drawn::Later | Drawn::End | Drawn::Failed => return Ok(None),
+            }
+        }
+        Ok(Some(Next::Again))
+    }
+
+    fn keep(&mut self) {
+        let (job, arrival) = match std::mem::replace(&mut self.stage, Stage::Over) {
+            Stage::Coming(job, arrival) => (job, arrival),
+            other => {
+                self.stage = other;
+                return;
+            }
+        };
+        let reason = self.reason();
+        let mark = if reason.is_some() { Mark::Failed } else { Mark::Complete };
+        let (arrived, reason) = match arrival.end(self.name.as_deref(), mark) {
+            Ok(arrived) => (arrived, reason),
+            // Not to be tried again: after a failed write the system forgets what it had.
+            Err(error) => {
+                let lost = Arrived { path: None, name: self.name.clone(), bytes: self.written };
+                (lost, Some(Reason::new("disk", error.to_string())))
+            }
+        };
+        self.stage = Stage::Kept(job, arrived, reason);
+    }
+
+    fn reason(&self) -> Option<Reason> {
+        let end = self.end.as_ref()?;
+        match (end.failure, end.bytes) {
+            (Some(failure), _) => {
+                Some(Reason { status: end.status, ..Reason::new(failure.name(), failure.text()) })
+            }
+            (None, Some(bytes)) if bytes != self.written => Some(Reason::new(
+                "internal",
+                format!("{bytes} bytes came, and {} were put away", self.written),
+            )),
+            (None, _) => None,
+        }
+    }
+
+    fn write_down(
+        &mut self,
+        stores: &Stores,
+        tell: &mut dyn FnMut(ReceptionWriterNews),
+    ) -> Result<(), String> {
+        let Stage::Kept(job, arrived, reason) = &self.stage else { return Ok(()) };
+        let reception = Reception {
+            file: arrived.file(),
+            bytes: arrived.bytes,
+            is_complete: reason.is_none(),
+            compared: compare(stores, &self.link, arrived),
+        };
+        let name = arrived.name.clone();
+        match stores.jobs.received(*job, name, reception, reason.clone()) {
+            Ok(job) => tell(ReceptionWriterNews::Kept(Box::new(job))),
+            Err(
+                error @ (crate::jobs::JobsError::Disk(_) | crate::jobs::JobsError::JobStore(_)),
+            ) => {
+                return Err(error.to_string());
+            }
+            // The job that it answers has ended in the meantime; the file stays.
+            Err(error) => tracing::warn!(job, %error, "a reception belongs to no job any more"),
+        }
+        self.stage = Stage::Over;
+        Ok(())
+    }
+}
+
+/// With what was sent last under this name. What cannot be compared is not.
+fn compare(stores: &Stores, link: &str, arrived: &Arrived) -> Option<Comparison> {
+    let (name, path) = (arrived.name.as_ref()?, arrived.path.as_ref()?);
+    let sent = stores.jobs.reader().last_sent(link, name).ok()??;
+    let (one, other) = (File::open(path).ok()?, stores.snapshots.open(sent.data).ok()?);
+    let differs_at = first_difference(one, other).ok()?;
+    Some(Comparison { with: sent.job, differs_at })
+}

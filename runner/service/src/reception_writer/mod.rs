@@ -1,0 +1,337 @@
+//! The writer of receptions: one thread that puts away what machines send. A reception is complete when it
+//! is on the disk under its name, and not before.
+//!
+//! When the disk takes nothing, or a quota is reached, nothing is read either: the buffer fills, and
+//! the plug-in holds the machine. It is tried again until there is room.
+
+mod delivery;
+
+use std::collections::VecDeque;
+use std::io;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use softplug_abi::Failure;
+use softplug_gateway::reactor::LaneId;
+use softplug_gateway::reservoir::ReservoirReader;
+
+use crate::jobs::{Job, Jobs};
+use crate::programs::{Quotas, Receptions, Snapshots};
+use crate::wakes::{SLOTS, Wakes};
+use delivery::{Delivery, Next};
+
+/// What the disk would not do is tried again after this.
+const AGAIN: Duration = Duration::from_millis(500);
+
+/// A delivery to put away.
+#[derive(Debug)]
+pub struct Incoming {
+    /// The lane that it comes from.
+    pub lane: LaneId,
+    /// The link's name.
+    pub link: String,
+    /// The folder for it among the receptions.
+    pub place: String,
+    /// The plug-in's id for it.
+    pub delivery: u32,
+    /// The job that it answers.
+    pub job: Option<u32>,
+    /// Its bytes.
+    pub bytes: ReservoirReader,
+}
+
+/// What it tells of what it does.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum ReceptionWriterNews {
+    /// It has begun, as a job of its own.
+    Begun(Box<Job>),
+    /// It is put away; the job's reception says where. One that answers a job has not ended that.
+    Kept(Box<Job>),
+    /// The disk takes nothing, or a quota is reached; the machine is held. Says why.
+    Stuck {
+        /// The link.
+        link: String,
+        /// Why.
+        why: String,
+    },
+    /// The disk takes it again.
+    GoesOn {
+        /// The link.
+        link: String,
+    },
+}
+
+/// The thread, until it is dropped. What is under way then is kept as failed.
+#[derive(Debug)]
+pub struct ReceptionWriter {
+    requests: Option<Sender<Request>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+#[derive(Debug)]
+enum Request {
+    Take(Box<Incoming>),
+    Name { lane: LaneId, delivery: u32, name: String },
+    End { lane: LaneId, delivery: u32, failure: Option<Failure>, status: u16, bytes: u64 },
+    Lose(LaneId),
+}
+
+impl ReceptionWriter {
+    /// Starts the thread.
+    ///
+    /// # Errors
+    /// The system has no thread to give.
+    pub fn start(
+        jobs: Jobs,
+        receptions: Receptions,
+        snapshots: Snapshots,
+        quotas: Quotas,
+        tell: impl FnMut(ReceptionWriterNews) + Send + 'static,
+    ) -> io::Result<Self> {
+        let (sender, requests) = channel();
+        let thread = thread::Builder::new().name("receptions".to_owned());
+        let thread = thread.spawn(move || {
+            let wakes = Wakes::new(thread::current());
+            let stores = Stores { jobs, receptions, snapshots, quotas };
+            Worker { stores, tell, wakes, lanes: Vec::new() }.run(&requests);
+        })?;
+        Ok(Self { requests: Some(sender), thread: Some(thread) })
+    }
+
+    /// A delivery has begun.
+    pub fn take(&self, incoming: Incoming) {
+        self.request(Request::Take(Box::new(incoming)));
+    }
+
+    /// Its name was found. From the line: nothing in it is trusted.
+    pub fn name(&self, lane: LaneId, delivery: u32, name: String) {
+        self.request(Request::Name { lane, delivery, name });
+    }
+
+    /// It has ended, with so many bytes; `failure`: why it is not all.
+    pub fn end(
+        &self,
+        lane: LaneId,
+        delivery: u32,
+        failure: Option<Failure>,
+        status: u16,
+        bytes: u64,
+    ) {
+        self.request(Request::End { lane, delivery, failure, status, bytes });
+    }
+
+    /// The lane, or its plug-in, has ended: so have its deliveries.
+    pub fn lose(&self, lane: LaneId) {
+        self.request(Request::Lose(lane));
+    }
+
+    fn request(&self, request: Request) {
+        if let (Some(requests), Some(thread)) = (&self.requests, &self.thread) {
+            // It has panicked if not: readers are dropped then, and lanes drop what comes.
+            let _ = requests.send(request);
+            thread.thread().unpark();
+        }
+    }
+}
+
+impl Drop for ReceptionWriter {
+    fn drop(&mut self) {
+        drop(self.requests.take());
+        if let Some(thread) = self.thread.take() {
+            thread.thread().unpark();
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Where things are put.
+struct Stores {
+    jobs: Jobs,
+    receptions: Receptions,
+    snapshots: Snapshots,
+    quotas: Quotas,
+}
+
+struct Worker<T> {
+    stores: Stores,
+    tell: T,
+    wakes: Arc<Wakes>,
+    lanes: Vec<Option<Place>>,
+}
+
+/// What one lane brought, in its order: only the first is put away, so that a lane takes one
+/// place however much of it waits.
+struct Place {
+    lane: LaneId,
+    deliveries: VecDeque<Delivery>,
+}
+
+impl Place {
+    fn first(&mut self) -> Option<&mut Delivery> {
+        self.deliveries.front_mut()
+    }
+}
+
+impl<T: FnMut(ReceptionWriterNews)> Worker<T> {
+    fn run(mut self, requests: &Receiver<Request>) {
+        let mut buffer = vec![0; 64 * 1024];
+        loop {
+            let mut is_over = false;
+            loop {
+                match requests.try_recv() {
+                    Ok(request) => self.handle(request),
+                    Err(TryRecvError::Empty) => break,
+                    Err(TryRecvError::Disconnected) => {
+                        is_over = true;
+                        break;
+                    }
+                }
+            }
+            if is_over {
+                return self.clear_up(&mut buffer);
+            }
+            for slot in self.wakes.take() {
+                let place = self.lanes.get_mut(slot).and_then(Option::as_mut);
+                if let Some(delivery) = place.and_then(Place::first) {
+                    delivery.is_woken = true;
+                }
+            }
+            let retry = self.serve(&mut buffer);
+            match retry {
+                None if self.lanes.iter_mut().flatten().any(is_woken) => {}
+                None => thread::park(),
+                Some(retry) => {
+                    thread::park_timeout(retry.saturating_duration_since(Instant::now()));
+                }
+            }
+        }
+    }
+
+    fn handle(&mut self, request: Request) {
+        match request {
+            Request::Take(incoming) => self.take_on(*incoming),
+            Request::Name { lane, delivery, name } => {
+                if let Some(delivery) = self.find(lane, delivery) {
+                    delivery.name = Some(name);
+                }
+            }
+            Request::End { lane, delivery, failure, status, bytes } => {
+                if let Some(delivery) = self.find(lane, delivery) {
+                    delivery.end(failure, status, Some(bytes));
+                }
+            }
+            Request::Lose(lane) => {
+                for delivery in self.of(lane) {
+                    delivery.end(Some(Failure::Interrupted), 0, None);
+                }
+            }
+        }
+    }
+
+    /// What is there of a lane.
+    fn of(&mut self, lane: LaneId) -> impl Iterator<Item = &mut Delivery> {
+        let places = self.lanes.iter_mut().flatten().filter(move |place| place.lane == lane);
+        places.flat_map(|place| &mut place.deliveries)
+    }
+
+    /// The one that has not ended, if the plug-in has used an id again.
+    fn find(&mut self, lane: LaneId, id: u32) -> Option<&mut Delivery> {
+        self.of(lane).find(|delivery| delivery.id == id && !delivery.has_ended())
+    }
+
+    fn take_on(&mut self, incoming: Incoming) {
+        // A lane has one at a time: what is still open there never got its end.
+        for delivery in self.of(incoming.lane) {
+            delivery.end(Some(Failure::Interrupted), 0, None);
+        }
+        let is_its =
+            |place: &Option<Place>| place.as_ref().is_some_and(|place| place.lane == incoming.lane);
+        let own = self.lanes.iter().position(is_its);
+        let slot = own.or_else(|| self.lanes.iter().position(Option::is_none));
+        let slot = slot.unwrap_or(self.lanes.len());
+        if slot >= SLOTS {
+            tracing::error!(link = incoming.link, "too many links receive at once, one is dropped");
+            return;
+        }
+        incoming.bytes.wake_with(self.wakes.waker(slot));
+        if slot == self.lanes.len() {
+            self.lanes.push(None);
+        }
+        let lane = incoming.lane;
+        let place = self.lanes[slot].get_or_insert(Place { lane, deliveries: VecDeque::new() });
+        place.deliveries.push_back(Delivery::new(incoming));
+    }
+
+    /// Gives each its turn; tells when the first of those that the disk refused is tried again.
+    fn serve(&mut self, buffer: &mut [u8]) -> Option<Instant> {
+        let now = Instant::now();
+        let mut retry: Option<Instant> = None;
+        for slot in &mut self.lanes {
+            let Some(delivery) = slot.as_mut().and_then(Place::first) else { continue };
+            if delivery.retry_at.map_or(!delivery.is_woken, |at| now < at) {
+                retry = [retry, delivery.retry_at].into_iter().flatten().min();
+                continue;
+            }
+            delivery.is_woken = false;
+            match delivery.work(&self.stores, buffer, false, &mut self.tell) {
+                Ok(next) => {
+                    if delivery.retry_at.take().is_some() {
+                        (self.tell)(ReceptionWriterNews::GoesOn { link: delivery.link.clone() });
+                    }
+                    match next {
+                        Next::Woken => {}
+                        Next::Again => delivery.is_woken = true,
+                        Next::Over => {
+                            let place = slot.as_mut();
+                            let rest = place.map_or(0, |place| {
+                                place.deliveries.pop_front();
+                                place.deliveries.len()
+                            });
+                            if rest == 0 {
+                                *slot = None;
+                            }
+                        }
+                    }
+                }
+                Err(why) => {
+                    if delivery.retry_at.is_none() {
+                        let link = delivery.link.clone();
+                        (self.tell)(ReceptionWriterNews::Stuck { link, why });
+                    }
+                    let at = now + AGAIN;
+                    delivery.retry_at = Some(at);
+                    retry = Some(retry.map_or(at, |first| first.min(at)));
+                }
+            }
+        }
+        retry
+    }
+
+    /// The gateway ends: what has not come is missing.
+    fn clear_up(mut self, buffer: &mut [u8]) {
+        let lanes = std::mem::take(&mut self.lanes);
+        for mut delivery in lanes.into_iter().flatten().flat_map(|place| place.deliveries) {
+            delivery.end(Some(Failure::Interrupted), 0, None);
+            loop {
+                match delivery.work(&self.stores, buffer, true, &mut self.tell) {
+                    Ok(Next::Again) => {}
+                    Ok(Next::Woken | Next::Over) => break,
+                    Err(error) => {
+                        tracing::error!(
+                            link = delivery.link,
+                            error,
+                            "a reception could not be put away"
+                        );
+                        break;
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn is_woken(place: &mut Place) -> bool {
+    place.first().is_some_and(|delivery| delivery.is_woken)
+}
