@@ -243,7 +243,7 @@ impl<I: LaneInstance> Driver<I> {
         match command {
             ThreadCommand::Add(id, setup, status) => self.add(id, *setup, status),
             ThreadCommand::Tell(id, command) => {
-                self.with(id, |lane, thread| lane.tell(thread, command))
+                self.with(id, |lane, thread| lane.tell(thread, command));
             }
             ThreadCommand::Opened(id, opened) => self.take_opened(id, opened),
             ThreadCommand::Remove(id) => {
