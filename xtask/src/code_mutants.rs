@@ -127,8 +127,6 @@ fn command(part: &Part, number: usize) -> Command {
     // Without the engines that are features: they take longer to build than all else.
     command.args(["mutants", "--jobs=1", "--no-shuffle", "--no-default-features"]);
     command.args(part.files.iter().map(|file| format!("--file={file}")));
-    // What makes a plug-in wrong on purpose is in no module.
-    command.arg("--exclude=plugins/*/src/mutants.rs");
     // A mutant that runs for ever must end.
     if pass.packages.is_empty() {
         command.arg("--minimum-test-timeout=60");
@@ -195,7 +193,6 @@ mod tests {
             &[
                 "--file=plugins/procedure-3964/src/**/*.rs",
                 "--file=plugins/r3964-simplified/src/**/*.rs",
-                "--exclude=plugins/*/src/mutants.rs",
                 "--test-package=softplug-conformance",
                 "--cargo-arg=--test=natively",
                 "--cargo-arg=--config=profile.dev.package.softplug-r3964.opt-level=0",

@@ -68,6 +68,9 @@ enum Task {
         /// keeps the mutants in order.
         #[arg(long, conflicts_with = "long")]
         check: bool,
+        /// Only build them, into target/mutants.
+        #[arg(long, conflicts_with_all = ["check", "long", "filter"])]
+        build: bool,
         /// Break the code itself instead, one place at a time, with cargo-mutants: hours.
         #[arg(long)]
         long: bool,
@@ -151,6 +154,7 @@ fn perform(task: Task) -> Result<ExitCode, Error> {
         Task::Mutants { long: true, filter, .. } => {
             return code_mutants::run(&Workspace::read()?, filter.as_deref());
         }
+        Task::Mutants { build: true, .. } => mutants::build(&Workspace::read()?)?,
         Task::Mutants { check, filter, .. } => {
             let matrix = if check { mutants::Matrix::Check } else { mutants::Matrix::Write };
             return mutants::run(&Workspace::read()?, matrix, filter.as_deref());
@@ -187,6 +191,8 @@ enum Error {
     Emulated(#[from] emulated::EmulatedError),
     #[error(transparent)]
     CodeMutants(#[from] code_mutants::CodeMutantsError),
+    #[error(transparent)]
+    MutantCopy(#[from] mutants::CopyError),
     #[error(transparent)]
     Fuzz(#[from] fuzz::FuzzError),
     #[error(transparent)]

@@ -33,6 +33,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
     ("softplug-fixtures", &[]),
     ("softplug-machines", &["softplug-abi"]),
+    ("softplug-mutant", &[]),
     ("softplug-trace", &[]),
     (
         "softplug-conformance",

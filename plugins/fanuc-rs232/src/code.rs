@@ -1,7 +1,6 @@
 //! The two tape codes, ISO and EIA, and the control codes DC1 to DC4, SYN and NAK.
 
 use crate::{ParityMode, Settings};
-use softplug_plugin::mutant;
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// A tape code.
@@ -82,25 +81,15 @@ pub(crate) fn encode(settings: &Settings, code: Code, character: u8) -> Option<u
     match code {
         Code::Eia => {
             let own = paired(settings.eia_codes.as_slice(), 0, character);
-            own.or(is_there
-                .then_some(standard ^ u8::from(mutant!("fanuc-rs232.code.eia/other-codes"))))
+            own.or(is_there.then_some(standard))
         }
         Code::Iso => {
             // What ISO has besides the characters of EIA.
             let is_known = is_there
                 || matches!(character, b':' | b'#' | b'*' | b'=' | b'[' | b']' | b'\r' | 0)
                 || (settings.ascii && matches!(character, b' '..=b'~'));
-            if mutant!("fanuc-rs232.code.iso/no-colon") && character == b':'
-                || mutant!("fanuc-rs232.code.ascii/table-only") && !is_there && character > b'='
-            {
-                return None;
-            }
-            let odd = character.count_ones() as u8 & 1
-                ^ u8::from(mutant!("fanuc-rs232.code.software-parity/odd"));
+            let odd = character.count_ones() as u8 & 1;
             let parity = if settings.parity == ParityMode::Software { odd << 7 } else { 0 };
-            let is_made =
-                mutant!("fanuc-rs232.code.no-parity/made") && settings.parity == ParityMode::None;
-            let parity = if is_made { odd << 7 } else { parity };
             is_known.then_some(character | parity)
         }
     }
@@ -119,21 +108,14 @@ pub(crate) fn decode(settings: &Settings, code: Code, byte: u8) -> Decoded {
             _ => Decoded::Character(low),
         };
     }
-    if let Some(character) = paired(settings.eia_codes.as_slice(), 1, byte)
-        && !mutant!("fanuc-rs232.code.eia-codes/one-way")
-    {
+    if let Some(character) = paired(settings.eia_codes.as_slice(), 1, byte) {
         return Decoded::Character(character);
     }
     let character = TABLES.1.get(usize::from(byte)).copied().unwrap_or_default();
     match (byte, character) {
         (EOB_EIA, _) => Decoded::Character(b'\n'),
         (DEL, _) => Decoded::Ignored,
-        (0, _) => {
-            if mutant!("fanuc-rs232.code.eia-blank/dropped") {
-                return Decoded::Ignored;
-            }
-            Decoded::Unknown(0)
-        }
+        (0, _) => Decoded::Unknown(0),
         (_, 0) if is_odd => Decoded::Unknown(byte),
         (_, 0) => Decoded::Damaged(byte),
         _ => Decoded::Character(character),
@@ -154,9 +136,8 @@ pub(crate) fn control(settings: &Settings, code: Code, byte: u8, sending: bool) 
         _ => return None,
     };
     let is_digit = code == Code::Eia && matches!(byte, 0x13 | 0x15 | 0x16);
-    let is_fed =
-        sending && settings.plain_codes && !mutant!("fanuc-rs232.code.plain-codes/ignored");
-    (!is_digit || is_fed || mutant!("fanuc-rs232.code.eia-digits/control")).then_some(control)
+    let is_fed = sending && settings.plain_codes;
+    (!is_digit || is_fed).then_some(control)
 }
 
 /// What `byte` is paired with in a setting of pairs, of which it is the first (0)

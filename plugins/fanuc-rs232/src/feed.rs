@@ -8,7 +8,7 @@ use crate::state::State;
 use crate::tape::{Encoder, MOST_PER_BYTE, Setup};
 use crate::timer::Timer;
 use queue::PIECE;
-use softplug_plugin::{Context, Failure, JobStart, MarkState, Pass, mutant};
+use softplug_plugin::{Context, Failure, JobStart, MarkState, Pass};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Timer: no DC1 since the job began, DC3 for too long, or no final DC3.
@@ -130,13 +130,7 @@ impl Feed {
         } else {
             self.stage = Stage::Feeding;
             self.queued = 0;
-            self.nuls = if mutant!("fanuc-rs232.feed.leader-trailer/no-leader") {
-                0
-            } else {
-                settings.leader as u32
-            };
-            self.is_ready |= mutant!("fanuc-rs232.feed.wait-dc1/not-awaited");
-            self.is_ready &= !mutant!("fanuc-rs232.feed.dc1-remembered/forgotten");
+            self.nuls = settings.leader as u32;
             self.is_started = self.is_ready;
             self.is_read = false;
             self.update_hold(link);
@@ -257,11 +251,7 @@ impl Feed {
             }
             self.mark = self.mark.wrapping_add(2).max(2);
             link.transmit_marked(self.mark, &[]);
-            self.nuls = if mutant!("fanuc-rs232.feed.leader-trailer/no-trailer") {
-                0
-            } else {
-                settings.trailer as u32
-            };
+            self.nuls = settings.trailer as u32;
             self.stage = Stage::Trailing;
         }
         if self.stage == Stage::Trailing && self.queue_nuls(link) {
@@ -301,11 +291,10 @@ impl Feed {
             self.is_read = true;
         }
         let is_last = mark == self.mark.wrapping_add(1) && self.stage == Stage::Draining;
-        let is_missed = mutant!("fanuc-rs232.feed.done-when-left/never");
-        if !is_last || state != MarkState::SurelyLeft || is_missed {
+        if !is_last || state != MarkState::SurelyLeft {
             return;
         }
-        if settings.end_wait == 0 || mutant!("fanuc-rs232.feed.end-wait/ignored") {
+        if settings.end_wait == 0 {
             self.end(link);
         } else {
             self.stage = Stage::Waiting;
@@ -353,7 +342,7 @@ impl Feed {
         // Nothing that the control said for this job counts for the next.
         self.stage = Stage::Idle;
         self.is_read = false;
-        self.is_ready &= mutant!("fanuc-rs232.feed.abort-clean/dc1-kept");
+        self.is_ready = false;
         self.is_started = false;
         self.is_paused = false;
         self.update_hold(link);

@@ -26,7 +26,7 @@ use punch::Punch;
 use remote_buffer::RemoteBuffer;
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    ModemLines, NoteLevel, Opening, Pass, StateError, StateReader, StateWriter, copy, mutant,
+    ModemLines, NoteLevel, Opening, Pass, StateError, StateReader, StateWriter, copy,
 };
 use state::State;
 use tape::Setup;
@@ -36,8 +36,6 @@ use zerocopy::{FromZeros, Immutable, IntoBytes, TryFromBytes};
 const CAPTURE: u8 = 4;
 /// Timer: the remote buffer is silent, or waits for us.
 const PACKET: u8 = 5;
-/// Timer of mutants: what the real plug-in does at once.
-const LATE: u8 = 7;
 
 /// The most bytes in one event.
 const INPUT: usize = 1_040;
@@ -89,9 +87,7 @@ impl Converter for FanucRs232 {
         Self {
             settings: Setup::new(&settings),
             kept,
-            is_packets: settings.mode == Mode::RemoteA
-                || (mutant!("fanuc-rs232.remote.protocol-b/packets")
-                    && settings.mode == Mode::RemoteB),
+            is_packets: settings.mode == Mode::RemoteA,
             was_busy: false,
             left: [0; INPUT],
             left_length: 0,
@@ -100,12 +96,7 @@ impl Converter for FanucRs232 {
     }
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
-        if mutant!("fanuc-rs232.link.close/hold-kept") {
-            self.kept.feed.remember();
-        }
-        if opening.resumed && mutant!("fanuc-rs232.link.swap/not-timed") {
-            self.kept.punch.set_timers(link);
-        } else if opening.resumed {
+        if opening.resumed {
             self.kept.feed.set_timers(link);
             self.kept.punch.set_timers(link);
             self.kept.remote_buffer.set_timers(link);
@@ -152,10 +143,6 @@ impl Converter for FanucRs232 {
                 &mut self.kept.feed.encoder,
                 byte,
             );
-        } else if let Some(byte) = byte
-            && mutant!("fanuc-rs232.code.damaged/control")
-        {
-            self.byte(link, byte);
         } else {
             self.kept.punch.line_error(link, &self.settings, kind, byte);
         }
@@ -167,13 +154,9 @@ impl Converter for FanucRs232 {
         let is_lost = self.kept.is_dsr_on && !is_on && known.contains(ModemLines::DSR);
         self.kept.is_dsr_on = is_on;
         if is_lost && self.settings.watch_dsr {
-            if !mutant!("fanuc-rs232.feed.dsr/goes-on") {
-                self.kept.feed.lost(link, Failure::PartnerGone);
-            }
+            self.kept.feed.lost(link, Failure::PartnerGone);
             self.kept.remote_buffer.lost(link, Failure::PartnerGone);
-            if !mutant!("fanuc-rs232.punch.dsr/goes-on") {
-                self.kept.punch.finish(link, &self.settings, Some(Failure::PartnerGone));
-            }
+            self.kept.punch.finish(link, &self.settings, Some(Failure::PartnerGone));
             self.after(link);
         }
     }
@@ -194,11 +177,6 @@ impl Converter for FanucRs232 {
         match id {
             CAPTURE => self.kept.punch.finish(link, &self.settings, None),
             PACKET => self.kept.remote_buffer.timer(link, &self.settings, &self.kept.feed.encoder),
-            LATE if mutant!("fanuc-rs232.feed.at-boundary/tick-late")
-                || mutant!("fanuc-rs232.feed.depth/one-more") =>
-            {
-                self.kept.feed.update_hold(link);
-            }
             _ => self.kept.feed.timer(link),
         }
         self.after(link);
@@ -279,9 +257,7 @@ impl Converter for FanucRs232 {
         if job == 0 {
             self.kept.punch.abort(link, &self.settings);
         } else {
-            if !mutant!("fanuc-rs232.remote.abort/ignored") {
-                self.kept.remote_buffer.fail(link, Failure::Aborted);
-            }
+            self.kept.remote_buffer.fail(link, Failure::Aborted);
             self.kept.feed.stop(link, Failure::Aborted);
         }
         self.after(link);
@@ -312,9 +288,6 @@ impl Converter for FanucRs232 {
         }
         let bytes = state.bytes(size_of::<Kept>());
         self.kept = Kept::try_read_from_bytes(bytes).map_err(|_| StateError)?;
-        if mutant!("fanuc-rs232.link.swap/feed-forgotten") {
-            self.kept.feed = Feed::new_zeroed();
-        }
         self.was_busy = self.kept.feed.is_busy();
         Ok(())
     }
@@ -337,28 +310,18 @@ impl FanucRs232 {
         match control(settings, code, byte, is_sending) {
             // The control reads: it does not punch, unless it holds us. So this is
             // an echo, or damaged.
-            Some(Control::Dc2)
-                if is_sending
-                    && state != Some(State::Held)
-                    && !mutant!("fanuc-rs232.feed.echo/dc2-taken") => {}
+            Some(Control::Dc2) if is_sending && state != Some(State::Held) => {}
             Some(control) => {
                 let is_awaited = matches!(state, Some(State::WaitingForDc1 | State::Held));
                 // It punches: a DC1 that it said before was for a reading that has ended.
-                self.kept.feed.is_ready &= control != Control::Dc2
-                    || mutant!("fanuc-rs232.feed.dc1-remembered/through-a-punch");
+                self.kept.feed.is_ready &= control != Control::Dc2;
                 if !self.kept.punch.control(link, settings, control, is_awaited) {
                     self.kept.feed.control(link, settings, control);
                 }
             }
             // While we send it is an echo.
             None if !is_sending => self.kept.punch.byte(link, settings, byte),
-            None => {
-                if mutant!("fanuc-rs232.feed.echo/ends") {
-                    self.kept.feed.lost(link, Failure::LineError);
-                } else if mutant!("fanuc-rs232.feed.echo/taken") {
-                    self.kept.punch.byte(link, settings, byte);
-                }
-            }
+            None => {}
         }
     }
 

@@ -4,7 +4,7 @@
 use crate::Settings;
 use crate::punch::Title;
 use crate::short::trimmed;
-use softplug_plugin::{Context, Failure, NoteLevel, Value, ValueWriter, Values, mutant};
+use softplug_plugin::{Context, Failure, NoteLevel, Value, ValueWriter, Values};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// The most requests that may be unanswered.
@@ -26,13 +26,11 @@ impl Requests {
     /// Asks for the program that a good capture names, if it is a request.
     pub(crate) fn look(&mut self, link: &mut Context<'_>, settings: &Settings, title: &Title) {
         let digits = title.number().and_then(|number| number.get(1..));
-        if digits.and_then(number) != Some(settings.request_program)
-            && !mutant!("fanuc-rs232.request.program/any")
-        {
+        if digits.and_then(number) != Some(settings.request_program) {
             return;
         }
         let Some(name) = wanted(settings, title.comment()) else { return };
-        if self.open == MOST_OPEN - u8::from(mutant!("fanuc-rs232.request.answer/three")) {
+        if self.open == MOST_OPEN {
             link.note(NoteLevel::Warning, 0, "too many requests");
             return;
         }
@@ -77,19 +75,11 @@ fn matched<'a>(mut pattern: &[u8], mut text: &'a [u8]) -> Option<&'a [u8]> {
         if *own == b'*' {
             break;
         }
-        (pattern, text) = (
-            rest,
-            text.split_first()
-                .filter(|(first, _)| {
-                    *first == own || mutant!("fanuc-rs232.request.pattern/other-text")
-                })?
-                .1,
-        );
+        (pattern, text) = (rest, text.split_first().filter(|(first, _)| *first == own)?.1);
     }
     while let Some((own, rest)) = pattern.split_last() {
         if *own == b'*' {
-            let name =
-                if mutant!("fanuc-rs232.request.number/spaces") { text } else { trimmed(text) };
+            let name = trimmed(text);
             return (!name.is_empty()).then_some(name);
         }
         (pattern, text) = (rest, text.split_last().filter(|(last, _)| *last == own)?.1);

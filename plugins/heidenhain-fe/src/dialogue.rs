@@ -3,9 +3,8 @@
 use crate::frame::{ACK, DC1, DC3, EOT, ETX, Frame, Heard, NAK, SOH};
 use crate::line::{Timer, say};
 use crate::stage::Stage;
-use crate::{HELD_BEFORE, HeidenhainFe, NAME};
-use core::sync::atomic::Ordering;
-use softplug_plugin::{Context, Failure, NoteLevel, ValueWriter, Values, mutant};
+use crate::{HeidenhainFe, NAME};
+use softplug_plugin::{Context, Failure, NoteLevel, ValueWriter, Values};
 
 /// The field of a request with the program's kind.
 const KIND: u16 = 1;
@@ -14,16 +13,9 @@ impl HeidenhainFe {
     pub(crate) fn character(&mut self, link: &mut Context<'_>, byte: u8) {
         let heard = self.reader.take(byte, self.settings.dc1, self.settings.bcc_space);
         match heard {
-            Heard::Inside if byte == DC3 && mutant!("heidenhain-fe.line.hold/in-text") => {
-                self.line.hold(link);
-            }
             Heard::Inside | Heard::Alone(_) if self.reader.is_inside() => {}
             Heard::Whole(frame) => self.frame(link, frame),
-            Heard::Alone(DC3) if mutant!("heidenhain-fe.line.hold/ignored") => {}
             Heard::Alone(DC3) => {
-                if mutant!("heidenhain-fe.line.close/hold-kept") {
-                    HELD_BEFORE.store(true, Ordering::Relaxed);
-                }
                 self.line.hold(link);
             }
             Heard::Alone(DC1) => self.line.release(link),
@@ -31,9 +23,6 @@ impl HeidenhainFe {
             Heard::Alone(NAK) => self.refused(link),
             Heard::Alone(ETX) => self.receiver.at_end(),
             Heard::Alone(EOT) => self.ended(link),
-            Heard::Alone(_) if mutant!("heidenhain-fe.line.noise/ends-it") => {
-                self.ended(link);
-            }
             Heard::Alone(_) | Heard::Inside => {}
         }
     }
@@ -44,14 +33,10 @@ impl HeidenhainFe {
         if frame.begin == SOH {
             if !frame.is_good {
                 // Of a transfer that is under way, a header is no part.
-                let is_silent = mutant!("heidenhain-fe.rx.bad-header/not-answered");
-                if !self.stage.is_sending() && !is_silent {
+                if !self.stage.is_sending() {
                     say(link, &self.settings, NAK);
                 }
             } else if self.stage.is_sending() {
-                if mutant!("heidenhain-fe.tx.header-between/ignored") {
-                    return;
-                }
                 self.has_header = true;
                 self.stop(link, Failure::PartnerReset);
             } else {
@@ -59,8 +44,7 @@ impl HeidenhainFe {
             }
         } else if self.stage != Stage::Receiving {
             // Nobody waits for a block: a control that sends one is told that it is over.
-            let is_silent = mutant!("heidenhain-fe.rx.stray-block/not-answered");
-            if frame.is_good && !self.stage.is_sending() && !is_silent {
+            if frame.is_good && !self.stage.is_sending() {
                 say(link, &self.settings, EOT);
             }
         } else if frame.is_good {
@@ -75,13 +59,8 @@ impl HeidenhainFe {
 
     /// A good header: what came before it is over.
     pub(crate) fn header(&mut self, link: &mut Context<'_>) {
-        let is_failure = !mutant!("heidenhain-fe.rx.new-header/ends-well");
-        self.end_reception(link, is_failure.then_some(Failure::PartnerReset));
+        self.end_reception(link, Some(Failure::PartnerReset));
         self.withdraw(link);
-        if mutant!("heidenhain-fe.rx.several/refused") && self.receiver.has_had() {
-            say(link, &self.settings, NAK);
-            return;
-        }
         let text = self.reader.text();
         let (Some((kind, rest)), Some(mode)) = (text.split_first(), text.last()) else {
             say(link, &self.settings, NAK);
@@ -89,16 +68,14 @@ impl HeidenhainFe {
         };
         let name = rest.get(..rest.len().saturating_sub(1)).unwrap_or_default();
         match mode {
-            b'A' if !self.takes && !mutant!("heidenhain-fe.rx.no-room/acknowledged") => {
+            b'A' if !self.takes => {
                 link.note(NoteLevel::Warning, 0, "the control has a program, and nobody takes it");
                 say(link, &self.settings, EOT);
             }
             b'A' if !rest.is_empty() => {
                 self.receiver.begin(link, name);
                 self.stage = Stage::Receiving;
-                if !mutant!("heidenhain-fe.rx.header/not-answered") {
-                    say(link, &self.settings, ACK);
-                }
+                say(link, &self.settings, ACK);
             }
             b'E' if !rest.is_empty() => {
                 self.asked.clear();
@@ -119,9 +96,7 @@ impl HeidenhainFe {
         let mut buffer = [0; 300];
         let mut fields = ValueWriter::new(&mut buffer);
         // Both fit: a header has at most 242 characters.
-        if !mutant!("heidenhain-fe.tx.ask-host/name-missing") {
-            let _ = fields.push_ascii(NAME, self.asked.as_slice());
-        }
+        let _ = fields.push_ascii(NAME, self.asked.as_slice());
         let _ = fields.push_ascii(KIND, &[kind]);
         self.request = self.request.wrapping_add(1).max(1);
         link.request(self.request, 0, Values::new(fields.written()));
@@ -145,15 +120,12 @@ impl HeidenhainFe {
     pub(crate) fn refuse(&mut self, link: &mut Context<'_>) {
         self.await_control(link);
         self.stage = Stage::Idle;
-        if !mutant!("heidenhain-fe.tx.refused/control-not-told") {
-            say(link, &self.settings, EOT);
-        }
+        say(link, &self.settings, EOT);
     }
 
     /// A job waits until the control asks for it, if there is one.
     pub(crate) fn await_control(&mut self, link: &mut Context<'_>) {
-        let is_timed =
-            self.settings.request_time > 0 && !mutant!("heidenhain-fe.tx.request-time/never");
+        let is_timed = self.settings.request_time > 0;
         if self.sender.is_waiting() && is_timed {
             self.line.set_after(link, Timer::Job, self.settings.request_time);
         } else {
@@ -173,7 +145,6 @@ impl HeidenhainFe {
 
     fn withdraw(&mut self, link: &mut Context<'_>) {
         match self.stage {
-            Stage::Asking if mutant!("heidenhain-fe.tx.withdrawn/kept") => {}
             Stage::Asking => link.withdraw(self.request),
             Stage::Granted => self.line.cancel(link, Timer::Job),
             _ => return,
@@ -203,12 +174,6 @@ impl HeidenhainFe {
             return;
         }
         self.line.cancel(link, Timer::Answer);
-        if mutant!("heidenhain-fe.tx.repeat/next-block") {
-            self.sender.acknowledged();
-            self.stage = Stage::Filling;
-            self.go_on(link);
-            return;
-        }
         if self.sender.repeats(self.settings.repeats) {
             self.stage = Stage::Filling;
             self.go_on(link);
@@ -220,7 +185,6 @@ impl HeidenhainFe {
     /// EOT: the control ends what is under way.
     fn ended(&mut self, link: &mut Context<'_>) {
         match self.stage {
-            Stage::Filling | Stage::Answer if mutant!("heidenhain-fe.tx.partner-ends/ignored") => {}
             Stage::Filling | Stage::Answer => self.stop(link, Failure::Refused),
             Stage::Receiving | Stage::Waiting => {
                 let is_whole = self.receiver.is_whole();
@@ -253,11 +217,9 @@ impl HeidenhainFe {
     /// A good block is put away and acknowledged, or waits until there is room.
     pub(crate) fn accept(&mut self, link: &mut Context<'_>) {
         let is_taken = self.receiver.take(link, &self.settings, self.reader.text());
-        if is_taken || mutant!("heidenhain-fe.rx.room/answered-and-lost") {
+        if is_taken {
             self.stage = Stage::Receiving;
-            if !mutant!("heidenhain-fe.rx.block/not-answered") {
-                say(link, &self.settings, ACK);
-            }
+            say(link, &self.settings, ACK);
         } else {
             self.stage = Stage::Waiting;
         }
@@ -274,13 +236,11 @@ impl HeidenhainFe {
     pub(crate) fn watch(&mut self, link: &mut Context<'_>) {
         if self.reader.is_inside() {
             self.line.cancel(link, Timer::Block);
-            if !mutant!("heidenhain-fe.line.cut-off/never") {
-                self.line.set_after(link, Timer::Character, self.settings.character_time);
-            }
+            self.line.set_after(link, Timer::Character, self.settings.character_time);
             return;
         }
         self.line.cancel(link, Timer::Character);
-        let is_timed = self.settings.block_time > 0 && !mutant!("heidenhain-fe.rx.silence/never");
+        let is_timed = self.settings.block_time > 0;
         if self.stage == Stage::Receiving && is_timed {
             self.line.set_after(link, Timer::Block, self.settings.block_time);
         } else {

@@ -1,6 +1,6 @@
 //! Headers and blocks on the wire: their characters, their check, one at a time.
 
-use softplug_plugin::{StateError, StateReader, StateWriter, mutant};
+use softplug_plugin::{StateError, StateReader, StateWriter};
 
 pub(crate) const SOH: u8 = 0x01;
 pub(crate) const STX: u8 = 0x02;
@@ -73,9 +73,7 @@ impl Text {
 /// The check character: even longitudinal parity over seven bits, from SOH or STX
 /// through ETB.
 pub(crate) fn block_check(begin: u8, text: &[u8]) -> u8 {
-    let begin = if mutant!("heidenhain-fe.line.check/without-begin") { 0 } else { begin };
-    let end = if mutant!("heidenhain-fe.line.check/without-etb") { 0 } else { ETB };
-    text.iter().fold(begin ^ end, |check, byte| check ^ byte) & 0x7F
+    text.iter().fold(begin ^ ETB, |check, byte| check ^ byte) & 0x7F
 }
 
 /// Whether the check character would be taken for a control character.
@@ -96,7 +94,7 @@ pub(crate) struct Frame {
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
 enum Part {
     #[default]
-    LinkHost,
+    Outside,
     Text,
     Check,
     /// DC1 is still to come.
@@ -130,12 +128,12 @@ impl Reader {
     }
 
     pub(crate) fn is_inside(&self) -> bool {
-        self.part != Part::LinkHost
+        self.part != Part::Outside
     }
 
     /// A frame that is under way is forgotten.
     pub(crate) fn forget(&mut self) {
-        self.part = Part::LinkHost;
+        self.part = Part::Outside;
     }
 
     /// A character of the frame under way was lost or altered.
@@ -145,7 +143,7 @@ impl Reader {
 
     /// Silence has ended a frame in its middle.
     pub(crate) fn cut_off(&mut self) -> Frame {
-        self.part = Part::LinkHost;
+        self.part = Part::Outside;
         Frame { begin: self.begin, is_good: false }
     }
 
@@ -153,16 +151,12 @@ impl Reader {
     /// before ETB that only keeps the check from being a control character is none of the text.
     pub(crate) fn take(&mut self, byte: u8, invited: bool, spaced: bool) -> Heard {
         match (self.part, byte) {
-            (Part::Text, SOH | STX) if mutant!("heidenhain-fe.line.begin-anew/taken-as-text") => {
-                self.is_damaged = true;
-                Heard::Inside
-            }
             // A check may be any character; all others that begin a frame do.
-            (Part::LinkHost | Part::Text | Part::Invitation, SOH | STX) => {
+            (Part::Outside | Part::Text | Part::Invitation, SOH | STX) => {
                 *self = Self { part: Part::Text, begin: byte, ..Self::default() };
                 Heard::Inside
             }
-            (Part::LinkHost, _) => Heard::Alone(byte),
+            (Part::Outside, _) => Heard::Alone(byte),
             (Part::Text, ETB) => {
                 self.part = Part::Check;
                 Heard::Inside
@@ -179,21 +173,16 @@ impl Reader {
                 }
                 Heard::Whole(self.whole(true, spaced))
             }
-            (Part::Invitation, _) => {
-                let is_any = mutant!("heidenhain-fe.line.dc1/any-character");
-                Heard::Whole(self.whole(byte == DC1 || is_any, spaced))
-            }
+            (Part::Invitation, _) => Heard::Whole(self.whole(byte == DC1, spaced)),
         }
     }
 
     fn whole(&mut self, has_end: bool, spaced: bool) -> Frame {
-        self.part = Part::LinkHost;
+        self.part = Part::Outside;
         let expected = block_check(self.begin, self.text.as_slice());
-        let is_damaged = self.is_damaged && !mutant!("heidenhain-fe.line.damaged/taken");
-        let is_good = has_end && !is_damaged && self.check == expected;
+        let is_good = has_end && !self.is_damaged && self.check == expected;
         let has_space = self.text.as_slice().last() == Some(&b' ');
-        let is_kept = mutant!("heidenhain-fe.line.bcc-space/not-taken-off");
-        if spaced && has_space && is_control(expected ^ b' ') && !is_kept {
+        if spaced && has_space && is_control(expected ^ b' ') {
             self.text.pop();
         }
         Frame { begin: self.begin, is_good }
@@ -209,8 +198,7 @@ impl Reader {
 
     pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
         let part = match state.u8() {
-            1..=3 if mutant!("heidenhain-fe.line.swap/block-forgotten") => Part::LinkHost,
-            0 => Part::LinkHost,
+            0 => Part::Outside,
             1 => Part::Text,
             2 => Part::Check,
             3 => Part::Invitation,

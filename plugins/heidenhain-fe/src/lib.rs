@@ -14,23 +14,18 @@ mod stage;
 
 pub use settings::{LineEnd, Parity, Settings};
 
-use core::sync::atomic::{AtomicBool, Ordering};
 use frame::{EOT, Reader, Text};
 use line::{Line, Timer, heard, say};
 use receiver::Receiver;
 use sender::Sender;
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    NoteLevel, Opening, StateError, StateReader, StateWriter, Value, Values, mutant,
+    NoteLevel, Opening, StateError, StateReader, StateWriter, Value, Values,
 };
 use stage::Stage;
 
 /// The field of a job, and of a request, with the program's name.
 const NAME: u16 = 0;
-
-/// Only mutants ask for it: the control has held the line at any time since the module was
-/// loaded.
-static HELD_BEFORE: AtomicBool = AtomicBool::new(false);
 
 /// The converter.
 #[derive(Debug)]
@@ -79,10 +74,6 @@ impl Converter for HeidenhainFe {
         self.takes = opening.delivery_room > 0;
         if opening.resumed {
             self.line.set_timers(link);
-        } else if mutant!("heidenhain-fe.line.close/hold-kept")
-            && HELD_BEFORE.load(Ordering::Relaxed)
-        {
-            self.line.hold(link);
         }
         self.name_state(link);
     }
@@ -113,9 +104,6 @@ impl Converter for HeidenhainFe {
 
     fn link_down(&mut self, link: &mut Context<'_>, _reason: LinkDownReason) {
         self.reader.forget();
-        if mutant!("heidenhain-fe.line.down/goes-on") {
-            return;
-        }
         self.give_up(link, Failure::LinkDown);
         if !self.stage.is_sending() {
             self.sender.fail(link, Failure::LinkDown);
@@ -125,9 +113,7 @@ impl Converter for HeidenhainFe {
     }
 
     fn link_up(&mut self, link: &mut Context<'_>) {
-        if !mutant!("heidenhain-fe.line.down/hold-kept") {
-            self.line.release(link);
-        }
+        self.line.release(link);
         self.name_state(link);
     }
 
@@ -145,9 +131,7 @@ impl Converter for HeidenhainFe {
             Some(Timer::Block) => {
                 self.line.ran_out(Timer::Block);
                 self.end_reception(link, Some(Failure::NoAnswer));
-                if !mutant!("heidenhain-fe.rx.silence/control-not-told") {
-                    say(link, &self.settings, EOT);
-                }
+                say(link, &self.settings, EOT);
             }
             Some(Timer::Job) => {
                 self.line.ran_out(Timer::Job);
@@ -162,7 +146,6 @@ impl Converter for HeidenhainFe {
     fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
         if self.sender.left(mark, state) && state == MarkState::SurelyLeft {
             match self.stage {
-                Stage::Answer if mutant!("heidenhain-fe.tx.answer-time/never") => {}
                 Stage::Answer => {
                     self.line.set_after(link, Timer::Answer, self.settings.answer_time);
                 }
@@ -188,9 +171,7 @@ impl Converter for HeidenhainFe {
         self.sender.fail(link, failure);
         let partner_knows =
             matches!(failure, Failure::Refused | Failure::PartnerReset | Failure::LinkDown);
-        let is_silent =
-            failure == Failure::Aborted && mutant!("heidenhain-fe.tx.abort/control-not-told");
-        if !partner_knows && !is_silent {
+        if !partner_knows {
             say(link, &self.settings, EOT);
         }
         if core::mem::take(&mut self.has_header) {
@@ -215,7 +196,7 @@ impl Converter for HeidenhainFe {
         }
         if self.sender.is_checking() {
             self.sender.ask(link);
-        } else if self.stage == Stage::Granted || mutant!("heidenhain-fe.tx.on-request/at-once") {
+        } else if self.stage == Stage::Granted {
             self.supply(link);
         } else {
             self.await_control(link);
@@ -258,9 +239,7 @@ impl Converter for HeidenhainFe {
         if job == 0 {
             if self.stage.is_receiving() {
                 self.end_reception(link, Some(Failure::Aborted));
-                if !mutant!("heidenhain-fe.rx.abort/control-not-told") {
-                    say(link, &self.settings, EOT);
-                }
+                say(link, &self.settings, EOT);
             }
         } else if self.stage.is_sending() {
             self.stop(link, Failure::Aborted);
@@ -291,9 +270,7 @@ impl Converter for HeidenhainFe {
             Ok(_) if self.sender.is_waiting() => self.supply(link),
             Ok(_) => {
                 self.stage = Stage::Granted;
-                if !mutant!("heidenhain-fe.tx.granted/never-too-late") {
-                    self.line.set_after(link, Timer::Job, self.settings.job_time);
-                }
+                self.line.set_after(link, Timer::Job, self.settings.job_time);
             }
             Err(failure) => {
                 link.note(NoteLevel::Warning, failure.code(), "the program was refused");

@@ -1,7 +1,7 @@
 //! The line: parity, single characters, the control's hold, timers.
 
 use crate::settings::{Parity, Settings};
-use softplug_plugin::{Context, Micros, StateReader, StateWriter, mutant};
+use softplug_plugin::{Context, Micros, StateReader, StateWriter};
 
 /// What time is kept for.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -75,9 +75,6 @@ impl Line {
     }
 
     pub(crate) fn set_timers(&self, link: &mut Context<'_>) {
-        if mutant!("heidenhain-fe.line.swap/timers-forgotten") {
-            return;
-        }
         for (id, at) in (0..).zip(self.deadlines) {
             if let Some(at) = at {
                 link.set_timer(id, at);
@@ -104,15 +101,12 @@ pub(crate) fn heard(settings: &Settings, byte: u8) -> Option<u8> {
         Parity::Port => byte < 0x80,
         Parity::Even => byte.count_ones().is_multiple_of(2),
     };
-    let is_good = is_good
-        || (mutant!("heidenhain-fe.line.parity/not-checked") && settings.parity == Parity::Even);
     is_good.then_some(byte & 0x7F)
 }
 
 /// A character as it goes on the line.
 pub(crate) fn spoken(settings: &Settings, byte: u8) -> u8 {
     let is_odd = settings.parity == Parity::Even && !byte.count_ones().is_multiple_of(2);
-    let is_odd = is_odd && !mutant!("heidenhain-fe.line.parity/not-made");
     byte | if is_odd { 0x80 } else { 0 }
 }
 

@@ -1,7 +1,7 @@
 //! The reception of a program that the control sends.
 
 use crate::settings::{LineEnd, Settings};
-use softplug_plugin::{Context, Failure, StateReader, StateWriter, mutant};
+use softplug_plugin::{Context, Failure, StateReader, StateWriter};
 
 #[derive(Copy, Clone, Debug, Default)]
 pub(crate) struct Receiver {
@@ -16,7 +16,7 @@ impl Receiver {
     pub(crate) fn begin(&mut self, link: &mut Context<'_>, name: &[u8]) {
         *self = Self { delivery: self.delivery.wrapping_add(1).max(1), ..Self::default() };
         link.delivery_begin(self.delivery, 0);
-        if !name.is_empty() && !mutant!("heidenhain-fe.rx.header/name-missing") {
+        if !name.is_empty() {
             link.delivery_name_ascii(self.delivery, name);
         }
     }
@@ -34,16 +34,12 @@ impl Receiver {
         };
         let has_room = text.len() + end.len() <= link.delivery_room() as usize;
         if has_room {
-            if !mutant!("heidenhain-fe.rx.bad-block/count-kept") {
-                self.refusals = 0;
-            }
+            self.refusals = 0;
             self.at_end = false;
             if !text.is_empty() {
                 link.deliver(self.delivery, text);
             }
-            if !mutant!("heidenhain-fe.rx.block/end-missing") {
-                link.deliver(self.delivery, end);
-            }
+            link.deliver(self.delivery, end);
         }
         has_room
     }
@@ -51,8 +47,7 @@ impl Receiver {
     /// Whether a bad block may be asked for once more.
     pub(crate) fn refuses(&mut self, most: i64) -> bool {
         self.refusals += 1;
-        let more = i64::from(mutant!("heidenhain-fe.rx.bad-block/one-more"));
-        i64::from(self.refusals) <= most + more
+        i64::from(self.refusals) <= most
     }
 
     pub(crate) fn at_end(&mut self) {
@@ -61,13 +56,7 @@ impl Receiver {
 
     /// Whether EOT now ends the whole program.
     pub(crate) fn is_whole(&self) -> bool {
-        (self.at_end && !mutant!("heidenhain-fe.rx.end/never-whole"))
-            || mutant!("heidenhain-fe.rx.no-end/ends-well")
-    }
-
-    /// For a mutant: whether there was a delivery.
-    pub(crate) fn has_had(&self) -> bool {
-        self.delivery > 0
+        self.at_end
     }
 
     pub(crate) fn end(&mut self, link: &mut Context<'_>, failure: Option<Failure>) {

@@ -6,7 +6,7 @@ use crate::name_of;
 use crate::settings::Settings;
 use crate::stage::Stage;
 use softplug_plugin::{
-    Context, Failure, JobStart, MarkState, Pass, StateError, StateReader, StateWriter, copy, mutant,
+    Context, Failure, JobStart, MarkState, Pass, StateError, StateReader, StateWriter, copy,
 };
 
 /// Data that may wait here.
@@ -101,7 +101,7 @@ impl Sender {
 
     /// Whether the job may go where this name was asked for.
     pub(crate) fn fits(&self, asked: &[u8]) -> bool {
-        !self.has_name || self.name.as_slice() == asked || mutant!("heidenhain-fe.tx.name/any")
+        !self.has_name || self.name.as_slice() == asked
     }
 
     /// Asks for data, if none is under way.
@@ -127,9 +127,6 @@ impl Sender {
 
     fn check_byte(&mut self, settings: &Settings, byte: u8) -> Option<Failure> {
         self.column += 1;
-        if mutant!("heidenhain-fe.tx.check/not-refused") {
-            return None;
-        }
         let follows_cr = core::mem::take(&mut self.after_cr);
         if byte == b'\n' {
             self.line += 1;
@@ -142,7 +139,6 @@ impl Sender {
         if follows_cr || !is_text {
             // A CR inside of a line is found out behind it.
             self.column -= u32::from(follows_cr);
-            self.column -= u32::from(mutant!("heidenhain-fe.tx.check/column-from-0"));
             return Some(Failure::UnsupportedCharacter);
         }
         (self.column > most && !self.after_cr).then_some(Failure::TooLong)
@@ -181,16 +177,14 @@ impl Sender {
         }
         // STX, space, ETB, check, DC1.
         let has_room = self.text.as_slice().len() + 5 <= link.transmit_room() as usize;
-        let is_paused = self.is_paused && !mutant!("heidenhain-fe.tx.pause/ignored");
-        if is_paused || !has_room {
+        if self.is_paused || !has_room {
             return Stage::Filling;
         }
         if self.is_whole {
             self.block(link, settings);
             Stage::Answer
         } else {
-            let end: &[u8] =
-                if mutant!("heidenhain-fe.tx.end/without-eot") { &[ETX] } else { &[ETX, EOT] };
+            let end: &[u8] = &[ETX, EOT];
             self.marked(link, settings, end);
             Stage::Ending
         }
@@ -210,16 +204,10 @@ impl Sender {
         let end = usize::from(self.pending_length);
         self.pending.copy_within(taken.min(end)..end, 0);
         self.pending_length -= taken as u16;
-        let is_lost = mutant!("heidenhain-fe.tx.block/last-line-lost");
-        if self.has_ended
-            && self.pending_length == 0
-            && !self.text.as_slice().is_empty()
-            && !is_lost
-        {
+        if self.has_ended && self.pending_length == 0 && !self.text.as_slice().is_empty() {
             self.is_whole = true;
         }
-        let is_kept = mutant!("heidenhain-fe.tx.block/cr-sent");
-        if self.is_whole && !is_kept && self.text.as_slice().last() == Some(&b'\r') {
+        if self.is_whole && self.text.as_slice().last() == Some(&b'\r') {
             self.text.pop();
         }
     }
@@ -227,14 +215,13 @@ impl Sender {
     fn block(&mut self, link: &mut Context<'_>, settings: &Settings) {
         let mut check = block_check(STX, self.text.as_slice());
         let mut tail = Text::default();
-        let is_bare = mutant!("heidenhain-fe.line.bcc-space/not-sent");
-        if settings.bcc_space && is_control(check) && !is_bare {
+        if settings.bcc_space && is_control(check) {
             tail.push(b' ');
             check ^= b' ';
         }
         tail.push(ETB);
         tail.push(check);
-        if settings.dc1 && !mutant!("heidenhain-fe.line.dc1/not-sent") {
+        if settings.dc1 {
             tail.push(DC1);
         }
         let text = self.text;
@@ -266,13 +253,10 @@ impl Sender {
     }
 
     pub(crate) fn has_left(&self) -> bool {
-        self.has_left || mutant!("heidenhain-fe.tx.too-early/taken")
+        self.has_left
     }
 
     pub(crate) fn acknowledged(&mut self) {
-        if mutant!("heidenhain-fe.tx.next/same-block") {
-            return;
-        }
         self.text.clear();
         self.is_whole = false;
         self.repeats = 0;
@@ -281,8 +265,7 @@ impl Sender {
     /// Whether the block may be sent once more.
     pub(crate) fn repeats(&mut self, most: i64) -> bool {
         self.repeats += 1;
-        let more = i64::from(mutant!("heidenhain-fe.tx.repeat/one-more"));
-        i64::from(self.repeats) <= most + more
+        i64::from(self.repeats) <= most
     }
 
     pub(crate) fn dropped(&mut self, bytes: u32) {

@@ -2,7 +2,7 @@
 
 use crate::Options;
 use crate::block::Block;
-use softplug_plugin::{StateError, StateReader, StateWriter, mutant};
+use softplug_plugin::{StateError, StateReader, StateWriter};
 
 pub(crate) const STX: u8 = 0x02;
 pub(crate) const ETX: u8 = 0x03;
@@ -55,7 +55,6 @@ impl Encoder {
                 let byte = data.get(usize::from(self.at)).copied();
                 self.at += 1;
                 match byte {
-                    Some(_) if mutant!("r3964.line.frame/dle-not-doubled") => {}
                     Some(DLE) if options.doubling => self.part = Part::AfterDle,
                     Some(_) => {}
                     None => self.part = Part::Etx,
@@ -64,41 +63,22 @@ impl Encoder {
             }
             Part::AfterDle => {
                 self.part = Part::Data;
-                if mutant!("r3964.line.bcc/pair-counted-once") {
-                    self.bcc ^= DLE;
-                }
                 DLE
             }
             Part::Etx => {
-                let has_bcc = options.bcc || mutant!("3964.line.frame/check-character-sent");
-                self.part = if has_bcc { Part::Bcc } else { Part::End };
-                if mutant!("r3964.line.bcc/without-the-end") {
-                    self.bcc ^= DLE ^ ETX;
-                }
+                self.part = if options.bcc { Part::Bcc } else { Part::End };
                 ETX
             }
             // Where the data ended is no longer needed, and tells the first from the second.
-            Part::Bcc if mutant!("r3964.line.bcc/doubled") && self.bcc == DLE && self.at > 0 => {
-                self.at = 0;
-                self.bcc = 0;
-                DLE
-            }
             // Raw: it is not doubled even if it is a DLE.
             Part::Bcc => {
                 self.part = Part::End;
-                let seed = if mutant!("r3964.line.bcc/with-stx") { STX } else { 0 };
-                self.bcc ^ seed
+                self.bcc
             }
             Part::End => return None,
         };
-        let is_sum = mutant!("r3964-simplified.line.frame/check-character-is-a-sum");
-        self.bcc = if is_sum { self.bcc.wrapping_add(byte) } else { self.bcc ^ byte };
+        self.bcc ^= byte;
         Some(byte)
-    }
-
-    /// For mutants: a block check that begins with this byte.
-    pub(crate) fn seeded(bcc: u8) -> Self {
-        Self { bcc, ..Self::default() }
     }
 
     /// Whether the whole block was given out.
@@ -152,42 +132,18 @@ impl Decoder {
             if block.len() < limit && block.push(byte) { Step::Inside } else { Step::TooLong }
         };
         match (self.part, byte) {
-            (Part::Bcc, _) if mutant!("r3964.rx.bcc/not-checked") => return Step::End(true),
-            (Part::Bcc, _) if mutant!("r3964.line.bcc/received-with-stx") => {
-                return Step::End(byte == bcc ^ STX);
-            }
-            (Part::Bcc, _) if mutant!("r3964.line.bcc/received-without-the-end") => {
-                return Step::End(byte == bcc ^ DLE ^ ETX);
-            }
             (Part::Bcc, _) => return Step::End(byte == bcc),
             (Part::End, _) => return Step::Inside,
-            (Part::AfterDle, ETX)
-                if options.bcc || mutant!("3964.rx.acknowledge/check-character-awaited") =>
-            {
+            (Part::AfterDle, ETX) if options.bcc => {
                 self.part = Part::Bcc;
                 return Step::Inside;
             }
             (Part::AfterDle, ETX) => return Step::End(true),
             (Part::AfterDle, _) if options.doubling => {
                 self.part = Part::Data;
-                if byte == DLE && mutant!("r3964.line.bcc/received-pair-counted-once") {
-                    self.bcc ^= DLE;
-                }
-                if byte == DLE && mutant!("r3964.rx.transparent/pair-is-two") {
-                    data(DLE);
-                }
-                if byte == DLE && mutant!("r3964.rx.transparent/end-in-a-pair") {
-                    self.part = Part::AfterDle;
-                }
-                if byte != DLE && !mutant!("r3964.rx.dle-error/taken") {
+                if byte != DLE {
                     return Step::LoneDle;
                 }
-            }
-            (Part::AfterDle, DLE) if mutant!("r3964-simplified.line.no-doubling/pair-is-one") => {
-                self.part = Part::Data;
-            }
-            (Part::AfterDle, _) if mutant!("r3964-simplified.line.no-doubling/lone-dle-lost") => {
-                self.part = Part::Data;
             }
             // Not doubled: a DLE is data unless ETX follows, and the next one may
             // begin the end.
@@ -210,13 +166,6 @@ impl Decoder {
     /// Passes over all that still comes.
     pub(crate) fn close(&mut self) {
         self.part = Part::End;
-    }
-
-    /// For mutants: forgets a DLE whose partner has not come.
-    pub(crate) fn forget_dle(&mut self) {
-        if self.is_after_dle() {
-            self.part = Part::Data;
-        }
     }
 
     /// Whether the last byte was a DLE whose partner has not come.

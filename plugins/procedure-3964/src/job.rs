@@ -2,7 +2,7 @@
 
 use crate::block::Block;
 use crate::cause::Cause;
-use softplug_plugin::{Context, StateError, StateReader, StateWriter, mutant};
+use softplug_plugin::{Context, StateError, StateReader, StateWriter};
 
 /// Largest block in bytes, of data or of a telegram.
 pub(crate) const BLOCK: usize = 1_024;
@@ -72,8 +72,8 @@ impl Job {
     /// Whether its block may go onto the line.
     pub(crate) fn may_send(&self) -> bool {
         match self.stage {
-            Stage::Ready => !self.paused || mutant!("r3964.tx.pause/ignored"),
-            Stage::Begun => !(mutant!("r3964.tx.pause/stops-what-gave-way") && self.paused),
+            Stage::Ready => !self.paused,
+            Stage::Begun => true,
             Stage::None | Stage::Filling | Stage::Awaiting | Stage::Failing => false,
         }
     }

@@ -10,7 +10,6 @@ mod departure;
 mod frame;
 mod job;
 mod machine;
-mod mutants;
 mod phase;
 mod procedure;
 mod receiver;

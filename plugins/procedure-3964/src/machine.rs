@@ -6,13 +6,12 @@ use crate::cause::*;
 use crate::departure::Departure;
 use crate::frame::{DLE, Decoder, Encoder, NAK, STX};
 use crate::job::{BLOCK, Job, Stage};
-use crate::mutants::without_last;
 use crate::phase::Phase;
 use crate::rk512::{LARGEST_TELEGRAM, Rk512, timeout_at};
 use crate::{Layer, Options, Priority};
 use softplug_plugin::{
     Context, LineErrorKind, MarkState, Micros, NoteLevel, Opening, StateError, StateReader,
-    StateWriter, mutant,
+    StateWriter,
 };
 
 /// Timer: QVZ, ZVZ, BWZ or the wait for a buffer, whichever is running.
@@ -139,40 +138,24 @@ impl Machine {
             self.limit = match self.options.layer {
                 Layer::Rk512 => LARGEST_TELEGRAM,
                 // A host that takes no deliveries has no buffer for any block.
-                Layer::None
-                    if opening.delivery_room == 0
-                        && !mutant!("r3964.rx.no-buffer/accepted-without-any-room") =>
-                {
-                    self.options.block_size as u16
-                }
+                Layer::None if opening.delivery_room == 0 => self.options.block_size as u16,
                 Layer::None => opening.delivery_room.min(self.options.block_size as u32) as u16,
             };
-            if self.options.nak_at_start && !mutant!("r3964.line.start-nak/missing") {
+            if self.options.nak_at_start {
                 put(link, NAK);
             }
         }
-        self.mutate_opening(link, opening);
         self.name(link);
         self.finish(link);
     }
 
     pub(crate) fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         let mut rest = bytes;
-        if mutant!("r3964.rx.deliver/last-of-a-read-lost") {
-            rest = without_last(bytes);
-        }
         while link.output_room() >= MOST_OUTPUT
             && let Some((byte, after)) = rest.split_first()
         {
-            let phase = self.phase;
             self.character(link, Some(*byte), Some(*byte));
             rest = after;
-            if mutant!("r3964.conflict.glued/stx-lost") && phase == Phase::AcknowledgementWait {
-                rest = &[];
-            }
-        }
-        if mutant!("r3964.rx.transparent/pair-in-one-read-only") {
-            self.decoder.forget_dle();
         }
         self.rest.clear();
         self.rest.extend(rest);
@@ -194,14 +177,10 @@ impl Machine {
     ) {
         if kind == LineErrorKind::Break {
             self.warn(link, BREAK.status());
-            if !mutant!("r3964.line.break/ignored") {
-                self.break_off(link);
-            }
+            self.break_off(link);
         } else if span == 0 {
             self.character(link, None, byte);
-        } else if self.phase == Phase::Receiving
-            && !mutant!("r3964.rx.line-error/somewhere-ignored")
-        {
+        } else if self.phase == Phase::Receiving {
             // One of the last characters, which have been taken already.
             self.fault(link, DAMAGED);
         } else {
@@ -212,10 +191,6 @@ impl Machine {
 
     /// One character: `good` if it is undamaged, `raw` as it was read.
     fn character(&mut self, link: &mut Context<'_>, good: Option<u8>, raw: Option<u8>) {
-        if self.is_mutant_character(link, good, raw) {
-            self.begin_block(link);
-            return;
-        }
         match self.phase {
             Phase::Idle => match good {
                 Some(STX) => self.set_up_asked(link, false),
@@ -234,7 +209,9 @@ impl Machine {
             }
             Phase::DleWait => match (good, self.options.priority) {
                 (Some(DLE), _) if !self.departure.is_pending() => self.send_block(),
-                (Some(STX), Priority::High) => self.stx_seen = true,
+                (Some(STX), Priority::High) => {
+                    self.stx_seen = true;
+                }
                 (Some(STX), Priority::Low) => self.withdraw(link),
                 // No answer to an STX that cannot have left.
                 _ if self.departure.is_pending() => {}
@@ -263,12 +240,7 @@ impl Machine {
 
     /// Anything but STX in idle.
     pub(crate) fn garbage(&mut self, link: &mut Context<'_>) {
-        if mutant!("r3964.rx.garbage/answered-at-once") {
-            put(link, NAK);
-            return;
-        }
-        let is_check = mutant!("3964.rx.garbage/check-character-passed-over") && !self.options.bcc;
-        if self.options.nak_on_garbage && !is_check {
+        if self.options.nak_on_garbage {
             self.warn(link, IDLE_GARBAGE);
             self.phase = Phase::Garbage;
             self.wait(link, self.options.zvz);
@@ -294,38 +266,26 @@ impl Machine {
         match self.phase {
             Phase::Idle | Phase::Sending => {}
             Phase::Garbage => {
-                if !mutant!("r3964.rx.garbage/not-answered") {
-                    put(link, NAK);
-                }
+                put(link, NAK);
                 self.idle();
             }
             Phase::BufferWait => self.look_for_buffer(link),
             Phase::Receiving => self.silence(link),
             Phase::RepetitionWait => {
-                if mutant!("r3964.rx.bwz/answered") {
-                    put(link, NAK);
-                }
                 self.end_reception(link, SILENCE);
             }
             Phase::DleWait => {
-                let is_hidden = mutant!("r3964.conflict.both-high/not-told")
-                    || (mutant!("3964.conflict.both-high/not-told") && !self.options.bcc);
-                let is_conflict = self.stx_seen && !is_hidden;
-                let cause = if is_conflict { BOTH_HIGH } else { SET_UP_UNANSWERED };
+                let cause = if self.stx_seen { BOTH_HIGH } else { SET_UP_UNANSWERED };
                 self.repeat_set_up(link, cause);
             }
             Phase::Disturbed => {
-                if self.has_attempts() && !mutant!("r3964.tx.stop-on-other/no-nak") {
+                if self.has_attempts() {
                     put(link, NAK);
                 }
                 self.repeat_block(link, DISTURBED);
             }
             Phase::AcknowledgementWait => {
-                if mutant!("r3964.tx.no-false-success/silence") {
-                    self.acknowledged(link);
-                } else {
-                    self.repeat_block(link, END_UNANSWERED);
-                }
+                self.repeat_block(link, END_UNANSWERED);
             }
         }
     }
@@ -337,37 +297,20 @@ impl Machine {
                 if self.owner == Owner::Reaction {
                     self.rk512.advance();
                 }
-                if mutant!("r3964.tx.acknowledged/with-the-last-bit")
-                    || (mutant!("3964.tx.acknowledged/with-the-last-bit") && !self.options.bcc)
-                {
-                    self.acknowledged(link);
-                }
             }
             (Phase::DleWait | Phase::AcknowledgementWait, Some(MarkState::SurelyLeft)) => {
                 let qvz = match (self.options.qvz, self.options.bcc) {
                     (0, true) => 2_000,
-                    (0, false) => {
-                        if mutant!("3964.tx.qvz/as-in-3964r") {
-                            2_000
-                        } else {
-                            550
-                        }
-                    }
+                    (0, false) => 550,
                     (qvz, _) => qvz,
                 };
                 self.wait(link, qvz);
-                self.mutate_qvz();
             }
             (Phase::Receiving | Phase::Idle, Some(MarkState::SurelyLeft)) => {
                 self.wait(link, self.options.zvz);
-                if mutant!("r3964.rx.zvz/not-behind-our-dle") {
-                    self.deadline = NEVER;
-                }
             }
             (Phase::RepetitionWait, Some(MarkState::SurelyLeft)) => {
                 self.wait(link, self.options.bwz);
-                self.deadline.0 += i64::from(mutant!("r3964.rx.bwz/tick-late"));
-                self.deadline.0 -= i64::from(mutant!("r3964.rx.bwz/tick-early"));
             }
             _ => {}
         }
@@ -376,22 +319,12 @@ impl Machine {
 
     pub(crate) fn link_down(&mut self, link: &mut Context<'_>) {
         self.drop_queue(link);
-        if self.phase.is_receiver() && mutant!("r3964.line.down/reception-goes-on") {
-            return;
-        }
         if self.phase.is_receiver() {
             self.end_reception(link, LINK_DOWN);
         }
         self.idle();
-        let is_awaiting = self.job.stage == Stage::Awaiting;
-        let is_kept = mutant!("r3964.line.down/job-begins-again")
-            || (mutant!("rk512.job.abort/goes-on-without-a-port") && is_awaiting);
-        if !is_kept {
-            self.fail_job(link, LINK_DOWN);
-        }
-        if !mutant!("rk512.serve.withdrawn/kept-without-a-port") {
-            self.rk512.forget_partner(link);
-        }
+        self.fail_job(link, LINK_DOWN);
+        self.rk512.forget_partner(link);
         self.finish(link);
     }
 
@@ -402,15 +335,6 @@ impl Machine {
         } else if self.phase.is_sender() {
             self.drop_queue(link);
             self.end_block(link, BREAK);
-        }
-        if mutant!("rk512.react.good/broken-off") && self.job.stage == Stage::Awaiting {
-            self.fail_job(link, BREAK);
-        }
-        if mutant!("r3964.line.break/answered") {
-            put(link, NAK);
-        }
-        if mutant!("r3964.line.break/not-in-garbage") && self.phase == Phase::Garbage {
-            return;
         }
         self.idle();
     }
@@ -526,7 +450,6 @@ impl Machine {
         self.withdrew = state.bool();
         self.buffer_until = state.micros();
         self.last_delivery = state.u32();
-        self.mutate_restored();
         Ok(())
     }
 

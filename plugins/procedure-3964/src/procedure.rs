@@ -15,9 +15,6 @@ pub trait Variant: Debug {
     type Settings: SettingSet;
     /// The manifest as JSON.
     const MANIFEST: &'static str;
-
-    /// Where mutants set their own values; see [`softplug_plugin::mutants`].
-    fn mutate(options: &mut Options);
 }
 
 /// The settings of one plug-in: its own defaults in the manifest, one struct for
@@ -62,17 +59,11 @@ impl<V: Variant> Converter for Procedure<V> {
     const STATE_FORMAT: Option<u16> = Some(1);
 
     fn new(settings: Configured<V>) -> Self {
-        let mut options = settings.options;
-        V::mutate(&mut options);
-        Self { machine: Machine::new(options), variant: PhantomData }
+        Self { machine: Machine::new(settings.options), variant: PhantomData }
     }
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
         self.machine.opened(link, opening);
-    }
-
-    fn closed(&mut self, _link: &mut Context<'_>) {
-        self.machine.mutate_closed();
     }
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {

@@ -4,12 +4,11 @@
 //! manifest. The protocol's page is `docs/protocols/3964r.md`.
 #![cfg_attr(target_arch = "wasm32", no_std)]
 
-mod mutants;
 mod settings;
 
 pub use settings::Settings;
 
-use softplug_procedure_3964::{Options, Procedure, Variant};
+use softplug_procedure_3964::{Procedure, Variant};
 
 /// The converter.
 pub type R3964Simplified = Procedure<Simplified>;
@@ -23,8 +22,4 @@ softplug_plugin::export!(R3964Simplified);
 impl Variant for Simplified {
     type Settings = Settings;
     const MANIFEST: &'static str = settings::MANIFEST;
-
-    fn mutate(options: &mut Options) {
-        mutants::mutate(options);
-    }
 }

@@ -4,7 +4,6 @@
 //! manifest. The protocol's page is `docs/protocols/3964r.md`.
 #![cfg_attr(target_arch = "wasm32", no_std)]
 
-mod mutants;
 mod settings;
 
 use softplug_procedure_3964::{Options, Procedure, Variant};
@@ -21,8 +20,4 @@ softplug_plugin::export!(R3964);
 impl Variant for Standard {
     type Settings = Options;
     const MANIFEST: &'static str = settings::MANIFEST;
-
-    fn mutate(options: &mut Options) {
-        mutants::mutate(options);
-    }
 }

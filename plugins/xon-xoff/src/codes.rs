@@ -1,7 +1,7 @@
 //! The control bytes and the escape of the transparent mode.
 
 use crate::Settings;
-use softplug_plugin::{StateError, mutant};
+use softplug_plugin::StateError;
 
 /// Bytes that are looked at together.
 const PIECE: usize = 32;
@@ -54,11 +54,7 @@ pub(crate) struct Codes {
 impl Codes {
     pub(crate) fn new(settings: &Settings) -> Self {
         let (xon, xoff) = (settings.xon as u8, settings.xoff as u8);
-        let xon = if mutant!("xon-xoff.tx.settable-bytes/xon-fixed") { 0x11 } else { xon };
-        let xoff = if mutant!("xon-xoff.tx.settable-bytes/xoff-fixed") { 0x13 } else { xoff };
         let mask = settings.parity_mask as u8;
-        let mask = if mutant!("xon-xoff.tx.parity-mask/all-bits") { 0xFF } else { mask };
-        let mask = if mutant!("xon-xoff.tx.parity-mask/never-bit-8") { mask & 0x7F } else { mask };
         Self {
             xon,
             xoff,
@@ -106,11 +102,6 @@ impl Codes {
     /// Whether a data byte must be escaped: control bytes with either parity
     /// bit, and the escape itself.
     pub(crate) fn must_escape(&self, byte: u8) -> bool {
-        if (mutant!("xon-xoff.tx.transparent/parity-bit-bare") && byte & 0x80 != 0)
-            || (mutant!("xon-xoff.tx.transparent/escape-bare") && byte == self.escape)
-        {
-            return false;
-        }
         let is = |control: u8| (byte ^ control) << 1 == 0;
         byte == self.escape || is(self.xon) || is(self.xoff)
     }

@@ -1,7 +1,7 @@
 //! Line ends: LF, CR LF, CR, LF CR and LF CR CR are each read as one.
 
 use crate::LineEnd;
-use softplug_plugin::{StateError, StateReader, StateWriter, mutant};
+use softplug_plugin::{StateError, StateReader, StateWriter};
 
 /// What a byte of text becomes.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -32,19 +32,6 @@ impl Lines {
             LineEnd::CrLf => b"\r\n",
             LineEnd::LfCrCr => b"\n\r\r",
         };
-        if mutant!("xon-xoff.tx.line-ends/cr-lf-two") && byte == b'\n' {
-            *self = Self::AfterLf;
-            return Piece::End(end);
-        }
-        if mutant!("xon-xoff.tx.line-ends/lf-cr-two") && byte == b'\r' {
-            *self = Self::AfterCr;
-            return Piece::End(end);
-        }
-        if mutant!("xon-xoff.tx.line-ends/lf-cr-cr-two") && (*self, byte) == (Self::AfterLf, b'\r')
-        {
-            *self = Self::InLine;
-            return Piece::Nothing;
-        }
         let (next, piece) = match (*self, byte) {
             (Self::AfterCr, b'\n') => (Self::InLine, Piece::Nothing),
             (Self::AfterLf, b'\r') => (Self::AfterLf, Piece::Nothing),

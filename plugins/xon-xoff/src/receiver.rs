@@ -6,7 +6,6 @@ use crate::state::State;
 use crate::{LineEnd, OnLineError, QUIET, REPEAT_XON, Settings};
 use softplug_plugin::{
     Context, Failure, LineErrorKind, Micros, NoteLevel, StateError, StateReader, StateWriter,
-    mutant,
 };
 
 /// The mark of our control bytes; the sender counts its own up from 1.
@@ -71,9 +70,7 @@ impl Receiver {
     /// Characters, none of them a control byte.
     pub(crate) fn data(&mut self, link: &mut Context<'_>, settings: &Settings, bytes: &[u8]) {
         self.begin(link);
-        if self.stopped
-            && (link.now() > self.xoff_at || mutant!("xon-xoff.rx.repeat-xoff/same-read-counts"))
-        {
+        if self.stopped && link.now() > self.xoff_at {
             self.after_xoff = self.after_xoff.saturating_add(bytes.len() as u32);
         }
         let plain = !settings.transparent
@@ -82,15 +79,6 @@ impl Receiver {
             && settings.end_mark.as_slice().is_empty();
         if plain {
             self.deliver(link, bytes);
-            return;
-        }
-        if mutant!("xon-xoff.rx.end-mark/rest-of-read-lost") {
-            for byte in bytes {
-                if self.is_complete(settings) {
-                    return;
-                }
-                self.byte(link, settings, *byte);
-            }
             return;
         }
         for byte in bytes {
@@ -102,30 +90,16 @@ impl Receiver {
         let byte = if settings.transparent {
             if !self.escaped && byte == settings.escape as u8 {
                 self.escaped = true;
-                if mutant!("xon-xoff.rx.transparent/escape-delivered") {
-                    self.deliver(link, &[byte]);
-                }
                 return;
             }
-            let change = if self.escaped && !mutant!("xon-xoff.rx.transparent/not-restored") {
-                settings.escape_xor as u8
-            } else {
-                0
-            };
+            let change = if self.escaped { settings.escape_xor as u8 } else { 0 };
             self.escaped = false;
             byte ^ change
         } else {
             byte
         };
         self.look_for_end(settings, byte);
-        if settings.receive_drop.contains(byte) && !mutant!("xon-xoff.rx.drop/delivered") {
-            return;
-        }
-        if mutant!("xon-xoff.rx.line-ends/second-delivered") {
-            self.lines = Lines::default();
-        }
-        if mutant!("xon-xoff.rx.line-ends/kept") {
-            self.deliver(link, &[byte]);
+        if settings.receive_drop.contains(byte) {
             return;
         }
         let bytes: &[u8] = match self.lines.map(settings.receive_line_end, byte) {
@@ -144,35 +118,17 @@ impl Receiver {
         kind: LineErrorKind,
         byte: Option<u8>,
     ) {
-        if mutant!("xon-xoff.rx.break/ignored-in-the-middle") && kind == LineErrorKind::Break {
-            return;
-        }
-        let counts = mutant!("xon-xoff.rx.break/begins-a-delivery") && kind == LineErrorKind::Break;
-        if self.delivery == 0 && !counts && (kind == LineErrorKind::Break || byte.is_none()) {
+        if self.delivery == 0 && (kind == LineErrorKind::Break || byte.is_none()) {
             return;
         }
         self.begin(link);
-        if mutant!("xon-xoff.rx.overrun/in-port-kept")
-            && settings.on_line_error == OnLineError::Keep
-        {
-            return;
-        }
-        if mutant!("xon-xoff.rx.line-error/always-fails") {
-            self.failure.get_or_insert(Failure::LineError);
-        }
-        if mutant!("xon-xoff.rx.line-error/never-fails") {
-            self.deliver(link, byte.as_slice());
-            return;
-        }
         if kind == LineErrorKind::Overrun {
             // What is lost cannot be kept.
             self.failure = Some(Failure::Overrun);
         } else if settings.on_line_error == OnLineError::Fail {
             self.failure.get_or_insert(Failure::LineError);
         }
-        if let Some(byte) = byte
-            && !mutant!("xon-xoff.rx.line-error/character-lost")
-        {
+        if let Some(byte) = byte {
             self.deliver(link, &[byte]);
         }
     }
@@ -187,40 +143,16 @@ impl Receiver {
         if !core::mem::take(&mut self.heard) {
             return;
         }
-        if mutant!("xon-xoff.rx.escape-cut/forgotten") {
-            self.escaped = false;
-        }
-        if !mutant!("xon-xoff.rx.repeat-xon/not-cancelled") {
-            self.xon_unanswered = false;
-            self.set_repeat(link, None);
-        }
-        if settings.speak || mutant!("xon-xoff.rx.speak/speaks-all-the-same") {
+        self.xon_unanswered = false;
+        self.set_repeat(link, None);
+        if settings.speak {
             let repeat = settings.xoff_repeat as u32;
-            let repeat = if mutant!("xon-xoff.rx.repeat-xoff/never") { 0 } else { repeat };
-            let is_less = mutant!("xon-xoff.rx.repeat-xoff/one-fewer") && repeat > 1;
-            let repeat = if is_less { repeat - 1 } else { repeat };
-            let is_more = mutant!("xon-xoff.rx.repeat-xoff/one-more") && repeat > 0;
-            let repeat = if is_more { repeat + 1 } else { repeat };
             let is_full = !self.stopped && link.delivery_room() < self.low;
-            let is_full = is_full
-                || (mutant!("xon-xoff.rx.low-mark/at-it")
-                    && !self.stopped
-                    && link.delivery_room() == self.low);
-            let is_full = is_full
-                && !(mutant!("xon-xoff.rx.low-mark/one-late")
-                    && link.delivery_room() + 1 == self.low);
             let is_ignored = self.stopped && repeat > 0 && self.after_xoff >= repeat;
             if is_full || is_ignored {
                 self.stopped = true;
                 self.xoff_at = link.now();
                 self.after_xoff = 0;
-                if mutant!("abi.credit.outstanding/seventeen-urgent") {
-                    link.transmit_urgent(&[codes.xoff; 16]);
-                }
-                if mutant!("xon-xoff.rx.low-mark/waits-its-turn") {
-                    link.transmit(&[codes.xoff]);
-                    return;
-                }
                 self.say(link, codes);
             }
         }
@@ -229,13 +161,7 @@ impl Receiver {
 
     /// The host has put deliveries away.
     pub(crate) fn drained(&mut self, link: &mut Context<'_>, settings: &Settings, codes: &Codes) {
-        if mutant!("xon-xoff.rx.high-mark/never")
-            || (mutant!("xon-xoff.rx.high-mark/one-late") && link.delivery_room() == self.high + 1)
-        {
-            return;
-        }
-        let is_early = mutant!("xon-xoff.rx.high-mark/at-it") && link.delivery_room() == self.high;
-        if !self.stopped || (link.delivery_room() <= self.high && !is_early) {
+        if !self.stopped || link.delivery_room() <= self.high {
             return;
         }
         self.say_xon(link, codes);
@@ -251,13 +177,8 @@ impl Receiver {
         codes: &Codes,
     ) {
         self.repeat_at = None;
-        if self.xon_unanswered
-            && (self.delivery != 0 || mutant!("xon-xoff.rx.repeat-xon/goes-on-after-the-end"))
-        {
+        if self.xon_unanswered && self.delivery != 0 {
             self.say(link, codes);
-            if mutant!("xon-xoff.rx.repeat-xon/only-once") {
-                return;
-            }
             self.await_repeat(link, settings);
         }
     }
@@ -265,7 +186,6 @@ impl Receiver {
     pub(crate) fn quiet(&mut self, link: &mut Context<'_>, settings: &Settings) {
         self.quiet_at = None;
         let lacks_mark = !settings.end_mark.as_slice().is_empty() && !self.is_complete(settings);
-        let lacks_mark = lacks_mark && !mutant!("xon-xoff.rx.no-end-mark/ends-well");
         self.end(link, lacks_mark.then_some(Failure::NoEndMark));
     }
 
@@ -274,15 +194,8 @@ impl Receiver {
         if self.delivery == 0 {
             return;
         }
-        if mutant!("xon-xoff.rx.overrun/ends-well") && self.failure == Some(Failure::Overrun) {
-            self.failure = None;
-        }
         link.delivery_end(self.delivery, self.failure.or(failure), 0);
         self.delivery = 0;
-        if mutant!("xon-xoff.rx.repeat-xon/goes-on-after-the-end") && self.xon_unanswered {
-            self.set_quiet(link, None);
-            return;
-        }
         self.xon_unanswered = false;
         self.set_quiet(link, None);
         self.set_repeat(link, None);
@@ -290,11 +203,7 @@ impl Receiver {
 
     /// The partner is not left waiting: what it still sends is another delivery.
     pub(crate) fn abort(&mut self, link: &mut Context<'_>, codes: &Codes) {
-        let is_failure = !mutant!("xon-xoff.rx.abort/ends-well");
-        self.end(link, is_failure.then_some(Failure::Aborted));
-        if mutant!("xon-xoff.rx.abort/partner-not-let-go") {
-            return;
-        }
+        self.end(link, Some(Failure::Aborted));
         self.let_go(link, codes);
     }
 
@@ -317,15 +226,11 @@ impl Receiver {
     fn begin_delivery(&mut self, link: &mut Context<'_>) {
         self.last_delivery = self.last_delivery.wrapping_add(1).max(1);
         self.delivery = self.last_delivery;
-        if !mutant!("xon-xoff.rx.several/failure-kept") {
-            self.failure = None;
-        }
+        self.failure = None;
         self.escaped = false;
         self.lines = Lines::default();
         self.mark_progress = 0;
-        if !mutant!("xon-xoff.rx.several/end-mark-kept") {
-            self.marks_seen = 0;
-        }
+        self.marks_seen = 0;
         link.delivery_begin(self.delivery, 0);
     }
 
@@ -355,9 +260,6 @@ impl Receiver {
         let mut progress = self.mark_progress as usize;
         while progress > 0 && mark.get(progress) != Some(&byte) {
             progress = longest_border(mark, progress);
-            if mutant!("xon-xoff.rx.end-mark/overlap-missed") {
-                progress = 0;
-            }
         }
         if mark.get(progress) == Some(&byte) {
             progress += 1;
@@ -370,12 +272,6 @@ impl Receiver {
     }
 
     fn is_complete(&self, settings: &Settings) -> bool {
-        if mutant!("xon-xoff.rx.end-mark/never-seen") {
-            return false;
-        }
-        if mutant!("xon-xoff.rx.end-mark/first-is-enough") && self.marks_seen > 0 {
-            return true;
-        }
         !settings.end_mark.as_slice().is_empty()
             && i64::from(self.marks_seen) >= settings.end_mark_count
     }
@@ -403,7 +299,7 @@ impl Receiver {
     /// Our control byte has left.
     pub(crate) fn left(&mut self, link: &mut Context<'_>, codes: &Codes) {
         let is_behind = self.leaving.take().is_some_and(|left| left != self.to_say());
-        if is_behind && !mutant!("xon-xoff.rx.repeat-xoff/waiting-lost") {
+        if is_behind {
             self.say(link, codes);
         }
     }
@@ -413,36 +309,14 @@ impl Receiver {
     fn await_quiet(&mut self, link: &mut Context<'_>, settings: &Settings) {
         let span =
             if self.is_complete(settings) { settings.end_quiet } else { settings.quiet_time };
-        let is_stopped = self.stopped && !mutant!("xon-xoff.rx.quiet-ends/while-stopped");
-        let is_timed = self.delivery != 0 && !is_stopped && span > 0;
-        if mutant!("xon-xoff.rx.quiet-ends/not-restarted") && is_timed && self.quiet_at.is_some() {
-            return;
-        }
-        if mutant!("xon-xoff.rx.quiet-ends/not-cancelled") && !is_timed {
-            return;
-        }
+        let is_timed = self.delivery != 0 && !self.stopped && span > 0;
         self.set_quiet(link, is_timed.then(|| link.now() + Micros::from_millis(span)));
-        if is_timed && mutant!("xon-xoff.rx.quiet-ends/tick-early") {
-            self.set_quiet(link, Some(link.now() + Micros::from_millis(span) - Micros(1)));
-        }
-        if is_timed && mutant!("xon-xoff.rx.quiet-ends/tick-late") {
-            self.set_quiet(link, Some(link.now() + Micros::from_millis(span) + Micros(1)));
-        }
     }
 
     fn await_repeat(&mut self, link: &mut Context<'_>, settings: &Settings) {
         let span = settings.xon_repeat;
         let is_timed = self.delivery != 0 && span > 0;
-        if mutant!("xon-xoff.rx.repeat-xon/never") {
-            return;
-        }
         self.set_repeat(link, is_timed.then(|| link.now() + Micros::from_millis(span)));
-        if is_timed && mutant!("xon-xoff.rx.repeat-xon/tick-early") {
-            self.set_repeat(link, Some(link.now() + Micros::from_millis(span) - Micros(1)));
-        }
-        if is_timed && mutant!("xon-xoff.rx.repeat-xon/tick-late") {
-            self.set_repeat(link, Some(link.now() + Micros::from_millis(span) + Micros(1)));
-        }
     }
 
     fn set_quiet(&mut self, link: &mut Context<'_>, at: Option<Micros>) {
@@ -477,7 +351,7 @@ impl Receiver {
             delivery: state.u32(),
             last_delivery: state.u32(),
             failure: state.failure(),
-            escaped: state.bool() && !mutant!("xon-xoff.link.swap/escape-forgotten"),
+            escaped: state.bool(),
             lines: Lines::restore(state)?,
             mark_progress: state.u32(),
             marks_seen: state.u32(),
@@ -486,7 +360,7 @@ impl Receiver {
             after_xoff: state.u32(),
             xon_unanswered: state.bool(),
             leaving: Control::from_code(state.u8())?,
-            quiet_at: state.deadline().filter(|_| !mutant!("abi.state.goes-on/silence-forgotten")),
+            quiet_at: state.deadline(),
             repeat_at: state.deadline(),
             low: state.u32(),
             high: state.u32(),

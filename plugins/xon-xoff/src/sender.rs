@@ -3,17 +3,13 @@
 use crate::codes::Codes;
 use crate::lines::{Lines, Piece};
 use crate::state::State;
-use crate::{ControlInData, HELD, LATE, LineEnd, Settings};
-use core::sync::atomic::{AtomicBool, Ordering};
+use crate::{ControlInData, HELD, LineEnd, Settings};
 use softplug_plugin::{
-    Context, Failure, JobStart, Micros, Pass, StateError, StateReader, StateWriter, mutant,
+    Context, Failure, JobStart, Micros, Pass, StateError, StateReader, StateWriter,
 };
 
 /// Data that may be under way to us: what it grows to fits the output buffer.
 const MOST_WANTED: u32 = 3_072;
-
-/// Only mutants ask for it: the partner has sent XOFF at any time since the module was loaded.
-static HELD_BEFORE: AtomicBool = AtomicBool::new(false);
 
 /// What the sender is at.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
@@ -74,52 +70,15 @@ impl Sender {
     }
 
     pub(crate) fn xoff(&mut self, link: &mut Context<'_>, settings: &Settings) {
-        if mutant!("xon-xoff.tx.repeats-harmless/second-xoff-lets-go") && self.held {
-            self.forget_hold(link);
+        if self.held {
             return;
-        }
-        if mutant!("xon-xoff.tx.held-timeout/restarted") && self.held {
-            self.watch_hold(link, settings);
-        }
-        if self.held || mutant!("xon-xoff.tx.obey-xoff/ignored") {
-            return;
-        }
-        if mutant!("xon-xoff.tx.obey-xoff/only-while-sending") && !self.is_sending() {
-            return;
-        }
-        if mutant!("xon-xoff.link.close/hold-kept") {
-            HELD_BEFORE.store(true, Ordering::Relaxed);
         }
         self.held = true;
-        if mutant!("xon-xoff.tx.at-boundary/tick-late") {
-            link.set_timer_after(LATE, Micros(1));
-        } else if mutant!("xon-xoff.tx.depth/one-more") {
-            link.set_timer_after(LATE, Micros::from_millis(1));
-        } else {
-            self.update_hold(link);
-        }
+        self.update_hold(link);
         self.watch_hold(link, settings);
     }
 
     pub(crate) fn xon(&mut self, link: &mut Context<'_>) {
-        if mutant!("xon-xoff.tx.resume-on-xon/ignored") {
-            return;
-        }
-        if mutant!("xon-xoff.tx.resume-on-xon/tick-late") && self.held {
-            link.set_timer_after(LATE, Micros(1));
-            return;
-        }
-        if mutant!("xon-xoff.tx.repeats-harmless/xon-without-xoff-holds")
-            && !self.held
-            && !self.waits_for_xon
-        {
-            self.held = true;
-            self.update_hold(link);
-            return;
-        }
-        if mutant!("xon-xoff.tx.pause/ended-by-xon") {
-            self.paused = false;
-        }
         self.forget_hold(link);
     }
 
@@ -127,17 +86,14 @@ impl Sender {
     pub(crate) fn forget_hold(&mut self, link: &mut Context<'_>) {
         self.held = false;
         self.waits_for_xon = false;
-        if !mutant!("xon-xoff.tx.held-timeout/not-cancelled") && self.held_until.take().is_some() {
+        if self.held_until.take().is_some() {
             link.cancel_timer(HELD);
         }
         self.update_hold(link);
     }
 
     pub(crate) fn set_paused(&mut self, link: &mut Context<'_>, paused: bool) {
-        self.paused = paused && !mutant!("xon-xoff.tx.pause/ignored");
-        if mutant!("xon-xoff.tx.pause/resume-ends-hold") && !paused {
-            self.held = false;
-        }
+        self.paused = paused;
         self.update_hold(link);
     }
 
@@ -154,25 +110,9 @@ impl Sender {
     fn watch_hold(&mut self, link: &mut Context<'_>, settings: &Settings) {
         let is_feeding = matches!(self.stage, Stage::Feeding | Stage::Draining);
         if self.held && is_feeding && settings.held_timeout > 0 {
-            let mut until = link.now() + Micros::from_millis(settings.held_timeout);
-            if mutant!("xon-xoff.tx.held-timeout/tick-early") {
-                until = until - Micros(1);
-            }
-            if mutant!("xon-xoff.tx.held-timeout/tick-late") {
-                until = until + Micros(1);
-            }
-            if mutant!("xon-xoff.tx.held-timeout/never") {
-                return;
-            }
+            let until = link.now() + Micros::from_millis(settings.held_timeout);
             self.held_until = Some(until);
             link.set_timer(HELD, until);
-        }
-    }
-
-    /// For a mutant: the hold of before the link was closed.
-    pub(crate) fn hold_as_before(&mut self, link: &mut Context<'_>, settings: &Settings) {
-        if HELD_BEFORE.load(Ordering::Relaxed) {
-            self.xoff(link, settings);
         }
     }
 
@@ -207,20 +147,9 @@ impl Sender {
         } else {
             self.stage = Stage::Feeding;
             self.waits_for_xon = settings.wait_for_xon;
-            if mutant!("xon-xoff.tx.wait-for-xon/not-waited")
-                || (mutant!("xon-xoff.tx.wait-for-xon/first-job-only") && self.mark > 0)
-            {
-                self.waits_for_xon = false;
-            }
             self.update_hold(link);
-            if !mutant!("xon-xoff.tx.held-timeout/only-from-xoff") {
-                self.watch_hold(link, settings);
-            }
-            if mutant!("xon-xoff.tx.feed-strings/start-at-once") {
-                link.transmit_urgent(settings.feed_start.as_slice());
-            } else if !mutant!("xon-xoff.tx.feed-strings/start-missing") {
-                self.queue(link, settings.feed_start.as_slice());
-            }
+            self.watch_hold(link, settings);
+            self.queue(link, settings.feed_start.as_slice());
         }
         self.ask(link, settings);
     }
@@ -263,9 +192,6 @@ impl Sender {
     fn check(&mut self, link: &mut Context<'_>, settings: &Settings, codes: &Codes, bytes: &[u8]) {
         for byte in bytes {
             self.column += 1;
-            if mutant!("xon-xoff.tx.control-in-data/column-from-0") {
-                self.column -= 1;
-            }
             if is_refused(settings, codes, *byte) {
                 let failure = Failure::UnsupportedCharacter;
                 link.check_failed(self.job, failure, self.line, self.column);
@@ -273,7 +199,7 @@ impl Sender {
                 return;
             }
             if *byte == b'\n' {
-                self.line += u32::from(!mutant!("xon-xoff.tx.control-in-data/line-not-counted"));
+                self.line += 1;
                 self.column = 0;
             }
         }
@@ -316,9 +242,6 @@ impl Sender {
         }
         for byte in bytes {
             match codes.escaped(*byte) {
-                Some([escape, _]) if mutant!("xon-xoff.tx.transparent/unchanged") => {
-                    self.queue(link, &[escape, *byte]);
-                }
                 Some(pair) => self.queue(link, &pair),
                 None => self.queue(link, &[*byte]),
             }
@@ -333,22 +256,14 @@ impl Sender {
     pub(crate) fn data_ended(&mut self, link: &mut Context<'_>, settings: &Settings) {
         match self.stage {
             Stage::Checking => {
-                if mutant!("abi.check.sequence/good-twice") {
-                    link.check_good(self.job);
-                }
                 link.check_good(self.job);
                 self.stage = Stage::Idle;
             }
             Stage::Feeding => {
-                if !mutant!("xon-xoff.tx.feed-strings/end-missing") {
-                    self.queue(link, settings.feed_end.as_slice());
-                }
+                self.queue(link, settings.feed_end.as_slice());
                 self.mark = self.mark.wrapping_add(1).max(1);
                 link.transmit_marked(self.mark, &[]);
                 self.stage = Stage::Draining;
-                if mutant!("xon-xoff.tx.done-when-left/when-queued") {
-                    self.left(link, self.mark);
-                }
             }
             Stage::Idle | Stage::Draining | Stage::Stopping(_) => {}
         }
@@ -357,12 +272,6 @@ impl Sender {
     /// A marked byte has left: the job's last one, or one of a job that was stopped.
     pub(crate) fn left(&mut self, link: &mut Context<'_>, mark: u32) {
         if self.stage == Stage::Draining && mark == self.mark {
-            if mutant!("xon-xoff.tx.done-when-left/one-byte-less") {
-                self.queued = self.queued.saturating_sub(1);
-            }
-            if mutant!("abi.ids.one-each/another-job-done") {
-                self.job += 1;
-            }
             link.job_done(self.job, self.queued);
             self.finish(link);
         }
@@ -388,21 +297,8 @@ impl Sender {
         let Stage::Stopping(failure) = self.stage else { return };
         let sent = self.queued.saturating_sub(u64::from(bytes));
         link.job_failed(self.job, failure, 0, sent);
-        if mutant!("xon-xoff.tx.abort-clean/hold-forgotten") && failure == Failure::Aborted {
-            self.held = false;
-        }
         let last_words = settings.abort_send.as_slice();
-        let is_abort =
-            failure == Failure::Aborted || mutant!("xon-xoff.tx.abort-send/after-any-failure");
-        if mutant!("xon-xoff.tx.abort-send/missing") {
-            self.finish(link);
-            return;
-        }
-        if mutant!("xon-xoff.tx.abort-send/passes-the-hold") && is_abort && !last_words.is_empty() {
-            link.transmit_urgent(last_words);
-            self.finish(link);
-            return;
-        }
+        let is_abort = failure == Failure::Aborted;
         if is_abort && last_words.len() as u32 <= link.transmit_room() {
             link.transmit(last_words);
         }
@@ -412,12 +308,8 @@ impl Sender {
     /// What belonged to the job alone ends with it; a partner's XOFF stays.
     fn finish(&mut self, link: &mut Context<'_>) {
         self.stage = Stage::Idle;
-        if !mutant!("xon-xoff.tx.pause/outlives-the-job") {
-            self.paused = false;
-        }
-        if !mutant!("xon-xoff.tx.abort-clean/waiting-kept") {
-            self.waits_for_xon = false;
-        }
+        self.paused = false;
+        self.waits_for_xon = false;
         self.wanted = 0;
         if self.held_until.take().is_some() {
             link.cancel_timer(HELD);
@@ -467,7 +359,7 @@ impl Sender {
             line: state.u32(),
             column: state.u32(),
             mark: state.u32(),
-            held: state.bool() && !mutant!("xon-xoff.link.swap/hold-forgotten"),
+            held: state.bool(),
             waits_for_xon: state.bool(),
             paused: state.bool(),
             holding: state.bool(),
@@ -488,20 +380,11 @@ fn growth(settings: &Settings) -> u32 {
 
 fn is_dropped(settings: &Settings, codes: &Codes, byte: u8) -> bool {
     let is_control = !settings.transparent && codes.control(byte).is_some();
-    if mutant!("xon-xoff.tx.control-in-data/sent-instead-of-dropped") && is_control {
-        return false;
-    }
-    if mutant!("xon-xoff.tx.control-in-data/dropped-instead-of-sent") && is_control {
-        return true;
-    }
-    let is_listed = settings.send_drop.contains(byte) && !mutant!("xon-xoff.tx.drop/sent");
+    let is_listed = settings.send_drop.contains(byte);
     is_listed || (is_control && settings.control_in_data == ControlInData::Drop)
 }
 
 fn is_refused(settings: &Settings, codes: &Codes, byte: u8) -> bool {
-    if mutant!("xon-xoff.tx.control-in-data/not-refused") {
-        return false;
-    }
     settings.control_in_data == ControlInData::Refuse
         && !settings.transparent
         && codes.control(byte).is_some()

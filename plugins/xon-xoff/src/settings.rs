@@ -1,7 +1,7 @@
 //! The settings, and the manifest with them in it.
 
 use crate::codes::Codes;
-use softplug_plugin::{Bytes, choice, mutant, settings};
+use softplug_plugin::{Bytes, choice, settings};
 
 choice! {
     /// How lines end.
@@ -86,9 +86,6 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
 
 impl Settings {
     pub(crate) fn check(&self) -> Result<(), &'static str> {
-        if mutant!("abi.settings.accepted/preset-refused") && self.transparent {
-            return Err("a mutant refuses transparent");
-        }
         let codes = Codes::new(self);
         if codes.control(codes.xon) == codes.control(codes.xoff) {
             return Err("xon and xoff are the same byte under parity_mask; change one of them");

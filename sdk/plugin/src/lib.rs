@@ -37,7 +37,6 @@ mod converter;
 pub mod export;
 mod machine;
 pub mod manifest;
-pub mod mutants;
 #[cfg(feature = "bench")]
 mod native;
 mod settings;

@@ -48,7 +48,7 @@ pub(crate) fn build(workspace: &Workspace, report: Report) -> Result<Vec<Size>, 
     let plugins = workspace.plugins();
     let folder = workspace.plugin_folder();
     fs::create_dir_all(&folder).map_err(|cause| file_error(&folder, cause))?;
-    compile(workspace, &plugins, Kind::Real)?;
+    compile(workspace, &plugins, "plugin", workspace.root())?;
     let optimizer = Optimizer::find();
     let most = if optimizer.is_some() { MOST_BYTES } else { usize::MAX };
     if optimizer.is_none() {
@@ -78,14 +78,14 @@ pub(crate) fn build(workspace: &Workspace, report: Report) -> Result<Vec<Size>, 
     Ok(sizes)
 }
 
-/// Builds every plug-in with its mutants into `target/mutants/NAME.wasm`: for tests only,
-/// so that no limit of size binds them.
-pub(crate) fn build_mutants(workspace: &Workspace) -> Result<(), Error> {
+/// Builds every plug-in of these changed sources, with all of its mutants, into
+/// `target/mutants/NAME.wasm`: for tests only, so that no limit of size binds them.
+pub(crate) fn build_mutants(workspace: &Workspace, sources: &Path) -> Result<(), Error> {
     ensure_target(WASM_TARGET)?;
     let plugins = workspace.plugins();
     let folder = workspace.mutant_folder();
     fs::create_dir_all(&folder).map_err(|cause| file_error(&folder, cause))?;
-    compile(workspace, &plugins, Kind::Mutant)?;
+    compile(workspace, &plugins, "mutant", sources)?;
     for plugin in &plugins {
         let built = workspace.target().join(WASM_TARGET).join("mutant").join(&plugin.file);
         let module = fs::read(&built).map_err(|cause| file_error(&built, cause))?;
@@ -112,27 +112,26 @@ pub(crate) fn build_command(workspace: &Workspace, dev: bool) -> Result<PathBuf,
     Ok(built)
 }
 
-/// What is made of a plug-in.
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
-enum Kind {
-    Real,
-    Mutant,
-}
-
 /// Flags from the environment would replace those that bound the memory.
-fn compile(workspace: &Workspace, plugins: &[Plugin], kind: Kind) -> Result<(), Error> {
-    let profile = if kind == Kind::Real { "plugin" } else { "mutant" };
+fn compile(
+    workspace: &Workspace,
+    plugins: &[Plugin],
+    profile: &str,
+    sources: &Path,
+) -> Result<(), Error> {
     let mut command = cargo();
     command
-        .current_dir(workspace.root())
+        .current_dir(sources)
         .env_remove("RUSTFLAGS")
         .env_remove("CARGO_ENCODED_RUSTFLAGS")
-        .args(["build", "--profile", profile, "--target", WASM_TARGET, "--lib"]);
+        .args(["build", "--profile", profile, "--target", WASM_TARGET, "--lib", "--target-dir"])
+        .arg(workspace.target());
+    // Cargo reads the settings of the folders above: those of a copy may lie elsewhere.
+    if !sources.starts_with(workspace.root()) {
+        command.arg("--config").arg(workspace.root().join(".cargo/config.toml"));
+    }
     for plugin in plugins {
         command.args(["-p", &plugin.package]);
-        if kind == Kind::Mutant {
-            command.args(["--features", &format!("{}/mutants", plugin.package)]);
-        }
     }
     Ok(succeed(&mut command)?)
 }

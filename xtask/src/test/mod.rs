@@ -11,7 +11,7 @@ use std::process::{Command, ExitCode};
 pub(crate) use self::counts::Counts;
 use crate::run::{self, cargo, overhear};
 use crate::workspace::Workspace;
-use crate::{Error, emulated, playground, plugins};
+use crate::{Error, emulated, mutants, playground, plugins};
 
 /// With `--all`, all that is needed must be there.
 #[derive(Debug, thiserror::Error)]
@@ -147,7 +147,7 @@ pub(crate) fn run(workspace: &Workspace, extent: Extent) -> Result<ExitCode, Err
     plugins::build(workspace, plugins::Report::Table)?;
     let mut steps = Vec::new();
     if extent != Extent::Emulated {
-        plugins::build_mutants(workspace)?;
+        mutants::build(workspace)?;
         playground::build(workspace)?;
         let others = missing.iter().filter(|tool| tool.program != EMULATOR.program);
         for tool in others {

@@ -5,6 +5,7 @@ use crate::FileError;
 use crate::given::file_error::read_toml;
 use crate::given::ledger::Ledger;
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 use softplug_report::Level;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -142,6 +143,9 @@ struct RawMutant {
     text: Spanned<String>,
     plugin: Option<String>,
     survivor: Option<Spanned<String>>,
+    /// What it changes of the plug-in's code: who builds the mutants reads it.
+    #[serde(default, rename = "change")]
+    _change: Vec<IgnoredAny>,
 }
 
 #[derive(Deserialize)]

@@ -12,7 +12,7 @@ pub const MARKER: [u8; 16] = *b"softplug-mutant:";
 #[derive(Copy, Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum PatchError {
     /// It has no marker.
-    #[error("the module holds no mutants: build it with the feature \"mutants\"")]
+    #[error("the module holds no mutants: build it with `cargo xtask mutants --build`")]
     NoMarker,
     /// It has more than one.
     #[error("the module holds {0} places for the active mutant, not one: build it anew")]

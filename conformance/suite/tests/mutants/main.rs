@@ -208,11 +208,10 @@ sleeping! {
 }
 
 #[test]
-fn marker_and_number_are_those_of_the_sdk() {
-    use softplug_plugin::mutants as sdk;
-    assert_eq!(softplug_conformance::mutants::MARKER, sdk::MARKER);
+fn marker_and_number_are_those_that_the_modules_ask() {
+    assert_eq!(softplug_conformance::mutants::MARKER, softplug_mutant::MARKER);
     for name in ["", "a.b/c", "xon-xoff.tx.obey-xoff/ignored"] {
-        assert_eq!(id(name), sdk::id(name));
+        assert_eq!(id(name), softplug_mutant::id(name));
     }
 }
 

@@ -1,50 +1,28 @@
 //! What the control says to the feed: DC1 and DC3, their times, and its end.
 
-use core::sync::atomic::{AtomicBool, Ordering};
-
 use super::{Feed, Stage, WAIT};
-use crate::LATE;
 use crate::code::Control;
 use crate::tape::Setup;
-use softplug_plugin::{Context, Failure, Micros, NoteLevel, mutant};
-
-/// For a mutant: whether the control was ready before the link was closed.
-static READY_BEFORE: AtomicBool = AtomicBool::new(false);
+use softplug_plugin::{Context, Failure, NoteLevel};
 
 impl Feed {
-    /// For a mutant: what the control said before the link was closed.
-    pub(crate) fn remember(&mut self) {
-        self.is_ready |= READY_BEFORE.load(Ordering::Relaxed);
-    }
-
     /// A code of the control.
     pub(crate) fn control(&mut self, link: &mut Context<'_>, settings: &Setup, code: Control) {
         match code {
             Control::Dc1 => {
-                if !(mutant!("fanuc-rs232.feed.resume/ignored") && self.is_started) {
-                    self.set_ready(link, settings, true);
-                }
+                self.set_ready(link, settings, true);
             }
-            Control::Dc3
-                if self.is_read
-                    && self.is_busy()
-                    && !mutant!("fanuc-rs232.feed.final-dc3/held") =>
-            {
+            Control::Dc3 if self.is_read && self.is_busy() => {
                 self.end(link);
             }
             Control::Dc3 => {
-                let is_ready = mutant!("fanuc-rs232.feed.obey-dc3/ignored");
-                self.set_ready(link, settings, is_ready);
+                self.set_ready(link, settings, false);
             }
             Control::Syn => {
-                let is_alarm = mutant!("fanuc-rs232.feed.reset/other-reason");
-                let failure = if is_alarm { Failure::PartnerAlarm } else { Failure::PartnerReset };
-                self.lost(link, failure);
+                self.lost(link, Failure::PartnerReset);
             }
             Control::Nak => {
-                let is_reset = mutant!("fanuc-rs232.feed.alarm/other-reason");
-                let failure = if is_reset { Failure::PartnerReset } else { Failure::PartnerAlarm };
-                self.lost(link, failure);
+                self.lost(link, Failure::PartnerAlarm);
             }
             Control::Dc2 | Control::Dc4 => {}
         }
@@ -52,22 +30,13 @@ impl Feed {
 
     /// DC1 and DC3 that say nothing new change nothing, timers included.
     fn set_ready(&mut self, link: &mut Context<'_>, settings: &Setup, is_ready: bool) {
-        if self.is_ready == is_ready && !mutant!("fanuc-rs232.feed.repeats-harmless/timed-again") {
+        if self.is_ready == is_ready {
             return;
         }
         self.is_ready = is_ready;
-        if mutant!("fanuc-rs232.link.close/hold-kept") {
-            READY_BEFORE.store(is_ready, Ordering::Relaxed);
-        }
         if !matches!(self.stage, Stage::Idle | Stage::Checking | Stage::Waiting) {
             self.is_started |= is_ready;
-            if !is_ready && mutant!("fanuc-rs232.feed.at-boundary/tick-late") {
-                link.set_timer_after(LATE, Micros(1));
-            } else if !is_ready && mutant!("fanuc-rs232.feed.depth/one-more") {
-                link.set_timer_after(LATE, Micros::from_millis(1));
-            } else {
-                self.update_hold(link);
-            }
+            self.update_hold(link);
             self.watch(link, settings);
         }
     }
@@ -83,20 +52,19 @@ impl Feed {
 
     /// The port is gone, and with it what is in the queue.
     pub(crate) fn link_down(&mut self, link: &mut Context<'_>) {
-        let is_abort = mutant!("fanuc-rs232.link.down/other-reason");
-        self.stop(link, if is_abort { Failure::Aborted } else { Failure::LinkDown });
+        self.stop(link, Failure::LinkDown);
         self.is_ready = false;
     }
 
     /// Goes on as after DC1.
     pub(crate) fn force_resume(&mut self, link: &mut Context<'_>, settings: &Setup) {
-        if self.is_busy() && !mutant!("fanuc-rs232.feed.force-resume/ignored") {
+        if self.is_busy() {
             self.set_ready(link, settings, true);
         }
     }
 
     pub(crate) fn set_paused(&mut self, link: &mut Context<'_>, is_paused: bool) {
-        self.is_paused = is_paused && !mutant!("fanuc-rs232.feed.pause/ignored");
+        self.is_paused = is_paused;
         self.update_hold(link);
     }
 
@@ -119,10 +87,8 @@ impl Feed {
             {
                 if self.is_started {
                     settings.held_timeout
-                        * i64::from(!mutant!("fanuc-rs232.feed.held-timeout/not-timed"))
                 } else {
                     settings.dc1_timeout
-                        * i64::from(!mutant!("fanuc-rs232.feed.dc1-timeout/not-timed"))
                 }
             }
             _ => 0,

@@ -2,7 +2,7 @@
 
 use crate::code::Code;
 use crate::{OutputFlow, ParityMode, ResumeCode, Settings};
-use softplug_plugin::{Context, ModemLines, mutant};
+use softplug_plugin::{Context, ModemLines};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// The control is held below this room and goes on above twice as much; both are
@@ -28,22 +28,19 @@ impl Flow {
     }
 
     pub(crate) fn look(&mut self, link: &mut Context<'_>, settings: &Settings, code: Code) {
-        if self.held || link.delivery_room() >= self.low || mutant!("fanuc-rs232.punch.flow/never")
-        {
+        if self.held || link.delivery_room() >= self.low {
             return;
         }
         self.held = settings.output_flow != OutputFlow::None;
         match settings.output_flow {
             OutputFlow::None => {}
             OutputFlow::Rts => {
-                let stays = mutant!("fanuc-rs232.punch.flow-rts/stays-on");
-                let on = if stays { ModemLines::RTS } else { ModemLines::default() };
+                let on = ModemLines::default();
                 link.set_modem_lines(ModemLines::RTS, on);
             }
             OutputFlow::Dc3 => {
                 // A port with seven bits makes the parity itself.
                 let has_parity = code == Code::Eia || settings.parity == ParityMode::Software;
-                let has_parity = has_parity && !mutant!("fanuc-rs232.code.controls/plain");
                 link.transmit_urgent(&[if has_parity { 0x93 } else { 0x13 }]);
             }
         }
@@ -65,8 +62,7 @@ impl Flow {
         if settings.output_flow == OutputFlow::Rts {
             link.set_modem_lines(ModemLines::RTS, ModemLines::RTS);
         } else {
-            let is_dc2 = settings.resume_code == ResumeCode::Dc2
-                && !mutant!("fanuc-rs232.punch.resume-code/dc1");
+            let is_dc2 = settings.resume_code == ResumeCode::Dc2;
             link.transmit_urgent(&[if is_dc2 { 0x12 } else { 0x11 }]);
         }
     }

@@ -16,7 +16,7 @@ use crate::state::State;
 use crate::timer::Timer;
 use crate::{CAPTURE, ReceiveCode, SendCode, Settings};
 use flow::Flow;
-use softplug_plugin::{Context, Failure, LineErrorKind, MarkState, mutant};
+use softplug_plugin::{Context, Failure, LineErrorKind, MarkState};
 use text::Text;
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
@@ -97,37 +97,24 @@ impl Punch {
             return matches!(control, Control::Dc2 | Control::Dc4);
         }
         match control {
-            Control::Dc2
-                if self.ended
-                    || self.stage == Stage::Closed
-                    || mutant!("fanuc-rs232.punch.dc2-repeated/anew") =>
-            {
+            Control::Dc2 if self.ended || self.stage == Stage::Closed => {
                 self.finish(link, settings, None);
                 self.start(link, settings, true);
             }
             // Repeated until it is answered.
             Control::Dc2 => self.answer_dc2(link, settings),
-            Control::Dc4 if !self.ended && !mutant!("fanuc-rs232.punch.dc2-dc4/dc4-ignored") => {
+            Control::Dc4 if !self.ended => {
                 self.ended = true;
-                let span =
-                    settings.after_dc4 * i64::from(!mutant!("fanuc-rs232.punch.after-dc4/at-once"));
-                self.timer.start(link, CAPTURE, span);
+                self.timer.start(link, CAPTURE, settings.after_dc4);
             }
             Control::Syn => {
-                let is_alarm = mutant!("fanuc-rs232.punch.reset/other-reason");
-                let failure = if is_alarm { Failure::PartnerAlarm } else { Failure::PartnerReset };
-                self.finish(link, settings, Some(failure));
+                self.finish(link, settings, Some(Failure::PartnerReset));
             }
             Control::Nak => {
-                let is_reset = mutant!("fanuc-rs232.punch.alarm/other-reason");
-                let failure = if is_reset { Failure::PartnerReset } else { Failure::PartnerAlarm };
-                self.finish(link, settings, Some(failure));
+                self.finish(link, settings, Some(Failure::PartnerAlarm));
             }
             // The operator reads already: nothing follows.
-            Control::Dc1
-                if self.ended
-                    || (is_awaited && !mutant!("fanuc-rs232.punch.while-waiting/dc1-ignored")) =>
-            {
+            Control::Dc1 if self.ended || is_awaited => {
                 self.finish(link, settings, None);
                 return false;
             }
@@ -152,11 +139,7 @@ impl Punch {
     }
 
     fn answer_dc2(&mut self, link: &mut Context<'_>, settings: &Settings) {
-        if settings.answer_dc2
-            && (link.delivery_room() > 0 || mutant!("fanuc-rs232.punch.answer-dc2/without-room"))
-            && (!self.is_answering || mutant!("fanuc-rs232.punch.answer-dc2/twice"))
-            && !mutant!("fanuc-rs232.punch.answer-dc2/not-answered")
-        {
+        if settings.answer_dc2 && link.delivery_room() > 0 && !self.is_answering {
             self.is_answering = true;
             link.transmit_urgent_marked(ANSWER, &[0x11]);
         }
@@ -169,24 +152,11 @@ impl Punch {
 
     /// A character that is no control code.
     pub(crate) fn byte(&mut self, link: &mut Context<'_>, settings: &Settings, byte: u8) {
-        if mutant!("fanuc-rs232.punch.dc4-late/nul-ends")
-            && self.stage == Stage::Closed
-            && byte == 0
-        {
-            return self.finish(link, settings, None);
-        }
-        if mutant!("fanuc-rs232.punch.flow-late/dropped") && self.flow.held {
-            return;
-        }
         if self.ended {
             return;
         }
         if self.stage == Stage::Idle {
-            if settings.need_dc2
-                || mutant!("fanuc-rs232.punch.need-dc2/always")
-                || self.is_deaf(link, settings)
-                || !is_percent(settings, byte)
-            {
+            if settings.need_dc2 || self.is_deaf(link, settings) || !is_percent(settings, byte) {
                 return;
             }
             self.start(link, settings, false);
@@ -195,20 +165,14 @@ impl Punch {
             self.read(link, settings, byte);
             return;
         }
-        if byte == 0
-            || (!self.has_text()
-                && !mutant!("fanuc-rs232.punch.leader/begins")
-                && !is_percent(settings, byte))
-        {
+        if byte == 0 || (!self.has_text() && !is_percent(settings, byte)) {
             return;
         }
         self.early.push(byte);
         match byte {
             // CR is no EIA code.
             0x0A | 0x0D | 0x8D => self.code = Code::Iso,
-            0x80 => {
-                self.code = if mutant!("fanuc-rs232.code.auto/iso") { Code::Iso } else { Code::Eia }
-            }
+            0x80 => self.code = Code::Eia,
             _ if self.early.is_full() => self.guess(settings),
             _ => return,
         }
@@ -261,7 +225,7 @@ impl Punch {
 
     fn character(&mut self, link: &mut Context<'_>, settings: &Settings, character: u8) {
         match self.stage {
-            Stage::Leader if character == b'%' || mutant!("fanuc-rs232.punch.leader/begins") => {
+            Stage::Leader if character == b'%' => {
                 self.stage = Stage::Program;
                 self.text.begin(link);
             }
@@ -272,10 +236,6 @@ impl Punch {
             Stage::Program => {
                 self.text.character(link, settings, &mut self.requests, character);
             }
-            Stage::Closed if mutant!("fanuc-rs232.punch.after-end/delivered") => {
-                self.text.character(link, settings, &mut self.requests, character);
-            }
-            Stage::Closed if mutant!("fanuc-rs232.punch.after-end/lost") => {}
             Stage::Closed if character == b'\n' => self.text.end_behind(),
             Stage::Closed if matches!(character, b' ' | b'\t') => {}
             // Another program: nothing of what the control puts out is left out.
@@ -314,7 +274,7 @@ impl Punch {
         if !was_text && !self.has_text() {
             return;
         }
-        if kind == LineErrorKind::Overrun && !mutant!("fanuc-rs232.punch.overrun/line-error") {
+        if kind == LineErrorKind::Overrun {
             self.text.lost();
         } else {
             self.text.damaged(settings);
@@ -336,11 +296,8 @@ impl Punch {
         if self.ended {
             return;
         }
-        let is_closed = self.stage == Stage::Closed
-            && !mutant!("fanuc-rs232.punch.second-percent/long-silence");
+        let is_closed = self.stage == Stage::Closed;
         let span = if is_closed { settings.end_quiet } else { settings.quiet_time };
-        let span =
-            if mutant!("fanuc-rs232.punch.quiet-time/never") && !is_closed { 0 } else { span };
         if self.is_capturing() && !self.flow.held && span > 0 {
             self.timer.start(link, CAPTURE, span);
         } else {
@@ -369,8 +326,7 @@ impl Punch {
             self.guess(settings);
             self.settle(link, settings);
         }
-        let lacks_end =
-            self.stage != Stage::Closed && !mutant!("fanuc-rs232.punch.no-end-mark/complete");
+        let lacks_end = self.stage != Stage::Closed;
         let failure = failure.or(lacks_end.then_some(Failure::NoEndMark));
         self.text.end(link, settings, &mut self.requests, failure);
         self.stage = Stage::Idle;
@@ -381,9 +337,7 @@ impl Punch {
     /// The control is not left waiting.
     pub(crate) fn abort(&mut self, link: &mut Context<'_>, settings: &Settings) {
         if self.is_capturing() {
-            let is_reset = mutant!("fanuc-rs232.punch.abort/other-reason");
-            let failure = if is_reset { Failure::PartnerReset } else { Failure::Aborted };
-            self.finish(link, settings, Some(failure));
+            self.finish(link, settings, Some(Failure::Aborted));
             self.deafen(link, settings);
         }
         self.flow.let_go(link, settings);

@@ -5,7 +5,7 @@ use super::Title;
 use crate::reason::Reason;
 use crate::request::Requests;
 use crate::{LineEnd, OnLineError, Programs, Settings};
-use softplug_plugin::{Context, Failure, NoteLevel, mutant};
+use softplug_plugin::{Context, Failure, NoteLevel};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Characters that are handed over together.
@@ -112,14 +112,8 @@ impl Text {
             self.end_of_block(link, settings);
             return;
         }
-        if mutant!("fanuc-rs232.punch.header/dropped") && !self.counts {
-            return;
-        }
         self.end_at_cr(link, settings);
-        if settings.programs == Programs::Split
-            && !mutant!("fanuc-rs232.punch.programs/one")
-            && self.title.ends_before(character)
-        {
+        if settings.programs == Programs::Split && self.title.ends_before(character) {
             self.put_close(link, settings);
             self.end(link, settings, requests, None);
             self.failure = Reason::new(None);
@@ -152,11 +146,7 @@ impl Text {
     }
 
     fn end_of_block(&mut self, link: &mut Context<'_>, settings: &Settings) {
-        if self.odd
-            && self.counts
-            && settings.tv_check
-            && !mutant!("fanuc-rs232.punch.tv-check/ignored")
-        {
+        if self.odd && self.counts && settings.tv_check {
             self.fail(Failure::ParityCheck);
         }
         self.odd = false;
@@ -167,7 +157,7 @@ impl Text {
     }
 
     fn line_end(&mut self, link: &mut Context<'_>, settings: &Settings) {
-        if settings.line_end == LineEnd::CrLf && !mutant!("fanuc-rs232.punch.line-ends/lf") {
+        if settings.line_end == LineEnd::CrLf {
             self.put(link, b'\r');
         }
         self.put(link, b'\n');
@@ -203,9 +193,7 @@ impl Text {
     }
 
     pub(super) fn damaged(&mut self, settings: &Settings) {
-        if settings.on_line_error == OnLineError::Fail
-            && !mutant!("fanuc-rs232.punch.line-error/kept")
-        {
+        if settings.on_line_error == OnLineError::Fail {
             self.fail(Failure::LineError);
         }
     }
@@ -231,7 +219,7 @@ impl Text {
         self.give_name(link);
         link.delivery_end(self.delivery, failure, 0);
         self.delivery = 0;
-        if failure.is_none() || mutant!("fanuc-rs232.request.ask/failed-too") {
+        if failure.is_none() {
             requests.look(link, settings, &self.title);
         }
     }

@@ -3,7 +3,6 @@
 use crate::Settings;
 use crate::request::wanted;
 use crate::short::{Short, trimmed};
-use softplug_plugin::mutant;
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Where in a block we are.
@@ -79,11 +78,7 @@ impl Title {
             (Place::Start, _) if is_number_letter(character) && self.number().is_none() => {
                 self.has_text = true;
                 self.number.clear();
-                self.number.push(if mutant!("fanuc-rs232.punch.name/letter") {
-                    character
-                } else {
-                    b'O'
-                });
+                self.number.push(b'O');
                 Place::Number
             }
             (Place::Number, b'0'..=b'9') => {

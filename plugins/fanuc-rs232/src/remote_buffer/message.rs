@@ -2,7 +2,6 @@
 //! code.
 
 use crate::{PacketEnd, ParityMode, Settings};
-use softplug_plugin::mutant;
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// The letters of a command, as a number.
@@ -28,13 +27,9 @@ pub(super) fn end_code(settings: &Settings) -> u8 {
 /// project's reading.
 pub(super) fn head(settings: &Settings, command: Command, data: &[u8]) -> [u8; HEAD] {
     let [_, a, b, c] = command.to_be_bytes();
-    let sum = data.iter().fold(
-        end_code(settings) * u8::from(!mutant!("fanuc-rs232.remote.end-code/not-in-sum")),
-        |sum, byte| sum.wrapping_add(byte & 0x7F),
-    );
+    let sum = data.iter().fold(end_code(settings), |sum, byte| sum.wrapping_add(byte & 0x7F));
     let sum = sum.wrapping_add(a).wrapping_add(b).wrapping_add(c);
-    let [high, low] =
-        digits(sum.wrapping_add(u8::from(mutant!("fanuc-rs232.remote.sum/one-more"))));
+    let [high, low] = digits(sum);
     let mut head = [high, low, a, b, c];
     for byte in &mut head {
         *byte = with_parity(settings, *byte);

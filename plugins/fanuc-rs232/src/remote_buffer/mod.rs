@@ -16,7 +16,7 @@ use crate::state::State;
 use crate::tape::{Encoder, Setup};
 use crate::timer::Timer;
 use message::{Command, HEAD, Reader, command, end_code, head, with_parity};
-use softplug_plugin::{Context, Failure, JobStart, MarkState, mutant};
+use softplug_plugin::{Context, Failure, JobStart, MarkState};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// How often a message is repeated, or asked for again.
@@ -123,7 +123,7 @@ impl RemoteBuffer {
         self.wanted = 0;
         self.queued = 0;
         self.packet = 0;
-        if !self.is_ready && !mutant!("fanuc-rs232.remote.initialise/no-syn") {
+        if !self.is_ready {
             self.say(link, settings, encoder, SYN);
         }
         self.await_control(link, settings);
@@ -216,9 +216,7 @@ impl RemoteBuffer {
         encoder: &mut Encoder,
         byte: u8,
     ) {
-        if !mutant!("fanuc-rs232.remote.silence/not-restarted") {
-            self.await_control(link, settings);
-        }
+        self.await_control(link, settings);
         let Some(message) = self.reader.read(settings, byte) else { return };
         match message {
             Ok(RTY) => {
@@ -226,10 +224,7 @@ impl RemoteBuffer {
                 // Where RTY answers our RTY, the control may have taken the data and
                 // asked for more: data must not be carried out twice.
                 let is_unsure = self.retries > 0 && self.last == DAT;
-                if is_unsure
-                    || self.repeats
-                        > MOST_REPEATS + u8::from(mutant!("fanuc-rs232.remote.repeat/one-more"))
-                {
+                if is_unsure || self.repeats > MOST_REPEATS {
                     self.repeats = 0;
                     self.fail(link, Failure::AttemptsUsedUp);
                 } else {
@@ -237,11 +232,7 @@ impl RemoteBuffer {
                 }
             }
             Ok(command) => self.message(link, settings, encoder, command),
-            Err(()) => self.retry(
-                link,
-                settings,
-                if mutant!("fanuc-rs232.remote.ask-again/reason") { UNKNOWN } else { DAMAGED },
-            ),
+            Err(()) => self.retry(link, settings, DAMAGED),
         }
     }
 
@@ -283,10 +274,6 @@ impl RemoteBuffer {
             self.fill(link, settings, encoder);
         } else if command == RDY && self.last == SYN {
             self.last = RDY;
-        } else if mutant!("fanuc-rs232.remote.wait/eod") && command == GTD {
-            self.say(link, settings, encoder, EOD);
-        } else if mutant!("fanuc-rs232.remote.status/wait") && *answer == STATUS {
-            self.say(link, settings, encoder, WAT);
         } else {
             self.say(link, settings, encoder, *answer);
         }
@@ -314,11 +301,6 @@ impl RemoteBuffer {
 
     /// The control is gone; a job that it has not begun to read stays.
     pub(crate) fn lost(&mut self, link: &mut Context<'_>, failure: Failure) {
-        if mutant!("fanuc-rs232.remote.reset/goes-on") && failure == Failure::PartnerReset
-            || mutant!("fanuc-rs232.remote.alarm/goes-on") && failure == Failure::PartnerAlarm
-        {
-            return;
-        }
         if self.queued > 0 {
             self.fail(link, failure);
         }

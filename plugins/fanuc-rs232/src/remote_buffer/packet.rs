@@ -5,7 +5,7 @@ use super::message::HEAD;
 use super::{DAT, EOD, RemoteBuffer, Stage, WAT};
 use crate::PACKET;
 use crate::tape::{Encoder, Setup};
-use softplug_plugin::{Context, mutant};
+use softplug_plugin::Context;
 
 impl RemoteBuffer {
     /// Answers GTD as soon as a packet is full or the data is at its end.
@@ -53,15 +53,11 @@ impl RemoteBuffer {
     pub(super) fn give(&mut self, link: &mut Context<'_>, settings: &Setup, encoder: &Encoder) {
         self.is_asked = false;
         let room = (link.transmit_room() as usize).saturating_sub(HEAD + 1);
-        let less = usize::from(mutant!("fanuc-rs232.remote.data/one-less"));
-        let most = room.min(settings.packet_size as usize - less);
+        let most = room.min(settings.packet_size as usize);
         self.packet = encoder.output.len().min(most) as u16;
         let answer = if self.packet > 0 {
             DAT
-        } else if self.stage == Stage::Closed
-            && encoder.output.len() == 0
-            && !mutant!("fanuc-rs232.remote.end/no-eod")
-        {
+        } else if self.stage == Stage::Closed && encoder.output.len() == 0 {
             self.stage = Stage::Ending;
             EOD
         } else {

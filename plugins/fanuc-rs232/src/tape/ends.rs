@@ -1,6 +1,5 @@
 //! Line ends of a program file: LF, CR LF, CR, LF CR and LF CR CR are each one.
 
-use softplug_plugin::mutant;
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// What came before, over any cut.
@@ -17,9 +16,7 @@ impl Ends {
     /// line end before it.
     pub(super) fn take(&mut self, is_cr: bool) -> bool {
         let (next, ends) = match (*self, is_cr) {
-            (Self::AfterCr, false) => {
-                (Self::InLine, mutant!("fanuc-rs232.tape.eob-in/cr-lf-twice"))
-            }
+            (Self::AfterCr, false) => (Self::InLine, false),
             (Self::AfterLf, true) => (Self::AfterLf, false),
             (_, false) => (Self::AfterLf, true),
             (_, true) => (Self::AfterCr, true),

@@ -19,7 +19,7 @@ use output::Output;
 use prefix::Prefix;
 use restart::Restart;
 pub(crate) use setup::Setup;
-use softplug_plugin::{Failure, Values, mutant};
+use softplug_plugin::{Failure, Values};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Most bytes that one call of [`Encoder::push`], [`Encoder::next`] or
@@ -192,7 +192,7 @@ impl Encoder {
                 character => self.text(settings, character).map_err(|_| Failure::BadJob),
             };
         }
-        if !self.place.eob_waits && !mutant!("fanuc-rs232.feed.preamble/no-eob") {
+        if !self.place.eob_waits {
             self.end_block(settings);
         }
         let character = core::mem::replace(&mut self.place.held, DROPPED);
@@ -259,7 +259,7 @@ impl Encoder {
         let character = if character == SPECIAL_CR { SPECIAL_LF } else { character };
         // Around a program stands what the code need not have, as a NUL in EIA.
         let is_around = match self.place.part {
-            Part::Leader => byte == 0 && !mutant!("fanuc-rs232.tape.percent/nul-in-eia-refused"),
+            Part::Leader => byte == 0,
             Part::End => matches!(byte, 0 | END_OF_FILE),
             _ => false,
         };

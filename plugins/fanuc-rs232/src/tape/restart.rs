@@ -1,7 +1,7 @@
 //! Where a program begins that is not sent from its first block on.
 
 use super::prefix::NO_NUMBER;
-use softplug_plugin::{Failure, Values, copy, mutant};
+use softplug_plugin::{Failure, Values, copy};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Longest preamble in bytes.
@@ -64,9 +64,6 @@ impl Restart {
 
     /// Whether the block with this place and number is the one.
     pub(super) fn is_found(&self, block: u32, sequence: u32) -> bool {
-        block >= self.block + u32::from(mutant!("fanuc-rs232.feed.from-block/one-later"))
-            && (self.sequence == NO_NUMBER
-                || self.sequence == sequence
-                || (mutant!("fanuc-rs232.feed.from-sequence/any-number") && sequence != NO_NUMBER))
+        block >= self.block && (self.sequence == NO_NUMBER || self.sequence == sequence)
     }
 }

@@ -4,7 +4,6 @@ use super::{DROPPED, REFUSED, SPECIAL};
 use crate::code::{Code, encode, paired};
 use crate::{BlockNumbers, Eob, SendCode, Settings, Unsupported};
 use core::ops::Deref;
-use softplug_plugin::mutant;
 
 /// The settings, and the tables of the characters that are sent.
 #[derive(Copy, Clone, Debug)]
@@ -30,9 +29,7 @@ impl Setup {
         let (code, eob): (_, &[u8]) = match (settings.code, settings.eob) {
             (SendCode::Eia, _) => (Code::Eia, b"\n"),
             (SendCode::Iso, Eob::Lf) => (Code::Iso, b"\n"),
-            (SendCode::Iso, Eob::CrLf) => {
-                (Code::Iso, if mutant!("fanuc-rs232.tape.eob-out/no-cr") { b"\n" } else { b"\r\n" })
-            }
+            (SendCode::Iso, Eob::CrLf) => (Code::Iso, b"\r\n"),
             (SendCode::Iso, Eob::LfCrCr) => (Code::Iso, b"\n\r\r"),
             (SendCode::Iso, Eob::LfCr) => (Code::Iso, b"\n\r"),
             (SendCode::Iso, Eob::Cr) => (Code::Iso, b"\r"),
@@ -58,23 +55,13 @@ impl Setup {
 /// What is sent for a byte of a file.
 fn character(settings: &Settings, code: Code, byte: u8) -> u8 {
     let character = paired(settings.replace.as_slice(), 0, byte);
-    let character =
-        character.filter(|_| !mutant!("fanuc-rs232.tape.replace/ignored")).unwrap_or(byte);
-    let character = if settings.upper && !mutant!("fanuc-rs232.tape.upper/kept") {
-        character.to_ascii_uppercase()
-    } else {
-        character
-    };
+    let character = character.unwrap_or(byte);
+    let character = if settings.upper { character.to_ascii_uppercase() } else { character };
     match character {
         b'\n' | b'\r' | b'%' | b'(' | b')' => character | SPECIAL,
         _ if encode(settings, code, character).is_some() => character,
         _ => match settings.unsupported {
-            Unsupported::Refuse => {
-                if mutant!("fanuc-rs232.tape.unsupported/space") {
-                    return b' ';
-                }
-                REFUSED
-            }
+            Unsupported::Refuse => REFUSED,
             Unsupported::Space => b' ',
             Unsupported::Drop => DROPPED,
         },

@@ -6,7 +6,7 @@ use super::{
     SPECIAL_PERCENT, Setup,
 };
 use crate::{AfterEnd, BlockNumbers, Unsupported};
-use softplug_plugin::{Failure, mutant};
+use softplug_plugin::Failure;
 
 /// Block numbers have at most five digits; after the highest the first comes again.
 const HIGHEST_NUMBER: u32 = 99_999;
@@ -49,10 +49,7 @@ impl Encoder {
                 return Err(Failure::BadJob);
             }
             // Another program, or the rest of this one behind a `%` in the middle.
-            Part::End
-                if settings.after_end == AfterEnd::Refuse
-                    && !mutant!("fanuc-rs232.tape.after-end/passed-over") =>
-            {
+            Part::End if settings.after_end == AfterEnd::Refuse => {
                 self.place.fault = Fault::TextBehind;
                 return Err(Failure::BadJob);
             }
@@ -64,13 +61,9 @@ impl Encoder {
                 self.next_block(settings);
                 Ok(())
             }
-            SPECIAL_PERCENT
-                if !self.place.in_comment
-                    || mutant!("fanuc-rs232.tape.percent-in-comment/ends") =>
-            {
+            SPECIAL_PERCENT if !self.place.in_comment => {
                 self.send(settings, character);
-                let goes_on = mutant!("fanuc-rs232.tape.after-end/sent");
-                self.place.part = if goes_on { Part::Block } else { Part::End };
+                self.place.part = Part::End;
                 Ok(())
             }
             _ => self.text(settings, character),
@@ -81,7 +74,7 @@ impl Encoder {
     #[inline(never)]
     pub(super) fn open(&mut self, settings: &Setup) {
         self.place.is_open = true;
-        if settings.percent && !mutant!("fanuc-rs232.tape.percent/not-added") {
+        if settings.percent {
             self.send(settings, SPECIAL_PERCENT);
             self.place.eob_waits = true;
         }
@@ -150,8 +143,7 @@ impl Encoder {
 
     fn send_number(&mut self, settings: &Setup) {
         let step = settings.number_step as u32;
-        let next = self.place.last_number
-            + if mutant!("fanuc-rs232.tape.block-numbers/step") { 1 } else { step };
+        let next = self.place.last_number + step;
         let number = if next > HIGHEST_NUMBER { step } else { next };
         self.place.last_number = number;
         self.send(settings, b'N');
@@ -203,8 +195,7 @@ impl Encoder {
             b"\n\r" => (0, cr),
             _ => (0, 0),
         };
-        let is_odd = (self.place.count + before + 1) & 1
-            == u8::from(!mutant!("fanuc-rs232.tape.tv-pad/even"));
+        let is_odd = (self.place.count + before + 1) & 1 == 1;
         if settings.tv_pad && self.place.block > 0 && is_odd {
             self.send(settings, b' ');
         } else {

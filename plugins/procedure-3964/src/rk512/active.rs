@@ -5,7 +5,7 @@ use super::{HEADER, LARGEST_DATA, SHORT_HEADER};
 use crate::cause::*;
 use crate::job::Stage;
 use crate::machine::{Machine, NEVER, after};
-use softplug_plugin::{Context, Failure, JobStart, mutant};
+use softplug_plugin::{Context, Failure, JobStart};
 
 /// Place of `read` in the manifest's list of jobs.
 const READ: u16 = 2;
@@ -39,14 +39,12 @@ impl Machine {
     }
 
     fn set_size(&mut self, size: u32) -> Result<(), Cause> {
-        let words = if mutant!("rk512.send.command/length-in-bytes") { size } else { size / 2 };
-        let is_odd = !size.is_multiple_of(2) && !mutant!("rk512.job.fields/odd-length-taken");
+        let words = size / 2;
+        let is_odd = !size.is_multiple_of(2);
         if is_odd || words == 0 {
             return Err(BAD_LENGTH);
         }
         let words = u16::try_from(words).map_err(|_| JOB_TOO_LONG)?;
-        let is_part = mutant!("rk512.send.follow-up/length-of-the-part");
-        let words = if is_part { words.min(64) } else { words };
         let [high, low] = words.to_be_bytes();
         self.job.block.set(6, high);
         self.job.block.set(7, low);
@@ -73,8 +71,7 @@ impl Machine {
             return if length > LARGEST_DATA.into() { Err(BAD_LENGTH) } else { Ok(()) };
         }
         if length == self.piece() as usize {
-            let goes_on = mutant!("rk512.job.pause/ignored");
-            self.job.stage = if goes_on { Stage::Begun } else { Stage::Ready };
+            self.job.stage = Stage::Ready;
         }
         Ok(())
     }
@@ -100,8 +97,6 @@ impl Machine {
     pub(crate) fn await_reaction(&mut self, link: &mut Context<'_>) {
         self.job.stage = Stage::Awaiting;
         self.rk512.reaction_until = after(link, self.options.reaction_timeout);
-        self.rk512.reaction_until.0 += i64::from(mutant!("rk512.react.time-out/tick-late"));
-        self.rk512.reaction_until.0 -= i64::from(mutant!("rk512.react.time-out/tick-early"));
     }
 
     pub(crate) fn reaction_late(&mut self, link: &mut Context<'_>) {
@@ -116,12 +111,6 @@ impl Machine {
     pub(super) fn reaction(&mut self, link: &mut Context<'_>) {
         if self.job.stage != Stage::Awaiting {
             self.warn(link, 0);
-            if mutant!("rk512.react.unasked/answered") {
-                self.rk512.react(false, 0);
-            }
-            if mutant!("rk512.react.unasked/delivered") {
-                self.deliver(link, None);
-            }
             return;
         }
         self.rk512.reaction_until = NEVER;
@@ -136,18 +125,13 @@ impl Machine {
         let Some(([got, 0, 0, error], data)) = bytes.split_first_chunk::<SHORT_HEADER>() else {
             return Err(WRONG_REACTION);
         };
-        if *error != 0 && !mutant!("rk512.react.error/taken-for-good") {
-            let is_hidden = mutant!("rk512.react.error/number-lost");
-            return Err(if is_hidden { WRONG_REACTION } else { cause_of(*error) });
-        }
-        if mutant!("rk512.react.good/passed-over") {
-            return Ok(());
+        if *error != 0 {
+            return Err(cause_of(*error));
         }
         let piece = self.piece();
         let expected = if self.is_reading() { piece as usize } else { 0 };
-        let is_other = *got != first && !mutant!("rk512.react.malformed/first-byte-not-looked-at");
-        let is_short =
-            data.len() != expected && !mutant!("rk512.react.malformed/length-not-looked-at");
+        let is_other = *got != first;
+        let is_short = data.len() != expected;
         if is_other || is_short || expected > link.delivery_room() as usize {
             return Err(WRONG_REACTION);
         }
@@ -157,24 +141,16 @@ impl Machine {
                 self.rk512.reading = self.last_delivery;
                 link.delivery_begin(self.rk512.reading, self.job.id);
             }
-            let is_whole = mutant!("rk512.fetch.command/head-delivered");
-            link.deliver(self.rk512.reading, if is_whole { bytes } else { data });
-            if mutant!("rk512.fetch.follow-up/delivery-of-its-own") {
-                self.end_reading(link, None);
-            }
+            link.deliver(self.rk512.reading, data);
         }
         self.rk512.to_do -= piece;
-        let is_first_only = mutant!("rk512.fetch.follow-up/not-asked-for") && expected > 0;
-        if self.rk512.to_do == 0 || is_first_only {
+        if self.rk512.to_do == 0 {
             self.end_reading(link, None);
             self.job.done(link);
             return Ok(());
         }
         // A follow-up repeats command and area.
         self.job.block.set(0, FOLLOW_UP);
-        if mutant!("rk512.send.follow-up/without-area") && expected == 0 {
-            self.job.block.set(3, 0);
-        }
         self.job.block.truncate(SHORT_HEADER as u16);
         if expected > 0 {
             self.job.stage = Stage::Ready;
@@ -200,7 +176,6 @@ impl Machine {
 fn cause_of(error: u8) -> Cause {
     let failure = match error {
         0x0A | 0x0C | 0x12 | 0x34 => Failure::BadJob,
-        0x14 if mutant!("rk512.react.error/not-found-is-refused") => Failure::Refused,
         0x14 => Failure::NotFound,
         0x10 | 0x16 => Failure::NotSupported,
         0x2A | 0x32 => Failure::Refused,

@@ -1,7 +1,7 @@
 //! The header of a command: what is to be transferred, from or to where.
 
 use super::fields;
-use softplug_plugin::{Values, mutant};
+use softplug_plugin::Values;
 
 /// SEND to a data block.
 pub(super) const SEND_DB: u8 = 0x41;
@@ -48,10 +48,6 @@ impl Header {
         let mut rest = fields.as_bytes();
         while let Some((index, payload)) = fields::take(&mut rest) {
             if index == AREA {
-                let is_german = matches!(payload, b"E" | b"A" | b"Z");
-                if mutant!("rk512.line.header/german-letters-unknown") && is_german {
-                    return None;
-                }
                 header[3] = area_type(payload)?;
                 continue;
             }
@@ -66,11 +62,10 @@ impl Header {
             };
             let byte = match index {
                 COUNT => {
-                    let is_turned = mutant!("rk512.line.header/low-byte-first");
-                    header[6] = if is_turned { low } else { high };
-                    if is_turned { high } else { low }
+                    header[6] = high;
+                    low
                 }
-                _ if (high > 0 || low > most) && !mutant!("rk512.job.fields/cut-to-fit") => {
+                _ if (high > 0 || low > most) => {
                     return None;
                 }
                 FLAG_BIT => header[9] & 0xF0 | low,
@@ -81,13 +76,8 @@ impl Header {
             header[place] = byte;
         }
         header[2] = match header[3] {
-            1.. if is_read
-                && ((header[6] | header[7]) != 0 || mutant!("rk512.job.fields/no-count-taken")) =>
-            {
-                FETCH
-            }
+            1.. if is_read && (header[6] | header[7]) != 0 => FETCH,
             b'D' if !is_read => SEND_DB,
-            b'X' if !is_read && mutant!("rk512.line.header/send-to-dx-as-to-db") => SEND_DB,
             b'X' if !is_read => SEND_DX,
             _ => return None,
         };
@@ -122,10 +112,6 @@ impl Header {
 
     /// Bytes of one unit of count and offset.
     pub(super) fn unit(self) -> u32 {
-        let is_timer = matches!(self.area(), b'T' | b'Z');
-        if mutant!("rk512.line.header/timers-in-bytes") && is_timer {
-            return 1;
-        }
         if matches!(self.area(), b'D' | b'X' | b'T' | b'Z') { 2 } else { 1 }
     }
 
@@ -140,22 +126,10 @@ impl Header {
 pub(crate) fn timeout_at(baud: u32) -> i64 {
     let seconds = match baud {
         0 => 20,
-        1..600 => {
-            if mutant!("rk512.react.time-out/as-long-at-300-as-at-600") {
-                7
-            } else {
-                10
-            }
-        }
+        1..600 => 10,
         600..1_200 => 7,
         1_200..38_400 => 5,
-        38_400.. => {
-            if mutant!("rk512.react.time-out/as-long-at-38400-as-at-9600") {
-                5
-            } else {
-                3
-            }
-        }
+        38_400.. => 3,
     };
     seconds * 1_000
 }

@@ -7,10 +7,8 @@ use super::header::{
     SEND_DX,
 };
 use super::{HEADER, LARGEST_DATA, Rk512, SHORT_HEADER};
-use crate::cause::WRONG_REACTION;
-use crate::job::Stage;
 use crate::machine::{Machine, NEVER, after};
-use softplug_plugin::{Context, Failure, Values, mutant};
+use softplug_plugin::{Context, Failure, Values};
 
 // Errors in a reaction.
 const ACCESS: u8 = 0x0A;
@@ -33,34 +31,20 @@ impl Machine {
             self.reaction(link);
             return;
         }
-        if mutant!("rk512.cross.directions/delay-begun-anew") && self.job.stage == Stage::Awaiting {
-            self.await_reaction(link);
-        }
-        if mutant!("rk512.cross.directions/job-given-up") && self.job.stage == Stage::Awaiting {
-            self.fail_job(link, WRONG_REACTION);
-        }
         let error = self.rk512.command(self.block.as_slice());
-        if !mutant!("rk512.serve.withdrawn/kept-behind-another-command") {
-            self.rk512.forget_request(link);
-        }
+        self.rk512.forget_request(link);
         self.rk512.reaction_ready = false;
         match error {
             Ok(data) => {
                 let bytes = self.block.as_slice();
                 self.rk512.answer_until = after(link, self.options.reaction_timeout);
-                let data = if mutant!("rk512.serve.write/header-in-the-data") { 0 } else { data };
                 self.rk512.ask(link, bytes.get(data..).unwrap_or_default());
-                if mutant!("rk512.serve.write/delivered-too") && !self.rk512.asked.is_read() {
-                    self.deliver(link, None);
-                }
             }
             Err(error) => {
                 self.warn(link, error.into());
                 let is_follow_up = self.block.as_slice().first() == Some(&FOLLOW_UP);
                 self.rk512.left = 0;
-                if !mutant!("rk512.serve.malformed/not-answered") {
-                    self.rk512.react(is_follow_up, error);
-                }
+                self.rk512.react(is_follow_up, error);
             }
         }
     }
@@ -79,16 +63,9 @@ impl Machine {
     }
 
     pub(crate) fn answer_late(&mut self, link: &mut Context<'_>) {
-        if mutant!("rk512.serve.time-out/not-withdrawn") {
-            self.rk512.answer_until = NEVER;
-        }
         self.rk512.forget_request(link);
         self.rk512.left = 0;
-        if mutant!("rk512.serve.time-out/not-answered") {
-            return;
-        }
-        let is_locked = mutant!("rk512.serve.time-out/locked");
-        self.rk512.react(self.rk512.is_next, if is_locked { LOCKED } else { IN_STOP });
+        self.rk512.react(self.rk512.is_next, IN_STOP);
     }
 }
 
@@ -100,17 +77,13 @@ impl Rk512 {
             return Err(HEADER_UNKNOWN);
         }
         let is_known = matches!(command, SEND_DB | SEND_DX | FETCH);
-        if !is_known && !mutant!("rk512.serve.malformed/command-not-looked-at") {
+        if !is_known {
             return Err(COMMAND);
         }
         let start = if first == FOLLOW_UP {
             // Until our reaction has left, it is the same follow-up once more.
             let is_due = self.left > 0 && (self.is_next || !self.is_current);
-            let is_kind_taken = mutant!("rk512.serve.malformed/kind-of-a-follow-up-not-looked-at");
-            if !is_due
-                || ((command != self.asked.command() || area != self.asked.area())
-                    && !is_kind_taken)
-            {
+            if !is_due || command != self.asked.command() || area != self.asked.area() {
                 return Err(SEQUENCE);
             }
             SHORT_HEADER
@@ -126,8 +99,7 @@ impl Rk512 {
         self.is_current = true;
         self.piece = self.left.min(LARGEST_DATA.into()) as u8;
         let expected = if self.asked.is_read() { 0 } else { usize::from(self.piece) };
-        let is_short = bytes.len() != start + expected
-            && !mutant!("rk512.serve.malformed/length-not-looked-at");
+        let is_short = bytes.len() != start + expected;
         if self.piece == 0 || is_short {
             return Err(LENGTH);
         }
@@ -139,15 +111,12 @@ impl Rk512 {
         self.last_request = self.last_request.wrapping_add(1).max(1);
         // A granted answer is gathered behind the head of the reaction.
         self.react(self.is_next, 0);
-        if !mutant!("rk512.serve.reaction/before-the-answer") {
-            self.reaction_ready = false;
-        }
+        self.reaction_ready = false;
         let header = self.asked;
         let mut fields = Fields::new();
         fields::put(&mut fields, AREA, TEXT, header.area_name().unwrap_or_default().as_bytes());
         let [.., block, _, _, _, flag, cpu_bit] = header.0;
-        let is_all = mutant!("rk512.serve.follow-up/count-of-the-whole");
-        let count = if is_all { header.size() } else { u32::from(self.piece) } / header.unit();
+        let count = u32::from(self.piece) / header.unit();
         // A coordination flag and a CPU that are all ones are none.
         fields::put_number(&mut fields, BLOCK, block.into(), u32::MAX);
         fields::put_number(&mut fields, OFFSET, self.offset, u32::MAX);
@@ -172,12 +141,9 @@ impl Rk512 {
                 if fits && more {
                     return;
                 }
-                let is_right =
-                    length == expected || mutant!("rk512.serve.read/length-not-looked-at");
+                let is_right = length == expected;
                 if fits && is_right { 0 } else { LENGTH }
             }
-            Err(_) if mutant!("rk512.serve.refused/good-all-the-same") => 0,
-            Err(_) if mutant!("rk512.serve.refused/always-in-stop") => IN_STOP,
             Err(failure) => error_of(failure),
         };
         if more {
@@ -186,7 +152,7 @@ impl Rk512 {
         }
         self.answer_until = NEVER;
         if error == 0 {
-            self.reaction_ready = !mutant!("rk512.serve.reaction/never");
+            self.reaction_ready = true;
         } else {
             self.left = 0;
             self.react(self.is_next, error);
@@ -204,14 +170,8 @@ impl Rk512 {
     pub(crate) fn advance(&mut self) {
         if self.is_current && self.left > 0 {
             self.left -= u32::from(self.piece);
-            let unit = if mutant!("rk512.serve.follow-up/offset-in-bytes") {
-                1
-            } else {
-                self.asked.unit()
-            };
-            if !mutant!("rk512.serve.follow-up/offset-of-the-first") {
-                self.offset += u32::from(self.piece) / unit;
-            }
+            let unit = self.asked.unit();
+            self.offset += u32::from(self.piece) / unit;
         }
         self.is_current = false;
     }
@@ -226,7 +186,6 @@ fn error_of(failure: Failure) -> u8 {
     match failure {
         Failure::NotFound => NOT_FOUND,
         Failure::Denied => ACCESS,
-        Failure::Busy if mutant!("rk512.serve.refused/busy-as-in-stop") => IN_STOP,
         Failure::Busy => LOCKED,
         Failure::NotSupported => HEADER_UNKNOWN,
         Failure::BadJob | Failure::TooLong => LENGTH,

@@ -1,5 +1,11 @@
 //! Builds the plug-ins with their mutants and has the suite hunt these.
 
+mod change;
+mod copy;
+mod rewrite;
+
+pub(crate) use copy::CopyError;
+
 use std::process::{Command, ExitCode};
 
 use crate::run::{cargo, status};
@@ -25,11 +31,17 @@ pub(crate) fn run(
     matrix: Matrix,
     filter: Option<&str>,
 ) -> Result<ExitCode, Error> {
-    plugins::build_mutants(workspace)?;
+    build(workspace)?;
     let mut command = command(matrix, filter);
     command.current_dir(workspace.root()).env("SOFTPLUG_MUTANTS", workspace.mutant_folder());
     let status = status(&mut command)?;
     Ok(if status.success() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// Builds every plug-in with all of its mutants into `target/mutants/NAME.wasm`.
+pub(crate) fn build(workspace: &Workspace) -> Result<(), Error> {
+    let sources = copy::make(workspace)?;
+    plugins::build_mutants(workspace, &sources)
 }
 
 fn command(matrix: Matrix, filter: Option<&str>) -> Command {
