@@ -4,7 +4,7 @@
 mod common;
 
 use common::{assert_all_pass, cases, module, native, root};
-use softplug_conformance::certify::{Order, certify};
+use softplug_conformance::certify::{CertifyOptions, certify};
 use softplug_conformance::{Corpus, Filter, Judge, Summary, load, run_all};
 use softplug_native::NativePlugin;
 use softplug_report::{Report, VerdictKind, check};
@@ -75,9 +75,9 @@ fn assert_alike_and_passed(profile: &Profile) {
 }
 
 fn conformant(profile: &Profile, corpus: &Corpus) -> Report {
-    let order = Order::new(profile.folder);
+    let options = CertifyOptions::new(profile.folder);
     let module = module(profile.plugin);
-    let report = certify(&module, corpus, &order, &|_| {}, &AtomicBool::new(false))
+    let report = certify(&module, corpus, &options, &|_| {}, &AtomicBool::new(false))
         .unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(check(&report), Ok(()));
     let failed = report.cases.iter().flat_map(|case| &case.failures);

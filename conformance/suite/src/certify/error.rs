@@ -4,11 +4,11 @@
 ///
 /// ```
 /// use softplug_conformance::Corpus;
-/// use softplug_conformance::certify::{CertifyError, Order, certify};
+/// use softplug_conformance::certify::{CertifyError, CertifyOptions, certify};
 /// use std::sync::atomic::AtomicBool;
 ///
-/// let (corpus, order) = (Corpus::embedded(), Order::new("xon"));
-/// let error = certify(b"", &corpus, &order, &|_| {}, &AtomicBool::new(false)).unwrap_err();
+/// let (corpus, options) = (Corpus::embedded(), CertifyOptions::new("xon"));
+/// let error = certify(b"", &corpus, &options, &|_| {}, &AtomicBool::new(false)).unwrap_err();
 /// assert!(matches!(&error, CertifyError::UnknownProfile { name, .. } if name == "xon"));
 /// assert!(error.to_string().starts_with("there is no profile \"xon\"; there are 3964, abi,"));
 /// ```

@@ -2,7 +2,7 @@
 
 use super::engines::{SECOND_ENGINE, Subjects, met_limit};
 use super::error::CertifyError;
-use super::order::{Order, Progress};
+use super::options::{CertifyOptions, Progress};
 use super::plan::{Fate, Plan};
 use crate::corpus::{Listed, Source};
 use crate::given::hex::hex;
@@ -42,19 +42,19 @@ pub(super) struct Ran {
 pub(super) fn run(
     plan: &Plan<'_>,
     subjects: &Subjects,
-    order: &Order,
+    options: &CertifyOptions,
     progress: &(dyn Fn(Progress) + Sync),
     stop: &AtomicBool,
 ) -> Result<Vec<Option<Ran>>, CertifyError> {
     let mut queue: Vec<usize> =
         (0..plan.cases.len()).filter(|number| plan.cases[*number].fate == Fate::Runs).collect();
-    if let Some(seed) = order.shuffle {
+    if let Some(seed) = options.shuffle {
         shuffle(&mut queue, seed);
     }
     let shared = Shared {
         plan,
         subjects,
-        order,
+        options,
         progress,
         stop,
         has_failed: AtomicBool::new(false),
@@ -63,7 +63,7 @@ pub(super) fn run(
         failed: AtomicUsize::new(0),
         queue,
     };
-    let threads = order.threads.clamp(1, shared.queue.len().max(1));
+    let threads = options.threads.clamp(1, shared.queue.len().max(1));
     let finished = thread::scope(|scope| {
         let workers: Vec<_> = (0..threads).map(|_| scope.spawn(|| shared.work())).collect();
         workers.into_iter().map(thread::ScopedJoinHandle::join).collect::<Vec<_>>()
@@ -97,7 +97,7 @@ fn shuffle(queue: &mut [usize], seed: u64) {
 struct Shared<'a> {
     plan: &'a Plan<'a>,
     subjects: &'a Subjects,
-    order: &'a Order,
+    options: &'a CertifyOptions,
     progress: &'a (dyn Fn(Progress) + Sync),
     stop: &'a AtomicBool,
     /// A thread has met an error: the others need not go on.
@@ -159,7 +159,7 @@ impl Shared<'_> {
             if self.is_over() {
                 return Ok(None);
             }
-            let failure = start.judge(permutation, self.order.cut_seed);
+            let failure = start.judge(permutation, self.options.cut_seed);
             let name = permutation.to_string();
             ran.add(failure.map(|failure| failed_run(listed, case, &name, failure)));
             if permutation == Permutation::Uncut {

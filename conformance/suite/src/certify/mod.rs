@@ -8,7 +8,7 @@ mod error;
 mod execute;
 mod glob;
 mod observe;
-mod order;
+mod options;
 mod plan;
 mod rows;
 
@@ -16,7 +16,7 @@ pub use baseline::{Baseline, BaselineError, Expected};
 pub use error::CertifyError;
 pub use glob::matches;
 pub use observe::{ObservedRun, observe};
-pub use order::{Order, Progress};
+pub use options::{CertifyOptions, Progress};
 
 use crate::corpus::Corpus;
 use engines::Engines;
@@ -31,18 +31,18 @@ use std::sync::atomic::AtomicBool;
 ///
 /// ```
 /// use softplug_conformance::Corpus;
-/// use softplug_conformance::certify::{Order, Progress, certify};
+/// use softplug_conformance::certify::{CertifyOptions, Progress, certify};
 /// use std::sync::Mutex;
 /// use std::sync::atomic::AtomicBool;
 ///
 /// # let module = wat::parse_file("../../fixtures/abi/echo.wat")?;
-/// let order = Order { cases: vec!["abi.settings.*".to_owned()], ..Order::new("abi") };
+/// let options = CertifyOptions { cases: vec!["abi.settings.*".to_owned()], ..CertifyOptions::new("abi") };
 /// let last = Mutex::new(None);
 /// let progress = |so_far: Progress| {
 ///     *last.lock().unwrap() = Some((so_far.cases, so_far.failed));
 /// };
 /// let report =
-///     certify(&module, &Corpus::embedded(), &order, &progress, &AtomicBool::new(false))?;
+///     certify(&module, &Corpus::embedded(), &options, &progress, &AtomicBool::new(false))?;
 /// // All that was asked for has passed, but not all of the profile was asked for.
 /// assert_eq!(report.verdict.text(), "partial");
 /// assert_eq!(*last.lock().unwrap(), Some((report.counts.executed as usize, 0)));
@@ -55,21 +55,23 @@ use std::sync::atomic::AtomicBool;
 pub fn certify(
     module: &[u8],
     corpus: &Corpus,
-    order: &Order,
+    options: &CertifyOptions,
     progress: &(dyn Fn(Progress) + Sync),
     stop: &AtomicBool,
 ) -> Result<Report, CertifyError> {
     let engines = Engines::new()?;
     let judged = engines.load(module);
-    let plan = Plan::new(corpus, order, judged.manifest())?;
+    let plan = Plan::new(corpus, options, judged.manifest())?;
     let mut unfit = judged.unfit();
     if unfit.is_empty() {
         unfit = plan.unfit(judged.manifest());
     }
     let ran = match judged.subjects() {
-        Some(subjects) if unfit.is_empty() => execute::run(&plan, subjects, order, progress, stop)?,
+        Some(subjects) if unfit.is_empty() => {
+            execute::run(&plan, subjects, options, progress, stop)?
+        }
         _ => plan.cases.iter().map(|_| None).collect(),
     };
     let (engines, judged, plan) = (&engines, &judged, &plan);
-    Ok(Results { module, corpus, order, engines, judged, plan, unfit, ran }.report())
+    Ok(Results { module, corpus, options, engines, judged, plan, unfit, ran }.report())
 }

@@ -12,7 +12,7 @@ use crate::script::Script;
 use softplug_abi::Micros;
 use softplug_trace::Line;
 
-/// The observed course of one run.
+/// The observed timeline of one run.
 ///
 /// The example of [`observe`] shows one.
 #[derive(Clone, PartialEq, Eq, Debug)]

@@ -2,7 +2,7 @@
 
 use super::error::CertifyError;
 use super::glob::matches;
-use super::order::Order;
+use super::options::CertifyOptions;
 use crate::corpus::{Corpus, Listed};
 use crate::given::ledger::Ledger;
 use softplug_abi::manifest::{Manifest, Setting};
@@ -42,15 +42,16 @@ pub(super) enum Fate {
 impl<'a> Plan<'a> {
     pub(super) fn new(
         corpus: &'a Corpus,
-        order: &Order,
+        options: &CertifyOptions,
         manifest: Option<&Manifest>,
     ) -> Result<Self, CertifyError> {
-        let ledger = corpus.ledger(&order.profile).ok_or_else(|| {
+        let ledger = corpus.ledger(&options.profile).ok_or_else(|| {
             let known: Vec<_> = corpus.ledgers.iter().map(|known| known.profile.as_str()).collect();
-            let name: String = order.profile.chars().filter(|c| !c.is_control()).take(40).collect();
+            let name: String =
+                options.profile.chars().filter(|c| !c.is_control()).take(40).collect();
             CertifyError::UnknownProfile { name, known: known.join(", ") }
         })?;
-        let revision = order.revision.unwrap_or(ledger.revision);
+        let revision = options.revision.unwrap_or(ledger.revision);
         if revision == 0 || revision > ledger.revision {
             let (profile, newest) = (ledger.profile.clone(), ledger.revision);
             return Err(CertifyError::UnknownRevision { profile, revision, newest });
@@ -79,11 +80,11 @@ impl<'a> Plan<'a> {
             .into_iter()
             .map(|case| Planned {
                 case,
-                fate: plan.fate(&case, &order.cases),
+                fate: plan.fate(&case, &options.cases),
                 is_scored: case.since <= revision,
             })
             .collect();
-        let selected = |planned: &Planned<'_>| is_selected(&order.cases, planned.case.id);
+        let selected = |planned: &Planned<'_>| is_selected(&options.cases, planned.case.id);
         if !plan.cases.iter().any(selected) {
             return Err(CertifyError::NothingSelected { profile: ledger.profile.clone() });
         }

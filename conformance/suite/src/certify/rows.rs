@@ -3,7 +3,7 @@
 use super::baseline::{Baseline, Expected};
 use super::engines::{Engines, Judged};
 use super::execute::Ran;
-use super::order::Order;
+use super::options::CertifyOptions;
 use super::plan::{Fate, Plan, Planned};
 use crate::corpus::Corpus;
 use crate::given::hex::hex;
@@ -18,7 +18,7 @@ use softplug_report::{
 pub(super) struct Results<'a> {
     pub(super) module: &'a [u8],
     pub(super) corpus: &'a Corpus,
-    pub(super) order: &'a Order,
+    pub(super) options: &'a CertifyOptions,
     pub(super) engines: &'a Engines,
     pub(super) judged: &'a Judged,
     pub(super) plan: &'a Plan<'a>,
@@ -95,9 +95,9 @@ impl Results<'_> {
             planned.fate == Fate::Runs && ran.is_none()
         };
         Selection {
-            strict: self.order.strict,
-            cases: self.order.cases.clone(),
-            baseline: self.order.baseline.as_ref().map(|baseline| baseline.digest.clone()),
+            strict: self.options.strict,
+            cases: self.options.cases.clone(),
+            baseline: self.options.baseline.as_ref().map(|baseline| baseline.digest.clone()),
             interrupted: self.unfit.is_empty() && self.both().any(is_missing),
         }
     }
@@ -147,7 +147,7 @@ impl Results<'_> {
     }
 
     fn baseline(&self) -> Option<&Baseline> {
-        self.order.baseline.as_ref()
+        self.options.baseline.as_ref()
     }
 
     /// What makes the baseline stale.

@@ -77,7 +77,7 @@ pub struct Listed<'a> {
     pub source: Source<'a>,
 }
 
-/// Where a case's course stands.
+/// Where a case's timeline stands.
 ///
 /// The example of [`Corpus`] shows one.
 #[derive(Copy, Clone, Debug)]

@@ -1,7 +1,6 @@
 //! What is given: cases as traces, the ledgers that they are written to, and what a trace
 //! gives to a plug-in.
 
-pub(crate) mod course;
 pub(crate) mod disturb;
 pub(crate) mod fields;
 pub(crate) mod file_error;
@@ -9,3 +8,4 @@ pub(crate) mod hex;
 pub mod ledger;
 pub(crate) mod lines;
 pub(crate) mod load;
+pub(crate) mod timeline;

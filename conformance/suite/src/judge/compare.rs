@@ -11,13 +11,13 @@ pub(crate) struct Mismatch {
     pub(crate) at: Micros,
     /// When the demand was due at the latest.
     pub(crate) due: Micros,
-    /// Number of the demand, and of the deed in it.
+    /// Number of the demand, and of the effect in it.
     pub(crate) expected: Option<(usize, usize)>,
     /// Number of what was seen.
     pub(crate) observed: Option<usize>,
 }
 
-/// Holds what was seen against one course of demands, both in the order of time.
+/// Holds what was seen against one timeline of demands, both in the order of time.
 pub(crate) fn compare(
     demands: &[Demand],
     seen: &[Seen],
@@ -36,7 +36,7 @@ pub(crate) fn compare(
 
 struct Matcher<'a> {
     demands: &'a [Demand],
-    /// Deeds of each demand that were seen.
+    /// Effects of each demand that were seen.
     progress: Vec<usize>,
     /// All demands before it are fulfilled.
     first_open: usize,
@@ -55,8 +55,8 @@ impl Matcher<'_> {
             }
             let demand = &self.demands[number];
             let done = self.progress[number];
-            let expected = demand.deed(done);
-            if expected.channel() != seen.deed.channel() {
+            let expected = demand.effect(done);
+            if expected.channel() != seen.effect.channel() {
                 continue;
             }
             let (from, to) = self.window(number);
@@ -65,7 +65,7 @@ impl Matcher<'_> {
             if from > seen.at {
                 break;
             }
-            if expected.allows(&seen.deed) && seen.at <= to {
+            if expected.allows(&seen.effect) && seen.at <= to {
                 self.fulfil(number, seen);
                 return Ok(());
             }
@@ -98,7 +98,7 @@ impl Matcher<'_> {
         })
     }
 
-    /// When the next deed of a demand may happen: the first in the line's window,
+    /// When the next effect of a demand may happen: the first in the line's window,
     /// the others back to back.
     fn window(&self, number: usize) -> (Micros, Micros) {
         let demand = &self.demands[number];
@@ -129,7 +129,7 @@ pub(crate) fn first_difference(base: &[Seen], seen: &[Seen]) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::run::deed::Deed;
+    use crate::run::effect::Effect;
 
     fn bytes(from: i64, to: i64, bytes: &[u8]) -> Demand {
         let what = Demanded::Bytes(bytes.to_vec());
@@ -137,16 +137,16 @@ mod tests {
     }
 
     fn done(at: i64, id: u32) -> Demand {
-        let what = Demanded::Deed(Deed::Done { id, sent: None });
+        let what = Demanded::Effect(Effect::Done { id, sent: None });
         Demand { from: Micros(at), to: Micros(at), line: 0, what }
     }
 
-    fn seen(list: &[(i64, Deed)]) -> Vec<Seen> {
-        list.iter().map(|(at, deed)| Seen { at: Micros(*at), deed: deed.clone() }).collect()
+    fn seen(list: &[(i64, Effect)]) -> Vec<Seen> {
+        list.iter().map(|(at, effect)| Seen { at: Micros(*at), effect: effect.clone() }).collect()
     }
 
     fn sent(list: &[(i64, u8)]) -> Vec<Seen> {
-        seen(&list.iter().map(|(at, byte)| (*at, Deed::Byte(*byte))).collect::<Vec<_>>())
+        seen(&list.iter().map(|(at, byte)| (*at, Effect::Byte(*byte))).collect::<Vec<_>>())
     }
 
     fn judge(demands: &[Demand], seen: &[Seen]) -> Result<(), Mismatch> {
@@ -189,7 +189,8 @@ mod tests {
         let mismatch =
             Mismatch { at: Micros(5_000), due: Micros(5_000), expected: None, observed: Some(1) };
         assert_eq!(judge(&demands, &extra), Err(mismatch));
-        let other = seen(&[(0, Deed::Byte(b'A')), (1_042, Deed::Done { id: 1, sent: Some(1) })]);
+        let other =
+            seen(&[(0, Effect::Byte(b'A')), (1_042, Effect::Done { id: 1, sent: Some(1) })]);
         assert!(judge(&demands, &other).is_err());
     }
 
@@ -208,17 +209,17 @@ mod tests {
     #[test]
     fn lines_of_one_kind_and_time_have_an_order() {
         let demands = [done(5, 1), done(5, 2)];
-        let deed = |id| (5, Deed::Done { id, sent: Some(0) });
-        assert_eq!(judge(&demands, &seen(&[deed(1), deed(2)])), Ok(()));
+        let effect = |id| (5, Effect::Done { id, sent: Some(0) });
+        assert_eq!(judge(&demands, &seen(&[effect(1), effect(2)])), Ok(()));
         let mismatch =
             Mismatch { at: Micros(5), due: Micros(5), expected: Some((0, 0)), observed: Some(0) };
-        assert_eq!(judge(&demands, &seen(&[deed(2), deed(1)])), Err(mismatch));
+        assert_eq!(judge(&demands, &seen(&[effect(2), effect(1)])), Err(mismatch));
     }
 
     #[test]
     fn lines_of_different_kinds_have_none() {
         let demands = [done(5, 1), bytes(5, 5, b"A")];
-        let both = seen(&[(5, Deed::Byte(b'A')), (5, Deed::Done { id: 1, sent: Some(0) })]);
+        let both = seen(&[(5, Effect::Byte(b'A')), (5, Effect::Done { id: 1, sent: Some(0) })]);
         assert_eq!(judge(&demands, &both), Ok(()));
     }
 

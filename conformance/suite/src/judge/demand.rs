@@ -1,10 +1,10 @@
 //! What a trace demands of a plug-in, line by line.
 
-use crate::given::course::{CourseError, failure, micros};
 use crate::given::fields::records;
 use crate::given::lines::modem_lines;
 use crate::given::load::Case;
-use crate::run::deed::{Deed, Delivered};
+use crate::given::timeline::{TimelineError, failure, micros};
+use crate::run::effect::{Delivered, Effect};
 use softplug_abi::Micros;
 use softplug_abi::manifest::Manifest;
 use softplug_trace::{Assignment, CheckFault, DeliveryEnd, Entry, Expected, Payload, What};
@@ -23,37 +23,37 @@ pub(crate) struct Demand {
 pub(crate) enum Demanded {
     /// Characters back to back.
     Bytes(Vec<u8>),
-    Deed(Deed),
+    Effect(Effect),
 }
 
 impl Demand {
-    /// How many deeds it takes.
+    /// How many effects it takes.
     pub(crate) fn length(&self) -> usize {
         match &self.what {
             Demanded::Bytes(bytes) => bytes.len(),
-            Demanded::Deed(_) => 1,
+            Demanded::Effect(_) => 1,
         }
     }
 
-    /// The deed with this number, from 0.
-    pub(crate) fn deed(&self, number: usize) -> Deed {
+    /// The effect with this number, from 0.
+    pub(crate) fn effect(&self, number: usize) -> Effect {
         match &self.what {
-            Demanded::Bytes(bytes) => Deed::Byte(bytes[number]),
-            Demanded::Deed(deed) => deed.clone(),
+            Demanded::Bytes(bytes) => Effect::Byte(bytes[number]),
+            Demanded::Effect(effect) => effect.clone(),
         }
     }
 }
 
-/// Everything that one course of events of a trace demands.
+/// Everything that one timeline of events of a trace demands.
 pub(crate) fn demands(
     case: &Case,
     manifest: &Manifest,
-    course: &[&Entry],
-) -> Result<Vec<Demand>, CourseError> {
-    let expected = course.iter().filter(|entry| entry.what.is_expectation());
+    timeline: &[&Entry],
+) -> Result<Vec<Demand>, TimelineError> {
+    let expected = timeline.iter().filter(|entry| entry.what.is_expectation());
     let demand = |entry: &&Entry| {
         let what = demanded(case, manifest, &entry.what)
-            .map_err(|reason| CourseError { line: entry.line.0, reason })?;
+            .map_err(|reason| TimelineError { line: entry.line.0, reason })?;
         let (from, to) = (micros(entry.when.from), micros(entry.when.to));
         Ok(Demand { from, to, line: entry.line.0, what })
     };
@@ -62,25 +62,27 @@ pub(crate) fn demands(
 
 fn demanded(case: &Case, manifest: &Manifest, what: &What) -> Result<Demanded, String> {
     let bytes = |payload: &Payload| payload.bytes(&case.files()).map_err(|error| error.to_string());
-    Ok(Demanded::Deed(match what {
+    Ok(Demanded::Effect(match what {
         What::Send(payload) => return Ok(Demanded::Bytes(bytes(payload)?)),
-        What::SendBreak(micros) => Deed::Break(*micros),
+        What::SendBreak(micros) => Effect::Break(*micros),
         What::SetLines(levels) => {
             let (named, on) = modem_lines(levels);
-            Deed::Lines(named, on)
+            Effect::Lines(named, on)
         }
-        What::Act(Expected::Deliver { id, data, end, status, name }) => Deed::Deliver(Delivered {
-            id: *id,
-            bytes: bytes(data)?,
-            failure: match end {
-                DeliveryEnd::Complete => None,
-                DeliveryEnd::Failed(code) => Some(failure(code)?),
-            },
-            status: status.unwrap_or(0),
-            name: name.clone(),
-        }),
-        What::Act(Expected::Done { id, sent }) => Deed::Done { id: *id, sent: *sent },
-        What::Act(Expected::Fail { id, code, status, sent }) => Deed::Fail {
+        What::Act(Expected::Deliver { id, data, end, status, name }) => {
+            Effect::Deliver(Delivered {
+                id: *id,
+                bytes: bytes(data)?,
+                failure: match end {
+                    DeliveryEnd::Complete => None,
+                    DeliveryEnd::Failed(code) => Some(failure(code)?),
+                },
+                status: status.unwrap_or(0),
+                name: name.clone(),
+            })
+        }
+        What::Act(Expected::Done { id, sent }) => Effect::Done { id: *id, sent: *sent },
+        What::Act(Expected::Fail { id, code, status, sent }) => Effect::Fail {
             id: *id,
             failure: failure(code)?,
             status: status.unwrap_or(0),
@@ -88,7 +90,7 @@ fn demanded(case: &Case, manifest: &Manifest, what: &What) -> Result<Demanded, S
         },
         What::Act(Expected::Check { id, fault }) => check(*id, fault.as_ref())?,
         What::Act(Expected::Request { id, kind, fields }) => request(manifest, *id, kind, fields)?,
-        What::Act(Expected::Withdraw(id)) => Deed::Withdraw(*id),
+        What::Act(Expected::Withdraw(id)) => Effect::Withdraw(*id),
         What::Receive(_)
         | What::Burst(_)
         | What::Line(_)
@@ -100,11 +102,11 @@ fn demanded(case: &Case, manifest: &Manifest, what: &What) -> Result<Demanded, S
     }))
 }
 
-fn check(id: u32, fault: Option<&CheckFault>) -> Result<Deed, String> {
+fn check(id: u32, fault: Option<&CheckFault>) -> Result<Effect, String> {
     let Some(fault) = fault else {
-        return Ok(Deed::Check { id, failure: None, status: 0, line: 0, column: 0 });
+        return Ok(Effect::Check { id, failure: None, status: 0, line: 0, column: 0 });
     };
-    Ok(Deed::Check {
+    Ok(Effect::Check {
         id,
         failure: Some(failure(&fault.code)?),
         status: fault.status.unwrap_or(0),
@@ -118,9 +120,9 @@ fn request(
     id: u32,
     kind: &str,
     fields: &[Assignment],
-) -> Result<Deed, String> {
+) -> Result<Effect, String> {
     let place = manifest.requests.iter().position(|known| known.name == kind);
     let place = place.ok_or_else(|| format!("the plug-in makes no request of kind \"{kind}\""))?;
     let fields = records(&manifest.requests[place], fields)?;
-    Ok(Deed::Request { id, kind: place as u16, fields })
+    Ok(Effect::Request { id, kind: place as u16, fields })
 }

@@ -5,7 +5,7 @@ use super::demand::Demand;
 use crate::given::lines::line_parameters;
 use crate::given::load::Case;
 use crate::run::back_to_back::Run;
-use crate::run::deed::Deed;
+use crate::run::effect::Effect;
 use crate::run::outcome::Seen;
 use crate::run::transcript;
 use serde::Serialize;
@@ -109,13 +109,16 @@ fn now(ahead: &[Seen], at: Micros) -> &[Seen] {
     if ahead.first().is_some_and(|first| first.at > at) { &[] } else { ahead }
 }
 
-/// What is left of a demand from its deed `done` on, which is due at `at`. The times of
+/// What is left of a demand from its effect `done` on, which is due at `at`. The times of
 /// the bytes behind it are those of a line that begins there.
 fn rest(demand: &Demand, done: usize, at: Micros, line: LineParameters) -> Vec<Seen> {
     let last = demand.length().min(done + AROUND);
-    let deeds = (done..last).enumerate();
-    deeds
-        .map(|(n, number)| Seen { at: at + line.characters(n as u64), deed: demand.deed(number) })
+    let effects = (done..last).enumerate();
+    effects
+        .map(|(n, number)| Seen {
+            at: at + line.characters(n as u64),
+            effect: demand.effect(number),
+        })
         .collect()
 }
 
@@ -127,9 +130,9 @@ fn bytes(
     before: &[Seen],
     line: LineParameters,
 ) -> (Vec<u8>, Vec<u8>) {
-    let first = |seen: &[Seen]| seen.first().map(|seen| seen.deed.clone());
+    let first = |seen: &[Seen]| seen.first().map(|seen| seen.effect.clone());
     match (first(demanded), first(observed)) {
-        (Some(Deed::Deliver(expected)), Some(Deed::Deliver(observed)))
+        (Some(Effect::Deliver(expected)), Some(Effect::Deliver(observed)))
             if expected.bytes != observed.bytes =>
         {
             let same = expected.bytes.iter().zip(&observed.bytes);
@@ -140,14 +143,14 @@ fn bytes(
             };
             (around(&expected.bytes), around(&observed.bytes))
         }
-        (Some(Deed::Byte(_)), _) | (_, Some(Deed::Byte(_))) => {
+        (Some(Effect::Byte(_)), _) | (_, Some(Effect::Byte(_))) => {
             let before = sent(before);
             let before = before[before.len().saturating_sub(AROUND)..].to_vec();
             // As far as they follow each other at once.
             let ahead = |seen: &[Seen]| -> Vec<u8> {
                 let mut run = Run::new(line);
-                let bytes = seen.iter().enumerate().map_while(|(number, seen)| match seen.deed {
-                    Deed::Byte(byte) if run.add(seen.at) || number == 0 => Some(byte),
+                let bytes = seen.iter().enumerate().map_while(|(number, seen)| match seen.effect {
+                    Effect::Byte(byte) if run.add(seen.at) || number == 0 => Some(byte),
                     _ => None,
                 });
                 before.iter().copied().chain(bytes.take(AROUND)).collect()
@@ -159,8 +162,8 @@ fn bytes(
 }
 
 fn sent(seen: &[Seen]) -> Vec<u8> {
-    let byte = |seen: &Seen| match seen.deed {
-        Deed::Byte(byte) => Some(byte),
+    let byte = |seen: &Seen| match seen.effect {
+        Effect::Byte(byte) => Some(byte),
         _ => None,
     };
     seen.iter().filter_map(byte).collect()

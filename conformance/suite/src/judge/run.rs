@@ -4,10 +4,10 @@ use super::compare::{compare, first_difference};
 use super::demand::demands;
 use super::divergence::Divergence;
 use super::verdict::{Failure, Verdict};
-use crate::given::course::CourseError;
 use crate::given::hex::hex;
 use crate::given::lines::line_parameters;
 use crate::given::load::Case;
+use crate::given::timeline::TimelineError;
 use crate::run::class::Class;
 use crate::run::fault::{Fault, FaultClass};
 use crate::run::outcome::{Outcome, Seen};
@@ -71,7 +71,7 @@ pub struct Summary {
     pub passed: usize,
     /// Those that did not.
     pub failed: usize,
-    /// SHA-256 over the name, the verdict and the observable deeds of every uncut
+    /// SHA-256 over the name, the verdict and the observable effects of every uncut
     /// case, as hex digits.
     pub digest: String,
     /// Every case, in the order of subjects, traces and permutations.
@@ -301,17 +301,17 @@ fn failure(
     Failure { class, file, divergence, fault, before, again }
 }
 
-/// The divergence from that course of events which is followed the longest, and
+/// The divergence from that timeline of events which is followed the longest, and
 /// how much was seen before it.
 fn against_trace(
     case: &Case,
     manifest: &Manifest,
     outcome: &Outcome,
-) -> Result<Option<(Divergence, usize)>, CourseError> {
+) -> Result<Option<(Divergence, usize)>, TimelineError> {
     let line = line_parameters(&case.trace.front.line);
     let mut furthest = None;
-    for course in case.trace.variants() {
-        let demands = demands(case, manifest, &course)?;
+    for timeline in case.trace.variants() {
+        let demands = demands(case, manifest, &timeline)?;
         let Err(mismatch) = compare(&demands, &outcome.seen, line) else { return Ok(None) };
         let is_further = furthest
             .as_ref()
@@ -330,7 +330,7 @@ pub(crate) fn pure(id: &str, seen: &[Seen], failure: Option<&Failure>) -> String
     let verdict = failure.map_or("passed", |failure| failure.class.text());
     let mut text = format!("{id}\n{verdict}\n");
     for seen in seen {
-        let _ = writeln!(text, "{} {:?}", seen.at, seen.deed);
+        let _ = writeln!(text, "{} {:?}", seen.at, seen.effect);
     }
     text
 }

@@ -1,6 +1,6 @@
 //! The same bytes of one time, cut differently.
 
-use crate::given::course::{Course, Given, Input};
+use crate::given::timeline::{Given, Input, Timeline};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use sha2::{Digest, Sha256};
@@ -18,14 +18,14 @@ pub(crate) enum Cuts {
     Random(u8, u64),
 }
 
-impl Course {
+impl Timeline {
     /// Whether there is anything to cut.
     pub(crate) fn can_be_cut(&self) -> bool {
         let joined = self.clone().cut("", Cuts::Whole);
         joined.given.iter().any(|given| matches!(&given.what, Input::Bytes(run) if run.len() > 1))
     }
 
-    /// The same course with its bytes cut; random places depend on `id`, the number
+    /// The same timeline with its bytes cut; random places depend on `id`, the number
     /// and the seed alone.
     pub(crate) fn cut(self, id: &str, cuts: Cuts) -> Self {
         let given = match cuts {
@@ -90,17 +90,17 @@ mod tests {
     use super::*;
     use softplug_abi::Micros;
 
-    fn course() -> Course {
+    fn timeline() -> Timeline {
         let bytes = |at, run: &[u8]| Given { at: Micros(at), what: Input::Bytes(run.to_vec()) };
-        Course { given: vec![bytes(1, b"AB"), bytes(1, b"CDEF"), bytes(2, b"G")], end: Micros(3) }
+        Timeline { given: vec![bytes(1, b"AB"), bytes(1, b"CDEF"), bytes(2, b"G")], end: Micros(3) }
     }
 
-    fn pieces(course: &Course) -> Vec<(i64, String)> {
+    fn pieces(timeline: &Timeline) -> Vec<(i64, String)> {
         let text = |given: &Given| match &given.what {
             Input::Bytes(run) => (given.at.0, String::from_utf8_lossy(run).into_owned()),
             other => panic!("{other:?} was not there"),
         };
-        course.given.iter().map(text).collect()
+        timeline.given.iter().map(text).collect()
     }
 
     #[test]
@@ -108,17 +108,17 @@ mod tests {
         let owned = |list: &[(i64, &str)]| {
             list.iter().map(|(at, text)| (*at, (*text).to_owned())).collect::<Vec<_>>()
         };
-        assert_eq!(pieces(&course().cut("x", Cuts::Whole)), owned(&[(1, "ABCDEF"), (2, "G")]));
-        assert_eq!(pieces(&course().cut("x", Cuts::Singly)).len(), 7);
+        assert_eq!(pieces(&timeline().cut("x", Cuts::Whole)), owned(&[(1, "ABCDEF"), (2, "G")]));
+        assert_eq!(pieces(&timeline().cut("x", Cuts::Singly)).len(), 7);
         let mut seen = std::collections::BTreeSet::new();
         for number in 1..=32 {
-            let cut = pieces(&course().cut("x", Cuts::Random(number, 0)));
+            let cut = pieces(&timeline().cut("x", Cuts::Random(number, 0)));
             let joined: String = cut.iter().map(|(_, text)| text.as_str()).collect();
             assert_eq!(joined, "ABCDEFG");
             assert_eq!(cut.last(), Some(&(2, "G".to_owned())));
             assert_eq!(
                 cut,
-                pieces(&course().cut("x", Cuts::Random(number, 0))),
+                pieces(&timeline().cut("x", Cuts::Random(number, 0))),
                 "not reproducible"
             );
             seen.insert(cut);
@@ -131,8 +131,8 @@ mod tests {
     fn random_cuts_are_frozen() {
         let run = |at| Given { at: Micros(at), what: Input::Bytes(vec![b'x'; 40]) };
         let lengths = |number, seed| {
-            let course = Course { given: vec![run(1), run(2)], end: Micros(3) };
-            let cut = pieces(&course.cut("some.case", Cuts::Random(number, seed)));
+            let timeline = Timeline { given: vec![run(1), run(2)], end: Micros(3) };
+            let cut = pieces(&timeline.cut("some.case", Cuts::Random(number, seed)));
             cut.iter().map(|(_, text)| text.len()).collect::<Vec<_>>()
         };
         let frozen = (1..=8)
@@ -144,8 +144,8 @@ mod tests {
 
     #[test]
     fn single_bytes_leave_nothing_to_cut() {
-        assert!(course().can_be_cut());
-        let single = Course { given: vec![course().given.pop().unwrap()], end: Micros(3) };
+        assert!(timeline().can_be_cut());
+        let single = Timeline { given: vec![timeline().given.pop().unwrap()], end: Micros(3) };
         assert!(!single.can_be_cut());
     }
 }

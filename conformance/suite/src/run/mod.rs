@@ -5,7 +5,7 @@ pub(crate) mod back_to_back;
 pub(crate) mod class;
 pub mod closed_loop;
 pub(crate) mod cut;
-pub(crate) mod deed;
+pub(crate) mod effect;
 pub(crate) mod erased;
 pub(crate) mod fault;
 pub(crate) mod outcome;

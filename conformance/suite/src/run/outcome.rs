@@ -1,6 +1,6 @@
 //! What a run of a trace or a recording showed.
 
-use super::deed::Deed;
+use super::effect::Effect;
 use super::fault::Fault;
 use super::subject::Fuel;
 use softplug_abi::Micros;
@@ -26,7 +26,7 @@ pub struct Outcome {
     pub bytes: u64,
 }
 
-/// A deed at its time.
+/// An effect at its time.
 ///
 /// The example of [`replay`] shows some.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -34,7 +34,7 @@ pub struct Seen {
     /// When, on the trace's clock.
     pub at: Micros,
     /// What.
-    pub deed: Deed,
+    pub effect: Effect,
 }
 
 impl Outcome {

@@ -1,8 +1,8 @@
 //! The ways in which one trace is run, and their names.
 
 use super::cut::Cuts;
-use crate::given::course::{Course, CourseError, Windows, windows};
 use crate::given::load::Case;
+use crate::given::timeline::{Timeline, TimelineError, Windows, windows};
 use softplug_abi::manifest::Manifest;
 use std::fmt;
 use std::str::FromStr;
@@ -47,7 +47,7 @@ impl Permutation {
     pub(crate) fn without_swaps(
         case: &Case,
         manifest: &Manifest,
-    ) -> Result<Vec<Self>, CourseError> {
+    ) -> Result<Vec<Self>, TimelineError> {
         let mut all = vec![Self::Uncut];
         if case.trace.is_recording() {
             return Ok(all);
@@ -61,7 +61,7 @@ impl Permutation {
                 all.extend((1..=count).map(|number| Self::Late(Some(number))));
             }
         }
-        if permute.cuts && Course::new(case, manifest, Windows::Early)?.can_be_cut() {
+        if permute.cuts && Timeline::new(case, manifest, Windows::Early)?.can_be_cut() {
             all.extend([Self::CutSingly, Self::CutWhole]);
             all.extend((1..=RANDOM_CUTS).map(Self::CutRandom));
         }

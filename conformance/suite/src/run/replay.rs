@@ -1,14 +1,14 @@
 //! One run of a trace: the plug-in on a link in virtual time.
 
-use super::deed::Deed;
+use super::effect::Effect;
 use super::fault::{Fault, FaultClass};
 use super::outcome::{Outcome, Seen};
 use super::permute::Permutation;
 use super::rerun::rerun;
 use super::subject::{Meter, Subject, Watched};
-use crate::given::course::{Asked, Course, Input, Windows};
 use crate::given::lines::{line_parameters, modem_lines};
 use crate::given::load::Case;
+use crate::given::timeline::{Asked, Input, Timeline, Windows};
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Instance, Micros, ModemLines};
 use softplug_link::{LinkFault, LinkOptions, Recorder, VirtualLine};
@@ -23,7 +23,7 @@ const ROOM: u32 = 4_096;
 /// ```
 /// use softplug_abi::Micros;
 /// use softplug_abi::manifest::Manifest;
-/// use softplug_conformance::{Deed, FromFn, Outcome, Permutation, Seen, load, replay};
+/// use softplug_conformance::{Effect, FromFn, Outcome, Permutation, Seen, load, replay};
 /// use softplug_native::NativePlugin;
 ///
 /// let plugin = NativePlugin::XonXoff;
@@ -33,9 +33,9 @@ const ROOM: u32 = 4_096;
 /// let Outcome { seen, fault, .. } = replay(&subject, case, Permutation::Uncut, 0);
 /// assert_eq!(fault, None);
 /// // XOFF came behind the second of four bytes, XON at 2 s.
-/// assert!(seen.contains(&Seen { at: Micros(2_000_000), deed: Deed::Byte(b'C') }));
-/// let done = Deed::Done { id: 1, sent: Some(4) };
-/// assert_eq!(seen.last(), Some(&Seen { at: Micros(2_002_084), deed: done }));
+/// assert!(seen.contains(&Seen { at: Micros(2_000_000), effect: Effect::Byte(b'C') }));
+/// let done = Effect::Done { id: 1, sent: Some(4) };
+/// assert_eq!(seen.last(), Some(&Seen { at: Micros(2_002_084), effect: done }));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn replay<S: Subject>(
@@ -66,29 +66,34 @@ fn start<'a, S: Subject>(
         Permutation::Late(Some(number)) => Windows::LateOnly(number),
         _ => Windows::Early,
     };
-    let course = Course::new(case, manifest, windows).map_err(|error| unfit(error.to_string()))?;
-    let course = course.cut(&case.trace.front.id, permutation.cuts(cut_seed));
+    let timeline =
+        Timeline::new(case, manifest, windows).map_err(|error| unfit(error.to_string()))?;
+    let timeline = timeline.cut(&case.trace.front.id, permutation.cuts(cut_seed));
 
     let front = &case.trace.front;
     let config = case.config_for(manifest);
     let settings = manifest.resolve_settings(config).map_err(|error| unfit(error.to_string()))?;
     let options = options(case, settings);
-    let ground = Ground { course, options, depth: front.line.depth as usize };
-    Run::new(subject, ground, permutation)
+    let conditions = Conditions { timeline, options, depth: front.line.depth as usize };
+    Run::new(subject, conditions, permutation)
 }
 
-/// Runs a course that stands in no trace.
-pub(crate) fn run<S: Subject>(subject: &S, ground: Ground, permutation: Permutation) -> Outcome {
-    let course = ground.course.cut("", permutation.cuts(0));
-    match Run::new(subject, Ground { course, ..ground }, permutation) {
+/// Runs a timeline that stands in no trace.
+pub(crate) fn run<S: Subject>(
+    subject: &S,
+    conditions: Conditions,
+    permutation: Permutation,
+) -> Outcome {
+    let timeline = conditions.timeline.cut("", permutation.cuts(0));
+    match Run::new(subject, Conditions { timeline, ..conditions }, permutation) {
         Ok(run) => run.finish(),
         Err(fault) => Outcome::unstarted(fault),
     }
 }
 
 /// What a run is made of, beside the plug-in.
-pub(crate) struct Ground {
-    pub(crate) course: Course,
+pub(crate) struct Conditions {
+    pub(crate) timeline: Timeline,
     pub(crate) options: LinkOptions,
     /// Characters that the port holds.
     pub(crate) depth: usize,
@@ -109,7 +114,7 @@ fn options(case: &Case, settings: SettingValues) -> LinkOptions {
 /// A run under way.
 struct Run<'a, S: Subject> {
     subject: &'a S,
-    course: Course,
+    timeline: Timeline,
     permutation: Permutation,
     line: VirtualLine<Watched<S::Instance>>,
     recorder: Recorder,
@@ -128,15 +133,19 @@ struct Run<'a, S: Subject> {
 type Stepped<S> = Result<(), LinkFault<<Watched<<S as Subject>::Instance> as Instance>::Fault>>;
 
 impl<'a, S: Subject> Run<'a, S> {
-    fn new(subject: &'a S, ground: Ground, permutation: Permutation) -> Result<Self, Fault> {
-        let Ground { course, options, depth } = ground;
+    fn new(
+        subject: &'a S,
+        conditions: Conditions,
+        permutation: Permutation,
+    ) -> Result<Self, Fault> {
+        let Conditions { timeline, options, depth } = conditions;
         let meter = Rc::new(Meter::default());
         let instance = Watched::start(subject, Rc::clone(&meter))
             .map_err(|error| Fault::new(FaultClass::NotStarted, Micros::ZERO, &error))?;
         let modem = options.modem_lines.unwrap_or_default();
         Ok(Self {
             subject,
-            course,
+            timeline,
             permutation,
             line: VirtualLine::new(instance, options, depth),
             recorder: Recorder::default(),
@@ -159,16 +168,19 @@ impl<'a, S: Subject> Run<'a, S> {
             first = self.recorder.observed.len();
             run = run.and_then(|()| self.run_once());
         }
-        let last = self.course.end;
+        let last = self.timeline.end;
         let since = self.offset;
         let seen = self.recorder.observed.drain(first..);
         let mut seen: Vec<Seen> = seen
-            .filter_map(|(at, observed)| Some(Seen { at: at - since, deed: Deed::of(observed)? }))
+            .filter_map(|(at, observed)| {
+                Some(Seen { at: at - since, effect: Effect::of(observed)? })
+            })
             .filter(|seen| seen.at <= last)
             .collect();
         // What the port was given ahead is observed ahead.
-        seen.sort_by_key(|seen| (seen.at, seen.deed.channel()));
-        let bytes = received(&self.course) + seen.iter().map(|seen| moved(&seen.deed)).sum::<u64>();
+        seen.sort_by_key(|seen| (seen.at, seen.effect.channel()));
+        let bytes =
+            received(&self.timeline) + seen.iter().map(|seen| moved(&seen.effect)).sum::<u64>();
         // Fuel is counted when instances end.
         drop(self.line);
         let fuel = self.meter.fuel.get();
@@ -181,8 +193,8 @@ impl<'a, S: Subject> Run<'a, S> {
         self.open(self.offset)?;
         self.transmit(self.offset)?;
         self.swap_here(self.offset)?;
-        let given = std::mem::take(&mut self.course.given);
-        let end = self.offset + self.course.end;
+        let given = std::mem::take(&mut self.timeline.given);
+        let end = self.offset + self.timeline.end;
         let mut next = 0;
         loop {
             let at = given.get(next).map(|given| self.offset + given.at);
@@ -196,7 +208,7 @@ impl<'a, S: Subject> Run<'a, S> {
             next += from_line.len() + from_host.len();
             self.instant(now, &from_line, &from_host)?;
         }
-        self.course.given = given;
+        self.timeline.given = given;
         Ok(())
     }
 
@@ -346,7 +358,7 @@ impl<'a, S: Subject> Run<'a, S> {
     /// Closes the link behind the trace's end, and waits until the line is
     /// quiet: the trace begins again one second later.
     fn start_over(&mut self) -> Result<(), Fault> {
-        let mut now = self.course.end + Micros(1);
+        let mut now = self.timeline.end + Micros(1);
         self.recorder.drain(u32::MAX);
         self.close(now)?;
         while let Some(next) = self.line.next() {
@@ -370,19 +382,19 @@ impl<'a, S: Subject> Run<'a, S> {
     }
 }
 
-fn received(course: &Course) -> u64 {
+fn received(timeline: &Timeline) -> u64 {
     let bytes = |what: &Input| match what {
         Input::Bytes(bytes) => bytes.len() as u64,
         Input::Character(_) | Input::Damaged { byte: Some(_), .. } => 1,
         _ => 0,
     };
-    course.given.iter().map(|given| bytes(&given.what)).sum()
+    timeline.given.iter().map(|given| bytes(&given.what)).sum()
 }
 
-fn moved(deed: &Deed) -> u64 {
-    match deed {
-        Deed::Byte(_) => 1,
-        Deed::Deliver(delivered) => delivered.bytes.len() as u64,
+fn moved(effect: &Effect) -> u64 {
+    match effect {
+        Effect::Byte(_) => 1,
+        Effect::Deliver(delivered) => delivered.bytes.len() as u64,
         _ => 0,
     }
 }

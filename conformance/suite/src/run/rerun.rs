@@ -4,8 +4,8 @@
 use super::fault::{Fault, FaultClass};
 use super::outcome::Outcome;
 use super::subject::{Fuel, Meter, Subject, Watched};
-use crate::given::course::micros;
 use crate::given::load::Case;
+use crate::given::timeline::micros;
 use softplug_abi::{Event, EventKind, Micros, Pass};
 use softplug_link::{Recorder, Rerun, UnderWay};
 use softplug_trace::{Assignment, Entry, Exact, What};

@@ -1,11 +1,11 @@
 //! What was given and seen, as lines of a trace.
 
 use super::back_to_back::Run;
-use super::deed::Deed;
+use super::effect::Effect;
 use super::outcome::Seen;
-use crate::given::course::micros;
 use crate::given::lines::line_parameters;
 use crate::given::load::Case;
+use crate::given::timeline::micros;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{LineParameters, Micros};
 use softplug_trace::{Entry, Payload, SourceLine, Time, What, When};
@@ -51,9 +51,9 @@ pub(crate) fn entries(
         }
     };
     for seen in seen {
-        let Deed::Byte(byte) = seen.deed else {
+        let Effect::Byte(byte) = seen.effect else {
             close(&mut open, &mut entries);
-            entries.push(seen.deed.entry(seen.at, manifest));
+            entries.push(seen.effect.entry(seen.at, manifest));
             continue;
         };
         let follows = run.add(seen.at);

@@ -1,7 +1,7 @@
 //! A case that is code: what it is called, and how it is run.
 
+use super::context::ScriptContext;
 use super::failure::ScriptFailure;
-use super::stage::Stage;
 use crate::run::subject::{Fuel, Subject};
 use softplug_trace::Level;
 use std::fmt;
@@ -42,7 +42,7 @@ pub struct Script {
 }
 
 /// What happens, and what must come of it.
-type Scenario = dyn Fn(&mut Stage<'_>) -> Result<(), Box<ScriptFailure>> + Send + Sync;
+type Scenario = dyn Fn(&mut ScriptContext<'_>) -> Result<(), Box<ScriptFailure>> + Send + Sync;
 
 /// One run of a script.
 ///
@@ -65,7 +65,10 @@ impl Script {
         id: impl Into<String>,
         title: impl Into<String>,
         clauses: &[&'static str],
-        scenario: impl Fn(&mut Stage<'_>) -> Result<(), Box<ScriptFailure>> + Send + Sync + 'static,
+        scenario: impl Fn(&mut ScriptContext<'_>) -> Result<(), Box<ScriptFailure>>
+        + Send
+        + Sync
+        + 'static,
     ) -> Self {
         Self {
             id: id.into(),
@@ -80,9 +83,9 @@ impl Script {
 
     /// Runs the script. The result depends on nothing but the plug-in.
     pub fn run<S: Subject>(&self, subject: &S) -> ScriptRun {
-        let mut stage = Stage::new(subject);
-        let failure = (self.scenario)(&mut stage).err().map(|failure| *failure);
-        ScriptRun { log: stage.log, failure, fuel: stage.fuel, bytes: stage.bytes }
+        let mut context = ScriptContext::new(subject);
+        let failure = (self.scenario)(&mut context).err().map(|failure| *failure);
+        ScriptRun { log: context.log, failure, fuel: context.fuel, bytes: context.bytes }
     }
 }
 

@@ -36,10 +36,10 @@ fn script(
     scenario: impl Fn(&mut Play<'_, Control>) -> Outcome + Send + Sync + 'static,
 ) -> Script {
     let id = format!("fanuc-rs232.loop.{slug}");
-    Script::new("fanuc-rs232", id, title, clauses, move |stage| {
+    Script::new("fanuc-rs232", id, title, clauses, move |context| {
         let setup = Setup { depth, ..Setup::new(control.line, settings) };
         let control = Control::new(control.clone()).expect("the scenario's control is sound");
-        stage.play(&setup, control, &scenario)
+        context.play(&setup, control, &scenario)
     })
 }
 

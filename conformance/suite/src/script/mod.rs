@@ -7,13 +7,13 @@
 
 mod abi;
 mod case;
+mod context;
 mod failure;
 mod fanuc;
 mod play;
 mod r3964;
 mod rk512;
 mod setup;
-mod stage;
 mod xon_xoff;
 
 pub use case::{Script, ScriptRun};

@@ -3,7 +3,7 @@
 use super::failure::{Outcome, diverged, not_applicable};
 use super::setup::Setup;
 use crate::run::closed_loop::ClosedLoop;
-use crate::run::deed::Deed;
+use crate::run::effect::Effect;
 use crate::run::erased::{Anything, Boxed, Erased};
 use crate::run::fault::{Fault, FaultClass};
 use crate::run::outcome::Seen;
@@ -53,12 +53,13 @@ impl<'a, P: Partner> Play<'a, P> {
         // The instance counts its fuel when it goes.
         drop(line);
         let observed = host.observed.into_iter();
-        let mut seen: Vec<Seen> =
-            observed.filter_map(|(at, what)| Some(Seen { at, deed: Deed::of(what)? })).collect();
-        seen.sort_by_key(|seen| (seen.at, seen.deed.channel()));
-        let bytes = |seen: &Seen| match &seen.deed {
-            Deed::Byte(_) => 1,
-            Deed::Deliver(delivered) => delivered.bytes.len() as u64,
+        let mut seen: Vec<Seen> = observed
+            .filter_map(|(at, what)| Some(Seen { at, effect: Effect::of(what)? }))
+            .collect();
+        seen.sort_by_key(|seen| (seen.at, seen.effect.channel()));
+        let bytes = |seen: &Seen| match &seen.effect {
+            Effect::Byte(_) => 1,
+            Effect::Deliver(delivered) => delivered.bytes.len() as u64,
             _ => 0,
         };
         let bytes = seen.iter().map(bytes).sum();

@@ -68,10 +68,10 @@ fn set_up_limits() -> Vec<Script> {
                  end: End| {
         let attempts = (dialect.options)().setup_attempts as usize;
         let id = format!("{}.loop.{slug}", dialect.profile);
-        Script::new(dialect.profile, id, title, clauses, move |stage| {
+        Script::new(dialect.profile, id, title, clauses, move |context| {
             let faults = Faults::one(When::Always, fault.clone());
             let station = dialect.station(|options| options.faults = faults);
-            stage.play(&dialect.setup(&[]), station, |play| {
+            context.play(&dialect.setup(&[]), station, |play| {
                 let job = play.send(b"AB")?;
                 let ended = play.end_of(job, LONG)?;
                 play.run(Micros::from_secs(30))?;
@@ -122,10 +122,10 @@ fn transmission_limits() -> Vec<Script> {
     let limit = |dialect: Dialect, slug, title, clauses: &[&'static str], fault: Fault| {
         let attempts = (dialect.options)().transmission_attempts as usize;
         let id = format!("{}.loop.{slug}", dialect.profile);
-        Script::new(dialect.profile, id, title, clauses, move |stage| {
+        Script::new(dialect.profile, id, title, clauses, move |context| {
             let faults = Faults::one(When::Always, fault.clone());
             let station = dialect.station(|options| options.faults = faults);
-            stage.play(&dialect.setup(&[]), station, |play| {
+            context.play(&dialect.setup(&[]), station, |play| {
                 let job = play.send(b"AB")?;
                 let ended = play.end_of(job, LONG)?;
                 play.run(Micros::from_secs(30))?;
@@ -175,10 +175,10 @@ fn transmission_limits() -> Vec<Script> {
 fn reception_limit() -> Script {
     let title = "A partner whose every block is bad: as many NAKs as attempts, one failed delivery";
     let clauses = ["r3964.rx.attempts", "r3964.rx.bcc"];
-    Script::new("r3964", "r3964.loop.bad-blocks-until-limit", title, &clauses, |stage| {
+    Script::new("r3964", "r3964.loop.bad-blocks-until-limit", title, &clauses, |context| {
         let faults = Faults::one(When::Always, Fault::WrongCheck);
         let station = R3964.station(|options| options.faults = faults);
-        stage.play(&R3964.setup(&[]), station, |play| {
+        context.play(&R3964.setup(&[]), station, |play| {
             play.partner().send(Micros::ZERO, b"AB".to_vec());
             play.run(Micros::from_secs(60))?;
             let attempts = Options::default().transmission_attempts;
@@ -201,10 +201,10 @@ fn together() -> Vec<Script> {
             let title =
                 format!("Both begin within one character, priority {own}: both blocks arrive once");
             let rule = if own == "low" { "r3964.conflict.low" } else { "r3964.conflict.high" };
-            all.push(Script::new("r3964", id, title, &[rule], move |stage| {
+            all.push(Script::new("r3964", id, title, &[rule], move |context| {
                 let station = R3964.station(|options| options.priority = partner);
                 let setup = R3964.setup(&[("priority", own)]);
-                stage.play(&setup, station, |play| begin_together(play, own, lead))
+                context.play(&setup, station, |play| begin_together(play, own, lead))
             }));
         }
     }
@@ -256,7 +256,7 @@ fn lossy() -> Vec<Script> {
             let title = format!(
                 "A lossy line (seed {seed}): what is done has arrived, in order, and is what was sent"
             );
-            all.push(Script::new(dialect.profile, id, title, clauses, move |stage| {
+            all.push(Script::new(dialect.profile, id, title, clauses, move |context| {
                 let line = (dialect.options)().line;
                 let longest_delay = Micros::from_millis(300);
                 // Without a check character a lost one is not noticed.
@@ -264,7 +264,7 @@ fn lossy() -> Vec<Script> {
                 let noise =
                     Noise { seed, flip_one: 6, drop, delay: 4, longest_delay, ..Noise::default() };
                 let far = Noisy::new(dialect.station(|_| ()), line, noise);
-                stage.play(&dialect.setup(&[]), far, exchange)
+                context.play(&dialect.setup(&[]), far, exchange)
             }));
         }
     }

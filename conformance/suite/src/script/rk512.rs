@@ -49,8 +49,8 @@ fn write_and_read() -> Script {
         "rk512.fetch.follow-up",
     ];
     let title = "300 bytes are written into a computer and read back, in several telegrams";
-    Script::new("rk512", "rk512.loop.write-and-read", title, &clauses, |stage| {
-        stage.play(&setup(), computer(), |play| {
+    Script::new("rk512", "rk512.loop.write-and-read", title, &clauses, |context| {
+        context.play(&setup(), computer(), |play| {
             let data: Vec<u8> = (0..300_u32).map(|n| (n * 13 + 5) as u8).collect();
             let place = [("area", "DB"), ("block", "5"), ("offset", "20")];
             let write = play.job("write", &place, &data)?;
@@ -76,8 +76,8 @@ fn write_and_read() -> Script {
 /// A read of what is not there is refused by the computer.
 fn unknown_area() -> Script {
     let title = "A read of a block that the computer does not have fails with its error";
-    Script::new("rk512", "rk512.loop.not-there", title, &["rk512.react.error"], |stage| {
-        stage.play(&setup(), computer(), |play| {
+    Script::new("rk512", "rk512.loop.not-there", title, &["rk512.react.error"], |context| {
+        context.play(&setup(), computer(), |play| {
             let place = [("area", "DB"), ("block", "77"), ("offset", "0"), ("count", "4")];
             let read = play.job("read", &place, b"")?;
             let end = play.end_of(read, LONG)?;
@@ -96,8 +96,8 @@ fn unknown_area() -> Script {
 fn served() -> Script {
     let clauses = ["rk512.serve.read", "rk512.serve.write", "rk512.serve.reaction"];
     let title = "A computer writes to the host and reads it back, over telegrams and follow-ups";
-    Script::new("rk512", "rk512.loop.served", title, &clauses, |stage| {
-        stage.play(&setup(), computer(), |play| {
+    Script::new("rk512", "rk512.loop.served", title, &clauses, |context| {
+        context.play(&setup(), computer(), |play| {
             let data: Vec<u8> = (0..200_u32).map(|n| (n * 11 + 3) as u8).collect();
             let mut memory = content();
             let now = play.now();

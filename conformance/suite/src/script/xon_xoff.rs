@@ -44,7 +44,7 @@ fn feed(feed: Feed) -> Script {
     );
     let clauses =
         ["xon-xoff.tx.obey-xoff", "xon-xoff.tx.resume-on-xon", "xon-xoff.tx.done-when-left"];
-    Script::new("xon-xoff", format!("xon-xoff.loop.feed-{slug}"), title, &clauses, move |stage| {
+    Script::new("xon-xoff", format!("xon-xoff.loop.feed-{slug}"), title, &clauses, move |context| {
         let line = LineParameters::new(baud);
         let control = ControlOptions {
             line,
@@ -57,7 +57,7 @@ fn feed(feed: Feed) -> Script {
         let control = Control::new(control).expect("the scenario's control is sound");
         let setup = Setup { depth, reaction: line.characters(reaction), ..Setup::new(line, &[]) };
         let most = depth as u32 + reaction as u32;
-        stage.play(&setup, control, |play| fed(play, &program(bytes), most))
+        context.play(&setup, control, |play| fed(play, &program(bytes), most))
     })
 }
 
@@ -80,12 +80,12 @@ fn fed(play: &mut Play<'_, Control>, program: &[u8], most: u32) -> Outcome {
 fn swapped() -> Script {
     let title = "A fed control does not notice that the plug-in is replaced ten times a second";
     let clauses = ["xon-xoff.link.swap", "xon-xoff.tx.obey-xoff"];
-    Script::new("xon-xoff", "xon-xoff.loop.feed-swapped", title, &clauses, |stage| {
+    Script::new("xon-xoff", "xon-xoff.loop.feed-swapped", title, &clauses, |context| {
         let options =
             ControlOptions { buffer: 256, low: 96, high: 128, rate: 480, ..Default::default() };
         let setup = Setup::new(options.line, &[]);
         let control = Control::new(options).expect("the scenario's control is sound");
-        stage.play(&setup, control, |play| {
+        context.play(&setup, control, |play| {
             let program = program(1_000);
             let job = play.send(&program)?;
             while play.ended(job).is_none() && play.now() < Micros::from_secs(60) {
@@ -109,7 +109,7 @@ fn punch() -> Script {
     let title =
         "A program to a slow host: the control is held, nothing overflows, all is delivered";
     let clauses = ["xon-xoff.rx.low-mark", "xon-xoff.rx.high-mark", "xon-xoff.rx.deliver"];
-    Script::new("xon-xoff", "xon-xoff.loop.slow-host", title, &clauses, |stage| {
+    Script::new("xon-xoff", "xon-xoff.loop.slow-host", title, &clauses, |context| {
         let options = ControlOptions::default();
         let line = options.line;
         let control = Control::new(options).expect("the scenario's control is sound");
@@ -117,7 +117,7 @@ fn punch() -> Script {
             delivery_room: 512,
             ..Setup::new(line, &[("low_mark", "128"), ("high_mark", "256")])
         };
-        stage.play(&setup, control, |play| {
+        context.play(&setup, control, |play| {
             let program = program(2_000);
             play.host.drain_by_hand = true;
             play.partner().punch(Micros::ZERO, program.clone());

@@ -1,8 +1,8 @@
 //! A trace takes over what a plug-in was seen to do.
 
-use crate::given::course::micros;
 use crate::given::lines::line_parameters;
 use crate::given::load::Case;
+use crate::given::timeline::micros;
 use crate::judge::run::Judge;
 use crate::run::fault::Fault;
 use crate::run::permute::Permutation;

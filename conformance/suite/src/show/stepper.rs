@@ -2,12 +2,12 @@
 //! plug-in was given and did, one moment after the other.
 
 use super::phrase::{Other, Phrase};
-use crate::given::course::micros;
 use crate::given::lines::line_parameters;
 use crate::given::load::Case;
+use crate::given::timeline::micros;
 use crate::judge::run::{Judge, Start};
 use crate::judge::verdict::Failure;
-use crate::run::deed::{Channel, Deed};
+use crate::run::effect::{Channel, Effect};
 use crate::run::outcome::Seen;
 use crate::run::overhear::{Call, Most, Overheard};
 use crate::run::permute::Permutation;
@@ -326,10 +326,10 @@ fn wire(case: &Case, seen: &[Seen], moments: &[Moment]) -> Vec<Moment> {
     let cuts = |from: i64, to: i64| heard.iter().any(|at| from < *at && *at <= to);
     let line = line_parameters(&case.trace.front.line);
     let mut runs: Vec<(i64, Happening)> = Vec::new();
-    for seen in seen.iter().filter(|seen| seen.deed.channel() == Channel::Wire) {
+    for seen in seen.iter().filter(|seen| seen.effect.channel() == Channel::Wire) {
         let at = seen.at.0;
-        match &seen.deed {
-            Deed::Byte(byte) => match runs.last_mut() {
+        match &seen.effect {
+            Effect::Byte(byte) => match runs.last_mut() {
                 Some((_, Happening::Wire(bytes)))
                     if at <= next + 1 && bytes.len() < BYTES && !cuts(last, at) =>
                 {
@@ -337,7 +337,7 @@ fn wire(case: &Case, seen: &[Seen], moments: &[Moment]) -> Vec<Moment> {
                 }
                 _ => runs.push((at, Happening::Wire(vec![*byte]))),
             },
-            Deed::Break(micros) => runs.push((at, Happening::Break(*micros))),
+            Effect::Break(micros) => runs.push((at, Happening::Break(*micros))),
             _ => {}
         }
         (last, next) = (at, at + line.characters(1).0);

@@ -1,7 +1,7 @@
 //! Baselines: what is expected to fail must fail, for its reason.
 
-use crate::small::{Small, order, run, small};
-use softplug_conformance::certify::{Baseline, BaselineError, Order};
+use crate::small::{Small, options, run, small};
+use softplug_conformance::certify::{Baseline, BaselineError, CertifyOptions};
 use softplug_report::{CaseResult, Report, VerdictKind};
 use std::path::Path;
 
@@ -12,8 +12,8 @@ fn with(entry: &str) -> Report {
     let text = format!("[[expected]]\n{entry}");
     let baseline = Baseline::parse(Path::new("known.toml"), &text).expect("it can be read");
     let foreign = Small { clause: "xon-xoff.tx.foreign", ..Small::bad("xon-xoff.c.bad") };
-    let order = Order { baseline: Some(baseline), ..order() };
-    run(&small(&[GOOD, BAD, foreign]), &order)
+    let options = CertifyOptions { baseline: Some(baseline), ..options() };
+    run(&small(&[GOOD, BAD, foreign]), &options)
 }
 
 #[test]
@@ -63,8 +63,8 @@ fn an_entry_says_nothing_of_a_case_that_was_filtered() {
     let text = "[[expected]]\ncase = \"xon-xoff.b.bad\"\nclass = \"trapped\"\nreason = \"Known.\"";
     let baseline = Baseline::parse(Path::new("known.toml"), text).expect("it can be read");
     let cases = vec!["*.good".to_owned()];
-    let order = Order { baseline: Some(baseline), cases, ..order() };
-    assert_eq!(run(&small(&[GOOD, BAD]), &order).verdict, VerdictKind::Partial);
+    let options = CertifyOptions { baseline: Some(baseline), cases, ..options() };
+    assert_eq!(run(&small(&[GOOD, BAD]), &options).verdict, VerdictKind::Partial);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use crate::common::module;
 use softplug_conformance::Corpus;
-use softplug_conformance::certify::{CertifyError, Order, certify};
+use softplug_conformance::certify::{CertifyError, CertifyOptions, certify};
 use softplug_conformance::ledger::fingerprint;
 use softplug_report::{Report, check};
 use std::fmt::Write as _;
@@ -121,17 +121,21 @@ pub(crate) fn patched(module: &[u8], start: usize, length: usize, text: &str) ->
     patched
 }
 
-pub(crate) fn order() -> Order {
-    Order { threads: 1, revision: Some(1), ..Order::new("xon-xoff") }
+pub(crate) fn options() -> CertifyOptions {
+    CertifyOptions { threads: 1, revision: Some(1), ..CertifyOptions::new("xon-xoff") }
 }
 
 /// Every report follows from its rows.
-pub(crate) fn run(corpus: &Corpus, order: &Order) -> Report {
-    judge(&plugin(), corpus, order).unwrap_or_else(|error| panic!("{error}"))
+pub(crate) fn run(corpus: &Corpus, options: &CertifyOptions) -> Report {
+    judge(&plugin(), corpus, options).unwrap_or_else(|error| panic!("{error}"))
 }
 
-pub(crate) fn judge(module: &[u8], corpus: &Corpus, order: &Order) -> Result<Report, CertifyError> {
-    let report = certify(module, corpus, order, &|_| {}, &AtomicBool::new(false))?;
+pub(crate) fn judge(
+    module: &[u8],
+    corpus: &Corpus,
+    options: &CertifyOptions,
+) -> Result<Report, CertifyError> {
+    let report = certify(module, corpus, options, &|_| {}, &AtomicBool::new(false))?;
     assert_eq!(check(&report), Ok(()));
     Ok(report)
 }

@@ -1,9 +1,9 @@
 //! Each verdict, and each way to be incomplete.
 
 use crate::common::module;
-use crate::small::{Small, claiming, judge, order, patched, plugin, run, small};
+use crate::small::{Small, claiming, judge, options, patched, plugin, run, small};
 use softplug_conformance::Corpus;
-use softplug_conformance::certify::{CertifyError, Order, Progress, certify, observe};
+use softplug_conformance::certify::{CertifyError, CertifyOptions, Progress, certify, observe};
 use softplug_report::{CaseResult, VerdictKind, check, json};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,7 +13,7 @@ const BAD: Small = Small::bad("xon-xoff.b.bad");
 
 #[test]
 fn all_passed_is_conformant() {
-    let report = run(&small(&[GOOD]), &order());
+    let report = run(&small(&[GOOD]), &options());
     assert_eq!(report.verdict, VerdictKind::Conformant);
     assert_eq!(report.reason, "all 1 required cases passed");
     assert_eq!(report.cases[0].result, CaseResult::Passed);
@@ -26,7 +26,7 @@ fn all_passed_is_conformant() {
 #[test]
 fn a_failure_says_all_that_there_is_to_say() {
     let corpus = small(&[GOOD, BAD]);
-    let report = run(&corpus, &order());
+    let report = run(&corpus, &options());
     assert_eq!(report.verdict, VerdictKind::NotConformant);
     assert_eq!((report.counts.required, report.counts.failed), (2, 1));
     let failed = &report.cases[1].failures[0];
@@ -55,15 +55,15 @@ fn a_failure_says_all_that_there_is_to_say() {
 fn levels_fail_warn_and_inform() {
     let should = Small { level: "should", ..BAD };
     let may = Small { level: "may", ..BAD };
-    let strict = Order { strict: true, ..order() };
-    let of = |case: &Small, order: &Order| {
-        let report = run(&small(&[GOOD, case.clone()]), order);
+    let strict = CertifyOptions { strict: true, ..options() };
+    let of = |case: &Small, options: &CertifyOptions| {
+        let report = run(&small(&[GOOD, case.clone()]), options);
         let counts = report.counts;
         (report.verdict, [counts.failed, counts.warned, counts.informed])
     };
-    assert_eq!(of(&should, &order()), (VerdictKind::ConformantWithWarnings, [0, 1, 0]));
+    assert_eq!(of(&should, &options()), (VerdictKind::ConformantWithWarnings, [0, 1, 0]));
     assert_eq!(of(&should, &strict), (VerdictKind::NotConformant, [1, 0, 0]));
-    assert_eq!(of(&may, &order()), (VerdictKind::Conformant, [0, 0, 1]));
+    assert_eq!(of(&may, &options()), (VerdictKind::Conformant, [0, 0, 1]));
     assert_eq!(of(&may, &strict), (VerdictKind::Conformant, [0, 0, 1]));
 }
 
@@ -71,18 +71,18 @@ fn levels_fail_warn_and_inform() {
 fn later_cases_run_unscored() {
     let later = Small { since: 2, ..BAD };
     let corpus = small(&[GOOD, later]);
-    let report = run(&corpus, &order());
+    let report = run(&corpus, &options());
     assert_eq!(report.verdict, VerdictKind::Conformant, "{}", report.reason);
     assert_eq!((report.counts.required, report.counts.unscored), (1, 1));
     assert_eq!(report.cases[1].result, CaseResult::Unscored { passed: false });
-    let newest = run(&corpus, &Order { revision: None, ..order() });
+    let newest = run(&corpus, &CertifyOptions { revision: None, ..options() });
     assert_eq!((newest.verdict, newest.profile.revision), (VerdictKind::NotConformant, 2));
 }
 
 #[test]
 fn a_filter_makes_a_run_partial() {
     let corpus = small(&[GOOD, BAD]);
-    let only = |pattern: &str| Order { cases: vec![pattern.to_owned()], ..order() };
+    let only = |pattern: &str| CertifyOptions { cases: vec![pattern.to_owned()], ..options() };
     let report = run(&corpus, &only("*.good"));
     assert_eq!(report.verdict, VerdictKind::Partial);
     assert_eq!(report.cases[1].result, CaseResult::Skipped { reason: "filtered".to_owned() });
@@ -98,7 +98,7 @@ fn an_interrupted_run_is_partial() {
     let corpus = small(&[GOOD, Small::good("xon-xoff.c.good")]);
     let stopped = AtomicBool::new(true);
     let report =
-        certify(&plugin(), &corpus, &order(), &|_| {}, &stopped).expect("it can be judged");
+        certify(&plugin(), &corpus, &options(), &|_| {}, &stopped).expect("it can be judged");
     assert_eq!(check(&report), Ok(()));
     assert_eq!((report.verdict, report.counts.executed), (VerdictKind::Partial, 0));
     assert!(report.selection.interrupted);
@@ -106,7 +106,7 @@ fn an_interrupted_run_is_partial() {
     let stop = AtomicBool::new(false);
     let after_one = |_| stop.store(true, Ordering::Relaxed);
     let report =
-        certify(&plugin(), &corpus, &order(), &after_one, &stop).expect("it can be judged");
+        certify(&plugin(), &corpus, &options(), &after_one, &stop).expect("it can be judged");
     assert_eq!(check(&report), Ok(()));
     assert_eq!((report.verdict, report.counts.executed), (VerdictKind::Partial, 1));
     assert_eq!(report.cases[1].result, CaseResult::Skipped { reason: "interrupted".to_owned() });
@@ -115,7 +115,8 @@ fn an_interrupted_run_is_partial() {
     let one = small(&[GOOD]);
     let stop = AtomicBool::new(false);
     let at_the_end = |_| stop.store(true, Ordering::Relaxed);
-    let report = certify(&plugin(), &one, &order(), &at_the_end, &stop).expect("it can be judged");
+    let report =
+        certify(&plugin(), &one, &options(), &at_the_end, &stop).expect("it can be judged");
     assert_eq!(report.verdict, VerdictKind::Conformant);
 }
 
@@ -123,14 +124,14 @@ fn an_interrupted_run_is_partial() {
 fn features_that_are_not_claimed_are_not_demanded() {
     let escaped = Small { clause: "xon-xoff.tx.escaped", ..BAD };
     let foreign = Small { clause: "xon-xoff.tx.foreign", ..Small::bad("xon-xoff.c.bad") };
-    let report = run(&small(&[GOOD, foreign.clone()]), &order());
+    let report = run(&small(&[GOOD, foreign.clone()]), &options());
     assert_eq!((report.verdict, report.counts.unclaimed), (VerdictKind::Conformant, 1));
     let reason = "the feature \"unheard-of\" is not claimed".to_owned();
     assert_eq!(report.cases[1].result, CaseResult::Skipped { reason });
     // One that is claimed is.
-    assert_eq!(run(&small(&[GOOD, escaped]), &order()).verdict, VerdictKind::NotConformant);
+    assert_eq!(run(&small(&[GOOD, escaped]), &options()).verdict, VerdictKind::NotConformant);
     // Nothing was demanded at all.
-    let report = run(&small(&[foreign]), &order());
+    let report = run(&small(&[foreign]), &options());
     assert_eq!((report.verdict, report.counts.required), (VerdictKind::Partial, 0));
 }
 
@@ -138,13 +139,14 @@ fn features_that_are_not_claimed_are_not_demanded() {
 fn a_foreign_plug_in_is_judged_by_the_core() {
     let escaped = Small { clause: "xon-xoff.tx.escaped", ..BAD };
     let stranger = claiming(r#"{"name":"something-else"}"#);
-    let report = judge(&stranger, &small(&[GOOD, escaped]), &order()).expect("it can be judged");
+    let report = judge(&stranger, &small(&[GOOD, escaped]), &options()).expect("it can be judged");
     assert_eq!(report.verdict, VerdictKind::Conformant);
     assert!(!report.profile.claimed && report.profile.features.is_empty());
     assert_eq!(report.counts.unclaimed, 1);
     // By a profile that it does not speak it fails; it lacks the settings too.
-    let order = Order { cases: vec!["rk512.line.*".to_owned()], ..Order::new("rk512") };
-    let report = judge(&stranger, &Corpus::embedded(), &order).expect("it can be judged");
+    let options =
+        CertifyOptions { cases: vec!["rk512.line.*".to_owned()], ..CertifyOptions::new("rk512") };
+    let report = judge(&stranger, &Corpus::embedded(), &options).expect("it can be judged");
     assert_eq!(report.verdict, VerdictKind::NotConformant);
     assert_eq!(
         report.cases.iter().flat_map(|case| &case.failures).next().unwrap().class,
@@ -162,7 +164,7 @@ fn what_is_no_plug_in_is_not_judged() {
         (whole[..whole.len() / 2].to_vec(), "ends in the middle"),
         (claiming(r#"{"name":"xon-xoff","features":["telepathy"]}"#), "\"telepathy\""),
     ] {
-        let report = judge(&module, &corpus, &order()).expect("there is a report");
+        let report = judge(&module, &corpus, &options()).expect("there is a report");
         assert_eq!(report.verdict, VerdictKind::NotJudged);
         assert!(report.reason.contains(reason), "{}", report.reason);
         assert_eq!(report.lint, std::slice::from_ref(&report.reason));
@@ -179,7 +181,7 @@ fn a_setting_of_another_unit_is_another_setting() {
     let at = module.windows(setting.len()).position(|window| window == setting);
     let unit = at.expect("the manifest has this setting") + setting.len() - 3;
     let seconds = patched(&module, unit, 3, "s\"");
-    let report = judge(&seconds, &Corpus::embedded(), &order()).expect("there is a report");
+    let report = judge(&seconds, &Corpus::embedded(), &options()).expect("there is a report");
     assert_eq!(report.verdict, VerdictKind::NotJudged);
     assert!(report.reason.contains("held_timeout"), "{}", report.reason);
 }
@@ -187,45 +189,46 @@ fn a_setting_of_another_unit_is_another_setting() {
 #[test]
 fn what_does_not_exist_is_an_error() {
     let corpus = small(&[GOOD]);
-    let of = |order: &Order| judge(&plugin(), &corpus, order).unwrap_err();
-    let error = of(&Order::new("xon-xof"));
+    let of = |options: &CertifyOptions| judge(&plugin(), &corpus, options).unwrap_err();
+    let error = of(&CertifyOptions::new("xon-xof"));
     assert_eq!(error.to_string(), "there is no profile \"xon-xof\"; there are xon-xoff");
     for revision in [0, 3] {
-        let error = of(&Order { revision: Some(revision), ..order() });
+        let error = of(&CertifyOptions { revision: Some(revision), ..options() });
         assert!(matches!(error, CertifyError::UnknownRevision { newest: 2, .. }), "{error}");
     }
     let stray = Small { clause: "xon-xoff.tx.stray", ..GOOD };
-    let error = judge(&plugin(), &small(&[stray]), &order()).unwrap_err();
+    let error = judge(&plugin(), &small(&[stray]), &options()).unwrap_err();
     assert!(matches!(error, CertifyError::UnknownClause { .. }), "{error}");
 }
 
 #[test]
 fn threads_order_and_seed_change_nothing() {
     let corpus = Corpus::embedded();
-    let base = Order { cases: vec!["xon-xoff.rx.*".to_owned()], ..order() };
-    let text = |order: &Order| json::write(&run_real(&corpus, order));
+    let base = CertifyOptions { cases: vec!["xon-xoff.rx.*".to_owned()], ..options() };
+    let text = |options: &CertifyOptions| json::write(&run_real(&corpus, options));
     let expected = text(&base);
     let others = [
-        Order { threads: 2, ..base.clone() },
-        Order { threads: 64, shuffle: Some(7), ..base.clone() },
-        Order { shuffle: Some(8), cut_seed: 9, ..base.clone() },
+        CertifyOptions { threads: 2, ..base.clone() },
+        CertifyOptions { threads: 64, shuffle: Some(7), ..base.clone() },
+        CertifyOptions { shuffle: Some(8), cut_seed: 9, ..base.clone() },
     ];
-    for order in others {
-        assert!(text(&order) == expected, "{order:?} changes the report");
+    for options in others {
+        assert!(text(&options) == expected, "{options:?} changes the report");
     }
 }
 
-fn run_real(corpus: &Corpus, order: &Order) -> softplug_report::Report {
-    judge(&module("xon-xoff"), corpus, order).unwrap_or_else(|error| panic!("{error}"))
+fn run_real(corpus: &Corpus, options: &CertifyOptions) -> softplug_report::Report {
+    judge(&module("xon-xoff"), corpus, options).unwrap_or_else(|error| panic!("{error}"))
 }
 
 #[test]
 fn progress_is_told_after_each_case() {
     let told = Mutex::new(Vec::new());
     let tell = |progress: Progress| told.lock().expect("nobody panics").push(progress);
-    let order = Order { threads: 2, ..order() };
+    let options = CertifyOptions { threads: 2, ..options() };
     let corpus = small(&[GOOD, BAD]);
-    certify(&plugin(), &corpus, &order, &tell, &AtomicBool::new(false)).expect("it can be judged");
+    certify(&plugin(), &corpus, &options, &tell, &AtomicBool::new(false))
+        .expect("it can be judged");
     let mut told = told.into_inner().expect("nobody panics");
     told.sort_by_key(|progress| progress.done);
     let done: Vec<_> = told.iter().map(|progress| (progress.done, progress.cases)).collect();

@@ -9,7 +9,9 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use softplug_conformance::Corpus;
-use softplug_conformance::certify::{Baseline, CertifyError, Order, Progress, certify, observe};
+use softplug_conformance::certify::{
+    Baseline, CertifyError, CertifyOptions, Progress, certify, observe,
+};
 use softplug_report::attest::{self, PrivateKey};
 use softplug_report::{Report, VerdictKind, annotations};
 
@@ -80,8 +82,8 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     // Before anything is made: whoever sees the folder can end the run cleanly.
     let stop = stop::on_signals()?;
     let folder = arguments.out.as_deref().map(Folder::make).transpose()?;
-    let profile = Order::new(&arguments.profile);
-    let order = Order {
+    let profile = CertifyOptions::new(&arguments.profile);
+    let options = CertifyOptions {
         revision: arguments.revision,
         strict: arguments.strict,
         cases: arguments.cases.clone(),
@@ -89,12 +91,13 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         threads: arguments.threads.map_or(profile.threads, usize::from),
         ..profile
     };
-    let report = certified(&module, &corpus, &order, &stop, screen)?;
+    let report = certified(&module, &corpus, &options, &stop, screen)?;
     if let Some(folder) = &folder {
         let attestation = key.as_ref().map(|key| sign(&report, key)).transpose()?;
         let runs = report.cases.iter().filter_map(|case| case.failures.first());
         let runs: Vec<_> = runs.take(OBSERVED).map(|failure| failure.run.as_str()).collect();
-        let observed = observe(&module, &corpus, runs, order.cut_seed).map_err(certify_failure)?;
+        let observed =
+            observe(&module, &corpus, runs, options.cut_seed).map_err(certify_failure)?;
         folder.write(&report, &observed, attestation.as_deref())?;
     }
 
@@ -110,7 +113,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
 pub(super) fn certified(
     module: &[u8],
     corpus: &Corpus,
-    order: &Order,
+    options: &CertifyOptions,
     stop: &AtomicBool,
     screen: &Screen,
 ) -> Result<Report, Failure> {
@@ -122,7 +125,7 @@ pub(super) fn certified(
             bar.set_message(format!("{} failed", progress.failed));
         }
     };
-    let certified = certify(module, corpus, order, &progress, stop);
+    let certified = certify(module, corpus, options, &progress, stop);
     bar.finish_and_clear();
     certified.map_err(certify_failure)
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
-use softplug_conformance::certify::Order;
+use softplug_conformance::certify::CertifyOptions;
 use softplug_report::attest::{self, PublicKey, Source, VerifyError};
 use softplug_report::{Difference, Report, compare, fuel_is_comparable, json};
 
@@ -76,14 +76,14 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         return Err(Failure::usage("the report was made with a baseline, and none is given")
             .hint("give the same file with --baseline"));
     }
-    let order = Order {
+    let options = CertifyOptions {
         revision: Some(report.profile.revision),
         strict: report.selection.strict,
         cases: report.selection.cases.clone(),
         baseline,
-        ..Order::new(&report.profile.name)
+        ..CertifyOptions::new(&report.profile.name)
     };
-    let again = certified(&module, &corpus, &order, &*stop::on_signals()?, screen)?;
+    let again = certified(&module, &corpus, &options, &*stop::on_signals()?, screen)?;
     let differences = compare(&report, &again);
     show(&report, &again, signed.as_deref(), &differences, screen);
     // A report can name any engine: that must not be a way around the figures.

@@ -1,9 +1,9 @@
 //! `softplug record` between two ports.
 
-mod book;
 mod redact;
 mod rehearsal;
 mod story;
+mod trace_writer;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,10 +18,10 @@ use softplug_trace::{
     SourceLine, Time, What, When,
 };
 
-use self::book::Book;
 use self::redact::{Redactor, Way};
 use self::rehearsal::Rehearsal;
 use self::story::{Character, Happening, Story};
+use self::trace_writer::TraceWriter;
 use crate::commands::record::{Arguments, Document, Prepared, SideName};
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -66,7 +66,7 @@ pub(crate) fn record(
     }
     let recording = Recording {
         story,
-        book: Book::create(&arguments.out, arguments.force, front)?,
+        writer: TraceWriter::create(&arguments.out, arguments.force, front)?,
         is_line_asked: arguments.line.is_some(),
         redactor: arguments.redact.then(|| Redactor::new(&profile)),
         rehearsal,
@@ -237,7 +237,7 @@ fn open(
 /// The trace under way.
 struct Recording {
     story: Story,
-    book: Book,
+    writer: TraceWriter,
     /// Nobody who is recorded has a say in it.
     is_line_asked: bool,
     redactor: Option<Redactor>,
@@ -257,7 +257,7 @@ struct Recording {
 impl Recording {
     fn begin(&mut self) -> Result<(), Failure> {
         match &self.redactor {
-            Some(redactor) => self.book.add(Line::Comment(redactor.notice().to_owned())),
+            Some(redactor) => self.writer.add(Line::Comment(redactor.notice().to_owned())),
             None => Ok(()),
         }
     }
@@ -283,7 +283,7 @@ impl Recording {
 
     /// Whether something has happened, and nothing of it is written yet.
     fn is_at_start(&self) -> bool {
-        self.has_begun && !self.book.is_begun()
+        self.has_begun && !self.writer.is_begun()
     }
 
     /// A pty has the rate that the program on it has set by the time at which it sends: that is the
@@ -291,14 +291,14 @@ impl Recording {
     fn begin_line(&mut self, tap: &Tap, screen: &Screen) {
         for side in [self.side, self.side.other()] {
             let Some(told) = tap.port(side).told_baud() else { continue };
-            let line = self.book.line();
+            let line = self.writer.line();
             if told == line.baud {
                 return;
             }
             let is_free = !self.is_line_asked
                 && ![Side::A, Side::B].iter().any(|side| tap.port(*side).rate_known());
             if is_free {
-                self.book.set_line(LineSettings { baud: told, ..line });
+                self.writer.set_line(LineSettings { baud: told, ..line });
                 return;
             }
             screen.note(format_args!(
@@ -315,7 +315,7 @@ impl Recording {
         while let Some((at, what)) = self.story.next(now) {
             self.add(at, what)?;
         }
-        if self.has_begun { self.book.flush() } else { Ok(()) }
+        if self.has_begun { self.writer.flush() } else { Ok(()) }
     }
 
     fn finish(mut self, now: Micros) -> Result<Vec<std::path::PathBuf>, Failure> {
@@ -325,18 +325,18 @@ impl Recording {
         let end = self.time(now).max(self.last);
         if let Some(rehearsal) = &mut self.rehearsal {
             for remark in rehearsal.until(Micros(end.0 as i64)) {
-                self.book.add(Line::Comment(remark))?;
+                self.writer.add(Line::Comment(remark))?;
             }
         }
         self.add_entry(end, What::Quiet)?;
-        self.book.finish()
+        self.writer.finish()
     }
 
     fn add(&mut self, at: Micros, what: Happening) -> Result<(), Failure> {
         let time = self.time(at);
         if let Some(rehearsal) = &mut self.rehearsal {
             for remark in rehearsal.take(Micros(time.0 as i64), &what) {
-                self.book.add(Line::Comment(remark))?;
+                self.writer.add(Line::Comment(remark))?;
             }
         }
         let what = match what {
@@ -351,14 +351,14 @@ impl Recording {
             Happening::SentBreak(micros) => What::SendBreak(micros),
             Happening::SetLines(levels) => What::SetLines(levels),
             Happening::Line(event) => What::Line(event),
-            Happening::Remark(text) => return self.book.add(Line::Comment(text)),
+            Happening::Remark(text) => return self.writer.add(Line::Comment(text)),
         };
         self.add_entry(time, what)
     }
 
     fn add_entry(&mut self, time: Time, what: What) -> Result<(), Failure> {
         self.last = time;
-        self.book.add(Line::Entry(Entry {
+        self.writer.add(Line::Entry(Entry {
             when: When::at(time),
             what,
             line: SourceLine::default(),

@@ -20,7 +20,7 @@ use softplug_host::{Host, HostOptions, Plugin, Session};
 use softplug_link::Job;
 
 use super::Outcome;
-use super::stage::Stage;
+use super::placement::Placement;
 
 /// What the gateway's configuration gives a link's flight recorder by default.
 const RECORDER: usize = 8_192;
@@ -35,7 +35,7 @@ struct Gateway {
     lanes: u32,
 }
 
-pub fn run(stage: Stage, plugins: &[String]) -> Outcome {
+pub fn run(placement: Placement, plugins: &[String]) -> Outcome {
     let host = Host::new(HostOptions::default())?;
     let plugins = plugins
         .iter()
@@ -43,7 +43,7 @@ pub fn run(stage: Stage, plugins: &[String]) -> Outcome {
         .collect::<Outcome<_>>()?;
     let (report, reports) = channel();
     let options = ReactorOptions {
-        real_time_priority: stage.is_real_time.then_some(1),
+        real_time_priority: placement.is_real_time.then_some(1),
         ..ReactorOptions::default()
     };
     let reactor = Reactor::start(options, move |lane, said| {

@@ -26,16 +26,16 @@ mod control;
 mod echo;
 mod feed;
 mod gateway;
+mod placement;
 mod saturate;
-mod stage;
 mod subject;
 mod used;
 
 use std::error::Error;
 use std::time::Duration;
 
+use placement::Placement;
 use softplug_gateway::pty::PtyPair;
-use stage::Stage;
 use subject::{Subject, Wanted};
 
 type Outcome<T = ()> = Result<T, Box<dyn Error>>;
@@ -43,13 +43,13 @@ type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 fn main() -> Outcome {
     let (options, arguments): (Vec<String>, Vec<String>) =
         std::env::args().skip(1).partition(|argument| argument.starts_with("--"));
-    let stage = Stage::new(&options)?;
+    let placement = Placement::new(&options)?;
     let of = |at: usize| {
         arguments.get(at).map(String::as_str).ok_or("read the first lines of the source")
     };
     let mode = of(0)?;
     if mode == "gateway" {
-        return gateway::run(stage, &arguments[1..]);
+        return gateway::run(placement, &arguments[1..]);
     }
     let (links, seconds) = (of(2)?.parse()?, of(3)?.parse()?);
     let machines = (0..links).map(|_| PtyPair::open()).collect::<Result<Vec<_>, _>>()?;
@@ -60,20 +60,22 @@ fn main() -> Outcome {
     };
     let result = match mode {
         "echo" => {
-            let mut subject = Subject::gateway(stage, &[of(1)?])?;
+            let mut subject = Subject::gateway(placement, &[of(1)?])?;
             subject.add(&wanted(echo::BAUD, echo::DEPTH)?)?;
             echo::measure(&subject, &machines, span)?
         }
-        "ser2net" => {
-            echo::measure(&Subject::ser2net(stage, of(1)? == "true", &machines)?, &machines, span)?
-        }
+        "ser2net" => echo::measure(
+            &Subject::ser2net(placement, of(1)? == "true", &machines)?,
+            &machines,
+            span,
+        )?,
         "saturate" => {
-            let mut subject = Subject::gateway(stage, &[of(1)?])?;
+            let mut subject = Subject::gateway(placement, &[of(1)?])?;
             subject.add(&wanted(saturate::BAUD, of(4)?.parse()?)?)?;
             saturate::run(&subject, &machines, span)?
         }
         "feed" => {
-            let mut subject = Subject::gateway(stage, &[of(1)?, of(5)?])?;
+            let mut subject = Subject::gateway(placement, &[of(1)?, of(5)?])?;
             subject.add(&wanted(saturate::BAUD, of(4)?.parse()?)?)?;
             feed::run(&mut subject, &machines, of(5)?, of(6)?.parse()?, seconds)?
         }

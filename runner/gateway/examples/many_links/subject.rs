@@ -12,7 +12,7 @@ use std::time::Duration;
 use mio::net::TcpStream;
 use softplug_gateway::pty::PtyPair;
 
-use super::stage::{Apart, Stage};
+use super::placement::{Apart, Placement};
 use super::used::resident;
 use super::{Outcome, echo};
 
@@ -51,11 +51,11 @@ pub struct Subject {
 
 impl Subject {
     /// A gateway without links, which has loaded these plug-ins.
-    pub fn gateway(stage: Stage, plugins: &[&str]) -> Outcome<Self> {
+    pub fn gateway(placement: Placement, plugins: &[&str]) -> Outcome<Self> {
         let mut command = Command::new(std::env::current_exe()?);
-        command.arg("gateway").args(plugins).args(stage.options());
+        command.arg("gateway").args(plugins).args(placement.options());
         let (mut process, apart) =
-            stage.begin(command.stdin(Stdio::piped()).stdout(Stdio::piped()))?;
+            placement.begin(command.stdin(Stdio::piped()).stdout(Stdio::piped()))?;
         let input = process.stdin.take();
         let output = process.stdout.take().ok_or("the gateway has no pipe")?;
         let (answer, answers) = channel();
@@ -101,7 +101,7 @@ impl Subject {
     }
 
     /// ser2net with a raw TCP port for each machine.
-    pub fn ser2net(stage: Stage, chardelay: bool, machines: &[PtyPair]) -> Outcome<Self> {
+    pub fn ser2net(placement: Placement, chardelay: bool, machines: &[PtyPair]) -> Outcome<Self> {
         let mut text = Vec::new();
         let (mut addresses, mut kept) = (Vec::new(), Vec::new());
         for (at, machine) in machines.iter().enumerate() {
@@ -120,11 +120,11 @@ impl Subject {
         let folder = tempfile::tempdir()?;
         let file = folder.path().join("ser2net.yaml");
         fs::write(&file, text)?;
-        let mut command = Command::new(if stage.is_real_time { "chrt" } else { "ser2net" });
-        if stage.is_real_time {
+        let mut command = Command::new(if placement.is_real_time { "chrt" } else { "ser2net" });
+        if placement.is_real_time {
             command.args(["-r", "1", "ser2net"]);
         }
-        let (process, apart) = stage.begin(command.arg("-n").arg("-c").arg(&file).arg("-u"))?;
+        let (process, apart) = placement.begin(command.arg("-n").arg("-c").arg(&file).arg("-u"))?;
         thread::sleep(Duration::from_secs(2));
         Ok(Self {
             process,

@@ -1,13 +1,12 @@
 //! One program in one direction over one station, or all that comes and is
 //! asked for: what the command does, and what a small gateway may do.
 
-mod besides;
 mod receive;
 mod send;
 mod serve;
 mod source;
+mod unasked;
 
-pub use besides::Reception;
 pub use receive::{ReceiveOutcome, ReceiveReport, receive};
 pub use send::{SendOptions, SendOutcome, SendReport, ask, send};
 pub use serve::{
@@ -15,6 +14,7 @@ pub use serve::{
     ServeReport, serve,
 };
 pub use source::ReadSeek;
+pub use unasked::Reception;
 
 use softplug_abi::{Failure, Instance, Micros, NoteLevel};
 use softplug_link::LinkHost;

@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use super::besides::{Besides, Reception};
+use super::unasked::{Reception, Unasked};
 use super::{Note, PATIENCE, Progress, TICK, TransferError, duration, note, refuse_all};
 use crate::station::{Station, Turn};
 use crate::store::Inbox;
@@ -63,12 +63,12 @@ pub struct ReceiveReport {
 pub fn receive<I: Instance>(
     station: &mut Station<I>,
     out: &mut impl Write,
-    besides: Option<&mut Inbox>,
+    unasked: Option<&mut Inbox>,
     give_up_after: Option<Duration>,
     stop: &AtomicBool,
     progress: &mut dyn FnMut(&Progress<'_>),
 ) -> Result<ReceiveReport, TransferError<I::Fault>> {
-    let mut catch = Catch::new(out, besides);
+    let mut catch = Catch::new(out, unasked);
     station.open(&mut catch)?;
     let begin = station.now();
     let give_up_at = give_up_after.map_or(Micros::MAX, |span| {
@@ -110,22 +110,22 @@ pub fn receive<I: Instance>(
     }
     let now = station.now();
     let (elapsed, held) = (duration(catch.elapsed(now)), duration(catch.held_at(now)));
-    while catch.besides.is_taking() && !stop.load(Ordering::Relaxed) {
+    while catch.unasked.is_taking() && !stop.load(Ordering::Relaxed) {
         let until = station.now() + TICK;
         if let Turn::Gone(_) = station.turn(until, &mut catch)? {
             break;
         }
     }
-    if catch.besides.is_taking() {
+    if catch.unasked.is_taking() {
         station.abort(0, &mut catch)?;
     }
     let heard = station.counters().bytes_in;
     station.close(PATIENCE, &mut catch)?;
-    catch.besides.close();
+    catch.unasked.close();
     if catch.error.is_none() {
         catch.error = catch.out.flush().err();
     }
-    if let Some(error) = catch.error.or(catch.besides.error) {
+    if let Some(error) = catch.error.or(catch.unasked.error) {
         return Err(TransferError::Sink(error));
     }
     Ok(ReceiveReport {
@@ -134,8 +134,8 @@ pub fn receive<I: Instance>(
         name: catch.name,
         elapsed,
         held,
-        kept: catch.besides.kept,
-        dropped: catch.besides.refused,
+        kept: catch.unasked.kept,
+        dropped: catch.unasked.refused,
         heard,
         notes: catch.notes,
     })
@@ -145,7 +145,7 @@ pub fn receive<I: Instance>(
 struct Catch<'a, W> {
     out: &'a mut W,
     /// What follows the first delivery.
-    besides: Besides<'a>,
+    unasked: Unasked<'a>,
     bytes: u64,
     drained: u32,
     requests: Vec<u32>,
@@ -160,10 +160,10 @@ struct Catch<'a, W> {
 }
 
 impl<'a, W: Write> Catch<'a, W> {
-    fn new(out: &'a mut W, besides: Option<&'a mut Inbox>) -> Self {
+    fn new(out: &'a mut W, unasked: Option<&'a mut Inbox>) -> Self {
         Self {
             out,
-            besides: Besides::new(besides),
+            unasked: Unasked::new(unasked),
             bytes: 0,
             drained: 0,
             requests: Vec::new(),
@@ -212,7 +212,7 @@ impl<W: Write> LinkHost for Catch<'_, W> {
                 if let Action::Deliver { bytes, .. } = action {
                     self.drained += bytes.len() as u32;
                 }
-                self.besides.take(action);
+                self.unasked.take(action);
             }
             Action::DeliveryBegin { .. } => {
                 self.first_at.get_or_insert(now);

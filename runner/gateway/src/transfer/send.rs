@@ -6,8 +6,8 @@ use std::io::{self, Read, Seek, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use super::besides::{Besides, Reception};
 use super::source::Source;
+use super::unasked::{Reception, Unasked};
 use super::{Note, PATIENCE, Progress, TICK, TransferError, duration, note, refuse_all};
 use crate::channel::Left;
 use crate::station::{Station, Turn};
@@ -128,12 +128,12 @@ pub fn ask<I: Instance>(
     station: &mut Station<I>,
     source: &mut (impl Read + Seek),
     answer: &mut impl Write,
-    besides: Option<&mut Inbox>,
+    unasked: Option<&mut Inbox>,
     options: &SendOptions,
     stop: &AtomicBool,
     progress: &mut dyn FnMut(&Progress<'_>),
 ) -> Result<SendReport, TransferError<I::Fault>> {
-    let mut feed = Feed::new(source, answer, besides);
+    let mut feed = Feed::new(source, answer, unasked);
     station.open(&mut feed)?;
     let begin = station.now();
     let place = station.place();
@@ -178,24 +178,24 @@ pub fn ask<I: Instance>(
     }
     let elapsed = duration(station.now() - begin);
     let counters = station.counters();
-    while feed.besides.is_taking() && !stop.load(Ordering::Relaxed) {
+    while feed.unasked.is_taking() && !stop.load(Ordering::Relaxed) {
         let until = station.now() + TICK;
         if let Turn::Gone(_) = station.turn(until, &mut feed)? {
             break;
         }
     }
-    if feed.besides.is_taking() {
+    if feed.unasked.is_taking() {
         station.abort(0, &mut feed)?;
     }
     station.close(PATIENCE, &mut feed)?;
-    feed.besides.close();
+    feed.unasked.close();
     if feed.answer_error.is_none() {
         feed.answer_error = feed.answer.flush().err();
     }
     if let Some(error) = feed.source.error {
         return Err(TransferError::Source(error));
     }
-    if let Some(error) = feed.answer_error.or(feed.besides.error) {
+    if let Some(error) = feed.answer_error.or(feed.unasked.error) {
         return Err(TransferError::Sink(error));
     }
     let left = station.left(place);
@@ -210,9 +210,9 @@ pub fn ask<I: Instance>(
         held: duration(counters.held),
         holds: counters.holds,
         answered: feed.answered,
-        kept: feed.besides.kept,
-        refused: feed.besides.refused,
-        received: feed.besides.dropped,
+        kept: feed.unasked.kept,
+        refused: feed.unasked.refused,
+        received: feed.unasked.dropped,
         notes: feed.notes,
     })
 }
@@ -224,7 +224,7 @@ struct Feed<'a, S, W> {
     answer_error: Option<io::Error>,
     /// The delivery under way answers the job.
     is_answer: bool,
-    besides: Besides<'a>,
+    unasked: Unasked<'a>,
     requests: Vec<u32>,
     outcome: Option<SendOutcome>,
     sent: u64,
@@ -235,13 +235,13 @@ struct Feed<'a, S, W> {
 }
 
 impl<'a, S: Read + Seek, W: Write> Feed<'a, S, W> {
-    fn new(source: &'a mut S, answer: &'a mut W, besides: Option<&'a mut Inbox>) -> Self {
+    fn new(source: &'a mut S, answer: &'a mut W, unasked: Option<&'a mut Inbox>) -> Self {
         Self {
             source: Source::new(source),
             answer,
             answer_error: None,
             is_answer: false,
-            besides: Besides::new(besides),
+            unasked: Unasked::new(unasked),
             requests: Vec::new(),
             outcome: None,
             sent: 0,
@@ -253,7 +253,7 @@ impl<'a, S: Read + Seek, W: Write> Feed<'a, S, W> {
     }
 
     fn has_error(&self) -> bool {
-        self.source.error.is_some() || self.answer_error.is_some() || self.besides.error.is_some()
+        self.source.error.is_some() || self.answer_error.is_some() || self.unasked.error.is_some()
     }
 
     /// Bytes of the program that have left, or of the answer that came.
@@ -292,16 +292,16 @@ impl<S: Read + Seek, W: Write> LinkHost for Feed<'_, S, W> {
             Action::DeliveryBegin { job, .. } => {
                 self.is_answer = *job == JOB;
                 if !self.is_answer {
-                    self.besides.take(action);
+                    self.unasked.take(action);
                 }
             }
             Action::Deliver { bytes, .. } if self.is_answer => self.deliver(bytes),
             Action::Deliver { bytes, .. } => {
                 self.drained += bytes.len() as u32;
-                self.besides.take(action);
+                self.unasked.take(action);
             }
             Action::DeliveryName { .. } | Action::DeliveryEnd { .. } if !self.is_answer => {
-                self.besides.take(action);
+                self.unasked.take(action);
             }
             Action::Request { request, .. } => self.requests.push(*request),
             Action::Note { level, code, text } => self.notes.push(note(*level, *code, text)),

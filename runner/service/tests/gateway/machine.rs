@@ -12,13 +12,13 @@ use softplug_machines::r3964::rk512::{self, Computer};
 
 use crate::shop::HANG;
 
-type Order<P> = Box<dyn FnOnce(Micros, &mut P) + Send>;
+type Command<P> = Box<dyn FnOnce(Micros, &mut P) + Send>;
 
 /// A simulated machine.
 pub(crate) struct Machine<P> {
     /// The path of its port.
     pub(crate) port: String,
-    orders: Option<Sender<Order<P>>>,
+    commands: Option<Sender<Command<P>>>,
     waker: Waker,
     thread: Option<JoinHandle<()>>,
 }
@@ -43,9 +43,9 @@ impl<P: Partner + Send + 'static> Machine<P> {
     fn start(partner: P) -> Self {
         let mut simulator = Simulator::new(partner).unwrap();
         let (port, waker) = (simulator.path().display().to_string(), simulator.waker());
-        let (orders, taken) = channel();
+        let (commands, taken) = channel();
         let thread = thread::spawn(move || run(&mut simulator, &taken));
-        Self { port, orders: Some(orders), waker, thread: Some(thread) }
+        Self { port, commands: Some(commands), waker, thread: Some(thread) }
     }
 
     /// Does something with it, or looks at it.
@@ -55,16 +55,16 @@ impl<P: Partner + Send + 'static> Machine<P> {
     ) -> T {
         let (to, answer) = channel();
         let order = move |now, partner: &mut P| to.send(what(now, partner)).unwrap();
-        self.orders.as_ref().unwrap().send(Box::new(order)).unwrap();
+        self.commands.as_ref().unwrap().send(Box::new(order)).unwrap();
         self.waker.wake();
         answer.recv_timeout(HANG).unwrap()
     }
 }
 
-fn run<P: Partner>(simulator: &mut Simulator<P>, orders: &Receiver<Order<P>>) {
+fn run<P: Partner>(simulator: &mut Simulator<P>, commands: &Receiver<Command<P>>) {
     loop {
         let now = simulator.now();
-        match orders.try_recv() {
+        match commands.try_recv() {
             Ok(order) => order(now, &mut simulator.partner),
             Err(TryRecvError::Empty) => simulator.turn(now + Micros::from_secs(60)).unwrap(),
             Err(TryRecvError::Disconnected) => return,
@@ -74,7 +74,7 @@ fn run<P: Partner>(simulator: &mut Simulator<P>, orders: &Receiver<Order<P>>) {
 
 impl<P> Drop for Machine<P> {
     fn drop(&mut self) {
-        drop(self.orders.take());
+        drop(self.commands.take());
         self.waker.wake();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();

@@ -9,12 +9,12 @@ mod saving;
 mod settings;
 
 use super::case::Script;
+use super::context::ScriptContext;
 use super::failure::{Outcome, diverged};
-use super::stage::Stage;
 use crate::run::class::Class;
 use crate::run::permute::Permutation;
 use crate::run::{outcome, replay};
-use random::{Shape, ground};
+use random::{Shape, conditions};
 use saving::Saving;
 use softplug_abi::Micros;
 
@@ -27,8 +27,8 @@ pub(super) fn scripts() -> Vec<Script> {
         for seed in 1..=SEEDS {
             let id = format!("abi.input.{}-{seed}", shape.slug());
             let title = format!("{} (seed {seed}): no fault, no rule broken", shape.title());
-            all.push(Script::new("abi", id, title, shape.clauses(), move |stage| {
-                run(stage, shape, seed, Permutation::Uncut).map(|_| ())
+            all.push(Script::new("abi", id, title, shape.clauses(), move |context| {
+                run(context, shape, seed, Permutation::Uncut).map(|_| ())
             }));
         }
     }
@@ -54,8 +54,8 @@ pub(super) fn scripts() -> Vec<Script> {
                 }
                 _ => &[clause],
             };
-            all.push(Script::new("abi", id, title, clauses, move |stage| {
-                alike(stage, seed, permutation)
+            all.push(Script::new("abi", id, title, clauses, move |context| {
+                alike(context, seed, permutation)
             }));
         }
     }
@@ -63,25 +63,29 @@ pub(super) fn scripts() -> Vec<Script> {
         let id = format!("abi.saves.{seed}");
         let title =
             format!("The same input with a save after every event (seed {seed}): the same is done");
-        all.push(Script::new("abi", id, title, &["abi.swap.save-changes-nothing"], move |stage| {
-            saves_change_nothing(stage, seed)
-        }));
+        all.push(Script::new(
+            "abi",
+            id,
+            title,
+            &["abi.swap.save-changes-nothing"],
+            move |context| saves_change_nothing(context, seed),
+        ));
     }
     all
 }
 
 /// One run; what it showed goes into the log.
 fn run(
-    stage: &mut Stage<'_>,
+    context: &mut ScriptContext<'_>,
     shape: Shape,
     seed: u64,
     way: Permutation,
 ) -> Outcome<outcome::Outcome> {
-    let ground = ground(stage.manifest(), shape, seed)?;
-    let line = ground.options.line;
-    let outcome = replay::run(&stage.subject, ground, way);
-    stage.write(line, &outcome.seen);
-    stage.count(outcome.fuel, outcome.bytes);
+    let conditions = conditions(context.manifest(), shape, seed)?;
+    let line = conditions.options.line;
+    let outcome = replay::run(&context.subject, conditions, way);
+    context.write(line, &outcome.seen);
+    context.count(outcome.fuel, outcome.bytes);
     match outcome.fault {
         Some(fault) => Err(fault.into()),
         None => Ok(outcome),
@@ -89,8 +93,8 @@ fn run(
 }
 
 /// The same input once as it is and once in another way.
-fn alike(stage: &mut Stage<'_>, seed: u64, way: Permutation) -> Outcome {
-    if way == Permutation::SwapAll && stage.manifest().state.saves.is_none() {
+fn alike(context: &mut ScriptContext<'_>, seed: u64, way: Permutation) -> Outcome {
+    if way == Permutation::SwapAll && context.manifest().state.saves.is_none() {
         // A plug-in may save nothing: it is then never asked to.
         return Ok(());
     }
@@ -98,9 +102,9 @@ fn alike(stage: &mut Stage<'_>, seed: u64, way: Permutation) -> Outcome {
         Permutation::Twice => Shape::Session,
         _ => Shape::Everything,
     };
-    let first = run(stage, shape, seed, Permutation::Uncut)?;
-    let ground = ground(stage.manifest(), shape, seed)?;
-    let second = replay::run(&stage.subject, ground, way);
+    let first = run(context, shape, seed, Permutation::Uncut)?;
+    let conditions = conditions(context.manifest(), shape, seed)?;
+    let second = replay::run(&context.subject, conditions, way);
     if let Some(fault) = second.fault {
         return Err(fault.into());
     }
@@ -112,13 +116,13 @@ fn alike(stage: &mut Stage<'_>, seed: u64, way: Permutation) -> Outcome {
     same(class, &first, &second)
 }
 
-fn saves_change_nothing(stage: &mut Stage<'_>, seed: u64) -> Outcome {
-    if stage.manifest().state.saves.is_none() {
+fn saves_change_nothing(context: &mut ScriptContext<'_>, seed: u64) -> Outcome {
+    if context.manifest().state.saves.is_none() {
         return Ok(());
     }
-    let first = run(stage, Shape::Everything, seed, Permutation::Uncut)?;
-    let ground = ground(stage.manifest(), Shape::Everything, seed)?;
-    let second = replay::run(&Saving(stage.subject), ground, Permutation::Uncut);
+    let first = run(context, Shape::Everything, seed, Permutation::Uncut)?;
+    let conditions = conditions(context.manifest(), Shape::Everything, seed)?;
+    let second = replay::run(&Saving(context.subject), conditions, Permutation::Uncut);
     if let Some(fault) = second.fault {
         return Err(fault.into());
     }
@@ -134,7 +138,7 @@ fn same(class: Class, first: &outcome::Outcome, second: &outcome::Outcome) -> Ou
     }
     let at = expected.or(observed).map_or(Micros::ZERO, |seen| seen.at);
     let text = |seen: Option<&outcome::Seen>| match seen {
-        Some(seen) => format!("at {} {:?}", seen.at, seen.deed),
+        Some(seen) => format!("at {} {:?}", seen.at, seen.effect),
         None => "nothing".to_owned(),
     };
     let mut failure = diverged(at, class.text(), text(expected), text(observed));

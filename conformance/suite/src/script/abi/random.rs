@@ -1,8 +1,8 @@
 //! Legal input for any plug-in, from a seed and its manifest.
 
 use super::super::failure::{Outcome, not_applicable};
-use crate::given::course::{Asked, Course, Given, Input};
-use crate::run::replay::Ground;
+use crate::given::timeline::{Asked, Given, Input, Timeline};
+use crate::run::replay::Conditions;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use softplug_abi::manifest::{Kind, Manifest, ValueType};
@@ -95,7 +95,7 @@ const TELLING: &[u8] =
     b"\x02\x03\x04\x05\x06\x10\x11\x12\x13\x14\x15\x16\x18\x1A%\n\r\0\x7F\x91\x93\xFFO:N0";
 
 /// What one run needs: settings, rooms, a line, and what comes over it.
-pub(super) fn ground(manifest: &Manifest, shape: Shape, seed: u64) -> Outcome<Ground> {
+pub(super) fn conditions(manifest: &Manifest, shape: Shape, seed: u64) -> Outcome<Conditions> {
     let mut draw = Draw::new(seed ^ ((shape as u64) << 32));
     // The defaults first, then one preset after the other.
     let preset = manifest.presets.get((seed as usize).wrapping_sub(2));
@@ -109,9 +109,9 @@ pub(super) fn ground(manifest: &Manifest, shape: Shape, seed: u64) -> Outcome<Gr
         .then(|| (known.union(ModemLines::OUTPUTS), known));
     let line = LineParameters::new([9_600, 0, 300, 115_200][draw.below(4) as usize]);
     let options = LinkOptions { line, transmit_room, delivery_room, modem_lines, settings };
-    let course = draw.course(manifest, shape);
+    let timeline = draw.timeline(manifest, shape);
     let depth = 1 + draw.below(16) as usize;
-    Ok(Ground { course, options, depth })
+    Ok(Conditions { timeline, options, depth })
 }
 
 /// The chance of one run.
@@ -132,7 +132,7 @@ impl Draw {
         self.random.next_u32() % limit
     }
 
-    fn course(&mut self, manifest: &Manifest, shape: Shape) -> Course {
+    fn timeline(&mut self, manifest: &Manifest, shape: Shape) -> Timeline {
         let mut given = Vec::new();
         let mut at = Micros::ZERO;
         for _ in 0..INPUTS {
@@ -155,7 +155,7 @@ impl Draw {
         }
         let drain = Input::Host(Asked::Drain(softplug_trace::Drain::Auto));
         given.push(Given { at: end, what: drain });
-        Course { given, end: end + Micros::from_secs(100) }
+        Timeline { given, end: end + Micros::from_secs(100) }
     }
 
     fn gap(&mut self, shape: Shape) -> Micros {

@@ -1,8 +1,8 @@
 //! Settings as the manifest allows them, and as it does not; states that nobody saved.
 
 use super::super::case::Script;
+use super::super::context::ScriptContext;
 use super::super::failure::{Outcome, diverged, not_applicable};
-use super::super::stage::Stage;
 use crate::run::erased::{Boxed, Erased};
 use crate::run::fault::{Fault, FaultClass};
 use crate::run::subject::{Meter, Watched, WatchedFault};
@@ -14,7 +14,7 @@ use softplug_link::LinkFault;
 use std::rc::Rc;
 
 pub(super) fn scripts() -> Vec<Script> {
-    let script = |slug: &str, title, clause, scenario: fn(&mut Stage<'_>) -> Outcome| {
+    let script = |slug: &str, title, clause, scenario: fn(&mut ScriptContext<'_>) -> Outcome| {
         Script::new("abi", format!("abi.settings.{slug}"), title, &[clause], scenario)
     };
     vec![
@@ -48,8 +48,8 @@ pub(super) fn scripts() -> Vec<Script> {
 
 type Player<'a> = Watched<Erased<'a>>;
 
-fn start<'a>(stage: &Stage<'a>) -> Outcome<Player<'a>> {
-    let started = Watched::start(&stage.subject, Rc::new(Meter::default()));
+fn start<'a>(context: &ScriptContext<'a>) -> Outcome<Player<'a>> {
+    let started = Watched::start(&context.subject, Rc::new(Meter::default()));
     Ok(started.map_err(|error| Fault::new(FaultClass::NotStarted, Micros::ZERO, &error))?)
 }
 
@@ -112,26 +112,26 @@ fn open_and_close(player: &mut Player<'_>) -> Outcome {
     Ok(())
 }
 
-fn defaults_and_presets(stage: &mut Stage<'_>) -> Outcome {
-    let manifest = stage.manifest();
+fn defaults_and_presets(context: &mut ScriptContext<'_>) -> Outcome {
+    let manifest = context.manifest();
     let presets = manifest.presets.iter().map(|preset| Some(preset.name.as_str()));
     for preset in std::iter::once(None).chain(presets) {
         let asked = preset.map(|name| ("preset", name));
         let values = manifest.resolve_settings(asked).map_err(|error| not_applicable(&error))?;
-        let mut player = start(stage)?;
+        let mut player = start(context)?;
         let words = preset.map_or("the defaults".to_owned(), |name| format!("the preset {name}"));
         if let Err(refusal) = give_all(&mut player, &values)? {
             let message = format!("{words} must be taken");
             return Err(diverged(Micros::ZERO, message, "taken", refusal.text()));
         }
         open_and_close(&mut player)?;
-        stage.log.push(format!("{words}: taken"));
+        context.log.push(format!("{words}: taken"));
     }
     Ok(())
 }
 
-fn ends_of_ranges(stage: &mut Stage<'_>) -> Outcome {
-    let manifest = stage.manifest();
+fn ends_of_ranges(context: &mut ScriptContext<'_>) -> Outcome {
+    let manifest = context.manifest();
     for setting in &manifest.settings {
         let (min, max) = (setting.min, setting.max);
         let texts: Vec<String> = match setting.kind {
@@ -152,25 +152,25 @@ fn ends_of_ranges(stage: &mut Stage<'_>) -> Outcome {
             let asked = [(setting.name.as_str(), text.as_str())];
             let values =
                 manifest.resolve_settings(asked).map_err(|error| not_applicable(&error))?;
-            let mut player = start(stage)?;
+            let mut player = start(context)?;
             let answer = give_all(&mut player, &values)?;
             if answer.is_ok() {
                 open_and_close(&mut player)?;
             }
             let words = if answer.is_ok() { "taken" } else { "refused" };
-            stage.log.push(format!("{} at an end of its range: {words}", setting.name));
+            context.log.push(format!("{} at an end of its range: {words}", setting.name));
         }
     }
     Ok(())
 }
 
-fn malformed(stage: &mut Stage<'_>) -> Outcome {
-    for (words, records) in wrong_records(stage.manifest()) {
-        let mut player = start(stage)?;
+fn malformed(context: &mut ScriptContext<'_>) -> Outcome {
+    for (words, records) in wrong_records(context.manifest()) {
+        let mut player = start(context)?;
         let event = Event::Settings { first: true, last: true, values: Values::new(&records) };
         let answer = give(&mut player, &event)?;
         let answer = if answer.is_ok() { "passed over" } else { "refused" };
-        stage.log.push(format!("{words}: {answer}"));
+        context.log.push(format!("{words}: {answer}"));
     }
     Ok(())
 }
@@ -205,14 +205,14 @@ fn wrong_records(manifest: &Manifest) -> Vec<(String, Vec<u8>)> {
     all
 }
 
-fn garbage_states(stage: &mut Stage<'_>) -> Outcome {
-    let manifest = stage.manifest();
+fn garbage_states(context: &mut ScriptContext<'_>) -> Outcome {
+    let manifest = context.manifest();
     let values = manifest.resolve_settings([]).map_err(|error| not_applicable(&error))?;
     for &format in &manifest.state.accepts {
         for length in [0, 1, 7, 64, 200, 500] {
             for fill in [0x00, 0x01, 0x7F, 0xFF] {
                 let bytes = vec![fill; length];
-                let mut player = start(stage)?;
+                let mut player = start(context)?;
                 if give_all(&mut player, &values)?.is_err() {
                     return Ok(());
                 }
@@ -220,7 +220,7 @@ fn garbage_states(stage: &mut Stage<'_>) -> Outcome {
                 let event = Event::Restore { format, offset: 0, total, bytes: &bytes };
                 let answer = give(&mut player, &event)?;
                 let words = if answer.is_ok() { "taken" } else { "refused" };
-                stage.log.push(format!("{length} bytes {fill:02X} of format {format}: {words}"));
+                context.log.push(format!("{length} bytes {fill:02X} of format {format}: {words}"));
             }
         }
     }

@@ -10,7 +10,7 @@ use softplug_gateway::transfer::{
 };
 use softplug_machines::fanuc::{Feeding, Options, Press, Report, eight_none_two};
 
-use super::stage::{Shown, Stage, Worker, program, station, why};
+use super::context::{DemoContext, Shown, Worker, program, station, why};
 use crate::commands::send::job_kind;
 use crate::commands::simulate::{Ending, FanucSimulation};
 use crate::failure::Failure;
@@ -28,8 +28,8 @@ const BLOCK_TIME: Micros = Micros::from_millis(60);
 /// The program that the operator asks for.
 const NAME: &str = "O1234";
 
-pub(super) fn show(stage: &Stage<'_>, plugin: &Chosen) -> Result<Shown, Failure> {
-    let screen = stage.screen;
+pub(super) fn show(context: &DemoContext<'_>, plugin: &Chosen) -> Result<Shown, Failure> {
+    let screen = context.screen;
     screen.say(format_args!(
         "{HEADING}4. FANUC RS-232: drip feed, a punch, a request from the panel{HEADING:#}\n\
          A simulated control with a buffer of 512 characters executes the program while it comes,\n\
@@ -46,10 +46,10 @@ pub(super) fn show(stage: &Stage<'_>, plugin: &Chosen) -> Result<Shown, Failure>
     let machine = machine(options)?;
     let mut port = station(plugin, &machine, eight_none_two(BAUD), &[])?;
     let worker = Worker::start(machine);
-    let sent = stage.send(plugin, &mut port, &program);
+    let sent = context.send(plugin, &mut port, &program);
     let is_done = sent.as_ref().is_ok_and(|report| report.outcome == SendOutcome::Done);
     let seen = worker.end(!is_done)?.partner().control.report();
-    stage.pulse.saw(seen.late);
+    context.pulse.saw(seen.late);
     let report = sent?;
     if report.outcome == SendOutcome::Aborted {
         return Ok(Shown::Aborted);
@@ -69,8 +69,8 @@ pub(super) fn show(stage: &Stage<'_>, plugin: &Chosen) -> Result<Shown, Failure>
         numbers::things(seen.starved.into(), "time"),
     ));
 
-    let (counter, dialogue) = dialogue(stage, plugin, &program)?;
-    if stage.is_stopped() {
+    let (counter, dialogue) = dialogue(context, plugin, &program)?;
+    if context.is_stopped() {
         return Ok(Shown::Aborted);
     }
     let Some((name, text)) = counter.punched.first() else {
@@ -98,7 +98,7 @@ pub(super) fn show(stage: &Stage<'_>, plugin: &Chosen) -> Result<Shown, Failure>
 
 /// The control punches a program, then its operator asks for one.
 fn dialogue(
-    stage: &Stage<'_>,
+    context: &DemoContext<'_>,
     plugin: &Chosen,
     program: &[u8],
 ) -> Result<(Counter, Report), Failure> {
@@ -125,13 +125,13 @@ fn dialogue(
         ServeOptions { give_up_after: Some(std::time::Duration::from_secs(10)), deliveries: None };
     let mut watched = Watched { counter: &mut counter, done: &done };
     let served = transfer::serve(&mut port, &mut watched, &options, &done, &mut |_| {
-        if stage.is_stopped() {
+        if context.is_stopped() {
             done.store(true, Ordering::Relaxed);
         }
     });
     let is_done = counter.sent == Some(SendOutcome::Done);
     let seen = worker.end(!is_done)?.partner().control.report();
-    stage.pulse.saw(seen.late);
+    context.pulse.saw(seen.late);
     served.map_err(transfer_failure)?;
     Ok((counter, seen))
 }

@@ -1,9 +1,9 @@
 //! `softplug demo`: each plug-in against a simulated machine, in this process.
 
+mod context;
 mod fanuc;
 mod pulse;
 mod r3964;
-mod stage;
 mod xon_xoff;
 
 use std::time::Duration;
@@ -11,8 +11,8 @@ use std::time::Duration;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
+use self::context::{DemoContext, Shown};
 use self::pulse::Pulse;
-use self::stage::{Shown, Stage};
 use crate::commands::demo::Arguments;
 use crate::commands::replay;
 use crate::exit::Exit;
@@ -48,14 +48,14 @@ struct Replayed {
 
 pub(crate) fn demo(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
     let stop = stop::on_signals()?;
-    let stage = Stage { arguments, screen, stop: &stop, pulse: Pulse::start() };
+    let context = DemoContext { arguments, screen, stop: &stop, pulse: Pulse::start() };
     // A plug-in that is not there is told before anything is shown.
-    let plugins = PLUGINS.map(|name| stage.plugin(name));
+    let plugins = PLUGINS.map(|name| context.plugin(name));
     let [xon_xoff, r3964, simplified, fanuc] = plugins;
     let plugins = [xon_xoff?, r3964?, simplified?, fanuc?];
     let mut document = Document { result: "failed", parts: Map::new(), replay: None };
     for (name, plugin) in PLUGINS.iter().zip(&plugins) {
-        match show(&stage, name, plugin)? {
+        match show(&context, name, plugin)? {
             Shown::Good(value) => {
                 document.parts.insert((*name).to_owned(), value);
             }
@@ -111,19 +111,19 @@ pub(crate) fn demo(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failu
 
 /// Shows a plug-in's part. One that fails while this computer is late proves nothing,
 /// and is shown again.
-fn show(stage: &Stage<'_>, name: &str, plugin: &Chosen) -> Result<Shown, Failure> {
+fn show(context: &DemoContext<'_>, name: &str, plugin: &Chosen) -> Result<Shown, Failure> {
     let mut attempt = 1;
     loop {
-        stage.pulse.latest();
+        context.pulse.latest();
         let shown = match name {
-            "xon-xoff" => xon_xoff::show(stage, plugin)?,
-            "r3964" => r3964::show(stage, plugin, &r3964::FULL)?,
-            "r3964-simplified" => r3964::show(stage, plugin, &r3964::SIMPLIFIED)?,
-            _ => fanuc::show(stage, plugin)?,
+            "xon-xoff" => xon_xoff::show(context, plugin)?,
+            "r3964" => r3964::show(context, plugin, &r3964::FULL)?,
+            "r3964-simplified" => r3964::show(context, plugin, &r3964::SIMPLIFIED)?,
+            _ => fanuc::show(context, plugin)?,
         };
-        let late = stage.pulse.latest();
+        let late = context.pulse.latest();
         let Shown::Failed(why) = &shown else { return Ok(shown) };
-        if late <= LATE || stage.is_stopped() {
+        if late <= LATE || context.is_stopped() {
             return Ok(shown);
         }
         let busy = format!(
@@ -133,7 +133,7 @@ fn show(stage: &Stage<'_>, name: &str, plugin: &Chosen) -> Result<Shown, Failure
         if attempt == ATTEMPTS {
             return Ok(Shown::Failed(format!("{busy}: try again")));
         }
-        stage.screen.note(format_args!("{busy}; once more\n"));
+        context.screen.note(format_args!("{busy}; once more\n"));
         attempt += 1;
     }
 }

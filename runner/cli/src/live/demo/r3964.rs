@@ -10,7 +10,7 @@ use softplug_gateway::transfer::{
 };
 use softplug_machines::r3964::{Fault, Faults, Noise, Options, Report, Station as Partner, When};
 
-use super::stage::{Shown, Stage, Worker, station, why};
+use super::context::{DemoContext, Shown, Worker, station, why};
 use crate::commands::simulate::{Ending, R3964Simulation};
 use crate::failure::Failure;
 use crate::live::machine::Machine;
@@ -57,14 +57,14 @@ pub(super) const SIMPLIFIED: Variant = Variant {
 };
 
 pub(super) fn show(
-    stage: &Stage<'_>,
+    context: &DemoContext<'_>,
     plugin: &Chosen,
     variant: &Variant,
 ) -> Result<Shown, Failure> {
-    let screen = stage.screen;
+    let screen = context.screen;
     screen.say(format_args!("{HEADING}{}{HEADING:#}\n{}", variant.heading, variant.text));
     let data: Vec<u8> = (0..BLOCKS * variant.block_bytes).map(|at| at as u8).collect();
-    let (report, seen) = sent(stage, plugin, variant, &data)?;
+    let (report, seen) = sent(context, plugin, variant, &data)?;
     if report.outcome == SendOutcome::Aborted {
         return Ok(Shown::Aborted);
     }
@@ -79,8 +79,8 @@ pub(super) fn show(
         numbers::bytes(report.sent),
         numbers::count(seen.naks.into()),
     ));
-    let (deliveries, seen) = received(stage, plugin, variant, &data)?;
-    if stage.is_stopped() {
+    let (deliveries, seen) = received(context, plugin, variant, &data)?;
+    if context.is_stopped() {
         return Ok(Shown::Aborted);
     }
     let sent: Vec<&[u8]> = data.chunks(variant.block_bytes).collect();
@@ -103,7 +103,7 @@ pub(super) fn show(
 }
 
 fn sent(
-    stage: &Stage<'_>,
+    context: &DemoContext<'_>,
     plugin: &Chosen,
     variant: &Variant,
     data: &[u8],
@@ -112,14 +112,14 @@ fn sent(
     let line = LineParameters::new(BAUD);
     let mut station = station(plugin, &machine, line, variant.settings)?;
     let worker = Worker::start(machine);
-    let sent = stage.send(plugin, &mut station, data);
+    let sent = context.send(plugin, &mut station, data);
     let seen = worker.end(true)?.partner().report().clone();
     Ok((sent?, seen))
 }
 
 /// The deliveries, and what the machine says of its blocks.
 fn received(
-    stage: &Stage<'_>,
+    context: &DemoContext<'_>,
     plugin: &Chosen,
     variant: &Variant,
     data: &[u8],
@@ -135,7 +135,7 @@ fn received(
         give_up_after: Some(Duration::from_secs(10)),
         deliveries: Some(BLOCKS as u64),
     };
-    let served = transfer::serve(&mut station, &mut handler, &options, stage.stop, &mut |_| {});
+    let served = transfer::serve(&mut station, &mut handler, &options, context.stop, &mut |_| {});
     let is_complete = handler.complete.len() == BLOCKS;
     let seen = worker.end(!is_complete)?.partner().report().clone();
     served.map_err(transfer_failure)?;

@@ -7,7 +7,7 @@ use softplug_abi::{LineParameters, Micros};
 use softplug_gateway::transfer::{self, ReceiveOutcome, ReceiveReport, SendOutcome, SendReport};
 use softplug_machines::xon_xoff::{ControlOptions, ControlReport};
 
-use super::stage::{Shown, Stage, Worker, program, station, why};
+use super::context::{DemoContext, Shown, Worker, program, station, why};
 use crate::commands::simulate::{Ending, XonXoffSimulation};
 use crate::failure::Failure;
 use crate::live::machine::Machine;
@@ -23,9 +23,9 @@ const BAUD: u32 = 921_600;
 /// that it must hold.
 const RATE: u32 = 45_000;
 
-pub(super) fn show(stage: &Stage<'_>, plugin: &Chosen) -> Result<Shown, Failure> {
-    let screen = stage.screen;
-    let program = program(stage.arguments.bytes as usize);
+pub(super) fn show(context: &DemoContext<'_>, plugin: &Chosen) -> Result<Shown, Failure> {
+    let screen = context.screen;
+    let program = program(context.arguments.bytes as usize);
     screen.say(format_args!(
         "{HEADING}1. XON/XOFF: to the machine, and back{HEADING:#}\n\
          A simulated control with a buffer of 32,768 bytes sits on a pseudo-terminal. It executes\n\
@@ -34,7 +34,7 @@ pub(super) fn show(stage: &Stage<'_>, plugin: &Chosen) -> Result<Shown, Failure>
         numbers::count(RATE.into()),
         numbers::count(BAUD.into()),
     ));
-    let (report, seen) = sent(stage, plugin, &program)?;
+    let (report, seen) = sent(context, plugin, &program)?;
     if report.outcome == SendOutcome::Aborted {
         return Ok(Shown::Aborted);
     }
@@ -55,7 +55,7 @@ pub(super) fn show(stage: &Stage<'_>, plugin: &Chosen) -> Result<Shown, Failure>
         after.percentile(99),
         after.max(),
     ));
-    let (back, bytes) = received(stage, plugin, &program)?;
+    let (back, bytes) = received(context, plugin, &program)?;
     match back.outcome {
         ReceiveOutcome::Complete if bytes == program => {}
         ReceiveOutcome::Aborted => return Ok(Shown::Aborted),
@@ -82,7 +82,7 @@ pub(super) fn show(stage: &Stage<'_>, plugin: &Chosen) -> Result<Shown, Failure>
 }
 
 fn sent(
-    stage: &Stage<'_>,
+    context: &DemoContext<'_>,
     plugin: &Chosen,
     program: &[u8],
 ) -> Result<(SendReport, ControlReport), Failure> {
@@ -99,15 +99,15 @@ fn sent(
     let machine = machine(control, None)?;
     let mut station = station(plugin, &machine, LineParameters::new(BAUD), &[])?;
     let worker = Worker::start(machine);
-    let sent = stage.send(plugin, &mut station, program);
+    let sent = context.send(plugin, &mut station, program);
     let is_done = sent.as_ref().is_ok_and(|report| report.outcome == SendOutcome::Done);
     let seen = worker.end(!is_done)?.partner().control.report();
-    stage.pulse.saw(seen.late);
+    context.pulse.saw(seen.late);
     Ok((sent?, seen))
 }
 
 fn received(
-    stage: &Stage<'_>,
+    context: &DemoContext<'_>,
     plugin: &Chosen,
     program: &[u8],
 ) -> Result<(ReceiveReport, Vec<u8>), Failure> {
@@ -117,10 +117,10 @@ fn received(
     let mut station = station(plugin, &machine, LineParameters::new(BAUD), &quiet)?;
     let worker = Worker::start(machine);
     let mut bytes = Vec::with_capacity(program.len());
-    let bar = Bar::new(None, stage.screen);
+    let bar = Bar::new(None, context.screen);
     let wait = Some(Duration::from_secs(10));
     let received =
-        transfer::receive(&mut station, &mut bytes, None, wait, stage.stop, &mut |progress| {
+        transfer::receive(&mut station, &mut bytes, None, wait, context.stop, &mut |progress| {
             bar.show(progress);
         });
     bar.end();

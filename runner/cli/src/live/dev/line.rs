@@ -30,7 +30,7 @@ pub(super) struct Line<'a> {
     port: &'a PortSpec,
     arguments: &'a Arguments,
     screen: &'a Screen,
-    ground: Ground<'a>,
+    host: DevHost<'a>,
     station: Option<Station<AnyInstance>>,
     next_job: u32,
 }
@@ -43,7 +43,7 @@ impl<'a> Line<'a> {
         inbox: Option<Inbox>,
         screen: &'a Screen,
     ) -> Self {
-        let ground = Ground {
+        let host = DevHost {
             screen,
             plugin: None,
             data: data.unwrap_or_default(),
@@ -54,7 +54,7 @@ impl<'a> Line<'a> {
             bytes: 0,
             drained: 0,
         };
-        Self { port, arguments, screen, ground, station: None, next_job: 1 }
+        Self { port, arguments, screen, host, station: None, next_job: 1 }
     }
 
     /// Runs the latest plug-in until `stop`.
@@ -70,7 +70,7 @@ impl<'a> Line<'a> {
             self.turn();
         }
         if let Some(station) = &mut self.station {
-            let closed = station.close(PATIENCE, &mut self.ground);
+            let closed = station.close(PATIENCE, &mut self.host);
             if let Err(error) = closed {
                 tracing::debug!(%error, "not closed in order");
             }
@@ -99,16 +99,16 @@ impl<'a> Line<'a> {
     fn swap(&mut self, plugin: &Chosen) -> Result<&'static str, Failure> {
         let settings = plugin.settings(&self.arguments.settings)?;
         if let Some(station) = &mut self.station {
-            let running = self.ground.plugin.as_ref().unwrap_or(plugin);
+            let running = self.host.plugin.as_ref().unwrap_or(plugin);
             let successor = Successor {
                 instance: plugin.instantiate()?,
                 settings: settings.clone(),
                 accepts: plugin.manifest().accepts_of(running.manifest()).to_vec(),
                 spare: None,
             };
-            match station.swap(successor, &mut self.ground)? {
+            match station.swap(successor, &mut self.host)? {
                 Ok(_) => {
-                    self.ground.plugin = Some(plugin.clone());
+                    self.host.plugin = Some(plugin.clone());
                     return Ok("with its state");
                 }
                 Err(SwapError::Failed(fault)) => {
@@ -120,15 +120,15 @@ impl<'a> Line<'a> {
         }
         // The old one lets go of the port first.
         if let Some(mut station) = self.station.take() {
-            station.close(PATIENCE, &mut self.ground).map_err(failure)?;
+            station.close(PATIENCE, &mut self.host).map_err(failure)?;
         }
         let asked = self.arguments.line.as_ref();
         let line = ChosenLine::of(asked, plugin.manifest(), &self.arguments.settings, &settings);
         let port = open(self.port, &PortOptions::new(line.line), &line, self.screen)?;
         let options = StationOptions { settings, ..StationOptions::default() };
         let mut station = Station::new(port, plugin.instantiate()?, options)?;
-        self.ground.plugin = Some(plugin.clone());
-        station.open(&mut self.ground).map_err(failure)?;
+        self.host.plugin = Some(plugin.clone());
+        station.open(&mut self.host).map_err(failure)?;
         self.station = Some(station);
         Ok("as new")
     }
@@ -139,23 +139,23 @@ impl<'a> Line<'a> {
         let manifest = plugin.manifest();
         let kind = manifest.job_kind("send").filter(|_| self.arguments.send.is_some());
         let Some(kind) = kind.filter(|_| station.link().job().is_none()) else { return };
-        self.ground.given = 0;
+        self.host.given = 0;
         let job = Job {
             id: self.next_job,
             kind,
-            size: Some(self.ground.data.len() as u64),
+            size: Some(self.host.data.len() as u64),
             fields: Vec::new(),
             check: manifest.needs.check_pass,
         };
         self.next_job += 1;
-        let begun = station.begin_job(job, &mut self.ground);
+        let begun = station.begin_job(job, &mut self.host);
         self.look_at(begun.map(|()| Turn::Live));
     }
 
     fn turn(&mut self) {
         if let Some(station) = &mut self.station {
             let until = station.now() + TURN;
-            let turned = station.turn(until, &mut self.ground);
+            let turned = station.turn(until, &mut self.host);
             self.look_at(turned);
         }
     }
@@ -184,7 +184,7 @@ fn failure(error: StationError<AnyFault>) -> Failure {
 }
 
 /// What the plug-in does is shown, what it sends comes from memory.
-struct Ground<'a> {
+struct DevHost<'a> {
     screen: &'a Screen,
     plugin: Option<Chosen>,
     data: Vec<u8>,
@@ -199,7 +199,7 @@ struct Ground<'a> {
     drained: u32,
 }
 
-impl Ground<'_> {
+impl DevHost<'_> {
     /// Does something with the folder that keeps deliveries, if there is one.
     fn keep<T>(&mut self, act: impl FnOnce(&mut Inbox) -> std::io::Result<T>) -> Option<T> {
         match act(self.inbox.as_mut()?) {
@@ -221,7 +221,7 @@ impl Ground<'_> {
 
 // A new action has to be decided on here.
 #[deny(clippy::wildcard_enum_match_arm)]
-impl LinkHost for Ground<'_> {
+impl LinkHost for DevHost<'_> {
     fn handle(&mut self, _now: Micros, action: &Action<'_>) {
         let screen = self.screen;
         let say = |text: &dyn std::fmt::Display| screen.say(text);

@@ -87,7 +87,7 @@ impl Rehearsal {
             let run = self.line.run_until(at, &mut self.watcher);
             self.look(run);
         }
-        let mut remarks: Vec<_> = self.watcher.deeds.drain(..).collect();
+        let mut remarks: Vec<_> = self.watcher.effects.drain(..).collect();
         remarks.extend(self.difference());
         self.watcher.bytes.clear();
         self.sent.clear();
@@ -211,7 +211,7 @@ impl Rehearsal {
         if let Err(fault) = result {
             self.has_ended = true;
             let fault = fault.to_string();
-            self.watcher.deeds.push(format!("cannot go on: {}", fault.escape_debug()));
+            self.watcher.effects.push(format!("cannot go on: {}", fault.escape_debug()));
         }
     }
 }
@@ -221,7 +221,7 @@ impl Rehearsal {
 struct Watcher {
     /// Whether what is said may hold data.
     shows_data: bool,
-    deeds: Vec<String>,
+    effects: Vec<String>,
     bytes: Vec<(Micros, u8)>,
     delivered: u64,
     waiting: u32,
@@ -232,7 +232,7 @@ struct Watcher {
 impl LinkHost for Watcher {
     fn handle(&mut self, now: Micros, action: &Action<'_>) {
         let at = seconds(now);
-        let deed = match action {
+        let effect = match action {
             Action::DeliveryBegin { .. } => {
                 self.delivered = 0;
                 return;
@@ -282,8 +282,8 @@ impl LinkHost for Watcher {
             | Action::State { .. }
             | Action::Saved { .. } => return,
         };
-        if self.deeds.len() < KEPT {
-            self.deeds.push(deed);
+        if self.effects.len() < KEPT {
+            self.effects.push(effect);
         }
     }
 

@@ -5,17 +5,17 @@ use super::baseline::Baseline;
 /// What is asked for.
 ///
 /// ```
-/// use softplug_conformance::certify::{Baseline, Order};
+/// use softplug_conformance::certify::{Baseline, CertifyOptions};
 /// use std::path::Path;
 ///
 /// let known = "[[expected]]\ncase = \"xon-xoff.tx.hold\"\nclass = \"diverged\"\nreason = \"Slow.\"";
 /// let baseline = Some(Baseline::parse(Path::new("known.toml"), known)?);
-/// let order = Order { strict: true, baseline, ..Order::new("xon-xoff") };
-/// assert!(order.cases.is_empty() && order.threads > 0);
+/// let options = CertifyOptions { strict: true, baseline, ..CertifyOptions::new("xon-xoff") };
+/// assert!(options.cases.is_empty() && options.threads > 0);
 /// # Ok::<(), softplug_conformance::FileError>(())
 /// ```
 #[derive(Clone, Debug)]
-pub struct Order {
+pub struct CertifyOptions {
     /// The profile.
     pub profile: String,
     /// The revision whose cases are scored; none: the newest.
@@ -35,7 +35,7 @@ pub struct Order {
     pub shuffle: Option<u64>,
 }
 
-impl Order {
+impl CertifyOptions {
     /// The whole newest revision of a profile, on all processors.
     pub fn new(profile: impl Into<String>) -> Self {
         Self {

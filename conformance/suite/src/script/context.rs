@@ -15,14 +15,14 @@ use softplug_machines::Partner;
 const BYTES: usize = 16;
 
 /// The plug-in that is judged, and the log.
-pub(super) struct Stage<'a> {
+pub(super) struct ScriptContext<'a> {
     pub(super) subject: Anything<'a>,
     pub(super) log: Vec<String>,
     pub(super) fuel: Fuel,
     pub(super) bytes: u64,
 }
 
-impl<'a> Stage<'a> {
+impl<'a> ScriptContext<'a> {
     pub(super) fn new(subject: &'a dyn Starts) -> Self {
         Self { subject: Anything(subject), log: Vec::new(), fuel: Fuel::default(), bytes: 0 }
     }
@@ -54,7 +54,7 @@ impl<'a> Stage<'a> {
     }
 }
 
-impl Stage<'_> {
+impl ScriptContext<'_> {
     /// Adds to what the plug-in's computing has cost.
     pub(super) fn count(&mut self, fuel: Fuel, bytes: u64) {
         self.fuel.total = self.fuel.total.saturating_add(fuel.total);

@@ -22,7 +22,7 @@ pub struct Reception {
 }
 
 /// Takes what comes besides.
-pub(super) struct Besides<'a> {
+pub(super) struct Unasked<'a> {
     inbox: Option<&'a mut Inbox>,
     is_under_way: bool,
     name: Option<String>,
@@ -35,7 +35,7 @@ pub(super) struct Besides<'a> {
     pub(super) error: Option<io::Error>,
 }
 
-impl<'a> Besides<'a> {
+impl<'a> Unasked<'a> {
     pub(super) fn new(inbox: Option<&'a mut Inbox>) -> Self {
         Self {
             inbox,

@@ -22,7 +22,7 @@ struct Limits {
 }
 
 /// Writes lines into a file, and into further ones as it gets long.
-pub(super) struct Book {
+pub(super) struct TraceWriter {
     out: PathBuf,
     force: bool,
     front: FrontMatter,
@@ -37,7 +37,7 @@ pub(super) struct Book {
     is_begun: bool,
 }
 
-impl Book {
+impl TraceWriter {
     /// Makes the first part's file.
     pub(super) fn create(out: &Path, force: bool, front: FrontMatter) -> Result<Self, Failure> {
         let partial = Partial::create(out, force)?;
@@ -159,14 +159,14 @@ mod tests {
         let head = "id: a.b\ntitle: T\nprofile: a\nclauses: a.c\nlevel: may\n\
                     line: 9600 8N1\nsince: 1\norigin: hand-written\n---\n. 0.0\n";
         let front = Trace::parse(head).unwrap().front;
-        let mut book = Book::create(&out, false, front).unwrap();
-        book.limits = Limits { bytes: usize::MAX, lines: 300 };
+        let mut writer = TraceWriter::create(&out, false, front).unwrap();
+        writer.limits = Limits { bytes: usize::MAX, lines: 300 };
         for at in 0..1_000 {
             let what = What::Receive(Payload::from_bytes(b"A"));
             let when = When::at(Time(at));
-            book.add(Line::Entry(Entry { when, what, line: SourceLine::default() })).unwrap();
+            writer.add(Line::Entry(Entry { when, what, line: SourceLine::default() })).unwrap();
         }
-        let files = book.finish().unwrap();
+        let files = writer.finish().unwrap();
         assert_eq!(files, [out.clone(), folder.path().join("session-2.spt")]);
         let traces: Vec<_> = files
             .iter()
@@ -177,6 +177,6 @@ mod tests {
         assert_eq!((&*traces[0].front.id, &*traces[1].front.id), ("a.b", "a.b.part-2"));
         // Nothing is left behind, and nothing is overwritten by the next one.
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
-        assert!(Book::create(&out, false, traces[0].front.clone()).is_err());
+        assert!(TraceWriter::create(&out, false, traces[0].front.clone()).is_err());
     }
 }

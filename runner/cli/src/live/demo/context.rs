@@ -25,7 +25,7 @@ use crate::plugin::{AnyInstance, Chosen};
 use crate::screen::Screen;
 
 /// What the parts of the demonstration share.
-pub(super) struct Stage<'a> {
+pub(super) struct DemoContext<'a> {
     pub(super) arguments: &'a Arguments,
     pub(super) screen: &'a Screen,
     pub(super) stop: &'a AtomicBool,
@@ -41,7 +41,7 @@ pub(super) enum Shown {
     Failed(String),
 }
 
-impl Stage<'_> {
+impl DemoContext<'_> {
     /// The plug-in in its sandbox.
     pub(super) fn plugin(&self, name: &str) -> Result<Chosen, Failure> {
         self.arguments.library.load(name)

@@ -15,12 +15,12 @@ const APART: &str = "--apart";
 const WORKERS: &str = "/sys/devices/virtual/workqueue/cpumask";
 
 #[derive(Copy, Clone)]
-pub struct Stage {
+pub struct Placement {
     pub is_real_time: bool,
     is_apart: bool,
 }
 
-impl Stage {
+impl Placement {
     pub fn new(options: &[String]) -> Outcome<Self> {
         let is_known = |option: &&String| [REAL_TIME, APART].contains(&option.as_str());
         if let Some(unknown) = options.iter().find(|option| !is_known(option)) {

@@ -10,7 +10,7 @@ use softplug_trace::{Drain, HostRequest, LineEvent, PayloadError, Piece, What, W
 
 /// Inputs in the order in which they come.
 #[derive(Clone, Debug)]
-pub(crate) struct Course {
+pub(crate) struct Timeline {
     pub(crate) given: Vec<Given>,
     pub(crate) end: Micros,
 }
@@ -76,34 +76,34 @@ pub(crate) enum Windows {
 /// A trace asks for what the plug-in or the replay cannot do.
 ///
 /// ```
-/// use softplug_conformance::CourseError;
+/// use softplug_conformance::TimelineError;
 ///
 /// let reason = "the plug-in has no job \"send-eia\"".to_owned();
-/// let error = CourseError { line: 12, reason };
+/// let error = TimelineError { line: 12, reason };
 /// assert_eq!(error.to_string(), "line 12: the plug-in has no job \"send-eia\"");
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("line {line}: {reason}")]
-pub struct CourseError {
+pub struct TimelineError {
     /// The line of the trace's file.
     pub line: u32,
     /// Why, for people.
     pub reason: String,
 }
 
-impl Course {
+impl Timeline {
     pub(crate) fn new(
         case: &Case,
         manifest: &Manifest,
         windows: Windows,
-    ) -> Result<Self, CourseError> {
+    ) -> Result<Self, TimelineError> {
         let line = line_parameters(&case.trace.front.line);
         let reaction = Micros(i64::from(case.trace.front.line.reaction));
         let mut given = Vec::new();
         let mut window = 0;
         for entry in case.trace.inputs() {
             let number = entry.line.0;
-            let fail = |reason: String| CourseError { line: number, reason };
+            let fail = |reason: String| TimelineError { line: number, reason };
             let bytes = |error: PayloadError| fail(error.to_string());
             let at = place(entry.when, windows, &mut window);
             match &entry.what {

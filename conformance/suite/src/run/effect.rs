@@ -14,7 +14,7 @@ use softplug_trace::{
 ///
 /// The example of [`replay`](crate::replay) shows some.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub enum Deed {
+pub enum Effect {
     /// A character on the wire, at its start bit.
     Byte(u8),
     /// A break of so many µs.
@@ -71,7 +71,7 @@ pub enum Deed {
 ///
 /// ```
 /// use softplug_abi::manifest::Manifest;
-/// use softplug_conformance::{Deed, Delivered, FromFn, Permutation, load, replay};
+/// use softplug_conformance::{Effect, Delivered, FromFn, Permutation, load, replay};
 /// use softplug_native::NativePlugin;
 ///
 /// let plugin = NativePlugin::XonXoff;
@@ -79,8 +79,8 @@ pub enum Deed {
 /// let subject = FromFn::new(manifest, move || plugin.instantiate());
 /// let case = &load(["../../fixtures/traces/xon-xoff/xon-xoff.rx.quiet.spt"])?[0];
 /// let outcome = replay(&subject, case, Permutation::Uncut, 0);
-/// let delivered = outcome.seen.iter().find_map(|seen| match &seen.deed {
-///     Deed::Deliver(delivered) => Some(delivered),
+/// let delivered = outcome.seen.iter().find_map(|seen| match &seen.effect {
+///     Effect::Deliver(delivered) => Some(delivered),
 ///     _ => None,
 /// });
 /// let Delivered { id, bytes, failure, .. } = delivered.expect("the trace has a delivery");
@@ -110,7 +110,7 @@ pub(crate) enum Channel {
     Host,
 }
 
-impl Deed {
+impl Effect {
     pub(crate) fn channel(&self) -> Channel {
         match self {
             Self::Byte(_) | Self::Break(_) => Channel::Wire,
@@ -215,8 +215,8 @@ impl Deed {
 mod tests {
     use super::*;
 
-    fn failed(id: u32, failure: Failure, status: u16, sent: Option<u64>) -> Deed {
-        Deed::Fail { id, failure, status, sent }
+    fn failed(id: u32, failure: Failure, status: u16, sent: Option<u64>) -> Effect {
+        Effect::Fail { id, failure, status, sent }
     }
 
     #[test]
@@ -228,7 +228,7 @@ mod tests {
         assert!(!demand.allows(&failed(1, Failure::NoAnswer, 8, Some(3))));
         let exact = failed(1, Failure::NoAnswer, 7, Some(3));
         assert!(!exact.allows(&failed(1, Failure::NoAnswer, 7, Some(4))));
-        let done = |id, sent| Deed::Done { id, sent };
+        let done = |id, sent| Effect::Done { id, sent };
         assert!(done(1, None).allows(&done(1, Some(3))));
         assert!(!done(1, None).allows(&done(2, Some(3))));
         assert!(!done(1, Some(3)).allows(&done(1, Some(4))));
@@ -236,10 +236,10 @@ mod tests {
 
     #[test]
     fn wire_lines_and_host_have_an_order_each() {
-        let lines = Deed::Lines(ModemLines::default(), ModemLines::default());
-        let channels = [Deed::Byte(0), Deed::Break(1), lines, Deed::Withdraw(1)];
+        let lines = Effect::Lines(ModemLines::default(), ModemLines::default());
+        let channels = [Effect::Byte(0), Effect::Break(1), lines, Effect::Withdraw(1)];
         assert_eq!(
-            channels.map(|deed| deed.channel()),
+            channels.map(|effect| effect.channel()),
             [Channel::Wire, Channel::Wire, Channel::Lines, Channel::Host]
         );
     }
@@ -258,7 +258,7 @@ mod tests {
 
             let failure = Some(Failure::UnsupportedCharacter);
             let line = number.into();
-            let checked = Deed::Check { id: 1, failure, status: 0, line, column: line };
+            let checked = Effect::Check { id: 1, failure, status: 0, line, column: line };
             let What::Act(Expected::Check { fault: Some(fault), .. }) = checked.what(&manifest)
             else {
                 panic!("the check found a fault")
