@@ -365,7 +365,7 @@ pub struct FailedRun {
     pub observed: String,
     /// Bytes around the place, as hex digits; both sides begin at the same place.
     pub expected_bytes: String,
-    /// The same of what was seen.
+    /// Bytes that were seen there, as hex digits.
     pub observed_bytes: String,
     /// What was given and seen before that, as lines of a trace.
     pub before: Vec<String>,

@@ -24,12 +24,12 @@ pub(crate) fn visible(text: &str) -> String {
     shown
 }
 
-/// The same on one line.
+/// The visible text on one line.
 pub(crate) fn line(text: &str) -> String {
     visible(text).replace('\n', "\\n").replace('\t', " ")
 }
 
-/// The same in quotes, at most 120 characters of it, for use in a sentence.
+/// The visible text in quotes, at most 120 characters of it, for use in a sentence.
 pub(crate) fn quoted(text: &str) -> String {
     let mut short: String = text.chars().take(120).collect();
     if short.len() < text.len() {

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 pub enum VerdictKind {
     /// Every required case was executed and passed.
     Conformant,
-    /// The same, but for cases that SHOULD pass.
+    /// Every required case was executed and passed, but for some that SHOULD pass.
     ConformantWithWarnings,
     /// Nothing failed unexpectedly, but not all that is required was executed, or the baseline
     /// excuses a failure.

@@ -56,7 +56,7 @@ pub enum ParseErrorKind {
         /// The most.
         high: u64,
     },
-    /// The same was said before.
+    /// Something stands here twice.
     #[error("{what} \"{}\" stands here twice; keep one", shown(name))]
     Twice {
         /// What it is.

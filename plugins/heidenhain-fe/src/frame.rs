@@ -14,7 +14,7 @@ pub(crate) const ETB: u8 = 0x17;
 
 /// The longest line of a program in characters.
 pub(crate) const LINE: u32 = 240;
-/// The same with a CR or a space behind it.
+/// The longest line with a CR or a space behind it.
 const CAPACITY: usize = LINE as usize + 2;
 
 /// A header or a line, as it came or goes.

@@ -120,7 +120,7 @@ impl Screen {
         self.report(format_args!("{ERROR}error:{ERROR:#} {text}"));
     }
 
-    /// The same, of a text that says itself that it is an error.
+    /// Tells of an error, in a text that says itself that it is one.
     pub(crate) fn report(&self, text: impl Display) {
         if !self.json {
             forgive(writeln!(anstream::stderr(), "{text}"));

@@ -31,7 +31,7 @@ impl Qmp {
         self.try_ask(command, arguments).unwrap_or_else(|error| panic!("{command}: {error}"))
     }
 
-    /// The same, where the machine may be gone.
+    /// Asks a machine that may be gone.
     pub(crate) fn try_ask(&mut self, command: &str, arguments: &Value) -> Result<Value, String> {
         let line = json!({ "execute": command, "arguments": arguments }).to_string() + "\n";
         self.out.write_all(line.as_bytes()).map_err(|error| error.to_string())?;

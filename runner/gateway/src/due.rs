@@ -23,7 +23,7 @@ impl Due {
         dues.into_iter().flatten().min_by_key(|due| due.by)
     }
 
-    /// The same on a clock that read `began` when this one's clock began.
+    /// This time on a clock that read `began` when this one's clock began.
     pub(crate) fn on_clock_since(self, began: Micros) -> Self {
         Self { at: self.at + began, by: self.by + began }
     }

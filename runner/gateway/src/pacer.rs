@@ -53,8 +53,8 @@ pub struct Pacer {
     slack: Micros,
     /// When the line has sent all that it was given, in ticks.
     free: i128,
-    /// The same for a line whose clock is as fast as a clock may be, and for one
-    /// that was given everything as late as may be.
+    /// When a line has sent all whose clock is as fast as a clock may be, and when one has that
+    /// was given everything as late as may be; in ticks.
     early_free: i128,
     late_free: i128,
     written: u64,
@@ -86,7 +86,7 @@ impl Pacer {
         Self { line, depth, slack: Micros::ZERO, free, early_free, late_free, written: 0 }
     }
 
-    /// The same, sure of a byte's departure only `slack` after the model is:
+    /// A pacer that is sure of a byte's departure only `slack` after the model is:
     /// for adapters and UARTs that keep bytes for a while.
     pub fn with_slack(mut self, slack: Micros) -> Self {
         self.slack = slack;

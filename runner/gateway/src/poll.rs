@@ -98,7 +98,7 @@ impl Poller {
         })
     }
 
-    /// The same for two ports, of which each may be left out. Which of them
+    /// Waits for two ports, of which each may be left out. Which of them
     /// ended the wait, whoever reads and writes finds out.
     pub fn wait_both(
         &mut self,

@@ -86,7 +86,7 @@ const COUNTERS: [(&str, &str, Counted); 13] = [
     ("sent_bytes", "Bytes to the machine", |of| of.bytes_out),
 ];
 
-/// The same for times, in microseconds.
+/// The counters of times, in microseconds.
 const TIMES: [(&str, &str, Counted); 2] = [
     ("held", "Time for which the machine held the line", |of| of.held_us),
     ("starved_time", "Time for which the buffer was empty in the middle of a job", |of| {

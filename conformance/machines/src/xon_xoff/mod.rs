@@ -90,7 +90,7 @@ pub struct Control {
     outgoing: VecDeque<u8>,
     outgoing_from: Micros,
     stopped: bool,
-    /// The same for the control's own sending: since when it is told to stop.
+    /// Since when the control's own sending is told to stop.
     stop: Hold,
     punched: u64,
     left: VecDeque<Left>,

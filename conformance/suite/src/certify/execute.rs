@@ -194,7 +194,7 @@ impl Shared<'_> {
         CertifyError::EnginesDiffer { case: listed.id.to_owned(), first, second }
     }
 
-    /// The same under the second engine.
+    /// What a case comes to under the second engine.
     fn second(
         &self,
         listed: &Listed<'_>,

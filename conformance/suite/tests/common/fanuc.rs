@@ -49,7 +49,7 @@ impl Bench {
         Self::with_depth(settings, control, 1)
     }
 
-    /// The same where the port holds up to `depth` characters.
+    /// A line whose port holds up to `depth` characters.
     pub(crate) fn with_depth(settings: Settings<'_>, control: Options, depth: usize) -> Self {
         let inputs = ModemLines::DSR.union(ModemLines::DCD).union(ModemLines::CTS);
         let known = inputs.union(ModemLines::OUTPUTS);
@@ -129,7 +129,7 @@ impl Bench {
         self.line.partner.report()
     }
 
-    /// The same without the text, and what the plug-in said.
+    /// The report without the text, and what the plug-in said.
     pub(crate) fn account(&self) -> String {
         let received = Received::Bytes(Vec::new());
         let is_said = |observed: &&(Micros, Observed)| {

@@ -21,13 +21,13 @@ pub(crate) fn native(name: &str) -> FromFn<impl Fn() -> NativeInstance> {
     FromFn::new(manifest, move || plugin.instantiate())
 }
 
-/// The same in the sandbox: from the folder `SOFTPLUG_PLUGINS`, else built now.
+/// A reference plug-in in the sandbox: from the folder `SOFTPLUG_PLUGINS`, else built now.
 #[cfg(feature = "wasmtime")]
 pub(crate) fn sandboxed(name: &str) -> Sandboxed {
     sandboxed_under(EngineKind::Wasmtime, name)
 }
 
-/// The same under an engine.
+/// A reference plug-in in the sandbox, under this engine.
 pub(crate) fn sandboxed_under(engine: EngineKind, name: &str) -> Sandboxed {
     let options = HostOptions { engine, ..HostOptions::default() };
     let host = Host::new(options).expect("the engine can be set up");

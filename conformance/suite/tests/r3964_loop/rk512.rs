@@ -98,7 +98,7 @@ fn command(random: &mut impl Rng) -> Command {
     Command { area, offset, data, count, flag: None }
 }
 
-/// The same content for both kinds of memory.
+/// What both kinds of memory hold.
 fn content(area: Area) -> Vec<u8> {
     (0..600_u32).map(|n| (n * 7 + u32::from(area.letter())) as u8).collect()
 }

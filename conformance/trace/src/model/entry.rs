@@ -134,7 +134,7 @@ impl What {
         }
     }
 
-    /// The same with other bytes; itself if it cannot carry any.
+    /// This with other bytes; unchanged if it cannot carry any.
     pub(crate) fn with_payload(mut self, new: Payload) -> Self {
         match &mut self {
             Self::Receive(payload)

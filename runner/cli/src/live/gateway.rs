@@ -14,7 +14,7 @@ use serde::Serialize;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR2};
 use signal_hook::iterator::Signals;
 use softplug_gateway::PortError;
-use softplug_service::config::{Config, ConfigError, FileWatch, LogFormat, Problem};
+use softplug_service::config::{Config, ConfigError, ConfigFinding, FileWatch, LogFormat};
 use softplug_service::gateway::{self, Gateway, StartError};
 use softplug_service::http::{self, Role, ServeError};
 use softplug_service::view::StopHow;
@@ -44,9 +44,9 @@ struct Ready<'a> {
 struct Checked<'a> {
     result: &'static str,
     links: usize,
-    problems: &'a [Problem],
+    problems: &'a [ConfigFinding],
     /// What works and may be meant otherwise.
-    remarks: &'a [Problem],
+    remarks: &'a [ConfigFinding],
 }
 
 pub(crate) fn gateway(
@@ -93,7 +93,7 @@ fn wrong(error: StartError, screen: &Screen) -> Result<Exit, Failure> {
                 problems: &problems,
                 remarks: &[],
             });
-            for Problem { place, message, hint } in &problems {
+            for ConfigFinding { place, message, hint } in &problems {
                 let failure = Failure::usage(format_args!("{place}: {message}")).hint(hint);
                 screen.report_failure(&failure);
             }

@@ -21,7 +21,7 @@ use crate::transcript::{self, Step, difference};
 
 /// Longer than anything takes, building from nothing included; only a hang gets there.
 const HANG: Duration = Duration::from_mins(15);
-/// The same for what is built already.
+/// Longer than anything takes that is built already.
 const SLOW: Duration = Duration::from_mins(2);
 
 /// A shell, and the programs that stay while the page goes on.

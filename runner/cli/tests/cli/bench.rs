@@ -47,7 +47,7 @@ impl Bench {
         Self::names_in(self.folder.path())
     }
 
-    /// The same of any folder.
+    /// The names in any folder.
     pub(crate) fn names_in(folder: &Path) -> Vec<String> {
         let entries = fs::read_dir(folder).unwrap();
         let name = |entry: std::io::Result<fs::DirEntry>| {

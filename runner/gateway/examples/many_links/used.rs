@@ -46,7 +46,7 @@ fn ticks(pid: u32) -> Outcome<u64> {
     Ok(fields[11].parse::<u64>()? + fields[12].parse::<u64>()?)
 }
 
-/// The same of all processors; what they idled, and what the host took away, is not counted.
+/// Ticks that all processors worked; what they idled, and what the host took away, is not counted.
 fn machine() -> Outcome<u64> {
     let stat = fs::read_to_string("/proc/stat")?;
     let line = stat.lines().next().ok_or("no such statistics")?;

@@ -32,7 +32,7 @@ const TURN: Micros = Micros(500);
 const CHUNK: usize = 64;
 /// When to look again whether the port has sent what it should have.
 const LOOK_AGAIN: Micros = Micros::from_millis(1);
-/// The same where somebody else's buffer lies between, which may be held for hours.
+/// When to look again where somebody else's buffer lies between, which may be held for hours.
 const LOOK_AGAIN_FAR: Micros = Micros::from_millis(20);
 /// How much later a line that is still busy may be given more, so that many are
 /// given theirs together.
@@ -354,7 +354,8 @@ impl<I: Instance> Channel<I> {
                 || unsent())
     }
 
-    /// The same, or the link is still to hear what has left: a job may end with that.
+    /// Whether something is still to leave, or the link is still to hear what has left: a job may
+    /// end with that.
     pub fn is_settling(&self, now: Micros) -> bool {
         self.is_sending(now) || (self.gone.is_none() && self.link.awaits_departures())
     }

@@ -21,7 +21,7 @@ const KEEPALIVE: (Duration, Duration, u32) = (Duration::from_secs(10), Duration:
 const SEND_BUFFER: usize = 8_192;
 /// Bytes sent again so often without an answer have nobody to answer: 25 s.
 const RETRANSMITS: u8 = 7;
-/// The same for the question whether a full peer has room again.
+/// Questions whether a full peer has room again that have nobody to answer: 25 s.
 const PROBES: u8 = 6;
 
 /// A connection, non-blocking. The other side holds us by the TCP window as
@@ -67,7 +67,7 @@ impl Stream {
         })
     }
 
-    /// The same, telling an orderly end from a connection that was lost.
+    /// Reads, and tells an orderly end from a connection that was lost.
     pub(crate) fn receive(&self, buffer: &mut [u8]) -> Result<Received, PortError> {
         match retry_on_intr(|| read(&self.0, &mut *buffer)) {
             Ok(0) => Ok(Received::End),

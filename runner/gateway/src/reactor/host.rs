@@ -122,7 +122,7 @@ impl LaneHost {
         feed.job
     }
 
-    /// The same for what comes in at the endpoint.
+    /// Begins the job of what comes in at the endpoint.
     pub(super) fn begin_endpoint(&mut self, id: u32, from: Place) {
         self.job = Some(Active::new(id, Source::Endpoint, from));
         if let Some(lane) = &mut self.endpoint {

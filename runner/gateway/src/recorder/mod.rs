@@ -128,7 +128,7 @@ pub fn recording<I: Instance>(link: &Link<Recorded<I>>) -> Recording {
     link.instance().log.recording(link.taken_over_with())
 }
 
-/// The same of a plug-in that is no longer on a link, where it had taken over
+/// The recording of a plug-in that is no longer on a link, where it had taken over
 /// with this under way.
 pub fn recording_of<I: Instance>(
     instance: &Recorded<I>,

@@ -79,7 +79,7 @@ impl Inbox {
         self.begin_as("delivery")
     }
 
-    /// The same; while it comes, its file is called `stem.partial`.
+    /// Begins a delivery whose file is called `stem.partial` while it comes.
     ///
     /// # Errors
     /// No file can be made.

@@ -63,7 +63,7 @@ impl Bench {
         self.add_with(baud, |_| {})
     }
 
-    /// The same, set up otherwise.
+    /// Adds a lane that is set up otherwise.
     pub fn add_with(
         &mut self,
         baud: u32,

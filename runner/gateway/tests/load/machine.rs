@@ -55,7 +55,7 @@ impl Machine {
         }
     }
 
-    /// The same, which knows no flow control.
+    /// A machine that knows no flow control.
     pub fn without_holds(self) -> Self {
         Self { next_hold: None, ..self }
     }

@@ -78,7 +78,7 @@ impl<I: LaneInstance> Load<I> {
         self.add_plugin(baud, instance, self.settings.clone())
     }
 
-    /// The same with another plug-in.
+    /// Adds a lane with another plug-in.
     pub fn add_plugin(
         &mut self,
         baud: u32,
@@ -88,7 +88,7 @@ impl<I: LaneInstance> Load<I> {
         self.add_with(baud, instance, settings, |_| {})
     }
 
-    /// The same, set up otherwise.
+    /// Adds a lane with another plug-in that is set up otherwise.
     pub fn add_with(
         &mut self,
         baud: u32,

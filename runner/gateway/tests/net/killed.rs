@@ -13,7 +13,7 @@ pub(crate) trait Server {
     fn restart(&mut self);
     /// All that the machine has got, once it has so many bytes.
     fn wait_received(&self, count: usize) -> Vec<u8>;
-    /// The same, once nothing more is on its way.
+    /// All that the machine has got, once nothing more is on its way.
     fn received(&self) -> Vec<u8>;
 }
 

@@ -53,7 +53,7 @@ pub(crate) fn serve(
     }
 }
 
-/// The same, for a port that may get lost.
+/// Serves a port that may get lost until `is_enough`.
 pub(crate) fn serve_or_lose(
     port: &mut Port,
     heard: &mut Heard,

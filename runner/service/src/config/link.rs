@@ -9,7 +9,7 @@ use softplug_gateway::endpoint::EndpointSetup;
 use softplug_gateway::port::{line_mismatch, line_text, parse_line};
 use softplug_gateway::{Flow, PortSpec};
 
-use super::problem::{Place, Problem};
+use super::finding::{ConfigFinding, Place};
 use crate::programs::Quota;
 use crate::view::ProbationOrder;
 
@@ -193,7 +193,10 @@ impl LinkConfig {
     ///
     /// # Errors
     /// A serial port is left without a rate.
-    pub(crate) fn complete_line(&mut self, named: Option<LineParameters>) -> Result<(), Problem> {
+    pub(crate) fn complete_line(
+        &mut self,
+        named: Option<LineParameters>,
+    ) -> Result<(), ConfigFinding> {
         let base = named.unwrap_or_else(|| LineParameters::new(0));
         let written = self.written_line.as_deref();
         // It was read before.
@@ -202,7 +205,7 @@ impl LinkConfig {
             return Ok(());
         }
         let rate = LineParameters { baud: 9_600, ..self.line };
-        Err(Problem {
+        Err(ConfigFinding {
             place: self.places.line.clone(),
             message: "a serial port needs a baud rate".to_owned(),
             hint: format!("add one: `line = \"{}\"`", line_text(&rate)),
@@ -210,13 +213,13 @@ impl LinkConfig {
     }
 
     /// What its line does not do that the plug-in's would; nothing where no port is set.
-    pub(crate) fn line_remark(&self, named: Option<LineParameters>) -> Option<Problem> {
+    pub(crate) fn line_remark(&self, named: Option<LineParameters>) -> Option<ConfigFinding> {
         let named = named?;
         let is_set =
             matches!(self.port, PortConfig::Port(PortSpec::Device(_) | PortSpec::Rfc2217 { .. }));
         let lost = line_mismatch(self.line, named).filter(|_| is_set)?;
         let form = line_text(&LineParameters { baud: 0, ..named });
-        Some(Problem {
+        Some(ConfigFinding {
             place: self.places.line.clone(),
             message: format!("the line is {}, the protocol's {form}: {lost}", self.line_text()),
             hint: format!("`line = \"{form}\"`, unless the machine is set otherwise"),

@@ -11,11 +11,11 @@ use softplug_gateway::port::parse_line;
 use softplug_gateway::{Flow, PortSpec};
 use toml::{Spanned, Value};
 
+use super::finding::{ConfigFindings, Place};
 use super::link::{
     Buffer, LinkConfig, MACHINES, Places, PortConfig, Probation, Reopen, SwapPolicy, Watchdogs,
     is_name, micros,
 };
-use super::problem::{Place, Problems};
 use super::service::{address, bytes, choice, optional_span, span};
 use super::written::{self, Text};
 use super::{MOST_LINKS, of_names};
@@ -25,7 +25,7 @@ use crate::programs::Quota;
 pub(super) fn all(
     written: Vec<Spanned<written::Link>>,
     defaults: &written::Link,
-    problems: &mut Problems<'_>,
+    problems: &mut ConfigFindings<'_>,
 ) -> Vec<LinkConfig> {
     for (key, text) in
         [("name", &defaults.name), ("port", &defaults.port), ("receive", &defaults.receive)]
@@ -73,7 +73,7 @@ fn one(
     link: written::Link,
     at: Range<usize>,
     taken: &mut Taken,
-    problems: &mut Problems<'_>,
+    problems: &mut ConfigFindings<'_>,
 ) -> Option<LinkConfig> {
     let name = name(link.name.as_ref(), &at, taken, problems)?;
     let port = port(link.port.as_ref(), &name, &at, taken, problems);
@@ -163,7 +163,7 @@ fn name(
     text: Option<&Text>,
     at: &Range<usize>,
     taken: &mut Taken,
-    problems: &mut Problems<'_>,
+    problems: &mut ConfigFindings<'_>,
 ) -> Option<String> {
     let Some(text) = text else {
         let hint = "add a line such as `name = \"lathe-1\"`";
@@ -190,7 +190,7 @@ fn name(
 const NAME_HINT: &str =
     "use 1 to 64 letters, digits, dots, spaces, hyphens and underscores, a letter or digit first";
 
-fn folder(text: Option<&Text>, problems: &mut Problems<'_>) -> Option<String> {
+fn folder(text: Option<&Text>, problems: &mut ConfigFindings<'_>) -> Option<String> {
     let text = text?;
     if is_name(text.get_ref()) {
         return Some(text.get_ref().clone());
@@ -205,7 +205,7 @@ fn port(
     name: &str,
     at: &Range<usize>,
     taken: &mut Taken,
-    problems: &mut Problems<'_>,
+    problems: &mut ConfigFindings<'_>,
 ) -> Option<PortConfig> {
     let Some(text) = text else {
         let hint = "add a line such as `port = \"/dev/ttyUSB0\"`";
@@ -240,7 +240,7 @@ fn port(
 }
 
 /// As far as it is written; the rest is the plug-in's.
-fn line(text: Option<&Text>, problems: &mut Problems<'_>) -> LineParameters {
+fn line(text: Option<&Text>, problems: &mut ConfigFindings<'_>) -> LineParameters {
     let base = LineParameters::new(0);
     let Some(text) = text else { return base };
     parse_line(text.get_ref(), base).unwrap_or_else(|error| {
@@ -263,7 +263,7 @@ fn plugin(
     text: Option<&Text>,
     name: &str,
     at: &Range<usize>,
-    problems: &mut Problems<'_>,
+    problems: &mut ConfigFindings<'_>,
 ) -> Option<String> {
     match text {
         Some(text) if !text.get_ref().trim().is_empty() => Some(text.get_ref().clone()),
@@ -279,7 +279,7 @@ fn plugin(
 /// Settings as text, as people give them to the command.
 fn settings(
     written: BTreeMap<Text, Spanned<Value>>,
-    problems: &mut Problems<'_>,
+    problems: &mut ConfigFindings<'_>,
 ) -> (BTreeMap<String, String>, BTreeMap<String, Place>) {
     let (mut settings, mut places) = (BTreeMap::new(), BTreeMap::new());
     for (name, value) in written {
@@ -306,7 +306,7 @@ fn settings(
     (settings, places)
 }
 
-fn quota(written: Option<Spanned<written::Quota>>, problems: &mut Problems<'_>) -> Quota {
+fn quota(written: Option<Spanned<written::Quota>>, problems: &mut ConfigFindings<'_>) -> Quota {
     let written = written.map(Spanned::into_inner).unwrap_or_default();
     let default = Quota::default();
     let mut of = |value: Option<&Spanned<Value>>, default: u64| {
@@ -325,7 +325,7 @@ fn quota(written: Option<Spanned<written::Quota>>, problems: &mut Problems<'_>) 
     Quota { reception, receptions, bytes: day }
 }
 
-fn buffer(written: Option<Spanned<written::Buffer>>, problems: &mut Problems<'_>) -> Buffer {
+fn buffer(written: Option<Spanned<written::Buffer>>, problems: &mut ConfigFindings<'_>) -> Buffer {
     let at = written.as_ref().map_or(0..0, Spanned::span);
     let written = written.map(Spanned::into_inner).unwrap_or_default();
     let mut given = |value: Option<&Spanned<Value>>, default: u64| match value {
@@ -352,7 +352,7 @@ fn endpoint(
     written: &Spanned<written::Endpoint>,
     name: &str,
     taken: &mut Taken,
-    problems: &mut Problems<'_>,
+    problems: &mut ConfigFindings<'_>,
 ) -> Option<EndpointSetup> {
     let (at, written) = (written.span(), written.get_ref());
     let Some(text) = &written.listen else {

@@ -3,19 +3,19 @@
 //! [`Config::read`] finds out all that can be known without a plug-in;
 //! whether plug-ins exist and take their settings is checked with the library.
 
+mod finding;
 mod hint;
 mod link;
 mod links;
-mod problem;
 mod service;
 mod unit;
 mod watch;
 mod written;
 
+pub use finding::{ConfigError, ConfigFinding, Place};
 pub(crate) use hint::of_names;
 pub(crate) use link::micros;
 pub use link::{Buffer, LinkConfig, PortConfig, Probation, Reopen, SwapPolicy, Watchdogs};
-pub use problem::{ConfigError, Place, Problem};
 pub use service::{GatewayConfig, LogFormat, Supervision};
 pub use watch::FileWatch;
 
@@ -24,7 +24,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::http;
-use problem::Problems;
+use finding::ConfigFindings;
 
 /// A configuration of a thousand links has some 300 KiB.
 const LARGEST_FILE: u64 = 8 << 20;
@@ -56,7 +56,7 @@ impl Config {
 
     /// Checks the text of a file.
     pub fn parse(file: &Path, text: &str) -> Result<Self, ConfigError> {
-        let mut problems = Problems::new(file, text);
+        let mut problems = ConfigFindings::new(file, text);
         let written: written::File = match toml::from_str(text) {
             Ok(written) => written,
             Err(error) => {

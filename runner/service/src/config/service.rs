@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use toml::{Spanned, Value};
 
-use super::problem::Problems;
+use super::finding::ConfigFindings;
 use super::unit;
 use super::written::{self, Text};
 use crate::http::{Certificate, Limits, Options};
@@ -72,7 +72,7 @@ pub struct Supervision {
 pub(super) fn gateway(
     written: &written::Gateway,
     folder: &Path,
-    problems: &mut Problems<'_>,
+    problems: &mut ConfigFindings<'_>,
 ) -> GatewayConfig {
     let path = |text: &Option<Text>, default: PathBuf| {
         text.as_ref().map_or(default, |text| folder.join(text.get_ref()))
@@ -139,7 +139,7 @@ pub(super) fn gateway(
 pub(super) fn http(
     written: &Spanned<written::Http>,
     folder: &Path,
-    problems: &mut Problems<'_>,
+    problems: &mut ConfigFindings<'_>,
 ) -> Options {
     let at = written.span();
     let written = written.get_ref();
@@ -210,7 +210,7 @@ pub(super) fn http(
 }
 
 /// Names by which the API may be asked for.
-fn names(written: Option<&[Text]>, problems: &mut Problems<'_>) -> Vec<String> {
+fn names(written: Option<&[Text]>, problems: &mut ConfigFindings<'_>) -> Vec<String> {
     let mut names = Vec::new();
     for text in written.unwrap_or_default() {
         let name = text.get_ref();
@@ -229,7 +229,7 @@ fn names(written: Option<&[Text]>, problems: &mut Problems<'_>) -> Vec<String> {
 
 pub(super) fn supervision(
     written: &written::Supervision,
-    problems: &mut Problems<'_>,
+    problems: &mut ConfigFindings<'_>,
 ) -> Supervision {
     let first_delay = span(written.first_delay.as_ref(), 100, problems);
     let longest_delay = span(written.longest_delay.as_ref(), 30_000, problems);
@@ -248,7 +248,7 @@ pub(super) fn supervision(
     Supervision { first_delay, longest_delay, faults, within }
 }
 
-pub(super) fn address(text: &Text, problems: &mut Problems<'_>) -> Option<SocketAddr> {
+pub(super) fn address(text: &Text, problems: &mut ConfigFindings<'_>) -> Option<SocketAddr> {
     let parsed = text.get_ref().parse().ok();
     if parsed.is_none() {
         problems.add(
@@ -263,7 +263,7 @@ pub(super) fn address(text: &Text, problems: &mut Problems<'_>) -> Option<Socket
 pub(super) fn choice<T: Copy + Default>(
     text: Option<&Text>,
     choices: &[(&str, T)],
-    problems: &mut Problems<'_>,
+    problems: &mut ConfigFindings<'_>,
 ) -> T {
     let Some(text) = text else { return T::default() };
     if let Some((_, value)) = choices.iter().find(|(name, _)| name == text.get_ref()) {
@@ -281,12 +281,15 @@ pub(super) fn choice<T: Copy + Default>(
 pub(super) fn span(
     text: Option<&Text>,
     default_millis: u64,
-    problems: &mut Problems<'_>,
+    problems: &mut ConfigFindings<'_>,
 ) -> Duration {
     optional_span(text, problems).unwrap_or(Duration::from_millis(default_millis))
 }
 
-pub(super) fn optional_span(text: Option<&Text>, problems: &mut Problems<'_>) -> Option<Duration> {
+pub(super) fn optional_span(
+    text: Option<&Text>,
+    problems: &mut ConfigFindings<'_>,
+) -> Option<Duration> {
     let text = text?;
     match unit::span(text.get_ref()) {
         Ok(span) => Some(span),
@@ -303,7 +306,7 @@ pub(super) fn bytes(
     value: &Spanned<Value>,
     least: u64,
     most: u64,
-    problems: &mut Problems<'_>,
+    problems: &mut ConfigFindings<'_>,
 ) -> Option<u64> {
     let parsed = match value.get_ref() {
         Value::Integer(number) => u64::try_from(*number).map_err(|_| "it is negative"),

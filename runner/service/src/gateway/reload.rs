@@ -7,7 +7,7 @@ use super::lanes::limits;
 use super::link::{After, Lane};
 use super::loading::{Loader, Prepared, Unloadable};
 use super::swaps::Wanted;
-use crate::config::{Config, ConfigError, LinkConfig, Problem};
+use crate::config::{Config, ConfigError, ConfigFinding, LinkConfig};
 use crate::jobs::{Note, Subject, Weight};
 use crate::view::{ReloadView, RemadeLink, SwapWhen};
 
@@ -70,7 +70,7 @@ impl Shared {
 }
 
 /// Finds a link's plug-in, checks its settings, and takes from it what is not written of the line.
-pub(super) fn prepare(loader: &Loader, link: &mut LinkConfig) -> Result<Prepared, Problem> {
+pub(super) fn prepare(loader: &Loader, link: &mut LinkConfig) -> Result<Prepared, ConfigFinding> {
     let prepared = loader.prepare(&link.plugin, &link.settings);
     let prepared = prepared.map_err(|error| problem(link, &error))?;
     link.complete_line(prepared.line())?;
@@ -78,7 +78,7 @@ pub(super) fn prepare(loader: &Loader, link: &mut LinkConfig) -> Result<Prepared
 }
 
 /// What is wrong with a link's plug-in, where it is written.
-fn problem(link: &LinkConfig, error: &Unloadable) -> Problem {
+fn problem(link: &LinkConfig, error: &Unloadable) -> ConfigFinding {
     let (place, message, hint) = match error {
         Unloadable::Setting { name, text, hint } => {
             let place = name.as_ref().and_then(|name| link.places.settings.get(name));
@@ -93,7 +93,7 @@ fn problem(link: &LinkConfig, error: &Unloadable) -> Problem {
             (&link.places.plugin, message, hint)
         }
     };
-    Problem { place: place.clone(), message, hint }
+    ConfigFinding { place: place.clone(), message, hint }
 }
 
 impl Control {

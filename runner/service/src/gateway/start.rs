@@ -24,7 +24,7 @@ use super::loading::Loader;
 use super::reload::prepare;
 use super::results::Results;
 use super::worker::Worker;
-use crate::config::{Config, ConfigError, Problem};
+use crate::config::{Config, ConfigError, ConfigFinding};
 use crate::disk::DiskError;
 use crate::feeder::Feeder;
 use crate::jobs::{Jobs, JobsError, Keep, Note, Recovery, Subject, Weight};
@@ -116,7 +116,7 @@ impl Running {
 /// Checks what only the library can tell: that plug-ins are there and take
 /// their settings. Nothing is started or written. What works and may be meant
 /// otherwise is given: lines that are not the protocol's.
-pub fn check(config: &Config) -> Result<Vec<Problem>, StartError> {
+pub fn check(config: &Config) -> Result<Vec<ConfigFinding>, StartError> {
     let library = Library::existing(&config.gateway.library)?;
     let loader = Loader::new(Host::new(HostOptions::default())?, library);
     let (mut problems, mut remarks) = (Vec::new(), Vec::new());

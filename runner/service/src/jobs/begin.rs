@@ -17,7 +17,7 @@ pub enum BeginAt {
     Byte(u64),
 }
 
-/// The same order, beginning there. `field`: the field of the job's kind that takes the number of
+/// What a job is to do, beginning there. `field`: the field of the job's kind that takes the number of
 /// the first block, for a plug-in that finds blocks itself.
 ///
 /// # Errors

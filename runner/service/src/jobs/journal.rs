@@ -44,17 +44,17 @@ impl Note {
         Self { subject, weight: Weight::Normal, link: None, job: None, text: text.into() }
     }
 
-    /// The same of a link.
+    /// This entry about a link.
     pub fn of_link(self, link: impl Into<String>) -> Self {
         Self { link: Some(link.into()), ..self }
     }
 
-    /// The same of a job.
+    /// This entry about a job.
     pub fn of_job(self, job: u32) -> Self {
         Self { job: Some(job), ..self }
     }
 
-    /// The same, mattering so much.
+    /// This entry, mattering so much.
     pub fn weighing(self, weight: Weight) -> Self {
         Self { weight, ..self }
     }

@@ -123,7 +123,7 @@ impl Jobs {
         Self::start(JobStore::open(&path, opener, Some(ballast), keep)?)
     }
 
-    /// The same in a database that somebody else opens, each time anew after an error.
+    /// Opens the jobs in a database that somebody else opens, each time anew after an error.
     ///
     /// # Errors
     /// It cannot be read or written.

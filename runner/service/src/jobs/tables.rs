@@ -12,7 +12,7 @@ use super::{Job, State};
 pub(super) const JOBS: TableDefinition<u32, &[u8]> = TableDefinition::new("jobs");
 /// So that a page of the jobs in one state is found without reading others.
 pub(super) const BY_STATE: TableDefinition<(u8, u32), ()> = TableDefinition::new("jobs-by-state");
-/// The same for one link's.
+/// So that a page of one link's jobs in one state is found without reading others.
 pub(super) const BY_LINK: TableDefinition<(&str, u8, u32), ()> =
     TableDefinition::new("jobs-by-link");
 /// The job that a reception belongs to, by link and file.

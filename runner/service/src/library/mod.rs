@@ -112,7 +112,7 @@ impl Library {
         Self::open(folder)
     }
 
-    /// The same library, which takes a module only if it passes this check too. It may take
+    /// This library, which takes a module only if it passes this check too. It may take
     /// seconds; the library is not locked meanwhile.
     #[must_use]
     pub fn checking(
@@ -149,7 +149,7 @@ impl Library {
         Ok(Added { entry, was_there, replaced: before.filter(|_| !was_there) })
     }
 
-    /// The same with a file.
+    /// Adds the module in a file.
     ///
     /// # Errors
     /// It cannot be read, is no plug-in, or the disk would not take it.

@@ -47,7 +47,7 @@ pub enum OverQuota {
         /// The quota.
         most: u64,
     },
-    /// The same.
+    /// No more receptions may come today.
     #[error(
         "{most} receptions came today, and no more may (quota.receptions of the link); raise it, or stop the \
          plug-in: softplug link quarantine"
@@ -56,7 +56,7 @@ pub enum OverQuota {
         /// The quota.
         most: u64,
     },
-    /// The same.
+    /// No more bytes may come today.
     #[error(
         "{most} bytes came today, and no more may (quota.bytes of the link); raise it, or stop the plug-in: \
          softplug link quarantine"

@@ -45,7 +45,7 @@ pub struct JobView {
     pub ended_ms: Option<TimeMs>,
     /// Why it failed, as the ABI names it.
     pub failure: Option<String>,
-    /// The same in a sentence, with the protocol's own words.
+    /// Why it failed in a sentence, with the protocol's own words.
     pub message: Option<String>,
     /// The fault that a check found in the program.
     pub check: Option<CheckFault>,

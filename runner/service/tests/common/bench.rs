@@ -216,7 +216,7 @@ impl Bench {
         Self::say(self.connect(), bytes)
     }
 
-    /// The same, with nothing more to come: whoever waits for more need not.
+    /// What is answered to these bytes, with nothing more to come: whoever waits for more need not.
     pub(crate) fn raw_and_gone(&self, bytes: &[u8]) -> String {
         let stream = self.connect();
         let other = stream.try_clone().unwrap();

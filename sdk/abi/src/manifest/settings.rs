@@ -34,7 +34,7 @@ pub enum OwnedValue {
 }
 
 impl OwnedValue {
-    /// The same value, borrowed.
+    /// This value, borrowed.
     pub fn as_value(&self) -> Value<'_> {
         match self {
             Self::Bool(value) => Value::Bool(*value),

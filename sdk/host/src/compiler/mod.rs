@@ -103,13 +103,13 @@ impl CompilerProcess {
         Ok(Self::new(&std::env::current_exe()?, arguments))
     }
 
-    /// The same with other limits.
+    /// This compiler with other limits.
     #[must_use]
     pub fn limited(self, limits: CompileLimits) -> Self {
         Self { limits, ..self }
     }
 
-    /// The same at a lower priority (on Unix): for a program that serves machines meanwhile.
+    /// This compiler at a lower priority (on Unix): for a program that serves machines meanwhile.
     #[must_use]
     pub fn in_background(self) -> Self {
         Self { in_background: true, ..self }

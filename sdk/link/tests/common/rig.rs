@@ -113,7 +113,7 @@ impl Rig {
         given
     }
 
-    /// The same without times.
+    /// What the plug-in was given, without times.
     pub(crate) fn events(&self) -> Vec<String> {
         self.given().into_iter().map(|(_, event)| event).collect()
     }

@@ -92,7 +92,7 @@ fn run(
     }
 }
 
-/// The same input once as it is and once in another way.
+/// Gives an input once as it is and once in another way: the plug-in must do the same.
 fn alike(context: &mut ScriptContext<'_>, seed: u64, way: Permutation) -> Outcome {
     if way == Permutation::SwapAll && context.manifest().state.saves.is_none() {
         // A plug-in may save nothing: it is then never asked to.

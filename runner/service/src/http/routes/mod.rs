@@ -61,8 +61,8 @@ impl AppState {
         }
     }
 
-    /// The same for a list, which takes longer: a few at a time, so that whoever asks for many
-    /// has no more of the processors than that.
+    /// Asks for a list, which takes longer: a few at a time, so that whoever asks for many has no
+    /// more of the processors than that.
     pub(super) async fn look<T: Send + 'static>(
         &self,
         question: impl FnOnce(&Gateway) -> Result<T, Refusal> + Send + 'static,

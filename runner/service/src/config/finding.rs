@@ -26,9 +26,9 @@ impl fmt::Display for Place {
     }
 }
 
-/// One problem.
+/// One thing that a configuration cannot have, or should not.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
-pub struct Problem {
+pub struct ConfigFinding {
     /// Where.
     #[serde(flatten)]
     pub place: Place,
@@ -38,7 +38,7 @@ pub struct Problem {
     pub hint: String,
 }
 
-impl fmt::Display for Problem {
+impl fmt::Display for ConfigFinding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}; {}", self.place, self.message, self.hint)
     }
@@ -57,23 +57,23 @@ pub enum ConfigError {
     },
     /// It can be read, and says what cannot be done.
     #[error("{}", list(.0))]
-    Wrong(Vec<Problem>),
+    Wrong(Vec<ConfigFinding>),
 }
 
-fn list(problems: &[Problem]) -> String {
-    let lines: Vec<_> = problems.iter().map(Problem::to_string).collect();
+fn list(problems: &[ConfigFinding]) -> String {
+    let lines: Vec<_> = problems.iter().map(ConfigFinding::to_string).collect();
     lines.join("\n")
 }
 
 /// Collects problems of one file.
 #[derive(Debug)]
-pub(super) struct Problems<'a> {
+pub(super) struct ConfigFindings<'a> {
     file: &'a Path,
     text: &'a str,
-    found: Vec<Problem>,
+    found: Vec<ConfigFinding>,
 }
 
-impl<'a> Problems<'a> {
+impl<'a> ConfigFindings<'a> {
     pub(super) fn new(file: &'a Path, text: &'a str) -> Self {
         Self { file, text, found: Vec::new() }
     }
@@ -90,7 +90,11 @@ impl<'a> Problems<'a> {
         hint: impl fmt::Display,
     ) {
         let place = self.place(span);
-        self.found.push(Problem { place, message: message.to_string(), hint: hint.to_string() });
+        self.found.push(ConfigFinding {
+            place,
+            message: message.to_string(),
+            hint: hint.to_string(),
+        });
     }
 
     /// What the parser found.
