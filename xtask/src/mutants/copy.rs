@@ -1,11 +1,12 @@
 //! The changed copy of the plug-ins' sources, a workspace of its own in the target folder.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 use toml::{Table, Value};
 
-use super::change::{self, CatalogueError, Change};
+use super::change::{self, CatalogueError};
 use super::rewrite::{RewriteError, rewrite};
 use crate::workspace::Workspace;
 
@@ -29,19 +30,27 @@ pub(crate) enum CopyError {
 pub(super) fn make(workspace: &Workspace) -> Result<PathBuf, CopyError> {
     let plugins = workspace.root().join("plugins");
     let folder = workspace.target().join("mutant-sources");
+    let copies = folder.join("plugins");
     let mut changes = change::read(&workspace.root().join("fixtures/mutants"))?;
+    let mut texts = BTreeMap::new();
     for entry in read_folder(&plugins)? {
         let manifest = entry.join("Cargo.toml");
         if let (Some(name), true) = (entry.file_name(), manifest.exists()) {
-            let copy = folder.join("plugins").join(name);
-            write(&copy.join("Cargo.toml"), &plugin_manifest(&manifest)?)?;
-            copy_sources(&plugins, &entry.join("src"), &folder.join("plugins"), &mut |file| {
-                changes.remove(file).unwrap_or_default()
-            })?;
+            texts.insert(copies.join(name).join("Cargo.toml"), plugin_manifest(&manifest)?);
+            for (below, text) in sources(&plugins, &entry.join("src"))? {
+                let changes = changes.remove(&below).unwrap_or_default();
+                let text = rewrite(&text, &changes)
+                    .map_err(|cause| CopyError::Rewrite { path: plugins.join(&below), cause })?;
+                texts.insert(copies.join(below), text);
+            }
         }
     }
     if let Some((file, _)) = changes.pop_first() {
         return Err(CopyError::NoFile(file));
+    }
+    prune(&copies, &texts)?;
+    for (path, text) in &texts {
+        write(path, text)?;
     }
     write(&folder.join("Cargo.toml"), &workspace_manifest(workspace.root())?)?;
     let lock = workspace.root().join("Cargo.lock");
@@ -54,24 +63,34 @@ pub(super) fn make(workspace: &Workspace) -> Result<PathBuf, CopyError> {
     Ok(folder)
 }
 
-/// Copies a folder of sources below `plugins` to the same place below `copy`.
-fn copy_sources(
-    plugins: &Path,
-    folder: &Path,
-    copy: &Path,
-    changes: &mut dyn FnMut(&str) -> Vec<Change>,
-) -> Result<(), CopyError> {
+/// All files in and below a folder, by their path below `plugins`.
+fn sources(plugins: &Path, folder: &Path) -> Result<Vec<(String, String)>, CopyError> {
+    let mut texts = Vec::new();
     for path in read_folder(folder)? {
         if path.is_dir() {
-            copy_sources(plugins, &path, copy, changes)?;
-            continue;
+            texts.append(&mut sources(plugins, &path)?);
+        } else {
+            let text = fs::read_to_string(&path).map_err(|cause| file_error(&path, cause))?;
+            let below = path.strip_prefix(plugins).unwrap_or(&path).to_string_lossy();
+            texts.push((below.replace(std::path::MAIN_SEPARATOR, "/"), text));
         }
-        let text = fs::read_to_string(&path).map_err(|cause| file_error(&path, cause))?;
-        let below = path.strip_prefix(plugins).unwrap_or(&path);
-        let name = below.to_string_lossy().replace(std::path::MAIN_SEPARATOR, "/");
-        let text = rewrite(&text, &changes(&name))
-            .map_err(|cause| CopyError::Rewrite { path: path.clone(), cause })?;
-        write(&copy.join(below), &text)?;
+    }
+    Ok(texts)
+}
+
+/// Takes out what an earlier copy has and this one has not: a compiler would find it.
+fn prune(folder: &Path, texts: &BTreeMap<PathBuf, String>) -> Result<(), CopyError> {
+    if !folder.exists() {
+        return Ok(());
+    }
+    for path in read_folder(folder)? {
+        if path.is_dir() {
+            prune(&path, texts)?;
+            // One that is empty goes as well; one that is not stays.
+            let _ = fs::remove_dir(&path);
+        } else if !texts.contains_key(&path) {
+            fs::remove_file(&path).map_err(|cause| file_error(&path, cause))?;
+        }
     }
     Ok(())
 }
