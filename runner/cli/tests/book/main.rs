@@ -71,6 +71,8 @@ pages! {
     protocols_fanuc_rs232: "protocols/fanuc-rs232.md",
     protocols_heidenhain_fe: "protocols/heidenhain-fe.md",
     performance: "performance.md",
+    architecture: "architecture.md",
+    glossary: "glossary.md",
     decisions: "decisions/README.md",
     decision_0001: "decisions/0001-plug-ins-import-nothing.md",
     decision_0002: "decisions/0002-fixed-records-and-one-mailbox.md",

@@ -33,6 +33,31 @@ fn every_page_is_in_the_contents_once_and_is_executed() {
     assert_eq!(tested, pages, "each page needs its line in runner/cli/tests/book/main.rs");
 }
 
+/// A file that moves is named anew in the pages that lead to it.
+#[test]
+fn pages_for_contributors_name_files_that_are_there() {
+    const TOP: [&str; 7] =
+        ["conformance/", "docs/", "fixtures/", "plugins/", "runner/", "sdk/", "xtask/"];
+    let mut missing = Vec::new();
+    let mut named = 0;
+    for page in ["docs/architecture.md", "docs/glossary.md", "CONTRIBUTING.md"] {
+        let text = fs::read_to_string(repository().join(page)).unwrap();
+        // Fences have three of these signs, so what is between two stays so behind them.
+        let words = text.split('`').skip(1).step_by(2);
+        let is_path = |word: &&str| TOP.iter().any(|top| word.starts_with(top));
+        let is_pattern =
+            |word: &str| word.contains(['*', ' ']) || word.contains(|c: char| c.is_uppercase());
+        for path in words.filter(is_path).filter(|word| !is_pattern(word)) {
+            named += 1;
+            if !repository().join(path).exists() {
+                missing.push(format!("{page}: {path}"));
+            }
+        }
+    }
+    assert!(named > 100, "{named} paths are found");
+    assert_eq!(missing, Vec::<String>::new());
+}
+
 /// What the tests leave out, with the reason: a new one shows in the snapshot.
 #[test]
 fn what_cannot_run_is_named() {
