@@ -15,7 +15,7 @@ use super::{Channel, ChannelError, ChannelHost, MODEM_LINES_EVERY};
 use crate::clock::Clock;
 use crate::port::input_sink::InputSink;
 use crate::port::scratch::READ_BYTES;
-use crate::port::{Backlog, Input, Port, ReadOutcome};
+use crate::port::{Backlog, Input, Port, ReadOutcome, ShortRead};
 use softplug_link::{Link, LinkFault};
 
 /// Most bytes that a received one becomes: a line end can be LF CR CR.
@@ -108,14 +108,13 @@ impl<I: Instance> Channel<I> {
         }
         match outcome {
             ReadOutcome::Read(count) => {
-                // Whoever gives less than was asked for has no more; what comes
-                // later is told anew. A device server may keep back what it has
-                // decoded.
                 let is_short = count < most.min(READ_BYTES);
-                let is_terminal = matches!(self.port, Some(Port::Tty(_) | Port::Pty(_)));
-                self.readable = !(is_terminal && is_short);
-                let is_decoded = matches!(self.port, Some(Port::Rfc2217(_)));
-                Ok(if is_short && !is_decoded { Drained::Yes } else { Drained::No })
+                let rest = self.port.as_ref().map(Port::short_read).filter(|_| is_short);
+                self.readable = rest != Some(ShortRead::Empty);
+                Ok(match rest {
+                    Some(ShortRead::Empty | ShortRead::Taken) => Drained::Yes,
+                    Some(ShortRead::KeptBack) | None => Drained::No,
+                })
             }
             ReadOutcome::Empty => {
                 self.readable = false;

@@ -13,7 +13,7 @@ use super::{CHUNK, Channel, ChannelError, ChannelHost};
 use crate::clock::Clock;
 use crate::due::Due;
 use crate::error::PortError;
-use crate::port::{Backlog, Port};
+use crate::port::{Backlog, CallsBack, Port};
 
 /// How often a port is asked what it holds if nobody can stop it where it keeps
 /// its rate: a slow clock makes it hold more only little by little.
@@ -98,10 +98,7 @@ impl<I: Instance> Channel<I> {
 
     /// A job has failed: what the port has of it is called back, if the port allows it.
     pub(super) fn calls_back(&mut self, has_failed: bool) {
-        let allows = |port: &Port| match port {
-            Port::Rfc2217(_) => port.is_stoppable(),
-            port => port.rate_known(),
-        };
+        let allows = |port: &Port| port.calls_back() != CallsBack::Never;
         let may = self.gone.is_none() && self.port.as_ref().is_some_and(allows);
         self.is_calling_back |= has_failed && may;
     }
@@ -114,10 +111,17 @@ impl<I: Instance> Channel<I> {
         }
         let stopped_after = self.stopped_after();
         let Some(port) = self.port.as_mut() else { return Ok(false) };
-        if matches!(port, Port::Rfc2217(_)) {
-            self.is_calling_back = false;
-            self.departures.lost(now);
-            return port.discard_output().map(|()| false);
+        match port.calls_back() {
+            CallsBack::Stuck => {}
+            CallsBack::AtOnce => {
+                self.is_calling_back = false;
+                self.departures.lost(now);
+                return port.discard_output().map(|()| false);
+            }
+            CallsBack::Never => {
+                self.is_calling_back = false;
+                return Ok(false);
+            }
         }
         let backlog = port.backlog();
         self.departures.looked(now, backlog);

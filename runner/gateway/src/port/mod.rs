@@ -39,6 +39,7 @@ pub use held::discard_all;
 pub use input_sink::Backlog;
 pub use marks::{Input, LineCounters, MarkDecoder};
 #[cfg(target_os = "linux")]
+pub(crate) use open::{CallsBack, ShortRead};
 pub use open::{Port, ReadOutcome};
 #[cfg(target_os = "linux")]
 pub use settings::read_line;

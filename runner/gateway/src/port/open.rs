@@ -39,6 +39,28 @@ pub enum ReadOutcome {
     Gone(LinkDownReason),
 }
 
+/// What a read says of the rest that gave less than it was asked for.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(crate) enum ShortRead {
+    /// Nothing more is there until the poll tells of it.
+    Empty,
+    /// It took all there was; the poll need not tell of what comes behind it.
+    Taken,
+    /// The port may keep back what it has read and not yet given.
+    KeptBack,
+}
+
+/// When a port drops what it holds of a job that has failed.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(crate) enum CallsBack {
+    /// Once it no longer leaves by itself.
+    Stuck,
+    /// At once: how much it holds is not known.
+    AtOnce,
+    /// It leaves, or nothing is held.
+    Never,
+}
+
 impl Port {
     /// Opens a port. One that has other settings in the end than were asked for is
     /// [`PortError::NotTaken`]. Of a device server, looking up, connecting and setting its
@@ -252,7 +274,26 @@ impl Port {
     /// Whether the port itself keeps the line's rate. Elsewhere bytes are
     /// only as far apart as they are written.
     pub fn rate_known(&self) -> bool {
-        matches!(self, Self::Tty(port) if !port.is_pty())
+        match self {
+            Self::Tty(port) => !port.is_pty(),
+            Self::Tcp(_) | Self::Rfc2217(_) | Self::Pty(_) => false,
+        }
+    }
+
+    pub(crate) fn short_read(&self) -> ShortRead {
+        match self {
+            Self::Tty(_) | Self::Pty(_) => ShortRead::Empty,
+            Self::Tcp(_) => ShortRead::Taken,
+            Self::Rfc2217(_) => ShortRead::KeptBack,
+        }
+    }
+
+    pub(crate) fn calls_back(&self) -> CallsBack {
+        match self {
+            Self::Tty(port) if !port.is_pty() => CallsBack::Stuck,
+            Self::Rfc2217(port) if port.is_stoppable() => CallsBack::AtOnce,
+            Self::Tty(_) | Self::Tcp(_) | Self::Rfc2217(_) | Self::Pty(_) => CallsBack::Never,
+        }
     }
 
     /// Whether the port makes and checks the parity bit that was asked for.
@@ -313,19 +354,28 @@ impl Port {
 
     /// Whether bytes of the port's own wait for room: then wait for room, too.
     pub fn has_output(&self) -> bool {
-        matches!(self, Self::Rfc2217(port) if port.has_output())
+        match self {
+            Self::Rfc2217(port) => port.has_output(),
+            Self::Tty(_) | Self::Tcp(_) | Self::Pty(_) => false,
+        }
     }
 
     /// Whether the other side wants a pause: room to write says nothing then,
     /// and the end of the pause comes with what is read.
     pub fn is_suspended(&self) -> bool {
-        matches!(self, Self::Rfc2217(port) if port.is_suspended())
+        match self {
+            Self::Rfc2217(port) => port.is_suspended(),
+            Self::Tty(_) | Self::Tcp(_) | Self::Pty(_) => false,
+        }
     }
 
     /// Whether changes of modem lines come with what is read. Elsewhere they
     /// must be looked for.
     pub fn tells_modem_lines(&self) -> bool {
-        matches!(self, Self::Rfc2217(_))
+        match self {
+            Self::Rfc2217(_) => true,
+            Self::Tty(_) | Self::Tcp(_) | Self::Pty(_) => false,
+        }
     }
 
     fn set_break(&mut self, on: bool) -> Result<(), PortError> {

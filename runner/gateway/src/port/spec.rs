@@ -40,6 +40,32 @@ pub enum PortSpec {
     Pty,
 }
 
+impl PortSpec {
+    /// Whether whoever opens it must say at which rate.
+    pub fn needs_rate(&self) -> bool {
+        match self {
+            Self::Device(_) => true,
+            Self::Tcp { .. } | Self::Rfc2217 { .. } | Self::Pty => false,
+        }
+    }
+
+    /// Whether the line is set as whoever opens it asks.
+    pub fn sets_line(&self) -> bool {
+        match self {
+            Self::Device(_) | Self::Rfc2217 { .. } => true,
+            Self::Tcp { .. } | Self::Pty => false,
+        }
+    }
+
+    /// Whether only one can have it at a time.
+    pub fn is_exclusive(&self) -> bool {
+        match self {
+            Self::Device(_) | Self::Tcp { .. } | Self::Rfc2217 { .. } => true,
+            Self::Pty => false,
+        }
+    }
+}
+
 impl FromStr for PortSpec {
     type Err = BadSpec;
 

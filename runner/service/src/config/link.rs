@@ -82,6 +82,16 @@ pub enum PortConfig {
     Simulated(String),
 }
 
+impl PortConfig {
+    /// Whether it is a port of which this is true.
+    pub(super) fn is(&self, fact: impl Fn(&PortSpec) -> bool) -> bool {
+        match self {
+            Self::Port(spec) => fact(spec),
+            Self::Simulated(_) => false,
+        }
+    }
+}
+
 impl fmt::Display for PortConfig {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -201,7 +211,7 @@ impl LinkConfig {
         let written = self.written_line.as_deref();
         // It was read before.
         self.line = written.and_then(|text| parse_line(text, base).ok()).unwrap_or(base);
-        if self.line.baud != 0 || !matches!(self.port, PortConfig::Port(PortSpec::Device(_))) {
+        if self.line.baud != 0 || !self.port.is(PortSpec::needs_rate) {
             return Ok(());
         }
         let rate = LineParameters { baud: 9_600, ..self.line };
@@ -215,8 +225,7 @@ impl LinkConfig {
     /// What its line does not do that the plug-in's would; nothing where no port is set.
     pub(crate) fn line_remark(&self, named: Option<LineParameters>) -> Option<ConfigFinding> {
         let named = named?;
-        let is_set =
-            matches!(self.port, PortConfig::Port(PortSpec::Device(_) | PortSpec::Rfc2217 { .. }));
+        let is_set = self.port.is(PortSpec::sets_line);
         let lost = line_mismatch(self.line, named).filter(|_| is_set)?;
         let form = line_text(&LineParameters { baud: 0, ..named });
         Some(ConfigFinding {

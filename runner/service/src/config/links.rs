@@ -231,8 +231,9 @@ fn port(
             }
         },
     };
-    let is_shared = matches!(port, PortConfig::Simulated(_) | PortConfig::Port(PortSpec::Pty));
-    if !is_shared && let Some(other) = taken.ports.insert(port.to_string(), name.to_owned()) {
+    if port.is(PortSpec::is_exclusive)
+        && let Some(other) = taken.ports.insert(port.to_string(), name.to_owned())
+    {
         let message = format!("the link \"{other}\" has the same port {port}");
         problems.add(text.span(), message, "a port belongs to one link");
     }
