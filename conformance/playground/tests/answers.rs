@@ -46,7 +46,7 @@ fn trace_of<'a>(begun: &'a Value, id: &str) -> &'a str {
 fn every_reference_plug_in_runs_every_case_of_its_profile() {
     let (mut playground, begun) = begin();
     assert_eq!(begun["names"][0x13], "DC3=XOFF");
-    for name in ["xon-xoff", "r3964", "r3964-simplified", "fanuc-rs232", "heidenhain-fe"] {
+    for name in softplug_native::NativePlugin::ALL.iter().map(|plugin| plugin.name()) {
         let loaded = load(&mut playground, &module(name));
         assert_eq!(loaded["loaded"]["name"], name);
         let profile = &loaded["loaded"]["profiles"][0];

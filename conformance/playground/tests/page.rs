@@ -61,7 +61,7 @@ mod needs_chromium {
     #[test]
     fn every_reference_plug_in_runs_and_is_walked_through() {
         let mut browser = open(1_280, 900);
-        for name in ["fanuc-rs232", "heidenhain-fe", "r3964", "r3964-simplified", "xon-xoff"] {
+        for name in softplug_native::NativePlugin::ALL.iter().map(|plugin| plugin.name()) {
             choose(&mut browser, "plugin", name);
             browser.until(&format!(
                 "document.getElementById('about').textContent.startsWith('{name} ')"

@@ -140,8 +140,10 @@ fn regex_of(path: &Path) -> String {
     escaped
 }
 
-const PLUGINS: [&str; 5] =
-    ["xon-xoff", "r3964", "r3964-simplified", "fanuc-rs232", "heidenhain-fe"];
+/// The names of the reference plug-ins.
+fn names() -> impl Iterator<Item = &'static str> {
+    softplug_native::NativePlugin::ALL.iter().map(|plugin| plugin.name())
+}
 
 /// The folder with the plug-ins: the one that SOFTPLUG_PLUGINS names, or one
 /// that is built here, so that they are never older than their source.
@@ -151,7 +153,7 @@ pub(crate) fn plugins() -> PathBuf {
         Some(folder) if !folder.is_empty() => PathBuf::from(folder),
         _ => build(),
     });
-    for name in PLUGINS {
+    for name in names() {
         let file = folder.join(format!("{name}.wasm"));
         assert!(file.is_file(), "there is no {}", file.display());
     }
@@ -163,9 +165,8 @@ fn build() -> PathBuf {
     let target = executable.parent().and_then(Path::parent).unwrap();
     let built = Command::new(env!("CARGO"))
         .args(["build", "--quiet", "--profile", "plugin", "--target", "wasm32v1-none"])
-        .args(["--lib", "-p", "softplug-xon-xoff", "-p", "softplug-r3964"])
-        .args(["-p", "softplug-r3964-simplified", "-p", "softplug-fanuc-rs232"])
-        .args(["-p", "softplug-heidenhain-fe"])
+        .arg("--lib")
+        .args(names().map(|name| format!("--package=softplug-{name}")))
         // For the options that stand in .cargo/config.toml.
         .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../.."))
         .env("CARGO_TARGET_DIR", target)
@@ -174,7 +175,7 @@ fn build() -> PathBuf {
     assert!(built.success(), "the plug-in cannot be built: `rustup target add wasm32v1-none`");
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("plugins");
     fs::create_dir_all(&folder).unwrap();
-    for name in PLUGINS {
+    for name in names() {
         let module = format!("wasm32v1-none/plugin/{}.wasm", name.replace('-', "_"));
         fs::copy(target.join(module), folder.join(format!("{name}.wasm"))).unwrap();
     }

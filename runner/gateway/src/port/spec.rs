@@ -57,6 +57,14 @@ impl PortSpec {
         }
     }
 
+    /// Whether opening it waits for a machine elsewhere.
+    pub(crate) fn waits_for_others(&self) -> bool {
+        match self {
+            Self::Tcp { .. } | Self::Rfc2217 { .. } => true,
+            Self::Device(_) | Self::Pty => false,
+        }
+    }
+
     /// Whether only one can have it at a time.
     pub fn is_exclusive(&self) -> bool {
         match self {

@@ -58,10 +58,10 @@ fn serve(tasks: &Receiver<Task>) {
         match task {
             Task::Close(port) => drop(port),
             Task::Bury(instance) => drop(instance),
-            Task::Open { spec: spec @ (PortSpec::Device(_) | PortSpec::Pty), options, opened } => {
-                opened(Port::open(&spec, &options));
+            Task::Open { spec, options, opened } if spec.waits_for_others() => {
+                connect(spec, options, opened);
             }
-            Task::Open { spec, options, opened } => connect(spec, options, opened),
+            Task::Open { spec, options, opened } => opened(Port::open(&spec, &options)),
         }
     }
 }
