@@ -42,10 +42,10 @@ fn parts() -> Vec<Part> {
         Part {
             name: "suite",
             files: [
-                "given/course",
+                "given/timeline",
                 "run/back_to_back",
                 "run/cut",
-                "run/deed",
+                "run/effect",
                 "run/permute",
                 "run/replay",
                 "judge/compare",
