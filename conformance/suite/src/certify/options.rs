@@ -53,7 +53,7 @@ impl CertifyOptions {
 
 /// How far a certification is; told after each case, from any thread.
 ///
-/// The example of [`certify()`] shows it.
+/// The example of [`certify()`](super::certify()) shows it.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub struct Progress {
     /// Cases that are over.

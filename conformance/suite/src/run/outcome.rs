@@ -7,7 +7,7 @@ use softplug_abi::Micros;
 
 /// What a run showed.
 ///
-/// The example of [`replay`] shows one.
+/// The example of [`replay`](crate::replay) shows one.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Outcome {
     /// All that could be seen from outside, in the order of time, up to the
@@ -28,7 +28,7 @@ pub struct Outcome {
 
 /// An effect at its time.
 ///
-/// The example of [`replay`] shows some.
+/// The example of [`replay`](crate::replay) shows some.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Seen {
     /// When, on the trace's clock.
