@@ -108,8 +108,8 @@ fn transfer(setup: &Setup, program: &[u8], how: How) -> (Vec<Seen>, Vec<(i64, Ve
     for (wait, said) in setup.control.iter().chain([&(20_000, vec![DC1])]) {
         bench.run_until(bench.now() + Micros(*wait));
         if how == How::Cut {
-            bench.host(|link, now, outside| {
-                said.chunks(1).try_for_each(|byte| link.received(now, byte, outside))
+            bench.host(|link, now, host| {
+                said.chunks(1).try_for_each(|byte| link.received(now, byte, host))
             });
         } else {
             bench.receive(said);
@@ -288,7 +288,7 @@ fn an_abort_anywhere_drops_what_has_not_left_and_starts_nothing_else() {
         bench.send(b"O1\nG1X1\nM30");
         bench.receive(&[DC1]);
         bench.run_until(Micros(step * 500));
-        bench.host(|link, now, outside| link.abort(now, 1, outside));
+        bench.host(|link, now, host| link.abort(now, 1, host));
         let second = bench.send(b"O2");
         bench.run_for_millis(50);
         let first = b"\0\0\0%\nO1\nG1X1\nM30\n%\0\0\0";

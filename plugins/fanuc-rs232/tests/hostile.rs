@@ -139,29 +139,27 @@ fn run(
             }
             Happening::Down if is_up => {
                 is_up = false;
-                bench.host(|link, now, outside| {
-                    link.link_down(now, LinkDownReason::Unplugged, outside)
-                });
+                bench.host(|link, now, host| link.link_down(now, LinkDownReason::Unplugged, host));
             }
             Happening::Up if !is_up => {
                 is_up = true;
-                bench.host(|link, now, outside| link.link_up(now, outside));
+                bench.host(|link, now, host| link.link_up(now, host));
             }
             Happening::Send(program) if !has_job => job = bench.send(&program),
             Happening::Abort(true) if has_job => {
-                bench.host(|link, now, outside| link.abort(now, job, outside));
+                bench.host(|link, now, host| link.abort(now, job, host));
             }
             Happening::Abort(false) => {
-                bench.host(|link, now, outside| link.abort(now, 0, outside));
+                bench.host(|link, now, host| link.abort(now, 0, host));
             }
             Happening::Pause(true) if has_job => {
-                bench.host(|link, now, outside| link.pause(now, job, outside));
+                bench.host(|link, now, host| link.pause(now, job, host));
             }
             Happening::Pause(false) if has_job => {
-                bench.host(|link, now, outside| link.resume(now, job, outside));
+                bench.host(|link, now, host| link.resume(now, job, host));
             }
             Happening::ForceResume => {
-                bench.host(|link, now, outside| link.force_resume(now, outside));
+                bench.host(|link, now, host| link.force_resume(now, host));
             }
             Happening::Answer(is_granted) => {
                 let asked = |(_, seen): &(Micros, Observed)| match seen {
@@ -172,7 +170,7 @@ fn run(
                     answered += 1;
                     let answer =
                         if is_granted { Ok([].as_slice()) } else { Err(Failure::NotFound) };
-                    bench.host(|link, now, outside| link.answer(now, request, answer, outside));
+                    bench.host(|link, now, host| link.answer(now, request, answer, host));
                 }
             }
             Happening::Drain(bytes) => bench.drain(bytes),

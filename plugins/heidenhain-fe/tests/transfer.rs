@@ -143,7 +143,7 @@ fn the_control_asks_and_gets_its_program() {
         assert_eq!(ear.after(&mut bench, &header("H15E")), SILENCE);
         let (request, text) = asked(&bench).unwrap();
         assert_eq!(text, "15/H");
-        bench.host(|link, now, outside| link.answer(now, request, Ok(&[]), outside));
+        bench.host(|link, now, host| link.answer(now, request, Ok(&[]), host));
         assert_eq!(ear.heard(&bench), SILENCE);
         let program = "0 BEGIN PGM 15 MM\r\n1 L X+10\n2 END";
         bench.send(program.as_bytes());
@@ -209,9 +209,9 @@ fn answers_that_do_not_come_or_come_too_early() {
 fn the_time_for_an_answer_begins_when_the_block_has_left_for_certain() {
     let mut bench = bench().set("answer_time", "2000").open();
     bench.send(b"1 L X+10\n");
-    bench.host(|link, now, outside| {
-        link.received(now, &header("H15E"), outside)?;
-        link.run(now, outside)?;
+    bench.host(|link, now, host| {
+        link.received(now, &header("H15E"), host)?;
+        link.run(now, host)?;
         let sent = (1 + block("1 L X+10").len()) as u64;
         let mut taken = 0;
         while let Taken::Bytes(count) = link.take(&mut [0; 64]) {
@@ -220,10 +220,10 @@ fn the_time_for_an_answer_begins_when_the_block_has_left_for_certain() {
         assert_eq!(taken, sent);
         // The port has it all, and cannot say yet that it has gone.
         link.left(sent, 0);
-        link.run(now + Micros(100), outside)?;
+        link.run(now + Micros(100), host)?;
         assert_eq!(link.next_timer(), None);
         link.left(sent, sent);
-        link.run(now + Micros(200), outside)?;
+        link.run(now + Micros(200), host)?;
         assert_eq!(link.next_timer(), Some(now + Micros(200) + Micros::from_millis(2_000)));
         Ok(())
     });
@@ -295,12 +295,12 @@ fn the_control_holds_the_line() {
     let mut first = vec![ACK];
     first.extend(block("1 L X+10"));
     assert_eq!(ear.after(&mut bench, &[0x11]), first);
-    bench.host(|link, now, outside| link.pause(now, 1, outside));
+    bench.host(|link, now, host| link.pause(now, 1, host));
     assert_eq!(ear.after(&mut bench, &[ACK]), SILENCE);
-    bench.host(|link, now, outside| link.resume(now, 1, outside));
+    bench.host(|link, now, host| link.resume(now, 1, host));
     bench.run_for_millis(100);
     assert_eq!(ear.heard(&bench), block("2 L X+20"));
-    bench.host(|link, now, outside| link.abort(now, 1, outside));
+    bench.host(|link, now, host| link.abort(now, 1, host));
     bench.run_for_millis(100);
     assert_eq!(ear.heard(&bench), [EOT]);
     assert_eq!(job_end(&bench), Some((Some(Failure::Aborted), 24)));

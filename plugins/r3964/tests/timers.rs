@@ -38,7 +38,7 @@ fn failures(bench: &Bench<R3964>) -> Vec<(Micros, Failure, u16)> {
 /// Bytes arrive at this instant, before the timers of the same.
 fn receive_at(bench: &mut Bench<R3964>, at: Micros, bytes: &[u8]) {
     bench.run_until(at - Micros(1));
-    bench.host(|link, _, outside| link.received(at, bytes, outside));
+    bench.host(|link, _, host| link.received(at, bytes, host));
     bench.run_until(at);
 }
 

@@ -78,8 +78,8 @@ fn transfer(setup: &Setup, program: &[u8], how: How) -> (Vec<Seen>, Vec<(i64, bo
     for (wait, said) in setup.partner.iter().chain([&(20_000, vec![XON])]) {
         bench.run_until(bench.now() + Micros(*wait));
         if how == How::Cut {
-            bench.host(|link, now, outside| {
-                said.chunks(1).try_for_each(|byte| link.received(now, byte, outside))
+            bench.host(|link, now, host| {
+                said.chunks(1).try_for_each(|byte| link.received(now, byte, host))
             });
         } else {
             bench.receive(said);
@@ -190,7 +190,7 @@ fn a_job_is_done_when_its_own_last_byte_has_left() {
     // All of the first job is with the port when it is aborted.
     let mut bench = Bench::<XonXoff>::new().line(LineParameters::new(10_000)).depth(4).open();
     bench.send(b"ABCD");
-    bench.host(|link, now, outside| link.abort(now, 1, outside));
+    bench.host(|link, now, host| link.abort(now, 1, host));
     bench.send(b"EFGH");
     bench.run_for_millis(100);
     assert_eq!(bench.sent(), b"ABCDEFGH");

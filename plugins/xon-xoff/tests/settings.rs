@@ -139,7 +139,7 @@ fn an_abort_leaves_nothing_stale() {
     bench.send(b"ABCDEFGH");
     bench.receive(b"\x13");
     bench.run_for_millis(10);
-    bench.host(|link, now, outside| link.abort(now, 1, outside));
+    bench.host(|link, now, host| link.abort(now, 1, host));
     bench.send(b"xyz");
     bench.run_for_millis(10);
     let sent = bench.sent();

@@ -47,13 +47,13 @@ pub const MODULE_WEIGHT: u64 = 1_500_000;
 /// Largest manifest in bytes. A larger one is refused by the lint.
 pub const MANIFEST_BYTES: usize = 64 * 1024;
 
-/// Smallest and largest input buffer in bytes. LinkHost: refused at load.
+/// Smallest and largest input buffer in bytes. Outside: refused at load.
 pub const INPUT_BYTES: core::ops::RangeInclusive<u32> = 512..=32_768;
 
-/// Smallest and largest output buffer in bytes. LinkHost: refused at load.
+/// Smallest and largest output buffer in bytes. Outside: refused at load.
 pub const OUTPUT_BYTES: core::ops::RangeInclusive<u32> = 512..=32_768;
 
-/// Smallest and largest region of last words in bytes. LinkHost: refused at load.
+/// Smallest and largest region of last words in bytes. Outside: refused at load.
 pub const WORDS_BYTES: core::ops::RangeInclusive<u32> = 64..=1_024;
 
 /// Timers of a plug-in have the ids `0..TIMERS`. Another id is malformed.

@@ -89,7 +89,7 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
     pub fn step(
         &mut self,
         until: Micros,
-        outside: &mut dyn LinkHost,
+        host: &mut dyn LinkHost,
     ) -> Result<bool, LinkFault<I::Fault>> {
         let Some(next) = self.next().filter(|next| *next <= until) else { return Ok(false) };
         self.now = self.now.max(next);
@@ -102,9 +102,9 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
             self.untold.push_back((now + self.reaction, signal));
         }
         while let Some((_, signal)) = self.untold.pop_front_if(|(at, _)| *at <= now) {
-            self.tell(signal, outside)?;
+            self.tell(signal, host)?;
         }
-        self.settle(outside)?;
+        self.settle(host)?;
         Ok(true)
     }
 
@@ -115,37 +115,33 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
     pub fn wait_until(
         &mut self,
         until: Micros,
-        outside: &mut dyn LinkHost,
+        host: &mut dyn LinkHost,
     ) -> Result<(), LinkFault<I::Fault>> {
-        while self.step(until, outside)? {}
+        while self.step(until, host)? {}
         self.now = self.now.max(until);
         self.partner.advance(self.now);
-        self.settle(outside)
+        self.settle(host)
     }
 
-    fn tell(
-        &mut self,
-        signal: Signal,
-        outside: &mut dyn LinkHost,
-    ) -> Result<(), LinkFault<I::Fault>> {
+    fn tell(&mut self, signal: Signal, host: &mut dyn LinkHost) -> Result<(), LinkFault<I::Fault>> {
         let now = self.now;
-        let mut outside = Watch { outside, in_flight: &mut self.in_flight, set: Vec::new() };
+        let mut host = Watch { host, in_flight: &mut self.in_flight, set: Vec::new() };
         let link = &mut self.line.link;
         match signal {
-            Signal::Character(byte) => link.received(now, &[byte], &mut outside)?,
+            Signal::Character(byte) => link.received(now, &[byte], &mut host)?,
             Signal::LineError { kind, byte } => {
-                link.line_error(now, kind, byte, 0, &mut outside)?;
+                link.line_error(now, kind, byte, 0, &mut host)?;
             }
             Signal::ModemLines { lines, on } => {
                 // A port without modem lines sees none.
                 if let Some((known, before)) = self.modem_lines {
                     let now_on = ModemLines((before.0 & !lines.0 | on.0) & known.0);
                     self.modem_lines = Some((known, now_on));
-                    link.modem_lines(now, known, now_on, &mut outside)?;
+                    link.modem_lines(now, known, now_on, &mut host)?;
                 }
             }
         }
-        let set = outside.set;
+        let set = host.set;
         self.set_outputs(&set);
         Ok(())
     }
@@ -166,8 +162,8 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
     ///
     /// # Errors
     /// The plug-in fails.
-    pub fn settle(&mut self, outside: &mut dyn LinkHost) -> Result<(), LinkFault<I::Fault>> {
-        let mut watch = Watch { outside, in_flight: &mut self.in_flight, set: Vec::new() };
+    pub fn settle(&mut self, host: &mut dyn LinkHost) -> Result<(), LinkFault<I::Fault>> {
+        let mut watch = Watch { host, in_flight: &mut self.in_flight, set: Vec::new() };
         self.line.tick(self.now, &mut watch)?;
         let set = watch.set;
         self.set_outputs(&set);
@@ -181,17 +177,17 @@ impl<I: Instance, P: Partner> ClosedLoop<I, P> {
     pub fn run_until<O: LinkHost>(
         &mut self,
         until: Micros,
-        outside: &mut O,
+        host: &mut O,
         is_done: impl Fn(&O) -> bool,
     ) -> Result<(), LinkFault<I::Fault>> {
-        while !is_done(outside) && self.step(until, outside)? {}
+        while !is_done(host) && self.step(until, host)? {}
         Ok(())
     }
 }
 
 /// Sees what goes onto the wire.
 struct Watch<'a> {
-    outside: &'a mut dyn LinkHost,
+    host: &'a mut dyn LinkHost,
     in_flight: &'a mut VecDeque<(Micros, u8)>,
     /// Outputs that the plug-in has set, and which of them on.
     set: Vec<(ModemLines, ModemLines)>,
@@ -202,27 +198,27 @@ impl LinkHost for Watch<'_> {
         if let Action::ModemLines { mask, on } = action {
             self.set.push((*mask, *on));
         }
-        self.outside.handle(now, action);
+        self.host.handle(now, action);
     }
 
     fn supply(&mut self, job: u32, buffer: &mut [u8]) -> Supply {
-        self.outside.supply(job, buffer)
+        self.host.supply(job, buffer)
     }
 
     fn rewind(&mut self, job: u32) {
-        self.outside.rewind(job);
+        self.host.rewind(job);
     }
 
     fn drained(&mut self) -> u32 {
-        self.outside.drained()
+        self.host.drained()
     }
 
     fn on_wire(&mut self, start: Micros, byte: u8) {
-        self.outside.on_wire(start, byte);
+        self.host.on_wire(start, byte);
     }
 
     fn off_wire(&mut self, end: Micros, byte: u8) {
         self.in_flight.push_back((end, byte));
-        self.outside.off_wire(end, byte);
+        self.host.off_wire(end, byte);
     }
 }

@@ -25,7 +25,7 @@ impl Timeline {
         joined.given.iter().any(|given| matches!(&given.what, Input::Bytes(run) if run.len() > 1))
     }
 
-    /// The same timeline with its bytes cut; random places depend on `id`, the number
+    /// This timeline with its bytes cut; random places depend on `id`, the number
     /// and the seed alone.
     pub(crate) fn cut(self, id: &str, cuts: Cuts) -> Self {
         let given = match cuts {

@@ -312,7 +312,7 @@ struct Blockwise {
 /// Where in a block it reads.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 enum Place {
-    LinkHost,
+    Outside,
     Text,
     Check,
     Behind,
@@ -324,7 +324,7 @@ impl Blockwise {
             line,
             dc1: set.bool("dc1"),
             has_parity: set.choice("parity").as_deref() == Some("even"),
-            place: Place::LinkHost,
+            place: Place::Outside,
             leaving: VecDeque::new(),
         };
         let name = fields.iter().find(|field| field.name == "name");
@@ -358,14 +358,14 @@ impl Blockwise {
         let byte = byte & 0x7F;
         self.place = match (self.place, byte) {
             (Place::Text, ETB) => Place::Check,
-            (Place::LinkHost | Place::Behind, STX) | (Place::Text, _) => Place::Text,
+            (Place::Outside | Place::Behind, STX) | (Place::Text, _) => Place::Text,
             (Place::Check, _) if self.dc1 => Place::Behind,
             (Place::Check, _) | (Place::Behind, DC1) => {
                 self.say(now, ACK);
-                Place::LinkHost
+                Place::Outside
             }
             // ETX EOT ends the program.
-            (_, ETX | EOT) | (Place::LinkHost | Place::Behind, _) => Place::LinkHost,
+            (_, ETX | EOT) | (Place::Outside | Place::Behind, _) => Place::Outside,
         };
     }
 }

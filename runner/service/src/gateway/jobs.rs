@@ -21,7 +21,7 @@ impl From<JobsError> for Refusal {
             JobsError::NotFound(_) => Self::NotFound(text),
             JobsError::State { .. } | JobsError::QueueFull { .. } => Self::Conflict(text),
             JobsError::Spec(_) => Self::invalid("job", text),
-            JobsError::Disk(_) | JobsError::JobStore(_) => Self::Unavailable(text),
+            JobsError::Disk(_) | JobsError::Store(_) => Self::Unavailable(text),
         }
     }
 }

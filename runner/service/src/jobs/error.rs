@@ -40,7 +40,7 @@ pub enum JobsError {
     Disk(#[from] DiskError),
     /// Our database.
     #[error(transparent)]
-    JobStore(#[from] StoreError),
+    Store(#[from] StoreError),
 }
 
 impl JobsError {
@@ -48,7 +48,7 @@ impl JobsError {
     pub fn is_full(&self) -> bool {
         match self {
             Self::Disk(error) => error.is_full(),
-            Self::JobStore(error) => error.is_full(),
+            Self::Store(error) => error.is_full(),
             _ => false,
         }
     }

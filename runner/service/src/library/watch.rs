@@ -66,7 +66,7 @@ impl Library {
     ) -> Result<Watch, LibraryError> {
         let (signals, changes) = channel();
         let watcher = self.start_watching(signals)?;
-        let desk = Worker {
+        let worker = Worker {
             library: self.clone(),
             known: meanings(self)?,
             refused: HashMap::new(),
@@ -78,7 +78,7 @@ impl Library {
         let thread = thread
             .spawn(move || {
                 let _end: Sender<()> = end;
-                desk.run(&changes);
+                worker.run(&changes);
             })
             .map_err(DiskError::when("watch", &self.folder))?;
         Ok(Watch { watcher: Some(watcher), thread: Some(thread), ended: Mutex::new(ended) })

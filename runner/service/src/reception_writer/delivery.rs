@@ -218,9 +218,7 @@ impl Delivery {
         let name = arrived.name.clone();
         match stores.jobs.received(*job, name, reception, reason.clone()) {
             Ok(job) => tell(ReceptionWriterNews::Kept(Box::new(job))),
-            Err(
-                error @ (crate::jobs::JobsError::Disk(_) | crate::jobs::JobsError::JobStore(_)),
-            ) => {
+            Err(error @ (crate::jobs::JobsError::Disk(_) | crate::jobs::JobsError::Store(_))) => {
                 return Err(error.to_string());
             }
             // The job that it answers has ended in the meantime; the file stays.

@@ -63,7 +63,7 @@ fn no_name_from_the_panel_leads_out_of_its_folder() {
     let shop = Shop::of_machine(&panel, LINES);
     let gateway = shop.gateway();
     let program = shop.program_in("b", "O1234", 2_000);
-    // LinkHost of the programs, beside the search path, hidden, and behind a link.
+    // Outside of the programs, beside the search path, hidden, and behind a link.
     let text = "%\nO6666\nM30\n%\n";
     for file in ["SECRET", "programs/O7", "programs/b/.HIDDEN"] {
         fs::write(shop.path(file), text).unwrap();

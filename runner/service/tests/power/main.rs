@@ -112,7 +112,7 @@ fn lose_power(seed: u64) {
                 match deed(jobs, &mut dice) {
                     Ok(Some(job)) => drop(acknowledged.insert(job.id, job)),
                     Ok(None) => {}
-                    Err(JobsError::JobStore(_)) => {
+                    Err(JobsError::Store(_)) => {
                         under_way = Some(before);
                         break;
                     }
