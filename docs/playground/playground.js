@@ -296,7 +296,9 @@
       diverged: "does not do what the trace demands",
       "depends-on-cuts": "does something else when the same bytes are cut differently",
       "depends-on-swap": "does something else when it is saved and restored",
-      "depends-on-past": "does something else after it was closed and opened again",
+      "depends-on-past": "does something else behind what was before on the link",
+      "depends-on-clock": "does something else at a later time of its clock",
+      "depends-on-rooms": "does something else where the host has other rooms",
     }[failure.class];
     const { divergence, fault } = failure;
     area.replaceChildren(make("b", {}, what ? `The plug-in ${what}` : "The run ended before its time"));

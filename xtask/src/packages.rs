@@ -14,6 +14,7 @@ const LIBRARIES: &[&str] = &[
     "softplug-plugin",
     "softplug-host",
     "softplug-machines",
+    "softplug-models",
     "softplug-trace",
     "softplug-report",
     "softplug-conformance",

@@ -33,6 +33,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
     ("softplug-fixtures", &[]),
     ("softplug-machines", &["softplug-abi"]),
+    ("softplug-models", &["softplug-abi", "softplug-link"]),
     ("softplug-mutant", &[]),
     ("softplug-trace", &[]),
     (
@@ -43,6 +44,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-host",
             "softplug-link",
             "softplug-machines",
+            "softplug-models",
             "softplug-report",
             "softplug-trace",
         ],

@@ -93,7 +93,7 @@ impl Playground {
             case.trace = Trace::parse(&text)?;
             noisy = Some(Noisy { trace: text, count: disturbed.count });
         }
-        let run = Stepper::new(plugin, &case, permutation);
+        let run = Stepper::new(plugin, &case, &permutation);
         let verdict = run.failure.as_ref().map_or("passed".to_owned(), ToString::to_string);
         Ok(Answer::Ran(Box::new(Ran { run, verdict, noisy })))
     }

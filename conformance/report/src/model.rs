@@ -133,6 +133,15 @@ pub struct Selection {
     pub baseline: Option<String>,
     /// The run was ended from outside.
     pub interrupted: bool,
+    /// Random sessions that were asked for.
+    #[serde(default)]
+    pub sessions: u32,
+    /// As many are needed for a whole verdict.
+    #[serde(default)]
+    pub sessions_needed: u32,
+    /// The seed that they were drawn from.
+    #[serde(default)]
+    pub seed: u64,
 }
 
 /// Counts of cases; a case counts once, with all its permutations.
@@ -310,6 +319,8 @@ pub enum CaseKind {
     Trace,
     /// A partner that reacts.
     Script,
+    /// Random sessions against the profile's model.
+    Random,
 }
 
 /// What came of a case.

@@ -90,6 +90,11 @@ pub fn verdict(counts: &Counts, selection: &Selection, reason: &Reason) -> (Verd
             format!("only {} of {} required cases were executed", counts.executed, counts.required);
         return (VerdictKind::Partial, why);
     }
+    if selection.sessions < selection.sessions_needed {
+        let (run, needed) = (selection.sessions, selection.sessions_needed);
+        let why = format!("only {run} of {needed} random sessions were asked for");
+        return (VerdictKind::Partial, why);
+    }
     if counts.expected > 0 {
         let why = format!(
             "{} of {} required cases failed as the baseline expects",

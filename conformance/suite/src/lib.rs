@@ -26,7 +26,10 @@ mod corpus;
 mod given;
 mod judge;
 pub mod mutants;
+mod random;
 mod run;
+#[cfg(feature = "wasmtime")]
+pub mod score;
 pub mod script;
 mod show;
 
@@ -40,13 +43,14 @@ pub use given::timeline::TimelineError;
 pub use judge::divergence::{Divergence, Side};
 pub use judge::run::{Filter, Judge, Summary, judge, run_all};
 pub use judge::verdict::{Failure, Verdict};
+pub use random::{FailedSession, GroupRun, SessionGroup, Sessions};
 pub use run::class::Class;
 pub use run::closed_loop;
 pub use run::effect::{Delivered, Effect};
 pub use run::fault::{Fault, FaultClass};
 pub use run::outcome::{Outcome, Seen};
 pub use run::overhear::{Call, calls};
-pub use run::permute::{Permutation, UnknownPermutation};
+pub use run::permute::{Clock, Permutation, Rooms, UnknownPermutation};
 pub use run::replay::replay;
 pub use run::subject::{FromFn, Fuel, Sandboxed, Subject, SubjectError};
 pub use show::bless::{BlessFailure, bless};

@@ -391,7 +391,7 @@ fn a_summary_is_json_with_classes_by_name() {
 fn a_replay_ends_with_its_trace() {
     let text = TRACE.replace("= 1.002084 done 1\n. 2.000000\n", "");
     let case = Case::new("x.spt", Trace::parse(&text).expect("it is a trace"));
-    let outcome = replay(&subject(Flaw::None), &case, Permutation::Uncut, 0);
+    let outcome = replay(&subject(Flaw::None), &case, &Permutation::Uncut, 0);
     // D begins behind the last line of the trace, and the job ends later still.
     assert_eq!(outcome.seen.len(), 4);
     assert_eq!(outcome.seen.last().map(|seen| seen.at), Some(Micros(1_000_000)));
@@ -407,9 +407,9 @@ fn late_inputs_come_at_the_end_of_their_windows() {
         let received = calls.filter(|call| call.event == EventKind::Received);
         received.map(|call| call.now.0).collect::<Vec<_>>()
     };
-    assert_eq!(received(Permutation::Uncut), [1_500, 500_000, 600_000, 1_000_000]);
-    assert_eq!(received(Permutation::Late(None)), [1_500, 550_000, 650_000, 1_000_000]);
-    assert_eq!(received(Permutation::Late(Some(2))), [1_500, 500_000, 650_000, 1_000_000]);
+    assert_eq!(received(&Permutation::Uncut), [1_500, 500_000, 600_000, 1_000_000]);
+    assert_eq!(received(&Permutation::Late(None)), [1_500, 550_000, 650_000, 1_000_000]);
+    assert_eq!(received(&Permutation::Late(Some(2))), [1_500, 500_000, 650_000, 1_000_000]);
 }
 
 #[test]
@@ -418,7 +418,7 @@ fn bytes_that_came_left_and_were_delivered_are_counted_once_each() {
     for how in ["< 0.500000 ", "<< 0.500000 "] {
         let trace = Trace::parse(&TRACE.replace("< 0.500000 ", how)).expect("it is a trace");
         let case = Case::new("x.spt", trace);
-        let outcome = replay(&subject(Flaw::None), &case, Permutation::Uncut, 0);
+        let outcome = replay(&subject(Flaw::None), &case, &Permutation::Uncut, 0);
         // XOFF, seven of a message, XON; four sent; six delivered.
         assert_eq!(outcome.bytes, 9 + 4 + 6, "{how}");
     }
@@ -426,7 +426,7 @@ fn bytes_that_came_left_and_were_delivered_are_counted_once_each() {
 
 #[test]
 fn a_second_run_begins_a_second_after_the_first_and_counts_its_own_time() {
-    let twice = |flaw| replay(&subject(flaw), &case(), Permutation::Twice, 0);
+    let twice = |flaw| replay(&subject(flaw), &case(), &Permutation::Twice, 0);
     // The line is quiet one microsecond behind the end of the trace.
     assert_eq!(twice(Flaw::None).began, Micros(2_000_001 + 1_000_000));
     let fault = twice(Flaw::PanicsLater).fault.expect("it panics");

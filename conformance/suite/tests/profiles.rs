@@ -65,7 +65,7 @@ fn assert_alike_and_passed(profile: &Profile) {
     let count = cases(profile.folder).len();
     assert!(count >= profile.at_least, "{}: only {count} traces", profile.folder);
     // Scripts are held against native code by a test of their own.
-    let traces = Corpus { scripts: Vec::new(), ..Corpus::embedded() };
+    let traces = Corpus { scripts: Vec::new(), sessions: Vec::new(), ..Corpus::embedded() };
     let report = conformant(profile, &traces);
     assert_eq!(report.digest, native.digest, "native and sandboxed code do different things");
     // The second engine's is the one run more.
@@ -90,7 +90,7 @@ fn conformant(profile: &Profile, corpus: &Corpus) -> Report {
 
 #[test]
 fn scripts_are_part_of_a_certification() {
-    let scripts = Corpus { cases: Vec::new(), ..Corpus::embedded() };
+    let scripts = Corpus { cases: Vec::new(), sessions: Vec::new(), ..Corpus::embedded() };
     let all = softplug_conformance::script::all().len();
     assert_eq!(scripts.scripts.len(), all, "a script cites a clause that is in no ledger");
     let abi = NativePlugin::ALL.iter().map(|plugin| ("abi", plugin.name()));

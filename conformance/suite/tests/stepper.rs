@@ -30,7 +30,7 @@ fn wire(stepper: &Stepper) -> Vec<(i64, &[u8])> {
 
 #[test]
 fn each_moment_says_how_the_plug_in_stands() {
-    let stepper = Stepper::new(&common::sandboxed("xon-xoff"), &hold(), Permutation::Uncut);
+    let stepper = Stepper::new(&common::sandboxed("xon-xoff"), &hold(), &Permutation::Uncut);
     assert_eq!(stepper.failure, None);
     assert_eq!((stepper.differs_at, stepper.end_us, stepper.is_cut), (None, 5_000_000, false));
     assert!(stepper.moments.is_sorted_by_key(|moment| moment.at_us));
@@ -58,7 +58,7 @@ fn each_moment_says_how_the_plug_in_stands() {
 #[test]
 fn timers_are_kept_until_they_run_out() {
     let case = case("r3964", "r3964.conflict.abort");
-    let stepper = Stepper::new(&common::native("r3964"), &case, Permutation::Uncut);
+    let stepper = Stepper::new(&common::native("r3964"), &case, &Permutation::Uncut);
     // STX has left at 1,146 µs; its answer may take 2 s.
     let timers = &at(&stepper, 1_500).after.timers;
     assert_eq!(timers[..], [Timer { id: 0, until_us: 2_001_146 }]);
@@ -70,7 +70,7 @@ fn a_difference_has_its_moment() {
     let mut case = hold();
     let text = case.trace.format().replace("43 44 ", "43 45 ");
     case.trace = Trace::parse(&text).unwrap();
-    let stepper = Stepper::new(&common::native("xon-xoff"), &case, Permutation::Uncut);
+    let stepper = Stepper::new(&common::native("xon-xoff"), &case, &Permutation::Uncut);
     let moment = &stepper.moments[stepper.differs_at.unwrap()];
     let Happening::Wire(bytes) = &moment.what else { panic!("{moment:?}") };
     assert!(bytes.contains(&0x44) && moment.at_us >= 2_000_000, "{moment:?}");
@@ -89,10 +89,10 @@ fn every_permutation_can_be_walked_through() {
         });
         (instances.max().unwrap(), stepper.moments[0].at_us)
     };
-    assert_eq!(instances(Permutation::Uncut), (1, 0));
-    assert!(instances(Permutation::SwapAll).0 > 3);
+    assert_eq!(instances(&Permutation::Uncut), (1, 0));
+    assert!(instances(&Permutation::SwapAll).0 > 3);
     // The first of two runs lies before the trace's time.
-    assert!(instances(Permutation::Twice).1 < 0);
+    assert!(instances(&Permutation::Twice).1 < 0);
 }
 
 #[test]

@@ -4,8 +4,9 @@ use std::fmt::{self, Write as _};
 
 use crate::annotation::annotation;
 use crate::model::{
-    Assignment, DeliveryEnd, Drain, Entry, Exact, Expected, FrontMatter, HostRequest, Item, Line,
-    LineErrorKind, LineEvent, ModemLevels, Origin, Payload, Permutations, Room, Trace, What,
+    Assignment, ByteClass, DeliveryEnd, Drain, Entry, Exact, Expected, FrontMatter, HostRequest,
+    Item, Line, LineErrorKind, LineEvent, ModemLevels, Origin, Payload, Permutations, Room, Trace,
+    What,
 };
 use crate::parse::UNDER_WAY;
 
@@ -44,6 +45,8 @@ fn front(front: &FrontMatter) -> String {
     key("since", &front.since.to_string());
     key("origin", &origin(&front.origin));
     key("permute", &permute(front.permute));
+    key("leaves", &front.leaves);
+    key("bytes", &front.bytes.as_ref().map_or_else(String::new, byte_class));
     text
 }
 
@@ -79,9 +82,20 @@ fn permute(permute: Permutations) -> String {
     if permute == Permutations::ALL {
         return String::new();
     }
-    let names = [(permute.cuts, "cuts"), (permute.swap, "swap"), (permute.twice, "twice")];
-    let chosen: Vec<&str> = names.iter().filter(|(on, _)| *on).map(|(_, name)| *name).collect();
+    let named = permute.named();
+    let chosen: Vec<&str> = named.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect();
     if chosen.is_empty() { "none".to_owned() } else { chosen.join(" ") }
+}
+
+fn byte_class(class: &ByteClass) -> String {
+    let mut text = format!("{:02X} =", class.written);
+    for (first, last) in class.ranges() {
+        let _ = match first == last {
+            true => write!(text, " {first:02X}"),
+            false => write!(text, " {first:02X}-{last:02X}"),
+        };
+    }
+    text
 }
 
 fn write_line(text: &mut String, indent: &str, line: &Line) {

@@ -51,9 +51,9 @@ pub use error::{ParseError, ParseErrorKind};
 pub use file_name::{FileNameError, is_slug};
 pub use generate::{GENERATORS, GeneratorKind};
 pub use model::{
-    Alternatives, Assignment, BadKind, CheckFault, DeliveryEnd, Digest, Direction, Drain, Edge,
-    Entry, Exact, Expected, Files, FrontMatter, Generator, HostRequest, Item, Level, Line,
-    LineErrorKind, LineEvent, LineSettings, LinkDownReason, ModemLevels, ModemLine, NoFiles,
+    Alternatives, Assignment, BadKind, ByteClass, CheckFault, DeliveryEnd, Digest, Direction,
+    Drain, Edge, Entry, Exact, Expected, Files, FrontMatter, Generator, HostRequest, Item, Level,
+    Line, LineErrorKind, LineEvent, LineSettings, LinkDownReason, ModemLevels, ModemLine, NoFiles,
     Origin, Parity, Payload, PayloadError, Permutations, Piece, Room, SourceLine, Time, Trace,
     What, When,
 };

@@ -126,7 +126,8 @@ pub(crate) fn decode(settings: &Settings, code: Code, byte: u8) -> Decoded {
 /// EIA characters; without it 13, 15 and 16 are digits in EIA, and can be a
 /// control code only while we send.
 pub(crate) fn control(settings: &Settings, code: Code, byte: u8, sending: bool) -> Option<Control> {
-    let control = match byte {
+    let has_parity = settings.parity != ParityMode::None || code == Code::Eia;
+    let control = match if has_parity { byte } else { byte & 0x7F } {
         0x11 => Control::Dc1,
         0x12 => Control::Dc2,
         0x13 | 0x93 => Control::Dc3,

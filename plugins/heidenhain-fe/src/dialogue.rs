@@ -42,6 +42,8 @@ impl HeidenhainFe {
             } else {
                 self.header(link);
             }
+        } else if self.stage == Stage::Waiting {
+            // One waits: until it is answered, others can only be the same once more.
         } else if self.stage != Stage::Receiving {
             // Nobody waits for a block: a control that sends one is told that it is over.
             if frame.is_good && !self.stage.is_sending() {
@@ -62,6 +64,7 @@ impl HeidenhainFe {
         self.end_reception(link, Some(Failure::PartnerReset));
         self.withdraw(link);
         let text = self.reader.text();
+        let text = text.as_slice();
         let (Some((kind, rest)), Some(mode)) = (text.split_first(), text.last()) else {
             say(link, &self.settings, NAK);
             return;
@@ -215,8 +218,13 @@ impl HeidenhainFe {
     }
 
     /// A good block is put away and acknowledged, or waits until there is room.
-    pub(crate) fn accept(&mut self, link: &mut Context<'_>) {
+    fn accept(&mut self, link: &mut Context<'_>) {
         let is_taken = self.receiver.take(link, &self.settings, self.reader.text());
+        self.taken(link, is_taken);
+    }
+
+    /// A good block was put away, or not.
+    pub(crate) fn taken(&mut self, link: &mut Context<'_>, is_taken: bool) {
         if is_taken {
             self.stage = Stage::Receiving;
             say(link, &self.settings, ACK);

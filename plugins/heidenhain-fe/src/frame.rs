@@ -123,8 +123,8 @@ pub(crate) struct Reader {
 }
 
 impl Reader {
-    pub(crate) fn text(&self) -> &[u8] {
-        self.text.as_slice()
+    pub(crate) fn text(&self) -> Text {
+        self.text
     }
 
     pub(crate) fn is_inside(&self) -> bool {
@@ -162,7 +162,8 @@ impl Reader {
                 Heard::Inside
             }
             (Part::Text, _) => {
-                self.is_damaged |= byte < 0x20 || !self.text.push(byte);
+                let is_text = (0x20..0x7F).contains(&byte);
+                self.is_damaged |= !is_text || !self.text.push(byte);
                 Heard::Inside
             }
             (Part::Check, _) => {
@@ -229,7 +230,7 @@ mod tests {
         let read = |wire: &[u8]| {
             let mut reader = Reader::default();
             let last = wire.iter().map(|byte| reader.take(*byte, true, false)).last();
-            (last, reader.text().to_vec())
+            (last, reader.text().as_slice().to_vec())
         };
         let good = Heard::Whole(Frame { begin: SOH, is_good: true });
         assert_eq!(read(&wire), (Some(good), b"H15E".to_vec()));

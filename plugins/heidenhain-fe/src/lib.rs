@@ -52,7 +52,7 @@ softplug_plugin::export!(HeidenhainFe);
 impl Converter for HeidenhainFe {
     type Settings = Settings;
     const MANIFEST: &'static str = settings::MANIFEST;
-    const STATE_FORMAT: Option<u16> = Some(1);
+    const STATE_FORMAT: Option<u16> = Some(2);
 
     fn new(settings: Settings) -> Self {
         Self {
@@ -184,7 +184,8 @@ impl Converter for HeidenhainFe {
     fn delivery_room(&mut self, link: &mut Context<'_>) {
         self.takes = true;
         if self.stage == Stage::Waiting {
-            self.accept(link);
+            let is_taken = self.receiver.take_waiting(link, &self.settings);
+            self.taken(link, is_taken);
             self.watch(link);
             self.name_state(link);
         }
@@ -291,12 +292,15 @@ impl Converter for HeidenhainFe {
         state.bool(self.has_header);
     }
 
-    fn restore(&mut self, _format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
+    fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
+        if !(1..=2).contains(&format) {
+            return Err(StateError);
+        }
         self.stage = Stage::restore(state)?;
         self.reader = Reader::restore(state)?;
         self.line = Line::restore(state);
-        self.sender = Sender::restore(state)?;
-        self.receiver = Receiver::restore(state);
+        self.sender = Sender::restore(format, state)?;
+        self.receiver = Receiver::restore(format, state, self.reader.text())?;
         self.request = state.u32();
         self.asked = Text::restore(state)?;
         self.has_header = state.bool();

@@ -1,7 +1,8 @@
 //! The reception of a program that the control sends.
 
+use crate::frame::Text;
 use crate::settings::{LineEnd, Settings};
-use softplug_plugin::{Context, Failure, StateReader, StateWriter};
+use softplug_plugin::{Context, Failure, StateError, StateReader, StateWriter};
 
 #[derive(Copy, Clone, Debug, Default)]
 pub(crate) struct Receiver {
@@ -10,6 +11,8 @@ pub(crate) struct Receiver {
     refusals: u32,
     /// ETX has come.
     at_end: bool,
+    /// A good line for which there was no room.
+    waiting: Text,
 }
 
 impl Receiver {
@@ -21,13 +24,10 @@ impl Receiver {
         }
     }
 
-    /// Delivers a line; `false` if there is no room for it.
-    pub(crate) fn take(
-        &mut self,
-        link: &mut Context<'_>,
-        settings: &Settings,
-        text: &[u8],
-    ) -> bool {
+    /// Delivers a line; `false` if there is no room for it: it waits.
+    pub(crate) fn take(&mut self, link: &mut Context<'_>, settings: &Settings, text: Text) -> bool {
+        self.waiting = text;
+        let text = text.as_slice();
         let end = match settings.line_end {
             LineEnd::Lf => b"\n".as_slice(),
             LineEnd::CrLf => b"\r\n",
@@ -42,6 +42,11 @@ impl Receiver {
             link.deliver(self.delivery, end);
         }
         has_room
+    }
+
+    /// Delivers the line that waits; `false` if there is no room for it yet.
+    pub(crate) fn take_waiting(&mut self, link: &mut Context<'_>, settings: &Settings) -> bool {
+        self.take(link, settings, self.waiting)
     }
 
     /// Whether a bad block may be asked for once more.
@@ -67,9 +72,20 @@ impl Receiver {
         state.u32(self.delivery);
         state.u32(self.refusals);
         state.bool(self.at_end);
+        self.waiting.save(state);
     }
 
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Self {
-        Self { delivery: state.u32(), refusals: state.u32(), at_end: state.bool() }
+    /// Before format 2 the line that waits was the reader's.
+    pub(crate) fn restore(
+        format: u16,
+        state: &mut StateReader<'_>,
+        heard: Text,
+    ) -> Result<Self, StateError> {
+        Ok(Self {
+            delivery: state.u32(),
+            refusals: state.u32(),
+            at_end: state.bool(),
+            waiting: if format < 2 { heard } else { Text::restore(state)? },
+        })
     }
 }

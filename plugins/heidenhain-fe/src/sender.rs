@@ -29,6 +29,8 @@ pub(crate) struct Sender {
     /// The line of the block under way, and whether it is whole.
     text: Text,
     is_whole: bool,
+    /// Characters of the block that the link has taken: its room may be smaller.
+    given: u16,
     repeats: u32,
     /// The mark of the latest block; whether it can have left.
     mark: u32,
@@ -55,6 +57,7 @@ impl Default for Sender {
             has_ended: false,
             text: Text::default(),
             is_whole: false,
+            given: 0,
             repeats: 0,
             mark: 0,
             has_left: false,
@@ -175,18 +178,19 @@ impl Sender {
             self.ask(link);
             return Stage::Filling;
         }
-        // STX, space, ETB, check, DC1.
-        let has_room = self.text.as_slice().len() + 5 <= link.transmit_room() as usize;
-        if self.is_paused || !has_room {
+        // A block that has begun is not paused.
+        if self.is_paused && self.given == 0 {
             return Stage::Filling;
         }
-        if self.is_whole {
-            self.block(link, settings);
-            Stage::Answer
+        let is_given = if self.is_whole {
+            self.block(link, settings)
         } else {
-            let end: &[u8] = &[ETX, EOT];
-            self.marked(link, settings, end);
-            Stage::Ending
+            self.give(link, settings, &[ETX, EOT], 0, true)
+        };
+        match (is_given, self.is_whole) {
+            (false, _) => Stage::Filling,
+            (true, true) => Stage::Answer,
+            (true, false) => Stage::Ending,
         }
     }
 
@@ -212,7 +216,8 @@ impl Sender {
         }
     }
 
-    fn block(&mut self, link: &mut Context<'_>, settings: &Settings) {
+    /// Gives the link what it takes of the block. Whether that was the last of it.
+    fn block(&mut self, link: &mut Context<'_>, settings: &Settings) -> bool {
         let mut check = block_check(STX, self.text.as_slice());
         let mut tail = Text::default();
         if settings.bcc_space && is_control(check) {
@@ -225,24 +230,37 @@ impl Sender {
             tail.push(DC1);
         }
         let text = self.text;
-        self.send(link, settings, &[STX]);
-        self.send(link, settings, text.as_slice());
-        self.marked(link, settings, tail.as_slice());
+        self.give(link, settings, &[STX], 0, false)
+            && self.give(link, settings, text.as_slice(), 1, false)
+            && self.give(link, settings, tail.as_slice(), 1 + text.as_slice().len(), true)
     }
 
-    fn send(&mut self, link: &mut Context<'_>, settings: &Settings, bytes: &[u8]) {
-        for byte in bytes {
+    /// Gives the link these characters, of which the first is the block's `first`th, as
+    /// far as it has not taken them and has room. Whether it has taken the last.
+    fn give(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        bytes: &[u8],
+        first: usize,
+        is_end: bool,
+    ) -> bool {
+        let taken = usize::from(self.given).saturating_sub(first);
+        for byte in bytes.iter().skip(taken) {
+            if link.transmit_room() == 0 {
+                return false;
+            }
             link.transmit(&[spoken(settings, *byte)]);
+            self.given += 1;
+            self.queued += 1;
         }
-        self.queued += bytes.len() as u64;
-    }
-
-    /// The last bytes of a block.
-    fn marked(&mut self, link: &mut Context<'_>, settings: &Settings, bytes: &[u8]) {
-        self.send(link, settings, bytes);
-        self.mark = self.mark.wrapping_add(1).max(1);
-        self.has_left = false;
-        link.transmit_marked(self.mark, &[]);
+        if is_end {
+            self.given = 0;
+            self.mark = self.mark.wrapping_add(1).max(1);
+            self.has_left = false;
+            link.transmit_marked(self.mark, &[]);
+        }
+        true
     }
 
     /// Whether the mark is that of the latest block.
@@ -301,6 +319,7 @@ impl Sender {
         state.bool(self.has_ended);
         self.text.save(state);
         state.bool(self.is_whole);
+        state.u16(self.given);
         state.u32(self.repeats);
         state.u32(self.mark);
         state.bool(self.has_left);
@@ -310,7 +329,8 @@ impl Sender {
         state.bool(self.after_cr);
     }
 
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
+    /// Before format 2 a block was given as a whole.
+    pub(crate) fn restore(format: u16, state: &mut StateReader<'_>) -> Result<Self, StateError> {
         let mut sender = Self {
             job: state.u32(),
             is_checking: state.bool(),
@@ -328,6 +348,7 @@ impl Sender {
         sender.has_ended = state.bool();
         sender.text = Text::restore(state)?;
         sender.is_whole = state.bool();
+        sender.given = if format < 2 { 0 } else { state.u16() };
         sender.repeats = state.u32();
         sender.mark = state.u32();
         sender.has_left = state.bool();

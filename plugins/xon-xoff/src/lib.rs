@@ -68,7 +68,7 @@ impl Converter for XonXoff {
             self.receiver.set_timers(link);
         } else {
             self.receiver.set_marks(&self.settings, opening.delivery_room);
-            if self.settings.xon_at_open {
+            if self.settings.xon_at_open && self.settings.speak {
                 self.receiver.say(link, &self.codes);
             }
         }

@@ -21,6 +21,7 @@ pub(crate) enum Lines {
     InLine,
     AfterCr,
     AfterLf,
+    AfterLfCr,
 }
 
 impl Lines {
@@ -34,7 +35,8 @@ impl Lines {
         };
         let (next, piece) = match (*self, byte) {
             (Self::AfterCr, b'\n') => (Self::InLine, Piece::Nothing),
-            (Self::AfterLf, b'\r') => (Self::AfterLf, Piece::Nothing),
+            (Self::AfterLf, b'\r') => (Self::AfterLfCr, Piece::Nothing),
+            (Self::AfterLfCr, b'\r') => (Self::InLine, Piece::Nothing),
             (_, b'\n') => (Self::AfterLf, Piece::End(end)),
             (_, b'\r') => (Self::AfterCr, Piece::End(end)),
             _ => (Self::InLine, Piece::Byte(byte)),
@@ -52,6 +54,7 @@ impl Lines {
             0 => Ok(Self::InLine),
             1 => Ok(Self::AfterCr),
             2 => Ok(Self::AfterLf),
+            3 => Ok(Self::AfterLfCr),
             _ => Err(StateError),
         }
     }

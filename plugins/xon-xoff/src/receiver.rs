@@ -70,9 +70,7 @@ impl Receiver {
     /// Characters, none of them a control byte.
     pub(crate) fn data(&mut self, link: &mut Context<'_>, settings: &Settings, bytes: &[u8]) {
         self.begin(link);
-        if self.stopped && link.now() > self.xoff_at {
-            self.after_xoff = self.after_xoff.saturating_add(bytes.len() as u32);
-        }
+        self.count_after_xoff(link, bytes.len() as u32);
         let plain = !settings.transparent
             && settings.receive_line_end == LineEnd::Keep
             && settings.receive_drop.as_slice().is_empty()
@@ -128,8 +126,21 @@ impl Receiver {
         } else if settings.on_line_error == OnLineError::Fail {
             self.failure.get_or_insert(Failure::LineError);
         }
+        if byte.is_some() {
+            // What stands around it is apart.
+            self.escaped = false;
+            self.lines = Lines::default();
+            self.mark_progress = 0;
+            self.count_after_xoff(link, 1);
+        }
         if let Some(byte) = byte {
             self.deliver(link, &[byte]);
+        }
+    }
+
+    fn count_after_xoff(&mut self, link: &Context<'_>, characters: u32) {
+        if self.stopped && link.now() > self.xoff_at {
+            self.after_xoff = self.after_xoff.saturating_add(characters);
         }
     }
 

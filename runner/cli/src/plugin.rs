@@ -127,7 +127,7 @@ impl Chosen {
     }
 
     /// One run of a case, to be walked through.
-    pub(crate) fn step_through(&self, case: &Case, permutation: Permutation) -> Stepper {
+    pub(crate) fn step_through(&self, case: &Case, permutation: &Permutation) -> Stepper {
         match self {
             Self::Sandboxed(plugin) => {
                 Stepper::new(&Sandboxed::new(plugin.clone()), case, permutation)
@@ -145,13 +145,13 @@ impl Chosen {
     pub(crate) fn calls(&self, case: &Case) -> Vec<Call> {
         match self {
             Self::Sandboxed(plugin) => {
-                calls(&Sandboxed::new(plugin.clone()), case, Permutation::Uncut)
+                calls(&Sandboxed::new(plugin.clone()), case, &Permutation::Uncut)
             }
             #[cfg(feature = "native")]
             Self::Native(plugin, manifest) => {
                 let plugin = *plugin;
                 let subject = FromFn::new((**manifest).clone(), move || plugin.instantiate());
-                calls(&subject, case, Permutation::Uncut)
+                calls(&subject, case, &Permutation::Uncut)
             }
         }
     }

@@ -134,6 +134,11 @@ impl Recorder {
         self.drained += bytes;
     }
 
+    /// Bytes of deliveries that are not put away yet.
+    pub fn waiting(&self) -> u32 {
+        self.waiting
+    }
+
     /// Every byte on the wire, in order.
     pub fn sent(&self) -> Vec<u8> {
         let byte = |(_, observed): &(Micros, Observed)| match observed {

@@ -123,7 +123,7 @@ impl Judged {
 impl Subjects {
     /// The uncut run under the second engine; none where the engines differ.
     pub(super) fn compared(&self, case: &Case, first: &Outcome) -> Option<Outcome> {
-        let second = Judge::run(&self.second, case, Permutation::Uncut, 0);
+        let second = Judge::run(&self.second, case, &Permutation::Uncut, 0);
         let is_same = first.seen == second.seen && class(first) == class(&second);
         // Each engine has its own stack and its own fuel.
         let is_own = [first, &second].into_iter().any(|outcome| met_limit(class(outcome)));

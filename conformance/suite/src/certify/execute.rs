@@ -10,6 +10,7 @@ use crate::given::load::Case;
 use crate::judge::divergence::Divergence;
 use crate::judge::run::{Judge, Start, assess, pure};
 use crate::judge::verdict::Failure;
+use crate::random::{FailedSession, SessionGroup};
 use crate::run::class::Class;
 use crate::run::outcome::Outcome;
 use crate::run::permute::Permutation;
@@ -144,6 +145,7 @@ impl Shared<'_> {
         match listed.source {
             Source::Trace(case) => self.trace(listed, case),
             Source::Script(script) => self.script(listed, script),
+            Source::Sessions(group) => Ok(self.sessions(listed, group)),
         }
     }
 
@@ -159,7 +161,7 @@ impl Shared<'_> {
             if self.is_over() {
                 return Ok(None);
             }
-            let failure = start.judge(permutation, self.options.cut_seed);
+            let failure = start.judge(&permutation, self.options.cut_seed);
             let name = permutation.to_string();
             ran.add(failure.map(|failure| failed_run(listed, case, &name, failure)));
             if permutation == Permutation::Uncut {
@@ -189,6 +191,25 @@ impl Shared<'_> {
         Ok(Some(ran))
     }
 
+    fn sessions(&self, listed: &Listed<'_>, group: &SessionGroup) -> Option<Ran> {
+        let Shared { subjects, options, plan, .. } = self;
+        let is_over = || self.is_over();
+        let run = Judge::run_sessions(
+            &subjects.first,
+            group,
+            options.sessions,
+            &plan.features,
+            &is_over,
+        )?;
+        let mut ran = Ran { pure: run.pure, ..Ran::default() };
+        let failed = run.failures.len() as u32;
+        for failure in run.failures {
+            ran.add(Some(failed_session(listed, failure, options.sessions.seed)));
+        }
+        ran.runs += run.runs.saturating_sub(failed);
+        Some(ran)
+    }
+
     fn differ(&self, listed: &Listed<'_>) -> CertifyError {
         let [first, second] = self.subjects.names.clone();
         CertifyError::EnginesDiffer { case: listed.id.to_owned(), first, second }
@@ -202,7 +223,7 @@ impl Shared<'_> {
         uncut: &Outcome,
     ) -> Result<Option<Failure>, CertifyError> {
         let outcome = self.subjects.compared(case, uncut).ok_or_else(|| self.differ(listed))?;
-        Ok(assess(&self.subjects.second, case, Permutation::Uncut, &outcome, None))
+        Ok(assess(&self.subjects.second, case, &Permutation::Uncut, &outcome, None))
     }
 }
 
@@ -247,6 +268,25 @@ fn failed_script(
         observed_bytes: String::new(),
         before: log[log.len().saturating_sub(BEFORE)..].to_vec(),
         again: again(listed),
+    }
+}
+
+fn failed_session(listed: &Listed<'_>, failure: FailedSession, seed: u64) -> FailedRun {
+    let FailedSession { number, class, message, at_us, trace } = failure;
+    let lines: Vec<String> = trace.entries().map(ToString::to_string).collect();
+    FailedRun {
+        run: format!("{}/{number}", listed.id),
+        class: class.name().to_owned(),
+        message: format!("the plug-in {}: {message}", class.text()),
+        file: String::new(),
+        line: None,
+        at_us,
+        expected: String::new(),
+        observed: String::new(),
+        expected_bytes: String::new(),
+        observed_bytes: String::new(),
+        before: lines[lines.len().saturating_sub(BEFORE)..].to_vec(),
+        again: format!("{} --seed {seed}", again(listed)),
     }
 }
 

@@ -2,9 +2,11 @@
 
 use super::engines::{Engines, SECOND_ENGINE};
 use super::error::CertifyError;
+use super::options::CertifyOptions;
 use crate::corpus::{Corpus, Source};
 use crate::given::load::Case;
 use crate::judge::run::Judge;
+use crate::random::SessionGroup;
 use crate::run::permute::Permutation;
 use crate::run::subject::Sandboxed;
 use crate::run::transcript;
@@ -28,12 +30,12 @@ pub struct ObservedRun {
 ///
 /// ```
 /// use softplug_conformance::Corpus;
-/// use softplug_conformance::certify::observe;
+/// use softplug_conformance::certify::{CertifyOptions, observe};
 ///
 /// # let module = wat::parse_file("../../fixtures/abi/echo.wat")?;
 /// // A plug-in that sends back what it receives: here XOFF and XON.
 /// let runs = ["xon-xoff.rx.break-idle/uncut", "xon-xoff.none/uncut"];
-/// let observed = observe(&module, &Corpus::embedded(), runs, 0)?;
+/// let observed = observe(&module, &Corpus::embedded(), runs, &CertifyOptions::new("abi"))?;
 /// assert_eq!(observed.len(), 1, "there is no other such run");
 /// assert_eq!(observed[0].run, runs[0]);
 /// assert!(observed[0].text.contains("# observed in the run uncut"));
@@ -46,7 +48,7 @@ pub fn observe<'a>(
     module: &[u8],
     corpus: &Corpus,
     runs: impl IntoIterator<Item = &'a str>,
-    cut_seed: u64,
+    options: &CertifyOptions,
 ) -> Result<Vec<ObservedRun>, CertifyError> {
     let judged = Engines::new()?.load(module);
     let Some(subjects) = judged.subjects() else { return Ok(Vec::new()) };
@@ -54,13 +56,16 @@ pub fn observe<'a>(
     let observed = runs.into_iter().filter_map(|run| {
         let (id, name) = run.rsplit_once('/')?;
         let listed = list.iter().find(|listed| listed.id == id)?;
-        let (subject, permutation) = match name {
-            SECOND_ENGINE => (&subjects.second, Permutation::Uncut),
-            name => (&subjects.first, name.parse().ok()?),
+        let (subject, name) = match name {
+            SECOND_ENGINE => (&subjects.second, "uncut"),
+            name => (&subjects.first, name),
         };
         let text = match listed.source {
-            Source::Trace(case) => of_trace(subject, case, permutation, cut_seed),
+            Source::Trace(case) => of_trace(subject, case, &name.parse().ok()?, options.cut_seed),
             Source::Script(script) => of_script(subject, script),
+            Source::Sessions(group) => {
+                of_session(subject, group, options.sessions.seed, name.parse().ok()?)?
+            }
         };
         Some(ObservedRun { run: run.to_owned(), text })
     });
@@ -85,7 +90,12 @@ fn of_script(subject: &Sandboxed, script: &Script) -> String {
     text
 }
 
-fn of_trace(subject: &Sandboxed, case: &Case, permutation: Permutation, cut_seed: u64) -> String {
+fn of_session(subject: &Sandboxed, group: &SessionGroup, seed: u64, number: u64) -> Option<String> {
+    let run = group.session(subject, seed, number)?;
+    Some(group.failed(subject, run, number).trace.format())
+}
+
+fn of_trace(subject: &Sandboxed, case: &Case, permutation: &Permutation, cut_seed: u64) -> String {
     let outcome = Judge::run(subject, case, permutation, cut_seed);
     let mut trace = transcript::observed(case, Judge::manifest(subject), &outcome.seen);
     let mut comment = |text: String| {

@@ -1,6 +1,7 @@
 //! What is asked for, and how far it is.
 
 use super::baseline::Baseline;
+use crate::random::Sessions;
 
 /// What is asked for.
 ///
@@ -29,6 +30,8 @@ pub struct CertifyOptions {
     pub baseline: Option<Baseline>,
     /// How many cases run at a time. The report does not depend on it.
     pub threads: usize,
+    /// Random sessions. Fewer than a whole verdict needs make a run partial.
+    pub sessions: Sessions,
     /// Changes where random cuts fall.
     pub cut_seed: u64,
     /// Runs the cases in another order. The report does not depend on it.
@@ -38,8 +41,10 @@ pub struct CertifyOptions {
 impl CertifyOptions {
     /// The whole newest revision of a profile, on all processors.
     pub fn new(profile: impl Into<String>) -> Self {
+        let profile = profile.into();
         Self {
-            profile: profile.into(),
+            sessions: Sessions::whole(&profile),
+            profile,
             revision: None,
             strict: false,
             cases: Vec::new(),

@@ -8,6 +8,7 @@ use super::plan::{Fate, Plan, Planned};
 use crate::corpus::Corpus;
 use crate::given::hex::hex;
 use crate::given::ledger::Clause;
+use crate::random::Sessions;
 use sha2::{Digest as _, Sha256};
 use softplug_report::{
     CaseResult, CaseRow, ClauseRow, Counts, Fuel, PluginInfo, ProfileInfo, Reason, Report, SCHEMA,
@@ -99,6 +100,9 @@ impl Results<'_> {
             cases: self.options.cases.clone(),
             baseline: self.options.baseline.as_ref().map(|baseline| baseline.digest.clone()),
             interrupted: self.unfit.is_empty() && self.both().any(is_missing),
+            sessions: self.options.sessions.count,
+            sessions_needed: Sessions::whole(&self.plan.ledger.profile).count,
+            seed: self.options.sessions.seed,
         }
     }
 

@@ -2,7 +2,9 @@
 
 use super::{Corpus, Listed};
 use crate::given::ledger::{Clause, Ledger, fingerprint};
-use softplug_report::Level;
+use crate::random::model_of;
+use softplug_models::Profile;
+use softplug_report::{CaseKind, Level};
 use softplug_trace::Assignment;
 use std::collections::BTreeSet;
 
@@ -100,6 +102,14 @@ pub enum Finding {
         "{clause}: it binds, and no case of level must cites it; write one, or say under excluded why there is none"
     )]
     WithoutCase {
+        /// The clause.
+        clause: String,
+    },
+    /// A MUST that the profile's model does not judge.
+    #[error(
+        "{clause}: it binds, and the model of its profile does not judge it; enter it there, or say under unmodelled why not"
+    )]
+    Unmodelled {
         /// The clause.
         clause: String,
     },
@@ -208,10 +218,20 @@ fn of_ledger(ledger: &Ledger, cases: &[Listed<'_>]) -> Vec<Finding> {
         if clause.sha256 != expected {
             findings.push(Finding::ChangedSentence { clause: id(), expected });
         }
-        let shows = |case: &&&Listed<'_>| case.level == Level::Must && case.cites(&clause.id);
+        // Sessions may pass a clause by: it needs a case that shows it each time.
+        let shows = |case: &&&Listed<'_>| {
+            let is_sure = case.level == Level::Must && case.kind != CaseKind::Random;
+            is_sure && case.cites(&clause.id)
+        };
         let is_owed = clause.level == Level::Must && clause.excluded.is_none();
         if is_owed && !cases.iter().any(|case| shows(&case)) {
             findings.push(Finding::WithoutCase { clause: id() });
+        }
+        let is_judged = |model: &Profile| {
+            clause.unmodelled.is_some() || model.clauses.contains(&clause.id.as_str())
+        };
+        if is_owed && !model_of(ledger).is_none_or(is_judged) {
+            findings.push(Finding::Unmodelled { clause: id() });
         }
         let listed = |name: &String| ledger.features.iter().any(|feature| feature.name == *name);
         if let Some(feature) = clause.feature.as_ref().filter(|name| !listed(name)) {

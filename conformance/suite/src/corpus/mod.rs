@@ -7,7 +7,9 @@ use crate::given::file_error::FileError;
 use crate::given::hex::hex;
 use crate::given::ledger::Ledger;
 use crate::given::load::{Case, LoadError};
+use crate::given::neighbours::find_neighbours;
 use crate::mutants::Matrix;
+use crate::random::SessionGroup;
 use crate::script::{self, Script};
 use sha2::{Digest as _, Sha256};
 use softplug_fixtures::{Dir, MUTANTS, REQUIREMENTS, TRACES};
@@ -48,6 +50,8 @@ pub struct Corpus {
     pub cases: Vec<Case>,
     /// Scripts whose clauses the ledgers have, sorted by id.
     pub scripts: Vec<Script>,
+    /// Random sessions of the profiles that have a model.
+    pub sessions: Vec<SessionGroup>,
     /// How many mutants of the reference plug-ins are killed, by the clause that they break.
     pub kills: BTreeMap<String, u32>,
     /// SHA-256 over the names and contents of all files, as 64 hex digits.
@@ -87,6 +91,8 @@ pub enum Source<'a> {
     Trace(&'a Case),
     /// In code.
     Script(&'a Script),
+    /// Drawn at random.
+    Sessions(&'a SessionGroup),
 }
 
 /// A corpus that cannot be read.
@@ -222,13 +228,15 @@ impl Corpus {
                 case.dispense_with(&ledger.settings);
             }
         }
+        find_neighbours(&mut cases);
         let has_clauses = |script: &Script| {
             let ledger = ledgers.iter().find(|ledger| ledger.profile == script.profile);
             let has = |ledger: &Ledger| script.clauses.iter().all(|id| ledger.clause(id).is_some());
             ledger.is_some_and(has)
         };
         let scripts = script::all().into_iter().filter(has_clauses).collect();
-        Ok(Self { ledgers, cases, scripts, kills, digest: digest(files) })
+        let sessions = ledgers.iter().flat_map(SessionGroup::of).collect();
+        Ok(Self { ledgers, cases, scripts, sessions, kills, digest: digest(files) })
     }
 
     /// The ledger of a profile.
@@ -239,7 +247,9 @@ impl Corpus {
     /// Every case, sorted by id.
     pub fn list(&self) -> Vec<Listed<'_>> {
         let scripts = self.scripts.iter().map(Listed::of_script);
-        let mut list: Vec<_> = self.cases.iter().map(Listed::of_trace).chain(scripts).collect();
+        let sessions = self.sessions.iter().map(Listed::of_sessions);
+        let traces = self.cases.iter().map(Listed::of_trace);
+        let mut list: Vec<_> = traces.chain(scripts).chain(sessions).collect();
         list.sort_by_key(|case| case.id);
         list
     }
@@ -279,11 +289,24 @@ impl<'a> Listed<'a> {
     }
 
     /// Settings that it uses.
+    fn of_sessions(group: &'a SessionGroup) -> Self {
+        Self {
+            id: &group.id,
+            title: &group.title,
+            profile: group.profile,
+            clauses: &group.clauses,
+            level: Level::Must,
+            since: group.since,
+            kind: CaseKind::Random,
+            source: Source::Sessions(group),
+        }
+    }
+
     pub(crate) fn config(&self) -> &'a [Assignment] {
         match self.source {
             Source::Trace(case) => &case.trace.front.config,
             // Its settings are looked up in the manifest when it runs.
-            Source::Script(_) => &[],
+            Source::Script(_) | Source::Sessions(_) => &[],
         }
     }
 
@@ -291,7 +314,7 @@ impl<'a> Listed<'a> {
     pub(crate) fn alternatives(&self) -> impl Iterator<Item = &'a String> + use<'a> {
         let trace = match self.source {
             Source::Trace(case) => Some(&case.trace),
-            Source::Script(_) => None,
+            Source::Script(_) | Source::Sessions(_) => None,
         };
         trace.into_iter().flat_map(|trace| trace.alternatives().map(|block| &block.clause))
     }

@@ -142,6 +142,8 @@ pub struct Clause {
     pub feature: Option<String>,
     /// Why no case can show it; none: it is testable.
     pub excluded: Option<String>,
+    /// Why the profile's model does not judge it; none: it does, or there is no model.
+    pub unmodelled: Option<String>,
 }
 
 impl Ledger {
@@ -247,6 +249,9 @@ impl Raw {
         }
         if clause.excluded.as_ref().is_some_and(|reason| reason.trim().is_empty()) {
             return Err(format!("{id}: excluded needs a reason"));
+        }
+        if clause.unmodelled.as_ref().is_some_and(|reason| reason.trim().is_empty()) {
+            return Err(format!("{id}: unmodelled needs a reason"));
         }
         Ok(())
     }

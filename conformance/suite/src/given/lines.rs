@@ -45,6 +45,18 @@ pub fn modem_lines(levels: &ModemLevels) -> (ModemLines, ModemLines) {
     })
 }
 
+/// The other way round.
+pub(crate) fn modem_levels(named: ModemLines, on: ModemLines) -> ModemLevels {
+    let lines = [
+        (ModemLines::CTS, ModemLine::Cts),
+        (ModemLines::DSR, ModemLine::Dsr),
+        (ModemLines::DCD, ModemLine::Dcd),
+        (ModemLines::RI, ModemLine::Ri),
+    ];
+    let named = lines.into_iter().filter(|(line, _)| named.contains(*line));
+    ModemLevels(named.map(|(line, name)| (name, on.contains(line))).collect())
+}
+
 /// The other way round, for our own lines.
 pub(crate) fn output_levels(named: ModemLines, on: ModemLines) -> ModemLevels {
     let lines = [(ModemLines::RTS, ModemLine::Rts), (ModemLines::DTR, ModemLine::Dtr)];

@@ -1,6 +1,7 @@
 //! Traces from files and folders.
 
 use super::ledger::SettingUse;
+use super::neighbours::find_neighbours;
 use sha2::{Digest as _, Sha256};
 use softplug_abi::manifest::Manifest;
 use softplug_trace::{Assignment, Digest, FileNameError, Files, ParseError, Trace};
@@ -33,6 +34,8 @@ pub struct Case {
     attached: Option<Arc<Attached>>,
     /// Settings of the case that a plug-in may lack: they ask for nothing.
     dispensable: Vec<String>,
+    /// Cases that may stand before it on one open link.
+    pub(crate) before: Vec<Arc<Case>>,
 }
 
 /// Contents of files by their digest as hex digits.
@@ -41,7 +44,13 @@ pub(crate) type Attached = BTreeMap<String, Vec<u8>>;
 impl Case {
     /// A trace that stands in no file; `file:` items are looked for beside `path`.
     pub fn new(path: impl Into<PathBuf>, trace: Trace) -> Self {
-        Self { path: path.into(), trace, attached: None, dispensable: Vec::new() }
+        Self {
+            path: path.into(),
+            trace,
+            attached: None,
+            dispensable: Vec::new(),
+            before: Vec::new(),
+        }
     }
 
     /// A trace of a corpus, which has the files too.
@@ -50,7 +59,7 @@ impl Case {
         trace: Trace,
         attached: Arc<Attached>,
     ) -> Self {
-        Self { path: path.into(), trace, attached: Some(attached), dispensable: Vec::new() }
+        Self { attached: Some(attached), ..Self::new(path, trace) }
     }
 
     /// Another trace in its place: the files beside it, and what its profile says, stay.
@@ -214,7 +223,9 @@ pub fn load<P: AsRef<Path>>(paths: impl IntoIterator<Item = P>) -> Result<Vec<Ca
             }
         }
     }
-    Ok(cases.into_values().collect())
+    let mut cases: Vec<Case> = cases.into_values().collect();
+    find_neighbours(&mut cases);
+    Ok(cases)
 }
 
 fn is_same(first: &Path, second: &Path) -> bool {

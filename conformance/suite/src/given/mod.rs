@@ -8,4 +8,5 @@ pub(crate) mod hex;
 pub mod ledger;
 pub(crate) mod lines;
 pub(crate) mod load;
+pub(crate) mod neighbours;
 pub(crate) mod timeline;

@@ -9,7 +9,7 @@ use softplug_link::Job;
 use softplug_trace::{Drain, HostRequest, LineEvent, PayloadError, Piece, What, When};
 
 /// Inputs in the order in which they come.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Timeline {
     pub(crate) given: Vec<Given>,
     pub(crate) end: Micros,

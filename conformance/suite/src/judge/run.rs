@@ -8,10 +8,12 @@ use crate::given::hex::hex;
 use crate::given::lines::line_parameters;
 use crate::given::load::Case;
 use crate::given::timeline::TimelineError;
+use crate::random::{GroupRun, SessionGroup, Sessions};
 use crate::run::class::Class;
 use crate::run::fault::{Fault, FaultClass};
 use crate::run::outcome::{Outcome, Seen};
 use crate::run::permute::Permutation;
+use crate::run::plan::permutations;
 use crate::run::replay::replay;
 use crate::run::subject::Subject;
 use crate::run::transcript;
@@ -20,6 +22,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 use softplug_abi::Micros;
 use softplug_abi::manifest::Manifest;
+use softplug_trace::{Entry, Line, SourceLine, Trace, What, When};
 use std::fmt::Write as _;
 
 /// Which cases are run: those whose name is listed, or whose trace is. An empty
@@ -29,8 +32,8 @@ use std::fmt::Write as _;
 /// use softplug_conformance::{Filter, Permutation};
 ///
 /// let filter = Filter::only(["xon-xoff.tx.hold/cut:1", "xon-xoff.tx.empty"]);
-/// assert!(filter.takes("xon-xoff.tx.hold", Permutation::CutSingly));
-/// assert!(!filter.takes("xon-xoff.tx.hold", Permutation::Uncut));
+/// assert!(filter.takes("xon-xoff.tx.hold", &Permutation::CutSingly));
+/// assert!(!filter.takes("xon-xoff.tx.hold", &Permutation::Uncut));
 /// assert!(filter.takes("xon-xoff.tx.empty", Permutation::Uncut));
 /// assert!(Filter::default().takes_trace("xon-xoff.tx.busy"));
 /// ```
@@ -52,7 +55,7 @@ impl Filter {
     }
 
     /// Whether this case is taken.
-    pub fn takes(&self, id: &str, permutation: Permutation) -> bool {
+    pub fn takes(&self, id: &str, permutation: &Permutation) -> bool {
         let is_case = |name: &String| {
             name == id || name.strip_prefix(id) == Some(format!("/{permutation}").as_str())
         };
@@ -104,10 +107,20 @@ pub trait Judge: Sync {
     fn manifest(&self) -> &Manifest;
 
     /// Runs a trace once. The seed changes where random cuts fall.
-    fn run(&self, case: &Case, permutation: Permutation, cut_seed: u64) -> Outcome;
+    fn run(&self, case: &Case, permutation: &Permutation, cut_seed: u64) -> Outcome;
 
     /// Runs a script once.
     fn run_script(&self, script: &Script) -> ScriptRun;
+
+    /// Runs random sessions until they are over or `is_over` says so; then there is no
+    /// result. Features that are not claimed bind nobody.
+    fn run_sessions(
+        &self,
+        group: &SessionGroup,
+        sessions: Sessions,
+        features: &[String],
+        is_over: &dyn Fn() -> bool,
+    ) -> Option<GroupRun>;
 }
 
 impl<S: Subject + Sync> Judge for S {
@@ -119,12 +132,22 @@ impl<S: Subject + Sync> Judge for S {
         Subject::manifest(self)
     }
 
-    fn run(&self, case: &Case, permutation: Permutation, cut_seed: u64) -> Outcome {
+    fn run(&self, case: &Case, permutation: &Permutation, cut_seed: u64) -> Outcome {
         replay(self, case, permutation, cut_seed)
     }
 
     fn run_script(&self, script: &Script) -> ScriptRun {
         script.run(self)
+    }
+
+    fn run_sessions(
+        &self,
+        group: &SessionGroup,
+        sessions: Sessions,
+        features: &[String],
+        is_over: &dyn Fn() -> bool,
+    ) -> Option<GroupRun> {
+        group.run(self, sessions, features, is_over)
     }
 }
 
@@ -186,14 +209,14 @@ pub fn judge(subject: &dyn Judge, case: &Case, filter: &Filter) -> (Vec<Verdict>
     let start = Start::new(subject, case);
     let mut verdicts = Vec::new();
     for permutation in start.permutations() {
-        if !filter.takes(id, permutation) {
+        if !filter.takes(id, &permutation) {
             continue;
         }
         verdicts.push(Verdict {
             case: format!("{id}/{permutation}"),
             subject: subject.label().to_owned(),
             level: case.trace.front.level.name(),
-            failure: start.judge(permutation, 0),
+            failure: start.judge(&permutation, 0),
         });
     }
     (verdicts, pure(id, &start.uncut.seen, start.failure.as_ref()))
@@ -210,32 +233,39 @@ pub(crate) struct Start<'a> {
 
 impl<'a> Start<'a> {
     pub(crate) fn new(subject: &'a dyn Judge, case: &'a Case) -> Self {
-        let uncut = subject.run(case, Permutation::Uncut, 0);
-        let failure = assess(subject, case, Permutation::Uncut, &uncut, None);
+        let uncut = subject.run(case, &Permutation::Uncut, 0);
+        let failure = assess(subject, case, &Permutation::Uncut, &uncut, None);
         Self { subject, case, uncut, failure }
     }
 
     /// Every permutation that there is, the uncut run first.
     pub(crate) fn permutations(&self) -> Vec<Permutation> {
-        let manifest = self.subject.manifest();
-        let mut all = Permutation::without_swaps(self.case, manifest).unwrap_or_else(|_| {
+        let (case, manifest) = (self.case, self.subject.manifest());
+        permutations(case, manifest, self.uncut.swap_places, self.speaks_first())
             // The uncut run has failed for the same reason.
-            vec![Permutation::Uncut]
-        });
-        all.extend(Permutation::swaps(self.case, manifest, self.uncut.swap_places));
-        all
+            .unwrap_or_else(|_| vec![Permutation::Uncut])
+    }
+
+    /// Whether the plug-in does something on an open line of itself.
+    fn speaks_first(&self) -> bool {
+        let quiet = When::at(self.case.trace.end());
+        let entry = Entry { when: quiet, what: What::Quiet, line: SourceLine::default() };
+        let trace = &self.case.trace;
+        let empty = Trace { front: trace.front.clone(), body: vec![Line::Entry(entry)] };
+        let outcome = self.subject.run(&self.case.with_trace(empty), &Permutation::Uncut, 0);
+        !outcome.seen.is_empty() || outcome.fault.is_some()
     }
 
     /// Runs one of them.
-    pub(crate) fn judge(&self, permutation: Permutation, cut_seed: u64) -> Option<Failure> {
-        if permutation == Permutation::Uncut {
+    pub(crate) fn judge(&self, permutation: &Permutation, cut_seed: u64) -> Option<Failure> {
+        if *permutation == Permutation::Uncut {
             return self.failure.clone();
         }
         self.assess(permutation, &self.subject.run(self.case, permutation, cut_seed))
     }
 
     /// Holds a run of one of them against what it must be.
-    pub(crate) fn assess(&self, permutation: Permutation, outcome: &Outcome) -> Option<Failure> {
+    pub(crate) fn assess(&self, permutation: &Permutation, outcome: &Outcome) -> Option<Failure> {
         let is_compared = self.failure.is_none() && permutation.equals_uncut();
         let compared = is_compared.then_some(&self.uncut);
         assess(self.subject, self.case, permutation, outcome, compared)
@@ -246,11 +276,16 @@ impl<'a> Start<'a> {
 pub(crate) fn assess(
     subject: &dyn Judge,
     case: &Case,
-    permutation: Permutation,
+    permutation: &Permutation,
     outcome: &Outcome,
     uncut: Option<&Outcome>,
 ) -> Option<Failure> {
     let manifest = subject.manifest();
+    let other = match permutation {
+        Permutation::Byte(byte) => Some(case.with_trace(case.trace.with_byte(*byte))),
+        _ => None,
+    };
+    let case = other.as_ref().unwrap_or(case);
     if let Some(fault) = &outcome.fault {
         let class = Class::Fault(fault.class);
         let before = transcript::before(case, manifest, &outcome.seen, Micros(fault.at_us));
@@ -273,23 +308,34 @@ pub(crate) fn assess(
         },
     };
     let (divergence, place) = divergence;
-    let class = match permutation {
-        _ if uncut.is_none() => Class::Diverged,
-        Permutation::CutSingly | Permutation::CutWhole | Permutation::CutRandom(_) => {
-            Class::DependsOnCuts
-        }
-        Permutation::SwapAll | Permutation::SwapAfter(_) => Class::DependsOnSwap,
-        Permutation::Twice => Class::DependsOnPast,
-        Permutation::Uncut | Permutation::Late(_) => Class::Diverged,
+    let class = match uncut {
+        None => Class::Diverged,
+        Some(_) => class(permutation),
     };
     let before =
         transcript::before(case, manifest, &outcome.seen[..place], Micros(divergence.at_us));
     Some(failure(case, permutation, class, Some(divergence), None, before))
 }
 
+/// What a plug-in depends on that does in this permutation something else than in the
+/// uncut run: of two that are combined, the second.
+fn class(permutation: &Permutation) -> Class {
+    match permutation {
+        Permutation::CutSingly | Permutation::CutWhole | Permutation::CutRandom(_) => {
+            Class::DependsOnCuts
+        }
+        Permutation::SwapAll | Permutation::SwapAfter(_) => Class::DependsOnSwap,
+        Permutation::Twice | Permutation::After(_) | Permutation::Again(_) => Class::DependsOnPast,
+        Permutation::Later(_) | Permutation::Idle(_) => Class::DependsOnClock,
+        Permutation::Rooms(_) => Class::DependsOnRooms,
+        Permutation::Uncut | Permutation::Late(_) | Permutation::Byte(_) => Class::Diverged,
+        Permutation::Both(both) => class(&both[1]),
+    }
+}
+
 fn failure(
     case: &Case,
-    permutation: Permutation,
+    permutation: &Permutation,
     class: Class,
     divergence: Option<Divergence>,
     fault: Option<Fault>,

@@ -100,7 +100,7 @@ pub fn hunt(subject: &dyn Judge, mutant: &Mutant, cases: &[&Case], scripts: &[&S
         }
         for (id, start) in starts {
             for permutation in start.permutations().into_iter().skip(1) {
-                let class = start.judge(permutation, 0).map(|failure| failure.class);
+                let class = start.judge(&permutation, 0).map(|failure| failure.class);
                 if hunt.take(clause, format!("{id}/{permutation}"), class, is_citing) {
                     return hunt;
                 }

@@ -22,8 +22,12 @@ pub enum Class {
     DependsOnCuts,
     /// It did in one instance, but not when swapped in the middle.
     DependsOnSwap,
-    /// It did once, but not again after it was closed and opened.
+    /// It did once, but not behind something else, or itself.
     DependsOnPast,
+    /// It did, but not at a later time of the link's clock.
+    DependsOnClock,
+    /// It did, but not with other rooms of the host.
+    DependsOnRooms,
     /// The run ended before its time.
     #[serde(untagged)]
     Fault(FaultClass),
@@ -31,8 +35,14 @@ pub enum Class {
 
 impl Class {
     /// Kinds of wrong behaviour: all but faults.
-    pub const WRONG: [Self; 4] =
-        [Self::Diverged, Self::DependsOnCuts, Self::DependsOnSwap, Self::DependsOnPast];
+    pub const WRONG: [Self; 6] = [
+        Self::Diverged,
+        Self::DependsOnCuts,
+        Self::DependsOnSwap,
+        Self::DependsOnPast,
+        Self::DependsOnClock,
+        Self::DependsOnRooms,
+    ];
 
     /// All of them.
     pub fn all() -> impl Iterator<Item = Self> {
@@ -46,6 +56,8 @@ impl Class {
             Self::DependsOnCuts => "depends-on-cuts",
             Self::DependsOnSwap => "depends-on-swap",
             Self::DependsOnPast => "depends-on-past",
+            Self::DependsOnClock => "depends-on-clock",
+            Self::DependsOnRooms => "depends-on-rooms",
             Self::Fault(class) => class.name(),
         }
     }
@@ -67,7 +79,9 @@ impl Class {
             Self::Diverged => "does not do what the trace demands",
             Self::DependsOnCuts => "does something else when the same bytes are cut differently",
             Self::DependsOnSwap => "does something else when it is saved and restored",
-            Self::DependsOnPast => "does something else after it was closed and opened again",
+            Self::DependsOnPast => "does something else behind what was before on the link",
+            Self::DependsOnClock => "does something else at a later time of its clock",
+            Self::DependsOnRooms => "does something else where the host has other rooms",
             Self::Fault(class) => class.text(),
         }
     }

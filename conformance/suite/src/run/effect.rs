@@ -78,7 +78,7 @@ pub enum Effect {
 /// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
 /// let subject = FromFn::new(manifest, move || plugin.instantiate());
 /// let case = &load(["../../fixtures/traces/xon-xoff/xon-xoff.rx.quiet.spt"])?[0];
-/// let outcome = replay(&subject, case, Permutation::Uncut, 0);
+/// let outcome = replay(&subject, case, &Permutation::Uncut, 0);
 /// let delivered = outcome.seen.iter().find_map(|seen| match &seen.effect {
 ///     Effect::Deliver(delivered) => Some(delivered),
 ///     _ => None,

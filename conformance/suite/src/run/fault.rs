@@ -22,7 +22,7 @@ use std::error::Error;
 /// let case = &load(["../../fixtures/traces/xon-xoff/xon-xoff.tx.hold.spt"])?[0];
 /// let text = case.trace.format().replace("since: 1", "config: speed=9\nsince: 1");
 /// let case = case.with_trace(Trace::parse(&text)?);
-/// let outcome = replay(&subject, &case, Permutation::Uncut, 0);
+/// let outcome = replay(&subject, &case, &Permutation::Uncut, 0);
 /// let Fault { class, at_us, message } = outcome.fault.expect("there is no such setting");
 /// assert_eq!((class, at_us), (FaultClass::NotApplicable, 0));
 /// assert!(message.contains("speed"));
@@ -150,7 +150,11 @@ impl Fault {
     }
 }
 
-fn of_instance<F: Error + 'static>(event: EventKind, fault: &WatchedFault<F>) -> FaultClass {
+/// How an instance that did not take an event has failed.
+pub(crate) fn of_instance<F: Error + 'static>(
+    event: EventKind,
+    fault: &WatchedFault<F>,
+) -> FaultClass {
     let refused = if event == EventKind::Settings {
         FaultClass::SettingsRefused
     } else {

@@ -53,7 +53,7 @@ pub struct Call {
 /// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
 /// let subject = FromFn::new(manifest, move || plugin.instantiate());
 /// let case = &load(["../../fixtures/traces/xon-xoff/xon-xoff.tx.hold.spt"])?[0];
-/// let calls = calls(&subject, case, Permutation::Uncut);
+/// let calls = calls(&subject, case, &Permutation::Uncut);
 /// // XOFF comes, and the plug-in holds its queue.
 /// let xoff = calls.iter().find(|call| call.event == EventKind::Received);
 /// let Call { now, payload, actions, .. } = xoff.expect("the trace has two of them");
@@ -61,7 +61,7 @@ pub struct Call {
 /// assert!(Actions::new(actions).any(|action| action == Ok(Action::Hold)));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn calls<S: Subject>(subject: &S, case: &Case, permutation: Permutation) -> Vec<Call> {
+pub fn calls<S: Subject>(subject: &S, case: &Case, permutation: &Permutation) -> Vec<Call> {
     let overheard = Overheard::new(subject, Most { calls: usize::MAX, bytes: usize::MAX });
     replay(&overheard, case, permutation, 0);
     overheard.take().list

@@ -1,16 +1,9 @@
 //! The ways in which one trace is run, and their names.
 
-use super::cut::Cuts;
-use crate::given::load::Case;
-use crate::given::timeline::{Timeline, TimelineError, Windows, windows};
-use softplug_abi::manifest::Manifest;
+use softplug_abi::Micros;
 use std::fmt;
 use std::str::FromStr;
-
-/// Random cuts of each trace.
-const RANDOM_CUTS: u8 = 32;
-/// Runs with a single swap of each trace, at most.
-const SINGLE_SWAPS: u32 = 200;
+use std::sync::Arc;
 
 /// One way to run a trace. The name stands behind the trace's id: `ID/cut:1`.
 ///
@@ -19,8 +12,10 @@ const SINGLE_SWAPS: u32 = 200;
 ///
 /// assert_eq!("cut:random-07".parse(), Ok(Permutation::CutRandom(7)));
 /// assert_eq!(Permutation::SwapAfter(12).to_string(), "swap:12");
+/// let both = Permutation::both(Permutation::CutSingly, Permutation::SwapAll);
+/// assert_eq!("cut:1+swap:all".parse(), Ok(both));
 /// ```
-#[derive(Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
+#[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub enum Permutation {
     /// `uncut`: as it is written.
     Uncut,
@@ -37,65 +32,127 @@ pub enum Permutation {
     Twice,
     /// `swap:all`: saved and restored into a fresh instance after every event.
     SwapAll,
-    /// `swap:N`: the same, but only at the Nth place.
+    /// `swap:N`: saved and restored only at the Nth place.
     SwapAfter(u32),
+    /// `later:2^31us` and the like: the link's clock stands there when it is opened.
+    Later(Clock),
+    /// `idle:2^31us` and the like: on a link that has been open and idle until then.
+    Idle(Clock),
+    /// `rooms:small` and the like: the host has other rooms.
+    Rooms(Rooms),
+    /// `after:ID`: on the same open link behind another case.
+    After(Arc<str>),
+    /// `again:N`: on the same open link behind itself, N times.
+    Again(u32),
+    /// `byte:5B`: with another byte of the class that the case names.
+    Byte(u8),
+    /// `A+B`: in two ways at once.
+    Both(Arc<[Self; 2]>),
+}
+
+/// Where a link's clock stands when a case begins.
+///
+/// ```
+/// use softplug_conformance::{Clock, Permutation};
+///
+/// assert_eq!(Permutation::Later(Clock::Month).to_string(), "later:31d");
+/// ```
+#[derive(Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
+pub enum Clock {
+    /// It passes 2³¹ µs (35 minutes) in the middle of the case.
+    HalfWord,
+    /// It passes 2³² µs (71 minutes) in the middle of the case.
+    Word,
+    /// At 31 days.
+    Month,
+    /// At ten years.
+    Years,
+}
+
+impl Clock {
+    pub(crate) const ALL: [Self; 4] = [Self::HalfWord, Self::Word, Self::Month, Self::Years];
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::HalfWord => "2^31us",
+            Self::Word => "2^32us",
+            Self::Month => "31d",
+            Self::Years => "10y",
+        }
+    }
+
+    /// The link's time at which a case begins whose middle is at `middle`.
+    pub(crate) fn start(self, middle: Micros) -> Micros {
+        const DAY: Micros = Micros::from_secs(86_400);
+        let passing = |at: i64| Micros(at - middle.0).max(Micros::ZERO);
+        match self {
+            Self::HalfWord => passing(1 << 31),
+            Self::Word => passing(1 << 32),
+            Self::Month => Micros(31 * DAY.0),
+            Self::Years => Micros(3_653 * DAY.0),
+        }
+    }
+}
+
+/// Rooms of a host other than those that a case begins with.
+///
+/// ```
+/// use softplug_conformance::{Permutation, Rooms};
+///
+/// assert_eq!("rooms:odd".parse(), Ok(Permutation::Rooms(Rooms::Odd)));
+/// ```
+#[derive(Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
+pub enum Rooms {
+    /// A transmit queue of 64 bytes.
+    Small,
+    /// A transmit queue of 257 bytes, 4,099 bytes for deliveries.
+    Odd,
+    /// 65,536 bytes for either.
+    Large,
+    /// What is delivered is put away byte by byte.
+    Drips,
+}
+
+impl Rooms {
+    pub(crate) const ALL: [Self; 4] = [Self::Small, Self::Odd, Self::Large, Self::Drips];
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Small => "small",
+            Self::Odd => "odd",
+            Self::Large => "large",
+            Self::Drips => "drips",
+        }
+    }
+
+    /// Room to transmit and room for deliveries, where they are others.
+    pub(crate) const fn sizes(self) -> (Option<u32>, Option<u32>) {
+        match self {
+            Self::Small => (Some(64), None),
+            Self::Odd => (Some(257), Some(4_099)),
+            Self::Large => (Some(65_536), Some(65_536)),
+            Self::Drips => (None, None),
+        }
+    }
 }
 
 impl Permutation {
-    /// Every way but the single swaps: how many of these there are shows only in
-    /// a run.
-    pub(crate) fn without_swaps(
-        case: &Case,
-        manifest: &Manifest,
-    ) -> Result<Vec<Self>, TimelineError> {
-        let mut all = vec![Self::Uncut];
-        if case.trace.is_recording() {
-            return Ok(all);
-        }
-        let permute = case.trace.front.permute;
-        match windows(case) {
-            0 => {}
-            1 => all.push(Self::Late(None)),
-            count => {
-                all.push(Self::Late(None));
-                all.extend((1..=count).map(|number| Self::Late(Some(number))));
-            }
-        }
-        if permute.cuts && Timeline::new(case, manifest, Windows::Early)?.can_be_cut() {
-            all.extend([Self::CutSingly, Self::CutWhole]);
-            all.extend((1..=RANDOM_CUTS).map(Self::CutRandom));
-        }
-        if permute.twice {
-            all.push(Self::Twice);
-        }
-        Ok(all)
+    /// Two ways at once.
+    pub fn both(first: Self, second: Self) -> Self {
+        Self::Both(Arc::new([first, second]))
     }
 
-    /// The runs with swaps, at `places`; where there are very many, evenly spread.
-    pub(crate) fn swaps(case: &Case, manifest: &Manifest, places: u32) -> Vec<Self> {
-        if !case.trace.front.permute.swap || manifest.state.saves.is_none() || places == 0 {
-            return Vec::new();
-        }
-        let count = places.min(SINGLE_SWAPS);
-        let place =
-            |number: u32| 1 + (u64::from(number) * u64::from(places) / u64::from(count)) as u32;
-        let single = (0..count).map(|number| Self::SwapAfter(place(number)));
-        std::iter::once(Self::SwapAll).chain(single).collect()
-    }
-
-    /// How it cuts bytes of one time; the seed changes where random cuts fall.
-    pub(crate) fn cuts(self, seed: u64) -> Cuts {
+    /// The ways that it is made of.
+    pub(crate) fn parts(&self) -> &[Self] {
         match self {
-            Self::CutSingly => Cuts::Singly,
-            Self::CutWhole => Cuts::Whole,
-            Self::CutRandom(number) => Cuts::Random(number, seed),
-            _ => Cuts::AsWritten,
+            Self::Both(both) => &both[..],
+            single => std::slice::from_ref(single),
         }
     }
 
     /// Whether it must show the same as the uncut run, to the µs.
-    pub(crate) fn equals_uncut(self) -> bool {
-        !matches!(self, Self::Uncut | Self::Late(_))
+    pub(crate) fn equals_uncut(&self) -> bool {
+        !self.parts().iter().any(|part| matches!(part, Self::Uncut | Self::Late(_) | Self::Byte(_)))
     }
 }
 
@@ -111,6 +168,13 @@ impl fmt::Display for Permutation {
             Self::Twice => f.write_str("twice"),
             Self::SwapAll => f.write_str("swap:all"),
             Self::SwapAfter(place) => write!(f, "swap:{place}"),
+            Self::Later(clock) => write!(f, "later:{}", clock.name()),
+            Self::Idle(clock) => write!(f, "idle:{}", clock.name()),
+            Self::Rooms(rooms) => write!(f, "rooms:{}", rooms.name()),
+            Self::After(id) => write!(f, "after:{id}"),
+            Self::Again(count) => write!(f, "again:{count}"),
+            Self::Byte(byte) => write!(f, "byte:{byte:02X}"),
+            Self::Both(both) => write!(f, "{}+{}", both[0], both[1]),
         }
     }
 }
@@ -126,7 +190,8 @@ impl fmt::Display for Permutation {
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error(
     "there is no permutation \"{0}\"; there are uncut, late, late:N, cut:1, cut:whole, \
-     cut:random-NN, twice, swap:all and swap:N"
+     cut:random-NN, twice, swap:all, swap:N, later:CLOCK and idle:CLOCK (2^31us, 2^32us, 31d, 10y), \
+     rooms:small, rooms:odd, rooms:large, rooms:drips, after:ID, again:N, byte:HH and A+B"
 )]
 pub struct UnknownPermutation(String);
 
@@ -134,29 +199,49 @@ impl FromStr for Permutation {
     type Err = UnknownPermutation;
 
     fn from_str(name: &str) -> Result<Self, UnknownPermutation> {
-        let unknown = || UnknownPermutation(name.to_owned());
-        let number = |text: &str| text.parse::<u32>().ok().filter(|number| *number > 0);
-        let permutation = match name.split_once(':') {
-            None => match name {
-                "uncut" => Some(Self::Uncut),
-                "late" => Some(Self::Late(None)),
-                "twice" => Some(Self::Twice),
-                _ => None,
-            },
-            Some(("late", count)) => number(count).map(|count| Self::Late(Some(count))),
-            Some(("cut", "1")) => Some(Self::CutSingly),
-            Some(("cut", "whole")) => Some(Self::CutWhole),
-            Some(("cut", random)) => random
-                .strip_prefix("random-")
-                .and_then(number)
-                .and_then(|count| u8::try_from(count).ok())
-                .map(Self::CutRandom),
-            Some(("swap", "all")) => Some(Self::SwapAll),
-            Some(("swap", place)) => number(place).map(Self::SwapAfter),
-            _ => None,
+        let permutation = match name.split_once('+') {
+            Some((first, second)) => {
+                single(first).zip(single(second)).map(|(first, second)| Self::both(first, second))
+            }
+            None => single(name),
         };
         // Only the name as it is printed: "swap:012" is another word.
-        permutation.filter(|known| known.to_string() == name).ok_or_else(unknown)
+        let known = permutation.filter(|known| known.to_string() == name);
+        known.ok_or_else(|| UnknownPermutation(name.to_owned()))
+    }
+}
+
+fn single(name: &str) -> Option<Permutation> {
+    let Some((kind, rest)) = name.split_once(':') else {
+        return match name {
+            "uncut" => Some(Permutation::Uncut),
+            "late" => Some(Permutation::Late(None)),
+            "twice" => Some(Permutation::Twice),
+            _ => None,
+        };
+    };
+    let number = |text: &str| text.parse::<u32>().ok().filter(|number| *number > 0);
+    let clock = || Clock::ALL.into_iter().find(|clock| clock.name() == rest);
+    match (kind, rest) {
+        ("late", count) => number(count).map(|count| Permutation::Late(Some(count))),
+        ("cut", "1") => Some(Permutation::CutSingly),
+        ("cut", "whole") => Some(Permutation::CutWhole),
+        ("cut", random) => {
+            let count = random.strip_prefix("random-").and_then(number)?;
+            u8::try_from(count).ok().map(Permutation::CutRandom)
+        }
+        ("swap", "all") => Some(Permutation::SwapAll),
+        ("swap", place) => number(place).map(Permutation::SwapAfter),
+        ("later", _) => clock().map(Permutation::Later),
+        ("idle", _) => clock().map(Permutation::Idle),
+        ("rooms", rooms) => {
+            let known = Rooms::ALL.into_iter().find(|known| known.name() == rooms);
+            known.map(Permutation::Rooms)
+        }
+        ("after", id) => Some(Permutation::After(id.into())),
+        ("again", count) => number(count).map(Permutation::Again),
+        ("byte", byte) => u8::from_str_radix(byte, 16).ok().map(Permutation::Byte),
+        _ => None,
     }
 }
 
@@ -176,12 +261,36 @@ mod tests {
             Permutation::Twice,
             Permutation::SwapAll,
             Permutation::SwapAfter(12),
+            Permutation::Later(Clock::Word),
+            Permutation::Idle(Clock::Years),
+            Permutation::Rooms(Rooms::Drips),
+            Permutation::After("xon-xoff.tx.hold".into()),
+            Permutation::Again(40),
+            Permutation::Byte(0x0A),
+            Permutation::both(Permutation::CutWhole, Permutation::SwapAll),
         ];
         for permutation in all {
             assert_eq!(permutation.to_string().parse(), Ok(permutation));
         }
         assert_eq!(Permutation::CutRandom(7).to_string(), "cut:random-07");
-        for wrong in ["", "cut", "cut:2", "cut:random-7", "swap:0", "swap:012", "late:", "Uncut"] {
+        let wrong = [
+            "",
+            "cut",
+            "cut:2",
+            "cut:random-7",
+            "swap:0",
+            "swap:012",
+            "late:",
+            "Uncut",
+            "later:1d",
+            "rooms:",
+            "byte:5b",
+            "byte:5",
+            "cut:1+",
+            "+cut:1",
+            "cut:1+cut:1+cut:1",
+        ];
+        for wrong in wrong {
             assert!(wrong.parse::<Permutation>().is_err(), "{wrong}");
         }
     }
@@ -192,45 +301,6 @@ mod tests {
         assert!(!Permutation::Late(None).equals_uncut());
         for other in [Permutation::CutSingly, Permutation::Twice, Permutation::SwapAll] {
             assert!(other.equals_uncut());
-        }
-    }
-
-    #[test]
-    fn a_permutation_names_its_cuts() {
-        let of = |permutation: Permutation| permutation.cuts(9);
-        assert!(matches!(of(Permutation::Uncut), Cuts::AsWritten));
-        assert!(matches!(of(Permutation::SwapAll), Cuts::AsWritten));
-        assert!(matches!(of(Permutation::CutSingly), Cuts::Singly));
-        assert!(matches!(of(Permutation::CutWhole), Cuts::Whole));
-        assert!(matches!(of(Permutation::CutRandom(3)), Cuts::Random(3, 9)));
-    }
-
-    #[test]
-    fn swaps_need_a_trace_that_allows_them_a_state_and_a_place() {
-        let manifest = |state: &str| {
-            let text = format!(
-                r#"{{"abi": "1.0", "name": "x", "version": "1.0.0", "licence": "MIT", "protocol": "none",
-                "description": "For the suite's own tests."{state}}}"#
-            );
-            Manifest::parse(text.as_bytes()).unwrap()
-        };
-        let case = |permute: &str| {
-            let text = format!(
-                "id: x.a\ntitle: T\nprofile: x\nclauses: x.a\nlevel: may\n\
-                 line: 9600 8N1 depth=1 reaction=0\nsince: 1\norigin: hand-written\n{permute}---\n. 1.0\n"
-            );
-            Case::new("x.a.spt", softplug_trace::Trace::parse(&text).unwrap())
-        };
-        let saves = manifest(r#", "state": {"saves": 1, "accepts": [1]}"#);
-        let all = Permutation::swaps(&case(""), &saves, 2);
-        let both = [Permutation::SwapAll, Permutation::SwapAfter(1), Permutation::SwapAfter(2)];
-        assert_eq!(all, both);
-        for none in [
-            Permutation::swaps(&case("permute: cuts\n"), &saves, 2),
-            Permutation::swaps(&case(""), &manifest(""), 2),
-            Permutation::swaps(&case(""), &saves, 0),
-        ] {
-            assert_eq!(none, []);
         }
     }
 }

@@ -3,20 +3,27 @@
 use super::effect::Effect;
 use super::fault::{Fault, FaultClass};
 use super::outcome::{Outcome, Seen};
-use super::permute::Permutation;
+use super::permute::{Permutation, Rooms};
 use super::rerun::rerun;
 use super::subject::{Meter, Subject, Watched};
+use super::way::{Before, Swaps, Way};
 use crate::given::lines::{line_parameters, modem_lines};
 use crate::given::load::Case;
 use crate::given::timeline::{Asked, Input, Timeline, Windows};
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Instance, Micros, ModemLines};
-use softplug_link::{LinkFault, LinkOptions, Recorder, VirtualLine};
+use softplug_link::{Job, LinkFault, LinkOptions, Observed, Recorder, VirtualLine};
 use softplug_trace::Drain;
 use std::rc::Rc;
 
 /// Room in bytes where the trace names none.
 const ROOM: u32 = 4_096;
+
+/// Between two cases on one link.
+const REST: Micros = Micros::from_secs(1);
+
+/// More than the ids of jobs in a trace.
+const JOBS: u32 = 1_000_000;
 
 /// Runs a trace once, in one permutation. The seed changes where random cuts fall.
 ///
@@ -30,7 +37,7 @@ const ROOM: u32 = 4_096;
 /// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
 /// let subject = FromFn::new(manifest, move || plugin.instantiate());
 /// let case = &load(["../../fixtures/traces/xon-xoff/xon-xoff.tx.hold.spt"])?[0];
-/// let Outcome { seen, fault, .. } = replay(&subject, case, Permutation::Uncut, 0);
+/// let Outcome { seen, fault, .. } = replay(&subject, case, &Permutation::Uncut, 0);
 /// assert_eq!(fault, None);
 /// // XOFF came behind the second of four bytes, XON at 2 s.
 /// assert!(seen.contains(&Seen { at: Micros(2_000_000), effect: Effect::Byte(b'C') }));
@@ -41,7 +48,7 @@ const ROOM: u32 = 4_096;
 pub fn replay<S: Subject>(
     subject: &S,
     case: &Case,
-    permutation: Permutation,
+    permutation: &Permutation,
     cut_seed: u64,
 ) -> Outcome {
     if case.trace.is_recording() {
@@ -56,36 +63,50 @@ pub fn replay<S: Subject>(
 fn start<'a, S: Subject>(
     subject: &'a S,
     case: &Case,
-    permutation: Permutation,
+    permutation: &Permutation,
     cut_seed: u64,
 ) -> Result<Run<'a, S>, Fault> {
     let unfit = |reason: String| Fault::new(FaultClass::NotApplicable, Micros::ZERO, &reason);
     let manifest = subject.manifest();
-    let windows = match permutation {
-        Permutation::Late(None) => Windows::Late,
-        Permutation::Late(Some(number)) => Windows::LateOnly(number),
-        _ => Windows::Early,
+    let way = Way::new(permutation, cut_seed);
+    let other = way.byte.map(|byte| case.with_trace(case.trace.with_byte(byte)));
+    let case = other.as_ref().unwrap_or(case);
+    let timeline = |case: &Case, windows| {
+        Timeline::new(case, manifest, windows).map_err(|error| unfit(error.to_string()))
     };
-    let timeline =
-        Timeline::new(case, manifest, windows).map_err(|error| unfit(error.to_string()))?;
-    let timeline = timeline.cut(&case.trace.front.id, permutation.cuts(cut_seed));
+    let own = timeline(case, way.windows)?.cut(&case.trace.front.id, way.cuts);
+    let rounds = match &way.before {
+        Before::Nothing | Before::Clock(_) | Before::Idle(_) => Vec::new(),
+        Before::Itself => vec![own.clone()],
+        Before::Again(count) => vec![own.clone(); *count as usize],
+        Before::Case(id) => {
+            let before = case.before.iter().find(|before| *before.trace.front.id == **id);
+            let reason = || format!("{id} is not among the cases that may stand before it");
+            vec![timeline(before.ok_or_else(|| unfit(reason()))?, Windows::Early)?]
+        }
+    };
 
     let front = &case.trace.front;
     let config = case.config_for(manifest);
     let settings = manifest.resolve_settings(config).map_err(|error| unfit(error.to_string()))?;
-    let options = options(case, settings);
-    let conditions = Conditions { timeline, options, depth: front.line.depth as usize };
-    Run::new(subject, conditions, permutation)
+    let options = options(case, settings, &way);
+    let depth = front.line.depth as usize;
+    Run::new(subject, Conditions { timeline: own, options, depth }, rounds, way)
 }
 
 /// Runs a timeline that stands in no trace.
 pub(crate) fn run<S: Subject>(
     subject: &S,
     conditions: Conditions,
-    permutation: Permutation,
+    permutation: &Permutation,
 ) -> Outcome {
-    let timeline = conditions.timeline.cut("", permutation.cuts(0));
-    match Run::new(subject, Conditions { timeline, ..conditions }, permutation) {
+    let way = Way::new(permutation, 0);
+    let timeline = conditions.timeline.cut("", way.cuts);
+    let rounds = match way.before {
+        Before::Itself => vec![timeline.clone()],
+        _ => Vec::new(),
+    };
+    match Run::new(subject, Conditions { timeline, ..conditions }, rounds, way) {
         Ok(run) => run.finish(),
         Err(fault) => Outcome::unstarted(fault),
     }
@@ -99,13 +120,14 @@ pub(crate) struct Conditions {
     pub(crate) depth: usize,
 }
 
-fn options(case: &Case, settings: SettingValues) -> LinkOptions {
+fn options(case: &Case, settings: SettingValues, way: &Way) -> LinkOptions {
     let front = &case.trace.front;
     let (known, on) = modem_lines(&front.modem);
+    let (transmit, delivery) = way.rooms.map(Rooms::sizes).unwrap_or_default();
     LinkOptions {
         line: line_parameters(&front.line),
-        transmit_room: front.room.transmit.unwrap_or(ROOM),
-        delivery_room: front.room.delivery.unwrap_or(ROOM),
+        transmit_room: front.room.transmit.or(transmit).unwrap_or(ROOM),
+        delivery_room: front.room.delivery.or(delivery).unwrap_or(ROOM),
         modem_lines: (known != ModemLines::default()).then_some((known, on)),
         settings,
     }
@@ -115,7 +137,9 @@ fn options(case: &Case, settings: SettingValues) -> LinkOptions {
 struct Run<'a, S: Subject> {
     subject: &'a S,
     timeline: Timeline,
-    permutation: Permutation,
+    /// What is run before it.
+    rounds: Vec<Timeline>,
+    way: Way,
     line: VirtualLine<Watched<S::Instance>>,
     recorder: Recorder,
     meter: Rc<Meter>,
@@ -128,6 +152,12 @@ struct Run<'a, S: Subject> {
     is_down: bool,
     /// The link's time at which the trace begins.
     offset: Micros,
+    /// The host puts nothing of what is delivered away by itself.
+    keeps_deliveries: bool,
+    /// Added to the ids of jobs: none may come twice on an open link.
+    job_base: u32,
+    /// Where what this round showed begins in the recorder.
+    first: usize,
 }
 
 type Stepped<S> = Result<(), LinkFault<<Watched<<S as Subject>::Instance> as Instance>::Fault>>;
@@ -136,19 +166,23 @@ impl<'a, S: Subject> Run<'a, S> {
     fn new(
         subject: &'a S,
         conditions: Conditions,
-        permutation: Permutation,
+        rounds: Vec<Timeline>,
+        way: Way,
     ) -> Result<Self, Fault> {
         let Conditions { timeline, options, depth } = conditions;
         let meter = Rc::new(Meter::default());
         let instance = Watched::start(subject, Rc::clone(&meter))
             .map_err(|error| Fault::new(FaultClass::NotStarted, Micros::ZERO, &error))?;
         let modem = options.modem_lines.unwrap_or_default();
+        let mut recorder = Recorder::default();
+        recorder.drain_by_hand = way.rooms == Some(Rooms::Drips);
         Ok(Self {
             subject,
             timeline,
-            permutation,
+            rounds,
+            way,
             line: VirtualLine::new(instance, options, depth),
-            recorder: Recorder::default(),
+            recorder,
             meter,
             steps_seen: 0,
             swap_places: 0,
@@ -157,25 +191,27 @@ impl<'a, S: Subject> Run<'a, S> {
             is_open: false,
             is_down: false,
             offset: Micros::ZERO,
+            keeps_deliveries: false,
+            job_base: 0,
+            first: 0,
         })
     }
 
     fn finish(mut self) -> Outcome {
-        let mut first = 0;
-        let mut run = self.run_once();
-        if run.is_ok() && self.permutation == Permutation::Twice {
-            run = self.start_over();
-            first = self.recorder.observed.len();
-            run = run.and_then(|()| self.run_once());
-        }
+        let run = self.run_all();
         let last = self.timeline.end;
         let since = self.offset;
-        let seen = self.recorder.observed.drain(first..);
+        let mut numbers = Numbers { job_base: self.job_base, ..Numbers::default() };
+        let seen = self.recorder.observed.drain(self.first..);
         let mut seen: Vec<Seen> = seen
             .filter_map(|(at, observed)| {
                 Some(Seen { at: at - since, effect: Effect::of(observed)? })
             })
             .filter(|seen| seen.at <= last)
+            .map(|seen| match self.way.before {
+                Before::Again(_) | Before::Case(_) => numbers.of_this_case(seen),
+                _ => seen,
+            })
             .collect();
         // What the port was given ahead is observed ahead.
         seen.sort_by_key(|seen| (seen.at, seen.effect.channel()));
@@ -188,19 +224,53 @@ impl<'a, S: Subject> Run<'a, S> {
         Outcome { seen, fault, began: since, swap_places, fuel, bytes }
     }
 
-    /// From the trace's start to its end.
-    fn run_once(&mut self) -> Result<(), Fault> {
+    /// What is before the case, then the case.
+    fn run_all(&mut self) -> Result<(), Fault> {
+        let middle = middle(&self.timeline);
+        match self.way.before {
+            Before::Clock(clock) => self.offset = clock.start(middle),
+            Before::Idle(clock) => {
+                self.begin()?;
+                self.wait_until(clock.start(middle))?;
+                self.offset = clock.start(middle);
+            }
+            _ => {}
+        }
+        for before in std::mem::take(&mut self.rounds) {
+            self.run_once(&before)?;
+            match self.way.before {
+                Before::Itself => self.start_over(before.end)?,
+                _ => self.go_on(before.end)?,
+            }
+        }
+        self.first = self.recorder.observed.len();
+        self.swap_places = 0;
+        let timeline = std::mem::take(&mut self.timeline);
+        let run = self.run_once(&timeline);
+        self.timeline = timeline;
+        run
+    }
+
+    fn begin(&mut self) -> Result<(), Fault> {
         self.open(self.offset)?;
         self.transmit(self.offset)?;
         self.swap_here(self.offset)?;
-        let given = std::mem::take(&mut self.timeline.given);
-        let end = self.offset + self.timeline.end;
+        Ok(())
+    }
+
+    /// From a trace's start to its end.
+    fn run_once(&mut self, timeline: &Timeline) -> Result<(), Fault> {
+        if !self.is_open {
+            self.begin()?;
+        }
+        let given = &timeline.given;
+        let end = self.offset + timeline.end;
         let mut next = 0;
         loop {
             let at = given.get(next).map(|given| self.offset + given.at);
             let own = self.line.next().map(|own| own.max(self.line.link.now()));
             let Some(now) = [at, own].into_iter().flatten().min().filter(|now| *now <= end) else {
-                break;
+                return Ok(());
             };
             let inputs = given[next..].iter().take_while(|given| self.offset + given.at == now);
             let (from_line, from_host): (Vec<_>, Vec<_>) =
@@ -208,7 +278,13 @@ impl<'a, S: Subject> Run<'a, S> {
             next += from_line.len() + from_host.len();
             self.instant(now, &from_line, &from_host)?;
         }
-        self.timeline.given = given;
+    }
+
+    /// Nothing comes until then.
+    fn wait_until(&mut self, until: Micros) -> Result<(), Fault> {
+        while let Some(next) = self.line.next().filter(|next| *next < until) {
+            self.instant(next.max(self.line.link.now()), &[], &[])?;
+        }
         Ok(())
     }
 
@@ -233,7 +309,20 @@ impl<'a, S: Subject> Run<'a, S> {
         if self.swap_here(now)? {
             self.transmit(now)?;
         }
+        self.drip(now)
+    }
+
+    /// Puts what was delivered away byte by byte, if that is asked for.
+    fn drip(&mut self, now: Micros) -> Result<(), Fault> {
+        while self.drips() && !self.keeps_deliveries && self.recorder.waiting() > 0 {
+            self.recorder.drain(1);
+            self.transmit(now)?;
+        }
         Ok(())
+    }
+
+    fn drips(&self) -> bool {
+        self.way.rooms == Some(Rooms::Drips)
     }
 
     fn hear(&mut self, now: Micros, input: &Input) -> Result<(), Fault> {
@@ -264,32 +353,42 @@ impl<'a, S: Subject> Run<'a, S> {
     }
 
     fn ask(&mut self, now: Micros, asked: &Asked) -> Result<(), Fault> {
+        let base = self.job_base;
+        let of_link = |job: u32| if job == 0 { 0 } else { base + job };
+        let is_dripping = self.drips();
         let Self { line: VirtualLine { link, .. }, recorder, .. } = self;
         let stepped = match asked {
             Asked::Job(job, data) => {
+                let job = Job { id: of_link(job.id), ..job.clone() };
                 recorder.add_source(job.id, data.clone());
-                link.begin_job(now, job.clone(), recorder)
+                link.begin_job(now, job, recorder)
             }
-            Asked::Pause(job) => link.pause(now, *job, recorder),
-            Asked::Resume(job) => link.resume(now, *job, recorder),
-            Asked::Abort(job) => link.abort(now, *job, recorder),
+            Asked::Pause(job) => link.pause(now, of_link(*job), recorder),
+            Asked::Resume(job) => link.resume(now, of_link(*job), recorder),
+            Asked::Abort(job) => link.abort(now, of_link(*job), recorder),
             Asked::ForceResume => link.force_resume(now, recorder),
             Asked::Room(bytes) => {
                 recorder.drain(*bytes);
                 link.run(now, recorder)
             }
             Asked::Drain(Drain::Off) => {
+                self.keeps_deliveries = true;
                 recorder.drain_by_hand = true;
                 Ok(())
             }
             Asked::Drain(Drain::Auto) => {
-                recorder.drain_by_hand = false;
+                self.keeps_deliveries = false;
+                recorder.drain_by_hand = is_dripping;
                 recorder.drain(u32::MAX);
                 link.run(now, recorder)
             }
             Asked::Answer(request, answer) => {
                 let answer = answer.as_ref().map(Vec::as_slice).map_err(|failure| *failure);
-                link.answer(now, *request, answer, recorder)
+                let request = match base {
+                    0 => *request,
+                    _ => request_of_link(&recorder.observed[self.first..], *request),
+                };
+                link.answer(now, request, answer, recorder)
             }
             Asked::Swap => return self.swap(now),
             Asked::Close => return self.close(now),
@@ -332,10 +431,10 @@ impl<'a, S: Subject> Run<'a, S> {
             return Ok(false);
         }
         self.swap_places += 1;
-        let is_asked = match self.permutation {
-            Permutation::SwapAll => true,
-            Permutation::SwapAfter(place) => place == self.swap_places,
-            _ => false,
+        let is_asked = match self.way.swaps {
+            Swaps::Everywhere => true,
+            Swaps::At(place) => place == self.swap_places,
+            Swaps::Nowhere => false,
         };
         if is_asked {
             self.swap(now)?;
@@ -357,16 +456,17 @@ impl<'a, S: Subject> Run<'a, S> {
 
     /// Closes the link behind the trace's end, and waits until the line is
     /// quiet: the trace begins again one second later.
-    fn start_over(&mut self) -> Result<(), Fault> {
-        let mut now = self.timeline.end + Micros(1);
+    fn start_over(&mut self, end: Micros) -> Result<(), Fault> {
+        let mut now = self.offset + end + Micros(1);
         self.recorder.drain(u32::MAX);
         self.close(now)?;
         while let Some(next) = self.line.next() {
             now = now.max(next);
             self.advance(now)?;
         }
-        self.recorder.drain_by_hand = false;
-        self.offset = now + Micros::from_secs(1);
+        self.keeps_deliveries = false;
+        self.recorder.drain_by_hand = self.drips();
+        self.offset = now + REST;
         if self.modem == self.modem_at_start {
             return Ok(());
         }
@@ -377,9 +477,74 @@ impl<'a, S: Subject> Run<'a, S> {
         self.judged(now, set)
     }
 
+    /// Lets the link come to rest behind a trace: the next one begins a second later.
+    fn go_on(&mut self, end: Micros) -> Result<(), Fault> {
+        let now = self.offset + end + Micros(1);
+        self.keeps_deliveries = false;
+        self.recorder.drain_by_hand = self.drips();
+        self.recorder.drain(u32::MAX);
+        self.instant(now, &[], &[])?;
+        self.offset = now + REST;
+        self.wait_until(self.offset)?;
+        self.job_base += JOBS;
+        self.first = self.recorder.observed.len();
+        Ok(())
+    }
+
     fn judged(&self, now: Micros, stepped: Stepped<S>) -> Result<(), Fault> {
         stepped.map_err(|fault| Fault::of_link(now - self.offset, &fault))
     }
+}
+
+/// The ids of one case behind another on the same link, as if it were the first.
+#[derive(Default)]
+struct Numbers {
+    job_base: u32,
+    requests: Vec<u32>,
+    deliveries: Vec<u32>,
+}
+
+impl Numbers {
+    fn of_this_case(&mut self, mut seen: Seen) -> Seen {
+        match &mut seen.effect {
+            Effect::Done { id, .. } | Effect::Fail { id, .. } | Effect::Check { id, .. } => {
+                *id = id.saturating_sub(self.job_base);
+            }
+            Effect::Request { id, .. } | Effect::Withdraw(id) => {
+                *id = number(&mut self.requests, *id);
+            }
+            Effect::Deliver(delivered) => {
+                delivered.id = number(&mut self.deliveries, delivered.id);
+            }
+            Effect::Byte(_) | Effect::Break(_) | Effect::Lines(..) => {}
+        }
+        seen
+    }
+}
+
+/// The place of an id among those that were seen, from 1.
+fn number(known: &mut Vec<u32>, id: u32) -> u32 {
+    let place = known.iter().position(|known| *known == id).unwrap_or_else(|| {
+        known.push(id);
+        known.len() - 1
+    });
+    place as u32 + 1
+}
+
+/// The link's id for the request that a trace calls by its number.
+fn request_of_link(observed: &[(Micros, Observed)], asked: u32) -> u32 {
+    let mut requests = Vec::new();
+    for (_, observed) in observed {
+        if let Observed::Request { request, .. } = observed {
+            number(&mut requests, *request);
+        }
+    }
+    requests.get((asked as usize).saturating_sub(1)).copied().unwrap_or(u32::MAX)
+}
+
+/// When half of what is given has been given.
+fn middle(timeline: &Timeline) -> Micros {
+    timeline.given.get(timeline.given.len() / 2).map_or(Micros::ZERO, |given| given.at)
 }
 
 fn received(timeline: &Timeline) -> u64 {

@@ -1,5 +1,6 @@
 //! What is judged: something that gives fresh instances of one plug-in.
 
+use super::fault::{FaultClass, of_instance};
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Event, Instance, Micros, Output};
 use std::any::Any;
@@ -182,6 +183,8 @@ pub(crate) struct Meter {
     pub(crate) steps: Cell<u64>,
     /// Counted when an instance is dropped.
     pub(crate) fuel: Cell<Fuel>,
+    /// How the last step that failed did.
+    pub(crate) fault: Cell<Option<FaultClass>>,
 }
 
 /// An instance whose steps are counted and whose panics are caught: native code
@@ -231,13 +234,17 @@ impl<I: Instance> Instance for Watched<I> {
             let inner = inner;
             inner.step(event, now)
         };
-        match catch_unwind(AssertUnwindSafe(step)) {
+        let stepped = match catch_unwind(AssertUnwindSafe(step)) {
             Ok(stepped) => stepped.map_err(WatchedFault::Instance),
             Err(panic) => {
                 let words = self.panicked.insert(words(panic.as_ref()));
                 Err(WatchedFault::Panicked(words.clone()))
             }
+        };
+        if let Err(fault) = &stepped {
+            self.meter.fault.set(Some(of_instance(event.kind(), fault)));
         }
+        stepped
     }
 }
 

@@ -65,7 +65,7 @@ pub enum BlessFailure {
 /// # Errors
 /// The plug-in faults, or the trace cannot hold what it does.
 pub fn bless(subject: &dyn Judge, case: &Case) -> Result<Trace, BlessFailure> {
-    let outcome = subject.run(case, Permutation::Uncut, 0);
+    let outcome = subject.run(case, &Permutation::Uncut, 0);
     if let Some(fault) = outcome.fault {
         return Err(BlessFailure::Fault(fault));
     }

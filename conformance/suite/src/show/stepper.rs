@@ -36,7 +36,7 @@ const BYTES: usize = 64;
 /// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
 /// let subject = FromFn::new(manifest, move || plugin.instantiate());
 /// let case = &load(["../../fixtures/traces/xon-xoff/xon-xoff.tx.hold.spt"])?[0];
-/// let stepper = Stepper::new(&subject, case, Permutation::Uncut);
+/// let stepper = Stepper::new(&subject, case, &Permutation::Uncut);
 /// assert_eq!((stepper.failure, stepper.end_us), (None, 5_000_000));
 /// // XOFF comes: line 14 of the trace, and the plug-in holds its queue.
 /// let held = stepper.moments.iter().find(|moment| moment.after.is_held);
@@ -137,7 +137,7 @@ pub struct Standing {
 /// let manifest = Manifest::parse(plugin.manifest().as_bytes())?;
 /// let subject = FromFn::new(manifest, move || plugin.instantiate());
 /// let case = &load(["../../fixtures/traces/r3964/r3964.conflict.abort.spt"])?[0];
-/// let stepper = Stepper::new(&subject, case, Permutation::Uncut);
+/// let stepper = Stepper::new(&subject, case, &Permutation::Uncut);
 /// // STX has left at 1,146 µs, and its answer may take 2 s.
 /// let moment = stepper.moments.iter().rfind(|moment| moment.at_us < 2_000).expect("it began");
 /// let Standing { timers, is_held, .. } = &moment.after;
@@ -154,7 +154,7 @@ pub struct Timer {
 
 impl Stepper {
     /// Runs a trace in one permutation and keeps what happened.
-    pub fn new<S: Subject + Sync>(subject: &S, case: &Case, permutation: Permutation) -> Self {
+    pub fn new<S: Subject + Sync>(subject: &S, case: &Case, permutation: &Permutation) -> Self {
         let overheard = Overheard::new(subject, MOST);
         let outcome = replay(&overheard, case, permutation, 0);
         let calls = overheard.take();

@@ -45,7 +45,8 @@ fn a_failure_says_all_that_there_is_to_say() {
     assert_eq!((report.clauses[0].cited, report.clauses[0].failed), (2, 1));
 
     let runs = ["xon-xoff.b.bad/uncut", "xon-xoff.b.bad/swap:all", "nothing/uncut", "nothing"];
-    let observed = observe(&plugin(), &corpus, runs, 0).expect("the engines work");
+    let observed = observe(&plugin(), &corpus, runs, &CertifyOptions::new("xon-xoff"))
+        .expect("the engines work");
     assert_eq!(observed.len(), 2);
     let trace = softplug_trace::Trace::parse(&observed[0].text).expect("it is a trace");
     assert!(trace.format().contains("> 0.000000 41"), "{}", observed[0].text);

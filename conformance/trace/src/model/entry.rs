@@ -29,6 +29,16 @@ impl PartialEq for SourceLine {
 
 impl Eq for SourceLine {}
 
+impl Entry {
+    /// This with one byte in place of another in what it carries.
+    pub(crate) fn replace_byte(&mut self, written: u8, other: u8) {
+        if let Some(mut payload) = self.what.payload().cloned() {
+            payload.replace_byte(written, other);
+            self.what = std::mem::replace(&mut self.what, What::Quiet).with_payload(payload);
+        }
+    }
+}
+
 /// What happens.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum What {

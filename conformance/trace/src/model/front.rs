@@ -48,6 +48,11 @@ pub struct FrontMatter {
     pub origin: Origin,
     /// How the case may be varied.
     pub permute: Permutations,
+    /// What the link is left with at the case's end, so that no other case can stand
+    /// behind it on the open link: a hold, half a reception. Empty: nothing.
+    pub leaves: String,
+    /// The class that a byte of the case stands for.
+    pub bytes: Option<ByteClass>,
 }
 
 impl FrontMatter {
@@ -188,17 +193,85 @@ pub struct Permutations {
     pub swap: bool,
     /// The case may run twice in one instance.
     pub twice: bool,
+    /// The link's clock may stand at any time when it begins.
+    pub later: bool,
+    /// It may stand behind another case on one open link.
+    pub after: bool,
+    /// The host's rooms may be others.
+    pub rooms: bool,
 }
 
 impl Permutations {
     /// Every way.
-    pub const ALL: Self = Self { cuts: true, swap: true, twice: true };
+    pub const ALL: Self =
+        Self { cuts: true, swap: true, twice: true, later: true, after: true, rooms: true };
     /// No way.
-    pub const NONE: Self = Self { cuts: false, swap: false, twice: false };
+    pub const NONE: Self =
+        Self { cuts: false, swap: false, twice: false, later: false, after: false, rooms: false };
+
+    /// Each by its name in a trace, in canonical order.
+    pub const fn named(self) -> [(&'static str, bool); 6] {
+        [
+            ("cuts", self.cuts),
+            ("swap", self.swap),
+            ("twice", self.twice),
+            ("later", self.later),
+            ("after", self.after),
+            ("rooms", self.rooms),
+        ]
+    }
 }
 
 impl Default for Permutations {
     fn default() -> Self {
         Self::ALL
+    }
+}
+
+/// A byte of a case that stands for a class: with each of the others the same must
+/// happen, with that byte in place of the one that is written.
+///
+/// ```
+/// use softplug_trace::ByteClass;
+///
+/// // Any byte but DLE, written as 55.
+/// let class = ByteClass::new(0x55, |byte| byte != 0x10);
+/// assert!(class.contains(0x55) && !class.contains(0x10));
+/// assert_eq!(class.others().count(), 254);
+/// assert_eq!(class.ranges(), [(0x00, 0x0F), (0x11, 0xFF)]);
+/// ```
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct ByteClass {
+    /// The byte as the case has it.
+    pub written: u8,
+    ranges: Vec<(u8, u8)>,
+}
+
+impl ByteClass {
+    /// The bytes for which `contains` holds.
+    pub fn new(written: u8, contains: impl Fn(u8) -> bool) -> Self {
+        let mut ranges: Vec<(u8, u8)> = Vec::new();
+        for byte in (0..=u8::MAX).filter(|byte| contains(*byte)) {
+            match ranges.last_mut() {
+                Some((_, last)) if *last + 1 == byte => *last = byte,
+                _ => ranges.push((byte, byte)),
+            }
+        }
+        Self { written, ranges }
+    }
+
+    /// Its bytes as ranges, each with its ends.
+    pub fn ranges(&self) -> &[(u8, u8)] {
+        &self.ranges
+    }
+
+    /// Whether the byte is of it.
+    pub fn contains(&self, byte: u8) -> bool {
+        self.ranges.iter().any(|(first, last)| (*first..=*last).contains(&byte))
+    }
+
+    /// All of it but the byte that is written.
+    pub fn others(&self) -> impl Iterator<Item = u8> {
+        (0..=u8::MAX).filter(|byte| *byte != self.written && self.contains(*byte))
     }
 }

@@ -9,7 +9,9 @@ pub use entry::{
     Assignment, CheckFault, DeliveryEnd, Direction, Drain, Entry, Exact, Expected, HostRequest,
     LineErrorKind, LineEvent, LinkDownReason, ModemLevels, ModemLine, SourceLine, What,
 };
-pub use front::{Edge, FrontMatter, Level, LineSettings, Origin, Parity, Permutations, Room};
+pub use front::{
+    ByteClass, Edge, FrontMatter, Level, LineSettings, Origin, Parity, Permutations, Room,
+};
 pub use payload::{BadKind, Digest, Files, Generator, Item, NoFiles, Payload, PayloadError, Piece};
 pub use time::{Time, When};
 
@@ -162,6 +164,52 @@ impl Trace {
             variant.sort_by_key(|entry| entry.when.from);
         }
         variants
+    }
+
+    /// The trace with another byte of its [class](FrontMatter::bytes) in place of the one
+    /// that is written, in everything that is given and demanded. One without a class
+    /// stays as it is.
+    ///
+    /// ```
+    /// use softplug_trace::{Payload, Trace};
+    ///
+    /// # let text = "\
+    /// # id: echo.tx.any
+    /// # title: Any byte comes back
+    /// # profile: echo
+    /// # clauses: echo.tx.at-once
+    /// # level: must
+    /// # line: 9600 8N1 depth=1 reaction=0
+    /// # since: 1
+    /// # origin: hand-written
+    /// # bytes: 55 = 00-FF
+    /// # ---
+    /// # < 0.000000 55
+    /// # > 0.000000 55
+    /// # ";
+    /// let other = Trace::parse(text)?.with_byte(0x13);
+    /// let sent = other.entries().last().and_then(|entry| entry.what.payload().cloned());
+    /// assert_eq!(sent, Some(Payload::hex(&[0x13])));
+    /// # Ok::<(), softplug_trace::ParseError>(())
+    /// ```
+    pub fn with_byte(&self, byte: u8) -> Self {
+        let Some(class) = &self.front.bytes else { return self.clone() };
+        let (written, mut other) = (class.written, self.clone());
+        for line in &mut other.body {
+            match line {
+                Line::Entry(entry) => entry.replace_byte(written, byte),
+                Line::Alternatives(block) => {
+                    let lines = block.branches.iter_mut().flatten();
+                    for line in lines {
+                        if let Line::Entry(entry) = line {
+                            entry.replace_byte(written, byte);
+                        }
+                    }
+                }
+                Line::Blank | Line::Comment(_) => {}
+            }
+        }
+        other
     }
 
     /// The latest time that any line names: a run lasts until there, that

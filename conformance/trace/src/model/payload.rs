@@ -245,6 +245,25 @@ impl Payload {
         Ok(all)
     }
 
+    /// This with one byte in place of another. What a file or a generator makes stays.
+    pub(crate) fn replace_byte(&mut self, written: u8, other: u8) {
+        for item in &mut self.items {
+            match item {
+                Item::Hex(bytes) | Item::Text(bytes) if bytes.contains(&written) => {
+                    let replaced =
+                        bytes.iter().map(|byte| if *byte == written { other } else { *byte });
+                    *item = Item::Hex(replaced.collect());
+                }
+                Item::Bad { byte, .. } if *byte == written => *byte = other,
+                Item::Hex(_)
+                | Item::Text(_)
+                | Item::Bad { .. }
+                | Item::File(_)
+                | Item::Generated(_) => {}
+            }
+        }
+    }
+
     /// What arrives: runs of good bytes with the damaged characters between.
     ///
     /// # Errors

@@ -16,14 +16,14 @@ use super::payload::levels;
 use crate::error::ParseErrorKind;
 use crate::limits::{LINE_BYTES, NAME_BYTES, TITLE_CHARACTERS};
 use crate::model::{
-    Edge, FrontMatter, Level, LineSettings, ModemLevels, ModemLine, Origin, Parity, Permutations,
-    Room,
+    ByteClass, Edge, FrontMatter, Level, LineSettings, ModemLevels, ModemLine, Origin, Parity,
+    Permutations, Room,
 };
 
 /// The keys, in canonical order.
 const KEYS: &[&str] = &[
     "id", "title", "profile", "clauses", "level", "edge", "line", "config", "room", "modem",
-    "since", "origin", "permute",
+    "since", "origin", "permute", "leaves", "bytes",
 ];
 const SLUG: &str = "a slug: lower-case letters, digits and inner hyphens, parts joined by dots";
 
@@ -46,6 +46,8 @@ pub(super) struct Front {
     since: Option<u32>,
     origin: Option<Origin>,
     permute: Permutations,
+    leaves: String,
+    bytes: Option<ByteClass>,
 }
 
 /// What is wrong with the front matter as a whole.
@@ -146,6 +148,15 @@ impl Front {
                 Ok((rest, ()))
             }
             "origin" => store(&mut self.origin, origin(input)),
+            "leaves" => {
+                if input.chars().count() > TITLE_CHARACTERS {
+                    let (what, high) = ("the characters of what is left", TITLE_CHARACTERS as u64);
+                    return fail(input, ParseErrorKind::OutOfRange { what, low: 1, high });
+                }
+                input.clone_into(&mut self.leaves);
+                Ok(("", ()))
+            }
+            "bytes" => store(&mut self.bytes, byte_class(input)),
             _ => {
                 let (rest, permute) = permute(input)?;
                 self.permute = permute;
@@ -171,6 +182,8 @@ impl Front {
             since: self.since.ok_or(missing("since"))?,
             origin: self.origin.ok_or(missing("origin"))?,
             permute: self.permute,
+            leaves: self.leaves,
+            bytes: self.bytes,
         };
         let part =
             front.id.strip_prefix(front.profile.as_str()).and_then(|rest| rest.strip_prefix('.'));
@@ -282,7 +295,6 @@ fn date(input: &str) -> Parsed<'_, &str> {
 }
 
 fn permute(input: &str) -> Parsed<'_, Permutations> {
-    const NAMES: [&str; 5] = ["cuts", "swap", "twice", "all", "none"];
     let (rest, first) = take_while(|c: char| c.is_ascii_lowercase()).parse(input)?;
     if first == "all" || first == "none" {
         let permute = if first == "all" { Permutations::ALL } else { Permutations::NONE };
@@ -296,7 +308,14 @@ fn permute(input: &str) -> Parsed<'_, Permutations> {
             "cuts" => &mut permute.cuts,
             "swap" => &mut permute.swap,
             "twice" => &mut permute.twice,
-            _ => return fail(input, unknown("a permutation", word, NAMES.into_iter())),
+            "later" => &mut permute.later,
+            "after" => &mut permute.after,
+            "rooms" => &mut permute.rooms,
+            _ => {
+                let names = Permutations::ALL.named().map(|(name, _)| name);
+                let known = names.into_iter().chain(["all", "none"]);
+                return fail(input, unknown("a permutation", word, known));
+            }
         };
         if std::mem::replace(flag, true) {
             return fail(
@@ -307,4 +326,39 @@ fn permute(input: &str) -> Parsed<'_, Permutations> {
         input = rest;
     }
     Ok((input, permute))
+}
+
+/// `HH = HH-HH HH …`: the byte that is written, and the class that it stands for.
+fn byte_class(input: &str) -> Parsed<'_, ByteClass> {
+    let (input, written) = hex_byte(input)?;
+    let Some(rest) = super::lex::skip_space(input).strip_prefix('=') else {
+        return expected(input, "= and the bytes of the class");
+    };
+    let mut input = super::lex::skip_space(rest);
+    let mut members = [false; 256];
+    while !input.is_empty() {
+        let (rest, first) = hex_byte(input)?;
+        let (rest, last) = match rest.strip_prefix('-') {
+            Some(rest) => hex_byte(rest)?,
+            None => (rest, first),
+        };
+        if last < first {
+            return expected(input, "a range whose first byte is not above its last");
+        }
+        members[usize::from(first)..=usize::from(last)].fill(true);
+        input = super::lex::skip_space(rest);
+    }
+    let class = ByteClass::new(written, |byte| members[usize::from(byte)]);
+    if !class.contains(written) {
+        return expected(input, "a class that has the byte that is written");
+    }
+    Ok((input, class))
+}
+
+fn hex_byte(input: &str) -> Parsed<'_, u8> {
+    let digits = input.get(..2).filter(|text| text.bytes().all(|c| c.is_ascii_hexdigit()));
+    match digits.and_then(|digits| u8::from_str_radix(digits, 16).ok()) {
+        Some(byte) => Ok((&input[2..], byte)),
+        None => expected(input, "a byte as two hex digits"),
+    }
 }

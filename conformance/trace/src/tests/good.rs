@@ -23,7 +23,7 @@ fn a_whole_case() {
         front.config[1],
         Assignment { name: "feed_start".to_owned(), value: "0d 0a".to_owned() }
     );
-    assert_eq!(front.permute, Permutations { cuts: true, swap: true, twice: false });
+    assert_eq!(front.permute, Permutations { cuts: true, swap: true, ..Permutations::NONE });
     assert_eq!(trace.inputs().count(), 3);
     assert_eq!(trace.end(), Time(5_000_000));
     let first = trace.entries().next().unwrap();
@@ -89,7 +89,8 @@ fn every_form_of_line_parity_and_origin() {
         Trace::parse(&HOLD.replace("cuts swap", "none")).unwrap().front.permute,
         Permutations::NONE
     );
-    let all = Trace::parse(&HOLD.replace("cuts swap", "cuts twice swap")).unwrap();
+    let all =
+        Trace::parse(&HOLD.replace("cuts swap", "rooms cuts after twice later swap")).unwrap();
     assert_eq!(all.front.permute, Permutations::ALL);
     assert!(!all.format().contains("permute"));
 }
@@ -293,5 +294,27 @@ fn exact_events() {
         ["@ 0.0~1.0 received 41", "@ 0.0", "@ 0.0 received ~p41", "@ 0.0 under-way a=1 a=2"]
     {
         assert!(parse_body(&format!("{wrong}\n")).is_err(), "{wrong}");
+    }
+}
+
+#[test]
+fn what_a_case_leaves_and_a_class_of_bytes_are_read() {
+    let more = "permute: later after\nleaves: the line held\nbytes: 58 = 00-0F 11-FF\n";
+    let text = HOLD.replace("permute: cuts swap\n", more);
+    let trace = Trace::parse(&text).unwrap();
+    let Permutations { later, after, rooms, cuts, .. } = trace.front.permute;
+    assert_eq!((later, after, rooms, cuts), (true, true, false, false));
+    assert_eq!(trace.front.leaves, "the line held");
+    let class = trace.front.bytes.clone().unwrap();
+    assert!(class.contains(0x58) && class.contains(0xFF) && !class.contains(0x10));
+    assert_eq!(Trace::parse(&trace.format()).unwrap(), trace);
+    for (wrong, word) in [
+        ("58 = 00-0F", "a class that has the byte that is written"),
+        ("58 = 6F-60 58", "a range whose first byte is not above its last"),
+        ("58 00-FF", "= and the bytes of the class"),
+        ("5 = 00-FF", "a byte as two hex digits"),
+    ] {
+        let error = Trace::parse(&text.replace("58 = 00-0F 11-FF", wrong)).unwrap_err();
+        assert!(error.to_string().contains(word), "{error}");
     }
 }

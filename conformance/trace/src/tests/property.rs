@@ -189,7 +189,9 @@ fn trace() -> BoxedStrategy<Trace> {
         prop_oneof![Just(ModemLevels::default()), levels(ModemLine::INPUTS)],
         id(),
         origin,
-        any::<[bool; 3]>(),
+        any::<[bool; 6]>(),
+        prop_oneof![Just(String::new()), Just("the line held".to_owned())],
+        option::of((any::<u8>(), 1..=255_u8)),
     );
     let title = "[!-~é]([ -~é]{0,30}[!-~])?";
     let body = (lines(what(), 12), vec(lines(expectation(), 3), 2..4), lines(what(), 4), what());
@@ -222,7 +224,18 @@ fn trace() -> BoxedStrategy<Trace> {
                 modem: rest.4,
                 since: rest.5,
                 origin: rest.6,
-                permute: Permutations { cuts: rest.7[0], swap: rest.7[1], twice: rest.7[2] },
+                permute: Permutations {
+                    cuts: rest.7[0],
+                    swap: rest.7[1],
+                    twice: rest.7[2],
+                    later: rest.7[3],
+                    after: rest.7[4],
+                    rooms: rest.7[5],
+                },
+                leaves: rest.8,
+                bytes: rest.9.map(|(written, step)| {
+                    ByteClass::new(written, |byte| byte == written || byte % step == 0)
+                }),
             };
             let (first, branches, after, last) = body;
             let mut lines = sorted(first, 0);

@@ -93,7 +93,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     }
     if arguments.step {
         let (case, permutation) = one(arguments, &cases, &filter)?;
-        return step::run(&plugin, case, permutation);
+        return step::run(&plugin, case, &permutation);
     }
     let judges = judges(&plugin, arguments.native)?;
     let judges: Vec<_> = judges.iter().map(AsRef::as_ref).collect();

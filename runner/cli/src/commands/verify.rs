@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
+use softplug_conformance::Sessions;
 use softplug_conformance::certify::CertifyOptions;
 use softplug_report::attest::{self, PublicKey, Source, VerifyError};
 use softplug_report::{Difference, Report, compare, fuel_is_comparable, json};
@@ -81,6 +82,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         strict: report.selection.strict,
         cases: report.selection.cases.clone(),
         baseline,
+        sessions: Sessions { count: report.selection.sessions, seed: report.selection.seed },
         ..CertifyOptions::new(&report.profile.name)
     };
     let again = certified(&module, &corpus, &options, &*stop::on_signals()?, screen)?;

@@ -85,7 +85,9 @@ pub fn trace(recording: &Recording, about: &About<'_>) -> String {
             date: about.day.to_owned(),
             tool: "softplug gateway".to_owned(),
         },
-        permute: Permutations { cuts: false, swap: false, twice: false },
+        permute: Permutations::NONE,
+        leaves: String::new(),
+        bytes: None,
     };
     Trace { front, body }.format()
 }
@@ -228,7 +230,7 @@ fn line_settings(recording: &Recording) -> LineSettings {
 mod tests {
     use super::*;
     use softplug_abi::{EventKind, Instance, Micros};
-    use softplug_conformance::{Case, FaultClass, Sandboxed, replay};
+    use softplug_conformance::{Case, FaultClass, Permutation, Sandboxed, replay};
     use softplug_gateway::recorder::{Recorded, checkpoint, recording};
     use softplug_host::{Host, HostOptions, Plugin, Session};
     use softplug_link::{Link, LinkFault, LinkOptions, Recorder};
@@ -312,7 +314,7 @@ mod tests {
             let entries = case.trace.entries().count();
             assert!(if checkpoints { entries < 60 } else { entries > 100 }, "{entries}");
             let subject = Sandboxed::new(PLUGIN.clone());
-            let shown = replay(&subject, &case, "uncut".parse().unwrap(), 0).fault.unwrap();
+            let shown = replay(&subject, &case, &Permutation::Uncut, 0).fault.unwrap();
             assert_eq!((shown.class, &shown.message), (FaultClass::Trapped, &sentence));
             assert_eq!(shown.at_us, 100_000);
             assert!(text.contains("\n# Its last words: three hundred\n"), "{text}");

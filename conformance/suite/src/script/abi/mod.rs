@@ -28,7 +28,7 @@ pub(super) fn scripts() -> Vec<Script> {
             let id = format!("abi.input.{}-{seed}", shape.slug());
             let title = format!("{} (seed {seed}): no fault, no rule broken", shape.title());
             all.push(Script::new("abi", id, title, shape.clauses(), move |context| {
-                run(context, shape, seed, Permutation::Uncut).map(|_| ())
+                run(context, shape, seed, &Permutation::Uncut).map(|_| ())
             }));
         }
     }
@@ -54,8 +54,9 @@ pub(super) fn scripts() -> Vec<Script> {
                 }
                 _ => &[clause],
             };
+            let permutation = permutation.clone();
             all.push(Script::new("abi", id, title, clauses, move |context| {
-                alike(context, seed, permutation)
+                alike(context, seed, &permutation)
             }));
         }
     }
@@ -79,7 +80,7 @@ fn run(
     context: &mut ScriptContext<'_>,
     shape: Shape,
     seed: u64,
-    way: Permutation,
+    way: &Permutation,
 ) -> Outcome<outcome::Outcome> {
     let conditions = conditions(context.manifest(), shape, seed)?;
     let line = conditions.options.line;
@@ -93,8 +94,8 @@ fn run(
 }
 
 /// Gives an input once as it is and once in another way: the plug-in must do the same.
-fn alike(context: &mut ScriptContext<'_>, seed: u64, way: Permutation) -> Outcome {
-    if way == Permutation::SwapAll && context.manifest().state.saves.is_none() {
+fn alike(context: &mut ScriptContext<'_>, seed: u64, way: &Permutation) -> Outcome {
+    if *way == Permutation::SwapAll && context.manifest().state.saves.is_none() {
         // A plug-in may save nothing: it is then never asked to.
         return Ok(());
     }
@@ -102,7 +103,7 @@ fn alike(context: &mut ScriptContext<'_>, seed: u64, way: Permutation) -> Outcom
         Permutation::Twice => Shape::Session,
         _ => Shape::Everything,
     };
-    let first = run(context, shape, seed, Permutation::Uncut)?;
+    let first = run(context, shape, seed, &Permutation::Uncut)?;
     let conditions = conditions(context.manifest(), shape, seed)?;
     let second = replay::run(&context.subject, conditions, way);
     if let Some(fault) = second.fault {
@@ -120,9 +121,9 @@ fn saves_change_nothing(context: &mut ScriptContext<'_>, seed: u64) -> Outcome {
     if context.manifest().state.saves.is_none() {
         return Ok(());
     }
-    let first = run(context, Shape::Everything, seed, Permutation::Uncut)?;
+    let first = run(context, Shape::Everything, seed, &Permutation::Uncut)?;
     let conditions = conditions(context.manifest(), Shape::Everything, seed)?;
-    let second = replay::run(&Saving(context.subject), conditions, Permutation::Uncut);
+    let second = replay::run(&Saving(context.subject), conditions, &Permutation::Uncut);
     if let Some(fault) = second.fault {
         return Err(fault.into());
     }

@@ -1,6 +1,7 @@
 //! `softplug certify`: a verdict on a plug-in that others can reproduce.
 
 pub(super) mod files;
+mod random;
 mod show;
 
 use std::path::{Path, PathBuf};
@@ -8,14 +9,15 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use softplug_conformance::Corpus;
 use softplug_conformance::certify::{
     Baseline, CertifyError, CertifyOptions, Progress, certify, observe,
 };
+use softplug_conformance::{Corpus, Sessions};
 use softplug_report::attest::{self, PrivateKey};
 use softplug_report::{Report, VerdictKind, annotations};
 
 use self::files::Folder;
+use self::random::Amount;
 use crate::corpus;
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -29,13 +31,15 @@ const OBSERVED: usize = 100;
 
 /// Runs all cases of a profile against a plug-in and writes the verdict with its grounds.
 ///
-/// Every case also runs with its bytes cut differently, twice in one instance, saved and restored
-/// in the middle, and under a second engine. Two runs give the same reports to the byte.
+/// Every case also runs with its bytes cut differently, behind other cases, at later times, in
+/// other rooms, saved and restored in the middle, and under a second engine; random sessions are
+/// held to the profile's model. Two runs give the same reports to the byte.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   softplug certify my-plugin.wasm --profile xon-xoff --out report
   softplug certify r3964 --profile rk512 --strict --annotations --out report
   softplug certify my-plugin.wasm --profile r3964 --case \"r3964.tx.*\" --out report
+  softplug certify my-plugin.wasm --profile r3964 --random 1h --seed 7 --out report
   softplug certify my-plugin.wasm --profile abi --key key.pem --out report")]
 pub(crate) struct Arguments {
     /// The plug-in: a .wasm file, or a name to look up
@@ -60,6 +64,13 @@ pub(crate) struct Arguments {
     /// Score the cases up to this revision of the profile; later ones run unscored
     #[arg(long, value_name = "N")]
     revision: Option<u32>,
+    /// Random sessions against the profile's model, or for about how long (such as 1h); fewer than
+    /// the profile needs make the verdict partial
+    #[arg(long, value_name = "N|SPAN")]
+    random: Option<Amount>,
+    /// Seed of the random sessions
+    #[arg(long, value_name = "S")]
+    seed: Option<u64>,
     /// Sign the result with this Ed25519 private key (PEM)
     #[arg(long, value_name = "FILE", requires = "out")]
     key: Option<PathBuf>,
@@ -83,12 +94,22 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let stop = stop::on_signals()?;
     let folder = arguments.out.as_deref().map(Folder::make).transpose()?;
     let profile = CertifyOptions::new(&arguments.profile);
+    let threads = arguments.threads.map_or(profile.threads, usize::from);
+    let count = match arguments.random {
+        None => profile.sessions.count,
+        Some(Amount::Count(count)) => count,
+        Some(Amount::For(time)) => {
+            Sessions::within(&module, &corpus, &arguments.profile, time, threads)
+                .map_err(|error| Failure::new(Exit::PlugIn, error))?
+        }
+    };
     let options = CertifyOptions {
+        sessions: Sessions { count, seed: arguments.seed.unwrap_or(profile.sessions.seed) },
         revision: arguments.revision,
         strict: arguments.strict,
         cases: arguments.cases.clone(),
         baseline,
-        threads: arguments.threads.map_or(profile.threads, usize::from),
+        threads,
         ..profile
     };
     let report = certified(&module, &corpus, &options, &stop, screen)?;
@@ -96,8 +117,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         let attestation = key.as_ref().map(|key| sign(&report, key)).transpose()?;
         let runs = report.cases.iter().filter_map(|case| case.failures.first());
         let runs: Vec<_> = runs.take(OBSERVED).map(|failure| failure.run.as_str()).collect();
-        let observed =
-            observe(&module, &corpus, runs, options.cut_seed).map_err(certify_failure)?;
+        let observed = observe(&module, &corpus, runs, &options).map_err(certify_failure)?;
         folder.write(&report, &observed, attestation.as_deref())?;
     }
 

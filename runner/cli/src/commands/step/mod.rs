@@ -22,7 +22,11 @@ use crate::screen::Screen;
 const LOOK_AGAIN: Duration = Duration::from_millis(500);
 
 /// Runs the case and shows it until it has been seen enough of; the exit code is that of the run.
-pub(super) fn run(plugin: &Chosen, case: &Case, permutation: Permutation) -> Result<Exit, Failure> {
+pub(super) fn run(
+    plugin: &Chosen,
+    case: &Case,
+    permutation: &Permutation,
+) -> Result<Exit, Failure> {
     if !Screen::is_attended() {
         return Err(Failure::usage("--step shows the run on a terminal, and here is none")
             .hint("leave --step out, or take --calls FILE for every call as JSON"));
@@ -74,7 +78,7 @@ fn is_gone() -> bool {
     poll(&mut stdin, Some(&at_once)).is_ok() && stdin[0].revents().contains(PollFlags::HUP)
 }
 
-fn stepper(plugin: &Chosen, case: &Case, permutation: Permutation) -> Result<Stepper, Failure> {
+fn stepper(plugin: &Chosen, case: &Case, permutation: &Permutation) -> Result<Stepper, Failure> {
     let stepper = plugin.step_through(case, permutation);
     match &stepper.failure {
         // There is nothing to walk through.

@@ -256,7 +256,7 @@ origin: hand-written
 . 5.000000
 ";
 
-    fn walk(trace: &str, permutation: Permutation) -> Walk {
+    fn walk(trace: &str, permutation: &Permutation) -> Walk {
         let plugin = NativePlugin::from_name("xon-xoff").unwrap();
         let manifest = Manifest::parse(plugin.manifest().as_bytes()).unwrap();
         let subject = FromFn::new(manifest, move || plugin.instantiate());
@@ -279,7 +279,7 @@ origin: hand-written
 
     #[test]
     fn a_walk_forward_and_back_wide_and_narrow() {
-        let mut walk = walk(TRACE, Permutation::Uncut);
+        let mut walk = walk(TRACE, &Permutation::Uncut);
         press(&mut walk, &[KeyCode::Char('t'), KeyCode::Char('t')]);
         insta::assert_snapshot!("wide", screen(&walk, 110, 24));
         insta::assert_snapshot!("narrow", screen(&walk, 60, 24));
@@ -297,7 +297,7 @@ origin: hand-written
 
     #[test]
     fn it_begins_at_the_difference_and_finds_it_again() {
-        let mut walk = walk(&TRACE.replace("43 44 ", "43 45 "), Permutation::Uncut);
+        let mut walk = walk(&TRACE.replace("43 44 ", "43 45 "), &Permutation::Uncut);
         let found = walk.at;
         insta::assert_snapshot!("difference", screen(&walk, 110, 20));
         press(&mut walk, &[KeyCode::Home, KeyCode::Char('d')]);
@@ -306,7 +306,7 @@ origin: hand-written
 
     #[test]
     fn a_swap_shows_as_another_instance() {
-        let mut walk = walk(TRACE, Permutation::SwapAll);
+        let mut walk = walk(TRACE, &Permutation::SwapAll);
         press(&mut walk, &[KeyCode::End]);
         assert!(!screen(&walk, 110, 20).contains("instance 1 "));
         assert!(screen(&walk, 110, 20).contains("passed"));
@@ -314,7 +314,7 @@ origin: hand-written
 
     #[test]
     fn the_smallest_terminal_is_no_reason_to_fail() {
-        let walk = walk(TRACE, Permutation::Uncut);
+        let walk = walk(TRACE, &Permutation::Uncut);
         for (width, height) in [(1, 1), (5, 2), (20, 5), (300, 3)] {
             screen(&walk, width, height);
         }
@@ -325,7 +325,7 @@ origin: hand-written
         let top = tempfile::tempdir().unwrap();
         std::fs::create_dir(top.path().join("src")).unwrap();
         std::fs::write(top.path().join("src/lib.rs"), "fn f() {\n    panic!()\n}\n").unwrap();
-        let mut walk = walk(TRACE, Permutation::Uncut);
+        let mut walk = walk(TRACE, &Permutation::Uncut);
         walk.source = near(Some(top.path().to_owned()));
         let Happening::Step(step) = &mut walk.stepper.moments[0].what else { panic!("no step") };
         step.fault = Some("the plug-in trapped".to_owned());

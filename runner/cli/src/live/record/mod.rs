@@ -436,6 +436,8 @@ fn front(arguments: &Arguments, profile: &str, side: Side, line: LineParameters)
             tool: concat!("softplug ", env!("CARGO_PKG_VERSION")).to_owned(),
         },
         permute: Permutations::default(),
+        leaves: String::new(),
+        bytes: None,
     }
 }
 

@@ -1,0 +1,158 @@
+//! The control sends: headers of mode A, blocks, and their end.
+
+use super::frame::{ACK, EOT, NAK};
+use super::room::Room;
+use super::{Fe, LONGEST_NAME, State};
+use crate::model::Effect;
+use softplug_abi::{Failure, Micros};
+
+/// A delivery under way.
+#[derive(Clone, Debug)]
+pub(super) struct Reception {
+    name: String,
+    bytes: Vec<u8>,
+    /// Bad blocks in a row.
+    pub(super) refusals: u32,
+    pub(super) has_etx: bool,
+    /// A good line that has found no room, with its end.
+    pub(super) waiting: Option<Vec<u8>>,
+    /// When the latest character came, or the latest answer that was late.
+    pub(super) latest: Micros,
+}
+
+impl Fe {
+    /// A header that is bad, or of another mode.
+    pub(super) fn bad_header(&mut self) {
+        if let State::Sending(_) = self.state {
+            // plug-in differs: it does not answer while it sends.
+            return;
+        }
+        self.out.send(&[NAK], "heidenhain-fe.rx.bad-header");
+    }
+
+    /// A header of mode A; nothing is under way.
+    pub(super) fn header_a(&mut self, name: &[u8]) {
+        if self.doubts_place() {
+            return;
+        }
+        if self.has_no_place {
+            return self.end_all("heidenhain-fe.rx.no-room");
+        }
+        self.deliveries += 1;
+        let clause = if self.deliveries > 1 {
+            "heidenhain-fe.rx.several"
+        } else {
+            "heidenhain-fe.rx.header"
+        };
+        self.out.send(&[ACK], clause);
+        // A delivery's name has an end; what is longer cannot be told.
+        let name = &name[..name.len().min(LONGEST_NAME)];
+        self.state = State::Receiving(Reception {
+            name: String::from_utf8_lossy(name).into_owned(),
+            bytes: Vec::new(),
+            refusals: 0,
+            has_etx: false,
+            waiting: None,
+            latest: self.now,
+        });
+    }
+
+    /// Whether it cannot be told if the plug-in knows of a place.
+    pub(super) fn doubts_place(&mut self) -> bool {
+        // plug-in differs: one that has taken over while there was no room takes
+        // the host for one without a place, until it is told of some.
+        self.is_blind |= !(self.room.must_take(1) || self.has_no_place && self.room.free() == 0);
+        self.is_blind
+    }
+
+    /// A good block.
+    pub(super) fn block(&mut self, text: &[u8]) {
+        match &mut self.state {
+            State::Receiving(Reception { waiting: Some(_), .. }) => {}
+            State::Receiving(reception) => {
+                reception.refusals = 0;
+                reception.waiting = Some([text, self.rules.line_end].concat());
+                self.takes_room();
+            }
+            // plug-in differs: while it sends it does not answer.
+            State::Sending(_) => {}
+            State::Idle | State::Asking { .. } | State::Granted { .. } => {
+                self.out.send(&[EOT], "heidenhain-fe.rx.stray-block");
+            }
+        }
+    }
+
+    /// A block that is damaged, too long or broken off.
+    pub(super) fn bad_block(&mut self) {
+        const CLAUSE: &str = "heidenhain-fe.rx.bad-block";
+        // One that belongs to no header is passed over: the page speaks of the delivery.
+        let State::Receiving(reception) = &mut self.state else { return };
+        if reception.waiting.is_some() {
+            return;
+        }
+        // plug-in differs: an ETX before a bad block still counts.
+        reception.refusals += 1;
+        if reception.refusals > self.rules.repeats {
+            self.end_delivery(Some(Failure::Checksum), CLAUSE);
+            self.end_all(CLAUSE);
+        } else {
+            self.out.send(&[NAK], CLAUSE);
+        }
+    }
+
+    /// A line that waits for room finds it for certain.
+    pub(super) fn takes_room(&mut self) {
+        self.takes_room_if(Room::must_take);
+    }
+
+    /// The host has put something away.
+    pub(super) fn has_more_room(&mut self) {
+        // plug-in differs: one that takes over does not look whether there is room
+        // by now, so that only an empty room is certain.
+        self.takes_room_if(|room, bytes| room.is_empty() && room.must_take(bytes));
+    }
+
+    /// The plug-in may know of more room than it was told of for certain.
+    pub(super) fn takes_room_early(&mut self) {
+        self.takes_room_if(Room::may_take);
+    }
+
+    /// A line waits for room that the plug-in may know of: its answer, if there is
+    /// one, is seen only when it leaves.
+    pub(super) fn may_have_taken_room(&self) -> bool {
+        let State::Receiving(reception) = &self.state else { return false };
+        reception.waiting.as_ref().is_some_and(|line| self.room.may_take(line.len()))
+    }
+
+    fn takes_room_if(&mut self, has_room: impl Fn(&Room, usize) -> bool) {
+        if let State::Receiving(reception) = &mut self.state
+            && let Some(line) = reception.waiting.take_if(|line| has_room(&self.room, line.len()))
+        {
+            self.delivers(&line);
+        }
+    }
+
+    /// A good line finds room: it is delivered and answered.
+    fn delivers(&mut self, line: &[u8]) {
+        let State::Receiving(reception) = &mut self.state else { return };
+        // plug-in differs: an ETX before a line that waits for room still counts.
+        reception.has_etx = false;
+        reception.bytes.extend(line);
+        reception.latest = self.now;
+        self.room.deliver(line.len());
+        self.out.send(&[ACK], "heidenhain-fe.rx.block");
+    }
+
+    /// The delivery ends; a line that waits for room is no part of it.
+    pub(super) fn end_delivery(&mut self, failure: Option<Failure>, clause: &'static str) {
+        // What the plug-in knows of the room decides whether the line belongs to it.
+        self.is_blind |= self.may_have_taken_room();
+        let State::Receiving(reception) = std::mem::replace(&mut self.state, State::Idle) else {
+            return;
+        };
+        self.silence_begins_anew();
+        let Reception { name, bytes, .. } = reception;
+        let id = self.deliveries;
+        self.expect(clause, Effect::Delivered { id, bytes, name: Some(name), failure, status: 0 });
+    }
+}

@@ -1,0 +1,65 @@
+//! The settings, and times in µs.
+
+use super::program;
+use crate::model::Conditions;
+use softplug_abi::{LineParameters, Micros};
+
+/// The profile's settings, and the line.
+#[derive(Clone, Debug)]
+pub(super) struct Rules {
+    pub(super) line: LineParameters,
+    /// `parity`: the parity bit is made and checked here.
+    pub(super) makes_parity: bool,
+    pub(super) repeats: u32,
+    pub(super) answer_time: Micros,
+    pub(super) character_time: Micros,
+    /// `None`: for ever.
+    pub(super) block_time: Option<Micros>,
+    /// `None`: for ever.
+    pub(super) request_time: Option<Micros>,
+    pub(super) job_time: Micros,
+    pub(super) dc1: bool,
+    pub(super) bcc_space: bool,
+    pub(super) line_end: &'static [u8],
+}
+
+impl Rules {
+    /// `None`: the line cannot carry the parity bit that we make.
+    pub(super) fn new(conditions: &Conditions) -> Option<Self> {
+        let settings = &conditions.settings;
+        let time = |name, millis| Micros::from_millis(settings.int(name, millis));
+        let or_ever = |time: Micros| Some(time).filter(|time| *time != Micros::ZERO);
+        let makes_parity = settings.name("parity", "port") == "even";
+        if makes_parity && conditions.line.data_bits < 8 {
+            return None;
+        }
+        Some(Self {
+            line: conditions.line,
+            makes_parity,
+            repeats: settings.int("repeats", 3) as u32,
+            answer_time: time("answer_time", 10_000),
+            character_time: time("character_time", 1_000),
+            block_time: or_ever(time("block_time", 30_000)),
+            request_time: or_ever(time("request_time", 0)),
+            job_time: time("job_time", 5_000),
+            dc1: settings.is_on("dc1", true),
+            bcc_space: settings.is_on("bcc_space", false),
+            line_end: if settings.name("line_end", "lf") == "crlf" { b"\r\n" } else { b"\n" },
+        })
+    }
+
+    /// The most characters of a line that is sent.
+    pub(super) fn longest(&self) -> usize {
+        if self.bcc_space { 239 } else { 240 }
+    }
+
+    /// The lines of a program, or why it cannot be sent.
+    pub(super) fn lines(&self, data: &[u8]) -> Result<Vec<Vec<u8>>, program::Fault> {
+        program::lines(data, self.longest())
+    }
+
+    /// Of a line without a known rate every character leaves as soon as it begins.
+    pub(super) fn leaves_at_once(&self) -> bool {
+        self.line.baud == 0
+    }
+}

@@ -1,0 +1,245 @@
+//! What a model is: it is told what a plug-in is given and what it does, and
+//! says what breaks its protocol.
+
+use crate::dice::Dice;
+use crate::settings::Settings;
+use softplug_abi::{Failure, LineErrorKind, LineParameters, LinkDownReason, Micros, ModemLines};
+
+/// An executable specification of one profile: slow and obvious.
+///
+/// Time never runs backwards. At each instant the calls come in the order of the
+/// ABI: what comes from the line ([`line`](Self::line)), characters of ours that
+/// begin or end by themselves ([`seen`](Self::seen), [`left`](Self::left)),
+/// [`due`](Self::due), requests of the host ([`host`](Self::host)), and at last
+/// [`settled`](Self::settled). What the plug-in does in answer to one of these comes
+/// through `seen` before the next of them.
+pub trait Model {
+    /// Something came from the line, or happened to it.
+    fn line(&mut self, at: Micros, input: &LineInput);
+
+    /// The last bit of a character of ours has left. It comes behind line input of
+    /// the same instant.
+    fn left(&mut self, at: Micros, byte: u8);
+
+    /// Timers of this instant and before are due now: what came from the line up to
+    /// here was in time, what the host asks from here on finds them run out.
+    fn due(&mut self, at: Micros);
+
+    /// The host asked for something.
+    fn host(&mut self, at: Micros, request: &HostRequest);
+
+    /// The plug-in did something.
+    ///
+    /// # Errors
+    /// It may not do that now.
+    fn seen(&mut self, at: Micros, effect: &Effect) -> Result<(), Broken>;
+
+    /// Nothing more happens at this instant.
+    ///
+    /// # Errors
+    /// Something had to happen by now and did not.
+    fn settled(&mut self, at: Micros) -> Result<(), Broken>;
+
+    /// When something is due next: the model is called at that instant.
+    fn next(&self) -> Option<Micros>;
+
+    /// What a partner and a host could do next: mostly what makes sense in this
+    /// state, now and then what is rare.
+    fn propose(&self, now: Micros, dice: &mut Dice) -> Proposal;
+}
+
+/// What comes from the line.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum LineInput {
+    /// Characters that have come by now, in one event.
+    Bytes(Vec<u8>),
+    /// A damaged character, an overrun (without a byte) or a break (without a byte).
+    Damaged {
+        /// What the port says of it.
+        kind: LineErrorKind,
+        /// The character as it was read.
+        byte: Option<u8>,
+    },
+    /// Inputs of our port change: which, and those of them that are on.
+    ModemLines(ModemLines, ModemLines),
+    /// The port is gone.
+    Down(LinkDownReason),
+    /// The port is back.
+    Up,
+}
+
+/// What the host does.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum HostRequest {
+    /// The link is opened. The first thing of each session.
+    Open,
+    /// The link is closed; it may be opened again.
+    Close,
+    /// A job begins.
+    Job {
+        /// Its id: 1, 2, 3 …, never used twice on a link.
+        id: u32,
+        /// Name of its kind, as in the manifest.
+        kind: String,
+        /// Its fields by name, as text.
+        fields: Vec<(String, String)>,
+        /// All its data.
+        data: Vec<u8>,
+    },
+    /// The job is paused.
+    Pause(u32),
+    /// The pause ends.
+    Resume(u32),
+    /// The job is aborted; with 0 the delivery under way.
+    Abort(u32),
+    /// A hold by the partner is overridden.
+    ForceResume,
+    /// From here on the host puts nothing of what is delivered away by itself.
+    Keep,
+    /// The host puts so many bytes away.
+    PutAway(u32),
+    /// The host puts everything away at once again.
+    PutAllAway,
+    /// A request of the plug-in is answered: data, or a failure.
+    Answer(u32, Result<Vec<u8>, Failure>),
+}
+
+/// What a plug-in does that can be seen from outside.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Effect {
+    /// The start bit of a character.
+    Byte(u8),
+    /// A break of so many µs begins.
+    Break(u32),
+    /// Outputs of our port are set: which, and those of them that are on.
+    ModemLines(ModemLines, ModemLines),
+    /// A delivery has ended.
+    Delivered {
+        /// The plug-in's id for it.
+        id: u32,
+        /// All its bytes.
+        bytes: Vec<u8>,
+        /// The name that was found.
+        name: Option<String>,
+        /// `None`: complete.
+        failure: Option<Failure>,
+        /// The protocol's own code.
+        status: u16,
+    },
+    /// A job is done, or its check pass found it good: see `Checked`.
+    Done {
+        /// The job.
+        job: u32,
+        /// Bytes that left for it.
+        sent: u64,
+    },
+    /// A job has failed.
+    Failed {
+        /// The job.
+        job: u32,
+        /// Why.
+        failure: Failure,
+        /// The protocol's own code.
+        status: u16,
+        /// Bytes that left for it.
+        sent: u64,
+    },
+    /// The check pass of a job has ended: plug-ins whose manifest needs one are
+    /// given the data twice. A job that it refused has ended.
+    Checked {
+        /// The job.
+        job: u32,
+        /// `None`: good.
+        failure: Option<Failure>,
+        /// The protocol's own code.
+        status: u16,
+        /// Line of the fault, from 1; 0 without.
+        line: u32,
+        /// Column of the fault, from 1; 0 without.
+        column: u32,
+    },
+    /// The plug-in asks the host for something.
+    Requested {
+        /// The request's id.
+        id: u32,
+        /// Name of its kind, as in the manifest.
+        kind: String,
+        /// Its fields by name, as text.
+        fields: Vec<(String, String)>,
+    },
+    /// It withdraws a request.
+    Withdrawn(u32),
+}
+
+/// A rule of a profile that a plug-in has broken.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Broken {
+    /// The clause of the ledger.
+    pub clause: &'static str,
+    /// What had to be, and what was.
+    pub message: String,
+}
+
+impl Broken {
+    /// A clause and what happened.
+    pub fn new(clause: &'static str, message: impl Into<String>) -> Self {
+        Self { clause, message: message.into() }
+    }
+}
+
+/// What comes next in a random session.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Proposal {
+    /// After so many µs.
+    pub wait: Micros,
+    /// What is given then.
+    pub given: Given,
+}
+
+/// What a plug-in is given.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Given {
+    /// From the line.
+    Line(LineInput),
+    /// By the host.
+    Host(HostRequest),
+    /// Time goes by.
+    Nothing,
+}
+
+/// What a session begins with.
+#[derive(Clone, Debug)]
+pub struct Conditions {
+    /// The characters on the line.
+    pub line: LineParameters,
+    /// Characters that the port holds, the one on the wire included.
+    pub depth: usize,
+    /// Bytes that the transmit queue takes.
+    pub transmit_room: u32,
+    /// Bytes of deliveries that the host takes before it has to put them away.
+    pub delivery_room: u32,
+    /// Modem lines of the port and those that are on; `None`: it has none.
+    pub modem_lines: Option<(ModemLines, ModemLines)>,
+    /// A value for each setting of the plug-in.
+    pub settings: Settings,
+}
+
+/// A profile and its model.
+#[derive(Copy, Clone, Debug)]
+pub struct Profile {
+    /// Its name.
+    pub name: &'static str,
+    /// Clauses of its ledger that the model judges.
+    pub clauses: &'static [&'static str],
+    /// Values of settings that are worth trying, as text; the first of each is
+    /// tried most.
+    pub values: &'static [(&'static str, &'static [&'static str])],
+    /// Line parameters that are worth trying: baud rates and formats.
+    pub lines: &'static [LineParameters],
+    /// Modem lines that are worth trying.
+    pub modem_lines: &'static [Option<(ModemLines, ModemLines)>],
+    /// Bytes that mean something in the protocol.
+    pub special: &'static [u8],
+    /// The model, or `None` where the profile refuses these settings.
+    pub start: fn(&Conditions) -> Option<Box<dyn Model>>,
+}

@@ -1,0 +1,116 @@
+//! What goes wrong on a line and what hosts do in between.
+
+use crate::dice::Dice;
+use crate::drive::Step;
+use crate::model::{Given, HostRequest, LineInput, Proposal};
+use softplug_abi::{LineErrorKind, LinkDownReason, Micros};
+
+/// How much of it there is in a session.
+#[derive(Clone, Debug)]
+pub(crate) struct Noise {
+    /// One step in so many is disturbed; 0: none.
+    rate: u64,
+    /// The plug-in is swapped at one step in so many; 0: never.
+    swaps: u64,
+    special: &'static [u8],
+    /// The last job that was begun, or the first that will be.
+    job: u32,
+    /// Comes before what the model proposes next.
+    next: Option<Proposal>,
+}
+
+impl Noise {
+    pub(crate) fn draw(dice: &mut Dice, special: &'static [u8]) -> Self {
+        let rate = *dice.pick(&[0, 0, 50, 20, 6]);
+        let swaps = *dice.pick(&[0, 3, 17]);
+        Self { rate, swaps, special, job: 1, next: None }
+    }
+
+    /// What is really given: what was proposed, or something else. `deadline` is
+    /// when the model is due next.
+    pub(crate) fn disturb(
+        &mut self,
+        proposal: Proposal,
+        now: Micros,
+        deadline: Option<Micros>,
+        dice: &mut Dice,
+    ) -> (Micros, Step) {
+        let mut proposal = self.next.take().unwrap_or(proposal);
+        if let Given::Host(HostRequest::Job { id, .. }) = &proposal.given {
+            self.job = *id;
+        }
+        if self.swaps > 0 && dice.one_in(self.swaps) {
+            self.next = Some(proposal);
+            return (Micros(1), Step::Swap);
+        }
+        if self.rate > 0 && dice.one_in(self.rate) {
+            proposal = self.disturbed(proposal, dice);
+        }
+        // Timers are met exactly, a tick early and a tick late.
+        if let Some(deadline) = deadline.filter(|_| dice.one_in(24)) {
+            let wait = (deadline - now).0 + dice.between(-1, 1);
+            proposal.wait = Micros(wait);
+        }
+        (proposal.wait.max(Micros(1)), Step::Given(proposal.given))
+    }
+
+    fn disturbed(&mut self, proposal: Proposal, dice: &mut Dice) -> Proposal {
+        if let Given::Line(LineInput::Bytes(bytes)) = &proposal.given
+            && !bytes.is_empty()
+            && !dice.one_in(3)
+        {
+            let given = damaged(bytes.clone(), dice);
+            return Proposal { wait: proposal.wait, given };
+        }
+        let wait = Micros(dice.between(1, 20_000));
+        let given = self.intrusion(dice);
+        if given == Given::Line(LineInput::Down(LinkDownReason::Unplugged)) {
+            let wait = Micros(dice.between(1, 5_000_000));
+            self.next = Some(Proposal { wait, given: Given::Line(LineInput::Up) });
+        } else if given == Given::Host(HostRequest::Close) {
+            let wait = Micros(dice.between(1, 5_000_000));
+            self.next = Some(Proposal { wait, given: Given::Host(HostRequest::Open) });
+        } else {
+            self.next = Some(proposal);
+        }
+        Proposal { wait, given }
+    }
+
+    fn intrusion(&self, dice: &mut Dice) -> Given {
+        let line = |input| Given::Line(input);
+        let host = |request| Given::Host(request);
+        match dice.below(16) {
+            0..=3 => line(LineInput::Bytes(vec![*dice.pick(self.special)])),
+            4 => line(LineInput::Bytes(vec![dice.byte()])),
+            5 => line(LineInput::Bytes((0..dice.length(80)).map(|_| dice.byte()).collect())),
+            6 => line(LineInput::Damaged { kind: LineErrorKind::Break, byte: None }),
+            7 => line(LineInput::Damaged { kind: LineErrorKind::Overrun, byte: None }),
+            8 => line(LineInput::Down(LinkDownReason::Unplugged)),
+            9 => host(HostRequest::Close),
+            10 => host(HostRequest::Pause(self.job)),
+            11 | 12 => host(HostRequest::Resume(self.job)),
+            13 => host(HostRequest::Abort(self.job)),
+            14 => host(HostRequest::Abort(0)),
+            _ => host(HostRequest::ForceResume),
+        }
+    }
+}
+
+/// Characters as a bad line brings them: a bit turned, one lost, one twice, or one
+/// that the port saw was bad.
+fn damaged(mut bytes: Vec<u8>, dice: &mut Dice) -> Given {
+    let at = dice.below(bytes.len() as u64) as usize;
+    match dice.below(5) {
+        0 => bytes[at] ^= 1 << dice.below(8),
+        1 => drop(bytes.remove(at)),
+        2 => bytes.insert(at, bytes[at]),
+        3 => bytes.truncate(at),
+        _ => {
+            let kinds =
+                [LineErrorKind::Parity, LineErrorKind::Framing, LineErrorKind::ParityOrFraming];
+            let kind = *dice.pick(&kinds);
+            return Given::Line(LineInput::Damaged { kind, byte: Some(bytes[at]) });
+        }
+    }
+    Given::Line(LineInput::Bytes(bytes))
+}

@@ -1,0 +1,261 @@
+//! What a partner and a host could do next.
+
+mod answers;
+mod blocks;
+mod hosts;
+
+use super::Station;
+use super::frame::{DLE, ETX, NAK, STX};
+use super::state::State;
+use crate::dice::Dice;
+use crate::model::{Given, HostRequest, LineInput, Proposal};
+use softplug_abi::{LineErrorKind, Micros};
+use std::collections::VecDeque;
+
+/// The longest data that a job has.
+const LONGEST: usize = 64 * 1_024;
+
+/// The partner's plan, and how well it behaves.
+#[derive(Debug, Default)]
+pub(super) struct Partner {
+    plan: VecDeque<Proposal>,
+    mood: Option<Mood>,
+}
+
+#[derive(Copy, Clone, Debug)]
+struct Mood {
+    /// One thing in so many is wrong.
+    faults: u64,
+    /// One of so many beginnings in idle is the partner's.
+    receptions: u64,
+    /// The host keeps what is delivered.
+    keeps: bool,
+}
+
+impl Mood {
+    fn draw(dice: &mut Dice) -> Self {
+        Self {
+            faults: *dice.pick(&[1_000, 30, 8, 3, 2]),
+            receptions: *dice.pick(&[2, 2, 1, 6]),
+            keeps: dice.one_in(4),
+        }
+    }
+}
+
+fn line(wait: i64, input: LineInput) -> Proposal {
+    Proposal { wait: Micros(wait), given: Given::Line(input) }
+}
+
+fn bytes(wait: i64, bytes: &[u8]) -> Proposal {
+    line(wait, LineInput::Bytes(bytes.to_vec()))
+}
+
+fn host(wait: i64, request: HostRequest) -> Proposal {
+    Proposal { wait: Micros(wait), given: Given::Host(request) }
+}
+
+fn nothing(wait: i64) -> Proposal {
+    Proposal { wait: Micros(wait), given: Given::Nothing }
+}
+
+fn damaged(wait: i64, byte: u8, dice: &mut Dice) -> Proposal {
+    let kinds = [LineErrorKind::Parity, LineErrorKind::Framing, LineErrorKind::ParityOrFraming];
+    line(wait, LineInput::Damaged { kind: *dice.pick(&kinds), byte: Some(byte) })
+}
+
+fn overrun(wait: i64) -> Proposal {
+    line(wait, LineInput::Damaged { kind: LineErrorKind::Overrun, byte: None })
+}
+
+fn line_break(wait: i64) -> Proposal {
+    line(wait, LineInput::Damaged { kind: LineErrorKind::Break, byte: None })
+}
+
+/// A short time, as an answer takes.
+fn soon(dice: &mut Dice) -> i64 {
+    match dice.below(8) {
+        0 => 1,
+        1..=4 => dice.between(1, 5_000),
+        5 | 6 => dice.between(1, 60_000),
+        _ => dice.between(1, 400_000),
+    }
+}
+
+/// Data of a block: any bytes, controls, texts, all values.
+fn data(length: usize, dice: &mut Dice) -> Vec<u8> {
+    let controls = [STX, ETX, DLE, NAK];
+    let kind = dice.below(8);
+    let first = dice.byte();
+    let one = |at: usize, dice: &mut Dice| match kind {
+        0 => DLE,
+        1 | 2 => *dice.pick(&controls),
+        3 => *dice.pick(b"0123456789 ABC.\r\n"),
+        4 => first.wrapping_add(at as u8),
+        5 if dice.one_in(4) => DLE,
+        _ => dice.byte(),
+    };
+    (0..length).map(|at| one(at, dice)).collect()
+}
+
+/// A length around a limit, or any.
+fn length(limit: usize, longest: usize, dice: &mut Dice) -> usize {
+    match dice.below(12) {
+        0 => limit,
+        1 => limit + 1,
+        2 => limit.saturating_sub(1),
+        3 => (2 * limit + 1).saturating_sub(dice.below(3) as usize),
+        4 => dice.length(longest),
+        _ => dice.length(limit),
+    }
+    .min(longest)
+}
+
+impl Partner {
+    pub(super) fn propose(&mut self, station: &Station, now: Micros, dice: &mut Dice) -> Proposal {
+        let mood = *self.mood.get_or_insert_with(|| Mood::draw(dice));
+        // What happened meanwhile may change the plan.
+        if dice.one_in(60) {
+            self.plan.clear();
+        }
+        if self.plan.is_empty() {
+            let mut next = Next { station, now, dice, mood, plan: &mut self.plan };
+            next.draw();
+        }
+        self.plan.pop_front().unwrap_or(nothing(1_000))
+    }
+}
+
+/// What could come next, drawn into a plan.
+struct Next<'a> {
+    station: &'a Station,
+    now: Micros,
+    dice: &'a mut Dice,
+    mood: Mood,
+    plan: &'a mut VecDeque<Proposal>,
+}
+
+impl Next<'_> {
+    fn draw(&mut self) {
+        if self.dice.one_in(40) {
+            return self.host_meddles();
+        }
+        match self.station.state {
+            State::Idle => self.in_idle(),
+            State::WaitingForDle { qvz, .. } => self.answer_to_stx(qvz),
+            State::Sending { .. } => self.while_the_block_leaves(),
+            State::Disturbed { silence }
+            | State::TurnedAway { silence }
+            | State::Garbage { silence } => {
+                self.while_silence_is_awaited(silence);
+            }
+            State::WaitingForAcknowledgement { qvz } => self.acknowledgement(qvz),
+            State::WaitingForBuffer { until, .. } => self.without_buffer(until),
+            State::Granting { .. } => self.set_up_again(),
+            State::Receiving { zvz } => self.in_block(zvz),
+            State::WaitingForRepetition { bwz, .. } => self.repetition(bwz),
+        }
+    }
+
+    fn is_faulty(&mut self) -> bool {
+        self.dice.one_in(self.mood.faults)
+    }
+
+    fn push(&mut self, proposal: Proposal) {
+        self.plan.push_back(proposal);
+    }
+
+    /// µs of a character.
+    fn character(&self) -> i64 {
+        self.station.parameters.line.characters(1).0
+    }
+
+    /// µs until all that we send has left.
+    fn until_quiet(&self) -> i64 {
+        (self.station.out.ends(self.now).1 - self.now).0.max(0)
+    }
+
+    fn after_our_characters(&mut self) -> i64 {
+        self.until_quiet() + soon(self.dice)
+    }
+
+    /// Around a deadline: before, at, behind.
+    fn around(&mut self, deadline: Micros) -> i64 {
+        ((deadline - self.now).0 + self.dice.between(-1, 1)).max(1)
+    }
+
+    fn in_idle(&mut self) {
+        let wait = match self.dice.below(10) {
+            0 => 1,
+            1 => self.dice.between(1, 10_000_000_000),
+            2 => self.until_quiet() + 1,
+            _ => self.dice.between(1, 300_000),
+        };
+        let is_paused = self.station.job.is_some();
+        if self.mood.keeps && self.dice.one_in(8) {
+            return self.host_drains(wait);
+        }
+        if self.is_faulty() {
+            return self.idle_garbage(wait);
+        }
+        if is_paused && !self.dice.one_in(3) {
+            let id = self.station.jobs;
+            let request =
+                if self.dice.one_in(6) { HostRequest::Abort(id) } else { HostRequest::Resume(id) };
+            return self.push(host(wait, request));
+        }
+        if !is_paused && !self.dice.one_in(self.mood.receptions) {
+            return self.job(wait);
+        }
+        self.push(bytes(wait, &[STX]));
+    }
+
+    fn idle_garbage(&mut self, wait: i64) {
+        match self.dice.below(9) {
+            0 => self.push(bytes(wait, &[NAK])),
+            1 => self.push(overrun(wait)),
+            2 => self.push(line_break(wait)),
+            3 => {
+                let byte = *self.dice.pick(&[STX, DLE, NAK, b'A']);
+                let proposal = damaged(wait, byte, self.dice);
+                self.push(proposal);
+            }
+            4 => self.push(bytes(wait, &[DLE])),
+            5 => {
+                // A partner that does not wait.
+                let mut all = vec![STX];
+                all.extend(self.partners_block());
+                self.cut(wait, &all);
+            }
+            6 => self.push(bytes(wait, &[STX, STX])),
+            7 => {
+                let count = 1 + self.dice.length(20);
+                let garbage: Vec<u8> = (0..count).map(|_| self.dice.byte()).collect();
+                self.push(bytes(wait, &garbage));
+            }
+            _ => {
+                let byte = self.dice.byte();
+                self.push(bytes(wait, &[byte]));
+                let soon = soon(self.dice);
+                self.push(bytes(soon, &[STX]));
+            }
+        }
+    }
+
+    fn while_silence_is_awaited(&mut self, silence: Micros) {
+        let wait = self.around(silence);
+        if !self.is_faulty() {
+            return self.push(nothing(wait + 10));
+        }
+        let early = self.dice.between(1, (silence - self.now).0.max(1));
+        let byte = *self.dice.pick(&[STX, DLE, NAK, ETX, b'A']);
+        match self.dice.below(6) {
+            0 | 1 => self.push(bytes(wait, &[byte])),
+            2 | 3 => self.push(bytes(early, &[byte])),
+            4 => {
+                let proposal = damaged(early, byte, self.dice);
+                self.push(proposal);
+            }
+            _ => self.push(overrun(early)),
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! A random session of one plug-in against a profile's model.
+
+use crate::cover::row;
+use crate::dice::Dice;
+use crate::drive::{Drive, Finding, Make, Ran, Step};
+use crate::model::{Conditions, Given, HostRequest, Profile};
+use crate::noise::Noise;
+use crate::settings::Settings;
+use crate::shrink::shrink;
+use softplug_abi::manifest::{Manifest, SettingValues};
+use softplug_abi::{Instance, Micros};
+use softplug_link::LinkOptions;
+
+/// How long nothing is given at the end: what was under way can come to its end.
+const TAIL: Micros = Micros::from_secs(30);
+
+/// A session: its settings and line, and the chance by which the rest is drawn.
+///
+/// The [crate's page](crate) has an example.
+#[derive(Clone, Debug)]
+pub struct Session {
+    profile: &'static Profile,
+    /// Settings by name, as text.
+    pub asked: Vec<(String, String)>,
+    /// What it begins with.
+    pub conditions: Conditions,
+    values: SettingValues,
+    seed: u64,
+    number: u64,
+}
+
+impl Session {
+    /// The session with this number. `None` where the plug-in or the profile refuses
+    /// the settings that were drawn.
+    pub fn draw(
+        profile: &'static Profile,
+        manifest: &Manifest,
+        seed: u64,
+        number: u64,
+    ) -> Option<Self> {
+        let known = |name: &str| manifest.settings.iter().any(|own| own.name == name);
+        let tried: Vec<_> = profile.values.iter().filter(|(name, _)| known(name)).collect();
+        let counts: Vec<usize> = tried.iter().map(|(_, values)| values.len()).collect();
+        let places = row(&counts, seed, number);
+        let asked: Vec<(String, String)> = tried
+            .iter()
+            .zip(places)
+            .map(|((name, values), place)| ((*name).to_owned(), values[place].to_owned()))
+            .collect();
+        let named = asked.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+        let values = manifest.resolve_settings(named).ok()?;
+
+        let mut dice = Dice::new(seed, profile.name, number).fork();
+        let conditions = Conditions {
+            line: *dice.pick(profile.lines),
+            depth: *dice.pick(&[1, 1, 1, 2, 16]),
+            transmit_room: *dice.pick(&[4_096, 4_096, 4_096, 64, 257, 65_535]),
+            delivery_room: *dice.pick(&[4_096, 4_096, 4_096, 300, 1_000, 65_535]),
+            modem_lines: *dice.pick(profile.modem_lines),
+            settings: Settings::new(manifest, &values),
+        };
+        (profile.start)(&conditions)?;
+        Some(Self { profile, asked, conditions, values, seed, number })
+    }
+
+    /// What it was drawn from.
+    pub fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    /// Its number among those of its seed.
+    pub fn number(&self) -> u64 {
+        self.number
+    }
+
+    /// Runs it: the model proposes, noise is added, all is judged.
+    pub fn run<I: Instance>(
+        &self,
+        manifest: &Manifest,
+        make: &mut dyn FnMut() -> Result<I, String>,
+    ) -> Ran {
+        let mut dice = Dice::new(self.seed, self.profile.name, self.number);
+        let mut noise = Noise::draw(&mut dice, self.profile.special);
+        let steps = *dice.pick(&[20, 60, 60, 200, 200, 1_000]);
+        self.drive(manifest, make, |drive| {
+            let open = Step::Given(Given::Host(HostRequest::Open));
+            drive.step(Micros::ZERO, open)?;
+            for _ in 0..steps {
+                let proposal = drive.model.propose(drive.now, &mut dice);
+                let deadline = drive.model.next();
+                let (wait, step) = noise.disturb(proposal, drive.now, deadline, &mut dice);
+                drive.step(drive.now + wait, step)?;
+            }
+            let end = drive.now + TAIL;
+            drive.run_until(end)
+        })
+    }
+
+    /// Runs given steps instead of drawn ones.
+    pub fn repeat<I: Instance>(
+        &self,
+        manifest: &Manifest,
+        make: &mut dyn FnMut() -> Result<I, String>,
+        steps: &[(Micros, Step)],
+        end: Micros,
+    ) -> Ran {
+        self.drive(manifest, make, |drive| {
+            for (at, step) in steps {
+                drive.step(*at, step.clone())?;
+            }
+            // What went wrong can have been at this very instant.
+            drive.run_until(end + Micros(1))
+        })
+    }
+
+    /// As short a session as can be found that fails in the same way as `ran`.
+    pub fn shrunk<I: Instance>(
+        &self,
+        manifest: &Manifest,
+        make: &mut dyn FnMut() -> Result<I, String>,
+        ran: Ran,
+    ) -> Ran {
+        shrink(ran, |steps, end| self.repeat(manifest, make, steps, end))
+    }
+
+    fn drive<I: Instance>(
+        &self,
+        manifest: &Manifest,
+        make: Make<'_, I>,
+        go: impl FnOnce(&mut Drive<'_, I>) -> Result<(), Finding>,
+    ) -> Ran {
+        let Conditions { line, transmit_room, delivery_room, modem_lines, .. } = self.conditions;
+        let settings = self.values.clone();
+        let options = LinkOptions { line, transmit_room, delivery_room, modem_lines, settings };
+        let Some(model) = (self.profile.start)(&self.conditions) else {
+            return Ran::empty(None);
+        };
+        match Drive::new(manifest, make, &self.conditions, options, model) {
+            Ok(mut drive) => {
+                let finding = go(&mut drive).err();
+                let end = drive.now;
+                drive.finish(end, finding)
+            }
+            Err(finding) => Ran::empty(Some(finding)),
+        }
+    }
+}
+
+impl Ran {
+    fn empty(finding: Option<Finding>) -> Self {
+        Self { steps: Vec::new(), end: Micros::ZERO, finding, effects: Vec::new() }
+    }
+}

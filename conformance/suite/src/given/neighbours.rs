@@ -1,0 +1,85 @@
+//! Which cases may stand behind each other on one open link.
+
+use super::load::Case;
+use sha2::{Digest as _, Sha256};
+use softplug_trace::{Expected, FrontMatter, HostRequest, LineEvent, Trace, What};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// Cases before each, at most.
+const BEFORE: usize = 4;
+
+/// Tells each case which ones may stand before it: some of those that are run on the
+/// same line with the same settings and leave nothing.
+pub(crate) fn find_neighbours(cases: &mut [Case]) {
+    let mut alike: BTreeMap<String, Vec<Arc<Case>>> = BTreeMap::new();
+    for case in cases.iter().filter(|case| case.leaves_nothing()) {
+        alike.entry(conditions(&case.trace.front)).or_default().push(Arc::new(case.clone()));
+    }
+    for case in cases {
+        let front = &case.trace.front;
+        let others = alike.get(&conditions(front)).into_iter().flatten();
+        let mut others: Vec<_> =
+            others.filter(|other| other.trace.front.id != front.id).cloned().collect();
+        // Others for each, and the same ones each time.
+        others.sort_by_cached_key(|other| {
+            Sha256::digest(format!("{} {}", front.id, other.trace.front.id))
+        });
+        others.truncate(BEFORE);
+        case.before = others;
+    }
+}
+
+impl Case {
+    /// Whether the link is at its end as it was at the start: open, nothing under way,
+    /// nobody held.
+    pub(crate) fn leaves_nothing(&self) -> bool {
+        let front = &self.trace.front;
+        if !(front.leaves.is_empty() && front.permute.after) || self.trace.is_recording() {
+            return false;
+        }
+        let (mut is_open, mut is_up) = (true, true);
+        let mut modem = front.modem.0.clone();
+        for entry in self.trace.inputs() {
+            match &entry.what {
+                What::Host(HostRequest::Close) => is_open = false,
+                What::Host(HostRequest::Open) => (is_open, is_up) = (true, true),
+                What::Line(LineEvent::Down(_)) => is_up = false,
+                What::Line(LineEvent::Up) => is_up = true,
+                What::Line(LineEvent::Modem(levels)) => {
+                    modem.extend(levels.0.iter().map(|(line, on)| (*line, *on)));
+                }
+                _ => {}
+            }
+        }
+        is_open && is_up && modem == front.modem.0 && !has_open_ends(&self.trace)
+    }
+}
+
+/// Whether a job has begun that does not end, or a request stands that is not answered.
+fn has_open_ends(trace: &Trace) -> bool {
+    let (mut jobs, mut requests) = (BTreeSet::new(), BTreeSet::new());
+    for entry in trace.variants().into_iter().next().unwrap_or_default() {
+        match &entry.what {
+            What::Host(HostRequest::Job { id, .. }) => drop(jobs.insert(*id)),
+            What::Act(Expected::Done { id, .. } | Expected::Fail { id, .. })
+            | What::Act(Expected::Check { id, fault: Some(_) }) => drop(jobs.remove(id)),
+            What::Act(Expected::Request { id, .. }) => drop(requests.insert(*id)),
+            What::Act(Expected::Withdraw(id))
+            | What::Host(HostRequest::Grant { id, .. } | HostRequest::Refuse { id, .. }) => {
+                requests.remove(id);
+            }
+            _ => {}
+        }
+    }
+    !(jobs.is_empty() && requests.is_empty())
+}
+
+/// What a link is opened with.
+fn conditions(front: &FrontMatter) -> String {
+    let mut config: Vec<_> =
+        front.config.iter().map(|pair| format!("{}={}", pair.name, pair.value)).collect();
+    config.sort();
+    let FrontMatter { profile, line, room, modem, .. } = front;
+    format!("{profile} {line:?} {config:?} {room:?} {modem:?}")
+}

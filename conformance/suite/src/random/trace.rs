@@ -1,0 +1,204 @@
+//! A session as a trace: what was given, what the plug-in did, and what is wrong.
+
+use crate::given::lines::modem_levels;
+use crate::run::effect::{Delivered, Effect};
+use crate::run::outcome::Seen;
+use crate::run::transcript;
+use softplug_abi::manifest::Manifest;
+use softplug_abi::{LineErrorKind, LineParameters, LinkDownReason, Micros, Parity};
+use softplug_models::{
+    Effect as Did, Finding, Given, HostRequest as Asked, LineInput, Profile, Ran, Session, Step,
+};
+use softplug_trace::{
+    self as trace, Assignment, BadKind, Drain, Entry, FrontMatter, HostRequest, Item, Level, Line,
+    LineEvent, LineSettings, ModemLevels, Origin, Payload, Permutations, Room, SourceLine, Time,
+    Trace, What, When,
+};
+
+/// Bytes that stand on one line.
+const BYTES: usize = 64;
+
+/// The session as it ran.
+pub(super) fn of_session(
+    profile: &Profile,
+    session: &Session,
+    ran: &Ran,
+    manifest: &Manifest,
+) -> Trace {
+    let conditions = &session.conditions;
+    let seen: Vec<Seen> = ran
+        .effects
+        .iter()
+        .filter_map(|(at, did)| Some(Seen { at: *at, effect: effect(did, manifest)? }))
+        .collect();
+    let mut entries: Vec<Entry> =
+        ran.steps.iter().filter_map(|(at, step)| Some(entry(*at, given(step)?))).collect();
+    let is_cut = |at: Micros| entries.iter().any(|entry| micros(entry) == at);
+    entries.extend(transcript::entries(conditions.line, manifest, &seen, BYTES, is_cut));
+    entries.sort_by_key(|entry| entry.when.from);
+    let mut body: Vec<Line> = entries.into_iter().map(Line::Entry).collect();
+    let mut clause = profile.clauses.first().copied().unwrap_or(profile.name);
+    match &ran.finding {
+        Some(Finding::Broken { at, broken }) => {
+            clause = broken.clause;
+            body.push(Line::Comment(format!(" {at}: {clause}: {}", broken.message)));
+        }
+        Some(Finding::Fault { at, message }) => {
+            body.push(Line::Comment(format!(" {at}: {message}")));
+        }
+        None => {}
+    }
+    body.push(Line::Entry(entry(ran.end, What::Quiet)));
+    let front = FrontMatter {
+        id: format!("{}.random.session-{}-{}", profile.name, session.seed(), session.number()),
+        title: format!("Random session {} of seed {}", session.number(), session.seed()),
+        profile: profile.name.to_owned(),
+        clauses: vec![clause.to_owned()],
+        level: Level::Must,
+        edge: None,
+        line: line(conditions.line, conditions.depth),
+        config: assignments(&session.asked),
+        room: Room {
+            transmit: Some(conditions.transmit_room),
+            delivery: Some(conditions.delivery_room),
+        },
+        modem: conditions
+            .modem_lines
+            .map_or_else(ModemLevels::default, |(named, on)| modem_levels(named, on)),
+        since: 1,
+        origin: Origin::Generated { generator: "softplug".to_owned(), seed: session.seed() },
+        permute: Permutations::ALL,
+        leaves: String::new(),
+        bytes: None,
+    };
+    Trace { front, body }
+}
+
+fn entry(at: Micros, what: What) -> Entry {
+    Entry { when: When::at(Time(at.0.max(0) as u64)), what, line: SourceLine::default() }
+}
+
+fn micros(entry: &Entry) -> Micros {
+    crate::given::timeline::micros(entry.when.from)
+}
+
+/// `None` for what is no line of a trace: the first opening, time that goes by.
+fn given(step: &Step) -> Option<What> {
+    Some(match step {
+        Step::Swap => What::Host(HostRequest::Swap),
+        Step::Given(Given::Nothing) => return None,
+        Step::Given(Given::Line(input)) => heard(input),
+        Step::Given(Given::Host(request)) => What::Host(asked(request)?),
+    })
+}
+
+fn heard(input: &LineInput) -> What {
+    match input {
+        LineInput::Bytes(bytes) => What::Receive(Payload::hex(bytes)),
+        LineInput::Damaged { kind, byte } => damaged(*kind, *byte),
+        LineInput::ModemLines(named, on) => What::Line(LineEvent::Modem(modem_levels(*named, *on))),
+        LineInput::Down(reason) => What::Line(LineEvent::Down(match reason {
+            LinkDownReason::Unplugged => trace::LinkDownReason::Unplugged,
+            LinkDownReason::Disconnected => trace::LinkDownReason::Disconnected,
+            LinkDownReason::Failed => trace::LinkDownReason::Failed,
+        })),
+        LineInput::Up => What::Line(LineEvent::Up),
+    }
+}
+
+fn damaged(kind: LineErrorKind, byte: Option<u8>) -> What {
+    let bad = |kind| match byte {
+        Some(byte) => What::Receive(Payload::new([Item::Bad { kind, byte }])),
+        None => What::Receive(Payload::new([])),
+    };
+    let error = |kind| What::Line(LineEvent::Error { kind, byte, span: 0 });
+    match kind {
+        LineErrorKind::Parity => bad(BadKind::Parity),
+        LineErrorKind::Framing => bad(BadKind::Framing),
+        LineErrorKind::ParityOrFraming => bad(BadKind::ParityOrFraming),
+        LineErrorKind::Overrun => error(trace::LineErrorKind::Overrun),
+        LineErrorKind::Break => error(trace::LineErrorKind::Break),
+    }
+}
+
+fn asked(request: &Asked) -> Option<HostRequest> {
+    Some(match request {
+        Asked::Open => HostRequest::Open,
+        Asked::Close => HostRequest::Close,
+        Asked::Job { id, kind, fields, data } => HostRequest::Job {
+            id: *id,
+            kind: kind.clone(),
+            fields: assignments(fields),
+            data: Payload::from_bytes(data),
+        },
+        Asked::Pause(job) => HostRequest::Pause(*job),
+        Asked::Resume(job) => HostRequest::Resume(*job),
+        Asked::Abort(job) => HostRequest::Abort(*job),
+        Asked::ForceResume => HostRequest::ForceResume,
+        Asked::Keep => HostRequest::Drain(Drain::Off),
+        Asked::PutAway(bytes) => HostRequest::Room(Room { transmit: None, delivery: Some(*bytes) }),
+        Asked::PutAllAway => HostRequest::Drain(Drain::Auto),
+        Asked::Answer(id, Ok(data)) => {
+            HostRequest::Grant { id: *id, data: Payload::from_bytes(data) }
+        }
+        Asked::Answer(id, Err(failure)) => {
+            HostRequest::Refuse { id: *id, code: failure.name().to_owned() }
+        }
+    })
+}
+
+fn effect(did: &Did, manifest: &Manifest) -> Option<Effect> {
+    Some(match did {
+        Did::Byte(byte) => Effect::Byte(*byte),
+        Did::Break(micros) => Effect::Break(*micros),
+        Did::ModemLines(named, on) => Effect::Lines(*named, *on),
+        Did::Delivered { id, bytes, name, failure, status } => Effect::Deliver(Delivered {
+            id: *id,
+            bytes: bytes.clone(),
+            failure: *failure,
+            status: *status,
+            name: name.clone(),
+        }),
+        Did::Done { job, sent } => Effect::Done { id: *job, sent: Some(*sent) },
+        Did::Failed { job, failure, status, sent } => {
+            Effect::Fail { id: *job, failure: *failure, status: *status, sent: Some(*sent) }
+        }
+        Did::Checked { job, failure, status, line, column } => Effect::Check {
+            id: *job,
+            failure: *failure,
+            status: *status,
+            line: *line,
+            column: *column,
+        },
+        Did::Requested { id, kind, fields } => {
+            let place = manifest.requests.iter().position(|known| known.name == *kind)?;
+            let named = fields.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+            let fields = manifest.requests[place].records(named).ok()?;
+            Effect::Request { id: *id, kind: place as u16, fields }
+        }
+        Did::Withdrawn(id) => Effect::Withdraw(*id),
+    })
+}
+
+fn assignments(pairs: &[(String, String)]) -> Vec<Assignment> {
+    let pair =
+        |(name, value): &(String, String)| Assignment { name: name.clone(), value: value.clone() };
+    pairs.iter().map(pair).collect()
+}
+
+fn line(line: LineParameters, depth: usize) -> LineSettings {
+    LineSettings {
+        baud: line.baud,
+        data_bits: line.data_bits,
+        parity: match line.parity {
+            Parity::None => trace::Parity::None,
+            Parity::Even => trace::Parity::Even,
+            Parity::Odd => trace::Parity::Odd,
+            Parity::Mark => trace::Parity::Mark,
+            Parity::Space => trace::Parity::Space,
+        },
+        stop_half_bits: line.stop_half_bits,
+        depth: depth as u32,
+        reaction: 0,
+    }
+}

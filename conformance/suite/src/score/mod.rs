@@ -1,0 +1,7 @@
+//! How much a corpus notices: a module is changed, one instruction at a time, and a
+//! change that no run shows is a gap, or changes nothing that can be seen.
+
+mod change;
+mod hunt;
+
+pub use hunt::{Noticed, Score, ScoreError, ScoreOptions, Survivor, score};
