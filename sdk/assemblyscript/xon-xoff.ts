@@ -115,6 +115,7 @@ const enum Line {
     Within,
     AfterCr,
     AfterLf,
+    AfterLfCr,
 }
 
 /** Timers: silence, a repeated XON, a hold that lasts too long. */
@@ -242,12 +243,12 @@ function mapLine(reader: usize, form: i32, at: usize): u32 {
     const current = byte == 0x0a ? Line.AfterLf : byte == 0x0d ? Line.AfterCr : Line.Within;
     store<i32>(reader, current);
     if (current == Line.Within) return 1;
-    if (byte == 0x0a && before == Line.AfterCr) {
-        store<i32>(reader, Line.Within);
+    if (byte == 0x0d && before == Line.AfterLf) {
+        store<i32>(reader, Line.AfterLfCr);
         return 0;
     }
-    if (byte == 0x0d && before == Line.AfterLf) {
-        store<i32>(reader, Line.AfterLf);
+    if (before == (byte == 0x0a ? Line.AfterCr : Line.AfterLfCr)) {
+        store<i32>(reader, Line.Within);
         return 0;
     }
     mapped = MADE;
@@ -309,7 +310,8 @@ function stop(failure: i32): void {
 
 function discarded(bytes: u32): void {
     if (s.stage != Stage.Stopping) return;
-    link.jobFailed(s.job, s.stopping, 0, s.queued - bytes);
+    // What an abort before this one sent may have waited still, and is among these bytes.
+    link.jobFailed(s.job, s.stopping, 0, s.queued - min<u64>(bytes, s.queued));
     if (s.stopping == Failure.Aborted && lengthOf(Setting.AbortSend) <= link.transmitRoom)
         link.transmit(bytesOf(Setting.AbortSend), lengthOf(Setting.AbortSend));
     finish();
@@ -510,9 +512,13 @@ function lookForEnd(byte: u8): void {
     }
 }
 
+function countAfterXoff(): void {
+    if (s.stopped && link.now > s.xoffAt) s.afterXoff += u32(s.afterXoff != u32.MAX_VALUE);
+}
+
 function receive(at: usize): void {
     beginDelivery();
-    if (s.stopped && link.now > s.xoffAt) s.afterXoff += u32(s.afterXoff != u32.MAX_VALUE);
+    countAfterXoff();
     if (number(Setting.Transparent)) {
         if (!s.escaped && load<u8>(at) == byteOf(Setting.Escape)) {
             s.escaped = true;
@@ -551,7 +557,14 @@ function damaged(kind: i32, hasByte: bool, at: usize): void {
     // What is lost cannot be kept.
     if (kind == LineError.Overrun) s.failure = Failure.Overrun;
     else if (number(Setting.OnLineError) == 0 && s.failure == 0) s.failure = Failure.LineError;
-    if (hasByte) deliver(at, 1);
+    if (hasByte) {
+        // What stands around it is apart.
+        s.escaped = false;
+        s.receiveLines = Line.Within;
+        s.markProgress = 0;
+        countAfterXoff();
+        deliver(at, 1);
+    }
     afterBytes();
 }
 
@@ -658,7 +671,7 @@ function open(): void {
     for (let at: u32 = 0; at < STATE_BYTES; at++) store<u8>(STATE + at, 0);
     for (let id = 0; id < Timer.Count; id++) store<i64>(STATE + (<usize>id << 3), NEVER);
     setMarks();
-    if (number(Setting.XonAtOpen)) say();
+    if (number(Setting.XonAtOpen) && number(Setting.Speak)) say();
     isOpen = true;
 }
 

@@ -62,6 +62,9 @@ pub fn check(report: &Report) -> Result<(), Inconsistency> {
         );
     }
     fuel(report)?;
+    if report.score.as_ref().is_some_and(|score| !score.adds_up()) {
+        return wrong("score", "does not account for every change that was tried");
+    }
     conclusion(report)
 }
 

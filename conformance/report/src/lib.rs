@@ -30,6 +30,7 @@ pub mod json;
 pub mod junit;
 mod model;
 mod outcome;
+mod score;
 mod text;
 mod verdict;
 
@@ -38,4 +39,5 @@ pub use compare::{Difference, compare, fuel_is_comparable};
 pub use explain::explain;
 pub use model::*;
 pub use outcome::Outcome;
+pub use score::{Noticed, Score, Survivor};
 pub use verdict::{Reason, VerdictKind, verdict};

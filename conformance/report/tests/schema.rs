@@ -39,6 +39,8 @@ fn reports_of_every_verdict_fit() {
 
 #[test]
 fn a_report_without_or_with_a_further_property_does_not_fit() {
+    /// Reports of earlier suites have no random sessions.
+    const MAY_BE_MISSING: [&str; 3] = ["sessions", "sessions_needed", "seed"];
     let validator = validator();
     let good = report("not-conformant");
     for pointer in objects("", &good) {
@@ -47,7 +49,9 @@ fn a_report_without_or_with_a_further_property_does_not_fit() {
         for field in fields {
             let mut damaged = good.clone();
             damaged.pointer_mut(&pointer).unwrap().as_object_mut().unwrap().remove(&field);
-            assert!(!validator.is_valid(&damaged), "{pointer} without {field}");
+            let may_be_missing =
+                pointer == "/selection" && MAY_BE_MISSING.contains(&field.as_str());
+            assert_eq!(validator.is_valid(&damaged), may_be_missing, "{pointer} without {field}");
         }
         let mut damaged = good.clone();
         damaged.pointer_mut(&pointer).unwrap()["host"] = json!("x");

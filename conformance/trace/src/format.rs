@@ -90,10 +90,10 @@ fn permute(permute: Permutations) -> String {
 fn byte_class(class: &ByteClass) -> String {
     let mut text = format!("{:02X} =", class.written);
     for (first, last) in class.ranges() {
-        let _ = match first == last {
-            true => write!(text, " {first:02X}"),
-            false => write!(text, " {first:02X}-{last:02X}"),
-        };
+        let _ = write!(text, " {first:02X}");
+        if first != last {
+            let _ = write!(text, "-{last:02X}");
+        }
     }
     text
 }

@@ -34,9 +34,8 @@ impl Lines {
             LineEnd::LfCrCr => b"\n\r\r",
         };
         let (next, piece) = match (*self, byte) {
-            (Self::AfterCr, b'\n') => (Self::InLine, Piece::Nothing),
             (Self::AfterLf, b'\r') => (Self::AfterLfCr, Piece::Nothing),
-            (Self::AfterLfCr, b'\r') => (Self::InLine, Piece::Nothing),
+            (Self::AfterCr, b'\n') | (Self::AfterLfCr, b'\r') => (Self::InLine, Piece::Nothing),
             (_, b'\n') => (Self::AfterLf, Piece::End(end)),
             (_, b'\r') => (Self::AfterCr, Piece::End(end)),
             _ => (Self::InLine, Piece::Byte(byte)),

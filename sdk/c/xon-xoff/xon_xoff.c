@@ -87,7 +87,7 @@ static bool is_among(uint32_t which, uint8_t byte) {
 /* What the sender is at. */
 enum { IDLE, CHECKING, FEEDING, DRAINING, STOPPING };
 /* Where in a line end a reader is. */
-enum { IN_LINE, AFTER_CR, AFTER_LF };
+enum { IN_LINE, AFTER_CR, AFTER_LF, AFTER_LF_CR };
 /* Timers: silence, a repeated XON, a hold that lasts too long. */
 enum { QUIET, REPEAT_XON, HELD, TIMERS };
 
@@ -185,12 +185,12 @@ static piece map_line(uint8_t *state, uint32_t form, const uint8_t *at) {
     *state = byte == '\n' ? AFTER_LF : byte == '\r' ? AFTER_CR : IN_LINE;
     if (*state == IN_LINE)
         return (piece){at, 1};
-    if (byte == '\n' && before == AFTER_CR) {
-        *state = IN_LINE;
+    if (byte == '\r' && before == AFTER_LF) {
+        *state = AFTER_LF_CR;
         return line_ends[KEEP];
     }
-    if (byte == '\r' && before == AFTER_LF) {
-        *state = AFTER_LF;
+    if (before == (byte == '\n' ? AFTER_CR : AFTER_LF_CR)) {
+        *state = IN_LINE;
         return line_ends[KEEP];
     }
     return line_ends[form];
@@ -249,7 +249,9 @@ static void stop(uint8_t failure) {
 static void discarded(uint32_t bytes) {
     if (s.stage != STOPPING)
         return;
-    sp_job_failed(s.job, s.stopping, 0, s.queued - bytes);
+    /* What an abort before this one sent may have waited still, and is among these bytes. */
+    uint64_t of_job = bytes < s.queued ? bytes : s.queued;
+    sp_job_failed(s.job, s.stopping, 0, s.queued - of_job);
     if (s.stopping == SP_FAILURE_ABORTED && IS_THERE(ABORT_SEND) &&
         LENGTH(ABORT_SEND) <= sp_link.transmit_room)
         sp_transmit(settings[ABORT_SEND].bytes, LENGTH(ABORT_SEND));
@@ -454,10 +456,14 @@ static void look_for_end(uint8_t byte) {
     s.mark_progress = progress;
 }
 
-static void receive(uint8_t *at) {
-    begin_delivery();
+static void count_after_xoff(void) {
     if (IS_THERE(XOFF_REPEAT) && s.stopped && sp_link.now > s.xoff_at)
         s.after_xoff += s.after_xoff != UINT32_MAX;
+}
+
+static void receive(uint8_t *at) {
+    begin_delivery();
+    count_after_xoff();
     if (NUMBER(TRANSPARENT)) {
         if (!s.escaped && *at == (uint8_t)NUMBER(ESCAPE)) {
             s.escaped = true;
@@ -503,8 +509,14 @@ static void damaged(uint8_t kind, bool has_byte, const uint8_t *byte) {
         s.failure = SP_FAILURE_OVERRUN; /* what is lost cannot be kept */
     else if (NUMBER(ON_LINE_ERROR) == 0 && s.failure == 0)
         s.failure = SP_FAILURE_LINE_ERROR;
-    if (has_byte)
+    if (has_byte) {
+        /* What stands around it is apart. */
+        s.escaped = false;
+        s.receive_lines = IN_LINE;
+        s.mark_progress = 0;
+        count_after_xoff();
         deliver(byte, 1);
+    }
     after_bytes();
 }
 
@@ -628,7 +640,7 @@ static void begin(void) {
     fill(&s, 0, sizeof s);
     fill(s.timers, 0xFF, sizeof s.timers); /* NEVER */
     set_marks();
-    if (NUMBER(XON_AT_OPEN))
+    if (NUMBER(XON_AT_OPEN) && NUMBER(SPEAK))
         say();
     is_open = true;
 }

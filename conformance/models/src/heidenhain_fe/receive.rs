@@ -68,14 +68,13 @@ impl Fe {
     /// A good block.
     pub(super) fn block(&mut self, text: &[u8]) {
         match &mut self.state {
-            State::Receiving(Reception { waiting: Some(_), .. }) => {}
+            // plug-in differs: while it sends it does not answer.
+            State::Receiving(Reception { waiting: Some(_), .. }) | State::Sending(_) => {}
             State::Receiving(reception) => {
                 reception.refusals = 0;
                 reception.waiting = Some([text, self.rules.line_end].concat());
                 self.takes_room();
             }
-            // plug-in differs: while it sends it does not answer.
-            State::Sending(_) => {}
             State::Idle | State::Asking { .. } | State::Granted { .. } => {
                 self.out.send(&[EOT], "heidenhain-fe.rx.stray-block");
             }

@@ -90,8 +90,9 @@ impl Rules {
             speak: is_on("speak", true),
             low_mark: settings.int("low_mark", 1_024) as u32,
             high_mark: settings.int("high_mark", 2_048) as u32,
-            xon_repeat: span(settings.int("xon_repeat", 1_000)),
-            xoff_repeat: settings.int("xoff_repeat", 32) as usize,
+            // Who has no such settings repeats nothing: that is an optional feature.
+            xon_repeat: span(settings.int("xon_repeat", 0)),
+            xoff_repeat: settings.int("xoff_repeat", 0) as usize,
             xon_at_open: is_on("xon_at_open", false),
             receive_line_end: line_end(settings.name("receive_line_end", "keep")),
             receive_drop: bytes("receive_drop"),

@@ -58,6 +58,7 @@ impl Results<'_> {
             counts,
             digest: self.digest(),
             fuel: self.fuel(),
+            score: None,
             lint: self.unfit.clone(),
             clauses,
             cases,

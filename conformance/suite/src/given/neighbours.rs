@@ -62,8 +62,11 @@ fn has_open_ends(trace: &Trace) -> bool {
     for entry in trace.variants().into_iter().next().unwrap_or_default() {
         match &entry.what {
             What::Host(HostRequest::Job { id, .. }) => drop(jobs.insert(*id)),
-            What::Act(Expected::Done { id, .. } | Expected::Fail { id, .. })
-            | What::Act(Expected::Check { id, fault: Some(_) }) => drop(jobs.remove(id)),
+            What::Act(
+                Expected::Done { id, .. }
+                | Expected::Fail { id, .. }
+                | Expected::Check { id, fault: Some(_) },
+            ) => drop(jobs.remove(id)),
             What::Act(Expected::Request { id, .. }) => drop(requests.insert(*id)),
             What::Act(Expected::Withdraw(id))
             | What::Host(HostRequest::Grant { id, .. } | HostRequest::Refuse { id, .. }) => {

@@ -101,6 +101,7 @@ pub(crate) struct SessionRun {
     session: Session,
     ran: Ran,
     fuel: Fuel,
+    fault: Option<FaultClass>,
 }
 
 impl SessionGroup {
@@ -172,7 +173,7 @@ impl SessionGroup {
         let session = Session::draw(self.model, subject.manifest(), seed, number)?;
         let meter = Rc::new(Meter::default());
         let ran = session.run(subject.manifest(), &mut || start(subject, &meter));
-        Some(SessionRun { session, ran, fuel: meter.fuel.get() })
+        Some(SessionRun { session, ran, fuel: meter.fuel.get(), fault: meter.fault.get() })
     }
 
     /// A session that failed, made short, as a trace.
@@ -183,14 +184,14 @@ impl SessionGroup {
         number: u64,
     ) -> FailedSession {
         let meter = Rc::new(Meter::default());
-        let SessionRun { session, ran, .. } = run;
+        let SessionRun { session, ran, fault, .. } = run;
         let ran = session.shrunk(subject.manifest(), &mut || start(subject, &meter), ran);
         let (class, message, at) = match &ran.finding {
             Some(Finding::Broken { at, broken }) => {
                 (Class::Diverged, format!("{}: {}", broken.clause, broken.message), *at)
             }
             Some(Finding::Fault { at, message }) => {
-                let class = meter.fault.get().unwrap_or(FaultClass::RuleBroken);
+                let class = fault.unwrap_or(FaultClass::RuleBroken);
                 (Class::Fault(class), message.clone(), *at)
             }
             None => (Class::Diverged, "passes when it is run again".to_owned(), ran.end),

@@ -88,7 +88,7 @@ fn given(step: &Step) -> Option<What> {
         Step::Swap => What::Host(HostRequest::Swap),
         Step::Given(Given::Nothing) => return None,
         Step::Given(Given::Line(input)) => heard(input),
-        Step::Given(Given::Host(request)) => What::Host(asked(request)?),
+        Step::Given(Given::Host(request)) => What::Host(asked(request)),
     })
 }
 
@@ -121,8 +121,8 @@ fn damaged(kind: LineErrorKind, byte: Option<u8>) -> What {
     }
 }
 
-fn asked(request: &Asked) -> Option<HostRequest> {
-    Some(match request {
+fn asked(request: &Asked) -> HostRequest {
+    match request {
         Asked::Open => HostRequest::Open,
         Asked::Close => HostRequest::Close,
         Asked::Job { id, kind, fields, data } => HostRequest::Job {
@@ -144,7 +144,7 @@ fn asked(request: &Asked) -> Option<HostRequest> {
         Asked::Answer(id, Err(failure)) => {
             HostRequest::Refuse { id: *id, code: failure.name().to_owned() }
         }
-    })
+    }
 }
 
 fn effect(did: &Did, manifest: &Manifest) -> Option<Effect> {

@@ -7,6 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use sha2::{Digest, Sha256};
 use softplug_abi::manifest::Manifest;
+use softplug_trace::ByteClass;
 
 /// Random cuts of each trace.
 const RANDOM_CUTS: u8 = 32;
@@ -47,9 +48,7 @@ pub(crate) fn permutations(
     let pairs = pairs(&axes, &case.trace.front.id);
     all.extend(axes.into_iter().flatten());
     all.extend(pairs);
-    all.extend(
-        case.trace.front.bytes.iter().flat_map(|class| class.others()).map(Permutation::Byte),
-    );
+    all.extend(case.trace.front.bytes.iter().flat_map(ByteClass::others).map(Permutation::Byte));
     Ok(all)
 }
 

@@ -9,12 +9,12 @@ use crate::run::permute::Permutation;
 use crate::run::subject::Sandboxed;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use serde::Serialize;
 use softplug_abi::manifest::Manifest;
 use softplug_host::{EngineKind, Host, HostOptions, lint};
+use softplug_report::{Score, Survivor};
 use std::collections::BTreeMap;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 
 /// What is asked for.
@@ -44,55 +44,14 @@ impl Default for ScoreOptions {
     }
 }
 
-/// What became of a module's changes.
-///
-/// The example of [`score`] shows one.
-#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize)]
-pub struct Score {
-    /// Changes that there are.
-    pub changes: u32,
-    /// Those that were tried.
-    pub tried: u32,
-    /// Those that make no valid module.
-    pub invalid: u32,
-    /// Those that were noticed, by what noticed them first.
-    pub noticed: BTreeMap<Noticed, u32>,
-    /// Those that nothing showed.
-    pub survivors: Vec<Survivor>,
-}
-
-/// What notices a change.
-#[derive(Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Noticed {
-    /// The module is refused.
-    Lint,
-    /// A case as it is written, or a script.
-    Cases,
-    /// A permutation of a case.
-    Permutations,
-    /// A random session.
-    Sessions,
-}
-
-/// A change that nothing showed.
-#[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize)]
-pub struct Survivor {
-    /// The function's number in the module.
-    pub function: u32,
-    /// The instruction's place in the file.
-    pub at: usize,
-    /// What was changed.
-    pub change: String,
-}
-
 /// A module that cannot be scored.
 ///
 /// ```
 /// use softplug_conformance::Corpus;
 /// use softplug_conformance::score::{ScoreError, ScoreOptions, score};
 ///
-/// let error = score(b"no module", &Corpus::embedded(), &ScoreOptions::default(), &|_, _| {});
+/// let stop = std::sync::atomic::AtomicBool::new(false);
+/// let error = score(b"no module", &Corpus::embedded(), &ScoreOptions::default(), &|_, _| {}, &stop);
 /// assert!(matches!(error, Err(ScoreError::Module(_))));
 /// ```
 #[derive(Debug, thiserror::Error)]
@@ -109,19 +68,23 @@ pub enum ScoreError {
     /// It claims no profile of the corpus.
     #[error("the plug-in claims no profile that the corpus has")]
     NoProfile,
+    /// It was ended from outside.
+    #[error("ended before every change was tried")]
+    Stopped,
 }
 
 /// Changes a module, one instruction at a time, and says which changes the cases,
 /// permutations and random sessions of its profiles notice. `progress` is told how
-/// many of how many are over.
+/// many of how many are over; a `stop` that becomes true ends it.
 ///
 /// ```no_run
 /// use softplug_conformance::Corpus;
-/// use softplug_conformance::score::{Noticed, ScoreOptions, score};
+/// use softplug_conformance::score::{ScoreOptions, score};
 ///
 /// let module = std::fs::read("xon-xoff.wasm")?;
-/// let score = score(&module, &Corpus::embedded(), &ScoreOptions::default(), &|_, _| {})?;
-/// println!("{} of {} noticed by cases", score.noticed[&Noticed::Cases], score.tried);
+/// let stop = std::sync::atomic::AtomicBool::new(false);
+/// let score = score(&module, &Corpus::embedded(), &ScoreOptions::default(), &|_, _| {}, &stop)?;
+/// println!("{} of {} noticed by cases", score.noticed.cases, score.tried);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
@@ -132,6 +95,7 @@ pub fn score(
     corpus: &Corpus,
     options: &ScoreOptions,
     progress: &(dyn Fn(usize, usize) + Sync),
+    stop: &AtomicBool,
 ) -> Result<Score, ScoreError> {
     let unfit = |error: &dyn std::fmt::Display| ScoreError::Module(error.to_string());
     let manifest = lint(module).map_err(|error| unfit(&error))?.manifest;
@@ -144,6 +108,8 @@ pub fn score(
     let tried = draw(changeable.changes(), options);
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let total = Mutex::new(Score {
+        seed: options.seed,
+        sessions: options.sessions,
         changes: changeable.changes().len() as u32,
         tried: tried.len() as u32,
         ..Score::default()
@@ -152,15 +118,21 @@ pub fn score(
         for _ in 0..options.threads.clamp(1, tried.len().max(1)) {
             scope.spawn(|| {
                 while let Some(change) = tried.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    if stop.load(Ordering::Relaxed) {
+                        return;
+                    }
                     let fate = hunter.fate(&changeable, change);
                     if let Ok(mut total) = total.lock() {
-                        total.add(change, fate);
+                        add(&mut total, change, &fate);
                     }
                     progress(done.fetch_add(1, Ordering::Relaxed) + 1, tried.len());
                 }
             });
         }
     });
+    if stop.load(Ordering::Relaxed) {
+        return Err(ScoreError::Stopped);
+    }
     let mut total = total.into_inner().unwrap_or_default();
     total.survivors.sort();
     Ok(total)
@@ -182,22 +154,32 @@ fn draw<'a>(changes: &'a [Change], options: &ScoreOptions) -> Vec<&'a Change> {
 /// What a change came to.
 enum Fate {
     Invalid,
-    Noticed(Noticed),
+    Noticed(By),
     Survived,
 }
 
-impl Score {
-    fn add(&mut self, change: &Change, fate: Fate) {
-        match fate {
-            Fate::Invalid => self.invalid += 1,
-            Fate::Noticed(by) => *self.noticed.entry(by).or_default() += 1,
-            Fate::Survived => self.survivors.push(Survivor {
-                function: change.function,
-                at: change.at,
-                change: change.what.clone(),
-            }),
+/// What notices a change.
+#[derive(Copy, Clone)]
+enum By {
+    Lint,
+    Cases,
+    Permutations,
+    Sessions,
+}
+
+fn add(score: &mut Score, change: &Change, fate: &Fate) {
+    let count = match fate {
+        Fate::Invalid => &mut score.invalid,
+        Fate::Noticed(By::Lint) => &mut score.noticed.lint,
+        Fate::Noticed(By::Cases) => &mut score.noticed.cases,
+        Fate::Noticed(By::Permutations) => &mut score.noticed.permutations,
+        Fate::Noticed(By::Sessions) => &mut score.noticed.sessions,
+        Fate::Survived => {
+            let Change { function, at, what, .. } = change.clone();
+            return score.survivors.push(Survivor { function, at: at as u64, change: what });
         }
-    }
+    };
+    *count += 1;
 }
 
 /// The runs by which changes are hunted.
@@ -255,13 +237,13 @@ impl<'a> Hunter<'a> {
         let Some(module) = changeable.apply(change) else { return Fate::Invalid };
         // Most changes show in the first cases: compiling would cost more than all of these.
         let Some(quick) = self.load(EngineKind::Wasmi, &module) else {
-            return Fate::Noticed(Noticed::Lint);
+            return Fate::Noticed(By::Lint);
         };
         if self.failing_case(&quick).is_some() {
-            return Fate::Noticed(Noticed::Cases);
+            return Fate::Noticed(By::Cases);
         }
         let Some(compiled) = self.load(EngineKind::Wasmtime, &module) else {
-            return Fate::Noticed(Noticed::Lint);
+            return Fate::Noticed(By::Lint);
         };
         match self.first_failure(&compiled) {
             Some((by, _)) => Fate::Noticed(by),
@@ -269,10 +251,10 @@ impl<'a> Hunter<'a> {
         }
     }
 
-    fn first_failure(&self, subject: &Sandboxed) -> Option<(Noticed, String)> {
-        let case = || Some((Noticed::Cases, self.failing_case(subject)?));
-        let permutation = || Some((Noticed::Permutations, self.failing_permutation(subject)?));
-        let session = || Some((Noticed::Sessions, self.failing_session(subject)?));
+    fn first_failure(&self, subject: &Sandboxed) -> Option<(By, String)> {
+        let case = || Some((By::Cases, self.failing_case(subject)?));
+        let permutation = || Some((By::Permutations, self.failing_permutation(subject)?));
+        let session = || Some((By::Sessions, self.failing_session(subject)?));
         case().or_else(session).or_else(permutation)
     }
 

@@ -4,4 +4,4 @@
 mod change;
 mod hunt;
 
-pub use hunt::{Noticed, Score, ScoreError, ScoreOptions, Survivor, score};
+pub use hunt::{ScoreError, ScoreOptions, score};

@@ -6,9 +6,11 @@ use clap::Args;
 use serde::Serialize;
 use softplug_conformance::Sessions;
 use softplug_conformance::certify::CertifyOptions;
+use softplug_conformance::score::ScoreOptions;
 use softplug_report::attest::{self, PublicKey, Source, VerifyError};
 use softplug_report::{Difference, Report, compare, fuel_is_comparable, json};
 
+use super::certify::score::scored;
 use super::certify::{certified, files::ATTESTATION, read_baseline};
 use crate::corpus;
 use crate::exit::Exit;
@@ -85,7 +87,18 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         sessions: Sessions { count: report.selection.sessions, seed: report.selection.seed },
         ..CertifyOptions::new(&report.profile.name)
     };
-    let again = certified(&module, &corpus, &options, &*stop::on_signals()?, screen)?;
+    let stop = stop::on_signals()?;
+    let mut again = certified(&module, &corpus, &options, &stop, screen)?;
+    if let Some(score) = &report.score {
+        let sample = (score.tried < score.changes).then_some(score.tried);
+        let asked = ScoreOptions {
+            sample,
+            seed: score.seed,
+            sessions: score.sessions,
+            ..ScoreOptions::default()
+        };
+        again.score = scored(&again, &module, &corpus, &asked, &stop, screen)?;
+    }
     let differences = compare(&report, &again);
     show(&report, &again, signed.as_deref(), &differences, screen);
     // A report can name any engine: that must not be a way around the figures.

@@ -2,6 +2,7 @@
 
 pub(super) mod files;
 mod random;
+pub(super) mod score;
 mod show;
 
 use std::path::{Path, PathBuf};
@@ -12,12 +13,14 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use softplug_conformance::certify::{
     Baseline, CertifyError, CertifyOptions, Progress, certify, observe,
 };
+use softplug_conformance::score::ScoreOptions;
 use softplug_conformance::{Corpus, Sessions};
 use softplug_report::attest::{self, PrivateKey};
 use softplug_report::{Report, VerdictKind, annotations};
 
 use self::files::Folder;
 use self::random::Amount;
+use self::score::Sample;
 use crate::corpus;
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -40,6 +43,7 @@ const OBSERVED: usize = 100;
   softplug certify r3964 --profile rk512 --strict --annotations --out report
   softplug certify my-plugin.wasm --profile r3964 --case \"r3964.tx.*\" --out report
   softplug certify my-plugin.wasm --profile r3964 --random 1h --seed 7 --out report
+  softplug certify my-plugin.wasm --profile r3964 --score 1000 --out report
   softplug certify my-plugin.wasm --profile abi --key key.pem --out report")]
 pub(crate) struct Arguments {
     /// The plug-in: a .wasm file, or a name to look up
@@ -71,6 +75,10 @@ pub(crate) struct Arguments {
     /// Seed of the random sessions
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
+    /// Change the module one instruction at a time, so many of them or `all`, and count the changes that are
+    /// noticed: how much the profiles that it claims hold of it
+    #[arg(long, value_name = "N|all", num_args = 0..=1, default_missing_value = "300")]
+    score: Option<Sample>,
     /// Sign the result with this Ed25519 private key (PEM)
     #[arg(long, value_name = "FILE", requires = "out")]
     key: Option<PathBuf>,
@@ -112,7 +120,16 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         threads,
         ..profile
     };
-    let report = certified(&module, &corpus, &options, &stop, screen)?;
+    let mut report = certified(&module, &corpus, &options, &stop, screen)?;
+    if let Some(sample) = arguments.score {
+        let asked = ScoreOptions {
+            sample: sample.count(),
+            seed: options.sessions.seed,
+            threads,
+            ..ScoreOptions::default()
+        };
+        report.score = score::scored(&report, &module, &corpus, &asked, &stop, screen)?;
+    }
     if let Some(folder) = &folder {
         let attestation = key.as_ref().map(|key| sign(&report, key)).transpose()?;
         let runs = report.cases.iter().filter_map(|case| case.failures.first());
@@ -137,7 +154,7 @@ pub(super) fn certified(
     stop: &AtomicBool,
     screen: &Screen,
 ) -> Result<Report, Failure> {
-    let bar = bar(screen);
+    let bar = bar("cases", screen);
     let progress = |progress: Progress| {
         bar.set_length(progress.cases as u64);
         bar.set_position(progress.done as u64);
@@ -150,12 +167,13 @@ pub(super) fn certified(
     certified.map_err(certify_failure)
 }
 
-fn bar(screen: &Screen) -> ProgressBar {
+fn bar(things: &str, screen: &Screen) -> ProgressBar {
     if !screen.shows_progress() {
         return ProgressBar::hidden();
     }
     let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
-    let style = ProgressStyle::with_template("[{bar:24}] {pos} of {len} cases  {msg}");
+    let template = format!("[{{bar:24}}] {{pos}} of {{len}} {things}  {{msg}}");
+    let style = ProgressStyle::with_template(&template);
     bar.with_style(style.expect("the template is sound").progress_chars("=> "))
 }
 

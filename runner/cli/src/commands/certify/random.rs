@@ -43,8 +43,8 @@ mod tests {
     fn numbers_and_times_are_read() {
         let read = |text: &str| text.parse::<Amount>();
         assert_eq!(read("2000"), Ok(Amount::Count(2_000)));
-        assert_eq!(read("10min"), Ok(Amount::For(Duration::from_secs(600))));
-        assert_eq!(read("1h"), Ok(Amount::For(Duration::from_secs(3_600))));
+        assert_eq!(read("10min"), Ok(Amount::For(Duration::from_mins(10))));
+        assert_eq!(read("1h"), Ok(Amount::For(Duration::from_hours(1))));
         for wrong in ["", "h", "1 h", "-3", "99999999999", "3d", "99999999999999999999h"] {
             assert!(read(wrong).unwrap_err().contains("no number of sessions"), "{wrong}");
         }

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use softplug_report::{Report, VerdictKind, explain};
+use softplug_report::{Noticed, Report, Score, VerdictKind, explain};
 
 use super::files::{Folder, REPORT, failure_file};
 use crate::numbers::{count, things};
@@ -78,8 +78,32 @@ pub(super) fn report(report: &Report, plugin: &str, folder: Option<&Folder>, scr
             format!("{} for one event ({})", count(fuel.largest_event), fuel.largest_case);
         row("fuel", format!("{whole}.{tenth} units a byte, at most {largest}"));
     }
+    if let Some(score) = &report.score {
+        row("score", text_of(score));
+    }
     row("digest", report.digest.clone());
     if let Some(folder) = folder {
         row("files", format!("{}, {}", folder.file("report.html"), folder.file(REPORT)));
     }
+}
+
+fn text_of(score: &Score) -> String {
+    let Noticed { lint, cases, permutations, sessions } = score.noticed;
+    let by = [
+        (cases, "cases"),
+        (permutations, "permutations"),
+        (sessions, "random sessions"),
+        (lint, "the check of the module"),
+    ];
+    let by = by.iter().filter(|(many, _)| *many > 0);
+    let by: Vec<_> =
+        by.map(|(many, what)| format!("{} by {what}", count((*many).into()))).collect();
+    format!(
+        "{}.{} % of {} changes of the module are noticed: {}; {} are not",
+        score.share() / 10,
+        score.share() % 10,
+        count(u64::from(score.tried - score.invalid)),
+        by.join(", "),
+        count(score.survivors.len() as u64)
+    )
 }
