@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 ///
 /// A model queues what has to be sent, tells the port what it sees, and is told
 /// whether that is right.
-#[derive(Clone, Debug)]
+#[derive(Clone, PartialEq, Debug)]
 pub struct Port {
     depth: usize,
     /// In the port: they leave whatever happens. The first is on the wire.

@@ -6,16 +6,19 @@
 
 mod awaited;
 mod frame;
+mod layer;
 mod outgoing;
 mod parameters;
 mod partner;
 mod profiles;
 mod receiver;
-mod room;
+pub(crate) mod room;
 mod rules;
 mod sender;
 mod state;
 
+pub(crate) use layer::Report;
+pub(crate) use partner::{Partner, Upper, bytes, host, nothing, soon};
 pub(crate) use profiles::{PLAIN_3964, R3964, SIMPLIFIED};
 
 use crate::dice::Dice;
@@ -24,7 +27,7 @@ use awaited::Awaited;
 use frame::{NAK, STX};
 use outgoing::{Outgoing, Part};
 use parameters::Parameters;
-use partner::Partner;
+use partner::Plain;
 use room::Room;
 use rules::{Procedure, Rule};
 use softplug_abi::{Failure, LineErrorKind, Micros};
@@ -42,8 +45,8 @@ enum Character {
 }
 
 /// One station of the two.
-#[derive(Debug)]
-pub(super) struct Station {
+#[derive(Clone, PartialEq, Debug)]
+pub(crate) struct Station {
     parameters: Parameters,
     out: Outgoing,
     room: Room,
@@ -72,10 +75,14 @@ enum Quiet {
 
 impl Station {
     fn start(procedure: Procedure, conditions: &Conditions) -> Option<Box<dyn Model>> {
+        Some(Box::new(Self::new(procedure, conditions, conditions.delivery_room)?))
+    }
+
+    fn new(procedure: Procedure, conditions: &Conditions, room: u32) -> Option<Self> {
         let parameters = Parameters::new(procedure, conditions)?;
-        Some(Box::new(Self {
+        Some(Self {
             out: Outgoing::new(conditions.line, conditions.depth),
-            room: Room::new(conditions.delivery_room),
+            room: Room::new(room),
             parameters,
             state: State::Idle,
             job: None,
@@ -87,7 +94,7 @@ impl Station {
             is_down: false,
             awaited: Awaited::default(),
             partner: RefCell::default(),
-        }))
+        })
     }
 
     fn clause(&self) -> impl Fn(Rule) -> &'static str + use<> {
@@ -322,6 +329,6 @@ impl Model for Station {
     }
 
     fn propose(&self, now: Micros, dice: &mut Dice) -> Proposal {
-        self.partner.borrow_mut().propose(self, now, dice)
+        self.partner.borrow_mut().propose(self, &Plain, now, dice)
     }
 }

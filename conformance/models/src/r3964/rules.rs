@@ -9,6 +9,8 @@ pub(super) enum Procedure {
     Plain3964,
     /// The subset that small devices share.
     Simplified,
+    /// What lies below telegrams of RK512: 3964R or 3964.
+    Rk512,
 }
 
 /// A rule of the page.
@@ -121,6 +123,7 @@ impl Procedure {
             Self::R3964 => of_r3964(rule),
             Self::Plain3964 => of_3964(rule),
             Self::Simplified => of_simplified(rule),
+            Self::Rk512 => of_rk512(rule),
         }
     }
 }
@@ -264,5 +267,59 @@ const fn of_simplified(rule: Rule) -> &'static str {
         Rule::NoBuffer => "r3964-simplified.rx.busy",
         Rule::Garbage | Rule::Ignored => "r3964-simplified.rx.garbage-ignored",
         Rule::Zvz => "r3964-simplified.rx.zvz",
+    }
+}
+
+/// A telegram is a block with all that the page says of blocks.
+const fn of_rk512(rule: Rule) -> &'static str {
+    match rule {
+        Rule::Pause => "rk512.job.pause",
+        Rule::Abort | Rule::AfterAbort => "rk512.job.abort",
+        Rule::SetUpAttempts
+        | Rule::TransmissionAttempts
+        | Rule::OneAttempt
+        | Rule::BothHigh
+        | Rule::BothLow => "rk512.send.underneath",
+        Rule::Frame
+        | Rule::Bcc
+        | Rule::SetUp
+        | Rule::Qvz
+        | Rule::SetUpRefused
+        | Rule::LateDle
+        | Rule::StopOnNak
+        | Rule::StopOnOther
+        | Rule::Acknowledged
+        | Rule::Repeat
+        | Rule::NoFalseSuccess
+        | Rule::TooLongJob
+        | Rule::Split
+        | Rule::Waits
+        | Rule::RxSetUp
+        | Rule::SecondStx
+        | Rule::NotWaiting
+        | Rule::Transparent
+        | Rule::Deliver
+        | Rule::Zvz
+        | Rule::DleError
+        | Rule::LineError
+        | Rule::RxBcc
+        | Rule::Repetition
+        | Rule::RxAttempts
+        | Rule::Bwz
+        | Rule::FirstError
+        | Rule::RxTooLong
+        | Rule::NoBuffer
+        | Rule::Garbage
+        | Rule::Ignored
+        | Rule::ConflictLow
+        | Rule::ConflictHigh
+        | Rule::ConflictNone
+        | Rule::StartNak
+        | Rule::Break
+        | Rule::Down
+        | Rule::Close
+        | Rule::NoDoubling
+        | Rule::NoHandshake
+        | Rule::RxNoHandshake => "rk512.line.telegram",
     }
 }

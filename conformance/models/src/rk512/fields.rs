@@ -1,0 +1,80 @@
+//! Fields of a job.
+
+use super::telegram::{Area, Command, Kind};
+use crate::model::HostRequest;
+use softplug_abi::Failure;
+
+/// What does not fit: the failure, its status and the clause.
+pub(super) type Unfit = (Failure, u16, &'static str);
+
+const BAD: Unfit = (Failure::BadJob, 0, "rk512.job.fields");
+
+/// The command of a job.
+///
+/// # Errors
+/// It is none.
+pub(super) fn command(
+    kind: &str,
+    fields: &[(String, String)],
+    data: &[u8],
+) -> Result<Command, Unfit> {
+    let kind = match kind {
+        "write" => Kind::Send,
+        "read" => Kind::Fetch,
+        _ => return Err((Failure::NotSupported, 0, "rk512.job.kinds")),
+    };
+    let fields = Fields(fields);
+    let area = fields.text("area").and_then(Area::of_name).ok_or(BAD)?;
+    if kind == Kind::Send && !area.is_block() {
+        return Err(BAD);
+    }
+    let block = fields.within("block", 0..=255)?;
+    let block = if area.is_block() { block.ok_or(BAD)? } else { 0 };
+    let offset = fields.within("offset", 0..=255)?.ok_or(BAD)?;
+    let flag = fields.flag()?;
+    let count = match kind {
+        Kind::Fetch => fields.within("count", 1..=65_535)?.ok_or(BAD)?,
+        Kind::Send if data.len() % 2 == 1 => {
+            return Err((Failure::BadJob, 0x050E, "rk512.job.fields"));
+        }
+        Kind::Send => data.len() as i64 / 2,
+    };
+    let count = u16::try_from(count).map_err(|_| BAD)?;
+    Ok(Command { kind, area, block: block as u8, offset: offset as u8, count, flag })
+}
+
+/// Fields by name.
+struct Fields<'a>(&'a [(String, String)]);
+
+impl Fields<'_> {
+    fn text(&self, name: &str) -> Option<&str> {
+        self.0.iter().find(|(known, _)| known == name).map(|(_, value)| value.as_str())
+    }
+
+    fn within(
+        &self,
+        name: &str,
+        range: std::ops::RangeInclusive<i64>,
+    ) -> Result<Option<i64>, Unfit> {
+        let Some(text) = self.text(name) else { return Ok(None) };
+        let value = text.parse().ok().filter(|value| range.contains(value));
+        value.ok_or(BAD).map(Some)
+    }
+
+    /// Bytes 9 and 10: the coordination flag and the CPU.
+    fn flag(&self) -> Result<[u8; 2], Unfit> {
+        let byte = self.within("flag_byte", 0..=255)?;
+        let bit = self.within("flag_bit", 0..=15)?;
+        let cpu = self.within("cpu", 1..=4)?.unwrap_or(0xF);
+        let low = bit.unwrap_or(0xF);
+        Ok([byte.unwrap_or(0xFF) as u8, (cpu << 4 | low) as u8])
+    }
+}
+
+/// The id of a job request.
+pub(super) fn id_of(request: &HostRequest) -> Option<u32> {
+    match request {
+        HostRequest::Job { id, .. } => Some(*id),
+        _ => None,
+    }
+}
