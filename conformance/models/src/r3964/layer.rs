@@ -46,6 +46,11 @@ impl Station {
         self.abort(self.jobs);
     }
 
+    /// The block that it has, and has not begun or gave way with, is gone.
+    pub(crate) fn forget_block(&mut self) {
+        self.job = None;
+    }
+
     /// One NAK, as an abort sends it between two blocks.
     pub(crate) fn say_nak(&mut self) {
         self.out.send(&[NAK], Part::Answer, Rule::Abort);

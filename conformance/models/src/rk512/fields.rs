@@ -29,7 +29,8 @@ pub(super) fn command(
         return Err(BAD);
     }
     let block = fields.within("block", 0..=255)?;
-    let block = if area.is_block() { block.ok_or(BAD)? } else { 0 };
+    // Plug-in differs: the number is sent for other areas, too.
+    let block = block.unwrap_or(0);
     let offset = fields.within("offset", 0..=255)?.ok_or(BAD)?;
     let flag = fields.flag()?;
     let count = match kind {
@@ -64,7 +65,7 @@ impl Fields<'_> {
     /// Bytes 9 and 10: the coordination flag and the CPU.
     fn flag(&self) -> Result<[u8; 2], Unfit> {
         let byte = self.within("flag_byte", 0..=255)?;
-        let bit = self.within("flag_bit", 0..=15)?;
+        let bit = self.within("flag_bit", 0..=7)?;
         let cpu = self.within("cpu", 1..=4)?.unwrap_or(0xF);
         let low = bit.unwrap_or(0xF);
         Ok([byte.unwrap_or(0xFF) as u8, (cpu << 4 | low) as u8])

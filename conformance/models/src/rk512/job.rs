@@ -133,14 +133,15 @@ impl Layer {
             && telegram[0] == job.front()
             && telegram[1] == 0
             && telegram[2] == 0;
-        if !fits {
+        let number = telegram.get(3).copied().unwrap_or(GOOD);
+        // Which one is told where there are both is left open.
+        if !fits && (number == GOOD || !self.ways.is_other()) {
             return self.fail_job((Failure::Protocol, 0, "rk512.react.malformed"));
         }
-        let (number, data) = (telegram[3], &telegram[SHORT..]);
         if number != GOOD {
-            let failure = failure(number).unwrap_or(Failure::Refused);
-            return self.fail_job((failure, u16::from(number), "rk512.react.error"));
+            return self.fail_job((failure(number), u16::from(number), "rk512.react.error"));
         }
+        let data = &telegram[SHORT..];
         let part = job.part();
         let expected = if job.command.kind == Kind::Fetch { part } else { 0 };
         if data.len() != expected {

@@ -194,12 +194,16 @@ impl Layer {
     }
 
     fn telegram(&mut self, at: Micros, telegram: &[u8]) {
+        // Byte 3 of a reaction is 00.
         let is_command = telegram.get(2).is_some_and(|command| *command != 0);
         let is_whole = telegram.len() >= 4 && matches!(telegram[0], 0 | 0xFF) && telegram[1] == 0;
-        if is_command || !is_whole && !self.awaits_reaction() {
+        if is_command {
             self.serve(at, telegram);
         } else if self.awaits_reaction() {
             self.take_reaction(telegram);
+        // Whether a reaction that nobody awaits may be malformed is left open.
+        } else if !is_whole && self.ways.is_other() {
+            self.serve(at, telegram);
         }
     }
 

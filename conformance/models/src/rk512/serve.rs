@@ -3,8 +3,9 @@
 use super::awaited::Due;
 use super::layer::{Layer, Sender};
 use super::reactions::{AREA, COMMAND, GOOD, HEADER, LENGTH, SEQUENCE, STOP, of_refusal};
-use super::telegram::{Area, Command, FIRST, FOLLOW_UP, Kind, MOST, SHORT, reaction};
-use super::telegram;
+use super::telegram::{
+    Area, Command, FIRST, FOLLOW_UP, HEADER as HEADER_BYTES, Kind, MOST, SHORT, reaction,
+};
 use softplug_abi::{Failure, Micros};
 
 /// A command of the partner, as far as it has come.
@@ -35,64 +36,111 @@ pub(super) struct Request {
     pub(super) until: Micros,
 }
 
+fn kind_of(code: u8) -> Option<Kind> {
+    match code {
+        0x41 | 0x4F => Some(Kind::Send),
+        0x45 => Some(Kind::Fetch),
+        _ => None,
+    }
+}
+
+/// What is wrong with the first bytes of a telegram.
+fn faults_of_head(telegram: &[u8], length: usize) -> Vec<u8> {
+    let mut faults = Vec::new();
+    let is_front = telegram.first().is_some_and(|front| matches!(*front, FIRST | FOLLOW_UP));
+    if telegram.len() < length || !is_front || telegram[1] != 0 {
+        faults.push(HEADER);
+    }
+    let kind = telegram.get(2).map(|code| kind_of(*code));
+    if kind == Some(None) {
+        faults.push(COMMAND);
+    }
+    if let (Some(kind), Some(area)) = (kind, telegram.get(3))
+        && area_of(kind.unwrap_or(Kind::Fetch), *area).is_err()
+    {
+        faults.push(AREA);
+    }
+    faults
+}
+
+/// What is wrong with the first telegram of a command.
+fn faults_of_first(telegram: &[u8]) -> Vec<u8> {
+    let mut faults = faults_of_head(telegram, HEADER_BYTES);
+    if let Some(command) = first(telegram) {
+        let data = if command.kind == Kind::Send { command.bytes().min(MOST) } else { 0 };
+        if command.count == 0 || telegram.len() != HEADER_BYTES + data {
+            faults.push(LENGTH);
+        }
+    }
+    faults
+}
+
+/// The command of a first telegram that can be read.
+fn first(telegram: &[u8]) -> Option<Command> {
+    let [_, _, code, area, block, offset, high, low, byte, rest, ..] = *telegram else {
+        return None;
+    };
+    let kind = kind_of(code)?;
+    let area = Area::of_code(area)?;
+    let count = u16::from_be_bytes([high, low]);
+    Some(Command { kind, area, block, offset, count, flag: [byte, rest] })
+}
+
+/// A SEND goes into a DB or DX: the host is asked with the same fields as a job has.
+fn area_of(kind: Kind, code: u8) -> Result<Area, u8> {
+    let is_open = |area: &Area| kind == Kind::Fetch || area.is_block();
+    Area::of_code(code).filter(is_open).ok_or(AREA)
+}
+
 impl Layer {
     /// A command, or what is none.
     pub(super) fn serve(&mut self, at: Micros, telegram: &[u8]) {
-        self.withdraw("rk512.serve.withdrawn");
-        self.reaction = None;
+        // Whether a reaction that has not left is still sent is left open.
+        if self.has_reaction() && self.ways.is_other() {
+            self.drop_reaction();
+        }
         let is_follow_up = telegram.first() == Some(&FOLLOW_UP);
         let front = if is_follow_up { FOLLOW_UP } else { FIRST };
-        let part = if is_follow_up { self.follow_up(telegram) } else { self.first(telegram) };
-        match part {
-            Ok(data) => self.ask(at, front, &data),
-            Err(number) => {
+        let is_open = self.request.is_some();
+        self.withdraw("rk512.serve.withdrawn");
+        let faults = if is_follow_up {
+            // Whether a command goes on whose first part nobody answered is left open.
+            if is_open && self.ways.is_other() {
                 self.series = None;
-                self.react(reaction(front, number));
+            }
+            self.faults_of_follow_up(telegram)
+        } else {
+            self.series = None;
+            faults_of_first(telegram)
+        };
+        if !faults.is_empty() {
+            // Which one is told where there are several is left open.
+            let number = self.ways.one_of(&faults);
+            self.series = None;
+            return self.react(reaction(front, number));
+        }
+        if !is_follow_up {
+            self.series = first(telegram).map(|command| Series { command, done: 0 });
+        }
+        let header = if is_follow_up { SHORT } else { HEADER_BYTES };
+        self.ask(at, front, &telegram[header..]);
+    }
+
+    fn faults_of_follow_up(&self, telegram: &[u8]) -> Vec<u8> {
+        let mut faults = faults_of_head(telegram, SHORT);
+        let kind = telegram.get(2).and_then(|code| kind_of(*code));
+        let area = telegram.get(3).and_then(|code| Area::of_code(*code));
+        let is_of = |command: &Command| Some(command.kind) == kind && Some(command.area) == area;
+        match self.series.as_ref().filter(|series| is_of(&series.command)) {
+            None => faults.push(SEQUENCE),
+            Some(series) => {
+                let data = if kind == Some(Kind::Send) { series.part() } else { 0 };
+                if telegram.len() != SHORT + data {
+                    faults.push(LENGTH);
+                }
             }
         }
-    }
-
-    fn first(&mut self, telegram: &[u8]) -> Result<Vec<u8>, u8> {
-        if telegram.len() < telegram::HEADER || telegram[0] != FIRST || telegram[1] != 0 {
-            return Err(HEADER);
-        }
-        let kind = match telegram[2] {
-            0x41 | 0x4F => Kind::Send,
-            0x45 => Kind::Fetch,
-            _ => return Err(COMMAND),
-        };
-        let area = Area::of_code(telegram[3]).ok_or(AREA)?;
-        let count = u16::from_be_bytes([telegram[6], telegram[7]]);
-        let flag = [telegram[8], telegram[9]];
-        let command =
-            Command { kind, area, block: telegram[4], offset: telegram[5], count, flag };
-        let series = Series { command, done: 0 };
-        let data = &telegram[telegram::HEADER..];
-        let expected = if kind == Kind::Send { series.part() } else { 0 };
-        if count == 0 || data.len() != expected {
-            return Err(LENGTH);
-        }
-        self.series = Some(series);
-        Ok(data.to_vec())
-    }
-
-    fn follow_up(&mut self, telegram: &[u8]) -> Result<Vec<u8>, u8> {
-        if telegram.len() < SHORT || telegram[1] != 0 {
-            return Err(HEADER);
-        }
-        let kind = match telegram[2] {
-            0x41 | 0x4F => Kind::Send,
-            0x45 => Kind::Fetch,
-            _ => return Err(COMMAND),
-        };
-        let area = Area::of_code(telegram[3]).ok_or(AREA)?;
-        let series = self.series.as_ref().ok_or(SEQUENCE)?;
-        if series.command.kind != kind || series.command.area != area {
-            return Err(SEQUENCE);
-        }
-        let data = &telegram[SHORT..];
-        let expected = if kind == Kind::Send { series.part() } else { 0 };
-        if data.len() != expected { Err(LENGTH) } else { Ok(data.to_vec()) }
+        faults
     }
 
     fn ask(&mut self, at: Micros, front: u8, data: &[u8]) {
@@ -129,6 +177,10 @@ impl Layer {
         let clause = if front == FOLLOW_UP { "rk512.serve.follow-up" } else { clause };
         let fields = fields.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
         self.awaited.push(clause, Due::Requested { kind: name, fields });
+        self.series = self.series.take().and_then(|mut series| {
+            series.done += part;
+            (series.done < series.command.bytes()).then_some(series)
+        });
         let until = at + self.reaction_time;
         self.request = Some(Request { id: 0, kind, part, front, until });
     }
@@ -152,10 +204,6 @@ impl Layer {
             if let (Kind::Fetch, Ok(data)) = (request.kind, answer) {
                 telegram.extend(data);
             }
-            self.series = self.series.take().and_then(|mut series| {
-                series.done += request.part;
-                (series.done < series.command.bytes()).then_some(series)
-            });
         } else {
             self.series = None;
         }
@@ -179,5 +227,18 @@ impl Layer {
         let Some(telegram) = self.reaction.take() else { return };
         self.sender = Sender::Reaction;
         self.station.send(&telegram);
+    }
+
+    /// A reaction waits, or is on the line.
+    fn has_reaction(&self) -> bool {
+        self.reaction.is_some() || self.sender == Sender::Reaction
+    }
+
+    fn drop_reaction(&mut self) {
+        self.reaction = None;
+        if self.sender == Sender::Reaction {
+            self.sender = Sender::Nobody;
+            self.station.forget_block();
+        }
     }
 }

@@ -15,6 +15,13 @@ impl Ways {
         self.asked += 1;
         answer
     }
+
+    /// One of several, of which there is at least one.
+    pub(super) fn one_of<T: Copy>(&mut self, all: &[T]) -> T {
+        let last = all.len() - 1;
+        let other = |_: &usize| !self.is_other();
+        all[(0..last).find(other).unwrap_or(last)]
+    }
 }
 
 /// Something that asks.

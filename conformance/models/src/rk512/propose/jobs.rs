@@ -44,7 +44,10 @@ pub(super) fn job(id: u32, dice: &mut Dice) -> HostRequest {
         field("cpu", cpu);
     }
     let kind = match (is_write, dice.below(100)) {
-        (_, 0) => "send",
+        (_, 0) => {
+            fields.clear();
+            "send"
+        }
         (true, _) => "write",
         (false, _) => "read",
     };
