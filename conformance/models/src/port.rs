@@ -57,6 +57,11 @@ impl Port {
         self.queue.clear();
     }
 
+    /// Drops the last one that waits in the queue.
+    pub fn take_back(&mut self) {
+        self.queue.pop_back();
+    }
+
     /// The port is gone, with all that waited and was in it, or is back.
     pub fn set_gone(&mut self, is_gone: bool) {
         self.is_gone = is_gone;

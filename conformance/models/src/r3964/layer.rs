@@ -46,9 +46,13 @@ impl Station {
         self.abort(self.jobs);
     }
 
-    /// The block that it has, and has not begun or gave way with, is gone.
-    pub(crate) fn forget_block(&mut self) {
+    /// Forgets the block that it has begun again just now, as it gave way before, and
+    /// tells how many characters had left for it.
+    pub(crate) fn forget_block(&mut self) -> u64 {
         self.job = None;
+        self.out.take_back();
+        self.state = State::Idle;
+        self.out.taken()
     }
 
     /// One NAK, as an abort sends it between two blocks.

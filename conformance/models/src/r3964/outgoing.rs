@@ -84,6 +84,12 @@ impl Outgoing {
         self.port.discard();
     }
 
+    /// Drops the last one that the port has not taken.
+    pub(super) fn take_back(&mut self) {
+        self.waiting.pop_back();
+        self.port.take_back();
+    }
+
     pub(super) fn set_gone(&mut self, is_gone: bool) {
         self.port.set_gone(is_gone);
     }

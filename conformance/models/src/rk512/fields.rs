@@ -1,7 +1,7 @@
 //! Fields of a job.
 
 use super::telegram::{Area, Command, Kind};
-use crate::model::HostRequest;
+use super::ways::Ways;
 use softplug_abi::Failure;
 
 /// What does not fit: the failure, its status and the clause.
@@ -17,6 +17,7 @@ pub(super) fn command(
     kind: &str,
     fields: &[(String, String)],
     data: &[u8],
+    ways: &mut Ways,
 ) -> Result<Command, Unfit> {
     let kind = match kind {
         "write" => Kind::Send,
@@ -30,18 +31,25 @@ pub(super) fn command(
     }
     let block = fields.within("block", 0..=255)?;
     // Plug-in differs: the number is sent for other areas, too.
-    let block = block.unwrap_or(0);
-    let offset = fields.within("offset", 0..=255)?.ok_or(BAD)?;
+    let block_sent = block.unwrap_or(0);
+    let offset = fields.within("offset", 0..=255)?;
+    // What it means that they are not given is left open.
+    let is_whole = offset.is_some() && (block.is_some() || !area.is_block());
+    if !is_whole && ways.is_other() {
+        return Err(BAD);
+    }
     let flag = fields.flag()?;
     let count = match kind {
         Kind::Fetch => fields.within("count", 1..=65_535)?.ok_or(BAD)?,
-        Kind::Send if data.len() % 2 == 1 => {
+        // Whether nothing can be written is left open, and as what it fails.
+        Kind::Send if data.is_empty() && ways.is_other() => return Err(BAD),
+        Kind::Send if data.len() % 2 == 1 || data.is_empty() && ways.is_other() => {
             return Err((Failure::BadJob, 0x050E, "rk512.job.fields"));
         }
         Kind::Send => data.len() as i64 / 2,
     };
     let count = u16::try_from(count).map_err(|_| BAD)?;
-    Ok(Command { kind, area, block: block as u8, offset: offset as u8, count, flag })
+    Ok(Command { kind, area, block: block_sent as u8, offset: offset.unwrap_or(0) as u8, count, flag })
 }
 
 /// Fields by name.
@@ -69,13 +77,5 @@ impl Fields<'_> {
         let cpu = self.within("cpu", 1..=4)?.unwrap_or(0xF);
         let low = bit.unwrap_or(0xF);
         Ok([byte.unwrap_or(0xFF) as u8, (cpu << 4 | low) as u8])
-    }
-}
-
-/// The id of a job request.
-pub(super) fn id_of(request: &HostRequest) -> Option<u32> {
-    match request {
-        HostRequest::Job { id, .. } => Some(*id),
-        _ => None,
     }
 }

@@ -76,7 +76,7 @@ impl Layer {
             return self.awaited.push("rk512.send.command", due);
         }
         self.is_miscounted = false;
-        match command(kind, fields, data) {
+        match command(kind, fields, data, &mut self.ways) {
             Ok(command) => {
                 self.job = Some(Job {
                     id,
@@ -112,6 +112,14 @@ impl Layer {
         let telegram = job.telegram();
         self.sender = Sender::Job;
         self.station.send(&telegram);
+    }
+
+    /// The telegram that gave way goes after the reaction.
+    pub(super) fn put_telegram_back(&mut self) {
+        let Some(job) = &mut self.job else { return };
+        job.sent += self.station.forget_block();
+        job.stage = Stage::Ready;
+        self.sender = Sender::Nobody;
     }
 
     /// Our telegram is acknowledged.

@@ -48,22 +48,32 @@ impl Wayfarer for Layer {
     }
 }
 
-/// With 0 the time follows from the baud rate.
-fn reaction_time(conditions: &Conditions) -> Micros {
-    match (conditions.settings.int("reaction_timeout", 20_000), conditions.line.baud) {
-        (0, 0..600) => Micros::from_secs(10),
-        (0, 600..1_200) => Micros::from_secs(7),
-        (0, 1_200..38_400) => Micros::from_secs(5),
-        (0, _) => Micros::from_secs(3),
-        (millis, _) => Micros::from_millis(millis),
-    }
+/// With 0 the time follows from the baud rate; what it is without one is left open.
+fn reaction_times(conditions: &Conditions) -> Vec<Micros> {
+    let millis: &[i64] =
+        match (conditions.settings.int("reaction_timeout", 20_000), conditions.line.baud) {
+            (0, 0) => &[3_000, 5_000, 7_000, 10_000],
+            (0, 1..600) => &[10_000],
+            (0, 600..1_200) => &[7_000],
+            (0, 1_200..38_400) => &[5_000],
+            (0, 38_400..) => &[3_000],
+            (millis, _) => &[millis],
+        };
+    millis.iter().map(|millis| Micros::from_millis(*millis)).collect()
 }
 
 impl Layer {
-    pub(super) fn new(conditions: &Conditions) -> Option<Self> {
-        Some(Self {
-            station: Station::of_telegrams(conditions)?,
-            reaction_time: reaction_time(conditions),
+    /// All that it may be in these conditions.
+    pub(super) fn new(conditions: &Conditions) -> Option<Vec<Self>> {
+        let station = Station::of_telegrams(conditions)?;
+        let times = reaction_times(conditions).into_iter();
+        Some(times.map(|time| Self::with(station.clone(), time, conditions)).collect())
+    }
+
+    fn with(station: Station, reaction_time: Micros, conditions: &Conditions) -> Self {
+        Self {
+            station,
+            reaction_time,
             room: Room::new(conditions.delivery_room),
             job: None,
             jobs: 0,
@@ -76,7 +86,7 @@ impl Layer {
             is_open: false,
             is_down: false,
             ways: Ways::default(),
-        })
+        }
     }
 
     pub(super) fn line(&mut self, at: Micros, input: &LineInput) {
@@ -181,11 +191,18 @@ impl Layer {
                     }
                 }
                 Report::Failed { failure, status, sent, clause } => {
-                    if std::mem::replace(&mut self.sender, Sender::Nobody) == Sender::Job {
-                        if let Some(job) = &mut self.job {
-                            job.sent += sent;
+                    match std::mem::replace(&mut self.sender, Sender::Nobody) {
+                        Sender::Job => {
+                            if let Some(job) = &mut self.job {
+                                job.sent += sent;
+                            }
+                            self.fail_job((failure, status, clause));
                         }
-                        self.fail_job((failure, status, clause));
+                        // Whether the partner's command can go on is left open.
+                        Sender::Reaction if self.series.is_some() && self.ways.is_other() => {
+                            self.series = None;
+                        }
+                        Sender::Reaction | Sender::Nobody => {}
                     }
                 }
             }
@@ -199,10 +216,11 @@ impl Layer {
         let is_whole = telegram.len() >= 4 && matches!(telegram[0], 0 | 0xFF) && telegram[1] == 0;
         if is_command {
             self.serve(at, telegram);
-        } else if self.awaits_reaction() {
+        // Whether one without a byte 3 is a reaction is left open.
+        } else if self.awaits_reaction() && (telegram.len() > 2 || !self.ways.is_other()) {
             self.take_reaction(telegram);
         // Whether a reaction that nobody awaits may be malformed is left open.
-        } else if !is_whole && self.ways.is_other() {
+        } else if !is_whole && (self.awaits_reaction() || self.ways.is_other()) {
             self.serve(at, telegram);
         }
     }
@@ -212,9 +230,11 @@ impl Layer {
         if self.is_down || self.station.has_block() || !self.station.is_idle() {
             return;
         }
-        if self.reaction.is_some() {
+        // Which goes first where both wait is left open.
+        let has_telegram = self.has_telegram(are_data_there);
+        if self.reaction.is_some() && !(has_telegram && self.ways.is_other()) {
             self.send_reaction();
-        } else if self.has_telegram(are_data_there) {
+        } else if has_telegram {
             self.send_telegram();
         }
     }

@@ -95,13 +95,13 @@ fn area_of(kind: Kind, code: u8) -> Result<Area, u8> {
 impl Layer {
     /// A command, or what is none.
     pub(super) fn serve(&mut self, at: Micros, telegram: &[u8]) {
+        let is_open = self.request.is_some() || self.has_reaction();
         // Whether a reaction that has not left is still sent is left open.
         if self.has_reaction() && self.ways.is_other() {
             self.drop_reaction();
         }
         let is_follow_up = telegram.first() == Some(&FOLLOW_UP);
         let front = if is_follow_up { FOLLOW_UP } else { FIRST };
-        let is_open = self.request.is_some();
         self.withdraw("rk512.serve.withdrawn");
         let faults = if is_follow_up {
             // Whether a command goes on whose first part nobody answered is left open.
@@ -117,7 +117,7 @@ impl Layer {
             // Which one is told where there are several is left open.
             let number = self.ways.one_of(&faults);
             self.series = None;
-            return self.react(reaction(front, number));
+            return self.react(self.sender, reaction(front, number));
         }
         if !is_follow_up {
             self.series = first(telegram).map(|command| Series { command, done: 0 });
@@ -207,7 +207,7 @@ impl Layer {
         } else {
             self.series = None;
         }
-        self.react(telegram);
+        self.react(Sender::Nobody, telegram);
     }
 
     /// The host has not answered in time.
@@ -215,11 +215,16 @@ impl Layer {
         let Some(request) = self.request.take() else { return };
         self.awaited.push("rk512.serve.time-out", Due::Withdrawn(request.id));
         self.series = None;
-        self.react(reaction(request.front, STOP));
+        self.react(Sender::Nobody, reaction(request.front, STOP));
     }
 
-    fn react(&mut self, telegram: Vec<u8>) {
+    /// `gave_way`: whose block gave way for the command, and has begun again.
+    fn react(&mut self, gave_way: Sender, telegram: Vec<u8>) {
         self.reaction = Some(telegram);
+        // Which goes first where our telegram gave way is left open.
+        if gave_way == Sender::Job && self.ways.is_other() {
+            self.put_telegram_back();
+        }
         self.feed(false);
     }
 
@@ -238,7 +243,7 @@ impl Layer {
         self.reaction = None;
         if self.sender == Sender::Reaction {
             self.sender = Sender::Nobody;
-            self.station.forget_block();
+            let _ = self.station.forget_block();
         }
     }
 }

@@ -35,8 +35,9 @@ pub(super) trait Wayfarer: Clone + PartialEq {
 pub(super) struct Worlds<W>(Vec<W>);
 
 impl<W: Wayfarer> Worlds<W> {
-    pub(super) fn new(first: W) -> Self {
-        Self(vec![first])
+    /// These, of which there is at least one.
+    pub(super) fn new(all: Vec<W>) -> Self {
+        Self(all)
     }
 
     /// The likeliest.
