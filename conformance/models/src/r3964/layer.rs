@@ -70,6 +70,11 @@ impl Station {
         !self.is_idle() && !self.state.is_of_sender()
     }
 
+    /// Whether our block gave way and has not begun again.
+    pub(crate) fn has_given_way(&self) -> bool {
+        self.job.as_ref().is_some_and(|job| job.gave_way)
+    }
+
     /// Whether it has a block of ours.
     pub(crate) fn has_block(&self) -> bool {
         self.job.is_some()

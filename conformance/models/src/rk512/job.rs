@@ -22,6 +22,8 @@ pub(super) struct Job {
     /// Telegrams whose reactions have come.
     pub(super) telegrams: usize,
     pub(super) stage: Stage,
+    /// The next telegram had begun, and gave way to our reaction.
+    pub(super) has_begun: bool,
     pub(super) is_paused: bool,
     /// Characters that have left for it.
     pub(super) sent: u64,
@@ -85,6 +87,7 @@ impl Layer {
                     fetched: Vec::new(),
                     telegrams: 0,
                     stage: Stage::Ready,
+                    has_begun: false,
                     is_paused: false,
                     sent: 0,
                 });
@@ -101,14 +104,21 @@ impl Layer {
     pub(super) fn has_telegram(&self, are_data_there: bool) -> bool {
         self.job.as_ref().is_some_and(|job| {
             job.stage == Stage::Ready
-                && !job.is_paused
+                && (!job.is_paused || job.has_begun)
                 && (are_data_there || job.command.kind == Kind::Fetch)
         })
+    }
+
+    /// Whether a pause lets it go. Whether it holds one that has begun before, and gave
+    /// way, is left open.
+    pub(super) fn may_go(&mut self) -> bool {
+        self.job.as_ref().is_some_and(|job| !job.is_paused) || self.ways.is_other()
     }
 
     pub(super) fn send_telegram(&mut self) {
         let Some(job) = &mut self.job else { return };
         job.stage = Stage::OnLine;
+        job.has_begun = false;
         let telegram = job.telegram();
         self.sender = Sender::Job;
         self.station.send(&telegram);
@@ -119,6 +129,7 @@ impl Layer {
         let Some(job) = &mut self.job else { return };
         job.sent += self.station.forget_block();
         job.stage = Stage::Ready;
+        job.has_begun = true;
         self.sender = Sender::Nobody;
     }
 

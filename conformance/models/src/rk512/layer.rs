@@ -37,6 +37,8 @@ pub(super) struct Layer {
     pub(super) awaited: Awaited,
     /// `sent` of the job is not looked at: see the procedure's model.
     pub(super) is_miscounted: bool,
+    /// The block that the procedure has gave way.
+    gave_way: bool,
     is_open: bool,
     is_down: bool,
     pub(super) ways: Ways,
@@ -52,7 +54,7 @@ impl Wayfarer for Layer {
 fn reaction_times(conditions: &Conditions) -> Vec<Micros> {
     let millis: &[i64] =
         match (conditions.settings.int("reaction_timeout", 20_000), conditions.line.baud) {
-            (0, 0) => &[3_000, 5_000, 7_000, 10_000],
+            (0, 0) => &[3_000, 5_000, 7_000, 10_000, 20_000],
             (0, 1..600) => &[10_000],
             (0, 600..1_200) => &[7_000],
             (0, 1_200..38_400) => &[5_000],
@@ -83,6 +85,7 @@ impl Layer {
             sender: Sender::Nobody,
             awaited: Awaited::default(),
             is_miscounted: false,
+            gave_way: false,
             is_open: false,
             is_down: false,
             ways: Ways::default(),
@@ -172,8 +175,13 @@ impl Layer {
         let _ = self.station.reports();
         self.sender = Sender::Nobody;
         (self.series, self.reaction, self.request) = (None, None, None);
+        self.gave_way = false;
         if let Some(job) = self.job.take() {
             let failure = Failure::Interrupted;
+            // Whether its delivery is under way before all has come is left open.
+            if !job.fetched.is_empty() && self.ways.is_other() {
+                self.deliver(job.fetched, Some(failure), 0, "rk512.fetch.follow-up");
+            }
             let due = Due::Failed { job: job.id, failure, status: 0, sent: 0 };
             self.awaited.push("rk512.line.telegram", due);
         }
@@ -186,8 +194,10 @@ impl Layer {
             match report {
                 Report::Received(telegram) => self.telegram(at, &telegram),
                 Report::Sent(sent) => {
-                    if std::mem::replace(&mut self.sender, Sender::Nobody) == Sender::Job {
-                        self.telegram_sent(at, sent);
+                    match std::mem::replace(&mut self.sender, Sender::Nobody) {
+                        Sender::Job => self.telegram_sent(at, sent),
+                        Sender::Reaction => self.reaction_sent(),
+                        Sender::Nobody => {}
                     }
                 }
                 Report::Failed { failure, status, sent, clause } => {
@@ -198,16 +208,27 @@ impl Layer {
                             }
                             self.fail_job((failure, status, clause));
                         }
-                        // Whether the partner's command can go on is left open.
-                        Sender::Reaction if self.series.is_some() && self.ways.is_other() => {
-                            self.series = None;
-                        }
                         Sender::Reaction | Sender::Nobody => {}
                     }
                 }
             }
         }
+        if self.gave_way && self.station.has_block() && !self.station.has_given_way() {
+            self.begun_again();
+        }
+        self.gave_way = self.station.has_given_way();
         self.feed(false);
+    }
+
+    /// The block that gave way is begun again. Whether the other goes first, if it waits,
+    /// is left open.
+    fn begun_again(&mut self) {
+        match self.sender {
+            Sender::Job if self.reaction.is_some() && self.ways.is_other() => {
+                self.put_telegram_back();
+            }
+            Sender::Nobody | Sender::Job | Sender::Reaction => {}
+        }
     }
 
     fn telegram(&mut self, at: Micros, telegram: &[u8]) {
@@ -231,7 +252,7 @@ impl Layer {
             return;
         }
         // Which goes first where both wait is left open.
-        let has_telegram = self.has_telegram(are_data_there);
+        let has_telegram = self.has_telegram(are_data_there) && self.may_go();
         if self.reaction.is_some() && !(has_telegram && self.ways.is_other()) {
             self.send_reaction();
         } else if has_telegram {

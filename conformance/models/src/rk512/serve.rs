@@ -12,8 +12,10 @@ use softplug_abi::{Failure, Micros};
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct Series {
     pub(super) command: Command,
-    /// Bytes of data of the parts that were granted.
+    /// Bytes of data of the parts before.
     pub(super) done: usize,
+    /// The part at `done` was asked for, and its reaction is not acknowledged.
+    pub(super) is_open: bool,
 }
 
 impl Series {
@@ -95,7 +97,6 @@ fn area_of(kind: Kind, code: u8) -> Result<Area, u8> {
 impl Layer {
     /// A command, or what is none.
     pub(super) fn serve(&mut self, at: Micros, telegram: &[u8]) {
-        let is_open = self.request.is_some() || self.has_reaction();
         // Whether a reaction that has not left is still sent is left open.
         if self.has_reaction() && self.ways.is_other() {
             self.drop_reaction();
@@ -104,10 +105,7 @@ impl Layer {
         let front = if is_follow_up { FOLLOW_UP } else { FIRST };
         self.withdraw("rk512.serve.withdrawn");
         let faults = if is_follow_up {
-            // Whether a command goes on whose first part nobody answered is left open.
-            if is_open && self.ways.is_other() {
-                self.series = None;
-            }
+            self.settle_part();
             self.faults_of_follow_up(telegram)
         } else {
             self.series = None;
@@ -117,13 +115,42 @@ impl Layer {
             // Which one is told where there are several is left open.
             let number = self.ways.one_of(&faults);
             self.series = None;
-            return self.react(self.sender, reaction(front, number));
+            return self.react(reaction(front, number));
         }
         if !is_follow_up {
-            self.series = first(telegram).map(|command| Series { command, done: 0 });
+            self.series = first(telegram).map(|command| Series { command, done: 0, is_open: false });
         }
         let header = if is_follow_up { SHORT } else { HEADER_BYTES };
         self.ask(at, front, &telegram[header..]);
+    }
+
+    /// A follow-up comes although the reaction to the part before is not acknowledged.
+    /// Whether it brings that part again or the next one, or is out of sequence, is left
+    /// open.
+    fn settle_part(&mut self) {
+        let Some(series) = self.series.as_mut().filter(|series| series.is_open) else { return };
+        series.is_open = false;
+        match self.ways.one_of(&[0, 1, 2]) {
+            0 => self.series = None,
+            1 if series.done > 0 => {}
+            _ => self.part_done(),
+        }
+    }
+
+    /// The part at hand is done with.
+    fn part_done(&mut self) {
+        self.series = self.series.take().and_then(|mut series| {
+            series.done += series.part();
+            series.is_open = false;
+            (series.done < series.command.bytes()).then_some(series)
+        });
+    }
+
+    /// Our reaction is acknowledged.
+    pub(super) fn reaction_sent(&mut self) {
+        if self.series.as_ref().is_some_and(|series| series.is_open) {
+            self.part_done();
+        }
     }
 
     fn faults_of_follow_up(&self, telegram: &[u8]) -> Vec<u8> {
@@ -144,7 +171,7 @@ impl Layer {
     }
 
     fn ask(&mut self, at: Micros, front: u8, data: &[u8]) {
-        let Some(series) = &self.series else { return };
+        let Some(series) = &mut self.series else { return };
         let command = &series.command;
         let part = series.part();
         let unit = command.area.unit();
@@ -177,10 +204,7 @@ impl Layer {
         let clause = if front == FOLLOW_UP { "rk512.serve.follow-up" } else { clause };
         let fields = fields.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
         self.awaited.push(clause, Due::Requested { kind: name, fields });
-        self.series = self.series.take().and_then(|mut series| {
-            series.done += part;
-            (series.done < series.command.bytes()).then_some(series)
-        });
+        series.is_open = true;
         let until = at + self.reaction_time;
         self.request = Some(Request { id: 0, kind, part, front, until });
     }
@@ -194,6 +218,10 @@ impl Layer {
     /// The host answers.
     pub(super) fn answer(&mut self, id: u32, answer: &Result<Vec<u8>, Failure>) {
         let Some(request) = self.request.take_if(|request| request.id == id) else { return };
+        if answer.as_ref().is_ok_and(|data| data.len() > request.part) && self.ways.is_other() {
+            // Enough has come before the last piece of it: that is left open.
+            self.awaited.push("rk512.serve.read", Due::Withdrawn(id));
+        }
         let number = match answer {
             Ok(data) if request.kind == Kind::Fetch && data.len() != request.part => LENGTH,
             Ok(_) => GOOD,
@@ -207,7 +235,7 @@ impl Layer {
         } else {
             self.series = None;
         }
-        self.react(Sender::Nobody, telegram);
+        self.react(telegram);
     }
 
     /// The host has not answered in time.
@@ -215,17 +243,11 @@ impl Layer {
         let Some(request) = self.request.take() else { return };
         self.awaited.push("rk512.serve.time-out", Due::Withdrawn(request.id));
         self.series = None;
-        self.react(Sender::Nobody, reaction(request.front, STOP));
+        self.react(reaction(request.front, STOP));
     }
 
-    /// `gave_way`: whose block gave way for the command, and has begun again.
-    fn react(&mut self, gave_way: Sender, telegram: Vec<u8>) {
+    fn react(&mut self, telegram: Vec<u8>) {
         self.reaction = Some(telegram);
-        // Which goes first where our telegram gave way is left open.
-        if gave_way == Sender::Job && self.ways.is_other() {
-            self.put_telegram_back();
-        }
-        self.feed(false);
     }
 
     pub(super) fn send_reaction(&mut self) {
