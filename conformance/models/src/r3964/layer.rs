@@ -41,6 +41,11 @@ impl Station {
         self.take_job(self.jobs + 1, data);
     }
 
+    /// Whether there is no buffer.
+    pub(crate) fn set_full(&mut self, is_full: bool) {
+        self.is_full = is_full;
+    }
+
     /// The block that it has is no longer to be sent.
     pub(crate) fn abort_sending(&mut self) {
         self.abort(self.jobs);

@@ -55,6 +55,8 @@ pub(crate) struct Station {
     reception: Option<Reception>,
     /// Simplified without handshake: no STX before this after an abort.
     quiet: Quiet,
+    /// A layer on top has no room for what may come.
+    is_full: bool,
     deliveries: u32,
     /// The last id of a job.
     jobs: u32,
@@ -88,6 +90,7 @@ impl Station {
             job: None,
             reception: None,
             quiet: Quiet::No,
+            is_full: false,
             deliveries: 0,
             jobs: 0,
             is_open: false,

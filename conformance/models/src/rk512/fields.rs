@@ -39,6 +39,10 @@ pub(super) fn command(
         return Err(BAD);
     }
     let flag = fields.flag()?;
+    // Whether a SEND may have a field that is a FETCH's is left open.
+    if kind == Kind::Send && fields.text("count").is_some() && ways.is_other() {
+        return Err(BAD);
+    }
     let count = match kind {
         Kind::Fetch => fields.within("count", 1..=65_535)?.ok_or(BAD)?,
         // Whether nothing can be written is left open, and as what it fails.
@@ -48,7 +52,11 @@ pub(super) fn command(
         }
         Kind::Send => data.len() as i64 / 2,
     };
-    let count = u16::try_from(count).map_err(|_| BAD)?;
+    let Ok(count) = u16::try_from(count) else {
+        // As what more than a header can tell fails is left open.
+        let too_long = (Failure::TooLong, 0x0517, "rk512.job.fields");
+        return Err(if ways.is_other() { BAD } else { too_long });
+    };
     Ok(Command { kind, area, block: block_sent as u8, offset: offset.unwrap_or(0) as u8, count, flag })
 }
 

@@ -99,20 +99,16 @@ impl Layer {
         }
     }
 
-    /// Whether the job has a telegram that may go now. Data of a SEND come behind what
-    /// came from the line.
-    pub(super) fn has_telegram(&self, are_data_there: bool) -> bool {
-        self.job.as_ref().is_some_and(|job| {
-            job.stage == Stage::Ready
-                && (!job.is_paused || job.has_begun)
-                && (are_data_there || job.command.kind == Kind::Fetch)
-        })
-    }
-
-    /// Whether a pause lets it go. Whether it holds one that has begun before, and gave
-    /// way, is left open.
-    pub(super) fn may_go(&mut self) -> bool {
-        self.job.as_ref().is_some_and(|job| !job.is_paused) || self.ways.is_other()
+    /// Whether the job has a telegram that may go now.
+    pub(super) fn has_telegram(&mut self, are_data_there: bool) -> bool {
+        let Some(job) = self.job.as_ref().filter(|job| job.stage == Stage::Ready) else {
+            return false;
+        };
+        // The data of a follow-up may come behind what came from the line.
+        let is_behind = job.command.kind == Kind::Send && job.telegrams > 0 && !job.has_begun;
+        // Whether a pause holds one that had begun, and gave way, is left open.
+        (!job.is_paused || job.has_begun && self.ways.is_other())
+            && (are_data_there || !is_behind || self.ways.is_other())
     }
 
     pub(super) fn send_telegram(&mut self) {
@@ -201,6 +197,16 @@ impl Layer {
         if let Some(job) = self.job.as_mut().filter(|job| job.id == id) {
             job.is_paused = is_paused;
             self.feed(true);
+        }
+    }
+
+    /// Whether what a FETCH has brought is a delivery under way is left open. If it is,
+    /// its end is the job's.
+    pub(super) fn abort_delivery(&mut self, at: Micros) {
+        let job = self.job.as_ref().filter(|job| !job.fetched.is_empty());
+        let Some(id) = job.map(|job| job.id) else { return };
+        if self.ways.is_other() {
+            self.abort(at, id);
         }
     }
 

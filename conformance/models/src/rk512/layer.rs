@@ -3,6 +3,7 @@
 use super::awaited::{Awaited, Due};
 use super::job::{Job, Stage};
 use super::serve::{Request, Series};
+use super::telegram::{Kind, TELEGRAM};
 use super::ways::{Wayfarer, Ways};
 use crate::model::{Broken, Conditions, Effect, HostRequest, LineInput, Model};
 use crate::r3964::room::Room;
@@ -97,6 +98,7 @@ impl Layer {
             // A telegram may end in the middle of what came.
             LineInput::Bytes(bytes) => {
                 for byte in bytes {
+                    self.look_at_room();
                     self.station.line(at, &LineInput::Bytes(vec![*byte]));
                     self.hear(at);
                 }
@@ -107,11 +109,26 @@ impl Layer {
                 self.go_down(at);
             }
             other => {
+                self.look_at_room();
                 self.is_down &= *other != LineInput::Up;
                 self.station.line(at, other);
                 self.hear(at);
             }
         }
+    }
+
+    /// A buffer is room for the data that a reaction to our FETCH may bring; other
+    /// telegrams bring the host's deliveries nothing.
+    fn look_at_room(&mut self) {
+        let room = self.room.known();
+        let is_full = match &self.job {
+            Some(job) if job.command.kind == Kind::Fetch && self.awaits_reaction() => {
+                // Whether it has to be room for a whole block is left open.
+                room < job.part() || room < TELEGRAM && self.ways.is_other()
+            }
+            _ => false,
+        };
+        self.station.set_full(is_full);
     }
 
     fn go_down(&mut self, at: Micros) {
@@ -130,6 +147,7 @@ impl Layer {
     pub(super) fn due(&mut self, at: Micros) {
         // Data of a next telegram come behind what came from the line.
         self.feed(true);
+        self.look_at_room();
         self.station.due(at);
         self.hear(at);
         if matches!(&self.job, Some(Job { stage: Stage::Awaiting(until), .. }) if *until <= at) {
@@ -154,6 +172,7 @@ impl Layer {
             HostRequest::Job { id, kind, fields, data } => self.take_job(*id, kind, fields, data),
             HostRequest::Pause(id) => self.pause(*id, true),
             HostRequest::Resume(id) => self.pause(*id, false),
+            HostRequest::Abort(0) => self.abort_delivery(at),
             HostRequest::Abort(id) => self.abort(at, *id),
             HostRequest::Keep => self.room.keep(true),
             HostRequest::PutAway(bytes) => self.room.put_away(*bytes as usize),
@@ -189,6 +208,7 @@ impl Layer {
 
     /// What the procedure reports.
     pub(super) fn hear(&mut self, at: Micros) {
+        self.station.set_full(false);
         for report in self.station.reports() {
             self.is_miscounted |= self.station.is_miscounted();
             match report {
@@ -252,7 +272,7 @@ impl Layer {
             return;
         }
         // Which goes first where both wait is left open.
-        let has_telegram = self.has_telegram(are_data_there) && self.may_go();
+        let has_telegram = self.has_telegram(are_data_there);
         if self.reaction.is_some() && !(has_telegram && self.ways.is_other()) {
             self.send_reaction();
         } else if has_telegram {
