@@ -122,6 +122,7 @@ impl Layer {
 
     /// The telegram that gave way goes after the reaction.
     pub(super) fn put_telegram_back(&mut self) {
+        self.look_at_count();
         let Some(job) = &mut self.job else { return };
         job.sent += self.station.forget_block();
         job.stage = Stage::Ready;
@@ -162,6 +163,8 @@ impl Layer {
         if data.len() != expected {
             return self.fail_job((Failure::Protocol, 0, "rk512.react.malformed"));
         }
+        // They are the host's at once.
+        self.room.deliver(data.len());
         job.fetched.extend(data);
         if job.command.kind == Kind::Send {
             job.rest.drain(..part);

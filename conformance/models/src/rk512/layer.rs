@@ -122,9 +122,11 @@ impl Layer {
     fn look_at_room(&mut self) {
         let room = self.room.known();
         let is_full = match &self.job {
-            Some(job) if job.command.kind == Kind::Fetch && self.awaits_reaction() => {
-                // Whether it has to be room for a whole block is left open.
-                room < job.part() || room < TELEGRAM && self.ways.is_other()
+            Some(job) if job.command.kind == Kind::Fetch => {
+                // Whether it has to be room for a whole block, and before the reaction is
+                // awaited, is left open.
+                let is_needed = self.awaits_reaction() && room < job.part();
+                is_needed || room < TELEGRAM && self.ways.is_other()
             }
             _ => false,
         };
@@ -210,7 +212,7 @@ impl Layer {
     pub(super) fn hear(&mut self, at: Micros) {
         self.station.set_full(false);
         for report in self.station.reports() {
-            self.is_miscounted |= self.station.is_miscounted();
+            self.look_at_count();
             match report {
                 Report::Received(telegram) => self.telegram(at, &telegram),
                 Report::Sent(sent) => {
@@ -238,6 +240,11 @@ impl Layer {
         }
         self.gave_way = self.station.has_given_way();
         self.feed(false);
+    }
+
+    /// Whether the procedure may count characters of the job wrong.
+    pub(super) fn look_at_count(&mut self) {
+        self.is_miscounted |= self.sender == Sender::Job && self.station.is_miscounted();
     }
 
     /// The block that gave way is begun again. Whether the other goes first, if it waits,
@@ -287,7 +294,6 @@ impl Layer {
         status: u16,
         clause: &'static str,
     ) {
-        self.room.deliver(bytes.len());
         self.awaited.push(clause, Due::Delivered { bytes, failure, status });
     }
 
