@@ -5,7 +5,7 @@ use super::frame::NAK;
 use super::outgoing::Part;
 use super::rules::{Procedure, Rule};
 use super::state::State;
-use super::{Micros, Station};
+use super::Station;
 use crate::model::{Conditions, Effect};
 use softplug_abi::Failure;
 
@@ -70,11 +70,6 @@ impl Station {
         self.state == State::Idle
     }
 
-    /// Whether it receives, or waits for something of the partner's.
-    pub(crate) fn is_receiving(&self) -> bool {
-        !self.is_idle() && !self.state.is_of_sender()
-    }
-
     /// Whether our block gave way and has not begun again.
     pub(crate) fn has_given_way(&self) -> bool {
         self.job.as_ref().is_some_and(|job| job.gave_way)
@@ -88,11 +83,6 @@ impl Station {
     /// The plug-in may count characters of the block under way wrong.
     pub(crate) fn is_miscounted(&self) -> bool {
         self.out.is_miscounted()
-    }
-
-    /// The character's time on the line, and when all of ours has left.
-    pub(crate) fn is_quiet_at(&self, now: Micros) -> Micros {
-        self.out.ends(now).1
     }
 
     /// What happened since it was asked last.

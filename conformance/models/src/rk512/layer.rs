@@ -95,14 +95,6 @@ impl Layer {
 
     pub(super) fn line(&mut self, at: Micros, input: &LineInput) {
         match input {
-            // A telegram may end in the middle of what came.
-            LineInput::Bytes(bytes) => {
-                for byte in bytes {
-                    self.look_at_room();
-                    self.station.line(at, &LineInput::Bytes(vec![*byte]));
-                    self.hear(at);
-                }
-            }
             LineInput::Down(_) => {
                 self.is_down = true;
                 self.station.line(at, input);

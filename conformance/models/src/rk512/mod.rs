@@ -41,7 +41,15 @@ fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
 
 impl Model for Rk512 {
     fn line(&mut self, at: Micros, input: &LineInput) {
-        self.worlds.each(|layer| layer.line(at, input));
+        // A telegram may end in the middle of what came.
+        if let LineInput::Bytes(bytes) = input {
+            for byte in bytes {
+                let input = LineInput::Bytes(vec![*byte]);
+                self.worlds.each(|layer| layer.line(at, &input));
+            }
+        } else {
+            self.worlds.each(|layer| layer.line(at, input));
+        }
     }
 
     fn left(&mut self, at: Micros, byte: u8) {
