@@ -64,7 +64,7 @@ pub(crate) const PROFILE: Profile = Profile {
         ("nak_on_garbage", &["on", "off"]),
         ("priority", &["low", "high", "none"]),
         ("qvz", &["0", "20", "200", "2000"]),
-        ("reaction_timeout", &["20000", "0", "1", "500", "3000", "600000"]),
+        ("reaction_timeout", &["20000", "3000", "0", "500", "600000", "1"]),
         ("setup_attempts", &["6", "1", "2", "3"]),
         ("split", &["off", "on"]),
         ("transmission_attempts", &["6", "1", "2", "3"]),

@@ -8,7 +8,7 @@ use crate::rk512::telegram::MOST;
 /// A job, mostly one that fits.
 pub(super) fn job(id: u32, dice: &mut Dice) -> HostRequest {
     let is_write = dice.one_in(2);
-    let areas: &[&str] = match (is_write, dice.below(30)) {
+    let areas: &[&str] = match (is_write, dice.below(60)) {
         (_, 0) => &["", "db", "XX", "DBX", "D", " DB", "P", "I", "M", "T", "C", "Z", "E", "A", "Q"],
         (true, _) => &["DB", "DB", "DX"],
         (false, _) => &["DB", "DB", "DX", "I", "Q", "M", "T", "C", "E", "A", "Z"],
@@ -23,11 +23,11 @@ pub(super) fn job(id: u32, dice: &mut Dice) -> HostRequest {
     if is_block && !dice.one_in(60) || !is_block && dice.one_in(20) {
         field("block", number(255, dice));
     }
-    if !dice.one_in(80) {
+    if !dice.one_in(100) {
         field("offset", number(255, dice));
     }
     let unit = if matches!(area, "I" | "Q" | "M" | "E" | "A") { 1 } else { 2 };
-    if is_write == dice.one_in(80) {
+    if is_write == dice.one_in(150) {
         let count = count(unit, dice);
         field("count", count);
     }
@@ -36,7 +36,7 @@ pub(super) fn job(id: u32, dice: &mut Dice) -> HostRequest {
         field("flag_byte", number(255, dice));
     }
     if flag < 4 || flag == 5 {
-        let most = if dice.one_in(4) { 15 } else { 7 };
+        let most = if dice.one_in(20) { 15 } else { 7 };
         field("flag_bit", number(most, dice));
     }
     if cpu {
@@ -57,15 +57,15 @@ pub(super) fn job(id: u32, dice: &mut Dice) -> HostRequest {
 }
 
 fn number(most: i64, dice: &mut Dice) -> String {
-    let number = match dice.below(60) {
+    let number = match dice.below(240) {
         0 => most + 1,
         1 => -1,
         2 => 1 << dice.between(8, 40),
         3 => i64::from(u32::MAX) + 1 + dice.between(0, 3),
         4 => dice.between(-300, -1),
-        5 | 6 => most,
-        7 | 8 => 0,
-        9 | 10 => 0x10_i64.min(most),
+        5..=12 => most,
+        13..=20 => 0,
+        21..=28 => 0x10_i64.min(most),
         _ => dice.between(0, most),
     };
     number.to_string()
@@ -74,12 +74,14 @@ fn number(most: i64, dice: &mut Dice) -> String {
 fn count(unit: usize, dice: &mut Dice) -> String {
     let most = (MOST / unit) as i64;
     match dice.below(20) {
-        0 => *dice.pick(&[0, -1, 65_535, 65_536, 65_537, 1 << 32, (1 << 32) + 1]),
+        0 if dice.one_in(3) => {
+            *dice.pick(&[0, -1, 65_535, 65_536, 65_537, 1 << 32, (1 << 32) + 1])
+        }
         1 => most,
         2 => most + 1,
         3 => 2 * most + dice.between(-1, 1),
-        4 | 5 => dice.between(1, 5 * most),
-        6 => dice.between(1, 2_000),
+        4..=6 => dice.between(1, 5 * most),
+        7 => dice.between(1, 2_000),
         _ => dice.between(1, 20),
     }
     .to_string()
@@ -87,7 +89,7 @@ fn count(unit: usize, dice: &mut Dice) -> String {
 
 fn length(dice: &mut Dice) -> usize {
     let length = match dice.below(24) {
-        0 => 0,
+        0 if dice.one_in(3) => 0,
         1 => MOST,
         2 => MOST + 2,
         3 => 2 * MOST + 2 * dice.below(2) as usize,
@@ -97,5 +99,5 @@ fn length(dice: &mut Dice) -> usize {
         7 => dice.below(2_000) as usize * 2,
         _ => 2 * (1 + dice.below(12) as usize),
     };
-    length + usize::from(dice.one_in(60))
+    length + usize::from(dice.one_in(100))
 }

@@ -34,7 +34,7 @@ impl Upper for Telegrams<'_> {
     }
 
     fn block(&self, _: &Station, is_faulty: bool, dice: &mut Dice) -> Vec<u8> {
-        let is_command = !self.0.awaits_reaction() || dice.one_in(6);
+        let is_command = !self.0.awaits_reaction() || dice.one_in(8);
         let telegram = if is_command {
             commands::command(self.0.series.as_ref(), dice)
         } else {
@@ -50,10 +50,10 @@ impl Upper for Telegrams<'_> {
             && !dice.one_in(6)
         {
             let until = (request.until - now).0;
-            return Some(match dice.below(10) {
-                0 => vec![stx],
-                1 => vec![nothing(until + 10)],
-                2 => vec![host((until + dice.between(-1, 1)).max(1), hosts::answer(request, dice))],
+            return Some(match dice.below(30) {
+                0 | 1 => vec![stx],
+                2 => vec![nothing(until + 10)],
+                3 => vec![host((until + dice.between(-1, 1)).max(1), hosts::answer(request, dice))],
                 _ => vec![host(soon, hosts::answer(request, dice))],
             });
         }
@@ -67,9 +67,9 @@ impl Upper for Telegrams<'_> {
         Some(match job.stage {
             Stage::Awaiting(until) => {
                 let until = (until - now).0;
-                match dice.below(12) {
+                match dice.below(40) {
                     0 => vec![nothing(until + 10)],
-                    1 => vec![bytes((until + dice.between(-1, 1)).max(1), &[STX])],
+                    1 | 2 => vec![bytes((until + dice.between(-1, 1)).max(1), &[STX])],
                     _ => vec![stx],
                 }
             }
