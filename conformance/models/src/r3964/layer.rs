@@ -1,11 +1,11 @@
 //! What a layer on top sees of a station: blocks go down, and it is told what became
 //! of them and which have come.
 
+use super::Station;
 use super::frame::NAK;
 use super::outgoing::Part;
 use super::rules::{Procedure, Rule};
 use super::state::State;
-use super::Station;
 use crate::model::{Conditions, Effect};
 use softplug_abi::Failure;
 

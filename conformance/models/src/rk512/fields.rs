@@ -57,7 +57,14 @@ pub(super) fn command(
         let too_long = (Failure::TooLong, 0x0517, "rk512.job.fields");
         return Err(if ways.is_other() { BAD } else { too_long });
     };
-    Ok(Command { kind, area, block: block_sent as u8, offset: offset.unwrap_or(0) as u8, count, flag })
+    Ok(Command {
+        kind,
+        area,
+        block: block_sent as u8,
+        offset: offset.unwrap_or(0) as u8,
+        count,
+        flag,
+    })
 }
 
 /// Fields by name.

@@ -207,13 +207,11 @@ impl Layer {
             self.look_at_count();
             match report {
                 Report::Received(telegram) => self.telegram(at, &telegram),
-                Report::Sent(sent) => {
-                    match std::mem::replace(&mut self.sender, Sender::Nobody) {
-                        Sender::Job => self.telegram_sent(at, sent),
-                        Sender::Reaction => self.reaction_sent(),
-                        Sender::Nobody => {}
-                    }
-                }
+                Report::Sent(sent) => match std::mem::replace(&mut self.sender, Sender::Nobody) {
+                    Sender::Job => self.telegram_sent(at, sent),
+                    Sender::Reaction => self.reaction_sent(),
+                    Sender::Nobody => {}
+                },
                 Report::Failed { failure, status, sent, clause } => {
                     match std::mem::replace(&mut self.sender, Sender::Nobody) {
                         Sender::Job => {
@@ -294,9 +292,8 @@ impl Layer {
             return self.station.seen(at, effect);
         }
         self.awaited.seen(effect, self.is_miscounted).map_err(|wrong| {
-            let (clause, message) = wrong.unwrap_or_else(|| {
-                (unasked(effect), format!("nothing asked for {effect:?}"))
-            });
+            let (clause, message) =
+                wrong.unwrap_or_else(|| (unasked(effect), format!("nothing asked for {effect:?}")));
             Broken::new(clause, message)
         })?;
         if let (Effect::Requested { id, .. }, Some(request)) = (effect, &mut self.request) {
@@ -330,9 +327,8 @@ fn unasked(effect: &Effect) -> &'static str {
         Effect::Delivered { .. } => "rk512.serve.write",
         Effect::Requested { .. } => "rk512.serve.malformed",
         Effect::Withdrawn(_) => "rk512.serve.withdrawn",
-        Effect::Checked { .. }
-        | Effect::Byte(_)
-        | Effect::Break(_)
-        | Effect::ModemLines(..) => "rk512.line.telegram",
+        Effect::Checked { .. } | Effect::Byte(_) | Effect::Break(_) | Effect::ModemLines(..) => {
+            "rk512.line.telegram"
+        }
     }
 }

@@ -118,7 +118,8 @@ impl Layer {
             return self.react(reaction(front, number));
         }
         if !is_follow_up {
-            self.series = first(telegram).map(|command| Series { command, done: 0, is_open: false });
+            self.series =
+                first(telegram).map(|command| Series { command, done: 0, is_open: false });
         }
         let header = if is_follow_up { SHORT } else { HEADER_BYTES };
         self.ask(at, front, &telegram[header..]);

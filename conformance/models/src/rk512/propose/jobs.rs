@@ -74,9 +74,7 @@ fn number(most: i64, dice: &mut Dice) -> String {
 fn count(unit: usize, dice: &mut Dice) -> String {
     let most = (MOST / unit) as i64;
     match dice.below(20) {
-        0 if dice.one_in(3) => {
-            *dice.pick(&[0, -1, 65_535, 65_536, 65_537, 1 << 32, (1 << 32) + 1])
-        }
+        0 if dice.one_in(3) => *dice.pick(&[0, -1, 65_535, 65_536, 65_537, 1 << 32, (1 << 32) + 1]),
         1 => most,
         2 => most + 1,
         3 => 2 * most + dice.between(-1, 1),
