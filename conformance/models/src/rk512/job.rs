@@ -3,7 +3,7 @@
 use super::awaited::Due;
 use super::fields::command;
 use super::layer::{Layer, Sender};
-use super::reactions::{GOOD, failure};
+use super::reactions::{GOOD, UNKNOWN, failure};
 use super::telegram::{Command, FIRST, FOLLOW_UP, Kind, MOST, SHORT};
 use softplug_abi::{Failure, Micros};
 
@@ -155,7 +155,8 @@ impl Layer {
             return self.fail_job((Failure::Protocol, 0, "rk512.react.malformed"));
         }
         if number != GOOD {
-            return self.fail_job((failure(number), u16::from(number), "rk512.react.error"));
+            let failure = failure(number).unwrap_or_else(|| self.ways.one_of(UNKNOWN));
+            return self.fail_job((failure, u16::from(number), "rk512.react.error"));
         }
         let data = &telegram[SHORT..];
         let part = job.part();

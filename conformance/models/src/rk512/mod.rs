@@ -9,6 +9,7 @@ mod awaited;
 mod fields;
 mod job;
 mod layer;
+mod procedure;
 mod profile;
 mod propose;
 mod reactions;

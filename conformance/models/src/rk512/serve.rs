@@ -77,6 +77,15 @@ fn faults_of_first(telegram: &[u8]) -> Vec<u8> {
     faults
 }
 
+/// Whether bytes 9 and 10 are none of the table's.
+fn has_odd_flag(telegram: &[u8]) -> bool {
+    let [byte, rest] = [telegram[8], telegram[9]];
+    let (cpu, bit) = (rest >> 4, rest & 0xF);
+    let is_cpu = matches!(cpu, 1..=4 | 0xF);
+    let is_flag = (byte == 0xFF) == (bit == 0xF) && matches!(bit, 0..=7 | 0xF);
+    !is_cpu || !is_flag
+}
+
 /// The command of a first telegram that can be read.
 fn first(telegram: &[u8]) -> Option<Command> {
     let [_, _, code, area, block, offset, high, low, byte, rest, ..] = *telegram else {
@@ -109,7 +118,12 @@ impl Layer {
             self.faults_of_follow_up(telegram)
         } else {
             self.series = None;
-            faults_of_first(telegram)
+            let mut faults = faults_of_first(telegram);
+            // Whether a flag or a CPU that there is not is a fault is left open.
+            if faults.is_empty() && has_odd_flag(telegram) && self.ways.is_other() {
+                faults.push(HEADER);
+            }
+            faults
         };
         if !faults.is_empty() {
             // Which one is told where there are several is left open.

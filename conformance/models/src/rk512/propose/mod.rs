@@ -83,9 +83,16 @@ impl Upper for Telegrams<'_> {
     }
 
     fn meanwhile(&self, _: Micros, dice: &mut Dice) -> Option<Vec<Proposal>> {
-        let request = self.0.request.as_ref()?;
-        let is_now = dice.one_in(12);
-        is_now.then(|| vec![host(soon(dice), hosts::answer(request, dice))])
+        if let Some(request) = self.0.request.as_ref().filter(|_| dice.one_in(12)) {
+            return Some(vec![host(soon(dice), hosts::answer(request, dice))]);
+        }
+        let wait = soon(dice);
+        let Some(job) = &self.0.job else {
+            let is_now = !self.0.station.is_idle() && dice.one_in(25);
+            return is_now.then(|| vec![host(wait, jobs::job(self.0.jobs + 1, dice))]);
+        };
+        let is_now = job.stage != Stage::OnLine && !job.is_paused && dice.one_in(40);
+        is_now.then(|| vec![host(wait, HostRequest::Pause(job.id))])
     }
 }
 
