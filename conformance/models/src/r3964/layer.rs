@@ -36,9 +36,14 @@ impl Station {
         Self::new(Procedure::Rk512, conditions, u32::MAX)
     }
 
+    /// One that carries plain blocks, as the layer is off.
+    pub(crate) fn without_layer(conditions: &Conditions) -> Option<Self> {
+        Self::new(Procedure::Rk512, conditions, conditions.delivery_room)
+    }
+
     /// A block to send; there is one at a time.
     pub(crate) fn send(&mut self, data: &[u8]) {
-        self.take_job(self.jobs + 1, data);
+        self.take_job(self.jobs + 1, "send", data);
     }
 
     /// Whether there is no buffer.

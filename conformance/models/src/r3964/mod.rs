@@ -285,7 +285,7 @@ impl Model for Station {
         match request {
             HostRequest::Open => self.open(),
             HostRequest::Close => self.close(),
-            HostRequest::Job { id, data, .. } => self.take_job(*id, data),
+            HostRequest::Job { id, kind, data, .. } => self.take_job(*id, kind, data),
             HostRequest::Pause(id) => self.pause(*id),
             HostRequest::Resume(id) => self.resume(*id),
             HostRequest::Abort(id) => self.abort(*id),

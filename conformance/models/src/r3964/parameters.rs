@@ -43,6 +43,7 @@ impl Parameters {
     /// `None` where these settings are those of another profile.
     pub(super) fn new(procedure: Procedure, conditions: &Conditions) -> Option<Self> {
         let settings = &conditions.settings;
+        let layer = settings.name("layer", "none");
         let is_simplified = procedure == Procedure::Simplified;
         let number = |name, otherwise, simplified| {
             settings.int(name, if is_simplified { simplified } else { otherwise })
@@ -74,10 +75,10 @@ impl Parameters {
             setup_attempts: number("setup_attempts", 6, 3),
             transmission_attempts: number("transmission_attempts", 6, 1),
             block_size: match procedure {
-                Procedure::Rk512 => TELEGRAM,
+                Procedure::Rk512 if layer == "rk512" => TELEGRAM,
                 _ => number("block_size", 1_024, 128) as usize,
             },
-            split: procedure != Procedure::Rk512 && settings.is_on("split", false),
+            split: layer != "rk512" && settings.is_on("split", false),
             nak_at_start: settings.is_on("nak_at_start", !is_simplified),
             nak_on_garbage: settings.is_on("nak_on_garbage", !is_simplified),
         };
@@ -88,7 +89,8 @@ impl Parameters {
             Procedure::Simplified => true,
             Procedure::Rk512 => is_whole,
         };
-        let layer = if procedure == Procedure::Rk512 { "rk512" } else { "none" };
-        (fits && settings.name("layer", "none") == layer).then_some(parameters)
+        // The profile of the layer has something to say without it, too.
+        let fits = fits && (layer == "none" || procedure == Procedure::Rk512);
+        fits.then_some(parameters)
     }
 }

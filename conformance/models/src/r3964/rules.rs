@@ -114,6 +114,8 @@ pub(super) enum Rule {
     RxNoHandshake,
     /// Silence behind an abort.
     AfterAbort,
+    /// Jobs of a layer that is off.
+    Kinds,
 }
 
 impl Procedure {
@@ -132,7 +134,7 @@ const fn of_r3964(rule: Rule) -> &'static str {
     match rule {
         Rule::Frame | Rule::NoDoubling => "r3964.line.frame",
         Rule::Bcc => "r3964.line.bcc",
-        Rule::SetUp | Rule::NoHandshake => "r3964.tx.set-up",
+        Rule::SetUp | Rule::NoHandshake | Rule::Kinds => "r3964.tx.set-up",
         Rule::Qvz => "r3964.tx.qvz",
         Rule::SetUpRefused => "r3964.tx.set-up-refused",
         Rule::SetUpAttempts => "r3964.tx.set-up-attempts",
@@ -195,6 +197,7 @@ const fn of_3964(rule: Rule) -> &'static str {
         Rule::Qvz => "3964.tx.qvz",
         Rule::SetUp
         | Rule::NoHandshake
+        | Rule::Kinds
         | Rule::SetUpRefused
         | Rule::SetUpAttempts
         | Rule::StopOnNak
@@ -234,7 +237,7 @@ const fn of_simplified(rule: Rule) -> &'static str {
         Rule::TooLongJob | Rule::RxTooLong => "r3964-simplified.line.block-size",
         Rule::StartNak => "r3964-simplified.line.no-start-nak",
         Rule::NoDoubling => "r3964-simplified.line.no-doubling",
-        Rule::SetUp | Rule::Acknowledged | Rule::Pause | Rule::Waits => {
+        Rule::SetUp | Rule::Acknowledged | Rule::Pause | Rule::Waits | Rule::Kinds => {
             "r3964-simplified.tx.set-up"
         }
         Rule::SetUpRefused | Rule::SetUpAttempts | Rule::Qvz => {
@@ -273,6 +276,7 @@ const fn of_simplified(rule: Rule) -> &'static str {
 /// A telegram is a block with all that the page says of blocks.
 const fn of_rk512(rule: Rule) -> &'static str {
     match rule {
+        Rule::Kinds => "rk512.job.kinds",
         Rule::Pause => "rk512.job.pause",
         Rule::Abort | Rule::AfterAbort => "rk512.job.abort",
         Rule::SetUpAttempts

@@ -21,7 +21,7 @@ pub(crate) use profile::PROFILE;
 
 use crate::dice::Dice;
 use crate::model::{Broken, Conditions, Effect, HostRequest, LineInput, Model, Proposal};
-use crate::r3964::Partner;
+use crate::r3964::{Partner, Station};
 use layer::Layer;
 use propose::Telegrams;
 use softplug_abi::Micros;
@@ -36,6 +36,14 @@ struct Rk512 {
 }
 
 fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
+    match conditions.settings.name("layer", "") {
+        "rk512" => {}
+        // Plug-in differs: NAKs for which the queue has no room are lost (hundreds of STX
+        // in one event, and no buffer).
+        "none" if conditions.transmit_room < 4_096 => return None,
+        "none" => return Some(Box::new(Station::without_layer(conditions)?)),
+        _ => return None,
+    }
     let worlds = Worlds::new(Layer::new(conditions)?);
     Some(Box::new(Rk512 { worlds, partner: RefCell::default() }))
 }

@@ -55,7 +55,7 @@ pub(crate) const PROFILE: Profile = Profile {
         "rk512.cross.directions",
     ],
     values: &[
-        ("layer", &["rk512"]),
+        ("layer", &["rk512", "rk512", "rk512", "rk512", "rk512", "none"]),
         ("bcc", &["on", "off"]),
         ("block_size", &["1024", "1", "16", "138", "256"]),
         ("buffer_wait", &["400", "0", "50"]),

@@ -117,7 +117,6 @@ impl Layer {
             self.settle_part();
             self.faults_of_follow_up(telegram)
         } else {
-            self.series = None;
             let mut faults = faults_of_first(telegram);
             // Whether a flag or a CPU that there is not is a fault is left open.
             if faults.is_empty() && has_odd_flag(telegram) && self.ways.is_other() {
@@ -128,7 +127,11 @@ impl Layer {
         if !faults.is_empty() {
             // Which one is told where there are several is left open.
             let number = self.ways.one_of(&faults);
-            self.series = None;
+            // Whether the command before can go on is left open.
+            let is_between = self.series.as_ref().is_some_and(|series| !series.is_open);
+            if !(is_between && self.ways.is_other()) {
+                self.series = None;
+            }
             return self.react(reaction(front, number));
         }
         if !is_follow_up {

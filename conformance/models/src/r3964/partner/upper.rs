@@ -5,6 +5,7 @@ use crate::dice::Dice;
 use crate::model::{HostRequest, Proposal};
 use crate::r3964::Station;
 use crate::r3964::room::Room;
+use crate::r3964::rules::Procedure;
 use softplug_abi::Micros;
 
 /// The longest data that a job has.
@@ -40,6 +41,9 @@ impl Upper for Plain {
         let length = length(parameters.block_size, longest.min(60 * parameters.block_size), dice);
         let data = data(length, dice);
         let id = station.jobs + 1;
+        if station.parameters.procedure == Procedure::Rk512 && dice.one_in(4) {
+            return of_the_layer(id, dice);
+        }
         HostRequest::Job { id, kind: "send".into(), fields: Vec::new(), data }
     }
 
@@ -65,4 +69,18 @@ impl Upper for Plain {
     fn meanwhile(&self, _: Micros, _: &mut Dice) -> Option<Vec<Proposal>> {
         None
     }
+}
+
+/// A job that needs the layer, which is off.
+fn of_the_layer(id: u32, dice: &mut Dice) -> HostRequest {
+    let mut fields = vec![("area", "DB"), ("block", "5"), ("offset", "10")];
+    let (kind, data) = if dice.one_in(2) {
+        ("write", vec![0x12, 0x34])
+    } else {
+        fields.push(("count", "7"));
+        ("read", Vec::new())
+    };
+    let named = |(name, value): (&str, &str)| (name.to_owned(), value.to_owned());
+    let fields = fields.into_iter().map(named).collect();
+    HostRequest::Job { id, kind: kind.to_owned(), fields, data }
 }
