@@ -77,6 +77,11 @@ fn faults_of_first(telegram: &[u8]) -> Vec<u8> {
     faults
 }
 
+/// Whether bytes 3 and 4 are a SEND and an area, and not a pair of the table.
+fn is_crossed(telegram: &[u8]) -> bool {
+    matches!(telegram, [_, _, 0x41, 0x58, ..] | [_, _, 0x4F, 0x44, ..])
+}
+
 /// Whether bytes 9 and 10 are none of the table's.
 fn has_odd_flag(telegram: &[u8]) -> bool {
     let [byte, rest] = [telegram[8], telegram[9]];
@@ -113,7 +118,7 @@ impl Layer {
         let is_follow_up = telegram.first() == Some(&FOLLOW_UP);
         let front = if is_follow_up { FOLLOW_UP } else { FIRST };
         self.withdraw("rk512.serve.withdrawn");
-        let faults = if is_follow_up {
+        let mut faults = if is_follow_up {
             self.settle_part();
             self.faults_of_follow_up(telegram)
         } else {
@@ -124,6 +129,10 @@ impl Layer {
             }
             faults
         };
+        // Whether 41 is no SEND to a DX, and 4F none to a DB, is left open.
+        if is_crossed(telegram) && self.ways.is_other() {
+            faults.extend([AREA, COMMAND]);
+        }
         if !faults.is_empty() {
             // Which one is told where there are several is left open.
             let number = self.ways.one_of(&faults);
