@@ -119,12 +119,12 @@ pub(super) struct Command {
 
 impl Command {
     /// Bytes of data of the whole.
-    pub(super) fn bytes(&self) -> usize {
+    pub(super) fn bytes(self) -> usize {
         usize::from(self.count) * self.area.unit()
     }
 
     /// Header of the first telegram.
-    pub(super) fn first(&self) -> Vec<u8> {
+    pub(super) fn first(self) -> Vec<u8> {
         let [high, low] = self.count.to_be_bytes();
         let code = command_code(self.kind, self.area);
         let [flag, rest] = self.flag;
@@ -132,7 +132,7 @@ impl Command {
     }
 
     /// Header of those that follow.
-    pub(super) fn follow_up(&self) -> Vec<u8> {
+    pub(super) fn follow_up(self) -> Vec<u8> {
         vec![FOLLOW_UP, 0, command_code(self.kind, self.area), self.area.code()]
     }
 }

@@ -52,17 +52,17 @@ impl<W: Wayfarer> Worlds<W> {
     /// The same happens in each, in all the ways that it may.
     pub(super) fn each(&mut self, happen: impl Fn(&mut W)) {
         for world in std::mem::take(&mut self.0) {
-            self.go(&world, Vec::new(), &happen);
+            self.go(&world, &[], &happen);
         }
     }
 
-    fn go(&mut self, world: &W, answers: Vec<bool>, happen: &impl Fn(&mut W)) {
+    fn go(&mut self, world: &W, answers: &[bool], happen: &impl Fn(&mut W)) {
         let mut gone = world.clone();
-        *gone.ways() = Ways { answers: answers.clone(), asked: 0 };
+        *gone.ways() = Ways { answers: answers.to_vec(), asked: 0 };
         happen(&mut gone);
         if gone.ways().asked > answers.len() {
             for answer in [false, true] {
-                self.go(world, [answers.as_slice(), &[answer]].concat(), happen);
+                self.go(world, &[answers, &[answer]].concat(), happen);
             }
             return;
         }

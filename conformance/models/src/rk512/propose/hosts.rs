@@ -33,8 +33,7 @@ pub(super) fn answer(request: &Request, dice: &mut Dice) -> HostRequest {
     }
     let length = match (request.kind, dice.below(30)) {
         (Kind::Send, 0) => dice.below(10) as usize,
-        (Kind::Send, _) => 0,
-        (Kind::Fetch, 0) => 0,
+        (Kind::Send, _) | (Kind::Fetch, 0) => 0,
         (Kind::Fetch, 1) => request.part + 1,
         (Kind::Fetch, 2) => request.part - 1,
         (Kind::Fetch, 3) => dice.length(20_000),

@@ -32,7 +32,7 @@ pub(super) fn job(id: u32, dice: &mut Dice) -> HostRequest {
         field("count", count);
     }
     let (flag, cpu) = (dice.below(20), dice.one_in(5));
-    if flag < 4 || flag == 4 {
+    if flag <= 4 {
         field("flag_byte", number(255, dice));
     }
     if flag < 4 || flag == 5 {

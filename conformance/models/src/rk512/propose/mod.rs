@@ -142,7 +142,7 @@ fn mangled(mut telegram: Vec<u8>, dice: &mut Dice) -> Vec<u8> {
     let at = dice.below(telegram.len().min(12) as u64) as usize;
     match dice.below(6) {
         0 => telegram.truncate(at),
-        1 => telegram.extend((0..1 + dice.length(3 * MOST)).map(|_| value(dice))),
+        1 => telegram.extend((0..=dice.length(3 * MOST)).map(|_| value(dice))),
         2 => telegram.insert(at.min(telegram.len()), value(dice)),
         3 | 4 if at < telegram.len() => telegram[at] = value(dice),
         _ => {}
