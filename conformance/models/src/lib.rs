@@ -34,6 +34,7 @@ mod model;
 mod noise;
 mod port;
 mod r3964;
+mod rk512;
 mod session;
 mod settings;
 mod shrink;
@@ -54,6 +55,7 @@ pub const PROFILES: &[&Profile] = &[
     &r3964::PLAIN_3964,
     &r3964::R3964,
     &r3964::SIMPLIFIED,
+    &rk512::PROFILE,
     &xon_xoff::PROFILE,
 ];
 

@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 ///
 /// A model queues what has to be sent, tells the port what it sees, and is told
 /// whether that is right.
-#[derive(Clone, Debug)]
+#[derive(Clone, PartialEq, Debug)]
 pub struct Port {
     depth: usize,
     /// In the port: they leave whatever happens. The first is on the wire.
@@ -55,6 +55,11 @@ impl Port {
     /// Drops the queue; what is urgent or in the port stays.
     pub fn discard(&mut self) {
         self.queue.clear();
+    }
+
+    /// Drops the last one that waits in the queue.
+    pub fn take_back(&mut self) {
+        self.queue.pop_back();
     }
 
     /// The port is gone, with all that waited and was in it, or is back.

@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use std::mem::discriminant;
 
 /// Deliveries and ends of jobs that are due now.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, PartialEq, Debug, Default)]
 pub(super) struct Awaited(VecDeque<(Rule, Effect)>);
 
 impl Awaited {
@@ -31,6 +31,11 @@ impl Awaited {
             }
             _ => Ok(()),
         }
+    }
+
+    /// A layer on top takes what it is told instead of it being seen.
+    pub(super) fn take(&mut self) -> Vec<(Rule, Effect)> {
+        self.0.drain(..).collect()
     }
 
     /// The first that was not seen.

@@ -51,7 +51,7 @@ enum Place {
 }
 
 /// A block as it comes in.
-#[derive(Clone, Debug)]
+#[derive(Clone, PartialEq, Debug)]
 pub(super) struct Incoming {
     /// Data that have come and fit.
     pub(super) data: Vec<u8>,

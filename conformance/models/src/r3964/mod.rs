@@ -6,16 +6,19 @@
 
 mod awaited;
 mod frame;
+mod layer;
 mod outgoing;
 mod parameters;
 mod partner;
 mod profiles;
 mod receiver;
-mod room;
+pub(crate) mod room;
 mod rules;
 mod sender;
 mod state;
 
+pub(crate) use layer::Report;
+pub(crate) use partner::{Partner, Upper, bytes, host, nothing, soon};
 pub(crate) use profiles::{PLAIN_3964, R3964, SIMPLIFIED};
 
 use crate::dice::Dice;
@@ -24,7 +27,7 @@ use awaited::Awaited;
 use frame::{NAK, STX};
 use outgoing::{Outgoing, Part};
 use parameters::Parameters;
-use partner::Partner;
+use partner::Plain;
 use room::Room;
 use rules::{Procedure, Rule};
 use softplug_abi::{Failure, LineErrorKind, Micros};
@@ -42,8 +45,8 @@ enum Character {
 }
 
 /// One station of the two.
-#[derive(Debug)]
-pub(super) struct Station {
+#[derive(Clone, PartialEq, Debug)]
+pub(crate) struct Station {
     parameters: Parameters,
     out: Outgoing,
     room: Room,
@@ -52,6 +55,8 @@ pub(super) struct Station {
     reception: Option<Reception>,
     /// Simplified without handshake: no STX before this after an abort.
     quiet: Quiet,
+    /// A layer on top has no room for what may come.
+    is_full: bool,
     deliveries: u32,
     /// The last id of a job.
     jobs: u32,
@@ -72,22 +77,27 @@ enum Quiet {
 
 impl Station {
     fn start(procedure: Procedure, conditions: &Conditions) -> Option<Box<dyn Model>> {
+        Some(Box::new(Self::new(procedure, conditions, conditions.delivery_room)?))
+    }
+
+    fn new(procedure: Procedure, conditions: &Conditions, room: u32) -> Option<Self> {
         let parameters = Parameters::new(procedure, conditions)?;
-        Some(Box::new(Self {
+        Some(Self {
             out: Outgoing::new(conditions.line, conditions.depth),
-            room: Room::new(conditions.delivery_room),
+            room: Room::new(room),
             parameters,
             state: State::Idle,
             job: None,
             reception: None,
             quiet: Quiet::No,
+            is_full: false,
             deliveries: 0,
             jobs: 0,
             is_open: false,
             is_down: false,
             awaited: Awaited::default(),
             partner: RefCell::default(),
-        }))
+        })
     }
 
     fn clause(&self) -> impl Fn(Rule) -> &'static str + use<> {
@@ -275,7 +285,7 @@ impl Model for Station {
         match request {
             HostRequest::Open => self.open(),
             HostRequest::Close => self.close(),
-            HostRequest::Job { id, data, .. } => self.take_job(*id, data),
+            HostRequest::Job { id, kind, data, .. } => self.take_job(*id, kind, data),
             HostRequest::Pause(id) => self.pause(*id),
             HostRequest::Resume(id) => self.resume(*id),
             HostRequest::Abort(id) => self.abort(*id),
@@ -322,6 +332,6 @@ impl Model for Station {
     }
 
     fn propose(&self, now: Micros, dice: &mut Dice) -> Proposal {
-        self.partner.borrow_mut().propose(self, now, dice)
+        self.partner.borrow_mut().propose(self, &Plain, now, dice)
     }
 }

@@ -19,7 +19,7 @@ pub(super) enum Part {
 }
 
 /// A character with what it is for.
-#[derive(Copy, Clone, Debug)]
+#[derive(Copy, Clone, PartialEq, Debug)]
 struct Labelled {
     part: Part,
     /// Told when it has left; 0: nobody waits for it.
@@ -28,7 +28,7 @@ struct Labelled {
 }
 
 /// The transmitting side with its labels.
-#[derive(Clone, Debug)]
+#[derive(Clone, PartialEq, Debug)]
 pub(super) struct Outgoing {
     port: Port,
     line: LineParameters,
@@ -82,6 +82,12 @@ impl Outgoing {
         }
         self.waiting.clear();
         self.port.discard();
+    }
+
+    /// Drops the last one that the port has not taken.
+    pub(super) fn take_back(&mut self) {
+        self.waiting.pop_back();
+        self.port.take_back();
     }
 
     pub(super) fn set_gone(&mut self, is_gone: bool) {

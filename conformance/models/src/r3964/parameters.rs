@@ -15,8 +15,11 @@ pub(super) enum Priority {
     None,
 }
 
+/// The largest telegram of RK512: a header of 10 bytes and 128 of data.
+const TELEGRAM: usize = 138;
+
 /// The page's names for them.
-#[derive(Clone, Debug)]
+#[derive(Clone, PartialEq, Debug)]
 pub(super) struct Parameters {
     pub(super) procedure: Procedure,
     pub(super) line: LineParameters,
@@ -40,6 +43,7 @@ impl Parameters {
     /// `None` where these settings are those of another profile.
     pub(super) fn new(procedure: Procedure, conditions: &Conditions) -> Option<Self> {
         let settings = &conditions.settings;
+        let layer = settings.name("layer", "none");
         let is_simplified = procedure == Procedure::Simplified;
         let number = |name, otherwise, simplified| {
             settings.int(name, if is_simplified { simplified } else { otherwise })
@@ -70,8 +74,11 @@ impl Parameters {
             buffer_wait: millis("buffer_wait", 400, 0),
             setup_attempts: number("setup_attempts", 6, 3),
             transmission_attempts: number("transmission_attempts", 6, 1),
-            block_size: number("block_size", 1_024, 128) as usize,
-            split: settings.is_on("split", false),
+            block_size: match procedure {
+                Procedure::Rk512 if layer == "rk512" => TELEGRAM,
+                _ => number("block_size", 1_024, 128) as usize,
+            },
+            split: layer != "rk512" && settings.is_on("split", false),
             nak_at_start: settings.is_on("nak_at_start", !is_simplified),
             nak_on_garbage: settings.is_on("nak_on_garbage", !is_simplified),
         };
@@ -80,7 +87,10 @@ impl Parameters {
             Procedure::R3964 => bcc && is_whole,
             Procedure::Plain3964 => !bcc && is_whole,
             Procedure::Simplified => true,
+            Procedure::Rk512 => is_whole,
         };
-        (fits && settings.name("layer", "none") == "none").then_some(parameters)
+        // The profile of the layer has something to say without it, too.
+        let fits = fits && (layer == "none" || procedure == Procedure::Rk512);
+        fits.then_some(parameters)
     }
 }

@@ -22,7 +22,7 @@ impl Station {
     }
 
     fn has_buffer(&self) -> bool {
-        self.room.known() >= self.limit()
+        !self.is_full && self.room.known() >= self.limit()
     }
 
     fn empty_block(&self) -> Incoming {

@@ -1,8 +1,8 @@
 //! The host's room for deliveries, as far as a plug-in knows it.
 
 /// Bytes that may be delivered, and what the host has still to put away.
-#[derive(Clone, Debug)]
-pub(super) struct Room {
+#[derive(Clone, PartialEq, Debug)]
+pub(crate) struct Room {
     whole: usize,
     opened_with: usize,
     /// What was told to be free.
@@ -15,33 +15,33 @@ pub(super) struct Room {
 }
 
 impl Room {
-    pub(super) fn new(whole: u32) -> Self {
+    pub(crate) fn new(whole: u32) -> Self {
         let whole = whole as usize;
         Self { whole, opened_with: whole, known: whole, untold: 0, waiting: 0, is_kept: false }
     }
 
     /// The room as it is known.
-    pub(super) fn known(&self) -> usize {
+    pub(crate) fn known(&self) -> usize {
         self.known
     }
 
     /// What was free when the link was opened.
-    pub(super) fn opened_with(&self) -> usize {
+    pub(crate) fn opened_with(&self) -> usize {
         self.opened_with
     }
 
     /// Bytes that the host has and could put away.
-    pub(super) fn waiting(&self) -> usize {
+    pub(crate) fn waiting(&self) -> usize {
         self.waiting
     }
 
     /// The least that has to be put away to be told at once.
-    pub(super) fn told_from(&self) -> usize {
+    pub(crate) fn told_from(&self) -> usize {
         (self.whole / 8).max(1)
     }
 
     /// So many bytes were delivered.
-    pub(super) fn deliver(&mut self, bytes: usize) {
+    pub(crate) fn deliver(&mut self, bytes: usize) {
         self.known = self.known.saturating_sub(bytes);
         self.waiting += bytes;
         if !self.is_kept {
@@ -50,7 +50,7 @@ impl Room {
     }
 
     /// The host puts nothing away by itself, or all of it at once.
-    pub(super) fn keep(&mut self, is_kept: bool) {
+    pub(crate) fn keep(&mut self, is_kept: bool) {
         self.is_kept = is_kept;
         if !is_kept {
             self.put_away(usize::MAX);
@@ -58,14 +58,14 @@ impl Room {
     }
 
     /// The host puts so many bytes away.
-    pub(super) fn put_away(&mut self, bytes: usize) {
+    pub(crate) fn put_away(&mut self, bytes: usize) {
         let bytes = bytes.min(self.waiting);
         self.waiting -= bytes;
         self.untold += bytes;
     }
 
     /// Growth is told behind the timers of an instant.
-    pub(super) fn tell(&mut self) {
+    pub(crate) fn tell(&mut self) {
         let is_all = self.known + self.untold == self.whole;
         if self.untold > 0 && (is_all || self.untold >= self.whole / 8) {
             self.tell_all();
@@ -73,7 +73,7 @@ impl Room {
     }
 
     /// An opening tells all of it.
-    pub(super) fn open(&mut self) {
+    pub(crate) fn open(&mut self) {
         self.tell_all();
         self.opened_with = self.known;
     }

@@ -9,6 +9,8 @@ pub(super) enum Procedure {
     Plain3964,
     /// The subset that small devices share.
     Simplified,
+    /// What lies below telegrams of RK512: 3964R or 3964.
+    Rk512,
 }
 
 /// A rule of the page.
@@ -112,6 +114,8 @@ pub(super) enum Rule {
     RxNoHandshake,
     /// Silence behind an abort.
     AfterAbort,
+    /// Jobs of a layer that is off.
+    Kinds,
 }
 
 impl Procedure {
@@ -121,6 +125,7 @@ impl Procedure {
             Self::R3964 => of_r3964(rule),
             Self::Plain3964 => of_3964(rule),
             Self::Simplified => of_simplified(rule),
+            Self::Rk512 => of_rk512(rule),
         }
     }
 }
@@ -129,7 +134,7 @@ const fn of_r3964(rule: Rule) -> &'static str {
     match rule {
         Rule::Frame | Rule::NoDoubling => "r3964.line.frame",
         Rule::Bcc => "r3964.line.bcc",
-        Rule::SetUp | Rule::NoHandshake => "r3964.tx.set-up",
+        Rule::SetUp | Rule::NoHandshake | Rule::Kinds => "r3964.tx.set-up",
         Rule::Qvz => "r3964.tx.qvz",
         Rule::SetUpRefused => "r3964.tx.set-up-refused",
         Rule::SetUpAttempts => "r3964.tx.set-up-attempts",
@@ -192,6 +197,7 @@ const fn of_3964(rule: Rule) -> &'static str {
         Rule::Qvz => "3964.tx.qvz",
         Rule::SetUp
         | Rule::NoHandshake
+        | Rule::Kinds
         | Rule::SetUpRefused
         | Rule::SetUpAttempts
         | Rule::StopOnNak
@@ -231,7 +237,7 @@ const fn of_simplified(rule: Rule) -> &'static str {
         Rule::TooLongJob | Rule::RxTooLong => "r3964-simplified.line.block-size",
         Rule::StartNak => "r3964-simplified.line.no-start-nak",
         Rule::NoDoubling => "r3964-simplified.line.no-doubling",
-        Rule::SetUp | Rule::Acknowledged | Rule::Pause | Rule::Waits => {
+        Rule::SetUp | Rule::Acknowledged | Rule::Pause | Rule::Waits | Rule::Kinds => {
             "r3964-simplified.tx.set-up"
         }
         Rule::SetUpRefused | Rule::SetUpAttempts | Rule::Qvz => {
@@ -264,5 +270,60 @@ const fn of_simplified(rule: Rule) -> &'static str {
         Rule::NoBuffer => "r3964-simplified.rx.busy",
         Rule::Garbage | Rule::Ignored => "r3964-simplified.rx.garbage-ignored",
         Rule::Zvz => "r3964-simplified.rx.zvz",
+    }
+}
+
+/// A telegram is a block with all that the page says of blocks.
+const fn of_rk512(rule: Rule) -> &'static str {
+    match rule {
+        Rule::Kinds => "rk512.job.kinds",
+        Rule::Pause => "rk512.job.pause",
+        Rule::Abort | Rule::AfterAbort => "rk512.job.abort",
+        Rule::SetUpAttempts
+        | Rule::TransmissionAttempts
+        | Rule::OneAttempt
+        | Rule::BothHigh
+        | Rule::BothLow => "rk512.send.underneath",
+        Rule::Frame
+        | Rule::Bcc
+        | Rule::SetUp
+        | Rule::Qvz
+        | Rule::SetUpRefused
+        | Rule::LateDle
+        | Rule::StopOnNak
+        | Rule::StopOnOther
+        | Rule::Acknowledged
+        | Rule::Repeat
+        | Rule::NoFalseSuccess
+        | Rule::TooLongJob
+        | Rule::Split
+        | Rule::Waits
+        | Rule::RxSetUp
+        | Rule::SecondStx
+        | Rule::NotWaiting
+        | Rule::Transparent
+        | Rule::Deliver
+        | Rule::Zvz
+        | Rule::DleError
+        | Rule::LineError
+        | Rule::RxBcc
+        | Rule::Repetition
+        | Rule::RxAttempts
+        | Rule::Bwz
+        | Rule::FirstError
+        | Rule::RxTooLong
+        | Rule::NoBuffer
+        | Rule::Garbage
+        | Rule::Ignored
+        | Rule::ConflictLow
+        | Rule::ConflictHigh
+        | Rule::ConflictNone
+        | Rule::StartNak
+        | Rule::Break
+        | Rule::Down
+        | Rule::Close
+        | Rule::NoDoubling
+        | Rule::NoHandshake
+        | Rule::RxNoHandshake => "rk512.line.telegram",
     }
 }

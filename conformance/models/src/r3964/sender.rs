@@ -10,13 +10,20 @@ use crate::model::Effect;
 use softplug_abi::{Failure, Micros};
 
 impl Station {
-    pub(super) fn take_job(&mut self, id: u32, data: &[u8]) {
+    pub(super) fn take_job(&mut self, id: u32, kind: &str, data: &[u8]) {
         self.jobs = self.jobs.max(id);
         if self.job.is_some() {
             // The link itself has one job at a time.
             let failure = Failure::Busy;
             let effect = Effect::Failed { job: id, failure, status: 0, sent: 0 };
             self.awaited.push(Rule::Waits, effect);
+            return;
+        }
+        if kind != "send" {
+            // Kinds of the layer, which is off.
+            let failure = Failure::NotSupported;
+            let effect = Effect::Failed { job: id, failure, status: 0, sent: 0 };
+            self.awaited.push(Rule::Kinds, effect);
             return;
         }
         self.out.count_anew();

@@ -81,7 +81,7 @@ impl State {
 }
 
 /// The job under way.
-#[derive(Clone, Debug)]
+#[derive(Clone, PartialEq, Debug)]
 pub(super) struct Job {
     pub(super) id: u32,
     /// Data of the blocks that are not acknowledged; the first is next.
@@ -102,7 +102,7 @@ pub(super) struct Job {
 }
 
 /// A reception, with all its repetitions.
-#[derive(Clone, Debug)]
+#[derive(Clone, PartialEq, Debug)]
 pub(super) struct Reception {
     /// The last block.
     pub(super) incoming: Incoming,

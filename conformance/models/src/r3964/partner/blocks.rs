@@ -1,6 +1,6 @@
 //! What a partner does with a block of its own.
 
-use super::{Next, bytes, damaged, data, length, line_break, nothing, overrun, soon};
+use super::{Next, bytes, damaged, line_break, nothing, overrun, soon};
 use crate::r3964::frame::{DLE, ETX, NAK, STX, block, check};
 use softplug_abi::Micros;
 
@@ -103,10 +103,8 @@ impl Next<'_> {
 
     /// A block as the partner sends it: mostly right.
     pub(super) fn partners_block(&mut self) -> Vec<u8> {
-        let limit = self.station.limit();
-        let longest = if self.is_faulty() { 3 * limit + 3 } else { limit };
-        let length = length(limit, longest, self.dice);
-        let data = data(length, self.dice);
+        let is_faulty = self.is_faulty();
+        let data = self.upper.block(self.station, is_faulty, self.dice);
         let mut all = block(&self.station.parameters, &data);
         if !self.is_faulty() {
             return all;

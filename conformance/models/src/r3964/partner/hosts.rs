@@ -1,27 +1,17 @@
 //! What a host does.
 
-use super::{LONGEST, Next, data, host, length, line, line_break, soon};
+use super::{Next, host, line, line_break, soon};
 use crate::model::{HostRequest, LineInput};
 use softplug_abi::LinkDownReason;
 
 impl Next<'_> {
     pub(super) fn job(&mut self, wait: i64) {
-        let parameters = &self.station.parameters;
-        let longest = match self.dice.below(200) {
-            0 => LONGEST,
-            1..=10 => 5_000,
-            _ => parameters.block_size * if parameters.split { 4 } else { 1 },
-        };
-        let length =
-            length(parameters.block_size, longest.min(60 * parameters.block_size), self.dice);
-        let data = data(length, self.dice);
-        let id = self.station.jobs + 1;
-        let job = HostRequest::Job { id, kind: "send".into(), fields: Vec::new(), data };
+        let job = self.upper.job(self.station, self.dice);
         self.push(host(wait, job));
     }
 
     pub(super) fn host_drains(&mut self, wait: i64) {
-        let room = &self.station.room;
+        let room = self.upper.room(self.station);
         let (waiting, least) = (room.waiting(), room.told_from());
         let request = match self.dice.below(4) {
             0 => HostRequest::Keep,
@@ -39,7 +29,7 @@ impl Next<'_> {
 
     pub(super) fn host_meddles(&mut self) {
         let wait = soon(self.dice);
-        let id = self.station.jobs.max(1);
+        let id = self.upper.last_job(self.station).max(1);
         match self.dice.below(14) {
             0..=2 => self.push(host(wait, HostRequest::Pause(id))),
             3 | 4 => self.push(host(wait, HostRequest::Resume(id))),

@@ -3,6 +3,9 @@
 mod answers;
 mod blocks;
 mod hosts;
+mod upper;
+
+pub(crate) use upper::{Plain, Upper};
 
 use super::Station;
 use super::frame::{DLE, ETX, NAK, STX};
@@ -12,17 +15,14 @@ use crate::model::{Given, HostRequest, LineInput, Proposal};
 use softplug_abi::{LineErrorKind, Micros};
 use std::collections::VecDeque;
 
-/// The longest data that a job has.
-const LONGEST: usize = 64 * 1_024;
-
 /// The partner's plan, and how well it behaves.
-#[derive(Debug, Default)]
-pub(super) struct Partner {
+#[derive(Clone, PartialEq, Debug, Default)]
+pub(crate) struct Partner {
     plan: VecDeque<Proposal>,
     mood: Option<Mood>,
 }
 
-#[derive(Copy, Clone, Debug)]
+#[derive(Copy, Clone, PartialEq, Debug)]
 struct Mood {
     /// One thing in so many is wrong.
     faults: u64,
@@ -42,19 +42,19 @@ impl Mood {
     }
 }
 
-fn line(wait: i64, input: LineInput) -> Proposal {
+pub(crate) fn line(wait: i64, input: LineInput) -> Proposal {
     Proposal { wait: Micros(wait), given: Given::Line(input) }
 }
 
-fn bytes(wait: i64, bytes: &[u8]) -> Proposal {
+pub(crate) fn bytes(wait: i64, bytes: &[u8]) -> Proposal {
     line(wait, LineInput::Bytes(bytes.to_vec()))
 }
 
-fn host(wait: i64, request: HostRequest) -> Proposal {
+pub(crate) fn host(wait: i64, request: HostRequest) -> Proposal {
     Proposal { wait: Micros(wait), given: Given::Host(request) }
 }
 
-fn nothing(wait: i64) -> Proposal {
+pub(crate) fn nothing(wait: i64) -> Proposal {
     Proposal { wait: Micros(wait), given: Given::Nothing }
 }
 
@@ -72,7 +72,7 @@ fn line_break(wait: i64) -> Proposal {
 }
 
 /// A short time, as an answer takes.
-fn soon(dice: &mut Dice) -> i64 {
+pub(crate) fn soon(dice: &mut Dice) -> i64 {
     match dice.below(8) {
         0 => 1,
         1..=4 => dice.between(1, 5_000),
@@ -82,7 +82,7 @@ fn soon(dice: &mut Dice) -> i64 {
 }
 
 /// Data of a block: any bytes, controls, texts, all values.
-fn data(length: usize, dice: &mut Dice) -> Vec<u8> {
+pub(crate) fn data(length: usize, dice: &mut Dice) -> Vec<u8> {
     let controls = [STX, ETX, DLE, NAK];
     let kind = dice.below(8);
     let first = dice.byte();
@@ -98,7 +98,7 @@ fn data(length: usize, dice: &mut Dice) -> Vec<u8> {
 }
 
 /// A length around a limit, or any.
-fn length(limit: usize, longest: usize, dice: &mut Dice) -> usize {
+pub(crate) fn length(limit: usize, longest: usize, dice: &mut Dice) -> usize {
     match dice.below(12) {
         0 => limit,
         1 => limit + 1,
@@ -111,14 +111,20 @@ fn length(limit: usize, longest: usize, dice: &mut Dice) -> usize {
 }
 
 impl Partner {
-    pub(super) fn propose(&mut self, station: &Station, now: Micros, dice: &mut Dice) -> Proposal {
+    pub(crate) fn propose(
+        &mut self,
+        station: &Station,
+        upper: &dyn Upper,
+        now: Micros,
+        dice: &mut Dice,
+    ) -> Proposal {
         let mood = *self.mood.get_or_insert_with(|| Mood::draw(dice));
         // What happened meanwhile may change the plan.
         if dice.one_in(60) {
             self.plan.clear();
         }
         if self.plan.is_empty() {
-            let mut next = Next { station, now, dice, mood, plan: &mut self.plan };
+            let mut next = Next { station, upper, now, dice, mood, plan: &mut self.plan };
             next.draw();
         }
         self.plan.pop_front().unwrap_or(nothing(1_000))
@@ -128,6 +134,7 @@ impl Partner {
 /// What could come next, drawn into a plan.
 struct Next<'a> {
     station: &'a Station,
+    upper: &'a dyn Upper,
     now: Micros,
     dice: &'a mut Dice,
     mood: Mood,
@@ -138,6 +145,9 @@ impl Next<'_> {
     fn draw(&mut self) {
         if self.dice.one_in(40) {
             return self.host_meddles();
+        }
+        if let Some(proposals) = self.upper.meanwhile(self.now, self.dice) {
+            return self.plan.extend(proposals);
         }
         match self.station.state {
             State::Idle => self.in_idle(),
@@ -196,6 +206,9 @@ impl Next<'_> {
         }
         if self.is_faulty() {
             return self.idle_garbage(wait);
+        }
+        if let Some(proposals) = self.upper.in_idle(self.now, wait, self.dice) {
+            return self.plan.extend(proposals);
         }
         if is_paused && !self.dice.one_in(3) {
             let id = self.station.jobs;

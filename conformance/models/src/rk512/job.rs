@@ -1,0 +1,229 @@
+//! Our own commands: SEND and FETCH as jobs.
+
+use super::awaited::Due;
+use super::fields::command;
+use super::layer::{Layer, Sender};
+use super::reactions::{GOOD, UNKNOWN, failure};
+use super::telegram::{Command, FIRST, FOLLOW_UP, Kind, MOST, SHORT};
+use softplug_abi::{Failure, Micros};
+
+/// Why a job fails: the failure, its status and the clause.
+pub(super) type Fault = (Failure, u16, &'static str);
+
+/// The job under way.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct Job {
+    pub(super) id: u32,
+    pub(super) command: Command,
+    /// Data that no telegram has brought to the partner.
+    pub(super) rest: Vec<u8>,
+    /// Data that reactions have brought.
+    pub(super) fetched: Vec<u8>,
+    /// Telegrams whose reactions have come.
+    pub(super) telegrams: usize,
+    pub(super) stage: Stage,
+    /// The next telegram had begun, and gave way to our reaction.
+    pub(super) has_begun: bool,
+    pub(super) is_paused: bool,
+    /// Characters that have left for it.
+    pub(super) sent: u64,
+}
+
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(super) enum Stage {
+    /// The next telegram waits for its turn.
+    Ready,
+    /// It is on the line.
+    OnLine,
+    /// It is acknowledged, and its reaction awaited until then.
+    Awaiting(Micros),
+}
+
+impl Job {
+    /// Bytes of data that the telegram under way brings or asks for.
+    pub(super) fn part(&self) -> usize {
+        match self.command.kind {
+            Kind::Send => self.rest.len().min(MOST),
+            Kind::Fetch => (self.command.bytes() - self.fetched.len()).min(MOST),
+        }
+    }
+
+    fn telegram(&self) -> Vec<u8> {
+        let mut telegram =
+            if self.telegrams == 0 { self.command.first() } else { self.command.follow_up() };
+        if self.command.kind == Kind::Send {
+            telegram.extend(&self.rest[..self.part()]);
+        }
+        telegram
+    }
+
+    /// First byte of the reaction.
+    pub(super) fn front(&self) -> u8 {
+        if self.telegrams == 0 { FIRST } else { FOLLOW_UP }
+    }
+}
+
+impl Layer {
+    pub(super) fn take_job(
+        &mut self,
+        id: u32,
+        kind: &str,
+        fields: &[(String, String)],
+        data: &[u8],
+    ) {
+        self.jobs = self.jobs.max(id);
+        if self.job.is_some() {
+            // The link itself has one job at a time.
+            let due = Due::Failed { job: id, failure: Failure::Busy, status: 0, sent: 0 };
+            return self.awaited.push("rk512.send.command", due);
+        }
+        self.is_miscounted = false;
+        match command(kind, fields, data, &mut self.ways) {
+            Ok(command) => {
+                self.job = Some(Job {
+                    id,
+                    command,
+                    rest: data.to_vec(),
+                    fetched: Vec::new(),
+                    telegrams: 0,
+                    stage: Stage::Ready,
+                    has_begun: false,
+                    is_paused: false,
+                    sent: 0,
+                });
+                self.feed(true);
+            }
+            Err((failure, status, clause)) => {
+                self.awaited.push(clause, Due::Failed { job: id, failure, status, sent: 0 });
+            }
+        }
+    }
+
+    /// Whether the job has a telegram that may go now.
+    pub(super) fn has_telegram(&mut self, are_data_there: bool) -> bool {
+        let Some(job) = self.job.as_ref().filter(|job| job.stage == Stage::Ready) else {
+            return false;
+        };
+        // The data of a follow-up may come behind what came from the line.
+        let is_behind = job.command.kind == Kind::Send && job.telegrams > 0 && !job.has_begun;
+        // Whether a pause holds one that had begun, and gave way, is left open.
+        (!job.is_paused || job.has_begun && self.ways.is_other())
+            && (are_data_there || !is_behind || self.ways.is_other())
+    }
+
+    pub(super) fn send_telegram(&mut self) {
+        let Some(job) = &mut self.job else { return };
+        job.stage = Stage::OnLine;
+        job.has_begun = false;
+        let telegram = job.telegram();
+        self.sender = Sender::Job;
+        self.station.send(&telegram);
+    }
+
+    /// The telegram that gave way goes after the reaction.
+    pub(super) fn put_telegram_back(&mut self) {
+        self.look_at_count();
+        let Some(job) = &mut self.job else { return };
+        job.sent += self.station.forget_block();
+        job.stage = Stage::Ready;
+        job.has_begun = true;
+        self.sender = Sender::Nobody;
+    }
+
+    /// Our telegram is acknowledged.
+    pub(super) fn telegram_sent(&mut self, at: Micros, sent: u64) {
+        let Some(job) = &mut self.job else { return };
+        job.sent += sent;
+        job.stage = Stage::Awaiting(at + self.reaction_time);
+    }
+
+    /// The reaction that our job awaits: whether there is one.
+    pub(super) fn awaits_reaction(&self) -> bool {
+        matches!(self.job, Some(Job { stage: Stage::Awaiting(_), .. }))
+    }
+
+    /// What came instead of, or as, our reaction.
+    pub(super) fn take_reaction(&mut self, telegram: &[u8]) {
+        let Some(job) = &mut self.job else { return };
+        let fits = telegram.len() >= SHORT
+            && telegram[0] == job.front()
+            && telegram[1] == 0
+            && telegram[2] == 0;
+        let number = telegram.get(3).copied().unwrap_or(GOOD);
+        // Which one is told where there are both is left open.
+        if !fits && (number == GOOD || !self.ways.is_other()) {
+            return self.fail_job((Failure::Protocol, 0, "rk512.react.malformed"));
+        }
+        if number != GOOD {
+            let failure = failure(number).unwrap_or_else(|| self.ways.one_of(UNKNOWN));
+            return self.fail_job((failure, u16::from(number), "rk512.react.error"));
+        }
+        let data = &telegram[SHORT..];
+        let part = job.part();
+        let expected = if job.command.kind == Kind::Fetch { part } else { 0 };
+        if data.len() != expected {
+            return self.fail_job((Failure::Protocol, 0, "rk512.react.malformed"));
+        }
+        // They are the host's at once.
+        self.room.deliver(data.len());
+        job.fetched.extend(data);
+        if job.command.kind == Kind::Send {
+            job.rest.drain(..part);
+        }
+        job.telegrams += 1;
+        job.stage = Stage::Ready;
+        let is_whole = match job.command.kind {
+            Kind::Send => job.rest.is_empty(),
+            Kind::Fetch => job.fetched.len() == job.command.bytes(),
+        };
+        if is_whole {
+            self.end_job();
+        }
+    }
+
+    fn end_job(&mut self) {
+        let Some(job) = self.job.take() else { return };
+        if job.command.kind == Kind::Fetch {
+            self.deliver(job.fetched, None, 0, "rk512.fetch.command");
+        }
+        self.awaited.push("rk512.react.good", Due::Done { job: job.id, sent: job.sent });
+    }
+
+    pub(super) fn fail_job(&mut self, (failure, status, clause): Fault) {
+        let Some(job) = self.job.take() else { return };
+        if !job.fetched.is_empty() {
+            self.deliver(job.fetched, Some(failure), status, "rk512.job.abort");
+        }
+        self.awaited.push(clause, Due::Failed { job: job.id, failure, status, sent: job.sent });
+    }
+
+    pub(super) fn pause(&mut self, id: u32, is_paused: bool) {
+        if let Some(job) = self.job.as_mut().filter(|job| job.id == id) {
+            job.is_paused = is_paused;
+            self.feed(true);
+        }
+    }
+
+    /// Whether what a FETCH has brought is a delivery under way is left open. If it is,
+    /// its end is the job's.
+    pub(super) fn abort_delivery(&mut self, at: Micros) {
+        let job = self.job.as_ref().filter(|job| !job.fetched.is_empty());
+        let Some(id) = job.map(|job| job.id) else { return };
+        if self.ways.is_other() {
+            self.abort(at, id);
+        }
+    }
+
+    pub(super) fn abort(&mut self, at: Micros, id: u32) {
+        let Some(job) = self.job.as_ref().filter(|job| job.id == id) else { return };
+        if job.stage == Stage::OnLine {
+            self.station.abort_sending();
+            return self.hear(at);
+        }
+        if job.sent > 0 && self.station.is_idle() {
+            self.station.say_nak();
+        }
+        self.fail_job((Failure::Aborted, 0, "rk512.job.abort"));
+        self.feed(true);
+    }
+}

@@ -1,0 +1,82 @@
+//! Commands of the partner.
+
+use super::value;
+use crate::dice::Dice;
+use crate::rk512::serve::Series;
+use crate::rk512::telegram::{Area, Command, Kind, MOST};
+
+/// A first telegram, or one that goes on with the command before.
+pub(super) fn command(series: Option<&Series>, dice: &mut Dice) -> Vec<u8> {
+    match series {
+        Some(series) if !dice.one_in(5) => follow_up(series, dice),
+        None if dice.one_in(30) => {
+            let command = drawn(dice);
+            let mut telegram = command.follow_up();
+            if command.kind == Kind::Send {
+                telegram.extend((0..2).map(|_| value(dice)));
+            }
+            telegram
+        }
+        None | Some(_) => first(dice),
+    }
+}
+
+fn follow_up(series: &Series, dice: &mut Dice) -> Vec<u8> {
+    let mut command = series.command;
+    if dice.one_in(20) {
+        command.kind = *dice.pick(&[Kind::Send, Kind::Fetch]);
+        command.area = *dice.pick(&Area::ALL);
+    }
+    let mut telegram = command.follow_up();
+    if command.kind == Kind::Send {
+        telegram.extend((0..about(series.part(), dice)).map(|_| value(dice)));
+    }
+    telegram
+}
+
+fn first(dice: &mut Dice) -> Vec<u8> {
+    let command = drawn(dice);
+    let mut telegram = command.first();
+    if command.kind == Kind::Send {
+        let part = command.bytes().min(MOST);
+        telegram.extend((0..about(part, dice)).map(|_| value(dice)));
+    }
+    telegram
+}
+
+/// A length, mostly right.
+fn about(length: usize, dice: &mut Dice) -> usize {
+    match dice.below(40) {
+        0 => length + 1,
+        1 => length.saturating_sub(1),
+        2 => dice.length(MOST),
+        _ => length,
+    }
+}
+
+fn drawn(dice: &mut Dice) -> Command {
+    let kind = *dice.pick(&[Kind::Send, Kind::Fetch]);
+    let area = match (kind, dice.below(3)) {
+        (Kind::Send, 0 | 1) => *dice.pick(&[Area::Db, Area::Dx]),
+        _ => *dice.pick(&Area::ALL),
+    };
+    let most = MOST / area.unit();
+    let count = match dice.below(16) {
+        0 => dice.below(65_536) as usize,
+        1 => most,
+        2 => most + 1,
+        3 => 2 * most + dice.below(3) as usize,
+        4 | 5 => dice.below(4 * most as u64) as usize,
+        6 => 0x10,
+        _ => 1 + dice.below(20) as usize,
+    } as u16;
+    let block = if area.is_block() || dice.one_in(20) { value(dice) } else { 0 };
+    let flag = match dice.below(8) {
+        0 => [value(dice), dice.byte()],
+        1 => [value(dice), 0xF0 | dice.below(8) as u8],
+        2 => [0xFF, (1 + dice.below(4) as u8) << 4 | 0xF],
+        3 => [value(dice), (1 + dice.below(4) as u8) << 4 | dice.below(8) as u8],
+        _ => [0xFF, 0xFF],
+    };
+    Command { kind, area, block, offset: value(dice), count, flag }
+}

@@ -1,0 +1,298 @@
+//! The partner's commands: requests to the host, and our reactions.
+
+use super::awaited::Due;
+use super::layer::{Layer, Sender};
+use super::reactions::{AREA, COMMAND, GOOD, HEADER, LENGTH, SEQUENCE, STOP, of_refusal};
+use super::telegram::{
+    Area, Command, FIRST, FOLLOW_UP, HEADER as HEADER_BYTES, Kind, MOST, SHORT, reaction,
+};
+use softplug_abi::{Failure, Micros};
+
+/// A command of the partner, as far as it has come.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct Series {
+    pub(super) command: Command,
+    /// Bytes of data of the parts before.
+    pub(super) done: usize,
+    /// The part at `done` was asked for, and its reaction is not acknowledged.
+    pub(super) is_open: bool,
+}
+
+impl Series {
+    /// Bytes of the next part.
+    pub(super) fn part(&self) -> usize {
+        (self.command.bytes() - self.done).min(MOST)
+    }
+}
+
+/// What the host was asked.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct Request {
+    /// The plug-in's id for it, when it is seen.
+    pub(super) id: u32,
+    pub(super) kind: Kind,
+    /// Bytes of data that it is about.
+    pub(super) part: usize,
+    /// First byte of the reaction.
+    pub(super) front: u8,
+    pub(super) until: Micros,
+}
+
+fn kind_of(code: u8) -> Option<Kind> {
+    match code {
+        0x41 | 0x4F => Some(Kind::Send),
+        0x45 => Some(Kind::Fetch),
+        _ => None,
+    }
+}
+
+/// What is wrong with the first bytes of a telegram.
+fn faults_of_head(telegram: &[u8], length: usize) -> Vec<u8> {
+    let mut faults = Vec::new();
+    let is_front = telegram.first().is_some_and(|front| matches!(*front, FIRST | FOLLOW_UP));
+    if telegram.len() < length || !is_front || telegram[1] != 0 {
+        faults.push(HEADER);
+    }
+    let kind = telegram.get(2).map(|code| kind_of(*code));
+    if kind == Some(None) {
+        faults.push(COMMAND);
+    }
+    if let (Some(kind), Some(area)) = (kind, telegram.get(3))
+        && area_of(kind.unwrap_or(Kind::Fetch), *area).is_err()
+    {
+        faults.push(AREA);
+    }
+    faults
+}
+
+/// What is wrong with the first telegram of a command.
+fn faults_of_first(telegram: &[u8]) -> Vec<u8> {
+    let mut faults = faults_of_head(telegram, HEADER_BYTES);
+    if let Some(command) = first(telegram) {
+        let data = if command.kind == Kind::Send { command.bytes().min(MOST) } else { 0 };
+        if command.count == 0 || telegram.len() != HEADER_BYTES + data {
+            faults.push(LENGTH);
+        }
+    }
+    faults
+}
+
+/// Whether bytes 3 and 4 are a SEND and an area, and not a pair of the table.
+fn is_crossed(telegram: &[u8]) -> bool {
+    matches!(telegram, [_, _, 0x41, 0x58, ..] | [_, _, 0x4F, 0x44, ..])
+}
+
+/// Whether bytes 9 and 10 are none of the table's.
+fn has_odd_flag(telegram: &[u8]) -> bool {
+    let [byte, rest] = [telegram[8], telegram[9]];
+    let (cpu, bit) = (rest >> 4, rest & 0xF);
+    let is_cpu = matches!(cpu, 1..=4 | 0xF);
+    let is_flag = (byte == 0xFF) == (bit == 0xF) && matches!(bit, 0..=7 | 0xF);
+    !is_cpu || !is_flag
+}
+
+/// The command of a first telegram that can be read.
+fn first(telegram: &[u8]) -> Option<Command> {
+    let [_, _, code, area, block, offset, high, low, byte, rest, ..] = *telegram else {
+        return None;
+    };
+    let kind = kind_of(code)?;
+    let area = Area::of_code(area)?;
+    let count = u16::from_be_bytes([high, low]);
+    Some(Command { kind, area, block, offset, count, flag: [byte, rest] })
+}
+
+/// A SEND goes into a DB or DX: the host is asked with the same fields as a job has.
+fn area_of(kind: Kind, code: u8) -> Result<Area, u8> {
+    let is_open = |area: &Area| kind == Kind::Fetch || area.is_block();
+    Area::of_code(code).filter(is_open).ok_or(AREA)
+}
+
+impl Layer {
+    /// A command, or what is none.
+    pub(super) fn serve(&mut self, at: Micros, telegram: &[u8]) {
+        // Whether a reaction that has not left is still sent is left open.
+        if self.has_reaction() && self.ways.is_other() {
+            self.drop_reaction();
+        }
+        let is_follow_up = telegram.first() == Some(&FOLLOW_UP);
+        let front = if is_follow_up { FOLLOW_UP } else { FIRST };
+        self.withdraw("rk512.serve.withdrawn");
+        let mut faults = if is_follow_up {
+            self.settle_part();
+            self.faults_of_follow_up(telegram)
+        } else {
+            let mut faults = faults_of_first(telegram);
+            // Whether a flag or a CPU that there is not is a fault is left open.
+            if faults.is_empty() && has_odd_flag(telegram) && self.ways.is_other() {
+                faults.push(HEADER);
+            }
+            faults
+        };
+        // Whether 41 is no SEND to a DX, and 4F none to a DB, is left open.
+        if is_crossed(telegram) && self.ways.is_other() {
+            faults.extend([AREA, COMMAND]);
+        }
+        if !faults.is_empty() {
+            // Which one is told where there are several is left open.
+            let number = self.ways.one_of(&faults);
+            // Whether the command before can go on is left open.
+            let is_between = self.series.as_ref().is_some_and(|series| !series.is_open);
+            if !(is_between && self.ways.is_other()) {
+                self.series = None;
+            }
+            return self.react(reaction(front, number));
+        }
+        if !is_follow_up {
+            self.series =
+                first(telegram).map(|command| Series { command, done: 0, is_open: false });
+        }
+        let header = if is_follow_up { SHORT } else { HEADER_BYTES };
+        self.ask(at, front, &telegram[header..]);
+    }
+
+    /// A follow-up comes although the reaction to the part before is not acknowledged.
+    /// Whether it brings that part again or the next one, or is out of sequence, is left
+    /// open.
+    fn settle_part(&mut self) {
+        let Some(series) = self.series.as_mut().filter(|series| series.is_open) else { return };
+        series.is_open = false;
+        match self.ways.one_of(&[0, 1, 2]) {
+            0 => self.series = None,
+            1 if series.done > 0 => {}
+            _ => self.part_done(),
+        }
+    }
+
+    /// The part at hand is done with.
+    fn part_done(&mut self) {
+        self.series = self.series.take().and_then(|mut series| {
+            series.done += series.part();
+            series.is_open = false;
+            (series.done < series.command.bytes()).then_some(series)
+        });
+    }
+
+    /// Our reaction is acknowledged.
+    pub(super) fn reaction_sent(&mut self) {
+        if self.series.as_ref().is_some_and(|series| series.is_open) {
+            self.part_done();
+        }
+    }
+
+    fn faults_of_follow_up(&self, telegram: &[u8]) -> Vec<u8> {
+        let mut faults = faults_of_head(telegram, SHORT);
+        let kind = telegram.get(2).and_then(|code| kind_of(*code));
+        let area = telegram.get(3).and_then(|code| Area::of_code(*code));
+        let is_of = |command: &Command| Some(command.kind) == kind && Some(command.area) == area;
+        match self.series.as_ref().filter(|series| is_of(&series.command)) {
+            None => faults.push(SEQUENCE),
+            Some(series) => {
+                let data = if kind == Some(Kind::Send) { series.part() } else { 0 };
+                if telegram.len() != SHORT + data {
+                    faults.push(LENGTH);
+                }
+            }
+        }
+        faults
+    }
+
+    fn ask(&mut self, at: Micros, front: u8, data: &[u8]) {
+        let Some(series) = &mut self.series else { return };
+        let command = &series.command;
+        let part = series.part();
+        let unit = command.area.unit();
+        let mut fields = vec![
+            ("area", command.area.name().to_owned()),
+            ("block", command.block.to_string()),
+            ("offset", (usize::from(command.offset) + series.done / unit).to_string()),
+            ("count", (part / unit).to_string()),
+        ];
+        let [byte, rest] = command.flag;
+        let (cpu, bit) = (rest >> 4, rest & 0xF);
+        if byte != 0xFF {
+            fields.push(("flag_byte", byte.to_string()));
+        }
+        if bit != 0xF {
+            fields.push(("flag_bit", bit.to_string()));
+        }
+        if cpu != 0xF {
+            fields.push(("cpu", cpu.to_string()));
+        }
+        let kind = command.kind;
+        if kind == Kind::Send {
+            let bytes: Vec<String> = data.iter().map(|byte| format!("{byte:02X}")).collect();
+            fields.push(("data", bytes.join(" ")));
+        }
+        let (name, clause) = match kind {
+            Kind::Send => ("write", "rk512.serve.write"),
+            Kind::Fetch => ("read", "rk512.serve.read"),
+        };
+        let clause = if front == FOLLOW_UP { "rk512.serve.follow-up" } else { clause };
+        let fields = fields.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
+        self.awaited.push(clause, Due::Requested { kind: name, fields });
+        series.is_open = true;
+        let until = at + self.reaction_time;
+        self.request = Some(Request { id: 0, kind, part, front, until });
+    }
+
+    pub(super) fn withdraw(&mut self, clause: &'static str) {
+        if let Some(request) = self.request.take() {
+            self.awaited.push(clause, Due::Withdrawn(request.id));
+        }
+    }
+
+    /// The host answers.
+    pub(super) fn answer(&mut self, id: u32, answer: &Result<Vec<u8>, Failure>) {
+        let Some(request) = self.request.take_if(|request| request.id == id) else { return };
+        if answer.as_ref().is_ok_and(|data| data.len() > request.part) && self.ways.is_other() {
+            // Enough has come before the last piece of it: that is left open.
+            self.awaited.push("rk512.serve.read", Due::Withdrawn(id));
+        }
+        let number = match answer {
+            Ok(data) if request.kind == Kind::Fetch && data.len() != request.part => LENGTH,
+            Ok(_) => GOOD,
+            Err(failure) => of_refusal(*failure),
+        };
+        let mut telegram = reaction(request.front, number);
+        if number == GOOD {
+            if let (Kind::Fetch, Ok(data)) = (request.kind, answer) {
+                telegram.extend(data);
+            }
+        } else {
+            self.series = None;
+        }
+        self.react(telegram);
+    }
+
+    /// The host has not answered in time.
+    pub(super) fn request_ran_out(&mut self) {
+        let Some(request) = self.request.take() else { return };
+        self.awaited.push("rk512.serve.time-out", Due::Withdrawn(request.id));
+        self.series = None;
+        self.react(reaction(request.front, STOP));
+    }
+
+    fn react(&mut self, telegram: Vec<u8>) {
+        self.reaction = Some(telegram);
+    }
+
+    pub(super) fn send_reaction(&mut self) {
+        let Some(telegram) = self.reaction.take() else { return };
+        self.sender = Sender::Reaction;
+        self.station.send(&telegram);
+    }
+
+    /// A reaction waits, or is on the line.
+    fn has_reaction(&self) -> bool {
+        self.reaction.is_some() || self.sender == Sender::Reaction
+    }
+
+    fn drop_reaction(&mut self) {
+        self.reaction = None;
+        if self.sender == Sender::Reaction {
+            self.sender = Sender::Nobody;
+            let _ = self.station.forget_block();
+        }
+    }
+}
