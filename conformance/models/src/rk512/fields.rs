@@ -30,8 +30,7 @@ pub(super) fn command(
         return Err(BAD);
     }
     let block = fields.within("block", 0..=255)?;
-    // Plug-in differs: the number is sent for other areas, too.
-    let block_sent = block.unwrap_or(0);
+    let block_sent = block.filter(|_| area.is_block()).unwrap_or(0);
     let offset = fields.within("offset", 0..=255)?;
     // What it means that they are not given is left open.
     let is_whole = offset.is_some() && (block.is_some() || !area.is_block());

@@ -75,6 +75,9 @@ impl Header {
             };
             header[place] = byte;
         }
+        if !matches!(header[3], b'D' | b'X') {
+            header[4] = 0;
+        }
         header[2] = match header[3] {
             1.. if is_read && (header[6] | header[7]) != 0 => FETCH,
             b'D' if !is_read => SEND_DB,
