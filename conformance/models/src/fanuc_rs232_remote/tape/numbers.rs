@@ -1,0 +1,50 @@
+//! N numbers at the start of a block.
+
+use super::lines::Line;
+use super::rules::{BlockNumbers, TapeRules};
+use std::ops::Range;
+
+/// Where a block's N number stands, N included: behind blanks and slashes, each of these
+/// with one digit at most.
+pub(super) fn place(characters: &[u8]) -> Option<Range<usize>> {
+    let mut at = 0;
+    loop {
+        match characters.get(at..).unwrap_or_default() {
+            [b' ', ..] => at += 1,
+            [b'/', b'0'..=b'9', ..] => at += 2,
+            [b'/', ..] => at += 1,
+            [b'N', b'0'..=b'9', ..] => break,
+            _ => return None,
+        }
+    }
+    let digits = characters[at + 1..].iter().take_while(|digit| digit.is_ascii_digit());
+    Some(at..at + 1 + digits.count())
+}
+
+/// The number of a block, if it has one that is not too large.
+pub(super) fn value(line: &Line) -> Option<u64> {
+    // A character that cannot be sent is no part of a number, and none stands before one.
+    let end = line.refused_at.unwrap_or(line.characters.len());
+    let known = &line.characters[..end];
+    let number = place(known)?;
+    let text = std::str::from_utf8(&known[number.start + 1..number.end]).ok()?;
+    text.parse().ok()
+}
+
+/// Kept, left out, or made new where there were some.
+pub(super) fn rewrite(rules: &TapeRules, mut blocks: Vec<Line>) -> Vec<Line> {
+    let mut number = 0;
+    for block in &mut blocks {
+        let Some(place) = place(&block.characters) else { continue };
+        let new = match rules.block_numbers {
+            BlockNumbers::Keep => continue,
+            BlockNumbers::Strip => String::new(),
+            BlockNumbers::Renumber => {
+                number += rules.number_step;
+                format!("N{number}")
+            }
+        };
+        block.characters.splice(place, new.bytes());
+    }
+    blocks
+}
