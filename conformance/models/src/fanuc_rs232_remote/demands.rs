@@ -12,6 +12,25 @@ pub(super) struct Demands(Vec<Demand>);
 struct Demand {
     one_of: Vec<Effect>,
     clause: &'static str,
+    any_count: bool,
+}
+
+impl Demand {
+    fn is_met(&self, effect: &Effect) -> bool {
+        let any = self.any_count && self.one_of.contains(&without_count(effect));
+        any || self.one_of.contains(effect)
+    }
+}
+
+/// An end of a job, whatever is said to have left for it.
+fn without_count(effect: &Effect) -> Effect {
+    match effect.clone() {
+        Effect::Done { job, .. } => Effect::Done { job, sent: 0 },
+        Effect::Failed { job, failure, status, .. } => {
+            Effect::Failed { job, failure, status, sent: 0 }
+        }
+        other => other,
+    }
 }
 
 impl Demands {
@@ -22,7 +41,12 @@ impl Demands {
 
     /// One of these has to be done now.
     pub(super) fn add_one_of(&mut self, one_of: Vec<Effect>, clause: &'static str) {
-        self.0.push(Demand { one_of, clause });
+        self.0.push(Demand { one_of, clause, any_count: false });
+    }
+
+    /// This has to be done now; what is said to have left is not looked at.
+    pub(super) fn add_uncounted(&mut self, effect: Effect, clause: &'static str) {
+        self.0.push(Demand { one_of: vec![without_count(&effect)], clause, any_count: true });
     }
 
     /// Whether something is awaited.
@@ -35,12 +59,12 @@ impl Demands {
     /// # Errors
     /// Nothing demands it.
     pub(super) fn meet(&mut self, effect: &Effect) -> Result<(), Broken> {
-        if let Some(at) = self.0.iter().position(|demand| demand.one_of.contains(effect)) {
+        if let Some(at) = self.0.iter().position(|demand| demand.is_met(effect)) {
             self.0.remove(at);
             return Ok(());
         }
         match self.0.first() {
-            Some(Demand { one_of, clause }) => {
+            Some(Demand { one_of, clause, .. }) => {
                 Err(Broken::new(clause, format!("{effect:?} where {one_of:?} had to be")))
             }
             None => {
@@ -55,7 +79,7 @@ impl Demands {
     /// Something was not done.
     pub(super) fn settled(&self) -> Result<(), Broken> {
         match self.0.first() {
-            Some(Demand { one_of, clause }) => {
+            Some(Demand { one_of, clause, .. }) => {
                 Err(Broken::new(clause, format!("{one_of:?} had to be")))
             }
             None => Ok(()),

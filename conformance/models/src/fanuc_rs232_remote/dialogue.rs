@@ -17,6 +17,8 @@ impl RemoteBuffer {
             Ok(Command::Rty) => self.say_again(),
             Ok(command) => {
                 (self.dialogue.repeats, self.dialogue.bad) = (0, 0);
+                // This one answers our RTY.
+                self.dialogue.asked_again = false;
                 self.command(command);
             }
             Err(bad) => self.ask_again(bad),
@@ -24,10 +26,12 @@ impl RemoteBuffer {
     }
 
     fn command(&mut self, command: Command) {
-        let awaits_rdy = std::mem::take(&mut self.dialogue.awaits_rdy);
         // Plug-in differs: any message but RTY shows it that the control is initialised.
-        // The page wants SYN or RDY. And then a RDY behind it answers no SYN of ours.
+        // The page wants SYN or RDY.
         self.dialogue.is_ready = true;
+        // Plug-in differs: it takes a RDY for the answer to its SYN only as long as it has
+        // said nothing else since.
+        let awaits_rdy = self.dialogue.awaits_rdy();
         let has_begun = self.job.as_ref().is_some_and(|job| job.has_begun);
         match command {
             Command::Syn => {
@@ -38,7 +42,12 @@ impl RemoteBuffer {
             }
             Command::Rdy => {
                 self.end();
-                if !awaits_rdy {
+                if awaits_rdy {
+                    // Plug-in differs: from here on RTY gets RDY, and not the SYN that was our
+                    // last message.
+                    let message = compose("RDY", &[], self.rules.end);
+                    self.dialogue.last = Some((Said::Answer, message));
+                } else {
                     self.answer("RDY", "fanuc-rs232.remote.initialise");
                 }
             }
@@ -71,16 +80,28 @@ impl RemoteBuffer {
     fn give(&mut self) {
         match &mut self.job {
             // The page does not say it: a paused job has nothing now.
-            Some(job) if !job.is_paused => job.is_asked = true,
+            Some(job) if !job.is_paused => {
+                // Plug-in differs: data come behind all that came at the same instant; their
+                // end, if it is known, comes in its place. One of several GTD is answered.
+                if job.knows_end() {
+                    self.pack();
+                } else {
+                    job.is_asked = true;
+                }
+            }
             _ => self.answer("WAT", "fanuc-rs232.remote.wait"),
         }
     }
 
-    /// The data for a GTD are there: they come behind what came from the line at the same
-    /// instant.
-    // Plug-in differs: several GTD of one instant get one DAT.
-    pub(super) fn pack(&mut self) {
-        let Some(job) = self.job.as_mut().filter(|job| job.is_asked) else { return };
+    /// Nothing more comes at this instant: the data for a GTD, or their end.
+    pub(super) fn give_data(&mut self) {
+        if self.job.as_ref().is_some_and(|job| job.is_asked) {
+            self.pack();
+        }
+    }
+
+    fn pack(&mut self) {
+        let Some(job) = self.job.as_mut() else { return };
         job.is_asked = false;
         let end = self.rules.end;
         let frame = compose("DAT", &[], end).len();
@@ -132,6 +153,12 @@ impl RemoteBuffer {
                 self.say(said, message, "fanuc-rs232.remote.repeat");
             }
             Some((said @ (Said::Dat | Said::Eod), message)) if is_of_job => {
+                // Plug-in differs: behind a GTD of the same instant it repeats a DAT without
+                // its data.
+                let is_asked = self.job.as_ref().is_some_and(|job| job.is_asked);
+                let is_empty = said == Said::Dat && is_asked;
+                let empty = compose("DAT", &[], self.rules.end);
+                let message = if is_empty { empty } else { message };
                 self.say(said, message, "fanuc-rs232.remote.repeat");
             }
             _ => self.answer("WAT", "fanuc-rs232.remote.repeat"),
@@ -141,14 +168,16 @@ impl RemoteBuffer {
     /// A message that was none.
     fn ask_again(&mut self, bad: Bad) {
         self.dialogue.bad += 1;
-        let (reason, failure) = match bad {
-            Bad::Sum => (b"1", Failure::Checksum),
-            Bad::Command => (b"2", Failure::Protocol),
+        let reason = match bad {
+            Bad::Sum => b"1",
+            Bad::Command => b"2",
         };
         // As for RTY: without a job the fourth has no answer.
         if self.dialogue.bad > REPETITIONS {
             self.dialogue.bad = 0;
-            return self.fail(failure, "fanuc-rs232.remote.ask-again");
+            // Plug-in differs: four unknown commands, too, fail with `checksum`, and never
+            // with `protocol`.
+            return self.fail(Failure::Checksum, "fanuc-rs232.remote.ask-again");
         }
         self.dialogue.asked_again = true;
         let message = compose("RTY", reason, self.rules.end);
@@ -157,7 +186,6 @@ impl RemoteBuffer {
 
     /// SYN, which begins a job where the control is not known.
     pub(super) fn initialise(&mut self) {
-        self.dialogue.awaits_rdy = true;
         let message = compose("SYN", &[], self.rules.end);
         self.say(Said::Syn, message, "fanuc-rs232.remote.initialise");
     }
@@ -182,8 +210,12 @@ impl RemoteBuffer {
         }
         // Plug-in differs: what finds no room is not said.
         if known >= message.len() {
-            let message: Vec<u8> = message.iter().map(|own| sent(&self.rules, *own)).collect();
-            self.wire.send(&message, is_job, clause);
+            let mut made: Vec<u8> = message.iter().map(|own| sent(&self.rules, *own)).collect();
+            // Plug-in differs: the reason of our RTY has no parity bit.
+            if let [_, _, b'R', b'T', b'Y', reason, _] = message {
+                made[5] = *reason;
+            }
+            self.wire.send(&made, is_job, clause);
         }
     }
 
@@ -208,11 +240,13 @@ impl RemoteBuffer {
     /// The job fails; all that waits is dropped.
     pub(super) fn fail(&mut self, failure: Failure, clause: &'static str) {
         let Some(Job { id: job, .. }) = self.job.take() else { return };
-        // Plug-in differs: where other messages wait too, it counts the dropped ones.
-        let counted = if self.wire.is_mixed() { self.wire.queued() } else { self.wire.taken() };
-        let counts = [self.wire.taken(), counted];
-        let failed = counts.map(|sent| Effect::Failed { job, failure, status: 0, sent });
-        self.demands.add_one_of(failed.to_vec(), clause);
+        let failed = Effect::Failed { job, failure, status: 0, sent: self.wire.taken() };
+        // Plug-in differs: it miscounts where other messages are dropped.
+        if self.wire.drops_others() {
+            self.demands.add_uncounted(failed, clause);
+        } else {
+            self.demands.add(failed, clause);
+        }
         self.wire.discard();
     }
 

@@ -10,7 +10,9 @@ pub(super) struct Job {
     tape: Vec<u8>,
     /// How much of it was packed.
     at: usize,
-    /// A GTD is to be answered with what there is.
+    /// The last packet was not as long as it could be.
+    is_short: bool,
+    /// A GTD of this instant is to be answered.
     pub(super) is_asked: bool,
     /// A first DAT, or the EOD of an empty program, was packed.
     pub(super) has_begun: bool,
@@ -25,6 +27,7 @@ impl Job {
             id,
             tape,
             at: 0,
+            is_short: false,
             is_asked: false,
             has_begun: false,
             is_ended: false,
@@ -37,7 +40,14 @@ impl Job {
         let end = (self.at + size).min(self.tape.len());
         let packet = self.tape[self.at..end].to_vec();
         self.at = end;
+        self.is_short = packet.len() < size;
         packet
+    }
+
+    /// Whether the last packet showed that nothing follows.
+    pub(super) fn knows_end(&self) -> bool {
+        let is_closed = self.tape.ends_with(b"%");
+        self.has_begun && self.remaining() == 0 && (self.is_short || is_closed)
     }
 
     /// Data that were not packed.
@@ -61,8 +71,6 @@ pub(super) enum Said {
 pub(super) struct Dialogue {
     /// The control has initialised, or answered ours.
     pub(super) is_ready: bool,
-    /// Our SYN has not been answered.
-    pub(super) awaits_rdy: bool,
     /// Our last message but RTY, without parity bits.
     pub(super) last: Option<(Said, Vec<u8>)>,
     /// The last job's id when that message was sent.
@@ -77,4 +85,11 @@ pub(super) struct Dialogue {
     pub(super) heard: Micros,
     /// When messages had left behind which others of ours waited.
     pub(super) marks: Vec<Micros>,
+}
+
+impl Dialogue {
+    /// Our SYN has not been answered.
+    pub(super) fn awaits_rdy(&self) -> bool {
+        matches!(self.last, Some((Said::Syn, _)))
+    }
 }

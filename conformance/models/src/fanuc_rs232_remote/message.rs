@@ -57,9 +57,10 @@ impl Incoming {
     pub(super) fn take(&mut self, character: Character, end: u8) -> Option<Result<Command, Bad>> {
         let (Character::Good(value) | Character::Damaged(value)) = character;
         let is_damaged = matches!(character, Character::Damaged(_));
-        // The page does not say it: control characters before a message, and an end code
-        // alone, are passed over.
-        if self.is_empty() && value < b' ' && !is_damaged {
+        // The page does not say it: control characters before a message are passed over,
+        // also damaged ones, and so is an end code alone.
+        if self.characters.is_empty() && value < b' ' {
+            self.is_damaged = false;
             return None;
         }
         self.is_damaged |= is_damaged;
@@ -75,10 +76,6 @@ impl Incoming {
     /// Characters were lost, or a break came.
     pub(super) fn damage(&mut self) {
         self.is_damaged = true;
-    }
-
-    pub(super) fn is_empty(&self) -> bool {
-        self.characters.is_empty() && !self.is_damaged
     }
 }
 

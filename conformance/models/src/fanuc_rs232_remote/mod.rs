@@ -168,8 +168,12 @@ impl Model for RemoteBuffer {
                 self.is_down = true;
                 self.wire.set_gone(true);
                 self.fail(Failure::LinkDown, "fanuc-rs232.link.down");
-                self.wire.discard();
-                self.forget();
+                // Plug-in differs: without a job what waits is not dropped, and leaves when the
+                // port is back.
+                self.incoming = Incoming::default();
+                // Plug-in differs: its last message, the SYN that has no answer and what came
+                // in a row outlast the link. Nothing of it should.
+                self.dialogue.is_ready = false;
             }
             LineInput::Up => {
                 self.is_down = false;
@@ -189,7 +193,7 @@ impl Model for RemoteBuffer {
     }
 
     fn due(&mut self, at: Micros) {
-        self.pack();
+        self.give_data();
         if self.deadline().is_some_and(|deadline| deadline <= at) {
             self.silence();
         }

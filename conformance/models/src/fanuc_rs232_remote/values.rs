@@ -55,7 +55,7 @@ pub(super) const VALUES: &[(&str, &[&str])] = &[
     ("tv_comments", &["on", "off"]),
     ("upper", &["on", "off"]),
     ("unsupported", &["refuse", "space", "drop"]),
-    ("replace", &["", "5F 2D", "3B 2F 63 6B", "5F 25", "7E 0A 40 0D", "42 4E", "41 28 5B 29"]),
+    ("replace", &["", "5F 2D", "3B 2F 63 6B", "5F 25", "42 4E", "41 28 5B 29"]),
     ("ascii", &["off", "on"]),
     ("percent", &["on", "off"]),
     ("after_end", &["refuse", "drop"]),

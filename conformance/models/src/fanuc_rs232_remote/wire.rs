@@ -85,10 +85,9 @@ impl Wire {
         self.queued
     }
 
-    /// Whether characters of the job wait, and others too.
-    pub(super) fn is_mixed(&self) -> bool {
-        let is_job = |label: &Label| label.is_job;
-        self.waiting.iter().any(is_job) && !self.waiting.iter().all(is_job)
+    /// Whether characters wait that are not the job's.
+    pub(super) fn drops_others(&self) -> bool {
+        self.waiting.iter().any(|label| !label.is_job)
     }
 
     /// Room that was told.

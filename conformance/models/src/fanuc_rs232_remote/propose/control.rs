@@ -17,7 +17,7 @@ impl Guess<'_> {
             0..=4 => return self.control_speaks(dice),
             5 | 6 => return self.nothing(dice),
             7 => return self.burst(dice),
-            _ if self.model.dialogue.awaits_rdy => self.usual("RDY", "SYN", dice),
+            _ if self.model.dialogue.awaits_rdy() => self.usual("RDY", "SYN", dice),
             _ if job.is_paused => self.usual("GTD", "SAT", dice),
             _ if job.is_ended => self.usual("GTD", "SAT", dice),
             _ => self.usual("GTD", "RTY", dice),
@@ -121,11 +121,12 @@ impl Guess<'_> {
 
     /// Several messages at one time.
     fn burst(&self, dice: &mut Dice) -> Proposal {
-        let count = dice.between(2, 3);
-        let messages = (0..count).flat_map(|_| {
-            if dice.one_in(5) { self.bad(dice) } else { self.any(dice) }
-        });
-        let messages = messages.collect();
+        let mut messages = Vec::new();
+        for _ in 0..dice.between(1, 2) {
+            let message = if dice.one_in(5) { self.bad(dice) } else { self.any(dice) };
+            messages.extend(message);
+        }
+        messages.extend(self.any(dice));
         let room = self.model.wire.capacity() >= 4_000 || self.model.wire.is_empty();
         let wait = if room && dice.one_in(2) { self.within(dice) } else { self.pause(dice) };
         come(wait, messages)

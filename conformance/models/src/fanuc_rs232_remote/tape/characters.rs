@@ -56,7 +56,7 @@ pub(super) fn read(rules: &TapeRules, data: &[u8]) -> Vec<(Symbol, Place)> {
 }
 
 /// The first pair that has it says what is sent instead.
-fn replaced(rules: &TapeRules, byte: u8) -> u8 {
+pub(super) fn replaced(rules: &TapeRules, byte: u8) -> u8 {
     let pair = rules.replace.chunks(2).find(|pair| pair.first() == Some(&byte));
     pair.and_then(|pair| pair.get(1)).copied().unwrap_or(byte)
 }

@@ -9,9 +9,8 @@ pub(super) struct Line {
     /// Without its EOB.
     pub(super) characters: Vec<u8>,
     pub(super) has_eob: bool,
-    /// The first character that cannot be sent, and whether it stands in a comment.
     fault: Option<(Place, bool)>,
-    /// Where that one stands among those that can be, if there is one.
+    /// Where that character stands among those that can be sent.
     pub(super) refused_at: Option<usize>,
 }
 
@@ -20,12 +19,9 @@ impl Line {
         Self { characters: Vec::new(), has_eob: false, fault: None, refused_at: None }
     }
 
-    pub(super) fn fault(&self) -> Option<Place> {
-        self.fault.map(|(place, _)| place)
-    }
-
-    pub(super) fn is_fault_in_comment(&self) -> bool {
-        self.fault.is_some_and(|(_, is_percent)| is_percent)
+    /// The first character that cannot be sent, and whether it is a `%`.
+    pub(super) fn fault(&self) -> Option<(Place, bool)> {
+        self.fault
     }
 
     /// Nothing of it leaves but its EOB.
@@ -66,7 +62,7 @@ impl Program {
     pub(super) fn split(rules: &TapeRules, file: &[(Symbol, Place)]) -> Self {
         let mut program =
             Self { header: None, blocks: Vec::new(), is_closed: false, text_behind: None };
-        let start = file.iter().position(|(symbol, _)| !is_passed_before(*symbol));
+        let start = file.iter().position(|(symbol, _)| !is_passed_before(rules, *symbol));
         let mut rest = start.map_or(&[][..], |start| &file[start..]);
         if let [(Symbol::Character(b'%'), at), behind @ ..] = rest {
             let mut header = Line::new();
@@ -83,7 +79,7 @@ impl Program {
                 program.blocks.push(block);
             }
         }
-        let text = rest.iter().find(|(symbol, _)| !is_passed_behind(*symbol));
+        let text = rest.iter().find(|(symbol, _)| !is_passed_behind(rules, *symbol));
         program.text_behind = text.map(|(_, place)| *place);
         program
     }
@@ -119,13 +115,19 @@ impl Program {
     }
 }
 
-/// Blank lines, blanks and NULs before the first `%`. The page does not name TAB and
-/// DEL.
-fn is_passed_before(symbol: Symbol) -> bool {
-    matches!(symbol, Symbol::Eob | Symbol::Character(b' ' | b'\t' | 0x00 | 0x7F))
+/// Blank lines, spaces and NULs before the first `%`, also a character that leaves as a
+/// space or not at all. The page does not name TAB and DEL.
+fn is_passed_before(rules: &TapeRules, symbol: Symbol) -> bool {
+    let Symbol::Character(character) = symbol else { return true };
+    match code(rules, character, false) {
+        Coded::As(coded) => matches!(coded, b' ' | b'\t' | 0x00 | 0x7F),
+        Coded::Nothing => true,
+        Coded::Refused => false,
+    }
 }
 
-/// Blanks, blank lines, NUL, DEL and 1A behind the closing `%`.
-fn is_passed_behind(symbol: Symbol) -> bool {
-    matches!(symbol, Symbol::Eob | Symbol::Character(b' ' | b'\t' | 0x00 | 0x7F | 0x1A))
+/// Blanks, blank lines, NUL, DEL and 1A behind the closing `%`. The page does not say
+/// whether a character that leaves as a space or not at all is text: here it is none.
+fn is_passed_behind(rules: &TapeRules, symbol: Symbol) -> bool {
+    symbol == Symbol::Character(0x1A) || is_passed_before(rules, symbol)
 }

@@ -25,22 +25,28 @@ pub(super) fn encode(
     fields: &[(String, String)],
 ) -> Result<Vec<u8>, Refused> {
     let restart = Restart::new(fields)?;
-    let preamble = restart.preamble(rules)?;
     let program = Program::split(rules, &read(rules, data));
-    let found = restart.find(&program);
-    // Faults come in the order of the file; what is skipped is not checked.
+    let found = restart.find(rules, &program);
+    // Faults come in the order of the tape; what is skipped is not checked.
     let blocks = program.blocks.iter().enumerate();
-    let kept = blocks.filter(|(place, _)| found.keeps(*place)).map(|(_, block)| block);
-    for line in program.header.iter().chain(kept.clone()) {
-        if let Some(place) = line.fault() {
-            let clause = line.clause();
-            return Err(Refused::at(Failure::UnsupportedCharacter, 0, place, clause));
-        }
+    let sent = blocks.filter(|(place, _)| found.keeps(*place)).map(|(_, block)| block);
+    let sent: Vec<Line> = sent.cloned().collect();
+    let (before, from) = sent.split_at(found.kept_before().min(sent.len()));
+    program.header.iter().chain(before).try_for_each(check_line)?;
+    let preamble = restart.preamble(rules);
+    let preamble = if found.has_others() { preamble? } else { preamble.unwrap_or_default() };
+    for (place, line) in from.iter().enumerate() {
+        // Plug-in differs: it does not say where, if it is the character at which a preamble
+        // is sent.
+        let is_first = from[..place].iter().all(Line::is_blank);
+        let is_first = is_first && !found.skips_text(&program);
+        let is_lost = restart.has_preamble() && is_first && line.is_refused_at_start();
+        check_line(line).map_err(|refused| if is_lost { refused.nowhere() } else { refused })?;
     }
     check_behind(rules, &program)?;
     found.check()?;
 
-    let numbered = numbers::rewrite(rules, kept.cloned().collect());
+    let numbered = numbers::rewrite(rules, sent);
     let (before, from) = numbered.split_at(found.kept_before().min(numbered.len()));
     let mut writer = Writer::new(rules);
     writer.begin(program.header.as_ref());
@@ -48,6 +54,17 @@ pub(super) fn encode(
     preamble.iter().for_each(|line| writer.block(line));
     from.iter().for_each(|line| writer.block(line));
     Ok(writer.end(program.is_closed))
+}
+
+/// A line that is sent.
+fn check_line(line: &Line) -> Result<(), Refused> {
+    let Some((place, is_percent)) = line.fault() else { return Ok(()) };
+    let clause = if is_percent {
+        "fanuc-rs232.tape.percent-in-comment"
+    } else {
+        "fanuc-rs232.tape.unsupported"
+    };
+    Err(Refused::at(Failure::UnsupportedCharacter, 0, place, clause))
 }
 
 /// Text behind the closing `%` would not arrive.
@@ -66,18 +83,11 @@ impl Refused {
         Self { failure: Some(failure), status, line, column, clause }
     }
 
+    fn nowhere(self) -> Self {
+        Self { line: 0, column: 0, ..self }
+    }
+
     fn without_place(failure: Failure, status: u16, clause: &'static str) -> Self {
         Self { failure: Some(failure), status, line: 0, column: 0, clause }
-    }
-}
-
-impl Line {
-    /// The clause that says what its fault is.
-    fn clause(&self) -> &'static str {
-        if self.is_fault_in_comment() {
-            "fanuc-rs232.tape.percent-in-comment"
-        } else {
-            "fanuc-rs232.tape.unsupported"
-        }
     }
 }

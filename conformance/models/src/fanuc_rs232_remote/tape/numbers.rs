@@ -6,19 +6,44 @@ use std::ops::Range;
 
 /// Where a block's N number stands, N included: behind blanks and slashes, each of these
 /// with one digit at most.
-pub(super) fn place(characters: &[u8]) -> Option<Range<usize>> {
+fn place(characters: &[u8]) -> Option<Range<usize>> {
+    let at = start(characters);
+    let [b'N', b'0'..=b'9', ..] = &characters[at..] else { return None };
+    let digits = characters[at + 1..].iter().take_while(|digit| digit.is_ascii_digit());
+    Some(at..at + 1 + digits.count())
+}
+
+/// Behind blanks and slashes.
+fn start(characters: &[u8]) -> usize {
     let mut at = 0;
     loop {
         match characters.get(at..).unwrap_or_default() {
             [b' ', ..] => at += 1,
             [b'/', b'0'..=b'9', ..] => at += 2,
             [b'/', ..] => at += 1,
-            [b'N', b'0'..=b'9', ..] => break,
-            _ => return None,
+            _ => return at,
         }
     }
-    let digits = characters[at + 1..].iter().take_while(|digit| digit.is_ascii_digit());
-    Some(at..at + 1 + digits.count())
+}
+
+/// Whether there is nothing but what may stand before a number, and a number or its N.
+pub(super) fn is_all(block: &Line) -> bool {
+    block.refused_at.is_none() && is_number(&block.characters)
+}
+
+fn is_number(characters: &[u8]) -> bool {
+    match &characters[start(characters)..] {
+        [] => true,
+        [b'N', digits @ ..] => digits.iter().all(u8::is_ascii_digit),
+        _ => false,
+    }
+}
+
+impl Line {
+    /// Whether a character cannot be sent before more than a number has come.
+    pub(super) fn is_refused_at_start(&self) -> bool {
+        self.refused_at.is_some_and(|end| is_number(&self.characters[..end]))
+    }
 }
 
 /// The number of a block, if it has one that is not too large.

@@ -1,6 +1,6 @@
 //! A program is sent from its middle.
 
-use super::characters::{Symbol, read};
+use super::characters::{Symbol, read, replaced};
 use super::lines::{Line, Program};
 use super::numbers;
 use super::rules::{Refused, TapeRules};
@@ -29,6 +29,8 @@ impl Restart {
                     _ => return Err(bad),
                 },
                 "from_sequence" => match number {
+                    // Plug-in differs: the largest number is as if the field were not given.
+                    Ok(u32::MAX) => {}
                     Ok(number) => restart.from_sequence = Some(u64::from(number)),
                     Err(_) => return Err(bad),
                 },
@@ -48,7 +50,10 @@ impl Restart {
         let Some(preamble) = &self.preamble else { return Ok(Vec::new()) };
         let mut lines = vec![Line::new()];
         let mut has_percent = false;
-        for (symbol, place) in read(rules, preamble.as_bytes()) {
+        // Plug-in differs: CR is nothing in a preamble, and no EOB.
+        let mut text = preamble.as_bytes().to_vec();
+        text.retain(|byte| replaced(rules, *byte) != b'\r');
+        for (symbol, place) in read(rules, &text) {
             let Some(line) = lines.last_mut() else { break };
             match symbol {
                 Symbol::Eob => {
@@ -75,47 +80,45 @@ impl Restart {
         Ok(lines)
     }
 
+    pub(super) fn has_preamble(&self) -> bool {
+        self.preamble.is_some()
+    }
+
     /// Which blocks are sent.
-    pub(super) fn find(&self, program: &Program) -> Found {
+    pub(super) fn find(&self, rules: &TapeRules, program: &Program) -> Found {
         let blocks = &program.blocks;
         if self.from_block.is_none() && self.from_sequence.is_none() && self.preamble.is_none() {
-            return Found { kept: 0, from: Some(0), clause: "" };
+            return Found { kept: 0, from: Some(0), has_others: false, clause: "" };
         }
-        let blanks = |from: usize| {
-            let rest = blocks.get(from..).unwrap_or_default();
-            rest.iter().take_while(|block| block.is_blank() && block.has_eob).count()
+        let kept = kept(blocks);
+        // Plug-in differs: a block is not there if it ends with the closing `%` before more
+        // than a number has come, nor is one of those at the start if it stands alone.
+        let is_cut = |block: &Line| {
+            program.is_closed && !block.has_eob && numbers::is_all(block)
         };
-        // Plug-in differs: blank lines behind the `%` line and behind the one with the
-        // program number are sent, too, and that one is the first that is not blank.
-        let mut kept = blanks(0);
-        if blocks.get(kept).is_some_and(has_program_number) {
-            kept += 1;
-            if blocks[kept - 1].has_eob {
-                kept += blanks(kept);
+        let others = blocks.get(kept..).unwrap_or_default();
+        let has_others = others.iter().any(|block| !block.is_blank() && !is_cut(block));
+        let is_there = |at: usize| match blocks.get(at) {
+            Some(_) if at < kept => has_others,
+            Some(block) => !is_cut(block),
+            // Plug-in differs: with `percent` off one is there behind the last EOB of a file.
+            None => {
+                let is_open = !rules.percent && !program.is_closed && !program.is_opened();
+                is_open && kept == 0 && has_others && blocks.last().is_some_and(|block| block.has_eob)
             }
-        }
+        };
         let first = self.from_block.unwrap_or(1) - 1;
-        // Plug-in differs: a block is not there if nothing but EOBs follows, or if it is the
-        // line with the program number alone.
-        let has_text = |from: usize| {
-            let rest = blocks.get(from.max(kept)..).unwrap_or_default();
-            rest.iter().any(|block| !block.is_blank())
-        };
-        let fits = |at: &usize| match self.from_sequence {
-            None => *at >= first && has_text(*at),
-            // Plug-in differs: not in a block that ends with the closing `%` directly behind
-            // the number.
-            Some(number) => {
-                *at >= first
-                    && numbers::value(&blocks[*at]) == Some(number)
-                    && !is_number_alone(&blocks[*at], program)
-            }
+        let fits = |at: &usize| {
+            let number = blocks.get(*at).and_then(numbers::value);
+            let is_number = self.from_sequence.is_none() || self.from_sequence == number;
+            *at >= first && is_there(*at) && is_number
         };
         let clause = match self.from_sequence {
             Some(_) => "fanuc-rs232.feed.from-sequence",
             None => "fanuc-rs232.feed.from-block",
         };
-        Found { kept, from: (0..blocks.len()).find(fits), clause }
+        let from = (0..=blocks.len()).find(fits);
+        Found { kept, from, has_others, clause }
     }
 }
 
@@ -124,9 +127,12 @@ fn has_program_number(block: &Line) -> bool {
     block.refused_at != Some(0) && matches!(block.characters.first(), Some(b'O' | b':'))
 }
 
-fn is_number_alone(block: &Line, program: &Program) -> bool {
-    let end = numbers::place(&block.characters).map(|number| number.end);
-    program.is_closed && !block.has_eob && end == Some(block.characters.len())
+/// Blocks at the start that are sent in any case.
+// Plug-in differs: blank lines behind the `%` line and behind the one with the program number
+// are sent, too; that one is the first that is not blank, and there can be several.
+fn kept(blocks: &[Line]) -> usize {
+    let is_kept = |block: &&Line| block.is_blank() && block.has_eob || has_program_number(block);
+    blocks.iter().take_while(is_kept).count()
 }
 
 /// What is sent of a program.
@@ -136,6 +142,8 @@ pub(super) struct Found {
     kept: usize,
     /// The block that is begun at.
     from: Option<usize>,
+    /// There are others.
+    has_others: bool,
     clause: &'static str,
 }
 
@@ -147,6 +155,17 @@ impl Found {
     /// Blocks that are sent before the preamble.
     pub(super) fn kept_before(&self) -> usize {
         self.kept
+    }
+
+    /// Whether a block is left out that is not blank.
+    pub(super) fn skips_text(&self, program: &Program) -> bool {
+        let mut blocks = program.blocks.iter().enumerate();
+        blocks.any(|(place, block)| !self.keeps(place) && !block.is_blank())
+    }
+
+    /// Whether there are others: where one comes the preamble is looked at.
+    pub(super) fn has_others(&self) -> bool {
+        self.has_others
     }
 
     /// # Errors
