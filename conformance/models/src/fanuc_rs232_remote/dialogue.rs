@@ -12,7 +12,16 @@ const REPETITIONS: u32 = 3;
 
 impl RemoteBuffer {
     /// A message, or what was to be one, is complete.
-    pub(super) fn message(&mut self, message: Result<Command, Bad>) {
+    pub(super) fn message(&mut self, at: Micros, message: Result<Command, Bad>) {
+        let had_job = self.job.is_some();
+        // Plug-in differs: at the instant at which a job fails for what came too often it
+        // still has it, for all that comes behind. What it says then is not judged, nor is
+        // what follows from it.
+        self.is_unsure |= self.failed_at == Some(at);
+        // Plug-in differs: what comes behind a GTD at one instant mostly finds it without its
+        // answer, and sometimes with it: RTY gets a packet without its data, RST and SYN do
+        // not fail the job, another GTD has no answer.
+        self.is_unsure |= self.job.as_ref().is_some_and(|job| job.is_asked);
         match message {
             Ok(Command::Rty) => self.say_again(),
             Ok(command) => {
@@ -22,6 +31,10 @@ impl RemoteBuffer {
                 self.command(command);
             }
             Err(bad) => self.ask_again(bad),
+        }
+        let is_repeat = matches!(message, Ok(Command::Rty) | Err(_));
+        if is_repeat && had_job && self.job.is_none() {
+            self.failed_at = Some(at);
         }
     }
 
@@ -81,13 +94,7 @@ impl RemoteBuffer {
         match &mut self.job {
             // The page does not say it: a paused job has nothing now.
             Some(job) if !job.is_paused => {
-                // Plug-in differs: data come behind all that came at the same instant; their
-                // end, if it is known, comes in its place. One of several GTD is answered.
-                if job.knows_end() {
-                    self.pack();
-                } else {
-                    job.is_asked = true;
-                }
+                job.is_asked = true;
             }
             _ => self.answer("WAT", "fanuc-rs232.remote.wait"),
         }
@@ -105,20 +112,12 @@ impl RemoteBuffer {
         job.is_asked = false;
         let end = self.rules.end;
         let frame = compose("DAT", &[], end).len();
-        // Plug-in differs: a packet is no longer than the room that is free, and where there
-        // is none the GTD has no answer.
-        let (known, free) = (self.wire.known(), self.wire.free());
-        let longest = |room: usize| self.rules.packet_size.min(room.saturating_sub(frame));
-        if longest(known).min(job.remaining()) != longest(free).min(job.remaining()) {
-            self.is_unsure = true;
-        }
-        if known < frame {
-            return;
-        }
-        if job.remaining() > 0 && longest(known) == 0 {
-            return;
-        }
-        let packet = job.packet(longest(known));
+        // Plug-in differs: a packet is no longer than the room that is free. While others
+        // wait it may have none, which is not judged, nor what follows from it.
+        let room = self.wire.known().saturating_sub(frame);
+        let size = self.rules.packet_size.min(room);
+        self.is_unsure |= room < self.rules.packet_size.min(job.remaining()) && !self.wire.is_empty();
+        let packet = job.packet(size);
         job.has_begun = true;
         if packet.is_empty() {
             job.is_ended = true;
@@ -153,12 +152,6 @@ impl RemoteBuffer {
                 self.say(said, message, "fanuc-rs232.remote.repeat");
             }
             Some((said @ (Said::Dat | Said::Eod), message)) if is_of_job => {
-                // Plug-in differs: behind a GTD of the same instant it repeats a DAT without
-                // its data.
-                let is_asked = self.job.as_ref().is_some_and(|job| job.is_asked);
-                let is_empty = said == Said::Dat && is_asked;
-                let empty = compose("DAT", &[], self.rules.end);
-                let message = if is_empty { empty } else { message };
                 self.say(said, message, "fanuc-rs232.remote.repeat");
             }
             _ => self.answer("WAT", "fanuc-rs232.remote.repeat"),
@@ -200,16 +193,12 @@ impl RemoteBuffer {
         self.send(&message, matches!(said, Said::Dat | Said::Eod), clause);
         self.dialogue.last = Some((said, message));
         self.dialogue.last_job = self.jobs;
-        self.dialogue.asked_again = false;
     }
 
     fn send(&mut self, message: &[u8], is_job: bool, clause: &'static str) {
-        let (known, free) = (self.wire.known(), self.wire.free());
-        if known < message.len() && message.len() <= free {
-            self.is_unsure = true;
-        }
         // Plug-in differs: what finds no room is not said.
-        if known >= message.len() {
+        self.is_unsure |= self.wire.known() < message.len();
+        if !self.is_unsure {
             let mut made: Vec<u8> = message.iter().map(|own| sent(&self.rules, *own)).collect();
             // Plug-in differs: the reason of our RTY has no parity bit.
             if let [_, _, b'R', b'T', b'Y', reason, _] = message {
@@ -254,5 +243,8 @@ impl RemoteBuffer {
     pub(super) fn heard(&mut self, at: Micros) {
         self.dialogue.heard = at;
         self.dialogue.marks.clear();
+        if !self.wire.is_empty() {
+            self.dialogue.marks.push(at);
+        }
     }
 }

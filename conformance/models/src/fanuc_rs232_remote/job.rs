@@ -10,8 +10,6 @@ pub(super) struct Job {
     tape: Vec<u8>,
     /// How much of it was packed.
     at: usize,
-    /// The last packet was not as long as it could be.
-    is_short: bool,
     /// A GTD of this instant is to be answered.
     pub(super) is_asked: bool,
     /// A first DAT, or the EOD of an empty program, was packed.
@@ -27,7 +25,6 @@ impl Job {
             id,
             tape,
             at: 0,
-            is_short: false,
             is_asked: false,
             has_begun: false,
             is_ended: false,
@@ -40,14 +37,7 @@ impl Job {
         let end = (self.at + size).min(self.tape.len());
         let packet = self.tape[self.at..end].to_vec();
         self.at = end;
-        self.is_short = packet.len() < size;
         packet
-    }
-
-    /// Whether the last packet showed that nothing follows.
-    pub(super) fn knows_end(&self) -> bool {
-        let is_closed = self.tape.ends_with(b"%");
-        self.has_begun && self.remaining() == 0 && (self.is_short || is_closed)
     }
 
     /// Data that were not packed.
@@ -83,7 +73,7 @@ pub(super) struct Dialogue {
     pub(super) bad: u32,
     /// From when silence counts.
     pub(super) heard: Micros,
-    /// When messages had left behind which others of ours waited.
+    /// When characters came, or messages of ours had left, before others of ours had.
     pub(super) marks: Vec<Micros>,
 }
 

@@ -54,6 +54,7 @@ fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
         is_open: false,
         is_down: false,
         is_unsure: false,
+        failed_at: None,
         partner: RefCell::default(),
     }))
 }
@@ -74,9 +75,10 @@ struct RemoteBuffer {
     dsr: bool,
     is_open: bool,
     is_down: bool,
-    /// The free room decided what was said. A swap tells all of it, and no model sees one:
-    /// from here on nothing is judged.
+    /// The plug-in differs in a way that is not followed: from here on nothing is judged.
     is_unsure: bool,
+    /// When a job failed for what came too often.
+    failed_at: Option<Micros>,
     partner: RefCell<Partner>,
 }
 
@@ -84,7 +86,7 @@ impl RemoteBuffer {
     fn character(&mut self, at: Micros, character: Character) {
         self.heard(at);
         if let Some(message) = self.incoming.take(character, self.rules.end) {
-            self.message(message);
+            self.message(at, message);
         }
     }
 
@@ -115,8 +117,9 @@ impl RemoteBuffer {
         counts.then_some(self.dialogue.heard + self.rules.poll_time)
     }
 
-    /// Plug-in differs: silence counts while a message of ours is still leaving, and from
-    /// when one had left behind which others waited.
+    /// Plug-in differs: silence counts while a message of ours is still leaving. Where
+    /// several wait it counts on from a character that came before they had left, or from
+    /// the first of them.
     fn is_silence_too_early(&self, at: Micros, effect: &Effect) -> bool {
         let Some(job) = &self.job else { return false };
         let is_end = match effect {
@@ -193,6 +196,7 @@ impl Model for RemoteBuffer {
     }
 
     fn due(&mut self, at: Micros) {
+        self.wire.tell_dropped();
         self.give_data();
         if self.deadline().is_some_and(|deadline| deadline <= at) {
             self.silence();

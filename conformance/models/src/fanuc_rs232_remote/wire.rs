@@ -27,6 +27,8 @@ pub(super) struct Wire {
     /// Free, and not told yet: it is told a quarter of the whole at a time, and when
     /// the queue is empty.
     untold: usize,
+    /// Dropped, and not told yet.
+    dropped: usize,
     /// Characters of the job that were ever queued, and those that the port took.
     queued: u64,
     taken: u64,
@@ -43,6 +45,7 @@ impl Wire {
             capacity: room as usize,
             known: room as usize,
             untold: 0,
+            dropped: 0,
             queued: 0,
             taken: 0,
             clause: "fanuc-rs232.remote.initialise",
@@ -63,15 +66,21 @@ impl Wire {
         self.clause = clause;
     }
 
-    /// Drops all that the port has not taken; that is room again.
+    /// Drops all that the port has not taken.
     pub(super) fn discard(&mut self) {
         self.port.discard();
-        self.known += self.waiting.len();
+        self.dropped += self.waiting.len();
         self.waiting.clear();
     }
 
-    /// Counts characters of a job from here on.
+    /// What was dropped is told behind all that came from the line at the same instant.
+    pub(super) fn tell_dropped(&mut self) {
+        self.known += std::mem::take(&mut self.dropped);
+    }
+
+    /// Counts characters of a job from here on: those that wait are another's.
     pub(super) fn count_anew(&mut self) {
+        self.waiting.iter_mut().for_each(|label| label.is_job = false);
         (self.queued, self.taken) = (0, 0);
     }
 
@@ -93,11 +102,6 @@ impl Wire {
     /// Room that was told.
     pub(super) fn known(&self) -> usize {
         self.known
-    }
-
-    /// All room that there is.
-    pub(super) fn free(&self) -> usize {
-        self.known + self.untold
     }
 
     pub(super) fn capacity(&self) -> usize {
@@ -123,7 +127,7 @@ impl Wire {
         self.discard();
         self.port.clear();
         self.known = self.capacity;
-        self.untold = 0;
+        (self.untold, self.dropped) = (0, 0);
     }
 
     /// A character begins.
@@ -153,6 +157,7 @@ impl Wire {
         let clause = next.map_or(self.clause, |next| next.clause);
         self.port.settled(clause)?;
         self.follow();
+        self.tell_dropped();
         if self.untold >= self.capacity.div_ceil(4) || self.waiting.is_empty() {
             self.known += std::mem::take(&mut self.untold);
         }

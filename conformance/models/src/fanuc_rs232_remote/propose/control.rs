@@ -124,7 +124,10 @@ impl Guess<'_> {
         let mut messages = Vec::new();
         for _ in 0..dice.between(1, 2) {
             let message = if dice.one_in(5) { self.bad(dice) } else { self.any(dice) };
-            messages.extend(message);
+            // What comes behind a GTD is not judged.
+            if self.model.job.is_none() || !message.contains(&b'G') {
+                messages.extend(message);
+            }
         }
         messages.extend(self.any(dice));
         let room = self.model.wire.capacity() >= 4_000 || self.model.wire.is_empty();

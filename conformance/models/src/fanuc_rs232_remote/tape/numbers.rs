@@ -60,10 +60,15 @@ pub(super) fn value(line: &Line) -> Option<u64> {
 pub(super) fn rewrite(rules: &TapeRules, mut blocks: Vec<Line>) -> Vec<Line> {
     let mut number = 0;
     for block in &mut blocks {
-        let Some(place) = place(&block.characters) else { continue };
+        let Some(mut place) = place(&block.characters) else { continue };
         let new = match rules.block_numbers {
             BlockNumbers::Keep => continue,
-            BlockNumbers::Strip => String::new(),
+            BlockNumbers::Strip => {
+                // The page does not say it: with them go the spaces behind them.
+                let behind = &block.characters[place.end..];
+                place.end += behind.iter().take_while(|behind| **behind == b' ').count();
+                String::new()
+            }
             BlockNumbers::Renumber => {
                 number += rules.number_step;
                 format!("N{number}")
