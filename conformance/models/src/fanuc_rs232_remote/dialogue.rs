@@ -116,7 +116,8 @@ impl RemoteBuffer {
         // wait it may have none, which is not judged, nor what follows from it.
         let room = self.wire.known().saturating_sub(frame);
         let size = self.rules.packet_size.min(room);
-        self.is_unsure |= room < self.rules.packet_size.min(job.remaining()) && !self.wire.is_empty();
+        self.is_unsure |=
+            room < self.rules.packet_size.min(job.remaining()) && !self.wire.is_empty();
         let packet = job.packet(size);
         job.has_begun = true;
         if packet.is_empty() {

@@ -12,11 +12,7 @@ pub(super) enum Character {
 
 /// A character as it leaves: `parity=software` makes bit 7 even.
 pub(super) fn sent(rules: &Rules, character: u8) -> u8 {
-    if rules.makes_parity && character.count_ones() % 2 == 1 {
-        character ^ 0x80
-    } else {
-        character
-    }
+    if rules.makes_parity && character.count_ones() % 2 == 1 { character ^ 0x80 } else { character }
 }
 
 /// A character that came: `parity=software` checks it, otherwise bit 7 is not looked

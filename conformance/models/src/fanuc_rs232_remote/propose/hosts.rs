@@ -46,8 +46,24 @@ impl Guess<'_> {
         }
         if dice.one_in(3) {
             let all: &[&str] = &[
-                "T1M6", "T1M6\nG0Z50", "G90\n", "g90\r\nM3", "", "\n", "(A", "(AB)C", "N7G1\nX2",
-                "_", "G1;", "%", "(%)", "\n\nA\n\n", "A~B", "ab_", "X\n_", "A\rB",
+                "T1M6",
+                "T1M6\nG0Z50",
+                "G90\n",
+                "g90\r\nM3",
+                "",
+                "\n",
+                "(A",
+                "(AB)C",
+                "N7G1\nX2",
+                "_",
+                "G1;",
+                "%",
+                "(%)",
+                "\n\nA\n\n",
+                "A~B",
+                "ab_",
+                "X\n_",
+                "A\rB",
             ];
             field("preamble", (*dice.pick(all)).to_owned());
         }

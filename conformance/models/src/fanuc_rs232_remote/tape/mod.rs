@@ -70,7 +70,8 @@ fn check_line(line: &Line) -> Result<(), Refused> {
 /// Text behind the closing `%` would not arrive.
 fn check_behind(rules: &TapeRules, program: &Program) -> Result<(), Refused> {
     let Some(place) = program.text_behind else { return Ok(()) };
-    let (status, is_dropped) = if program.is_opened() { (4, rules.drops_behind) } else { (3, false) };
+    let (status, is_dropped) =
+        if program.is_opened() { (4, rules.drops_behind) } else { (3, false) };
     if is_dropped {
         return Ok(());
     }

@@ -34,7 +34,7 @@ impl Restart {
                     Ok(number) => restart.from_sequence = Some(u64::from(number)),
                     Err(_) => return Err(bad),
                 },
-                "preamble" if !value.is_empty() => restart.preamble = Some(value.clone()),
+                "preamble" => restart.preamble = Some(value.clone()),
                 _ => {}
             }
         }
@@ -81,7 +81,7 @@ impl Restart {
     }
 
     pub(super) fn has_preamble(&self) -> bool {
-        self.preamble.is_some()
+        self.preamble.as_ref().is_some_and(|preamble| !preamble.is_empty())
     }
 
     /// Which blocks are sent.
@@ -93,9 +93,7 @@ impl Restart {
         let kept = kept(blocks);
         // Plug-in differs: a block is not there if it ends with the closing `%` before more
         // than a number has come, nor is one of those at the start if it stands alone.
-        let is_cut = |block: &Line| {
-            program.is_closed && !block.has_eob && numbers::is_all(block)
-        };
+        let is_cut = |block: &Line| program.is_closed && !block.has_eob && numbers::is_all(block);
         let others = blocks.get(kept..).unwrap_or_default();
         let has_others = others.iter().any(|block| !block.is_blank() && !is_cut(block));
         let is_there = |at: usize| match blocks.get(at) {
@@ -104,7 +102,10 @@ impl Restart {
             // Plug-in differs: with `percent` off one is there behind the last EOB of a file.
             None => {
                 let is_open = !rules.percent && !program.is_closed && !program.is_opened();
-                is_open && kept == 0 && has_others && blocks.last().is_some_and(|block| block.has_eob)
+                is_open
+                    && kept == 0
+                    && has_others
+                    && blocks.last().is_some_and(|block| block.has_eob)
             }
         };
         let first = self.from_block.unwrap_or(1) - 1;
