@@ -45,8 +45,8 @@ impl Demands {
     }
 
     /// This has to be done now; what is said to have left is not looked at.
-    pub(super) fn add_uncounted(&mut self, effect: Effect, clause: &'static str) {
-        self.0.push(Demand { one_of: vec![without_count(&effect)], clause, any_count: true });
+    pub(super) fn add_uncounted(&mut self, effect: &Effect, clause: &'static str) {
+        self.0.push(Demand { one_of: vec![without_count(effect)], clause, any_count: true });
     }
 
     /// Whether something is awaited.

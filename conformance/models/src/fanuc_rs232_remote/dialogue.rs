@@ -233,7 +233,7 @@ impl RemoteBuffer {
         let failed = Effect::Failed { job, failure, status: 0, sent: self.wire.taken() };
         // Plug-in differs: it miscounts where other messages are dropped.
         if self.wire.drops_others() {
-            self.demands.add_uncounted(failed, clause);
+            self.demands.add_uncounted(&failed, clause);
         } else {
             self.demands.add(failed, clause);
         }

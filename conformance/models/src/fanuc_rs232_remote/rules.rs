@@ -33,7 +33,8 @@ impl Rules {
         let is_remote = settings.name("mode", "reader") == "remote-a";
         // EIA in packets is refused, as are halves of pairs.
         let is_iso = settings.name("code", "iso") == "iso";
-        let pairs = ["replace", "eia_codes"].map(|name| settings.bytes(name, &[]).len() % 2 == 0);
+        let pairs =
+            ["replace", "eia_codes"].map(|name| settings.bytes(name, &[]).len().is_multiple_of(2));
         let pattern = settings.name("request_pattern", "(SEND *)");
         let is_one_name = pattern.matches('*').count() <= 1;
         // The page does not say it: an end code that an EOB contains would end packets

@@ -85,11 +85,7 @@ pub(super) fn code(rules: &TapeRules, character: u8, in_comment: bool) -> Coded 
 
 /// The table of codes. NUL and DEL stand in it.
 fn has_code(rules: &TapeRules, character: u8) -> bool {
-    let is_of_table = match character {
-        b'0'..=b'9' | b'A'..=b'Z' => true,
-        b' ' | b'+' | b'-' | b'/' | b'.' | b',' | b'&' | b'%' | b'(' | b')' => true,
-        b':' | b'#' | b'*' | b'=' | b'[' | b']' | b'\t' | 0x08 | 0x00 | 0x7F => true,
-        _ => false,
-    };
+    let is_letter = character.is_ascii_uppercase() || character.is_ascii_digit();
+    let is_of_table = is_letter || b" +-/.,&%():#*=[]\t\x08\x00\x7F".contains(&character);
     is_of_table || rules.ascii && (b' '..=b'~').contains(&character)
 }

@@ -50,9 +50,9 @@ pub(super) fn encode(
     let (before, from) = numbered.split_at(found.kept_before().min(numbered.len()));
     let mut writer = Writer::new(rules);
     writer.begin(program.header.as_ref());
-    before.iter().for_each(|line| writer.block(line));
-    preamble.iter().for_each(|line| writer.block(line));
-    from.iter().for_each(|line| writer.block(line));
+    for line in before.iter().chain(&preamble).chain(from) {
+        writer.block(line);
+    }
     Ok(writer.end(program.is_closed))
 }
 

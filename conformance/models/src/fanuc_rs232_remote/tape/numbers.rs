@@ -18,9 +18,8 @@ fn start(characters: &[u8]) -> usize {
     let mut at = 0;
     loop {
         match characters.get(at..).unwrap_or_default() {
-            [b' ', ..] => at += 1,
             [b'/', b'0'..=b'9', ..] => at += 2,
-            [b'/', ..] => at += 1,
+            [b' ' | b'/', ..] => at += 1,
             _ => return at,
         }
     }

@@ -12,6 +12,8 @@ pub(super) struct Restart {
     from_block: Option<usize>,
     from_sequence: Option<u64>,
     preamble: Option<String>,
+    /// Any of them is given.
+    is_asked: bool,
 }
 
 impl Restart {
@@ -20,6 +22,7 @@ impl Restart {
     pub(super) fn new(fields: &[(String, String)]) -> Result<Self, Refused> {
         let mut restart = Self::default();
         let bad = Refused::without_place(Failure::BadJob, 1, "fanuc-rs232.feed.from-block");
+        restart.is_asked = !fields.is_empty();
         for (name, value) in fields {
             // The page names no largest number.
             let number = value.parse::<u32>();
@@ -87,7 +90,7 @@ impl Restart {
     /// Which blocks are sent.
     pub(super) fn find(&self, rules: &TapeRules, program: &Program) -> Found {
         let blocks = &program.blocks;
-        if self.from_block.is_none() && self.from_sequence.is_none() && self.preamble.is_none() {
+        if !self.is_asked {
             return Found { kept: 0, from: Some(0), has_others: false, clause: "" };
         }
         let kept = kept(blocks);
@@ -102,6 +105,7 @@ impl Restart {
             // Plug-in differs: with `percent` off one is there behind the last EOB of a file.
             None => {
                 let is_open = !rules.percent && !program.is_closed && !program.is_opened();
+                let is_open = is_open && self.preamble.is_none();
                 is_open
                     && kept == 0
                     && has_others

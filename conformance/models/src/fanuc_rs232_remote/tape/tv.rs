@@ -66,7 +66,7 @@ impl<'a> Writer<'a> {
         }
         if is_closed || self.rules.percent {
             self.tape.push(b'%');
-        } else if self.open.is_some() || self.tape.is_empty() {
+        } else if self.open.as_ref().is_some_and(|line| !line.is_blank()) || self.tape.is_empty() {
             // Plug-in differs: with `percent` off it pads the last block of a file although no
             // EOB follows, even one without any character.
             let last = self.open.take().unwrap_or_else(Line::new);
