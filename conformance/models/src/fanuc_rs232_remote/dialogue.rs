@@ -164,7 +164,11 @@ impl RemoteBuffer {
         self.dialogue.bad += 1;
         let reason = match bad {
             Bad::Sum => b"1",
-            Bad::Command => b"2",
+            Bad::Command => {
+                // One that has its sum ends a row of RTY; the page does not say so.
+                self.dialogue.repeats = 0;
+                b"2"
+            }
         };
         // As for RTY: without a job the fourth has no answer.
         if self.dialogue.bad > REPETITIONS {

@@ -46,7 +46,20 @@ pub(super) fn encode(
     check_behind(rules, &program)?;
     found.check()?;
 
-    let numbered = numbers::rewrite(rules, sent);
+    let mut numbered = numbers::rewrite(rules, sent.clone());
+    // Plug-in differs: a last block directly behind a preamble gets an EOB with `percent` off,
+    // too, if it is no more than a number.
+    let is_only = from
+        .split_last()
+        .is_some_and(|(last, others)| numbers::is_all(last) && others.iter().all(Line::is_blank));
+    let is_last = !rules.percent && !program.is_closed && !found.skips_text(&program);
+    if is_only
+        && is_last
+        && restart.has_preamble()
+        && let Some(last) = numbered.last_mut()
+    {
+        last.has_eob = true;
+    }
     let (before, from) = numbered.split_at(found.kept_before().min(numbered.len()));
     let mut writer = Writer::new(rules);
     writer.begin(program.header.as_ref());
