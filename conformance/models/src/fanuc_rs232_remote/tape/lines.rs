@@ -9,7 +9,7 @@ pub(super) struct Line {
     /// Without its EOB.
     pub(super) characters: Vec<u8>,
     pub(super) has_eob: bool,
-    fault: Option<(Place, bool)>,
+    pub(super) fault: Option<(Place, bool)>,
     /// Where that character stands among those that can be sent.
     pub(super) refused_at: Option<usize>,
 }
@@ -73,9 +73,9 @@ impl Program {
         }
         while !program.is_closed && !rest.is_empty() {
             let mut block = Line::new();
-            let is_text = program.line(rules, &mut rest, &mut block);
+            program.line(rules, &mut rest, &mut block);
             // A closing `%` at the start of a line is no block.
-            if is_text || block.has_eob {
+            if !block.is_blank() || block.has_eob {
                 program.blocks.push(block);
             }
         }
@@ -85,23 +85,20 @@ impl Program {
     }
 
     /// One line, up to its EOB or the closing `%`. A comment ends with it at the latest.
-    /// Whether the file had characters for it.
-    fn line(&mut self, rules: &TapeRules, rest: &mut &[(Symbol, Place)], line: &mut Line) -> bool {
+    fn line(&mut self, rules: &TapeRules, rest: &mut &[(Symbol, Place)], line: &mut Line) {
         let mut in_comment = false;
-        let mut is_text = false;
         while let [(symbol, place), behind @ ..] = *rest {
             *rest = behind;
             match symbol {
                 Symbol::Eob => {
                     line.has_eob = true;
-                    return is_text;
+                    return;
                 }
                 Symbol::Character(b'%') if !in_comment => {
                     self.is_closed = true;
-                    return is_text;
+                    return;
                 }
                 Symbol::Character(character) => {
-                    is_text = true;
                     line.push(rules, *character, in_comment, *place);
                     in_comment = match character {
                         b'(' => true,
@@ -111,7 +108,6 @@ impl Program {
                 }
             }
         }
-        is_text
     }
 }
 

@@ -34,7 +34,12 @@ pub(super) fn encode(
     let (before, from) = sent.split_at(found.kept_before().min(sent.len()));
     program.header.iter().chain(before).try_for_each(check_line)?;
     let preamble = restart.preamble(rules);
-    let preamble = if found.has_others() { preamble? } else { preamble.unwrap_or_default() };
+    let mut preamble = if found.has_others() { preamble? } else { preamble.unwrap_or_default() };
+    let has_line_before = program.is_opened() || rules.percent || !before.is_empty();
+    if restart.has_preamble() && preamble.is_empty() && !has_line_before {
+        // Of which nothing is left: its EOB is there, unless it would be an empty block.
+        preamble.push(Line { has_eob: true, ..Line::new() });
+    }
     for (place, line) in from.iter().enumerate() {
         // Plug-in differs: it does not say where, if it is the character at which a preamble
         // is sent.
@@ -55,7 +60,7 @@ pub(super) fn encode(
     let is_last = !rules.percent && !program.is_closed && !found.skips_text(&program);
     if is_only
         && is_last
-        && restart.has_preamble()
+        && !preamble.is_empty()
         && let Some(last) = numbered.last_mut()
     {
         last.has_eob = true;
