@@ -105,7 +105,7 @@ impl Restart {
             // Plug-in differs: with `percent` off one is there behind the last EOB of a file.
             None => {
                 let is_open = !rules.percent && !program.is_closed && !program.is_opened();
-                let is_open = is_open && self.preamble.is_none();
+                let is_open = is_open && !self.has_preamble();
                 is_open
                     && kept == 0
                     && has_others
