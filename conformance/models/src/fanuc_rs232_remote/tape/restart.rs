@@ -44,11 +44,11 @@ impl Restart {
         Ok(restart)
     }
 
-    /// Blocks that are sent before the one that is begun at, encoded like the program but
-    /// for N numbers, which stay.
+    /// Blocks that are sent before the one that is begun at, encoded like the program.
     ///
     /// # Errors
     /// It cannot be sent.
+    // Plug-in differs: N numbers in it are neither left out nor made new.
     pub(super) fn preamble(&self, rules: &TapeRules) -> Result<Vec<Line>, Refused> {
         let Some(preamble) = &self.preamble else { return Ok(Vec::new()) };
         let mut lines = vec![Line::new()];
@@ -104,12 +104,9 @@ impl Restart {
             Some(block) => !is_cut(block),
             // Plug-in differs: with `percent` off one is there behind the last EOB of a file.
             None => {
-                let is_open = !rules.percent && !program.is_closed && !program.is_opened();
-                let is_open = is_open && !self.has_preamble();
-                is_open
-                    && kept == 0
-                    && has_others
-                    && blocks.last().is_some_and(|block| block.has_eob)
+                let is_bare = !rules.percent && !program.is_closed && !program.is_opened();
+                let is_first = kept == 0 && has_others && !self.has_preamble();
+                is_bare && is_first && blocks.last().is_some_and(|block| block.has_eob)
             }
         };
         let first = self.from_block.unwrap_or(1) - 1;
