@@ -1,0 +1,390 @@
+//! The control's reader and punch, from `docs/protocols/fanuc-rs232.md`: all but the
+//! packets of a remote buffer.
+
+mod code;
+mod control;
+mod delivery;
+mod demands;
+mod feed;
+mod file;
+mod flow;
+mod propose;
+mod punch;
+mod requests;
+mod room;
+mod rules;
+mod select;
+mod tape;
+mod text;
+mod values;
+mod wire;
+
+use crate::dice::Dice;
+use crate::model::{Broken, Conditions, Effect, HostRequest, LineInput, Model, Profile, Proposal};
+use control::{Context, Control};
+use demands::Demands;
+use feed::Feed;
+use flow::Flow;
+use punch::{Punch, With};
+use requests::Requests;
+use room::Room;
+use rules::{Code, Rules};
+use select::Start;
+use softplug_abi::{Failure, LineErrorKind, LineParameters, Micros, ModemLines};
+use wire::Wire;
+
+/// The profile `fanuc-rs232`.
+pub(crate) const PROFILE: Profile = Profile {
+    name: "fanuc-rs232",
+    clauses: values::CLAUSES,
+    values: values::VALUES,
+    lines: values::LINES,
+    modem_lines: values::MODEM_LINES,
+    special: values::SPECIAL,
+    start,
+};
+
+/// `None` also where the settings select the packets of a remote buffer.
+fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
+    let rules = Rules::new(&conditions.settings, conditions.line)?;
+    let has_dsr = conditions.modem_lines.map(|(known, on)| (known.contains(ModemLines::DSR), on));
+    Some(Box::new(Fanuc {
+        rules,
+        line: conditions.line,
+        wire: Wire::new(conditions.depth),
+        feed: Feed::default(),
+        punch: Punch::default(),
+        flow: Flow::default(),
+        room: Room::new(conditions.delivery_room),
+        requests: Requests::default(),
+        demands: Demands::default(),
+        dsr: has_dsr.and_then(|(has, on)| has.then_some(on.contains(ModemLines::DSR))),
+        is_open: false,
+        is_down: false,
+        jobs: 0,
+        began: Micros::ZERO,
+    }))
+}
+
+/// The profile's state: a reader and a punch that share a line.
+#[derive(Debug)]
+struct Fanuc {
+    rules: Rules,
+    line: LineParameters,
+    wire: Wire,
+    feed: Feed,
+    punch: Punch,
+    flow: Flow,
+    room: Room,
+    requests: Requests,
+    demands: Demands,
+    /// Whether DSR is on; `None`: the port has none.
+    dsr: Option<bool>,
+    is_open: bool,
+    is_down: bool,
+    /// The last job's id.
+    jobs: u32,
+    /// When our last character began.
+    began: Micros,
+}
+
+impl Model for Fanuc {
+    fn line(&mut self, at: Micros, input: &LineInput) {
+        match input {
+            LineInput::Bytes(bytes) => bytes.iter().for_each(|byte| self.hear(at, *byte)),
+            LineInput::Damaged { byte: Some(byte), .. } => {
+                self.hear_silence(at);
+                let (punch, mut with) = self.punch();
+                punch.damaged(at, *byte, &mut with);
+            }
+            LineInput::Damaged { kind: LineErrorKind::Break, .. } => {
+                let (punch, mut with) = self.punch();
+                punch.has_break(at, &mut with);
+            }
+            LineInput::Damaged { .. } => {
+                let (punch, mut with) = self.punch();
+                punch.overrun(at, &mut with);
+            }
+            LineInput::ModemLines(named, on) => self.modem_lines(at, *named, *on),
+            LineInput::Down(_) => {
+                self.is_down = true;
+                self.feed.link_down(at, &mut self.wire, &mut self.demands);
+                let (punch, mut with) = self.punch();
+                punch.end(at, Some(Failure::LinkDown), "fanuc-rs232.link.down", &mut with);
+                self.punch.deaf = None;
+                self.wire.port.set_gone(true);
+            }
+            LineInput::Up => {
+                self.is_down = false;
+                self.wire.port.set_gone(false);
+                // Nothing is left of what was before: also not a stop.
+                self.flow.go(&self.rules, &mut self.wire, &mut self.demands);
+            }
+        }
+        if !self.punch.is_idle() {
+            let room = self.room.known();
+            let code = self.punch.code();
+            self.flow.look(room, code, &self.rules, &mut self.wire, &mut self.demands);
+        }
+        self.feed.update(&mut self.wire);
+    }
+
+    fn left(&mut self, at: Micros, _byte: u8) {
+        let (number, is_code) = self.wire.character_left();
+        if is_code {
+            self.flow.left(number);
+        } else {
+            self.feed.left(at, number, &self.rules, &mut self.demands);
+            self.look_at_job(at);
+        }
+    }
+
+    fn due(&mut self, at: Micros) {
+        if !self.is_open {
+            return;
+        }
+        self.feed.due(at, &self.rules, &mut self.wire, &mut self.demands);
+        self.look_at_job(at);
+        let is_stopped = self.flow.is_stopped();
+        let (punch, mut with) = self.punch();
+        punch.due(at, is_stopped, &mut with);
+        self.look_at_room(at);
+        self.feed.update(&mut self.wire);
+    }
+
+    fn host(&mut self, at: Micros, request: &HostRequest) {
+        let Self { rules, wire, feed, demands, .. } = self;
+        match request {
+            HostRequest::Open => {
+                (self.is_open, self.is_down) = (true, false);
+                wire.port.set_gone(false);
+                self.room.open();
+                self.flow.open(self.room.known());
+            }
+            HostRequest::Close => {
+                self.is_open = false;
+                feed.close(demands);
+                wire.clear();
+                let (punch, mut with) = self.punch();
+                punch.close(&mut with);
+                self.requests.close();
+            }
+            HostRequest::Job { id, data, fields, .. } => {
+                self.jobs = *id;
+                feed.begin(at, *id, &Start::new(fields), data, rules, wire, demands);
+            }
+            HostRequest::Pause(id) => feed.pause(*id, true),
+            HostRequest::Resume(id) => feed.pause(*id, false),
+            HostRequest::Abort(0) => self.abort_capture(at),
+            HostRequest::Abort(id) => feed.abort(at, *id, wire, demands),
+            HostRequest::ForceResume => feed.force_resume(wire),
+            HostRequest::Keep => self.room.keep(),
+            HostRequest::PutAway(bytes) => self.room.put_away(*bytes),
+            HostRequest::PutAllAway => self.room.put_all_away(),
+            HostRequest::Answer(id, _) => self.requests.answered(*id),
+        }
+        if self.is_open {
+            self.look_at_job(at);
+            self.look_at_room(at);
+        }
+        self.feed.update(&mut self.wire);
+    }
+
+    fn seen(&mut self, at: Micros, effect: &Effect) -> Result<(), Broken> {
+        let Effect::Byte(byte) = effect else { return self.demands.meet(effect) };
+        self.began = at;
+        self.wire.port.begins(*byte, self.clause_of(*byte))
+    }
+
+    fn settled(&mut self, _at: Micros) -> Result<(), Broken> {
+        self.demands.settled()?;
+        self.wire.settled(self.clause_of_silence())
+    }
+
+    fn next(&self) -> Option<Micros> {
+        let capture = self.punch.deadline(&self.rules, self.flow.is_stopped());
+        [self.feed.deadline(&self.rules), capture].into_iter().flatten().min()
+    }
+
+    fn propose(&self, now: Micros, dice: &mut Dice) -> Proposal {
+        propose::next(self, now, dice)
+    }
+}
+
+impl Fanuc {
+    fn punch(&mut self) -> (&mut Punch, With<'_>) {
+        let Self { rules, punch, room, requests, demands, .. } = self;
+        (punch, With { rules, room, requests, demands })
+    }
+
+    /// Where characters stand that come now.
+    fn context(&self) -> Context {
+        if !self.punch.is_idle() {
+            return Context::of(self.punch.code());
+        }
+        // Outside a capture the code is the one that is sent; the page does not say so.
+        match self.rules.code {
+            Code::Iso => Context::Iso,
+            Code::Eia if self.rules.plain_codes && self.feed.is_transfer() => Context::PlainEia,
+            Code::Eia => Context::Eia,
+        }
+    }
+
+    /// A character that came whole.
+    fn hear(&mut self, at: Micros, byte: u8) {
+        let control = self.context().control(byte, &self.rules);
+        self.punch.was_heard(at);
+        match control {
+            Some(Control::Dc1) => self.dc1(at),
+            Some(Control::Dc2) => self.dc2(at),
+            Some(Control::Dc3) => self.feed.dc3(at, &mut self.wire, &mut self.demands),
+            Some(Control::Dc4) => {
+                let (punch, mut with) = self.punch();
+                punch.dc4(at, &mut with);
+            }
+            Some(Control::Syn) => {
+                self.partner_ends(at, Failure::PartnerReset, "fanuc-rs232.punch.reset");
+            }
+            Some(Control::Nak) => {
+                self.partner_ends(at, Failure::PartnerAlarm, "fanuc-rs232.punch.alarm");
+            }
+            None if !self.punch.is_idle() => {
+                let (punch, mut with) = self.punch();
+                punch.whole(at, byte, &mut with);
+            }
+            // Plug-in differs: by the page a capture is possible while a job waits for
+            // its first DC1 or is held, also without DC2.
+            None if !self.rules.need_dc2 && self.feed.job().is_none() && !self.is_deaf(at) => {
+                let (punch, mut with) = self.punch();
+                punch.begin_without_dc2(at, byte, &mut with);
+            }
+            None => {}
+        }
+        self.hear_silence(at);
+        self.look_at_job(at);
+    }
+
+    /// Our own characters can come back behind a job's end, and those of a capture that
+    /// was given up still come: until the line was silent, no `%` begins a capture. The
+    /// page does not say so.
+    fn is_deaf(&self, at: Micros) -> bool {
+        self.punch.deaf.is_some_and(|since| since + self.rules.end_quiet > at)
+    }
+
+    /// A character breaks that silence.
+    fn hear_silence(&mut self, at: Micros) {
+        self.punch.deaf = self.is_deaf(at).then_some(at);
+    }
+
+    fn dc1(&mut self, at: Micros) {
+        let is_wanted = self.feed.is_waiting() || self.feed.is_held();
+        let ends = is_wanted || self.punch.is_leaving();
+        if !self.punch.is_idle() && !ends {
+            return;
+        }
+        let (punch, mut with) = self.punch();
+        punch.end(at, None, "fanuc-rs232.punch.while-waiting", &mut with);
+        self.feed.dc1(&mut self.wire);
+    }
+
+    fn dc2(&mut self, at: Micros) {
+        if self.punch.is_idle() && self.feed.is_reading() {
+            return;
+        }
+        self.feed.take_dc1_back();
+        // Behind the closing `%` it begins the next capture; the page does not say so.
+        if self.punch.is_ended() || self.punch.is_leaving() {
+            let (punch, mut with) = self.punch();
+            punch.end(at, None, "fanuc-rs232.punch.after-dc4", &mut with);
+        }
+        if self.punch.is_idle() {
+            self.punch.begin(at, &self.rules);
+        }
+        self.flow.dc2(self.room.known(), &self.rules, &mut self.wire);
+    }
+
+    /// SYN or NAK.
+    fn partner_ends(&mut self, at: Micros, failure: Failure, clause: &'static str) {
+        self.feed.take_dc1_back();
+        if self.punch.is_idle() {
+            self.feed.partner_ends(at, failure, &mut self.wire, &mut self.demands);
+        } else {
+            // Plug-in differs: by the page it ends a job that is held, too.
+            let (punch, mut with) = self.punch();
+            punch.end(at, Some(failure), clause, &mut with);
+        }
+    }
+
+    fn modem_lines(&mut self, at: Micros, named: ModemLines, on: ModemLines) {
+        if !named.contains(ModemLines::DSR) {
+            return;
+        }
+        let Some(dsr) = &mut self.dsr else { return };
+        let was_on = std::mem::replace(dsr, on.contains(ModemLines::DSR));
+        if was_on && !*dsr && self.rules.watch_dsr {
+            let failure = Failure::PartnerGone;
+            self.feed.partner_ends(at, failure, &mut self.wire, &mut self.demands);
+            let (punch, mut with) = self.punch();
+            punch.end(at, Some(failure), "fanuc-rs232.punch.dsr", &mut with);
+            self.look_at_job(at);
+        }
+    }
+
+    fn abort_capture(&mut self, at: Micros) {
+        if self.punch.is_idle() {
+            return;
+        }
+        let (punch, mut with) = self.punch();
+        punch.end(at, Some(Failure::Aborted), "fanuc-rs232.punch.abort", &mut with);
+        self.punch.deaf = Some(at);
+        self.flow.go(&self.rules, &mut self.wire, &mut self.demands);
+    }
+
+    /// A job may have ended.
+    fn look_at_job(&mut self, at: Micros) {
+        if self.feed.ended.take().is_some() {
+            self.punch.deaf = Some(at);
+        }
+    }
+
+    /// The host may have made room.
+    fn look_at_room(&mut self, at: Micros) {
+        if self.room.grows() {
+            let room = self.room.known();
+            let goes_on =
+                self.flow.has_grown(room, &self.rules, &mut self.wire, &mut self.demands);
+            if goes_on {
+                self.punch.was_heard(at);
+            }
+        }
+    }
+
+    /// The clause that a character breaks which had not to leave now.
+    fn clause_of(&self, byte: u8) -> &'static str {
+        let Self { rules, feed, flow, .. } = self;
+        match () {
+            () if [0x13, 0x93].contains(&byte) && feed.job().is_none() => "fanuc-rs232.punch.flow",
+            () if byte == 0x11 && feed.job().is_none() && flow.is_stopped() => {
+                "fanuc-rs232.punch.flow"
+            }
+            () if byte == 0x11 && feed.job().is_none() => "fanuc-rs232.punch.answer-dc2",
+            () if feed.job().is_none() => "fanuc-rs232.feed.abort-clean",
+            () if feed.is_waiting() => "fanuc-rs232.feed.wait-dc1",
+            () if feed.is_held() => "fanuc-rs232.feed.obey-dc3",
+            () if feed.is_paused() => "fanuc-rs232.feed.pause",
+            () if feed.is_ending() => "fanuc-rs232.feed.end-wait",
+            () if rules.tv_pad => "fanuc-rs232.tape.tv-pad",
+            () if rules.code == Code::Eia => "fanuc-rs232.code.eia",
+            () => "fanuc-rs232.code.iso",
+        }
+    }
+
+    /// The clause that silence breaks where a character had to leave.
+    fn clause_of_silence(&self) -> &'static str {
+        match () {
+            () if self.wire.port.urgent() == 0 => "fanuc-rs232.feed.resume",
+            () if self.rules.answer_dc2 => "fanuc-rs232.punch.answer-dc2",
+            () => "fanuc-rs232.punch.flow",
+        }
+    }
+}

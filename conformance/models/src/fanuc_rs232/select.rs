@@ -1,0 +1,117 @@
+//! Where a job begins in its program.
+
+use super::file::{Block, Character, Program};
+use super::rules::Rules;
+
+/// Fields of a job.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub(super) struct Start {
+    pub(super) from_block: Option<i64>,
+    pub(super) from_sequence: Option<i64>,
+    pub(super) preamble: Vec<u8>,
+}
+
+/// The largest block and N number; the page names no range.
+const LARGEST: i64 = u32::MAX as i64;
+
+impl Start {
+    /// Fields as the host gives them.
+    pub(super) fn new(fields: &[(String, String)]) -> Self {
+        let field = |name: &str| fields.iter().find(|(known, _)| known == name);
+        let number = |name| field(name).and_then(|(_, value)| value.parse().ok());
+        let preamble = field("preamble").map(|(_, text)| text.clone().into_bytes());
+        Self {
+            from_block: number("from_block"),
+            from_sequence: number("from_sequence"),
+            preamble: preamble.unwrap_or_default(),
+        }
+    }
+
+    /// The job begins with its program.
+    fn is_plain(&self) -> bool {
+        self.from_block.is_none() && self.from_sequence.is_none() && self.preamble.is_empty()
+    }
+
+    /// A field is out of its range.
+    pub(super) fn is_out_of_range(&self) -> bool {
+        let within = |value: Option<i64>, first| value.is_none_or(|value| (first..=LARGEST).contains(&value));
+        !within(self.from_block, 1) || !within(self.from_sequence, 0)
+    }
+}
+
+/// What leaves of a program's blocks.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub(super) struct Selected {
+    /// Before the preamble.
+    pub(super) lead: Vec<Block>,
+    /// Behind it; `None`: the block to begin at is not there.
+    pub(super) rest: Option<Vec<Block>>,
+}
+
+/// Finds the block to begin at.
+pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selected {
+    let blocks = &program.blocks;
+    if start.is_plain() {
+        return Selected { lead: Vec::new(), rest: Some(blocks.clone()) };
+    }
+    // Plug-in differs: by the page only the line with the program number goes along,
+    // and only if it is block 1. It takes empty blocks around it along too, and does
+    // not begin at any of these.
+    let empty = |block: &&Block| block.characters.is_empty();
+    let mut lead = blocks.iter().take_while(empty).count();
+    if blocks.get(lead).is_some_and(|block| has_program_number(block, rules)) {
+        lead += 1;
+        lead += blocks[lead..].iter().take_while(empty).count();
+    }
+    let first = start.from_block.map_or(0, |block| usize::try_from(block - 1).unwrap_or(0));
+    let first = first.max(lead);
+    let candidates = blocks.iter().enumerate().skip(first);
+    let found = match start.from_sequence {
+        // With both fields: the first with this number from that block on. The page
+        // does not say so.
+        Some(wanted) => candidates.filter(|(at, block)| {
+            let number = sequence_number(block, rules);
+            let is_last = *at + 1 == blocks.len() && program.is_closed;
+            // Plug-in differs: a number with the closing `%` right behind it is not found.
+            let is_cut = is_last && number.is_some_and(|(_, end)| end == block.characters.len());
+            number.is_some_and(|(number, _)| number == u64::try_from(wanted).ok()) && !is_cut
+        }).map(|(at, _)| at).next(),
+        None => candidates.map(|(at, _)| at).next(),
+    };
+    let rest = found.map(|found| blocks[found..].to_vec());
+    Selected { lead: blocks[..lead].to_vec(), rest }
+}
+
+/// A block that begins with O or `:`.
+fn has_program_number(block: &Block, rules: &Rules) -> bool {
+    block.characters.first().is_some_and(|first| [b'O', b':'].contains(&capital(first.byte, rules)))
+}
+
+fn sequence_number(block: &Block, rules: &Rules) -> Option<(Option<u64>, usize)> {
+    let number = number_at(&block.characters, rules)?;
+    let digits: String =
+        block.characters[number.start + 1..number.end].iter().map(|digit| char::from(digit.byte)).collect();
+    Some((digits.parse().ok(), number.end))
+}
+
+/// Where a block's N number stands: from its N to behind its last digit. It stands at
+/// the start, also behind `/`. Spaces before it, and a digit behind `/` that names a
+/// switch, are passed over; the page does not say so.
+pub(super) fn number_at(characters: &[Character], rules: &Rules) -> Option<std::ops::Range<usize>> {
+    let byte = |at: usize| characters.get(at).map(|character| character.byte);
+    let is_digit = |at: usize| byte(at).is_some_and(|byte| byte.is_ascii_digit());
+    let mut start = 0;
+    while let Some(b' ' | b'/') = byte(start) {
+        start += if byte(start) == Some(b'/') && is_digit(start + 1) { 2 } else { 1 };
+    }
+    let is_n = byte(start).is_some_and(|byte| capital(byte, rules) == b'N');
+    let mut end = start + 1;
+    while is_digit(end) {
+        end += 1;
+    }
+    (is_n && end > start + 1).then_some(start..end)
+}
+
+fn capital(byte: u8, rules: &Rules) -> u8 {
+    if rules.upper { byte.to_ascii_uppercase() } else { byte }
+}
