@@ -24,14 +24,16 @@ pub(super) struct Delivery {
     is_in_number: bool,
     comment: Option<Vec<u8>>,
     first_comment: Option<Vec<u8>>,
+    /// The block of the first comment goes on.
+    is_first_block: bool,
     /// The name that the last comment with one asks for.
     pub(super) asked: Option<String>,
     /// Something but spaces and comments has come behind the `%` line.
     has_text: bool,
     /// Characters of the block that count for TV.
     count: usize,
-    /// The block has ended with a CR; an LF may belong to its end.
-    is_behind_cr: bool,
+    /// The closing `%` found room.
+    has_percent: bool,
 }
 
 impl Delivery {
@@ -47,10 +49,11 @@ impl Delivery {
             is_in_number: false,
             comment: None,
             first_comment: None,
+            is_first_block: false,
             asked: None,
             has_text: false,
             count: 0,
-            is_behind_cr: false,
+            has_percent: false,
         };
         delivery.character(b'%', rules, room);
         delivery
@@ -104,8 +107,14 @@ impl Delivery {
             (None, _) => self.has_text = true,
             (Some(_), b')') => {
                 let comment = self.comment.take().unwrap_or_default();
-                self.ask(&comment, rules);
-                self.first_comment.get_or_insert(comment);
+                let asks = self.ask(&comment, rules);
+                if !comment.is_empty() && self.first_comment.is_none() {
+                    (self.first_comment, self.is_first_block) = (Some(comment), true);
+                } else if asks && self.is_first_block {
+                    // Plug-in differs: a comment that asks for a program takes the place of
+                    // one before it in its block.
+                    self.first_comment = Some(comment);
+                }
             }
             (Some(comment), byte) if comment.len() < NAME => comment.push(byte),
             (Some(_), _) => {}
@@ -114,29 +123,40 @@ impl Delivery {
 
     /// Does the comment ask for a program? Of several the last counts; the page does
     /// not say so.
-    fn ask(&mut self, comment: &[u8], rules: &Rules) {
+    fn ask(&mut self, comment: &[u8], rules: &Rules) -> bool {
         let comment = format!("({})", text(comment));
-        let Some((before, behind)) = rules.request_pattern.split_once('*') else { return };
+        let Some((before, behind)) = rules.request_pattern.split_once('*') else { return false };
         let name = comment.strip_prefix(before).and_then(|rest| rest.strip_suffix(behind));
         let name = name.map(str::trim).filter(|name| !name.is_empty());
         if let Some(name) = name {
             self.asked = Some(name.to_owned());
         }
+        name.is_some()
     }
 
-    /// A CR that ends no line.
+    /// Characters of the block that count for TV.
+    pub(super) fn count(&self) -> usize {
+        self.count
+    }
+
+    /// So many characters of the block have come before.
+    pub(super) fn has_counted(&mut self, count: usize) {
+        self.count = count;
+    }
+
+    /// A CR that is not the EOB itself.
     pub(super) fn carriage_return(&mut self, rules: &Rules) {
         if rules.tv_cr && !self.is_in_header {
             self.count += 1;
         }
     }
 
-    /// An LF, or the EOB of EIA.
-    pub(super) fn line_feed(&mut self, rules: &Rules, room: &mut Room) {
+    /// An LF, a CR that ends a line, or the EOB of EIA.
+    pub(super) fn eob(&mut self, rules: &Rules, room: &mut Room) {
         let is_block = !self.is_in_header;
         self.end_line(rules, room);
         if is_block {
-            self.end_block(1, rules);
+            self.end_block(rules);
         }
     }
 
@@ -145,24 +165,9 @@ impl Delivery {
         self.end_line(rules, room);
     }
 
-    /// A CR that ends a line.
-    pub(super) fn line_cr(&mut self, rules: &Rules, room: &mut Room) {
-        self.is_behind_cr = !self.is_in_header;
-        self.end_line(rules, room);
-    }
-
-    /// What follows is known: an LF that belongs to the CR that ended a line, or not.
-    pub(super) fn behind_cr(&mut self, is_line_feed: bool, rules: &Rules) {
-        if std::mem::take(&mut self.is_behind_cr) {
-            // A CR alone is the EOB itself.
-            let counted = if is_line_feed { 1 + usize::from(rules.tv_cr) } else { 1 };
-            self.end_block(counted, rules);
-        }
-    }
-
-    /// So many characters are its EOB.
-    fn end_block(&mut self, eob: usize, rules: &Rules) {
-        if rules.tv_check && !(self.count + eob).is_multiple_of(2) {
+    /// The EOB belongs to its block.
+    fn end_block(&mut self, rules: &Rules) {
+        if rules.tv_check && !(self.count + 1).is_multiple_of(2) {
             self.fails(Failure::ParityCheck);
         }
         self.count = 0;
@@ -171,11 +176,25 @@ impl Delivery {
     fn end_line(&mut self, rules: &Rules, room: &mut Room) {
         self.put(rules.line_end, room);
         (self.is_in_header, self.is_block_start, self.is_in_number) = (false, true, false);
-        self.comment = None;
+        (self.comment, self.is_first_block) = (None, false);
     }
 
-    /// Characters without any meaning.
-    pub(super) fn put(&mut self, bytes: &[u8], room: &mut Room) {
+    /// The closing `%`.
+    pub(super) fn close(&mut self, room: &mut Room) {
+        let before = self.bytes.len();
+        self.put(b"%", room);
+        self.has_percent = self.bytes.len() > before;
+    }
+
+    /// The line end behind it. Where the `%` was lost none is added; the page does not
+    /// say so.
+    pub(super) fn end_last_line(&mut self, rules: &Rules, room: &mut Room) {
+        if self.has_percent {
+            self.put(rules.line_end, room);
+        }
+    }
+
+    fn put(&mut self, bytes: &[u8], room: &mut Room) {
         for byte in bytes {
             if room.take() {
                 self.bytes.push(*byte);

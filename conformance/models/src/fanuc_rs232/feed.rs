@@ -14,8 +14,10 @@ pub(super) struct Feed {
     /// A DC1 came while there was no job.
     is_dc1_remembered: bool,
     job: Option<Job>,
-    /// When the last job ended.
-    pub(super) ended: Option<Micros>,
+    /// A job has begun or ended.
+    pub(super) has_changed: bool,
+    /// When bytes of the last job were dropped.
+    dropped: Option<Micros>,
 }
 
 /// A job whose check was good.
@@ -83,10 +85,6 @@ impl Feed {
         self.is_transfer() && !self.is_held()
     }
 
-    pub(super) fn is_dc1_remembered(&self) -> bool {
-        self.is_dc1_remembered
-    }
-
     /// Characters of the job that have not left.
     pub(super) fn missing(&self) -> usize {
         match self.job.as_ref().map(|job| (&job.state, job.tape.closed)) {
@@ -118,6 +116,7 @@ impl Feed {
             let failed = Effect::Failed { job: id, failure, status, sent };
             return demands.add(failed, "fanuc-rs232.feed.one-job");
         }
+        self.has_changed = true;
         let encoded = tape::encode(data, start, rules);
         let fault = encoded.as_ref().err();
         let effect = Effect::Checked {
@@ -145,8 +144,11 @@ impl Feed {
     }
 
     /// DC1: send, or go on.
-    pub(super) fn dc1(&mut self, wire: &mut Wire) {
+    pub(super) fn dc1(&mut self, at: Micros, wire: &mut Wire) {
         match self.job.as_mut().map(|job| &mut job.state) {
+            // Plug-in differs: one that comes at the time at which the job before was
+            // broken off counts for that one.
+            None if self.dropped == Some(at) => {}
             None => self.is_dc1_remembered = true,
             Some(State::Waiting) => self.start(wire),
             Some(State::Transfer(transfer)) => transfer.held = None,
@@ -207,9 +209,9 @@ impl Feed {
     }
 
     /// The host does as if a DC1 had come.
-    pub(super) fn force_resume(&mut self, wire: &mut Wire) {
+    pub(super) fn force_resume(&mut self, at: Micros, wire: &mut Wire) {
         if self.job.is_some() {
-            self.dc1(wire);
+            self.dc1(at, wire);
         }
     }
 
@@ -289,7 +291,7 @@ impl Feed {
         }
         let done = Effect::Done { job: job.id, sent: job.tape.bytes.len() as u64 };
         demands.add(done, "fanuc-rs232.feed.done-when-left");
-        self.end(at);
+        self.end();
     }
 
     fn done(&mut self, at: Micros, clause: &'static str, wire: &mut Wire, demands: &mut Demands) {
@@ -298,7 +300,8 @@ impl Feed {
             demands.add(Effect::Done { job, sent }, clause);
         }
         wire.port.discard();
-        self.end(at);
+        self.end();
+        self.dropped = Some(at);
     }
 
     fn fail(
@@ -314,7 +317,8 @@ impl Feed {
             demands.add(Effect::Failed { job, failure, status: 0, sent }, clause);
         }
         wire.port.discard();
-        self.end(at);
+        self.end();
+        self.dropped = Some(at);
     }
 
     /// Bytes that have left or are in the port.
@@ -327,7 +331,7 @@ impl Feed {
         Some(given as u64)
     }
 
-    fn end(&mut self, at: Micros) {
-        *self = Self { ended: Some(at), ..Self::default() };
+    fn end(&mut self) {
+        *self = Self { has_changed: true, ..Self::default() };
     }
 }

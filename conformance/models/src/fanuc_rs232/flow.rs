@@ -45,7 +45,7 @@ impl Flow {
         match rules.output_flow {
             OutputFlow::None => return,
             OutputFlow::Dc3 => {
-                let has_parity = rules.is_8_bit && rules.parity == Parity::Software;
+                let has_parity = rules.parity == Parity::Software;
                 let is_eia = code == Some(Code::Eia);
                 wire.say(if has_parity || is_eia { 0x93 } else { 0x13 });
             }

@@ -46,7 +46,7 @@ pub(crate) const PROFILE: Profile = Profile {
 
 /// `None` also where the settings select the packets of a remote buffer.
 fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
-    let rules = Rules::new(&conditions.settings, conditions.line)?;
+    let rules = Rules::new(&conditions.settings)?;
     let has_dsr = conditions.modem_lines.map(|(known, on)| (known.contains(ModemLines::DSR), on));
     Some(Box::new(Fanuc {
         rules,
@@ -93,7 +93,9 @@ impl Model for Fanuc {
         match input {
             LineInput::Bytes(bytes) => bytes.iter().for_each(|byte| self.hear(at, *byte)),
             LineInput::Damaged { byte: Some(byte), .. } => {
-                self.hear_silence(at);
+                if self.punch.is_idle() {
+                    self.hear_silence(at);
+                }
                 let (punch, mut with) = self.punch();
                 punch.damaged(at, *byte, &mut with);
             }
@@ -177,7 +179,7 @@ impl Model for Fanuc {
             HostRequest::Resume(id) => feed.pause(*id, false),
             HostRequest::Abort(0) => self.abort_capture(at),
             HostRequest::Abort(id) => feed.abort(at, *id, wire, demands),
-            HostRequest::ForceResume => feed.force_resume(wire),
+            HostRequest::ForceResume => feed.force_resume(at, wire),
             HostRequest::Keep => self.room.keep(),
             HostRequest::PutAway(bytes) => self.room.put_away(*bytes),
             HostRequest::PutAllAway => self.room.put_all_away(),
@@ -233,6 +235,7 @@ impl Fanuc {
     /// A character that came whole.
     fn hear(&mut self, at: Micros, byte: u8) {
         let control = self.context().control(byte, &self.rules);
+        let was_idle = self.punch.is_idle();
         self.punch.was_heard(at);
         match control {
             Some(Control::Dc1) => self.dc1(at),
@@ -252,21 +255,24 @@ impl Fanuc {
                 let (punch, mut with) = self.punch();
                 punch.whole(at, byte, &mut with);
             }
-            // Plug-in differs: by the page a capture is possible while a job waits for
-            // its first DC1 or is held, also without DC2.
-            None if !self.rules.need_dc2 && self.feed.job().is_none() && !self.is_deaf(at) => {
+            // In a transfer a `%` can be one of ours that comes back, also while it is held.
+            None if !self.rules.need_dc2 && !self.feed.is_transfer() && !self.is_deaf(at) => {
                 let (punch, mut with) = self.punch();
                 punch.begin_without_dc2(at, byte, &mut with);
             }
             None => {}
         }
-        self.hear_silence(at);
+        if was_idle {
+            self.hear_silence(at);
+        }
         self.look_at_job(at);
     }
 
     /// Our own characters can come back behind a job's end, and those of a capture that
     /// was given up still come: until the line was silent, no `%` begins a capture. The
     /// page does not say so.
+    ///
+    /// Plug-in differs: it is so behind a job's beginning, too.
     fn is_deaf(&self, at: Micros) -> bool {
         self.punch.deaf.is_some_and(|since| since + self.rules.end_quiet > at)
     }
@@ -284,7 +290,7 @@ impl Fanuc {
         }
         let (punch, mut with) = self.punch();
         punch.end(at, None, "fanuc-rs232.punch.while-waiting", &mut with);
-        self.feed.dc1(&mut self.wire);
+        self.feed.dc1(at, &mut self.wire);
     }
 
     fn dc2(&mut self, at: Micros) {
@@ -305,11 +311,12 @@ impl Fanuc {
 
     /// SYN or NAK.
     fn partner_ends(&mut self, at: Micros, failure: Failure, clause: &'static str) {
-        self.feed.take_dc1_back();
         if self.punch.is_idle() {
+            self.feed.take_dc1_back();
             self.feed.partner_ends(at, failure, &mut self.wire, &mut self.demands);
         } else {
-            // Plug-in differs: by the page it ends a job that is held, too.
+            // Plug-in differs: by the page it ends a job that is held, too, and takes a
+            // remembered DC1 back.
             let (punch, mut with) = self.punch();
             punch.end(at, Some(failure), clause, &mut with);
         }
@@ -340,9 +347,9 @@ impl Fanuc {
         self.flow.go(&self.rules, &mut self.wire, &mut self.demands);
     }
 
-    /// A job may have ended.
+    /// A job may have begun or ended.
     fn look_at_job(&mut self, at: Micros) {
-        if self.feed.ended.take().is_some() {
+        if std::mem::take(&mut self.feed.has_changed) {
             self.punch.deaf = Some(at);
         }
     }

@@ -1,7 +1,6 @@
 //! The punch: captures, from DC2 to DC4 and what follows.
 
 use super::code::{decoded, has_wrong_parity};
-use super::control::Context;
 use super::delivery::Delivery;
 use super::demands::Demands;
 use super::requests::Requests;
@@ -62,7 +61,17 @@ enum Raw {
     Overrun,
 }
 
-/// Where the line ends of a capture are.
+/// A character of a tape.
+#[derive(Copy, Clone, Debug)]
+struct Heard {
+    byte: u8,
+    is_damaged: bool,
+    /// A NUL or DEL, which is dropped.
+    is_blank: bool,
+}
+
+/// Where the line ends of a capture are. A CR at the end of a capture that is cut is
+/// none; the page does not say so.
 #[derive(Copy, Clone, Debug, Default)]
 struct Line {
     has_lf: bool,
@@ -109,7 +118,6 @@ impl Punch {
 
     /// DC2 begins a capture.
     pub(super) fn begin(&mut self, at: Micros, rules: &Rules) {
-        self.deaf = None;
         self.capture = Some(Capture {
             stage: Stage::Punching,
             code: rules.receive_code,
@@ -202,6 +210,12 @@ impl Punch {
 
     /// Something of a capture whose code is known.
     fn put(&mut self, at: Micros, raw: Raw, code: Code, with: &mut With<'_>) {
+        // Where we check the parity, a NUL or DEL with a wrong one keeps its place. Of
+        // others that are damaged the page does not say so.
+        let is_blank = match raw {
+            Raw::Whole(byte) | Raw::Damaged(byte) => is_blank(byte, code, with.rules),
+            Raw::Break | Raw::Overrun => false,
+        };
         let (byte, is_damaged) = match raw {
             Raw::Whole(byte) if code == Code::Iso => (byte & 0x7F, has_wrong_parity(byte, with.rules)),
             Raw::Whole(byte) => match decoded(byte, code, with.rules) {
@@ -221,7 +235,7 @@ impl Punch {
                     self.wrong(Failure::LineError, with.rules);
                 }
             }
-            Stage::Receiving => self.receive(at, byte, is_damaged, code, with),
+            Stage::Receiving => self.receive(at, Heard { byte, is_damaged, is_blank }, code, with),
             Stage::Ended if !is_damaged => self.behind(at, byte, with),
             Stage::Punching | Stage::Unknown(_) | Stage::Ended | Stage::Leaving(_) => {}
         }
@@ -239,8 +253,18 @@ impl Punch {
     }
 
     /// A character of a tape.
-    fn receive(&mut self, at: Micros, byte: u8, is_damaged: bool, code: Code, with: &mut With<'_>) {
-        let is_blank = byte == 0 || byte == 0x7F;
+    fn receive(&mut self, at: Micros, heard: Heard, code: Code, with: &mut With<'_>) {
+        let Heard { byte, is_damaged, is_blank } = heard;
+        let Some(capture) = &mut self.capture else { return };
+        if !is_blank && let Some(delivery) = &mut capture.delivery {
+            // A CR waits for what follows: an LF is one line end with it.
+            match (std::mem::take(&mut capture.line.is_behind_cr), byte) {
+                // Plug-in differs: CRs that follow each other are one line end together.
+                (true, b'\n' | b'\r') => delivery.carriage_return(with.rules),
+                (true, _) => delivery.eob(with.rules, with.room),
+                (false, _) => {}
+            }
+        }
         let splits = with.rules.splits_programs
             && self.delivery().is_some_and(|delivery| delivery.begins_another(byte));
         if splits {
@@ -253,33 +277,20 @@ impl Punch {
         if (is_damaged || is_bad_nul) && with.rules.fails_on_line_error {
             delivery.fails(Failure::LineError);
         }
-        if is_blank {
-            return;
-        }
-        let is_behind_cr = std::mem::take(&mut capture.line.is_behind_cr);
-        let is_line_feed = byte == b'\n';
-        delivery.behind_cr(is_behind_cr && is_line_feed, with.rules);
         match byte {
+            _ if is_blank => {}
             b'%' => {
                 capture.stage = Stage::Ended;
                 (capture.is_closed, capture.is_behind_eob) = (true, false);
-                delivery.put(b"%", with.room);
+                delivery.close(with.room);
             }
             b'\n' => {
                 capture.line.has_lf = true;
-                if !is_behind_cr {
-                    delivery.line_feed(with.rules, with.room);
-                }
+                delivery.eob(with.rules, with.room);
             }
-            b'\r' if code == Code::Iso => {
-                // Plug-in differs: where an LF has come, a CR alone is no line end.
-                if capture.line.has_lf {
-                    delivery.carriage_return(with.rules);
-                } else {
-                    capture.line.is_behind_cr = true;
-                    delivery.line_cr(with.rules, with.room);
-                }
-            }
+            // Plug-in differs: where an LF has come, a CR alone is no line end.
+            b'\r' if code == Code::Iso && capture.line.has_lf => delivery.carriage_return(with.rules),
+            b'\r' if code == Code::Iso => capture.line.is_behind_cr = true,
             byte => delivery.character(byte, with.rules, with.room),
         }
     }
@@ -294,7 +305,7 @@ impl Punch {
                 if !std::mem::replace(&mut capture.is_behind_eob, true)
                     && let Some(delivery) = &mut capture.delivery
                 {
-                    delivery.put(with.rules.line_end, with.room);
+                    delivery.end_last_line(with.rules, with.room);
                 }
             }
             byte => {
@@ -312,7 +323,8 @@ impl Punch {
                     delivery.first_line_ends(with.rules, with.room);
                 }
                 capture.delivery = Some(delivery);
-                self.receive(at, byte, false, code.unwrap_or(Code::Iso), with);
+                let heard = Heard { byte, is_damaged: false, is_blank: false };
+                self.receive(at, heard, code.unwrap_or(Code::Iso), with);
             }
         }
     }
@@ -320,15 +332,17 @@ impl Punch {
     /// The next program of a tape begins.
     fn split(&mut self, at: Micros, with: &mut With<'_>) {
         let Some(capture) = &mut self.capture else { return };
+        // Spaces before the O or `:` are of its block.
+        let count = capture.delivery.as_ref().map_or(0, Delivery::count);
         if let Some(delivery) = &mut capture.delivery {
-            delivery.behind_cr(false, with.rules);
-            delivery.put(b"%", with.room);
+            delivery.close(with.room);
         }
         (capture.is_closed, capture.is_behind_eob) = (true, false);
         self.finish(at, None, "fanuc-rs232.punch.programs", with);
         let Some(capture) = &mut self.capture else { return };
         let mut delivery = Delivery::new(with.rules, with.room);
         delivery.first_line_ends(with.rules, with.room);
+        delivery.has_counted(count);
         capture.delivery = Some(delivery);
     }
 
@@ -401,16 +415,7 @@ impl Punch {
 
     /// The link is closed: it interrupts a delivery itself.
     pub(super) fn close(&mut self, with: &mut With<'_>) {
-        if let Some(Stage::Unknown(_)) = self.stage() {
-            // Nothing of it was delivered.
-            self.capture = None;
-        }
-        let delivery = self.capture.take().and_then(|capture| capture.delivery);
-        if let Some(delivery) = delivery {
-            self.deliveries += 1;
-            let failure = Some(Failure::Interrupted);
-            with.demands.deliver(self.deliveries, &delivery, failure, "fanuc-rs232.link.close");
-        }
+        self.end(Micros::ZERO, Some(Failure::Interrupted), "fanuc-rs232.link.close", with);
         *self = Self::default();
     }
 
@@ -424,15 +429,18 @@ impl Punch {
     ) {
         let Some(capture) = &mut self.capture else { return };
         let Some(mut delivery) = capture.delivery.take() else { return };
-        delivery.behind_cr(false, with.rules);
         let is_closed = std::mem::take(&mut capture.is_closed);
         let has_line_end = std::mem::take(&mut capture.is_behind_eob);
         if is_closed && !has_line_end {
-            delivery.put(with.rules.line_end, with.room);
+            delivery.end_last_line(with.rules, with.room);
         }
         let lost = delivery.lost.then_some(Failure::Overrun);
         let no_end_mark = (!is_closed).then_some(Failure::NoEndMark);
-        let failure = lost.or(delivery.wrong).or(failure).or(no_end_mark);
+        let failure = match failure {
+            // The link itself says so.
+            Some(Failure::Interrupted) => failure,
+            _ => lost.or(delivery.wrong).or(failure).or(no_end_mark),
+        };
         self.deliveries += 1;
         with.demands.deliver(self.deliveries, &delivery, failure, clause);
         if failure.is_none() {
@@ -448,6 +456,14 @@ fn may_be_first(byte: u8, rules: &Rules) -> bool {
         Parity::Uart | Parity::None => byte & 0x7F == b'%',
     };
     is_iso || byte == 0x0B
+}
+
+fn is_blank(byte: u8, code: Code, rules: &Rules) -> bool {
+    match (code, rules.parity) {
+        (Code::Iso, Parity::Software) => [0x00, 0xFF].contains(&byte),
+        (Code::Iso, Parity::Uart | Parity::None) => [0x00, 0x7F].contains(&(byte & 0x7F)),
+        (Code::Eia, _) => [0x00, 0x7F].contains(&byte),
+    }
 }
 
 /// What the first EOB tells. A CR is none of EIA.
@@ -466,9 +482,4 @@ fn guess(raws: &[Raw], rules: &Rules) -> Code {
         Raw::Break | Raw::Overrun => true,
     };
     if raws.iter().all(is_eia) { Code::Eia } else { Code::Iso }
-}
-
-/// Where the control codes of a capture stand.
-pub(super) fn context(punch: &Punch) -> Context {
-    Context::of(punch.code())
 }

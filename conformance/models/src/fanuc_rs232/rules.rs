@@ -1,7 +1,7 @@
 //! The settings of a session in the words of the page.
 
 use crate::settings::Settings;
-use softplug_abi::{LineParameters, Micros};
+use softplug_abi::Micros;
 
 /// A code of the page's table.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -93,14 +93,12 @@ pub(super) struct Rules {
     pub(super) fails_on_line_error: bool,
     pub(super) request_program: u64,
     pub(super) request_pattern: String,
-    /// The line has eight data bits.
-    pub(super) is_8_bit: bool,
 }
 
 impl Rules {
     /// Those of a session. `None` where the page says that they make no sense, and
     /// for the remote buffer with packets.
-    pub(super) fn new(settings: &Settings, line: LineParameters) -> Option<Self> {
+    pub(super) fn new(settings: &Settings) -> Option<Self> {
         let is_on = |name, otherwise| settings.is_on(name, otherwise);
         let int = |name, otherwise| settings.int(name, otherwise);
         let is = |name, otherwise, value| settings.name(name, otherwise) == value;
@@ -175,7 +173,6 @@ impl Rules {
             fails_on_line_error: is("on_line_error", "fail", "fail"),
             request_program: int("request_program", 9_999) as u64,
             request_pattern,
-            is_8_bit: line.data_bits == 8,
         })
     }
 }

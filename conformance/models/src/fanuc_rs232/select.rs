@@ -44,6 +44,8 @@ impl Start {
 pub(super) struct Selected {
     /// Before the preamble.
     pub(super) lead: Vec<Block>,
+    /// There are blocks behind these.
+    pub(super) goes_on: bool,
     /// Behind it; `None`: the block to begin at is not there.
     pub(super) rest: Option<Vec<Block>>,
 }
@@ -52,7 +54,7 @@ pub(super) struct Selected {
 pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selected {
     let blocks = &program.blocks;
     if start.is_plain() {
-        return Selected { lead: Vec::new(), rest: Some(blocks.clone()) };
+        return Selected { lead: Vec::new(), goes_on: true, rest: Some(blocks.clone()) };
     }
     // Plug-in differs: by the page only the line with the program number goes along,
     // and only if it is block 1. It takes empty blocks around it along too, and does
@@ -79,7 +81,7 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
         None => candidates.map(|(at, _)| at).next(),
     };
     let rest = found.map(|found| blocks[found..].to_vec());
-    Selected { lead: blocks[..lead].to_vec(), rest }
+    Selected { lead: blocks[..lead].to_vec(), goes_on: lead < blocks.len(), rest }
 }
 
 /// A block that begins with O or `:`.

@@ -35,17 +35,21 @@ pub(super) fn encode(data: &[u8], start: &Start, rules: &Rules) -> Result<Tape, 
     } else if rules.percent {
         tape.put(b'%');
         tape.end_percent_line();
+        // Plug-in differs: behind a `%` that was added the first block is counted as if one
+        // character had come, whatever the EOB is.
+        tape.count = 1;
     }
     for block in &selected.lead {
         tape.block(&block.characters)?;
         tape.end_block(block.has_eob || adds_end, program.is_closed);
     }
-    if let Some(rest) = &selected.rest {
+    // Which of two faults counts the page does not say: here as they stand on the tape.
+    if selected.goes_on {
         tape.preamble(&start.preamble)?;
-        for block in rest {
-            tape.block(&block.characters)?;
-            tape.end_block(block.has_eob || adds_end, program.is_closed);
-        }
+    }
+    for block in selected.rest.iter().flatten() {
+        tape.block(&block.characters)?;
+        tape.end_block(block.has_eob || adds_end, program.is_closed);
     }
     if let Some(fault) = program.behind {
         return Err(fault);

@@ -41,14 +41,4 @@ impl LineEnds {
         self.0 = place;
         part
     }
-
-    /// The byte as it leaves: a line end as `written`, or as it is with `None`.
-    pub(super) fn rewrite(&mut self, byte: u8, written: Option<&[u8]>) -> Vec<u8> {
-        let Some(written) = written else { return vec![byte] };
-        match self.next(byte) {
-            Part::Line => vec![byte],
-            Part::End => written.to_vec(),
-            Part::EndGoesOn => Vec::new(),
-        }
-    }
 }
