@@ -24,6 +24,8 @@ pub(super) struct Delivery {
     is_in_number: bool,
     comment: Option<Vec<u8>>,
     first_comment: Option<Vec<u8>>,
+    /// Number and comment up to the last EOB.
+    before: (Option<Vec<u8>>, Option<Vec<u8>>),
     /// The block of the first comment goes on.
     is_first_block: bool,
     /// The name that the last comment with one asks for.
@@ -32,7 +34,7 @@ pub(super) struct Delivery {
     has_text: bool,
     /// Characters of the block that count for TV.
     count: usize,
-    /// The closing `%` found room.
+    /// The closing `%` found room, and its line end has not come.
     has_percent: bool,
 }
 
@@ -49,6 +51,7 @@ impl Delivery {
             is_in_number: false,
             comment: None,
             first_comment: None,
+            before: (None, None),
             is_first_block: false,
             asked: None,
             has_text: false,
@@ -177,6 +180,7 @@ impl Delivery {
         self.put(rules.line_end, room);
         (self.is_in_header, self.is_block_start, self.is_in_number) = (false, true, false);
         (self.comment, self.is_first_block) = (None, false);
+        self.before = (self.number.clone(), self.first_comment.clone());
     }
 
     /// The closing `%`.
@@ -184,17 +188,19 @@ impl Delivery {
         let before = self.bytes.len();
         self.put(b"%", room);
         self.has_percent = self.bytes.len() > before;
+        self.before = (self.number.clone(), self.first_comment.clone());
     }
 
     /// The line end behind it. Where the `%` was lost none is added; the page does not
     /// say so.
     pub(super) fn end_last_line(&mut self, rules: &Rules, room: &mut Room) {
-        if self.has_percent {
+        if std::mem::take(&mut self.has_percent) {
             self.put(rules.line_end, room);
         }
     }
 
-    fn put(&mut self, bytes: &[u8], room: &mut Room) {
+    /// Characters without any meaning.
+    pub(super) fn put(&mut self, bytes: &[u8], room: &mut Room) {
         for byte in bytes {
             if room.take() {
                 self.bytes.push(*byte);
@@ -210,6 +216,12 @@ impl Delivery {
         let comment = self.first_comment.as_ref().map(|comment| text(comment).trim().to_owned());
         let name = number.or(comment).filter(|name| !name.is_empty())?;
         Some(name.chars().take(NAME + 1).collect())
+    }
+
+    /// The link interrupts it: what was found in its last block is no name yet. The page
+    /// does not say so.
+    pub(super) fn is_cut(&mut self) {
+        (self.number, self.first_comment) = self.before.clone();
     }
 
     /// The program's number.

@@ -37,6 +37,9 @@ enum State {
     Transfer(Transfer),
     /// All has left; the final DC3 is awaited until then.
     Ending(Micros),
+    /// The same of a job without characters, to which no DC1 has come. It has no
+    /// character to wait with; the page does not say so.
+    Empty(Micros),
 }
 
 #[derive(Clone, Debug)]
@@ -72,7 +75,7 @@ impl Feed {
     }
 
     pub(super) fn is_ending(&self) -> bool {
-        matches!(self.state(), Some(State::Ending(_)))
+        matches!(self.state(), Some(State::Ending(_) | State::Empty(_)))
     }
 
     /// From the first DC1 to the end.
@@ -81,8 +84,14 @@ impl Feed {
     }
 
     /// The control reads: it does not punch now.
-    pub(super) fn is_reading(&self) -> bool {
-        self.is_transfer() && !self.is_held()
+    pub(super) fn is_reading(&self, at: Micros) -> bool {
+        self.is_transfer() && !self.is_held() || self.was_dropped(at)
+    }
+
+    /// Plug-in differs: what comes at the time at which a job was broken off, or ended by
+    /// its final DC3, is still heard as in its transfer.
+    fn was_dropped(&self, at: Micros) -> bool {
+        self.dropped == Some(at)
     }
 
     /// Characters of the job that have not left.
@@ -90,7 +99,7 @@ impl Feed {
         match self.job.as_ref().map(|job| (&job.state, job.tape.closed)) {
             Some((State::Transfer(transfer), closed)) => closed.saturating_sub(transfer.left),
             Some((State::Waiting, closed)) => closed,
-            Some((State::Ending(_), _)) | None => 0,
+            Some((State::Ending(_) | State::Empty(_), _)) | None => 0,
         }
     }
 
@@ -116,7 +125,7 @@ impl Feed {
             let failed = Effect::Failed { job: id, failure, status, sent };
             return demands.add(failed, "fanuc-rs232.feed.one-job");
         }
-        self.has_changed = true;
+        self.has_changed = !start.is_out_of_range();
         let encoded = tape::encode(data, start, rules);
         let fault = encoded.as_ref().err();
         let effect = Effect::Checked {
@@ -130,12 +139,11 @@ impl Feed {
         let Ok(tape) = encoded else { return };
         let state = State::Waiting;
         self.job = Some(Job { id, began: at, tape, is_paused: false, state });
-        if self.is_empty() {
-            // It has no character to wait with; the page does not say so.
-            self.is_dc1_remembered = false;
-            self.all_left(at, rules, demands);
-        } else if std::mem::take(&mut self.is_dc1_remembered) {
+        if std::mem::take(&mut self.is_dc1_remembered) {
             self.start(wire);
+        }
+        if self.is_empty() {
+            self.all_left(at, rules, demands);
         }
     }
 
@@ -146,13 +154,11 @@ impl Feed {
     /// DC1: send, or go on.
     pub(super) fn dc1(&mut self, at: Micros, wire: &mut Wire) {
         match self.job.as_mut().map(|job| &mut job.state) {
-            // Plug-in differs: one that comes at the time at which the job before was
-            // broken off counts for that one.
             None if self.dropped == Some(at) => {}
             None => self.is_dc1_remembered = true,
             Some(State::Waiting) => self.start(wire),
             Some(State::Transfer(transfer)) => transfer.held = None,
-            Some(State::Ending(_)) => {}
+            Some(State::Ending(_) | State::Empty(_)) => {}
         }
     }
 
@@ -174,7 +180,9 @@ impl Feed {
                 self.done(at, "fanuc-rs232.feed.final-dc3", wire, demands);
             }
             State::Transfer(transfer) => transfer.held = transfer.held.or(Some(at)),
-            State::Ending(_) => self.done(at, "fanuc-rs232.feed.final-dc3", wire, demands),
+            State::Ending(_) | State::Empty(_) => {
+                self.done(at, "fanuc-rs232.feed.final-dc3", wire, demands);
+            }
         }
     }
 
@@ -243,7 +251,7 @@ impl Feed {
         match &job.state {
             State::Waiting => Some(job.began + rules.dc1_timeout?),
             State::Transfer(transfer) => Some(transfer.held? + rules.held_timeout?),
-            State::Ending(end) => Some(*end),
+            State::Ending(end) | State::Empty(end) => Some(*end),
         }
     }
 
@@ -266,7 +274,9 @@ impl Feed {
                 let clause = "fanuc-rs232.feed.held-timeout";
                 self.fail(at, Failure::HeldTooLong, clause, wire, demands);
             }
-            Some(State::Ending(_)) => self.done(at, "fanuc-rs232.feed.end-wait", wire, demands),
+            Some(State::Ending(_) | State::Empty(_)) => {
+                self.done(at, "fanuc-rs232.feed.end-wait", wire, demands);
+            }
             None => {}
         }
     }
@@ -286,7 +296,10 @@ impl Feed {
     fn all_left(&mut self, at: Micros, rules: &Rules, demands: &mut Demands) {
         let Some(job) = &mut self.job else { return };
         if let Some(wait) = rules.end_wait {
-            job.state = State::Ending(at + wait);
+            job.state = match job.state {
+                State::Waiting => State::Empty(at + wait),
+                _ => State::Ending(at + wait),
+            };
             return;
         }
         let done = Effect::Done { job: job.id, sent: job.tape.bytes.len() as u64 };
@@ -326,7 +339,7 @@ impl Feed {
         let job = self.job.as_ref()?;
         let given = match job.state {
             State::Waiting => 0,
-            State::Transfer(_) | State::Ending(_) => job.tape.bytes.len() - wire.port.waiting(),
+            State::Transfer(_) | State::Ending(_) | State::Empty(_) => job.tape.bytes.len() - wire.port.waiting(),
         };
         Some(given as u64)
     }

@@ -1,6 +1,7 @@
 //! A program as it lies on the disk: where it begins and ends, and its blocks.
 
-use super::rules::Rules;
+use super::code::encoded;
+use super::rules::{Rules, Unsupported};
 use super::text::{LineEnds, Part};
 use softplug_abi::Failure;
 
@@ -59,7 +60,7 @@ enum Item {
 pub(super) fn read(data: &[u8], rules: &Rules) -> Program {
     let mut items = items(data, rules).into_iter().peekable();
     // The page does not name TAB among what may stand before the first `%`.
-    while items.next_if(|item| is_blank(*item, b" \t\0")).is_some() {}
+    while items.next_if(|item| is_blank(*item, b" \t\0") || is_left_out(*item, rules)).is_some() {}
     let has_percent = matches!(items.peek(), Some(Item::Character(first)) if first.byte == b'%');
     let mut program = Program::default();
     if has_percent {
@@ -89,7 +90,7 @@ pub(super) fn read(data: &[u8], rules: &Rules) -> Program {
     if !block.characters.is_empty() {
         program.put(block, is_percent_line);
     }
-    let text = items.find(|item| !is_blank(*item, b" \t\0\x7F\x1A"));
+    let text = items.find(|item| !is_blank(*item, b" \t\0\x7F\x1A") && !is_left_out(*item, rules));
     program.behind = match text {
         Some(Item::Character(character)) if has_percent && !rules.drops_after_end => {
             Some(bad_job(BEHIND_LAST, character))
@@ -162,6 +163,14 @@ fn is_blank(item: Item, blanks: &[u8]) -> bool {
         Item::Eob => true,
         Item::Character(character) => blanks.contains(&character.byte),
     }
+}
+
+/// Plug-in differs: a character outside the code that comes first leaves no space, and
+/// one behind the closing `%` that would leave as a space or not at all is passed over.
+fn is_left_out(item: Item, rules: &Rules) -> bool {
+    let Item::Character(Character { byte, .. }) = item else { return false };
+    let byte = if rules.upper { byte.to_ascii_uppercase() } else { byte };
+    rules.unsupported != Unsupported::Refuse && encoded(byte, rules).is_none()
 }
 
 fn bad_job(status: u16, character: Character) -> Fault {

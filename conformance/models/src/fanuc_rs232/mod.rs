@@ -123,11 +123,7 @@ impl Model for Fanuc {
                 self.flow.go(&self.rules, &mut self.wire, &mut self.demands);
             }
         }
-        if !self.punch.is_idle() {
-            let room = self.room.known();
-            let code = self.punch.code();
-            self.flow.look(room, code, &self.rules, &mut self.wire, &mut self.demands);
-        }
+        self.look_for_room();
         self.feed.update(&mut self.wire);
     }
 
@@ -240,6 +236,9 @@ impl Fanuc {
         match control {
             Some(Control::Dc1) => self.dc1(at),
             Some(Control::Dc2) => self.dc2(at),
+            // Plug-in differs: in a capture it does not hold a job that the host has let go
+            // on, nor does it take a DC1 back that is remembered.
+            Some(Control::Dc3) if !self.punch.is_idle() => {}
             Some(Control::Dc3) => self.feed.dc3(at, &mut self.wire, &mut self.demands),
             Some(Control::Dc4) => {
                 let (punch, mut with) = self.punch();
@@ -262,9 +261,10 @@ impl Fanuc {
             }
             None => {}
         }
-        if was_idle {
+        if was_idle && control.is_none() {
             self.hear_silence(at);
         }
+        self.look_for_room();
         self.look_at_job(at);
     }
 
@@ -282,6 +282,18 @@ impl Fanuc {
         self.punch.deaf = self.is_deaf(at).then_some(at);
     }
 
+    /// The control is stopped where room is short. The line end behind a closing `%`
+    /// counts from the next character on; the page does not say so.
+    fn look_for_room(&mut self) {
+        if self.punch.is_idle() {
+            return;
+        }
+        let (room, code) = (self.room.known(), self.punch.code());
+        self.flow.look(room, code, &self.rules, &mut self.wire, &mut self.demands);
+        let (punch, mut with) = self.punch();
+        punch.end_last_line(&mut with);
+    }
+
     fn dc1(&mut self, at: Micros) {
         let is_wanted = self.feed.is_waiting() || self.feed.is_held();
         let ends = is_wanted || self.punch.is_leaving();
@@ -294,7 +306,7 @@ impl Fanuc {
     }
 
     fn dc2(&mut self, at: Micros) {
-        if self.punch.is_idle() && self.feed.is_reading() {
+        if self.punch.is_idle() && self.feed.is_reading(at) {
             return;
         }
         self.feed.take_dc1_back();
@@ -330,6 +342,8 @@ impl Fanuc {
         let was_on = std::mem::replace(dsr, on.contains(ModemLines::DSR));
         if was_on && !*dsr && self.rules.watch_dsr {
             let failure = Failure::PartnerGone;
+            // The page does not say that it takes a DC1 back.
+            self.feed.take_dc1_back();
             self.feed.partner_ends(at, failure, &mut self.wire, &mut self.demands);
             let (punch, mut with) = self.punch();
             punch.end(at, Some(failure), "fanuc-rs232.punch.dsr", &mut with);

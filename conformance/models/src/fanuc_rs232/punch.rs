@@ -36,6 +36,8 @@ struct Capture {
     is_closed: bool,
     /// An EOB has come behind it.
     is_behind_eob: bool,
+    /// What was wrong before the code was known.
+    early: Vec<Failure>,
 }
 
 #[derive(Clone, Debug)]
@@ -126,6 +128,7 @@ impl Punch {
             delivery: None,
             is_closed: false,
             is_behind_eob: false,
+            early: Vec::new(),
         });
     }
 
@@ -202,6 +205,13 @@ impl Punch {
         let Some(capture) = &mut self.capture else { return };
         if let Stage::Unknown(raws) = std::mem::replace(&mut capture.stage, Stage::Punching) {
             capture.code = Some(code);
+            // Plug-in differs: by the page it is noise before the first `%` of that code.
+            let early = |raw: &Raw| match raw {
+                Raw::Whole(_) => None,
+                Raw::Damaged(_) | Raw::Break => Some(Failure::LineError),
+                Raw::Overrun => Some(Failure::Overrun),
+            };
+            capture.early = raws.iter().filter_map(early).collect();
             for raw in raws {
                 self.put(at, raw, code, with);
             }
@@ -220,9 +230,12 @@ impl Punch {
             Raw::Whole(byte) if code == Code::Iso => (byte & 0x7F, has_wrong_parity(byte, with.rules)),
             Raw::Whole(byte) => match decoded(byte, code, with.rules) {
                 Some(character) => (character, false),
-                None => (byte, true),
+                None => return self.unknown(byte, with),
             },
-            Raw::Damaged(byte) => (decoded(byte, code, with.rules).unwrap_or(byte), true),
+            Raw::Damaged(byte) => match decoded(byte, code, with.rules) {
+                Some(character) => (character, true),
+                None => return self.unknown(byte, with),
+            },
             Raw::Break => return self.wrong(Failure::LineError, with.rules),
             Raw::Overrun => return self.wrong(Failure::Overrun, with.rules),
         };
@@ -231,13 +244,27 @@ impl Punch {
             Stage::Punching if byte == b'%' => {
                 capture.stage = Stage::Receiving;
                 capture.delivery = Some(Delivery::new(with.rules, with.room));
-                if is_damaged {
-                    self.wrong(Failure::LineError, with.rules);
+                let damaged = is_damaged.then_some(Failure::LineError);
+                let early = std::mem::take(&mut capture.early);
+                for failure in early.into_iter().chain(damaged) {
+                    self.wrong(failure, with.rules);
                 }
             }
             Stage::Receiving => self.receive(at, Heard { byte, is_damaged, is_blank }, code, with),
             Stage::Ended if !is_damaged => self.behind(at, byte, with),
             Stage::Punching | Stage::Unknown(_) | Stage::Ended | Stage::Leaving(_) => {}
+        }
+    }
+
+    /// A character that EIA does not have: damaged. It is kept as it came; the page does
+    /// not say so.
+    fn unknown(&mut self, byte: u8, with: &mut With<'_>) {
+        self.wrong(Failure::LineError, with.rules);
+        if self.is_receiving()
+            && let Some(capture) = &mut self.capture
+            && let Some(delivery) = &mut capture.delivery
+        {
+            delivery.put(&[byte], with.room);
         }
     }
 
@@ -274,9 +301,7 @@ impl Punch {
         let Some(delivery) = &mut capture.delivery else { return };
         // In EIA a NUL has an even number of holes, as a damaged character has.
         let is_bad_nul = code == Code::Eia && byte == 0 && !delivery.is_in_header();
-        if (is_damaged || is_bad_nul) && with.rules.fails_on_line_error {
-            delivery.fails(Failure::LineError);
-        }
+        let fails = (is_damaged || is_bad_nul) && with.rules.fails_on_line_error;
         match byte {
             _ if is_blank => {}
             b'%' => {
@@ -293,6 +318,19 @@ impl Punch {
             b'\r' if code == Code::Iso => capture.line.is_behind_cr = true,
             byte => delivery.character(byte, with.rules, with.room),
         }
+        // Of a damaged EOB behind an odd block the block counts; the page does not say so.
+        if fails {
+            delivery.fails(Failure::LineError);
+        }
+    }
+
+    /// The line end behind a closing `%`, which comes with it.
+    pub(super) fn end_last_line(&mut self, with: &mut With<'_>) {
+        if let Some(capture) = self.capture.as_mut().filter(|capture| capture.is_closed)
+            && let Some(delivery) = &mut capture.delivery
+        {
+            delivery.end_last_line(with.rules, with.room);
+        }
     }
 
     /// A whole character behind the closing `%`.
@@ -301,12 +339,9 @@ impl Punch {
         match byte {
             0 | 0x7F | b' ' | b'\t' => {}
             b'\n' | b'\r' => {
+                // Plug-in differs: where an LF has come, a CR alone is no EOB.
+                capture.is_behind_eob |= byte == b'\n' || !capture.line.has_lf;
                 capture.line.has_lf |= byte == b'\n';
-                if !std::mem::replace(&mut capture.is_behind_eob, true)
-                    && let Some(delivery) = &mut capture.delivery
-                {
-                    delivery.end_last_line(with.rules, with.room);
-                }
             }
             byte => {
                 let is_behind_eob = capture.is_behind_eob;
@@ -415,6 +450,10 @@ impl Punch {
 
     /// The link is closed: it interrupts a delivery itself.
     pub(super) fn close(&mut self, with: &mut With<'_>) {
+        let capture = self.capture.as_mut();
+        if let Some(delivery) = capture.and_then(|capture| capture.delivery.as_mut()) {
+            delivery.is_cut();
+        }
         self.end(Micros::ZERO, Some(Failure::Interrupted), "fanuc-rs232.link.close", with);
         *self = Self::default();
     }
@@ -430,8 +469,7 @@ impl Punch {
         let Some(capture) = &mut self.capture else { return };
         let Some(mut delivery) = capture.delivery.take() else { return };
         let is_closed = std::mem::take(&mut capture.is_closed);
-        let has_line_end = std::mem::take(&mut capture.is_behind_eob);
-        if is_closed && !has_line_end {
+        if is_closed {
             delivery.end_last_line(with.rules, with.room);
         }
         let lost = delivery.lost.then_some(Failure::Overrun);
@@ -478,6 +516,7 @@ fn told(byte: u8, rules: &Rules) -> Option<Code> {
 /// Without an EOB: EIA, if all of it can be; the page does not say.
 fn guess(raws: &[Raw], rules: &Rules) -> Code {
     let is_eia = |raw: &Raw| match raw {
+        Raw::Whole(0x7F) | Raw::Damaged(0x7F) => false,
         Raw::Whole(byte) | Raw::Damaged(byte) => decoded(*byte, Code::Eia, rules).is_some(),
         Raw::Break | Raw::Overrun => true,
     };

@@ -1,5 +1,6 @@
 //! Where a job begins in its program.
 
+use super::code::encoded;
 use super::file::{Block, Character, Program};
 use super::rules::Rules;
 
@@ -8,7 +9,8 @@ use super::rules::Rules;
 pub(super) struct Start {
     pub(super) from_block: Option<i64>,
     pub(super) from_sequence: Option<i64>,
-    pub(super) preamble: Vec<u8>,
+    /// Plug-in differs: one without text is looked at, too.
+    pub(super) preamble: Option<Vec<u8>>,
 }
 
 /// The largest block and N number; the page names no range.
@@ -23,13 +25,13 @@ impl Start {
         Self {
             from_block: number("from_block"),
             from_sequence: number("from_sequence"),
-            preamble: preamble.unwrap_or_default(),
+            preamble,
         }
     }
 
     /// The job begins with its program.
     fn is_plain(&self) -> bool {
-        self.from_block.is_none() && self.from_sequence.is_none() && self.preamble.is_empty()
+        self.from_block.is_none() && self.from_sequence.is_none() && self.preamble.is_none()
     }
 
     /// A field is out of its range.
@@ -84,9 +86,10 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
     Selected { lead: blocks[..lead].to_vec(), goes_on: lead < blocks.len(), rest }
 }
 
-/// A block that begins with O or `:`.
+/// A block that begins with O or `:`, if the code has it.
 fn has_program_number(block: &Block, rules: &Rules) -> bool {
-    block.characters.first().is_some_and(|first| [b'O', b':'].contains(&capital(first.byte, rules)))
+    let is_number = |byte| [b'O', b':'].contains(&byte) && encoded(byte, rules).is_some();
+    block.characters.first().is_some_and(|first| is_number(capital(first.byte, rules)))
 }
 
 fn sequence_number(block: &Block, rules: &Rules) -> Option<(Option<u64>, usize)> {

@@ -39,17 +39,22 @@ pub(super) fn encode(data: &[u8], start: &Start, rules: &Rules) -> Result<Tape, 
         // character had come, whatever the EOB is.
         tape.count = 1;
     }
-    for block in &selected.lead {
+    // Of one without EOB nothing is known where no block follows.
+    for block in selected.lead.iter().filter(|block| block.has_eob) {
         tape.block(&block.characters)?;
         tape.end_block(block.has_eob || adds_end, program.is_closed);
     }
     // Which of two faults counts the page does not say: here as they stand on the tape.
     if selected.goes_on {
-        tape.preamble(&start.preamble)?;
+        tape.preamble(start.preamble.as_deref().unwrap_or_default())?;
     }
     for block in selected.rest.iter().flatten() {
         tape.block(&block.characters)?;
         tape.end_block(block.has_eob || adds_end, program.is_closed);
+    }
+    if program.percent_line.is_none() && program.blocks.is_empty() && !rules.percent {
+        // Plug-in differs: of nothing at all it makes a block with a space.
+        tape.end_block(false, false);
     }
     if let Some(fault) = program.behind {
         return Err(fault);

@@ -22,7 +22,7 @@ pub(super) const VALUES: &[(&str, &[&str])] = &[
     ("tv_comments", &["on", "off"]),
     ("upper", &["on", "off"]),
     ("unsupported", &["refuse", "space", "drop"]),
-    ("replace", &["", "5F 2D 3B 2F", "41 42 42 43", "78 25 79 0A"]),
+    ("replace", &["", "5F 2D 3B 2F", "41 42 42 43", "78 25"]),
     ("ascii", &["off", "on"]),
     ("eia_codes", &["", "23 5D 3D 5B 3A 6D"]),
     ("percent", &["on", "off"]),
