@@ -34,8 +34,6 @@ pub(super) struct Delivery {
     has_text: bool,
     /// Characters of the block that count for TV.
     count: usize,
-    /// The closing `%` found room, and its line end has not come.
-    has_percent: bool,
 }
 
 impl Delivery {
@@ -56,7 +54,6 @@ impl Delivery {
             asked: None,
             has_text: false,
             count: 0,
-            has_percent: false,
         };
         delivery.character(b'%', rules, room);
         delivery
@@ -183,20 +180,15 @@ impl Delivery {
         self.before = (self.number.clone(), self.first_comment.clone());
     }
 
-    /// The closing `%`.
-    pub(super) fn close(&mut self, room: &mut Room) {
+    /// The closing `%` and its line end. Where the `%` finds no room none follows; the
+    /// page does not say so.
+    pub(super) fn close(&mut self, rules: &Rules, room: &mut Room) {
         let before = self.bytes.len();
         self.put(b"%", room);
-        self.has_percent = self.bytes.len() > before;
-        self.before = (self.number.clone(), self.first_comment.clone());
-    }
-
-    /// The line end behind it. Where the `%` was lost none is added; the page does not
-    /// say so.
-    pub(super) fn end_last_line(&mut self, rules: &Rules, room: &mut Room) {
-        if std::mem::take(&mut self.has_percent) {
+        if self.bytes.len() > before {
             self.put(rules.line_end, room);
         }
+        self.before = (self.number.clone(), self.first_comment.clone());
     }
 
     /// Characters without any meaning.

@@ -232,7 +232,7 @@ impl Feed {
     /// The port is gone.
     pub(super) fn link_down(&mut self, at: Micros, wire: &mut Wire, demands: &mut Demands) {
         self.fail(at, Failure::LinkDown, "fanuc-rs232.link.down", wire, demands);
-        *self = Self::default();
+        self.is_dc1_remembered = false;
     }
 
     /// Nothing is left. The link itself interrupts a job.

@@ -60,7 +60,7 @@ enum Item {
 pub(super) fn read(data: &[u8], rules: &Rules) -> Program {
     let mut items = items(data, rules).into_iter().peekable();
     // The page does not name TAB among what may stand before the first `%`.
-    while items.next_if(|item| is_blank(*item, b" \t\0") || is_left_out(*item, rules)).is_some() {}
+    while items.next_if(|item| is_blank(*item, b" \t\0")).is_some() {}
     let has_percent = matches!(items.peek(), Some(Item::Character(first)) if first.byte == b'%');
     let mut program = Program::default();
     if has_percent {
@@ -90,7 +90,7 @@ pub(super) fn read(data: &[u8], rules: &Rules) -> Program {
     if !block.characters.is_empty() {
         program.put(block, is_percent_line);
     }
-    let text = items.find(|item| !is_blank(*item, b" \t\0\x7F\x1A") && !is_left_out(*item, rules));
+    let text = items.find(|item| !is_blank(*item, b" \t\0\x7F\x1A"));
     program.behind = match text {
         Some(Item::Character(character)) if has_percent && !rules.drops_after_end => {
             Some(bad_job(BEHIND_LAST, character))
@@ -150,7 +150,11 @@ fn items(data: &[u8], rules: &Rules) -> Vec<Item> {
         let byte = replaced.map_or(*byte, |(_, to)| *to);
         let (line, column) = place;
         match in_text.next(byte) {
-            Part::Line => items.push(Item::Character(Character { byte, line, column })),
+            Part::Line => {
+                let left = supported(byte, rules);
+                let character = |byte| Item::Character(Character { byte, line, column });
+                items.extend(left.map(character));
+            }
             Part::End => items.push(Item::Eob),
             Part::EndGoesOn => {}
         }
@@ -158,19 +162,22 @@ fn items(data: &[u8], rules: &Rules) -> Vec<Item> {
     items
 }
 
+/// A character outside the code is a space, or none, before all that follows; the page
+/// does not say so. One that is refused stays, and is met as it stands on the tape.
+fn supported(byte: u8, rules: &Rules) -> Option<u8> {
+    let sent = if rules.upper { byte.to_ascii_uppercase() } else { byte };
+    match rules.unsupported {
+        Unsupported::Space if encoded(sent, rules).is_none() => Some(b' '),
+        Unsupported::Drop if encoded(sent, rules).is_none() => None,
+        Unsupported::Refuse | Unsupported::Space | Unsupported::Drop => Some(byte),
+    }
+}
+
 fn is_blank(item: Item, blanks: &[u8]) -> bool {
     match item {
         Item::Eob => true,
         Item::Character(character) => blanks.contains(&character.byte),
     }
-}
-
-/// Plug-in differs: a character outside the code that comes first leaves no space, and
-/// one behind the closing `%` that would leave as a space or not at all is passed over.
-fn is_left_out(item: Item, rules: &Rules) -> bool {
-    let Item::Character(Character { byte, .. }) = item else { return false };
-    let byte = if rules.upper { byte.to_ascii_uppercase() } else { byte };
-    rules.unsupported != Unsupported::Refuse && encoded(byte, rules).is_none()
 }
 
 fn bad_job(status: u16, character: Character) -> Fault {

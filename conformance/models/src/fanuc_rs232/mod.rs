@@ -93,9 +93,6 @@ impl Model for Fanuc {
         match input {
             LineInput::Bytes(bytes) => bytes.iter().for_each(|byte| self.hear(at, *byte)),
             LineInput::Damaged { byte: Some(byte), .. } => {
-                if self.punch.is_idle() {
-                    self.hear_silence(at);
-                }
                 let (punch, mut with) = self.punch();
                 punch.damaged(at, *byte, &mut with);
             }
@@ -113,7 +110,8 @@ impl Model for Fanuc {
                 self.feed.link_down(at, &mut self.wire, &mut self.demands);
                 let (punch, mut with) = self.punch();
                 punch.end(at, Some(Failure::LinkDown), "fanuc-rs232.link.down", &mut with);
-                self.punch.deaf = None;
+                // Plug-in differs: by the page nothing of a job is left when the port is back.
+                self.look_at_job(at);
                 self.wire.port.set_gone(true);
             }
             LineInput::Up => {
@@ -123,7 +121,7 @@ impl Model for Fanuc {
                 self.flow.go(&self.rules, &mut self.wire, &mut self.demands);
             }
         }
-        self.look_for_room();
+        self.stop_if_short();
         self.feed.update(&mut self.wire);
     }
 
@@ -241,6 +239,7 @@ impl Fanuc {
             Some(Control::Dc3) if !self.punch.is_idle() => {}
             Some(Control::Dc3) => self.feed.dc3(at, &mut self.wire, &mut self.demands),
             Some(Control::Dc4) => {
+                self.stop_if_short();
                 let (punch, mut with) = self.punch();
                 punch.dc4(at, &mut with);
             }
@@ -264,7 +263,6 @@ impl Fanuc {
         if was_idle && control.is_none() {
             self.hear_silence(at);
         }
-        self.look_for_room();
         self.look_at_job(at);
     }
 
@@ -282,16 +280,12 @@ impl Fanuc {
         self.punch.deaf = self.is_deaf(at).then_some(at);
     }
 
-    /// The control is stopped where room is short. The line end behind a closing `%`
-    /// counts from the next character on; the page does not say so.
-    fn look_for_room(&mut self) {
-        if self.punch.is_idle() {
-            return;
+    /// The control is stopped where room is short.
+    fn stop_if_short(&mut self) {
+        if !self.punch.is_idle() {
+            let (room, code) = (self.room.known(), self.punch.code());
+            self.flow.look(room, code, &self.rules, &mut self.wire, &mut self.demands);
         }
-        let (room, code) = (self.room.known(), self.punch.code());
-        self.flow.look(room, code, &self.rules, &mut self.wire, &mut self.demands);
-        let (punch, mut with) = self.punch();
-        punch.end_last_line(&mut with);
     }
 
     fn dc1(&mut self, at: Micros) {

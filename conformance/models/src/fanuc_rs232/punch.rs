@@ -307,7 +307,7 @@ impl Punch {
             b'%' => {
                 capture.stage = Stage::Ended;
                 (capture.is_closed, capture.is_behind_eob) = (true, false);
-                delivery.close(with.room);
+                delivery.close(with.rules, with.room);
             }
             b'\n' => {
                 capture.line.has_lf = true;
@@ -321,15 +321,6 @@ impl Punch {
         // Of a damaged EOB behind an odd block the block counts; the page does not say so.
         if fails {
             delivery.fails(Failure::LineError);
-        }
-    }
-
-    /// The line end behind a closing `%`, which comes with it.
-    pub(super) fn end_last_line(&mut self, with: &mut With<'_>) {
-        if let Some(capture) = self.capture.as_mut().filter(|capture| capture.is_closed)
-            && let Some(delivery) = &mut capture.delivery
-        {
-            delivery.end_last_line(with.rules, with.room);
         }
     }
 
@@ -370,7 +361,7 @@ impl Punch {
         // Spaces before the O or `:` are of its block.
         let count = capture.delivery.as_ref().map_or(0, Delivery::count);
         if let Some(delivery) = &mut capture.delivery {
-            delivery.close(with.room);
+            delivery.close(with.rules, with.room);
         }
         (capture.is_closed, capture.is_behind_eob) = (true, false);
         self.finish(at, None, "fanuc-rs232.punch.programs", with);
@@ -467,11 +458,8 @@ impl Punch {
         with: &mut With<'_>,
     ) {
         let Some(capture) = &mut self.capture else { return };
-        let Some(mut delivery) = capture.delivery.take() else { return };
+        let Some(delivery) = capture.delivery.take() else { return };
         let is_closed = std::mem::take(&mut capture.is_closed);
-        if is_closed {
-            delivery.end_last_line(with.rules, with.room);
-        }
         let lost = delivery.lost.then_some(Failure::Overrun);
         let no_end_mark = (!is_closed).then_some(Failure::NoEndMark);
         let failure = match failure {

@@ -83,6 +83,11 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
         None => candidates.map(|(at, _)| at).next(),
     };
     let rest = found.map(|found| blocks[found..].to_vec());
+    // Plug-in differs: where no `%` stands and none is added, the end of the file counts as
+    // a block.
+    let has_end = program.percent_line.is_none() && !program.is_closed && !rules.percent;
+    let is_end = first == blocks.len() && lead < blocks.len() && start.from_sequence.is_none();
+    let rest = rest.or_else(|| (has_end && is_end).then(|| vec![Block::default()]));
     Selected { lead: blocks[..lead].to_vec(), goes_on: lead < blocks.len(), rest }
 }
 
