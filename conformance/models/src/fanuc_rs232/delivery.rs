@@ -59,10 +59,6 @@ impl Delivery {
         delivery
     }
 
-    pub(super) fn is_in_header(&self) -> bool {
-        self.is_in_header
-    }
-
     /// An O or `:` here begins another program.
     pub(super) fn begins_another(&self, byte: u8) -> bool {
         self.has_text && self.is_block_start && [b'O', b':'].contains(&byte)

@@ -346,12 +346,11 @@ impl Fanuc {
     }
 
     fn abort_capture(&mut self, at: Micros) {
-        if self.punch.is_idle() {
-            return;
+        if !self.punch.is_idle() {
+            let (punch, mut with) = self.punch();
+            punch.end(at, Some(Failure::Aborted), "fanuc-rs232.punch.abort", &mut with);
+            self.punch.deaf = Some(at);
         }
-        let (punch, mut with) = self.punch();
-        punch.end(at, Some(Failure::Aborted), "fanuc-rs232.punch.abort", &mut with);
-        self.punch.deaf = Some(at);
         self.flow.go(&self.rules, &mut self.wire, &mut self.demands);
     }
 

@@ -36,6 +36,8 @@ struct Capture {
     is_closed: bool,
     /// An EOB has come behind it.
     is_behind_eob: bool,
+    /// An EOB has come.
+    has_eob: bool,
     /// What was wrong before the code was known.
     early: Vec<Failure>,
 }
@@ -128,6 +130,7 @@ impl Punch {
             delivery: None,
             is_closed: false,
             is_behind_eob: false,
+            has_eob: false,
             early: Vec::new(),
         });
     }
@@ -251,7 +254,11 @@ impl Punch {
                 }
             }
             Stage::Receiving => self.receive(at, Heard { byte, is_damaged, is_blank }, code, with),
-            Stage::Ended if !is_damaged => self.behind(at, byte, with),
+            // Of a damaged EOB the page says that it is nothing, not which of the two tapes
+            // it would end a line of.
+            Stage::Ended if !is_damaged || byte == b'\n' || byte == b'\r' => {
+                self.behind(at, byte, with);
+            }
             Stage::Punching | Stage::Unknown(_) | Stage::Ended | Stage::Leaving(_) => {}
         }
     }
@@ -300,7 +307,8 @@ impl Punch {
         let Some(capture) = &mut self.capture else { return };
         let Some(delivery) = &mut capture.delivery else { return };
         // In EIA a NUL has an even number of holes, as a damaged character has.
-        let is_bad_nul = code == Code::Eia && byte == 0 && !delivery.is_in_header();
+        let is_bad_nul = code == Code::Eia && byte == 0 && capture.has_eob;
+        capture.has_eob |= byte == b'\n';
         let fails = (is_damaged || is_bad_nul) && with.rules.fails_on_line_error;
         match byte {
             _ if is_blank => {}
@@ -332,7 +340,6 @@ impl Punch {
             b'\n' | b'\r' => {
                 // Plug-in differs: where an LF has come, a CR alone is no EOB.
                 capture.is_behind_eob |= byte == b'\n' || !capture.line.has_lf;
-                capture.line.has_lf |= byte == b'\n';
             }
             byte => {
                 let is_behind_eob = capture.is_behind_eob;

@@ -77,7 +77,7 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
             let number = sequence_number(block, rules);
             let is_last = *at + 1 == blocks.len() && program.is_closed;
             // Plug-in differs: a number with the closing `%` right behind it is not found.
-            let is_cut = is_last && number.is_some_and(|(_, end)| end == block.characters.len());
+            let is_cut = is_last && !block.has_eob && number.is_some_and(|(_, end)| end == block.characters.len());
             number.is_some_and(|(number, _)| number == u64::try_from(wanted).ok()) && !is_cut
         }).map(|(at, _)| at).next(),
         None => candidates.map(|(at, _)| at).next(),
@@ -86,7 +86,8 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
     // Plug-in differs: where no `%` stands and none is added, the end of the file counts as
     // a block.
     let has_end = program.percent_line.is_none() && !program.is_closed && !rules.percent;
-    let is_end = first == blocks.len() && lead < blocks.len() && start.from_sequence.is_none();
+    let is_plain = start.from_sequence.is_none() && start.preamble.is_none();
+    let is_end = first == blocks.len() && lead < blocks.len() && is_plain;
     let rest = rest.or_else(|| (has_end && is_end).then(|| vec![Block::default()]));
     Selected { lead: blocks[..lead].to_vec(), goes_on: lead < blocks.len(), rest }
 }
