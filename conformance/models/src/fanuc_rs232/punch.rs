@@ -38,6 +38,8 @@ struct Capture {
     is_behind_eob: bool,
     /// An EOB has come.
     has_eob: bool,
+    /// DC4 came before the code was known.
+    kept: Vec<Raw>,
     /// What was wrong before the code was known.
     early: Vec<Failure>,
 }
@@ -131,6 +133,7 @@ impl Punch {
             is_closed: false,
             is_behind_eob: false,
             has_eob: false,
+            kept: Vec::new(),
             early: Vec::new(),
         });
     }
@@ -229,6 +232,7 @@ impl Punch {
             Raw::Whole(byte) | Raw::Damaged(byte) => is_blank(byte, code, with.rules),
             Raw::Break | Raw::Overrun => false,
         };
+        let is_whole = matches!(raw, Raw::Whole(_));
         let (byte, is_damaged) = match raw {
             Raw::Whole(byte) if code == Code::Iso => (byte & 0x7F, has_wrong_parity(byte, with.rules)),
             Raw::Whole(byte) => match decoded(byte, code, with.rules) {
@@ -254,9 +258,8 @@ impl Punch {
                 }
             }
             Stage::Receiving => self.receive(at, Heard { byte, is_damaged, is_blank }, code, with),
-            // Of a damaged EOB the page says that it is nothing, not which of the two tapes
-            // it would end a line of.
-            Stage::Ended if !is_damaged || byte == b'\n' || byte == b'\r' => {
+            // Plug-in differs: of EOBs that are damaged those with a wrong parity count.
+            Stage::Ended if !is_damaged || is_whole && (byte == b'\n' || byte == b'\r') => {
                 self.behind(at, byte, with);
             }
             Stage::Punching | Stage::Unknown(_) | Stage::Ended | Stage::Leaving(_) => {}
@@ -389,13 +392,11 @@ impl Punch {
         match self.stage() {
             Some(Stage::Punching) => self.capture = None,
             Some(Stage::Unknown(_) | Stage::Receiving | Stage::Ended) => {
-                if let Some(Stage::Unknown(raws)) = self.stage() {
-                    // No EOB tells the code, and the page does not say what does.
-                    let code = guess(raws, with.rules);
-                    self.decode(at, code, with);
-                }
                 let Some(capture) = &mut self.capture else { return };
-                capture.stage = Stage::Leaving(at + with.rules.after_dc4);
+                let leaving = Stage::Leaving(at + with.rules.after_dc4);
+                if let Stage::Unknown(raws) = std::mem::replace(&mut capture.stage, leaving) {
+                    capture.kept = raws;
+                }
                 if with.rules.after_dc4 == Micros::ZERO {
                     self.end(at, None, "fanuc-rs232.punch.after-dc4", with);
                 }
@@ -438,7 +439,13 @@ impl Punch {
         clause: &'static str,
         with: &mut With<'_>,
     ) {
+        if let Some(capture) = &mut self.capture
+            && !capture.kept.is_empty()
+        {
+            capture.stage = Stage::Unknown(std::mem::take(&mut capture.kept));
+        }
         if let Some(Stage::Unknown(raws)) = self.stage() {
+            // No EOB tells the code, and the page does not say what does.
             let code = guess(raws, with.rules);
             self.decode(at, code, with);
         }

@@ -48,6 +48,8 @@ pub(super) struct Selected {
     pub(super) lead: Vec<Block>,
     /// There are blocks behind these.
     pub(super) goes_on: bool,
+    /// Nothing is skipped behind them.
+    pub(super) is_at_once: bool,
     /// Behind it; `None`: the block to begin at is not there.
     pub(super) rest: Option<Vec<Block>>,
 }
@@ -56,7 +58,7 @@ pub(super) struct Selected {
 pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selected {
     let blocks = &program.blocks;
     if start.is_plain() {
-        return Selected { lead: Vec::new(), goes_on: true, rest: Some(blocks.clone()) };
+        return Selected { lead: Vec::new(), goes_on: true, is_at_once: true, rest: Some(blocks.clone()) };
     }
     // Plug-in differs: by the page only the line with the program number goes along,
     // and only if it is block 1. It takes empty blocks around it along too, and does
@@ -89,7 +91,7 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
     let is_plain = start.from_sequence.is_none() && start.preamble.is_none();
     let is_end = first == blocks.len() && lead < blocks.len() && is_plain;
     let rest = rest.or_else(|| (has_end && is_end).then(|| vec![Block::default()]));
-    Selected { lead: blocks[..lead].to_vec(), goes_on: lead < blocks.len(), rest }
+    Selected { lead: blocks[..lead].to_vec(), goes_on: lead < blocks.len(), is_at_once: found == Some(lead), rest }
 }
 
 /// A block that begins with O or `:`, if the code has it.

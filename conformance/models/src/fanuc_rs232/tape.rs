@@ -48,8 +48,15 @@ pub(super) fn encode(data: &[u8], start: &Start, rules: &Rules) -> Result<Tape, 
     if selected.goes_on {
         tape.preamble(start.preamble.as_deref().unwrap_or_default())?;
     }
-    for block in selected.rest.iter().flatten() {
-        tape.block(&block.characters)?;
+    for (at, block) in selected.rest.iter().flatten().enumerate() {
+        tape.block(&block.characters).map_err(|fault| {
+            let first = block.characters.first();
+            let is_first = first.is_some_and(|first| first.line == fault.line && first.column == fault.column);
+            let has_preamble = start.preamble.as_ref().is_some_and(|text| !text.is_empty());
+            // Plug-in differs: right behind a preamble the place is not told.
+            let is_lost = at == 0 && is_first && has_preamble && selected.is_at_once;
+            if is_lost { Fault { line: 0, column: 0, ..fault } } else { fault }
+        })?;
         tape.end_block(block.has_eob || adds_end, program.is_closed);
     }
     if program.percent_line.is_none() && program.blocks.is_empty() && !rules.percent {
@@ -80,14 +87,14 @@ struct Encoder<'a> {
     is_in_comment: bool,
     /// Characters of the block that count for TV.
     count: usize,
-    /// Blocks that were given a new number.
-    numbered: u64,
+    /// The last number that was made new.
+    number: u64,
 }
 
 impl<'a> Encoder<'a> {
     fn new(rules: &'a Rules) -> Self {
         let bytes = vec![0; rules.leader];
-        Self { rules, bytes, is_in_comment: false, count: 0, numbered: 0 }
+        Self { rules, bytes, is_in_comment: false, count: 0, number: 0 }
     }
 
     fn finish(mut self) -> Tape {
@@ -121,8 +128,11 @@ impl<'a> Encoder<'a> {
         self.characters(&characters[..number.start])?;
         let mut behind = &characters[number.end..];
         if self.rules.block_numbers == BlockNumbers::Renumber {
-            self.numbered += 1;
-            let new = format!("N{}", self.numbered * self.rules.number_step);
+            // Behind the largest number of five digits it begins anew; the page does not say
+            // so.
+            let next = self.number + self.rules.number_step;
+            self.number = if next > 99_999 { self.rules.number_step } else { next };
+            let new = format!("N{}", self.number);
             new.bytes().for_each(|byte| self.put(byte));
         } else {
             // Spaces behind a number are left out with it; the page does not say so.
