@@ -132,7 +132,9 @@ impl Punch {
             delivery: None,
             is_closed: false,
             is_behind_eob: false,
-            has_eob: false,
+            // Plug-in differs: where the code is set a NUL is a damaged character also before
+            // the first EOB.
+            has_eob: rules.receive_code == Some(Code::Eia),
             kept: Vec::new(),
             early: Vec::new(),
         });
@@ -211,7 +213,8 @@ impl Punch {
         let Some(capture) = &mut self.capture else { return };
         if let Stage::Unknown(raws) = std::mem::replace(&mut capture.stage, Stage::Punching) {
             capture.code = Some(code);
-            // Plug-in differs: by the page it is noise before the first `%` of that code.
+            // Plug-in differs: by the page it is noise before the first `%` of that code,
+            // and nothing behind the closing one.
             let early = |raw: &Raw| match raw {
                 Raw::Whole(_) => None,
                 Raw::Damaged(_) | Raw::Break => Some(Failure::LineError),
@@ -219,7 +222,9 @@ impl Punch {
             };
             capture.early = raws.iter().filter_map(early).collect();
             for raw in raws {
-                self.put(at, raw, code, with);
+                if let Raw::Whole(byte) | Raw::Damaged(byte) = raw {
+                    self.put(at, Raw::Whole(byte), code, with);
+                }
             }
         }
     }
@@ -390,8 +395,8 @@ impl Punch {
     pub(super) fn dc4(&mut self, at: Micros, with: &mut With<'_>) {
         self.was_heard(at);
         match self.stage() {
-            Some(Stage::Punching) => self.capture = None,
-            Some(Stage::Unknown(_) | Stage::Receiving | Stage::Ended) => {
+            // Of a capture without a `%` the page does not say so.
+            Some(Stage::Punching | Stage::Unknown(_) | Stage::Receiving | Stage::Ended) => {
                 let Some(capture) = &mut self.capture else { return };
                 let leaving = Stage::Leaving(at + with.rules.after_dc4);
                 if let Stage::Unknown(raws) = std::mem::replace(&mut capture.stage, leaving) {
@@ -455,6 +460,13 @@ impl Punch {
 
     /// The link is closed: it interrupts a delivery itself.
     pub(super) fn close(&mut self, with: &mut With<'_>) {
+        let capture = self.capture.as_mut().filter(|capture| {
+            !matches!(capture.stage, Stage::Unknown(_)) && capture.kept.is_empty()
+        });
+        if capture.is_none() {
+            // Nothing of it was delivered yet.
+            self.capture = None;
+        }
         let capture = self.capture.as_mut();
         if let Some(delivery) = capture.and_then(|capture| capture.delivery.as_mut()) {
             delivery.is_cut();
@@ -511,8 +523,13 @@ fn told(byte: u8, rules: &Rules) -> Option<Code> {
     if byte == 0x80 {
         return Some(Code::Eia);
     }
-    let byte = if has_wrong_parity(byte, rules) { 0 } else { byte & 0x7F };
-    [b'\n', b'\r'].contains(&byte).then_some(Code::Iso)
+    // Without parity an EOB counts with its bit 7, too; the page does not say that it
+    // tells the code.
+    let known = match rules.parity {
+        Parity::Software => [b'\n', 0x8D],
+        Parity::Uart | Parity::None => *b"\n\r",
+    };
+    known.contains(&byte).then_some(Code::Iso)
 }
 
 /// Without an EOB: EIA, if all of it can be; the page does not say.
