@@ -63,6 +63,7 @@ fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
         is_down: false,
         jobs: 0,
         began: Micros::ZERO,
+        has_given_up: false,
     }))
 }
 
@@ -86,6 +87,8 @@ struct Fanuc {
     jobs: u32,
     /// When our last character began.
     began: Micros,
+    /// The rest of the session is not judged.
+    has_given_up: bool,
 }
 
 impl Model for Fanuc {
@@ -173,7 +176,14 @@ impl Model for Fanuc {
             HostRequest::Resume(id) => feed.pause(*id, false),
             HostRequest::Abort(0) => self.abort_capture(at),
             HostRequest::Abort(id) => feed.abort(at, *id, wire, demands),
-            HostRequest::ForceResume => feed.force_resume(at, wire),
+            HostRequest::ForceResume => {
+                let is_wanted = feed.is_waiting() || feed.is_held();
+                feed.force_resume(at, wire);
+                // Plug-in differs: where a capture is under way, a transfer that is let go on
+                // obeys no DC3 until that has ended, and a DC2 in it breaks the host's pause.
+                // What comes of that is not judged.
+                self.has_given_up |= is_wanted && !self.punch.is_idle();
+            }
             HostRequest::Keep => self.room.keep(),
             HostRequest::PutAway(bytes) => self.room.put_away(*bytes),
             HostRequest::PutAllAway => self.room.put_all_away(),
@@ -187,17 +197,26 @@ impl Model for Fanuc {
     }
 
     fn seen(&mut self, at: Micros, effect: &Effect) -> Result<(), Broken> {
+        if self.has_given_up {
+            return Ok(());
+        }
         let Effect::Byte(byte) = effect else { return self.demands.meet(effect) };
         self.began = at;
         self.wire.port.begins(*byte, self.clause_of(*byte))
     }
 
     fn settled(&mut self, _at: Micros) -> Result<(), Broken> {
+        if self.has_given_up {
+            return Ok(());
+        }
         self.demands.settled()?;
         self.wire.settled(self.clause_of_silence())
     }
 
     fn next(&self) -> Option<Micros> {
+        if self.has_given_up {
+            return None;
+        }
         let capture = self.punch.deadline(&self.rules, self.flow.is_stopped());
         [self.feed.deadline(&self.rules), capture].into_iter().flatten().min()
     }
@@ -234,12 +253,10 @@ impl Fanuc {
         match control {
             Some(Control::Dc1) => self.dc1(at),
             Some(Control::Dc2) => self.dc2(at),
-            // Plug-in differs: in a capture it does not hold a job that the host has let go
-            // on, nor does it take a DC1 back that is remembered.
+            // Plug-in differs: in a capture it does not take a remembered DC1 back.
             Some(Control::Dc3) if !self.punch.is_idle() => {}
             Some(Control::Dc3) => self.feed.dc3(at, &mut self.wire, &mut self.demands),
             Some(Control::Dc4) => {
-                self.stop_if_short();
                 let (punch, mut with) = self.punch();
                 punch.dc4(at, &mut with);
             }

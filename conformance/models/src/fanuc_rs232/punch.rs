@@ -194,7 +194,7 @@ impl Punch {
             (Stage::Unknown(raws), _) => {
                 raws.push(raw);
                 let told = match raw {
-                    Raw::Whole(byte) | Raw::Damaged(byte) => told(byte, with.rules),
+                    Raw::Whole(byte) | Raw::Damaged(byte) => told(byte),
                     Raw::Break | Raw::Overrun => None,
                 };
                 // Plug-in differs: after so many characters it does not wait for an EOB.
@@ -348,6 +348,7 @@ impl Punch {
             b'\n' | b'\r' => {
                 // Plug-in differs: where an LF has come, a CR alone is no EOB.
                 capture.is_behind_eob |= byte == b'\n' || !capture.line.has_lf;
+                capture.has_eob = true;
             }
             byte => {
                 let is_behind_eob = capture.is_behind_eob;
@@ -401,9 +402,6 @@ impl Punch {
                 let leaving = Stage::Leaving(at + with.rules.after_dc4);
                 if let Stage::Unknown(raws) = std::mem::replace(&mut capture.stage, leaving) {
                     capture.kept = raws;
-                }
-                if with.rules.after_dc4 == Micros::ZERO {
-                    self.end(at, None, "fanuc-rs232.punch.after-dc4", with);
                 }
             }
             Some(Stage::Leaving(_)) | None => {}
@@ -519,17 +517,13 @@ fn is_blank(byte: u8, code: Code, rules: &Rules) -> bool {
 }
 
 /// What the first EOB tells. A CR is none of EIA.
-fn told(byte: u8, rules: &Rules) -> Option<Code> {
+fn told(byte: u8) -> Option<Code> {
     if byte == 0x80 {
         return Some(Code::Eia);
     }
-    // Without parity an EOB counts with its bit 7, too; the page does not say that it
-    // tells the code.
-    let known = match rules.parity {
-        Parity::Software => [b'\n', 0x8D],
-        Parity::Uart | Parity::None => *b"\n\r",
-    };
-    known.contains(&byte).then_some(Code::Iso)
+    // A CR tells it, too, whatever its bit 7 is, and an LF with a bit 7 does not; the page
+    // does not say so.
+    (byte == b'\n' || byte & 0x7F == b'\r').then_some(Code::Iso)
 }
 
 /// Without an EOB: EIA, if all of it can be; the page does not say.

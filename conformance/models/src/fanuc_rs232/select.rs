@@ -89,7 +89,8 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
     // a block.
     let has_end = program.percent_line.is_none() && !program.is_closed && !rules.percent;
     let is_plain = start.from_sequence.is_none() && start.preamble.is_none();
-    let is_end = first == blocks.len() && lead < blocks.len() && is_plain;
+    let is_end = first == blocks.len() && lead == 0 && is_plain;
+    let is_end = is_end && blocks.last().is_some_and(|last| last.has_eob);
     let rest = rest.or_else(|| (has_end && is_end).then(|| vec![Block::default()]));
     Selected { lead: blocks[..lead].to_vec(), goes_on: lead < blocks.len(), is_at_once: found == Some(lead), rest }
 }

@@ -50,10 +50,13 @@ pub(super) fn encode(data: &[u8], start: &Start, rules: &Rules) -> Result<Tape, 
     }
     for (at, block) in selected.rest.iter().flatten().enumerate() {
         tape.block(&block.characters).map_err(|fault| {
-            let first = block.characters.first();
-            let is_first = first.is_some_and(|first| first.line == fault.line && first.column == fault.column);
-            let has_preamble = start.preamble.as_ref().is_some_and(|text| !text.is_empty());
             // Plug-in differs: right behind a preamble the place is not told.
+            let number = select::number_at(&block.characters, rules);
+            let places = [Some(0), number.map(|number| number.end)];
+            let mut characters = places.iter().flatten().filter_map(|at| block.characters.get(*at));
+            let is_first = characters
+                .any(|first| first.line == fault.line && first.column == fault.column);
+            let has_preamble = start.preamble.as_ref().is_some_and(|text| !text.is_empty());
             let is_lost = at == 0 && is_first && has_preamble && selected.is_at_once;
             if is_lost { Fault { line: 0, column: 0, ..fault } } else { fault }
         })?;

@@ -2,6 +2,8 @@
 
 use super::Guess;
 use crate::dice::Dice;
+use crate::fanuc_rs232::select::Start;
+use crate::fanuc_rs232::tape;
 
 impl Guess<'_> {
     /// A file, mostly one that can be sent.
@@ -37,6 +39,11 @@ impl Guess<'_> {
         file.extend(*dice.pick(&behinds));
         if dice.one_in(100) {
             file.clear();
+        }
+        // When a job without characters is done the page does not say.
+        let tape = tape::encode(&file, &Start::default(), &self.model.rules);
+        if tape.is_ok_and(|tape| tape.bytes.is_empty()) {
+            file.extend(b"M30");
         }
         file
     }

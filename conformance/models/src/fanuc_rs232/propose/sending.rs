@@ -24,8 +24,8 @@ impl Guess<'_> {
             0 => host(self.within(dice), HostRequest::Pause(job)),
             1 => host(self.within(dice), HostRequest::Resume(job)),
             2 => host(self.within(dice), HostRequest::Abort(job)),
-            3 => host(self.within(dice), HostRequest::ForceResume),
-            4 => self.job(dice),
+            3 if self.model.punch.is_idle() => host(self.within(dice), HostRequest::ForceResume),
+            3 | 4 => self.job(dice),
             5 => come(self.within(dice), self.controls(dice)),
             6 => {
                 let code = *dice.pick(&[0x96, 0x95]);
