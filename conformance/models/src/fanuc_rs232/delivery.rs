@@ -184,7 +184,6 @@ impl Delivery {
         if self.bytes.len() > before {
             self.put(rules.line_end, room);
         }
-        self.before = (self.number.clone(), self.first_comment.clone());
     }
 
     /// Characters without any meaning.

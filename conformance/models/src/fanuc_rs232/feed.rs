@@ -339,7 +339,9 @@ impl Feed {
         let job = self.job.as_ref()?;
         let given = match job.state {
             State::Waiting => 0,
-            State::Transfer(_) | State::Ending(_) | State::Empty(_) => job.tape.bytes.len().saturating_sub(wire.port.waiting()),
+            State::Transfer(_) | State::Ending(_) | State::Empty(_) => {
+                job.tape.bytes.len().saturating_sub(wire.port.waiting())
+            }
         };
         Some(given as u64)
     }

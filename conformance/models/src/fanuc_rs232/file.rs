@@ -117,7 +117,9 @@ pub(super) fn lines(text: &[u8], rules: &Rules) -> Vec<Vec<Character>> {
     for item in items(text, rules) {
         match item {
             Item::Eob => lines.push(Vec::new()),
-            Item::Character(character) => lines.last_mut().into_iter().for_each(|line| line.push(character)),
+            Item::Character(character) => {
+                lines.last_mut().into_iter().for_each(|line| line.push(character))
+            }
         }
     }
     // It ends with one EOB, whether it brings it or not.

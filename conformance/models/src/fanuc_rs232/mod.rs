@@ -87,7 +87,9 @@ struct Fanuc {
     jobs: u32,
     /// When our last character began.
     began: Micros,
-    /// The rest of the session is not judged.
+    /// Plug-in differs: a transfer that the host starts or lets go on while a capture is
+    /// under way obeys no DC3 until that has ended, and a DC2 in it breaks the host's
+    /// pause. What comes of that is not judged.
     has_given_up: bool,
 }
 
@@ -170,7 +172,9 @@ impl Model for Fanuc {
             }
             HostRequest::Job { id, data, fields, .. } => {
                 self.jobs = *id;
+                let was_transfer = feed.is_transfer();
                 feed.begin(at, *id, &Start::new(fields), data, rules, wire, demands);
+                self.has_given_up |= !was_transfer && feed.is_transfer() && !self.punch.is_idle();
             }
             HostRequest::Pause(id) => feed.pause(*id, true),
             HostRequest::Resume(id) => feed.pause(*id, false),
@@ -179,9 +183,6 @@ impl Model for Fanuc {
             HostRequest::ForceResume => {
                 let is_wanted = feed.is_waiting() || feed.is_held();
                 feed.force_resume(at, wire);
-                // Plug-in differs: where a capture is under way, a transfer that is let go on
-                // obeys no DC3 until that has ended, and a DC2 in it breaks the host's pause.
-                // What comes of that is not judged.
                 self.has_given_up |= is_wanted && !self.punch.is_idle();
             }
             HostRequest::Keep => self.room.keep(),
@@ -382,8 +383,7 @@ impl Fanuc {
     fn look_at_room(&mut self, at: Micros) {
         if self.room.grows() {
             let room = self.room.known();
-            let goes_on =
-                self.flow.has_grown(room, &self.rules, &mut self.wire, &mut self.demands);
+            let goes_on = self.flow.has_grown(room, &self.rules, &mut self.wire, &mut self.demands);
             if goes_on {
                 self.punch.was_heard(at);
             }

@@ -237,9 +237,12 @@ impl Punch {
             Raw::Whole(byte) | Raw::Damaged(byte) => is_blank(byte, code, with.rules),
             Raw::Break | Raw::Overrun => false,
         };
-        let is_whole = matches!(raw, Raw::Whole(_));
         let (byte, is_damaged) = match raw {
-            Raw::Whole(byte) if code == Code::Iso => (byte & 0x7F, has_wrong_parity(byte, with.rules)),
+            Raw::Whole(byte) if code == Code::Iso => {
+                // Plug-in differs: a CR with a wrong parity is no damaged character.
+                let is_damaged = has_wrong_parity(byte, with.rules) && byte != b'\r';
+                (byte & 0x7F, is_damaged)
+            }
             Raw::Whole(byte) => match decoded(byte, code, with.rules) {
                 Some(character) => (character, false),
                 None => return self.unknown(byte, with),
@@ -263,10 +266,7 @@ impl Punch {
                 }
             }
             Stage::Receiving => self.receive(at, Heard { byte, is_damaged, is_blank }, code, with),
-            // Plug-in differs: of EOBs that are damaged those with a wrong parity count.
-            Stage::Ended if !is_damaged || is_whole && (byte == b'\n' || byte == b'\r') => {
-                self.behind(at, byte, with);
-            }
+            Stage::Ended if !is_damaged => self.behind(at, byte, with),
             Stage::Punching | Stage::Unknown(_) | Stage::Ended | Stage::Leaving(_) => {}
         }
     }
@@ -330,7 +330,9 @@ impl Punch {
                 delivery.eob(with.rules, with.room);
             }
             // Plug-in differs: where an LF has come, a CR alone is no line end.
-            b'\r' if code == Code::Iso && capture.line.has_lf => delivery.carriage_return(with.rules),
+            b'\r' if code == Code::Iso && capture.line.has_lf => {
+                delivery.carriage_return(with.rules)
+            }
             b'\r' if code == Code::Iso => capture.line.is_behind_cr = true,
             byte => delivery.character(byte, with.rules, with.room),
         }

@@ -22,11 +22,7 @@ impl Start {
         let field = |name: &str| fields.iter().find(|(known, _)| known == name);
         let number = |name| field(name).and_then(|(_, value)| value.parse().ok());
         let preamble = field("preamble").map(|(_, text)| text.clone().into_bytes());
-        Self {
-            from_block: number("from_block"),
-            from_sequence: number("from_sequence"),
-            preamble,
-        }
+        Self { from_block: number("from_block"), from_sequence: number("from_sequence"), preamble }
     }
 
     /// The job begins with its program.
@@ -36,7 +32,9 @@ impl Start {
 
     /// A field is out of its range.
     pub(super) fn is_out_of_range(&self) -> bool {
-        let within = |value: Option<i64>, first| value.is_none_or(|value| (first..=LARGEST).contains(&value));
+        let within = |value: Option<i64>, first| {
+            value.is_none_or(|value| (first..=LARGEST).contains(&value))
+        };
         !within(self.from_block, 1) || !within(self.from_sequence, 0)
     }
 }
@@ -58,7 +56,12 @@ pub(super) struct Selected {
 pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selected {
     let blocks = &program.blocks;
     if start.is_plain() {
-        return Selected { lead: Vec::new(), goes_on: true, is_at_once: true, rest: Some(blocks.clone()) };
+        return Selected {
+            lead: Vec::new(),
+            goes_on: true,
+            is_at_once: true,
+            rest: Some(blocks.clone()),
+        };
     }
     // Plug-in differs: by the page only the line with the program number goes along,
     // and only if it is block 1. It takes empty blocks around it along too, and does
@@ -75,13 +78,18 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
     let found = match start.from_sequence {
         // With both fields: the first with this number from that block on. The page
         // does not say so.
-        Some(wanted) => candidates.filter(|(at, block)| {
-            let number = sequence_number(block, rules);
-            let is_last = *at + 1 == blocks.len() && program.is_closed;
-            // Plug-in differs: a number with the closing `%` right behind it is not found.
-            let is_cut = is_last && !block.has_eob && number.is_some_and(|(_, end)| end == block.characters.len());
-            number.is_some_and(|(number, _)| number == u64::try_from(wanted).ok()) && !is_cut
-        }).map(|(at, _)| at).next(),
+        Some(wanted) => candidates
+            .filter(|(at, block)| {
+                let number = sequence_number(block, rules);
+                let is_last = *at + 1 == blocks.len() && program.is_closed;
+                // Plug-in differs: a number with the closing `%` right behind it is not found.
+                let is_cut = is_last
+                    && !block.has_eob
+                    && number.is_some_and(|(_, end)| end == block.characters.len());
+                number.is_some_and(|(number, _)| number == u64::try_from(wanted).ok()) && !is_cut
+            })
+            .map(|(at, _)| at)
+            .next(),
         None => candidates.map(|(at, _)| at).next(),
     };
     let rest = found.map(|found| blocks[found..].to_vec());
@@ -92,7 +100,12 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
     let is_end = first == blocks.len() && lead == 0 && is_plain;
     let is_end = is_end && blocks.last().is_some_and(|last| last.has_eob);
     let rest = rest.or_else(|| (has_end && is_end).then(|| vec![Block::default()]));
-    Selected { lead: blocks[..lead].to_vec(), goes_on: lead < blocks.len(), is_at_once: found == Some(lead), rest }
+    Selected {
+        lead: blocks[..lead].to_vec(),
+        goes_on: lead < blocks.len(),
+        is_at_once: found == Some(lead),
+        rest,
+    }
 }
 
 /// A block that begins with O or `:`, if the code has it.
@@ -103,8 +116,10 @@ fn has_program_number(block: &Block, rules: &Rules) -> bool {
 
 fn sequence_number(block: &Block, rules: &Rules) -> Option<(Option<u64>, usize)> {
     let number = number_at(&block.characters, rules)?;
-    let digits: String =
-        block.characters[number.start + 1..number.end].iter().map(|digit| char::from(digit.byte)).collect();
+    let digits: String = block.characters[number.start + 1..number.end]
+        .iter()
+        .map(|digit| char::from(digit.byte))
+        .collect();
     Some((digits.parse().ok(), number.end))
 }
 

@@ -54,8 +54,8 @@ pub(super) fn encode(data: &[u8], start: &Start, rules: &Rules) -> Result<Tape, 
             let number = select::number_at(&block.characters, rules);
             let places = [Some(0), number.map(|number| number.end)];
             let mut characters = places.iter().flatten().filter_map(|at| block.characters.get(*at));
-            let is_first = characters
-                .any(|first| first.line == fault.line && first.column == fault.column);
+            let is_first =
+                characters.any(|first| first.line == fault.line && first.column == fault.column);
             let has_preamble = start.preamble.as_ref().is_some_and(|text| !text.is_empty());
             let is_lost = at == 0 && is_first && has_preamble && selected.is_at_once;
             if is_lost { Fault { line: 0, column: 0, ..fault } } else { fault }
@@ -125,7 +125,9 @@ impl<'a> Encoder<'a> {
     fn block(&mut self, characters: &[Character]) -> Result<(), Fault> {
         let number = match self.rules.block_numbers {
             BlockNumbers::Keep => None,
-            BlockNumbers::Strip | BlockNumbers::Renumber => select::number_at(characters, self.rules),
+            BlockNumbers::Strip | BlockNumbers::Renumber => {
+                select::number_at(characters, self.rules)
+            }
         };
         let Some(number) = number else { return self.characters(characters) };
         self.characters(&characters[..number.start])?;

@@ -75,11 +75,8 @@ impl Guess<'_> {
             return self.punching(dice);
         }
         let id = *dice.pick(&open);
-        let answer = if dice.one_in(2) {
-            Ok(Vec::new())
-        } else {
-            Err(softplug_abi::Failure::NotFound)
-        };
+        let answer =
+            if dice.one_in(2) { Ok(Vec::new()) } else { Err(softplug_abi::Failure::NotFound) };
         host(self.pause(dice), HostRequest::Answer(id, answer))
     }
 

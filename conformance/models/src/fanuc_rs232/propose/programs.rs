@@ -33,16 +33,15 @@ impl Guess<'_> {
         if dice.one_in(6) {
             file.extend(b"M30");
         }
-        let behinds: [&[u8]; 10] = [
-            b"%", b"%", b"%", b"%\r\n\x1A", b"%\n \t\0", b"", b"", b"%X", b"%\r\nO2\n%", b"%%",
-        ];
+        let behinds: [&[u8]; 10] =
+            [b"%", b"%", b"%", b"%\r\n\x1A", b"%\n \t\0", b"", b"", b"%X", b"%\r\nO2\n%", b"%%"];
         file.extend(*dice.pick(&behinds));
         if dice.one_in(100) {
             file.clear();
         }
-        // When a job without characters is done the page does not say.
+        // When a job without a program is done the page does not say.
         let tape = tape::encode(&file, &Start::default(), &self.model.rules);
-        if tape.is_ok_and(|tape| tape.bytes.is_empty()) {
+        if tape.is_ok_and(|tape| tape.closed == self.model.rules.leader) {
             file.extend(b"M30");
         }
         file
@@ -67,8 +66,21 @@ impl Guess<'_> {
         .into_bytes();
         if is_odd && dice.one_in(3) {
             let odd: [&[u8]; 15] = [
-                b"g1", b";", b"(50%)", b"(AB", b"A)", b"\x00", b"\x7F", b"\xC3\xA4", b"_", b"A",
-                b"#1=[2*3]", b"\x13", b"~&\t\x08", b"((A)B)", b"xy",
+                b"g1",
+                b";",
+                b"(50%)",
+                b"(AB",
+                b"A)",
+                b"\x00",
+                b"\x7F",
+                b"\xC3\xA4",
+                b"_",
+                b"A",
+                b"#1=[2*3]",
+                b"\x13",
+                b"~&\t\x08",
+                b"((A)B)",
+                b"xy",
             ];
             block.extend(*dice.pick(&odd));
         }
@@ -83,7 +95,8 @@ impl Guess<'_> {
             tape.extend(self.block(dice));
             tape.push(b'\n');
         }
-        let tails: [&[u8]; 8] = [b"%\n", b"%\n", b"%", b"%", b"%\n\n", b"", b"M30%", b"%\n%\nO2\n%"];
+        let tails: [&[u8]; 8] =
+            [b"%\n", b"%\n", b"%", b"%", b"%\n\n", b"", b"M30%", b"%\n%\nO2\n%"];
         tape.extend(*dice.pick(&tails));
         tape
     }
@@ -99,7 +112,8 @@ impl Guess<'_> {
             4 => format!(":{}", dice.below(99)),
             5 => "(COVER LEFT)".to_owned(),
             6 => "( A B )(C)".to_owned(),
-            7 => (*dice.pick(&["(AB", "()", "O", "OX", " O3", "/O4", "(50%)", "A)", "((A)B)"])).to_owned(),
+            7 => (*dice.pick(&["(AB", "()", "O", "OX", " O3", "/O4", "(50%)", "A)", "((A)B)"]))
+                .to_owned(),
             8 => String::new(),
             _ => format!("N{}G1X{}.", dice.below(999), dice.below(9_999)),
         }

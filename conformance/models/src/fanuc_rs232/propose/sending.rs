@@ -104,8 +104,17 @@ impl Guess<'_> {
         }
         if dice.one_in(3) {
             let preambles = [
-                "T1M6", "T1M6\nG0Z50\n", "N7G1\n/N8", "\n", "g1(tool", "(A\r\nB)\r\n", "G1;", "50%",
-                "(%)", "A&B", "",
+                "T1M6",
+                "T1M6\nG0Z50\n",
+                "N7G1\n/N8",
+                "\n",
+                "g1(tool",
+                "(A\r\nB)\r\n",
+                "G1;",
+                "50%",
+                "(%)",
+                "A&B",
+                "",
             ];
             add("preamble", (*dice.pick(&preambles)).to_owned());
         }
