@@ -118,7 +118,7 @@ pub(super) fn lines(text: &[u8], rules: &Rules) -> Vec<Vec<Character>> {
         match item {
             Item::Eob => lines.push(Vec::new()),
             Item::Character(character) => {
-                lines.last_mut().into_iter().for_each(|line| line.push(character))
+                lines.last_mut().into_iter().for_each(|line| line.push(character));
             }
         }
     }

@@ -31,9 +31,8 @@ impl LineEnds {
     /// What the next byte is.
     pub(super) fn next(&mut self, byte: u8) -> Part {
         let (place, part) = match (self.0, byte) {
-            (Place::Cr, b'\n') => (Place::InLine, Part::EndGoesOn),
             (Place::Lf, b'\r') => (Place::LfCr, Part::EndGoesOn),
-            (Place::LfCr, b'\r') => (Place::InLine, Part::EndGoesOn),
+            (Place::Cr, b'\n') | (Place::LfCr, b'\r') => (Place::InLine, Part::EndGoesOn),
             (_, b'\r') => (Place::Cr, Part::End),
             (_, b'\n') => (Place::Lf, Part::End),
             _ => (Place::InLine, Part::Line),

@@ -21,13 +21,13 @@ impl Guess<'_> {
             file.extend(end);
         }
         if !dice.one_in(3) {
-            file.extend(self.number_line(dice));
+            file.extend(number_line(dice));
             file.extend(end);
         }
         let mut number = 0;
         while file.len() < length {
             number += 10;
-            file.extend(self.file_block(number, is_odd, dice));
+            file.extend(file_block(number, is_odd, dice));
             file.extend(end);
         }
         if dice.one_in(6) {
@@ -45,46 +45,6 @@ impl Guess<'_> {
             file.extend(b"M30");
         }
         file
-    }
-
-    fn number_line(&self, dice: &mut Dice) -> Vec<u8> {
-        let lines: [&[u8]; 6] = [b"O1", b"O0012(PART 7)", b":7", b"o5", b"O1 ", b"(O7)"];
-        dice.pick(&lines).to_vec()
-    }
-
-    fn file_block(&self, number: u32, is_odd: bool, dice: &mut Dice) -> Vec<u8> {
-        let mut block = match dice.below(10) {
-            0 => format!("/N{number}G1"),
-            1 => format!("N{number:05} G0 X{}", dice.below(999)),
-            2 => " N5Y1".to_owned(),
-            3 => format!("N{}", dice.below(60)),
-            4 => String::new(),
-            5 => format!("G1X{}Y-{}.5", dice.below(999), dice.below(9)),
-            6 => "(COMMENT N5)M1".to_owned(),
-            _ => format!("N{number}G1X{}", dice.below(9_999)),
-        }
-        .into_bytes();
-        if is_odd && dice.one_in(3) {
-            let odd: [&[u8]; 15] = [
-                b"g1",
-                b";",
-                b"(50%)",
-                b"(AB",
-                b"A)",
-                b"\x00",
-                b"\x7F",
-                b"\xC3\xA4",
-                b"_",
-                b"A",
-                b"#1=[2*3]",
-                b"\x13",
-                b"~&\t\x08",
-                b"((A)B)",
-                b"xy",
-            ];
-            block.extend(*dice.pick(&odd));
-        }
-        block
     }
 
     /// What a control punches, from `%` to `%`, mostly.
@@ -119,4 +79,44 @@ impl Guess<'_> {
         }
         .into_bytes()
     }
+}
+
+fn number_line(dice: &mut Dice) -> Vec<u8> {
+    let lines: [&[u8]; 6] = [b"O1", b"O0012(PART 7)", b":7", b"o5", b"O1 ", b"(O7)"];
+    dice.pick(&lines).to_vec()
+}
+
+fn file_block(number: u32, is_odd: bool, dice: &mut Dice) -> Vec<u8> {
+    let mut block = match dice.below(10) {
+        0 => format!("/N{number}G1"),
+        1 => format!("N{number:05} G0 X{}", dice.below(999)),
+        2 => " N5Y1".to_owned(),
+        3 => format!("N{}", dice.below(60)),
+        4 => String::new(),
+        5 => format!("G1X{}Y-{}.5", dice.below(999), dice.below(9)),
+        6 => "(COMMENT N5)M1".to_owned(),
+        _ => format!("N{number}G1X{}", dice.below(9_999)),
+    }
+    .into_bytes();
+    if is_odd && dice.one_in(3) {
+        let odd: [&[u8]; 15] = [
+            b"g1",
+            b";",
+            b"(50%)",
+            b"(AB",
+            b"A)",
+            b"\x00",
+            b"\x7F",
+            b"\xC3\xA4",
+            b"_",
+            b"A",
+            b"#1=[2*3]",
+            b"\x13",
+            b"~&\t\x08",
+            b"((A)B)",
+            b"xy",
+        ];
+        block.extend(*dice.pick(&odd));
+    }
+    block
 }

@@ -15,7 +15,7 @@ impl Guess<'_> {
         }
         match dice.below(40) {
             0..=1 => {
-                let byte = self.meaning(dice);
+                let byte = meaning(dice);
                 return self.damaged(byte, dice);
             }
             2 => return host(self.pause(dice), HostRequest::Abort(0)),
@@ -24,7 +24,7 @@ impl Guess<'_> {
                 let code = *dice.pick(&[0x11, 0x12, 0x93, 0x14, 0x95, 0x96]);
                 return come(self.pause(dice), vec![self.control(code, dice)]);
             }
-            6 => return come(self.pause(dice), vec![self.meaning(dice)]),
+            6 => return come(self.pause(dice), vec![meaning(dice)]),
             7 => return self.burst(dice),
             _ => {}
         }
@@ -173,14 +173,14 @@ impl Guess<'_> {
             Parity::Software | Parity::None | Parity::Uart => character,
         }
     }
+}
 
-    /// One byte that means something.
-    fn meaning(&self, dice: &mut Dice) -> u8 {
-        match dice.below(4) {
-            0 => *dice.pick(b"%%\r\n\x80\x0B\xA5 O(:"),
-            1 => *dice.pick(crate::fanuc_rs232::values::SPECIAL),
-            2 => dice.byte(),
-            _ => *dice.pick(b"\0\x7F\x13\x15\x16\x93"),
-        }
+/// One byte that means something.
+fn meaning(dice: &mut Dice) -> u8 {
+    match dice.below(4) {
+        0 => *dice.pick(b"%%\r\n\x80\x0B\xA5 O(:"),
+        1 => *dice.pick(crate::fanuc_rs232::values::SPECIAL),
+        2 => dice.byte(),
+        _ => *dice.pick(b"\0\x7F\x13\x15\x16\x93"),
     }
 }

@@ -88,36 +88,36 @@ impl Guess<'_> {
         let longest = if dice.one_in(40) { 20_000 } else { 600 };
         let data = self.program(dice.length(longest), dice);
         let (id, kind) = (self.model.jobs + 1, "send".to_owned());
-        let fields = if dice.one_in(3) { self.fields(dice) } else { Vec::new() };
+        let fields = if dice.one_in(3) { fields(dice) } else { Vec::new() };
         host(self.pause(dice), HostRequest::Job { id, kind, fields, data })
     }
+}
 
-    fn fields(&self, dice: &mut Dice) -> Vec<(String, String)> {
-        let mut fields = Vec::new();
-        let mut add = |name: &str, value: String| fields.push((name.to_owned(), value));
-        let number = dice.between(-1, 12).to_string();
-        match dice.below(8) {
-            0..=2 => add("from_block", number),
-            3..=5 => add("from_sequence", (dice.below(6) * 10).to_string()),
-            6 => add("from_sequence", number),
-            _ => {}
-        }
-        if dice.one_in(3) {
-            let preambles = [
-                "T1M6",
-                "T1M6\nG0Z50\n",
-                "N7G1\n/N8",
-                "\n",
-                "g1(tool",
-                "(A\r\nB)\r\n",
-                "G1;",
-                "50%",
-                "(%)",
-                "A&B",
-                "",
-            ];
-            add("preamble", (*dice.pick(&preambles)).to_owned());
-        }
-        fields
+fn fields(dice: &mut Dice) -> Vec<(String, String)> {
+    let mut fields = Vec::new();
+    let mut add = |name: &str, value: String| fields.push((name.to_owned(), value));
+    let number = dice.between(-1, 12).to_string();
+    match dice.below(8) {
+        0..=2 => add("from_block", number),
+        3..=5 => add("from_sequence", (dice.below(6) * 10).to_string()),
+        6 => add("from_sequence", number),
+        _ => {}
     }
+    if dice.one_in(3) {
+        let preambles = [
+            "T1M6",
+            "T1M6\nG0Z50\n",
+            "N7G1\n/N8",
+            "\n",
+            "g1(tool",
+            "(A\r\nB)\r\n",
+            "G1;",
+            "50%",
+            "(%)",
+            "A&B",
+            "",
+        ];
+        add("preamble", (*dice.pick(&preambles)).to_owned());
+    }
+    fields
 }
