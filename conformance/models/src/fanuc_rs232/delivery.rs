@@ -99,7 +99,8 @@ impl Delivery {
     fn look_for_comment(&mut self, byte: u8, rules: &Rules) {
         match (self.comment.as_mut(), byte) {
             (None, b'(') => self.comment = Some(Vec::new()),
-            (None, b' ') => {}
+            // Spaces behind a comment count as text; the page does not say so.
+            (None, b' ') if self.is_block_start => {}
             (None, _) => self.has_text = true,
             (Some(_), b')') => {
                 let comment = self.comment.take().unwrap_or_default();

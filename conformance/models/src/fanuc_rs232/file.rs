@@ -59,8 +59,8 @@ enum Item {
 /// Cuts a file into its parts.
 pub(super) fn read(data: &[u8], rules: &Rules) -> Program {
     let mut items = items(data, rules).into_iter().peekable();
-    // The page does not name TAB among what may stand before the first `%`.
-    while items.next_if(|item| is_blank(*item, b" \t\0")).is_some() {}
+    // The page does not name TAB and DEL among what may stand before the first `%`.
+    while items.next_if(|item| is_blank(*item, b" \t\0\x7F")).is_some() {}
     let has_percent = matches!(items.peek(), Some(Item::Character(first)) if first.byte == b'%');
     let mut program = Program::default();
     if has_percent {

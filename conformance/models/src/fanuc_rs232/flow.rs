@@ -46,7 +46,8 @@ impl Flow {
             OutputFlow::None => return,
             OutputFlow::Dc3 => {
                 let has_parity = rules.parity == Parity::Software;
-                let is_eia = code == Some(Code::Eia);
+                // Where it is not known the code is the one that is sent; the page does not say so.
+                let is_eia = code.unwrap_or(rules.code) == Code::Eia;
                 wire.say(if has_parity || is_eia { 0x93 } else { 0x13 });
             }
             OutputFlow::Rts => {

@@ -109,7 +109,8 @@ impl Fanuc {
         if self.punch.is_idle() {
             self.punch.begin(at, &self.rules);
         }
-        self.flow.dc2(self.room.known(), &self.rules, &mut self.wire);
+        // Plug-in differs: what came before it in one event does not count yet.
+        self.flow.dc2(self.room_before, &self.rules, &mut self.wire);
     }
 
     /// SYN or NAK.

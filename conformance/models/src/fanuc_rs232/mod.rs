@@ -63,6 +63,7 @@ fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
         is_open: false,
         is_down: false,
         jobs: 0,
+        room_before: 0,
         began: Micros::ZERO,
         has_given_up: false,
     }))
@@ -86,6 +87,8 @@ struct Fanuc {
     is_down: bool,
     /// The last job's id.
     jobs: u32,
+    /// The host's room as the last event came.
+    room_before: u32,
     /// When our last character began.
     began: Micros,
     /// Plug-in differs: a transfer that the host starts or lets go on while a capture is
@@ -96,6 +99,7 @@ struct Fanuc {
 
 impl Model for Fanuc {
     fn line(&mut self, at: Micros, input: &LineInput) {
+        self.room_before = self.room.known();
         match input {
             LineInput::Bytes(bytes) => bytes.iter().for_each(|byte| self.hear(at, *byte)),
             LineInput::Damaged { byte: Some(byte), .. } => {

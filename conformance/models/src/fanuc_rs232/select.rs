@@ -25,6 +25,11 @@ impl Start {
         Self { from_block: number("from_block"), from_sequence: number("from_sequence"), preamble }
     }
 
+    /// Text stands before the block.
+    pub(super) fn has_preamble(&self) -> bool {
+        self.preamble.as_ref().is_some_and(|text| !text.is_empty())
+    }
+
     /// The job begins with its program.
     fn is_plain(&self) -> bool {
         self.from_block.is_none() && self.from_sequence.is_none() && self.preamble.is_none()
@@ -74,29 +79,27 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
     }
     let first = start.from_block.map_or(0, |block| usize::try_from(block - 1).unwrap_or(0));
     let first = first.max(lead);
-    let candidates = blocks.iter().enumerate().skip(first);
-    let found = match start.from_sequence {
-        // With both fields: the first with this number from that block on. The page
-        // does not say so.
-        Some(wanted) => candidates
-            .filter(|(at, block)| {
-                let number = sequence_number(block, rules);
-                let is_last = *at + 1 == blocks.len() && program.is_closed;
-                // Plug-in differs: a number with the closing `%` right behind it is not found.
-                let is_cut = is_last
-                    && !block.has_eob
-                    && number.is_some_and(|(_, end)| end == block.characters.len());
-                number.is_some_and(|(number, _)| number == u64::try_from(wanted).ok()) && !is_cut
-            })
-            .map(|(at, _)| at)
-            .next(),
-        None => candidates.map(|(at, _)| at).next(),
+    // Plug-in differs: a block that ends with its number is not found with the closing `%`
+    // right behind it.
+    let is_cut = |at: usize, block: &Block| {
+        let is_last = at + 1 == blocks.len() && program.is_closed && !block.has_eob;
+        let number = number_at(&block.characters, rules);
+        is_last && number.is_some_and(|number| number.end == block.characters.len())
     };
+    // With both fields: the first with this number from that block on. The page does not
+    // say so.
+    let is_wanted = |block: &Block| match start.from_sequence {
+        Some(wanted) => sequence_number(block, rules) == u64::try_from(wanted).ok(),
+        None => true,
+    };
+    let mut candidates = blocks.iter().enumerate().skip(first);
+    let found = candidates.find(|(at, block)| is_wanted(block) && !is_cut(*at, block));
+    let found = found.map(|(at, _)| at);
     let rest = found.map(|found| blocks[found..].to_vec());
     // Plug-in differs: where no `%` stands and none is added, the end of the file counts as
     // a block.
     let has_end = program.percent_line.is_none() && !program.is_closed && !rules.percent;
-    let is_plain = start.from_sequence.is_none() && start.preamble.is_none();
+    let is_plain = start.from_sequence.is_none() && !start.has_preamble();
     let is_end = first == blocks.len() && lead == 0 && is_plain;
     let is_end = is_end && blocks.last().is_some_and(|last| last.has_eob);
     let rest = rest.or_else(|| (has_end && is_end).then(|| vec![Block::default()]));
@@ -114,13 +117,12 @@ fn has_program_number(block: &Block, rules: &Rules) -> bool {
     block.characters.first().is_some_and(|first| is_number(capital(first.byte, rules)))
 }
 
-fn sequence_number(block: &Block, rules: &Rules) -> Option<(Option<u64>, usize)> {
+/// A block's N number. `None`: it has none, or one that is too large.
+fn sequence_number(block: &Block, rules: &Rules) -> Option<u64> {
     let number = number_at(&block.characters, rules)?;
-    let digits: String = block.characters[number.start + 1..number.end]
-        .iter()
-        .map(|digit| char::from(digit.byte))
-        .collect();
-    Some((digits.parse().ok(), number.end))
+    let digits = &block.characters[number.start + 1..number.end];
+    let digits: String = digits.iter().map(|digit| char::from(digit.byte)).collect();
+    digits.parse().ok()
 }
 
 /// Where a block's N number stands: from its N to behind its last digit. It stands at

@@ -56,8 +56,7 @@ pub(super) fn encode(data: &[u8], start: &Start, rules: &Rules) -> Result<Tape, 
             let mut characters = places.iter().flatten().filter_map(|at| block.characters.get(*at));
             let is_first =
                 characters.any(|first| first.line == fault.line && first.column == fault.column);
-            let has_preamble = start.preamble.as_ref().is_some_and(|text| !text.is_empty());
-            let is_lost = at == 0 && is_first && has_preamble && selected.is_at_once;
+            let is_lost = at == 0 && is_first && start.has_preamble() && selected.is_at_once;
             if is_lost { Fault { line: 0, column: 0, ..fault } } else { fault }
         })?;
         tape.end_block(block.has_eob || adds_end, program.is_closed);
