@@ -38,6 +38,10 @@ impl Punch {
                 let guessed = (raws.len() >= KEPT).then(|| guess(raws, with.rules));
                 if let Some(code) = told.or(guessed) {
                     self.decode(at, code, with);
+                    if let Some(capture) = &mut self.capture {
+                        // An EOB has come, also where it stood before the first `%`.
+                        capture.has_eob |= told.is_some();
+                    }
                 }
             }
             (_, Some(code)) => self.put(at, raw, code, with),
