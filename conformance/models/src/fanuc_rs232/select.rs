@@ -68,15 +68,12 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
             rest: Some(blocks.clone()),
         };
     }
-    // Plug-in differs: by the page only the line with the program number goes along,
-    // and only if it is block 1. It takes empty blocks around it along too, and does
-    // not begin at any of these.
-    let empty = |block: &&Block| block.characters.is_empty();
-    let mut lead = blocks.iter().take_while(empty).count();
-    if blocks.get(lead).is_some_and(|block| has_program_number(block, rules)) {
-        lead += 1;
-        lead += blocks[lead..].iter().take_while(empty).count();
-    }
+    // Plug-in differs: by the page only the line with the program number goes along, and
+    // only if it is block 1. It takes all such lines and empty blocks at the start along, and
+    // begins at none of these.
+    let goes_along =
+        |block: &&Block| block.characters.is_empty() || has_program_number(block, rules);
+    let lead = blocks.iter().take_while(goes_along).count();
     let first = start.from_block.map_or(0, |block| usize::try_from(block - 1).unwrap_or(0));
     let first = first.max(lead);
     // Plug-in differs: a block that ends with its number is not found with the closing `%`

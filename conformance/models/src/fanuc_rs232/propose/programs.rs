@@ -5,6 +5,9 @@ use crate::dice::Dice;
 use crate::fanuc_rs232::select::Start;
 use crate::fanuc_rs232::tape;
 
+/// Behind a G or so, each of them.
+const LETTERS: &str = "GABCDEFHIJKLMNOPQRSTUVWXYZ0123456789";
+
 impl Guess<'_> {
     /// A file, mostly one that can be sent.
     pub(super) fn program(&self, length: usize, dice: &mut Dice) -> Vec<u8> {
@@ -75,6 +78,7 @@ impl Guess<'_> {
             7 => (*dice.pick(&["(AB", "()", "O", "OX", " O3", "/O4", "(50%)", "A)", "((A)B)"]))
                 .to_owned(),
             8 => String::new(),
+            9 => format!("{}{}", &LETTERS[dice.below(26) as usize..], "+-/.,&"),
             _ => format!("N{}G1X{}.", dice.below(999), dice.below(9_999)),
         }
         .into_bytes()
@@ -95,6 +99,7 @@ fn file_block(number: u32, is_odd: bool, dice: &mut Dice) -> Vec<u8> {
         4 => String::new(),
         5 => format!("G1X{}Y-{}.5", dice.below(999), dice.below(9)),
         6 => "(COMMENT N5)M1".to_owned(),
+        7 => format!("{}{}", &LETTERS[dice.below(26) as usize..], "+-/.,&"),
         _ => format!("N{number}G1X{}", dice.below(9_999)),
     }
     .into_bytes();
