@@ -29,6 +29,7 @@
 mod cover;
 mod dice;
 mod drive;
+mod fanuc_rs232;
 mod fanuc_rs232_remote;
 mod heidenhain_fe;
 mod model;
@@ -52,7 +53,7 @@ pub use settings::Settings;
 
 /// Every profile that has a model.
 pub const PROFILES: &[&Profile] = &[
-    &fanuc_rs232_remote::PROFILE,
+    &fanuc_rs232::PROFILE,
     &heidenhain_fe::PROFILE,
     &r3964::PLAIN_3964,
     &r3964::R3964,

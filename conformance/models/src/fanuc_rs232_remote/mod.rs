@@ -11,11 +11,10 @@ mod parity;
 mod propose;
 mod rules;
 mod tape;
-mod values;
 mod wire;
 
 use crate::dice::Dice;
-use crate::model::{Broken, Conditions, Effect, HostRequest, LineInput, Model, Profile, Proposal};
+use crate::model::{Broken, Conditions, Effect, HostRequest, LineInput, Model, Proposal};
 use demands::Demands;
 use job::{Dialogue, Job};
 use message::Incoming;
@@ -27,18 +26,8 @@ use std::cell::RefCell;
 use tape::{Refused, encode};
 use wire::Wire;
 
-/// The profile `fanuc-rs232`, as far as it is about the remote buffer.
-pub(crate) const PROFILE: Profile = Profile {
-    name: "fanuc-rs232",
-    clauses: values::CLAUSES,
-    values: values::VALUES,
-    lines: values::LINES,
-    modem_lines: values::MODEM_LINES,
-    special: values::SPECIAL,
-    start,
-};
-
-fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
+/// `None` unless the settings select the packets of a remote buffer.
+pub(crate) fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
     let (known, on) = conditions.modem_lines.unwrap_or_default();
     Some(Box::new(RemoteBuffer {
         rules: Rules::new(conditions)?,

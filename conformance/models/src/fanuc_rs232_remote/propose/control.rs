@@ -40,7 +40,7 @@ impl Guess<'_> {
             0..=11 => come(wait, self.any(dice)),
             12..=15 => come(wait, self.bad(dice)),
             16 | 17 => self.damaged(wait, dice),
-            18 => come(wait, vec![*dice.pick(super::super::values::SPECIAL)]),
+            18 => come(wait, vec![*dice.pick(crate::fanuc_rs232::SPECIAL)]),
             _ => come(wait, (0..dice.length(600)).map(|_| dice.byte()).collect()),
         }
     }

@@ -1,0 +1,104 @@
+//! What we tell a control that punches: stop, go on, and the answer to DC2.
+
+use super::demands::Demands;
+use super::rules::{Code, OutputFlow, Parity, Rules};
+use super::wire::Wire;
+use crate::model::Effect;
+use softplug_abi::ModemLines;
+
+/// Whether the control is stopped, and the marks of the host's room.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Flow {
+    is_stopped: bool,
+    /// It is stopped below this room.
+    pub(super) low: u32,
+    /// It goes on above this room.
+    pub(super) high: u32,
+    /// Number of an answer to DC2 that has still to leave.
+    answer: Option<u64>,
+}
+
+impl Flow {
+    /// Half and three quarters of the host's room, or less.
+    pub(super) fn open(&mut self, room: u32) {
+        *self = Self::default();
+        self.low = (room / 2).min(1_024);
+        self.high = (room / 4 * 3).min(2_048);
+    }
+
+    pub(super) fn is_stopped(&self) -> bool {
+        self.is_stopped
+    }
+
+    /// Characters of a capture have come: is there room for more?
+    pub(super) fn look(
+        &mut self,
+        room: u32,
+        code: Option<Code>,
+        rules: &Rules,
+        wire: &mut Wire,
+        demands: &mut Demands,
+    ) {
+        if self.is_stopped || room >= self.low {
+            return;
+        }
+        match rules.output_flow {
+            OutputFlow::None => return,
+            OutputFlow::Dc3 => {
+                let has_parity = rules.parity == Parity::Software;
+                // Where it is not known the code is the one that is sent; the page does not say so.
+                let is_eia = code.unwrap_or(rules.code) == Code::Eia;
+                wire.say(if has_parity || is_eia { 0x93 } else { 0x13 });
+            }
+            OutputFlow::Rts => {
+                let off = Effect::ModemLines(ModemLines::RTS, ModemLines::default());
+                demands.add(off, "fanuc-rs232.punch.flow-rts");
+            }
+        }
+        self.is_stopped = true;
+    }
+
+    /// There is more room.
+    pub(super) fn has_grown(
+        &mut self,
+        room: u32,
+        rules: &Rules,
+        wire: &mut Wire,
+        demands: &mut Demands,
+    ) -> bool {
+        let goes_on = self.is_stopped && room > self.high;
+        if goes_on {
+            self.go(rules, wire, demands);
+        }
+        goes_on
+    }
+
+    /// A control that was stopped goes on.
+    pub(super) fn go(&mut self, rules: &Rules, wire: &mut Wire, demands: &mut Demands) {
+        if !std::mem::take(&mut self.is_stopped) {
+            return;
+        }
+        match rules.output_flow {
+            OutputFlow::None => {}
+            OutputFlow::Dc3 => {
+                wire.say(rules.resume_code);
+            }
+            OutputFlow::Rts => {
+                let on = Effect::ModemLines(ModemLines::RTS, ModemLines::RTS);
+                demands.add(on, "fanuc-rs232.punch.flow-rts");
+            }
+        }
+    }
+
+    /// A DC2 came.
+    pub(super) fn dc2(&mut self, room: u32, rules: &Rules, wire: &mut Wire) {
+        if rules.answer_dc2 && room > 0 && self.answer.is_none() {
+            self.answer = Some(wire.say(0x11));
+        }
+    }
+
+    /// A control code of ours has left.
+    pub(super) fn left(&mut self, number: u64) {
+        self.answer.take_if(|answer| *answer == number);
+    }
+}

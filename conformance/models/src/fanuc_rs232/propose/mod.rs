@@ -1,0 +1,160 @@
+//! What a control and a host could do next.
+
+mod programs;
+mod punching;
+mod sending;
+
+use super::Fanuc;
+use crate::dice::Dice;
+use crate::model::{Given, HostRequest, LineInput, Model, Proposal};
+use softplug_abi::{LineErrorKind, LinkDownReason, Micros, ModemLines};
+
+/// The next step of a random session.
+pub(super) fn next(model: &Fanuc, now: Micros, dice: &mut Dice) -> Proposal {
+    let guess = Guess { model, now };
+    if !model.is_open {
+        return host(dice.between(1, 3_000_000), HostRequest::Open);
+    }
+    if model.is_down {
+        return guess.while_down(dice);
+    }
+    // A capture that has begun mostly goes on.
+    let punches = if model.punch.is_idle() { 25 } else { 65 };
+    match dice.below(100) {
+        0..=1 => guess.rare(dice),
+        2..=5 => guess.room(dice),
+        6..=8 => guess.answer(dice),
+        9..=10 => guess.nothing(dice),
+        _ if dice.below(100) < punches => guess.punching(dice),
+        _ => guess.sending(dice),
+    }
+}
+
+/// What is known of the session.
+struct Guess<'a> {
+    model: &'a Fanuc,
+    now: Micros,
+}
+
+impl Guess<'_> {
+    /// A damaged character, lost ones or a break.
+    fn damaged(&self, byte: u8, dice: &mut Dice) -> Proposal {
+        let read = [LineErrorKind::Parity, LineErrorKind::Framing, LineErrorKind::ParityOrFraming];
+        let (kind, byte) = if dice.one_in(4) {
+            (*dice.pick(&[LineErrorKind::Overrun, LineErrorKind::Break]), None)
+        } else {
+            (*dice.pick(&read), Some(byte))
+        };
+        line(self.characters(1), LineInput::Damaged { kind, byte })
+    }
+
+    /// The host keeps deliveries, or puts some away.
+    fn room(&self, dice: &mut Dice) -> Proposal {
+        let room = &self.model.room;
+        let wait = self.pause(dice);
+        if !room.keeps() {
+            let request = if dice.one_in(3) { HostRequest::PutAllAway } else { HostRequest::Keep };
+            return host(wait, request);
+        }
+        let to_mark = self.model.flow.high.saturating_sub(room.known());
+        // Less would not be told.
+        let step = room.step();
+        let request = match dice.below(8) {
+            0 => HostRequest::PutAllAway,
+            1..=2 => HostRequest::PutAway(room.kept().max(step)),
+            3..=5 => HostRequest::PutAway((to_mark + dice.below(3) as u32).max(step)),
+            _ => HostRequest::PutAway(step + dice.length(1_000) as u32),
+        };
+        host(wait, request)
+    }
+
+    /// The host answers a request, or does as if there was one.
+    fn answer(&self, dice: &mut Dice) -> Proposal {
+        let open: Vec<u32> = self.model.requests.open().iter().copied().collect();
+        if open.is_empty() {
+            return self.punching(dice);
+        }
+        let id = *dice.pick(&open);
+        let answer =
+            if dice.one_in(2) { Ok(Vec::new()) } else { Err(softplug_abi::Failure::NotFound) };
+        host(self.pause(dice), HostRequest::Answer(id, answer))
+    }
+
+    /// What may happen at any time, and seldom does.
+    fn rare(&self, dice: &mut Dice) -> Proposal {
+        let wait = self.within(dice);
+        match dice.below(12) {
+            0 => host(wait, HostRequest::Close),
+            1 => {
+                let reasons = [
+                    LinkDownReason::Unplugged,
+                    LinkDownReason::Disconnected,
+                    LinkDownReason::Failed,
+                ];
+                line(wait, LineInput::Down(*dice.pick(&reasons)))
+            }
+            2..=4 => line(wait, LineInput::ModemLines(ModemLines::DSR, ModemLines::default())),
+            5..=8 => line(wait, LineInput::ModemLines(ModemLines::DSR, ModemLines::DSR)),
+            9 => line(wait, LineInput::ModemLines(ModemLines::CTS, ModemLines::default())),
+            10 => give(3_600_000_000 * dice.between(1, 9), Given::Nothing),
+            _ => give(dice.between(1, 100_000_000), Given::Nothing),
+        }
+    }
+
+    fn while_down(&self, dice: &mut Dice) -> Proposal {
+        match dice.below(5) {
+            0 => self.room(dice),
+            1 => host(self.pause(dice), HostRequest::Close),
+            _ => line(self.pause(dice), LineInput::Up),
+        }
+    }
+
+    /// Time goes by, often until something is due.
+    fn nothing(&self, dice: &mut Dice) -> Proposal {
+        let wait = match self.model.next() {
+            Some(deadline) if !dice.one_in(3) => (deadline - self.now).0,
+            _ => self.pause(dice),
+        };
+        give(wait, Given::Nothing)
+    }
+
+    /// A time near the ends of characters.
+    fn within(&self, dice: &mut Dice) -> i64 {
+        let next = self.model.began + Micros(self.characters(1));
+        match dice.below(6) {
+            0..=2 if next > self.now => (next - self.now).0 + dice.between(-1, 1),
+            3 => self.characters(dice.length(200)),
+            _ => dice.between(1, 4 * self.characters(1)),
+        }
+    }
+
+    /// Some time: characters, or up to some seconds.
+    fn pause(&self, dice: &mut Dice) -> i64 {
+        match dice.below(8) {
+            0..=3 => self.within(dice),
+            4..=5 => dice.between(1, 500_000),
+            6 => dice.between(1, 5_000_000),
+            _ => self.characters(dice.length(1_000)),
+        }
+    }
+
+    fn characters(&self, count: usize) -> i64 {
+        self.model.line.characters(count as u64).0
+    }
+}
+
+fn come(wait: i64, bytes: Vec<u8>) -> Proposal {
+    if bytes.is_empty() { give(wait, Given::Nothing) } else { line(wait, LineInput::Bytes(bytes)) }
+}
+
+fn line(wait: i64, input: LineInput) -> Proposal {
+    give(wait, Given::Line(input))
+}
+
+fn host(wait: i64, request: HostRequest) -> Proposal {
+    give(wait, Given::Host(request))
+}
+
+fn give(wait: i64, given: Given) -> Proposal {
+    Proposal { wait: Micros(wait.max(1)), given }
+}

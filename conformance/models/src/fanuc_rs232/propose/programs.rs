@@ -1,0 +1,127 @@
+//! Programs, as files have them and as controls punch them.
+
+use super::Guess;
+use crate::dice::Dice;
+use crate::fanuc_rs232::select::Start;
+use crate::fanuc_rs232::tape;
+
+/// Behind a G or so, each of them.
+const LETTERS: &str = "GABCDEFHIJKLMNOPQRSTUVWXYZ0123456789";
+
+impl Guess<'_> {
+    /// A file, mostly one that can be sent.
+    pub(super) fn program(&self, length: usize, dice: &mut Dice) -> Vec<u8> {
+        let ends: [&[u8]; 5] = [b"\n", b"\r\n", b"\r", b"\n\r\r", b"\n\r"];
+        let end = *dice.pick(&ends);
+        let befores: [&[u8]; 8] = [b"%", b"%", b"%", b"%PART 7", b"", b" \0", b"\r\n %", b"X"];
+        let before = *dice.pick(&befores);
+        let is_odd = dice.one_in(10);
+        let mut file = before.to_vec();
+        if !before.is_empty() {
+            file.extend(end);
+        }
+        if dice.one_in(10) {
+            file.extend(end);
+        }
+        if !dice.one_in(3) {
+            file.extend(number_line(dice));
+            file.extend(end);
+        }
+        let mut number = 0;
+        while file.len() < length {
+            number += 10;
+            file.extend(file_block(number, is_odd, dice));
+            file.extend(end);
+        }
+        if dice.one_in(6) {
+            file.extend(b"M30");
+        }
+        let behinds: [&[u8]; 10] =
+            [b"%", b"%", b"%", b"%\r\n\x1A", b"%\n \t\0", b"", b"", b"%X", b"%\r\nO2\n%", b"%%"];
+        file.extend(*dice.pick(&behinds));
+        if dice.one_in(100) {
+            file.clear();
+        }
+        // When a job without a program is done the page does not say.
+        let tape = tape::encode(&file, &Start::default(), &self.model.rules);
+        if tape.is_ok_and(|tape| tape.closed == self.model.rules.leader) {
+            file.extend(b"M30");
+        }
+        file
+    }
+
+    /// What a control punches, from `%` to `%`, mostly.
+    pub(super) fn tape(&self, dice: &mut Dice) -> Vec<u8> {
+        let heads: [&[u8]; 6] = [b"%\n", b"%\n", b"%\n", b"%HEAD\n", b"%", b"X%\n"];
+        let mut tape = dice.pick(&heads).to_vec();
+        for _ in 0..dice.length(30) {
+            tape.extend(self.block(dice));
+            tape.push(b'\n');
+        }
+        let tails: [&[u8]; 8] =
+            [b"%\n", b"%\n", b"%", b"%", b"%\n\n", b"", b"M30%", b"%\n%\nO2\n%"];
+        tape.extend(*dice.pick(&tails));
+        tape
+    }
+
+    /// A block that a control punches, without its EOB.
+    pub(super) fn block(&self, dice: &mut Dice) -> Vec<u8> {
+        let asked = self.model.rules.request_pattern.replace('*', &dice.below(2_000).to_string());
+        match dice.below(16) {
+            0 => format!("O{:04}{asked}", self.model.rules.request_program),
+            1 => format!("O{}{asked}", self.model.rules.request_program),
+            2 => asked,
+            3 => format!("O{}(PART {})", dice.below(9_999), dice.below(9)),
+            4 => format!(":{}", dice.below(99)),
+            5 => "(COVER LEFT)".to_owned(),
+            6 => "( A B )(C)".to_owned(),
+            7 => (*dice.pick(&["(AB", "()", "O", "OX", " O3", "/O4", "(50%)", "A)", "((A)B)"]))
+                .to_owned(),
+            8 => String::new(),
+            9 => format!("{}{}", &LETTERS[dice.below(26) as usize..], "+-/.,&"),
+            _ => format!("N{}G1X{}.", dice.below(999), dice.below(9_999)),
+        }
+        .into_bytes()
+    }
+}
+
+fn number_line(dice: &mut Dice) -> Vec<u8> {
+    let lines: [&[u8]; 6] = [b"O1", b"O0012(PART 7)", b":7", b"o5", b"O1 ", b"(O7)"];
+    dice.pick(&lines).to_vec()
+}
+
+fn file_block(number: u32, is_odd: bool, dice: &mut Dice) -> Vec<u8> {
+    let mut block = match dice.below(10) {
+        0 => format!("/N{number}G1"),
+        1 => format!("N{number:05} G0 X{}", dice.below(999)),
+        2 => " N5Y1".to_owned(),
+        3 => format!("N{}", dice.below(60)),
+        4 => String::new(),
+        5 => format!("G1X{}Y-{}.5", dice.below(999), dice.below(9)),
+        6 => "(COMMENT N5)M1".to_owned(),
+        7 => format!("{}{}", &LETTERS[dice.below(26) as usize..], "+-/.,&"),
+        _ => format!("N{number}G1X{}", dice.below(9_999)),
+    }
+    .into_bytes();
+    if is_odd && dice.one_in(3) {
+        let odd: [&[u8]; 15] = [
+            b"g1",
+            b";",
+            b"(50%)",
+            b"(AB",
+            b"A)",
+            b"\x00",
+            b"\x7F",
+            b"\xC3\xA4",
+            b"_",
+            b"A",
+            b"#1=[2*3]",
+            b"\x13",
+            b"~&\t\x08",
+            b"((A)B)",
+            b"xy",
+        ];
+        block.extend(*dice.pick(&odd));
+    }
+    block
+}
