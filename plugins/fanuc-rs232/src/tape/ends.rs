@@ -9,7 +9,6 @@ pub(super) enum Ends {
     InLine,
     AfterCr,
     AfterLf,
-    AfterLfCr,
 }
 
 impl Ends {
@@ -17,8 +16,8 @@ impl Ends {
     /// line end before it.
     pub(super) fn take(&mut self, is_cr: bool) -> bool {
         let (next, ends) = match (*self, is_cr) {
-            (Self::AfterLf, true) => (Self::AfterLfCr, false),
-            (Self::AfterCr, false) | (Self::AfterLfCr, true) => (Self::InLine, false),
+            (Self::AfterCr, false) => (Self::InLine, false),
+            (Self::AfterLf, true) => (Self::AfterLf, false),
             (_, false) => (Self::AfterLf, true),
             (_, true) => (Self::AfterCr, true),
         };
