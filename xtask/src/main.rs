@@ -74,8 +74,12 @@ enum Task {
         /// Break the code itself instead, one place at a time, with cargo-mutants: hours.
         #[arg(long)]
         long: bool,
+        /// Change the built modules instead, one instruction at a time: 60 places of each plug-in,
+        /// or with --long all of them, which takes hours.
+        #[arg(long, conflicts_with_all = ["check", "build"])]
+        module: bool,
         /// Only mutants whose id contains this; the matrix then stays as it is. With
-        /// --long: only this part, such as `trace`, `suite` or `xon-xoff`.
+        /// --module: only plug-ins whose name does. With --long: only this part, such as `trace`, `suite` or `xon-xoff`.
         filter: Option<String>,
     },
     /// Runs the property tests with many random cases, optimised.
@@ -150,6 +154,9 @@ fn perform(task: Task) -> Result<ExitCode, Error> {
         }
         Task::Test { all, emulated } => {
             return test::run(&Workspace::read()?, test::Extent::new(all, emulated));
+        }
+        Task::Mutants { module: true, long, filter, .. } => {
+            return mutants::module::run(&Workspace::read()?, long, filter.as_deref());
         }
         Task::Mutants { long: true, filter, .. } => {
             return code_mutants::run(&Workspace::read()?, filter.as_deref());

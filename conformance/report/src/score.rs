@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 /// ```
 /// use softplug_report::{Noticed, Score, Survivor};
 ///
-/// let survivor = Survivor { function: 7, at: 1_234, change: "200 becomes 201".to_owned() };
+/// let change = "200 becomes 201".to_owned();
+/// let survivor = Survivor { function: 7, at: 1_234, change, executed: true };
 /// let score = Score {
 ///     seed: 1,
 ///     sessions: 400,
@@ -67,13 +68,21 @@ pub struct Survivor {
     pub at: u64,
     /// What was changed.
     pub change: String,
+    /// Whether anything executes this place at all.
+    pub executed: bool,
 }
 
 impl Score {
-    /// Those that were noticed of those that were tried and make a module, in thousandths.
+    /// Those that were noticed of those that make a module and stand where something is
+    /// executed, in thousandths.
     pub fn share(&self) -> u32 {
-        let valid = u64::from(self.tried.saturating_sub(self.invalid));
-        (self.noticed.all() * 1_000).checked_div(valid).unwrap_or(0) as u32
+        let all = self.noticed.all() + self.missed();
+        (self.noticed.all() * 1_000).checked_div(all).unwrap_or(0) as u32
+    }
+
+    /// Those that were executed, and nothing noticed.
+    pub fn missed(&self) -> u64 {
+        self.survivors.iter().filter(|survivor| survivor.executed).count() as u64
     }
 
     /// Whether every change that was tried is accounted for once.

@@ -2,6 +2,7 @@
 
 mod change;
 mod copy;
+pub(crate) mod module;
 mod rewrite;
 
 pub(crate) use copy::CopyError;

@@ -29,6 +29,14 @@ pub(crate) struct Change {
     pub(crate) what: String,
 }
 
+impl Change {
+    /// Instead of this one: the instruction traps before it is executed.
+    pub(crate) fn trapping(&self) -> Self {
+        let what = "traps".to_owned();
+        Self { end: self.at, becomes: vec![UNREACHABLE], what, ..*self }
+    }
+}
+
 /// Types of the module's functions.
 #[derive(Default)]
 struct Types {
@@ -123,6 +131,7 @@ impl<'a> Changeable<'a> {
 const CODE_SECTION: u8 = 10;
 
 // Opcodes of the WebAssembly core specification, section "Instructions".
+const UNREACHABLE: u8 = 0x00;
 const DROP: u8 = 0x1A;
 const I32_CONST: u8 = 0x41;
 const I64_CONST: u8 = 0x42;

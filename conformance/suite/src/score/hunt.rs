@@ -155,7 +155,7 @@ fn draw<'a>(changes: &'a [Change], options: &ScoreOptions) -> Vec<&'a Change> {
 enum Fate {
     Invalid,
     Noticed(By),
-    Survived,
+    Survived { executed: bool },
 }
 
 /// What notices a change.
@@ -174,9 +174,10 @@ fn add(score: &mut Score, change: &Change, fate: &Fate) {
         Fate::Noticed(By::Cases) => &mut score.noticed.cases,
         Fate::Noticed(By::Permutations) => &mut score.noticed.permutations,
         Fate::Noticed(By::Sessions) => &mut score.noticed.sessions,
-        Fate::Survived => {
+        Fate::Survived { executed } => {
             let Change { function, at, what, .. } = change.clone();
-            return score.survivors.push(Survivor { function, at: at as u64, change: what });
+            let survivor = Survivor { function, at: at as u64, change: what, executed: *executed };
+            return score.survivors.push(survivor);
         }
     };
     *count += 1;
@@ -247,8 +248,15 @@ impl<'a> Hunter<'a> {
         };
         match self.first_failure(&compiled) {
             Some((by, _)) => Fate::Noticed(by),
-            None => Fate::Survived,
+            None => Fate::Survived { executed: self.is_executed(changeable, change) },
         }
+    }
+
+    /// Whether anything fails where the place traps.
+    fn is_executed(&self, changeable: &Changeable<'_>, change: &Change) -> bool {
+        let trapping = changeable.apply(&change.trapping());
+        let trapping = trapping.and_then(|module| self.load(EngineKind::Wasmtime, &module));
+        trapping.is_none_or(|subject| self.first_failure(&subject).is_some())
     }
 
     fn first_failure(&self, subject: &Sandboxed) -> Option<(By, String)> {

@@ -98,12 +98,15 @@ fn text_of(score: &Score) -> String {
     let by = by.iter().filter(|(many, _)| *many > 0);
     let by: Vec<_> =
         by.map(|(many, what)| format!("{} by {what}", count((*many).into()))).collect();
+    let dead = score.survivors.len() as u64 - score.missed();
     format!(
-        "{}.{} % of {} changes of the module are noticed: {}; {} are not",
+        "{}.{} % of {} changes of the module are noticed: {}; {} are not; {} more stand where nothing is \
+         executed",
         score.share() / 10,
         score.share() % 10,
-        count(u64::from(score.tried - score.invalid)),
+        count(score.noticed.all() + score.missed()),
         by.join(", "),
-        count(score.survivors.len() as u64)
+        count(score.missed()),
+        count(dead)
     )
 }
