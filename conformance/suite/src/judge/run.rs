@@ -34,7 +34,7 @@ use std::fmt::Write as _;
 /// let filter = Filter::only(["xon-xoff.tx.hold/cut:1", "xon-xoff.tx.empty"]);
 /// assert!(filter.takes("xon-xoff.tx.hold", &Permutation::CutSingly));
 /// assert!(!filter.takes("xon-xoff.tx.hold", &Permutation::Uncut));
-/// assert!(filter.takes("xon-xoff.tx.empty", Permutation::Uncut));
+/// assert!(filter.takes("xon-xoff.tx.empty", &Permutation::Uncut));
 /// assert!(Filter::default().takes_trace("xon-xoff.tx.busy"));
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
