@@ -179,11 +179,14 @@ impl Punch {
         self.settle(link, settings);
     }
 
-    /// Without an EOB: EIA if every character is one of it.
+    /// Without an EOB: EIA if every character is one of it, and % among them.
     fn guess(&mut self, settings: &Settings) {
+        let early = self.early.as_slice();
         let is_eia =
             |byte: &u8| matches!(decode(settings, Code::Eia, *byte), Decoded::Character(_));
-        self.code = if self.early.as_slice().iter().all(is_eia) { Code::Eia } else { Code::Iso };
+        let is_percent = |byte: &u8| decode(settings, Code::Eia, *byte) == Decoded::Character(b'%');
+        let is_all_eia = early.iter().all(is_eia) && early.iter().any(is_percent);
+        self.code = if is_all_eia { Code::Eia } else { Code::Iso };
     }
 
     /// The code is known: what was kept is read.
@@ -197,13 +200,18 @@ impl Punch {
     }
 
     fn read(&mut self, link: &mut Context<'_>, settings: &Settings, byte: u8) {
-        if self.code == Code::Iso && byte & 0x7F == b'\r' {
-            self.text.carriage_return(settings);
+        let decoded = decode(settings, self.code, byte);
+        if self.code == Code::Iso && byte & 0x7F == b'\r' && decoded == Decoded::Ignored {
+            match self.stage {
+                Stage::Program => self.text.carriage_return(link, settings),
+                Stage::Closed => self.text.end_behind(),
+                Stage::Idle | Stage::Unknown | Stage::Leader => {}
+            }
             return;
         }
         let was_text = self.has_text();
         let is_closed = self.stage == Stage::Closed;
-        let damaged = match decode(settings, self.code, byte) {
+        let damaged = match decoded {
             Decoded::Ignored => return,
             Decoded::Character(character) => {
                 self.character(link, settings, character);

@@ -45,8 +45,10 @@ fn every_form_of_eob_is_one_line_end() {
 }
 
 #[test]
-fn a_last_block_without_eob_and_crs_that_mean_nothing() {
-    assert_eq!(captured(options(), b"%\nO1\nM\r30%"), [good("%\nO1\nM30%\n", "O1")]);
+fn a_last_block_without_eob_and_line_ends_of_several_kinds() {
+    assert_eq!(captured(options(), b"%\nO1\nM\r30%"), [good("%\nO1\nM\n30%\n", "O1")]);
+    assert_eq!(captured(options(), b"%\rO1\r\rM30\r%"), [good("%\nO1\n\nM30\n%\n", "O1")]);
+    assert_eq!(captured(options(), b"%\n\r\r\rO1\r\n\rM30%"), [good("%\n\nO1\n\nM30%\n", "O1")]);
 }
 
 #[test]

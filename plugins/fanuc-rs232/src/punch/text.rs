@@ -10,6 +10,8 @@ use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// Characters that are handed over together.
 const PIECE: usize = 256;
+/// LF CR CR is one line end.
+const MOST_OF_LF: u8 = 2;
 
 #[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
 #[repr(C)]
@@ -22,9 +24,9 @@ pub(crate) struct Text {
     filled: u16,
     /// What the host knows of the name.
     named: u8,
-    /// LFs end the lines, so CRs mean nothing.
-    has_lf: bool,
-    /// CRs that may end a line.
+    /// CRs that may still come that belong to the LF before them.
+    of_lf: u8,
+    /// A CR that ends a line, unless it belongs to an LF that follows.
     after_cr: bool,
     /// The characters of the block are odd in number.
     odd: bool,
@@ -43,7 +45,7 @@ impl Text {
     pub(super) fn start(&mut self) {
         self.failure = Reason::new(None);
         self.title = Title::new();
-        self.has_lf = false;
+        self.of_lf = 0;
         self.after_cr = false;
         self.odd = false;
         self.counts = false;
@@ -52,6 +54,7 @@ impl Text {
 
     #[inline(never)]
     pub(super) fn begin(&mut self, link: &mut Context<'_>) {
+        self.of_lf = 0;
         self.after_cr = false;
         self.last_delivery = self.last_delivery.wrapping_add(1).max(1);
         self.delivery = self.last_delivery;
@@ -74,11 +77,9 @@ impl Text {
         requests: &mut Requests,
         character: u8,
     ) {
-        let is_in_block = self.ended_behind || self.after_cr;
-        let has_lf = self.has_lf;
+        let is_in_block = self.ended_behind;
         self.end(link, settings, requests, None);
         self.start();
-        self.has_lf = has_lf;
         self.begin(link);
         if character == b'%' {
             return;
@@ -91,9 +92,12 @@ impl Text {
         self.character(link, settings, requests, character);
     }
 
-    /// A CR is a line end where there are no LFs.
-    pub(super) fn carriage_return(&mut self, settings: &Settings) {
-        self.after_cr = !self.has_lf;
+    /// One or two CRs behind an LF belong to it; any other is a line end, with the LF that may
+    /// follow it.
+    pub(super) fn carriage_return(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        self.end_at_cr(link, settings);
+        self.after_cr = self.of_lf == 0;
+        self.of_lf = self.of_lf.saturating_sub(1);
         self.odd ^= settings.tv_cr;
     }
 
@@ -106,12 +110,13 @@ impl Text {
         character: u8,
     ) {
         if character == b'\n' {
-            self.has_lf = true;
+            self.of_lf = if self.after_cr { 0 } else { MOST_OF_LF };
             self.after_cr = false;
             self.odd = !self.odd;
             self.end_of_block(link, settings);
             return;
         }
+        self.of_lf = 0;
         self.end_at_cr(link, settings);
         if settings.programs == Programs::Split && self.title.ends_before(character) {
             self.put_close(link, settings);

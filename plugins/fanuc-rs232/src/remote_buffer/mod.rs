@@ -243,6 +243,7 @@ impl RemoteBuffer {
             self.retries = 0;
             self.fail(link, Failure::Checksum);
         } else {
+            let reason = with_parity(settings, reason);
             transmit(link, settings, RTY, &[reason], &mut self.is_marked);
         }
     }

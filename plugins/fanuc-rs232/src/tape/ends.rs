@@ -9,6 +9,7 @@ pub(super) enum Ends {
     InLine,
     AfterCr,
     AfterLf,
+    AfterLfCr,
 }
 
 impl Ends {
@@ -16,8 +17,8 @@ impl Ends {
     /// line end before it.
     pub(super) fn take(&mut self, is_cr: bool) -> bool {
         let (next, ends) = match (*self, is_cr) {
-            (Self::AfterCr, false) => (Self::InLine, false),
-            (Self::AfterLf, true) => (Self::AfterLf, false),
+            (Self::AfterLf, true) => (Self::AfterLfCr, false),
+            (Self::AfterCr, false) | (Self::AfterLfCr, true) => (Self::InLine, false),
             (_, false) => (Self::AfterLf, true),
             (_, true) => (Self::AfterCr, true),
         };
