@@ -109,9 +109,11 @@ impl Punch {
             }
             Control::Syn => {
                 self.finish(link, settings, Some(Failure::PartnerReset));
+                return false;
             }
             Control::Nak => {
                 self.finish(link, settings, Some(Failure::PartnerAlarm));
+                return false;
             }
             // The operator reads already: nothing follows.
             Control::Dc1 if self.ended || is_awaited => {
