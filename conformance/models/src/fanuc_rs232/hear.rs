@@ -33,8 +33,7 @@ impl Fanuc {
         match control {
             Some(Control::Dc1) => self.dc1(at),
             Some(Control::Dc2) => self.dc2(at),
-            // Plug-in differs: in a capture it does not take a remembered DC1 back.
-            Some(Control::Dc3) if !self.punch.is_idle() => {}
+            Some(Control::Dc3) if !self.punch.is_idle() => self.feed.take_dc1_back(),
             Some(Control::Dc3) => self.feed.dc3(at, &mut self.wire, &mut self.demands),
             Some(Control::Dc4) => {
                 let (punch, mut with) = self.punch();
@@ -115,12 +114,9 @@ impl Fanuc {
 
     /// SYN or NAK.
     pub(super) fn partner_ends(&mut self, at: Micros, failure: Failure, clause: &'static str) {
-        if self.punch.is_idle() {
-            self.feed.take_dc1_back();
-            self.feed.partner_ends(at, failure, &mut self.wire, &mut self.demands);
-        } else {
-            // Plug-in differs: by the page it ends a job that is held, too, and takes a
-            // remembered DC1 back.
+        self.feed.take_dc1_back();
+        self.feed.partner_ends(at, failure, &mut self.wire, &mut self.demands);
+        if !self.punch.is_idle() {
             let (punch, mut with) = self.punch();
             punch.end(at, Some(failure), clause, &mut with);
         }

@@ -204,11 +204,7 @@ impl RemoteBuffer {
         // Plug-in differs: what finds no room is not said.
         self.is_unsure |= self.wire.known() < message.len();
         if !self.is_unsure {
-            let mut made: Vec<u8> = message.iter().map(|own| sent(&self.rules, *own)).collect();
-            // Plug-in differs: the reason of our RTY has no parity bit.
-            if let [_, _, b'R', b'T', b'Y', reason, _] = message {
-                made[5] = *reason;
-            }
+            let made: Vec<u8> = message.iter().map(|own| sent(&self.rules, *own)).collect();
             self.wire.send(&made, is_job, clause);
         }
     }

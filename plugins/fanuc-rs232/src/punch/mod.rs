@@ -109,9 +109,11 @@ impl Punch {
             }
             Control::Syn => {
                 self.finish(link, settings, Some(Failure::PartnerReset));
+                return false;
             }
             Control::Nak => {
                 self.finish(link, settings, Some(Failure::PartnerAlarm));
+                return false;
             }
             // The operator reads already: nothing follows.
             Control::Dc1 if self.ended || is_awaited => {
@@ -201,7 +203,8 @@ impl Punch {
 
     fn read(&mut self, link: &mut Context<'_>, settings: &Settings, byte: u8) {
         let decoded = decode(settings, self.code, byte);
-        if self.code == Code::Iso && byte & 0x7F == b'\r' && decoded == Decoded::Ignored {
+        let is_cr = self.code == Code::Iso && byte & 0x7F == b'\r';
+        if is_cr && decoded == Decoded::Ignored {
             match self.stage {
                 Stage::Program => self.text.carriage_return(link, settings),
                 Stage::Closed => self.text.end_behind(),
@@ -221,6 +224,8 @@ impl Punch {
         };
         if is_closed {
             // As before the first %: it is noise.
+        } else if is_cr && was_text {
+            self.text.carriage_return(link, settings);
         } else if self.code == Code::Iso {
             self.character(link, settings, damaged);
         } else if was_text && damaged != 0 {

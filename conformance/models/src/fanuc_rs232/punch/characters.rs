@@ -1,11 +1,14 @@
 //! Characters of a capture.
 
-use super::raw::{KEPT, Raw, guess, is_blank, may_be_first, told};
-use super::{Punch, Stage, With};
+use super::raw::{Raw, is_blank, may_be_first, told};
+use super::{Line, Punch, Stage, With};
 use crate::fanuc_rs232::code::{decoded, has_wrong_parity};
 use crate::fanuc_rs232::delivery::Delivery;
 use crate::fanuc_rs232::rules::{Code, Rules};
 use softplug_abi::{Failure, Micros};
+
+/// LF CR CR is one line end.
+const MOST_OF_LF: u8 = 2;
 
 /// A character of a tape.
 #[derive(Copy, Clone, Debug)]
@@ -34,13 +37,11 @@ impl Punch {
                     Raw::Whole(byte) | Raw::Damaged(byte) => told(byte),
                     Raw::Break | Raw::Overrun => None,
                 };
-                // Plug-in differs: after so many characters it does not wait for an EOB.
-                let guessed = (raws.len() >= KEPT).then(|| guess(raws, with.rules));
-                if let Some(code) = told.or(guessed) {
+                if let Some(code) = told {
                     self.decode(at, code, with);
                     if let Some(capture) = &mut self.capture {
                         // An EOB has come, also where it stood before the first `%`.
-                        capture.has_eob |= told.is_some();
+                        capture.has_eob = true;
                     }
                 }
             }
@@ -80,9 +81,7 @@ impl Punch {
         };
         let (byte, is_damaged) = match raw {
             Raw::Whole(byte) if code == Code::Iso => {
-                // Plug-in differs: a CR with a wrong parity is no damaged character.
-                let is_damaged = has_wrong_parity(byte, with.rules) && byte != b'\r';
-                (byte & 0x7F, is_damaged)
+                (byte & 0x7F, has_wrong_parity(byte, with.rules))
             }
             Raw::Whole(byte) => match decoded(byte, code, with.rules) {
                 Some(character) => (character, false),
@@ -139,11 +138,12 @@ impl Punch {
     fn receive(&mut self, at: Micros, heard: Heard, code: Code, with: &mut With<'_>) {
         let Heard { byte, is_damaged, is_blank } = heard;
         let Some(capture) = &mut self.capture else { return };
+        let line = capture.line;
         if !is_blank && let Some(delivery) = &mut capture.delivery {
+            capture.line = Line::default();
             // A CR waits for what follows: an LF is one line end with it.
-            match (std::mem::take(&mut capture.line.is_behind_cr), byte) {
-                // Plug-in differs: CRs that follow each other are one line end together.
-                (true, b'\n' | b'\r') => delivery.carriage_return(with.rules),
+            match (line.is_behind_cr, byte) {
+                (true, b'\n') => delivery.carriage_return(with.rules),
                 (true, _) => delivery.eob(with.rules, with.room),
                 (false, _) => {}
             }
@@ -167,11 +167,11 @@ impl Punch {
                 delivery.close(with.rules, with.room);
             }
             b'\n' => {
-                capture.line.has_lf = true;
+                capture.line.of_lf = if line.is_behind_cr { 0 } else { MOST_OF_LF };
                 delivery.eob(with.rules, with.room);
             }
-            // Plug-in differs: where an LF has come, a CR alone is no line end.
-            b'\r' if code == Code::Iso && capture.line.has_lf => {
+            b'\r' if code == Code::Iso && line.of_lf > 0 => {
+                capture.line.of_lf = line.of_lf - 1;
                 delivery.carriage_return(with.rules);
             }
             b'\r' if code == Code::Iso => capture.line.is_behind_cr = true,
@@ -188,11 +188,7 @@ impl Punch {
         let Some(capture) = &mut self.capture else { return };
         match byte {
             0 | 0x7F | b' ' | b'\t' => {}
-            b'\n' | b'\r' => {
-                // Plug-in differs: where an LF has come, a CR alone is no EOB.
-                capture.is_behind_eob |= byte == b'\n' || !capture.line.has_lf;
-                capture.has_eob = true;
-            }
+            b'\n' | b'\r' => (capture.is_behind_eob, capture.has_eob) = (true, true),
             byte => {
                 let is_behind_eob = capture.is_behind_eob;
                 let code = capture.code;

@@ -63,7 +63,8 @@ enum Stage {
 /// none; the page does not say so.
 #[derive(Copy, Clone, Debug, Default)]
 struct Line {
-    has_lf: bool,
+    /// CRs that may still come that belong to the LF before them.
+    of_lf: u8,
     is_behind_cr: bool,
 }
 

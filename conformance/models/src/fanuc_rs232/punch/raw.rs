@@ -3,9 +3,6 @@
 use crate::fanuc_rs232::code::decoded;
 use crate::fanuc_rs232::rules::{Code, Parity, Rules};
 
-/// So many characters are kept until the code is known.
-pub(super) const KEPT: usize = 128;
-
 /// What came before the code was known.
 #[derive(Copy, Clone, Debug)]
 pub(super) enum Raw {
@@ -42,12 +39,16 @@ pub(super) fn told(byte: u8) -> Option<Code> {
     (byte == b'\n' || byte & 0x7F == b'\r').then_some(Code::Iso)
 }
 
-/// Without an EOB: EIA, if all of it can be; the page does not say.
+/// Without an EOB: EIA, if all of it can be, and a `%` of it has come; the page does not say.
 pub(super) fn guess(raws: &[Raw], rules: &Rules) -> Code {
     let is_eia = |raw: &Raw| match raw {
         Raw::Whole(0x7F) | Raw::Damaged(0x7F) => false,
         Raw::Whole(byte) | Raw::Damaged(byte) => decoded(*byte, Code::Eia, rules).is_some(),
         Raw::Break | Raw::Overrun => true,
     };
-    if raws.iter().all(is_eia) { Code::Eia } else { Code::Iso }
+    let is_percent = |raw: &Raw| match raw {
+        Raw::Whole(byte) | Raw::Damaged(byte) => decoded(*byte, Code::Eia, rules) == Some(b'%'),
+        Raw::Break | Raw::Overrun => false,
+    };
+    if raws.iter().all(is_eia) && raws.iter().any(is_percent) { Code::Eia } else { Code::Iso }
 }
