@@ -29,6 +29,7 @@
 mod cover;
 mod dice;
 mod drive;
+mod fanuc_rs232_remote;
 mod heidenhain_fe;
 mod model;
 mod noise;
@@ -51,6 +52,7 @@ pub use settings::Settings;
 
 /// Every profile that has a model.
 pub const PROFILES: &[&Profile] = &[
+    &fanuc_rs232_remote::PROFILE,
     &heidenhain_fe::PROFILE,
     &r3964::PLAIN_3964,
     &r3964::R3964,

@@ -1,0 +1,255 @@
+//! What is said to each message of the control, and what it does to the job.
+
+use super::RemoteBuffer;
+use super::job::{Dialogue, Job, Said};
+use super::message::{Bad, Command, compose};
+use super::parity::sent;
+use crate::model::Effect;
+use softplug_abi::{Failure, Micros};
+
+/// In a row; the next one fails the job.
+const REPETITIONS: u32 = 3;
+
+impl RemoteBuffer {
+    /// A message, or what was to be one, is complete.
+    pub(super) fn message(&mut self, at: Micros, message: Result<Command, Bad>) {
+        let had_job = self.job.is_some();
+        // Plug-in differs: at the instant at which a job fails for what came too often it
+        // still has it, for all that comes behind. What it says then is not judged, nor is
+        // what follows from it.
+        self.is_unsure |= self.failed_at == Some(at);
+        // Plug-in differs: what comes behind a GTD at one instant mostly finds it without its
+        // answer, and sometimes with it: RTY gets a packet without its data, RST and SYN do
+        // not fail the job, another GTD has no answer.
+        self.is_unsure |= self.job.as_ref().is_some_and(|job| job.is_asked);
+        match message {
+            Ok(Command::Rty) => self.say_again(),
+            Ok(command) => {
+                (self.dialogue.repeats, self.dialogue.bad) = (0, 0);
+                // This one answers our RTY.
+                self.dialogue.asked_again = false;
+                self.command(command);
+            }
+            Err(bad) => self.ask_again(bad),
+        }
+        let is_repeat = matches!(message, Ok(Command::Rty) | Err(_));
+        if is_repeat && had_job && self.job.is_none() {
+            self.failed_at = Some(at);
+        }
+    }
+
+    fn command(&mut self, command: Command) {
+        // Plug-in differs: any message but RTY shows it that the control is initialised.
+        // The page wants SYN or RDY.
+        self.dialogue.is_ready = true;
+        // Plug-in differs: it takes a RDY for the answer to its SYN only as long as it has
+        // said nothing else since.
+        let awaits_rdy = self.dialogue.awaits_rdy();
+        let has_begun = self.job.as_ref().is_some_and(|job| job.has_begun);
+        match command {
+            Command::Syn => {
+                if has_begun {
+                    self.fail(Failure::PartnerReset, "fanuc-rs232.remote.reset");
+                }
+                self.answer("RDY", "fanuc-rs232.remote.initialise");
+            }
+            Command::Rdy => {
+                self.end();
+                if awaits_rdy {
+                    // Plug-in differs: from here on RTY gets RDY, and not the SYN that was our
+                    // last message.
+                    let message = compose("RDY", &[], self.rules.end);
+                    self.dialogue.last = Some((Said::Answer, message));
+                } else {
+                    self.answer("RDY", "fanuc-rs232.remote.initialise");
+                }
+            }
+            Command::Gtd => {
+                self.end();
+                self.give();
+            }
+            Command::Sat => {
+                self.end();
+                self.answer("SET", "fanuc-rs232.remote.status");
+            }
+            Command::Rst => {
+                // Plug-in differs: RST and ALM before the first DAT fail nothing.
+                if has_begun {
+                    self.fail(Failure::PartnerReset, "fanuc-rs232.remote.reset");
+                }
+                self.answer("ARS", "fanuc-rs232.remote.reset");
+            }
+            Command::Alm => {
+                if has_begun {
+                    self.fail(Failure::PartnerAlarm, "fanuc-rs232.remote.alarm");
+                }
+                self.answer("AAL", "fanuc-rs232.remote.alarm");
+            }
+            Command::Rty => {}
+        }
+    }
+
+    /// GTD.
+    fn give(&mut self) {
+        match &mut self.job {
+            // The page does not say it: a paused job has nothing now.
+            Some(job) if !job.is_paused => {
+                job.is_asked = true;
+            }
+            _ => self.answer("WAT", "fanuc-rs232.remote.wait"),
+        }
+    }
+
+    /// Nothing more comes at this instant: the data for a GTD, or their end.
+    pub(super) fn give_data(&mut self) {
+        if self.job.as_ref().is_some_and(|job| job.is_asked) {
+            self.pack();
+        }
+    }
+
+    fn pack(&mut self) {
+        let Some(job) = self.job.as_mut() else { return };
+        job.is_asked = false;
+        let end = self.rules.end;
+        let frame = compose("DAT", &[], end).len();
+        // Plug-in differs: a packet is no longer than the room that is free. While others
+        // wait it may have none, which is not judged, nor what follows from it.
+        let room = self.wire.known().saturating_sub(frame);
+        let size = self.rules.packet_size.min(room);
+        self.is_unsure |=
+            room < self.rules.packet_size.min(job.remaining()) && !self.wire.is_empty();
+        let packet = job.packet(size);
+        job.has_begun = true;
+        if packet.is_empty() {
+            job.is_ended = true;
+            let message = compose("EOD", &[], end);
+            self.say(Said::Eod, message, "fanuc-rs232.remote.end");
+        } else {
+            let message = compose("DAT", &packet, end);
+            self.say(Said::Dat, message, "fanuc-rs232.remote.data");
+        }
+    }
+
+    /// RTY of the control.
+    fn say_again(&mut self) {
+        let Dialogue { asked_again, .. } = self.dialogue;
+        let is_of_job = self.job.is_some() && self.dialogue.last_job == self.jobs;
+        let last = self.dialogue.last.clone();
+        let last_said = last.as_ref().map(|(said, _)| *said);
+        if asked_again && is_of_job && last_said == Some(Said::Dat) {
+            // Whether the data came is not known.
+            self.dialogue.repeats = 0;
+            return self.fail(Failure::AttemptsUsedUp, "fanuc-rs232.remote.repeat");
+        }
+        self.dialogue.repeats += 1;
+        // The page says it of jobs alone: without one the fourth has no answer.
+        if self.dialogue.repeats > REPETITIONS {
+            self.dialogue.repeats = 0;
+            return self.fail(Failure::AttemptsUsedUp, "fanuc-rs232.remote.repeat");
+        }
+        match last {
+            // Plug-in differs: a SYN of a job that has ended is sent once more.
+            Some((said @ (Said::Syn | Said::Answer), message)) => {
+                self.say(said, message, "fanuc-rs232.remote.repeat");
+            }
+            Some((said @ (Said::Dat | Said::Eod), message)) if is_of_job => {
+                self.say(said, message, "fanuc-rs232.remote.repeat");
+            }
+            _ => self.answer("WAT", "fanuc-rs232.remote.repeat"),
+        }
+    }
+
+    /// A message that was none.
+    fn ask_again(&mut self, bad: Bad) {
+        self.dialogue.bad += 1;
+        let reason = match bad {
+            Bad::Sum => b"1",
+            Bad::Command => {
+                // One that has its sum ends a row of RTY; the page does not say so.
+                self.dialogue.repeats = 0;
+                b"2"
+            }
+        };
+        // As for RTY: without a job the fourth has no answer.
+        if self.dialogue.bad > REPETITIONS {
+            self.dialogue.bad = 0;
+            // Plug-in differs: four unknown commands, too, fail with `checksum`, and never
+            // with `protocol`.
+            return self.fail(Failure::Checksum, "fanuc-rs232.remote.ask-again");
+        }
+        self.dialogue.asked_again = true;
+        let message = compose("RTY", reason, self.rules.end);
+        self.send(&message, false, "fanuc-rs232.remote.ask-again");
+    }
+
+    /// SYN, which begins a job where the control is not known.
+    pub(super) fn initialise(&mut self) {
+        let message = compose("SYN", &[], self.rules.end);
+        self.say(Said::Syn, message, "fanuc-rs232.remote.initialise");
+    }
+
+    fn answer(&mut self, command: &str, clause: &'static str) {
+        let message = compose(command, &[], self.rules.end);
+        self.say(Said::Answer, message, clause);
+    }
+
+    /// A message that RTY gets once more.
+    fn say(&mut self, said: Said, message: Vec<u8>, clause: &'static str) {
+        self.send(&message, matches!(said, Said::Dat | Said::Eod), clause);
+        self.dialogue.last = Some((said, message));
+        self.dialogue.last_job = self.jobs;
+    }
+
+    fn send(&mut self, message: &[u8], is_job: bool, clause: &'static str) {
+        // Plug-in differs: what finds no room is not said.
+        self.is_unsure |= self.wire.known() < message.len();
+        if !self.is_unsure {
+            let mut made: Vec<u8> = message.iter().map(|own| sent(&self.rules, *own)).collect();
+            // Plug-in differs: the reason of our RTY has no parity bit.
+            if let [_, _, b'R', b'T', b'Y', reason, _] = message {
+                made[5] = *reason;
+            }
+            self.wire.send(&made, is_job, clause);
+        }
+    }
+
+    /// `poll_time` of silence is over.
+    pub(super) fn silence(&mut self) {
+        if self.job.as_ref().is_some_and(|job| job.is_ended) {
+            return self.end();
+        }
+        self.fail(Failure::NoAnswer, "fanuc-rs232.remote.silence");
+        self.dialogue.is_ready = false;
+    }
+
+    /// A job whose EOD was sent is done.
+    fn end(&mut self) {
+        let Some(Job { id: job, .. }) = self.job.take_if(|job| job.is_ended) else { return };
+        // Plug-in differs: it counts what still has to leave, too.
+        let counts = [self.wire.taken(), self.wire.queued()];
+        let done = counts.map(|sent| Effect::Done { job, sent });
+        self.demands.add_one_of(done.to_vec(), "fanuc-rs232.remote.end");
+    }
+
+    /// The job fails; all that waits is dropped.
+    pub(super) fn fail(&mut self, failure: Failure, clause: &'static str) {
+        let Some(Job { id: job, .. }) = self.job.take() else { return };
+        let failed = Effect::Failed { job, failure, status: 0, sent: self.wire.taken() };
+        // Plug-in differs: it miscounts where other messages are dropped.
+        if self.wire.drops_others() {
+            self.demands.add_uncounted(&failed, clause);
+        } else {
+            self.demands.add(failed, clause);
+        }
+        self.wire.discard();
+    }
+
+    /// A character came.
+    pub(super) fn heard(&mut self, at: Micros) {
+        self.dialogue.heard = at;
+        self.dialogue.marks.clear();
+        if !self.wire.is_empty() {
+            self.dialogue.marks.push(at);
+        }
+    }
+}

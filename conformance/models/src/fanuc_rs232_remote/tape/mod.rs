@@ -1,0 +1,112 @@
+//! What a program becomes: the encoded program that packets carry.
+
+mod characters;
+mod lines;
+mod numbers;
+mod restart;
+mod rules;
+mod tv;
+
+pub(super) use rules::{Refused, TapeRules};
+
+use characters::{Place, read};
+use lines::{Line, Program};
+use restart::Restart;
+use softplug_abi::Failure;
+use tv::Writer;
+
+/// The encoded program.
+///
+/// # Errors
+/// Why the job is refused.
+pub(super) fn encode(
+    rules: &TapeRules,
+    data: &[u8],
+    fields: &[(String, String)],
+) -> Result<Vec<u8>, Refused> {
+    let restart = Restart::new(fields)?;
+    let program = Program::split(rules, &read(rules, data));
+    let found = restart.find(rules, &program);
+    // Faults come in the order of the tape; what is skipped is not checked.
+    let blocks = program.blocks.iter().enumerate();
+    let sent = blocks.filter(|(place, _)| found.keeps(*place)).map(|(_, block)| block);
+    let sent: Vec<Line> = sent.cloned().collect();
+    let (before, from) = sent.split_at(found.kept_before().min(sent.len()));
+    program.header.iter().chain(before).try_for_each(check_line)?;
+    let preamble = restart.preamble(rules);
+    let mut preamble = if found.has_others() { preamble? } else { preamble.unwrap_or_default() };
+    let has_line_before = program.is_opened() || rules.percent || !before.is_empty();
+    if restart.has_preamble() && preamble.is_empty() && !has_line_before {
+        // Of which nothing is left: its EOB is there, unless it would be an empty block.
+        preamble.push(Line { has_eob: true, ..Line::new() });
+    }
+    for (place, line) in from.iter().enumerate() {
+        // Plug-in differs: it does not say where, if it is the character at which a preamble
+        // is sent.
+        let is_first = from[..place].iter().all(Line::is_blank);
+        let is_first = is_first && !found.skips_text(&program);
+        let is_lost = restart.has_preamble() && is_first && line.is_refused_at_start();
+        check_line(line).map_err(|refused| if is_lost { refused.nowhere() } else { refused })?;
+    }
+    check_behind(rules, &program)?;
+    found.check()?;
+
+    let mut numbered = numbers::rewrite(rules, sent.clone());
+    // Plug-in differs: a last block directly behind a preamble gets an EOB with `percent` off,
+    // too, if it is no more than a number.
+    let is_only = from
+        .split_last()
+        .is_some_and(|(last, others)| numbers::is_all(last) && others.iter().all(Line::is_blank));
+    let is_last = !rules.percent && !program.is_closed && !found.skips_text(&program);
+    if is_only
+        && is_last
+        && !preamble.is_empty()
+        && let Some(last) = numbered.last_mut()
+    {
+        last.has_eob = true;
+    }
+    let (before, from) = numbered.split_at(found.kept_before().min(numbered.len()));
+    let mut writer = Writer::new(rules);
+    writer.begin(program.header.as_ref());
+    for line in before.iter().chain(&preamble).chain(from) {
+        writer.block(line);
+    }
+    Ok(writer.end(program.is_closed))
+}
+
+/// A line that is sent.
+fn check_line(line: &Line) -> Result<(), Refused> {
+    let Some((place, is_percent)) = line.fault() else { return Ok(()) };
+    let clause = if is_percent {
+        "fanuc-rs232.tape.percent-in-comment"
+    } else {
+        "fanuc-rs232.tape.unsupported"
+    };
+    Err(Refused::at(Failure::UnsupportedCharacter, 0, place, clause))
+}
+
+/// Text behind the closing `%` would not arrive.
+fn check_behind(rules: &TapeRules, program: &Program) -> Result<(), Refused> {
+    let Some(place) = program.text_behind else { return Ok(()) };
+    let (status, is_dropped) =
+        if program.is_opened() { (4, rules.drops_behind) } else { (3, false) };
+    if is_dropped {
+        return Ok(());
+    }
+    Err(Refused::at(Failure::BadJob, status, place, "fanuc-rs232.tape.after-end"))
+}
+
+impl Refused {
+    fn at(failure: Failure, status: u16, place: Place, clause: &'static str) -> Self {
+        let Place { line, column } = place;
+        Self { failure: Some(failure), status, line, column, clause }
+    }
+
+    fn nowhere(self) -> Self {
+        Self { line: 0, column: 0, ..self }
+    }
+
+    fn without_place(failure: Failure, status: u16, clause: &'static str) -> Self {
+        Self { failure: Some(failure), status, line: 0, column: 0, clause }
+    }
+}

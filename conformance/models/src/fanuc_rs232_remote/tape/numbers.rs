@@ -1,0 +1,83 @@
+//! N numbers at the start of a block.
+
+use super::lines::Line;
+use super::rules::{BlockNumbers, TapeRules};
+use std::ops::Range;
+
+/// Where a block's N number stands, N included: behind blanks and slashes, each of these
+/// with one digit at most.
+fn place(characters: &[u8]) -> Option<Range<usize>> {
+    let at = start(characters);
+    let [b'N', b'0'..=b'9', ..] = &characters[at..] else { return None };
+    let digits = characters[at + 1..].iter().take_while(|digit| digit.is_ascii_digit());
+    Some(at..at + 1 + digits.count())
+}
+
+/// Behind blanks and slashes.
+fn start(characters: &[u8]) -> usize {
+    let mut at = 0;
+    loop {
+        match characters.get(at..).unwrap_or_default() {
+            [b'/', b'0'..=b'9', ..] => at += 2,
+            [b' ' | b'/', ..] => at += 1,
+            _ => return at,
+        }
+    }
+}
+
+/// Whether there is nothing but what may stand before a number, and a number or its N.
+pub(super) fn is_all(block: &Line) -> bool {
+    block.refused_at.is_none() && is_number(&block.characters)
+}
+
+fn is_number(characters: &[u8]) -> bool {
+    match &characters[start(characters)..] {
+        [] => true,
+        [b'N', digits @ ..] => digits.iter().all(u8::is_ascii_digit),
+        _ => false,
+    }
+}
+
+impl Line {
+    /// Whether a character cannot be sent before more than a number has come.
+    pub(super) fn is_refused_at_start(&self) -> bool {
+        self.refused_at.is_some_and(|end| is_number(&self.characters[..end]))
+    }
+}
+
+/// The number of a block, if it has one that is not too large.
+pub(super) fn value(line: &Line) -> Option<u64> {
+    // A character that cannot be sent is no part of a number, and none stands before one.
+    let end = line.refused_at.unwrap_or(line.characters.len());
+    let known = &line.characters[..end];
+    let number = place(known)?;
+    let text = std::str::from_utf8(&known[number.start + 1..number.end]).ok()?;
+    text.parse().ok()
+}
+
+/// Kept, left out, or made new where there were some.
+pub(super) fn rewrite(rules: &TapeRules, mut blocks: Vec<Line>) -> Vec<Line> {
+    let mut number = 0;
+    for block in &mut blocks {
+        let Some(mut place) = place(&block.characters) else { continue };
+        let new = match rules.block_numbers {
+            BlockNumbers::Keep => continue,
+            BlockNumbers::Strip => {
+                // The page does not say it: with them go the spaces behind them.
+                let behind = &block.characters[place.end..];
+                place.end += behind.iter().take_while(|behind| **behind == b' ').count();
+                String::new()
+            }
+            BlockNumbers::Renumber => {
+                number += rules.number_step;
+                // Plug-in differs: behind 99999 they begin anew.
+                if number > 99_999 {
+                    number = rules.number_step;
+                }
+                format!("N{number}")
+            }
+        };
+        block.characters.splice(place, new.bytes());
+    }
+    blocks
+}

@@ -1,0 +1,183 @@
+//! A program is sent from its middle.
+
+use super::characters::{Symbol, read, replaced};
+use super::lines::{Line, Program};
+use super::numbers;
+use super::rules::{Refused, TapeRules};
+use softplug_abi::Failure;
+
+/// Fields of a job.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Restart {
+    from_block: Option<usize>,
+    from_sequence: Option<u64>,
+    preamble: Option<String>,
+    /// Any of them is given.
+    is_asked: bool,
+}
+
+impl Restart {
+    /// # Errors
+    /// A field is out of its range.
+    pub(super) fn new(fields: &[(String, String)]) -> Result<Self, Refused> {
+        let mut restart = Self::default();
+        let bad = Refused::without_place(Failure::BadJob, 1, "fanuc-rs232.feed.from-block");
+        restart.is_asked = !fields.is_empty();
+        for (name, value) in fields {
+            // The page names no largest number.
+            let number = value.parse::<u32>();
+            match name.as_str() {
+                "from_block" => match number {
+                    Ok(block @ 1..) => restart.from_block = Some(block as usize),
+                    _ => return Err(bad),
+                },
+                "from_sequence" => match number {
+                    // Plug-in differs: the largest number is as if the field were not given.
+                    Ok(u32::MAX) => {}
+                    Ok(number) => restart.from_sequence = Some(u64::from(number)),
+                    Err(_) => return Err(bad),
+                },
+                "preamble" => restart.preamble = Some(value.clone()),
+                _ => {}
+            }
+        }
+        Ok(restart)
+    }
+
+    /// Blocks that are sent before the one that is begun at, encoded like the program.
+    ///
+    /// # Errors
+    /// It cannot be sent.
+    // Plug-in differs: N numbers in it are neither left out nor made new.
+    pub(super) fn preamble(&self, rules: &TapeRules) -> Result<Vec<Line>, Refused> {
+        let Some(preamble) = &self.preamble else { return Ok(Vec::new()) };
+        let mut lines = vec![Line::new()];
+        let mut has_percent = false;
+        // Plug-in differs: CR is nothing in a preamble, and no EOB.
+        let mut text = preamble.as_bytes().to_vec();
+        text.retain(|byte| replaced(rules, *byte) != b'\r');
+        for (symbol, place) in read(rules, &text) {
+            let Some(line) = lines.last_mut() else { break };
+            match symbol {
+                Symbol::Eob => {
+                    line.has_eob = true;
+                    lines.push(Line::new());
+                }
+                Symbol::Character(character) => {
+                    has_percent |= character == b'%';
+                    line.push(rules, character, false, place);
+                }
+            }
+        }
+        let is_bad = |line: &Line| line.fault().is_some();
+        if has_percent || lines.iter().any(is_bad) {
+            let clause = "fanuc-rs232.feed.preamble";
+            return Err(Refused::without_place(Failure::BadJob, 2, clause));
+        }
+        // One EOB behind it, whether it brings it or not.
+        match lines.last_mut() {
+            Some(line) if line.is_blank() => drop(lines.pop()),
+            Some(line) => line.has_eob = true,
+            None => {}
+        }
+        Ok(lines)
+    }
+
+    pub(super) fn has_preamble(&self) -> bool {
+        self.preamble.as_ref().is_some_and(|preamble| !preamble.is_empty())
+    }
+
+    /// Which blocks are sent.
+    pub(super) fn find(&self, rules: &TapeRules, program: &Program) -> Found {
+        let blocks = &program.blocks;
+        if !self.is_asked {
+            return Found { kept: 0, from: Some(0), has_others: false, clause: "" };
+        }
+        let kept = kept(blocks);
+        // Plug-in differs: a block is not there if it ends with the closing `%` before more
+        // than a number has come, nor is one of those at the start if it stands alone.
+        let is_cut = |block: &Line| program.is_closed && !block.has_eob && numbers::is_all(block);
+        let others = blocks.get(kept..).unwrap_or_default();
+        let has_others = others.iter().any(|block| !block.is_blank() && !is_cut(block));
+        let is_there = |at: usize| match blocks.get(at) {
+            Some(_) if at < kept => has_others,
+            Some(block) => !is_cut(block),
+            // Plug-in differs: with `percent` off one is there behind the last EOB of a file.
+            None => {
+                let is_bare = !rules.percent && !program.is_closed && !program.is_opened();
+                let is_first = kept == 0 && has_others && !self.has_preamble();
+                is_bare && is_first && blocks.last().is_some_and(|block| block.has_eob)
+            }
+        };
+        let first = self.from_block.unwrap_or(1) - 1;
+        let fits = |at: &usize| {
+            let number = blocks.get(*at).and_then(numbers::value);
+            let is_number = self.from_sequence.is_none() || self.from_sequence == number;
+            *at >= first && is_there(*at) && is_number
+        };
+        let clause = match self.from_sequence {
+            Some(_) => "fanuc-rs232.feed.from-sequence",
+            None => "fanuc-rs232.feed.from-block",
+        };
+        let from = (0..=blocks.len()).find(fits);
+        Found { kept, from, has_others, clause }
+    }
+}
+
+/// Its program number begins a block.
+fn has_program_number(block: &Line) -> bool {
+    block.refused_at != Some(0) && matches!(block.characters.first(), Some(b'O' | b':'))
+}
+
+/// Blocks at the start that are sent in any case.
+// Plug-in differs: blank lines behind the `%` line and behind the one with the program number
+// are sent, too; that one is the first that is not blank, and there can be several.
+fn kept(blocks: &[Line]) -> usize {
+    let is_kept = |block: &&Line| block.is_blank() && block.has_eob || has_program_number(block);
+    blocks.iter().take_while(is_kept).count()
+}
+
+/// What is sent of a program.
+#[derive(Clone, Debug)]
+pub(super) struct Found {
+    /// Blocks at the start that are sent in any case.
+    kept: usize,
+    /// The block that is begun at.
+    from: Option<usize>,
+    /// There are others.
+    has_others: bool,
+    clause: &'static str,
+}
+
+impl Found {
+    pub(super) fn keeps(&self, place: usize) -> bool {
+        place < self.kept || self.from.is_some_and(|from| place >= from)
+    }
+
+    /// Blocks that are sent before the preamble.
+    pub(super) fn kept_before(&self) -> usize {
+        self.kept
+    }
+
+    /// Whether a block is left out that is not blank.
+    pub(super) fn skips_text(&self, program: &Program) -> bool {
+        let mut blocks = program.blocks.iter().enumerate();
+        blocks.any(|(place, block)| !self.keeps(place) && !block.is_blank())
+    }
+
+    /// Whether there are others: where one comes the preamble is looked at.
+    pub(super) fn has_others(&self) -> bool {
+        self.has_others
+    }
+
+    /// # Errors
+    /// There is no such block.
+    pub(super) fn check(&self) -> Result<(), Refused> {
+        match self.from {
+            None if !self.clause.is_empty() => {
+                Err(Refused::without_place(Failure::NotFound, 0, self.clause))
+            }
+            _ => Ok(()),
+        }
+    }
+}
