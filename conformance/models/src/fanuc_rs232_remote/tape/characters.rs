@@ -22,6 +22,7 @@ enum Before {
     Other,
     Cr,
     Lf,
+    LfCr,
 }
 
 /// The symbols of a file: LF, CR LF, CR, LF CR and LF CR CR are one EOB each, behind
@@ -35,8 +36,8 @@ pub(super) fn read(rules: &TapeRules, data: &[u8]) -> Vec<(Symbol, Place)> {
         let is_more;
         (is_more, before) = match (before, byte) {
             (Before::Cr, b'\n') => (true, Before::Other),
-            // Plug-in differs: any number of CRs behind LF are of its EOB.
-            (Before::Lf, b'\r') => (true, Before::Lf),
+            (Before::Lf, b'\r') => (true, Before::LfCr),
+            (Before::LfCr, b'\r') => (true, Before::Other),
             (_, b'\n') => (false, Before::Lf),
             (_, b'\r') => (false, Before::Cr),
             _ => (false, Before::Other),
