@@ -35,9 +35,8 @@ pub(super) fn read(rules: &TapeRules, data: &[u8]) -> Vec<(Symbol, Place)> {
         let byte = replaced(rules, *byte);
         let is_more;
         (is_more, before) = match (before, byte) {
-            (Before::Cr, b'\n') => (true, Before::Other),
             (Before::Lf, b'\r') => (true, Before::LfCr),
-            (Before::LfCr, b'\r') => (true, Before::Other),
+            (Before::Cr, b'\n') | (Before::LfCr, b'\r') => (true, Before::Other),
             (_, b'\n') => (false, Before::Lf),
             (_, b'\r') => (false, Before::Cr),
             _ => (false, Before::Other),
