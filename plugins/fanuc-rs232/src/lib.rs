@@ -163,7 +163,9 @@ impl Converter for FanucRs232 {
 
     fn link_down(&mut self, link: &mut Context<'_>, _reason: LinkDownReason) {
         self.kept.feed.link_down(link);
-        self.kept.remote_buffer.link_down(link);
+        if self.is_packets {
+            self.kept.remote_buffer.link_down(link);
+        }
         self.kept.punch.finish(link, &self.settings, Some(Failure::LinkDown));
         self.after(link);
     }

@@ -49,11 +49,6 @@ impl Demands {
         self.0.push(Demand { one_of: vec![without_count(effect)], clause, any_count: true });
     }
 
-    /// Whether something is awaited.
-    pub(super) fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-
     /// This was done.
     ///
     /// # Errors

@@ -12,15 +12,9 @@ const REPETITIONS: u32 = 3;
 
 impl RemoteBuffer {
     /// A message, or what was to be one, is complete.
-    pub(super) fn message(&mut self, at: Micros, message: Result<Command, Bad>) {
-        let had_job = self.job.is_some();
-        // Plug-in differs: at the instant at which a job fails for what came too often it
-        // still has it, for all that comes behind. What it says then is not judged, nor is
-        // what follows from it.
-        self.is_unsure |= self.failed_at == Some(at);
-        // Plug-in differs: what comes behind a GTD at one instant mostly finds it without its
-        // answer, and sometimes with it: RTY gets a packet without its data, RST and SYN do
-        // not fail the job, another GTD has no answer.
+    pub(super) fn message(&mut self, message: Result<Command, Bad>) {
+        // Plug-in differs: what comes behind a GTD at one instant finds its data not there
+        // yet, and WAT or a short packet is said before it.
         self.is_unsure |= self.job.as_ref().is_some_and(|job| job.is_asked);
         match message {
             Ok(Command::Rty) => self.say_again(),
@@ -32,19 +26,10 @@ impl RemoteBuffer {
             }
             Err(bad) => self.ask_again(bad),
         }
-        let is_repeat = matches!(message, Ok(Command::Rty) | Err(_));
-        if is_repeat && had_job && self.job.is_none() {
-            self.failed_at = Some(at);
-        }
     }
 
     fn command(&mut self, command: Command) {
-        // Plug-in differs: any message but RTY shows it that the control is initialised.
-        // The page wants SYN or RDY.
-        self.dialogue.is_ready = true;
-        // Plug-in differs: it takes a RDY for the answer to its SYN only as long as it has
-        // said nothing else since.
-        let awaits_rdy = self.dialogue.awaits_rdy();
+        self.dialogue.is_ready |= matches!(command, Command::Syn | Command::Rdy);
         let has_begun = self.job.as_ref().is_some_and(|job| job.has_begun);
         match command {
             Command::Syn => {
@@ -55,12 +40,8 @@ impl RemoteBuffer {
             }
             Command::Rdy => {
                 self.end();
-                if awaits_rdy {
-                    // Plug-in differs: from here on RTY gets RDY, and not the SYN that was our
-                    // last message.
-                    let message = compose("RDY", &[], self.rules.end);
-                    self.dialogue.last = Some((Said::Answer, message));
-                } else {
+                // One that answers our SYN has no answer.
+                if !std::mem::take(&mut self.dialogue.awaits_rdy) {
                     self.answer("RDY", "fanuc-rs232.remote.initialise");
                 }
             }
@@ -73,16 +54,11 @@ impl RemoteBuffer {
                 self.answer("SET", "fanuc-rs232.remote.status");
             }
             Command::Rst => {
-                // Plug-in differs: RST and ALM before the first DAT fail nothing.
-                if has_begun {
-                    self.fail(Failure::PartnerReset, "fanuc-rs232.remote.reset");
-                }
+                self.fail(Failure::PartnerReset, "fanuc-rs232.remote.reset");
                 self.answer("ARS", "fanuc-rs232.remote.reset");
             }
             Command::Alm => {
-                if has_begun {
-                    self.fail(Failure::PartnerAlarm, "fanuc-rs232.remote.alarm");
-                }
+                self.fail(Failure::PartnerAlarm, "fanuc-rs232.remote.alarm");
                 self.answer("AAL", "fanuc-rs232.remote.alarm");
             }
             Command::Rty => {}
@@ -91,9 +67,11 @@ impl RemoteBuffer {
 
     /// GTD.
     fn give(&mut self) {
+        let is_ready = self.dialogue.is_ready;
         match &mut self.job {
-            // The page does not say it: a paused job has nothing now.
-            Some(job) if !job.is_paused => {
+            // The page does not say it: a job that waits for RDY, and a paused one, have
+            // nothing now.
+            Some(job) if is_ready && !job.is_paused => {
                 job.is_asked = true;
             }
             _ => self.answer("WAT", "fanuc-rs232.remote.wait"),
@@ -148,11 +126,10 @@ impl RemoteBuffer {
             return self.fail(Failure::AttemptsUsedUp, "fanuc-rs232.remote.repeat");
         }
         match last {
-            // Plug-in differs: a SYN of a job that has ended is sent once more.
-            Some((said @ (Said::Syn | Said::Answer), message)) => {
-                self.say(said, message, "fanuc-rs232.remote.repeat");
+            Some((Said::Answer, message)) => {
+                self.say(Said::Answer, message, "fanuc-rs232.remote.repeat");
             }
-            Some((said @ (Said::Dat | Said::Eod), message)) if is_of_job => {
+            Some((said, message)) if is_of_job => {
                 self.say(said, message, "fanuc-rs232.remote.repeat");
             }
             _ => self.answer("WAT", "fanuc-rs232.remote.repeat"),
@@ -162,20 +139,18 @@ impl RemoteBuffer {
     /// A message that was none.
     fn ask_again(&mut self, bad: Bad) {
         self.dialogue.bad += 1;
-        let reason = match bad {
-            Bad::Sum => b"1",
+        let (reason, failure) = match bad {
+            Bad::Sum => (b"1", Failure::Checksum),
             Bad::Command => {
                 // One that has its sum ends a row of RTY; the page does not say so.
                 self.dialogue.repeats = 0;
-                b"2"
+                (b"2", Failure::Protocol)
             }
         };
         // As for RTY: without a job the fourth has no answer.
         if self.dialogue.bad > REPETITIONS {
             self.dialogue.bad = 0;
-            // Plug-in differs: four unknown commands, too, fail with `checksum`, and never
-            // with `protocol`.
-            return self.fail(Failure::Checksum, "fanuc-rs232.remote.ask-again");
+            return self.fail(failure, "fanuc-rs232.remote.ask-again");
         }
         self.dialogue.asked_again = true;
         let message = compose("RTY", reason, self.rules.end);
@@ -196,6 +171,7 @@ impl RemoteBuffer {
     /// A message that RTY gets once more.
     fn say(&mut self, said: Said, message: Vec<u8>, clause: &'static str) {
         self.send(&message, matches!(said, Said::Dat | Said::Eod), clause);
+        self.dialogue.awaits_rdy |= said == Said::Syn;
         self.dialogue.last = Some((said, message));
         self.dialogue.last_job = self.jobs;
     }
@@ -243,9 +219,5 @@ impl RemoteBuffer {
     /// A character came.
     pub(super) fn heard(&mut self, at: Micros) {
         self.dialogue.heard = at;
-        self.dialogue.marks.clear();
-        if !self.wire.is_empty() {
-            self.dialogue.marks.push(at);
-        }
     }
 }

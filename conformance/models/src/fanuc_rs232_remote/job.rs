@@ -61,6 +61,8 @@ pub(super) enum Said {
 pub(super) struct Dialogue {
     /// The control has initialised, or answered ours.
     pub(super) is_ready: bool,
+    /// Our SYN has not been answered.
+    pub(super) awaits_rdy: bool,
     /// Our last message but RTY, without parity bits.
     pub(super) last: Option<(Said, Vec<u8>)>,
     /// The last job's id when that message was sent.
@@ -73,13 +75,4 @@ pub(super) struct Dialogue {
     pub(super) bad: u32,
     /// From when silence counts.
     pub(super) heard: Micros,
-    /// When characters came, or messages of ours had left, before others of ours had.
-    pub(super) marks: Vec<Micros>,
-}
-
-impl Dialogue {
-    /// Our SYN has not been answered.
-    pub(super) fn awaits_rdy(&self) -> bool {
-        matches!(self.last, Some((Said::Syn, _)))
-    }
 }

@@ -80,13 +80,11 @@ impl Incoming {
 }
 
 fn parse(characters: &[u8], end: u8) -> Result<Command, Bad> {
-    // Plug-in differs: one that is too short to be a message has reason 1, whatever its
-    // sum.
     let [high, low, summed @ ..] = characters else { return Err(Bad::Sum) };
-    let [first, second, third, ..] = summed else { return Err(Bad::Sum) };
     if hex(sum(summed).wrapping_add(end)) != [*high, *low] {
         return Err(Bad::Sum);
     }
+    let [first, second, third, ..] = summed else { return Err(Bad::Command) };
     match &[*first, *second, *third] {
         b"SYN" => Ok(Command::Syn),
         b"RDY" => Ok(Command::Rdy),

@@ -43,7 +43,6 @@ pub(crate) fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
         is_open: false,
         is_down: false,
         is_unsure: false,
-        failed_at: None,
         partner: RefCell::default(),
     }))
 }
@@ -66,8 +65,6 @@ struct RemoteBuffer {
     is_down: bool,
     /// The plug-in differs in a way that is not followed: from here on nothing is judged.
     is_unsure: bool,
-    /// When a job failed for what came too often.
-    failed_at: Option<Micros>,
     partner: RefCell<Partner>,
 }
 
@@ -75,7 +72,7 @@ impl RemoteBuffer {
     fn character(&mut self, at: Micros, character: Character) {
         self.heard(at);
         if let Some(message) = self.incoming.take(character, self.rules.end) {
-            self.message(at, message);
+            self.message(message);
         }
     }
 
@@ -104,23 +101,6 @@ impl RemoteBuffer {
     fn deadline(&self) -> Option<Micros> {
         let counts = self.job.is_some() && self.wire.is_empty();
         counts.then_some(self.dialogue.heard + self.rules.poll_time)
-    }
-
-    /// Plug-in differs: silence counts while a message of ours is still leaving. Where
-    /// several wait it counts on from a character that came before they had left, or from
-    /// the first of them.
-    fn is_silence_too_early(&self, at: Micros, effect: &Effect) -> bool {
-        let Some(job) = &self.job else { return false };
-        let is_end = match effect {
-            Effect::Failed { job: id, failure: Failure::NoAnswer, .. } => {
-                *id == job.id && !job.is_ended
-            }
-            Effect::Done { job: id, .. } => *id == job.id && job.is_ended,
-            _ => false,
-        };
-        let is_due = |mark: &Micros| *mark + self.rules.poll_time == at;
-        let is_early = !self.wire.is_empty() || self.dialogue.marks.iter().any(is_due);
-        self.demands.is_empty() && is_end && is_early
     }
 
     /// Nothing is left of what was before.
@@ -160,12 +140,8 @@ impl Model for RemoteBuffer {
                 self.is_down = true;
                 self.wire.set_gone(true);
                 self.fail(Failure::LinkDown, "fanuc-rs232.link.down");
-                // Plug-in differs: without a job what waits is not dropped, and leaves when the
-                // port is back.
-                self.incoming = Incoming::default();
-                // Plug-in differs: its last message, the SYN that has no answer and what came
-                // in a row outlast the link. Nothing of it should.
-                self.dialogue.is_ready = false;
+                self.wire.discard();
+                self.forget();
             }
             LineInput::Up => {
                 self.is_down = false;
@@ -179,9 +155,6 @@ impl Model for RemoteBuffer {
             return;
         }
         self.dialogue.heard = at;
-        if !self.wire.is_empty() {
-            self.dialogue.marks.push(at);
-        }
     }
 
     fn due(&mut self, at: Micros) {
@@ -228,15 +201,12 @@ impl Model for RemoteBuffer {
         }
     }
 
-    fn seen(&mut self, at: Micros, effect: &Effect) -> Result<(), Broken> {
+    fn seen(&mut self, _at: Micros, effect: &Effect) -> Result<(), Broken> {
         if self.is_unsure {
             return Ok(());
         }
         if let Effect::Byte(byte) = effect {
             return self.wire.begins(*byte, "fanuc-rs232.remote.initialise");
-        }
-        if self.is_silence_too_early(at, effect) {
-            self.silence();
         }
         self.demands.meet(effect)
     }

@@ -63,7 +63,7 @@ pub(super) struct Reader {
 
 impl Reader {
     /// A character; with the last one of a message its command, or that it was
-    /// damaged.
+    /// damaged. One that is too short has a command that does not exist.
     pub(super) fn read(&mut self, settings: &Settings, byte: u8) -> Option<Result<Command, ()>> {
         let character = byte & 0x7F;
         self.is_damaged |= settings.parity == ParityMode::Software && byte.count_ones() & 1 == 1;
@@ -84,8 +84,7 @@ impl Reader {
             return None;
         }
         let [high, low, a, b, c] = self.head;
-        let is_good =
-            !self.is_damaged && usize::from(self.length) == HEAD && [high, low] == digits(self.sum);
+        let is_good = !self.is_damaged && self.length >= 2 && [high, low] == digits(self.sum);
         *self = Self::new_zeroed();
         Some(if is_good { Ok(command([a, b, c])) } else { Err(()) })
     }
@@ -135,6 +134,13 @@ mod tests {
         assert_eq!(read(&settings, text), [Ok(command(*b"SYN")), Ok(command(*b"SAT"))]);
         let parity: Vec<u8> = text.iter().map(|byte| with_parity(&software(), *byte)).collect();
         assert_eq!(read(&software(), &parity), [Ok(command(*b"SYN")), Ok(command(*b"SAT"))]);
+    }
+
+    #[test]
+    fn a_message_without_a_whole_command_has_none_that_exists() {
+        let settings = Settings::unset();
+        assert_eq!(read(&settings, b"4EA\r"), [Ok(command(*b"A\0\0"))]);
+        assert_eq!(read(&settings, b"0D\r"), [Ok(command([0; 3]))]);
     }
 
     #[test]

@@ -21,6 +21,8 @@ use zerocopy::{FromZeros, Immutable, IntoBytes};
 
 /// How often a message is repeated, or asked for again.
 const MOST_REPEATS: u8 = 3;
+/// Marks that may be outstanding: messages beyond them go without.
+const MOST_MARKS: u8 = 64;
 /// Reason in our RTY: the message was damaged.
 const DAMAGED: u8 = b'1';
 /// Reason in our RTY: there is no such command.
@@ -63,6 +65,45 @@ enum Stage {
     Stopping,
 }
 
+/// What is known of the control.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, FromZeros, IntoBytes, Immutable)]
+#[repr(u8)]
+enum Control {
+    /// Nothing.
+    Down,
+    /// It is initialised.
+    Ready,
+    /// Our SYN waits for RDY.
+    Initialising,
+    /// It is initialised; a RDY for a SYN of ours is still to come.
+    Crossing,
+}
+
+impl Control {
+    fn is_ready(self) -> bool {
+        matches!(self, Self::Ready | Self::Crossing)
+    }
+
+    fn awaits_rdy(self) -> bool {
+        matches!(self, Self::Initialising | Self::Crossing)
+    }
+
+    /// Behind a SYN of ours.
+    fn asked(self) -> Self {
+        if self.is_ready() { Self::Crossing } else { Self::Initialising }
+    }
+
+    /// Behind its SYN, or a RDY that is not for ours.
+    fn up(self) -> Self {
+        if self.awaits_rdy() { Self::Crossing } else { Self::Ready }
+    }
+
+    /// After silence. A late RDY still is for our SYN.
+    fn silent(self) -> Self {
+        if self.awaits_rdy() { Self::Initialising } else { Self::Down }
+    }
+}
+
 #[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
 #[repr(C)]
 pub(crate) struct RemoteBuffer {
@@ -80,11 +121,10 @@ pub(crate) struct RemoteBuffer {
     stage: Stage,
     /// What is dropped from the queue is of the job.
     is_own: bool,
-    /// The mark on the latest message is still outstanding: there is one at a time.
-    is_marked: bool,
+    /// Messages that have not left: their marks are outstanding.
+    leaving: u8,
     is_paused: bool,
-    /// The control is initialised.
-    is_ready: bool,
+    control: Control,
     /// GTD is not answered yet.
     is_asked: bool,
     repeats: u8,
@@ -123,7 +163,7 @@ impl RemoteBuffer {
         self.wanted = 0;
         self.queued = 0;
         self.packet = 0;
-        if !self.is_ready {
+        if !self.control.is_ready() {
             self.say(link, settings, encoder, SYN);
         }
         self.await_control(link, settings);
@@ -169,31 +209,37 @@ impl RemoteBuffer {
         command: Command,
     ) {
         self.last = command;
+        if command == SYN {
+            self.control = self.control.asked();
+        }
         let packet = if command == DAT { usize::from(self.packet) } else { 0 };
         let data = encoder.output.first(packet);
-        let length = transmit(link, settings, command, data, &mut self.is_marked);
+        let length = transmit(link, settings, command, data, &mut self.leaving);
         if is_own(command) {
             self.queued += length as u64;
         }
+        self.await_control(link, settings);
     }
 
-    /// Our answer has left: the control's turn.
+    /// A message has left: with the last one it is the control's turn.
     pub(crate) fn mark(&mut self, link: &mut Context<'_>, settings: &Setup, state: MarkState) {
         if state == MarkState::MaybeLeft {
             return;
         }
-        self.is_marked = false;
-        if !self.is_asked {
-            self.await_control(link, settings);
-        }
+        self.leaving = self.leaving.saturating_sub(1);
+        self.await_control(link, settings);
     }
 
-    /// Without a job silence means nothing.
+    /// Silence counts in a job, when nothing of ours has to leave.
     fn await_control(&mut self, link: &mut Context<'_>, settings: &Setup) {
-        if matches!(self.stage, Stage::Idle | Stage::Stopping) {
+        if self.is_asked || matches!(self.stage, Stage::Idle | Stage::Stopping) {
             return;
         }
-        self.timer.start(link, PACKET, settings.poll_time);
+        if self.leaving > 0 {
+            self.timer.stop(link, PACKET);
+        } else {
+            self.timer.start(link, PACKET, settings.poll_time);
+        }
     }
 
     /// The control was silent, or the host has no data for it.
@@ -204,7 +250,7 @@ impl RemoteBuffer {
         } else if self.stage == Stage::Ending {
             self.done(link);
         } else {
-            self.is_ready = false;
+            self.control = self.control.silent();
             self.fail(link, Failure::NoAnswer);
         }
     }
@@ -218,6 +264,10 @@ impl RemoteBuffer {
     ) {
         self.await_control(link, settings);
         let Some(message) = self.reader.read(settings, byte) else { return };
+        // What came before this message is answered first.
+        if self.is_asked {
+            self.give(link, settings, encoder);
+        }
         match message {
             Ok(RTY) => {
                 self.repeats += 1;
@@ -241,10 +291,13 @@ impl RemoteBuffer {
         self.retries += 1;
         if self.retries > MOST_REPEATS {
             self.retries = 0;
-            self.fail(link, Failure::Checksum);
+            let is_unknown = reason == UNKNOWN;
+            let failure = if is_unknown { Failure::Protocol } else { Failure::Checksum };
+            self.fail(link, failure);
         } else {
             let reason = with_parity(settings, reason);
-            transmit(link, settings, RTY, &[reason], &mut self.is_marked);
+            transmit(link, settings, RTY, &[reason], &mut self.leaving);
+            self.await_control(link, settings);
         }
     }
 
@@ -261,21 +314,30 @@ impl RemoteBuffer {
             return self.retry(link, settings, UNKNOWN);
         };
         self.retries = 0;
-        self.is_ready = true;
-        encoder.output.drop_first(usize::from(self.packet));
-        self.packet = 0;
+        let is_for_ours = command == RDY && self.control.awaits_rdy();
+        if is_for_ours {
+            // What we have said since may still have to be repeated.
+            self.control = Control::Ready;
+        } else {
+            if matches!(command, SYN | RDY) {
+                self.control = self.control.up();
+            }
+            encoder.output.drop_first(usize::from(self.packet));
+            self.packet = 0;
+        }
         match failure {
-            Some(failure) => self.lost(link, *failure),
+            Some(failure) if command == SYN => self.lost(link, *failure),
+            Some(failure) => self.fail(link, *failure),
             None if self.stage == Stage::Ending => self.done(link),
             None => {}
         }
         let has_data = matches!(self.stage, Stage::Feeding | Stage::Closing | Stage::Closed);
-        if command == GTD && has_data && !self.is_paused {
+        if command == GTD && has_data && !self.is_paused && self.control.is_ready() {
             self.is_asked = true;
+            // While the data is waited for the control must hear something.
+            self.timer.start(link, PACKET, settings.poll_time / 2);
             self.fill(link, settings, encoder);
-        } else if command == RDY && self.last == SYN {
-            self.last = RDY;
-        } else {
+        } else if !is_for_ours {
             self.say(link, settings, encoder, *answer);
         }
     }
@@ -295,9 +357,15 @@ impl RemoteBuffer {
 
     /// The port is gone: what comes back is initialised anew.
     pub(crate) fn link_down(&mut self, link: &mut Context<'_>) {
-        self.is_ready = false;
+        self.control = Control::Down;
         self.reader = Reader::new_zeroed();
+        self.repeats = 0;
+        self.retries = 0;
         self.fail(link, Failure::LinkDown);
+        self.last = WAT;
+        if self.stage == Stage::Idle {
+            link.discard();
+        }
     }
 
     /// The control is gone; a job that it has not begun to read stays.
@@ -325,8 +393,17 @@ impl RemoteBuffer {
         self.failure = Reason::new(Some(failure));
         self.is_own = is_own(self.last);
         self.is_asked = false;
+        self.forget();
         self.timer.stop(link, PACKET);
         link.discard();
+    }
+
+    /// Nothing of the job is repeated after its end.
+    fn forget(&mut self) {
+        if is_own(self.last) || self.last == SYN {
+            self.last = WAT;
+        }
+        self.packet = 0;
     }
 
     pub(crate) fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {
@@ -340,12 +417,8 @@ impl RemoteBuffer {
         self.timer.stop(link, PACKET);
         self.stage = Stage::Idle;
         self.is_paused = false;
-        // Nothing of the job is repeated after its end.
-        if is_own(self.last) {
-            self.last = WAT;
-        }
+        self.forget();
         self.queued = 0;
-        self.packet = 0;
     }
 }
 
@@ -361,7 +434,7 @@ fn transmit(
     settings: &Setup,
     command: Command,
     data: &[u8],
-    is_marked: &mut bool,
+    leaving: &mut u8,
 ) -> usize {
     let length = HEAD + data.len() + 1;
     if length > link.transmit_room() as usize {
@@ -371,8 +444,8 @@ fn transmit(
     if !data.is_empty() {
         link.transmit(data);
     }
-    let mark = u32::from(!*is_marked);
-    *is_marked = true;
+    let mark = u32::from(*leaving < MOST_MARKS);
+    *leaving += mark as u8;
     link.transmit_marked(mark, &[with_parity(settings, end_code(settings))]);
     length
 }
@@ -398,5 +471,34 @@ mod tests {
         }
         bench.run_for_millis(50);
         assert_eq!(bench.sent(), b"FCRDY\rF9WAT\r7EDAT%\nO1\nM30\n%\r");
+    }
+
+    /// Behind a RDY, with a job; then these messages come at one instant.
+    fn at_one_instant(messages: &[u8]) -> Bench<FanucRs232> {
+        let mut bench = Bench::<FanucRs232>::new().set("mode", "remote-a").open();
+        bench.receive(b"FCRDY\r");
+        bench.run_for_millis(20);
+        bench.send(b"%\nO1\nM30\n%");
+        bench.receive(messages);
+        bench.run_for_millis(60);
+        bench
+    }
+
+    #[test]
+    fn rty_behind_gtd_repeats_no_packet_without_its_data() {
+        let mut bench = at_one_instant(b"ECGTD\r3DRTY1\r");
+        assert_eq!(bench.sent(), b"FCRDY\rF9WAT\rF9WAT\r");
+        bench.receive(b"ECGTD\r");
+        bench.run_for_millis(60);
+        assert!(bench.sent().ends_with(b"7EDAT%\nO1\nM30\n%\r"));
+    }
+
+    #[test]
+    fn what_comes_behind_gtd_is_answered_behind_it() {
+        let bench = at_one_instant(b"ECGTD\rF5SAT\r");
+        assert_eq!(bench.sent(), b"FCRDY\rF9WAT\rF9SET\r");
+        // No data leaves behind a reset.
+        let bench = at_one_instant(b"ECGTD\r06RST\r");
+        assert!(bench.sent().ends_with(b"F3ARS\r"));
     }
 }

@@ -3,7 +3,6 @@
 
 use super::message::HEAD;
 use super::{DAT, EOD, RemoteBuffer, Stage, WAT};
-use crate::PACKET;
 use crate::tape::{Encoder, Setup};
 use softplug_plugin::Context;
 
@@ -37,8 +36,7 @@ impl RemoteBuffer {
         self.give(link, settings, encoder);
     }
 
-    /// Asks for as much data as fits, whatever it grows to; while it is waited for
-    /// the control must hear something.
+    /// Asks for as much data as fits, whatever it grows to.
     fn ask(&mut self, link: &mut Context<'_>, settings: &Setup, encoder: &Encoder, free: u32) {
         if self.wanted > 0 {
             return;
@@ -46,7 +44,6 @@ impl RemoteBuffer {
         let growth = if encoder.will_wait() { free } else { settings.growth() };
         self.wanted = free.checked_div(growth).unwrap_or_default().max(1);
         link.want(self.job, self.wanted);
-        self.timer.start(link, PACKET, settings.poll_time / 2);
     }
 
     /// Gives the control what there is.

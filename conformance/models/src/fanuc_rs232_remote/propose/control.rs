@@ -17,7 +17,7 @@ impl Guess<'_> {
             0..=4 => return self.control_speaks(dice),
             5 | 6 => return self.nothing(dice),
             7 => return self.burst(dice),
-            _ if self.model.dialogue.awaits_rdy() => self.usual("RDY", "SYN", dice),
+            _ if self.model.dialogue.awaits_rdy => self.usual("RDY", "SYN", dice),
             _ if job.is_paused => self.usual("GTD", "SAT", dice),
             _ if job.is_ended => self.usual("GTD", "SAT", dice),
             _ => self.usual("GTD", "RTY", dice),
