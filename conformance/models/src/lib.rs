@@ -27,16 +27,20 @@
 #![forbid(unsafe_code)]
 
 mod cover;
+mod demands;
 mod dice;
 mod drive;
 mod fanuc_rs232;
 mod fanuc_rs232_remote;
 mod heidenhain_fe;
+mod line_ends;
 mod model;
 mod noise;
 mod port;
+mod propose;
 mod r3964;
 mod rk512;
+mod room;
 mod session;
 mod settings;
 mod shrink;

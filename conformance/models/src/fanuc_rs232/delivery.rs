@@ -1,7 +1,7 @@
 //! The text of a delivery.
 
-use super::room::Room;
 use super::rules::Rules;
+use crate::room::Room;
 use softplug_abi::Failure;
 
 /// A name has at most so many bytes.

@@ -1,10 +1,10 @@
 //! The reader: one job, from its first DC1 to its end.
 
-use super::demands::Demands;
 use super::rules::Rules;
 use super::select::Start;
 use super::tape::{self, Tape};
 use super::wire::Wire;
+use crate::demands::Demands;
 use crate::model::Effect;
 use softplug_abi::{Failure, Micros};
 
@@ -37,8 +37,8 @@ enum State {
     Transfer(Transfer),
     /// All has left; the final DC3 is awaited until then.
     Ending(Micros),
-    /// The same of a job without characters, to which no DC1 has come. It has no
-    /// character to wait with; the page does not say so.
+    /// A job without characters, to which no DC1 has come, awaits the final DC3 until
+    /// then: it has no character to wait with; the page does not say so.
     Empty(Micros),
 }
 

@@ -2,7 +2,7 @@
 
 use super::code::encoded;
 use super::rules::{Rules, Unsupported};
-use super::text::{LineEnds, Part};
+use crate::line_ends::{LineEnds, Part};
 use softplug_abi::Failure;
 
 /// Why a job is refused before anything is sent.

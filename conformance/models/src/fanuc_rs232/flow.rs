@@ -1,8 +1,8 @@
 //! What we tell a control that punches: stop, go on, and the answer to DC2.
 
-use super::demands::Demands;
 use super::rules::{Code, OutputFlow, Parity, Rules};
 use super::wire::Wire;
+use crate::demands::Demands;
 use crate::model::Effect;
 use softplug_abi::ModemLines;
 

@@ -1,11 +1,11 @@
 //! The control's reader and punch, from `docs/protocols/fanuc-rs232.md`: all but the
 //! packets of a remote buffer.
 
+mod blame;
 mod clauses;
 mod code;
 mod control;
 mod delivery;
-mod demands;
 mod feed;
 mod file;
 mod flow;
@@ -13,23 +13,22 @@ mod hear;
 mod propose;
 mod punch;
 mod requests;
-mod room;
 mod rules;
 mod select;
 mod tape;
-mod text;
 mod values;
 mod wire;
 
+use crate::demands::Demands;
 use crate::dice::Dice;
 use crate::fanuc_rs232_remote;
 use crate::model::{Broken, Conditions, Effect, HostRequest, LineInput, Model, Profile, Proposal};
-use demands::Demands;
+use crate::room::Room;
+use blame::BLAME;
 use feed::Feed;
 use flow::Flow;
 use punch::Punch;
 use requests::Requests;
-use room::Room;
 use rules::Rules;
 use select::Start;
 use softplug_abi::{Failure, LineErrorKind, LineParameters, Micros, ModemLines};
@@ -212,7 +211,7 @@ impl Model for Fanuc {
         if self.has_given_up {
             return Ok(());
         }
-        let Effect::Byte(byte) = effect else { return self.demands.meet(effect) };
+        let Effect::Byte(byte) = effect else { return self.demands.meet(effect, &BLAME) };
         self.began = at;
         self.wire.port.begins(*byte, self.clause_of(*byte))
     }

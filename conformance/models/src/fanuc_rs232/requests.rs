@@ -1,8 +1,8 @@
 //! Requests from the panel.
 
 use super::delivery::Delivery;
-use super::demands::Demands;
 use super::rules::Rules;
+use crate::demands::Demands;
 use crate::model::Effect;
 use std::collections::BTreeSet;
 

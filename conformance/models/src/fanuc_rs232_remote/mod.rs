@@ -3,7 +3,7 @@
 //!
 //! Protocol B is the reader's way and no part of this model.
 
-mod demands;
+mod blame;
 mod dialogue;
 mod job;
 mod message;
@@ -13,9 +13,10 @@ mod rules;
 mod tape;
 mod wire;
 
+use crate::demands::Demands;
 use crate::dice::Dice;
 use crate::model::{Broken, Conditions, Effect, HostRequest, LineInput, Model, Proposal};
-use demands::Demands;
+use blame::BLAME;
 use job::{Dialogue, Job};
 use message::Incoming;
 use parity::Character;
@@ -208,7 +209,7 @@ impl Model for RemoteBuffer {
         if let Effect::Byte(byte) = effect {
             return self.wire.begins(*byte, "fanuc-rs232.remote.initialise");
         }
-        self.demands.meet(effect)
+        self.demands.meet(effect, &BLAME)
     }
 
     fn settled(&mut self, _at: Micros) -> Result<(), Broken> {

@@ -49,7 +49,7 @@ impl<W: Wayfarer> Worlds<W> {
         self.0.iter()
     }
 
-    /// The same happens in each, in all the ways that it may.
+    /// Something happens in each, in all the ways that it may.
     pub(super) fn each(&mut self, happen: impl Fn(&mut W)) {
         for world in std::mem::take(&mut self.0) {
             self.go(&world, &[], &happen);

@@ -1,20 +1,19 @@
 //! XON/XOFF in both directions, from `docs/protocols/xon-xoff.md`.
 
-mod demands;
+mod blame;
 mod program;
 mod propose;
 mod receiver;
-mod room;
 mod rules;
 mod sender;
 mod speaker;
-mod text;
 mod values;
 mod wire;
 
+use crate::demands::Demands;
 use crate::dice::Dice;
 use crate::model::{Broken, Conditions, Effect, HostRequest, LineInput, Model, Profile, Proposal};
-use demands::Demands;
+use blame::BLAME;
 use receiver::Receiver;
 use rules::Rules;
 use sender::Sender;
@@ -151,7 +150,7 @@ impl Model for XonXoff {
     }
 
     fn seen(&mut self, at: Micros, effect: &Effect) -> Result<(), Broken> {
-        let Effect::Byte(byte) = effect else { return self.demands.meet(effect) };
+        let Effect::Byte(byte) = effect else { return self.demands.meet(effect, &BLAME) };
         self.began = at;
         self.wire.port.begins(*byte, self.clause_of(*byte))
     }

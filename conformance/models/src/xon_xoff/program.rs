@@ -1,7 +1,7 @@
 //! What a program is on the wire.
 
 use super::rules::{ControlInData, Rules};
-use super::text::LineEnds;
+use crate::line_ends::LineEnds;
 
 /// The place of a byte that cannot be sent, both from 1.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]

@@ -3,6 +3,7 @@
 use super::XonXoff;
 use crate::dice::Dice;
 use crate::model::{Given, HostRequest, LineInput, Model, Proposal};
+use crate::propose::{Pace, come, give, host, line};
 use softplug_abi::{LineErrorKind, LinkDownReason, Micros, ModemLines};
 
 /// The next step of a random session.
@@ -255,43 +256,19 @@ impl Guess<'_> {
         give(wait, Given::Nothing)
     }
 
-    /// A time near the ends of characters.
     fn within(&self, dice: &mut Dice) -> i64 {
-        let next = self.model.began + Micros(self.characters(1));
-        match dice.below(6) {
-            0..=2 if next > self.now => (next - self.now).0 + dice.between(-1, 1),
-            3 => self.characters(dice.length(200)),
-            _ => dice.between(1, 4 * self.characters(1)),
-        }
+        self.pace().within(dice)
     }
 
-    /// Some time: characters, or up to some seconds.
     fn pause(&self, dice: &mut Dice) -> i64 {
-        match dice.below(8) {
-            0..=3 => self.within(dice),
-            4..=5 => dice.between(1, 500_000),
-            6 => dice.between(1, 5_000_000),
-            _ => self.characters(dice.length(1_000)),
-        }
+        self.pace().pause(dice)
     }
 
     fn characters(&self, count: usize) -> i64 {
-        self.model.line.characters(count as u64).0
+        self.pace().characters(count)
     }
-}
 
-fn come(wait: i64, bytes: Vec<u8>) -> Proposal {
-    if bytes.is_empty() { give(wait, Given::Nothing) } else { line(wait, LineInput::Bytes(bytes)) }
-}
-
-fn line(wait: i64, input: LineInput) -> Proposal {
-    give(wait, Given::Line(input))
-}
-
-fn host(wait: i64, request: HostRequest) -> Proposal {
-    give(wait, Given::Host(request))
-}
-
-fn give(wait: i64, given: Given) -> Proposal {
-    Proposal { wait: Micros(wait.max(1)), given }
+    fn pace(&self) -> Pace {
+        Pace { line: self.model.line, began: self.model.began, now: self.now }
+    }
 }

@@ -1,12 +1,12 @@
 //! The receiver: deliveries, and the marks at which the machine is stopped.
 
-use super::demands::Demands;
-use super::room::Room;
 use super::rules::Rules;
 use super::speaker::Speaker;
-use super::text::LineEnds;
 use super::wire::Wire;
+use crate::demands::Demands;
+use crate::line_ends::LineEnds;
 use crate::model::Effect;
+use crate::room::Room;
 use softplug_abi::{Failure, Micros};
 
 /// *Idle*, *receiving* or *stopped*.

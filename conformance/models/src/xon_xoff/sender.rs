@@ -1,9 +1,9 @@
 //! The sender: one job, and the reasons to stand still.
 
-use super::demands::Demands;
 use super::program::on_the_wire;
 use super::rules::{Control, Rules};
 use super::wire::Wire;
+use crate::demands::Demands;
 use crate::model::Effect;
 use softplug_abi::{Failure, Micros};
 

@@ -1,10 +1,11 @@
 //! A control that punches.
 
-use super::{Guess, come, host};
+use super::Guess;
 use crate::dice::Dice;
 use crate::fanuc_rs232::code::eia;
 use crate::fanuc_rs232::rules::{Code, Parity};
 use crate::model::{HostRequest, Proposal};
+use crate::propose::{come, host};
 
 impl Guess<'_> {
     pub(super) fn punching(&self, dice: &mut Dice) -> Proposal {

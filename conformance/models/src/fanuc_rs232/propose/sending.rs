@@ -1,9 +1,10 @@
 //! Jobs, and what a control does to whoever sends.
 
-use super::{Guess, come, host};
+use super::Guess;
 use crate::dice::Dice;
 use crate::fanuc_rs232::rules::{Code, Parity};
 use crate::model::{HostRequest, Proposal};
+use crate::propose::{come, host};
 
 impl Guess<'_> {
     pub(super) fn sending(&self, dice: &mut Dice) -> Proposal {

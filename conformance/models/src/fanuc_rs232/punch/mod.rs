@@ -5,10 +5,11 @@ mod raw;
 
 use super::code::{decoded, has_wrong_parity};
 use super::delivery::Delivery;
-use super::demands::Demands;
 use super::requests::Requests;
-use super::room::Room;
 use super::rules::{Code, Rules};
+use crate::demands::Demands;
+use crate::model::Effect;
+use crate::room::Room;
 use raw::{Raw, guess, may_be_first};
 use softplug_abi::{Failure, Micros};
 
@@ -268,7 +269,9 @@ impl Punch {
             _ => lost.or(delivery.wrong).or(failure).or(no_end_mark),
         };
         self.deliveries += 1;
-        with.demands.deliver(self.deliveries, &delivery, failure, clause);
+        let (bytes, name) = (delivery.bytes.clone(), delivery.name());
+        let delivered = Effect::Delivered { id: self.deliveries, bytes, name, failure, status: 0 };
+        with.demands.add(delivered, clause);
         if failure.is_none() {
             with.requests.ask(&delivery, with.rules, with.demands);
         }

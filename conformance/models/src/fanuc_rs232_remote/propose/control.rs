@@ -1,9 +1,10 @@
 //! What a control says.
 
-use super::{Guess, come, give, line};
+use super::Guess;
 use crate::dice::Dice;
 use crate::fanuc_rs232_remote::message::compose;
 use crate::model::{Given, LineInput, Model, Proposal};
+use crate::propose::{come, give, line};
 use softplug_abi::{LineErrorKind, Micros};
 use std::collections::VecDeque;
 

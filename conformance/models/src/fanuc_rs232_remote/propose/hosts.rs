@@ -1,9 +1,10 @@
 //! What a host does.
 
+use super::Guess;
 use super::programs::program;
-use super::{Guess, host};
 use crate::dice::Dice;
 use crate::model::{HostRequest, Proposal};
+use crate::propose::host;
 
 impl Guess<'_> {
     /// Something of a host that is not usual.

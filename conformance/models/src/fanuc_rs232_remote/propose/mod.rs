@@ -8,6 +8,7 @@ use super::RemoteBuffer;
 use super::parity::sent;
 use crate::dice::Dice;
 use crate::model::{Given, HostRequest, LineInput, Proposal};
+use crate::propose::{give, host, line};
 use softplug_abi::{LinkDownReason, Micros, ModemLines};
 use std::collections::VecDeque;
 
@@ -115,20 +116,4 @@ impl Guess<'_> {
     fn on_the_line(&self, message: &[u8]) -> Vec<u8> {
         message.iter().map(|character| sent(&self.model.rules, *character)).collect()
     }
-}
-
-fn come(wait: i64, bytes: Vec<u8>) -> Proposal {
-    if bytes.is_empty() { give(wait, Given::Nothing) } else { line(wait, LineInput::Bytes(bytes)) }
-}
-
-fn line(wait: i64, input: LineInput) -> Proposal {
-    give(wait, Given::Line(input))
-}
-
-fn host(wait: i64, request: HostRequest) -> Proposal {
-    give(wait, Given::Host(request))
-}
-
-fn give(wait: i64, given: Given) -> Proposal {
-    Proposal { wait: Micros(wait.max(1)), given }
 }

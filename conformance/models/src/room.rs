@@ -3,7 +3,7 @@
 /// Room as the plug-in knows it. The host tells growth in steps: an eighth of all, or
 /// that all is free again.
 #[derive(Clone, Debug)]
-pub(super) struct Room {
+pub(crate) struct Room {
     capacity: u32,
     known: u32,
     /// Free, and not told yet.
@@ -14,37 +14,37 @@ pub(super) struct Room {
 }
 
 impl Room {
-    pub(super) fn new(capacity: u32) -> Self {
+    pub(crate) fn new(capacity: u32) -> Self {
         Self { capacity, known: capacity, untold: 0, kept: 0, keeps: false }
     }
 
     /// Bytes that can be delivered.
-    pub(super) fn known(&self) -> u32 {
+    pub(crate) fn known(&self) -> u32 {
         self.known
     }
 
     /// Bytes that the host has not put away.
-    pub(super) fn kept(&self) -> u32 {
+    pub(crate) fn kept(&self) -> u32 {
         self.kept
     }
 
     /// Whether the host puts nothing away by itself.
-    pub(super) fn keeps(&self) -> bool {
+    pub(crate) fn keeps(&self) -> bool {
         self.keeps
     }
 
     /// The least that the host tells of at once.
-    pub(super) fn step(&self) -> u32 {
+    pub(crate) fn step(&self) -> u32 {
         (self.capacity / 8).max(1)
     }
 
     /// At an opening all is told.
-    pub(super) fn open(&mut self) {
+    pub(crate) fn open(&mut self) {
         self.known += std::mem::take(&mut self.untold);
     }
 
     /// A byte is delivered. `false`: it finds no room.
-    pub(super) fn take(&mut self) -> bool {
+    pub(crate) fn take(&mut self) -> bool {
         if self.known == 0 {
             return false;
         }
@@ -57,25 +57,25 @@ impl Room {
     }
 
     /// From here on the host puts nothing away by itself.
-    pub(super) fn keep(&mut self) {
+    pub(crate) fn keep(&mut self) {
         self.keeps = true;
     }
 
     /// It puts everything away at once again.
-    pub(super) fn put_all_away(&mut self) {
+    pub(crate) fn put_all_away(&mut self) {
         self.keeps = false;
         self.put_away(self.kept);
     }
 
     /// It puts so many bytes away.
-    pub(super) fn put_away(&mut self, bytes: u32) {
+    pub(crate) fn put_away(&mut self, bytes: u32) {
         let bytes = bytes.min(self.kept);
         self.kept -= bytes;
         self.untold += bytes;
     }
 
     /// Whether the plug-in is told of more room now.
-    pub(super) fn grows(&mut self) -> bool {
+    pub(crate) fn grows(&mut self) -> bool {
         let is_all = self.known + self.untold == self.capacity;
         if self.untold == 0 || !(is_all || self.untold >= self.capacity / 8) {
             return false;

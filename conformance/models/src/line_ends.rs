@@ -2,7 +2,7 @@
 
 /// Where a text is.
 #[derive(Clone, Debug, Default)]
-pub(super) struct LineEnds(Place);
+pub(crate) struct LineEnds(Place);
 
 #[derive(Copy, Clone, Debug, Default)]
 enum Place {
@@ -18,7 +18,7 @@ enum Place {
 
 /// What a byte is in a text.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub(super) enum Part {
+pub(crate) enum Part {
     /// A byte of a line.
     Line,
     /// The first byte of a line end.
@@ -29,7 +29,7 @@ pub(super) enum Part {
 
 impl LineEnds {
     /// What the next byte is.
-    pub(super) fn next(&mut self, byte: u8) -> Part {
+    pub(crate) fn next(&mut self, byte: u8) -> Part {
         let (place, part) = match (self.0, byte) {
             (Place::Lf, b'\r') => (Place::LfCr, Part::EndGoesOn),
             (Place::Cr, b'\n') | (Place::LfCr, b'\r') => (Place::InLine, Part::EndGoesOn),
@@ -42,7 +42,7 @@ impl LineEnds {
     }
 
     /// The byte as it leaves: a line end as `written`, or as it is with `None`.
-    pub(super) fn rewrite(&mut self, byte: u8, written: Option<&[u8]>) -> Vec<u8> {
+    pub(crate) fn rewrite(&mut self, byte: u8, written: Option<&[u8]>) -> Vec<u8> {
         let Some(written) = written else { return vec![byte] };
         match self.next(byte) {
             Part::Line => vec![byte],

@@ -1,76 +1,10 @@
-//! What the plug-in has to do at this instant, and does.
+//! The clause that a delivery, a request or the end of a job breaks.
 
-use super::delivery::Delivery;
-use crate::model::{Broken, Effect};
+use crate::demands::Blame;
+use crate::model::Effect;
 use softplug_abi::Failure;
 
-/// Demands of one instant. They may be met in any order.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Demands(Vec<Demand>);
-
-/// One of these, and the clause that demands it.
-#[derive(Clone, Debug)]
-struct Demand {
-    one_of: Vec<Effect>,
-    clause: &'static str,
-}
-
-impl Demands {
-    /// This has to be done now.
-    pub(super) fn add(&mut self, effect: Effect, clause: &'static str) {
-        self.add_one_of(vec![effect], clause);
-    }
-
-    /// A delivery has to end now.
-    pub(super) fn deliver(
-        &mut self,
-        id: u32,
-        delivery: &Delivery,
-        failure: Option<Failure>,
-        clause: &'static str,
-    ) {
-        let (bytes, name) = (delivery.bytes.clone(), delivery.name());
-        self.add(Effect::Delivered { id, bytes, name, failure, status: 0 }, clause);
-    }
-
-    /// One of these has to be done now.
-    pub(super) fn add_one_of(&mut self, one_of: Vec<Effect>, clause: &'static str) {
-        self.0.push(Demand { one_of, clause });
-    }
-
-    /// This was done.
-    ///
-    /// # Errors
-    /// Nothing demands it.
-    pub(super) fn meet(&mut self, effect: &Effect) -> Result<(), Broken> {
-        if let Some(at) = self.0.iter().position(|demand| demand.one_of.contains(effect)) {
-            self.0.remove(at);
-            return Ok(());
-        }
-        let kind = std::mem::discriminant(effect);
-        let is_alike = |demanded: &Effect| std::mem::discriminant(demanded) == kind;
-        for Demand { one_of, clause } in &self.0 {
-            if let Some(demanded) = one_of.iter().find(|demanded| is_alike(demanded)) {
-                let clause = differing(demanded, effect).unwrap_or(clause);
-                return Err(Broken::new(clause, format!("{effect:?} where {one_of:?} had to be")));
-            }
-        }
-        Err(Broken::new(unasked(effect), format!("{effect:?}, and nothing asks for it")))
-    }
-
-    /// The instant is over.
-    ///
-    /// # Errors
-    /// Something was not done.
-    pub(super) fn settled(&self) -> Result<(), Broken> {
-        match self.0.first() {
-            Some(Demand { one_of, clause }) => {
-                Err(Broken::new(clause, format!("{one_of:?} had to be")))
-            }
-            None => Ok(()),
-        }
-    }
-}
+pub(super) const BLAME: Blame = Blame { differing, unasked };
 
 /// The clause of what differs.
 fn differing(demanded: &Effect, seen: &Effect) -> Option<&'static str> {
