@@ -21,8 +21,9 @@ pub fn write(report: &Report) -> String {
         schema_version: 1,
         label: format!("{} r{}", text::line(&profile.name), profile.revision),
         message: format!(
-            "{} ({} {})",
+            "{}{} ({} {})",
             verdict.text(),
+            unexecuted(report),
             text::line(&suite.name),
             text::line(&suite.version)
         ),
@@ -38,6 +39,14 @@ pub fn write(report: &Report) -> String {
     let mut text = serde_json::to_string_pretty(&badge).expect("a badge is texts and a number");
     text.push('\n');
     text
+}
+
+/// What a conformant plug-in has that no run executed.
+fn unexecuted(report: &Report) -> String {
+    match report.coverage.as_ref().map_or(0, |coverage| coverage.places.len()) {
+        0 => String::new(),
+        places => format!(", {} never executed", text::count(places as u32, "place")),
+    }
 }
 
 #[derive(Serialize)]

@@ -65,6 +65,9 @@ pub fn check(report: &Report) -> Result<(), Inconsistency> {
     if report.score.as_ref().is_some_and(|score| !score.adds_up()) {
         return wrong("score", "does not account for every change that was tried");
     }
+    if report.coverage.as_ref().is_some_and(|coverage| !coverage.adds_up()) {
+        return wrong("coverage", "names more or fewer places than are missing");
+    }
     conclusion(report)
 }
 
@@ -251,7 +254,8 @@ fn conclusion(report: &Report) -> Result<(), Inconsistency> {
         let message = "gives no reason for a verdict that the rows do not give";
         return if report.reason.trim().is_empty() { wrong("reason", message) } else { Ok(()) };
     }
-    let (expected, reason) = verdict(&report.counts, &report.selection, &Reason::None);
+    let executed = report.coverage.as_ref().map_or(Reason::None, Reason::of);
+    let (expected, reason) = verdict(&report.counts, &report.selection, &executed);
     if said != expected {
         let message = format!("is {}, but the rows give {}", said.text(), expected.text());
         return wrong("verdict", message);

@@ -2,7 +2,7 @@
 //! they would differ from run to run.
 
 use crate::explain::explain;
-use crate::{CaseResult, CaseRow, Outcome, Report, VerdictKind, text};
+use crate::{CaseResult, CaseRow, Executed, Outcome, Report, VerdictKind, text};
 use quick_junit::{NonSuccessKind, Property, TestCase, TestCaseStatus, TestSuite};
 
 /// The report in JUnit's form.
@@ -41,7 +41,7 @@ pub fn write(report: &Report) -> String {
 }
 
 fn properties(report: &Report) -> Vec<(&'static str, String)> {
-    vec![
+    let mut properties = vec![
         ("verdict", report.verdict.text().to_owned()),
         ("reason", report.reason.clone()),
         ("plugin", report.plugin.name.clone()),
@@ -53,7 +53,20 @@ fn properties(report: &Report) -> Vec<(&'static str, String)> {
         ("corpus.sha256", report.suite.corpus.clone()),
         ("engine", report.suite.engine.clone()),
         ("digest", report.digest.clone()),
-    ]
+        ("runs", report.counts.runs.to_string()),
+        ("sessions", report.selection.sessions.to_string()),
+        ("seed", report.selection.seed.to_string()),
+    ];
+    if let Some(coverage) = &report.coverage {
+        let part = |part: Executed| format!("{} of {}", part.executed, part.of);
+        properties.push(("executed.functions", part(coverage.functions)));
+        properties.push(("executed.branches", part(coverage.branches)));
+    }
+    if let Some(score) = &report.score {
+        let all = score.noticed.all() + score.missed();
+        properties.push(("score", format!("{} of {all} changes", score.noticed.all())));
+    }
+    properties
 }
 
 /// The case that says why the run is not green.

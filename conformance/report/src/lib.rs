@@ -23,6 +23,7 @@ pub mod attest;
 pub mod badge;
 mod check;
 mod compare;
+mod coverage;
 mod explain;
 mod hex;
 pub mod html;
@@ -36,6 +37,7 @@ mod verdict;
 
 pub use check::{Inconsistency, check};
 pub use compare::{Difference, compare, fuel_is_comparable};
+pub use coverage::{Coverage, Executed, Place};
 pub use explain::explain;
 pub use model::*;
 pub use outcome::Outcome;

@@ -1,7 +1,7 @@
 //! What stands in a report. Lists are sorted: clauses and cases by id,
 //! permutations as the suite orders them.
 
-use crate::{Score, VerdictKind};
+use crate::{Coverage, Score, VerdictKind};
 use serde::{Deserialize, Serialize};
 
 /// Version of the report's shape.
@@ -52,6 +52,9 @@ pub struct Report {
     pub digest: String,
     /// What the plug-in's computing costs, on the engine that the suite names.
     pub fuel: Fuel,
+    /// How much of the module was executed; only of a plug-in that is conformant.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coverage: Option<Coverage>,
     /// How many changes of the module were noticed, if that was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub score: Option<Score>,

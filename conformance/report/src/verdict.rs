@@ -1,6 +1,6 @@
 //! The verdict: a function of what was executed, and of nothing else.
 
-use crate::{Counts, Selection, text};
+use crate::{Counts, Coverage, Selection, text};
 use serde::{Deserialize, Serialize};
 
 /// The five verdicts.
@@ -59,6 +59,19 @@ pub enum Reason {
     NotJudged(String),
     /// The baseline expects a failure that is none, or is stale: one sentence.
     Baseline(String),
+    /// So many places of the module were never executed. Where nothing else speaks against
+    /// the plug-in, a strict run is not satisfied.
+    Unexecuted(usize),
+}
+
+impl Reason {
+    /// What the executed places say of a plug-in.
+    pub fn of(coverage: &Coverage) -> Self {
+        match coverage.places.len() {
+            0 => Self::None,
+            places => Self::Unexecuted(places),
+        }
+    }
 }
 
 /// The verdict and its reason as one sentence.
@@ -75,7 +88,7 @@ pub fn verdict(counts: &Counts, selection: &Selection, reason: &Reason) -> (Verd
     match reason {
         Reason::NotJudged(why) => return (VerdictKind::NotJudged, why.clone()),
         Reason::Baseline(why) => return (VerdictKind::NotConformant, why.clone()),
-        Reason::None => {}
+        Reason::None | Reason::Unexecuted(_) => {}
     }
     if counts.failed > 0 {
         let why = format!("{} of {} required cases failed", counts.failed, counts.required);
@@ -102,9 +115,21 @@ pub fn verdict(counts: &Counts, selection: &Selection, reason: &Reason) -> (Verd
         );
         return (VerdictKind::Partial, why);
     }
+    let unexecuted = match reason {
+        Reason::Unexecuted(places) => {
+            let places = text::count(u32::try_from(*places).unwrap_or(u32::MAX), "place");
+            format!("{places} of the module never executed")
+        }
+        _ => String::new(),
+    };
+    if selection.strict && !unexecuted.is_empty() {
+        let why = format!("all {} required cases passed, but {unexecuted}", counts.required);
+        return (VerdictKind::Partial, why);
+    }
+    let behind = if unexecuted.is_empty() { unexecuted } else { format!("; {unexecuted}") };
     if counts.warned > 0 {
-        let why = format!("{} that should pass failed", text::count(counts.warned, "case"));
+        let why = format!("{} that should pass failed{behind}", text::count(counts.warned, "case"));
         return (VerdictKind::ConformantWithWarnings, why);
     }
-    (VerdictKind::Conformant, format!("all {} required cases passed", counts.required))
+    (VerdictKind::Conformant, format!("all {} required cases passed{behind}", counts.required))
 }

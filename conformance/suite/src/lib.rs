@@ -13,6 +13,7 @@
 //! |---|---|
 //! | `given` | traces, [ledgers](ledger), and what a trace gives to a plug-in |
 //! | `run` | subjects, permutations, replay, and what was seen |
+//! | `module` | a module's code: what of it is executed, what it can be changed to |
 //! | [`script`] | cases that are code, against simulated machines |
 //! | `judge` | demands, comparison, divergences, verdicts |
 //! | [`mutants`] | plug-ins that are wrong on purpose, and which case notices |
@@ -25,6 +26,8 @@ pub mod certify;
 mod corpus;
 mod given;
 mod judge;
+#[cfg(feature = "wasmtime")]
+mod module;
 pub mod mutants;
 mod random;
 mod run;

@@ -6,6 +6,10 @@ mod common;
 mod baseline;
 #[path = "certify/corpus.rs"]
 mod corpus;
+#[path = "certify/coverage.rs"]
+mod coverage;
+#[path = "certify/score.rs"]
+mod score;
 #[path = "certify/small.rs"]
 mod small;
 #[path = "certify/verdicts.rs"]

@@ -8,7 +8,7 @@ use crate::engine::Wasmi;
 use crate::engine::Wasmtime;
 use crate::engine::{Engine, EngineError, EngineKind, NotLoaded};
 use crate::plugin::Plugin;
-use crate::{EngineInfo, LoadError, files, lint};
+use crate::{Digest, EngineInfo, LoadError, files, lint};
 use softplug_abi::limits::{FUEL_PER_EVENT, MODULE_BYTES};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -128,6 +128,37 @@ impl Host {
         let inspection = lint(wasm)?;
         let (compiled, origin) =
             self.inner.engine.load(wasm, inspection.digest).map_err(NotLoaded::into_error)?;
+        Ok(Plugin::new(compiled, inspection, origin, &self.inner.options))
+    }
+
+    /// Compiles `instrumented` as the code of the plug-in `wasm`: the same module with
+    /// counters in exported globals, which the lint would refuse. Sessions give them by
+    /// [`Session::global`](crate::Session::global). Only for measuring: what it computes costs
+    /// more fuel, and nobody has checked that it is the same.
+    ///
+    /// # Errors
+    /// The plug-in is none, or the engine does not take what was made of it.
+    ///
+    /// ```
+    /// use softplug_abi::{Event, Instance, Micros};
+    /// use softplug_host::{Host, HostOptions};
+    ///
+    /// # let echo = std::fs::read_to_string("tests/guests/echo.wat")?;
+    /// # let wasm = wat::parse_str(&echo)?;
+    /// # let counter = "(global $n (export \"n\") (mut i64) (i64.const 7))";
+    /// # let end = echo.trim_end().strip_suffix(')').unwrap();
+    /// # let instrumented = wat::parse_str(format!("{end}{counter})"))?;
+    /// let host = Host::new(HostOptions::default())?;
+    /// assert!(host.load_bytes(&instrumented).is_err());
+    /// let mut session = host.load_instrumented(&wasm, &instrumented)?.instantiate()?;
+    /// session.step(&Event::Received(b"G1"), Micros::ZERO)?;
+    /// assert_eq!((session.global("n"), session.global("m")), (Some(7), None));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn load_instrumented(&self, wasm: &[u8], instrumented: &[u8]) -> Result<Plugin, LoadError> {
+        let inspection = lint(wasm)?;
+        let loaded = self.inner.engine.load(instrumented, Digest::of(instrumented));
+        let (compiled, origin) = loaded.map_err(NotLoaded::into_error)?;
         Ok(Plugin::new(compiled, inspection, origin, &self.inner.options))
     }
 

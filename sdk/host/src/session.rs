@@ -98,6 +98,12 @@ impl Session {
         self.fuel.largest
     }
 
+    /// What stands in a global of 64 bits that the module exports: a counter of one that is
+    /// [instrumented](crate::Host::load_instrumented).
+    pub fn global(&mut self, name: &str) -> Option<i64> {
+        self.running.global(name)
+    }
+
     /// Ends the session with a fault of the plug-in.
     pub(crate) fn end(&mut self, event: EventKind, reason: Misbehaviour) -> SessionFault {
         self.poison(SessionFault::Malformed { event, reason })

@@ -1,6 +1,7 @@
 //! `report.html`: one file for people. It needs no network and no script; it can be
 //! read in light and dark, on paper and by a screen reader.
 
+mod extent;
 mod failure;
 mod rows;
 mod sequence;
@@ -47,8 +48,9 @@ pub fn write(report: &Report) -> String {
                 (top(report))
                 main {
                     (lint(report))
-                    (counts(report))
                     (failure::section(report))
+                    (extent::section(report))
+                    (counts(report))
                     (rows::clauses(report))
                     (rows::cases(report))
                     (fuel(report))

@@ -50,7 +50,7 @@ pub(super) fn run(
     let mut queue: Vec<usize> =
         (0..plan.cases.len()).filter(|number| plan.cases[*number].fate == Fate::Runs).collect();
     if let Some(seed) = options.shuffle {
-        shuffle(&mut queue, seed);
+        queue = shuffled(queue, seed);
     }
     let shared = Shared {
         plan,
@@ -87,11 +87,13 @@ pub(super) fn run(
     }
 }
 
-fn shuffle(queue: &mut [usize], seed: u64) {
+/// In an order that the seed gives.
+pub(crate) fn shuffled(mut numbers: Vec<usize>, seed: u64) -> Vec<usize> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    for place in (1..queue.len()).rev() {
-        queue.swap(place, (random.next_u64() % (place as u64 + 1)) as usize);
+    for place in (1..numbers.len()).rev() {
+        numbers.swap(place, (random.next_u64() % (place as u64 + 1)) as usize);
     }
+    numbers
 }
 
 /// What the threads share.

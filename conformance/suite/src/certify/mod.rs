@@ -3,6 +3,7 @@
 //! [`certify()`] has an example.
 
 mod baseline;
+mod coverage;
 mod engines;
 mod error;
 mod execute;
@@ -10,10 +11,12 @@ mod glob;
 mod observe;
 mod options;
 mod plan;
+pub(crate) mod reach;
 mod rows;
 
 pub use baseline::{Baseline, BaselineError, Expected};
 pub use error::CertifyError;
+pub(crate) use execute::shuffled;
 pub use glob::matches;
 pub use observe::{ObservedRun, observe};
 pub use options::{CertifyOptions, Progress};
@@ -73,5 +76,10 @@ pub fn certify(
         _ => plan.cases.iter().map(|_| None).collect(),
     };
     let (engines, judged, plan) = (&engines, &judged, &plan);
-    Ok(Results { module, corpus, options, engines, judged, plan, unfit, ran }.report())
+    let mut results =
+        Results { module, corpus, options, engines, judged, plan, unfit, ran, coverage: None };
+    if results.report().verdict.is_conformant() {
+        results.coverage = coverage::coverage(module, corpus, options, judged, progress, stop)?;
+    }
+    Ok(results.report())
 }

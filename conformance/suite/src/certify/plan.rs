@@ -8,7 +8,7 @@ use crate::given::ledger::Ledger;
 use softplug_abi::manifest::{Manifest, Setting};
 
 /// The profile that every plug-in is held to without a claim.
-const ABI: &str = "abi";
+pub(super) const ABI: &str = "abi";
 
 /// What one certification runs.
 pub(super) struct Plan<'a> {

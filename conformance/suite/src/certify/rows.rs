@@ -11,8 +11,8 @@ use crate::given::ledger::Clause;
 use crate::random::Sessions;
 use sha2::{Digest as _, Sha256};
 use softplug_report::{
-    CaseResult, CaseRow, ClauseRow, Counts, Fuel, PluginInfo, ProfileInfo, Reason, Report, SCHEMA,
-    Selection, SuiteInfo, verdict,
+    CaseResult, CaseRow, ClauseRow, Counts, Coverage, Fuel, PluginInfo, ProfileInfo, Reason,
+    Report, SCHEMA, Selection, SuiteInfo, verdict,
 };
 
 /// Everything that a report is made of.
@@ -27,6 +27,8 @@ pub(super) struct Results<'a> {
     pub(super) unfit: Vec<String>,
     /// One for each case of the plan.
     pub(super) ran: Vec<Option<Ran>>,
+    /// Only of a plug-in that is conformant.
+    pub(super) coverage: Option<Coverage>,
 }
 
 impl Results<'_> {
@@ -44,7 +46,11 @@ impl Results<'_> {
         let counts = Counts::of(&cases, &clauses, &profile, &selection);
         let reason = match self.unfit.first() {
             Some(why) => Reason::NotJudged(why.clone()),
-            None => self.stale().map_or(Reason::None, Reason::Baseline),
+            None => match (self.stale(), &self.coverage) {
+                (Some(why), _) => Reason::Baseline(why),
+                (None, Some(coverage)) => Reason::of(coverage),
+                (None, None) => Reason::None,
+            },
         };
         let (verdict, reason) = verdict(&counts, &selection, &reason);
         Report {
@@ -58,6 +64,7 @@ impl Results<'_> {
             counts,
             digest: self.digest(),
             fuel: self.fuel(),
+            coverage: self.coverage.clone(),
             score: None,
             lint: self.unfit.clone(),
             clauses,

@@ -176,6 +176,18 @@ impl SessionGroup {
         Some(SessionRun { session, ran, fuel: meter.fuel.get(), fault: meter.fault.get() })
     }
 
+    /// Whether a session fails by what binds a plug-in that claims these features.
+    pub(crate) fn fails<S: Subject>(
+        &self,
+        subject: &S,
+        seed: u64,
+        number: u64,
+        features: &[String],
+    ) -> bool {
+        self.session(subject, seed, number)
+            .is_some_and(|run| self.binds(run.ran.finding.as_ref(), features))
+    }
+
     /// A session that failed, made short, as a trace.
     pub(crate) fn failed<S: Subject>(
         &self,

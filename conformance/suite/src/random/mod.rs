@@ -77,7 +77,7 @@ impl Sessions {
     }
 
     /// Of a group from 1.
-    fn numbers(self, group: u64) -> impl Iterator<Item = u64> {
+    pub(crate) fn numbers(self, group: u64) -> impl Iterator<Item = u64> {
         (group - 1..u64::from(self.count)).step_by(GROUPS as usize)
     }
 }

@@ -1,14 +1,14 @@
 //! Runs changed modules until a run fails.
 
-use super::change::{Change, Changeable};
-use crate::certify::CertifyOptions;
+use crate::certify::reach::{Extent, Run, each_run};
+use crate::certify::shuffled;
 use crate::corpus::{Corpus, Listed, Source};
 use crate::judge::run::{Judge, Start};
+use crate::module::change::{Change, Changeable};
+use crate::module::executed::{Executed, MEASURING_FUEL, Places, Watcher};
 use crate::random::Sessions;
-use crate::run::permute::Permutation;
 use crate::run::subject::Sandboxed;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_abi::manifest::Manifest;
 use softplug_host::{EngineKind, Host, HostOptions, lint};
 use softplug_report::{Score, Survivor};
@@ -17,13 +17,20 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 
+/// Runs of a changed module that are made before it is compiled.
+const QUICK: usize = 40;
+
+/// Permutations that a change is run against at most, spread over all that reach it. More
+/// hardly notice more, and are what a change that nothing notices costs.
+const PERMUTATIONS: usize = 400;
+
 /// What is asked for.
 ///
 /// ```
 /// use softplug_conformance::score::ScoreOptions;
 ///
 /// let ScoreOptions { sample, seed, sessions, .. } = ScoreOptions::default();
-/// assert_eq!((sample, seed, sessions), (Some(300), 1, 400));
+/// assert_eq!((sample, seed, sessions), (Some(300), 1, 2_000));
 /// ```
 #[derive(Clone, Debug)]
 pub struct ScoreOptions {
@@ -40,7 +47,7 @@ pub struct ScoreOptions {
 impl Default for ScoreOptions {
     fn default() -> Self {
         let threads = thread::available_parallelism().map_or(1, usize::from);
-        Self { sample: Some(300), seed: 1, sessions: 400, threads }
+        Self { sample: Some(300), seed: 1, sessions: 2_000, threads }
     }
 }
 
@@ -100,10 +107,13 @@ pub fn score(
     let unfit = |error: &dyn std::fmt::Display| ScoreError::Module(error.to_string());
     let manifest = lint(module).map_err(|error| unfit(&error))?.manifest;
     let changeable = Changeable::new(module).map_err(|error| unfit(&error))?;
-    let hunter = Hunter::new(corpus, &manifest, options)?;
+    let hunter = Hunter::new(module, corpus, &manifest, options, stop)?;
+    let hunter = hunter.ok_or(ScoreError::Stopped)?;
     let sound = hunter.load(EngineKind::Wasmtime, module).ok_or_else(|| unfit(&"not loaded"))?;
-    if let Some((_, run)) = hunter.first_failure(&sound) {
-        return Err(ScoreError::Fails { run });
+    let is_over = || stop.load(Ordering::Relaxed);
+    let failing = hunter.failing(&sound, &hunter.runs, &is_over)?;
+    if let Some(failing) = failing {
+        return Err(ScoreError::Fails { run: failing.to_string() });
     }
     let tried = draw(changeable.changes(), options);
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
@@ -118,10 +128,8 @@ pub fn score(
         for _ in 0..options.threads.clamp(1, tried.len().max(1)) {
             scope.spawn(|| {
                 while let Some(change) = tried.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    if stop.load(Ordering::Relaxed) {
-                        return;
-                    }
-                    let fate = hunter.fate(&changeable, change);
+                    let is_over = || stop.load(Ordering::Relaxed);
+                    let Ok(fate) = hunter.fate(&changeable, change, &is_over) else { return };
                     if let Ok(mut total) = total.lock() {
                         add(&mut total, change, &fate);
                     }
@@ -141,11 +149,7 @@ pub fn score(
 /// All changes, or some of them in the order of the module.
 fn draw<'a>(changes: &'a [Change], options: &ScoreOptions) -> Vec<&'a Change> {
     let sample = options.sample.map_or(changes.len(), |sample| sample as usize);
-    let mut random = ChaCha8Rng::seed_from_u64(options.seed);
-    let mut places: Vec<usize> = (0..changes.len()).collect();
-    for place in (1..places.len()).rev() {
-        places.swap(place, (random.next_u64() % (place as u64 + 1)) as usize);
-    }
+    let mut places = shuffled((0..changes.len()).collect(), options.seed);
     places.truncate(sample);
     places.sort_unstable();
     places.into_iter().map(|place| &changes[place]).collect()
@@ -185,23 +189,34 @@ fn add(score: &mut Score, change: &Change, fate: &Fate) {
 
 /// The runs by which changes are hunted.
 struct Hunter<'a> {
-    /// The profiles' cases that count for the plug-in.
-    cases: Vec<Listed<'a>>,
+    runs: Vec<Reaching<'a>>,
+    places: Places,
+    seed: u64,
     features: BTreeMap<&'a str, Vec<String>>,
-    sessions: u32,
     compiled: Host,
     interpreted: Host,
 }
 
+/// A run, and what it executes of the module as it is.
+struct Reaching<'a> {
+    case: Listed<'a>,
+    run: Run,
+    executed: Executed,
+}
+
 impl<'a> Hunter<'a> {
+    /// Runs everything once. None: it was stopped.
     fn new(
+        module: &[u8],
         corpus: &'a Corpus,
         manifest: &Manifest,
         options: &ScoreOptions,
-    ) -> Result<Self, ScoreError> {
-        let host = |engine| {
-            Host::new(HostOptions { engine, ..HostOptions::default() })
-                .map_err(|error| ScoreError::Module(error.to_string()))
+        stop: &AtomicBool,
+    ) -> Result<Option<Self>, ScoreError> {
+        let unfit = |error: &dyn std::fmt::Display| ScoreError::Module(error.to_string());
+        let host = |engine, fuel_per_event| {
+            Host::new(HostOptions { engine, fuel_per_event, ..HostOptions::default() })
+                .map_err(|error| unfit(&error))
         };
         let mut features = BTreeMap::new();
         for ledger in &corpus.ledgers {
@@ -219,11 +234,19 @@ impl<'a> Hunter<'a> {
             let needed = ledger.features_of(case.clauses);
             Some(needed.iter().all(|feature| claimed.iter().any(|own| own == feature)))
         };
-        let cases: Vec<_> =
-            corpus.list().into_iter().filter(|case| counts(case) == Some(true)).collect();
-        let sessions = options.sessions;
-        let (compiled, interpreted) = (host(EngineKind::Wasmtime)?, host(EngineKind::Wasmi)?);
-        Ok(Self { cases, features, sessions, compiled, interpreted })
+        let listed = corpus.list().into_iter();
+        let cases: Vec<_> = listed.filter(|case| counts(case) == Some(true)).collect();
+        let places = Places::of(module).map_err(|error| unfit(&error))?;
+        let measuring = host(EngineKind::Wasmtime, MEASURING_FUEL)?;
+        let watcher = places.watch(&measuring, module).map_err(|error| unfit(&error))?;
+        let sessions = Sessions { count: options.sessions, seed: options.seed };
+        let Some(runs) = reaching(&watcher, &cases, sessions, options.threads, stop) else {
+            return Ok(None);
+        };
+        let compiled = host(EngineKind::Wasmtime, FUEL_PER_EVENT)?;
+        let interpreted = host(EngineKind::Wasmi, FUEL_PER_EVENT)?;
+        let seed = options.seed;
+        Ok(Some(Self { runs, places, seed, features, compiled, interpreted }))
     }
 
     fn load(&self, engine: EngineKind, module: &[u8]) -> Option<Sandboxed> {
@@ -234,66 +257,159 @@ impl<'a> Hunter<'a> {
         host.load_bytes(module).ok().map(Sandboxed::new)
     }
 
-    fn fate(&self, changeable: &Changeable<'_>, change: &Change) -> Fate {
-        let Some(module) = changeable.apply(change) else { return Fate::Invalid };
-        // Most changes show in the first cases: compiling would cost more than all of these.
-        let Some(quick) = self.load(EngineKind::Wasmi, &module) else {
-            return Fate::Noticed(By::Lint);
+    fn fate(
+        &self,
+        changeable: &Changeable<'_>,
+        change: &Change,
+        is_over: &dyn Fn() -> bool,
+    ) -> Result<Fate, ScoreError> {
+        let Some(module) = changeable.apply(change) else { return Ok(Fate::Invalid) };
+        let reaches = |reaching: &&Reaching<'_>| {
+            self.places.is_executed(&reaching.executed, change.function, change.at)
         };
-        if self.failing_case(&quick).is_some() {
-            return Fate::Noticed(By::Cases);
+        let (mut runs, permutations): (Vec<_>, Vec<_>) = self
+            .runs
+            .iter()
+            .filter(reaches)
+            .partition(|reaching| !matches!(reaching.run, Run::Permutation(_)));
+        let every = permutations.len().div_ceil(PERMUTATIONS).max(1);
+        runs.extend(permutations.into_iter().step_by(every));
+        if runs.is_empty() {
+            return Ok(Fate::Survived { executed: false });
+        }
+        // Most changes show in the first runs: compiling would cost more than all of these.
+        let Some(quick) = self.load(EngineKind::Wasmi, &module) else {
+            return Ok(Fate::Noticed(By::Lint));
+        };
+        let (first, others) = runs.split_at(runs.len().min(QUICK));
+        if let Some(failing) = self.failing(&quick, first.iter().copied(), is_over)? {
+            return Ok(Fate::Noticed(failing.run.by()));
         }
         let Some(compiled) = self.load(EngineKind::Wasmtime, &module) else {
-            return Fate::Noticed(By::Lint);
+            return Ok(Fate::Noticed(By::Lint));
         };
-        match self.first_failure(&compiled) {
-            Some((by, _)) => Fate::Noticed(by),
-            None => Fate::Survived { executed: self.is_executed(changeable, change) },
+        Ok(match self.failing(&compiled, others.iter().copied(), is_over)? {
+            Some(failing) => Fate::Noticed(failing.run.by()),
+            None => Fate::Survived { executed: true },
+        })
+    }
+
+    /// The first of these runs that fails.
+    fn failing<'r>(
+        &self,
+        subject: &Sandboxed,
+        runs: impl IntoIterator<Item = &'r Reaching<'r>>,
+        is_over: &dyn Fn() -> bool,
+    ) -> Result<Option<&'r Reaching<'r>>, ScoreError> {
+        let mut uncut = None;
+        for reaching in runs {
+            if is_over() {
+                return Err(ScoreError::Stopped);
+            }
+            if self.fails(subject, reaching, &mut uncut) {
+                return Ok(Some(reaching));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Permutations are compared with the uncut run, which is kept for those that follow.
+    fn fails<'r>(
+        &self,
+        subject: &'r Sandboxed,
+        reaching: &'r Reaching<'_>,
+        uncut: &mut Option<(&'r str, Start<'r>)>,
+    ) -> bool {
+        match (reaching.case.source, &reaching.run) {
+            (Source::Trace(case), Run::Case) => Start::new(subject, case).failure.is_some(),
+            (Source::Trace(case), Run::Permutation(permutation)) => {
+                let id = reaching.case.id;
+                let kept = uncut.take().filter(|(kept, _)| *kept == id);
+                let (_, start) =
+                    uncut.insert(kept.unwrap_or_else(|| (id, Start::new(subject, case))));
+                start.judge(permutation, 0).is_some()
+            }
+            (Source::Script(script), _) => Judge::run_script(subject, script).failure.is_some(),
+            (Source::Sessions(group), Run::Session(number)) => {
+                let features = &self.features[reaching.case.profile];
+                group.fails(subject, self.seed, *number, features)
+            }
+            (Source::Sessions(_), _) | (Source::Trace(_), Run::Session(_)) => false,
         }
     }
+}
 
-    /// Whether anything fails where the place traps.
-    fn is_executed(&self, changeable: &Changeable<'_>, change: &Change) -> bool {
-        let trapping = changeable.apply(&change.trapping());
-        let trapping = trapping.and_then(|module| self.load(EngineKind::Wasmtime, &module));
-        trapping.is_none_or(|subject| self.first_failure(&subject).is_some())
+impl std::fmt::Display for Reaching<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let id = self.case.id;
+        match &self.run {
+            Run::Case => write!(f, "{id}"),
+            Run::Permutation(permutation) => write!(f, "{id}/{permutation}"),
+            Run::Session(number) => write!(f, "{id}/{number}"),
+        }
     }
+}
 
-    fn first_failure(&self, subject: &Sandboxed) -> Option<(By, String)> {
-        let case = || Some((By::Cases, self.failing_case(subject)?));
-        let permutation = || Some((By::Permutations, self.failing_permutation(subject)?));
-        let session = || Some((By::Sessions, self.failing_session(subject)?));
-        case().or_else(session).or_else(permutation)
+impl Run {
+    fn by(&self) -> By {
+        match self {
+            Self::Case => By::Cases,
+            Self::Permutation(_) => By::Permutations,
+            Self::Session(_) => By::Sessions,
+        }
     }
+}
 
-    fn failing_case(&self, subject: &Sandboxed) -> Option<String> {
-        let fails = |case: &&Listed<'_>| match case.source {
-            Source::Trace(trace) => Start::new(subject, trace).failure.is_some(),
-            Source::Script(script) => Judge::run_script(subject, script).failure.is_some(),
-            Source::Sessions(_) => false,
-        };
-        self.cases.iter().find(fails).map(|case| case.id.to_owned())
-    }
-
-    fn failing_permutation(&self, subject: &Sandboxed) -> Option<String> {
-        self.cases.iter().find_map(|case| {
-            let Source::Trace(trace) = case.source else { return None };
-            let start = Start::new(subject, trace);
-            let others = start.permutations().into_iter();
-            let mut others = others.filter(|permutation| *permutation != Permutation::Uncut);
-            let failing = others.find(|permutation| start.judge(permutation, 0).is_some())?;
-            Some(format!("{}/{failing}", case.id))
-        })
-    }
-
-    fn failing_session(&self, subject: &Sandboxed) -> Option<String> {
-        self.cases.iter().find_map(|case| {
-            let Source::Sessions(group) = case.source else { return None };
-            let seed = CertifyOptions::new(case.profile).sessions.seed;
-            let sessions = Sessions { count: self.sessions, seed };
-            let features = &self.features[case.profile];
-            let run = Judge::run_sessions(subject, group, sessions, features, &|| false)?;
-            run.failures.first().map(|failed| format!("{}/{}", case.id, failed.number))
-        })
-    }
+/// Every run with what it executes: cases first, then sessions, then permutations, each in the
+/// order of the corpus. None: it was stopped.
+fn reaching<'a>(
+    watcher: &Watcher,
+    cases: &[Listed<'a>],
+    sessions: Sessions,
+    threads: usize,
+    stop: &AtomicBool,
+) -> Option<Vec<Reaching<'a>>> {
+    let next = AtomicUsize::new(0);
+    let all = Mutex::new(Vec::new());
+    let is_over = || stop.load(Ordering::Relaxed);
+    thread::scope(|scope| {
+        for _ in 0..threads.clamp(1, cases.len().max(1)) {
+            scope.spawn(|| {
+                let watcher = watcher.another();
+                let mut own = Vec::new();
+                while !is_over() {
+                    let number = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(case) = cases.get(number) else { break };
+                    let mut place = 0;
+                    each_run(
+                        &watcher,
+                        case,
+                        Extent::Whole,
+                        sessions,
+                        &is_over,
+                        &mut |run, executed| {
+                            let rank = match run {
+                                Run::Case => 0,
+                                Run::Session(_) => 1,
+                                Run::Permutation(_) => 2,
+                            };
+                            place += 1;
+                            own.push(((rank, number, place), run, executed));
+                        },
+                    );
+                }
+                if let Ok(mut all) = all.lock() {
+                    all.extend(own);
+                }
+            });
+        }
+    });
+    let mut all = all.into_inner().ok().filter(|_| !is_over())?;
+    all.sort_unstable_by_key(|(place, ..)| *place);
+    let reaching = |((_, number, _), run, executed): ((_, usize, _), _, _)| Reaching {
+        case: cases[number],
+        run,
+        executed,
+    };
+    Some(all.into_iter().map(reaching).collect())
 }

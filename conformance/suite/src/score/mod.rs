@@ -1,7 +1,6 @@
 //! How much a corpus notices: a module is changed, one instruction at a time, and a
 //! change that no run shows is a gap, or changes nothing that can be seen.
 
-mod change;
 mod hunt;
 
 pub use hunt::{ScoreError, ScoreOptions, score};

@@ -104,6 +104,9 @@ pub(crate) trait Running: Send {
     /// What is left of the fuel that the last call was given.
     fn fuel_left(&self) -> u64;
 
+    /// What stands in an exported global of 64 bits.
+    fn global(&mut self, name: &str) -> Option<i64>;
+
     fn memory(&self) -> &[u8];
 
     fn memory_mut(&mut self) -> &mut [u8];

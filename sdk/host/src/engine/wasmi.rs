@@ -4,8 +4,8 @@ use super::{Compiled, EngineError, EngineInfo, NotLoaded, Running, StartError, S
 use crate::{Digest, Origin};
 use softplug_abi::{EXPORT_MAILBOX, EXPORT_MEMORY, EXPORT_STEP};
 use wasmi::{
-    CompilationMode, Config, Engine, Error, Linker, Memory, Module, OperatorCost, Store, TrapCode,
-    TypedFunc,
+    CompilationMode, Config, Engine, Error, Instance, Linker, Memory, Module, OperatorCost, Store,
+    TrapCode, TypedFunc,
 };
 
 /// A test holds this against the lock file.
@@ -99,12 +99,13 @@ impl Compiled for Ready {
             instance.get_typed_func(&store, EXPORT_MAILBOX).map_err(|_| missing(EXPORT_MAILBOX))?;
         let step =
             instance.get_typed_func(&store, EXPORT_STEP).map_err(|_| missing(EXPORT_STEP))?;
-        Ok(Box::new(Live { store, memory, mailbox, step }))
+        Ok(Box::new(Live { store, instance, memory, mailbox, step }))
     }
 }
 
 struct Live {
     store: Store<()>,
+    instance: Instance,
     memory: Memory,
     mailbox: TypedFunc<(), i32>,
     step: TypedFunc<(i32, i32, i64), i32>,
@@ -148,6 +149,10 @@ impl Running for Live {
 
     fn fuel_left(&self) -> u64 {
         self.store.get_fuel().expect("the engine consumes fuel")
+    }
+
+    fn global(&mut self, name: &str) -> Option<i64> {
+        self.instance.get_global(&self.store, name)?.get(&self.store).i64()
     }
 
     fn memory(&self) -> &[u8] {

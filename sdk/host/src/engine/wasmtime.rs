@@ -13,9 +13,9 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use wasmtime::{
-    Config, Engine, InstanceAllocationStrategy, InstancePre, Linker, Memory, Module, OperatorCost,
-    PoolConcurrencyLimitError, PoolingAllocationConfig, Store, Trap, TypedFunc, WasmBacktrace,
-    WasmFeatures,
+    Config, Engine, Instance, InstanceAllocationStrategy, InstancePre, Linker, Memory, Module,
+    OperatorCost, PoolConcurrencyLimitError, PoolingAllocationConfig, Store, Trap, TypedFunc,
+    WasmBacktrace, WasmFeatures,
 };
 
 /// A test holds this against the lock file.
@@ -235,12 +235,13 @@ impl Compiled for Ready {
             .map_err(|_| missing(EXPORT_MAILBOX))?;
         let step =
             instance.get_typed_func(&mut store, EXPORT_STEP).map_err(|_| missing(EXPORT_STEP))?;
-        Ok(Box::new(Live { store, memory, mailbox, step }))
+        Ok(Box::new(Live { store, instance, memory, mailbox, step }))
     }
 }
 
 struct Live {
     store: Store<()>,
+    instance: Instance,
     memory: Memory,
     mailbox: TypedFunc<(), i32>,
     step: TypedFunc<(i32, i32, i64), i32>,
@@ -266,6 +267,10 @@ impl Running for Live {
 
     fn fuel_left(&self) -> u64 {
         self.store.get_fuel().expect("the engine consumes fuel")
+    }
+
+    fn global(&mut self, name: &str) -> Option<i64> {
+        self.instance.get_global(&mut self.store, name)?.get(&mut self.store).i64()
     }
 
     fn memory(&self) -> &[u8] {

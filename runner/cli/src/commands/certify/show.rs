@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use softplug_report::{Noticed, Report, Score, VerdictKind, explain};
+use softplug_report::{Coverage, Executed, Noticed, Report, Score, VerdictKind, explain};
 
 use super::files::{Folder, REPORT, failure_file};
 use crate::numbers::{count, things};
@@ -78,6 +78,9 @@ pub(super) fn report(report: &Report, plugin: &str, folder: Option<&Folder>, scr
             format!("{} for one event ({})", count(fuel.largest_event), fuel.largest_case);
         row("fuel", format!("{whole}.{tenth} units a byte, at most {largest}"));
     }
+    if let Some(coverage) = &report.coverage {
+        row("executed", executed(coverage));
+    }
     if let Some(score) = &report.score {
         row("score", text_of(score));
     }
@@ -85,6 +88,28 @@ pub(super) fn report(report: &Report, plugin: &str, folder: Option<&Folder>, scr
     if let Some(folder) = folder {
         row("files", format!("{}, {}", folder.file("report.html"), folder.file(REPORT)));
     }
+}
+
+/// Places that are named; the report has them all.
+const PLACES: usize = 5;
+
+fn executed(coverage: &Coverage) -> String {
+    let part = |part: Executed, what: &str| {
+        format!("{} of {} {what}", count(part.executed.into()), count(part.of.into()))
+    };
+    let mut text = format!(
+        "{}, {}",
+        part(coverage.functions, "functions"),
+        part(coverage.branches, "ways of branches")
+    );
+    for place in coverage.places.iter().take(PLACES) {
+        let name = place.name.clone().unwrap_or_else(|| format!("function {}", place.function));
+        let _ = write!(text, "\n           byte {}, in {name}: {}", place.at, place.what);
+    }
+    if coverage.places.len() > PLACES {
+        let _ = write!(text, "\n           and {} more", coverage.places.len() - PLACES);
+    }
+    text
 }
 
 fn text_of(score: &Score) -> String {

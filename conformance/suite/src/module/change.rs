@@ -1,5 +1,6 @@
 //! Changes of a module, one instruction each, whatever language it was written in.
 
+use wasm_encoder::{CodeSection, Encode, Section};
 use wasmparser::{
     BinaryReaderError, CompositeInnerType, FuncType, FunctionBody, MemArg, Operator, Parser,
     Payload, Validator,
@@ -27,14 +28,6 @@ pub(crate) struct Change {
     becomes: Vec<u8>,
     /// For people: `i32.lt_u becomes i32.le_u`.
     pub(crate) what: String,
-}
-
-impl Change {
-    /// Instead of this one: the instruction traps before it is executed.
-    pub(crate) fn trapping(&self) -> Self {
-        let what = "traps".to_owned();
-        Self { end: self.at, becomes: vec![UNREACHABLE], what, ..*self }
-    }
 }
 
 /// Types of the module's functions.
@@ -88,25 +81,18 @@ impl<'a> Changeable<'a> {
 
     /// The module with this change; `None` if that is no valid one.
     pub(crate) fn apply(&self, change: &Change) -> Option<Vec<u8>> {
-        let mut code = Vec::with_capacity(self.module.len());
-        leb(&mut code, self.bodies.len());
+        let mut code = CodeSection::new();
         for (number, (start, end)) in self.bodies.iter().enumerate() {
             if number == change.function as usize {
                 let before = &self.module[*start..change.at];
                 let behind = &self.module[change.end..*end];
-                leb(&mut code, before.len() + change.becomes.len() + behind.len());
-                code.extend_from_slice(before);
-                code.extend_from_slice(&change.becomes);
-                code.extend_from_slice(behind);
+                code.raw(&[before, &change.becomes, behind].concat());
             } else {
-                leb(&mut code, end - start);
-                code.extend_from_slice(&self.module[*start..*end]);
+                code.raw(&self.module[*start..*end]);
             }
         }
         let mut module = self.module[..self.section.0].to_vec();
-        module.push(CODE_SECTION);
-        leb(&mut module, code.len());
-        module.extend_from_slice(&code);
+        code.append_to(&mut module);
         module.extend_from_slice(&self.module[self.section.1..]);
         Validator::new().validate_all(&module).ok().map(|_| module)
     }
@@ -128,10 +114,7 @@ impl<'a> Changeable<'a> {
     }
 }
 
-const CODE_SECTION: u8 = 10;
-
 // Opcodes of the WebAssembly core specification, section "Instructions".
-const UNREACHABLE: u8 = 0x00;
 const DROP: u8 = 0x1A;
 const I32_CONST: u8 = 0x41;
 const I64_CONST: u8 = 0x42;
@@ -190,7 +173,7 @@ fn constants(value: i64, opcode: u8) -> Vec<(Vec<u8>, String)> {
     let is_small = |other: &i64| opcode == I64_CONST || i32::try_from(*other).is_ok();
     let change = |other: i64| {
         let mut becomes = vec![opcode];
-        signed_leb(&mut becomes, other);
+        other.encode(&mut becomes);
         (becomes, format!("{value} becomes {other}"))
     };
     others.into_iter().filter(is_small).map(change).collect()
@@ -199,7 +182,7 @@ fn constants(value: i64, opcode: u8) -> Vec<(Vec<u8>, String)> {
 /// An access of the same place in another width.
 fn access(opcode: u8, align: u8, memarg: &MemArg, what: &str) -> (Vec<u8>, String) {
     let mut becomes = vec![opcode, align];
-    leb(&mut becomes, memarg.offset as usize);
+    memarg.offset.encode(&mut becomes);
     (becomes, what.to_owned())
 }
 
@@ -275,29 +258,6 @@ impl Types {
     }
 }
 
-fn leb(bytes: &mut Vec<u8>, mut value: usize) {
-    loop {
-        let low = (value & 0x7F) as u8;
-        value >>= 7;
-        if value == 0 {
-            return bytes.push(low);
-        }
-        bytes.push(low | 0x80);
-    }
-}
-
-fn signed_leb(bytes: &mut Vec<u8>, mut value: i64) {
-    loop {
-        let low = (value & 0x7F) as u8;
-        value >>= 7;
-        let is_last = (value == 0 && low & 0x40 == 0) || (value == -1 && low & 0x40 != 0);
-        if is_last {
-            return bytes.push(low);
-        }
-        bytes.push(low | 0x80);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -338,18 +298,5 @@ mod tests {
             let other = changeable.apply(change).expect("it is a valid module");
             assert_ne!(other, module, "{}", change.what);
         }
-    }
-
-    #[test]
-    fn signed_numbers_are_encoded_like_the_specification_says() {
-        let encoded = |value| {
-            let mut bytes = Vec::new();
-            signed_leb(&mut bytes, value);
-            bytes
-        };
-        assert_eq!(encoded(0), [0]);
-        assert_eq!(encoded(-1), [0x7F]);
-        assert_eq!(encoded(64), [0xC0, 0x00]);
-        assert_eq!(encoded(-123_456), [0xC0, 0xBB, 0x78]);
     }
 }

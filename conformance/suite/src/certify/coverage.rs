@@ -1,0 +1,106 @@
+//! What of the module is executed by all runs of the profiles that it claims.
+
+use super::engines::Judged;
+use super::error::CertifyError;
+use super::options::{CertifyOptions, Progress};
+use super::plan::{ABI, Fate, Plan};
+use super::reach::{Extent, each_run};
+use crate::corpus::{Corpus, Listed};
+use crate::module::executed::{Executed, MEASURING_FUEL, Places};
+use crate::random::Sessions;
+use softplug_host::{EngineKind, Host, HostOptions};
+use softplug_report::{Coverage, Executed as Share, Place};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::thread;
+
+/// None where it was stopped.
+pub(super) fn coverage(
+    module: &[u8],
+    corpus: &Corpus,
+    options: &CertifyOptions,
+    judged: &Judged,
+    progress: &(dyn Fn(Progress) + Sync),
+    stop: &AtomicBool,
+) -> Result<Option<Coverage>, CertifyError> {
+    let internal = |error: &dyn std::fmt::Display| CertifyError::Internal(error.to_string());
+    let measuring = HostOptions {
+        engine: EngineKind::Wasmtime,
+        fuel_per_event: MEASURING_FUEL,
+        ..HostOptions::default()
+    };
+    let host = Host::new(measuring).map_err(|error| internal(&error))?;
+    let places = Places::of(module).map_err(|error| internal(&error))?;
+    let watcher = places.watch(&host, module).map_err(|error| internal(&error))?;
+    let work = work(corpus, options, judged)?;
+    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let executed = Mutex::new(Executed::default());
+    thread::scope(|scope| {
+        for _ in 0..options.threads.clamp(1, work.len().max(1)) {
+            scope.spawn(|| {
+                let watcher = watcher.another();
+                let mut own = Executed::default();
+                while let Some((listed, extent, sessions)) =
+                    work.get(next.fetch_add(1, Ordering::Relaxed))
+                {
+                    let is_over = || stop.load(Ordering::Relaxed);
+                    each_run(&watcher, listed, *extent, *sessions, &is_over, &mut |_, executed| {
+                        own.add(&executed);
+                    });
+                    let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                    progress(Progress { done, cases: work.len(), failed: 0 });
+                    if is_over() {
+                        break;
+                    }
+                }
+                if let Ok(mut executed) = executed.lock() {
+                    executed.add(&own);
+                }
+            });
+        }
+    });
+    if stop.load(Ordering::Relaxed) {
+        return Ok(None);
+    }
+    let executed = executed.into_inner().unwrap_or_default();
+    let share = places.share(&executed);
+    let part = |(executed, of)| Share { executed, of };
+    let place = |place: crate::module::executed::Unexecuted| Place {
+        function: place.function,
+        name: place.name,
+        at: place.at as u64,
+        what: place.what.to_owned(),
+    };
+    Ok(Some(Coverage {
+        functions: part(share.functions),
+        branches: part(share.ways),
+        places: share.unexecuted.into_iter().map(place).collect(),
+    }))
+}
+
+/// The profile's own runs whole, of the other profiles that the plug-in is held to the cases as
+/// they are written and the sessions.
+fn work<'a>(
+    corpus: &'a Corpus,
+    options: &CertifyOptions,
+    judged: &Judged,
+) -> Result<Vec<(Listed<'a>, Extent, Sessions)>, CertifyError> {
+    let Some(manifest) = judged.manifest() else { return Ok(Vec::new()) };
+    let claims = manifest.profiles.iter().map(|claim| claim.name.as_str());
+    let mut profiles: Vec<&str> = claims.chain([ABI]).collect();
+    profiles.retain(|name| *name != options.profile && corpus.ledger(name).is_some());
+    let mut work = Vec::new();
+    let mut add = |plan: Plan<'a>, extent, sessions| {
+        let runs = plan
+            .cases
+            .into_iter()
+            .filter(|planned| matches!(planned.fate, Fate::Runs | Fate::Filtered));
+        work.extend(runs.map(|planned| (planned.case, extent, sessions)));
+    };
+    add(Plan::new(corpus, options, Some(manifest))?, Extent::Whole, options.sessions);
+    for profile in profiles {
+        let other = CertifyOptions::new(profile);
+        add(Plan::new(corpus, &other, Some(manifest))?, Extent::Uncut, other.sessions);
+    }
+    Ok(work)
+}
