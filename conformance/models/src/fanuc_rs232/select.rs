@@ -76,13 +76,6 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
     let lead = blocks.iter().take_while(goes_along).count();
     let first = start.from_block.map_or(0, |block| usize::try_from(block - 1).unwrap_or(0));
     let first = first.max(lead);
-    // Plug-in differs: a block that ends with its number is not found with the closing `%`
-    // right behind it.
-    let is_cut = |at: usize, block: &Block| {
-        let is_last = at + 1 == blocks.len() && program.is_closed && !block.has_eob;
-        let number = number_at(&block.characters, rules);
-        is_last && number.is_some_and(|number| number.end == block.characters.len())
-    };
     // With both fields: the first with this number from that block on. The page does not
     // say so.
     let is_wanted = |block: &Block| match start.from_sequence {
@@ -90,16 +83,9 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
         None => true,
     };
     let mut candidates = blocks.iter().enumerate().skip(first);
-    let found = candidates.find(|(at, block)| is_wanted(block) && !is_cut(*at, block));
+    let found = candidates.find(|(_, block)| is_wanted(block));
     let found = found.map(|(at, _)| at);
     let rest = found.map(|found| blocks[found..].to_vec());
-    // Plug-in differs: where no `%` stands and none is added, the end of the file counts as
-    // a block.
-    let has_end = program.percent_line.is_none() && !program.is_closed && !rules.percent;
-    let is_plain = start.from_sequence.is_none() && !start.has_preamble();
-    let is_end = first == blocks.len() && lead == 0 && is_plain;
-    let is_end = is_end && blocks.last().is_some_and(|last| last.has_eob);
-    let rest = rest.or_else(|| (has_end && is_end).then(|| vec![Block::default()]));
     Selected {
         lead: blocks[..lead].to_vec(),
         goes_on: lead < blocks.len(),

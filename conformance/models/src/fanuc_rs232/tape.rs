@@ -35,14 +35,11 @@ pub(super) fn encode(data: &[u8], start: &Start, rules: &Rules) -> Result<Tape, 
     } else if rules.percent {
         tape.put(b'%');
         tape.end_percent_line();
-        // Plug-in differs: behind a `%` that was added the first block is counted as if one
-        // character had come, whatever the EOB is.
-        tape.count = 1;
     }
     // Of one without EOB nothing is known where no block follows.
     for block in selected.lead.iter().filter(|block| block.has_eob) {
         tape.block(&block.characters)?;
-        tape.end_block(block.has_eob || adds_end, program.is_closed);
+        tape.end_block(block.has_eob || adds_end);
     }
     // Which of two faults counts the page does not say: here as they stand on the tape.
     if selected.goes_on {
@@ -59,11 +56,7 @@ pub(super) fn encode(data: &[u8], start: &Start, rules: &Rules) -> Result<Tape, 
             let is_lost = at == 0 && is_first && start.has_preamble() && selected.is_at_once;
             if is_lost { Fault { line: 0, column: 0, ..fault } } else { fault }
         })?;
-        tape.end_block(block.has_eob || adds_end, program.is_closed);
-    }
-    if program.percent_line.is_none() && program.blocks.is_empty() && !rules.percent {
-        // Plug-in differs: of nothing at all it makes a block with a space.
-        tape.end_block(false, false);
+        tape.end_block(block.has_eob || adds_end);
     }
     if let Some(fault) = program.behind {
         return Err(fault);
@@ -115,7 +108,7 @@ impl<'a> Encoder<'a> {
             if self.characters(&line).is_err() || has_percent {
                 return Err(bad_job(file::PREAMBLE));
             }
-            self.end_block(true, false);
+            self.end_block(true);
         }
         Ok(())
     }
@@ -185,7 +178,7 @@ impl<'a> Encoder<'a> {
     }
 
     /// A block ends, with its EOB or without.
-    fn end_block(&mut self, has_eob: bool, is_closed: bool) {
+    fn end_block(&mut self, has_eob: bool) {
         let before = match self.rules.code {
             Code::Iso => self.rules.eob.iter().take_while(|byte| **byte == b'\r').count(),
             Code::Eia => 0,
@@ -193,10 +186,7 @@ impl<'a> Encoder<'a> {
         // A CR alone is the EOB itself.
         let is_cr = self.rules.code == Code::Iso && self.rules.eob == b"\r";
         let counted = if is_cr { 1 } else { 1 + if self.rules.tv_cr { before } else { 0 } };
-        // Plug-in differs: the last block of a program without closing `%` is padded
-        // though no EOB follows.
-        let may_pad = has_eob || !is_closed;
-        if self.rules.tv_pad && may_pad && (self.count + counted) % 2 == 1 {
+        if self.rules.tv_pad && has_eob && (self.count + counted) % 2 == 1 {
             self.put(b' ');
         }
         if has_eob {

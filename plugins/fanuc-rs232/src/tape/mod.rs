@@ -205,12 +205,14 @@ impl Encoder {
     /// # Errors
     /// [`Failure::NotFound`]: the block to begin with is not there.
     pub(crate) fn finish(&mut self, settings: &Setup) -> Result<(), Failure> {
+        let is_block_open = self.is_block_open();
         if self.place.part == Part::Leader {
             self.open(settings);
         }
-        let is_block_open = !self.place.eob_waits || !self.place.prefix.is_empty();
         if self.place.part != Part::End {
-            if is_block_open {
+            if !settings.percent {
+                self.take(settings, SPECIAL_CUT)?;
+            } else if is_block_open {
                 self.take(settings, SPECIAL_LF)?;
             }
             if self.is_waiting() {
@@ -218,12 +220,22 @@ impl Encoder {
             }
             if settings.percent {
                 self.take(settings, SPECIAL_PERCENT)?;
-            } else if !is_block_open {
+            } else {
                 self.end_waiting_block(settings);
             }
             self.place.part = Part::End;
         }
         if self.restart.seeks { Err(Failure::NotFound) } else { Ok(()) }
+    }
+
+    /// Whether something of a block has come whose EOB has not.
+    fn is_block_open(&self) -> bool {
+        match self.place.part {
+            Part::Leader => false,
+            Part::Prefix => !self.place.prefix.is_empty(),
+            Part::Stripped => true,
+            _ => !self.place.eob_waits,
+        }
     }
 
     /// Whether the block to begin with is still to be found.
@@ -275,6 +287,8 @@ impl Encoder {
     }
 }
 
+/// The end of a file whose last block stays without EOB.
+const SPECIAL_CUT: u8 = SPECIAL;
 const SPECIAL_LF: u8 = SPECIAL | b'\n';
 const SPECIAL_CR: u8 = SPECIAL | b'\r';
 const SPECIAL_PERCENT: u8 = SPECIAL | b'%';

@@ -2,7 +2,7 @@
 
 use super::prefix::NO_NUMBER;
 use super::{
-    Encoder, Fault, Part, REFUSED, SPECIAL, SPECIAL_CLOSE, SPECIAL_LF, SPECIAL_OPEN,
+    Encoder, Fault, Part, REFUSED, SPECIAL, SPECIAL_CLOSE, SPECIAL_CUT, SPECIAL_LF, SPECIAL_OPEN,
     SPECIAL_PERCENT, Setup,
 };
 use crate::{AfterEnd, BlockNumbers, Unsupported};
@@ -66,6 +66,7 @@ impl Encoder {
                 self.place.part = Part::End;
                 Ok(())
             }
+            SPECIAL_CUT => Ok(()),
             _ => self.text(settings, character),
         }
     }
@@ -76,7 +77,7 @@ impl Encoder {
         self.place.is_open = true;
         if settings.percent {
             self.send(settings, SPECIAL_PERCENT);
-            self.place.eob_waits = true;
+            self.end_block(settings);
         }
         self.next_block(settings);
     }
@@ -94,7 +95,9 @@ impl Encoder {
     fn leave_prefix(&mut self, settings: &Setup, character: u8) -> Result<(), Failure> {
         let place = &mut self.place;
         if self.restart.seeks {
-            if character == SPECIAL_PERCENT {
+            let is_end = character == SPECIAL_PERCENT || character == SPECIAL_CUT;
+            // Of no block; one that ends with its number is one.
+            if is_end && place.prefix.is_empty() {
                 place.part = Part::End;
                 return Ok(());
             }

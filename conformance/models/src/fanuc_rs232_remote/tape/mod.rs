@@ -26,7 +26,7 @@ pub(super) fn encode(
 ) -> Result<Vec<u8>, Refused> {
     let restart = Restart::new(fields)?;
     let program = Program::split(rules, &read(rules, data));
-    let found = restart.find(rules, &program);
+    let found = restart.find(&program);
     // Faults come in the order of the tape; what is skipped is not checked.
     let blocks = program.blocks.iter().enumerate();
     let sent = blocks.filter(|(place, _)| found.keeps(*place)).map(|(_, block)| block);
@@ -51,20 +51,7 @@ pub(super) fn encode(
     check_behind(rules, &program)?;
     found.check()?;
 
-    let mut numbered = numbers::rewrite(rules, sent.clone());
-    // Plug-in differs: a last block directly behind a preamble gets an EOB with `percent` off,
-    // too, if it is no more than a number.
-    let is_only = from
-        .split_last()
-        .is_some_and(|(last, others)| numbers::is_all(last) && others.iter().all(Line::is_blank));
-    let is_last = !rules.percent && !program.is_closed && !found.skips_text(&program);
-    if is_only
-        && is_last
-        && !preamble.is_empty()
-        && let Some(last) = numbered.last_mut()
-    {
-        last.has_eob = true;
-    }
+    let numbered = numbers::rewrite(rules, sent.clone());
     let (before, from) = numbered.split_at(found.kept_before().min(numbered.len()));
     let mut writer = Writer::new(rules);
     writer.begin(program.header.as_ref());

@@ -26,10 +26,6 @@ fn start(characters: &[u8]) -> usize {
 }
 
 /// Whether there is nothing but what may stand before a number, and a number or its N.
-pub(super) fn is_all(block: &Line) -> bool {
-    block.refused_at.is_none() && is_number(&block.characters)
-}
-
 fn is_number(characters: &[u8]) -> bool {
     match &characters[start(characters)..] {
         [] => true,

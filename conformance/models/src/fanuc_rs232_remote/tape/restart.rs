@@ -88,26 +88,18 @@ impl Restart {
     }
 
     /// Which blocks are sent.
-    pub(super) fn find(&self, rules: &TapeRules, program: &Program) -> Found {
+    pub(super) fn find(&self, program: &Program) -> Found {
         let blocks = &program.blocks;
         if !self.is_asked {
             return Found { kept: 0, from: Some(0), has_others: false, clause: "" };
         }
         let kept = kept(blocks);
-        // Plug-in differs: a block is not there if it ends with the closing `%` before more
-        // than a number has come, nor is one of those at the start if it stands alone.
-        let is_cut = |block: &Line| program.is_closed && !block.has_eob && numbers::is_all(block);
+        // Plug-in differs: one of those at the start is not there if it stands alone.
         let others = blocks.get(kept..).unwrap_or_default();
-        let has_others = others.iter().any(|block| !block.is_blank() && !is_cut(block));
+        let has_others = others.iter().any(|block| !block.is_blank());
         let is_there = |at: usize| match blocks.get(at) {
             Some(_) if at < kept => has_others,
-            Some(block) => !is_cut(block),
-            // Plug-in differs: with `percent` off one is there behind the last EOB of a file.
-            None => {
-                let is_bare = !rules.percent && !program.is_closed && !program.is_opened();
-                let is_first = kept == 0 && has_others && !self.has_preamble();
-                is_bare && is_first && blocks.last().is_some_and(|block| block.has_eob)
-            }
+            block => block.is_some(),
         };
         let first = self.from_block.unwrap_or(1) - 1;
         let fits = |at: &usize| {
