@@ -9,12 +9,11 @@ use super::rules::Rules;
 pub(super) struct Start {
     pub(super) from_block: Option<i64>,
     pub(super) from_sequence: Option<i64>,
-    /// Plug-in differs: one without text is looked at, too.
     pub(super) preamble: Option<Vec<u8>>,
 }
 
 /// The largest block and N number; the page names no range.
-const LARGEST: i64 = u32::MAX as i64;
+const LARGEST: i64 = u32::MAX as i64 - 1;
 
 impl Start {
     /// Fields as the host gives them.
@@ -32,7 +31,7 @@ impl Start {
 
     /// The job begins with its program.
     fn is_plain(&self) -> bool {
-        self.from_block.is_none() && self.from_sequence.is_none() && self.preamble.is_none()
+        self.from_block.is_none() && self.from_sequence.is_none() && !self.has_preamble()
     }
 
     /// A field is out of its range.
@@ -49,7 +48,7 @@ impl Start {
 pub(super) struct Selected {
     /// Before the preamble.
     pub(super) lead: Vec<Block>,
-    /// There are blocks behind these.
+    /// There are blocks behind these, or the last of these is the one to begin at.
     pub(super) goes_on: bool,
     /// Nothing is skipped behind them.
     pub(super) is_at_once: bool,
@@ -68,12 +67,10 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
             rest: Some(blocks.clone()),
         };
     }
-    // Plug-in differs: by the page only the line with the program number goes along, and
-    // only if it is block 1. It takes all such lines and empty blocks at the start along, and
-    // begins at none of these.
-    let goes_along =
-        |block: &&Block| block.characters.is_empty() || has_program_number(block, rules);
-    let lead = blocks.iter().take_while(goes_along).count();
+    // The line with the program number goes along, if it is block 1.
+    let lead = usize::from(blocks.first().is_some_and(|block| has_program_number(block, rules)));
+    let is_lead_wanted =
+        lead == 1 && start.from_sequence.is_none() && start.from_block.unwrap_or(1) == 1;
     let first = start.from_block.map_or(0, |block| usize::try_from(block - 1).unwrap_or(0));
     let first = first.max(lead);
     // With both fields: the first with this number from that block on. The page does not
@@ -84,11 +81,11 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
     };
     let mut candidates = blocks.iter().enumerate().skip(first);
     let found = candidates.find(|(_, block)| is_wanted(block));
-    let found = found.map(|(at, _)| at);
+    let found = found.map(|(at, _)| at).or_else(|| is_lead_wanted.then_some(lead));
     let rest = found.map(|found| blocks[found..].to_vec());
     Selected {
         lead: blocks[..lead].to_vec(),
-        goes_on: lead < blocks.len(),
+        goes_on: lead < blocks.len() || is_lead_wanted,
         is_at_once: found == Some(lead),
         rest,
     }

@@ -36,10 +36,12 @@ pub(super) fn encode(data: &[u8], start: &Start, rules: &Rules) -> Result<Tape, 
         tape.put(b'%');
         tape.end_percent_line();
     }
-    // Of one without EOB nothing is known where no block follows.
-    for block in selected.lead.iter().filter(|block| block.has_eob) {
+    // A preamble is sent behind the line with the program number also where nothing else
+    // follows.
+    let has_preamble = start.has_preamble() && selected.goes_on;
+    for block in &selected.lead {
         tape.block(&block.characters)?;
-        tape.end_block(block.has_eob || adds_end);
+        tape.end_block(block.has_eob || adds_end || has_preamble);
     }
     // Which of two faults counts the page does not say: here as they stand on the tape.
     if selected.goes_on {
@@ -125,8 +127,6 @@ impl<'a> Encoder<'a> {
         self.characters(&characters[..number.start])?;
         let mut behind = &characters[number.end..];
         if self.rules.block_numbers == BlockNumbers::Renumber {
-            // Behind the largest number of five digits it begins anew; the page does not say
-            // so.
             let next = self.number + self.rules.number_step;
             self.number = if next > 99_999 { self.rules.number_step } else { next };
             let new = format!("N{}", self.number);

@@ -98,8 +98,8 @@ struct Place {
     ends: Ends,
     /// The file has no first `%`.
     is_open: bool,
-    /// Only O lines and blank ones so far.
-    is_head: bool,
+    /// The first block is an O line and the one to begin with.
+    is_head_wanted: bool,
     /// A character that waits until the preamble is out; [`DROPPED`]: none.
     held: u8,
     /// An EOB that goes out with the next character.
@@ -123,7 +123,6 @@ impl Encoder {
     pub(crate) fn begin(&mut self, fields: &Values<'_>) -> Result<(), Failure> {
         self.place = Place::new_zeroed();
         self.place.line = 1;
-        self.place.is_head = true;
         self.place.held = DROPPED;
         self.place.counts = 1;
         self.place.prefix.clear();
@@ -210,19 +209,17 @@ impl Encoder {
             self.open(settings);
         }
         if self.place.part != Part::End {
-            if !settings.percent {
-                self.take(settings, SPECIAL_CUT)?;
-            } else if is_block_open {
+            if settings.percent && is_block_open {
                 self.take(settings, SPECIAL_LF)?;
+            }
+            if !self.is_waiting() {
+                let end = if settings.percent { SPECIAL_PERCENT } else { SPECIAL_CUT };
+                self.take(settings, end)?;
             }
             if self.is_waiting() {
                 return Ok(());
             }
-            if settings.percent {
-                self.take(settings, SPECIAL_PERCENT)?;
-            } else {
-                self.end_waiting_block(settings);
-            }
+            self.end_waiting_block(settings);
             self.place.part = Part::End;
         }
         if self.restart.seeks { Err(Failure::NotFound) } else { Ok(()) }

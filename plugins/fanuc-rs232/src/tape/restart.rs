@@ -28,13 +28,15 @@ impl Restart {
         (self.length, self.at) = (0, 0);
         for field in fields.clone().raw() {
             let field = field.map_err(|_| Failure::BadJob)?;
-            self.seeks = true;
+            let text = field.text_bytes().unwrap_or_default();
+            // An empty preamble is none.
+            self.seeks |= field.index != 2 || !text.is_empty();
             let number = field.int().map_or(Some(0), |number| u32::try_from(number).ok());
-            let number = number.ok_or(Failure::BadJob)?;
+            let number = number.filter(|number| *number != NO_NUMBER).ok_or(Failure::BadJob)?;
             match field.index {
                 0 if number > 0 => self.block = number,
                 1 => self.sequence = number,
-                2 => self.set_preamble(field.text_bytes().unwrap_or_default()),
+                2 => self.set_preamble(text),
                 _ => return Err(Failure::BadJob),
             }
         }

@@ -61,14 +61,26 @@ impl Encoder {
                 self.next_block(settings);
                 Ok(())
             }
-            SPECIAL_PERCENT if !self.place.in_comment => {
-                self.send(settings, character);
-                self.place.part = Part::End;
-                Ok(())
-            }
-            SPECIAL_CUT => Ok(()),
+            SPECIAL_PERCENT if self.place.in_comment => self.text(settings, character),
+            SPECIAL_PERCENT | SPECIAL_CUT => self.end_program(settings, character),
             _ => self.text(settings, character),
         }
+    }
+
+    /// The closing `%`, or the end of a file without it.
+    fn end_program(&mut self, settings: &Setup, character: u8) -> Result<(), Failure> {
+        if self.restart.seeks && self.restart.has_preamble() {
+            // Behind the O line alone it comes, too.
+            self.end_block(settings);
+            self.next_block(settings);
+            return self.take(settings, character);
+        }
+        self.restart.seeks &= !self.place.is_head_wanted;
+        if character == SPECIAL_PERCENT {
+            self.send(settings, character);
+            self.place.part = Part::End;
+        }
+        Ok(())
     }
 
     /// A file without its first `%`.
@@ -95,21 +107,19 @@ impl Encoder {
     fn leave_prefix(&mut self, settings: &Setup, character: u8) -> Result<(), Failure> {
         let place = &mut self.place;
         if self.restart.seeks {
+            let is_empty = place.prefix.is_empty();
             let is_end = character == SPECIAL_PERCENT || character == SPECIAL_CUT;
             // Of no block; one that ends with its number is one.
-            if is_end && place.prefix.is_empty() {
+            if is_end && is_empty && !place.is_head_wanted {
                 place.part = Part::End;
                 return Ok(());
             }
-            // The O line, with its blank lines, comes before a preamble.
-            let is_head = place.prefix.is_empty()
-                && place.is_head
-                && matches!(character, b'O' | b':' | SPECIAL_LF);
-            if is_head {
+            // The O line comes before a preamble.
+            if is_empty && place.block == 1 && matches!(character, b'O' | b':') {
+                place.is_head_wanted = self.restart.is_found(1, NO_NUMBER);
                 place.part = Part::Block;
                 return self.take(settings, character);
             }
-            place.is_head = false;
             if self.restart.has_preamble() {
                 place.held = character;
                 return Ok(());

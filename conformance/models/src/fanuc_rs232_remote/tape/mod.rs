@@ -51,7 +51,13 @@ pub(super) fn encode(
     check_behind(rules, &program)?;
     found.check()?;
 
-    let numbered = numbers::rewrite(rules, sent.clone());
+    let mut numbered = numbers::rewrite(rules, sent.clone());
+    if !preamble.is_empty()
+        && let Some(last) = numbered.get_mut(..found.kept_before()).and_then(<[Line]>::last_mut)
+    {
+        // Also where nothing else follows it.
+        last.has_eob = true;
+    }
     let (before, from) = numbered.split_at(found.kept_before().min(numbered.len()));
     let mut writer = Writer::new(rules);
     writer.begin(program.header.as_ref());

@@ -66,7 +66,6 @@ pub(super) fn rewrite(rules: &TapeRules, mut blocks: Vec<Line>) -> Vec<Line> {
             }
             BlockNumbers::Renumber => {
                 number += rules.number_step;
-                // Plug-in differs: behind 99999 they begin anew.
                 if number > 99_999 {
                     number = rules.number_step;
                 }

@@ -22,20 +22,19 @@ impl Restart {
     pub(super) fn new(fields: &[(String, String)]) -> Result<Self, Refused> {
         let mut restart = Self::default();
         let bad = Refused::without_place(Failure::BadJob, 1, "fanuc-rs232.feed.from-block");
-        restart.is_asked = !fields.is_empty();
+        let is_asked = |(name, value): &(String, String)| name != "preamble" || !value.is_empty();
+        restart.is_asked = fields.iter().any(is_asked);
         for (name, value) in fields {
             // The page names no largest number.
-            let number = value.parse::<u32>();
+            let number = value.parse::<u32>().ok().filter(|number| *number < u32::MAX);
             match name.as_str() {
                 "from_block" => match number {
-                    Ok(block @ 1..) => restart.from_block = Some(block as usize),
+                    Some(block @ 1..) => restart.from_block = Some(block as usize),
                     _ => return Err(bad),
                 },
                 "from_sequence" => match number {
-                    // Plug-in differs: the largest number is as if the field were not given.
-                    Ok(u32::MAX) => {}
-                    Ok(number) => restart.from_sequence = Some(u64::from(number)),
-                    Err(_) => return Err(bad),
+                    Some(number) => restart.from_sequence = Some(u64::from(number)),
+                    None => return Err(bad),
                 },
                 "preamble" => restart.preamble = Some(value.clone()),
                 _ => {}
@@ -93,25 +92,19 @@ impl Restart {
         if !self.is_asked {
             return Found { kept: 0, from: Some(0), has_others: false, clause: "" };
         }
-        let kept = kept(blocks);
-        // Plug-in differs: one of those at the start is not there if it stands alone.
-        let others = blocks.get(kept..).unwrap_or_default();
-        let has_others = others.iter().any(|block| !block.is_blank());
-        let is_there = |at: usize| match blocks.get(at) {
-            Some(_) if at < kept => has_others,
-            block => block.is_some(),
-        };
+        let kept = usize::from(blocks.first().is_some_and(has_program_number));
         let first = self.from_block.unwrap_or(1) - 1;
         let fits = |at: &usize| {
             let number = blocks.get(*at).and_then(numbers::value);
             let is_number = self.from_sequence.is_none() || self.from_sequence == number;
-            *at >= first && is_there(*at) && is_number
+            *at >= first && is_number
         };
         let clause = match self.from_sequence {
             Some(_) => "fanuc-rs232.feed.from-sequence",
             None => "fanuc-rs232.feed.from-block",
         };
-        let from = (0..=blocks.len()).find(fits);
+        let from = (0..blocks.len()).find(fits);
+        let has_others = blocks.len() > kept || from.is_some();
         Found { kept, from, has_others, clause }
     }
 }
@@ -121,14 +114,6 @@ fn has_program_number(block: &Line) -> bool {
     block.refused_at != Some(0) && matches!(block.characters.first(), Some(b'O' | b':'))
 }
 
-/// Blocks at the start that are sent in any case.
-// Plug-in differs: blank lines behind the `%` line and behind the one with the program number
-// are sent, too; that one is the first that is not blank, and there can be several.
-fn kept(blocks: &[Line]) -> usize {
-    let is_kept = |block: &&Line| block.is_blank() && block.has_eob || has_program_number(block);
-    blocks.iter().take_while(is_kept).count()
-}
-
 /// What is sent of a program.
 #[derive(Clone, Debug)]
 pub(super) struct Found {
@@ -136,7 +121,7 @@ pub(super) struct Found {
     kept: usize,
     /// The block that is begun at.
     from: Option<usize>,
-    /// There are others.
+    /// There are others, or it is the block that is begun at.
     has_others: bool,
     clause: &'static str,
 }
