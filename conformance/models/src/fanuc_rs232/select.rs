@@ -50,8 +50,6 @@ pub(super) struct Selected {
     pub(super) lead: Vec<Block>,
     /// There are blocks behind these, or the last of these is the one to begin at.
     pub(super) goes_on: bool,
-    /// Nothing is skipped behind them.
-    pub(super) is_at_once: bool,
     /// Behind it; `None`: the block to begin at is not there.
     pub(super) rest: Option<Vec<Block>>,
 }
@@ -63,7 +61,6 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
         return Selected {
             lead: Vec::new(),
             goes_on: true,
-            is_at_once: true,
             rest: Some(blocks.clone()),
         };
     }
@@ -86,7 +83,6 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
     Selected {
         lead: blocks[..lead].to_vec(),
         goes_on: lead < blocks.len() || is_lead_wanted,
-        is_at_once: found == Some(lead),
         rest,
     }
 }

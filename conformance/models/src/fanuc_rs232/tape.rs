@@ -47,17 +47,8 @@ pub(super) fn encode(data: &[u8], start: &Start, rules: &Rules) -> Result<Tape, 
     if selected.goes_on {
         tape.preamble(start.preamble.as_deref().unwrap_or_default())?;
     }
-    for (at, block) in selected.rest.iter().flatten().enumerate() {
-        tape.block(&block.characters).map_err(|fault| {
-            // Plug-in differs: right behind a preamble the place is not told.
-            let number = select::number_at(&block.characters, rules);
-            let places = [Some(0), number.map(|number| number.end)];
-            let mut characters = places.iter().flatten().filter_map(|at| block.characters.get(*at));
-            let is_first =
-                characters.any(|first| first.line == fault.line && first.column == fault.column);
-            let is_lost = at == 0 && is_first && start.has_preamble() && selected.is_at_once;
-            if is_lost { Fault { line: 0, column: 0, ..fault } } else { fault }
-        })?;
+    for block in selected.rest.iter().flatten() {
+        tape.block(&block.characters)?;
         tape.end_block(block.has_eob || adds_end);
     }
     if let Some(fault) = program.behind {
@@ -100,14 +91,14 @@ impl<'a> Encoder<'a> {
         Tape { bytes: self.bytes, closed }
     }
 
-    /// Blocks of the host. They keep their numbers; the page does not say so.
+    /// Blocks of the host, with N numbers like those of the program.
     fn preamble(&mut self, text: &[u8]) -> Result<(), Fault> {
         if text.is_empty() {
             return Ok(());
         }
         for line in file::lines(text, self.rules) {
             let has_percent = line.iter().any(|character| character.byte == b'%');
-            if self.characters(&line).is_err() || has_percent {
+            if self.block(&line).is_err() || has_percent {
                 return Err(bad_job(file::PREAMBLE));
             }
             self.end_block(true);

@@ -149,7 +149,10 @@ impl Feed {
                         return self.checked(link, Err(failure), place);
                     }
                     if let Err(failure) = self.skip_preamble(settings) {
-                        return self.checked(link, Err(failure), (0, 0));
+                        // Of the block behind it, unless it is the preamble itself.
+                        let is_of_file = failure == Failure::UnsupportedCharacter;
+                        let place = if is_of_file { self.encoder.position() } else { (0, 0) };
+                        return self.checked(link, Err(failure), place);
                     }
                 }
             }

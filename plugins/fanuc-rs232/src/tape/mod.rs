@@ -92,6 +92,8 @@ struct Place {
     /// Blocks so far, this one included; the label is none.
     block: u32,
     last_number: u32,
+    /// The number of the block that waits until the preamble is out.
+    held_block: u32,
     part: Part,
     /// The next byte needs no look at anything but itself.
     is_plain: bool,
@@ -113,6 +115,8 @@ struct Place {
     fault: Fault,
     spare: u8,
     prefix: Prefix,
+    /// The prefix of the block that waits.
+    held_prefix: Prefix,
 }
 
 impl Encoder {
@@ -181,20 +185,25 @@ impl Encoder {
 
     fn next_of_preamble(&mut self, settings: &Setup) -> Result<(), Failure> {
         if let Some(byte) = self.restart.next() {
-            return match settings.characters[usize::from(byte)] {
-                SPECIAL_LF => {
-                    self.end_block(settings);
-                    Ok(())
-                }
-                SPECIAL_CR | DROPPED => Ok(()),
+            let character = settings.characters[usize::from(byte)];
+            let character = match self.restart.ends.line_end(character) {
+                Some(false) => return Ok(()),
+                Some(true) => SPECIAL_LF,
+                None => character,
+            };
+            return match character {
+                DROPPED => Ok(()),
                 SPECIAL_PERCENT => Err(Failure::BadJob),
-                character => self.text(settings, character).map_err(|_| Failure::BadJob),
+                _ => self.take(settings, character).map_err(|_| Failure::BadJob),
             };
         }
-        if !self.place.eob_waits {
-            self.end_block(settings);
+        if self.is_block_open() {
+            return self.take(settings, SPECIAL_LF);
         }
-        let character = core::mem::replace(&mut self.place.held, DROPPED);
+        let place = &mut self.place;
+        (place.block, place.prefix) = (place.held_block, place.held_prefix);
+        self.restart.seeks = true;
+        let character = core::mem::replace(&mut place.held, DROPPED);
         self.begin_block(settings, character)
     }
 
@@ -252,8 +261,7 @@ impl Encoder {
 
     #[inline(never)]
     fn push_special(&mut self, settings: &Setup, byte: u8, character: u8) -> Result<(), Failure> {
-        if matches!(character, SPECIAL_LF | SPECIAL_CR) {
-            let ends = self.place.ends.take(character == SPECIAL_CR);
+        if let Some(ends) = self.place.ends.line_end(character) {
             // A character that is replaced by an EOB ends no line of the file.
             if matches!(byte, b'\n' | b'\r') {
                 self.place.line += u32::from(ends);
@@ -262,8 +270,6 @@ impl Encoder {
             if !ends {
                 return Ok(());
             }
-        } else {
-            self.place.ends = Ends::InLine;
         }
         let character = if character == SPECIAL_CR { SPECIAL_LF } else { character };
         // Around a program stands what the code need not have, as a NUL in EIA.
@@ -279,7 +285,8 @@ impl Encoder {
             DROPPED => Ok(()),
             _ => self.take(settings, character),
         };
-        self.place.is_plain = self.place.part == Part::Block && !self.place.eob_waits;
+        self.place.is_plain =
+            self.place.part == Part::Block && !self.place.eob_waits && !self.is_waiting();
         taken
     }
 }

@@ -122,6 +122,10 @@ impl Encoder {
             }
             if self.restart.has_preamble() {
                 place.held = character;
+                (place.held_block, place.held_prefix) = (place.block, place.prefix);
+                // Its own blocks are encoded like any other, and none is sought in it.
+                self.restart.seeks = false;
+                place.prefix.clear();
                 return Ok(());
             }
         }

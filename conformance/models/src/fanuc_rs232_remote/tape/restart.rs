@@ -1,6 +1,6 @@
 //! A program is sent from its middle.
 
-use super::characters::{Symbol, read, replaced};
+use super::characters::{Symbol, read};
 use super::lines::{Line, Program};
 use super::numbers;
 use super::rules::{Refused, TapeRules};
@@ -47,15 +47,11 @@ impl Restart {
     ///
     /// # Errors
     /// It cannot be sent.
-    // Plug-in differs: N numbers in it are neither left out nor made new.
     pub(super) fn preamble(&self, rules: &TapeRules) -> Result<Vec<Line>, Refused> {
         let Some(preamble) = &self.preamble else { return Ok(Vec::new()) };
         let mut lines = vec![Line::new()];
         let mut has_percent = false;
-        // Plug-in differs: CR is nothing in a preamble, and no EOB.
-        let mut text = preamble.as_bytes().to_vec();
-        text.retain(|byte| replaced(rules, *byte) != b'\r');
-        for (symbol, place) in read(rules, &text) {
+        for (symbol, place) in read(rules, preamble.as_bytes()) {
             let Some(line) = lines.last_mut() else { break };
             match symbol {
                 Symbol::Eob => {
@@ -80,10 +76,6 @@ impl Restart {
             None => {}
         }
         Ok(lines)
-    }
-
-    pub(super) fn has_preamble(&self) -> bool {
-        self.preamble.as_ref().is_some_and(|preamble| !preamble.is_empty())
     }
 
     /// Which blocks are sent.
@@ -134,12 +126,6 @@ impl Found {
     /// Blocks that are sent before the preamble.
     pub(super) fn kept_before(&self) -> usize {
         self.kept
-    }
-
-    /// Whether a block is left out that is not blank.
-    pub(super) fn skips_text(&self, program: &Program) -> bool {
-        let mut blocks = program.blocks.iter().enumerate();
-        blocks.any(|(place, block)| !self.keeps(place) && !block.is_blank())
     }
 
     /// Whether there are others: where one comes the preamble is looked at.
