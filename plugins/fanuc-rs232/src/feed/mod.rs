@@ -328,6 +328,11 @@ impl Feed {
                 self.nuls = 0;
                 self.encoder.output.clear();
                 link.discard();
+                // Nothing that the control said for this job counts for the next; what it
+                // says from here on, also in the same event, does.
+                self.is_read = false;
+                self.is_ready = false;
+                self.is_started = false;
             }
         }
     }
@@ -342,11 +347,7 @@ impl Feed {
             Some(failure) => link.job_failed(self.job, failure, 0, sent),
             None => link.job_done(self.job, sent),
         }
-        // Nothing that the control said for this job counts for the next.
         self.stage = Stage::Idle;
-        self.is_read = false;
-        self.is_ready = false;
-        self.is_started = false;
         self.is_paused = false;
         self.update_hold(link);
         self.watch(link, settings);

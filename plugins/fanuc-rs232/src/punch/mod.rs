@@ -141,7 +141,11 @@ impl Punch {
     }
 
     fn answer_dc2(&mut self, link: &mut Context<'_>, settings: &Settings) {
-        if settings.answer_dc2 && link.delivery_room() > 0 && !self.is_answering {
+        // Short of room it is stopped instead, until it may go on.
+        self.text.flush(link);
+        self.flow.look(link, settings, self.code);
+        let is_free = link.delivery_room() > 0 && !self.flow.held;
+        if settings.answer_dc2 && is_free && !self.is_answering {
             self.is_answering = true;
             link.transmit_urgent_marked(ANSWER, &[0x11]);
         }
@@ -358,6 +362,11 @@ impl Punch {
 
     pub(crate) fn deafen(&mut self, link: &mut Context<'_>, settings: &Settings) {
         self.deaf.start_silently(link, settings.end_quiet);
+    }
+
+    /// Nothing of what was before can still come.
+    pub(crate) fn hear(&mut self) {
+        self.deaf.has_run_out();
     }
 
     fn is_deaf(&mut self, link: &mut Context<'_>, settings: &Settings) -> bool {
