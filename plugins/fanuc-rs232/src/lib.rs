@@ -320,16 +320,12 @@ impl FanucRs232 {
             // an echo, or damaged.
             Some(Control::Dc2) if is_sending && state != Some(State::Held) => {}
             Some(control) => {
-                let is_reading = self.kept.feed.is_sending();
                 let is_awaited = matches!(state, Some(State::WaitingForDc1 | State::Held));
                 // It punches: a DC1 that it said before was for a reading that has ended.
                 self.kept.feed.is_ready &= control != Control::Dc2;
                 if !self.kept.punch.control(link, settings, control, is_awaited) {
                     self.kept.feed.control(link, settings, control);
                     self.was_sending |= self.kept.feed.is_sending();
-                } else if control == Control::Dc3 {
-                    // Of a capture: a DC1 before it is for no job to come.
-                    self.kept.feed.is_ready &= is_reading;
                 }
             }
             // While we send, and as the job ends, it is an echo.
