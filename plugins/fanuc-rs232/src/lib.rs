@@ -331,8 +331,8 @@ impl FanucRs232 {
             // While we send, and as the job ends, it is an echo.
             None if !is_sending && (is_capturing || state != Some(State::Stopping)) => {
                 self.kept.punch.byte(link, settings, byte);
-                // It may begin a capture: a DC1 before it is for no job to come.
-                self.kept.feed.is_ready &= !self.kept.punch.is_capturing();
+                // If it begins a capture, a DC1 before it is for no job to come.
+                self.kept.feed.is_ready &= is_capturing || !self.kept.punch.is_capturing();
             }
             None => {}
         }

@@ -58,11 +58,7 @@ pub(super) struct Selected {
 pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selected {
     let blocks = &program.blocks;
     if start.is_plain() {
-        return Selected {
-            lead: Vec::new(),
-            goes_on: true,
-            rest: Some(blocks.clone()),
-        };
+        return Selected { lead: Vec::new(), goes_on: true, rest: Some(blocks.clone()) };
     }
     // The line with the program number goes along, if it is block 1.
     let lead = usize::from(blocks.first().is_some_and(|block| has_program_number(block, rules)));
@@ -80,11 +76,7 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
     let found = candidates.find(|(_, block)| is_wanted(block));
     let found = found.map(|(at, _)| at).or_else(|| is_lead_wanted.then_some(lead));
     let rest = found.map(|found| blocks[found..].to_vec());
-    Selected {
-        lead: blocks[..lead].to_vec(),
-        goes_on: lead < blocks.len() || is_lead_wanted,
-        rest,
-    }
+    Selected { lead: blocks[..lead].to_vec(), goes_on: lead < blocks.len() || is_lead_wanted, rest }
 }
 
 /// A block that begins with O or `:`, if the code has it.

@@ -136,6 +136,7 @@ impl Punch {
             ReceiveCode::Auto => (Stage::Unknown, Code::Eia),
         };
         self.early.clear();
+        self.damaged = [0; short::MOST / 8];
         self.text.start();
         if by_dc2 {
             self.answer_dc2(link, settings);
@@ -181,17 +182,10 @@ impl Punch {
 
     /// Keeps a byte until the code is known. A NUL stands for a break, or, if it is not
     /// damaged, for bytes that were lost.
-    fn keep(
-        &mut self,
-        link: &mut Context<'_>,
-        settings: &Settings,
-        byte: u8,
-        is_damaged: bool,
-    ) {
+    fn keep(&mut self, link: &mut Context<'_>, settings: &Settings, byte: u8, is_damaged: bool) {
         let at = self.early.as_slice().len();
         if let Some(marks) = self.damaged.get_mut(at / 8) {
-            // The byte before all others of its eight clears what was there.
-            *marks = if at % 8 == 0 { 0 } else { *marks } | u8::from(is_damaged) << (at % 8);
+            *marks |= u8::from(is_damaged) << (at % 8);
         }
         self.early.push(byte);
         match byte {
@@ -210,7 +204,8 @@ impl Punch {
         let is_eia =
             |byte: &u8| matches!(decode(settings, Code::Eia, *byte), Decoded::Character(_));
         let is_percent = |byte: &u8| decode(settings, Code::Eia, *byte) == Decoded::Character(b'%');
-        let is_all_eia = early.iter().filter(|byte| **byte != 0).all(is_eia) && early.iter().any(is_percent);
+        let is_all_eia =
+            early.iter().filter(|byte| **byte != 0).all(is_eia) && early.iter().any(is_percent);
         self.code = if is_all_eia { Code::Eia } else { Code::Iso };
     }
 

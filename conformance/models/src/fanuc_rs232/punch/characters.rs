@@ -58,7 +58,9 @@ impl Punch {
         let Some(capture) = &mut self.capture else { return };
         if let Stage::Unknown(raws) = std::mem::replace(&mut capture.stage, Stage::Punching) {
             capture.code = Some(code);
-            raws.into_iter().for_each(|raw| self.put(at, raw, code, with));
+            for raw in raws {
+                self.put(at, raw, code, with);
+            }
         }
     }
 
