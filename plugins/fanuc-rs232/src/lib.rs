@@ -50,8 +50,8 @@ pub struct FanucRs232 {
     kept: Kept,
     /// The remote buffer has the job that is carried out.
     is_packets: bool,
-    /// A job was under way after the event before.
-    was_busy: bool,
+    /// A job has been sent in this event or after the one before.
+    was_sending: bool,
     /// Characters of the event that did not fit into this round of actions.
     left: [u8; INPUT],
     left_length: usize,
@@ -88,7 +88,7 @@ impl Converter for FanucRs232 {
             settings: Setup::new(&settings),
             kept,
             is_packets: settings.mode == Mode::RemoteA,
-            was_busy: false,
+            was_sending: false,
             left: [0; INPUT],
             left_length: 0,
             named: None,
@@ -172,6 +172,7 @@ impl Converter for FanucRs232 {
 
     fn link_up(&mut self, link: &mut Context<'_>) {
         self.kept.punch.flow.let_go(link, &self.settings);
+        self.kept.punch.hear();
         self.after(link);
     }
 
@@ -266,6 +267,10 @@ impl Converter for FanucRs232 {
     }
 
     fn force_resume(&mut self, link: &mut Context<'_>) {
+        // As the DC1 that was lost it ends a capture: the control reads again.
+        if matches!(self.kept.feed.state(), Some(State::WaitingForDc1 | State::Held)) {
+            self.kept.punch.finish(link, &self.settings, None);
+        }
         self.kept.feed.force_resume(link, &self.settings);
         self.after(link);
     }
@@ -290,7 +295,7 @@ impl Converter for FanucRs232 {
         }
         let bytes = state.bytes(size_of::<Kept>());
         self.kept = Kept::try_read_from_bytes(bytes).map_err(|_| StateError)?;
-        self.was_busy = self.kept.feed.is_busy();
+        self.was_sending = self.kept.feed.is_sending();
         Ok(())
     }
 }
@@ -302,7 +307,8 @@ impl FanucRs232 {
             self.kept.remote_buffer.byte(link, settings, &mut self.kept.feed.encoder, byte);
             return;
         }
-        let (code, is_sending) = if self.kept.punch.is_capturing() {
+        let is_capturing = self.kept.punch.is_capturing();
+        let (code, is_sending) = if is_capturing {
             (self.kept.punch.code(), false)
         } else {
             let code = if settings.code == SendCode::Eia { Code::Eia } else { Code::Iso };
@@ -314,19 +320,20 @@ impl FanucRs232 {
             // an echo, or damaged.
             Some(Control::Dc2) if is_sending && state != Some(State::Held) => {}
             Some(control) => {
-                let is_reading = self.kept.feed.is_sending();
                 let is_awaited = matches!(state, Some(State::WaitingForDc1 | State::Held));
                 // It punches: a DC1 that it said before was for a reading that has ended.
                 self.kept.feed.is_ready &= control != Control::Dc2;
                 if !self.kept.punch.control(link, settings, control, is_awaited) {
                     self.kept.feed.control(link, settings, control);
-                } else if control == Control::Dc3 {
-                    // Of a capture: a DC1 before it is for no job to come.
-                    self.kept.feed.is_ready &= is_reading;
+                    self.was_sending |= self.kept.feed.is_sending();
                 }
             }
-            // While we send it is an echo.
-            None if !is_sending => self.kept.punch.byte(link, settings, byte),
+            // While we send, and as the job ends, it is an echo.
+            None if !is_sending && (is_capturing || state != Some(State::Stopping)) => {
+                self.kept.punch.byte(link, settings, byte);
+                // If it begins a capture, a DC1 before it is for no job to come.
+                self.kept.feed.is_ready &= is_capturing || !self.kept.punch.is_capturing();
+            }
             None => {}
         }
     }
@@ -345,8 +352,8 @@ impl FanucRs232 {
 
     /// After each event.
     fn after(&mut self, link: &mut Context<'_>) {
-        let was_busy = core::mem::replace(&mut self.was_busy, self.kept.feed.is_busy());
-        if was_busy && !self.was_busy {
+        let is_sending = self.kept.feed.is_sending();
+        if core::mem::replace(&mut self.was_sending, is_sending) && !is_sending {
             self.kept.punch.deafen(link, &self.settings);
         }
         let state =

@@ -29,7 +29,7 @@ impl Requests {
         if digits.and_then(number) != Some(settings.request_program) {
             return;
         }
-        let Some(name) = wanted(settings, title.comment()) else { return };
+        let Some(name) = wanted(settings, title.asking()) else { return };
         if self.open == MOST_OPEN {
             link.note(NoteLevel::Warning, 0, "too many requests");
             return;

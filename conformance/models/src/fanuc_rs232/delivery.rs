@@ -26,8 +26,6 @@ pub(super) struct Delivery {
     first_comment: Option<Vec<u8>>,
     /// Number and comment up to the last EOB.
     before: (Option<Vec<u8>>, Option<Vec<u8>>),
-    /// The block of the first comment goes on.
-    is_first_block: bool,
     /// The name that the last comment with one asks for.
     pub(super) asked: Option<String>,
     /// Something but spaces and comments has come behind the `%` line.
@@ -50,7 +48,6 @@ impl Delivery {
             comment: None,
             first_comment: None,
             before: (None, None),
-            is_first_block: false,
             asked: None,
             has_text: false,
             count: 0,
@@ -104,12 +101,8 @@ impl Delivery {
             (None, _) => self.has_text = true,
             (Some(_), b')') => {
                 let comment = self.comment.take().unwrap_or_default();
-                let asks = self.ask(&comment, rules);
+                self.ask(&comment, rules);
                 if !comment.is_empty() && self.first_comment.is_none() {
-                    (self.first_comment, self.is_first_block) = (Some(comment), true);
-                } else if asks && self.is_first_block {
-                    // Plug-in differs: a comment that asks for a program takes the place of
-                    // one before it in its block.
                     self.first_comment = Some(comment);
                 }
             }
@@ -120,15 +113,14 @@ impl Delivery {
 
     /// Does the comment ask for a program? Of several the last counts; the page does
     /// not say so.
-    fn ask(&mut self, comment: &[u8], rules: &Rules) -> bool {
+    fn ask(&mut self, comment: &[u8], rules: &Rules) {
         let comment = format!("({})", text(comment));
-        let Some((before, behind)) = rules.request_pattern.split_once('*') else { return false };
+        let Some((before, behind)) = rules.request_pattern.split_once('*') else { return };
         let name = comment.strip_prefix(before).and_then(|rest| rest.strip_suffix(behind));
         let name = name.map(str::trim).filter(|name| !name.is_empty());
         if let Some(name) = name {
             self.asked = Some(name.to_owned());
         }
-        name.is_some()
     }
 
     /// Characters of the block that count for TV.
@@ -173,7 +165,7 @@ impl Delivery {
     fn end_line(&mut self, rules: &Rules, room: &mut Room) {
         self.put(rules.line_end, room);
         (self.is_in_header, self.is_block_start, self.is_in_number) = (false, true, false);
-        (self.comment, self.is_first_block) = (None, false);
+        self.comment = None;
         self.before = (self.number.clone(), self.first_comment.clone());
     }
 

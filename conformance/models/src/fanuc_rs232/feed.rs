@@ -14,10 +14,8 @@ pub(super) struct Feed {
     /// A DC1 came while there was no job.
     is_dc1_remembered: bool,
     job: Option<Job>,
-    /// A job has begun or ended.
-    pub(super) has_changed: bool,
-    /// When bytes of the last job were dropped.
-    dropped: Option<Micros>,
+    /// A transfer has ended.
+    pub(super) has_ended: bool,
 }
 
 /// A job whose check was good.
@@ -84,14 +82,8 @@ impl Feed {
     }
 
     /// The control reads: it does not punch now.
-    pub(super) fn is_reading(&self, at: Micros) -> bool {
-        self.is_transfer() && !self.is_held() || self.was_dropped(at)
-    }
-
-    /// Plug-in differs: what comes at the time at which a job was broken off, or ended by
-    /// its final DC3, is still heard as in its transfer.
-    fn was_dropped(&self, at: Micros) -> bool {
-        self.dropped == Some(at)
+    pub(super) fn is_reading(&self) -> bool {
+        self.is_transfer() && !self.is_held()
     }
 
     /// Characters of the job that have not left.
@@ -125,7 +117,6 @@ impl Feed {
             let failed = Effect::Failed { job: id, failure, status, sent };
             return demands.add(failed, "fanuc-rs232.feed.one-job");
         }
-        self.has_changed = !start.is_out_of_range();
         let encoded = tape::encode(data, start, rules);
         let fault = encoded.as_ref().err();
         let effect = Effect::Checked {
@@ -152,9 +143,8 @@ impl Feed {
     }
 
     /// DC1: send, or go on.
-    pub(super) fn dc1(&mut self, at: Micros, wire: &mut Wire) {
+    pub(super) fn dc1(&mut self, wire: &mut Wire) {
         match self.job.as_mut().map(|job| &mut job.state) {
-            None if self.dropped == Some(at) => {}
             None => self.is_dc1_remembered = true,
             Some(State::Waiting) => self.start(wire),
             Some(State::Transfer(transfer)) => transfer.held = None,
@@ -177,11 +167,11 @@ impl Feed {
         match &mut job.state {
             State::Waiting => {}
             State::Transfer(transfer) if transfer.left >= job.tape.closed => {
-                self.done(at, "fanuc-rs232.feed.final-dc3", wire, demands);
+                self.done("fanuc-rs232.feed.final-dc3", wire, demands);
             }
             State::Transfer(transfer) => transfer.held = transfer.held.or(Some(at)),
             State::Ending(_) | State::Empty(_) => {
-                self.done(at, "fanuc-rs232.feed.final-dc3", wire, demands);
+                self.done("fanuc-rs232.feed.final-dc3", wire, demands);
             }
         }
     }
@@ -194,7 +184,6 @@ impl Feed {
     /// SYN, NAK, or DSR off.
     pub(super) fn partner_ends(
         &mut self,
-        at: Micros,
         failure: Failure,
         wire: &mut Wire,
         demands: &mut Demands,
@@ -205,7 +194,7 @@ impl Feed {
                 Failure::PartnerAlarm => "fanuc-rs232.feed.alarm",
                 _ => "fanuc-rs232.feed.dsr",
             };
-            self.fail(at, failure, clause, wire, demands);
+            self.fail(failure, clause, wire, demands);
         }
     }
 
@@ -217,21 +206,21 @@ impl Feed {
     }
 
     /// The host does as if a DC1 had come.
-    pub(super) fn force_resume(&mut self, at: Micros, wire: &mut Wire) {
+    pub(super) fn force_resume(&mut self, wire: &mut Wire) {
         if self.job.is_some() {
-            self.dc1(at, wire);
+            self.dc1(wire);
         }
     }
 
-    pub(super) fn abort(&mut self, at: Micros, id: u32, wire: &mut Wire, demands: &mut Demands) {
+    pub(super) fn abort(&mut self, id: u32, wire: &mut Wire, demands: &mut Demands) {
         if id != 0 && self.job() == Some(id) {
-            self.fail(at, Failure::Aborted, "fanuc-rs232.feed.abort-clean", wire, demands);
+            self.fail(Failure::Aborted, "fanuc-rs232.feed.abort-clean", wire, demands);
         }
     }
 
     /// The port is gone.
-    pub(super) fn link_down(&mut self, at: Micros, wire: &mut Wire, demands: &mut Demands) {
-        self.fail(at, Failure::LinkDown, "fanuc-rs232.link.down", wire, demands);
+    pub(super) fn link_down(&mut self, wire: &mut Wire, demands: &mut Demands) {
+        self.fail(Failure::LinkDown, "fanuc-rs232.link.down", wire, demands);
         self.is_dc1_remembered = false;
     }
 
@@ -268,14 +257,14 @@ impl Feed {
         match self.state() {
             Some(State::Waiting) => {
                 let clause = "fanuc-rs232.feed.dc1-timeout";
-                self.fail(at, Failure::NoAnswer, clause, wire, demands);
+                self.fail(Failure::NoAnswer, clause, wire, demands);
             }
             Some(State::Transfer(_)) => {
                 let clause = "fanuc-rs232.feed.held-timeout";
-                self.fail(at, Failure::HeldTooLong, clause, wire, demands);
+                self.fail(Failure::HeldTooLong, clause, wire, demands);
             }
             Some(State::Ending(_) | State::Empty(_)) => {
-                self.done(at, "fanuc-rs232.feed.end-wait", wire, demands);
+                self.done("fanuc-rs232.feed.end-wait", wire, demands);
             }
             None => {}
         }
@@ -307,19 +296,17 @@ impl Feed {
         self.end();
     }
 
-    fn done(&mut self, at: Micros, clause: &'static str, wire: &mut Wire, demands: &mut Demands) {
+    fn done(&mut self, clause: &'static str, wire: &mut Wire, demands: &mut Demands) {
         let Some(sent) = self.sent(wire) else { return };
         if let Some(job) = self.job() {
             demands.add(Effect::Done { job, sent }, clause);
         }
         wire.port.discard();
         self.end();
-        self.dropped = Some(at);
     }
 
     fn fail(
         &mut self,
-        at: Micros,
         failure: Failure,
         clause: &'static str,
         wire: &mut Wire,
@@ -331,7 +318,6 @@ impl Feed {
         }
         wire.port.discard();
         self.end();
-        self.dropped = Some(at);
     }
 
     /// Bytes that have left or are in the port.
@@ -347,6 +333,6 @@ impl Feed {
     }
 
     fn end(&mut self) {
-        *self = Self { has_changed: true, ..Self::default() };
+        *self = Self { has_ended: self.is_transfer(), ..Self::default() };
     }
 }

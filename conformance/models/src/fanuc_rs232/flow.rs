@@ -92,7 +92,7 @@ impl Flow {
 
     /// A DC2 came.
     pub(super) fn dc2(&mut self, room: u32, rules: &Rules, wire: &mut Wire) {
-        if rules.answer_dc2 && room > 0 && self.answer.is_none() {
+        if rules.answer_dc2 && room > 0 && !self.is_stopped && self.answer.is_none() {
             self.answer = Some(wire.say(0x11));
         }
     }

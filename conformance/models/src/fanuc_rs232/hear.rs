@@ -53,6 +53,10 @@ impl Fanuc {
             None if !self.rules.need_dc2 && !self.feed.is_transfer() && !self.is_deaf(at) => {
                 let (punch, mut with) = self.punch();
                 punch.begin_without_dc2(at, byte, &mut with);
+                if !self.punch.is_idle() {
+                    // As DC2 does it.
+                    self.feed.take_dc1_back();
+                }
             }
             None => {}
         }
@@ -65,8 +69,6 @@ impl Fanuc {
     /// Our own characters can come back behind a job's end, and those of a capture that
     /// was given up still come: until the line was silent, no `%` begins a capture. The
     /// page does not say so.
-    ///
-    /// Plug-in differs: it is so behind a job's beginning, too.
     pub(super) fn is_deaf(&self, at: Micros) -> bool {
         self.punch.deaf.is_some_and(|since| since + self.rules.end_quiet > at)
     }
@@ -92,11 +94,11 @@ impl Fanuc {
         }
         let (punch, mut with) = self.punch();
         punch.end(at, None, "fanuc-rs232.punch.while-waiting", &mut with);
-        self.feed.dc1(at, &mut self.wire);
+        self.feed.dc1(&mut self.wire);
     }
 
     pub(super) fn dc2(&mut self, at: Micros) {
-        if self.punch.is_idle() && self.feed.is_reading(at) {
+        if self.punch.is_idle() && self.feed.is_reading() {
             return;
         }
         self.feed.take_dc1_back();
@@ -108,14 +110,14 @@ impl Fanuc {
         if self.punch.is_idle() {
             self.punch.begin(at, &self.rules);
         }
-        // Plug-in differs: what came before it in one event does not count yet.
-        self.flow.dc2(self.room_before, &self.rules, &mut self.wire);
+        self.stop_if_short();
+        self.flow.dc2(self.room.known(), &self.rules, &mut self.wire);
     }
 
     /// SYN or NAK.
     pub(super) fn partner_ends(&mut self, at: Micros, failure: Failure, clause: &'static str) {
         self.feed.take_dc1_back();
-        self.feed.partner_ends(at, failure, &mut self.wire, &mut self.demands);
+        self.feed.partner_ends(failure, &mut self.wire, &mut self.demands);
         if !self.punch.is_idle() {
             let (punch, mut with) = self.punch();
             punch.end(at, Some(failure), clause, &mut with);
@@ -132,7 +134,7 @@ impl Fanuc {
             let failure = Failure::PartnerGone;
             // The page does not say that it takes a DC1 back.
             self.feed.take_dc1_back();
-            self.feed.partner_ends(at, failure, &mut self.wire, &mut self.demands);
+            self.feed.partner_ends(failure, &mut self.wire, &mut self.demands);
             let (punch, mut with) = self.punch();
             punch.end(at, Some(failure), "fanuc-rs232.punch.dsr", &mut with);
             self.look_at_job(at);
@@ -148,9 +150,9 @@ impl Fanuc {
         self.flow.go(&self.rules, &mut self.wire, &mut self.demands);
     }
 
-    /// A job may have begun or ended.
+    /// A transfer may have ended.
     pub(super) fn look_at_job(&mut self, at: Micros) {
-        if std::mem::take(&mut self.feed.has_changed) {
+        if std::mem::take(&mut self.feed.has_ended) {
             self.punch.deaf = Some(at);
         }
     }

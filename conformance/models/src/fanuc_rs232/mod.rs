@@ -68,9 +68,7 @@ fn reader(conditions: &Conditions) -> Option<Box<dyn Model>> {
         is_open: false,
         is_down: false,
         jobs: 0,
-        room_before: 0,
         began: Micros::ZERO,
-        has_given_up: false,
     }))
 }
 
@@ -92,19 +90,12 @@ struct Fanuc {
     is_down: bool,
     /// The last job's id.
     jobs: u32,
-    /// The host's room as the last event came.
-    room_before: u32,
     /// When our last character began.
     began: Micros,
-    /// Plug-in differs: a transfer that the host starts or lets go on while a capture is
-    /// under way obeys no DC3 until that has ended, and a DC2 in it breaks the host's
-    /// pause. What comes of that is not judged.
-    has_given_up: bool,
 }
 
 impl Model for Fanuc {
     fn line(&mut self, at: Micros, input: &LineInput) {
-        self.room_before = self.room.known();
         match input {
             LineInput::Bytes(bytes) => bytes.iter().for_each(|byte| self.hear(at, *byte)),
             LineInput::Damaged { byte: Some(byte), .. } => {
@@ -122,17 +113,17 @@ impl Model for Fanuc {
             LineInput::ModemLines(named, on) => self.modem_lines(at, *named, *on),
             LineInput::Down(_) => {
                 self.is_down = true;
-                self.feed.link_down(at, &mut self.wire, &mut self.demands);
+                self.feed.link_down(&mut self.wire, &mut self.demands);
                 let (punch, mut with) = self.punch();
                 punch.end(at, Some(Failure::LinkDown), "fanuc-rs232.link.down", &mut with);
-                // Plug-in differs: by the page nothing of a job is left when the port is back.
-                self.look_at_job(at);
                 self.wire.port.set_gone(true);
             }
             LineInput::Up => {
                 self.is_down = false;
                 self.wire.port.set_gone(false);
                 // Nothing is left of what was before: also not a stop.
+                self.feed.has_ended = false;
+                self.punch.deaf = None;
                 self.flow.go(&self.rules, &mut self.wire, &mut self.demands);
             }
         }
@@ -182,18 +173,19 @@ impl Model for Fanuc {
             }
             HostRequest::Job { id, data, fields, .. } => {
                 self.jobs = *id;
-                let was_transfer = feed.is_transfer();
                 feed.begin(at, *id, &Start::new(fields), data, rules, wire, demands);
-                self.has_given_up |= !was_transfer && feed.is_transfer() && !self.punch.is_idle();
             }
             HostRequest::Pause(id) => feed.pause(*id, true),
             HostRequest::Resume(id) => feed.pause(*id, false),
             HostRequest::Abort(0) => self.abort_capture(at),
-            HostRequest::Abort(id) => feed.abort(at, *id, wire, demands),
+            HostRequest::Abort(id) => feed.abort(*id, wire, demands),
             HostRequest::ForceResume => {
-                let is_wanted = feed.is_waiting() || feed.is_held();
-                feed.force_resume(at, wire);
-                self.has_given_up |= is_wanted && !self.punch.is_idle();
+                // As the DC1 that was lost it ends a capture, too.
+                if feed.is_waiting() || feed.is_held() {
+                    let (punch, mut with) = self.punch();
+                    punch.end(at, None, "fanuc-rs232.punch.while-waiting", &mut with);
+                }
+                self.feed.force_resume(&mut self.wire);
             }
             HostRequest::Keep => self.room.keep(),
             HostRequest::PutAway(bytes) => self.room.put_away(*bytes),
@@ -208,26 +200,17 @@ impl Model for Fanuc {
     }
 
     fn seen(&mut self, at: Micros, effect: &Effect) -> Result<(), Broken> {
-        if self.has_given_up {
-            return Ok(());
-        }
         let Effect::Byte(byte) = effect else { return self.demands.meet(effect, &BLAME) };
         self.began = at;
         self.wire.port.begins(*byte, self.clause_of(*byte))
     }
 
     fn settled(&mut self, _at: Micros) -> Result<(), Broken> {
-        if self.has_given_up {
-            return Ok(());
-        }
         self.demands.settled()?;
         self.wire.settled(self.clause_of_silence())
     }
 
     fn next(&self) -> Option<Micros> {
-        if self.has_given_up {
-            return None;
-        }
         let capture = self.punch.deadline(&self.rules, self.flow.is_stopped());
         [self.feed.deadline(&self.rules), capture].into_iter().flatten().min()
     }

@@ -107,7 +107,7 @@ impl Rules {
             return None;
         }
         let request_pattern = settings.name("request_pattern", "(SEND *)").to_owned();
-        if request_pattern.matches('*').count() > 1 {
+        if !request_pattern.is_empty() && request_pattern.matches('*').count() != 1 {
             return None;
         }
         Some(Self {

@@ -9,12 +9,11 @@ use super::rules::Rules;
 pub(super) struct Start {
     pub(super) from_block: Option<i64>,
     pub(super) from_sequence: Option<i64>,
-    /// Plug-in differs: one without text is looked at, too.
     pub(super) preamble: Option<Vec<u8>>,
 }
 
 /// The largest block and N number; the page names no range.
-const LARGEST: i64 = u32::MAX as i64;
+const LARGEST: i64 = u32::MAX as i64 - 1;
 
 impl Start {
     /// Fields as the host gives them.
@@ -32,7 +31,7 @@ impl Start {
 
     /// The job begins with its program.
     fn is_plain(&self) -> bool {
-        self.from_block.is_none() && self.from_sequence.is_none() && self.preamble.is_none()
+        self.from_block.is_none() && self.from_sequence.is_none() && !self.has_preamble()
     }
 
     /// A field is out of its range.
@@ -49,10 +48,8 @@ impl Start {
 pub(super) struct Selected {
     /// Before the preamble.
     pub(super) lead: Vec<Block>,
-    /// There are blocks behind these.
+    /// There are blocks behind these, or the last of these is the one to begin at.
     pub(super) goes_on: bool,
-    /// Nothing is skipped behind them.
-    pub(super) is_at_once: bool,
     /// Behind it; `None`: the block to begin at is not there.
     pub(super) rest: Option<Vec<Block>>,
 }
@@ -61,28 +58,14 @@ pub(super) struct Selected {
 pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selected {
     let blocks = &program.blocks;
     if start.is_plain() {
-        return Selected {
-            lead: Vec::new(),
-            goes_on: true,
-            is_at_once: true,
-            rest: Some(blocks.clone()),
-        };
+        return Selected { lead: Vec::new(), goes_on: true, rest: Some(blocks.clone()) };
     }
-    // Plug-in differs: by the page only the line with the program number goes along, and
-    // only if it is block 1. It takes all such lines and empty blocks at the start along, and
-    // begins at none of these.
-    let goes_along =
-        |block: &&Block| block.characters.is_empty() || has_program_number(block, rules);
-    let lead = blocks.iter().take_while(goes_along).count();
+    // The line with the program number goes along, if it is block 1.
+    let lead = usize::from(blocks.first().is_some_and(|block| has_program_number(block, rules)));
+    let is_lead_wanted =
+        lead == 1 && start.from_sequence.is_none() && start.from_block.unwrap_or(1) == 1;
     let first = start.from_block.map_or(0, |block| usize::try_from(block - 1).unwrap_or(0));
     let first = first.max(lead);
-    // Plug-in differs: a block that ends with its number is not found with the closing `%`
-    // right behind it.
-    let is_cut = |at: usize, block: &Block| {
-        let is_last = at + 1 == blocks.len() && program.is_closed && !block.has_eob;
-        let number = number_at(&block.characters, rules);
-        is_last && number.is_some_and(|number| number.end == block.characters.len())
-    };
     // With both fields: the first with this number from that block on. The page does not
     // say so.
     let is_wanted = |block: &Block| match start.from_sequence {
@@ -90,22 +73,10 @@ pub(super) fn select(program: &Program, start: &Start, rules: &Rules) -> Selecte
         None => true,
     };
     let mut candidates = blocks.iter().enumerate().skip(first);
-    let found = candidates.find(|(at, block)| is_wanted(block) && !is_cut(*at, block));
-    let found = found.map(|(at, _)| at);
+    let found = candidates.find(|(_, block)| is_wanted(block));
+    let found = found.map(|(at, _)| at).or_else(|| is_lead_wanted.then_some(lead));
     let rest = found.map(|found| blocks[found..].to_vec());
-    // Plug-in differs: where no `%` stands and none is added, the end of the file counts as
-    // a block.
-    let has_end = program.percent_line.is_none() && !program.is_closed && !rules.percent;
-    let is_plain = start.from_sequence.is_none() && !start.has_preamble();
-    let is_end = first == blocks.len() && lead == 0 && is_plain;
-    let is_end = is_end && blocks.last().is_some_and(|last| last.has_eob);
-    let rest = rest.or_else(|| (has_end && is_end).then(|| vec![Block::default()]));
-    Selected {
-        lead: blocks[..lead].to_vec(),
-        goes_on: lead < blocks.len(),
-        is_at_once: found == Some(lead),
-        rest,
-    }
+    Selected { lead: blocks[..lead].to_vec(), goes_on: lead < blocks.len() || is_lead_wanted, rest }
 }
 
 /// A block that begins with O or `:`, if the code has it.

@@ -35,35 +35,21 @@ pub(super) fn encode(data: &[u8], start: &Start, rules: &Rules) -> Result<Tape, 
     } else if rules.percent {
         tape.put(b'%');
         tape.end_percent_line();
-        // Plug-in differs: behind a `%` that was added the first block is counted as if one
-        // character had come, whatever the EOB is.
-        tape.count = 1;
     }
-    // Of one without EOB nothing is known where no block follows.
-    for block in selected.lead.iter().filter(|block| block.has_eob) {
+    // A preamble is sent behind the line with the program number also where nothing else
+    // follows.
+    let has_preamble = start.has_preamble() && selected.goes_on;
+    for block in &selected.lead {
         tape.block(&block.characters)?;
-        tape.end_block(block.has_eob || adds_end, program.is_closed);
+        tape.end_block(block.has_eob || adds_end || has_preamble);
     }
     // Which of two faults counts the page does not say: here as they stand on the tape.
     if selected.goes_on {
         tape.preamble(start.preamble.as_deref().unwrap_or_default())?;
     }
-    for (at, block) in selected.rest.iter().flatten().enumerate() {
-        tape.block(&block.characters).map_err(|fault| {
-            // Plug-in differs: right behind a preamble the place is not told.
-            let number = select::number_at(&block.characters, rules);
-            let places = [Some(0), number.map(|number| number.end)];
-            let mut characters = places.iter().flatten().filter_map(|at| block.characters.get(*at));
-            let is_first =
-                characters.any(|first| first.line == fault.line && first.column == fault.column);
-            let is_lost = at == 0 && is_first && start.has_preamble() && selected.is_at_once;
-            if is_lost { Fault { line: 0, column: 0, ..fault } } else { fault }
-        })?;
-        tape.end_block(block.has_eob || adds_end, program.is_closed);
-    }
-    if program.percent_line.is_none() && program.blocks.is_empty() && !rules.percent {
-        // Plug-in differs: of nothing at all it makes a block with a space.
-        tape.end_block(false, false);
+    for block in selected.rest.iter().flatten() {
+        tape.block(&block.characters)?;
+        tape.end_block(block.has_eob || adds_end);
     }
     if let Some(fault) = program.behind {
         return Err(fault);
@@ -105,17 +91,17 @@ impl<'a> Encoder<'a> {
         Tape { bytes: self.bytes, closed }
     }
 
-    /// Blocks of the host. They keep their numbers; the page does not say so.
+    /// Blocks of the host, with N numbers like those of the program.
     fn preamble(&mut self, text: &[u8]) -> Result<(), Fault> {
         if text.is_empty() {
             return Ok(());
         }
         for line in file::lines(text, self.rules) {
             let has_percent = line.iter().any(|character| character.byte == b'%');
-            if self.characters(&line).is_err() || has_percent {
+            if self.block(&line).is_err() || has_percent {
                 return Err(bad_job(file::PREAMBLE));
             }
-            self.end_block(true, false);
+            self.end_block(true);
         }
         Ok(())
     }
@@ -132,8 +118,6 @@ impl<'a> Encoder<'a> {
         self.characters(&characters[..number.start])?;
         let mut behind = &characters[number.end..];
         if self.rules.block_numbers == BlockNumbers::Renumber {
-            // Behind the largest number of five digits it begins anew; the page does not say
-            // so.
             let next = self.number + self.rules.number_step;
             self.number = if next > 99_999 { self.rules.number_step } else { next };
             let new = format!("N{}", self.number);
@@ -185,7 +169,7 @@ impl<'a> Encoder<'a> {
     }
 
     /// A block ends, with its EOB or without.
-    fn end_block(&mut self, has_eob: bool, is_closed: bool) {
+    fn end_block(&mut self, has_eob: bool) {
         let before = match self.rules.code {
             Code::Iso => self.rules.eob.iter().take_while(|byte| **byte == b'\r').count(),
             Code::Eia => 0,
@@ -193,10 +177,7 @@ impl<'a> Encoder<'a> {
         // A CR alone is the EOB itself.
         let is_cr = self.rules.code == Code::Iso && self.rules.eob == b"\r";
         let counted = if is_cr { 1 } else { 1 + if self.rules.tv_cr { before } else { 0 } };
-        // Plug-in differs: the last block of a program without closing `%` is padded
-        // though no EOB follows.
-        let may_pad = has_eob || !is_closed;
-        if self.rules.tv_pad && may_pad && (self.count + counted) % 2 == 1 {
+        if self.rules.tv_pad && has_eob && (self.count + counted) % 2 == 1 {
             self.put(b' ');
         }
         if has_eob {

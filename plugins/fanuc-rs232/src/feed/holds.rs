@@ -34,7 +34,7 @@ impl Feed {
             return;
         }
         self.is_ready = is_ready;
-        if !matches!(self.stage, Stage::Idle | Stage::Checking | Stage::Waiting) {
+        if !matches!(self.stage, Stage::Idle | Stage::Checking | Stage::Waiting | Stage::Stopping) {
             self.is_started |= is_ready;
             self.update_hold(link);
             self.watch(link, settings);

@@ -149,7 +149,10 @@ impl Feed {
                         return self.checked(link, Err(failure), place);
                     }
                     if let Err(failure) = self.skip_preamble(settings) {
-                        return self.checked(link, Err(failure), (0, 0));
+                        // Of the block behind it, unless it is the preamble itself.
+                        let is_of_file = failure == Failure::UnsupportedCharacter;
+                        let place = if is_of_file { self.encoder.position() } else { (0, 0) };
+                        return self.checked(link, Err(failure), place);
                     }
                 }
             }
@@ -325,6 +328,11 @@ impl Feed {
                 self.nuls = 0;
                 self.encoder.output.clear();
                 link.discard();
+                // Nothing that the control said for this job counts for the next; what it
+                // says from here on, also in the same event, does.
+                self.is_read = false;
+                self.is_ready = false;
+                self.is_started = false;
             }
         }
     }
@@ -339,11 +347,7 @@ impl Feed {
             Some(failure) => link.job_failed(self.job, failure, 0, sent),
             None => link.job_done(self.job, sent),
         }
-        // Nothing that the control said for this job counts for the next.
         self.stage = Stage::Idle;
-        self.is_read = false;
-        self.is_ready = false;
-        self.is_started = false;
         self.is_paused = false;
         self.update_hold(link);
         self.watch(link, settings);

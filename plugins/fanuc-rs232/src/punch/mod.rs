@@ -11,7 +11,7 @@ pub(crate) use title::Title;
 
 use crate::code::{Code, Control, Decoded, decode};
 use crate::request::Requests;
-use crate::short::Short;
+use crate::short::{self, Short};
 use crate::state::State;
 use crate::timer::Timer;
 use crate::{CAPTURE, ReceiveCode, SendCode, Settings};
@@ -56,6 +56,8 @@ pub(crate) struct Punch {
     is_answering: bool,
     text: Text,
     early: Short,
+    /// Which bytes of these are damaged, one bit each.
+    damaged: [u8; short::MOST / 8],
     spare: [u8; 3],
 }
 
@@ -134,6 +136,7 @@ impl Punch {
             ReceiveCode::Auto => (Stage::Unknown, Code::Eia),
         };
         self.early.clear();
+        self.damaged = [0; short::MOST / 8];
         self.text.start();
         if by_dc2 {
             self.answer_dc2(link, settings);
@@ -141,7 +144,11 @@ impl Punch {
     }
 
     fn answer_dc2(&mut self, link: &mut Context<'_>, settings: &Settings) {
-        if settings.answer_dc2 && link.delivery_room() > 0 && !self.is_answering {
+        // Short of room it is stopped instead, until it may go on.
+        self.text.flush(link);
+        self.flow.look(link, settings, self.code);
+        let is_free = link.delivery_room() > 0 && !self.flow.held;
+        if settings.answer_dc2 && is_free && !self.is_answering {
             self.is_answering = true;
             link.transmit_urgent_marked(ANSWER, &[0x11]);
         }
@@ -170,6 +177,16 @@ impl Punch {
         if byte == 0 || (!self.has_text() && !is_percent(settings, byte)) {
             return;
         }
+        self.keep(link, settings, byte, false);
+    }
+
+    /// Keeps a byte until the code is known. A NUL stands for a break, or, if it is not
+    /// damaged, for bytes that were lost.
+    fn keep(&mut self, link: &mut Context<'_>, settings: &Settings, byte: u8, is_damaged: bool) {
+        let at = self.early.as_slice().len();
+        if let Some(marks) = self.damaged.get_mut(at / 8) {
+            *marks |= u8::from(is_damaged) << (at % 8);
+        }
         self.early.push(byte);
         match byte {
             // CR is no EIA code.
@@ -187,17 +204,25 @@ impl Punch {
         let is_eia =
             |byte: &u8| matches!(decode(settings, Code::Eia, *byte), Decoded::Character(_));
         let is_percent = |byte: &u8| decode(settings, Code::Eia, *byte) == Decoded::Character(b'%');
-        let is_all_eia = early.iter().all(is_eia) && early.iter().any(is_percent);
+        let is_all_eia =
+            early.iter().filter(|byte| **byte != 0).all(is_eia) && early.iter().any(is_percent);
         self.code = if is_all_eia { Code::Eia } else { Code::Iso };
     }
 
     /// The code is known: what was kept is read.
     fn settle(&mut self, link: &mut Context<'_>, settings: &Settings) {
         self.stage = Stage::Leader;
-        let early = self.early;
+        let (early, damaged) = (self.early, self.damaged);
         self.early.clear();
-        for byte in early.as_slice() {
-            self.read(link, settings, *byte);
+        for (at, byte) in early.as_slice().iter().enumerate() {
+            let marks = damaged.get(at / 8).copied().unwrap_or_default();
+            if marks >> (at % 8) & 1 == 1 {
+                self.wrong(link, settings, LineErrorKind::Framing, *byte);
+            } else if *byte == 0 {
+                self.wrong(link, settings, LineErrorKind::Overrun, 0);
+            } else {
+                self.read(link, settings, *byte);
+            }
         }
     }
 
@@ -216,6 +241,8 @@ impl Punch {
         let is_closed = self.stage == Stage::Closed;
         let damaged = match decoded {
             Decoded::Ignored => return,
+            // Blank tape behind the % is no damage.
+            Decoded::Unknown(0) if !self.text.has_ended_line() => return,
             Decoded::Character(character) => {
                 self.character(link, settings, character);
                 return;
@@ -277,12 +304,40 @@ impl Punch {
         kind: LineErrorKind,
         byte: Option<u8>,
     ) {
-        if !self.is_capturing() || self.ended || self.stage == Stage::Closed {
+        if !self.is_capturing() || self.ended {
+            return;
+        }
+        let byte = byte.unwrap_or_default();
+        if self.stage != Stage::Unknown {
+            self.wrong(link, settings, kind, byte);
+        } else if !self.has_text() && !is_percent(settings, byte) {
+            // Before what may be the first %.
+        } else if kind != LineErrorKind::Overrun {
+            self.keep(link, settings, byte, true);
+        } else {
+            self.byte(link, settings, byte);
+            if self.stage == Stage::Unknown {
+                self.keep(link, settings, 0, false);
+            } else {
+                self.wrong(link, settings, kind, 0);
+            }
+        }
+    }
+
+    /// A damaged character, or a NUL for none, where the code is known.
+    fn wrong(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        kind: LineErrorKind,
+        byte: u8,
+    ) {
+        if self.stage == Stage::Closed {
             return;
         }
         let was_text = self.has_text();
-        if let Some(byte) = byte {
-            self.byte(link, settings, byte);
+        if byte != 0 {
+            self.read(link, settings, byte);
         }
         if !was_text && !self.has_text() {
             return;
@@ -358,6 +413,11 @@ impl Punch {
 
     pub(crate) fn deafen(&mut self, link: &mut Context<'_>, settings: &Settings) {
         self.deaf.start_silently(link, settings.end_quiet);
+    }
+
+    /// Nothing of what was before can still come.
+    pub(crate) fn hear(&mut self) {
+        self.deaf.has_run_out();
     }
 
     fn is_deaf(&mut self, link: &mut Context<'_>, settings: &Settings) -> bool {

@@ -63,6 +63,11 @@ impl Text {
         self.put(link, b'%');
     }
 
+    /// Whether an EOB has come behind the first %.
+    pub(super) fn has_ended_line(&self) -> bool {
+        self.counts
+    }
+
     /// An EOB behind the second %.
     pub(super) fn end_behind(&mut self) {
         self.ended_behind = true;

@@ -28,12 +28,13 @@ pub(crate) struct Title {
     has_text: bool,
     /// O and its digits.
     number: Short,
-    /// The first comment that is not empty, or one that asks for a program, with its
-    /// brackets.
+    /// The first comment that is not empty, with its brackets.
     comment: Short,
+    /// The last one that asks for a program.
+    asking: Short,
     /// The comment that is read, or was read last.
     newest: Short,
-    spare: [u8; 3],
+    spare: [u8; 2],
 }
 
 impl Title {
@@ -96,8 +97,10 @@ impl Title {
     /// An empty comment says nothing.
     fn end_of_comment(&mut self, settings: &Settings) {
         let newest = self.newest.as_slice();
-        let is_first = self.comment.as_slice().is_empty() && newest.len() > 2;
-        if is_first || wanted(settings, newest).is_some() {
+        if wanted(settings, newest).is_some() {
+            self.asking = self.newest;
+        }
+        if self.comment.as_slice().is_empty() && newest.len() > 2 {
             self.comment = self.newest;
         }
     }
@@ -108,9 +111,9 @@ impl Title {
         (number.len() > 1).then_some(number)
     }
 
-    /// The comment that counts, with its brackets.
-    pub(crate) fn comment(&self) -> &[u8] {
-        self.comment.as_slice()
+    /// The comment that asks for a program, with its brackets.
+    pub(crate) fn asking(&self) -> &[u8] {
+        self.asking.as_slice()
     }
 
     /// What the delivery is called, and how sure that is: 0 it has no name, 1 it is
@@ -119,7 +122,7 @@ impl Title {
         if let Some(number) = self.number() {
             return (2, number);
         }
-        let comment = self.comment();
+        let comment = self.comment.as_slice();
         let text = comment.get(1..).unwrap_or_default();
         let text = trimmed(text.strip_suffix(b")").unwrap_or(text));
         (u8::from(!text.is_empty()), text)

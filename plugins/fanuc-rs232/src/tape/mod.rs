@@ -92,14 +92,16 @@ struct Place {
     /// Blocks so far, this one included; the label is none.
     block: u32,
     last_number: u32,
+    /// The number of the block that waits until the preamble is out.
+    held_block: u32,
     part: Part,
     /// The next byte needs no look at anything but itself.
     is_plain: bool,
     ends: Ends,
     /// The file has no first `%`.
     is_open: bool,
-    /// Only O lines and blank ones so far.
-    is_head: bool,
+    /// The first block is an O line and the one to begin with.
+    is_head_wanted: bool,
     /// A character that waits until the preamble is out; [`DROPPED`]: none.
     held: u8,
     /// An EOB that goes out with the next character.
@@ -113,6 +115,8 @@ struct Place {
     fault: Fault,
     spare: u8,
     prefix: Prefix,
+    /// The prefix of the block that waits.
+    held_prefix: Prefix,
 }
 
 impl Encoder {
@@ -123,7 +127,6 @@ impl Encoder {
     pub(crate) fn begin(&mut self, fields: &Values<'_>) -> Result<(), Failure> {
         self.place = Place::new_zeroed();
         self.place.line = 1;
-        self.place.is_head = true;
         self.place.held = DROPPED;
         self.place.counts = 1;
         self.place.prefix.clear();
@@ -182,20 +185,25 @@ impl Encoder {
 
     fn next_of_preamble(&mut self, settings: &Setup) -> Result<(), Failure> {
         if let Some(byte) = self.restart.next() {
-            return match settings.characters[usize::from(byte)] {
-                SPECIAL_LF => {
-                    self.end_block(settings);
-                    Ok(())
-                }
-                SPECIAL_CR | DROPPED => Ok(()),
+            let character = settings.characters[usize::from(byte)];
+            let character = match self.restart.ends.line_end(character) {
+                Some(false) => return Ok(()),
+                Some(true) => SPECIAL_LF,
+                None => character,
+            };
+            return match character {
+                DROPPED => Ok(()),
                 SPECIAL_PERCENT => Err(Failure::BadJob),
-                character => self.text(settings, character).map_err(|_| Failure::BadJob),
+                _ => self.take(settings, character).map_err(|_| Failure::BadJob),
             };
         }
-        if !self.place.eob_waits {
-            self.end_block(settings);
+        if self.is_block_open() {
+            return self.take(settings, SPECIAL_LF);
         }
-        let character = core::mem::replace(&mut self.place.held, DROPPED);
+        let place = &mut self.place;
+        (place.block, place.prefix) = (place.held_block, place.held_prefix);
+        self.restart.seeks = true;
+        let character = core::mem::replace(&mut place.held, DROPPED);
         self.begin_block(settings, character)
     }
 
@@ -205,25 +213,35 @@ impl Encoder {
     /// # Errors
     /// [`Failure::NotFound`]: the block to begin with is not there.
     pub(crate) fn finish(&mut self, settings: &Setup) -> Result<(), Failure> {
+        let is_block_open = self.is_block_open();
         if self.place.part == Part::Leader {
             self.open(settings);
         }
-        let is_block_open = !self.place.eob_waits || !self.place.prefix.is_empty();
         if self.place.part != Part::End {
-            if is_block_open {
+            if settings.percent && is_block_open {
                 self.take(settings, SPECIAL_LF)?;
+            }
+            if !self.is_waiting() {
+                let end = if settings.percent { SPECIAL_PERCENT } else { SPECIAL_CUT };
+                self.take(settings, end)?;
             }
             if self.is_waiting() {
                 return Ok(());
             }
-            if settings.percent {
-                self.take(settings, SPECIAL_PERCENT)?;
-            } else if !is_block_open {
-                self.end_waiting_block(settings);
-            }
+            self.end_waiting_block(settings);
             self.place.part = Part::End;
         }
         if self.restart.seeks { Err(Failure::NotFound) } else { Ok(()) }
+    }
+
+    /// Whether something of a block has come whose EOB has not.
+    fn is_block_open(&self) -> bool {
+        match self.place.part {
+            Part::Leader => false,
+            Part::Prefix => !self.place.prefix.is_empty(),
+            Part::Stripped => true,
+            _ => !self.place.eob_waits,
+        }
     }
 
     /// Whether the block to begin with is still to be found.
@@ -243,8 +261,7 @@ impl Encoder {
 
     #[inline(never)]
     fn push_special(&mut self, settings: &Setup, byte: u8, character: u8) -> Result<(), Failure> {
-        if matches!(character, SPECIAL_LF | SPECIAL_CR) {
-            let ends = self.place.ends.take(character == SPECIAL_CR);
+        if let Some(ends) = self.place.ends.line_end(character) {
             // A character that is replaced by an EOB ends no line of the file.
             if matches!(byte, b'\n' | b'\r') {
                 self.place.line += u32::from(ends);
@@ -253,8 +270,6 @@ impl Encoder {
             if !ends {
                 return Ok(());
             }
-        } else {
-            self.place.ends = Ends::InLine;
         }
         let character = if character == SPECIAL_CR { SPECIAL_LF } else { character };
         // Around a program stands what the code need not have, as a NUL in EIA.
@@ -270,11 +285,14 @@ impl Encoder {
             DROPPED => Ok(()),
             _ => self.take(settings, character),
         };
-        self.place.is_plain = self.place.part == Part::Block && !self.place.eob_waits;
+        self.place.is_plain =
+            self.place.part == Part::Block && !self.place.eob_waits && !self.is_waiting();
         taken
     }
 }
 
+/// The end of a file whose last block stays without EOB.
+const SPECIAL_CUT: u8 = SPECIAL;
 const SPECIAL_LF: u8 = SPECIAL | b'\n';
 const SPECIAL_CR: u8 = SPECIAL | b'\r';
 const SPECIAL_PERCENT: u8 = SPECIAL | b'%';

@@ -1,5 +1,6 @@
 //! Where a program begins that is not sent from its first block on.
 
+use super::ends::Ends;
 use super::prefix::NO_NUMBER;
 use softplug_plugin::{Failure, Values, copy};
 use zerocopy::{FromZeros, Immutable, IntoBytes};
@@ -17,7 +18,9 @@ pub(super) struct Restart {
     at: u16,
     /// Whether the block is still to be found.
     pub(super) seeks: bool,
-    spare: [u8; 3],
+    /// Line ends of the preamble.
+    pub(super) ends: Ends,
+    spare: [u8; 2],
     preamble: [u8; LONGEST],
 }
 
@@ -25,16 +28,18 @@ impl Restart {
     /// From the fields of a job.
     pub(super) fn take(&mut self, fields: &Values<'_>) -> Result<(), Failure> {
         (self.seeks, self.block, self.sequence) = (false, 1, NO_NUMBER);
-        (self.length, self.at) = (0, 0);
+        (self.length, self.at, self.ends) = (0, 0, Ends::InLine);
         for field in fields.clone().raw() {
             let field = field.map_err(|_| Failure::BadJob)?;
-            self.seeks = true;
+            let text = field.text_bytes().unwrap_or_default();
+            // An empty preamble is none.
+            self.seeks |= field.index != 2 || !text.is_empty();
             let number = field.int().map_or(Some(0), |number| u32::try_from(number).ok());
-            let number = number.ok_or(Failure::BadJob)?;
+            let number = number.filter(|number| *number != NO_NUMBER).ok_or(Failure::BadJob)?;
             match field.index {
                 0 if number > 0 => self.block = number,
                 1 => self.sequence = number,
-                2 => self.set_preamble(field.text_bytes().unwrap_or_default()),
+                2 => self.set_preamble(text),
                 _ => return Err(Failure::BadJob),
             }
         }

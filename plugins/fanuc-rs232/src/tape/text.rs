@@ -2,7 +2,7 @@
 
 use super::prefix::NO_NUMBER;
 use super::{
-    Encoder, Fault, Part, REFUSED, SPECIAL, SPECIAL_CLOSE, SPECIAL_LF, SPECIAL_OPEN,
+    Encoder, Fault, Part, REFUSED, SPECIAL, SPECIAL_CLOSE, SPECIAL_CUT, SPECIAL_LF, SPECIAL_OPEN,
     SPECIAL_PERCENT, Setup,
 };
 use crate::{AfterEnd, BlockNumbers, Unsupported};
@@ -61,13 +61,26 @@ impl Encoder {
                 self.next_block(settings);
                 Ok(())
             }
-            SPECIAL_PERCENT if !self.place.in_comment => {
-                self.send(settings, character);
-                self.place.part = Part::End;
-                Ok(())
-            }
+            SPECIAL_PERCENT if self.place.in_comment => self.text(settings, character),
+            SPECIAL_PERCENT | SPECIAL_CUT => self.end_program(settings, character),
             _ => self.text(settings, character),
         }
+    }
+
+    /// The closing `%`, or the end of a file without it.
+    fn end_program(&mut self, settings: &Setup, character: u8) -> Result<(), Failure> {
+        if self.restart.seeks && self.restart.has_preamble() {
+            // Behind the O line alone it comes, too.
+            self.end_block(settings);
+            self.next_block(settings);
+            return self.take(settings, character);
+        }
+        self.restart.seeks &= !self.place.is_head_wanted;
+        if character == SPECIAL_PERCENT {
+            self.send(settings, character);
+            self.place.part = Part::End;
+        }
+        Ok(())
     }
 
     /// A file without its first `%`.
@@ -76,7 +89,7 @@ impl Encoder {
         self.place.is_open = true;
         if settings.percent {
             self.send(settings, SPECIAL_PERCENT);
-            self.place.eob_waits = true;
+            self.end_block(settings);
         }
         self.next_block(settings);
     }
@@ -94,21 +107,25 @@ impl Encoder {
     fn leave_prefix(&mut self, settings: &Setup, character: u8) -> Result<(), Failure> {
         let place = &mut self.place;
         if self.restart.seeks {
-            if character == SPECIAL_PERCENT {
+            let is_empty = place.prefix.is_empty();
+            let is_end = character == SPECIAL_PERCENT || character == SPECIAL_CUT;
+            // Of no block; one that ends with its number is one.
+            if is_end && is_empty && !place.is_head_wanted {
                 place.part = Part::End;
                 return Ok(());
             }
-            // The O line, with its blank lines, comes before a preamble.
-            let is_head = place.prefix.is_empty()
-                && place.is_head
-                && matches!(character, b'O' | b':' | SPECIAL_LF);
-            if is_head {
+            // The O line comes before a preamble.
+            if is_empty && place.block == 1 && matches!(character, b'O' | b':') {
+                place.is_head_wanted = self.restart.is_found(1, NO_NUMBER);
                 place.part = Part::Block;
                 return self.take(settings, character);
             }
-            place.is_head = false;
             if self.restart.has_preamble() {
                 place.held = character;
+                (place.held_block, place.held_prefix) = (place.block, place.prefix);
+                // Its own blocks are encoded like any other, and none is sought in it.
+                self.restart.seeks = false;
+                place.prefix.clear();
                 return Ok(());
             }
         }

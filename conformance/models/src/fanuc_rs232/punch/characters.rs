@@ -1,11 +1,14 @@
 //! Characters of a capture.
 
-use super::raw::{Raw, is_blank, may_be_first, told};
+use super::raw::{Raw, guess, is_blank, may_be_first, told};
 use super::{Line, Punch, Stage, With};
 use crate::fanuc_rs232::code::{decoded, has_wrong_parity};
 use crate::fanuc_rs232::delivery::Delivery;
 use crate::fanuc_rs232::rules::{Code, Rules};
 use softplug_abi::{Failure, Micros};
+
+/// So many wait for the EOB that tells the code.
+const MOST_UNKNOWN: usize = 128;
 
 /// LF CR CR is one line end.
 const MOST_OF_LF: u8 = 2;
@@ -31,18 +34,18 @@ impl Punch {
                     capture.stage = Stage::Unknown(vec![raw]);
                 }
             }
+            // Blank tape.
+            (Stage::Unknown(_), _) if matches!(raw, Raw::Whole(0)) => {}
             (Stage::Unknown(raws), _) => {
                 raws.push(raw);
+                let is_full = raws.len() == MOST_UNKNOWN;
+                let guessed = is_full.then(|| guess(raws, with.rules));
                 let told = match raw {
                     Raw::Whole(byte) | Raw::Damaged(byte) => told(byte),
                     Raw::Break | Raw::Overrun => None,
                 };
-                if let Some(code) = told {
+                if let Some(code) = told.or(guessed) {
                     self.decode(at, code, with);
-                    if let Some(capture) = &mut self.capture {
-                        // An EOB has come, also where it stood before the first `%`.
-                        capture.has_eob = true;
-                    }
                 }
             }
             (_, Some(code)) => self.put(at, raw, code, with),
@@ -55,18 +58,8 @@ impl Punch {
         let Some(capture) = &mut self.capture else { return };
         if let Stage::Unknown(raws) = std::mem::replace(&mut capture.stage, Stage::Punching) {
             capture.code = Some(code);
-            // Plug-in differs: by the page it is noise before the first `%` of that code,
-            // and nothing behind the closing one.
-            let early = |raw: &Raw| match raw {
-                Raw::Whole(_) => None,
-                Raw::Damaged(_) | Raw::Break => Some(Failure::LineError),
-                Raw::Overrun => Some(Failure::Overrun),
-            };
-            capture.early = raws.iter().filter_map(early).collect();
             for raw in raws {
-                if let Raw::Whole(byte) | Raw::Damaged(byte) = raw {
-                    self.put(at, Raw::Whole(byte), code, with);
-                }
+                self.put(at, raw, code, with);
             }
         }
     }
@@ -99,10 +92,8 @@ impl Punch {
             Stage::Punching if byte == b'%' => {
                 capture.stage = Stage::Receiving;
                 capture.delivery = Some(Delivery::new(with.rules, with.room));
-                let damaged = is_damaged.then_some(Failure::LineError);
-                let early = std::mem::take(&mut capture.early);
-                for failure in early.into_iter().chain(damaged) {
-                    self.wrong(failure, with.rules);
+                if is_damaged {
+                    self.wrong(Failure::LineError, with.rules);
                 }
             }
             Stage::Receiving => self.receive(at, Heard { byte, is_damaged, is_blank }, code, with),
@@ -188,13 +179,14 @@ impl Punch {
         let Some(capture) = &mut self.capture else { return };
         match byte {
             0 | 0x7F | b' ' | b'\t' => {}
-            b'\n' | b'\r' => (capture.is_behind_eob, capture.has_eob) = (true, true),
+            b'\n' | b'\r' => capture.is_behind_eob = true,
             byte => {
                 let is_behind_eob = capture.is_behind_eob;
                 let code = capture.code;
                 self.finish(at, None, "fanuc-rs232.punch.after-end", with);
                 let Some(capture) = &mut self.capture else { return };
                 capture.stage = Stage::Receiving;
+                capture.has_eob = is_behind_eob && byte != b'%';
                 let mut delivery = Delivery::new(with.rules, with.room);
                 if byte == b'%' {
                     capture.delivery = Some(delivery);

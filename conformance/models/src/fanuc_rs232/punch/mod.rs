@@ -38,12 +38,10 @@ struct Capture {
     is_closed: bool,
     /// An EOB has come behind it.
     is_behind_eob: bool,
-    /// An EOB has come.
+    /// An EOB has come behind the first `%`.
     has_eob: bool,
     /// DC4 came before the code was known.
     kept: Vec<Raw>,
-    /// What was wrong before the code was known.
-    early: Vec<Failure>,
 }
 
 #[derive(Clone, Debug)]
@@ -117,11 +115,8 @@ impl Punch {
             delivery: None,
             is_closed: false,
             is_behind_eob: false,
-            // Plug-in differs: where the code is set a NUL is a damaged character also before
-            // the first EOB.
-            has_eob: rules.receive_code == Some(Code::Eia),
+            has_eob: false,
             kept: Vec::new(),
-            early: Vec::new(),
         });
     }
 

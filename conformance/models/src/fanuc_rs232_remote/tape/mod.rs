@@ -26,7 +26,7 @@ pub(super) fn encode(
 ) -> Result<Vec<u8>, Refused> {
     let restart = Restart::new(fields)?;
     let program = Program::split(rules, &read(rules, data));
-    let found = restart.find(rules, &program);
+    let found = restart.find(&program);
     // Faults come in the order of the tape; what is skipped is not checked.
     let blocks = program.blocks.iter().enumerate();
     let sent = blocks.filter(|(place, _)| found.keeps(*place)).map(|(_, block)| block);
@@ -34,42 +34,23 @@ pub(super) fn encode(
     let (before, from) = sent.split_at(found.kept_before().min(sent.len()));
     program.header.iter().chain(before).try_for_each(check_line)?;
     let preamble = restart.preamble(rules);
-    let mut preamble = if found.has_others() { preamble? } else { preamble.unwrap_or_default() };
-    let has_line_before = program.is_opened() || rules.percent || !before.is_empty();
-    if restart.has_preamble() && preamble.is_empty() && !has_line_before {
-        // Of which nothing is left: its EOB is there, unless it would be an empty block.
-        preamble.push(Line { has_eob: true, ..Line::new() });
-    }
-    for (place, line) in from.iter().enumerate() {
-        // Plug-in differs: it does not say where, if it is the character at which a preamble
-        // is sent.
-        let is_first = from[..place].iter().all(Line::is_blank);
-        let is_first = is_first && !found.skips_text(&program);
-        let is_lost = restart.has_preamble() && is_first && line.is_refused_at_start();
-        check_line(line).map_err(|refused| if is_lost { refused.nowhere() } else { refused })?;
-    }
+    let preamble = if found.has_others() { preamble? } else { Vec::new() };
+    from.iter().try_for_each(check_line)?;
     check_behind(rules, &program)?;
     found.check()?;
 
-    let mut numbered = numbers::rewrite(rules, sent.clone());
-    // Plug-in differs: a last block directly behind a preamble gets an EOB with `percent` off,
-    // too, if it is no more than a number.
-    let is_only = from
-        .split_last()
-        .is_some_and(|(last, others)| numbers::is_all(last) && others.iter().all(Line::is_blank));
-    let is_last = !rules.percent && !program.is_closed && !found.skips_text(&program);
-    if is_only
-        && is_last
-        && !preamble.is_empty()
-        && let Some(last) = numbered.last_mut()
+    let mut before = before.to_vec();
+    if !preamble.is_empty()
+        && let Some(last) = before.last_mut()
     {
+        // Also where nothing else follows it.
         last.has_eob = true;
     }
-    let (before, from) = numbered.split_at(found.kept_before().min(numbered.len()));
+    let lines = before.into_iter().chain(preamble).chain(from.iter().cloned());
     let mut writer = Writer::new(rules);
     writer.begin(program.header.as_ref());
-    for line in before.iter().chain(&preamble).chain(from) {
-        writer.block(line);
+    for line in numbers::rewrite(rules, lines.collect()) {
+        writer.block(&line);
     }
     Ok(writer.end(program.is_closed))
 }
@@ -100,10 +81,6 @@ impl Refused {
     fn at(failure: Failure, status: u16, place: Place, clause: &'static str) -> Self {
         let Place { line, column } = place;
         Self { failure: Some(failure), status, line, column, clause }
-    }
-
-    fn nowhere(self) -> Self {
-        Self { line: 0, column: 0, ..self }
     }
 
     fn without_place(failure: Failure, status: u16, clause: &'static str) -> Self {

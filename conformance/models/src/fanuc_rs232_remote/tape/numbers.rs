@@ -25,26 +25,6 @@ fn start(characters: &[u8]) -> usize {
     }
 }
 
-/// Whether there is nothing but what may stand before a number, and a number or its N.
-pub(super) fn is_all(block: &Line) -> bool {
-    block.refused_at.is_none() && is_number(&block.characters)
-}
-
-fn is_number(characters: &[u8]) -> bool {
-    match &characters[start(characters)..] {
-        [] => true,
-        [b'N', digits @ ..] => digits.iter().all(u8::is_ascii_digit),
-        _ => false,
-    }
-}
-
-impl Line {
-    /// Whether a character cannot be sent before more than a number has come.
-    pub(super) fn is_refused_at_start(&self) -> bool {
-        self.refused_at.is_some_and(|end| is_number(&self.characters[..end]))
-    }
-}
-
 /// The number of a block, if it has one that is not too large.
 pub(super) fn value(line: &Line) -> Option<u64> {
     // A character that cannot be sent is no part of a number, and none stands before one.
@@ -70,7 +50,6 @@ pub(super) fn rewrite(rules: &TapeRules, mut blocks: Vec<Line>) -> Vec<Line> {
             }
             BlockNumbers::Renumber => {
                 number += rules.number_step;
-                // Plug-in differs: behind 99999 they begin anew.
                 if number > 99_999 {
                     number = rules.number_step;
                 }

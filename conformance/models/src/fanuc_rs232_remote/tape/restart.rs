@@ -1,6 +1,6 @@
 //! A program is sent from its middle.
 
-use super::characters::{Symbol, read, replaced};
+use super::characters::{Symbol, read};
 use super::lines::{Line, Program};
 use super::numbers;
 use super::rules::{Refused, TapeRules};
@@ -22,20 +22,19 @@ impl Restart {
     pub(super) fn new(fields: &[(String, String)]) -> Result<Self, Refused> {
         let mut restart = Self::default();
         let bad = Refused::without_place(Failure::BadJob, 1, "fanuc-rs232.feed.from-block");
-        restart.is_asked = !fields.is_empty();
+        let is_asked = |(name, value): &(String, String)| name != "preamble" || !value.is_empty();
+        restart.is_asked = fields.iter().any(is_asked);
         for (name, value) in fields {
             // The page names no largest number.
-            let number = value.parse::<u32>();
+            let number = value.parse::<u32>().ok().filter(|number| *number < u32::MAX);
             match name.as_str() {
                 "from_block" => match number {
-                    Ok(block @ 1..) => restart.from_block = Some(block as usize),
+                    Some(block @ 1..) => restart.from_block = Some(block as usize),
                     _ => return Err(bad),
                 },
                 "from_sequence" => match number {
-                    // Plug-in differs: the largest number is as if the field were not given.
-                    Ok(u32::MAX) => {}
-                    Ok(number) => restart.from_sequence = Some(u64::from(number)),
-                    Err(_) => return Err(bad),
+                    Some(number) => restart.from_sequence = Some(u64::from(number)),
+                    None => return Err(bad),
                 },
                 "preamble" => restart.preamble = Some(value.clone()),
                 _ => {}
@@ -48,15 +47,11 @@ impl Restart {
     ///
     /// # Errors
     /// It cannot be sent.
-    // Plug-in differs: N numbers in it are neither left out nor made new.
     pub(super) fn preamble(&self, rules: &TapeRules) -> Result<Vec<Line>, Refused> {
         let Some(preamble) = &self.preamble else { return Ok(Vec::new()) };
         let mut lines = vec![Line::new()];
         let mut has_percent = false;
-        // Plug-in differs: CR is nothing in a preamble, and no EOB.
-        let mut text = preamble.as_bytes().to_vec();
-        text.retain(|byte| replaced(rules, *byte) != b'\r');
-        for (symbol, place) in read(rules, &text) {
+        for (symbol, place) in read(rules, preamble.as_bytes()) {
             let Some(line) = lines.last_mut() else { break };
             match symbol {
                 Symbol::Eob => {
@@ -83,43 +78,25 @@ impl Restart {
         Ok(lines)
     }
 
-    pub(super) fn has_preamble(&self) -> bool {
-        self.preamble.as_ref().is_some_and(|preamble| !preamble.is_empty())
-    }
-
     /// Which blocks are sent.
-    pub(super) fn find(&self, rules: &TapeRules, program: &Program) -> Found {
+    pub(super) fn find(&self, program: &Program) -> Found {
         let blocks = &program.blocks;
         if !self.is_asked {
             return Found { kept: 0, from: Some(0), has_others: false, clause: "" };
         }
-        let kept = kept(blocks);
-        // Plug-in differs: a block is not there if it ends with the closing `%` before more
-        // than a number has come, nor is one of those at the start if it stands alone.
-        let is_cut = |block: &Line| program.is_closed && !block.has_eob && numbers::is_all(block);
-        let others = blocks.get(kept..).unwrap_or_default();
-        let has_others = others.iter().any(|block| !block.is_blank() && !is_cut(block));
-        let is_there = |at: usize| match blocks.get(at) {
-            Some(_) if at < kept => has_others,
-            Some(block) => !is_cut(block),
-            // Plug-in differs: with `percent` off one is there behind the last EOB of a file.
-            None => {
-                let is_bare = !rules.percent && !program.is_closed && !program.is_opened();
-                let is_first = kept == 0 && has_others && !self.has_preamble();
-                is_bare && is_first && blocks.last().is_some_and(|block| block.has_eob)
-            }
-        };
+        let kept = usize::from(blocks.first().is_some_and(has_program_number));
         let first = self.from_block.unwrap_or(1) - 1;
         let fits = |at: &usize| {
             let number = blocks.get(*at).and_then(numbers::value);
             let is_number = self.from_sequence.is_none() || self.from_sequence == number;
-            *at >= first && is_there(*at) && is_number
+            *at >= first && is_number
         };
         let clause = match self.from_sequence {
             Some(_) => "fanuc-rs232.feed.from-sequence",
             None => "fanuc-rs232.feed.from-block",
         };
-        let from = (0..=blocks.len()).find(fits);
+        let from = (0..blocks.len()).find(fits);
+        let has_others = blocks.len() > kept || from.is_some();
         Found { kept, from, has_others, clause }
     }
 }
@@ -129,14 +106,6 @@ fn has_program_number(block: &Line) -> bool {
     block.refused_at != Some(0) && matches!(block.characters.first(), Some(b'O' | b':'))
 }
 
-/// Blocks at the start that are sent in any case.
-// Plug-in differs: blank lines behind the `%` line and behind the one with the program number
-// are sent, too; that one is the first that is not blank, and there can be several.
-fn kept(blocks: &[Line]) -> usize {
-    let is_kept = |block: &&Line| block.is_blank() && block.has_eob || has_program_number(block);
-    blocks.iter().take_while(is_kept).count()
-}
-
 /// What is sent of a program.
 #[derive(Clone, Debug)]
 pub(super) struct Found {
@@ -144,7 +113,7 @@ pub(super) struct Found {
     kept: usize,
     /// The block that is begun at.
     from: Option<usize>,
-    /// There are others.
+    /// There are others, or it is the block that is begun at.
     has_others: bool,
     clause: &'static str,
 }
@@ -157,12 +126,6 @@ impl Found {
     /// Blocks that are sent before the preamble.
     pub(super) fn kept_before(&self) -> usize {
         self.kept
-    }
-
-    /// Whether a block is left out that is not blank.
-    pub(super) fn skips_text(&self, program: &Program) -> bool {
-        let mut blocks = program.blocks.iter().enumerate();
-        blocks.any(|(place, block)| !self.keeps(place) && !block.is_blank())
     }
 
     /// Whether there are others: where one comes the preamble is looked at.

@@ -34,9 +34,6 @@ impl<'a> Writer<'a> {
             None if self.rules.percent => {
                 self.tape.push(b'%');
                 self.eob();
-                // Plug-in differs: the first block behind a `%` line that was added counts
-                // one, and no CR behind its LF.
-                self.count = 1;
             }
             None => {}
         }
@@ -57,7 +54,7 @@ impl<'a> Writer<'a> {
     /// The closing `%`: one that lacks is added behind an EOB.
     pub(super) fn end(mut self, is_closed: bool) -> Vec<u8> {
         if !is_closed && self.rules.percent {
-            if let Some(line) = self.open.take().filter(|line| !line.characters.is_empty()) {
+            if let Some(line) = self.open.take() {
                 self.pad(&line);
                 self.eob();
             } else if self.is_in_header {
@@ -66,11 +63,6 @@ impl<'a> Writer<'a> {
         }
         if is_closed || self.rules.percent {
             self.tape.push(b'%');
-        } else if self.open.as_ref().is_some_and(|line| !line.is_blank()) || self.tape.is_empty() {
-            // Plug-in differs: with `percent` off it pads the last block of a file although no
-            // EOB follows, even one without any character.
-            let last = self.open.take().unwrap_or_else(Line::new);
-            self.pad(&last);
         }
         self.tape
     }
