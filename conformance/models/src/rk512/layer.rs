@@ -35,8 +35,6 @@ pub(super) struct Layer {
     pub(super) reaction: Option<Vec<u8>>,
     pub(super) sender: Sender,
     pub(super) awaited: Awaited,
-    /// `sent` of the job is not looked at: see the procedure's model.
-    pub(super) is_miscounted: bool,
     /// The block that the procedure has gave way.
     pub(super) gave_way: bool,
     is_open: bool,
@@ -84,7 +82,6 @@ impl Layer {
             reaction: None,
             sender: Sender::Nobody,
             awaited: Awaited::default(),
-            is_miscounted: false,
             gave_way: false,
             is_open: false,
             is_down: false,
@@ -197,7 +194,7 @@ impl Layer {
         if matches!(effect, Effect::Byte(_)) {
             return self.station.seen(at, effect);
         }
-        self.awaited.seen(effect, self.is_miscounted).map_err(|wrong| {
+        self.awaited.seen(effect).map_err(|wrong| {
             let (clause, message) =
                 wrong.unwrap_or_else(|| (unasked(effect), format!("nothing asked for {effect:?}")));
             Broken::new(clause, message)

@@ -26,7 +26,6 @@ impl Layer {
     pub(super) fn hear(&mut self, at: Micros) {
         self.station.set_full(false);
         for report in self.station.reports() {
-            self.look_at_count();
             match report {
                 Report::Received(telegram) => self.telegram(at, &telegram),
                 Report::Sent(sent) => match std::mem::replace(&mut self.sender, Sender::Nobody) {
@@ -52,11 +51,6 @@ impl Layer {
         }
         self.gave_way = self.station.has_given_way();
         self.feed(false);
-    }
-
-    /// Whether the procedure may count characters of the job wrong.
-    pub(super) fn look_at_count(&mut self) {
-        self.is_miscounted |= self.sender == Sender::Job && self.station.is_miscounted();
     }
 
     /// The block that gave way is begun again. Whether the other goes first, if it waits,
