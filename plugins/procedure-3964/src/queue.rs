@@ -3,8 +3,9 @@
 
 use softplug_plugin::{StateError, StateReader, StateWriter};
 
-/// Runs that are remembered.
-const MOST: usize = 32;
+/// Runs that are remembered: more than a partner brings about that sends hundreds of STX
+/// at once.
+const MOST: usize = 256;
 
 /// What a character is for.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
@@ -81,7 +82,7 @@ impl Meant {
 /// The same character, several times.
 #[derive(Copy, Clone, Debug, Default)]
 pub(crate) struct Run {
-    pub(crate) count: u32,
+    pub(crate) count: u16,
     pub(crate) byte: u8,
     pub(crate) part: Part,
 }
@@ -90,7 +91,7 @@ pub(crate) struct Run {
 #[derive(Clone, Debug)]
 pub(crate) struct Runs {
     runs: [Run; MOST],
-    length: u8,
+    length: u16,
 }
 
 impl Runs {
@@ -117,8 +118,9 @@ impl Runs {
         if let Some(last) = last
             && last.part == run.part
             && (last.byte == run.byte || run.part.is_block())
+            && let Some(count) = last.count.checked_add(run.count)
         {
-            last.count = last.count.saturating_add(run.count);
+            last.count = count;
             return true;
         }
         let place = self.runs.get_mut(usize::from(self.length));
@@ -155,6 +157,7 @@ impl Runs {
     pub(crate) fn last(&mut self, most: u32) -> Option<Run> {
         let at = usize::from(self.length).checked_sub(1)?;
         let last = self.runs.get_mut(at)?;
+        let most = most.min(u32::from(u16::MAX)) as u16;
         let taken = Run { count: last.count.min(most), ..*last };
         last.count -= taken.count;
         if last.count == 0 {
@@ -185,9 +188,9 @@ impl Runs {
     }
 
     pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u8(self.length);
+        state.u16(self.length);
         for run in self.as_slice() {
-            state.u32(run.count);
+            state.u16(run.count);
             state.u8(run.byte);
             state.u8(run.part as u8);
         }
@@ -195,8 +198,8 @@ impl Runs {
 
     pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
         self.clear();
-        for _ in 0..state.u8() {
-            let run = Run { count: state.u32(), byte: state.u8(), part: Part::restore(state)? };
+        for _ in 0..state.u16() {
+            let run = Run { count: state.u16(), byte: state.u8(), part: Part::restore(state)? };
             if run.count == 0 || !self.push(run) {
                 return Err(StateError);
             }

@@ -181,7 +181,7 @@ impl Machine {
         while left > 0
             && let Some(run) = self.queued.last(left)
         {
-            left -= run.count;
+            left -= u32::from(run.count);
             if run.part.is_of_job() {
                 self.job.sent = self.job.sent.saturating_sub(run.count.into());
             }
