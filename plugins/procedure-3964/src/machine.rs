@@ -297,7 +297,7 @@ impl Machine {
             (Phase::Sending, Some(MarkState::MaybeLeft)) => {
                 self.phase = Phase::AcknowledgementWait;
                 if self.owner == Owner::Reaction {
-                    self.rk512.advance();
+                    self.rk512.reaction_left();
                 }
             }
             (Phase::DleWait | Phase::AcknowledgementWait, Some(MarkState::SurelyLeft)) => {

@@ -368,6 +368,7 @@ impl Machine {
     pub(crate) fn acknowledged(&mut self, link: &mut Context<'_>) {
         self.idle();
         if self.owner == Owner::Reaction {
+            self.rk512.advance();
             self.rk512.reaction_ended();
             return;
         }

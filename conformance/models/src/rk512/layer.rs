@@ -48,11 +48,11 @@ impl Wayfarer for Layer {
     }
 }
 
-/// With 0 the time follows from the baud rate; what it is without one is left open.
+/// With 0 the time follows from the baud rate.
 fn reaction_times(conditions: &Conditions) -> Vec<Micros> {
     let millis: &[i64] =
         match (conditions.settings.int("reaction_timeout", 20_000), conditions.line.baud) {
-            (0, 0) => &[3_000, 5_000, 7_000, 10_000, 20_000],
+            (0, 0) => &[20_000],
             (0, 1..600) => &[10_000],
             (0, 600..1_200) => &[7_000],
             (0, 1_200..38_400) => &[5_000],
