@@ -62,7 +62,8 @@ impl Station {
         self.job = None;
         self.out.take_back();
         self.state = State::Idle;
-        self.out.taken()
+        // An STX from before may still wait for the port.
+        self.out.leaving()
     }
 
     /// One NAK, as an abort sends it between two blocks.

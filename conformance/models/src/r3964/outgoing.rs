@@ -100,6 +100,12 @@ impl Outgoing {
         self.taken
     }
 
+    /// Characters of the job that have left, or will.
+    pub(super) fn leaving(&self) -> u64 {
+        let waits = self.waiting.iter().filter(|waiting| waiting.part == Part::Job).count();
+        self.taken + waits as u64
+    }
+
     /// Characters that have to leave.
     pub(super) fn count(&self) -> usize {
         self.waiting.len() + self.inside.len()
