@@ -32,13 +32,11 @@ impl HeidenhainFe {
     pub(crate) fn frame(&mut self, link: &mut Context<'_>, frame: Frame) {
         self.line.cancel(link, Timer::Character);
         if frame.begin == SOH {
-            if !frame.is_good {
-                // Of a transfer that is under way, a header is no part.
-                if !self.stage.is_sending() {
-                    self.say(link, NAK);
-                }
-            } else {
+            if frame.is_good {
                 self.header(link);
+            } else if !self.stage.is_sending() {
+                // Of a transfer that is under way, a header is no part.
+                self.say(link, NAK);
             }
         } else if self.stage == Stage::Waiting {
             // One waits: until it is answered, others can only be the same once more.

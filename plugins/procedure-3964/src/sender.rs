@@ -132,11 +132,11 @@ impl Machine {
             return;
         }
         self.end_reading(link, Some(cause));
-        if !self.discards {
-            self.job.failed(link, cause);
-        } else {
+        if self.discards {
             self.job.stage = Stage::Failing;
             self.job.failing = Some(cause);
+        } else {
+            self.job.failed(link, cause);
         }
     }
 
