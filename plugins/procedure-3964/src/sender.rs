@@ -235,16 +235,18 @@ impl Machine {
 
     /// Queues what waits; whether the output cut it short.
     pub(crate) fn queue_waiting(&mut self, link: &mut Context<'_>) -> bool {
+        if self.discards || self.waiting.is_empty() {
+            return false;
+        }
         let mut waiting = core::mem::replace(&mut self.waiting, Runs::new());
-        while !self.discards
-            && link.transmit_room() > 0
+        while link.transmit_room() > 0
             && link.output_room() > KEPT_OUTPUT
             && let Some(run) = waiting.first()
         {
             self.queue(link, run.byte, run.part);
         }
         self.waiting = waiting;
-        !self.is_all_queued() && !self.discards && link.transmit_room() > 0
+        !self.waiting.is_empty() && link.transmit_room() > 0
     }
 
     /// Begins what may be sent, if the line is idle.
