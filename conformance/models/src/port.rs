@@ -62,6 +62,15 @@ impl Port {
         self.queue.pop_back();
     }
 
+    /// Drops what waits in the queue and is not to be kept, by its place.
+    pub fn keep(&mut self, is_kept: impl Fn(usize) -> bool) {
+        let mut place = 0;
+        self.queue.retain(|_| {
+            place += 1;
+            is_kept(place - 1)
+        });
+    }
+
     /// The port is gone, with all that waited and was in it, or is back.
     pub fn set_gone(&mut self, is_gone: bool) {
         self.is_gone = is_gone;

@@ -1,7 +1,7 @@
 //! The dialogue with the control: what it says, and what it is answered.
 
 use crate::frame::{ACK, DC1, DC3, EOT, ETX, Frame, Heard, NAK, SOH};
-use crate::line::{Timer, say};
+use crate::line::Timer;
 use crate::stage::Stage;
 use crate::{HeidenhainFe, NAME};
 use softplug_plugin::{Context, Failure, NoteLevel, ValueWriter, Values};
@@ -21,7 +21,8 @@ impl HeidenhainFe {
             Heard::Alone(DC1) => self.line.release(link),
             Heard::Alone(ACK) => self.acknowledged(link),
             Heard::Alone(NAK) => self.refused(link),
-            Heard::Alone(ETX) => self.receiver.at_end(),
+            // A control that does not wait for its answer has not ended its program.
+            Heard::Alone(ETX) if self.stage == Stage::Receiving => self.receiver.at_end(),
             Heard::Alone(EOT) => self.ended(link),
             Heard::Alone(_) | Heard::Inside => {}
         }
@@ -31,31 +32,26 @@ impl HeidenhainFe {
     pub(crate) fn frame(&mut self, link: &mut Context<'_>, frame: Frame) {
         self.line.cancel(link, Timer::Character);
         if frame.begin == SOH {
-            if !frame.is_good {
-                // Of a transfer that is under way, a header is no part.
-                if !self.stage.is_sending() {
-                    say(link, &self.settings, NAK);
-                }
-            } else if self.stage.is_sending() {
-                self.has_header = true;
-                self.stop(link, Failure::PartnerReset);
-            } else {
+            if frame.is_good {
                 self.header(link);
+            } else if !self.stage.is_sending() {
+                // Of a transfer that is under way, a header is no part.
+                self.say(link, NAK);
             }
         } else if self.stage == Stage::Waiting {
             // One waits: until it is answered, others can only be the same once more.
         } else if self.stage != Stage::Receiving {
             // Nobody waits for a block: a control that sends one is told that it is over.
             if frame.is_good && !self.stage.is_sending() {
-                say(link, &self.settings, EOT);
+                self.say(link, EOT);
             }
         } else if frame.is_good {
             self.accept(link);
         } else if self.receiver.refuses(self.settings.repeats) {
-            say(link, &self.settings, NAK);
+            self.say(link, NAK);
         } else {
             self.end_reception(link, Some(Failure::Checksum));
-            say(link, &self.settings, EOT);
+            self.say(link, EOT);
         }
     }
 
@@ -63,22 +59,23 @@ impl HeidenhainFe {
     pub(crate) fn header(&mut self, link: &mut Context<'_>) {
         self.end_reception(link, Some(Failure::PartnerReset));
         self.withdraw(link);
+        self.stop(link, Failure::PartnerReset);
         let text = self.reader.text();
         let text = text.as_slice();
         let (Some((kind, rest)), Some(mode)) = (text.split_first(), text.last()) else {
-            say(link, &self.settings, NAK);
+            self.say(link, NAK);
             return;
         };
         let name = rest.get(..rest.len().saturating_sub(1)).unwrap_or_default();
         match mode {
-            b'A' if !self.takes => {
+            b'A' if !rest.is_empty() && !self.takes => {
                 link.note(NoteLevel::Warning, 0, "the control has a program, and nobody takes it");
-                say(link, &self.settings, EOT);
+                self.say(link, EOT);
             }
             b'A' if !rest.is_empty() => {
                 self.receiver.begin(link, name);
                 self.stage = Stage::Receiving;
-                say(link, &self.settings, ACK);
+                self.say(link, ACK);
             }
             b'E' if !rest.is_empty() => {
                 self.asked.clear();
@@ -91,7 +88,7 @@ impl HeidenhainFe {
                     self.request(link, *kind);
                 }
             }
-            _ => say(link, &self.settings, NAK),
+            _ => self.say(link, NAK),
         }
     }
 
@@ -114,16 +111,19 @@ impl HeidenhainFe {
             return;
         }
         self.line.cancel(link, Timer::Job);
-        say(link, &self.settings, ACK);
+        self.say(link, ACK);
         self.stage = Stage::Filling;
         self.go_on(link);
     }
 
     /// The control does not get what it asked for.
     pub(crate) fn refuse(&mut self, link: &mut Context<'_>) {
-        self.await_control(link);
+        // The time of a job that was there before runs on.
+        if self.stage == Stage::Granted {
+            self.await_control(link);
+        }
         self.stage = Stage::Idle;
-        say(link, &self.settings, EOT);
+        self.say(link, EOT);
     }
 
     /// A job waits until the control asks for it, if there is one.
@@ -157,7 +157,7 @@ impl HeidenhainFe {
 
     /// Sends the next block, or the end, as far as there is all that it needs.
     pub(crate) fn go_on(&mut self, link: &mut Context<'_>) {
-        if self.stage == Stage::Filling {
+        if self.stage == Stage::Filling && self.line.owes_nothing() {
             self.stage = self.sender.next(link, &self.settings);
         }
     }
@@ -194,16 +194,22 @@ impl HeidenhainFe {
                 self.end_reception(link, (!is_whole).then_some(Failure::NoEndMark));
             }
             Stage::Asking | Stage::Granted => self.withdraw(link),
-            Stage::Idle | Stage::Ending | Stage::Stopping(_) => {}
+            Stage::Idle | Stage::Ending => {}
         }
     }
 
     /// Ends the job on the line as soon as it is known how much of it has left.
     pub(crate) fn stop(&mut self, link: &mut Context<'_>, failure: Failure) {
-        if matches!(self.stage, Stage::Filling | Stage::Answer | Stage::Ending) {
-            self.line.cancel(link, Timer::Answer);
-            link.discard();
-            self.stage = Stage::Stopping(failure);
+        if !self.stage.is_sending() {
+            return;
+        }
+        self.line.cancel(link, Timer::Answer);
+        link.discard();
+        self.line.forget_owed();
+        self.sender.stopping = Some(failure);
+        self.stage = Stage::Idle;
+        if !partner_knows(failure) {
+            self.say(link, EOT);
         }
     }
 
@@ -212,9 +218,7 @@ impl HeidenhainFe {
         self.end_reception(link, Some(failure));
         self.withdraw(link);
         self.stop(link, failure);
-        if !self.stage.is_sending() {
-            self.line.cancel(link, Timer::Job);
-        }
+        self.line.cancel(link, Timer::Job);
     }
 
     /// A good block is put away and acknowledged, or waits until there is room.
@@ -227,10 +231,27 @@ impl HeidenhainFe {
     pub(crate) fn taken(&mut self, link: &mut Context<'_>, is_taken: bool) {
         if is_taken {
             self.stage = Stage::Receiving;
-            say(link, &self.settings, ACK);
+            self.say(link, ACK);
         } else {
             self.stage = Stage::Waiting;
         }
+    }
+
+    pub(crate) fn has_delivery_room(&mut self, link: &mut Context<'_>) {
+        if self.stage != Stage::Waiting {
+            return;
+        }
+        let is_taken = self.receiver.take_waiting(link, &self.settings);
+        self.taken(link, is_taken);
+        // The next block may have begun; its silence counts from its last character.
+        if !self.reader.is_inside() {
+            self.watch(link);
+        }
+    }
+
+    pub(crate) fn has_transmit_room(&mut self, link: &mut Context<'_>) {
+        self.line.pay(link, &self.settings);
+        self.go_on(link);
     }
 
     pub(crate) fn end_reception(&mut self, link: &mut Context<'_>, failure: Option<Failure>) {
@@ -240,25 +261,36 @@ impl HeidenhainFe {
         }
     }
 
-    /// Silence in a frame, and between two blocks.
+    /// Silence in a frame, and between two blocks, counts from here.
     pub(crate) fn watch(&mut self, link: &mut Context<'_>) {
         if self.reader.is_inside() {
-            self.line.cancel(link, Timer::Block);
             self.line.set_after(link, Timer::Character, self.settings.character_time);
-            return;
-        }
-        self.line.cancel(link, Timer::Character);
-        let is_timed = self.settings.block_time > 0;
-        if self.stage == Stage::Receiving && is_timed {
+        } else if self.is_timed() {
             self.line.set_after(link, Timer::Block, self.settings.block_time);
-        } else {
+        }
+        self.end_watch(link);
+    }
+
+    /// Ends the times that count no more. The others run on: nothing has come.
+    pub(crate) fn end_watch(&mut self, link: &mut Context<'_>) {
+        if !self.reader.is_inside() {
+            self.line.cancel(link, Timer::Character);
+        }
+        if self.reader.is_inside() || !self.is_timed() {
             self.line.cancel(link, Timer::Block);
         }
     }
 
+    fn is_timed(&self) -> bool {
+        self.stage == Stage::Receiving && self.settings.block_time > 0
+    }
+
+    pub(crate) fn say(&mut self, link: &mut Context<'_>, byte: u8) {
+        self.line.say(link, &self.settings, byte);
+    }
+
     pub(crate) fn name_state(&mut self, link: &mut Context<'_>) {
         let state = match self.stage {
-            Stage::Stopping(_) => "stopping",
             Stage::Filling | Stage::Answer | Stage::Ending if self.line.is_held() => "held",
             Stage::Filling if self.sender.is_paused => "paused",
             Stage::Filling | Stage::Answer | Stage::Ending => "sending",
@@ -275,4 +307,9 @@ impl HeidenhainFe {
             link.state(state);
         }
     }
+}
+
+/// Whether the control need not be told that the job is over.
+pub(crate) fn partner_knows(failure: Failure) -> bool {
+    matches!(failure, Failure::Refused | Failure::PartnerReset | Failure::LinkDown)
 }

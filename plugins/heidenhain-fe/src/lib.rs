@@ -14,8 +14,9 @@ mod stage;
 
 pub use settings::{LineEnd, Parity, Settings};
 
+use dialogue::partner_knows;
 use frame::{EOT, Reader, Text};
-use line::{Line, Timer, heard, say};
+use line::{Line, Timer, heard};
 use receiver::Receiver;
 use sender::Sender;
 use softplug_plugin::{
@@ -42,8 +43,6 @@ pub struct HeidenhainFe {
     takes: bool,
     /// The name that the control asks for.
     asked: Text,
-    /// The header that ended a job is looked at once the job is over.
-    has_header: bool,
     named: Option<&'static str>,
 }
 
@@ -52,7 +51,7 @@ softplug_plugin::export!(HeidenhainFe);
 impl Converter for HeidenhainFe {
     type Settings = Settings;
     const MANIFEST: &'static str = settings::MANIFEST;
-    const STATE_FORMAT: Option<u16> = Some(2);
+    const STATE_FORMAT: Option<u16> = Some(3);
 
     fn new(settings: Settings) -> Self {
         Self {
@@ -65,15 +64,19 @@ impl Converter for HeidenhainFe {
             request: 0,
             takes: true,
             asked: Text::default(),
-            has_header: false,
             named: None,
         }
     }
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
-        self.takes = opening.delivery_room > 0;
         if opening.resumed {
+            self.takes |= opening.delivery_room > 0;
             self.line.set_timers(link);
+            // Rooms are told anew: what has grown meanwhile is not told again.
+            self.has_transmit_room(link);
+            self.has_delivery_room(link);
+        } else {
+            self.takes = opening.delivery_room > 0;
         }
         self.name_state(link);
     }
@@ -105,10 +108,11 @@ impl Converter for HeidenhainFe {
     fn link_down(&mut self, link: &mut Context<'_>, _reason: LinkDownReason) {
         self.reader.forget();
         self.give_up(link, Failure::LinkDown);
-        if !self.stage.is_sending() {
+        // How much of a job on the line has left is told at once.
+        if self.sender.stopping.is_none() {
             self.sender.fail(link, Failure::LinkDown);
         }
-        self.watch(link);
+        self.end_watch(link);
         self.name_state(link);
     }
 
@@ -123,6 +127,7 @@ impl Converter for HeidenhainFe {
                 self.line.ran_out(Timer::Character);
                 let frame = self.reader.cut_off();
                 self.frame(link, frame);
+                self.watch(link);
             }
             Some(Timer::Answer) => {
                 self.line.ran_out(Timer::Answer);
@@ -131,7 +136,7 @@ impl Converter for HeidenhainFe {
             Some(Timer::Block) => {
                 self.line.ran_out(Timer::Block);
                 self.end_reception(link, Some(Failure::NoAnswer));
-                say(link, &self.settings, EOT);
+                self.say(link, EOT);
             }
             Some(Timer::Job) => {
                 self.line.ran_out(Timer::Job);
@@ -139,7 +144,7 @@ impl Converter for HeidenhainFe {
             }
             None => {}
         }
-        self.watch(link);
+        self.end_watch(link);
         self.name_state(link);
     }
 
@@ -160,35 +165,22 @@ impl Converter for HeidenhainFe {
     }
 
     fn transmit_room(&mut self, link: &mut Context<'_>) {
-        self.go_on(link);
+        self.has_transmit_room(link);
         self.name_state(link);
     }
 
     fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {
-        let Stage::Stopping(failure) = self.stage else { return };
-        self.stage = Stage::Idle;
+        self.line.pay(link, &self.settings);
+        let Some(failure) = self.sender.stopping else { return };
         self.sender.dropped(bytes);
         self.sender.fail(link, failure);
-        let partner_knows =
-            matches!(failure, Failure::Refused | Failure::PartnerReset | Failure::LinkDown);
-        if !partner_knows {
-            say(link, &self.settings, EOT);
-        }
-        if core::mem::take(&mut self.has_header) {
-            self.header(link);
-        }
-        self.watch(link);
         self.name_state(link);
     }
 
     fn delivery_room(&mut self, link: &mut Context<'_>) {
         self.takes = true;
-        if self.stage == Stage::Waiting {
-            let is_taken = self.receiver.take_waiting(link, &self.settings);
-            self.taken(link, is_taken);
-            self.watch(link);
-            self.name_state(link);
-        }
+        self.has_delivery_room(link);
+        self.name_state(link);
     }
 
     fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
@@ -240,15 +232,18 @@ impl Converter for HeidenhainFe {
         if job == 0 {
             if self.stage.is_receiving() {
                 self.end_reception(link, Some(Failure::Aborted));
-                say(link, &self.settings, EOT);
+                self.say(link, EOT);
             }
         } else if self.stage.is_sending() {
             self.stop(link, Failure::Aborted);
         } else {
-            self.line.cancel(link, Timer::Job);
+            // A grant waits on for another job.
+            if self.stage != Stage::Granted {
+                self.line.cancel(link, Timer::Job);
+            }
             self.sender.fail(link, Failure::Aborted);
         }
-        self.watch(link);
+        self.end_watch(link);
         self.name_state(link);
     }
 
@@ -282,28 +277,38 @@ impl Converter for HeidenhainFe {
     }
 
     fn save(&self, state: &mut StateWriter<'_>) {
-        self.stage.save(state);
+        self.stage.save(state, self.sender.stopping);
         self.reader.save(state);
         self.line.save(state);
         self.sender.save(state);
         self.receiver.save(state);
         state.u32(self.request);
         self.asked.save(state);
-        state.bool(self.has_header);
+        state.bool(self.takes);
     }
 
     fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
-        if !(1..=2).contains(&format) {
+        if !(1..=3).contains(&format) {
             return Err(StateError);
         }
-        self.stage = Stage::restore(state)?;
+        let stopping;
+        (self.stage, stopping) = Stage::restore(format, state)?;
         self.reader = Reader::restore(state)?;
-        self.line = Line::restore(state);
+        self.line = Line::restore(format, state)?;
         self.sender = Sender::restore(format, state)?;
+        self.sender.stopping = stopping;
         self.receiver = Receiver::restore(format, state, self.reader.text())?;
         self.request = state.u32();
         self.asked = Text::restore(state)?;
-        self.has_header = state.bool();
+        let is_set = state.bool();
+        if format < 3 {
+            // EOT followed only when it was known how much had left.
+            if stopping.is_some_and(|failure| !partner_knows(failure)) {
+                self.line.owe(EOT);
+            }
+        } else {
+            self.takes = is_set;
+        }
         Ok(())
     }
 }

@@ -1,7 +1,7 @@
 //! The line: parity, single characters, the control's hold, timers.
 
 use crate::settings::{Parity, Settings};
-use softplug_plugin::{Context, Micros, StateReader, StateWriter};
+use softplug_plugin::{Context, Micros, StateError, StateReader, StateWriter};
 
 /// What time is kept for.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -22,10 +22,16 @@ impl Timer {
     }
 }
 
+/// Answers that may wait for room.
+const OWED: usize = 16;
+
 #[derive(Copy, Clone, Debug, Default)]
 pub(crate) struct Line {
     held: bool,
     deadlines: [Option<Micros>; 4],
+    /// Answers that have found no room, in order.
+    owed: [u8; OWED],
+    owed_length: u8,
 }
 
 impl Line {
@@ -82,16 +88,65 @@ impl Line {
         }
     }
 
+    /// Sends a single character; one that finds no room waits for it, before all else.
+    pub(crate) fn say(&mut self, link: &mut Context<'_>, settings: &Settings, byte: u8) {
+        if self.owes_nothing() && link.transmit_room() > 0 {
+            link.transmit(&[spoken(settings, byte)]);
+        } else {
+            self.owe(byte);
+        }
+    }
+
+    /// The control asks again for what is missed even here.
+    pub(crate) fn owe(&mut self, byte: u8) {
+        if let Some(place) = self.owed.get_mut(usize::from(self.owed_length)) {
+            *place = byte;
+            self.owed_length += 1;
+        }
+    }
+
+    pub(crate) fn owes_nothing(&self) -> bool {
+        self.owed_length == 0
+    }
+
+    /// Nobody waits for an answer any more.
+    pub(crate) fn forget_owed(&mut self) {
+        self.owed_length = 0;
+    }
+
+    /// There is room again.
+    pub(crate) fn pay(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        while !self.owes_nothing() && link.transmit_room() > 0 {
+            link.transmit(&[spoken(settings, self.owed[0])]);
+            self.owed.rotate_left(1);
+            self.owed_length -= 1;
+        }
+    }
+
     pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
         state.bool(self.held);
         for at in self.deadlines {
             state.deadline(at);
         }
+        state.u8(self.owed_length);
+        state.bytes(self.owed.get(..usize::from(self.owed_length)).unwrap_or_default());
     }
 
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Self {
-        let held = state.bool();
-        Self { held, deadlines: core::array::from_fn(|_| state.deadline()) }
+    /// Before format 3 answers did not wait.
+    pub(crate) fn restore(format: u16, state: &mut StateReader<'_>) -> Result<Self, StateError> {
+        let mut line = Self {
+            held: state.bool(),
+            deadlines: core::array::from_fn(|_| state.deadline()),
+            ..Self::default()
+        };
+        let owed = if format < 3 { 0 } else { usize::from(state.u8()) };
+        if owed > OWED {
+            return Err(StateError);
+        }
+        for byte in state.bytes(owed) {
+            line.owe(*byte);
+        }
+        Ok(line)
     }
 }
 
@@ -108,11 +163,4 @@ pub(crate) fn heard(settings: &Settings, byte: u8) -> Option<u8> {
 pub(crate) fn spoken(settings: &Settings, byte: u8) -> u8 {
     let is_odd = settings.parity == Parity::Even && !byte.count_ones().is_multiple_of(2);
     byte | if is_odd { 0x80 } else { 0 }
-}
-
-/// Sends a single character; what finds no room is missed by the control, which asks again.
-pub(crate) fn say(link: &mut Context<'_>, settings: &Settings, byte: u8) {
-    if link.transmit_room() > 0 {
-        link.transmit(&[spoken(settings, byte)]);
-    }
 }

@@ -27,6 +27,7 @@ impl Receiver {
     /// Delivers a line; `false` if there is no room for it: it waits.
     pub(crate) fn take(&mut self, link: &mut Context<'_>, settings: &Settings, text: Text) -> bool {
         self.waiting = text;
+        self.at_end = false;
         let text = text.as_slice();
         let end = match settings.line_end {
             LineEnd::Lf => b"\n".as_slice(),
@@ -35,7 +36,6 @@ impl Receiver {
         let has_room = text.len() + end.len() <= link.delivery_room() as usize;
         if has_room {
             self.refusals = 0;
-            self.at_end = false;
             if !text.is_empty() {
                 link.deliver(self.delivery, text);
             }
@@ -52,6 +52,7 @@ impl Receiver {
     /// Whether a bad block may be asked for once more.
     pub(crate) fn refuses(&mut self, most: i64) -> bool {
         self.refusals += 1;
+        self.at_end = false;
         i64::from(self.refusals) <= most
     }
 

@@ -17,6 +17,8 @@ pub(crate) struct Sender {
     /// Id of the job; 0: none.
     job: u32,
     is_checking: bool,
+    /// Why the job fails, once it is known how much of it has left.
+    pub(crate) stopping: Option<Failure>,
     pub(crate) is_paused: bool,
     /// The name that the control must ask for.
     name: Text,
@@ -48,6 +50,7 @@ impl Default for Sender {
         Self {
             job: 0,
             is_checking: false,
+            stopping: None,
             is_paused: false,
             name: Text::default(),
             has_name: false,
@@ -99,7 +102,7 @@ impl Sender {
 
     /// Whether there is a job to send.
     pub(crate) fn is_waiting(&self) -> bool {
-        self.job != 0 && !self.is_checking
+        self.job != 0 && !self.is_checking && self.stopping.is_none()
     }
 
     /// Whether the job may go where this name was asked for.

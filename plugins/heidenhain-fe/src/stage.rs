@@ -18,8 +18,6 @@ pub(crate) enum Stage {
     Answer,
     /// The end has gone.
     Ending,
-    /// The queue is dropped; then the job fails.
-    Stopping(Failure),
     /// The control sends.
     Receiving,
     /// A block is good and waits for room.
@@ -29,41 +27,46 @@ pub(crate) enum Stage {
 impl Stage {
     /// Whether a job is on the line.
     pub(crate) fn is_sending(self) -> bool {
-        matches!(self, Self::Filling | Self::Answer | Self::Ending | Self::Stopping(_))
+        matches!(self, Self::Filling | Self::Answer | Self::Ending)
     }
 
     pub(crate) fn is_receiving(self) -> bool {
         matches!(self, Self::Receiving | Self::Waiting)
     }
 
-    pub(crate) fn save(self, state: &mut StateWriter<'_>) {
-        let (code, failure) = match self {
-            Self::Idle => (0, None),
-            Self::Asking => (1, None),
-            Self::Granted => (2, None),
-            Self::Filling => (3, None),
-            Self::Answer => (4, None),
-            Self::Ending => (5, None),
-            Self::Stopping(failure) => (6, Some(failure)),
-            Self::Receiving => (7, None),
-            Self::Waiting => (8, None),
-        };
-        state.u8(code);
-        state.failure(failure);
+    /// `stopping`: why a job fails of which it is not known yet how much has left.
+    pub(crate) fn save(self, state: &mut StateWriter<'_>, stopping: Option<Failure>) {
+        state.u8(match self {
+            Self::Idle => 0,
+            Self::Asking => 1,
+            Self::Granted => 2,
+            Self::Filling => 3,
+            Self::Answer => 4,
+            Self::Ending => 5,
+            Self::Receiving => 7,
+            Self::Waiting => 8,
+        });
+        state.failure(stopping);
     }
 
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        Ok(match (state.u8(), state.failure()) {
-            (0, None) => Self::Idle,
-            (1, None) => Self::Asking,
-            (2, None) => Self::Granted,
-            (3, None) => Self::Filling,
-            (4, None) => Self::Answer,
-            (5, None) => Self::Ending,
-            (6, Some(failure)) => Self::Stopping(failure),
-            (7, None) => Self::Receiving,
-            (8, None) => Self::Waiting,
+    pub(crate) fn restore(
+        format: u16,
+        state: &mut StateReader<'_>,
+    ) -> Result<(Self, Option<Failure>), StateError> {
+        let (code, stopping) = (state.u8(), state.failure());
+        let stage = match code {
+            0 => Self::Idle,
+            1 => Self::Asking,
+            2 => Self::Granted,
+            3 => Self::Filling,
+            4 => Self::Answer,
+            5 => Self::Ending,
+            // It was a stage of its own.
+            6 if format < 3 => Self::Idle,
+            7 => Self::Receiving,
+            8 => Self::Waiting,
             _ => return Err(StateError),
-        })
+        };
+        Ok((stage, stopping))
     }
 }

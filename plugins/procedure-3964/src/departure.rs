@@ -33,6 +33,13 @@ impl Departure {
         self.stage = Stage::Wanted;
     }
 
+    /// Watches the same byte, which is queued again.
+    pub(crate) fn watch_again(&mut self) {
+        if self.is_pending() {
+            self.watch();
+        }
+    }
+
     pub(crate) fn forget(&mut self) {
         self.stage = Stage::None;
     }

@@ -12,6 +12,7 @@ mod job;
 mod machine;
 mod phase;
 mod procedure;
+mod queue;
 mod receiver;
 mod rk512;
 mod sender;

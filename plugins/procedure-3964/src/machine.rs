@@ -7,6 +7,7 @@ use crate::departure::Departure;
 use crate::frame::{DLE, Decoder, Encoder, NAK, STX};
 use crate::job::{BLOCK, Job, Stage};
 use crate::phase::Phase;
+use crate::queue::{Meant, Runs};
 use crate::rk512::{LARGEST_TELEGRAM, Rk512, timeout_at};
 use crate::{Layer, Options, Priority};
 use softplug_plugin::{
@@ -37,17 +38,6 @@ pub(crate) fn after(link: &Context<'_>, millis: i64) -> Micros {
     link.now() + Micros(millis * 1_000)
 }
 
-/// Sends a control character; nothing else is queued then. Where the host has no
-/// room for one byte, the partner's time-out has to do.
-#[inline(never)]
-pub(crate) fn put(link: &mut Context<'_>, byte: u8) -> bool {
-    let has_room = link.transmit_room() > 0;
-    if has_room {
-        link.transmit(&[byte]);
-    }
-    has_room
-}
-
 /// Whose block is on the line.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub(crate) enum Owner {
@@ -73,15 +63,23 @@ pub(crate) struct Machine {
     pub(crate) transmissions: u8,
     /// The partner's STX came while we, with high priority, waited for DLE.
     pub(crate) stx_seen: bool,
-    /// Whether the latest discard was of the job's bytes, and how many are not answered.
-    pub(crate) discards_job: bool,
-    pub(crate) discards: u16,
+    /// A discard is not answered; of what it is meant, and whether a NAK follows where
+    /// something of the job has left.
+    pub(crate) discards: bool,
+    pub(crate) meant: Meant,
+    pub(crate) owes_nak: bool,
+    /// What was queued last.
+    pub(crate) queued: Runs,
+    /// What waits for a discard's answer, or for room.
+    pub(crate) waiting: Runs,
     // Receiver.
     pub(crate) decoder: Decoder,
     /// There was an error in this block.
     pub(crate) is_faulty: bool,
     /// We withdrew an STX of our own for this block.
     pub(crate) withdrew: bool,
+    /// Characters of this block, as far as they are counted.
+    pub(crate) heard: u8,
     /// Blocks that were refused since the first STX.
     pub(crate) refused: u8,
     /// Most data bytes of a block.
@@ -113,8 +111,11 @@ impl Machine {
             setups: 0,
             transmissions: 0,
             stx_seen: false,
-            discards: 0,
-            discards_job: false,
+            discards: false,
+            meant: Meant::default(),
+            owes_nak: false,
+            queued: const { Runs::new() },
+            waiting: const { Runs::new() },
             decoder: Decoder::default(),
             block: const { Block::new() },
             limit: 0,
@@ -122,6 +123,7 @@ impl Machine {
             first_error: None,
             is_faulty: false,
             withdrew: false,
+            heard: 0,
             buffer_until: Micros::ZERO,
             last_delivery: 0,
             rest: const { Block::new() },
@@ -142,7 +144,7 @@ impl Machine {
                 Layer::None => opening.delivery_room.min(self.options.block_size as u32) as u16,
             };
             if self.options.nak_at_start {
-                put(link, NAK);
+                self.put(link, NAK);
             }
         }
         self.name(link);
@@ -266,7 +268,7 @@ impl Machine {
         match self.phase {
             Phase::Idle | Phase::Sending => {}
             Phase::Garbage => {
-                put(link, NAK);
+                self.put(link, NAK);
                 self.idle();
             }
             Phase::BufferWait => self.look_for_buffer(link),
@@ -280,7 +282,7 @@ impl Machine {
             }
             Phase::Disturbed => {
                 if self.has_attempts() {
-                    put(link, NAK);
+                    self.put(link, NAK);
                 }
                 self.repeat_block(link, DISTURBED);
             }
@@ -295,7 +297,7 @@ impl Machine {
             (Phase::Sending, Some(MarkState::MaybeLeft)) => {
                 self.phase = Phase::AcknowledgementWait;
                 if self.owner == Owner::Reaction {
-                    self.rk512.advance();
+                    self.rk512.reaction_left();
                 }
             }
             (Phase::DleWait | Phase::AcknowledgementWait, Some(MarkState::SurelyLeft)) => {
@@ -318,7 +320,7 @@ impl Machine {
     }
 
     pub(crate) fn link_down(&mut self, link: &mut Context<'_>) {
-        self.drop_queue(link);
+        self.discard(link, Meant::ALL);
         if self.phase.is_receiver() {
             self.end_reception(link, LINK_DOWN);
         }
@@ -330,7 +332,11 @@ impl Machine {
 
     /// BREAK leads to idle from every state.
     fn break_off(&mut self, link: &mut Context<'_>) {
+        if self.phase == Phase::Idle {
+            return;
+        }
         if self.phase.is_receiver() {
+            self.take_grant_back(link);
             self.end_reception(link, BREAK);
         } else if self.phase.is_sender() {
             self.drop_queue(link);
@@ -372,11 +378,13 @@ impl Machine {
 
     /// What each event ends with: the rest of the output, the mark, the timers.
     pub(crate) fn finish(&mut self, link: &mut Context<'_>) {
-        let is_cut = self.pump(link);
+        let is_cut = self.queue_waiting(link) || self.pump(link);
         if is_cut || !self.rest.is_empty() {
             link.again();
         }
-        self.departure.set_mark(link);
+        if self.is_all_queued() {
+            self.departure.set_mark(link);
+        }
         self.arm(link, PROCEDURE, self.deadline);
         self.arm(link, REACTION, self.rk512.reaction_until);
         self.arm(link, REQUEST, self.rk512.answer_until);
@@ -415,8 +423,11 @@ impl Machine {
         state.u8(self.setups);
         state.u8(self.transmissions);
         state.bool(self.stx_seen);
-        state.u16(self.discards);
-        state.bool(self.discards_job);
+        state.bool(self.discards);
+        self.meant.save(state);
+        state.bool(self.owes_nak);
+        self.queued.save(state);
+        self.waiting.save(state);
         self.decoder.save(state);
         self.block.save(state);
         state.u16(self.limit);
@@ -426,9 +437,14 @@ impl Machine {
         state.bool(self.withdrew);
         state.micros(self.buffer_until);
         state.u32(self.last_delivery);
+        state.u8(self.heard);
     }
 
-    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
+    pub(crate) fn restore(
+        &mut self,
+        format: u16,
+        state: &mut StateReader<'_>,
+    ) -> Result<(), StateError> {
         self.phase = Phase::restore(state)?;
         self.deadline = state.micros();
         self.departure = Departure::restore(state)?;
@@ -439,8 +455,18 @@ impl Machine {
         self.setups = state.u8();
         self.transmissions = state.u8();
         self.stx_seen = state.bool();
-        self.discards = state.u16();
-        self.discards_job = state.bool();
+        if format < 2 {
+            // What a discard has taken is not known any more.
+            self.discards = state.u16() > 0;
+            self.meant = Meant::ALL;
+            let _ = state.bool();
+        } else {
+            self.discards = state.bool();
+            self.meant = Meant::restore(state);
+            self.owes_nak = state.bool();
+            self.queued.restore(state)?;
+            self.waiting.restore(state)?;
+        }
         self.decoder = Decoder::restore(state)?;
         self.block.restore(state)?;
         self.limit = state.u16();
@@ -450,6 +476,7 @@ impl Machine {
         self.withdrew = state.bool();
         self.buffer_until = state.micros();
         self.last_delivery = state.u32();
+        self.heard = if format < 2 { 1 } else { state.u8() };
         Ok(())
     }
 

@@ -56,7 +56,7 @@ pub struct Procedure<V> {
 impl<V: Variant> Converter for Procedure<V> {
     type Settings = Configured<V>;
     const MANIFEST: &'static str = V::MANIFEST;
-    const STATE_FORMAT: Option<u16> = Some(1);
+    const STATE_FORMAT: Option<u16> = Some(2);
 
     fn new(settings: Configured<V>) -> Self {
         Self { machine: Machine::new(settings.options), variant: PhantomData }
@@ -143,9 +143,9 @@ impl<V: Variant> Converter for Procedure<V> {
     }
 
     fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
-        if Some(format) != Self::STATE_FORMAT {
+        if !(1..=2).contains(&format) {
             return Err(StateError);
         }
-        self.machine.restore(state)
+        self.machine.restore(format, state)
     }
 }

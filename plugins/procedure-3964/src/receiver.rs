@@ -2,7 +2,7 @@
 
 use crate::cause::*;
 use crate::frame::{DLE, NAK, STX, Step};
-use crate::machine::{Machine, NEVER, after, put};
+use crate::machine::{Machine, NEVER, after};
 use crate::phase::Phase;
 use crate::rk512::LARGEST_DATA;
 use crate::{Layer, frame::Decoder};
@@ -22,6 +22,7 @@ impl Machine {
         self.is_faulty = false;
         self.block.clear();
         self.decoder = Decoder::default();
+        self.heard = 0;
         self.departure.forget();
         if !self.options.handshake {
             // The block follows at once: it can only be refused at its end.
@@ -39,12 +40,12 @@ impl Machine {
 
     pub(crate) fn look_for_buffer(&mut self, link: &mut Context<'_>) {
         if self.has_buffer(link) {
-            put(link, DLE);
+            self.grant(link);
             self.departure.watch();
             self.phase = Phase::Receiving;
             self.deadline = NEVER;
         } else if link.now() >= self.buffer_until {
-            put(link, NAK);
+            self.put(link, NAK);
             self.end_reception(link, NO_BUFFER);
         } else {
             self.deadline = self.buffer_until.min(after(link, BUFFER_POLL));
@@ -77,7 +78,7 @@ impl Machine {
                 return;
             }
             // Where it can still be taken back, nobody takes it for an acknowledgement.
-            self.drop_queue(link);
+            self.take_grant_back(link);
             self.fault(link, TOO_EARLY);
         }
         self.departure.forget();
@@ -86,13 +87,14 @@ impl Machine {
             self.fault(link, DAMAGED);
         }
         let Some(byte) = raw else { return };
+        self.heard = self.heard.saturating_add(1);
         match self.decoder.take(&self.options, &mut self.block, self.limit, byte) {
             Step::Inside => {}
             Step::LoneDle => {
                 self.fault(link, LONE_DLE);
             }
             Step::TooLong => {
-                put(link, NAK);
+                self.put(link, NAK);
                 self.end_reception(link, BLOCK_TOO_LONG);
             }
             Step::End(is_right) => {
@@ -114,7 +116,7 @@ impl Machine {
 
     fn end_of_block(&mut self, link: &mut Context<'_>) {
         if !self.is_faulty {
-            put(link, DLE);
+            self.put(link, DLE);
             self.idle();
             match self.options.layer {
                 Layer::None => self.deliver(link, None),
@@ -122,7 +124,7 @@ impl Machine {
             }
             return;
         }
-        put(link, NAK);
+        self.put(link, NAK);
         self.refused = self.refused.saturating_add(1);
         let refused = i64::from(self.refused);
         let is_last = refused >= self.options.transmission_attempts;
@@ -138,11 +140,13 @@ impl Machine {
 
     /// ZVZ has run out in a block.
     pub(crate) fn silence(&mut self, link: &mut Context<'_>) {
-        put(link, NAK);
+        self.put(link, NAK);
         // Both sides withdrew: each answered the other's STX, and nothing follows.
-        if self.withdrew && self.block.is_empty() && self.decoder.is_after_dle() {
+        if self.withdrew && self.heard == 1 && self.decoder.is_after_dle() {
             self.first_error = Some(BOTH_LOW);
             self.end_reception(link, BOTH_LOW);
+            // Our STX may wait for the port still.
+            self.drop_queue(link);
             self.end_block(link, BOTH_LOW);
         } else {
             self.end_reception(link, SILENCE);

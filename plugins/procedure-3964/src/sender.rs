@@ -4,8 +4,9 @@ use crate::Layer;
 use crate::cause::*;
 use crate::frame::{DLE, ETX, Encoder, NAK, STX};
 use crate::job::Stage;
-use crate::machine::{Machine, NEVER, Owner, put};
+use crate::machine::{Machine, NEVER, Owner};
 use crate::phase::Phase;
+use crate::queue::{Meant, Part, Run, Runs};
 
 use softplug_plugin::{Context, JobStart};
 
@@ -112,15 +113,12 @@ impl Machine {
             if is_on_line {
                 self.drop_queue(link);
                 self.idle();
-            }
-            let is_told = self.phase == Phase::Idle;
-            if is_on_line || (self.job.sent > 0 && is_told) {
-                put(link, NAK);
-                if is_on_line && !self.options.handshake {
-                    // The partner does not answer STX, and takes one for data while
-                    // it is still in the block.
-                    self.departure.watch();
-                }
+                self.owes_nak = true;
+            } else if self.job.sent > 0 && self.phase == Phase::Idle {
+                self.put(link, NAK);
+            } else if self.phase.is_receiver() && self.job.stage == Stage::Begun {
+                // It gave way: its STX need not have left.
+                self.drop_queue(link);
             }
             self.fail_job(link, ABORTED);
         }
@@ -134,39 +132,127 @@ impl Machine {
             return;
         }
         self.end_reading(link, Some(cause));
-        if self.discards == 0 {
-            self.job.failed(link, cause);
-        } else {
+        if self.discards {
             self.job.stage = Stage::Failing;
             self.job.failing = Some(cause);
+        } else {
+            self.job.failed(link, cause);
+        }
+    }
+
+    /// Nothing more of our block is sent; what answers the partner is.
+    #[inline(never)]
+    pub(crate) fn drop_queue(&mut self, link: &mut Context<'_>) {
+        self.discard(link, Meant::BLOCK);
+        if self.phase.is_sender() {
+            self.departure.forget();
+        } else {
+            self.departure.watch_again();
+        }
+    }
+
+    /// The DLE that answers STX is not sent, if the port has not been given it.
+    pub(crate) fn take_grant_back(&mut self, link: &mut Context<'_>) {
+        if self.phase == Phase::Receiving && self.departure.is_pending() {
+            self.discard(link, Meant::GRANT);
+            self.departure.forget();
         }
     }
 
     #[inline(never)]
-    pub(crate) fn drop_queue(&mut self, link: &mut Context<'_>) {
-        link.discard();
-        self.discards = self.discards.saturating_add(1);
-        self.discards_job = self.phase.is_sender() && self.owner == Owner::Job;
-        self.departure.forget();
+    pub(crate) fn discard(&mut self, link: &mut Context<'_>, meant: Meant) {
+        self.waiting.drop(meant);
+        if self.discards {
+            // What the discard before has taken does not come again if it is meant now.
+            self.meant = self.meant.and(meant);
+        } else {
+            self.meant = meant;
+            self.discards = true;
+            link.discard();
+        }
     }
 
+    /// So many of the last characters were dropped: those that were not meant are queued
+    /// again, before all that came since.
     pub(crate) fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {
-        self.discards = self.discards.saturating_sub(1);
-        if self.discards_job {
-            self.job.sent = self.job.sent.saturating_sub(bytes.into());
-        }
-        if self.discards == 0
-            && let Some(cause) = self.job.failing
+        self.discards = false;
+        let mut dropped = Runs::new();
+        let mut left = bytes;
+        while left > 0
+            && let Some(run) = self.queued.last(left)
         {
+            left -= u32::from(run.count);
+            if run.part.is_of_job() {
+                self.job.sent = self.job.sent.saturating_sub(run.count.into());
+            }
+            if !self.meant.covers(run.part) && !run.part.is_block() {
+                dropped.push(run);
+            }
+        }
+        self.waiting.put_before(&dropped);
+        if core::mem::take(&mut self.owes_nak) && self.job.sent > 0 {
+            self.put(link, NAK);
+            if !self.options.handshake {
+                // The partner does not answer STX, and takes one for data while it is
+                // still in the block.
+                self.departure.watch();
+            }
+        }
+        if let Some(cause) = self.job.failing {
             self.job.failed(link, cause);
         }
-        self.finish(link);
+        self.settle(link);
+    }
+
+    /// Sends a control character. Where it cannot be queued at once it waits.
+    #[inline(never)]
+    pub(crate) fn put(&mut self, link: &mut Context<'_>, byte: u8) {
+        self.queue(link, byte, Part::Answer);
+    }
+
+    pub(crate) fn grant(&mut self, link: &mut Context<'_>) {
+        self.queue(link, DLE, Part::Grant);
+    }
+
+    pub(crate) fn is_all_queued(&self) -> bool {
+        !self.discards && self.waiting.is_empty()
+    }
+
+    #[inline(never)]
+    fn queue(&mut self, link: &mut Context<'_>, byte: u8, part: Part) {
+        let run = Run { count: 1, byte, part };
+        if !self.is_all_queued() || link.transmit_room() == 0 {
+            // Where even that has no place, the partner's time-out has to do.
+            self.waiting.push(run);
+            return;
+        }
+        link.transmit(&[byte]);
+        self.queued.remember(run);
+        if part.is_of_job() {
+            self.job.sent += 1;
+        }
+    }
+
+    /// Queues what waits; whether the output cut it short.
+    pub(crate) fn queue_waiting(&mut self, link: &mut Context<'_>) -> bool {
+        if self.discards || self.waiting.is_empty() {
+            return false;
+        }
+        let mut waiting = core::mem::replace(&mut self.waiting, Runs::new());
+        while link.transmit_room() > 0
+            && link.output_room() > KEPT_OUTPUT
+            && let Some(run) = waiting.first()
+        {
+            self.queue(link, run.byte, run.part);
+        }
+        self.waiting = waiting;
+        !self.waiting.is_empty() && link.transmit_room() > 0
     }
 
     /// Begins what may be sent, if the line is idle.
     pub(crate) fn begin_block(&mut self, link: &mut Context<'_>) {
         let is_quiet = self.deadline == NEVER && !self.departure.is_watching();
-        if self.phase != Phase::Idle || !is_quiet {
+        if self.phase != Phase::Idle || !is_quiet || self.owes_nak {
             return;
         }
         if self.rk512.reaction_ready {
@@ -183,7 +269,11 @@ impl Machine {
     }
 
     fn set_up(&mut self, link: &mut Context<'_>) {
-        self.send(link, STX);
+        let part = match self.owner {
+            Owner::Job => Part::JobSetUp,
+            Owner::Reaction => Part::ReactionSetUp,
+        };
+        self.queue(link, STX, part);
         self.stx_seen = false;
         self.deadline = NEVER;
         if self.options.handshake {
@@ -203,7 +293,8 @@ impl Machine {
 
     /// Queues as much of the block as may be; whether the output cut it short.
     pub(crate) fn pump(&mut self, link: &mut Context<'_>) -> bool {
-        if self.phase != Phase::Sending || self.encoder.is_at_end() {
+        let is_ours = self.phase == Phase::Sending && self.is_all_queued();
+        if !is_ours || self.encoder.is_at_end() {
             return false;
         }
         while link.output_room() > KEPT_OUTPUT && link.transmit_room() > KEPT_ROOM {
@@ -212,20 +303,17 @@ impl Machine {
                 Owner::Reaction => self.rk512.reaction.as_slice(),
             };
             let Some(byte) = self.encoder.next(&self.options, data) else { break };
-            self.send(link, byte);
+            let part = match self.owner {
+                Owner::Job => Part::Job,
+                Owner::Reaction => Part::Reaction,
+            };
+            self.queue(link, byte, part);
         }
         if self.encoder.is_at_end() {
             self.departure.watch();
             return false;
         }
         link.output_room() <= KEPT_OUTPUT
-    }
-
-    /// A byte that counts as sent for its job.
-    fn send(&mut self, link: &mut Context<'_>, byte: u8) {
-        if put(link, byte) && self.owner == Owner::Job {
-            self.job.sent += 1;
-        }
     }
 
     /// Low priority: the partner's block goes first.
@@ -266,7 +354,7 @@ impl Machine {
     }
 
     fn give_up(&mut self, link: &mut Context<'_>, cause: Cause) {
-        put(link, NAK);
+        self.put(link, NAK);
         self.end_block(link, cause);
     }
 
@@ -282,6 +370,7 @@ impl Machine {
     pub(crate) fn acknowledged(&mut self, link: &mut Context<'_>) {
         self.idle();
         if self.owner == Owner::Reaction {
+            self.rk512.advance();
             self.rk512.reaction_ended();
             return;
         }

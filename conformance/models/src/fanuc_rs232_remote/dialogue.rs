@@ -13,8 +13,8 @@ const REPETITIONS: u32 = 3;
 impl RemoteBuffer {
     /// A message, or what was to be one, is complete.
     pub(super) fn message(&mut self, message: Result<Command, Bad>) {
-        // Plug-in differs: what comes behind a GTD at one instant finds its data not there
-        // yet, and WAT or a short packet is said before it.
+        // What comes behind a GTD at one instant may find its data not there yet: WAT or a
+        // short packet is said before it, and the model does not follow that.
         self.is_unsure |= self.job.as_ref().is_some_and(|job| job.is_asked);
         match message {
             Ok(Command::Rty) => self.say_again(),
@@ -90,8 +90,8 @@ impl RemoteBuffer {
         job.is_asked = false;
         let end = self.rules.end;
         let frame = compose("DAT", &[], end).len();
-        // Plug-in differs: a packet is no longer than the room that is free. While others
-        // wait it may have none, which is not judged, nor what follows from it.
+        // A packet is no longer than the room that is free. While others wait it may have
+        // none, which is not judged, nor what follows from it.
         let room = self.wire.known().saturating_sub(frame);
         let size = self.rules.packet_size.min(room);
         self.is_unsure |=
@@ -177,7 +177,7 @@ impl RemoteBuffer {
     }
 
     fn send(&mut self, message: &[u8], is_job: bool, clause: &'static str) {
-        // Plug-in differs: what finds no room is not said.
+        // What finds no room is not said, and the model does not follow that.
         self.is_unsure |= self.wire.known() < message.len();
         if !self.is_unsure {
             let made: Vec<u8> = message.iter().map(|own| sent(&self.rules, *own)).collect();
@@ -197,10 +197,9 @@ impl RemoteBuffer {
     /// A job whose EOD was sent is done.
     fn end(&mut self) {
         let Some(Job { id: job, .. }) = self.job.take_if(|job| job.is_ended) else { return };
-        // Plug-in differs: it counts what still has to leave, too.
-        let counts = [self.wire.taken(), self.wire.queued()];
-        let done = counts.map(|sent| Effect::Done { job, sent });
-        self.demands.add_one_of(done.to_vec(), "fanuc-rs232.remote.end");
+        // What still has to leave will: nothing drops it.
+        let sent = self.wire.queued();
+        self.demands.add(Effect::Done { job, sent }, "fanuc-rs232.remote.end");
     }
 
     /// The job fails; all that waits is dropped.

@@ -102,7 +102,6 @@ impl Fe {
     }
 
     fn aborts_delivery(&mut self, clause: &'static str) {
-        self.silence_begins_anew();
         if let State::Receiving(_) = self.state {
             self.end_delivery(Some(Failure::Aborted), clause);
             self.end_all(clause);
@@ -129,7 +128,6 @@ impl Fe {
         }
         let name = name.clone();
         if !is_granted {
-            self.waits_anew();
             self.end_all("heidenhain-fe.tx.refused");
         } else if self.job.is_some() {
             self.sends_to(&name);

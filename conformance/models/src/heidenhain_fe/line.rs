@@ -18,9 +18,6 @@ impl Fe {
 
     /// A character comes; `None`: damaged, or lost.
     pub(super) fn character(&mut self, character: Option<u8>) {
-        // plug-in differs: what follows at the instant at which a job fails is not taken
-        // as what it is.
-        self.is_blind |= self.failed == Some(self.now);
         if let State::Receiving(reception) = &mut self.state {
             reception.latest = self.now;
         }
@@ -36,8 +33,9 @@ impl Fe {
             Some(SOH) => self.frame_begins(Kind::Header),
             Some(STX) => self.frame_begins(Kind::Block),
             Some(ETX) => {
+                // One that does not wait for its answer ends nothing.
                 if let State::Receiving(reception) = &mut self.state {
-                    reception.has_etx = true;
+                    reception.has_etx = reception.waiting.is_none();
                 }
             }
             Some(EOT) => self.eot(),
@@ -76,9 +74,6 @@ impl Fe {
         match text {
             [_, name @ .., b'A'] => self.header_a(name),
             [kind, name @ .., b'E'] => self.header_e(*kind, name),
-            // plug-in differs: where it knows of no place, the mode alone is answered by EOT.
-            [b'A'] if self.doubts_place() => {}
-            [b'A'] if self.has_no_place => self.end_all("heidenhain-fe.rx.no-room"),
             _ => self.bad_header(),
         }
     }

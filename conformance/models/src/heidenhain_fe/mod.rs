@@ -160,8 +160,6 @@ struct Fe {
     requests: u32,
     /// The id of the latest job.
     jobs: u32,
-    /// When a job failed that the control had asked for.
-    failed: Option<Micros>,
     /// Nothing is judged any more.
     is_blind: bool,
 }
@@ -256,7 +254,6 @@ impl Fe {
             deliveries: 0,
             requests: 0,
             jobs: 0,
-            failed: None,
             is_blind: false,
         })
     }

@@ -23,8 +23,8 @@ pub(super) struct Reception {
 impl Fe {
     /// A header that is bad, or of another mode.
     pub(super) fn bad_header(&mut self) {
+        // An answer in the middle of a program would be taken for a part of it.
         if let State::Sending(_) = self.state {
-            // plug-in differs: it does not answer while it sends.
             return;
         }
         self.out.send(&[NAK], "heidenhain-fe.rx.bad-header");
@@ -59,19 +59,19 @@ impl Fe {
 
     /// Whether it cannot be told if the plug-in knows of a place.
     pub(super) fn doubts_place(&mut self) -> bool {
-        // plug-in differs: one that has taken over while there was no room takes
-        // the host for one without a place, until it is told of some.
-        self.is_blind |= !(self.room.must_take(1) || self.has_no_place && self.room.free() == 0);
+        // Some room that may not have been told.
+        self.is_blind |= self.has_no_place && self.room.free() > 0;
         self.is_blind
     }
 
     /// A good block.
     pub(super) fn block(&mut self, text: &[u8]) {
         match &mut self.state {
-            // plug-in differs: while it sends it does not answer.
+            // An answer in the middle of a program would be taken for a part of it.
             State::Receiving(Reception { waiting: Some(_), .. }) | State::Sending(_) => {}
             State::Receiving(reception) => {
                 reception.refusals = 0;
+                reception.has_etx = false;
                 reception.waiting = Some([text, self.rules.line_end].concat());
                 self.takes_room();
             }
@@ -89,7 +89,7 @@ impl Fe {
         if reception.waiting.is_some() {
             return;
         }
-        // plug-in differs: an ETX before a bad block still counts.
+        reception.has_etx = false;
         reception.refusals += 1;
         if reception.refusals > self.rules.repeats {
             self.end_delivery(Some(Failure::Checksum), CLAUSE);
@@ -106,9 +106,7 @@ impl Fe {
 
     /// The host has put something away.
     pub(super) fn has_more_room(&mut self) {
-        // plug-in differs: one that takes over does not look whether there is room
-        // by now, so that only an empty room is certain.
-        self.takes_room_if(|room, bytes| room.is_empty() && room.must_take(bytes));
+        self.takes_room();
     }
 
     /// The plug-in may know of more room than it was told of for certain.
@@ -134,8 +132,6 @@ impl Fe {
     /// A good line finds room: it is delivered and answered.
     fn delivers(&mut self, line: &[u8]) {
         let State::Receiving(reception) = &mut self.state else { return };
-        // plug-in differs: an ETX before a line that waits for room still counts.
-        reception.has_etx = false;
         reception.bytes.extend(line);
         reception.latest = self.now;
         self.room.deliver(line.len());
@@ -149,7 +145,6 @@ impl Fe {
         let State::Receiving(reception) = std::mem::replace(&mut self.state, State::Idle) else {
             return;
         };
-        self.silence_begins_anew();
         let Reception { name, bytes, .. } = reception;
         let id = self.deliveries;
         self.expect(clause, Effect::Delivered { id, bytes, name: Some(name), failure, status: 0 });

@@ -35,11 +35,6 @@ impl Room {
         bytes + untold <= self.free()
     }
 
-    /// Whether all that was delivered is put away.
-    pub(super) fn is_empty(&self) -> bool {
-        self.kept + self.fresh == 0
-    }
-
     pub(super) fn deliver(&mut self, bytes: usize) {
         let part = if self.keeps { &mut self.kept } else { &mut self.fresh };
         *part += bytes;

@@ -84,7 +84,6 @@ impl Fe {
     pub(super) fn sends_to(&mut self, name: &[u8]) {
         let Some(job) = &mut self.job else { return };
         if !job.is_for(name) {
-            self.waits_anew();
             return self.end_all("heidenhain-fe.tx.name");
         }
         job.until = None;
@@ -97,13 +96,6 @@ impl Fe {
             queued: 0,
         });
         self.goes_on("heidenhain-fe.tx.on-request");
-    }
-
-    /// plug-in differs: `request_time` begins anew where the control is told EOT.
-    pub(super) fn waits_anew(&mut self) {
-        if let Some(job) = &mut self.job {
-            job.until = self.rules.request_time.map(|time| self.now + time);
-        }
     }
 
     /// The next block, or the same one again, unless the job is paused.
@@ -166,13 +158,11 @@ impl Fe {
     /// control had asked.
     pub(super) fn fail_job(&mut self, failure: Failure, clause: &'static str) {
         let Some(job) = self.job.take() else { return };
-        self.silence_begins_anew();
         let mut sent = 0;
         if let State::Sending(sending) = &self.state {
             // All that waits behind our ACK is the job's.
             sent = sending.queued.saturating_sub(self.out.discard());
             self.state = State::Idle;
-            self.failed = Some(self.now);
         }
         self.expect(clause, Effect::Failed { job: job.id, failure, status: 0, sent });
     }

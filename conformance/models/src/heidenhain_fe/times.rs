@@ -35,25 +35,12 @@ impl Fe {
                 self.end_delivery(Some(Failure::NoAnswer), "heidenhain-fe.rx.silence");
                 self.end_all("heidenhain-fe.rx.silence");
             }
-            State::Granted { .. } => {
-                self.silence_begins_anew();
-                self.end_all("heidenhain-fe.tx.granted");
-            }
+            State::Granted { .. } => self.end_all("heidenhain-fe.tx.granted"),
             State::Sending(_) => {
                 self.fail_job(Failure::NoAnswer, "heidenhain-fe.tx.answer-time");
                 self.end_all("heidenhain-fe.tx.answer-time");
             }
             State::Asking { .. } | State::Idle => {}
-        }
-    }
-
-    /// plug-in differs: where a job, a delivery or a grant ends, silence counts anew.
-    pub(super) fn silence_begins_anew(&mut self) {
-        if let Some(frame) = &mut self.frame {
-            frame.latest = self.now;
-        }
-        if let State::Receiving(reception) = &mut self.state {
-            reception.latest = self.now;
         }
     }
 }

@@ -14,19 +14,15 @@ impl Awaited {
         self.0.push_back((rule, effect));
     }
 
-    /// One is seen. Where characters may be miscounted `sent` is not looked at.
+    /// One is seen.
     ///
     /// # Errors
     /// Another one had to be, or none of its kind.
-    pub(super) fn seen(
-        &mut self,
-        effect: &Effect,
-        any_sent: bool,
-    ) -> Result<(), Option<(Rule, String)>> {
+    pub(super) fn seen(&mut self, effect: &Effect) -> Result<(), Option<(Rule, String)>> {
         let is_alike = |(_, own): &(Rule, Effect)| discriminant(own) == discriminant(effect);
         let place = self.0.iter().position(is_alike).ok_or(None)?;
         match self.0.remove(place) {
-            Some((rule, own)) if own != *effect && !(any_sent && differ_in_sent(&own, effect)) => {
+            Some((rule, own)) if own != *effect => {
                 Err(Some((rule, format!("{own:?} had to come, and not {effect:?}"))))
             }
             _ => Ok(()),
@@ -41,17 +37,5 @@ impl Awaited {
     /// The first that was not seen.
     pub(super) fn missing(&self) -> Option<(Rule, String)> {
         self.0.front().map(|(rule, own)| (*rule, format!("{own:?} had to come, and did not")))
-    }
-}
-
-/// Both are the same end of one job, but for the characters that left for it.
-fn differ_in_sent(own: &Effect, effect: &Effect) -> bool {
-    match (own, effect) {
-        (Effect::Done { job: a, .. }, Effect::Done { job: b, .. }) => a == b,
-        (
-            Effect::Failed { job: a, failure: why, status: code, .. },
-            Effect::Failed { job: b, failure, status, .. },
-        ) => (a, why, code) == (b, failure, status),
-        _ => false,
     }
 }

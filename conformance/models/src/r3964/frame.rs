@@ -88,9 +88,8 @@ impl Incoming {
     }
 
     /// A lone DLE has come and nothing else.
-    // plug-in differs: a DLE error may come before it.
     pub(super) fn is_lone_dle(&self) -> bool {
-        self.length == 0 && self.place == Place::BehindDle
+        self.characters == 1 && self.place == Place::BehindDle
     }
 
     /// One more character.

@@ -52,8 +52,8 @@ impl Station {
     }
 
     /// The block that it has is no longer to be sent.
-    pub(crate) fn abort_sending(&mut self) {
-        self.abort(self.jobs);
+    pub(crate) fn abort_sending(&mut self, has_sent: bool) {
+        self.abort_behind(self.jobs, has_sent);
     }
 
     /// Forgets the block that it has begun again just now, as it gave way before, and
@@ -62,7 +62,8 @@ impl Station {
         self.job = None;
         self.out.take_back();
         self.state = State::Idle;
-        self.out.taken()
+        // An STX from before may still wait for the port.
+        self.out.leaving()
     }
 
     /// One NAK, as an abort sends it between two blocks.
@@ -83,11 +84,6 @@ impl Station {
     /// Whether it has a block of ours.
     pub(crate) fn has_block(&self) -> bool {
         self.job.is_some()
-    }
-
-    /// The plug-in may count characters of the block under way wrong.
-    pub(crate) fn is_miscounted(&self) -> bool {
-        self.out.is_miscounted()
     }
 
     /// What happened since it was asked last.

@@ -151,17 +151,15 @@ impl Station {
     /// BREAK leads to idle from every state without an answer.
     fn break_comes(&mut self) {
         if self.state == State::Idle {
-            // plug-in differs: a BREAK ends the wait behind an abort, too.
-            self.quiet = Quiet::No;
             return;
         }
         let fault = (Failure::Break, 0x080D, Rule::Break);
         if let Some(reception) = self.reception.take() {
-            // plug-in differs: a DLE that waits for the port still leaves.
+            self.out.take_part_back(Part::Grant);
             self.deliver_failed(reception, fault);
         }
         if self.state.is_of_sender() {
-            self.out.take_all_back();
+            self.out.take_part_back(Part::Job);
             self.fail_job(fault);
         }
         // A job that waits, or gave way, is not on the line.
@@ -306,7 +304,7 @@ impl Model for Station {
             let clause = self.clause();
             return self.out.begins(at, *byte, idle, clause);
         }
-        self.awaited.seen(effect, self.out.is_miscounted()).map_err(|wrong| match wrong {
+        self.awaited.seen(effect).map_err(|wrong| match wrong {
             Some((rule, message)) => self.broken(rule, message),
             None => self.broken(self.unasked(effect), format!("nothing asked for {effect:?}")),
         })

@@ -37,7 +37,6 @@ pub(super) struct Outgoing {
     marks: u64,
     /// Characters of the job that the port has taken.
     taken: u64,
-    is_miscounted: bool,
     /// When characters began to follow each other without a gap, and how many have
     /// begun since.
     run: (Micros, u64),
@@ -52,7 +51,6 @@ impl Outgoing {
             inside: VecDeque::new(),
             marks: 0,
             taken: 0,
-            is_miscounted: false,
             run: (Micros::ZERO, 0),
         }
     }
@@ -69,19 +67,17 @@ impl Outgoing {
         self.marks
     }
 
-    /// Whether some of this part waits for the port.
-    pub(super) fn waits(&self, part: Part) -> bool {
-        self.waiting.iter().any(|waiting| waiting.part == part)
-    }
-
     /// Drops all that the port has not taken.
     pub(super) fn take_all_back(&mut self) {
-        let is_of_job = |waiting: &Labelled| waiting.part == Part::Job;
-        if self.waiting.iter().any(is_of_job) && !self.waiting.iter().all(is_of_job) {
-            self.miscount();
-        }
         self.waiting.clear();
         self.port.discard();
+    }
+
+    /// Drops what the port has not taken of this part.
+    pub(super) fn take_part_back(&mut self, part: Part) {
+        let waiting = &self.waiting;
+        self.port.keep(|place| waiting.get(place).is_some_and(|waiting| waiting.part != part));
+        self.waiting.retain(|waiting| waiting.part != part);
     }
 
     /// Drops the last one that the port has not taken.
@@ -97,7 +93,6 @@ impl Outgoing {
     /// Counts characters of a job from here on.
     pub(super) fn count_anew(&mut self) {
         self.taken = 0;
-        self.is_miscounted = false;
     }
 
     /// Characters of the job that have left, the one on the wire included.
@@ -105,15 +100,10 @@ impl Outgoing {
         self.taken
     }
 
-    /// The plug-in may miscount those of this job.
-    // plug-in differs: `sent` where a DLE is taken back, and where the job's characters
-    // are dropped together with others.
-    pub(super) fn is_miscounted(&self) -> bool {
-        self.is_miscounted
-    }
-
-    pub(super) fn miscount(&mut self) {
-        self.is_miscounted = true;
+    /// Characters of the job that have left, or will.
+    pub(super) fn leaving(&self) -> u64 {
+        let waits = self.waiting.iter().filter(|waiting| waiting.part == Part::Job).count();
+        self.taken + waits as u64
     }
 
     /// Characters that have to leave.

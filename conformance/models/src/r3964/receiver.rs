@@ -30,7 +30,7 @@ impl Station {
     }
 
     pub(super) fn begin_reception(&mut self, at: Micros) {
-        // plug-in differs: a reception ends the wait behind an abort, too.
+        // A partner that begins a block has left ours: a reception ends the wait behind an abort, too.
         self.quiet = Quiet::No;
         self.reception = Some(Reception::new(self.empty_block()));
         self.answer_stx(at);
@@ -98,10 +98,7 @@ impl Station {
         if character == Character::Good(STX) {
             return;
         }
-        // plug-in differs: it drops what else waits, too.
-        if self.out.waits(Part::Grant) {
-            self.out.take_all_back();
-        }
+        self.out.take_part_back(Part::Grant);
         self.damage((Failure::Protocol, 0x0802, Rule::NotWaiting));
         self.in_block(at, character);
     }

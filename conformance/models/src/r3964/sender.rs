@@ -155,8 +155,7 @@ impl Station {
     }
 
     pub(super) fn while_sending(&mut self, at: Micros, character: Character) {
-        // plug-in differs: a NAK that waits before STX is dropped, too.
-        self.out.take_all_back();
+        self.out.take_part_back(Part::Job);
         if character == Character::Good(NAK) {
             let fault = (Failure::Refused, 0x0705, Rule::StopOnNak);
             self.transmission_failed(fault, None);
@@ -245,6 +244,7 @@ impl Station {
 
     pub(super) fn fail_job(&mut self, (failure, status, rule): Fault) {
         let Some(job) = self.job.take() else { return };
+        self.out.take_part_back(Part::Job);
         let effect = Effect::Failed { job: job.id, failure, status, sent: self.out.taken() };
         self.awaited.push(rule, effect);
     }
@@ -263,18 +263,19 @@ impl Station {
     }
 
     pub(super) fn abort(&mut self, id: u32) {
+        self.abort_behind(id, false);
+    }
+
+    /// `has_sent`: blocks of the job have gone before this one.
+    pub(super) fn abort_behind(&mut self, id: u32, has_sent: bool) {
         let Some(job) = self.job.as_ref().filter(|job| job.id == id) else { return };
-        if job.gave_way {
-            // plug-in differs: an STX that waits for the port still leaves.
-            if self.out.waits(Part::Job) {
-                self.out.miscount();
-            }
-        // plug-in differs: a NAK follows also where STX had only to leave. In a reception
-        // between two blocks no NAK disturbs the partner: the page is silent.
-        } else if self.state.is_of_sender() || self.state == State::Idle && self.out.taken() > 0 {
-            self.out.take_all_back();
+        let gave_way = job.gave_way;
+        self.out.take_part_back(Part::Job);
+        // In a reception between two blocks no NAK disturbs the partner: the page is silent.
+        let is_told = self.state.is_of_sender() || self.state == State::Idle;
+        if is_told && !gave_way && (has_sent || self.out.taken() > 0) {
             let mark = self.out.send(&[NAK], Part::Answer, Rule::Abort);
-            if !self.parameters.handshake {
+            if self.state.is_of_sender() && !self.parameters.handshake {
                 self.quiet = Quiet::Nak(mark);
             }
         }

@@ -14,20 +14,20 @@ pub(super) enum Due {
 }
 
 impl Due {
-    /// Whether this is it; where characters may be miscounted `sent` is not looked at.
-    fn is(&self, effect: &Effect, any_sent: bool) -> bool {
+    /// Whether this is it.
+    fn is(&self, effect: &Effect) -> bool {
         match (self, effect) {
             (
                 Self::Delivered { bytes, failure, status },
                 Effect::Delivered { id, bytes: own, name, failure: why, status: code },
             ) => *id != 0 && name.is_none() && (bytes, failure, status) == (own, why, code),
             (Self::Done { job, sent }, Effect::Done { job: own, sent: count }) => {
-                job == own && (any_sent || sent == count)
+                job == own && sent == count
             }
             (
                 Self::Failed { job, failure, status, sent },
                 Effect::Failed { job: own, failure: why, status: code, sent: count },
-            ) => (job, failure, status) == (own, why, code) && (any_sent || sent == count),
+            ) => (job, failure, status) == (own, why, code) && sent == count,
             (
                 Self::Requested { kind, fields },
                 Effect::Requested { id, kind: name, fields: own },
@@ -62,14 +62,10 @@ impl Awaited {
     ///
     /// # Errors
     /// Another one had to be, or none of its kind.
-    pub(super) fn seen(
-        &mut self,
-        effect: &Effect,
-        any_sent: bool,
-    ) -> Result<(), Option<(&'static str, String)>> {
+    pub(super) fn seen(&mut self, effect: &Effect) -> Result<(), Option<(&'static str, String)>> {
         let place = self.0.iter().position(|(_, due)| due.is_alike(effect)).ok_or(None)?;
         let (clause, due) = self.0.remove(place);
-        if due.is(effect, any_sent) {
+        if due.is(effect) {
             return Ok(());
         }
         Err(Some((clause, format!("{due:?} had to come, and not {effect:?}"))))

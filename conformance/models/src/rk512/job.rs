@@ -77,7 +77,6 @@ impl Layer {
             let due = Due::Failed { job: id, failure: Failure::Busy, status: 0, sent: 0 };
             return self.awaited.push("rk512.send.command", due);
         }
-        self.is_miscounted = false;
         match command(kind, fields, data, &mut self.ways) {
             Ok(command) => {
                 self.job = Some(Job {
@@ -122,7 +121,6 @@ impl Layer {
 
     /// The telegram that gave way goes after the reaction.
     pub(super) fn put_telegram_back(&mut self) {
-        self.look_at_count();
         let Some(job) = &mut self.job else { return };
         job.sent += self.station.forget_block();
         job.stage = Stage::Ready;
@@ -217,7 +215,7 @@ impl Layer {
     pub(super) fn abort(&mut self, at: Micros, id: u32) {
         let Some(job) = self.job.as_ref().filter(|job| job.id == id) else { return };
         if job.stage == Stage::OnLine {
-            self.station.abort_sending();
+            self.station.abort_sending(job.sent > 0);
             return self.hear(at);
         }
         if job.sent > 0 && self.station.is_idle() {

@@ -35,8 +35,6 @@ pub(super) struct Layer {
     pub(super) reaction: Option<Vec<u8>>,
     pub(super) sender: Sender,
     pub(super) awaited: Awaited,
-    /// `sent` of the job is not looked at: see the procedure's model.
-    pub(super) is_miscounted: bool,
     /// The block that the procedure has gave way.
     pub(super) gave_way: bool,
     is_open: bool,
@@ -50,11 +48,11 @@ impl Wayfarer for Layer {
     }
 }
 
-/// With 0 the time follows from the baud rate; what it is without one is left open.
+/// With 0 the time follows from the baud rate.
 fn reaction_times(conditions: &Conditions) -> Vec<Micros> {
     let millis: &[i64] =
         match (conditions.settings.int("reaction_timeout", 20_000), conditions.line.baud) {
-            (0, 0) => &[3_000, 5_000, 7_000, 10_000, 20_000],
+            (0, 0) => &[20_000],
             (0, 1..600) => &[10_000],
             (0, 600..1_200) => &[7_000],
             (0, 1_200..38_400) => &[5_000],
@@ -84,7 +82,6 @@ impl Layer {
             reaction: None,
             sender: Sender::Nobody,
             awaited: Awaited::default(),
-            is_miscounted: false,
             gave_way: false,
             is_open: false,
             is_down: false,
@@ -197,7 +194,7 @@ impl Layer {
         if matches!(effect, Effect::Byte(_)) {
             return self.station.seen(at, effect);
         }
-        self.awaited.seen(effect, self.is_miscounted).map_err(|wrong| {
+        self.awaited.seen(effect).map_err(|wrong| {
             let (clause, message) =
                 wrong.unwrap_or_else(|| (unasked(effect), format!("nothing asked for {effect:?}")));
             Broken::new(clause, message)

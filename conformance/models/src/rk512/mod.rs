@@ -38,9 +38,6 @@ struct Rk512 {
 fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
     match conditions.settings.name("layer", "") {
         "rk512" => {}
-        // Plug-in differs: NAKs for which the queue has no room are lost (hundreds of STX
-        // in one event, and no buffer).
-        "none" if conditions.transmit_room < 4_096 => return None,
         "none" => return Some(Box::new(Station::without_layer(conditions)?)),
         _ => return None,
     }

@@ -1,7 +1,7 @@
 //! What comes up from the procedure below, and what goes down to it.
 
 use super::layer::{Layer, Sender};
-use super::telegram::{Kind, TELEGRAM};
+use super::telegram::{Kind, MOST};
 use crate::r3964::Report;
 use softplug_abi::Micros;
 
@@ -11,12 +11,7 @@ impl Layer {
     pub(super) fn look_at_room(&mut self) {
         let room = self.room.known();
         let is_full = match &self.job {
-            Some(job) if job.command.kind == Kind::Fetch => {
-                // Whether it has to be room for a whole block, and before the reaction is
-                // awaited, is left open.
-                let is_needed = self.awaits_reaction() && room < job.part();
-                is_needed || room < TELEGRAM && self.ways.is_other()
-            }
+            Some(job) if job.command.kind == Kind::Fetch => room < MOST,
             _ => false,
         };
         self.station.set_full(is_full);
@@ -26,7 +21,6 @@ impl Layer {
     pub(super) fn hear(&mut self, at: Micros) {
         self.station.set_full(false);
         for report in self.station.reports() {
-            self.look_at_count();
             match report {
                 Report::Received(telegram) => self.telegram(at, &telegram),
                 Report::Sent(sent) => match std::mem::replace(&mut self.sender, Sender::Nobody) {
@@ -54,16 +48,10 @@ impl Layer {
         self.feed(false);
     }
 
-    /// Whether the procedure may count characters of the job wrong.
-    pub(super) fn look_at_count(&mut self) {
-        self.is_miscounted |= self.sender == Sender::Job && self.station.is_miscounted();
-    }
-
-    /// The block that gave way is begun again. Whether the other goes first, if it waits,
-    /// is left open.
+    /// The block that gave way is begun again, behind the reaction if that waits.
     fn begun_again(&mut self) {
         match self.sender {
-            Sender::Job if self.reaction.is_some() && self.ways.is_other() => {
+            Sender::Job if self.reaction.is_some() => {
                 self.put_telegram_back();
             }
             Sender::Nobody | Sender::Job | Sender::Reaction => {}
@@ -90,11 +78,9 @@ impl Layer {
         if self.is_down || self.station.has_block() || !self.station.is_idle() {
             return;
         }
-        // Which goes first where both wait is left open.
-        let has_telegram = self.has_telegram(are_data_there);
-        if self.reaction.is_some() && !(has_telegram && self.ways.is_other()) {
+        if self.reaction.is_some() {
             self.send_reaction();
-        } else if has_telegram {
+        } else if self.has_telegram(are_data_there) {
             self.send_telegram();
         }
     }

@@ -46,28 +46,31 @@ fn kind_of(code: u8) -> Option<Kind> {
     }
 }
 
-/// What is wrong with the first bytes of a telegram.
-fn faults_of_head(telegram: &[u8], length: usize) -> Vec<u8> {
+/// What is wrong with the first bytes of a telegram, in the order in which it is told.
+fn faults_of_head(telegram: &[u8]) -> Vec<u8> {
     let mut faults = Vec::new();
     let is_front = telegram.first().is_some_and(|front| matches!(*front, FIRST | FOLLOW_UP));
-    if telegram.len() < length || !is_front || telegram[1] != 0 {
+    if telegram.len() < SHORT || !is_front || telegram[1] != 0 {
         faults.push(HEADER);
     }
     let kind = telegram.get(2).map(|code| kind_of(*code));
     if kind == Some(None) {
         faults.push(COMMAND);
     }
-    if let (Some(kind), Some(area)) = (kind, telegram.get(3))
-        && area_of(kind.unwrap_or(Kind::Fetch), *area).is_err()
-    {
-        faults.push(AREA);
-    }
     faults
 }
 
 /// What is wrong with the first telegram of a command.
 fn faults_of_first(telegram: &[u8]) -> Vec<u8> {
-    let mut faults = faults_of_head(telegram, HEADER_BYTES);
+    let mut faults = faults_of_head(telegram);
+    if telegram.len() < HEADER_BYTES {
+        faults.push(HEADER);
+    }
+    let kind = telegram.get(2).and_then(|code| kind_of(*code));
+    let is_there = telegram.get(3).is_some_and(|area| area_of(kind, *area));
+    if !is_there || is_crossed(telegram) {
+        faults.push(AREA);
+    }
     if let Some(command) = first(telegram) {
         let data = if command.kind == Kind::Send { command.bytes().min(MOST) } else { 0 };
         if command.count == 0 || telegram.len() != HEADER_BYTES + data {
@@ -82,15 +85,6 @@ fn is_crossed(telegram: &[u8]) -> bool {
     matches!(telegram, [_, _, 0x41, 0x58, ..] | [_, _, 0x4F, 0x44, ..])
 }
 
-/// Whether bytes 9 and 10 are none of the table's.
-fn has_odd_flag(telegram: &[u8]) -> bool {
-    let [byte, rest] = [telegram[8], telegram[9]];
-    let (cpu, bit) = (rest >> 4, rest & 0xF);
-    let is_cpu = matches!(cpu, 1..=4 | 0xF);
-    let is_flag = (byte == 0xFF) == (bit == 0xF) && matches!(bit, 0..=7 | 0xF);
-    !is_cpu || !is_flag
-}
-
 /// The command of a first telegram that can be read.
 fn first(telegram: &[u8]) -> Option<Command> {
     let [_, _, code, area, block, offset, high, low, byte, rest, ..] = *telegram else {
@@ -103,45 +97,30 @@ fn first(telegram: &[u8]) -> Option<Command> {
 }
 
 /// A SEND goes into a DB or DX: the host is asked with the same fields as a job has.
-fn area_of(kind: Kind, code: u8) -> Result<Area, u8> {
-    let is_open = |area: &Area| kind == Kind::Fetch || area.is_block();
-    Area::of_code(code).filter(is_open).ok_or(AREA)
+fn area_of(kind: Option<Kind>, code: u8) -> bool {
+    let is_open = |area: Area| kind != Some(Kind::Send) || area.is_block();
+    Area::of_code(code).is_some_and(is_open)
 }
 
 impl Layer {
     /// A command, or what is none.
     pub(super) fn serve(&mut self, at: Micros, telegram: &[u8]) {
-        // Whether a reaction that has not left is still sent is left open.
-        if self.has_reaction() && self.ways.is_other() {
+        // The partner no longer waits for it.
+        if self.has_reaction() {
             self.drop_reaction();
         }
         let is_follow_up = telegram.first() == Some(&FOLLOW_UP);
         let front = if is_follow_up { FOLLOW_UP } else { FIRST };
         self.withdraw("rk512.serve.withdrawn");
-        let mut faults = if is_follow_up {
+        let faults = if is_follow_up {
             self.settle_part();
             self.faults_of_follow_up(telegram)
         } else {
-            let mut faults = faults_of_first(telegram);
-            // Whether a flag or a CPU that there is not is a fault is left open.
-            if faults.is_empty() && has_odd_flag(telegram) && self.ways.is_other() {
-                faults.push(HEADER);
-            }
-            faults
+            faults_of_first(telegram)
         };
-        // Whether 41 is no SEND to a DX, and 4F none to a DB, is left open.
-        if is_crossed(telegram) && self.ways.is_other() {
-            faults.extend([AREA, COMMAND]);
-        }
-        if !faults.is_empty() {
-            // Which one is told where there are several is left open.
-            let number = self.ways.one_of(&faults);
-            // Whether the command before can go on is left open.
-            let is_between = self.series.as_ref().is_some_and(|series| !series.is_open);
-            if !(is_between && self.ways.is_other()) {
-                self.series = None;
-            }
-            return self.react(reaction(front, number));
+        if let Some(number) = faults.first() {
+            self.series = None;
+            return self.react(reaction(front, *number));
         }
         if !is_follow_up {
             self.series =
@@ -151,16 +130,14 @@ impl Layer {
         self.ask(at, front, &telegram[header..]);
     }
 
-    /// A follow-up comes although the reaction to the part before is not acknowledged.
-    /// Whether it brings that part again or the next one, or is out of sequence, is left
-    /// open.
+    /// A follow-up comes although the reaction to the part before is not acknowledged: it
+    /// can only be that part again while the reaction has not left. Then it is not known
+    /// which it is, so that it is out of sequence. Here it is not told apart which holds.
     fn settle_part(&mut self) {
         let Some(series) = self.series.as_mut().filter(|series| series.is_open) else { return };
         series.is_open = false;
-        match self.ways.one_of(&[0, 1, 2]) {
-            0 => self.series = None,
-            1 if series.done > 0 => {}
-            _ => self.part_done(),
+        if series.done == 0 || self.ways.is_other() {
+            self.series = None;
         }
     }
 
@@ -181,7 +158,7 @@ impl Layer {
     }
 
     fn faults_of_follow_up(&self, telegram: &[u8]) -> Vec<u8> {
-        let mut faults = faults_of_head(telegram, SHORT);
+        let mut faults = faults_of_head(telegram);
         let kind = telegram.get(2).and_then(|code| kind_of(*code));
         let area = telegram.get(3).and_then(|code| Area::of_code(*code));
         let is_of = |command: &Command| Some(command.kind) == kind && Some(command.area) == area;

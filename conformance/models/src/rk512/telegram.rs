@@ -3,7 +3,6 @@
 /// Bytes of data in one telegram.
 pub(super) const MOST: usize = 128;
 /// Bytes of the largest telegram.
-pub(super) const TELEGRAM: usize = HEADER + MOST;
 /// Front of a first telegram, and of a follow-up.
 pub(super) const FIRST: u8 = 0x00;
 pub(super) const FOLLOW_UP: u8 = 0xFF;

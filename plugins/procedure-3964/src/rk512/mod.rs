@@ -25,6 +25,18 @@ pub(crate) const LARGEST_TELEGRAM: u16 = HEADER as u16 + LARGEST_DATA as u16;
 /// Most bytes of a reaction.
 const LARGEST_REACTION: usize = SHORT_HEADER + LARGEST_DATA as usize;
 
+/// Whose turn it is in a command of several telegrams.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+enum Turn {
+    /// The partner has our reaction: a follow-up is the next one.
+    Acknowledged,
+    /// Our reaction has not left: a follow-up can only be the same once more.
+    Ours,
+    /// Whether the partner has our reaction is not known. What comes may be the same or
+    /// the next one, and data in the wrong place would not be noticed.
+    Unsure,
+}
+
 /// What the layer knows. In this order: what stands at the front takes less
 /// code to reach.
 #[derive(Debug)]
@@ -46,8 +58,8 @@ pub(crate) struct Rk512 {
     piece: u8,
     /// The telegram was a follow-up.
     is_next: bool,
-    /// The reaction has not left yet: a command now is this one once more.
-    is_current: bool,
+    /// How far the reaction is.
+    turn: Turn,
     last_request: u32,
     /// The last request is to be answered until then; `NEVER`: it was.
     pub(crate) answer_until: Micros,
@@ -66,7 +78,7 @@ impl Rk512 {
             left: 0,
             piece: 0,
             is_next: false,
-            is_current: false,
+            turn: Turn::Acknowledged,
             last_request: 0,
             answer_until: NEVER,
             reaction: Block::new(),
@@ -102,7 +114,7 @@ impl Rk512 {
         state.u32(self.left);
         state.u8(self.piece);
         state.bool(self.is_next);
-        state.bool(self.is_current);
+        state.u8(self.turn as u8);
         state.u32(self.last_request);
         state.micros(self.answer_until);
         self.reaction.save(state);
@@ -118,7 +130,12 @@ impl Rk512 {
         self.left = state.u32();
         self.piece = state.u8();
         self.is_next = state.bool();
-        self.is_current = state.bool();
+        self.turn = match state.u8() {
+            0 => Turn::Acknowledged,
+            1 => Turn::Ours,
+            2 => Turn::Unsure,
+            _ => return Err(StateError),
+        };
         self.last_request = state.u32();
         self.answer_until = state.micros();
         self.reaction.restore(state)?;

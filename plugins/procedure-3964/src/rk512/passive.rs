@@ -6,7 +6,7 @@ use super::header::{
     AREA, BLOCK, COUNT, CPU, FETCH, FLAG_BIT, FLAG_BYTE, FOLLOW_UP, Header, OFFSET, SEND_DB,
     SEND_DX,
 };
-use super::{HEADER, LARGEST_DATA, Rk512, SHORT_HEADER};
+use super::{HEADER, LARGEST_DATA, Rk512, SHORT_HEADER, Turn};
 use crate::machine::{Machine, NEVER, after};
 use softplug_plugin::{Context, Failure, Values};
 
@@ -81,8 +81,11 @@ impl Rk512 {
             return Err(COMMAND);
         }
         let start = if first == FOLLOW_UP {
-            // Until our reaction has left, it is the same follow-up once more.
-            let is_due = self.left > 0 && (self.is_next || !self.is_current);
+            let is_due = match self.turn {
+                Turn::Acknowledged => self.left > 0,
+                Turn::Ours => self.left > 0 && self.is_next,
+                Turn::Unsure => false,
+            };
             if !is_due || command != self.asked.command() || area != self.asked.area() {
                 return Err(SEQUENCE);
             }
@@ -96,7 +99,7 @@ impl Rk512 {
             HEADER
         };
         self.is_next = first != 0;
-        self.is_current = true;
+        self.turn = Turn::Ours;
         self.piece = self.left.min(LARGEST_DATA.into()) as u8;
         let expected = if self.asked.is_read() { 0 } else { usize::from(self.piece) };
         let is_short = bytes.len() != start + expected;
@@ -166,14 +169,21 @@ impl Rk512 {
         self.reaction_ready = true;
     }
 
-    /// The reaction has left: a follow-up now is the next one.
+    /// The reaction may have left.
+    pub(crate) fn reaction_left(&mut self) {
+        if self.turn == Turn::Ours {
+            self.turn = Turn::Unsure;
+        }
+    }
+
+    /// The partner has the reaction: a follow-up now is the next one.
     pub(crate) fn advance(&mut self) {
-        if self.is_current && self.left > 0 {
+        if self.turn != Turn::Acknowledged && self.left > 0 {
             self.left -= u32::from(self.piece);
             let unit = self.asked.unit();
             self.offset += u32::from(self.piece) / unit;
         }
-        self.is_current = false;
+        self.turn = Turn::Acknowledged;
     }
 
     pub(crate) fn reaction_ended(&mut self) {
