@@ -215,6 +215,7 @@ impl XonXoff {
         self.settings.while_sending == WhileSending::Ignore && self.sender.is_sending()
     }
 
+    #[inline(always)]
     fn name_state(&mut self, link: &mut Context<'_>) {
         let state = self.sender.state().unwrap_or_else(|| self.receiver.state());
         if self.named != Some(state) {

@@ -145,6 +145,7 @@ impl Receiver {
     }
 
     /// After the bytes of one time: marks, repeats, silence.
+    #[inline(always)]
     pub(crate) fn after_bytes(
         &mut self,
         link: &mut Context<'_>,
@@ -380,6 +381,7 @@ impl Receiver {
     }
 }
 
+#[inline(always)]
 fn set_timer(link: &mut Context<'_>, id: u8, known: &mut Option<Micros>, at: Option<Micros>) {
     if *known == at {
         return;

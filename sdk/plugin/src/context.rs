@@ -294,7 +294,7 @@ impl<'a> Context<'a> {
     }
 }
 
-#[cfg_attr(target_arch = "wasm32", inline(never))]
+#[inline(always)]
 fn fitted(pushed: Result<(), NoSpace>) {
     if pushed.is_err() {
         too_many();
