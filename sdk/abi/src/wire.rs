@@ -58,6 +58,15 @@ pub fn copy(to: &mut [u8], from: &[u8]) {
     }
 }
 
+/// As [`copy`], where it is often one byte: as bytes come from a line.
+#[inline]
+pub(crate) fn copy_quick(to: &mut [u8], from: &[u8]) {
+    match (&mut *to, from) {
+        ([to], [from]) => *to = *from,
+        _ => copy(to, from),
+    }
+}
+
 /// Takes fields from the front of a slice.
 ///
 /// A field that is not there reads as zero, and the fault is kept: read all,
@@ -399,11 +408,7 @@ impl<'a> Writer<'a> {
     pub(crate) fn put(&mut self, at: usize, bytes: &[u8]) -> Result<(), NoSpace> {
         let place = self.buffer.get_mut(at..).and_then(|free| free.get_mut(..bytes.len()));
         let Some(place) = place else { return Err(NoSpace) };
-        match (&mut *place, bytes) {
-            // As they come from a line.
-            ([to], [from]) => *to = *from,
-            _ => copy(place, bytes),
-        }
+        copy_quick(place, bytes);
         self.length = at + bytes.len();
         Ok(())
     }

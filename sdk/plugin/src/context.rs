@@ -123,7 +123,8 @@ impl<'a> Context<'a> {
     /// # Panics
     /// There is less [room](Self::transmit_room).
     pub fn transmit(&mut self, bytes: &[u8]) {
-        self.transmit_marked(0, bytes);
+        self.take_transmit_room(bytes);
+        fitted(self.writer.transmit(bytes));
     }
 
     /// Appends bytes; [`Converter::mark`](crate::Converter::mark) tells when the last of them has left. With no
@@ -132,14 +133,15 @@ impl<'a> Context<'a> {
     /// # Panics
     /// There is less [room](Self::transmit_room).
     pub fn transmit_marked(&mut self, mark: u32, bytes: &[u8]) {
+        self.take_transmit_room(bytes);
+        self.push(&Action::Transmit { mark, bytes });
+    }
+
+    #[inline(always)]
+    fn take_transmit_room(&mut self, bytes: &[u8]) {
         let count = bytes.len() as u32;
         assert!(count <= self.rooms.transmit, "transmits more bytes than there is room for");
         self.rooms.transmit -= count;
-        if mark == 0 {
-            fitted(self.writer.transmit(bytes));
-        } else {
-            self.push(&Action::Transmit { mark, bytes });
-        }
     }
 
     /// Sends up to 16 bytes ahead of queue and hold.
@@ -196,7 +198,7 @@ impl<'a> Context<'a> {
     /// Asks for `bytes` more of the job's data; nothing for 0.
     pub fn want(&mut self, job: u32, bytes: u32) {
         if bytes > 0 {
-            self.push(&Action::Want { job, bytes });
+            fitted(self.writer.want(job, bytes));
         }
     }
 

@@ -126,6 +126,7 @@ impl<'a> ActionWriter<'a> {
             Action::Transmit { mark: 0, bytes } => return self.transmit(bytes),
             Action::Deliver { delivery, bytes } => return self.deliver(*delivery, bytes),
             Action::SetTimer { id, deadline } => return self.set_timer(*id, *deadline),
+            Action::Want { job, bytes } => return self.want(*job, *bytes),
             _ => {}
         }
         let start = self.begin(action.kind());
@@ -170,11 +171,23 @@ impl<'a> ActionWriter<'a> {
     #[inline]
     pub fn set_timer(&mut self, id: u8, deadline: Micros) -> Result<(), NoSpace> {
         debug_assert!(id < TIMERS, "there is no timer {id}");
-        let head = u32::from(kind::SET_TIMER) | 9 << 16;
-        let Some(record) = self.writer.take::<13>() else { return Err(NoSpace) };
-        let [a, b, c, d] = head.to_le_bytes();
+        let [a, b, c, d] = head(kind::SET_TIMER, 9);
         let [e, f, g, h, i, j, k, l] = deadline.0.to_le_bytes();
-        *record = [a, b, c, d, id, e, f, g, h, i, j, k, l];
+        self.whole([a, b, c, d, id, e, f, g, h, i, j, k, l])
+    }
+
+    /// The quick way to push a [`Want`](Action::Want).
+    #[inline]
+    pub fn want(&mut self, job: u32, bytes: u32) -> Result<(), NoSpace> {
+        let ([a, b, c, d], [e, f, g, h]) = (head(kind::WANT, 8), job.to_le_bytes());
+        let [i, j, k, l] = bytes.to_le_bytes();
+        self.whole([a, b, c, d, e, f, g, h, i, j, k, l])
+    }
+
+    /// A record of fixed length.
+    #[inline]
+    fn whole<const N: usize>(&mut self, record: [u8; N]) -> Result<(), NoSpace> {
+        *self.writer.take().ok_or(NoSpace)? = record;
         self.open = None;
         Ok(())
     }
@@ -211,6 +224,12 @@ impl<'a> ActionWriter<'a> {
         self.open = Some((start, stream));
         Ok(())
     }
+}
+
+/// Kind and length of a record.
+#[inline]
+fn head(kind: u16, length: u16) -> [u8; 4] {
+    (u32::from(kind) | u32::from(length) << 16).to_le_bytes()
 }
 
 /// Whose the bytes of a record are, as at the record's head: kind and id, between them
