@@ -77,8 +77,12 @@ impl Codes {
     /// The bytes before the first control byte, and it with what follows.
     #[inline(always)]
     pub(crate) fn split<'a>(&self, bytes: &'a [u8]) -> (&'a [u8], Option<(Control, &'a [u8])>) {
-        let clear = bytes.as_chunks().0.iter().take_while(|piece| self.is_clear(piece)).count();
-        let mut rest = bytes.get(clear * PIECE..).unwrap_or_default();
+        let mut rest = bytes;
+        while let Some((piece, after)) = rest.split_first_chunk()
+            && self.is_clear(piece)
+        {
+            rest = after;
+        }
         while let Some((word, after)) = rest.split_first_chunk()
             && self.borrow(*word) & TOPS == 0
         {

@@ -171,7 +171,8 @@ impl Sender {
             Stage::Feeding => {
                 let reserve = settings.feed_end.as_slice().len() as u32;
                 let room = link.transmit_room().saturating_sub(reserve);
-                room.min(MOST_WANTED) / growth(settings)
+                let room = room.min(MOST_WANTED);
+                if self.plain { room } else { room / growth(settings) }
             }
             Stage::Idle | Stage::Draining | Stage::Stopping(_) => return,
         };

@@ -136,17 +136,22 @@ fn poison(place: &mut Option<SessionFault>, plugin: &Plugin, fault: SessionFault
 #[cold]
 fn fault_of(
     event: EventKind,
-    result: Result<i32, Stop>,
+    result: Result<i32, Box<Stop>>,
     fuel: u64,
     memory: &mut [u8],
     mailbox: &Mailbox,
 ) -> (SessionFault, bool) {
     let result = match result {
         Ok(result) => result,
-        Err(Stop::OutOfFuel) => return (SessionFault::BudgetExhausted { event, fuel }, true),
-        Err(Stop::Trap { reason, frames }) => {
-            let last_words = words::read(memory, mailbox.words);
-            return (SessionFault::Trapped { event, reason, frames, last_words }, true);
+        Err(stop) => {
+            let fault = match *stop {
+                Stop::OutOfFuel => SessionFault::BudgetExhausted { event, fuel },
+                Stop::Trap { reason, frames } => {
+                    let last_words = words::read(memory, mailbox.words);
+                    SessionFault::Trapped { event, reason, frames, last_words }
+                }
+            };
+            return (fault, true);
         }
     };
     let malformed = |reason| (SessionFault::Malformed { event, reason }, true);

@@ -116,7 +116,8 @@ pub(crate) trait Running: Send {
 
 /// What a call of `softplug_v1_step` came to.
 pub(crate) struct Stepped<'a> {
-    pub(crate) result: Result<i32, Stop>,
+    /// In a box, so that what comes back of nearly every call stays small.
+    pub(crate) result: Result<i32, Box<Stop>>,
     pub(crate) fuel_used: u64,
     pub(crate) memory: &'a mut [u8],
 }

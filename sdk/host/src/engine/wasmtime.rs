@@ -273,7 +273,7 @@ impl Running for Live {
         self.refuel(fuel);
         let arguments = (i32::from(event.kind().code()), length as i32, now.0);
         let result = self.step.call(&mut self.store, arguments);
-        let result = result.map_err(|error| stop(&error));
+        let result = result.map_err(|error| Box::new(stop(&error)));
         let left = self.store.get_fuel().expect("the engine consumes fuel");
         let fuel_used = fuel.saturating_sub(left);
         Ok(Stepped { result, fuel_used, memory: self.memory.data_mut(&mut self.store) })
