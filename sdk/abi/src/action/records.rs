@@ -210,7 +210,9 @@ impl<'a> ActionWriter<'a> {
         }
         let at = self.writer.len();
         let (start, head) = match self.open {
-            Some((start, open)) if open == stream && at - start - 4 + bytes.len() <= RECORD_BYTES => {
+            Some((start, open))
+                if open == stream && at - start - 4 + bytes.len() <= RECORD_BYTES =>
+            {
                 (start, 0)
             }
             _ => (at, 8),

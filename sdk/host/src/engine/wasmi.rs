@@ -1,6 +1,8 @@
 //! The wasmi engine: an interpreter, with the limits and the costs of the compiler.
 
-use super::{Compiled, EngineError, EngineInfo, NotLoaded, Running, StartError, Stepped, Stop, weights};
+use super::{
+    Compiled, EngineError, EngineInfo, NotLoaded, Running, StartError, Stepped, Stop, weights,
+};
 use crate::{Digest, Origin};
 use softplug_abi::wire::NoSpace;
 use softplug_abi::{EXPORT_MAILBOX, EXPORT_MEMORY, EXPORT_STEP, Event, Micros};
