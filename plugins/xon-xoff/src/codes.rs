@@ -75,7 +75,7 @@ impl Codes {
     }
 
     /// The bytes before the first control byte, and it with what follows.
-    #[inline(always)]
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     pub(crate) fn split<'a>(&self, bytes: &'a [u8]) -> (&'a [u8], Option<(Control, &'a [u8])>) {
         let mut rest = bytes;
         while let Some((piece, after)) = rest.split_first_chunk()
@@ -101,6 +101,7 @@ impl Codes {
     /// Whether surely none of the bytes is a control byte, found out for eight at
     /// once: most bytes of a program are none.
     #[inline]
+    #[expect(clippy::many_single_char_names, reason = "the words of a piece")]
     fn is_clear(&self, piece: &[u8; PIECE]) -> bool {
         let &[a, b, c, d, e, f, g, h] = piece.as_chunks().0 else { return false };
         let first = self.borrow(a) | self.borrow(b) | self.borrow(c) | self.borrow(d);

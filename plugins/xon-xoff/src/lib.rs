@@ -223,7 +223,7 @@ impl XonXoff {
     }
 
     /// Without a call, for the most frequent event.
-    #[inline(always)]
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     fn name_state_here(&mut self, link: &mut Context<'_>) {
         let state = self.sender.state().unwrap_or_else(|| self.receiver.state());
         if self.named != Some(state) {

@@ -137,7 +137,7 @@ impl<'a> Context<'a> {
         self.push(&Action::Transmit { mark, bytes });
     }
 
-    #[inline(always)]
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     fn take_transmit_room(&mut self, bytes: &[u8]) {
         let count = bytes.len() as u32;
         assert!(count <= self.rooms.transmit, "transmits more bytes than there is room for");
@@ -302,7 +302,7 @@ fn fitted(pushed: Result<(), NoSpace>) {
 }
 
 /// Without a call, for the most frequent actions.
-#[inline(always)]
+#[cfg_attr(target_arch = "wasm32", inline(always))]
 fn fitted_here(pushed: Result<(), NoSpace>) {
     if pushed.is_err() {
         too_many();

@@ -288,9 +288,11 @@ impl<'a, C: Converter> TakeEvent<'a> for Step<'_, '_, C> {
             // Of a save, if one is under way: the caller writes the rest.
             Event::Continue if core.saving.is_some() => {}
             Event::Continue => converter.more(link),
-            Event::Settings { .. } | Event::Restore { .. } => {}
-            // `Machine::step` has given them, if there is a converter to take them.
-            Event::Received(_) | Event::JobData { .. } => {}
+            // The first two above; the others by `Machine::step`, if there is a converter.
+            Event::Settings { .. }
+            | Event::Restore { .. }
+            | Event::Received(_)
+            | Event::JobData { .. } => {}
         }
         Ok(())
     }

@@ -169,6 +169,7 @@ impl<'a> ActionWriter<'a> {
 
     /// The quick way to push a [`SetTimer`](Action::SetTimer).
     #[inline]
+    #[expect(clippy::many_single_char_names, reason = "the bytes of a record")]
     pub fn set_timer(&mut self, id: u8, deadline: Micros) -> Result<(), NoSpace> {
         debug_assert!(id < TIMERS, "there is no timer {id}");
         let [a, b, c, d] = head(kind::SET_TIMER, 9);
@@ -178,6 +179,7 @@ impl<'a> ActionWriter<'a> {
 
     /// The quick way to push a [`Want`](Action::Want).
     #[inline]
+    #[expect(clippy::many_single_char_names, reason = "the bytes of a record")]
     pub fn want(&mut self, job: u32, bytes: u32) -> Result<(), NoSpace> {
         let ([a, b, c, d], [e, f, g, h]) = (head(kind::WANT, 8), job.to_le_bytes());
         let [i, j, k, l] = bytes.to_le_bytes();
