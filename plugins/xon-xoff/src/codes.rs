@@ -4,7 +4,7 @@ use crate::Settings;
 use softplug_plugin::StateError;
 
 /// Bytes that are looked at together.
-const PIECE: usize = 32;
+const PIECE: usize = 64;
 /// The lowest bit of each byte of a word.
 const ONES: u64 = u64::from_ne_bytes([0x01; 8]);
 /// The top bit of each byte of a word.
@@ -75,9 +75,19 @@ impl Codes {
     }
 
     /// The bytes before the first control byte, and it with what follows.
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     pub(crate) fn split<'a>(&self, bytes: &'a [u8]) -> (&'a [u8], Option<(Control, &'a [u8])>) {
-        let clear = bytes.as_chunks().0.iter().take_while(|piece| self.is_clear(piece)).count();
-        let mut rest = bytes.get(clear * PIECE..).unwrap_or_default();
+        let mut rest = bytes;
+        while let Some((piece, after)) = rest.split_first_chunk()
+            && self.is_clear(piece)
+        {
+            rest = after;
+        }
+        while let Some((word, after)) = rest.split_first_chunk()
+            && self.borrow(*word) & TOPS == 0
+        {
+            rest = after;
+        }
         while let Some((byte, after)) = rest.split_first() {
             if let Some(control) = self.control(*byte) {
                 let data = bytes.get(..bytes.len() - rest.len()).unwrap_or_default();
@@ -90,13 +100,21 @@ impl Codes {
 
     /// Whether surely none of the bytes is a control byte, found out for eight at
     /// once: most bytes of a program are none.
+    #[inline]
+    #[expect(clippy::many_single_char_names, reason = "the words of a piece")]
     fn is_clear(&self, piece: &[u8; PIECE]) -> bool {
-        let &[a, b, c, d] = piece.as_chunks().0 else { return false };
-        // Taking 1 from a 0 gives a top bit. So does a top bit that was there: such
-        // bytes, which no text has, are looked at one by one.
-        let borrow =
-            |word| ((u64::from_ne_bytes(word) ^ self.pattern) & self.agreeing).wrapping_sub(ONES);
-        (borrow(a) | borrow(b) | borrow(c) | borrow(d)) & TOPS == 0
+        let &[a, b, c, d, e, f, g, h] = piece.as_chunks().0 else { return false };
+        let first = self.borrow(a) | self.borrow(b) | self.borrow(c) | self.borrow(d);
+        let second = self.borrow(e) | self.borrow(f) | self.borrow(g) | self.borrow(h);
+        (first | second) & TOPS == 0
+    }
+
+    /// A top bit is set wherever there may be a control byte: taking 1 from a 0 gives one.
+    /// So does a top bit that was there: such bytes, which no text has, are looked at one
+    /// by one.
+    #[inline]
+    fn borrow(&self, word: [u8; 8]) -> u64 {
+        ((u64::from_ne_bytes(word) ^ self.pattern) & self.agreeing).wrapping_sub(ONES)
     }
 
     /// Whether a data byte must be escaped: control bytes with either parity

@@ -63,6 +63,8 @@ impl Converter for XonXoff {
     }
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
+        self.sender.set_plain(&self.settings);
+        self.receiver.set_plain(&self.settings);
         if opening.resumed {
             self.sender.set_timers(link);
             self.receiver.set_timers(link);
@@ -90,7 +92,7 @@ impl Converter for XonXoff {
             rest = after;
         }
         self.receiver.after_bytes(link, &self.settings, &self.codes);
-        self.name_state(link);
+        self.name_state_here(link);
     }
 
     fn line_error(
@@ -215,11 +217,23 @@ impl XonXoff {
         self.settings.while_sending == WhileSending::Ignore && self.sender.is_sending()
     }
 
+    #[inline(never)]
     fn name_state(&mut self, link: &mut Context<'_>) {
+        self.name_state_here(link);
+    }
+
+    /// Without a call, for the most frequent event.
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
+    fn name_state_here(&mut self, link: &mut Context<'_>) {
         let state = self.sender.state().unwrap_or_else(|| self.receiver.state());
         if self.named != Some(state) {
-            self.named = Some(state);
-            link.state(state.name());
+            self.name(link, state);
         }
+    }
+
+    #[cold]
+    fn name(&mut self, link: &mut Context<'_>, state: State) {
+        self.named = Some(state);
+        link.state(state.name());
     }
 }

@@ -40,6 +40,8 @@ pub(crate) struct Receiver {
     heard: bool,
     low: u32,
     high: u32,
+    /// What comes is delivered as it is, but for control bytes.
+    plain: bool,
 }
 
 impl Receiver {
@@ -58,6 +60,13 @@ impl Receiver {
         self.high = (settings.high_mark as u32).max(self.low).min(capacity / 4 * 3);
     }
 
+    pub(crate) fn set_plain(&mut self, settings: &Settings) {
+        self.plain = !settings.transparent
+            && settings.receive_line_end == LineEnd::Keep
+            && settings.receive_drop.as_slice().is_empty()
+            && settings.end_mark.as_slice().is_empty();
+    }
+
     pub(crate) fn set_timers(&self, link: &mut Context<'_>) {
         if let Some(at) = self.quiet_at {
             link.set_timer(QUIET, at);
@@ -68,14 +77,11 @@ impl Receiver {
     }
 
     /// Characters, none of them a control byte.
+    #[inline]
     pub(crate) fn data(&mut self, link: &mut Context<'_>, settings: &Settings, bytes: &[u8]) {
         self.begin(link);
         self.count_after_xoff(link, bytes.len() as u32);
-        let plain = !settings.transparent
-            && settings.receive_line_end == LineEnd::Keep
-            && settings.receive_drop.as_slice().is_empty()
-            && settings.end_mark.as_slice().is_empty();
-        if plain {
+        if self.plain {
             self.deliver(link, bytes);
             return;
         }
@@ -145,6 +151,7 @@ impl Receiver {
     }
 
     /// After the bytes of one time: marks, repeats, silence.
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     pub(crate) fn after_bytes(
         &mut self,
         link: &mut Context<'_>,
@@ -316,7 +323,7 @@ impl Receiver {
     }
 
     /// Silence counts only while the partner may send.
-    #[inline]
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     fn await_quiet(&mut self, link: &mut Context<'_>, settings: &Settings) {
         let span =
             if self.is_complete(settings) { settings.end_quiet } else { settings.quiet_time };
@@ -330,6 +337,7 @@ impl Receiver {
         self.set_repeat(link, is_timed.then(|| link.now() + Micros::from_millis(span)));
     }
 
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     fn set_quiet(&mut self, link: &mut Context<'_>, at: Option<Micros>) {
         set_timer(link, QUIET, &mut self.quiet_at, at);
     }
@@ -380,6 +388,7 @@ impl Receiver {
     }
 }
 
+#[cfg_attr(target_arch = "wasm32", inline(always))]
 fn set_timer(link: &mut Context<'_>, id: u8, known: &mut Option<Micros>, at: Option<Micros>) {
     if *known == at {
         return;

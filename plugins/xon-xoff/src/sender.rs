@@ -48,14 +48,23 @@ pub(crate) struct Sender {
     /// Whether the queue is held for any of these reasons.
     holding: bool,
     held_until: Option<Micros>,
+    /// Bytes of a program are sent as they are, but for control bytes.
+    plain: bool,
 }
 
 impl Sender {
+    pub(crate) fn set_plain(&mut self, settings: &Settings) {
+        self.plain = settings.send_line_end == LineEnd::Keep
+            && settings.send_drop.as_slice().is_empty()
+            && !settings.transparent;
+    }
+
     pub(crate) fn is_sending(&self) -> bool {
         self.stage != Stage::Idle
     }
 
     /// What people are told, if there is a job.
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
     pub(crate) fn state(&self) -> Option<State> {
         let state = match self.stage {
             Stage::Idle => return None,
@@ -162,7 +171,8 @@ impl Sender {
             Stage::Feeding => {
                 let reserve = settings.feed_end.as_slice().len() as u32;
                 let room = link.transmit_room().saturating_sub(reserve);
-                room.min(MOST_WANTED) / growth(settings)
+                let room = room.min(MOST_WANTED);
+                if self.plain { room } else { room / growth(settings) }
             }
             Stage::Idle | Stage::Draining | Stage::Stopping(_) => return,
         };
@@ -206,10 +216,7 @@ impl Sender {
     }
 
     fn feed(&mut self, link: &mut Context<'_>, settings: &Settings, codes: &Codes, bytes: &[u8]) {
-        let plain = settings.send_line_end == LineEnd::Keep
-            && settings.send_drop.as_slice().is_empty()
-            && !settings.transparent;
-        if plain && codes.split(bytes).1.is_none() {
+        if self.plain && codes.split(bytes).1.is_none() {
             self.queue(link, bytes);
             return;
         }
@@ -364,6 +371,7 @@ impl Sender {
             paused: state.bool(),
             holding: state.bool(),
             held_until: state.deadline(),
+            ..Self::default()
         })
     }
 }

@@ -3,7 +3,7 @@
 use crate::code::codes;
 use crate::limits::{STATE_BYTES, TIMERS};
 use crate::value::Values;
-use crate::wire::{MalformedReason, NoSpace, Reader, Writer};
+use crate::wire::{MalformedReason, NoSpace, Reader, Writer, copy_quick};
 use crate::{Failure, LineParameters, Micros, ModemLines, Parity};
 
 codes! {
@@ -271,7 +271,18 @@ impl<'a> Event<'a> {
     }
 
     /// Writes the payload into `buffer`; returns its length in bytes.
+    #[inline]
     pub fn encode(&self, buffer: &mut [u8]) -> Result<usize, NoSpace> {
+        // By far the most events.
+        if let Self::Received(bytes) = self {
+            let place = buffer.get_mut(..bytes.len()).ok_or(NoSpace)?;
+            copy_quick(place, bytes);
+            return Ok(bytes.len());
+        }
+        self.encode_any(buffer)
+    }
+
+    fn encode_any(&self, buffer: &mut [u8]) -> Result<usize, NoSpace> {
         let mut writer = Writer::new(buffer);
         self.write(&mut writer);
         writer.end(0)?;

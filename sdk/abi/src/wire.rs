@@ -58,6 +58,15 @@ pub fn copy(to: &mut [u8], from: &[u8]) {
     }
 }
 
+/// As [`copy`], where it is often one byte: as bytes come from a line.
+#[inline]
+pub(crate) fn copy_quick(to: &mut [u8], from: &[u8]) {
+    match (&mut *to, from) {
+        ([to], [from]) => *to = *from,
+        _ => copy(to, from),
+    }
+}
+
 /// Takes fields from the front of a slice.
 ///
 /// A field that is not there reads as zero, and the fault is kept: read all,
@@ -385,10 +394,30 @@ impl<'a> Writer<'a> {
         self.length = self.length.min(length);
     }
 
-    /// Overwrites two bytes at `at`, which must have been written before.
-    pub(crate) fn patch_u16(&mut self, at: usize, value: u16) {
+    /// Room for a record of fixed length, which counts as written.
+    #[inline]
+    pub(crate) fn take<const N: usize>(&mut self) -> Option<&mut [u8; N]> {
+        let place = self.buffer.get_mut(self.length..)?.first_chunk_mut()?;
+        self.length += N;
+        Some(place)
+    }
+
+    /// Writes bytes at `at`, behind which nothing has been written yet; all before them
+    /// counts as written too.
+    #[inline]
+    pub(crate) fn put(&mut self, at: usize, bytes: &[u8]) -> Result<(), NoSpace> {
+        let place = self.buffer.get_mut(at..).and_then(|free| free.get_mut(..bytes.len()));
+        let Some(place) = place else { return Err(NoSpace) };
+        copy_quick(place, bytes);
+        self.length = at + bytes.len();
+        Ok(())
+    }
+
+    /// Overwrites bytes at `at`, which must have been written before.
+    #[inline]
+    pub(crate) fn patch<const N: usize>(&mut self, at: usize, value: [u8; N]) {
         if let Some(place) = self.buffer.get_mut(at..).and_then(<[u8]>::first_chunk_mut) {
-            *place = value.to_le_bytes();
+            *place = value;
         }
     }
 }

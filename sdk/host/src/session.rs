@@ -1,6 +1,6 @@
 //! A session: one running plug-in that takes events.
 
-use crate::engine::{Running, Stop};
+use crate::engine::{Running, Stepped, Stop};
 use crate::{Misbehaviour, Plugin, SessionFault, words};
 use softplug_abi::limits::OUTPUT_ROUNDS;
 use softplug_abi::{
@@ -106,45 +106,8 @@ impl Session {
 
     /// Ends the session with a fault of the plug-in.
     pub(crate) fn end(&mut self, event: EventKind, reason: Misbehaviour) -> SessionFault {
-        self.poison(SessionFault::Malformed { event, reason })
-    }
-
-    /// Calls the guest; the range is that of the actions in its memory.
-    fn call(
-        &mut self,
-        event: &Event<'_>,
-        now: Micros,
-    ) -> Result<(Range<usize>, bool), SessionFault> {
-        let kind = event.kind();
-        self.count_rounds(kind)?;
-        let input = range(self.mailbox.input);
-        let capacity = input.len();
-        let Ok(length) = event.encode(&mut self.running.memory_mut()[input]) else {
-            return Err(SessionFault::EventTooLarge { event: kind, capacity });
-        };
-        let result =
-            self.running.step(i32::from(kind.code()), length as i32, now.0, self.fuel_per_event);
-        self.count_fuel();
-        match result {
-            Ok(result) if result >= 0 => self.output(kind, result),
-            Ok(result) => Err(self.refused(kind, result)),
-            Err(stop) => Err(self.stopped(kind, stop)),
-        }
-    }
-
-    fn output(
-        &mut self,
-        event: EventKind,
-        result: i32,
-    ) -> Result<(Range<usize>, bool), SessionFault> {
-        let more = result & MORE_OUTPUT != 0;
-        let length = (result & !MORE_OUTPUT) as u32;
-        let Region { address, capacity } = self.mailbox.output;
-        if length > capacity {
-            return Err(self.end(event, Misbehaviour::Length { length, capacity }));
-        }
-        let start = address as usize;
-        Ok((start..start + length as usize, more))
+        let fault = SessionFault::Malformed { event, reason };
+        poison(&mut self.fault, &self.plugin, fault)
     }
 
     fn count_rounds(&mut self, event: EventKind) -> Result<(), SessionFault> {
@@ -158,50 +121,70 @@ impl Session {
         }
         Ok(())
     }
+}
 
-    fn count_fuel(&mut self) {
-        let used = self.fuel_per_event.saturating_sub(self.running.fuel_left());
-        self.fuel.last = used;
-        self.fuel.total = self.fuel.total.saturating_add(used);
-        self.fuel.largest = self.fuel.largest.max(used);
+impl Fuel {
+    #[inline]
+    fn count(&mut self, used: u64) {
+        self.last = used;
+        self.total = self.total.saturating_add(used);
+        self.largest = self.largest.max(used);
     }
+}
 
-    #[cold]
-    fn refused(&mut self, event: EventKind, result: i32) -> SessionFault {
-        let code = u16::try_from(result.unsigned_abs()).ok();
-        let Some(refusal) = code.and_then(Refusal::from_code) else {
-            return self.end(event, Misbehaviour::UnknownResult(result));
-        };
-        let out_of_place = match refusal {
-            Refusal::Settings => event != EventKind::Settings,
-            Refusal::State => event != EventKind::Restore,
-            Refusal::MalformedEvent | Refusal::UnknownEvent => false,
-        };
-        if out_of_place {
-            return self.end(event, Misbehaviour::Refusal(refusal));
+#[cold]
+fn poison(place: &mut Option<SessionFault>, plugin: &Plugin, fault: SessionFault) -> SessionFault {
+    tracing::debug!(%fault, plugin = plugin.manifest().name, "a session has ended");
+    place.insert(fault).clone()
+}
+
+/// The fault of a step without output, and whether it ends the session.
+#[cold]
+fn fault_of(
+    event: EventKind,
+    result: Result<i32, Box<Stop>>,
+    fuel: u64,
+    memory: &mut [u8],
+    mailbox: &Mailbox,
+) -> (SessionFault, bool) {
+    let result = match result {
+        Ok(result) => result,
+        Err(stop) => {
+            let fault = match *stop {
+                Stop::OutOfFuel => SessionFault::BudgetExhausted { event, fuel },
+                Stop::Trap { reason, frames } => {
+                    let last_words = words::read(memory, mailbox.words);
+                    SessionFault::Trapped { event, reason, frames, last_words }
+                }
+            };
+            return (fault, true);
         }
-        let words = words::read(self.running.memory(), self.mailbox.words);
-        words::clear(self.running.memory_mut(), self.mailbox.words);
-        SessionFault::Refused { event, refusal, words }
+    };
+    let malformed = |reason| (SessionFault::Malformed { event, reason }, true);
+    if result >= 0 {
+        let Region { capacity, .. } = mailbox.output;
+        return malformed(Misbehaviour::Length { length: length_of(result), capacity });
     }
+    let code = u16::try_from(result.unsigned_abs()).ok();
+    let Some(refusal) = code.and_then(Refusal::from_code) else {
+        return malformed(Misbehaviour::UnknownResult(result));
+    };
+    let out_of_place = match refusal {
+        Refusal::Settings => event != EventKind::Settings,
+        Refusal::State => event != EventKind::Restore,
+        Refusal::MalformedEvent | Refusal::UnknownEvent => false,
+    };
+    if out_of_place {
+        return malformed(Misbehaviour::Refusal(refusal));
+    }
+    let words = words::read(memory, mailbox.words);
+    words::clear(memory, mailbox.words);
+    (SessionFault::Refused { event, refusal, words }, false)
+}
 
-    #[cold]
-    fn stopped(&mut self, event: EventKind, stop: Stop) -> SessionFault {
-        let fault = match stop {
-            Stop::OutOfFuel => SessionFault::BudgetExhausted { event, fuel: self.fuel_per_event },
-            Stop::Trap { reason, frames } => {
-                let last_words = words::read(self.running.memory(), self.mailbox.words);
-                SessionFault::Trapped { event, reason, frames, last_words }
-            }
-        };
-        self.poison(fault)
-    }
-
-    #[cold]
-    fn poison(&mut self, fault: SessionFault) -> SessionFault {
-        tracing::debug!(%fault, plugin = self.plugin.manifest().name, "a session has ended");
-        self.fault.insert(fault).clone()
-    }
+/// Bytes of output that a result tells of.
+fn length_of(result: i32) -> u32 {
+    (result & !MORE_OUTPUT) as u32
 }
 
 impl Instance for Session {
@@ -217,8 +200,28 @@ impl Instance for Session {
         if let Some(fault) = &self.fault {
             return Err(fault.clone());
         }
-        let (actions, more) = self.call(event, now)?;
-        Ok(Output { actions: &self.running.memory()[actions], more })
+        let kind = event.kind();
+        self.count_rounds(kind)?;
+        let Self { plugin, running, mailbox, fuel_per_event, fuel, fault, .. } = self;
+        let input = range(mailbox.input);
+        let capacity = input.len();
+        let Ok(stepped) = running.step(event, input, now, *fuel_per_event) else {
+            return Err(SessionFault::EventTooLarge { event: kind, capacity });
+        };
+        let Stepped { result, fuel_used, memory } = stepped;
+        fuel.count(fuel_used);
+        let Region { address, capacity } = mailbox.output;
+        match result {
+            Ok(result) if result >= 0 && length_of(result) <= capacity => {
+                let start = address as usize;
+                let actions = &memory[start..start + length_of(result) as usize];
+                Ok(Output { actions, more: result & MORE_OUTPUT != 0 })
+            }
+            result => {
+                let (why, ends) = fault_of(kind, result, *fuel_per_event, memory, mailbox);
+                Err(if ends { poison(fault, plugin, why) } else { why })
+            }
+        }
     }
 
     fn total_fuel(&self) -> u64 {

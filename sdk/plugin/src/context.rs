@@ -123,7 +123,8 @@ impl<'a> Context<'a> {
     /// # Panics
     /// There is less [room](Self::transmit_room).
     pub fn transmit(&mut self, bytes: &[u8]) {
-        self.transmit_marked(0, bytes);
+        self.take_transmit_room(bytes);
+        fitted_here(self.writer.transmit(bytes));
     }
 
     /// Appends bytes; [`Converter::mark`](crate::Converter::mark) tells when the last of them has left. With no
@@ -132,14 +133,15 @@ impl<'a> Context<'a> {
     /// # Panics
     /// There is less [room](Self::transmit_room).
     pub fn transmit_marked(&mut self, mark: u32, bytes: &[u8]) {
+        self.take_transmit_room(bytes);
+        self.push(&Action::Transmit { mark, bytes });
+    }
+
+    #[cfg_attr(target_arch = "wasm32", inline(always))]
+    fn take_transmit_room(&mut self, bytes: &[u8]) {
         let count = bytes.len() as u32;
         assert!(count <= self.rooms.transmit, "transmits more bytes than there is room for");
         self.rooms.transmit -= count;
-        if mark == 0 {
-            fitted(self.writer.transmit(bytes));
-        } else {
-            self.push(&Action::Transmit { mark, bytes });
-        }
     }
 
     /// Sends up to 16 bytes ahead of queue and hold.
@@ -170,7 +172,7 @@ impl<'a> Context<'a> {
     /// Sets timer `id` (0 to 15) to an absolute time; one in the past runs out now.
     #[inline]
     pub fn set_timer(&mut self, id: u8, deadline: Micros) {
-        fitted(self.writer.set_timer(id, deadline));
+        fitted_here(self.writer.set_timer(id, deadline));
     }
 
     /// Sets timer `id` to a span from now.
@@ -196,7 +198,7 @@ impl<'a> Context<'a> {
     /// Asks for `bytes` more of the job's data; nothing for 0.
     pub fn want(&mut self, job: u32, bytes: u32) {
         if bytes > 0 {
-            self.push(&Action::Want { job, bytes });
+            fitted_here(self.writer.want(job, bytes));
         }
     }
 
@@ -214,7 +216,7 @@ impl<'a> Context<'a> {
         let count = bytes.len() as u32;
         assert!(count <= self.rooms.delivery, "delivers more bytes than there is room for");
         self.rooms.delivery -= count;
-        fitted(self.writer.deliver(delivery, bytes));
+        fitted_here(self.writer.deliver(delivery, bytes));
     }
 
     /// Names the delivery; cut to 128 bytes.
@@ -296,6 +298,12 @@ impl<'a> Context<'a> {
 
 #[cfg_attr(target_arch = "wasm32", inline(never))]
 fn fitted(pushed: Result<(), NoSpace>) {
+    fitted_here(pushed);
+}
+
+/// Without a call, for the most frequent actions.
+#[cfg_attr(target_arch = "wasm32", inline(always))]
+fn fitted_here(pushed: Result<(), NoSpace>) {
     if pushed.is_err() {
         too_many();
     }

@@ -10,6 +10,9 @@ use softplug_abi::{Event, EventKind, Micros, Refusal, TakeEvent};
 /// Largest state in bytes that this machine can restore.
 pub(crate) const STATE_CAPACITY: usize = 4_096;
 
+const RECEIVED: i32 = EventKind::Received as i32;
+const JOB_DATA: i32 = EventKind::JobData as i32;
+
 /// What a step gave: length of the output and whether more is to come, or why
 /// the event was not taken.
 pub(crate) type Stepped = Result<(usize, bool), (Refusal, &'static str)>;
@@ -37,8 +40,42 @@ impl<C: Converter> Machine<C> {
 
     /// One event. `code` and `payload` are what the host gave; `state` gathers
     /// the pieces of a state to restore.
+    ///
+    /// Most events carry bytes: these go straight to the converter, past the code that takes
+    /// the others apart and the stack that it needs.
     #[inline]
     pub(crate) fn step(
+        &mut self,
+        code: i32,
+        payload: &[u8],
+        now: Micros,
+        output: &mut [u8],
+        state: &mut [u8],
+    ) -> Stepped {
+        if let Slot::Full(converter) = &mut self.core.converter {
+            if code == RECEIVED && !payload.is_empty() {
+                self.core.saving = None;
+                let mut link = Context::new(output, now, &mut self.rooms);
+                converter.received(&mut link, payload);
+                return Ok(link.finish());
+            }
+            if code == JOB_DATA
+                && let Some((job, bytes)) = payload.split_first_chunk()
+                && *job != [0; 4]
+                && !bytes.is_empty()
+            {
+                self.core.saving = None;
+                let mut link = Context::new(output, now, &mut self.rooms);
+                converter.job_data(&mut link, u32::from_le_bytes(*job), bytes);
+                return Ok(link.finish());
+            }
+        }
+        self.step_any(code, payload, now, output, state)
+    }
+
+    /// Any event.
+    #[cfg_attr(target_arch = "wasm32", inline(never))]
+    fn step_any(
         &mut self,
         code: i32,
         payload: &[u8],
@@ -53,14 +90,6 @@ impl<C: Converter> Machine<C> {
             core.saving = None;
         }
         let mut link = Context::new(output, now, &mut self.rooms);
-        if kind == EventKind::Received
-            && !payload.is_empty()
-            && let Slot::Full(converter) = &mut core.converter
-        {
-            // By far the most events, and there is nothing to decode in them.
-            converter.received(&mut link, payload);
-            return Ok(link.finish());
-        }
         let taker = Step { core, link: &mut link, state };
         let taken = Event::decode_for(kind, payload, taker);
         taken.map_err(|_| (Refusal::MalformedEvent, ""))??;
@@ -226,7 +255,6 @@ impl<'a, C: Converter> TakeEvent<'a> for Step<'_, '_, C> {
                 converter.closed(link);
                 core.converter = Slot::Empty;
             }
-            Event::Received(bytes) => converter.received(link, bytes),
             Event::LineError { kind, byte, span } => converter.line_error(link, kind, byte, span),
             Event::ModemLines { known, on } => converter.modem_lines(link, known, on),
             Event::LinkDown(reason) => converter.link_down(link, reason),
@@ -248,7 +276,6 @@ impl<'a, C: Converter> TakeEvent<'a> for Step<'_, '_, C> {
             Event::JobBegin { job, kind, pass, size, fields } => {
                 converter.job_begin(link, JobStart { job, kind, pass, size, fields });
             }
-            Event::JobData { job, bytes } => converter.job_data(link, job, bytes),
             Event::JobEnd { job } => converter.job_end(link, job),
             Event::Pause { job } => converter.pause(link, job),
             Event::Resume { job } => converter.resume(link, job),
@@ -261,7 +288,11 @@ impl<'a, C: Converter> TakeEvent<'a> for Step<'_, '_, C> {
             // Of a save, if one is under way: the caller writes the rest.
             Event::Continue if core.saving.is_some() => {}
             Event::Continue => converter.more(link),
-            Event::Settings { .. } | Event::Restore { .. } => {}
+            // The first two above; the others by `Machine::step`, if there is a converter.
+            Event::Settings { .. }
+            | Event::Restore { .. }
+            | Event::Received(_)
+            | Event::JobData { .. } => {}
         }
         Ok(())
     }

@@ -83,8 +83,8 @@ impl<'a> Iterator for Actions<'a> {
 #[derive(Debug)]
 pub struct ActionWriter<'a> {
     writer: Writer<'a>,
-    /// Start and kind of the last record, if bytes may be appended to it.
-    open: Option<(usize, u16, u32)>,
+    /// Start of the last record and whose it is, if bytes may be appended to it.
+    open: Option<(usize, Stream)>,
 }
 
 impl<'a> ActionWriter<'a> {
@@ -126,6 +126,7 @@ impl<'a> ActionWriter<'a> {
             Action::Transmit { mark: 0, bytes } => return self.transmit(bytes),
             Action::Deliver { delivery, bytes } => return self.deliver(*delivery, bytes),
             Action::SetTimer { id, deadline } => return self.set_timer(*id, *deadline),
+            Action::Want { job, bytes } => return self.want(*job, *bytes),
             _ => {}
         }
         let start = self.begin(action.kind());
@@ -149,7 +150,7 @@ impl<'a> ActionWriter<'a> {
             self.writer.forget(start);
             return Err(NoSpace);
         };
-        self.writer.patch_u16(start + 2, length);
+        self.writer.patch(start + 2, length.to_le_bytes());
         self.open = None;
         Ok(())
     }
@@ -157,23 +158,38 @@ impl<'a> ActionWriter<'a> {
     /// The quick way to push a [`Transmit`](Action::Transmit) without a mark.
     #[inline]
     pub fn transmit(&mut self, bytes: &[u8]) -> Result<(), NoSpace> {
-        self.stream(kind::TRANSMIT, 0, bytes)
+        self.stream(Stream::new(kind::TRANSMIT, 0), bytes)
     }
 
     /// The quick way to push a [`Deliver`](Action::Deliver).
     #[inline]
     pub fn deliver(&mut self, delivery: u32, bytes: &[u8]) -> Result<(), NoSpace> {
-        self.stream(kind::DELIVER, delivery, bytes)
+        self.stream(Stream::new(kind::DELIVER, delivery), bytes)
     }
 
     /// The quick way to push a [`SetTimer`](Action::SetTimer).
+    #[inline]
+    #[expect(clippy::many_single_char_names, reason = "the bytes of a record")]
     pub fn set_timer(&mut self, id: u8, deadline: Micros) -> Result<(), NoSpace> {
         debug_assert!(id < TIMERS, "there is no timer {id}");
-        let start = self.writer.len();
-        let [kind, zero] = kind::SET_TIMER.to_le_bytes();
-        self.writer.array([kind, zero, 9, 0, id]);
-        self.writer.array(deadline.0.to_le_bytes());
-        self.writer.end(start)?;
+        let [a, b, c, d] = head(kind::SET_TIMER, 9);
+        let [e, f, g, h, i, j, k, l] = deadline.0.to_le_bytes();
+        self.whole([a, b, c, d, id, e, f, g, h, i, j, k, l])
+    }
+
+    /// The quick way to push a [`Want`](Action::Want).
+    #[inline]
+    #[expect(clippy::many_single_char_names, reason = "the bytes of a record")]
+    pub fn want(&mut self, job: u32, bytes: u32) -> Result<(), NoSpace> {
+        let ([a, b, c, d], [e, f, g, h]) = (head(kind::WANT, 8), job.to_le_bytes());
+        let [i, j, k, l] = bytes.to_le_bytes();
+        self.whole([a, b, c, d, e, f, g, h, i, j, k, l])
+    }
+
+    /// A record of fixed length.
+    #[inline]
+    fn whole<const N: usize>(&mut self, record: [u8; N]) -> Result<(), NoSpace> {
+        *self.writer.take().ok_or(NoSpace)? = record;
         self.open = None;
         Ok(())
     }
@@ -187,32 +203,52 @@ impl<'a> ActionWriter<'a> {
         self.end(start)
     }
 
-    fn stream(&mut self, kind: u16, id: u32, bytes: &[u8]) -> Result<(), NoSpace> {
-        if bytes.is_empty() || self.append(kind, id, bytes) {
+    /// In a plug-in the bytes are copied in one place whether they begin a record or
+    /// not, and without a call but that of the copy: a call there costs what twenty
+    /// instructions do, and an argument more than these would go over the stack.
+    fn stream(&mut self, stream: Stream, bytes: &[u8]) -> Result<(), NoSpace> {
+        if bytes.is_empty() {
             return Ok(());
         }
-        let Ok(length) = u16::try_from(bytes.len() + 4) else { return Err(NoSpace) };
-        let start = self.writer.len();
-        let head = u64::from(kind) | u64::from(length) << 16 | u64::from(id) << 32;
-        self.writer.array(head.to_le_bytes());
-        self.writer.bytes(bytes);
-        self.writer.end(start)?;
-        self.open = Some((start, kind, id));
+        let at = self.writer.len();
+        let (start, head) = match self.open {
+            Some((start, open))
+                if open == stream && at - start - 4 + bytes.len() <= RECORD_BYTES =>
+            {
+                (start, 0)
+            }
+            _ => (at, 8),
+        };
+        let length = at + head - start - 4 + bytes.len();
+        if length > RECORD_BYTES {
+            return Err(NoSpace);
+        }
+        self.writer.put(at + head, bytes)?;
+        self.writer.patch(start, stream.head(length as u16));
+        self.open = Some((start, stream));
         Ok(())
     }
+}
 
-    fn append(&mut self, kind: u16, id: u32, bytes: &[u8]) -> bool {
-        let Some((start, open_kind, open_id)) = self.open else { return false };
-        let length = self.writer.len() - start - 4 + bytes.len();
-        if (open_kind, open_id) != (kind, id) || length > RECORD_BYTES {
-            return false;
-        }
-        let end = self.writer.len();
-        self.writer.bytes(bytes);
-        if self.writer.end(end).is_err() {
-            return false;
-        }
-        self.writer.patch_u16(start + 2, length as u16);
-        true
+/// Kind and length of a record.
+#[inline]
+fn head(kind: u16, length: u16) -> [u8; 4] {
+    (u32::from(kind) | u32::from(length) << 16).to_le_bytes()
+}
+
+/// Whose the bytes of a record are, as at the record's head: kind and id, between them
+/// the length, which is left out here.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+struct Stream(u64);
+
+impl Stream {
+    #[inline]
+    fn new(kind: u16, id: u32) -> Self {
+        Self(u64::from(kind) | u64::from(id) << 32)
+    }
+
+    #[inline]
+    fn head(self, length: u16) -> [u8; 8] {
+        (self.0 | u64::from(length) << 16).to_le_bytes()
     }
 }

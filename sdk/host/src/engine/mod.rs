@@ -11,7 +11,10 @@ mod wasmi;
 mod wasmtime;
 
 use crate::{Digest, LoadError, Origin};
+use softplug_abi::wire::NoSpace;
+use softplug_abi::{Event, Micros};
 use std::fmt;
+use std::ops::Range;
 
 #[cfg(feature = "wasmi")]
 pub(crate) use self::wasmi::Wasmi;
@@ -98,18 +101,28 @@ pub(crate) trait Running: Send {
     /// Calls `softplug_v1`.
     fn mailbox(&mut self, fuel: u64) -> Result<u32, Stop>;
 
-    /// Calls `softplug_v1_step`.
-    fn step(&mut self, kind: i32, length: i32, now: i64, fuel: u64) -> Result<i32, Stop>;
-
-    /// What is left of the fuel that the last call was given.
-    fn fuel_left(&self) -> u64;
+    /// Writes the event's payload to `input` and calls `softplug_v1_step`. All in one
+    /// call: an event costs so little that several would show.
+    fn step(
+        &mut self,
+        event: &Event<'_>,
+        input: Range<usize>,
+        now: Micros,
+        fuel: u64,
+    ) -> Result<Stepped<'_>, NoSpace>;
 
     /// What stands in an exported global of 64 bits.
     fn global(&mut self, name: &str) -> Option<i64>;
 
     fn memory(&self) -> &[u8];
+}
 
-    fn memory_mut(&mut self) -> &mut [u8];
+/// What a call of `softplug_v1_step` came to.
+pub(crate) struct Stepped<'a> {
+    /// In a box, so that what comes back of nearly every call stays small.
+    pub(crate) result: Result<i32, Box<Stop>>,
+    pub(crate) fuel_used: u64,
+    pub(crate) memory: &'a mut [u8],
 }
 
 /// Why a call did not return.

@@ -1,8 +1,12 @@
 //! The wasmi engine: an interpreter, with the limits and the costs of the compiler.
 
-use super::{Compiled, EngineError, EngineInfo, NotLoaded, Running, StartError, Stop, weights};
+use super::{
+    Compiled, EngineError, EngineInfo, NotLoaded, Running, StartError, Stepped, Stop, weights,
+};
 use crate::{Digest, Origin};
-use softplug_abi::{EXPORT_MAILBOX, EXPORT_MEMORY, EXPORT_STEP};
+use softplug_abi::wire::NoSpace;
+use softplug_abi::{EXPORT_MAILBOX, EXPORT_MEMORY, EXPORT_STEP, Event, Micros};
+use std::ops::Range;
 use wasmi::{
     CompilationMode, Config, Engine, Error, Instance, Linker, Memory, Module, OperatorCost, Store,
     TrapCode, TypedFunc,
@@ -142,13 +146,21 @@ impl Running for Live {
         }
     }
 
-    fn step(&mut self, kind: i32, length: i32, now: i64, fuel: u64) -> Result<i32, Stop> {
+    fn step(
+        &mut self,
+        event: &Event<'_>,
+        input: Range<usize>,
+        now: Micros,
+        fuel: u64,
+    ) -> Result<Stepped<'_>, NoSpace> {
+        let length = event.encode(&mut self.memory.data_mut(&mut self.store)[input])?;
         self.refuel(fuel);
-        self.step.call(&mut self.store, (kind, length, now)).map_err(|error| self.stop(&error))
-    }
-
-    fn fuel_left(&self) -> u64 {
-        self.store.get_fuel().expect("the engine consumes fuel")
+        let arguments = (i32::from(event.kind().code()), length as i32, now.0);
+        let result = self.step.call(&mut self.store, arguments);
+        let result = result.map_err(|error| Box::new(self.stop(&error)));
+        let left = self.store.get_fuel().expect("the engine consumes fuel");
+        let fuel_used = fuel.saturating_sub(left);
+        Ok(Stepped { result, fuel_used, memory: self.memory.data_mut(&mut self.store) })
     }
 
     fn global(&mut self, name: &str) -> Option<i64> {
@@ -157,10 +169,6 @@ impl Running for Live {
 
     fn memory(&self) -> &[u8] {
         self.memory.data(&self.store)
-    }
-
-    fn memory_mut(&mut self) -> &mut [u8] {
-        self.memory.data_mut(&mut self.store)
     }
 }
 

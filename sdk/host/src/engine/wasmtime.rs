@@ -1,15 +1,18 @@
 //! The wasmtime engine: configuration, pool and calls.
 
 use super::{
-    Compiled, EngineError, EngineInfo, NotLoaded, Running, StartError, Stop, precompiled, weights,
+    Compiled, EngineError, EngineInfo, NotLoaded, Running, StartError, Stepped, Stop, precompiled,
+    weights,
 };
 use crate::cache::{Cache, CacheKey, VerifiedCode};
 use crate::compiler::{self, CompilerProcess};
 use crate::lint::FEATURES;
 use crate::{Digest, Origin, words};
 use softplug_abi::limits::{ELEMENTS, MEMORY_PAGES};
-use softplug_abi::{EXPORT_MAILBOX, EXPORT_MEMORY, EXPORT_STEP};
+use softplug_abi::wire::NoSpace;
+use softplug_abi::{EXPORT_MAILBOX, EXPORT_MEMORY, EXPORT_STEP, Event, Micros};
 use std::hash::{DefaultHasher, Hash, Hasher};
+use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use wasmtime::{
@@ -260,13 +263,21 @@ impl Running for Live {
         Ok(address as u32)
     }
 
-    fn step(&mut self, kind: i32, length: i32, now: i64, fuel: u64) -> Result<i32, Stop> {
+    fn step(
+        &mut self,
+        event: &Event<'_>,
+        input: Range<usize>,
+        now: Micros,
+        fuel: u64,
+    ) -> Result<Stepped<'_>, NoSpace> {
+        let length = event.encode(&mut self.memory.data_mut(&mut self.store)[input])?;
         self.refuel(fuel);
-        self.step.call(&mut self.store, (kind, length, now)).map_err(|error| stop(&error))
-    }
-
-    fn fuel_left(&self) -> u64 {
-        self.store.get_fuel().expect("the engine consumes fuel")
+        let arguments = (i32::from(event.kind().code()), length as i32, now.0);
+        let result = self.step.call(&mut self.store, arguments);
+        let result = result.map_err(|error| Box::new(stop(&error)));
+        let left = self.store.get_fuel().expect("the engine consumes fuel");
+        let fuel_used = fuel.saturating_sub(left);
+        Ok(Stepped { result, fuel_used, memory: self.memory.data_mut(&mut self.store) })
     }
 
     fn global(&mut self, name: &str) -> Option<i64> {
@@ -275,10 +286,6 @@ impl Running for Live {
 
     fn memory(&self) -> &[u8] {
         self.memory.data(&self.store)
-    }
-
-    fn memory_mut(&mut self) -> &mut [u8] {
-        self.memory.data_mut(&mut self.store)
     }
 }
 
