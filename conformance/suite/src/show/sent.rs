@@ -82,7 +82,7 @@ pub(crate) struct Held {
     pub(crate) more_at: Option<Micros>,
 }
 
-/// What stands on the `>` lines of these entries, in the order of time.
+/// What stands on the `>` lines of these entries, in the order of the lines.
 pub(crate) fn recorded<'a>(
     case: &Case,
     entries: impl IntoIterator<Item = &'a Entry>,
@@ -106,8 +106,8 @@ pub(crate) fn recorded<'a>(
             _ => {}
         }
     }
-    // Lines can overlap in windows and alternatives.
-    all.sort_by_key(|recorded| recorded.at);
+    // In the order of the lines: a recorder that has read two characters at once writes the second
+    // later than it was, which does not put it behind what followed.
     all
 }
 

@@ -65,7 +65,7 @@ fn both_ways_are_joined_on_their_own() {
 #[test]
 fn damage_comments_windows_and_files_stay_where_they_are() {
     let body = "< 0.0 41\n< 0.001042 ~p42\n< 0.002084 43\n";
-    assert_eq!(joined(body), "<< 0.000000 41 ~p42 43     ; 'A' ~'B' 'C'\n. 0.002084\n");
+    assert_eq!(joined(body), "<< 0.000000 \"A\" ~p42 \"C\"  ; 'A' ~'B' 'C'\n. 0.002084\n");
     for body in [
         "< 0.000000 \"A\"\n# Here.\n< 0.001042 \"B\"\n",
         "< 0.000000 \"A\"\n\n< 0.001042 \"B\"\n",
