@@ -39,7 +39,9 @@ impl Requests {
             let bytes = files::read(file)?;
             if bytes.is_empty() {
                 let file = file.display();
-                return Err(Failure::usage(format_args!("{file} is empty: nothing was sent of it")));
+                return Err(Failure::usage(format_args!(
+                    "{file} is empty: nothing was sent of it"
+                )));
             }
             let data = data(trace, &bytes)?;
             Ok(HostRequest::Job { id, kind: SEND.to_owned(), fields: Vec::new(), data })
@@ -162,7 +164,10 @@ mod tests {
         for bytes in [vec![0x10; 30_000], vec![b'G'; 70_000]] {
             let data = data(&trace, &bytes).unwrap();
             let [Item::File(digest)] = data.items() else { panic!("{data:?}") };
-            assert_eq!(fs::read(folder.path().join("files").join(digest.to_string())).unwrap(), bytes);
+            assert_eq!(
+                fs::read(folder.path().join("files").join(digest.to_string())).unwrap(),
+                bytes
+            );
         }
     }
 }

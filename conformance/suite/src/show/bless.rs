@@ -168,8 +168,7 @@ pub(crate) fn with_seen(
             most = most.max(usize::try_from(length).unwrap_or(most));
         }
     }
-    let entries = transcript::entries(line, subject.manifest(), seen, most, |at| {
-        places.contains(&at)
-    });
+    let entries =
+        transcript::entries(line, subject.manifest(), seen, most, |at| places.contains(&at));
     case.trace.with_expectations(entries, &case.files())
 }

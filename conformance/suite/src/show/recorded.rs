@@ -187,7 +187,9 @@ impl Attempt {
                 let case = best.case.with_trace(asked(&best.case.trace, place, request));
                 let attempt = Self::new(subject, case);
                 let is_case = attempt.ends_at().is_some();
-                if found.as_ref().is_none_or(|(_, found)| is_case || attempt.score() > found.score())
+                if found
+                    .as_ref()
+                    .is_none_or(|(_, found)| is_case || attempt.score() > found.score())
                 {
                     found = Some((place, attempt));
                 }

@@ -55,7 +55,8 @@ fn a_gap_and_a_batch_end_a_line() {
 
 #[test]
 fn both_ways_are_joined_on_their_own() {
-    let body = "< 0.0 41\n> 0.000500 61\n< 0.001042 42\n> 0.001542 62\n! 0.002 cts-\n< 0.002084 43\n";
+    let body =
+        "< 0.0 41\n> 0.000500 61\n< 0.001042 42\n> 0.001542 62\n! 0.002 cts-\n< 0.002084 43\n";
     assert_eq!(
         joined(body),
         "<< 0.000000 \"ABC\"\n> 0.000500 \"ab\"\n! 0.002000 cts-\n. 0.002084\n"
@@ -81,8 +82,11 @@ fn damage_comments_windows_and_files_stay_where_they_are() {
 #[test]
 fn no_character_overtakes_another() {
     let body = "< 0.0 41\n< 0.000900 42\n< 0.000910 43\n";
-    assert_eq!(joined(body), "< 0.000000 41             ; 'A'\n< 0.000900 42             ; 'B'\n\
-                              < 0.000910 43             ; 'C'\n");
+    assert_eq!(
+        joined(body),
+        "< 0.000000 41             ; 'A'\n< 0.000900 42             ; 'B'\n\
+                              < 0.000910 43             ; 'C'\n"
+    );
 }
 
 #[test]
@@ -95,7 +99,8 @@ fn without_a_rate_nothing_is_joined() {
 /// A partner that drifts and jitters, for as long as it likes.
 #[test]
 fn no_character_moves_by_more_than_a_quarter() {
-    for (rate, per_mille) in [("9600 8N1", 2), ("4800 7E2", 1), ("115200 8N1", 4), ("2400 8E1", 0)] {
+    for (rate, per_mille) in [("9600 8N1", 2), ("4800 7E2", 1), ("115200 8N1", 4), ("2400 8E1", 0)]
+    {
         let head = HEAD.replace("9600 8N1", rate);
         let line = Trace::parse(&format!("{head}. 0.0\n")).unwrap().front.line;
         let pace = Pace::of(&line);

@@ -86,7 +86,9 @@ fn tell(name: &str, file: &str, blessing: &Blessing, force: bool, screen: &Scree
         let all = numbers::things(*stood as u64, "byte");
         let (begin, no_longer) = (if force { "note: " } else { "" }, "no longer sends");
         let lost_bytes = numbers::count(*lost_bytes as u64);
-        screen.report(format_args!("{begin}{file}: {name} {no_longer} {lost_bytes} of {all} that stand there"));
+        screen.report(format_args!(
+            "{begin}{file}: {name} {no_longer} {lost_bytes} of {all} that stand there"
+        ));
         for lost in lost.iter().take(SHOWN) {
             screen.report(format_args!("  {lost}"));
         }

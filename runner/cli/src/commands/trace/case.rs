@@ -73,8 +73,9 @@ pub(super) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         Failure::usage(format_args!("{name} is no trace: {error}"))
     })?;
     if record.is_recording() {
-        return Err(Failure::usage(format_args!("{name} is a flight recording"))
-            .hint("`softplug replay` runs it as it stands: it holds all that the plug-in was given"));
+        return Err(Failure::usage(format_args!("{name} is a flight recording")).hint(
+            "`softplug replay` runs it as it stands: it holds all that the plug-in was given",
+        ));
     }
     let plugin = arguments.library.load(&arguments.plugin)?;
     plugin.settings(&arguments.settings)?;

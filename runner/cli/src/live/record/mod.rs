@@ -15,8 +15,8 @@ use softplug_gateway::port::line_text;
 use softplug_gateway::tap::{Event, Side, Tap, Turn};
 use softplug_gateway::{Input, Port, PortOptions, PortSpec};
 use softplug_trace::{
-    Assignment, Entry, FrontMatter, HostRequest, Item, Level, Line, LineSettings, Origin, Payload, Permutations,
-    SourceLine, Time, What, When,
+    Assignment, Entry, FrontMatter, HostRequest, Item, Level, Line, LineSettings, Origin, Payload,
+    Permutations, SourceLine, Time, What, When,
 };
 
 use self::completion::Completion;
@@ -53,10 +53,8 @@ pub(crate) fn record(
         SideName::B => Side::B,
     };
     let lines = tap.modem_lines(side.other());
-    let completion = Completion {
-        plugin: prepared.as_ref().map(|prepared| prepared.plugin.clone()),
-        requests,
-    };
+    let completion =
+        Completion { plugin: prepared.as_ref().map(|prepared| prepared.plugin.clone()), requests };
     // A rehearsal has no jobs: of a plug-in that was asked for something it knows nothing.
     let rehearsed = prepared.zip(instance).filter(|_| completion.requests.is_empty());
     let rehearsal = rehearsed.map(|(prepared, instance)| {
