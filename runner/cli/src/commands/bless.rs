@@ -22,6 +22,9 @@ struct Document {
     /// What stood on `>` lines and is no longer sent.
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     lost: Vec<JsonLost>,
+    /// What is not as somebody who blesses may think.
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    notes: Vec<String>,
 }
 
 #[derive(Serialize)]
@@ -41,7 +44,8 @@ pub(super) fn run<'a>(
     force: bool,
     screen: &Screen,
 ) -> Result<Exit, Failure> {
-    let mut document = Document { traces: 0, blessed: Vec::new(), lost: Vec::new() };
+    let mut document =
+        Document { traces: 0, blessed: Vec::new(), lost: Vec::new(), notes: Vec::new() };
     let mut all = Vec::new();
     // All are looked at before one is written.
     for case in cases {
@@ -57,6 +61,10 @@ pub(super) fn run<'a>(
     let refused = if force { 0 } else { all.iter().filter(|(.., b)| !b.lost.is_empty()).count() };
     for (case, file, blessing) in &all {
         tell(name, file, blessing, force, screen);
+        for note in notes(name, file, blessing) {
+            screen.note(format_args!("note: {note}"));
+            document.notes.push(note);
+        }
         let text = blessing.trace.format();
         if refused == 0 && text != files::read_text(&case.path)? {
             files::replace(&case.path, text.as_bytes())?;
@@ -79,39 +87,44 @@ pub(super) fn run<'a>(
     Ok(Exit::Failed)
 }
 
-/// Says what a trace loses, and what else is not as somebody who blesses may think.
+/// Says what a trace loses.
 fn tell(name: &str, file: &str, blessing: &Blessing, force: bool, screen: &Screen) {
-    let Blessing { lost, lost_bytes, stood, more, more_at, failed, .. } = blessing;
-    if !lost.is_empty() {
-        let all = numbers::things(*stood as u64, "byte");
-        let (begin, no_longer) = (if force { "note: " } else { "" }, "no longer sends");
-        let lost_bytes = numbers::count(*lost_bytes as u64);
-        screen.report(format_args!(
-            "{begin}{file}: {name} {no_longer} {lost_bytes} of {all} that stand there"
-        ));
-        for lost in lost.iter().take(SHOWN) {
-            screen.report(format_args!("  {lost}"));
-        }
-        if lost.len() > SHOWN {
-            let more = numbers::things((lost.len() - SHOWN) as u64, "more place");
-            screen.report(format_args!("  and at {more}"));
-        }
+    let Blessing { lost, lost_bytes, stood, .. } = blessing;
+    if lost.is_empty() {
+        return;
     }
+    let begin = if force { "note: " } else { "" };
+    let (lost_bytes, all) = (numbers::count(*lost_bytes as u64), *stood as u64);
+    let all = numbers::things(all, "byte");
+    screen.report(format_args!(
+        "{begin}{file}: {name} no longer sends {lost_bytes} of {all} that stand there"
+    ));
+    for lost in lost.iter().take(SHOWN) {
+        screen.report(format_args!("  {lost}"));
+    }
+    if lost.len() > SHOWN {
+        let more = numbers::things((lost.len() - SHOWN) as u64, "more place");
+        screen.report(format_args!("  and at {more}"));
+    }
+}
+
+/// What else is not as somebody who blesses may think.
+fn notes(name: &str, file: &str, blessing: &Blessing) -> Vec<String> {
+    let Blessing { stood, more, more_at, failed, .. } = blessing;
     // A trace that says nothing of what is sent is only being written.
-    if let Some(at) = more_at.filter(|_| *stood > 0) {
+    let more = more_at.filter(|_| *stood > 0).map(|at| {
         let more = numbers::things(*more as u64, "byte");
-        screen.note(format_args!(
-            "note: {file}: {name} sends {more} that did not stand there, the first at {}",
-            seconds(at)
-        ));
-    }
-    for (job, at, why) in failed {
-        screen.note(format_args!(
-            "note: {file}: job {job} fails at {} ({why}): if it went well on the line, this is no \
-             case of it",
+        let at = seconds(at);
+        format!("{file}: {name} sends {more} that did not stand there, the first at {at}")
+    });
+    let failed = failed.iter().map(|(job, at, why)| {
+        format!(
+            "{file}: job {job} fails at {} ({why}): if it went well on the line, this is no case \
+             of it",
             seconds(*at)
-        ));
-    }
+        )
+    });
+    more.into_iter().chain(failed).collect()
 }
 
 impl JsonLost {
