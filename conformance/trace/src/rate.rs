@@ -44,8 +44,8 @@ impl Trace {
         let mut joiner = Joiner {
             pace: Pace::of(&self.front.line),
             body: Vec::with_capacity(self.body.len()),
-            given: None,
-            sent: None,
+            given: Way::default(),
+            sent: Way::default(),
         };
         for line in &self.body {
             joiner.take(line);
@@ -95,23 +95,35 @@ fn is_taken(line: &Line) -> bool {
 struct Run {
     /// Where its line stands.
     place: usize,
-    /// When its first character was.
-    at: u64,
+    /// When its first character may be, so that none is too early or too late.
+    at: (i64, i64),
     items: Vec<Item>,
     count: usize,
     /// Lines that it was made of.
     lines: usize,
 }
 
+/// What is open and what was last of one direction.
+#[derive(Default)]
+struct Way {
+    run: Option<Run>,
+    /// When the last character was that is no longer open.
+    last: i64,
+}
+
 struct Joiner {
     pace: Pace,
     body: Vec<Line>,
-    given: Option<Run>,
-    sent: Option<Run>,
+    given: Way,
+    sent: Way,
 }
 
 impl Joiner {
     fn take(&mut self, line: &Line) {
+        let before = self.body.iter().rev().find_map(|line| {
+            let entry = line.entry().filter(|_| !is_taken(line))?;
+            Some(entry.when.from.0 as i64)
+        });
         self.body.push(line.clone());
         let Line::Entry(entry) = line else {
             self.close_all();
@@ -122,37 +134,63 @@ impl Joiner {
             What::Burst(payload) => (false, payload),
             What::Send(payload) => (true, payload),
             // What comes at one time does not come at the rate.
-            What::Receive(_) => return self.close(false),
+            What::Receive(_) => {
+                self.close(false);
+                self.given.last = entry.when.to.0 as i64;
+                return;
+            }
             _ => return,
         };
         let count = payload.length().and_then(|count| usize::try_from(count).ok());
         let plain = |item: &Item| matches!(item, Item::Hex(_) | Item::Text(_) | Item::Bad { .. });
         let is_plain = !entry.when.is_window() && payload.items().iter().all(plain);
+        let at = entry.when.from.0 as i64;
         let Some(count) = count.filter(|count| is_plain && *count > 0 && *count <= CHARACTERS)
         else {
-            return self.close(is_sent);
+            self.close(is_sent);
+            self.way(is_sent).last = at;
+            return;
         };
-        let at = entry.when.from.0;
-        let pace = self.pace;
-        let open = if is_sent { &mut self.sent } else { &mut self.given };
-        if let Some(run) = open
-            && run.count + count <= CHARACTERS
-            && is_near(pace, run.at + pace.of_characters(run.count) as u64, at)
-        {
-            run.items.extend(payload.items().iter().cloned());
-            run.count += count;
-            run.lines += 1;
-            let none = Payload::default();
-            let taken = if is_sent { What::Send(none) } else { What::Burst(none) };
-            if let Some(Line::Entry(last)) = self.body.last_mut() {
-                last.what = taken;
-            }
+        if count == 1 && self.join(is_sent, at, payload) {
             return;
         }
         self.close(is_sent);
+        let earliest = at - self.quarter();
+        // Not before what stands above it, nor before the character in front of it. What is more
+        // than a character already has its time.
+        let floor = before.unwrap_or(0).max(self.way(is_sent).last);
+        let first = if count == 1 { earliest.max(floor).min(at) } else { at };
         let (place, items) = (self.body.len() - 1, payload.items().to_vec());
-        let run = Run { place, at, items, count, lines: 1 };
-        *(if is_sent { &mut self.sent } else { &mut self.given }) = Some(run);
+        self.way(is_sent).run = Some(Run { place, at: (first, at), items, count, lines: 1 });
+    }
+
+    /// Takes a character into the open line, if one time of its first character is right for all:
+    /// none stands later than it came, or what follows could be overtaken.
+    fn join(&mut self, is_sent: bool, at: i64, payload: &Payload) -> bool {
+        let (pace, quarter) = (self.pace, self.quarter());
+        let Some(run) = &mut self.way(is_sent).run else { return false };
+        let first = at - pace.of_characters(run.count);
+        let both = (run.at.0.max(first - quarter), run.at.1.min(first));
+        if both.0 > both.1 || run.count == CHARACTERS {
+            return false;
+        }
+        run.at = both;
+        run.items.extend(payload.items().iter().cloned());
+        run.count += 1;
+        run.lines += 1;
+        let none = Payload::default();
+        if let Some(Line::Entry(last)) = self.body.last_mut() {
+            last.what = if is_sent { What::Send(none) } else { What::Burst(none) };
+        }
+        true
+    }
+
+    fn quarter(&self) -> i64 {
+        self.pace.of_characters(1) / 4
+    }
+
+    fn way(&mut self, is_sent: bool) -> &mut Way {
+        if is_sent { &mut self.sent } else { &mut self.given }
     }
 
     fn close_all(&mut self) {
@@ -161,18 +199,17 @@ impl Joiner {
     }
 
     fn close(&mut self, is_sent: bool) {
-        let open = if is_sent { &mut self.sent } else { &mut self.given };
-        let Some(run) = open.take().filter(|run| run.lines > 1) else { return };
-        let Some(Line::Entry(first)) = self.body.get_mut(run.place) else { return };
+        let pace = self.pace;
+        let Some(run) = self.way(is_sent).run.take() else { return };
+        self.way(is_sent).last = run.at.1 + pace.of_characters(run.count - 1);
+        let Some(Line::Entry(first)) = self.body.get_mut(run.place).filter(|_| run.lines > 1)
+        else {
+            return;
+        };
         let payload = written(&run.items);
         first.what = if is_sent { What::Send(payload) } else { What::Burst(payload) };
+        first.when = When::at(Time(run.at.1 as u64));
     }
-}
-
-/// At most a quarter of a character behind: who reads is never before the line. What is early is
-/// no part of a run, or it could be overtaken by what follows it.
-fn is_near(pace: Pace, due: u64, at: u64) -> bool {
-    at.checked_sub(due).is_some_and(|late| late <= pace.of_characters(1) as u64 / 4)
 }
 
 /// The characters as an author would write them: what is not damaged in one piece.
