@@ -54,6 +54,7 @@ pub use run::permute::{Clock, Permutation, Rooms, UnknownPermutation};
 pub use run::replay::replay;
 pub use run::subject::{FromFn, Fuel, Sandboxed, Subject, SubjectError};
 pub use show::bless::{BlessFailure, Blessing, bless, blessing};
+pub use show::flight::record_of_flight;
 pub use show::page;
 pub use show::phrase::{Other, Phrase};
 pub use show::recorded::{Made, Standing as RecordStanding, case_of_record};

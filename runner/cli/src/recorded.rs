@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use sha2::{Digest as _, Sha256};
-use softplug_conformance::{Case, Judge, Made, RecordStanding, case_of_record};
+use softplug_conformance::{
+    Case, Judge, Made, RecordStanding, bless, case_of_record, record_of_flight,
+};
 use softplug_trace::{
     Digest, Entry, HostRequest, Item, Line, Payload, SourceLine, Time, Trace, What, When, limits,
 };
@@ -124,6 +126,23 @@ pub(crate) fn make(
     }
 }
 
+/// A flight recording as a case of this plug-in: what it was given, and what it does now.
+pub(crate) fn of_flight(
+    judge: &dyn Judge,
+    path: &Path,
+    flight: Trace,
+) -> Result<(Trace, Became), String> {
+    let flight = Case::new(path, flight);
+    let given = record_of_flight(judge.manifest(), &flight)?.at_line_rate();
+    match bless(judge, &flight.with_trace(given.clone())) {
+        Ok(trace) => {
+            let sentence = "what the plug-in was given, and what it does now".to_owned();
+            Ok((trace, Became { is_case: true, sentence }))
+        }
+        Err(error) => Ok((given, Became { is_case: false, sentence: error.to_string() })),
+    }
+}
+
 /// What a rehearsal says begins with this.
 pub(crate) fn remark(name: &str, text: &str) -> String {
     format!(" {name} {text}.")
@@ -158,7 +177,7 @@ mod tests {
     fn what_is_too_long_for_a_line_is_a_file_beside_the_trace() {
         let folder = tempfile::tempdir().unwrap();
         let trace = folder.path().join("a.spt");
-        assert!(data(&trace, &[b'G'; 60_000]).unwrap().items().len() == 1);
+        assert!(data(&trace, &vec![b'G'; 60_000]).unwrap().items().len() == 1);
         assert!(!folder.path().join("files").exists());
         // Hex takes three characters a byte.
         for bytes in [vec![0x10; 30_000], vec![b'G'; 70_000]] {

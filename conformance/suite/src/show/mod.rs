@@ -2,6 +2,7 @@
 //! become cases, and parts of the protocol pages.
 
 pub(crate) mod bless;
+pub(crate) mod flight;
 pub mod page;
 pub(crate) mod phrase;
 pub(crate) mod recorded;

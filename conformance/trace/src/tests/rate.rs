@@ -1,5 +1,7 @@
 //! Characters at the line's rate, joined.
 
+use std::fmt::Write as _;
+
 use crate::exchange::pace::Pace;
 use crate::{NoFiles, Piece, Trace, What};
 
@@ -111,7 +113,7 @@ fn no_character_moves_by_more_than_a_quarter() {
             let at = 1_000 + due + due * per_mille / 1_000 + (seed >> 33) % 40;
             let time = crate::Time(at);
             let byte = (seed >> 40) as u8;
-            body += &format!("< {time} {byte:02X}\n");
+            let _ = writeln!(body, "< {time} {byte:02X}");
         }
         let trace = Trace::parse(&format!("{head}{body}")).unwrap();
         let joined = trace.at_line_rate();

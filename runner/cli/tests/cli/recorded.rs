@@ -1,5 +1,6 @@
 //! Cases from records, and what blessing keeps.
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -106,15 +107,13 @@ fn a_request_stands_where_its_bytes_begin() {
 #[test]
 fn two_jobs_each_have_their_place() {
     let bench = Bench::new();
-    let again: String = BLOCK
-        .lines()
-        .map(|line| {
-            let mut words = line.splitn(3, ' ');
-            let sign = words.next().unwrap();
-            let at: f64 = words.next().unwrap().parse().unwrap();
-            format!("{sign} {:.6} {}\n", at + 3.0, words.next().unwrap())
-        })
-        .collect();
+    let mut again = String::new();
+    for line in BLOCK.lines() {
+        let mut words = line.splitn(3, ' ');
+        let sign = words.next().unwrap();
+        let at: f64 = words.next().unwrap().parse().unwrap();
+        let _ = writeln!(again, "{sign} {:.6} {}", at + 3.0, words.next().unwrap());
+    }
     bench.write("telegram.bin", "ABC");
     let options = ["--plugin", "r3964", "--send", "telegram.bin", "--send", "telegram.bin"];
     case(&bench, &format!("{BLOCK}{again}. 4.0\n"), &options).with_code(0);
@@ -156,7 +155,7 @@ fn a_record_that_ends_in_the_middle_is_a_case_until_there() {
     bench.write("telegram.bin", "ABC");
     let options = ["--plugin", "r3964", "--send", "telegram.bin"];
     // The recording ended while a block was on its way.
-    let cut: String = BLOCK.lines().take(4).map(|line| format!("{line}\n")).collect();
+    let cut = BLOCK.lines().take(4).collect::<Vec<_>>().join("\n") + "\n";
     let json = case(&bench, &cut, &options).json();
     assert_eq!(json["case"], true, "{json}");
     bench.run(&["replay", "r3964", "case.spt"]).with_code(0);
@@ -255,7 +254,7 @@ fn a_hostile_record_stays_in_its_lines() {
     // A line for each of many characters at one time, both ways.
     let mut body = String::new();
     for n in 0..20_000 {
-        body += &format!("< {}.0 02\n> {}.5 41\n", n / 100, n / 100);
+        let _ = writeln!(body, "< {}.0 02\n> {}.5 41", n / 100, n / 100);
     }
     let mut lines: Vec<_> = body.lines().collect();
     lines.sort_by_key(|line| {
@@ -325,11 +324,8 @@ fn blessing_loses_no_byte_without_force() {
 fn answers_that_were_not_there_are_blessed_at_once() {
     let bench = Bench::new();
     let file = "xon-xoff.tx.first.spt";
-    let bare: String = TRACE
-        .lines()
-        .filter(|line| !line.starts_with(['>', '=']))
-        .map(|l| format!("{l}\n"))
-        .collect();
+    let kept = TRACE.lines().filter(|line| !line.starts_with(['>', '=']));
+    let bare = kept.collect::<Vec<_>>().join("\n") + "\n";
     bench.write(file, &bare);
     let ran = bench.run(&["replay", "xon-xoff", file, "--bless"]).with_code(0);
     assert!(ran.err.is_empty(), "{ran}");
@@ -375,4 +371,80 @@ fn a_job_that_fails_in_the_case_is_told() {
     bench.write("r3964.session.spt", format!("{HEAD}{body}"));
     let json = bench.run(&[&bless[..], &["--json"]].concat()).with_code(0).json();
     assert_eq!(json["notes"].as_array().unwrap().len(), 2, "{json}");
+}
+
+/// What a gateway keeps of a plug-in that failed, made here of the calls of a case: each event with
+/// its time, and nothing of what was sent.
+fn flight(bench: &Bench, plugin: &str, case: &Path) -> String {
+    let case = case.to_str().unwrap();
+    bench
+        .run(&["replay", plugin, case, "--no-permutations", "--calls", "calls.jsonl"])
+        .with_code(0);
+    let calls = String::from_utf8(bench.read("calls.jsonl")).unwrap();
+    let front = fs::read_to_string(case).unwrap();
+    let (front, _) = front.split_once("---\n").unwrap();
+    let kept = front.lines().filter(|line| !line.starts_with("config:"));
+    let mut text = kept.collect::<Vec<_>>().join("\n");
+    text += "\n---\n# A gateway has kept it.\n";
+    for call in calls.lines() {
+        let call: serde_json::Value = serde_json::from_str(call).unwrap();
+        let (Some(name), Some(now)) = (call["name"].as_str(), call["now"].as_i64()) else {
+            continue;
+        };
+        if name == "continue" {
+            continue;
+        }
+        let hex = call["payload"].as_str().unwrap().replace(' ', "").to_uppercase();
+        let pairs: Vec<_> = hex.as_bytes().chunks(2).map(|p| str::from_utf8(p).unwrap()).collect();
+        let pairs = pairs.join(" ");
+        let seconds = format!("{}.{:06}", now / 1_000_000, now % 1_000_000);
+        text += format!("@ {seconds} {name} {pairs}").trim_end();
+        text.push('\n');
+    }
+    text
+}
+
+#[test]
+fn a_flight_recording_becomes_a_case() {
+    let traces = fixtures().join("traces");
+    for (plugin, case) in [
+        ("r3964", "r3964/r3964.rx.recorded-goryachev.spt"),
+        ("r3964", "r3964/r3964.tx.recorded-linux-damaged.spt"),
+        ("r3964", "rk512/rk512.fetch.recorded-linux-follow-up.spt"),
+        ("r3964", "rk512/rk512.serve.recorded-goryachev-fetch.spt"),
+        ("fanuc-rs232", "fanuc-rs232/fanuc-rs232.feed.recorded-linuxcnc-dnc.spt"),
+        ("xon-xoff", "xon-xoff/xon-xoff.tx.recorded-kernel-crlf.spt"),
+    ] {
+        let bench = Bench::new();
+        let case = traces.join(case);
+        bench.write("flight.spt", flight(&bench, plugin, &case));
+        bench.run(&["replay", plugin, "flight.spt"]).with_code(0);
+        let words = ["trace", "case", "flight.spt", "--plugin", plugin, "--out", "case.spt"];
+        bench.run(&words).with_code(0);
+        let (made, was) = (written(&bench), fs::read_to_string(&case).unwrap());
+        bench.run(&["replay", plugin, "case.spt"]).with_code(0);
+        assert_eq!(lines(&made, "="), lines(&was, "="), "{made}");
+        assert_eq!(lines(&made, "?"), lines(&was, "?"), "{made}");
+        assert!(made.contains("# A gateway has kept it."));
+    }
+    // It has settings and requests of its own, and begins with the link.
+    let bench = Bench::new();
+    let case = traces.join("r3964/r3964.rx.recorded-goryachev.spt");
+    let text = flight(&bench, "r3964", &case);
+    bench.write("flight.spt", &text);
+    let words = ["trace", "case", "flight.spt", "--plugin", "r3964", "--out", "case.spt"];
+    bench.run(&[&words[..], &["--set", "zvz=100"]].concat()).with_code(2);
+    bench.run(&[&words[..3], &["--plugin", "xon-xoff", "--out", "case.spt"]].concat()).with_code(2);
+    let begin = text.find("@ ").unwrap();
+    bench.write(
+        "flight.spt",
+        format!("{}@ 0.0 under-way job=1\n{}", &text[..begin], &text[begin..]),
+    );
+    let ran = bench.run(&words).with_code(2);
+    assert!(ran.err.contains("begins in the middle"), "{ran}");
+    for wrong in ["@ 0.0 received 41\n", "@ 0.0 no-such\n", "@ 0.0 open 01\n", "@ 0.0 settings\n"] {
+        bench.write("flight.spt", format!("{}{wrong}", &text[..begin]));
+        bench.run(&words).with_code(2);
+    }
+    assert!(!bench.path("case.spt").exists());
 }

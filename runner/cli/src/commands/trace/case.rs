@@ -13,7 +13,7 @@ use crate::failure::Failure;
 use crate::files::{self, Partial};
 use crate::line::Assignment;
 use crate::plugin::Library;
-use crate::recorded::{Requests, make};
+use crate::recorded::{Requests, make, of_flight};
 use crate::screen::Screen;
 
 /// Makes a case of a record: asks the plug-in for what was asked on the line, and takes over what
@@ -22,6 +22,9 @@ use crate::screen::Screen;
 /// Where it sends others, the record's lines stay, the file says where the two part, and the exit
 /// code is 1. The partner's bytes and times stay as they were recorded; characters at the line's
 /// rate become one line.
+///
+/// A gateway's flight recording holds settings and requests itself, and nothing of what was sent:
+/// the case then has what the plug-in does now.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   softplug trace case session.spt --plugin xon-xoff --set quiet_time=1000 --out lathe.spt
@@ -30,7 +33,8 @@ use crate::screen::Screen;
   softplug trace case session.spt --plugin r3964 --set layer=rk512 \\
       --ask \"job 1 read area=DB block=5 offset=10 count=7\" --out case.spt")]
 pub(super) struct Arguments {
-    /// The record, as `softplug record` and `softplug trace import` write it
+    /// The record, as `softplug record` and `softplug trace import` write it, or a gateway's
+    /// flight recording
     #[arg(value_name = "RECORD")]
     record: PathBuf,
     /// The plug-in that stood on the recorded side: a .wasm file, a name, or native:NAME
@@ -72,11 +76,6 @@ pub(super) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         }
         Failure::usage(format_args!("{name} is no trace: {error}"))
     })?;
-    if record.is_recording() {
-        return Err(Failure::usage(format_args!("{name} is a flight recording")).hint(
-            "`softplug replay` runs it as it stands: it holds all that the plug-in was given",
-        ));
-    }
     let plugin = arguments.library.load(&arguments.plugin)?;
     plugin.settings(&arguments.settings)?;
     for Assignment { name, value } in &arguments.settings {
@@ -88,7 +87,17 @@ pub(super) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     }
     let requests = arguments.requests.of(&arguments.out)?;
     let judge = judge_of(&plugin);
-    let (case, became) = make(judge.as_ref(), &arguments.out, record, &requests);
+    let (case, became) = if record.is_recording() {
+        if !requests.is_empty() || !arguments.settings.is_empty() {
+            return Err(Failure::usage(format_args!(
+                "{name} is a flight recording: it holds settings and requests itself"
+            )));
+        }
+        of_flight(judge.as_ref(), &arguments.record, record)
+            .map_err(|reason| Failure::usage(format_args!("{name} makes no case: {reason}")))?
+    } else {
+        make(judge.as_ref(), &arguments.out, record, &requests)
+    };
     let text = case.format();
     // The id, and whatever has become longer.
     Trace::parse(&text).map_err(|error| Failure::usage(error.kind))?;

@@ -23,7 +23,6 @@ pub(crate) struct Arguments {
 }
 
 #[derive(Debug, Subcommand)]
-#[expect(clippy::large_enum_variant, reason = "there is one, on the way to its verb")]
 enum Verb {
     Fmt(fmt::Arguments),
     Case(case::Arguments),
