@@ -165,6 +165,9 @@ impl<'a> Flight<'a> {
             let known = known.ok_or("settings: they are those of another plug-in")?;
             let default = known.value_from_json(&known.default).ok();
             let value = text(known, value);
+            if known.value_from_text(&value).is_err() {
+                return Err("settings: they are those of another plug-in".to_owned());
+            }
             if default.is_none_or(|default| owned(known, &default) != value) {
                 self.config.push(Assignment { name: known.name.clone(), value });
             }

@@ -30,7 +30,7 @@ fn characters(trace: &Trace) -> Vec<(u64, Piece)> {
         for piece in payload.pieces(&NoFiles).unwrap() {
             let singles: Vec<Piece> = match piece {
                 Piece::Bytes(bytes) => bytes.iter().map(|b| Piece::Bytes(vec![*b])).collect(),
-                bad => vec![bad],
+                bad @ Piece::Bad { .. } => vec![bad],
             };
             for single in singles {
                 let behind = if is_paced { pace.of_characters(number) as u64 } else { 0 };
