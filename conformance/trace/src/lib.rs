@@ -40,6 +40,7 @@ mod generate;
 pub mod limits;
 mod model;
 mod parse;
+mod rate;
 mod suggest;
 #[cfg(test)]
 mod tests;

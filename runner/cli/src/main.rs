@@ -20,6 +20,7 @@ mod live;
 mod numbers;
 mod picture;
 mod plugin;
+mod recorded;
 mod screen;
 mod stop;
 mod table;

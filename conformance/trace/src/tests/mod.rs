@@ -6,6 +6,7 @@ mod faults;
 mod good;
 mod limits;
 mod property;
+mod rate;
 
 use crate::{ParseError, Trace};
 

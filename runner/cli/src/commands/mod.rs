@@ -1,5 +1,6 @@
 //! The verbs, one file each: what they take, and what they say.
 
+mod bless;
 pub(crate) mod build;
 mod calls;
 pub(crate) mod cases;

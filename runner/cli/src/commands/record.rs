@@ -15,6 +15,7 @@ use crate::files::Partial;
 use crate::line::{AskedLine, Assignment, ChosenLine, USUAL_LINE, port};
 use crate::live;
 use crate::plugin::{Chosen, Library};
+use crate::recorded::Requests;
 use crate::screen::Screen;
 
 /// Sits between two partners, passes everything on and records what passes.
@@ -27,12 +28,18 @@ use crate::screen::Screen;
 /// It goes on until Ctrl-C, --duration or --idle; what was read by then is passed on and written.
 /// The trace is written to FILE.partial, which gets its name at the end; a port that is unplugged
 /// ends the recording, and the trace stays. What is longer than a trace may be goes on in FILE-2.
+///
+/// With --plugin the record becomes a case where the plug-in sends what was recorded: settings,
+/// requests (--send, --ask) and what it does then stand in it. Else it says where it does not.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   softplug record --a pty: --b /dev/ttyUSB0 --line \"4800 7E2\" --out session.spt
   softplug record --a /dev/ttyUSB0 --b tcp://10.0.0.7:4001 --redact --idle 60 --out session.spt
   softplug record --a /dev/ttyUSB0 --b /dev/ttyUSB1 --plugin r3964 --set priority=low \\
-      --id r3964.rx.press-line --out r3964.rx.press-line.spt")]
+      --id r3964.rx.press-line --out r3964.rx.press-line.spt
+  softplug record --a pty: --b /dev/ttyUSB0 --plugin r3964 --send telegram.bin --out session.spt
+  softplug record --a pty: --b /dev/ttyUSB0 --plugin r3964 --set layer=rk512 \\
+      --ask \"job 1 read area=DB block=5 offset=10 count=7\" --out session.spt")]
 pub(crate) struct Arguments {
     /// The port to one partner: /dev/ttyUSB0, tcp://HOST:PORT, rfc2217://HOST:PORT or pty:
     #[arg(long, value_name = "PORT", value_parser = port)]
@@ -53,7 +60,8 @@ pub(crate) struct Arguments {
     /// The partner in the plug-in's place: what reaches it is "<", what it sends is ">"
     #[arg(long = "as", value_enum, default_value_t, value_name = "SIDE")]
     pub(crate) side: SideName,
-    /// Note what this plug-in would have done in that place: a .wasm file, a name, or native:NAME
+    /// The plug-in of that place, or one that might take it: a .wasm file, a name, or native:NAME.
+    /// The trace says what it would have done
     #[arg(long, short = 'x', value_name = "PLUGIN")]
     pub(crate) plugin: Option<String>,
     #[command(flatten)]
@@ -61,8 +69,10 @@ pub(crate) struct Arguments {
     /// A setting of the plug-in; preset=NAME takes a preset; may be repeated
     #[arg(long = "set", short = 's', value_name = "NAME=VALUE", requires = "plugin")]
     pub(crate) settings: Vec<Assignment>,
+    #[command(flatten)]
+    pub(crate) requests: Requests,
     /// Write other letters and digits than those that passed; lengths, controls and parity stay
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["send", "ask"])]
     pub(crate) redact: bool,
     /// The trace's id [default: from the plug-in's profile and FILE]
     #[arg(long, value_name = "ID", value_parser = id)]
@@ -121,6 +131,12 @@ pub(crate) struct Document<'a> {
     /// Bytes that were read and could not be passed on.
     pub(crate) not_passed: usize,
     pub(crate) files: Vec<String>,
+    /// Whether the record is a case of the plug-in.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) case: Option<bool>,
+    /// Why it is one, or where it differs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) standing: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) message: Option<String>,
 }
@@ -137,7 +153,8 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     });
     let prepared = prepared.transpose()?;
     Partial::check(&arguments.out, arguments.force)?;
-    live::record(arguments, prepared, screen)
+    let requests = arguments.requests.of(&arguments.out)?;
+    live::record(arguments, prepared, requests, screen)
 }
 
 fn id(text: &str) -> Result<String, String> {

@@ -6,13 +6,13 @@ use clap::Args;
 use serde::Serialize;
 use softplug_conformance::certify::matches;
 use softplug_conformance::{
-    Case, FaultClass, Filter, Judge, LoadError, Permutation, Sandboxed, Summary, Verdict, bless,
-    load, run_all,
+    Case, FaultClass, Filter, Judge, LoadError, Permutation, Sandboxed, Summary, Verdict, load,
+    run_all,
 };
 #[cfg(feature = "native")]
 use {softplug_conformance::FromFn, softplug_native::NativePlugin};
 
-use super::{calls, step};
+use super::{bless, calls, step};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files;
@@ -36,6 +36,7 @@ const SHOWN: usize = 3;
   softplug replay xon-xoff fixtures/traces --only \"xon-xoff.tx.*\" --no-permutations
   softplug replay my-plugin.wasm case.spt --only my.case/cut:1
   softplug replay xon-xoff case.spt --bless
+  softplug replay r3964 r3964.rx.press-line.spt --bless --force
   softplug replay xon-xoff case.spt --calls calls.jsonl
   softplug replay xon-xoff case.spt --step --only my.case/swap:all")]
 pub(crate) struct Arguments {
@@ -55,9 +56,13 @@ pub(crate) struct Arguments {
     /// Judge the native code of the plug-in of this name too
     #[arg(long)]
     native: bool,
-    /// Rewrite the traces' expectations to what the plug-in does; read the difference well
+    /// Rewrite the traces' expectations to what the plug-in does; read the difference well. Where
+    /// it no longer sends bytes that stand there as sent, nothing is written
     #[arg(long, conflicts_with = "native")]
     bless: bool,
+    /// Bless also where bytes are lost by it
+    #[arg(long, short, requires = "bless")]
+    force: bool,
     /// Walk through one case in the terminal, event by event, forward and back
     #[arg(long, conflicts_with_all = ["bless", "calls", "native"])]
     step: bool,
@@ -75,12 +80,6 @@ struct Document<'a> {
     summary: &'a Summary,
 }
 
-#[derive(Serialize)]
-struct BlessDocument {
-    traces: usize,
-    blessed: Vec<String>,
-}
-
 pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
     let cases = match load(&arguments.traces) {
         Ok(cases) => cases,
@@ -89,7 +88,9 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let plugin = arguments.library.load(&arguments.plugin)?;
     let filter = filter(arguments, &cases)?;
     if arguments.bless {
-        return bless_all(&plugin, &cases, &filter, screen);
+        let judge = judge_of(&plugin);
+        let cases = cases.iter().filter(|case| filter.takes_trace(&case.trace.front.id));
+        return bless::run(judge.as_ref(), cases, arguments.force, screen);
     }
     if arguments.step {
         let (case, permutation) = one(arguments, &cases, &filter)?;
@@ -139,12 +140,7 @@ pub(crate) fn quick(plugin: &Chosen, folder: &Path) -> Result<Option<Summary>, F
 }
 
 fn judges(plugin: &Chosen, with_native: bool) -> Result<Vec<Box<dyn Judge>>, Failure> {
-    let mut judges: Vec<Box<dyn Judge>> = Vec::new();
-    match plugin {
-        Chosen::Sandboxed(plugin) => judges.push(Box::new(Sandboxed::new(plugin.clone()))),
-        #[cfg(feature = "native")]
-        Chosen::Native(plugin, manifest) => judges.push(native(*plugin, manifest)),
-    }
+    let mut judges = vec![judge_of(plugin)];
     if with_native && matches!(plugin, Chosen::Sandboxed(_)) {
         match crate::plugin::native(&plugin.manifest().name)? {
             #[cfg(feature = "native")]
@@ -153,6 +149,15 @@ fn judges(plugin: &Chosen, with_native: bool) -> Result<Vec<Box<dyn Judge>>, Fai
         }
     }
     Ok(judges)
+}
+
+/// The plug-in as one that is judged.
+pub(crate) fn judge_of(plugin: &Chosen) -> Box<dyn Judge> {
+    match plugin {
+        Chosen::Sandboxed(plugin) => Box::new(Sandboxed::new(plugin.clone())),
+        #[cfg(feature = "native")]
+        Chosen::Native(plugin, manifest) => native(*plugin, manifest),
+    }
 }
 
 #[cfg(feature = "native")]
@@ -258,30 +263,4 @@ fn exit(summary: &Summary) -> Exit {
         Summary { cases, .. } if cases.iter().all(is_unstarted) => Exit::PlugIn,
         _ => Exit::Failed,
     }
-}
-
-fn bless_all(
-    plugin: &Chosen,
-    cases: &[Case],
-    filter: &Filter,
-    screen: &Screen,
-) -> Result<Exit, Failure> {
-    let judges = judges(plugin, false)?;
-    let judge = judges.first().expect("a plug-in gives a judge");
-    let mut document = BlessDocument { traces: 0, blessed: Vec::new() };
-    for case in cases.iter().filter(|case| filter.takes_trace(&case.trace.front.id)) {
-        document.traces += 1;
-        let blessed = bless(judge.as_ref(), case).map_err(|error| {
-            Failure::new(Exit::Failed, format_args!("{}: {error}", case.path.display()))
-        })?;
-        let text = blessed.format();
-        if text != files::read_text(&case.path)? {
-            files::replace(&case.path, text.as_bytes())?;
-            let file = case.path.display().to_string();
-            screen.say(&file);
-            document.blessed.push(file);
-        }
-    }
-    screen.document(&document);
-    Ok(Exit::Done)
 }

@@ -20,6 +20,7 @@ const VERBS: &[&[&str]] = &[
     &["explain"],
     &["trace"],
     &["trace", "fmt"],
+    &["trace", "case"],
     &["trace", "import"],
     &["trace", "export"],
     &["simulate"],

@@ -26,6 +26,7 @@ mod pack;
 mod plugins;
 #[cfg(target_os = "linux")]
 mod record;
+mod recorded;
 mod refusals;
 #[cfg(target_os = "linux")]
 mod remote;

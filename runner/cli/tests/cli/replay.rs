@@ -32,7 +32,7 @@ fn a_divergence_is_shown_with_the_command_that_shows_it_again() {
     let words: Vec<_> = again.unwrap().split(' ').collect();
     bench.run(&words).with_code(1);
 
-    bench.run(&["replay", "xon-xoff", file, "--bless"]).with_code(0);
+    bench.run(&["replay", "xon-xoff", file, "--bless", "--force"]).with_code(0);
     assert_eq!(String::from_utf8(bench.read(file)).unwrap(), TRACE);
     bench.run(&["replay", "xon-xoff", file]).with_code(0);
 }

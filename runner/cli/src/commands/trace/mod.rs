@@ -1,5 +1,6 @@
 //! `softplug trace`: what works on trace files.
 
+mod case;
 mod diff;
 mod export;
 mod fmt;
@@ -22,9 +23,9 @@ pub(crate) struct Arguments {
 }
 
 #[derive(Debug, Subcommand)]
-#[expect(clippy::large_enum_variant, reason = "there is one, on the way to its verb")]
 enum Verb {
     Fmt(fmt::Arguments),
+    Case(case::Arguments),
     Import(import::Arguments),
     Export(export::Arguments),
     Diff(diff::Arguments),
@@ -33,6 +34,7 @@ enum Verb {
 pub(crate) fn run(arguments: Arguments, screen: &Screen) -> Result<Exit, Failure> {
     match arguments.verb {
         Verb::Fmt(arguments) => fmt::run(&arguments, screen),
+        Verb::Case(arguments) => case::run(&arguments, screen),
         Verb::Import(arguments) => import::run(&arguments, screen),
         Verb::Export(arguments) => export::run(&arguments, screen),
         Verb::Diff(arguments) => diff::run(&arguments, screen),

@@ -1,5 +1,6 @@
 //! `softplug record` between two ports.
 
+mod completion;
 mod redact;
 mod rehearsal;
 mod story;
@@ -14,10 +15,11 @@ use softplug_gateway::port::line_text;
 use softplug_gateway::tap::{Event, Side, Tap, Turn};
 use softplug_gateway::{Input, Port, PortOptions, PortSpec};
 use softplug_trace::{
-    Assignment, Entry, FrontMatter, Item, Level, Line, LineSettings, Origin, Payload, Permutations,
-    SourceLine, Time, What, When,
+    Assignment, Entry, FrontMatter, HostRequest, Item, Level, Line, LineSettings, Origin, Payload,
+    Permutations, SourceLine, Time, What, When,
 };
 
+use self::completion::Completion;
 use self::redact::{Redactor, Way};
 use self::rehearsal::Rehearsal;
 use self::story::{Character, Happening, Story};
@@ -35,6 +37,7 @@ const TICK: Micros = Micros::from_millis(50);
 pub(crate) fn record(
     arguments: &Arguments,
     prepared: Option<Prepared>,
+    requests: Vec<HostRequest>,
     screen: &Screen,
 ) -> Result<Exit, Failure> {
     let stop = stop::on_signals()?;
@@ -50,7 +53,11 @@ pub(crate) fn record(
         SideName::B => Side::B,
     };
     let lines = tap.modem_lines(side.other());
-    let rehearsal = prepared.zip(instance).map(|(prepared, instance)| {
+    let completion =
+        Completion { plugin: prepared.as_ref().map(|prepared| prepared.plugin.clone()), requests };
+    // A rehearsal has no jobs: of a plug-in that was asked for something it knows nothing.
+    let rehearsed = prepared.zip(instance).filter(|_| completion.requests.is_empty());
+    let rehearsal = rehearsed.map(|(prepared, instance)| {
         let name = &prepared.plugin.manifest().name;
         Rehearsal::new(name, instance, prepared.settings, line, lines, !arguments.redact)
     });
@@ -77,7 +84,7 @@ pub(crate) fn record(
         passed: [0; 2],
         line_errors: 0,
     };
-    run(tap, recording, arguments, &stop, screen)
+    run(tap, recording, arguments, &completion, &stop, screen)
 }
 
 /// Why a recording ended.
@@ -103,6 +110,7 @@ fn run(
     mut tap: Tap,
     mut recording: Recording,
     arguments: &Arguments,
+    completion: &Completion,
     stop: &AtomicBool,
     screen: &Screen,
 ) -> Result<Exit, Failure> {
@@ -142,7 +150,13 @@ fn run(
     let end = pump();
     let held = tap.finish(&mut |at, event| recording.tell(at, &event, screen));
     match (end, held) {
-        (Ok(end), Ok(held)) => report(&tap, &end, held, begin, recording, screen),
+        (Ok(end), Ok(held)) => {
+            let now = tap.now();
+            // What follows takes its time: the ports are not kept for it.
+            drop(tap);
+            let span = (begin, now);
+            report(&end, held, span, recording, completion, screen)
+        }
         (Err(failure), _) => Err(kept(recording, tap.now(), failure)),
         (Ok(_), Err(error)) => Err(kept(recording, tap.now(), error.into())),
     }
@@ -157,16 +171,16 @@ fn kept(recording: Recording, now: Micros, failure: Failure) -> Failure {
 }
 
 fn report(
-    tap: &Tap,
     end: &End,
     held: [usize; 2],
-    begin: Micros,
+    (begin, now): (Micros, Micros),
     recording: Recording,
+    completion: &Completion,
     screen: &Screen,
 ) -> Result<Exit, Failure> {
-    let now = tap.now();
     let (passed, line_errors) = (recording.passed, recording.line_errors);
     let files = recording.finish(now)?;
+    let became = completion.complete(&files, screen);
     let not_passed: usize = held.iter().sum();
     let lost = match end {
         End::Lost(side, reason) => {
@@ -182,6 +196,8 @@ fn report(
         line_errors,
         not_passed,
         files: files.iter().map(|file| file.display().to_string()).collect(),
+        case: became.as_ref().map(|became| became.is_case),
+        standing: became.as_ref().map(|became| became.sentence.clone()),
         message: lost.clone(),
     };
     screen.document(&document);
@@ -193,6 +209,13 @@ fn report(
         numbers::things(passed[0], "byte"),
         numbers::things(passed[1], "byte")
     ));
+    if let Some(became) = &became {
+        screen.note(format_args!(
+            "{}: {}",
+            if became.is_case { "the record is a case" } else { "the record is no case yet" },
+            became.sentence
+        ));
+    }
     if line_errors > 0 {
         screen.note(format_args!(
             "{} with damage; damaged characters were passed on as they were read",

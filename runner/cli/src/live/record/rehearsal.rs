@@ -12,6 +12,7 @@ use softplug_trace::{BadKind, LineEvent, ModemLevels};
 use super::story::{Character, Happening};
 use crate::numbers;
 use crate::plugin::{AnyFault, AnyInstance};
+use crate::recorded::remark;
 
 /// Rooms as a gateway gives them.
 const TRANSMIT_ROOM: u32 = 4_096;
@@ -91,8 +92,7 @@ impl Rehearsal {
         remarks.extend(self.difference());
         self.watcher.bytes.clear();
         self.sent.clear();
-        let name = &self.name;
-        remarks.iter().map(|remark| format!(" {name} {remark}.")).collect()
+        remarks.iter().map(|text| remark(&self.name, text)).collect()
     }
 
     /// Between two things given: what the plug-in sent, and what the partner did.

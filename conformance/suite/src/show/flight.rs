@@ -1,0 +1,327 @@
+//! A flight recording as a trace with a line: what came and what was asked for are in it, what the
+//! plug-in sent is not.
+
+use crate::given::lines::modem_levels;
+use crate::given::load::Case;
+use softplug_abi::manifest::{Manifest, OwnedValue, Setting};
+use softplug_abi::{
+    Event, EventKind, Failure, LineErrorKind, LinkDownReason, ModemLines, Value, Values,
+};
+use softplug_trace::{
+    self as trace, Assignment, BadKind, Entry, Exact, HostRequest, Item, Level, Line, LineEvent,
+    Payload, Permutations, SourceLine, Time, Trace, What, When, limits,
+};
+
+/// A flight recording as lines of a case: settings, `<`, `!` and `?` lines, at their times since
+/// the link was opened. What a plug-in does then is to be [taken over](crate::bless).
+///
+/// # Errors
+/// It does not begin with the link, is for another plug-in, or holds what no case can.
+pub fn record_of_flight(manifest: &Manifest, flight: &Case) -> Result<Trace, String> {
+    let mut reader = Flight::new(manifest);
+    for entry in flight.trace.entries() {
+        let What::Exact(exact) = &entry.what else { continue };
+        let fail = |reason: &str| format!("line {}: {reason}", entry.line.0);
+        let Exact::Event { name, payload } = exact else {
+            return Err(fail("it begins in the middle: what came before is not in it"));
+        };
+        let kind = EventKind::from_name(name)
+            .ok_or_else(|| fail(&format!("\"{name}\" is no event of the ABI")))?;
+        let payload = payload.bytes(&flight.files()).map_err(|error| fail(&error.to_string()))?;
+        let event = Event::decode(kind, &payload)
+            .map_err(|reason| fail(&format!("the payload of \"{name}\" is {reason}")))?;
+        reader.take(entry.when.from, &event).map_err(|reason| fail(&reason))?;
+    }
+    reader.finish(flight)
+}
+
+struct Flight<'a> {
+    manifest: &'a Manifest,
+    config: Vec<Assignment>,
+    opened: Option<Time>,
+    modem: Option<(ModemLines, ModemLines)>,
+    /// The lines at the start.
+    at_start: trace::ModemLevels,
+    entries: Vec<Entry>,
+    jobs: Vec<Job>,
+    /// An answer of which more is to come: where it stands.
+    answer: Option<usize>,
+    last: Time,
+}
+
+/// A job's data: a check reads all of it, and it is read again to be sent.
+struct Job {
+    id: u32,
+    place: usize,
+    data: Vec<u8>,
+    pass: Vec<u8>,
+    is_whole: bool,
+}
+
+impl<'a> Flight<'a> {
+    fn new(manifest: &'a Manifest) -> Self {
+        Self {
+            manifest,
+            config: Vec::new(),
+            opened: None,
+            modem: None,
+            at_start: trace::ModemLevels::default(),
+            entries: Vec::new(),
+            jobs: Vec::new(),
+            answer: None,
+            last: Time::default(),
+        }
+    }
+
+    fn take(&mut self, at: Time, event: &Event<'_>) -> Result<(), String> {
+        if let Event::Settings { values, .. } = event {
+            return self.settings(values.clone());
+        }
+        if let Event::Open { resumed, .. } = event {
+            if *resumed {
+                return Err(
+                    "the plug-in went on from a saved state: what came before is not in it"
+                        .to_owned(),
+                );
+            }
+            if self.opened.is_none() {
+                self.opened = Some(at);
+                return Ok(());
+            }
+        }
+        let Some(opened) = self.opened else {
+            return Err(format!("\"{}\" comes before the link is opened", event.kind().name()));
+        };
+        let at = Time(at.0.saturating_sub(opened.0));
+        self.last = self.last.max(at);
+        let what = match event {
+            Event::Received(bytes) => What::Receive(Payload::from_bytes(bytes)),
+            Event::LineError { kind, byte, span } => match (bad(*kind), byte, span) {
+                (Some(kind), Some(byte), 0) => {
+                    What::Receive(Payload::new([Item::Bad { kind, byte: *byte }]))
+                }
+                _ => What::Line(LineEvent::Error {
+                    kind: line_error(*kind),
+                    byte: *byte,
+                    span: *span,
+                }),
+            },
+            Event::ModemLines { known, on } => {
+                self.modem_lines(at, *known, *on);
+                return Ok(());
+            }
+            Event::LinkDown(reason) => What::Line(LineEvent::Down(down(*reason))),
+            Event::LinkUp => What::Line(LineEvent::Up),
+            Event::JobBegin { job, kind, fields, .. } => return self.job(at, *job, *kind, fields),
+            Event::JobData { job, bytes } => {
+                if let Some(job) = self.jobs.iter_mut().find(|known| known.id == *job) {
+                    job.pass.extend_from_slice(bytes);
+                }
+                return Ok(());
+            }
+            Event::JobEnd { job } => {
+                if let Some(job) = self.jobs.iter_mut().find(|known| known.id == *job) {
+                    job.is_whole = true;
+                }
+                return Ok(());
+            }
+            Event::Pause { job } => What::Host(HostRequest::Pause(*job)),
+            Event::Resume { job } => What::Host(HostRequest::Resume(*job)),
+            Event::Abort { job } => What::Host(HostRequest::Abort(*job)),
+            Event::ForceResume => What::Host(HostRequest::ForceResume),
+            Event::Answer { request, refused, more, bytes } => {
+                return self.answer(at, *request, refused.map(Failure::name), *more, bytes);
+            }
+            Event::Open { .. } => What::Host(HostRequest::Open),
+            Event::Close => What::Host(HostRequest::Close),
+            Event::Restore { .. } => {
+                return Err("it holds a saved state: what came before is not in it".to_owned());
+            }
+            // These come of themselves.
+            Event::Settings { .. }
+            | Event::Timer { .. }
+            | Event::Mark { .. }
+            | Event::TransmitRoom { .. }
+            | Event::Discarded { .. }
+            | Event::DeliveryRoom { .. }
+            | Event::Save
+            | Event::Continue => return Ok(()),
+        };
+        self.add(at, what);
+        Ok(())
+    }
+
+    fn add(&mut self, at: Time, what: What) {
+        self.entries.push(Entry { when: When::at(at), what, line: SourceLine::default() });
+    }
+
+    fn settings(&mut self, values: Values<'_>) -> Result<(), String> {
+        if self.opened.is_some() {
+            return Err("settings that change in a session stand in no case".to_owned());
+        }
+        for record in values {
+            let (place, value) = record.map_err(|error| format!("settings: {error:?}"))?;
+            let known = self.manifest.settings.get(usize::from(place));
+            let known = known.ok_or("settings: they are those of another plug-in")?;
+            let default = known.value_from_json(&known.default).ok();
+            let value = text(known, value);
+            if known.value_from_text(&value).is_err() {
+                return Err("settings: they are those of another plug-in".to_owned());
+            }
+            if default.is_none_or(|default| owned(known, &default) != value) {
+                self.config.push(Assignment { name: known.name.clone(), value });
+            }
+        }
+        Ok(())
+    }
+
+    fn modem_lines(&mut self, at: Time, known: ModemLines, on: ModemLines) {
+        let changed = match self.modem.replace((known, on)) {
+            None if self.entries.is_empty() => {
+                self.at_start = modem_levels(known, on);
+                return;
+            }
+            None => known,
+            Some((_, before)) => ModemLines((before.0 ^ on.0) & known.0),
+        };
+        let levels = modem_levels(changed, on);
+        if !levels.0.is_empty() {
+            self.add(at, What::Line(LineEvent::Modem(levels)));
+        }
+    }
+
+    fn job(&mut self, at: Time, id: u32, kind: u16, fields: &Values<'_>) -> Result<(), String> {
+        if let Some(job) = self.jobs.iter_mut().find(|job| job.id == id) {
+            job.end_pass();
+            return Ok(());
+        }
+        let kind = self.manifest.jobs.get(usize::from(kind));
+        let kind = kind.ok_or("the job is one of another plug-in")?;
+        let named = kind.assignments(fields.as_bytes()).into_iter();
+        let fields = named.map(|(name, value)| Assignment { name, value }).collect();
+        let (data, place) = (Payload::default(), self.entries.len());
+        let request = HostRequest::Job { id, kind: kind.name.clone(), fields, data };
+        self.add(at, What::Host(request));
+        let (data, pass) = (Vec::new(), Vec::new());
+        self.jobs.push(Job { id, place, data, pass, is_whole: false });
+        Ok(())
+    }
+
+    fn answer(
+        &mut self,
+        at: Time,
+        id: u32,
+        refused: Option<&str>,
+        more: bool,
+        bytes: &[u8],
+    ) -> Result<(), String> {
+        let place = self.answer.take().unwrap_or_else(|| {
+            let data = Payload::default();
+            self.add(at, What::Host(HostRequest::Grant { id, data }));
+            self.entries.len() - 1
+        });
+        if let What::Host(request) = &mut self.entries[place].what {
+            if let Some(code) = refused {
+                *request = HostRequest::Refuse { id, code: code.to_owned() };
+            } else if let HostRequest::Grant { data, .. } = request {
+                let mut all = data.bytes(&trace::NoFiles).map_err(|error| error.to_string())?;
+                all.extend_from_slice(bytes);
+                *data = Payload::from_bytes(&all);
+            }
+        }
+        self.answer = more.then_some(place);
+        Ok(())
+    }
+
+    fn finish(mut self, flight: &Case) -> Result<Trace, String> {
+        if self.opened.is_none() {
+            return Err("the link is never opened in it".to_owned());
+        }
+        let mut body: Vec<Line> = flight
+            .trace
+            .body
+            .iter()
+            .take_while(|line| matches!(line, Line::Comment(_)))
+            .cloned()
+            .collect();
+        for job in &mut self.jobs {
+            job.end_pass();
+            let id = job.id;
+            if !job.is_whole {
+                let read = job.data.len();
+                let text =
+                    format!(" Of job {id} the plug-in had read {read} bytes, and perhaps not all.");
+                body.push(Line::Comment(text));
+            }
+            if let What::Host(HostRequest::Job { data, .. }) = &mut self.entries[job.place].what {
+                *data = Payload::from_bytes(&job.data);
+            }
+        }
+        if self.entries.iter().any(|entry| entry.to_string().len() > limits::LINE_BYTES) {
+            return Err("what was asked for does not fit a line".to_owned());
+        }
+        self.add(self.last, What::Quiet);
+        body.extend(self.entries.into_iter().map(Line::Entry));
+        let mut front = flight.trace.front.clone();
+        front.level = Level::May;
+        front.permute = Permutations::default();
+        (front.config, front.modem) = (self.config, self.at_start);
+        Ok(Trace { front, body })
+    }
+}
+
+impl Job {
+    /// The data is what the longest pass has read.
+    fn end_pass(&mut self) {
+        let pass = std::mem::take(&mut self.pass);
+        if pass.len() > self.data.len() {
+            self.data = pass;
+        }
+    }
+}
+
+fn text(setting: &Setting, value: Value<'_>) -> String {
+    match value {
+        Value::Bool(value) => if value { "on" } else { "off" }.to_owned(),
+        Value::Int(value) => value.to_string(),
+        Value::Text(text) => text.to_owned(),
+        Value::Bytes(bytes) => {
+            bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ")
+        }
+        Value::Choice(place) => {
+            let choice = setting.choices.get(usize::from(place));
+            choice.cloned().unwrap_or_else(|| place.to_string())
+        }
+    }
+}
+
+fn owned(setting: &Setting, value: &OwnedValue) -> String {
+    text(setting, value.as_value())
+}
+
+fn bad(kind: LineErrorKind) -> Option<BadKind> {
+    match kind {
+        LineErrorKind::Parity => Some(BadKind::Parity),
+        LineErrorKind::Framing => Some(BadKind::Framing),
+        LineErrorKind::ParityOrFraming => Some(BadKind::ParityOrFraming),
+        LineErrorKind::Overrun | LineErrorKind::Break => None,
+    }
+}
+
+fn line_error(kind: LineErrorKind) -> trace::LineErrorKind {
+    match kind {
+        LineErrorKind::Parity => trace::LineErrorKind::Parity,
+        LineErrorKind::Framing => trace::LineErrorKind::Framing,
+        LineErrorKind::ParityOrFraming => trace::LineErrorKind::ParityOrFraming,
+        LineErrorKind::Overrun => trace::LineErrorKind::Overrun,
+        LineErrorKind::Break => trace::LineErrorKind::Break,
+    }
+}
+
+fn down(reason: LinkDownReason) -> trace::LinkDownReason {
+    match reason {
+        LinkDownReason::Unplugged => trace::LinkDownReason::Unplugged,
+        LinkDownReason::Disconnected => trace::LinkDownReason::Disconnected,
+        LinkDownReason::Failed => trace::LinkDownReason::Failed,
+    }
+}
