@@ -15,6 +15,23 @@ use softplug_trace::{
 /// A flight recording as lines of a case: settings, `<`, `!` and `?` lines, at their times since
 /// the link was opened. What a plug-in does then is to be [taken over](crate::bless).
 ///
+/// ```
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_conformance::{load, record_of_flight};
+/// use softplug_native::NativePlugin;
+/// use softplug_trace::Trace;
+///
+/// let manifest = Manifest::parse(NativePlugin::XonXoff.manifest().as_bytes())?;
+/// let case = &load(["../../fixtures/traces/xon-xoff/xon-xoff.tx.hold.spt"])?[0];
+/// let text = case.trace.format();
+/// let (front, _) = text.split_once("---").unwrap();
+/// let flight = Trace::parse(&format!("{front}---\n@ 0.0 under-way job=1\n"))?;
+/// // One that was kept from the middle on says nothing of what came before.
+/// let reason = record_of_flight(&manifest, &case.with_trace(flight)).unwrap_err();
+/// assert!(reason.ends_with("what came before is not in it"), "{reason}");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// # Errors
 /// It does not begin with the link, is for another plug-in, or holds what no case can.
 pub fn record_of_flight(manifest: &Manifest, flight: &Case) -> Result<Trace, String> {

@@ -59,3 +59,39 @@ impl Completion {
         Ok(became)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    const HEAD: &str = "id: a.b\ntitle: T\nprofile: a\nclauses: a.c\nlevel: may\n\
+                        line: 9600 8N1 depth=1 reaction=0\nsince: 1\norigin: hand-written\n---\n";
+
+    #[test]
+    fn what_cannot_be_completed_stays_as_it_was_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("s.spt");
+        let completion = Completion { plugin: None, requests: Vec::new() };
+        assert!(completion.complete_one(&file, true).is_err());
+        for text in
+            ["", "no trace", &format!("{HEAD}< 0.0 4"), &format!("{HEAD}> 1.0 41\n> 0.0 42\n")]
+        {
+            fs::write(&file, text).unwrap();
+            assert!(completion.complete_one(&file, true).is_err());
+            assert_eq!(fs::read_to_string(&file).unwrap(), text);
+        }
+    }
+
+    #[test]
+    fn without_a_plug_in_characters_are_joined() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("s.spt");
+        let completion = Completion { plugin: None, requests: Vec::new() };
+        fs::write(&file, format!("{HEAD}< 0.000000 02\n< 0.001050 41\n. 1.000000\n")).unwrap();
+        assert!(completion.complete_one(&file, true).unwrap().is_none());
+        let text = fs::read_to_string(&file).unwrap();
+        assert!(text.contains("<< 0.000000 02 41 "), "{text}");
+    }
+}
