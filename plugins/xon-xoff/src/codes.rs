@@ -75,7 +75,7 @@ impl Codes {
     }
 
     /// The bytes before the first control byte, and it with what follows.
-    #[cfg_attr(target_arch = "wasm32", inline(always))]
+    #[inline(always)]
     pub(crate) fn split<'a>(&self, bytes: &'a [u8]) -> (&'a [u8], Option<(Control, &'a [u8])>) {
         let mut rest = bytes;
         while let Some((piece, after)) = rest.split_first_chunk()

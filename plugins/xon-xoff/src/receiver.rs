@@ -151,7 +151,7 @@ impl Receiver {
     }
 
     /// After the bytes of one time: marks, repeats, silence.
-    #[cfg_attr(target_arch = "wasm32", inline(always))]
+    #[inline(always)]
     pub(crate) fn after_bytes(
         &mut self,
         link: &mut Context<'_>,
@@ -323,7 +323,7 @@ impl Receiver {
     }
 
     /// Silence counts only while the partner may send.
-    #[cfg_attr(target_arch = "wasm32", inline(always))]
+    #[inline(always)]
     fn await_quiet(&mut self, link: &mut Context<'_>, settings: &Settings) {
         let span =
             if self.is_complete(settings) { settings.end_quiet } else { settings.quiet_time };
@@ -337,7 +337,7 @@ impl Receiver {
         self.set_repeat(link, is_timed.then(|| link.now() + Micros::from_millis(span)));
     }
 
-    #[cfg_attr(target_arch = "wasm32", inline(always))]
+    #[inline(always)]
     fn set_quiet(&mut self, link: &mut Context<'_>, at: Option<Micros>) {
         set_timer(link, QUIET, &mut self.quiet_at, at);
     }
@@ -388,7 +388,7 @@ impl Receiver {
     }
 }
 
-#[cfg_attr(target_arch = "wasm32", inline(always))]
+#[inline(always)]
 fn set_timer(link: &mut Context<'_>, id: u8, known: &mut Option<Micros>, at: Option<Micros>) {
     if *known == at {
         return;

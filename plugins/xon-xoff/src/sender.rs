@@ -64,7 +64,7 @@ impl Sender {
     }
 
     /// What people are told, if there is a job.
-    #[cfg_attr(target_arch = "wasm32", inline(always))]
+    #[inline(always)]
     pub(crate) fn state(&self) -> Option<State> {
         let state = match self.stage {
             Stage::Idle => return None,
