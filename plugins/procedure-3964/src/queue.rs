@@ -7,6 +7,9 @@ use softplug_plugin::{StateError, StateReader, StateWriter};
 /// at once.
 const MOST: usize = 256;
 
+/// So many are forgotten at once, so that not every run moves all others.
+const FORGOTTEN: usize = 32;
+
 /// What a character is for.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
 pub(crate) enum Part {
@@ -34,15 +37,15 @@ impl Part {
         matches!(self, Self::Job | Self::Reaction)
     }
 
-    fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        match state.u8() {
-            0 => Ok(Self::Answer),
-            1 => Ok(Self::Grant),
-            2 => Ok(Self::JobSetUp),
-            3 => Ok(Self::ReactionSetUp),
-            4 => Ok(Self::Job),
-            5 => Ok(Self::Reaction),
-            _ => Err(StateError),
+    const fn from_code(code: u8) -> Option<Self> {
+        match code {
+            0 => Some(Self::Answer),
+            1 => Some(Self::Grant),
+            2 => Some(Self::JobSetUp),
+            3 => Some(Self::ReactionSetUp),
+            4 => Some(Self::Job),
+            5 => Some(Self::Reaction),
+            _ => None,
         }
     }
 }
@@ -87,17 +90,31 @@ pub(crate) struct Run {
     pub(crate) part: Part,
 }
 
-/// Characters in order.
+impl Run {
+    const fn to_bytes(self) -> [u8; 4] {
+        let [low, high] = self.count.to_le_bytes();
+        [low, high, self.byte, self.part as u8]
+    }
+
+    /// `None`: no run has these.
+    fn from_bytes([low, high, byte, part]: [u8; 4]) -> Option<Self> {
+        let count = u16::from_le_bytes([low, high]);
+        let part = Part::from_code(part)?;
+        (count > 0).then_some(Self { count, byte, part })
+    }
+}
+
+/// Characters in order. They are kept as they are saved: a state is written anew for each of
+/// its pieces, and run by run that would cost more than an event may.
 #[derive(Clone, Debug)]
 pub(crate) struct Runs {
-    runs: [Run; MOST],
+    runs: [[u8; 4]; MOST],
     length: u16,
 }
 
 impl Runs {
     pub(crate) const fn new() -> Self {
-        let none = Run { count: 0, byte: 0, part: Part::Answer };
-        Self { runs: [none; MOST], length: 0 }
+        Self { runs: [[0; 4]; MOST], length: 0 }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -108,25 +125,34 @@ impl Runs {
         self.length = 0;
     }
 
-    fn as_slice(&self) -> &[Run] {
+    fn as_slice(&self) -> &[[u8; 4]] {
         self.runs.get(..usize::from(self.length)).unwrap_or_default()
+    }
+
+    fn iter(&self) -> impl DoubleEndedIterator<Item = Run> {
+        self.as_slice().iter().filter_map(|run| Run::from_bytes(*run))
+    }
+
+    fn last_place(&mut self) -> Option<&mut [u8; 4]> {
+        let at = usize::from(self.length).checked_sub(1)?;
+        self.runs.get_mut(at)
     }
 
     /// Appends characters; `false`: there is no place.
     pub(crate) fn push(&mut self, run: Run) -> bool {
-        let last = usize::from(self.length).checked_sub(1).and_then(|at| self.runs.get_mut(at));
-        if let Some(last) = last
+        if let Some(place) = self.last_place()
+            && let Some(last) = Run::from_bytes(*place)
             && last.part == run.part
             && (last.byte == run.byte || run.part.is_block())
             && let Some(count) = last.count.checked_add(run.count)
         {
-            last.count = count;
+            *place = Run { count, ..last }.to_bytes();
             return true;
         }
         let place = self.runs.get_mut(usize::from(self.length));
         let fits = place.is_some();
         if let Some(place) = place {
-            *place = run;
+            *place = run.to_bytes();
             self.length += 1;
         }
         fits
@@ -135,32 +161,34 @@ impl Runs {
     /// Appends characters; where there is no place, the first are forgotten.
     pub(crate) fn remember(&mut self, run: Run) {
         if !self.push(run) {
-            self.runs.rotate_left(1);
-            self.length -= 1;
+            self.runs.copy_within(FORGOTTEN.., 0);
+            self.length -= FORGOTTEN as u16;
             self.push(run);
         }
     }
 
     /// Takes the first character.
     pub(crate) fn first(&mut self) -> Option<Run> {
-        let first = self.runs.first_mut().filter(|_| self.length > 0)?;
-        let taken = Run { count: 1, ..*first };
-        first.count -= 1;
-        if first.count == 0 {
-            self.runs.rotate_left(1);
+        let place = self.runs.first_mut().filter(|_| self.length > 0)?;
+        let first = Run::from_bytes(*place)?;
+        let left = first.count - 1;
+        *place = Run { count: left, ..first }.to_bytes();
+        if left == 0 {
+            self.runs.copy_within(1.., 0);
             self.length -= 1;
         }
-        Some(taken)
+        Some(Run { count: 1, ..first })
     }
 
     /// Takes at most so many of the last characters, all alike.
     pub(crate) fn last(&mut self, most: u32) -> Option<Run> {
-        let at = usize::from(self.length).checked_sub(1)?;
-        let last = self.runs.get_mut(at)?;
+        let place = self.last_place()?;
+        let last = Run::from_bytes(*place)?;
         let most = most.min(u32::from(u16::MAX)) as u16;
-        let taken = Run { count: last.count.min(most), ..*last };
-        last.count -= taken.count;
-        if last.count == 0 {
+        let taken = Run { count: last.count.min(most), ..last };
+        let left = last.count - taken.count;
+        *place = Run { count: left, ..last }.to_bytes();
+        if left == 0 {
             self.length -= 1;
         }
         Some(taken)
@@ -169,10 +197,8 @@ impl Runs {
     /// Only what is not meant stays.
     pub(crate) fn drop(&mut self, meant: Meant) {
         let mut kept = Self::new();
-        for run in self.as_slice() {
-            if !meant.covers(run.part) {
-                kept.push(*run);
-            }
+        for run in self.iter().filter(|run| !meant.covers(run.part)) {
+            kept.push(run);
         }
         *self = kept;
     }
@@ -181,26 +207,22 @@ impl Runs {
     /// come again.
     pub(crate) fn put_before(&mut self, reversed: &Self) {
         let mut all = Self::new();
-        for run in reversed.as_slice().iter().rev().chain(self.as_slice()) {
-            all.push(*run);
+        for run in reversed.iter().rev().chain(self.iter()) {
+            all.push(run);
         }
         *self = all;
     }
 
     pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
         state.u16(self.length);
-        for run in self.as_slice() {
-            state.u16(run.count);
-            state.u8(run.byte);
-            state.u8(run.part as u8);
-        }
+        state.bytes(self.as_slice().as_flattened());
     }
 
     pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
         self.clear();
         for _ in 0..state.u16() {
-            let run = Run { count: state.u16(), byte: state.u8(), part: Part::restore(state)? };
-            if run.count == 0 || !self.push(run) {
+            let run = Run::from_bytes(state.u32().to_le_bytes()).ok_or(StateError)?;
+            if !self.push(run) {
                 return Err(StateError);
             }
         }
