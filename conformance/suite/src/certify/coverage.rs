@@ -105,7 +105,12 @@ fn work<'a>(
     for profile in profiles {
         let other = CertifyOptions::new(profile);
         let sessions = Sessions { count: other.sessions.count.min(OTHERS), ..other.sessions };
-        add(Plan::new(corpus, &other, Some(manifest))?, Extent::Uncut, sessions);
+        // A corpus may have a profile's ledger and none of its cases.
+        match Plan::new(corpus, &other, Some(manifest)) {
+            Ok(plan) => add(plan, Extent::Uncut, sessions),
+            Err(CertifyError::NothingSelected { .. }) => {}
+            Err(error) => return Err(error),
+        }
     }
     Ok(work)
 }

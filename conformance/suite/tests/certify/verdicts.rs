@@ -15,7 +15,7 @@ const BAD: Small = Small::bad("xon-xoff.b.bad");
 fn all_passed_is_conformant() {
     let report = run(&small(&[GOOD]), &options());
     assert_eq!(report.verdict, VerdictKind::Conformant);
-    assert_eq!(report.reason, "all 1 required cases passed");
+    assert!(report.reason.starts_with("all 1 required cases passed; "), "{}", report.reason);
     assert_eq!(report.cases[0].result, CaseResult::Passed);
     // uncut, wasmi, twice, swap:all and at least one single swap.
     assert!(report.cases[0].runs >= 5);
@@ -65,7 +65,8 @@ fn levels_fail_warn_and_inform() {
     assert_eq!(of(&should, &options()), (VerdictKind::ConformantWithWarnings, [0, 1, 0]));
     assert_eq!(of(&should, &strict), (VerdictKind::NotConformant, [1, 0, 0]));
     assert_eq!(of(&may, &options()), (VerdictKind::Conformant, [0, 0, 1]));
-    assert_eq!(of(&may, &strict), (VerdictKind::Conformant, [0, 0, 1]));
+    // One case leaves much of the module without execution.
+    assert_eq!(of(&may, &strict), (VerdictKind::Partial, [0, 0, 1]));
 }
 
 #[test]

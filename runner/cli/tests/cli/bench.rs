@@ -122,6 +122,8 @@ pub(crate) fn snapshot(name: &str, text: impl std::fmt::Display) {
     settings.add_filter(r"(size +)[\d,]+ bytes", "$1[size]");
     settings.add_filter(r#"("size": )\d+"#, "$1[size]");
     settings.add_filter(r"(fuel +)[\d,.]+ units a byte, at most [\d,]+", "$1[fuel]");
+    settings.add_filter(r"\d+ places of the module", "[number of] places of the module");
+    settings.add_filter(r"(?s)(executed )[\d,]+ of [\d,]+ functions.*?and \d+ more", "$1[places]");
     settings.add_filter(&regex_of(&plugins()), "[plugins]");
     let executable = Path::new(env!("CARGO_BIN_EXE_softplug"));
     let beside = executable.parent().and_then(Path::parent).unwrap();
