@@ -94,6 +94,10 @@ pub fn verdict(counts: &Counts, selection: &Selection, reason: &Reason) -> (Verd
         let why = format!("{} of {} required cases failed", counts.failed, counts.required);
         return (VerdictKind::NotConformant, why);
     }
+    if selection.interrupted && counts.executed == counts.required {
+        let why = "it was ended before it was known what of the module no run executes";
+        return (VerdictKind::Partial, why.to_owned());
+    }
     let is_whole = !selection.interrupted
         && selection.cases.is_empty()
         && counts.required > 0

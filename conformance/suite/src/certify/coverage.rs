@@ -44,18 +44,18 @@ pub(super) fn coverage(
             scope.spawn(|| {
                 let watcher = watcher.another();
                 let mut own = Executed::default();
+                let is_over = || stop.load(Ordering::Relaxed);
                 while let Some((listed, extent, sessions)) =
                     work.get(next.fetch_add(1, Ordering::Relaxed))
                 {
-                    let is_over = || stop.load(Ordering::Relaxed);
-                    each_run(&watcher, listed, *extent, *sessions, &is_over, &mut |_, executed| {
-                        own.add(&executed);
-                    });
-                    let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-                    progress(Progress { done, cases: work.len(), failed: 0 });
-                    if is_over() {
+                    let mut add = |_, executed| own.add(&executed);
+                    if is_over()
+                        || !each_run(&watcher, listed, *extent, *sessions, &is_over, &mut add)
+                    {
                         break;
                     }
+                    let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                    progress(Progress { done, cases: work.len(), failed: 0 });
                 }
                 if let Ok(mut executed) = executed.lock() {
                     executed.add(&own);
@@ -63,7 +63,7 @@ pub(super) fn coverage(
             });
         }
     });
-    if stop.load(Ordering::Relaxed) {
+    if done.into_inner() < work.len() {
         return Ok(None);
     }
     let executed = executed.into_inner().unwrap_or_default();

@@ -76,10 +76,21 @@ pub fn certify(
         _ => plan.cases.iter().map(|_| None).collect(),
     };
     let (engines, judged, plan) = (&engines, &judged, &plan);
-    let mut results =
-        Results { module, corpus, options, engines, judged, plan, unfit, ran, coverage: None };
+    let mut results = Results {
+        module,
+        corpus,
+        options,
+        engines,
+        judged,
+        plan,
+        unfit,
+        ran,
+        coverage: None,
+        is_stopped: false,
+    };
     if results.report().verdict.is_conformant() {
         results.coverage = coverage::coverage(module, corpus, options, judged, progress, stop)?;
+        results.is_stopped = results.coverage.is_none();
     }
     Ok(results.report())
 }

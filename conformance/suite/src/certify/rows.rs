@@ -29,6 +29,8 @@ pub(super) struct Results<'a> {
     pub(super) ran: Vec<Option<Ran>>,
     /// Only of a plug-in that is conformant.
     pub(super) coverage: Option<Coverage>,
+    /// It was ended before that was known.
+    pub(super) is_stopped: bool,
 }
 
 impl Results<'_> {
@@ -107,7 +109,7 @@ impl Results<'_> {
             strict: self.options.strict,
             cases: self.options.cases.clone(),
             baseline: self.options.baseline.as_ref().map(|baseline| baseline.digest.clone()),
-            interrupted: self.unfit.is_empty() && self.both().any(is_missing),
+            interrupted: self.is_stopped || (self.unfit.is_empty() && self.both().any(is_missing)),
             sessions: self.options.sessions.count,
             sessions_needed: Sessions::whole(&self.plan.ledger.profile).count,
             seed: self.options.sessions.seed,
