@@ -82,7 +82,7 @@ impl Meant {
     }
 }
 
-/// The same character, several times.
+/// A character, several times in a row.
 #[derive(Copy, Clone, Debug, Default)]
 pub(crate) struct Run {
     pub(crate) count: u16,

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use sha2::{Digest as _, Sha256};
 use softplug_conformance::{
-    Case, Judge, Made, RecordStanding, bless, case_of_record, record_of_flight,
+    Case, FlightError, Judge, Made, RecordStanding, bless, case_of_record, record_of_flight,
 };
 use softplug_trace::{
     Digest, Entry, HostRequest, Item, Line, Payload, SourceLine, Time, Trace, What, When, limits,
@@ -131,7 +131,7 @@ pub(crate) fn of_flight(
     judge: &dyn Judge,
     path: &Path,
     flight: Trace,
-) -> Result<(Trace, Became), String> {
+) -> Result<(Trace, Became), FlightError> {
     let flight = Case::new(path, flight);
     let given = record_of_flight(judge.manifest(), &flight)?.at_line_rate();
     match bless(judge, &flight.with_trace(given.clone())) {

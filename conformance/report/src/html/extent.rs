@@ -1,6 +1,6 @@
 //! How far the plug-in was tried, and what of it was not.
 
-use crate::{Executed, Report, Score, text};
+use crate::{Executed, Place, Report, Score, Survivor, text};
 use maud::{Markup, html};
 
 /// Places and survivors that the page lists; the report has all of them.
@@ -49,54 +49,43 @@ fn noticed(score: &Score) -> String {
 
 fn unexecuted(report: &Report) -> Markup {
     let places = report.coverage.iter().flat_map(|coverage| &coverage.places);
-    let count = places.clone().count();
-    html! {
-        @if count > 0 {
-            details {
-                summary { (text::count(count as u32, "place")) " of the module never executed" }
-                p.hint {
-                    "What the plug-in does there, nobody has seen. Code that nothing can call, and code \
-                     that only traps, is not counted."
-                }
-                table {
-                    thead { tr { th { "Byte" } th { "Function" } th { "What" } } }
-                    tbody {
-                        @for place in places.take(LISTED) {
-                            tr {
-                                td { (place.at) }
-                                td {
-                                    @match &place.name {
-                                        Some(name) => code { (text::line(name)) },
-                                        None => (place.function),
-                                    }
-                                }
-                                td { (text::line(&place.what)) }
-                            }
-                        }
-                    }
-                }
-                @if count > LISTED { p.hint { "And " (count - LISTED) " more, in the report." } }
-            }
-        }
-    }
+    let row = |place: &Place| {
+        let unnamed = || html! { (place.function) };
+        let named = |name: &String| html! { code { (text::line(name)) } };
+        let function = place.name.as_ref().map_or_else(unnamed, named);
+        (place.at, function, text::line(&place.what))
+    };
+    let hint = "What the plug-in does there, nobody has seen. Code that nothing can call, and code that \
+                only traps, is not counted.";
+    listed(
+        "place",
+        "of the module never executed",
+        Some(hint),
+        &places.map(row).collect::<Vec<_>>(),
+    )
 }
 
 fn survivors(score: &Score) -> Markup {
     let survivors = score.survivors.iter().filter(|survivor| survivor.executed);
-    let count = survivors.clone().count();
+    let row = |survivor: &Survivor| {
+        (survivor.at, html! { (survivor.function) }, text::line(&survivor.change))
+    };
+    listed("change", "of the module not noticed", None, &survivors.map(row).collect::<Vec<_>>())
+}
+
+/// Places of the module: at which byte, in which function, what.
+fn listed(noun: &str, what: &str, hint: Option<&str>, rows: &[(u64, Markup, String)]) -> Markup {
+    let count = rows.len();
     html! {
         @if count > 0 {
             details {
-                summary { (text::count(count as u32, "change")) " of the module not noticed" }
+                summary { (text::count(count as u32, noun)) " " (what) }
+                @if let Some(hint) = hint { p.hint { (hint) } }
                 table {
-                    thead { tr { th { "Byte" } th { "Function" } th { "Change" } } }
+                    thead { tr { th { "Byte" } th { "Function" } th { "What" } } }
                     tbody {
-                        @for survivor in survivors.take(LISTED) {
-                            tr {
-                                td { (survivor.at) }
-                                td { (survivor.function) }
-                                td { (text::line(&survivor.change)) }
-                            }
+                        @for (at, function, what) in rows.iter().take(LISTED) {
+                            tr { td { (at) } td { (function) } td { (what) } }
                         }
                     }
                 }

@@ -1,4 +1,4 @@
-//! The trace's words for lines and failures in those of the ABI.
+//! The trace's words for lines and failures in those of the ABI, and the other way round.
 
 use softplug_abi::{LineErrorKind, LineParameters, LinkDownReason, ModemLines, Parity};
 use softplug_trace::{self as trace, BadKind, LineSettings, ModemLevels, ModemLine};
@@ -64,7 +64,19 @@ pub(crate) fn output_levels(named: ModemLines, on: ModemLines) -> ModemLevels {
     ModemLevels(named.map(|(line, name)| (name, on.contains(line))).collect())
 }
 
-pub(crate) fn bad_kind(kind: BadKind) -> LineErrorKind {
+/// What was wrong with a character that came damaged.
+///
+/// ```
+/// use softplug_abi::LineErrorKind;
+/// use softplug_conformance::{bad_kind, damage};
+/// use softplug_trace::BadKind;
+///
+/// assert_eq!(bad_kind(BadKind::Parity), LineErrorKind::Parity);
+/// assert_eq!(damage(LineErrorKind::Parity), Some(BadKind::Parity));
+/// // What damages no character has a line of its own.
+/// assert_eq!(damage(LineErrorKind::Break), None);
+/// ```
+pub fn bad_kind(kind: BadKind) -> LineErrorKind {
     match kind {
         BadKind::Parity => LineErrorKind::Parity,
         BadKind::Framing => LineErrorKind::Framing,
@@ -72,13 +84,55 @@ pub(crate) fn bad_kind(kind: BadKind) -> LineErrorKind {
     }
 }
 
-pub(crate) fn line_error(kind: trace::LineErrorKind) -> LineErrorKind {
+/// How a trace writes a damaged character beside it; `None`: nothing is wrong with one.
+///
+/// The example of [`bad_kind`] shows it.
+pub fn damage(kind: LineErrorKind) -> Option<BadKind> {
+    match kind {
+        LineErrorKind::Parity => Some(BadKind::Parity),
+        LineErrorKind::Framing => Some(BadKind::Framing),
+        LineErrorKind::ParityOrFraming => Some(BadKind::ParityOrFraming),
+        LineErrorKind::Overrun | LineErrorKind::Break => None,
+    }
+}
+
+/// A line error of a trace.
+///
+/// ```
+/// use softplug_abi::LineErrorKind;
+/// use softplug_conformance::{line_error, line_error_name};
+///
+/// assert_eq!(line_error_name(LineErrorKind::Overrun).name(), "overrun");
+/// assert_eq!(line_error(line_error_name(LineErrorKind::Break)), LineErrorKind::Break);
+/// ```
+pub fn line_error(kind: trace::LineErrorKind) -> LineErrorKind {
     match kind {
         trace::LineErrorKind::Parity => LineErrorKind::Parity,
         trace::LineErrorKind::Framing => LineErrorKind::Framing,
         trace::LineErrorKind::ParityOrFraming => LineErrorKind::ParityOrFraming,
         trace::LineErrorKind::Overrun => LineErrorKind::Overrun,
         trace::LineErrorKind::Break => LineErrorKind::Break,
+    }
+}
+
+/// How a trace names a line error.
+///
+/// The example of [`line_error`] shows it.
+pub fn line_error_name(kind: LineErrorKind) -> trace::LineErrorKind {
+    match kind {
+        LineErrorKind::Parity => trace::LineErrorKind::Parity,
+        LineErrorKind::Framing => trace::LineErrorKind::Framing,
+        LineErrorKind::ParityOrFraming => trace::LineErrorKind::ParityOrFraming,
+        LineErrorKind::Overrun => trace::LineErrorKind::Overrun,
+        LineErrorKind::Break => trace::LineErrorKind::Break,
+    }
+}
+
+pub(crate) fn down_reason_name(reason: LinkDownReason) -> trace::LinkDownReason {
+    match reason {
+        LinkDownReason::Unplugged => trace::LinkDownReason::Unplugged,
+        LinkDownReason::Disconnected => trace::LinkDownReason::Disconnected,
+        LinkDownReason::Failed => trace::LinkDownReason::Failed,
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::flow::{BranchKind, End, Flow, Way};
 use super::instrument::{Layout, bits_of, instrumented, name_of};
-use crate::run::subject::{Fuel, Subject, SubjectError};
+use crate::run::subject::{Subject, SubjectError};
 use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Event, Instance, Micros, Output};
@@ -271,7 +271,7 @@ pub(crate) struct Watcher {
 }
 
 impl Watcher {
-    /// The same plug-in, with nothing executed so far: for another thread.
+    /// A watcher of its own for another thread: nothing was executed in it yet.
     pub(crate) fn another(&self) -> Self {
         Self { executed: Arc::default(), ..self.clone() }
     }
@@ -298,10 +298,6 @@ impl Subject for Watcher {
 
     fn label(&self) -> &str {
         &self.plugin.manifest().name
-    }
-
-    fn fuel(_: &WatchedSession) -> Fuel {
-        Fuel::default()
     }
 }
 

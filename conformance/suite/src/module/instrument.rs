@@ -2,7 +2,7 @@
 
 use super::flow::{Branch, BranchKind, Flow};
 use std::convert::Infallible;
-use wasm_encoder::reencode::{self, Error, Reencode, utils};
+use wasm_encoder::reencode::{Error, Reencode, utils};
 use wasm_encoder::{
     CodeSection, ConstExpr, ExportKind, ExportSection, Function, GlobalSection, GlobalType,
     Instruction, Module, SectionId, ValType,
@@ -117,10 +117,15 @@ impl Writer<'_> {
 
     /// Sets a bit.
     fn mark(&self, function: &mut Function, bit: usize) {
+        function.instruction(&Instruction::I64Const(mask(bit)));
+        self.add(function, bit);
+    }
+
+    /// Adds what is on top of the stack to the word of this bit.
+    fn add(&self, function: &mut Function, bit: usize) {
         let word = self.globals + (bit / WORD) as u32;
         function
             .instruction(&Instruction::GlobalGet(word))
-            .instruction(&Instruction::I64Const(mask(bit)))
             .instruction(&Instruction::I64Or)
             .instruction(&Instruction::GlobalSet(word));
     }
@@ -128,7 +133,6 @@ impl Writer<'_> {
     /// Sets the bit of the way that the branch goes, by what is on top of the stack, and
     /// leaves that there.
     fn mark_way(&self, function: &mut Function, branch: &Branch, first: usize, local: u32) {
-        let word = self.globals + (first / WORD) as u32;
         function.instruction(&Instruction::LocalSet(local));
         if branch.kind == BranchKind::BrTable {
             let last = bits_of(branch) as i32 - 1;
@@ -149,11 +153,8 @@ impl Writer<'_> {
                 .instruction(&Instruction::LocalGet(local))
                 .instruction(&Instruction::Select);
         }
-        function
-            .instruction(&Instruction::GlobalGet(word))
-            .instruction(&Instruction::I64Or)
-            .instruction(&Instruction::GlobalSet(word))
-            .instruction(&Instruction::LocalGet(local));
+        self.add(function, first);
+        function.instruction(&Instruction::LocalGet(local));
     }
 }
 
@@ -240,7 +241,7 @@ impl Reencode for Writer<'_> {
             if let Some((branch, first)) = branches.next_if(|(branch, _)| branch.at == at) {
                 self.mark_way(&mut function, branch, *first, local);
             }
-            function.instruction(&reencode::Reencode::parse_instruction(self, &mut operators)?);
+            function.instruction(&self.parse_instruction(&mut operators)?);
         }
         code.function(&function);
         Ok(())

@@ -22,7 +22,7 @@ use std::time::{Duration, Instant};
 pub(crate) const GROUPS: u64 = 8;
 
 /// How many sessions a whole certification of a profile that has a model runs.
-const WHOLE: u32 = 2_000;
+pub(crate) const WHOLE: u32 = 2_000;
 
 /// Sessions that are run to see how long they take.
 #[cfg(feature = "wasmtime")]

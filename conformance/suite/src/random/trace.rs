@@ -1,16 +1,16 @@
 //! A session as a trace: what was given, what the plug-in did, and what is wrong.
 
-use crate::given::lines::modem_levels;
+use crate::given::lines::{damage, down_reason_name, line_error_name, modem_levels};
 use crate::run::effect::{Delivered, Effect};
 use crate::run::outcome::Seen;
 use crate::run::transcript;
 use softplug_abi::manifest::Manifest;
-use softplug_abi::{LineErrorKind, LineParameters, LinkDownReason, Micros, Parity};
+use softplug_abi::{LineErrorKind, LineParameters, Micros, Parity};
 use softplug_models::{
     Effect as Did, Finding, Given, HostRequest as Asked, LineInput, Profile, Ran, Session, Step,
 };
 use softplug_trace::{
-    self as trace, Assignment, BadKind, Drain, Entry, FrontMatter, HostRequest, Item, Level, Line,
+    self as trace, Assignment, Drain, Entry, FrontMatter, HostRequest, Item, Level, Line,
     LineEvent, LineSettings, ModemLevels, Origin, Payload, Permutations, Room, SourceLine, Time,
     Trace, What, When,
 };
@@ -97,28 +97,16 @@ fn heard(input: &LineInput) -> What {
         LineInput::Bytes(bytes) => What::Receive(Payload::hex(bytes)),
         LineInput::Damaged { kind, byte } => damaged(*kind, *byte),
         LineInput::ModemLines(named, on) => What::Line(LineEvent::Modem(modem_levels(*named, *on))),
-        LineInput::Down(reason) => What::Line(LineEvent::Down(match reason {
-            LinkDownReason::Unplugged => trace::LinkDownReason::Unplugged,
-            LinkDownReason::Disconnected => trace::LinkDownReason::Disconnected,
-            LinkDownReason::Failed => trace::LinkDownReason::Failed,
-        })),
+        LineInput::Down(reason) => What::Line(LineEvent::Down(down_reason_name(*reason))),
         LineInput::Up => What::Line(LineEvent::Up),
     }
 }
 
 fn damaged(kind: LineErrorKind, byte: Option<u8>) -> What {
-    let bad = |kind| match byte {
-        Some(byte) => What::Receive(Payload::new([Item::Bad { kind, byte }])),
-        None => What::Receive(Payload::new([])),
-    };
-    let error = |kind| What::Line(LineEvent::Error { kind, byte, span: 0 });
-    match kind {
-        LineErrorKind::Parity => bad(BadKind::Parity),
-        LineErrorKind::Framing => bad(BadKind::Framing),
-        LineErrorKind::ParityOrFraming => bad(BadKind::ParityOrFraming),
-        LineErrorKind::Overrun => error(trace::LineErrorKind::Overrun),
-        LineErrorKind::Break => error(trace::LineErrorKind::Break),
+    if let Some(kind) = damage(kind) {
+        return What::Receive(Payload::new(byte.map(|byte| Item::Bad { kind, byte })));
     }
+    What::Line(LineEvent::Error { kind: line_error_name(kind), byte, span: 0 })
 }
 
 fn asked(request: &Asked) -> HostRequest {

@@ -6,7 +6,7 @@ use crate::corpus::{Corpus, Listed, Source};
 use crate::judge::run::{Judge, Start};
 use crate::module::change::{Change, Changeable};
 use crate::module::executed::{Executed, MEASURING_FUEL, Places, Watcher};
-use crate::random::Sessions;
+use crate::random::{Sessions, WHOLE};
 use crate::run::subject::Sandboxed;
 use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_abi::manifest::Manifest;
@@ -47,7 +47,7 @@ pub struct ScoreOptions {
 impl Default for ScoreOptions {
     fn default() -> Self {
         let threads = thread::available_parallelism().map_or(1, usize::from);
-        Self { sample: Some(300), seed: 1, sessions: 2_000, threads }
+        Self { sample: Some(300), seed: 1, sessions: WHOLE, threads }
     }
 }
 

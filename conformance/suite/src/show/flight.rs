@@ -1,15 +1,15 @@
 //! A flight recording as a trace with a line: what came and what was asked for are in it, what the
 //! plug-in sent is not.
 
-use crate::given::lines::modem_levels;
+use crate::given::lines::{damage, down_reason_name, line_error_name, modem_levels};
 use crate::given::load::Case;
 use softplug_abi::manifest::{Manifest, OwnedValue, Setting};
 use softplug_abi::{
-    Event, EventKind, Failure, LineErrorKind, LinkDownReason, ModemLines, Value, Values,
+    Event, EventKind, Failure, Malformed, MalformedReason, ModemLines, Value, Values,
 };
 use softplug_trace::{
-    self as trace, Assignment, BadKind, Entry, Exact, HostRequest, Item, Level, Line, LineEvent,
-    Payload, Permutations, SourceLine, Time, Trace, What, When, limits,
+    self as trace, Assignment, Entry, Exact, HostRequest, Item, Level, Line, LineEvent, Payload,
+    Permutations, SourceLine, Time, Trace, What, When, limits,
 };
 
 /// A flight recording as lines of a case: settings, `<`, `!` and `?` lines, at their times since
@@ -17,7 +17,7 @@ use softplug_trace::{
 ///
 /// ```
 /// use softplug_abi::manifest::Manifest;
-/// use softplug_conformance::{load, record_of_flight};
+/// use softplug_conformance::{FlightError, FlightFault, load, record_of_flight};
 /// use softplug_native::NativePlugin;
 /// use softplug_trace::Trace;
 ///
@@ -28,28 +28,89 @@ use softplug_trace::{
 /// let flight = Trace::parse(&format!("{front}---\n@ 0.0 under-way job=1\n"))?;
 /// // One that was kept from the middle on says nothing of what came before.
 /// let reason = record_of_flight(&manifest, &case.with_trace(flight)).unwrap_err();
-/// assert!(reason.ends_with("what came before is not in it"), "{reason}");
+/// let FlightError::Line { line: _, reason } = reason else { panic!("{reason}") };
+/// assert!(matches!(reason, FlightFault::BeginsInTheMiddle));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
 /// # Errors
 /// It does not begin with the link, is for another plug-in, or holds what no case can.
-pub fn record_of_flight(manifest: &Manifest, flight: &Case) -> Result<Trace, String> {
+pub fn record_of_flight(manifest: &Manifest, flight: &Case) -> Result<Trace, FlightError> {
     let mut reader = Flight::new(manifest);
     for entry in flight.trace.entries() {
         let What::Exact(exact) = &entry.what else { continue };
-        let fail = |reason: &str| format!("line {}: {reason}", entry.line.0);
-        let Exact::Event { name, payload } = exact else {
-            return Err(fail("it begins in the middle: what came before is not in it"));
-        };
-        let kind = EventKind::from_name(name)
-            .ok_or_else(|| fail(&format!("\"{name}\" is no event of the ABI")))?;
-        let payload = payload.bytes(&flight.files()).map_err(|error| fail(&error.to_string()))?;
-        let event = Event::decode(kind, &payload)
-            .map_err(|reason| fail(&format!("the payload of \"{name}\" is {reason}")))?;
-        reader.take(entry.when.from, &event).map_err(|reason| fail(&reason))?;
+        let line = entry.line.0;
+        reader
+            .read(entry.when.from, exact, flight)
+            .map_err(|reason| FlightError::Line { line, reason })?;
     }
     reader.finish(flight)
+}
+
+/// A flight recording that is no record of a session.
+///
+/// The example of [`record_of_flight`] shows one.
+#[derive(Debug, thiserror::Error)]
+pub enum FlightError {
+    /// A line of it does not fit.
+    #[error("line {line}: {reason}")]
+    Line {
+        /// Its number, from 1.
+        line: u32,
+        /// Why.
+        reason: FlightFault,
+    },
+    /// Nothing opens the link.
+    #[error("the link is never opened in it")]
+    NeverOpened,
+    /// A request is longer than a line of a trace.
+    #[error("what was asked for does not fit a line")]
+    TooLong,
+}
+
+/// Why a line of a flight recording does not fit.
+///
+/// The example of [`record_of_flight`] shows one.
+#[derive(Debug, thiserror::Error)]
+pub enum FlightFault {
+    /// It was kept from the middle on.
+    #[error("it begins in the middle: what came before is not in it")]
+    BeginsInTheMiddle,
+    /// The plug-in was swapped.
+    #[error("it holds a saved state: what came before is not in it")]
+    HoldsState,
+    /// The link was open before.
+    #[error("the plug-in went on from a saved state: what came before is not in it")]
+    GoesOnFromState,
+    /// Something happens before the link is opened.
+    #[error("\"{0}\" comes before the link is opened")]
+    BeforeOpen(&'static str),
+    /// The ABI has no event of this name.
+    #[error("\"{0}\" is no event of the ABI")]
+    UnknownEvent(String),
+    /// The event is none.
+    #[error("the payload of \"{name}\" is {reason}")]
+    Malformed {
+        /// The event's name.
+        name: String,
+        /// What is wrong.
+        reason: MalformedReason,
+    },
+    /// The settings are none.
+    #[error("settings: {0}")]
+    MalformedSettings(Malformed),
+    /// Its bytes are not there.
+    #[error("{0}")]
+    Payload(#[from] trace::PayloadError),
+    /// Settings change while the link is open.
+    #[error("settings that change in a session stand in no case")]
+    SettingsChange,
+    /// The plug-in has no such settings.
+    #[error("settings: they are those of another plug-in")]
+    OtherSettings,
+    /// The plug-in has no such job.
+    #[error("the job is one of another plug-in")]
+    OtherJob,
 }
 
 struct Flight<'a> {
@@ -90,16 +151,25 @@ impl<'a> Flight<'a> {
         }
     }
 
-    fn take(&mut self, at: Time, event: &Event<'_>) -> Result<(), String> {
+    fn read(&mut self, at: Time, exact: &Exact, flight: &Case) -> Result<(), FlightFault> {
+        let Exact::Event { name, payload } = exact else {
+            return Err(FlightFault::BeginsInTheMiddle);
+        };
+        let kind =
+            EventKind::from_name(name).ok_or_else(|| FlightFault::UnknownEvent(name.clone()))?;
+        let payload = payload.bytes(&flight.files())?;
+        let event = Event::decode(kind, &payload)
+            .map_err(|reason| FlightFault::Malformed { name: name.clone(), reason })?;
+        self.take(at, &event)
+    }
+
+    fn take(&mut self, at: Time, event: &Event<'_>) -> Result<(), FlightFault> {
         if let Event::Settings { values, .. } = event {
             return self.settings(values.clone());
         }
         if let Event::Open { resumed, .. } = event {
             if *resumed {
-                return Err(
-                    "the plug-in went on from a saved state: what came before is not in it"
-                        .to_owned(),
-                );
+                return Err(FlightFault::GoesOnFromState);
             }
             if self.opened.is_none() {
                 self.opened = Some(at);
@@ -107,18 +177,18 @@ impl<'a> Flight<'a> {
             }
         }
         let Some(opened) = self.opened else {
-            return Err(format!("\"{}\" comes before the link is opened", event.kind().name()));
+            return Err(FlightFault::BeforeOpen(event.kind().name()));
         };
         let at = Time(at.0.saturating_sub(opened.0));
         self.last = self.last.max(at);
         let what = match event {
             Event::Received(bytes) => What::Receive(Payload::from_bytes(bytes)),
-            Event::LineError { kind, byte, span } => match (bad(*kind), byte, span) {
+            Event::LineError { kind, byte, span } => match (damage(*kind), byte, span) {
                 (Some(kind), Some(byte), 0) => {
                     What::Receive(Payload::new([Item::Bad { kind, byte: *byte }]))
                 }
                 _ => What::Line(LineEvent::Error {
-                    kind: line_error(*kind),
+                    kind: line_error_name(*kind),
                     byte: *byte,
                     span: *span,
                 }),
@@ -127,7 +197,7 @@ impl<'a> Flight<'a> {
                 self.modem_lines(at, *known, *on);
                 return Ok(());
             }
-            Event::LinkDown(reason) => What::Line(LineEvent::Down(down(*reason))),
+            Event::LinkDown(reason) => What::Line(LineEvent::Down(down_reason_name(*reason))),
             Event::LinkUp => What::Line(LineEvent::Up),
             Event::JobBegin { job, kind, fields, .. } => return self.job(at, *job, *kind, fields),
             Event::JobData { job, bytes } => {
@@ -151,9 +221,7 @@ impl<'a> Flight<'a> {
             }
             Event::Open { .. } => What::Host(HostRequest::Open),
             Event::Close => What::Host(HostRequest::Close),
-            Event::Restore { .. } => {
-                return Err("it holds a saved state: what came before is not in it".to_owned());
-            }
+            Event::Restore { .. } => return Err(FlightFault::HoldsState),
             // These come of themselves.
             Event::Settings { .. }
             | Event::Timer { .. }
@@ -172,18 +240,18 @@ impl<'a> Flight<'a> {
         self.entries.push(Entry { when: When::at(at), what, line: SourceLine::default() });
     }
 
-    fn settings(&mut self, values: Values<'_>) -> Result<(), String> {
+    fn settings(&mut self, values: Values<'_>) -> Result<(), FlightFault> {
         if self.opened.is_some() {
-            return Err("settings that change in a session stand in no case".to_owned());
+            return Err(FlightFault::SettingsChange);
         }
         for record in values {
-            let (place, value) = record.map_err(|error| format!("settings: {error:?}"))?;
+            let (place, value) = record.map_err(FlightFault::MalformedSettings)?;
             let known = self.manifest.settings.get(usize::from(place));
-            let known = known.ok_or("settings: they are those of another plug-in")?;
+            let known = known.ok_or(FlightFault::OtherSettings)?;
             let default = known.value_from_json(&known.default).ok();
             let value = text(known, value);
             if known.value_from_text(&value).is_err() {
-                return Err("settings: they are those of another plug-in".to_owned());
+                return Err(FlightFault::OtherSettings);
             }
             if default.is_none_or(|default| owned(known, &default) != value) {
                 self.config.push(Assignment { name: known.name.clone(), value });
@@ -207,13 +275,19 @@ impl<'a> Flight<'a> {
         }
     }
 
-    fn job(&mut self, at: Time, id: u32, kind: u16, fields: &Values<'_>) -> Result<(), String> {
+    fn job(
+        &mut self,
+        at: Time,
+        id: u32,
+        kind: u16,
+        fields: &Values<'_>,
+    ) -> Result<(), FlightFault> {
         if let Some(job) = self.jobs.iter_mut().find(|job| job.id == id) {
             job.end_pass();
             return Ok(());
         }
         let kind = self.manifest.jobs.get(usize::from(kind));
-        let kind = kind.ok_or("the job is one of another plug-in")?;
+        let kind = kind.ok_or(FlightFault::OtherJob)?;
         let named = kind.assignments(fields.as_bytes()).into_iter();
         let fields = named.map(|(name, value)| Assignment { name, value }).collect();
         let (data, place) = (Payload::default(), self.entries.len());
@@ -231,7 +305,7 @@ impl<'a> Flight<'a> {
         refused: Option<&str>,
         more: bool,
         bytes: &[u8],
-    ) -> Result<(), String> {
+    ) -> Result<(), FlightFault> {
         let place = self.answer.take().unwrap_or_else(|| {
             let data = Payload::default();
             self.add(at, What::Host(HostRequest::Grant { id, data }));
@@ -241,7 +315,7 @@ impl<'a> Flight<'a> {
             if let Some(code) = refused {
                 *request = HostRequest::Refuse { id, code: code.to_owned() };
             } else if let HostRequest::Grant { data, .. } = request {
-                let mut all = data.bytes(&trace::NoFiles).map_err(|error| error.to_string())?;
+                let mut all = data.bytes(&trace::NoFiles)?;
                 all.extend_from_slice(bytes);
                 *data = Payload::from_bytes(&all);
             }
@@ -250,9 +324,9 @@ impl<'a> Flight<'a> {
         Ok(())
     }
 
-    fn finish(mut self, flight: &Case) -> Result<Trace, String> {
+    fn finish(mut self, flight: &Case) -> Result<Trace, FlightError> {
         if self.opened.is_none() {
-            return Err("the link is never opened in it".to_owned());
+            return Err(FlightError::NeverOpened);
         }
         let mut body: Vec<Line> = flight
             .trace
@@ -275,7 +349,7 @@ impl<'a> Flight<'a> {
             }
         }
         if self.entries.iter().any(|entry| entry.to_string().len() > limits::LINE_BYTES) {
-            return Err("what was asked for does not fit a line".to_owned());
+            return Err(FlightError::TooLong);
         }
         self.add(self.last, What::Quiet);
         body.extend(self.entries.into_iter().map(Line::Entry));
@@ -314,31 +388,4 @@ fn text(setting: &Setting, value: Value<'_>) -> String {
 
 fn owned(setting: &Setting, value: &OwnedValue) -> String {
     text(setting, value.as_value())
-}
-
-fn bad(kind: LineErrorKind) -> Option<BadKind> {
-    match kind {
-        LineErrorKind::Parity => Some(BadKind::Parity),
-        LineErrorKind::Framing => Some(BadKind::Framing),
-        LineErrorKind::ParityOrFraming => Some(BadKind::ParityOrFraming),
-        LineErrorKind::Overrun | LineErrorKind::Break => None,
-    }
-}
-
-fn line_error(kind: LineErrorKind) -> trace::LineErrorKind {
-    match kind {
-        LineErrorKind::Parity => trace::LineErrorKind::Parity,
-        LineErrorKind::Framing => trace::LineErrorKind::Framing,
-        LineErrorKind::ParityOrFraming => trace::LineErrorKind::ParityOrFraming,
-        LineErrorKind::Overrun => trace::LineErrorKind::Overrun,
-        LineErrorKind::Break => trace::LineErrorKind::Break,
-    }
-}
-
-fn down(reason: LinkDownReason) -> trace::LinkDownReason {
-    match reason {
-        LinkDownReason::Unplugged => trace::LinkDownReason::Unplugged,
-        LinkDownReason::Disconnected => trace::LinkDownReason::Disconnected,
-        LinkDownReason::Failed => trace::LinkDownReason::Failed,
-    }
 }

@@ -4,10 +4,10 @@
 use std::fmt::Write as _;
 
 use softplug_abi::manifest::SettingValues;
-use softplug_abi::{Action, LineErrorKind, LineParameters, Micros, ModemLines, NoteLevel};
-use softplug_conformance::modem_lines;
+use softplug_abi::{Action, LineParameters, Micros, ModemLines, NoteLevel};
+use softplug_conformance::{bad_kind, line_error, modem_lines};
 use softplug_link::{LinkFault, LinkHost, LinkOptions, VirtualLine};
-use softplug_trace::{BadKind, LineEvent, ModemLevels};
+use softplug_trace::{LineEvent, ModemLevels};
 
 use super::story::{Character, Happening};
 use crate::numbers;
@@ -158,14 +158,7 @@ impl Rehearsal {
         let at = at.max(link.now());
         let given = match bad {
             None => link.received(at, &[byte], watcher),
-            Some(kind) => {
-                let kind = match kind {
-                    BadKind::Parity => LineErrorKind::Parity,
-                    BadKind::Framing => LineErrorKind::Framing,
-                    BadKind::ParityOrFraming => LineErrorKind::ParityOrFraming,
-                };
-                link.line_error(at, kind, Some(byte), 0, watcher)
-            }
+            Some(kind) => link.line_error(at, bad_kind(kind), Some(byte), 0, watcher),
         };
         self.look(given);
     }
@@ -183,15 +176,7 @@ impl Rehearsal {
                 link.modem_lines(at, known, self.modem, watcher)
             }
             LineEvent::Error { kind, byte, span } => {
-                use softplug_trace::LineErrorKind as Kind;
-                let kind = match kind {
-                    Kind::Parity => LineErrorKind::Parity,
-                    Kind::Framing => LineErrorKind::Framing,
-                    Kind::ParityOrFraming => LineErrorKind::ParityOrFraming,
-                    Kind::Overrun => LineErrorKind::Overrun,
-                    Kind::Break => LineErrorKind::Break,
-                };
-                link.line_error(at, kind, *byte, *span, watcher)
+                link.line_error(at, line_error(*kind), *byte, *span, watcher)
             }
             LineEvent::Down(_) | LineEvent::Up => Ok(()),
         };

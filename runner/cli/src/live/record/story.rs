@@ -7,6 +7,7 @@
 use std::collections::VecDeque;
 
 use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines};
+use softplug_conformance::{damage, line_error_name};
 use softplug_gateway::Input;
 use softplug_gateway::tap::{Event, Side};
 use softplug_trace::{BadKind, LineEvent, ModemLevels, ModemLine};
@@ -105,12 +106,12 @@ impl Story {
             Input::Bytes(bytes) => {
                 self.given_characters(now, bytes.iter().map(|byte| (*byte, None)).collect());
             }
-            Input::LineError { kind, byte: Some(byte), span: 0 } if bad(kind).is_some() => {
-                self.given_characters(now, vec![(byte, bad(kind))]);
+            Input::LineError { kind, byte: Some(byte), span: 0 } if damage(kind).is_some() => {
+                self.given_characters(now, vec![(byte, damage(kind))]);
             }
             Input::LineError { kind, byte, span } => {
                 let at = now.max(self.receiver_free);
-                let kind = trace_kind(kind);
+                let kind = line_error_name(kind);
                 self.put(at, Happening::Line(LineEvent::Error { kind, byte, span }));
             }
         }
@@ -150,7 +151,7 @@ impl Story {
         let (bytes, remark) = match what {
             Input::Bytes(bytes) => (bytes.to_vec(), None),
             Input::LineError { kind, byte: Some(byte), .. } => {
-                let name = trace_kind(*kind).name();
+                let name = line_error_name(*kind).name();
                 (vec![*byte], Some(format!(" The next byte came with a line error: {name}.")))
             }
             Input::LineError { kind: LineErrorKind::Break, .. } => {
@@ -162,7 +163,7 @@ impl Story {
                 return;
             }
             Input::LineError { kind, .. } => {
-                let name = trace_kind(*kind).name();
+                let name = line_error_name(*kind).name();
                 self.put(now, Happening::Remark(format!(" The port reports: {name}.")));
                 return;
             }
@@ -237,26 +238,6 @@ pub(super) fn inputs(on: ModemLines) -> ModemLevels {
 fn levels(names: &[(ModemLines, ModemLine)], which: ModemLines, on: ModemLines) -> ModemLevels {
     let named = names.iter().filter(|(line, _)| which.contains(*line));
     ModemLevels(named.map(|(line, name)| (*name, on.contains(*line))).collect())
-}
-
-fn bad(kind: LineErrorKind) -> Option<BadKind> {
-    match kind {
-        LineErrorKind::Parity => Some(BadKind::Parity),
-        LineErrorKind::Framing => Some(BadKind::Framing),
-        LineErrorKind::ParityOrFraming => Some(BadKind::ParityOrFraming),
-        LineErrorKind::Overrun | LineErrorKind::Break => None,
-    }
-}
-
-fn trace_kind(kind: LineErrorKind) -> softplug_trace::LineErrorKind {
-    use softplug_trace::LineErrorKind as Kind;
-    match kind {
-        LineErrorKind::Parity => Kind::Parity,
-        LineErrorKind::Framing => Kind::Framing,
-        LineErrorKind::ParityOrFraming => Kind::ParityOrFraming,
-        LineErrorKind::Overrun => Kind::Overrun,
-        LineErrorKind::Break => Kind::Break,
-    }
 }
 
 #[cfg(test)]
