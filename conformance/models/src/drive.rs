@@ -70,6 +70,11 @@ pub(crate) struct Drive<'a, I: Instance> {
     manifest: &'a Manifest,
     make: Make<'a, I>,
     line: VirtualLine<I>,
+    /// The link's clock where the session's is 0. Only the plug-in sees that one.
+    clock: Micros,
+    pieces: usize,
+    has_sizes: bool,
+    job_base: u32,
     pub(crate) model: Box<dyn Model>,
     recorder: Recorder,
     /// When characters in the port will have left.
@@ -98,6 +103,10 @@ impl<'a, I: Instance> Drive<'a, I> {
             make,
             modem: options.modem_lines,
             line: VirtualLine::new(instance, options, conditions.depth),
+            clock: conditions.clock,
+            pieces: conditions.pieces,
+            has_sizes: conditions.has_sizes,
+            job_base: conditions.job_base,
             model,
             recorder: Recorder::default(),
             ends: VecDeque::new(),
@@ -163,7 +172,8 @@ impl<'a, I: Instance> Drive<'a, I> {
     fn next(&self) -> Option<Micros> {
         let ends = self.ends.front().map(|(at, _)| *at);
         let starts = self.starts.front().map(|(at, _)| *at);
-        let all = [self.line.next(), ends, starts, self.model.next()];
+        let own = self.line.next().map(|next| next - self.clock);
+        let all = [own, ends, starts, self.model.next()];
         all.into_iter().flatten().min().map(|next| next.max(self.now + Micros(1)))
     }
 
@@ -249,17 +259,20 @@ impl<'a, I: Instance> Drive<'a, I> {
             HostRequest::Job { id, kind, fields, data } => {
                 let job = self.job(*id, kind, fields, data.len());
                 let job = job.map_err(|message| Finding::Fault { at: self.now, message })?;
-                self.recorder.add_source(*id, data.clone());
+                self.recorder.add_source(self.of_link(*id), data.clone());
                 self.call(|line, now, host| line.link.begin_job(now, job, host))
             }
             HostRequest::Pause(job) => {
-                self.call(|line, now, host| line.link.pause(now, *job, host))
+                let job = self.of_link(*job);
+                self.call(|line, now, host| line.link.pause(now, job, host))
             }
             HostRequest::Resume(job) => {
-                self.call(|line, now, host| line.link.resume(now, *job, host))
+                let job = self.of_link(*job);
+                self.call(|line, now, host| line.link.resume(now, job, host))
             }
             HostRequest::Abort(job) => {
-                self.call(|line, now, host| line.link.abort(now, *job, host))
+                let job = self.of_link(*job);
+                self.call(|line, now, host| line.link.abort(now, job, host))
             }
             HostRequest::ForceResume => {
                 self.call(|line, now, host| line.link.force_resume(now, host))
@@ -297,14 +310,30 @@ impl<'a, I: Instance> Drive<'a, I> {
         let fields = self.manifest.jobs[usize::from(place)].records(named);
         let fields = fields.map_err(|error| error.to_string())?;
         let check = self.manifest.needs.check_pass;
-        Ok(Job { id, kind: place, size: Some(size as u64), fields, check })
+        let size = self.has_sizes.then_some(size as u64);
+        Ok(Job { id: self.of_link(id), kind: place, size, fields, check })
+    }
+
+    /// The link's id of a job; 0 is the delivery.
+    fn of_link(&self, job: u32) -> u32 {
+        if job == 0 { 0 } else { self.job_base + job }
+    }
+
+    /// The job of this session with this id on the link.
+    fn of_session(&self, job: u32) -> u32 {
+        job.wrapping_sub(self.job_base)
     }
 
     fn swap(&mut self) -> Result<(), Finding> {
         let fault = |at, message| Finding::Fault { at, message };
         let fresh = (self.make)().map_err(|message| fault(self.now, message))?;
-        let mut host = Watch { recorder: &mut self.recorder, ends: &mut self.ends };
-        let swapped = self.line.link.swap(self.now, fresh, &mut host);
+        let mut host = Watch {
+            recorder: &mut self.recorder,
+            ends: &mut self.ends,
+            clock: self.clock,
+            pieces: self.pieces,
+        };
+        let swapped = self.line.link.swap(self.clock + self.now, fresh, &mut host);
         swapped.map_err(|error| fault(self.now, error.to_string()))?;
         self.tell_all()
     }
@@ -318,14 +347,22 @@ impl<'a, I: Instance> Drive<'a, I> {
             &mut dyn LinkHost,
         ) -> Result<(), LinkFault<I::Fault>>,
     {
-        let mut host = Watch { recorder: &mut self.recorder, ends: &mut self.ends };
-        let called = call(&mut self.line, self.now, &mut host);
-        self.tell_all()?;
-        called.map_err(|fault| Finding::Fault { at: self.now, message: fault.to_string() })
+        let mut host = Watch {
+            recorder: &mut self.recorder,
+            ends: &mut self.ends,
+            clock: self.clock,
+            pieces: self.pieces,
+        };
+        let called = call(&mut self.line, self.clock + self.now, &mut host);
+        // A fault ends deliveries and jobs, which is not what is wrong.
+        let told = self.tell_all();
+        called.map_err(|fault| Finding::Fault { at: self.now, message: fault.to_string() })?;
+        told
     }
 
     fn tell_all(&mut self) -> Result<(), Finding> {
         for (at, observed) in std::mem::take(&mut self.recorder.observed) {
+            let at = at - self.clock;
             match observed {
                 Observed::Byte(byte) if at > self.now => self.starts.push_back((at, byte)),
                 observed => {
@@ -369,12 +406,12 @@ impl<'a, I: Instance> Drive<'a, I> {
                 failure: delivery.failure,
                 status: delivery.status,
             },
-            Observed::Done { job, sent } => Effect::Done { job, sent },
+            Observed::Done { job, sent } => Effect::Done { job: self.of_session(job), sent },
             Observed::Failed { job, failure, status, sent } => {
-                Effect::Failed { job, failure, status, sent }
+                Effect::Failed { job: self.of_session(job), failure, status, sent }
             }
             Observed::Checked { job, failure, status, line, column } => {
-                Effect::Checked { job, failure, status, line, column }
+                Effect::Checked { job: self.of_session(job), failure, status, line, column }
             }
             Observed::Request { request, kind, fields } => {
                 let kind = self.manifest.requests.get(usize::from(kind));
@@ -394,6 +431,8 @@ impl<'a, I: Instance> Drive<'a, I> {
 struct Watch<'a> {
     recorder: &'a mut Recorder,
     ends: &'a mut VecDeque<(Micros, u8)>,
+    clock: Micros,
+    pieces: usize,
 }
 
 impl LinkHost for Watch<'_> {
@@ -402,7 +441,8 @@ impl LinkHost for Watch<'_> {
     }
 
     fn supply(&mut self, job: u32, buffer: &mut [u8]) -> Supply {
-        self.recorder.supply(job, buffer)
+        let most = buffer.len().min(self.pieces);
+        self.recorder.supply(job, &mut buffer[..most])
     }
 
     fn rewind(&mut self, job: u32) {
@@ -418,6 +458,6 @@ impl LinkHost for Watch<'_> {
     }
 
     fn off_wire(&mut self, end: Micros, byte: u8) {
-        self.ends.push_back((end, byte));
+        self.ends.push_back((end - self.clock, byte));
     }
 }

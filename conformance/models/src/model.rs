@@ -46,6 +46,11 @@ pub trait Model {
     /// What a partner and a host could do next: mostly what makes sense in this
     /// state, now and then what is rare.
     fn propose(&self, now: Micros, dice: &mut Dice) -> Proposal;
+
+    /// Whether that with which a long session is filled goes on.
+    fn is_filled(&self) -> bool {
+        false
+    }
 }
 
 /// What comes from the line.
@@ -222,6 +227,17 @@ pub struct Conditions {
     pub modem_lines: Option<(ModemLines, ModemLines)>,
     /// A value for each setting of the plug-in.
     pub settings: Settings,
+    /// What the link's clock shows as the session begins. Only the plug-in sees it.
+    pub clock: Micros,
+    /// Bytes of a job that the host has ready at a time, at one instant.
+    pub pieces: usize,
+    /// Whether the host knows a job's size as it begins.
+    pub has_sizes: bool,
+    /// The link's id of the job that is 0 here: ids need not be small. Only the plug-in sees it.
+    pub job_base: u32,
+    /// A long session brings jobs or deliveries by the thousand, or one of megabytes; this is its
+    /// number among the long ones.
+    pub long: Option<u64>,
 }
 
 /// A profile and its model.

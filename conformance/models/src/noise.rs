@@ -20,9 +20,10 @@ pub(crate) struct Noise {
 }
 
 impl Noise {
-    pub(crate) fn draw(dice: &mut Dice, special: &'static [u8]) -> Self {
-        let rate = *dice.pick(&[0, 0, 50, 20, 6]);
-        let swaps = *dice.pick(&[0, 3, 17]);
+    /// Little of it in a long session.
+    pub(crate) fn draw(dice: &mut Dice, special: &'static [u8], is_long: bool) -> Self {
+        let rate = *dice.pick(if is_long { &[0, 0, 2_000] } else { &[0, 0, 50, 20, 6] });
+        let swaps = *dice.pick(if is_long { &[0, 500] } else { &[0, 3, 17] });
         Self { rate, swaps, special, job: 1, next: None }
     }
 

@@ -13,6 +13,10 @@ use softplug_link::LinkOptions;
 
 /// How long nothing is given at the end: what was under way can come to its end.
 const TAIL: Micros = Micros::from_secs(30);
+/// One session of so many is a long one; they are spread over the groups.
+const LONG: u64 = 149;
+/// Most steps of a long one.
+const STEPS: usize = 200_000;
 
 /// A session: its settings and line, and the chance by which the rest is drawn.
 ///
@@ -51,14 +55,24 @@ impl Session {
         let values = manifest.resolve_settings(named).ok()?;
 
         let mut dice = Dice::new(seed, profile.name, number).fork();
-        let conditions = Conditions {
+        let is_long = number % LONG == LONG - 1;
+        let mut conditions = Conditions {
             line: *dice.pick(profile.lines),
             depth: *dice.pick(&[1, 1, 1, 2, 16]),
-            transmit_room: *dice.pick(&[4_096, 4_096, 4_096, 64, 257, 65_535]),
-            delivery_room: *dice.pick(&[4_096, 4_096, 4_096, 300, 1_000, 65_535]),
+            transmit_room: *dice.pick(&[4_096, 4_096, 4_096, 64, 257, 16_384, 65_535]),
+            delivery_room: *dice.pick(&[4_096, 4_096, 4_096, 300, 1_000, 16_384, 65_535]),
             modem_lines: *dice.pick(profile.modem_lines),
             settings: Settings::new(manifest, &values),
+            clock: clock(&mut dice),
+            pieces: *dice.pick(&[usize::MAX, usize::MAX, usize::MAX, 64, 17, 1]),
+            has_sizes: !dice.one_in(12),
+            job_base: job_base(&mut dice),
+            long: is_long.then_some(number / LONG),
         };
+        if is_long {
+            // Small pieces would only make it slow.
+            (conditions.transmit_room, conditions.pieces) = (4_096, usize::MAX);
+        }
         (profile.start)(&conditions)?;
         Some(Self { profile, asked, conditions, values, seed, number })
     }
@@ -80,12 +94,15 @@ impl Session {
         make: &mut dyn FnMut() -> Result<I, String>,
     ) -> Ran {
         let mut dice = Dice::new(self.seed, self.profile.name, self.number);
-        let mut noise = Noise::draw(&mut dice, self.profile.special);
+        let is_long = self.conditions.long.is_some();
+        let mut noise = Noise::draw(&mut dice, self.profile.special, is_long);
         let steps = *dice.pick(&[20, 60, 60, 200, 200, 1_000]);
         self.drive(manifest, make, |drive| {
             let open = Step::Given(Given::Host(HostRequest::Open));
             drive.step(Micros::ZERO, open)?;
-            for _ in 0..steps {
+            let mut done = 0;
+            while done < steps || is_long && done < STEPS && drive.model.is_filled() {
+                done += 1;
                 let proposal = drive.model.propose(drive.now, &mut dice);
                 let deadline = drive.model.next();
                 let (wait, step) = noise.disturb(proposal, drive.now, deadline, &mut dice);
@@ -143,6 +160,30 @@ impl Session {
             }
             Err(finding) => Ran::empty(Some(finding)),
         }
+    }
+}
+
+/// Mostly 0; else such that ids need two, three or all four bytes.
+fn job_base(dice: &mut Dice) -> u32 {
+    match dice.below(8) {
+        0 => dice.between(250, 70_000) as u32,
+        1 => 1 << dice.between(8, 31),
+        2 => dice.between(0, i64::from(u32::MAX) - 1_000_000) as u32,
+        _ => 0,
+    }
+}
+
+/// Mostly 0; else shortly before it passes 2³¹ µs or 2³² µs, or hours, days or years later.
+fn clock(dice: &mut Dice) -> Micros {
+    const HOUR: i64 = Micros::from_secs(3_600).0;
+    let before = Micros(dice.between(1, 60_000_000));
+    match dice.below(16) {
+        0 => Micros(1 << 31) - before,
+        1 => Micros(1 << 32) - before,
+        2 => Micros(dice.between(1, 72) * HOUR) - before,
+        3 => Micros(dice.between(1, 60) * 24 * HOUR) + before,
+        4 => Micros(dice.between(1, 20) * 8_766 * HOUR) + before,
+        _ => Micros::ZERO,
     }
 }
 

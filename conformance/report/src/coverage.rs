@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 ///     function: 3,
 ///     name: Some("receive".to_owned()),
 ///     at: 812,
+///     source: Some("my-machine/src/lib.rs:120".to_owned()),
 ///     what: "the branch is never taken".to_owned(),
 /// };
 /// let coverage = Coverage {
@@ -58,6 +59,9 @@ pub struct Place {
     pub name: Option<String>,
     /// Where the instruction stands in the file, in bytes.
     pub at: u64,
+    /// File and line of its source, where the module has debug information.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<String>,
     /// What was never executed.
     pub what: String,
 }

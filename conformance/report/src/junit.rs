@@ -63,7 +63,7 @@ fn properties(report: &Report) -> Vec<(&'static str, String)> {
         properties.push(("executed.branches", part(coverage.branches)));
     }
     if let Some(score) = &report.score {
-        let all = score.noticed.all() + score.missed();
+        let all = score.told();
         properties.push(("score", format!("{} of {all} changes", score.noticed.all())));
     }
     properties

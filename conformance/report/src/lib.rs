@@ -41,5 +41,5 @@ pub use coverage::{Coverage, Executed, Place};
 pub use explain::explain;
 pub use model::*;
 pub use outcome::Outcome;
-pub use score::{Noticed, Score, Survivor};
+pub use score::{Noticed, Score, Shown, Survivor};
 pub use verdict::{Reason, VerdictKind, verdict};

@@ -5,10 +5,10 @@ use serde::{Deserialize, Serialize};
 /// What became of a module's changes: one instruction each, one at a time.
 ///
 /// ```
-/// use softplug_report::{Noticed, Score, Survivor};
+/// use softplug_report::{Noticed, Score, Shown, Survivor};
 ///
 /// let change = "200 becomes 201".to_owned();
-/// let survivor = Survivor { function: 7, at: 1_234, change, executed: true };
+/// let survivor = Survivor { function: 7, at: 1_234, change, shown: Shown::Different };
 /// let score = Score {
 ///     seed: 1,
 ///     sessions: 400,
@@ -68,21 +68,39 @@ pub struct Survivor {
     pub at: u64,
     /// What was changed.
     pub change: String,
-    /// Whether anything executes this place at all.
-    pub executed: bool,
+    /// What any run showed of it.
+    pub shown: Shown,
+}
+
+/// What the runs showed of a change that none of them failed by.
+///
+/// The example of [`Score`] shows one.
+#[derive(Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Shown {
+    /// Something else than without it: other bytes, deliveries or results, or others in time.
+    /// Either may be right; a ledger that means only one of them has a gap here.
+    Different,
+    /// What it shows without the change.
+    Same,
+    /// Nothing executes this place at all.
+    NotExecuted,
 }
 
 impl Score {
-    /// Those that were noticed of those that make a module and stand where something is
-    /// executed, in thousandths.
+    /// Those that were noticed of those that can be told, in thousandths.
     pub fn share(&self) -> u32 {
-        let all = self.noticed.all() + self.missed();
-        (self.noticed.all() * 1_000).checked_div(all).unwrap_or(0) as u32
+        (self.noticed.all() * 1_000).checked_div(self.told()).unwrap_or(0) as u32
     }
 
-    /// Those that were executed, and nothing noticed.
-    pub fn missed(&self) -> u64 {
-        self.survivors.iter().filter(|survivor| survivor.executed).count() as u64
+    /// Those that can be told from the module as it is: noticed, or different in some run.
+    pub fn told(&self) -> u64 {
+        self.noticed.all() + self.survived(Shown::Different)
+    }
+
+    /// Those that nothing noticed, by what they showed.
+    pub fn survived(&self, shown: Shown) -> u64 {
+        self.survivors.iter().filter(|survivor| survivor.shown == shown).count() as u64
     }
 
     /// Whether every change that was tried is accounted for once.

@@ -59,6 +59,8 @@ pub enum Reason {
     NotJudged(String),
     /// The baseline expects a failure that is none, or is stale: one sentence.
     Baseline(String),
+    /// What of the module was executed is not known. A strict run is not satisfied.
+    Unmeasured,
     /// So many places of the module were never executed. Where nothing else speaks against
     /// the plug-in, a strict run is not satisfied.
     Unexecuted(usize),
@@ -88,7 +90,7 @@ pub fn verdict(counts: &Counts, selection: &Selection, reason: &Reason) -> (Verd
     match reason {
         Reason::NotJudged(why) => return (VerdictKind::NotJudged, why.clone()),
         Reason::Baseline(why) => return (VerdictKind::NotConformant, why.clone()),
-        Reason::None | Reason::Unexecuted(_) => {}
+        Reason::None | Reason::Unexecuted(_) | Reason::Unmeasured => {}
     }
     if counts.failed > 0 {
         let why = format!("{} of {} required cases failed", counts.failed, counts.required);
@@ -102,9 +104,14 @@ pub fn verdict(counts: &Counts, selection: &Selection, reason: &Reason) -> (Verd
         && selection.cases.is_empty()
         && counts.required > 0
         && counts.executed == counts.required;
+    if !is_whole && counts.required > 0 && counts.executed == counts.required {
+        let why = "only cases that match patterns were asked for, though that is all of them";
+        return (VerdictKind::Partial, why.to_owned());
+    }
     if !is_whole {
-        let why =
-            format!("only {} of {} required cases were executed", counts.executed, counts.required);
+        let ended = if selection.interrupted { ": it was ended" } else { "" };
+        let Counts { executed, required, .. } = counts;
+        let why = format!("only {executed} of {required} required cases were executed{ended}");
         return (VerdictKind::Partial, why);
     }
     if selection.sessions < selection.sessions_needed {
@@ -124,6 +131,7 @@ pub fn verdict(counts: &Counts, selection: &Selection, reason: &Reason) -> (Verd
             let places = text::count(u32::try_from(*places).unwrap_or(u32::MAX), "place");
             format!("{places} of the module never executed")
         }
+        Reason::Unmeasured => "what of the module was executed is not known".to_owned(),
         _ => String::new(),
     };
     if selection.strict && !unexecuted.is_empty() {

@@ -9,6 +9,11 @@ pub(crate) const ETX: u8 = 0x03;
 pub(crate) const DLE: u8 = 0x10;
 pub(crate) const NAK: u8 = 0x15;
 
+/// Whether data would end a block too early, were its DLE not doubled.
+pub(crate) fn holds_end(data: &[u8]) -> bool {
+    data.windows(2).any(|pair| matches!(pair, [DLE, ETX]))
+}
+
 /// Where in a block the encoder or the decoder stands.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
 enum Part {

@@ -2,7 +2,7 @@
 
 use crate::Layer;
 use crate::cause::*;
-use crate::frame::{DLE, ETX, Encoder, NAK, STX};
+use crate::frame::{DLE, Encoder, NAK, STX, holds_end};
 use crate::job::Stage;
 use crate::machine::{Machine, NEVER, Owner};
 use crate::phase::Phase;
@@ -66,8 +66,8 @@ impl Machine {
         Ok(())
     }
 
-    fn block_ready(&mut self) -> Result<(), Cause> {
-        let holds_end = |data: &[u8]| data.windows(2).any(|pair| matches!(pair, [DLE, ETX]));
+    /// The block, or the telegram, may be sent.
+    pub(crate) fn block_ready(&mut self) -> Result<(), Cause> {
         if !self.options.doubling && holds_end(self.job.block.as_slice()) {
             return Err(END_IN_DATA);
         }

@@ -26,7 +26,7 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
         r#""presets":["#,
         r#"{"name":"no-handshake","text":"STX, data and end in one go.","values":{"handshake":false}},"#,
         r#"{"name":"no-bcc","text":"No block check.","values":{"bcc":false}}],"#,
-        r#""line":"8E1","profiles":[{"name":"r3964-simplified","features":["no-doubling","no-check","no-handshake"]},{"name":"rk512","features":["active","passive"]}],"#,
+        r#""line":"8E1","profiles":[{"name":"r3964-simplified","features":["no-doubling","no-check","no-handshake","values"]},{"name":"rk512","features":["active","passive","no-doubling"]}],"#,
         softplug_procedure_3964::procedure_manifest!(),
     ),
 };

@@ -22,7 +22,7 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
         r#"{"name":"wago","text":"WAGO.","values":{"qvz":2000,"priority":"low","block_size":128,"nak_on_garbage":false}}],"#,
         r#""line":"8E1","line_when":[{"when":{"preset":"buderus"},"line":"2400 8N1"},"#,
         r#"{"when":{"preset":"vipa-cp040"},"line":"8N1"}],"#,
-        r#""profiles":[{"name":"r3964","features":["split","presets"]},{"name":"3964"},{"name":"rk512","features":["active","passive"]}],"#,
+        r#""profiles":[{"name":"r3964","features":["split","presets"]},{"name":"3964"},{"name":"rk512","features":["active","passive","no-doubling"]}],"#,
         softplug_procedure_3964::procedure_manifest!(),
     ),
 };

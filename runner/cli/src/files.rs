@@ -71,9 +71,22 @@ fn spool(from: &mut impl Read) -> Result<File, Failure> {
     spooled.map_err(|error| Failure::usage(format_args!("cannot read standard input: {error}")))
 }
 
+/// Most bytes of a file that is read as a whole.
+const LARGEST: u64 = 256 << 20;
+
 /// All of a file.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>, Failure> {
-    fs::read(path).map_err(|error| unreadable(path, &error))
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(LARGEST + 1).read_to_end(&mut bytes))
+        .map_err(|error| unreadable(path, &error))?;
+    if bytes.len() as u64 > LARGEST {
+        return Err(Failure::usage(format_args!(
+            "{} has more than {LARGEST} bytes: nothing that is read here is as large",
+            path.display()
+        )));
+    }
+    Ok(bytes)
 }
 
 /// All of a file that is text.
@@ -180,6 +193,12 @@ impl Partial {
                 out.display()
             )));
         }
+        if fs::metadata(out).is_ok_and(|metadata| !metadata.is_file()) {
+            return Err(Failure::usage(format_args!(
+                "{} is a device or the like: give a file to write",
+                out.display()
+            )));
+        }
         let folder = folder_of(out);
         if !folder.is_dir() {
             return Err(Failure::usage(format_args!("there is no folder {}", folder.display())));
@@ -196,6 +215,8 @@ impl Partial {
     /// Makes `OUT.partial`, after the same checks.
     pub(crate) fn create(out: &Path, force: bool) -> Result<Self, Failure> {
         Self::check(out, force)?;
+        // Through a link, so that the link stays one.
+        let out = &out.canonicalize().unwrap_or_else(|_| out.to_owned());
         let path = partial_path(out);
         let mut options = OpenOptions::new();
         options.write(true);
@@ -209,6 +230,15 @@ impl Partial {
             _ => unwritable(&path, &error),
         })?;
         Ok(Self { file, path, out: out.to_owned(), force })
+    }
+
+    /// Writes all that there is and gives it its name; where that fails nothing is left.
+    pub(crate) fn write(mut self, bytes: &[u8]) -> Result<PathBuf, Failure> {
+        if let Err(error) = self.file.write_all(bytes) {
+            let _ = fs::remove_file(&self.path);
+            return Err(unwritable(&self.out, &error));
+        }
+        self.complete()
     }
 
     /// The reception is complete: gives the file its name, and tells it.
@@ -294,6 +324,30 @@ mod tests {
         partial.complete().unwrap();
         assert_eq!(fs::read(&out).unwrap(), b"G2");
         assert!(!folder.path().join("O1.nc.partial").exists());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn devices_are_not_replaced_and_links_are_followed() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, link) = (folder.path().join("a.spt"), folder.path().join("b.spt"));
+        fs::write(&file, "old").unwrap();
+        std::os::unix::fs::symlink("a.spt", &link).unwrap();
+        Partial::create(&link, true).unwrap().write(b"new").unwrap();
+        assert_eq!(fs::read(&file).unwrap(), b"new");
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+
+        std::os::unix::fs::symlink("/dev/null", folder.path().join("null")).unwrap();
+        for force in [false, true] {
+            let failure = Partial::check(&folder.path().join("null"), force).unwrap_err();
+            assert!(failure.message.contains("is a device or the like"), "{}", failure.message);
+        }
+    }
+
+    #[test]
+    fn a_file_without_an_end_is_not_read() {
+        let failure = read(Path::new("/dev/zero")).unwrap_err();
+        assert!(failure.message.contains("has more than"), "{}", failure.message);
     }
 
     #[test]

@@ -27,11 +27,13 @@ use crate::room::Room;
 use blame::BLAME;
 use feed::Feed;
 use flow::Flow;
+use propose::Course;
 use punch::Punch;
 use requests::Requests;
 use rules::Rules;
 use select::Start;
 use softplug_abi::{Failure, LineErrorKind, LineParameters, Micros, ModemLines};
+use std::cell::Cell;
 pub(crate) use values::SPECIAL;
 use wire::Wire;
 
@@ -69,6 +71,7 @@ fn reader(conditions: &Conditions) -> Option<Box<dyn Model>> {
         is_down: false,
         jobs: 0,
         began: Micros::ZERO,
+        course: Cell::new(Course::new(conditions.long)),
     }))
 }
 
@@ -92,6 +95,8 @@ struct Fanuc {
     jobs: u32,
     /// When our last character began.
     began: Micros,
+    /// What the session is about.
+    course: Cell<Option<Course>>,
 }
 
 impl Model for Fanuc {
@@ -217,5 +222,9 @@ impl Model for Fanuc {
 
     fn propose(&self, now: Micros, dice: &mut Dice) -> Proposal {
         propose::next(self, now, dice)
+    }
+
+    fn is_filled(&self) -> bool {
+        self.course.get().is_none_or(|course| course != Course::Any)
     }
 }

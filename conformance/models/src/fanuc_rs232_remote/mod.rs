@@ -44,7 +44,7 @@ pub(crate) fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
         is_open: false,
         is_down: false,
         is_unsure: false,
-        partner: RefCell::default(),
+        partner: RefCell::new(Partner::new(conditions.long)),
     }))
 }
 
@@ -226,5 +226,9 @@ impl Model for RemoteBuffer {
 
     fn propose(&self, now: Micros, dice: &mut Dice) -> Proposal {
         self.partner.borrow_mut().propose(self, now, dice)
+    }
+
+    fn is_filled(&self) -> bool {
+        self.partner.borrow().is_filling(self.jobs)
     }
 }

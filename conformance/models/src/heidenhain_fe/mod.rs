@@ -34,6 +34,7 @@ use room::Room;
 use rules::Rules;
 use send::{Job, Sending};
 use softplug_abi::{LineParameters, Micros, Parity};
+use std::cell::Cell;
 
 /// The most bytes that the name of a delivery has.
 const LONGEST_NAME: usize = softplug_abi::limits::DELIVERY_NAME_BYTES;
@@ -162,6 +163,8 @@ struct Fe {
     jobs: u32,
     /// Nothing is judged any more.
     is_blind: bool,
+    /// What the control and the host have in mind.
+    plan: Cell<propose::Plan>,
 }
 
 impl Model for Fe {
@@ -233,6 +236,10 @@ impl Model for Fe {
     fn propose(&self, now: Micros, dice: &mut Dice) -> Proposal {
         propose::propose(self, now, dice)
     }
+
+    fn is_filled(&self) -> bool {
+        self.plan.get() != propose::Plan::Usual
+    }
 }
 
 impl Fe {
@@ -255,6 +262,7 @@ impl Fe {
             requests: 0,
             jobs: 0,
             is_blind: false,
+            plan: Cell::new(propose::Plan::new(conditions.long)),
         })
     }
 }

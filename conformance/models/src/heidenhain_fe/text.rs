@@ -53,6 +53,9 @@ pub(super) fn name(dice: &mut Dice) -> Vec<u8> {
         b"../x",
         b"%1",
         b"\"'\\;=",
+        b"PROGRAM1",
+        b"Program12",
+        b"PLATE",
     ];
     match dice.below(12) {
         0 => characters(dice.between(1, 8) as usize, dice),
@@ -102,6 +105,12 @@ pub(super) fn long_program(longest: usize, dice: &mut Dice) -> Vec<u8> {
         program.push(b'\n');
     }
     program
+}
+
+/// Of more than 64 KiB, in lines as long as they can be.
+pub(super) fn large_program(longest: usize, lines: usize, dice: &mut Dice) -> Vec<u8> {
+    let line = [characters(longest, dice), b"\n".to_vec()].concat();
+    line.repeat(lines)
 }
 
 /// What cannot be sent.

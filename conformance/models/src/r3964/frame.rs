@@ -56,8 +56,6 @@ pub(super) struct Incoming {
     /// Data that have come and fit.
     pub(super) data: Vec<u8>,
     limit: usize,
-    /// There is no buffer: no data are kept.
-    pub(super) is_refused: bool,
     length: usize,
     has_check: bool,
     is_doubled: bool,
@@ -72,7 +70,6 @@ impl Incoming {
         Self {
             data: Vec::new(),
             limit,
-            is_refused: false,
             length: 0,
             has_check: parameters.bcc,
             is_doubled: parameters.doubling,
@@ -135,9 +132,7 @@ impl Incoming {
             return Read::TooLong;
         }
         self.length += 1;
-        if !self.is_refused {
-            self.data.push(byte);
-        }
+        self.data.push(byte);
         Read::More
     }
 }

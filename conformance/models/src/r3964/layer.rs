@@ -1,11 +1,11 @@
 //! What a layer on top sees of a station: blocks go down, and it is told what became
 //! of them and which have come.
 
-use super::Station;
-use super::frame::NAK;
+use super::frame::{NAK, block};
 use super::outgoing::Part;
 use super::rules::{Procedure, Rule};
 use super::state::State;
+use super::{Quiet, Station};
 use crate::model::{Conditions, Effect};
 use softplug_abi::Failure;
 
@@ -76,9 +76,34 @@ impl Station {
         self.state == State::Idle
     }
 
+    /// Whether a block may begin at once.
+    pub(crate) fn may_begin(&self) -> bool {
+        self.state == State::Idle && self.quiet == Quiet::No
+    }
+
     /// Whether our block gave way and has not begun again.
     pub(crate) fn has_given_way(&self) -> bool {
         self.job.as_ref().is_some_and(|job| job.gave_way)
+    }
+
+    /// Whether our block has left and is not acknowledged.
+    pub(crate) fn awaits_acknowledgement(&self) -> bool {
+        matches!(self.state, State::WaitingForAcknowledgement { .. })
+    }
+
+    /// A block as the partner sends it, behind its set-up.
+    pub(crate) fn framed(&self, data: &[u8]) -> Vec<u8> {
+        block(&self.parameters, data)
+    }
+
+    /// Whether a DLE of data goes twice.
+    pub(crate) fn doubles(&self) -> bool {
+        self.parameters.doubling
+    }
+
+    /// µs of so many characters.
+    pub(crate) fn characters(&self, count: u64) -> i64 {
+        self.parameters.line.characters(count).0
     }
 
     /// Whether it has a block of ours.

@@ -18,7 +18,7 @@ mod sender;
 mod state;
 
 pub(crate) use layer::Report;
-pub(crate) use partner::{Partner, Upper, bytes, host, nothing, soon};
+pub(crate) use partner::{Partner, Upper, bytes, host, line, nothing, soon};
 pub(crate) use profiles::{PLAIN_3964, R3964, SIMPLIFIED};
 
 use crate::dice::Dice;
@@ -96,7 +96,7 @@ impl Station {
             is_open: false,
             is_down: false,
             awaited: Awaited::default(),
-            partner: RefCell::default(),
+            partner: RefCell::new(Partner::new(conditions.long)),
         })
     }
 
@@ -136,6 +136,8 @@ impl Station {
             Character::Good(STX) => self.begin_reception(at),
             Character::Good(NAK) | Character::Damaged(_) => {}
             Character::Good(_) if self.parameters.nak_on_garbage => {
+                // Its silence is also that behind an abort.
+                self.quiet = Quiet::No;
                 self.state = State::Garbage { silence: at + self.parameters.zvz };
             }
             Character::Good(_) => {}
@@ -331,5 +333,9 @@ impl Model for Station {
 
     fn propose(&self, now: Micros, dice: &mut Dice) -> Proposal {
         self.partner.borrow_mut().propose(self, &Plain, now, dice)
+    }
+
+    fn is_filled(&self) -> bool {
+        self.partner.borrow().is_filling()
     }
 }

@@ -82,12 +82,10 @@ impl Parameters {
             nak_at_start: settings.is_on("nak_at_start", !is_simplified),
             nak_on_garbage: settings.is_on("nak_on_garbage", !is_simplified),
         };
-        let is_whole = parameters.handshake && parameters.doubling;
         let fits = match procedure {
-            Procedure::R3964 => bcc && is_whole,
-            Procedure::Plain3964 => !bcc && is_whole,
-            Procedure::Simplified => true,
-            Procedure::Rk512 => is_whole,
+            Procedure::R3964 => bcc,
+            Procedure::Plain3964 => !bcc,
+            Procedure::Simplified | Procedure::Rk512 => true,
         };
         // The profile of the layer has something to say without it, too.
         let fits = fits && (layer == "none" || procedure == Procedure::Rk512);

@@ -56,7 +56,6 @@ impl Station {
     fn refuse_at_the_end(&mut self, at: Micros) {
         if let Some(reception) = &mut self.reception {
             reception.damage((Failure::NoBuffer, 0x080A, Rule::NoBuffer));
-            reception.incoming.is_refused = true;
         }
         self.grant(at);
     }
@@ -171,7 +170,10 @@ impl Station {
     pub(super) fn deliver_failed(&mut self, reception: Reception, fault: Fault) {
         let (failure, status, _) = reception.error.unwrap_or(fault);
         let rule = if reception.error.is_some() { Rule::FirstError } else { fault.2 };
-        self.deliver(reception.incoming.data, Some(failure), status, rule);
+        let mut data = reception.incoming.data;
+        // Without a buffer there are no data, and what finds no room is left out.
+        data.truncate(if failure == Failure::NoBuffer { 0 } else { self.room.known() });
+        self.deliver(data, Some(failure), status, rule);
     }
 
     fn deliver(&mut self, bytes: Vec<u8>, failure: Option<Failure>, status: u16, rule: Rule) {

@@ -277,6 +277,7 @@ const fn of_simplified(rule: Rule) -> &'static str {
 const fn of_rk512(rule: Rule) -> &'static str {
     match rule {
         Rule::Kinds => "rk512.job.kinds",
+        Rule::NoDoubling => "rk512.line.no-doubling",
         Rule::Pause => "rk512.job.pause",
         Rule::Abort | Rule::AfterAbort => "rk512.job.abort",
         Rule::SetUpAttempts
@@ -322,7 +323,6 @@ const fn of_rk512(rule: Rule) -> &'static str {
         | Rule::Break
         | Rule::Down
         | Rule::Close
-        | Rule::NoDoubling
         | Rule::NoHandshake
         | Rule::RxNoHandshake => "rk512.line.telegram",
     }

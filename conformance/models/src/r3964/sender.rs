@@ -54,7 +54,7 @@ impl Station {
     }
 
     /// Without doubling data that hold DLE ETX cannot be sent.
-    fn holds_end(&self, data: &[u8]) -> bool {
+    pub(crate) fn holds_end(&self, data: &[u8]) -> bool {
         !self.parameters.doubling && data.windows(2).any(|pair| pair == [DLE, super::frame::ETX])
     }
 
@@ -63,12 +63,13 @@ impl Station {
         let next = self.job.as_ref().and_then(|job| job.blocks.first());
         let holds_end = next.is_some_and(|data| self.holds_end(data));
         let Some(job) = &mut self.job else { return };
+        if !job.has_begun && holds_end {
+            // As soon as the data are there.
+            return self.fail_job((Failure::UnsupportedCharacter, 0, Rule::NoDoubling));
+        }
         if self.state != State::Idle || self.quiet != Quiet::No || (job.is_paused && !job.gave_way)
         {
             return;
-        }
-        if !job.has_begun && holds_end {
-            return self.fail_job((Failure::UnsupportedCharacter, 0, Rule::NoDoubling));
         }
         job.why = match (job.gave_way, job.is_split) {
             (true, _) => Rule::ConflictLow,

@@ -6,6 +6,7 @@ use super::layer::{Layer, Sender};
 use super::reactions::{GOOD, UNKNOWN, failure};
 use super::telegram::{Command, FIRST, FOLLOW_UP, Kind, MOST, SHORT};
 use softplug_abi::{Failure, Micros};
+use std::rc::Rc;
 
 /// Why a job fails: the failure, its status and the clause.
 pub(super) type Fault = (Failure, u16, &'static str);
@@ -16,9 +17,9 @@ pub(super) struct Job {
     pub(super) id: u32,
     pub(super) command: Command,
     /// Data that no telegram has brought to the partner.
-    pub(super) rest: Vec<u8>,
+    pub(super) rest: Rc<Vec<u8>>,
     /// Data that reactions have brought.
-    pub(super) fetched: Vec<u8>,
+    pub(super) fetched: Rc<Vec<u8>>,
     /// Telegrams whose reactions have come.
     pub(super) telegrams: usize,
     pub(super) stage: Stage,
@@ -79,22 +80,32 @@ impl Layer {
         }
         match command(kind, fields, data, &mut self.ways) {
             Ok(command) => {
-                self.job = Some(Job {
+                let job = Job {
                     id,
                     command,
-                    rest: data.to_vec(),
-                    fetched: Vec::new(),
+                    rest: Rc::new(data.to_vec()),
+                    fetched: Rc::default(),
                     telegrams: 0,
                     stage: Stage::Ready,
                     has_begun: false,
                     is_paused: false,
                     sent: 0,
-                });
+                };
+                self.job = Some(job);
+                self.refuse_end_in_data();
                 self.feed(true);
             }
             Err((failure, status, clause)) => {
                 self.awaited.push(clause, Due::Failed { job: id, failure, status, sent: 0 });
             }
+        }
+    }
+
+    /// Without doubling a telegram that holds DLE ETX cannot be sent.
+    fn refuse_end_in_data(&mut self) {
+        let telegram = self.job.as_ref().map(Job::telegram);
+        if telegram.is_some_and(|telegram| self.station.holds_end(&telegram)) {
+            self.fail_job((Failure::UnsupportedCharacter, 0, "rk512.line.no-doubling"));
         }
     }
 
@@ -164,9 +175,9 @@ impl Layer {
         }
         // They are the host's at once.
         self.room.deliver(data.len());
-        job.fetched.extend(data);
+        Rc::make_mut(&mut job.fetched).extend(data);
         if job.command.kind == Kind::Send {
-            job.rest.drain(..part);
+            Rc::make_mut(&mut job.rest).drain(..part);
         }
         job.telegrams += 1;
         job.stage = Stage::Ready;
@@ -176,13 +187,15 @@ impl Layer {
         };
         if is_whole {
             self.end_job();
+        } else {
+            self.refuse_end_in_data();
         }
     }
 
     fn end_job(&mut self) {
         let Some(job) = self.job.take() else { return };
         if job.command.kind == Kind::Fetch {
-            self.deliver(job.fetched, None, 0, "rk512.fetch.command");
+            self.deliver(job.fetched.to_vec(), None, 0, "rk512.fetch.command");
         }
         self.awaited.push("rk512.react.good", Due::Done { job: job.id, sent: job.sent });
     }
@@ -190,7 +203,7 @@ impl Layer {
     pub(super) fn fail_job(&mut self, (failure, status, clause): Fault) {
         let Some(job) = self.job.take() else { return };
         if !job.fetched.is_empty() {
-            self.deliver(job.fetched, Some(failure), status, "rk512.job.abort");
+            self.deliver(job.fetched.to_vec(), Some(failure), status, "rk512.job.abort");
         }
         self.awaited.push(clause, Due::Failed { job: job.id, failure, status, sent: job.sent });
     }
@@ -202,14 +215,11 @@ impl Layer {
         }
     }
 
-    /// Whether what a FETCH has brought is a delivery under way is left open. If it is,
-    /// its end is the job's.
+    /// What a FETCH has brought is a delivery under way. Its end is the job's.
     pub(super) fn abort_delivery(&mut self, at: Micros) {
         let job = self.job.as_ref().filter(|job| !job.fetched.is_empty());
         let Some(id) = job.map(|job| job.id) else { return };
-        if self.ways.is_other() {
-            self.abort(at, id);
-        }
+        self.abort(at, id);
     }
 
     pub(super) fn abort(&mut self, at: Micros, id: u32) {

@@ -115,6 +115,7 @@ impl Layer {
 
     pub(super) fn left(&mut self, at: Micros, byte: u8) {
         self.station.left(at, byte);
+        self.look_at_reaction();
         self.hear(at);
     }
 
@@ -173,7 +174,7 @@ impl Layer {
             let failure = Failure::Interrupted;
             // Whether its delivery is under way before all has come is left open.
             if !job.fetched.is_empty() && self.ways.is_other() {
-                self.deliver(job.fetched, Some(failure), 0, "rk512.fetch.follow-up");
+                self.deliver(job.fetched.to_vec(), Some(failure), 0, "rk512.fetch.follow-up");
             }
             let due = Due::Failed { job: job.id, failure, status: 0, sent: 0 };
             self.awaited.push("rk512.line.telegram", due);

@@ -41,8 +41,12 @@ fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
         "none" => return Some(Box::new(Station::without_layer(conditions)?)),
         _ => return None,
     }
+    // The header of a WRITE tells the size.
+    if !conditions.has_sizes {
+        return None;
+    }
     let worlds = Worlds::new(Layer::new(conditions)?);
-    Some(Box::new(Rk512 { worlds, partner: RefCell::default() }))
+    Some(Box::new(Rk512 { worlds, partner: RefCell::new(Partner::new(conditions.long)) }))
 }
 
 impl Model for Rk512 {
@@ -85,5 +89,9 @@ impl Model for Rk512 {
     fn propose(&self, now: Micros, dice: &mut Dice) -> Proposal {
         let layer = self.worlds.first();
         self.partner.borrow_mut().propose(&layer.station, &Telegrams(layer), now, dice)
+    }
+
+    fn is_filled(&self) -> bool {
+        self.partner.borrow().is_filling()
     }
 }

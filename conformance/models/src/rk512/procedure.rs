@@ -75,7 +75,7 @@ impl Layer {
 
     /// Gives the procedure what waits for it.
     pub(super) fn feed(&mut self, are_data_there: bool) {
-        if self.is_down || self.station.has_block() || !self.station.is_idle() {
+        if self.is_down || self.station.has_block() || !self.station.may_begin() {
             return;
         }
         if self.reaction.is_some() {

@@ -16,6 +16,8 @@ pub(super) struct Series {
     pub(super) done: usize,
     /// The part at `done` was asked for, and its reaction is not acknowledged.
     pub(super) is_open: bool,
+    /// That reaction has left, so that the partner may have it.
+    pub(super) has_left: bool,
 }
 
 impl Series {
@@ -123,8 +125,12 @@ impl Layer {
             return self.react(reaction(front, *number));
         }
         if !is_follow_up {
-            self.series =
-                first(telegram).map(|command| Series { command, done: 0, is_open: false });
+            self.series = first(telegram).map(|command| Series {
+                command,
+                done: 0,
+                is_open: false,
+                has_left: false,
+            });
         }
         let header = if is_follow_up { SHORT } else { HEADER_BYTES };
         self.ask(at, front, &telegram[header..]);
@@ -132,11 +138,11 @@ impl Layer {
 
     /// A follow-up comes although the reaction to the part before is not acknowledged: it
     /// can only be that part again while the reaction has not left. Then it is not known
-    /// which it is, so that it is out of sequence. Here it is not told apart which holds.
+    /// which it is, so that it is out of sequence.
     fn settle_part(&mut self) {
         let Some(series) = self.series.as_mut().filter(|series| series.is_open) else { return };
         series.is_open = false;
-        if series.done == 0 || self.ways.is_other() {
+        if series.done == 0 || series.has_left {
             self.series = None;
         }
     }
@@ -208,7 +214,7 @@ impl Layer {
         let clause = if front == FOLLOW_UP { "rk512.serve.follow-up" } else { clause };
         let fields = fields.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
         self.awaited.push(clause, Due::Requested { kind: name, fields });
-        series.is_open = true;
+        (series.is_open, series.has_left) = (true, false);
         let until = at + self.reaction_time;
         self.request = Some(Request { id: 0, kind, part, front, until });
     }
@@ -228,6 +234,8 @@ impl Layer {
         }
         let number = match answer {
             Ok(data) if request.kind == Kind::Fetch && data.len() != request.part => LENGTH,
+            // As if the host had refused.
+            Ok(data) if request.kind == Kind::Fetch && self.station.holds_end(data) => STOP,
             Ok(_) => GOOD,
             Err(failure) => of_refusal(*failure),
         };
@@ -263,6 +271,16 @@ impl Layer {
     /// A reaction waits, or is on the line.
     fn has_reaction(&self) -> bool {
         self.reaction.is_some() || self.sender == Sender::Reaction
+    }
+
+    /// Our reaction has left if the procedure awaits its acknowledgement.
+    pub(super) fn look_at_reaction(&mut self) {
+        if self.sender == Sender::Reaction
+            && self.station.awaits_acknowledgement()
+            && let Some(series) = &mut self.series
+        {
+            series.has_left = true;
+        }
     }
 
     fn drop_reaction(&mut self) {

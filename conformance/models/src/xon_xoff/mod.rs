@@ -18,6 +18,7 @@ use receiver::Receiver;
 use rules::Rules;
 use sender::Sender;
 use softplug_abi::{LineErrorKind, LineParameters, Micros};
+use std::cell::Cell;
 use wire::Wire;
 
 /// The profile `xon-xoff`.
@@ -44,6 +45,7 @@ fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
         is_down: false,
         jobs: 0,
         began: Micros::ZERO,
+        plan: Cell::new(propose::Plan::new(conditions.long)),
     }))
 }
 
@@ -62,6 +64,8 @@ struct XonXoff {
     jobs: u32,
     /// When our last character began.
     began: Micros,
+    /// What its partner and host have in mind.
+    plan: Cell<propose::Plan>,
 }
 
 impl Model for XonXoff {
@@ -169,6 +173,10 @@ impl Model for XonXoff {
 
     fn propose(&self, now: Micros, dice: &mut Dice) -> Proposal {
         propose::next(self, now, dice)
+    }
+
+    fn is_filled(&self) -> bool {
+        self.plan.get() != propose::Plan::Usual
     }
 }
 

@@ -1,10 +1,53 @@
 //! What a machine and a host could do next.
 
 use super::XonXoff;
+use super::rules::ControlInData;
 use crate::dice::Dice;
 use crate::model::{Given, HostRequest, LineInput, Model, Proposal};
 use crate::propose::{Pace, come, give, host, line};
 use softplug_abi::{LineErrorKind, LinkDownReason, Micros, ModemLines};
+
+/// What a session is about.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(super) enum Plan {
+    /// Nothing has been proposed yet.
+    Open,
+    /// All that a line brings.
+    Usual,
+    /// One job of so many bytes, at first.
+    LargeJob(u32),
+    /// It has this id.
+    Waits(u32),
+    /// So many jobs on one link.
+    ManyJobs(u32),
+    /// So many deliveries on one link.
+    ManyDeliveries(u32),
+    /// A large delivery: so many bytes are to come.
+    LargeDelivery(u32),
+}
+
+impl Plan {
+    pub(super) fn new(long: Option<u64>) -> Self {
+        match long.map(|number| number % 4) {
+            None => Self::Open,
+            Some(0) => Self::ManyJobs(20_000),
+            Some(1) => Self::LargeDelivery(5_000_000),
+            Some(2) => Self::ManyDeliveries(20_000),
+            Some(_) => Self::LargeJob(2_500_000),
+        }
+    }
+
+    /// Whatever counts in a byte or two comes to its end.
+    fn draw(dice: &mut Dice) -> Self {
+        match dice.below(120) {
+            0..=1 => Self::LargeJob(dice.between(66_000, 140_000) as u32),
+            2..=5 => Self::ManyJobs(300),
+            6..=9 => Self::ManyDeliveries(300),
+            10..=12 => Self::LargeDelivery(dice.between(66_000, 140_000) as u32),
+            _ => Self::Usual,
+        }
+    }
+}
 
 /// The next step of a random session.
 pub(super) fn next(model: &XonXoff, now: Micros, dice: &mut Dice) -> Proposal {
@@ -14,6 +57,9 @@ pub(super) fn next(model: &XonXoff, now: Micros, dice: &mut Dice) -> Proposal {
     }
     if model.is_down {
         return guess.while_down(dice);
+    }
+    if let Some(proposal) = guess.planned(dice) {
+        return proposal;
     }
     match dice.below(100) {
         0..=1 => guess.rare(dice),
@@ -31,6 +77,86 @@ struct Guess<'a> {
 }
 
 impl Guess<'_> {
+    /// What the session is about; `None`: nothing in particular, any more.
+    fn planned(&self, dice: &mut Dice) -> Option<Proposal> {
+        let plan = &self.model.plan;
+        if plan.get() == Plan::Open {
+            plan.set(Plan::draw(dice));
+        }
+        let known = self.model.receiver.room.known();
+        match plan.get() {
+            Plan::LargeJob(length) => {
+                plan.set(Plan::Waits(self.model.jobs + 1));
+                Some(self.send(length as usize, dice))
+            }
+            Plan::Waits(job) if self.model.sender.job() == Some(job) => {
+                Some(self.wait_for(job, 20_000, dice))
+            }
+            Plan::ManyJobs(count) if self.model.jobs < count => Some(match self.model.sender.job() {
+                Some(job) => self.wait_for(job, 4, dice),
+                None => self.send(dice.between(1, 3) as usize, dice),
+            }),
+            Plan::ManyDeliveries(count) if self.model.receiver.deliveries() < count => {
+                let wait = self.characters(1);
+                Some(match self.model.receiver.deadline(&self.model.rules) {
+                    Some(end) => give((end - self.now).0, Given::Nothing),
+                    None if dice.one_in(2) => host(wait, HostRequest::Abort(0)),
+                    None => come(wait, vec![b'A']),
+                })
+            }
+            Plan::LargeDelivery(left) if left > 0 && known > 1 => {
+                let count = left.min(known / 2).min(9_000);
+                plan.set(Plan::LargeDelivery(left - count));
+                Some(come(dice.between(1, 500), self.sent(count as usize, dice)))
+            }
+            _ => {
+                plan.set(Plan::Usual);
+                None
+            }
+        }
+    }
+
+    /// A job of so many bytes that can be sent.
+    fn send(&self, length: usize, dice: &mut Dice) -> Proposal {
+        let mut data = self.text(length, dice);
+        data.retain(|byte| self.model.rules.control(*byte).is_none());
+        let (id, kind, fields) = (self.model.jobs + 1, "send".to_owned(), Vec::new());
+        host(self.characters(1), HostRequest::Job { id, kind, fields, data })
+    }
+
+    /// The job may go on; up to so many characters of time go by.
+    fn wait_for(&self, job: u32, longest: i64, dice: &mut Dice) -> Proposal {
+        let sender = &self.model.sender;
+        if sender.is_held() || sender.is_waiting() {
+            return come(self.characters(1), vec![self.model.rules.xon]);
+        }
+        if sender.is_paused() {
+            return host(self.characters(1), HostRequest::Resume(job));
+        }
+        give(self.characters(dice.between(1, longest) as usize), Given::Nothing)
+    }
+
+    /// A program with a control byte that stands behind more than 65,536 lines.
+    fn fault_far_behind(&self, dice: &mut Dice) -> Option<Vec<u8>> {
+        let rules = &self.model.rules;
+        if rules.transparent || rules.control_in_data != ControlInData::Refuse {
+            return None;
+        }
+        let lines = vec![b'\n'; dice.between(65_530, 70_000) as usize];
+        Some([lines, b"AB".to_vec(), vec![rules.xoff]].concat())
+    }
+
+    /// As many end marks as end a program, or one less or more.
+    fn end_marks(&self, dice: &mut Dice) -> Vec<u8> {
+        let rules = &self.model.rules;
+        let count = rules.end_mark_count as i64 + dice.between(-1, 1);
+        let mut marks = rules.end_mark.repeat(count as usize);
+        if dice.one_in(4) {
+            marks.pop();
+        }
+        marks
+    }
+
     /// A job, and what a machine does to whoever sends.
     fn sending(&self, dice: &mut Dice) -> Proposal {
         let sender = &self.model.sender;
@@ -72,6 +198,10 @@ impl Guess<'_> {
             2 => host(self.pause(dice), HostRequest::Abort(0)),
             3..=5 => self.nothing(dice),
             6..=9 => self.burst(dice),
+            10 if !self.model.rules.end_mark.is_empty() => {
+                let marks = self.end_marks(dice);
+                come(self.characters(marks.len()), marks)
+            }
             10..=14 => come(character, vec![self.byte(dice)]),
             15..=18 => come(dice.between(1, 2 * character), vec![self.byte(dice)]),
             _ => {
@@ -152,7 +282,8 @@ impl Guess<'_> {
 
     fn job(&self, dice: &mut Dice) -> Proposal {
         let longest = if dice.one_in(40) { 65_536 } else { 1_500 };
-        let data = self.program(dice.length(longest), dice);
+        let far = if dice.one_in(200) { self.fault_far_behind(dice) } else { None };
+        let data = far.unwrap_or_else(|| self.program(dice.length(longest), dice));
         let (id, kind, fields) = (self.model.jobs + 1, "send".to_owned(), Vec::new());
         host(self.pause(dice), HostRequest::Job { id, kind, fields, data })
     }
@@ -222,7 +353,8 @@ impl Guess<'_> {
             0 => rules.escape,
             1 => *dice.pick(&[rules.xon, rules.xoff]) ^ rules.escape_xor,
             2 => *rules.end_mark.first().unwrap_or(&b'%'),
-            3 => *rules.receive_drop.first().unwrap_or(&0),
+            3 if rules.receive_drop.is_empty() => 0,
+            3 => *dice.pick(&rules.receive_drop),
             4 => *dice.pick(b"\r\n"),
             5 => *dice.pick(super::values::SPECIAL),
             6 => dice.byte(),

@@ -54,6 +54,11 @@ impl Receiver {
         }
     }
 
+    /// Deliveries that have ended since the link was opened.
+    pub(super) fn deliveries(&self) -> u32 {
+        self.deliveries
+    }
+
     /// Marks are lowered for a small host.
     pub(super) fn open(&mut self, rules: &Rules, wire: &mut Wire) {
         self.room.open();

@@ -50,35 +50,44 @@ pub(super) const CLAUSES: &[&str] = &[
     "xon-xoff.link.swap",
 ];
 
+/// 32 bytes to send.
+const LONGEST_STRING: &str = "23 23 23 23 23 23 23 23 23 23 23 23 23 23 23 23 23 23 23 23 23 23 23 23 23 23 23 23 23 23 23 0A";
+
+/// 32 bytes to leave out.
+const MOST_DROPPED: &str = "60 61 62 63 64 65 66 67 68 69 6A 6B 6C 6D 6E 6F 70 71 72 73 74 75 76 77 78 79 7A 7B 7C 7D 7E 7F";
+
+/// 16 bytes that end a program.
+const LONGEST_MARK: &str = "41 42 43 44 45 46 47 48 49 4A 4B 4C 4D 4E 4F 50";
+
 /// Values of settings.
 pub(super) const VALUES: &[(&str, &[&str])] = &[
-    ("xon", &["17", "17", "17", "18"]),
-    ("xoff", &["19", "19", "19", "20"]),
+    ("xon", &["17", "17", "17", "18", "255"]),
+    ("xoff", &["19", "19", "19", "20", "0"]),
     ("parity_mask", &["255", "127", "127", "63"]),
     ("wait_for_xon", &["off", "on"]),
-    ("held_timeout", &["0", "1000", "120000", "1"]),
-    ("feed_start", &["", "12", "25 0A", "12 11"]),
-    ("feed_end", &["", "14 0D", "10"]),
-    ("abort_send", &["", "18 18", "03", "13 18"]),
+    ("held_timeout", &["0", "1000", "120000", "1", "7200000", "86400000"]),
+    ("feed_start", &["", "12", "25 0A", "12 11", LONGEST_STRING]),
+    ("feed_end", &["", "14 0D", "10", LONGEST_STRING]),
+    ("abort_send", &["", "18 18", "03", "13 18", LONGEST_STRING]),
     ("send_line_end", &["keep", "lf", "cr", "crlf", "lfcrcr"]),
-    ("send_drop", &["", "20 0D", "00 7F 13", "0A"]),
+    ("send_drop", &["", "20 0D", "00 7F 13", "0A", MOST_DROPPED]),
     ("control_in_data", &["refuse", "drop", "send"]),
     ("while_sending", &["deliver", "ignore"]),
     ("transparent", &["off", "on"]),
-    ("escape", &["16", "26", "27", "10"]),
-    ("escape_xor", &["64", "32", "1"]),
+    ("escape", &["16", "26", "27", "10", "13", "255"]),
+    ("escape_xor", &["64", "32", "1", "255"]),
     ("speak", &["on", "on", "on", "off"]),
     ("low_mark", &["1024", "80", "1", "65535", "200"]),
     ("high_mark", &["2048", "120", "65535", "1"]),
     ("xon_repeat", &["1000", "0", "7", "100", "600000"]),
-    ("xoff_repeat", &["32", "0", "4", "1"]),
+    ("xoff_repeat", &["32", "0", "4", "1", "300", "65535"]),
     ("xon_at_open", &["off", "on"]),
     ("receive_line_end", &["keep", "lf", "cr", "crlf", "lfcrcr"]),
-    ("receive_drop", &["", "00 7F", "20 0D", "25"]),
-    ("end_mark", &["", "25", "4D 33 30", "61 61 62", "0A 25"]),
-    ("end_mark_count", &["1", "2", "3"]),
-    ("end_quiet", &["500", "1", "5000"]),
-    ("quiet_time", &["3000", "1000", "0", "1", "100", "60000"]),
+    ("receive_drop", &["", "00 7F", "20 0D", "25", MOST_DROPPED]),
+    ("end_mark", &["", "25", "4D 33 30", "61 61 62", "0A 25", LONGEST_MARK]),
+    ("end_mark_count", &["1", "2", "3", "128", "255"]),
+    ("end_quiet", &["500", "1", "5000", "600000"]),
+    ("quiet_time", &["3000", "1000", "0", "1", "100", "60000", "600000"]),
     ("on_line_error", &["fail", "keep"]),
 ];
 

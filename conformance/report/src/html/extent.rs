@@ -1,6 +1,6 @@
 //! How far the plug-in was tried, and what of it was not.
 
-use crate::{Executed, Place, Report, Score, Survivor, text};
+use crate::{Executed, Place, Report, Score, Shown, Survivor, text};
 use maud::{Markup, html};
 
 /// Places and survivors that the page lists; the report has all of them.
@@ -42,9 +42,14 @@ fn part(part: Executed) -> String {
 }
 
 fn noticed(score: &Score) -> String {
-    let all = score.noticed.all() + score.missed();
+    let all = score.told();
     let share = score.share();
-    format!("{}.{} % of {all}, drawn by the seed {}", share / 10, share % 10, score.seed)
+    format!(
+        "{}.{} % of {all} that show outside, drawn by the seed {}",
+        share / 10,
+        share % 10,
+        score.seed
+    )
 }
 
 fn unexecuted(report: &Report) -> Markup {
@@ -53,7 +58,8 @@ fn unexecuted(report: &Report) -> Markup {
         let unnamed = || html! { (place.function) };
         let named = |name: &String| html! { code { (text::line(name)) } };
         let function = place.name.as_ref().map_or_else(unnamed, named);
-        (place.at, function, text::line(&place.what))
+        let source = place.source.as_ref().map(|source| format!(" ({})", text::line(source)));
+        (place.at, function, text::line(&place.what) + &source.unwrap_or_default())
     };
     let hint = "What the plug-in does there, nobody has seen. Code that nothing can call, and code that \
                 only traps, is not counted.";
@@ -66,11 +72,19 @@ fn unexecuted(report: &Report) -> Markup {
 }
 
 fn survivors(score: &Score) -> Markup {
-    let survivors = score.survivors.iter().filter(|survivor| survivor.executed);
+    let is_different = |survivor: &&Survivor| survivor.shown == Shown::Different;
+    let survivors = score.survivors.iter().filter(is_different);
     let row = |survivor: &Survivor| {
         (survivor.at, html! { (survivor.function) }, text::line(&survivor.change))
     };
-    listed("change", "of the module not noticed", None, &survivors.map(row).collect::<Vec<_>>())
+    let hint = "Each did something else in some run, and no rule was broken: either is allowed, or a rule is \
+                missing.";
+    listed(
+        "change",
+        "of the module not noticed",
+        Some(hint),
+        &survivors.map(row).collect::<Vec<_>>(),
+    )
 }
 
 /// Places of the module: at which byte, in which function, what.

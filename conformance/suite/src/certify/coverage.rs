@@ -6,7 +6,8 @@ use super::options::{CertifyOptions, Progress};
 use super::plan::{ABI, Fate, Plan};
 use super::reach::{Extent, each_run};
 use crate::corpus::{Corpus, Listed};
-use crate::module::executed::{Executed, MEASURING_FUEL, Places};
+use crate::module::source::Source;
+use crate::module::executed::{Executed, MEASURING_FUEL, MeasureError, Places};
 use crate::random::Sessions;
 use softplug_host::{EngineKind, Host, HostOptions};
 use softplug_report::{Coverage, Executed as Share, Place};
@@ -18,7 +19,15 @@ use std::thread;
 /// is run again whole: only so is it true that nothing executed a place.
 const OTHERS: u32 = 200;
 
-/// None where it was stopped.
+/// What is known of it.
+pub(super) enum Measured {
+    Known(Coverage),
+    /// It was ended before.
+    Stopped,
+    /// The marked module does not load: marks make it larger.
+    Unknown,
+}
+
 pub(super) fn coverage(
     module: &[u8],
     corpus: &Corpus,
@@ -26,7 +35,7 @@ pub(super) fn coverage(
     judged: &Judged,
     progress: &(dyn Fn(Progress) + Sync),
     stop: &AtomicBool,
-) -> Result<Option<Coverage>, CertifyError> {
+) -> Result<Measured, CertifyError> {
     let internal = |error: &dyn std::fmt::Display| CertifyError::Internal(error.to_string());
     let measuring = HostOptions {
         engine: EngineKind::Wasmtime,
@@ -35,7 +44,11 @@ pub(super) fn coverage(
     };
     let host = Host::new(measuring).map_err(|error| internal(&error))?;
     let places = Places::of(module).map_err(|error| internal(&error))?;
-    let watcher = places.watch(&host, module).map_err(|error| internal(&error))?;
+    let watcher = match places.watch(&host, module) {
+        Ok(watcher) => watcher,
+        Err(MeasureError::Host(_)) => return Ok(Measured::Unknown),
+        Err(error) => return Err(internal(&error)),
+    };
     let work = work(corpus, options, judged)?;
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let executed = Mutex::new(Executed::default());
@@ -64,18 +77,20 @@ pub(super) fn coverage(
         }
     });
     if done.into_inner() < work.len() {
-        return Ok(None);
+        return Ok(Measured::Stopped);
     }
     let executed = executed.into_inner().unwrap_or_default();
     let share = places.share(&executed);
     let part = |(executed, of)| Share { executed, of };
+    let source = Source::of(module);
     let place = |place: crate::module::executed::Unexecuted| Place {
         function: place.function,
         name: place.name,
         at: place.at as u64,
+        source: source.as_ref().and_then(|source| source.line(place.at)),
         what: place.what.to_owned(),
     };
-    Ok(Some(Coverage {
+    Ok(Measured::Known(Coverage {
         functions: part(share.functions),
         branches: part(share.ways),
         places: share.unexecuted.into_iter().map(place).collect(),

@@ -76,21 +76,11 @@ pub fn certify(
         _ => plan.cases.iter().map(|_| None).collect(),
     };
     let (engines, judged, plan) = (&engines, &judged, &plan);
-    let mut results = Results {
-        module,
-        corpus,
-        options,
-        engines,
-        judged,
-        plan,
-        unfit,
-        ran,
-        coverage: None,
-        is_stopped: false,
-    };
+    let mut results =
+        Results { module, corpus, options, engines, judged, plan, unfit, ran, measured: None };
     if results.report().verdict.is_conformant() {
-        results.coverage = coverage::coverage(module, corpus, options, judged, progress, stop)?;
-        results.is_stopped = results.coverage.is_none();
+        results.measured =
+            Some(coverage::coverage(module, corpus, options, judged, progress, stop)?);
     }
     Ok(results.report())
 }

@@ -1,6 +1,7 @@
 //! From what ran to the report.
 
 use super::baseline::{Baseline, Expected};
+use super::coverage::Measured;
 use super::engines::{Engines, Judged};
 use super::execute::Ran;
 use super::options::CertifyOptions;
@@ -11,8 +12,8 @@ use crate::given::ledger::Clause;
 use crate::random::Sessions;
 use sha2::{Digest as _, Sha256};
 use softplug_report::{
-    CaseResult, CaseRow, ClauseRow, Counts, Coverage, Fuel, PluginInfo, ProfileInfo, Reason,
-    Report, SCHEMA, Selection, SuiteInfo, verdict,
+    CaseResult, CaseRow, ClauseRow, Counts, Fuel, PluginInfo, ProfileInfo, Reason, Report, SCHEMA,
+    Selection, SuiteInfo, verdict,
 };
 
 /// Everything that a report is made of.
@@ -28,9 +29,7 @@ pub(super) struct Results<'a> {
     /// One for each case of the plan.
     pub(super) ran: Vec<Option<Ran>>,
     /// Only of a plug-in that is conformant.
-    pub(super) coverage: Option<Coverage>,
-    /// It was ended before that was known.
-    pub(super) is_stopped: bool,
+    pub(super) measured: Option<Measured>,
 }
 
 impl Results<'_> {
@@ -48,10 +47,11 @@ impl Results<'_> {
         let counts = Counts::of(&cases, &clauses, &profile, &selection);
         let reason = match self.unfit.first() {
             Some(why) => Reason::NotJudged(why.clone()),
-            None => match (self.stale(), &self.coverage) {
+            None => match (self.stale(), &self.measured) {
                 (Some(why), _) => Reason::Baseline(why),
-                (None, Some(coverage)) => Reason::of(coverage),
-                (None, None) => Reason::None,
+                (None, Some(Measured::Known(coverage))) => Reason::of(coverage),
+                (None, Some(Measured::Unknown)) => Reason::Unmeasured,
+                (None, Some(Measured::Stopped) | None) => Reason::None,
             },
         };
         let (verdict, reason) = verdict(&counts, &selection, &reason);
@@ -66,7 +66,10 @@ impl Results<'_> {
             counts,
             digest: self.digest(),
             fuel: self.fuel(),
-            coverage: self.coverage.clone(),
+            coverage: match &self.measured {
+                Some(Measured::Known(coverage)) => Some(coverage.clone()),
+                Some(Measured::Unknown | Measured::Stopped) | None => None,
+            },
             score: None,
             lint: self.unfit.clone(),
             clauses,
@@ -105,14 +108,18 @@ impl Results<'_> {
         let is_missing = |(planned, ran): (&Planned<'_>, Option<&Ran>)| {
             planned.fate == Fate::Runs && ran.is_none()
         };
+        let whole = Sessions::whole(&self.plan.ledger.profile);
+        // A profile without a model has none, whatever was asked for.
+        let asked = if whole.count > 0 { self.options.sessions } else { whole };
         Selection {
             strict: self.options.strict,
             cases: self.options.cases.clone(),
             baseline: self.options.baseline.as_ref().map(|baseline| baseline.digest.clone()),
-            interrupted: self.is_stopped || (self.unfit.is_empty() && self.both().any(is_missing)),
-            sessions: self.options.sessions.count,
-            sessions_needed: Sessions::whole(&self.plan.ledger.profile).count,
-            seed: self.options.sessions.seed,
+            interrupted: matches!(self.measured, Some(Measured::Stopped))
+                || (self.unfit.is_empty() && self.both().any(is_missing)),
+            sessions: asked.count,
+            sessions_needed: whole.count,
+            seed: asked.seed,
         }
     }
 
@@ -147,6 +154,9 @@ impl Results<'_> {
                 Fate::Runs => skipped("the plug-in cannot be judged".to_owned()),
             };
         };
+        if ran.runs == 0 {
+            return skipped("no random session of it was asked for".to_owned());
+        }
         if !planned.is_scored {
             return CaseResult::Unscored { passed: ran.failed_runs == 0 };
         }

@@ -7,7 +7,7 @@ use crate::given::file_error::FileError;
 use crate::given::hex::hex;
 use crate::given::ledger::Ledger;
 use crate::given::load::{Case, LoadError};
-use crate::given::neighbours::find_neighbours;
+use crate::given::neighbours::{find_long, find_neighbours};
 use crate::mutants::Matrix;
 use crate::random::SessionGroup;
 use crate::script::{self, Script};
@@ -229,6 +229,7 @@ impl Corpus {
             }
         }
         find_neighbours(&mut cases);
+        find_long(&mut cases);
         let has_clauses = |script: &Script| {
             let ledger = ledgers.iter().find(|ledger| ledger.profile == script.profile);
             let has = |ledger: &Ledger| script.clauses.iter().all(|id| ledger.clause(id).is_some());

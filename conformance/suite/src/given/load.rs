@@ -36,6 +36,8 @@ pub struct Case {
     dispensable: Vec<String>,
     /// Cases that may stand before it on one open link.
     pub(crate) before: Vec<Arc<Case>>,
+    /// How often it is run behind itself to see long use, if it is one for that.
+    pub(crate) long: Option<u32>,
 }
 
 /// Contents of files by their digest as hex digits.
@@ -50,6 +52,7 @@ impl Case {
             attached: None,
             dispensable: Vec::new(),
             before: Vec::new(),
+            long: None,
         }
     }
 

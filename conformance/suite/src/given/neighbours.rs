@@ -9,6 +9,12 @@ use std::sync::Arc;
 /// Cases before each, at most.
 const BEFORE: usize = 4;
 
+/// Long use: a case behind itself until it has run so many times, was given so many inputs, or
+/// has moved so many bytes.
+const LONG_ROUNDS: u64 = 20_000;
+const LONG_INPUTS: u64 = 150_000;
+const LONG_BYTES: u64 = 6 << 20;
+
 /// Tells each case which ones may stand before it: some of those that are run on the
 /// same line with the same settings and leave nothing.
 pub(crate) fn find_neighbours(cases: &mut [Case]) {
@@ -28,6 +34,50 @@ pub(crate) fn find_neighbours(cases: &mut [Case]) {
         others.truncate(BEFORE);
         case.before = others;
     }
+}
+
+/// Picks the cases that are repeated until they are long use: of each part of a profile the one
+/// with the fewest inputs, and the one that moves the most bytes.
+pub(crate) fn find_long(cases: &mut [Case]) {
+    let mut picked: BTreeMap<(String, bool), (u64, usize)> = BTreeMap::new();
+    for (place, case) in cases.iter().enumerate() {
+        let front = &case.trace.front;
+        let has_fixed_rooms = front.room.transmit.is_some() || front.room.delivery.is_some();
+        if !case.leaves_nothing() || !comes_to_an_end(&case.trace) || has_fixed_rooms {
+            continue;
+        }
+        let part: Vec<&str> = front.id.split('.').take(2).collect();
+        let mut pick = |is_bulk: bool, rank: u64| {
+            let best = picked.entry((part.join("."), is_bulk)).or_insert((rank, place));
+            *best = (*best).min((rank, place));
+        };
+        pick(false, inputs(&case.trace));
+        pick(true, u64::MAX - bytes(&case.trace));
+    }
+    for (_, place) in picked.into_values() {
+        let trace = &cases[place].trace;
+        let most = LONG_ROUNDS.min(LONG_INPUTS / inputs(trace).max(1));
+        cases[place].long = Some(most.min(LONG_BYTES / bytes(trace).max(1)).max(1) as u32);
+    }
+}
+
+/// Inputs: bytes that can be cut are as many as there are.
+fn inputs(trace: &Trace) -> u64 {
+    trace.inputs().count() as u64
+}
+
+/// Bytes that are sent and received, as far as it is known.
+fn bytes(trace: &Trace) -> u64 {
+    let payloads = trace.inputs().filter_map(|entry| entry.what.payload());
+    payloads.filter_map(softplug_trace::Payload::length).sum()
+}
+
+/// Whether a job or a delivery is done.
+fn comes_to_an_end(trace: &Trace) -> bool {
+    let mut entries = trace.variants().into_iter().next().unwrap_or_default().into_iter();
+    entries.any(|entry| {
+        matches!(entry.what, What::Act(Expected::Done { .. } | Expected::Deliver { .. }))
+    })
 }
 
 impl Case {

@@ -1,7 +1,7 @@
 //! What of a module was executed.
 
 use super::flow::{BranchKind, End, Flow, Way};
-use super::instrument::{Layout, bits_of, instrumented, name_of};
+use super::instrument::{Layout, bits_of, instrumented};
 use crate::run::subject::{Subject, SubjectError};
 use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_abi::manifest::Manifest;
@@ -80,13 +80,14 @@ pub(crate) enum MeasureError {
 impl Places {
     pub(crate) fn of(module: &[u8]) -> Result<Self, MeasureError> {
         let (mut flows, mut exported) = (Vec::new(), Vec::new());
-        let (mut in_table, mut names) = (Vec::new(), Vec::new());
+        let (mut in_table, mut names, mut names_of_exports) = (Vec::new(), Vec::new(), Vec::new());
         for payload in Parser::new(0).parse_all(module) {
             match payload? {
                 Payload::CodeSectionEntry(body) => flows.push(Flow::of(&body)?),
                 Payload::ExportSection(section) => {
                     for export in section {
                         let export = export?;
+                        names_of_exports.push(export.name);
                         if export.kind == ExternalKind::Func {
                             exported.push(export.index);
                         }
@@ -107,7 +108,8 @@ impl Places {
                 _ => {}
             }
         }
-        let layout = Layout::of(&flows);
+        let mut layout = Layout::of(&flows);
+        layout.avoid(&names_of_exports);
         Ok(Self { flows, layout, exported, in_table, names })
     }
 
@@ -115,7 +117,7 @@ impl Places {
     pub(crate) fn watch(&self, host: &Host, module: &[u8]) -> Result<Watcher, MeasureError> {
         let instrumented = instrumented(module, &self.flows, &self.layout)?;
         let plugin = host.load_instrumented(module, &instrumented)?;
-        let words = (0..self.layout.words()).map(name_of).collect();
+        let words = (0..self.layout.words()).map(|word| self.layout.name_of(word)).collect();
         Ok(Watcher { plugin, words, executed: Arc::default() })
     }
 

@@ -21,6 +21,8 @@ pub(super) struct Layout {
     /// table behind the last bit share it.
     pub(super) branches: Vec<Vec<usize>>,
     bits: usize,
+    /// In the names of the globals.
+    mark: String,
 }
 
 impl Layout {
@@ -48,16 +50,26 @@ impl Layout {
     pub(super) fn words(&self) -> usize {
         self.bits.div_ceil(WORD)
     }
+
+    /// The name of the global that is the word of this number.
+    pub(super) fn name_of(&self, word: usize) -> String {
+        format!("softplug.executed{}.{word}", self.mark)
+    }
+
+    /// Changes the names until none is that of a module's own export.
+    pub(super) fn avoid(&mut self, exports: &[&str]) {
+        let is_taken = |layout: &Self| {
+            (0..layout.words()).any(|word| exports.contains(&&*layout.name_of(word)))
+        };
+        while is_taken(self) {
+            self.mark.push('+');
+        }
+    }
 }
 
 /// Bits for the ways of a branch.
 pub(super) fn bits_of(branch: &Branch) -> usize {
     branch.ways.len().min(WORD)
-}
-
-/// The name of the global that is the word of this number.
-pub(super) fn name_of(word: usize) -> String {
-    format!("softplug.executed.{word}")
 }
 
 /// The module with its bits. Its custom sections are left out.
@@ -200,7 +212,11 @@ impl Reencode for Writer<'_> {
     ) -> Result<(), Error> {
         utils::parse_export_section(self, exports, section)?;
         for word in 0..self.layout.words() {
-            exports.export(&name_of(word), ExportKind::Global, self.globals + word as u32);
+            exports.export(
+                &self.layout.name_of(word),
+                ExportKind::Global,
+                self.globals + word as u32,
+            );
         }
         Ok(())
     }
@@ -245,5 +261,19 @@ impl Reencode for Writer<'_> {
         }
         code.function(&function);
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_global_is_named_like_an_export_of_the_module() {
+        let mut layout = Layout { bits: 3 * WORD, ..Layout::default() };
+        layout.avoid(&["softplug.executed.3", "memory"]);
+        assert_eq!(layout.name_of(0), "softplug.executed.0");
+        layout.avoid(&["softplug.executed.2", "softplug.executed+.0"]);
+        assert_eq!(layout.name_of(0), "softplug.executed++.0");
     }
 }

@@ -4,3 +4,4 @@ pub(crate) mod change;
 pub(crate) mod executed;
 pub(crate) mod flow;
 mod instrument;
+pub(crate) mod source;

@@ -1,7 +1,7 @@
 //! The kill matrix: which run notices which mutant. Made by running them, kept
 //! in the repository, so that it cannot shrink unseen.
 
-use super::{Catalogue, Hunt, Mutant};
+use super::{Catalogue, Hunt, Mutant, Scores};
 use crate::FileError;
 use crate::given::file_error::read_toml;
 use serde::{Deserialize, Serialize};
@@ -243,9 +243,9 @@ impl Matrix {
         format!("# Written by `cargo xtask mutants`; not to be edited.\n\n{rows}")
     }
 
-    /// For people, as a page of Markdown.
-    pub fn to_markdown(&self) -> String {
-        super::page::page(self)
+    /// For people, as a page of Markdown, with the scores beside.
+    pub fn to_markdown(&self, scores: &Scores) -> String {
+        super::page::page(self, scores)
     }
 
     /// How many mutants of each clause are killed.

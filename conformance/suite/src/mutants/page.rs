@@ -1,7 +1,8 @@
 //! The kill matrix as a page for people.
 
-use super::Matrix;
 use super::matrix::clause;
+use super::{Matrix, Scores};
+use softplug_report::Noticed;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
@@ -18,7 +19,7 @@ This page is written by `cargo xtask mutants` and compared with a new hunt in ev
 ";
 
 /// The page.
-pub(super) fn page(matrix: &Matrix) -> String {
+pub(super) fn page(matrix: &Matrix, scores: &Scores) -> String {
     let mut text = HEAD.to_owned();
     let profiles: BTreeSet<&str> = (matrix.kills.iter().map(|row| row.profile.as_str()))
         .chain(matrix.survivors.iter().map(|row| row.profile.as_str()))
@@ -45,6 +46,7 @@ pub(super) fn page(matrix: &Matrix) -> String {
         "\n{foreign} of them are noticed first by a case that does not cite the broken clause; these are \
          marked with †."
     );
+    write_scores(&mut text, scores);
     for profile in profiles {
         let _ = writeln!(text, "\n## {profile}\n");
         write_kills(&mut text, matrix, profile);
@@ -52,6 +54,37 @@ pub(super) fn page(matrix: &Matrix) -> String {
         write_unbreakable(&mut text, matrix, profile);
     }
     text
+}
+
+fn write_scores(text: &mut String, scores: &Scores) {
+    if scores.rows.is_empty() {
+        return;
+    }
+    text.push_str(
+        "\n## Changes of the module\n\n\
+         These mutants were made by hand. `cargo xtask mutants --module --long` changes the built modules by machine, one instruction \
+         at a time ([how](certify.md#how-good-the-cases-are)), and writes this table. \"Told\" are changes that show outside: they were noticed, or did something else in \
+         some run and nothing objected. The share is of these.\n\n\
+         | plug-in | changes | tried | noticed by cases | by permutations | by random sessions | told, not noticed | share | the same in every run | not executed, or no module |\n\
+         |---|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n",
+    );
+    for row in &scores.rows {
+        let Noticed { lint, cases, permutations, sessions } = row.noticed;
+        let share = row.share();
+        let _ = writeln!(
+            text,
+            "| {} | {} | {} | {} | {permutations} | {sessions} | {} | {}.{} % | {} | {} |",
+            row.plugin,
+            row.changes,
+            row.tried,
+            lint + cases,
+            row.different.len(),
+            share / 10,
+            share % 10,
+            row.same,
+            row.not_executed + u64::from(row.invalid)
+        );
+    }
 }
 
 /// Clauses with mutants, mutants, killed ones, survivors, clauses that cannot be broken.

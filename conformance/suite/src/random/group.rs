@@ -8,7 +8,8 @@ use crate::run::class::Class;
 use crate::run::fault::FaultClass;
 use crate::run::subject::{Fuel, Meter, Subject, Watched};
 use sha2::{Digest as _, Sha256};
-use softplug_models::{Finding, Profile, Ran, Session};
+use softplug_abi::Micros;
+use softplug_models::{Effect, Finding, Profile, Ran, Session};
 use softplug_report::Level;
 use softplug_trace::Trace;
 use std::rc::Rc;
@@ -104,6 +105,13 @@ pub(crate) struct SessionRun {
     fault: Option<FaultClass>,
 }
 
+impl SessionRun {
+    /// All that the plug-in did.
+    pub(crate) fn effects(&self) -> &[(Micros, Effect)] {
+        &self.ran.effects
+    }
+}
+
 impl SessionGroup {
     /// The groups of the ledger's profile, if it has a model and the ledger has all of
     /// the model's clauses.
@@ -151,7 +159,7 @@ impl SessionGroup {
             group.fuel.total = group.fuel.total.saturating_add(run.fuel.total);
             group.fuel.largest = group.fuel.largest.max(run.fuel.largest);
             digest.update(format!("{:?}\n", run.ran.effects));
-            if self.binds(run.ran.finding.as_ref(), features) {
+            if self.is_failed(&run, features) {
                 group.failures.push(self.failed(subject, run, number));
                 if group.failures.len() == FAILURES {
                     break;
@@ -176,16 +184,9 @@ impl SessionGroup {
         Some(SessionRun { session, ran, fuel: meter.fuel.get(), fault: meter.fault.get() })
     }
 
-    /// Whether a session fails by what binds a plug-in that claims these features.
-    pub(crate) fn fails<S: Subject>(
-        &self,
-        subject: &S,
-        seed: u64,
-        number: u64,
-        features: &[String],
-    ) -> bool {
-        self.session(subject, seed, number)
-            .is_some_and(|run| self.binds(run.ran.finding.as_ref(), features))
+    /// Whether a session failed by what binds a plug-in that claims these features.
+    pub(crate) fn is_failed(&self, run: &SessionRun, features: &[String]) -> bool {
+        self.binds(run.ran.finding.as_ref(), features)
     }
 
     /// A session that failed, made short, as a trace.

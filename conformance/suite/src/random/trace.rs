@@ -31,12 +31,16 @@ pub(super) fn of_session(
         .iter()
         .filter_map(|(at, did)| Some(Seen { at: *at, effect: effect(did, manifest)? }))
         .collect();
+    // The first step opens the link, which a trace does by itself.
     let mut entries: Vec<Entry> =
-        ran.steps.iter().filter_map(|(at, step)| Some(entry(*at, given(step)?))).collect();
+        ran.steps.iter().skip(1).filter_map(|(at, step)| Some(entry(*at, given(step)?))).collect();
     let is_cut = |at: Micros| entries.iter().any(|entry| micros(entry) == at);
     entries.extend(transcript::entries(conditions.line, manifest, &seen, BYTES, is_cut));
     entries.sort_by_key(|entry| entry.when.from);
     let mut body: Vec<Line> = entries.into_iter().map(Line::Entry).collect();
+    if conditions.clock > Micros::ZERO {
+        body.insert(0, Line::Comment(format!(" The link's clock began at {}.", conditions.clock)));
+    }
     let mut clause = profile.clauses.first().copied().unwrap_or(profile.name);
     match &ran.finding {
         Some(Finding::Broken { at, broken }) => {
@@ -82,7 +86,7 @@ fn micros(entry: &Entry) -> Micros {
     crate::given::timeline::micros(entry.when.from)
 }
 
-/// `None` for what is no line of a trace: the first opening, time that goes by.
+/// `None` for what is no line of a trace: time that goes by.
 fn given(step: &Step) -> Option<What> {
     Some(match step {
         Step::Swap => What::Host(HostRequest::Swap),
@@ -188,5 +192,51 @@ fn line(line: LineParameters, depth: usize) -> LineSettings {
         stop_half_bits: line.stop_half_bits,
         depth: depth as u32,
         reaction: 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::given::load::Case;
+    use crate::judge::run::Start;
+    use crate::run::subject::{FromFn, Subject as _};
+    use softplug_native::NativePlugin;
+
+    /// Sessions that are looked at of each profile.
+    const SESSIONS: u64 = 60;
+
+    /// What a trace cannot say: another clock, jobs without a size, data in small pieces.
+    fn can_be_held(session: &Session) -> bool {
+        let conditions = &session.conditions;
+        conditions.clock == Micros::ZERO
+            && conditions.has_sizes
+            && conditions.pieces == usize::MAX
+    }
+
+    #[test]
+    fn a_session_runs_again_as_its_trace() {
+        for plugin in NativePlugin::ALL {
+            let manifest = Manifest::parse(plugin.manifest().as_bytes()).expect("it is sound");
+            let subject = FromFn::new(manifest, move || plugin.instantiate());
+            for claim in &subject.manifest().profiles {
+                let Some(profile) = softplug_models::profile(&claim.name) else { continue };
+                let mut held = 0;
+                for number in 0..SESSIONS {
+                    let session = Session::draw(profile, subject.manifest(), 1, number);
+                    let Some(session) = session.filter(can_be_held) else { continue };
+                    let make = &mut || Ok(plugin.instantiate());
+                    let ran = session.run(subject.manifest(), make);
+                    assert_eq!(ran.finding, None, "{} {number}", claim.name);
+                    let trace = of_session(profile, &session, &ran, subject.manifest());
+                    let case = Case::new("session.spt", trace);
+                    let failure = Start::new(&subject, &case).failure;
+                    let why = failure.map(|failure| format!("{failure:?}"));
+                    assert_eq!(why, None, "{} {number}\n{}", claim.name, case.trace.format());
+                    held += 1;
+                }
+                assert!(held > 5, "{}: {held}", claim.name);
+            }
+        }
     }
 }

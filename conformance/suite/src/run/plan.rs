@@ -48,6 +48,10 @@ pub(crate) fn permutations(
     let pairs = pairs(&axes, &case.trace.front.id);
     all.extend(axes.into_iter().flatten());
     all.extend(pairs);
+    // Beside nothing else: it takes long.
+    if case.trace.front.permute.after && !speaks_first {
+        all.extend(case.long.map(Permutation::Again));
+    }
     all.extend(case.trace.front.bytes.iter().flat_map(ByteClass::others).map(Permutation::Byte));
     Ok(all)
 }

@@ -23,7 +23,7 @@ const ROOM: u32 = 4_096;
 const REST: Micros = Micros::from_secs(1);
 
 /// More than the ids of jobs in a trace.
-const JOBS: u32 = 1_000_000;
+const JOBS: u32 = 100_000;
 
 /// Runs a trace once, in one permutation. The seed changes where random cuts fall.
 ///
@@ -75,14 +75,13 @@ fn start<'a, S: Subject>(
         Timeline::new(case, manifest, windows).map_err(|error| unfit(error.to_string()))
     };
     let own = timeline(case, way.windows)?.cut(&case.trace.front.id, way.cuts);
-    let rounds = match &way.before {
-        Before::Nothing | Before::Clock(_) | Before::Idle(_) => Vec::new(),
-        Before::Itself => vec![own.clone()],
-        Before::Again(count) => vec![own.clone(); *count as usize],
+    let before = match &way.before {
+        Before::Nothing | Before::Clock(_) | Before::Idle(_) => None,
+        Before::Itself | Before::Again(_) => Some(own.clone()),
         Before::Case(id) => {
             let before = case.before.iter().find(|before| *before.trace.front.id == **id);
             let reason = || format!("{id} is not among the cases that may stand before it");
-            vec![timeline(before.ok_or_else(|| unfit(reason()))?, Windows::Early)?]
+            Some(timeline(before.ok_or_else(|| unfit(reason()))?, Windows::Early)?)
         }
     };
 
@@ -91,7 +90,7 @@ fn start<'a, S: Subject>(
     let settings = manifest.resolve_settings(config).map_err(|error| unfit(error.to_string()))?;
     let options = options(case, settings, &way);
     let depth = front.line.depth as usize;
-    Run::new(subject, Conditions { timeline: own, options, depth }, rounds, way)
+    Run::new(subject, Conditions { timeline: own, options, depth }, before, way)
 }
 
 /// Runs a timeline that stands in no trace.
@@ -102,11 +101,8 @@ pub(crate) fn run<S: Subject>(
 ) -> Outcome {
     let way = Way::new(permutation, 0);
     let timeline = conditions.timeline.cut("", way.cuts);
-    let rounds = match way.before {
-        Before::Itself => vec![timeline.clone()],
-        _ => Vec::new(),
-    };
-    match Run::new(subject, Conditions { timeline, ..conditions }, rounds, way) {
+    let before = matches!(way.before, Before::Itself).then(|| timeline.clone());
+    match Run::new(subject, Conditions { timeline, ..conditions }, before, way) {
         Ok(run) => run.finish(),
         Err(fault) => Outcome::unstarted(fault),
     }
@@ -138,7 +134,7 @@ struct Run<'a, S: Subject> {
     subject: &'a S,
     timeline: Timeline,
     /// What is run before it.
-    rounds: Vec<Timeline>,
+    before: Option<Timeline>,
     way: Way,
     line: VirtualLine<Watched<S::Instance>>,
     recorder: Recorder,
@@ -158,6 +154,8 @@ struct Run<'a, S: Subject> {
     job_base: u32,
     /// Where what this round showed begins in the recorder.
     first: usize,
+    /// What a round showed that was not as the first.
+    odd: Option<Vec<Seen>>,
 }
 
 type Stepped<S> = Result<(), LinkFault<<Watched<<S as Subject>::Instance> as Instance>::Fault>>;
@@ -166,7 +164,7 @@ impl<'a, S: Subject> Run<'a, S> {
     fn new(
         subject: &'a S,
         conditions: Conditions,
-        rounds: Vec<Timeline>,
+        before: Option<Timeline>,
         way: Way,
     ) -> Result<Self, Fault> {
         let Conditions { timeline, options, depth } = conditions;
@@ -179,7 +177,7 @@ impl<'a, S: Subject> Run<'a, S> {
         Ok(Self {
             subject,
             timeline,
-            rounds,
+            before,
             way,
             line: VirtualLine::new(instance, options, depth),
             recorder,
@@ -194,11 +192,25 @@ impl<'a, S: Subject> Run<'a, S> {
             keeps_deliveries: false,
             job_base: 0,
             first: 0,
+            odd: None,
         })
     }
 
     fn finish(mut self) -> Outcome {
         let run = self.run_all();
+        let since = self.offset;
+        let seen = self.odd.take().unwrap_or_else(|| self.seen());
+        let bytes =
+            received(&self.timeline) + seen.iter().map(|seen| moved(&seen.effect)).sum::<u64>();
+        // Fuel is counted when instances end.
+        drop(self.line);
+        let fuel = self.meter.fuel.get();
+        let (swap_places, fault) = (self.swap_places, run.err());
+        Outcome { seen, fault, began: since, swap_places, fuel, bytes }
+    }
+
+    /// What this round showed.
+    fn seen(&mut self) -> Vec<Seen> {
         let last = self.timeline.end;
         let since = self.offset;
         let mut numbers = Numbers { job_base: self.job_base, ..Numbers::default() };
@@ -215,13 +227,7 @@ impl<'a, S: Subject> Run<'a, S> {
             .collect();
         // What the port was given ahead is observed ahead.
         seen.sort_by_key(|seen| (seen.at, seen.effect.channel()));
-        let bytes =
-            received(&self.timeline) + seen.iter().map(|seen| moved(&seen.effect)).sum::<u64>();
-        // Fuel is counted when instances end.
-        drop(self.line);
-        let fuel = self.meter.fuel.get();
-        let (swap_places, fault) = (self.swap_places, run.err());
-        Outcome { seen, fault, began: since, swap_places, fuel, bytes }
+        seen
     }
 
     /// What is before the case, then the case.
@@ -236,11 +242,21 @@ impl<'a, S: Subject> Run<'a, S> {
             }
             _ => {}
         }
-        for before in std::mem::take(&mut self.rounds) {
-            self.run_once(&before)?;
+        if let Some(before) = self.before.take() {
             match self.way.before {
-                Before::Itself => self.start_over(before.end)?,
-                _ => self.go_on(before.end)?,
+                Before::Again(rounds) => {
+                    if !self.is_same_each_time(&before, rounds)? {
+                        return Ok(());
+                    }
+                }
+                Before::Itself => {
+                    self.run_once(&before)?;
+                    self.start_over(before.end)?;
+                }
+                _ => {
+                    self.run_once(&before)?;
+                    self.go_on(before.end)?;
+                }
             }
         }
         self.first = self.recorder.observed.len();
@@ -249,6 +265,22 @@ impl<'a, S: Subject> Run<'a, S> {
         let run = self.run_once(&timeline);
         self.timeline = timeline;
         run
+    }
+
+    /// Runs the case so many times. A round that shows something else than the first is the last,
+    /// and what the run has shown.
+    fn is_same_each_time(&mut self, timeline: &Timeline, rounds: u32) -> Result<bool, Fault> {
+        let mut first = None;
+        for _ in 0..rounds {
+            self.run_once(timeline)?;
+            let seen = self.seen();
+            if *first.get_or_insert_with(|| seen.clone()) != seen {
+                self.odd = Some(seen);
+                return Ok(false);
+            }
+            self.go_on(timeline.end)?;
+        }
+        Ok(true)
     }
 
     fn begin(&mut self) -> Result<(), Fault> {

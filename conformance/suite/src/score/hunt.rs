@@ -11,8 +11,10 @@ use crate::run::subject::Sandboxed;
 use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_abi::manifest::Manifest;
 use softplug_host::{EngineKind, Host, HostOptions, lint};
-use softplug_report::{Score, Survivor};
+use softplug_report::{Score, Shown, Survivor};
 use std::collections::BTreeMap;
+use std::fmt::{Debug, Write};
+use std::hash::{DefaultHasher, Hasher};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
@@ -20,17 +22,13 @@ use std::thread;
 /// Runs of a changed module that are made before it is compiled.
 const QUICK: usize = 40;
 
-/// Permutations that a change is run against at most, spread over all that reach it. More
-/// hardly notice more, and are what a change that nothing notices costs.
-const PERMUTATIONS: usize = 400;
-
 /// What is asked for.
 ///
 /// ```
 /// use softplug_conformance::score::ScoreOptions;
 ///
-/// let ScoreOptions { sample, seed, sessions, .. } = ScoreOptions::default();
-/// assert_eq!((sample, seed, sessions), (Some(300), 1, 2_000));
+/// let ScoreOptions { sample, seed, sessions, permutations, .. } = ScoreOptions::default();
+/// assert_eq!((sample, seed, sessions, permutations), (Some(300), 1, 2_000, 400));
 /// ```
 #[derive(Clone, Debug)]
 pub struct ScoreOptions {
@@ -40,6 +38,8 @@ pub struct ScoreOptions {
     pub seed: u64,
     /// Random sessions of each profile.
     pub sessions: u32,
+    /// Permutations that a change is run against at most, spread over all that reach it.
+    pub permutations: usize,
     /// Changes that are looked into at a time.
     pub threads: usize,
 }
@@ -47,7 +47,8 @@ pub struct ScoreOptions {
 impl Default for ScoreOptions {
     fn default() -> Self {
         let threads = thread::available_parallelism().map_or(1, usize::from);
-        Self { sample: Some(300), seed: 1, sessions: WHOLE, threads }
+        // More permutations hardly notice more, and are what a change that nothing notices costs.
+        Self { sample: Some(300), seed: 1, sessions: WHOLE, permutations: 400, threads }
     }
 }
 
@@ -108,13 +109,9 @@ pub fn score(
     let manifest = lint(module).map_err(|error| unfit(&error))?.manifest;
     let changeable = Changeable::new(module).map_err(|error| unfit(&error))?;
     let hunter = Hunter::new(module, corpus, &manifest, options, stop)?;
-    let hunter = hunter.ok_or(ScoreError::Stopped)?;
+    let mut hunter = hunter.ok_or(ScoreError::Stopped)?;
     let sound = hunter.load(EngineKind::Wasmtime, module).ok_or_else(|| unfit(&"not loaded"))?;
-    let is_over = || stop.load(Ordering::Relaxed);
-    let failing = hunter.failing(&sound, &hunter.runs, &is_over)?;
-    if let Some(failing) = failing {
-        return Err(ScoreError::Fails { run: failing.to_string() });
-    }
+    hunter.hold(&sound, options.threads, stop)?;
     let tried = draw(changeable.changes(), options);
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let total = Mutex::new(Score {
@@ -159,7 +156,7 @@ fn draw<'a>(changes: &'a [Change], options: &ScoreOptions) -> Vec<&'a Change> {
 enum Fate {
     Invalid,
     Noticed(By),
-    Survived { executed: bool },
+    Survived(Shown),
 }
 
 /// What notices a change.
@@ -178,9 +175,9 @@ fn add(score: &mut Score, change: &Change, fate: &Fate) {
         Fate::Noticed(By::Cases) => &mut score.noticed.cases,
         Fate::Noticed(By::Permutations) => &mut score.noticed.permutations,
         Fate::Noticed(By::Sessions) => &mut score.noticed.sessions,
-        Fate::Survived { executed } => {
+        Fate::Survived(shown) => {
             let Change { function, at, what, .. } = change.clone();
-            let survivor = Survivor { function, at: at as u64, change: what, executed: *executed };
+            let survivor = Survivor { function, at: at as u64, change: what, shown: *shown };
             return score.survivors.push(survivor);
         }
     };
@@ -192,6 +189,7 @@ struct Hunter<'a> {
     runs: Vec<Reaching<'a>>,
     places: Places,
     seed: u64,
+    permutations: usize,
     features: BTreeMap<&'a str, Vec<String>>,
     compiled: Host,
     interpreted: Host,
@@ -202,6 +200,28 @@ struct Reaching<'a> {
     case: Listed<'a>,
     run: Run,
     executed: Executed,
+    /// Of the module as it is.
+    effects: Option<Effects>,
+}
+
+/// A hash of all that a run shows outside: bytes, deliveries, ends of jobs, and when.
+#[derive(Copy, Clone, PartialEq, Eq)]
+struct Effects(u64);
+
+/// What came of a run.
+struct Ended {
+    is_failed: bool,
+    /// Permutations are compared with their case already.
+    effects: Option<Effects>,
+}
+
+/// What came of some runs of a changed module.
+enum Hunted<'r> {
+    Failed(&'r Reaching<'r>),
+    /// Whether any showed something else than the module as it is.
+    Passed {
+        is_different: bool,
+    },
 }
 
 impl<'a> Hunter<'a> {
@@ -240,13 +260,15 @@ impl<'a> Hunter<'a> {
         let measuring = host(EngineKind::Wasmtime, MEASURING_FUEL)?;
         let watcher = places.watch(&measuring, module).map_err(|error| unfit(&error))?;
         let sessions = Sessions { count: options.sessions, seed: options.seed };
-        let Some(runs) = reaching(&watcher, &cases, sessions, options.threads, stop) else {
+        let extent = if options.permutations == 0 { Extent::Uncut } else { Extent::Whole };
+        let threads = options.threads;
+        let Some(runs) = reaching(&watcher, &cases, extent, sessions, threads, stop) else {
             return Ok(None);
         };
         let compiled = host(EngineKind::Wasmtime, FUEL_PER_EVENT)?;
         let interpreted = host(EngineKind::Wasmi, FUEL_PER_EVENT)?;
-        let seed = options.seed;
-        Ok(Some(Self { runs, places, seed, features, compiled, interpreted }))
+        let ScoreOptions { seed, permutations, .. } = *options;
+        Ok(Some(Self { runs, places, seed, permutations, features, compiled, interpreted }))
     }
 
     fn load(&self, engine: EngineKind, module: &[u8]) -> Option<Sandboxed> {
@@ -272,70 +294,146 @@ impl<'a> Hunter<'a> {
             .iter()
             .filter(reaches)
             .partition(|reaching| !matches!(reaching.run, Run::Permutation(_)));
-        let every = permutations.len().div_ceil(PERMUTATIONS).max(1);
+        let every = permutations.len().div_ceil(self.permutations.max(1)).max(1);
         runs.extend(permutations.into_iter().step_by(every));
         if runs.is_empty() {
-            return Ok(Fate::Survived { executed: false });
+            return Ok(Fate::Survived(Shown::NotExecuted));
         }
         // Most changes show in the first runs: compiling would cost more than all of these.
         let Some(quick) = self.load(EngineKind::Wasmi, &module) else {
             return Ok(Fate::Noticed(By::Lint));
         };
         let (first, others) = runs.split_at(runs.len().min(QUICK));
-        if let Some(failing) = self.failing(&quick, first.iter().copied(), is_over)? {
-            return Ok(Fate::Noticed(failing.run.by()));
-        }
+        let was_different = match self.hunted(&quick, first, is_over)? {
+            Hunted::Failed(failing) => return Ok(Fate::Noticed(failing.run.by())),
+            Hunted::Passed { is_different } => is_different,
+        };
         let Some(compiled) = self.load(EngineKind::Wasmtime, &module) else {
             return Ok(Fate::Noticed(By::Lint));
         };
-        Ok(match self.failing(&compiled, others.iter().copied(), is_over)? {
-            Some(failing) => Fate::Noticed(failing.run.by()),
-            None => Fate::Survived { executed: true },
+        Ok(match self.hunted(&compiled, others, is_over)? {
+            Hunted::Failed(failing) => Fate::Noticed(failing.run.by()),
+            Hunted::Passed { is_different } if was_different || is_different => {
+                Fate::Survived(Shown::Different)
+            }
+            Hunted::Passed { .. } => Fate::Survived(Shown::Same),
         })
     }
 
-    /// The first of these runs that fails.
-    fn failing<'r>(
+    /// Runs the module as it is, which has to pass, and holds what it shows.
+    fn hold(
+        &mut self,
+        sound: &Sandboxed,
+        threads: usize,
+        stop: &AtomicBool,
+    ) -> Result<(), ScoreError> {
+        let mut runs = std::mem::take(&mut self.runs);
+        let own = &*self;
+        let part = runs.len().div_ceil(threads.max(1)).max(1);
+        let held = |part: &mut [Reaching<'_>]| {
+            let mut uncut = None;
+            for reaching in part {
+                if stop.load(Ordering::Relaxed) {
+                    return Err(ScoreError::Stopped);
+                }
+                let Ended { is_failed, effects } = own.ended(sound, reaching, &mut uncut);
+                if is_failed {
+                    return Err(ScoreError::Fails { run: reaching.to_string() });
+                }
+                reaching.effects = effects;
+            }
+            Ok(())
+        };
+        let held = thread::scope(|scope| {
+            let held = &held;
+            let parts: Vec<_> =
+                runs.chunks_mut(part).map(|part| scope.spawn(move || held(part))).collect();
+            parts.into_iter().try_for_each(|part| part.join().unwrap_or(Err(ScoreError::Stopped)))
+        });
+        self.runs = runs;
+        held
+    }
+
+    /// Runs a changed module until a run fails.
+    fn hunted<'r>(
         &self,
         subject: &Sandboxed,
-        runs: impl IntoIterator<Item = &'r Reaching<'r>>,
+        runs: &[&'r Reaching<'r>],
         is_over: &dyn Fn() -> bool,
-    ) -> Result<Option<&'r Reaching<'r>>, ScoreError> {
+    ) -> Result<Hunted<'r>, ScoreError> {
         let mut uncut = None;
+        let mut is_different = false;
         for reaching in runs {
             if is_over() {
                 return Err(ScoreError::Stopped);
             }
-            if self.fails(subject, reaching, &mut uncut) {
-                return Ok(Some(reaching));
+            let Ended { is_failed, effects } = self.ended(subject, reaching, &mut uncut);
+            if is_failed {
+                return Ok(Hunted::Failed(reaching));
             }
+            is_different |= effects != reaching.effects;
         }
-        Ok(None)
+        Ok(Hunted::Passed { is_different })
     }
 
     /// Permutations are compared with the uncut run, which is kept for those that follow.
-    fn fails<'r>(
+    fn ended<'c, 's>(
         &self,
-        subject: &'r Sandboxed,
-        reaching: &'r Reaching<'_>,
-        uncut: &mut Option<(&'r str, Start<'r>)>,
-    ) -> bool {
+        subject: &'s Sandboxed,
+        reaching: &Reaching<'c>,
+        uncut: &mut Option<(&'c str, Start<'s>)>,
+    ) -> Ended
+    where
+        'c: 's,
+    {
         match (reaching.case.source, &reaching.run) {
-            (Source::Trace(case), Run::Case) => Start::new(subject, case).failure.is_some(),
+            (Source::Trace(case), Run::Case) => {
+                let start = Start::new(subject, case);
+                let effects = Some(Effects::of(&start.uncut.seen));
+                Ended { is_failed: start.failure.is_some(), effects }
+            }
             (Source::Trace(case), Run::Permutation(permutation)) => {
                 let id = reaching.case.id;
                 let kept = uncut.take().filter(|(kept, _)| *kept == id);
                 let (_, start) =
                     uncut.insert(kept.unwrap_or_else(|| (id, Start::new(subject, case))));
-                start.judge(permutation, 0).is_some()
+                Ended { is_failed: start.judge(permutation, 0).is_some(), effects: None }
             }
-            (Source::Script(script), _) => Judge::run_script(subject, script).failure.is_some(),
+            (Source::Script(script), _) => {
+                let run = Judge::run_script(subject, script);
+                let effects = Some(Effects::of(&run.log));
+                Ended { is_failed: run.failure.is_some(), effects }
+            }
             (Source::Sessions(group), Run::Session(number)) => {
                 let features = &self.features[reaching.case.profile];
-                group.fails(subject, self.seed, *number, features)
+                match group.session(subject, self.seed, *number) {
+                    Some(run) => {
+                        let effects = Some(Effects::of(run.effects()));
+                        Ended { is_failed: group.is_failed(&run, features), effects }
+                    }
+                    None => Ended { is_failed: false, effects: None },
+                }
             }
-            (Source::Sessions(_), _) | (Source::Trace(_), Run::Session(_)) => false,
+            (Source::Sessions(_), _) | (Source::Trace(_), Run::Session(_)) => {
+                Ended { is_failed: false, effects: None }
+            }
         }
+    }
+}
+
+impl Effects {
+    fn of(seen: impl Debug) -> Self {
+        struct Into(DefaultHasher);
+        impl Write for Into {
+            fn write_str(&mut self, text: &str) -> std::fmt::Result {
+                self.0.write(text.as_bytes());
+                Ok(())
+            }
+        }
+        let mut hash = Into(DefaultHasher::new());
+        // Hashing never fails.
+        let _ = write!(hash, "{seen:?}");
+        Self(hash.0.finish())
     }
 }
 
@@ -365,6 +463,7 @@ impl Run {
 fn reaching<'a>(
     watcher: &Watcher,
     cases: &[Listed<'a>],
+    extent: Extent,
     sessions: Sessions,
     threads: usize,
     stop: &AtomicBool,
@@ -381,22 +480,15 @@ fn reaching<'a>(
                     let number = next.fetch_add(1, Ordering::Relaxed);
                     let Some(case) = cases.get(number) else { break };
                     let mut place = 0;
-                    each_run(
-                        &watcher,
-                        case,
-                        Extent::Whole,
-                        sessions,
-                        &is_over,
-                        &mut |run, executed| {
-                            let rank = match run {
-                                Run::Case => 0,
-                                Run::Session(_) => 1,
-                                Run::Permutation(_) => 2,
-                            };
-                            place += 1;
-                            own.push(((rank, number, place), run, executed));
-                        },
-                    );
+                    each_run(&watcher, case, extent, sessions, &is_over, &mut |run, executed| {
+                        let rank = match run {
+                            Run::Case => 0,
+                            Run::Session(_) => 1,
+                            Run::Permutation(_) => 2,
+                        };
+                        place += 1;
+                        own.push(((rank, number, place), run, executed));
+                    });
                 }
                 if let Ok(mut all) = all.lock() {
                     all.extend(own);
@@ -410,6 +502,7 @@ fn reaching<'a>(
         case: cases[number],
         run,
         executed,
+        effects: None,
     };
     Some(all.into_iter().map(reaching).collect())
 }

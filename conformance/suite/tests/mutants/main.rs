@@ -8,13 +8,15 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod modules;
+mod score;
 mod sources;
 
 use common::{assert_all_pass, root};
 use modules::modules;
+use score::scores;
 use softplug_conformance::mutants::{
-    Catalogue, Hunt, KillRow, Matrix, Mutant, Place, check_all, hunt, hunt_all, id, subject,
-    unproved,
+    Catalogue, Hunt, KillRow, Matrix, Mutant, Place, Scores, check_all, hunt, hunt_all, id,
+    subject, unproved,
 };
 use softplug_conformance::{Case, Corpus, Filter, run_all};
 use std::fmt::Write as _;
@@ -85,7 +87,7 @@ fn every_mutant_is_noticed_as_the_matrix_says() {
         return;
     }
     keep(&matrix_file(), &matrix.to_toml());
-    keep(&page_file(), &matrix.to_markdown());
+    keep(&page_file(), &matrix.to_markdown(&scores()));
 }
 
 fn line(mutant: &Mutant, hunt: &Hunt) -> String {
@@ -227,7 +229,7 @@ fn a_page_keeps_its_columns_whatever_stands_in_a_text() {
         cites: false,
     };
     let matrix = Matrix { kills: vec![row], ..Matrix::default() };
-    let page = matrix.to_markdown();
+    let page = matrix.to_markdown(&Scores::default());
     let expected = "| `a.b/c` | one \\| two three | `a.b.d/uncut` † | diverged |\n";
     assert!(page.contains(expected), "{page}");
 }

@@ -22,8 +22,7 @@ impl Machine {
         self.job.block.extend(&header.0);
         if is_read {
             self.rk512.to_do = header.size();
-            self.job.stage = Stage::Ready;
-            return Ok(());
+            return self.block_ready();
         }
         match start.size {
             Some(size) => {
@@ -70,10 +69,7 @@ impl Machine {
         if self.rk512.to_do == 0 {
             return if length > LARGEST_DATA.into() { Err(BAD_LENGTH) } else { Ok(()) };
         }
-        if length == self.piece() as usize {
-            self.job.stage = Stage::Ready;
-        }
-        Ok(())
+        if length == self.piece() as usize { self.block_ready() } else { Ok(()) }
     }
 
     pub(crate) fn telegram_end(&mut self) -> Result<(), Cause> {
@@ -81,8 +77,7 @@ impl Machine {
             return Err(BAD_LENGTH);
         }
         self.set_size(u32::from(self.job.block.len()) - HEADER as u32)?;
-        self.job.stage = Stage::Ready;
-        Ok(())
+        self.block_ready()
     }
 
     pub(crate) fn is_reading(&self) -> bool {

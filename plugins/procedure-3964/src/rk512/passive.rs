@@ -7,6 +7,7 @@ use super::header::{
     SEND_DX,
 };
 use super::{HEADER, LARGEST_DATA, Rk512, SHORT_HEADER, Turn};
+use crate::frame::holds_end;
 use crate::machine::{Machine, NEVER, after};
 use softplug_plugin::{Context, Failure, Values};
 
@@ -57,7 +58,7 @@ impl Machine {
         more: bool,
     ) {
         if request == self.rk512.last_request && self.rk512.answer_until != NEVER {
-            self.rk512.answered(link, answer, more);
+            self.rk512.answered(link, answer, more, self.options.doubling);
         }
         self.settle(link);
     }
@@ -134,7 +135,13 @@ impl Rk512 {
         link.request(self.last_request, kind, Values::new(fields.as_slice()));
     }
 
-    fn answered(&mut self, link: &mut Context<'_>, answer: Result<&[u8], Failure>, more: bool) {
+    fn answered(
+        &mut self,
+        link: &mut Context<'_>,
+        answer: Result<&[u8], Failure>,
+        more: bool,
+        doubling: bool,
+    ) {
         let error = match answer {
             Ok(data) => {
                 let is_wanted = self.asked.is_read();
@@ -145,7 +152,11 @@ impl Rk512 {
                     return;
                 }
                 let is_right = length == expected;
-                if fits && is_right { 0 } else { LENGTH }
+                match fits && is_right {
+                    false => LENGTH,
+                    true if !doubling && holds_end(self.reaction.as_slice()) => IN_STOP,
+                    true => 0,
+                }
             }
             Err(failure) => error_of(failure),
         };

@@ -1,6 +1,7 @@
 //! `softplug verify`: runs a certification again and compares.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 use serde::Serialize;
@@ -89,6 +90,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     };
     let stop = stop::on_signals()?;
     let mut again = certified(&module, &corpus, &options, &stop, screen)?;
+    ended(&stop)?;
     if let Some(score) = &report.score {
         let sample = (score.tried < score.changes).then_some(score.tried);
         let asked = ScoreOptions {
@@ -98,6 +100,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
             ..ScoreOptions::default()
         };
         again.score = scored(&again, &module, &corpus, &asked, &stop, screen)?;
+        ended(&stop)?;
     }
     let differences = compare(&report, &again);
     show(&report, &again, signed.as_deref(), &differences, screen);
@@ -108,6 +111,15 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         (true, false) => Exit::Incomplete,
         (false, _) => Exit::Failed,
     })
+}
+
+/// What was ended says nothing of the report.
+fn ended(stop: &AtomicBool) -> Result<(), Failure> {
+    if stop.load(Ordering::Relaxed) {
+        let why = "ended before all was run again: whether the report is right is not known";
+        return Err(Failure::new(Exit::Incomplete, why));
+    }
+    Ok(())
 }
 
 /// The id of the key that has signed the report.

@@ -12,6 +12,10 @@ use crate::engine::{EngineError, Wasmtime};
 #[cfg(unix)]
 const LOOK: Duration = Duration::from_millis(10);
 
+/// Most bytes of a module: more than a plug-in has, as one that is made to say what it executes
+/// is larger.
+const LARGEST: usize = 8 * MODULE_BYTES;
+
 /// How much lower the priority is of a compiler in the background.
 #[cfg(unix)]
 const NICE: i32 = 5;
@@ -28,7 +32,7 @@ pub fn run() -> io::Result<()> {
     input.read_exact(&mut head)?;
     let strange = || io::Error::other("a host's request for compiling is expected here");
     let head = Head::decode(&head).ok_or_else(strange)?;
-    if head.module_bytes as usize > MODULE_BYTES {
+    if head.module_bytes as usize > LARGEST {
         return Err(strange());
     }
     let mut module = vec![0; head.module_bytes as usize];

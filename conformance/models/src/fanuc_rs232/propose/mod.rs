@@ -1,5 +1,6 @@
 //! What a control and a host could do next.
 
+mod large;
 mod programs;
 mod punching;
 mod sending;
@@ -10,6 +11,39 @@ use crate::model::{Given, HostRequest, LineInput, Model, Proposal};
 use crate::propose::{Pace, give, host, line};
 use softplug_abi::{LineErrorKind, LinkDownReason, Micros, ModemLines};
 
+/// What a session is about, drawn at its start.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(super) enum Course {
+    /// All of it, in any order.
+    Any,
+    /// So many small jobs and captures.
+    Many(u32),
+    /// A job of about so many bytes, once.
+    Job(usize),
+    /// A capture of about so many bytes, once.
+    Capture(usize),
+}
+
+impl Course {
+    pub(super) fn new(long: Option<u64>) -> Option<Self> {
+        Some(match long? % 4 {
+            0 => Self::Many(12_000),
+            1 => Self::Capture(1_500_000),
+            2 => Self::Job(1_500_000),
+            _ => Self::Many(6_000),
+        })
+    }
+
+    fn draw(dice: &mut Dice) -> Self {
+        match dice.below(240) {
+            0..=1 => Self::Job(dice.between(66_000, 140_000) as usize),
+            2..=3 => Self::Capture(120_000),
+            4..=9 => Self::Many(u32::MAX),
+            _ => Self::Any,
+        }
+    }
+}
+
 /// The next step of a random session.
 pub(super) fn next(model: &Fanuc, now: Micros, dice: &mut Dice) -> Proposal {
     let guess = Guess { model, now };
@@ -18,6 +52,19 @@ pub(super) fn next(model: &Fanuc, now: Micros, dice: &mut Dice) -> Proposal {
     }
     if model.is_down {
         return guess.while_down(dice);
+    }
+    let course = model.course.get().unwrap_or_else(|| Course::draw(dice));
+    model.course.set(Some(course));
+    match course {
+        Course::Many(count) if model.jobs >= count => model.course.set(Some(Course::Any)),
+        Course::Many(_) if !dice.one_in(40) => return guess.small(dice),
+        Course::Job(_) | Course::Capture(_) => {
+            if let Some(proposal) = guess.large(course, dice) {
+                return proposal;
+            }
+            model.course.set(Some(Course::Any));
+        }
+        Course::Many(_) | Course::Any => {}
     }
     // A capture that has begun mostly goes on.
     let punches = if model.punch.is_idle() { 25 } else { 65 };

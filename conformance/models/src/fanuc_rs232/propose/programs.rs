@@ -66,7 +66,12 @@ impl Guess<'_> {
 
     /// A block that a control punches, without its EOB.
     pub(super) fn block(&self, dice: &mut Dice) -> Vec<u8> {
-        let asked = self.model.rules.request_pattern.replace('*', &dice.below(2_000).to_string());
+        let numbers = ["00", "123456789", "4294967296", "999999999999999999", "A\x7F"];
+        let name = match dice.below(8) {
+            0 => (*dice.pick(&numbers)).to_owned(),
+            _ => dice.below(2_000).to_string(),
+        };
+        let asked = self.model.rules.request_pattern.replace('*', &name);
         match dice.below(16) {
             0 => format!("O{:04}{asked}", self.model.rules.request_program),
             1 => format!("O{}{asked}", self.model.rules.request_program),
@@ -91,12 +96,14 @@ fn number_line(dice: &mut Dice) -> Vec<u8> {
 }
 
 fn file_block(number: u32, is_odd: bool, dice: &mut Dice) -> Vec<u8> {
-    let mut block = match dice.below(10) {
+    let mut block = match dice.below(100) / 9 {
         0 => format!("/N{number}G1"),
         1 => format!("N{number:05} G0 X{}", dice.below(999)),
         2 => " N5Y1".to_owned(),
         3 => format!("N{}", dice.below(60)),
         4 => String::new(),
+        10 => "N99999M8".to_owned(),
+        11 => format!("N{}{}", "0".repeat(dice.below(6) as usize), 10 * dice.below(6)),
         5 => format!("G1X{}Y-{}.5", dice.below(999), dice.below(9)),
         6 => "(COMMENT N5)M1".to_owned(),
         7 => format!("{}{}", &LETTERS[dice.below(26) as usize..], "+-/.,&"),
@@ -104,7 +111,7 @@ fn file_block(number: u32, is_odd: bool, dice: &mut Dice) -> Vec<u8> {
     }
     .into_bytes();
     if is_odd && dice.one_in(3) {
-        let odd: [&[u8]; 15] = [
+        let odd: [&[u8]; 17] = [
             b"g1",
             b";",
             b"(50%)",
@@ -120,6 +127,8 @@ fn file_block(number: u32, is_odd: bool, dice: &mut Dice) -> Vec<u8> {
             b"~&\t\x08",
             b"((A)B)",
             b"xy",
+            b"\x80",
+            b"\xFF",
         ];
         block.extend(*dice.pick(&odd));
     }

@@ -27,6 +27,7 @@ impl Guess<'_> {
             }
             6 => return come(self.pause(dice), vec![meaning(dice)]),
             7 => return self.burst(dice),
+            8 if dice.one_in(2) => return self.in_time(dice),
             _ => {}
         }
         let bytes = if punch.is_idle() {
@@ -73,12 +74,16 @@ impl Guess<'_> {
     fn begin(&self, dice: &mut Dice) -> Vec<u8> {
         let code = self.code(dice);
         let texts: [&[u8]; 5] = [b"%\n", b"%\n", b"%\n", b"%", b"%HEAD 3\n"];
-        let text = *dice.pick(&texts);
+        let mut text = dice.pick(&texts).to_vec();
+        if dice.one_in(10) {
+            // No EOB tells the code for long.
+            text = [b"%".as_slice(), &vec![b'A'; dice.below(160) as usize]].concat();
+        }
         let mut bytes = vec![0; dice.below(4) as usize];
         if dice.one_in(8) {
             bytes.extend(b"\x1B&HE:");
         }
-        bytes.extend(self.encoded(text, code, dice));
+        bytes.extend(self.encoded(&text, code, dice));
         bytes
     }
 
@@ -127,6 +132,16 @@ impl Guess<'_> {
         }
     }
 
+    /// Something, or blank tape, as silence is nearly too long.
+    fn in_time(&self, dice: &mut Dice) -> Proposal {
+        let (punch, is_stopped) = (&self.model.punch, self.model.flow.is_stopped());
+        let Some(deadline) = punch.deadline(&self.model.rules, is_stopped) else {
+            return self.nothing(dice);
+        };
+        let byte = if dice.one_in(3) { meaning(dice) } else { 0 };
+        come((deadline - self.now).0 - dice.between(0, 2), vec![byte])
+    }
+
     /// As many characters as just reach a mark, or all room.
     fn burst(&self, dice: &mut Dice) -> Proposal {
         let known = i64::from(self.model.room.known());
@@ -144,7 +159,7 @@ impl Guess<'_> {
     }
 
     /// Text as the control punches it.
-    fn encoded(&self, text: &[u8], code: Code, dice: &mut Dice) -> Vec<u8> {
+    pub(super) fn encoded(&self, text: &[u8], code: Code, dice: &mut Dice) -> Vec<u8> {
         let rules = &self.model.rules;
         let odd_ends = dice.one_in(12);
         let mut bytes = Vec::new();

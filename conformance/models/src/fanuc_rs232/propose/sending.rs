@@ -87,7 +87,11 @@ impl Guess<'_> {
 
     fn job(&self, dice: &mut Dice) -> Proposal {
         let longest = if dice.one_in(40) { 20_000 } else { 600 };
-        let data = self.program(dice.length(longest), dice);
+        let mut data = self.program(dice.length(longest), dice);
+        if dice.one_in(60) {
+            // New numbers come to their end.
+            data = [b"%\n".to_vec(), b"N1\n".repeat(dice.between(99, 300) as usize)].concat();
+        }
         let (id, kind) = (self.model.jobs + 1, "send".to_owned());
         let fields = if dice.one_in(3) { fields(dice) } else { Vec::new() };
         host(self.pause(dice), HostRequest::Job { id, kind, fields, data })
@@ -102,9 +106,15 @@ fn fields(dice: &mut Dice) -> Vec<(String, String)> {
         0..=2 => add("from_block", number),
         3..=5 => add("from_sequence", (dice.below(6) * 10).to_string()),
         6 => add("from_sequence", number),
+        7 if dice.one_in(2) => {
+            let large = ["4294967294", "4294967295", "4294967296", "65536", "256", "30"];
+            let name: &str = *dice.pick(&["from_block", "from_sequence"]);
+            add(name, (*dice.pick(&large)).to_owned());
+        }
         _ => {}
     }
     if dice.one_in(3) {
+        let long = ["X1\n".repeat(133), "A".repeat(400), "/N5 (T)\r\n".repeat(40)];
         let preambles = [
             "T1M6",
             "T1M6\nG0Z50\n",
@@ -117,6 +127,12 @@ fn fields(dice: &mut Dice) -> Vec<(String, String)> {
             "(%)",
             "A&B",
             "",
+            "\nT1\r",
+            "\r",
+            "A\n\r",
+            long[0].as_str(),
+            long[1].as_str(),
+            long[2].as_str(),
         ];
         add("preamble", (*dice.pick(&preambles)).to_owned());
     }

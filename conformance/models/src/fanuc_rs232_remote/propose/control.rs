@@ -3,9 +3,9 @@
 use super::Guess;
 use crate::dice::Dice;
 use crate::fanuc_rs232_remote::message::compose;
-use crate::model::{Given, LineInput, Model, Proposal};
-use crate::propose::{come, give, line};
-use softplug_abi::{LineErrorKind, Micros};
+use crate::model::{Given, HostRequest, LineInput, Model, Proposal};
+use crate::propose::{come, give, host, line};
+use softplug_abi::{LineErrorKind, LinkDownReason, Micros};
 use std::collections::VecDeque;
 
 impl Guess<'_> {
@@ -17,6 +17,13 @@ impl Guess<'_> {
         let message = match dice.below(40) {
             0..=4 => return self.control_speaks(dice),
             5 | 6 => return self.nothing(dice),
+            8 if !self.model.wire.is_empty() => {
+                // As what we say leaves.
+                return host(dice.between(1, self.until_left()), HostRequest::Abort(job.id));
+            }
+            9 if self.model.dialogue.bad > 0 || self.model.dialogue.repeats > 0 => {
+                return line(self.pause(dice), LineInput::Down(LinkDownReason::Unplugged));
+            }
             7 => return self.burst(dice),
             _ if self.model.dialogue.awaits_rdy => self.usual("RDY", "SYN", dice),
             _ if job.is_paused => self.usual("GTD", "SAT", dice),
@@ -28,6 +35,20 @@ impl Guess<'_> {
             return self.in_pieces(wait, message, pieces, dice);
         }
         come(wait, message)
+    }
+
+    /// A control that does what it should, and a host that has a small job for it.
+    pub(super) fn good(&self, dice: &mut Dice) -> Proposal {
+        let wait = self.until_left() + dice.between(1, 2_000);
+        let Some(job) = &self.model.job else {
+            let (id, kind, fields) = (self.model.jobs + 1, "send".to_owned(), Vec::new());
+            return host(wait, HostRequest::Job { id, kind, fields, data: b"%\nM30\n%".to_vec() });
+        };
+        if job.is_paused {
+            return host(wait, HostRequest::Resume(job.id));
+        }
+        let command = if self.model.dialogue.awaits_rdy { "RDY" } else { "GTD" };
+        come(wait, self.on_the_line(&compose(command, b"", self.model.rules.end)))
     }
 
     /// Anything that a control could say, good or bad.
@@ -59,9 +80,10 @@ impl Guess<'_> {
     fn any(&self, dice: &mut Dice) -> Vec<u8> {
         let all = ["SYN", "RDY", "GTD", "GTD", "SAT", "RST", "ALM", "RTY", "RTY", "RTY"];
         let command = *dice.pick(&all);
+        let long = "8".repeat(dice.between(200, 300) as usize);
         let data: &[&str] = match command {
             "RTY" => &["1", "", "2", "77"],
-            "SAT" => &["", "00", "A\0\x11\n B", "0123456789"],
+            "SAT" => &["", "00", "A\0\x11\n B", "0123456789", long.as_str()],
             _ => &["", "", "", "X"],
         };
         let data = dice.pick(data).as_bytes();

@@ -48,6 +48,7 @@ fn fields(dice: &mut Dice) -> Vec<(String, String)> {
         _ => {}
     }
     if dice.one_in(3) {
+        let long = ["X1\n".repeat(133), "A".repeat(400)];
         let all: &[&str] = &[
             "T1M6",
             "T1M6\nG0Z50",
@@ -67,6 +68,10 @@ fn fields(dice: &mut Dice) -> Vec<(String, String)> {
             "ab_",
             "X\n_",
             "A\rB",
+            "\nT1\r",
+            "\r",
+            &long[0],
+            &long[1],
         ];
         field("preamble", (*dice.pick(all)).to_owned());
     }

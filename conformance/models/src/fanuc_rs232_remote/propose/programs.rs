@@ -20,6 +20,9 @@ pub(super) fn program(dice: &mut Dice) -> Vec<u8> {
         1..=5 => Kind::Odd,
         _ => Kind::Plain,
     };
+    if dice.one_in(500) {
+        return large(dice);
+    }
     let eobs: &[&[u8]] = &[b"\n", b"\n", b"\r\n", b"\r", b"\n\r", b"\n\r\r"];
     let eob = *dice.pick(eobs);
     let mut text = Vec::new();
@@ -64,6 +67,17 @@ pub(super) fn program(dice: &mut Dice) -> Vec<u8> {
         }
     }
     end(kind, eob, &mut text, dice);
+    text
+}
+
+/// Many blocks: new numbers come to their end, or lines pass 65,536.
+fn large(dice: &mut Dice) -> Vec<u8> {
+    if dice.one_in(2) {
+        return [b"%\n".to_vec(), b"N1\n".repeat(dice.between(99, 300) as usize)].concat();
+    }
+    let mut text = b"%\n".to_vec();
+    text.resize(dice.between(66_000, 70_000) as usize, b'\n');
+    text.extend(b"G1@\n%");
     text
 }
 

@@ -77,9 +77,14 @@ impl Fe {
             4 | 5 => self.idle(dice),
             6 => self.spoken(self.heads(&text::name(dice), b'E', dice), dice),
             7 => {
-                let near =
-                    [&name[..], &name[..name.len().saturating_sub(1)], &[&name[..], b"0"].concat()]
-                        .map(<[u8]>::to_vec);
+                let turned = |byte: &u8| byte ^ u8::from(byte.is_ascii_alphabetic()) << 5;
+                let near = [
+                    name.clone(),
+                    name[..name.len().saturating_sub(1)].to_vec(),
+                    [&name[..], b"0"].concat(),
+                    [&name[..], b" "].concat(),
+                    name.iter().map(turned).collect(),
+                ];
                 self.spoken(self.heads(dice.pick(&near).as_slice(), b'E', dice), dice)
             }
             8 | 9 => match job.until {

@@ -2,6 +2,7 @@
 
 mod frame;
 mod idle;
+mod plan;
 mod receiving;
 mod sending;
 
@@ -10,6 +11,7 @@ use super::out::even;
 use super::{Fe, State, text};
 use crate::dice::Dice;
 use crate::model::{Given, HostRequest, LineInput, Proposal};
+pub(super) use plan::Plan;
 use softplug_abi::{LineErrorKind, LinkDownReason, Micros};
 
 pub(super) fn propose(fe: &Fe, now: Micros, dice: &mut Dice) -> Proposal {
@@ -18,6 +20,9 @@ pub(super) fn propose(fe: &Fe, now: Micros, dice: &mut Dice) -> Proposal {
     }
     if fe.is_down {
         return after(dice.between(1, 3_000_000), line(LineInput::Up));
+    }
+    if let Some(proposal) = fe.planned(dice) {
+        return proposal;
     }
     if dice.one_in(30) {
         return fe.rare(now, dice);

@@ -157,8 +157,11 @@ impl Next<'_> {
         let mut rest = all;
         let mut wait = wait;
         let kind = self.dice.below(8);
+        // No station has place for the answers to hundreds of set-ups at once.
+        let are_many = all.iter().filter(|byte| **byte == STX).count() > 100;
+        let largest = if are_many { 200 } else { usize::MAX };
         while !rest.is_empty() {
-            let most = rest.len() as u64;
+            let most = rest.len().min(largest) as u64;
             let count = match kind {
                 0..=2 => most,
                 3 if most < 20 => 1,

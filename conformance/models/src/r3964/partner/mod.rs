@@ -2,6 +2,7 @@
 
 mod answers;
 mod blocks;
+mod habits;
 mod hosts;
 mod upper;
 
@@ -12,6 +13,7 @@ use super::frame::{DLE, ETX, NAK, STX};
 use super::state::State;
 use crate::dice::Dice;
 use crate::model::{Given, HostRequest, LineInput, Proposal};
+use habits::Habit;
 use softplug_abi::{LineErrorKind, Micros};
 use std::collections::VecDeque;
 
@@ -20,6 +22,8 @@ use std::collections::VecDeque;
 pub(crate) struct Partner {
     plan: VecDeque<Proposal>,
     mood: Option<Mood>,
+    /// The session is a long one, with this number.
+    long: Option<u64>,
 }
 
 #[derive(Copy, Clone, PartialEq, Debug)]
@@ -30,14 +34,21 @@ struct Mood {
     receptions: u64,
     /// The host keeps what is delivered.
     keeps: bool,
+    habit: Habit,
 }
 
 impl Mood {
-    fn draw(dice: &mut Dice) -> Self {
+    fn draw(station: &Station, upper: &dyn Upper, long: Option<u64>, dice: &mut Dice) -> Self {
+        let habit = match long {
+            Some(number) => Habit::filling(station, upper, number),
+            None => Habit::draw(station, upper, dice),
+        };
+        let faults = *dice.pick(&[1_000, 30, 8, 3, 2]);
         Self {
-            faults: *dice.pick(&[1_000, 30, 8, 3, 2]),
+            faults,
             receptions: *dice.pick(&[2, 2, 1, 6]),
-            keeps: dice.one_in(4),
+            keeps: dice.one_in(4) && habit == Habit::Any,
+            habit,
         }
     }
 }
@@ -111,6 +122,15 @@ pub(crate) fn length(limit: usize, longest: usize, dice: &mut Dice) -> usize {
 }
 
 impl Partner {
+    pub(crate) fn new(long: Option<u64>) -> Self {
+        Self { long, ..Self::default() }
+    }
+
+    /// Whether that with which a long session is filled goes on.
+    pub(crate) fn is_filling(&self) -> bool {
+        self.mood.is_none_or(|mood| mood.habit != Habit::Any)
+    }
+
     pub(crate) fn propose(
         &mut self,
         station: &Station,
@@ -118,7 +138,8 @@ impl Partner {
         now: Micros,
         dice: &mut Dice,
     ) -> Proposal {
-        let mood = *self.mood.get_or_insert_with(|| Mood::draw(dice));
+        let long = self.long;
+        let mood = *self.mood.get_or_insert_with(|| Mood::draw(station, upper, long, dice));
         // What happened meanwhile may change the plan.
         if dice.one_in(60) {
             self.plan.clear();
@@ -126,6 +147,7 @@ impl Partner {
         if self.plan.is_empty() {
             let mut next = Next { station, upper, now, dice, mood, plan: &mut self.plan };
             next.draw();
+            self.mood = Some(next.mood);
         }
         self.plan.pop_front().unwrap_or(nothing(1_000))
     }
@@ -143,7 +165,10 @@ struct Next<'a> {
 
 impl Next<'_> {
     fn draw(&mut self) {
-        if self.dice.one_in(40) {
+        if self.has_habit() {
+            return;
+        }
+        if self.mood.habit == Habit::Any && self.dice.one_in(40) {
             return self.host_meddles();
         }
         if let Some(proposals) = self.upper.meanwhile(self.now, self.dice) {
@@ -167,7 +192,7 @@ impl Next<'_> {
     }
 
     fn is_faulty(&mut self) -> bool {
-        self.dice.one_in(self.mood.faults)
+        self.mood.habit == Habit::Any && self.dice.one_in(self.mood.faults)
     }
 
     fn push(&mut self, proposal: Proposal) {
@@ -207,6 +232,9 @@ impl Next<'_> {
         if self.is_faulty() {
             return self.idle_garbage(wait);
         }
+        if !self.station.parameters.handshake && self.dice.one_in(60) {
+            return self.many_blocks(wait, false);
+        }
         if let Some(proposals) = self.upper.in_idle(self.now, wait, self.dice) {
             return self.plan.extend(proposals);
         }
@@ -239,6 +267,7 @@ impl Next<'_> {
                 all.extend(self.partners_block());
                 self.cut(wait, &all);
             }
+            6 if !self.station.parameters.handshake => self.many_blocks(wait, false),
             6 => self.push(bytes(wait, &[STX, STX])),
             7 => {
                 let count = 1 + self.dice.length(20);

@@ -1,9 +1,10 @@
 //! What blocks carry and a host asks for: plain data, or what a layer on top says.
 
-use super::{data, length};
+use super::{data, host, length};
 use crate::dice::Dice;
 use crate::model::{HostRequest, Proposal};
 use crate::r3964::Station;
+use crate::r3964::frame::DLE;
 use crate::r3964::room::Room;
 use crate::r3964::rules::Procedure;
 use softplug_abi::Micros;
@@ -15,6 +16,10 @@ const LONGEST: usize = 64 * 1_024;
 pub(crate) trait Upper {
     /// The next job.
     fn job(&self, station: &Station, dice: &mut Dice) -> HostRequest;
+    /// One whose blocks may be sent hundreds of times, if it is not like any other.
+    fn short_job(&self, _: &Station, _: &mut Dice) -> Option<HostRequest> {
+        None
+    }
     /// The last id of a job.
     fn last_job(&self, station: &Station) -> u32;
     /// The room for deliveries.
@@ -25,6 +30,16 @@ pub(crate) trait Upper {
     fn in_idle(&self, now: Micros, wait: i64, dice: &mut Dice) -> Option<Vec<Proposal>>;
     /// What the host does whatever the procedure is at.
     fn meanwhile(&self, now: Micros, dice: &mut Dice) -> Option<Vec<Proposal>>;
+    /// One session of so many has something very long; 0: none.
+    fn long_ones(&self, station: &Station) -> u64;
+    /// Begins it.
+    fn begin_long(&self, station: &Station, dice: &mut Dice) -> Proposal;
+    /// Whether it is under way.
+    fn is_long_under_way(&self, station: &Station) -> bool;
+    /// What it needs in idle to go on.
+    fn go_on(&self, station: &Station, dice: &mut Dice) -> Proposal;
+    /// The partner's next block in it.
+    fn good_block(&self, station: &Station, dice: &mut Dice) -> Vec<u8>;
 }
 
 /// Nothing: blocks are data.
@@ -45,6 +60,12 @@ impl Upper for Plain {
             return of_the_layer(id, dice);
         }
         HostRequest::Job { id, kind: "send".into(), fields: Vec::new(), data }
+    }
+
+    fn short_job(&self, station: &Station, dice: &mut Dice) -> Option<HostRequest> {
+        let data = data(dice.below(4) as usize, dice);
+        let id = station.jobs + 1;
+        Some(HostRequest::Job { id, kind: "send".into(), fields: Vec::new(), data })
     }
 
     fn last_job(&self, station: &Station) -> u32 {
@@ -68,6 +89,37 @@ impl Upper for Plain {
 
     fn meanwhile(&self, _: Micros, _: &mut Dice) -> Option<Vec<Proposal>> {
         None
+    }
+
+    fn long_ones(&self, station: &Station) -> u64 {
+        // About every tenth session has these settings.
+        let is_possible = station.parameters.split && station.parameters.block_size >= 1_000;
+        if is_possible { 16 } else { 0 }
+    }
+
+    fn begin_long(&self, station: &Station, dice: &mut Dice) -> Proposal {
+        let is_doubled = station.parameters.doubling && dice.one_in(2);
+        // Each DLE goes twice.
+        let (length, byte) = if is_doubled {
+            (dice.between(33_000, 70_000), DLE)
+        } else {
+            (dice.between(66_000, 140_000), dice.byte())
+        };
+        let data = vec![byte; length as usize];
+        let id = station.jobs + 1;
+        host(1, HostRequest::Job { id, kind: "send".into(), fields: Vec::new(), data })
+    }
+
+    fn is_long_under_way(&self, station: &Station) -> bool {
+        station.job.is_some()
+    }
+
+    fn go_on(&self, station: &Station, _: &mut Dice) -> Proposal {
+        host(1, HostRequest::Resume(station.jobs))
+    }
+
+    fn good_block(&self, station: &Station, dice: &mut Dice) -> Vec<u8> {
+        self.block(station, false, dice)
     }
 }
 

@@ -34,6 +34,27 @@ fn follow_up(series: &Series, dice: &mut Dice) -> Vec<u8> {
     telegram
 }
 
+/// The first part of a command that is as long as commands can be.
+pub(super) fn long(dice: &mut Dice) -> Vec<u8> {
+    let kind = *dice.pick(&[Kind::Send, Kind::Fetch]);
+    let count = *dice.pick(&[32_768, 32_769, 32_832, 32_833, 50_000, 65_535]);
+    let command = Command { kind, area: Area::Db, block: 5, offset: 1, count, flag: [0xFF, 0xFF] };
+    let mut telegram = command.first();
+    if kind == Kind::Send {
+        telegram.extend([0x11; MOST]);
+    }
+    telegram
+}
+
+/// The next part of a command.
+pub(super) fn next(series: &Series) -> Vec<u8> {
+    let mut telegram = series.command.follow_up();
+    if series.command.kind == Kind::Send {
+        telegram.extend(std::iter::repeat_n(0x11, series.part()));
+    }
+    telegram
+}
+
 fn first(dice: &mut Dice) -> Vec<u8> {
     let command = drawn(dice);
     let mut telegram = command.first();

@@ -56,6 +56,25 @@ pub(super) fn job(id: u32, dice: &mut Dice) -> HostRequest {
     HostRequest::Job { id, kind: kind.to_owned(), fields, data }
 }
 
+/// A job that is as long as jobs can be.
+pub(super) fn long(id: u32, doubling: bool, dice: &mut Dice) -> HostRequest {
+    let is_write = !dice.one_in(3);
+    // Little more than 65535 bytes, mostly.
+    let most = if dice.one_in(4) { 65_535 } else { 32_900 };
+    let words = dice.between(32_769, most);
+    let pairs = [("area", "DB".to_owned()), ("block", "5".to_owned()), ("offset", "1".to_owned())];
+    let mut fields: Vec<_> = pairs.map(|(name, value)| (name.to_owned(), value)).into();
+    let (kind, data) = if is_write {
+        // Each DLE goes twice.
+        let byte = if doubling { 0x10 } else { 0x11 };
+        ("write", vec![byte; 2 * words as usize])
+    } else {
+        fields.push(("count".to_owned(), words.to_string()));
+        ("read", Vec::new())
+    };
+    HostRequest::Job { id, kind: kind.to_owned(), fields, data }
+}
+
 fn number(most: i64, dice: &mut Dice) -> String {
     let number = match dice.below(240) {
         0 => most + 1,

@@ -9,13 +9,15 @@ use super::layer::Layer;
 use super::reactions::GOOD;
 use super::telegram::{Kind, MOST, reaction};
 use crate::dice::Dice;
-use crate::model::{HostRequest, Proposal};
+use crate::model::{HostRequest, LineInput, Proposal};
 use crate::r3964::room::Room;
-use crate::r3964::{Station, Upper, bytes, host, nothing, soon};
-use softplug_abi::Micros;
+use crate::r3964::{Station, Upper, bytes, host, line, nothing, soon};
+use softplug_abi::{LinkDownReason, Micros};
 
 /// STX of the procedure: the partner begins a block.
 const STX: u8 = 0x02;
+/// NAK: our block is refused.
+const NAK: u8 = 0x15;
 
 /// The layer, as those see it who draw what comes next.
 pub(super) struct Telegrams<'a>(pub(super) &'a Layer);
@@ -83,6 +85,13 @@ impl Upper for Telegrams<'_> {
     }
 
     fn meanwhile(&self, _: Micros, dice: &mut Dice) -> Option<Vec<Proposal>> {
+        let is_delivering = self.0.job.as_ref().is_some_and(|job| !job.fetched.is_empty());
+        if is_delivering && dice.one_in(40) {
+            return Some(vec![host(soon(dice), HostRequest::Abort(0))]);
+        }
+        if let Some(plan) = self.later_part(dice) {
+            return Some(plan);
+        }
         if let Some(request) = self.0.request.as_ref().filter(|_| dice.one_in(12)) {
             return Some(vec![host(soon(dice), hosts::answer(request, dice))]);
         }
@@ -94,9 +103,70 @@ impl Upper for Telegrams<'_> {
         let is_now = job.stage != Stage::OnLine && !job.is_paused && dice.one_in(40);
         is_now.then(|| vec![host(wait, HostRequest::Pause(job.id))])
     }
+
+    fn long_ones(&self, _: &Station) -> u64 {
+        60
+    }
+
+    fn begin_long(&self, station: &Station, dice: &mut Dice) -> Proposal {
+        if dice.one_in(3) {
+            return bytes(1, &[STX]);
+        }
+        host(1, jobs::long(self.0.jobs + 1, station.doubles(), dice))
+    }
+
+    fn is_long_under_way(&self, _: &Station) -> bool {
+        self.0.job.is_some() || self.0.series.is_some() || self.0.request.is_some()
+    }
+
+    fn go_on(&self, _: &Station, dice: &mut Dice) -> Proposal {
+        let wait = dice.between(1, 2_000);
+        match (&self.0.request, &self.0.job) {
+            (Some(request), _) => host(wait, hosts::good(request)),
+            (None, Some(job)) if job.is_paused => host(wait, HostRequest::Resume(job.id)),
+            (None, _) => bytes(wait, &[STX]),
+        }
+    }
+
+    fn good_block(&self, _: &Station, dice: &mut Dice) -> Vec<u8> {
+        match (&self.0.job, &self.0.series) {
+            (Some(job), _) => {
+                let data = if job.command.kind == Kind::Fetch { job.part() } else { 0 };
+                let mut telegram = reaction(job.front(), GOOD);
+                telegram.extend(std::iter::repeat_n(0x11, data));
+                telegram
+            }
+            (None, Some(series)) => commands::next(series),
+            (None, None) => commands::long(dice),
+        }
+    }
 }
 
 impl Telegrams<'_> {
+    /// The partner goes on with a command although the link was gone, or although it has
+    /// not acknowledged our reaction to a later part.
+    fn later_part(&self, dice: &mut Dice) -> Option<Vec<Proposal>> {
+        let (layer, station) = (self.0, &self.0.station);
+        let series = layer.series.as_ref()?;
+        let follow_up = commands::next(series);
+        let wait = soon(dice);
+        if station.awaits_acknowledgement() && series.has_left && series.done > 0 {
+            let stx = bytes(station.characters(2) + soon(dice), &[STX]);
+            let refused = bytes(wait, &[NAK]);
+            return dice.one_in(6).then(|| vec![refused, stx]);
+        }
+        if !station.is_idle() || layer.request.is_some() || !dice.one_in(20) {
+            return None;
+        }
+        let later = dice.between(1, 3_000_000);
+        Some(vec![
+            line(wait, LineInput::Down(LinkDownReason::Unplugged)),
+            line(later, LineInput::Up),
+            bytes(wait, &[STX]),
+            bytes(station.characters(2) + 1, &station.framed(&follow_up)),
+        ])
+    }
+
     /// A reaction to our command, mostly good.
     fn reaction(&self, dice: &mut Dice) -> Vec<u8> {
         let Some(job) = &self.0.job else { return reaction(0, GOOD) };

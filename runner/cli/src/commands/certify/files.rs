@@ -14,6 +14,9 @@ use crate::files::unwritable;
 pub(crate) const REPORT: &str = "conformance.json";
 /// The signed statement beside it.
 pub(crate) const ATTESTATION: &str = "attestation.json";
+const JUNIT: &str = "junit.xml";
+const PAGE: &str = "report.html";
+const BADGE: &str = "badge.json";
 /// Observed courses of failed runs.
 const FAILURES: &str = "failures";
 
@@ -32,18 +35,16 @@ impl Folder {
         Ok(Self { path: path.to_owned() })
     }
 
-    /// Writes every form of the report. What an earlier run left and this one does not
-    /// renew is taken away: it would speak of another result.
+    /// Writes every form of the report.
     pub(super) fn write(
         &self,
         report: &Report,
         observed: &[ObservedRun],
         attestation: Option<&str>,
     ) -> Result<(), Failure> {
-        self.clear()?;
-        self.put("junit.xml", &junit::write(report))?;
-        self.put("report.html", &html::write(report))?;
-        self.put("badge.json", &badge::write(report))?;
+        self.put(JUNIT, &junit::write(report))?;
+        self.put(PAGE, &html::write(report))?;
+        self.put(BADGE, &badge::write(report))?;
         for run in observed {
             self.put(&failure_file(&run.run), &run.text)?;
         }
@@ -59,11 +60,13 @@ impl Folder {
         self.path.join(name).display().to_string()
     }
 
-    fn clear(&self) -> Result<(), Failure> {
+    /// Takes away what an earlier run left: whatever happens now, it would speak of another
+    /// result.
+    pub(super) fn clear(&self) -> Result<(), Failure> {
         if !self.path.join(REPORT).is_file() {
             return Ok(());
         }
-        for name in [REPORT, ATTESTATION] {
+        for name in [BADGE, ATTESTATION, JUNIT, PAGE, REPORT] {
             let path = self.path.join(name);
             match fs::remove_file(&path) {
                 Err(error) if error.kind() != io::ErrorKind::NotFound => {

@@ -6,7 +6,7 @@ pub(super) mod score;
 mod show;
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -120,7 +120,11 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         threads,
         ..profile
     };
+    if let Some(folder) = &folder {
+        folder.clear()?;
+    }
     let mut report = certified(&module, &corpus, &options, &stop, screen)?;
+    let mut is_scored = true;
     if let Some(sample) = arguments.score {
         let asked = ScoreOptions {
             sample: sample.count(),
@@ -129,6 +133,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
             ..ScoreOptions::default()
         };
         report.score = score::scored(&report, &module, &corpus, &asked, &stop, screen)?;
+        is_scored = report.score.is_some() || !stop.load(Ordering::Relaxed);
     }
     if let Some(folder) = &folder {
         let attestation = key.as_ref().map(|key| sign(&report, key)).transpose()?;
@@ -143,7 +148,10 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     }
     show::report(&report, &arguments.plugin, folder.as_ref(), screen);
     screen.document(&report);
-    Ok(exit(report.verdict))
+    Ok(match exit(report.verdict) {
+        Exit::Done if !is_scored => Exit::Incomplete,
+        exit => exit,
+    })
 }
 
 /// Runs the certification with a progress bar. `stop` ends it, and the report says so.

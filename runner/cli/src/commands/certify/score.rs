@@ -40,7 +40,8 @@ impl FromStr for Sample {
     }
 }
 
-/// The score of a plug-in that is conformant; no other can have one.
+/// The score of a plug-in that is conformant; no other can have one, and none is there where it
+/// was ended.
 pub(in crate::commands) fn scored(
     report: &Report,
     module: &[u8],
@@ -65,7 +66,10 @@ pub(in crate::commands) fn scored(
     bar.finish_and_clear();
     match scored {
         Ok(score) => Ok(Some(score)),
-        Err(error @ ScoreError::Stopped) => Err(Failure::new(Exit::Incomplete, error)),
+        Err(error @ ScoreError::Stopped) => {
+            screen.note(format_args!("there is no score: {error}"));
+            Ok(None)
+        }
         Err(error) => Err(Failure::new(Exit::PlugIn, error)),
     }
 }

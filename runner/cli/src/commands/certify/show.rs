@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use softplug_report::{Coverage, Executed, Noticed, Report, Score, VerdictKind, explain};
+use softplug_report::{Coverage, Executed, Noticed, Report, Score, Shown, VerdictKind, explain};
 
 use super::files::{Folder, REPORT, failure_file};
 use crate::numbers::{count, things};
@@ -104,7 +104,8 @@ fn executed(coverage: &Coverage) -> String {
     );
     for place in coverage.places.iter().take(PLACES) {
         let name = place.name.clone().unwrap_or_else(|| format!("function {}", place.function));
-        let _ = write!(text, "\n           byte {}, in {name}: {}", place.at, place.what);
+        let source = place.source.as_ref().map(|source| format!(" ({source})")).unwrap_or_default();
+        let _ = write!(text, "\n           byte {}, in {name}{source}: {}", place.at, place.what);
     }
     if coverage.places.len() > PLACES {
         let _ = write!(text, "\n           and {} more", coverage.places.len() - PLACES);
@@ -123,15 +124,15 @@ fn text_of(score: &Score) -> String {
     let by = by.iter().filter(|(many, _)| *many > 0);
     let by: Vec<_> =
         by.map(|(many, what)| format!("{} by {what}", count((*many).into()))).collect();
-    let dead = score.survivors.len() as u64 - score.missed();
     format!(
-        "{}.{} % of {} changes of the module are noticed: {}; {} are not; {} more stand where nothing is \
-         executed",
+        "{}.{} % of {} changes of the module that show outside are noticed: {}; {} are not; {} more do in \
+         every run what the module does, {} stand where nothing is executed",
         score.share() / 10,
         score.share() % 10,
-        count(score.noticed.all() + score.missed()),
+        count(score.told()),
         by.join(", "),
-        count(score.missed()),
-        count(dead)
+        count(score.survived(Shown::Different)),
+        count(score.survived(Shown::Same)),
+        count(score.survived(Shown::NotExecuted)),
     )
 }

@@ -1,6 +1,5 @@
 //! `softplug trace case`: a case from a record.
 
-use std::io::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -102,10 +101,8 @@ pub(super) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     // The id, and whatever has become longer.
     Trace::parse(&text).map_err(|error| Failure::usage(error.kind))?;
     debug_assert!(text.len() <= limits::FILE_BYTES, "it was read");
-    let mut partial = Partial::create(&arguments.out, arguments.force)?;
-    let written = partial.file.write_all(text.as_bytes());
-    written.map_err(|error| files::unwritable(&arguments.out, &error))?;
-    let file = partial.complete()?.display().to_string();
+    let partial = Partial::create(&arguments.out, arguments.force)?;
+    let file = partial.write(text.as_bytes())?.display().to_string();
     screen.say(&file);
     let standing = became.sentence;
     if became.is_case {

@@ -1,6 +1,5 @@
 //! `softplug trace export`: a trace for another tool.
 
-use std::io::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -57,12 +56,8 @@ pub(super) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let case = Case::new(&arguments.trace, trace);
     let exported = exchange::export(&case.trace, arguments.format, &case.files())
         .map_err(|error| Failure::usage(format_args!("{name}: {error}")))?;
-    let mut partial = Partial::create(&arguments.out, arguments.force)?;
-    partial
-        .file
-        .write_all(&exported.bytes)
-        .map_err(|error| files::unwritable(&arguments.out, &error))?;
-    let file = partial.complete()?.display().to_string();
+    let partial = Partial::create(&arguments.out, arguments.force)?;
+    let file = partial.write(&exported.bytes)?.display().to_string();
     let bytes = exported.bytes.len();
     let notes = tell(&exported.notes, screen);
     screen.say(format_args!("{file}: {bytes} bytes"));

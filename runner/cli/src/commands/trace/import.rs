@@ -1,7 +1,7 @@
 //! `softplug trace import`: a trace from the file of another tool.
 
 use std::fs::File;
-use std::io::{Read as _, Write as _};
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -126,12 +126,8 @@ pub(super) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     }
 
     let trace = imported.trace;
-    let mut partial = Partial::create(&arguments.out, arguments.force)?;
-    partial
-        .file
-        .write_all(trace.format().as_bytes())
-        .map_err(|error| files::unwritable(&arguments.out, &error))?;
-    let file = partial.complete()?.display().to_string();
+    let partial = Partial::create(&arguments.out, arguments.force)?;
+    let file = partial.write(trace.format().as_bytes())?.display().to_string();
     let notes = tell(&imported.notes, screen);
     if arguments.clauses.is_empty() {
         let clause = &trace.front.clauses[0];

@@ -1,0 +1,131 @@
+//! Sessions that are about one thing: large, or often.
+
+use super::super::frame::{ACK, DC1, EOT, ETX, STX};
+use super::super::send::Stage;
+use super::super::{Fe, State, text};
+use super::{after, host};
+use crate::dice::Dice;
+use crate::model::{Given, HostRequest, Proposal};
+
+/// What a session is about.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(in super::super) enum Plan {
+    /// Nothing has been proposed yet.
+    Open,
+    /// All that a line brings.
+    Usual,
+    /// One job of so many long lines, at first.
+    LargeJob(usize),
+    /// One job of so many short lines, at first.
+    ManyBlocks(usize),
+    /// The job with this id.
+    Sends(u32),
+    /// So many requests on one link.
+    ManyRequests(u32),
+    /// So many deliveries on one link.
+    ManyDeliveries(u32),
+}
+
+impl Plan {
+    pub(in super::super) fn new(long: Option<u64>) -> Self {
+        match long.map(|number| number % 4) {
+            None => Self::Open,
+            Some(0) => Self::ManyDeliveries(30_000),
+            Some(1) => Self::ManyBlocks(20_000),
+            Some(2) => Self::ManyRequests(20_000),
+            Some(_) => Self::LargeJob(8_000),
+        }
+    }
+
+    /// Whatever counts in a byte or two comes to its end.
+    fn draw(dice: &mut Dice) -> Self {
+        match dice.below(120) {
+            0..=2 => Self::LargeJob(dice.between(276, 400) as usize),
+            3..=5 => Self::ManyBlocks(dice.between(256, 300) as usize),
+            6..=8 => Self::ManyRequests(300),
+            9..=11 => Self::ManyDeliveries(300),
+            _ => Self::Usual,
+        }
+    }
+}
+
+impl Fe {
+    /// What the session is about; `None`: nothing in particular, any more, or
+    /// something else has to end first.
+    pub(super) fn planned(&self, dice: &mut Dice) -> Option<Proposal> {
+        if self.plan.get() == Plan::Open {
+            self.plan.set(Plan::draw(dice));
+        }
+        if self.plan.get() == Plan::Usual || self.frame.is_some() {
+            return None;
+        }
+        if self.is_held {
+            return Some(after(1_000, self.says(&[DC1])));
+        }
+        let is_idle = matches!(self.state, State::Idle);
+        match self.plan.get() {
+            Plan::LargeJob(lines) if is_idle && self.job.is_none() => {
+                let program = text::large_program(self.rules.longest(), lines, dice);
+                Some(self.begins_with(program))
+            }
+            Plan::ManyBlocks(count) if is_idle && self.job.is_none() => {
+                Some(self.begins_with(b"X\n".repeat(count)))
+            }
+            Plan::Sends(job) if self.job.as_ref().is_some_and(|own| own.id == job) => {
+                self.sends_on(job, dice)
+            }
+            Plan::ManyRequests(count)
+                if is_idle && self.job.is_none() && self.requests < count => {
+                let header = self.heads(b"15", b'E', dice);
+                Some(after(1_000, self.says(&header)))
+            }
+            Plan::ManyRequests(_) if matches!(self.state, State::Asking { .. }) => {
+                Some(after(1_000, self.says(&[EOT])))
+            }
+            Plan::ManyDeliveries(count) if is_idle && self.deliveries < count => {
+                let header = self.heads(b"15", b'A', dice);
+                Some(after(1_000, self.says(&header)))
+            }
+            Plan::ManyDeliveries(_) if matches!(&self.state, State::Receiving(reception) if reception.waiting.is_none()) =>
+            {
+                let all = [self.whole(STX, b"X"), vec![ETX, EOT]].concat();
+                Some(after(1_000, self.says(if dice.one_in(4) { &[ETX, EOT] } else { &all })))
+            }
+            _ => {
+                self.plan.set(Plan::Usual);
+                None
+            }
+        }
+    }
+
+    fn begins_with(&self, data: Vec<u8>) -> Proposal {
+        let id = self.jobs + 1;
+        self.plan.set(Plan::Sends(id));
+        let job = HostRequest::Job { id, kind: "send".to_owned(), fields: Vec::new(), data };
+        after(1_000, host(job))
+    }
+
+    /// The control asks for the job and acknowledges each block.
+    fn sends_on(&self, job: u32, dice: &mut Dice) -> Option<Proposal> {
+        let pace = dice.between(1, 2_000);
+        Some(match &self.state {
+            State::Idle => {
+                let header = self.heads(b"15", b'E', dice);
+                after(pace, self.says(&header))
+            }
+            State::Sending(sending) => match sending.stage {
+                Stage::Leaving(place) => {
+                    let wait = self.characters(self.out.remaining(place) as usize);
+                    after(wait + pace, self.says(&[ACK]))
+                }
+                Stage::Answer { .. } => after(pace, self.says(&[ACK])),
+                Stage::Paused => after(pace, host(HostRequest::Resume(job))),
+                Stage::Ending(place) => {
+                    let wait = self.characters(self.out.remaining(place) as usize);
+                    after(wait + pace, Given::Nothing)
+                }
+            },
+            State::Receiving(_) | State::Asking { .. } | State::Granted { .. } => return None,
+        })
+    }
+}
