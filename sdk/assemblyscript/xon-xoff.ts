@@ -92,11 +92,23 @@ const enum Control {
     return SETTINGS + <usize>which * SETTING_SIZE + 4;
 }
 
-function contains(which: i32, byte: u8): bool {
+// Bytes that are dropped, a bit each: to look for each byte in a list takes too long.
+// @ts-ignore: decorator
+@inline const SEND_DROPS: usize = memory.data(32);
+// @ts-ignore: decorator
+@inline const RECEIVE_DROPS: usize = memory.data(32);
+
+function makeSet(set: usize, which: i32): void {
+    memory.fill(set, 0, 32);
     for (let i: u32 = 0; i < lengthOf(which); i++) {
-        if (load<u8>(bytesOf(which) + i) == byte) return true;
+        const byte = load<u8>(bytesOf(which) + i);
+        store<u8>(set + (byte >> 3), load<u8>(set + (byte >> 3)) | (<u8>1 << (byte & 7)));
     }
-    return false;
+}
+
+// @ts-ignore: decorator
+@inline function contains(set: usize, byte: u8): bool {
+    return ((load<u8>(set + (byte >> 3)) >> (byte & 7)) & 1) != 0;
 }
 
 // ---- what is kept between two events; all of it is saved and restored ----
@@ -361,7 +373,7 @@ function jobBegin(): void {
 
 /** What becomes of a byte of a program. */
 function fate(byte: u8): i32 {
-    if (contains(Setting.SendDrop, byte)) return Control.Drop;
+    if (contains(SEND_DROPS, byte)) return Control.Drop;
     if (number(Setting.Transparent) || control(byte) == Setting.Count) return Control.Send;
     return number(Setting.ControlInData);
 }
@@ -528,7 +540,7 @@ function receive(at: usize): void {
         s.escaped = false;
     }
     lookForEnd(load<u8>(at));
-    if (contains(Setting.ReceiveDrop, load<u8>(at))) return;
+    if (contains(RECEIVE_DROPS, load<u8>(at))) return;
     const count = mapLine(STATE + offsetof<State>("receiveLines"), number(Setting.ReceiveLineEnd), at);
     deliver(mapped, count);
 }
@@ -650,6 +662,8 @@ function nameState(): void {
 function takeSettings(length: u32): i32 {
     const refusal = link.takeSettings(SETTINGS, TYPES, Setting.Count, length);
     if (refusal < 0 || !(load<u8>(INPUT) & 2)) return refusal;
+    makeSet(SEND_DROPS, Setting.SendDrop);
+    makeSet(RECEIVE_DROPS, Setting.ReceiveDrop);
     if (control(byteOf(Setting.Xon)) == control(byteOf(Setting.Xoff))) return Refusal.Settings;
     if (!number(Setting.Transparent)) return 0;
     // The escape must be no control byte, and no escaped byte may be one.

@@ -180,6 +180,8 @@ pub(crate) struct Partial {
     pub(crate) file: File,
     pub(crate) path: PathBuf,
     out: PathBuf,
+    /// What `out` links to, or itself.
+    target: PathBuf,
     force: bool,
 }
 
@@ -216,8 +218,11 @@ impl Partial {
     pub(crate) fn create(out: &Path, force: bool) -> Result<Self, Failure> {
         Self::check(out, force)?;
         // Through a link, so that the link stays one.
-        let out = &out.canonicalize().unwrap_or_else(|_| out.to_owned());
-        let path = partial_path(out);
+        let target = match out.canonicalize() {
+            Ok(target) if out.is_symlink() => target,
+            _ => out.to_owned(),
+        };
+        let path = partial_path(&target);
         let mut options = OpenOptions::new();
         options.write(true);
         if force {
@@ -229,7 +234,7 @@ impl Partial {
             io::ErrorKind::AlreadyExists => left_behind(&path),
             _ => unwritable(&path, &error),
         })?;
-        Ok(Self { file, path, out: out.to_owned(), force })
+        Ok(Self { file, path, out: out.to_owned(), target, force })
     }
 
     /// Writes all that there is and gives it its name; where that fails nothing is left.
@@ -246,11 +251,11 @@ impl Partial {
         let named = (|| {
             self.file.sync_all()?;
             if self.force {
-                fs::rename(&self.path, &self.out)?;
+                fs::rename(&self.path, &self.target)?;
             } else {
-                rename_to_new(&self.path, &self.out)?;
+                rename_to_new(&self.path, &self.target)?;
             }
-            sync_folder(folder_of(&self.out))
+            sync_folder(folder_of(&self.target))
         })();
         named.map_err(|error| {
             Failure::usage(format_args!(
