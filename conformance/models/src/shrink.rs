@@ -6,19 +6,22 @@ use softplug_abi::Micros;
 
 /// Runs that are tried at most.
 const RUNS: usize = 600;
+/// Steps and effects of all of them, at most: a long session is not made as short as can be.
+const WORK: usize = 4_000_000;
 
 /// Leaves out as many steps as it can, then bytes, as long as the session fails in
 /// the same way.
 pub(crate) fn shrink(ran: Ran, mut run: impl FnMut(&[(Micros, Step)], Micros) -> Ran) -> Ran {
     let Some(finding) = ran.finding.clone() else { return ran };
     let mut best = ran;
-    let mut left = RUNS;
+    let (mut left, mut work) = (RUNS, 0);
     let mut try_steps = |steps: &[(Micros, Step)], best: &mut Ran| {
-        if left == 0 {
+        if left == 0 || work > WORK {
             return false;
         }
         left -= 1;
         let ran = run(steps, best.end);
+        work += ran.steps.len() + ran.effects.len();
         let fails = ran.finding.as_ref().is_some_and(|other| other.is_like(&finding));
         if fails {
             *best = ran;

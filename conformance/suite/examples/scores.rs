@@ -1,5 +1,5 @@
 //! Scores the modules of the reference plug-ins and keeps what came of it:
-//! `cargo run --release -p softplug-conformance --example scores -- PLUGINS FILE [FILTER]`.
+//! `cargo run --release -p softplug-conformance --example scores -- PLUGINS FILE SAMPLE SESSIONS [FILTER]`.
 //! Each score, with all its survivors, goes to standard output as a line of JSON.
 
 use softplug_conformance::Corpus;
@@ -13,8 +13,13 @@ use std::sync::atomic::AtomicBool;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [plugins, file, filter @ ..] = arguments.as_slice() else {
-        return Err("PLUGINS FILE [FILTER] are wanted".into());
+    let [plugins, file, sample, sessions, filter @ ..] = arguments.as_slice() else {
+        return Err("PLUGINS FILE SAMPLE SESSIONS [FILTER] are wanted".into());
+    };
+    let options = ScoreOptions {
+        sample: Some(sample.parse()?),
+        sessions: sessions.parse()?,
+        ..ScoreOptions::default()
     };
     let file = Path::new(file);
     let mut scores = match fs::read_to_string(file) {
@@ -34,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             }
         };
         let never = AtomicBool::new(false);
-        let scored = score(&module, &corpus, &ScoreOptions::default(), &tell, &never)?;
+        let scored = score(&module, &corpus, &options, &tell, &never)?;
         println!("{}", serde_json::to_string(&(name, &scored))?);
         scores.put(name, &scored);
         // What is known is kept, whatever becomes of the next.

@@ -8,6 +8,9 @@ use crate::{Error, plugins};
 
 /// Changes of a plug-in that are tried where it shall be quick.
 const SAMPLE: &str = "60";
+/// Where it may take an hour, and the sessions that are run against each: as many as for a verdict.
+const LONG_SAMPLE: &str = "300";
+const LONG_SESSIONS: &str = "2000";
 
 /// Scores each plug-in whose name contains the filter, by the profiles that it claims.
 pub(crate) fn run(
@@ -43,7 +46,8 @@ fn write(workspace: &Workspace, filter: Option<&str>) -> Command {
     let mut command = cargo();
     command.current_dir(workspace.root()).args(["run", "--release", "--quiet"]);
     command.args(["-p", super::PACKAGE, "--example", "scores", "--"]);
-    command.arg(workspace.plugin_folder()).arg("fixtures/scores.toml");
+    command.arg(workspace.plugin_folder());
+    command.args(["fixtures/scores.toml", LONG_SAMPLE, LONG_SESSIONS]);
     command.arg(filter.unwrap_or_default());
     command
 }
