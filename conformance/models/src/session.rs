@@ -93,7 +93,10 @@ impl Session {
             line: *dice.pick(profile.lines),
             depth: *dice.pick(&[1, 1, 1, 2, 16]),
             transmit_room: *dice.pick(&[4_096, 4_096, 4_096, 64, 257, 16_384, 65_535]),
-            delivery_room: *dice.pick(&[4_096, 4_096, 4_096, 300, 1_000, 16_384, 65_535]),
+            delivery_room: match dice.below(8) {
+                0 => dice.between(64, 3_000) as u32,
+                _ => *dice.pick(&[4_096, 4_096, 4_096, 300, 1_000, 16_384, 65_535]),
+            },
             modem_lines: *dice.pick(profile.modem_lines),
             settings: Settings::new(manifest, &values),
             clock: clock(&mut dice),
@@ -138,9 +141,14 @@ impl Session {
         self.drive(manifest, make, |drive| {
             let open = Step::Given(Given::Host(HostRequest::Open));
             drive.step(Micros::ZERO, open)?;
-            let mut done = 0;
-            while done < steps || is_long && done < STEPS && drive.model.is_filled() {
-                done += 1;
+            let (mut done, mut filled) = (0, 0);
+            while done < steps {
+                // What is usual comes behind what fills a long one.
+                if is_long && filled < STEPS && drive.model.is_filled() {
+                    filled += 1;
+                } else {
+                    done += 1;
+                }
                 let proposal = drive.model.propose(drive.now, &mut dice);
                 let deadline = drive.model.next();
                 let (wait, step) = noise.disturb(proposal, drive.now, deadline, &mut dice);
