@@ -72,7 +72,9 @@ impl Session {
         let known = |name: &str| manifest.settings.iter().any(|own| own.name == name);
         let tried: Vec<_> = profile.values.iter().filter(|(name, _)| known(name)).collect();
         let counts: Vec<usize> = tried.iter().map(|(_, values)| values.len()).collect();
-        let places = row(&counts, seed, number);
+        // Every other row has mostly what is usual, as what is long has, too.
+        let is_plain = matches!(Filling::of(number), Filling::Long(long) if long % 4 != 0);
+        let places = row(&counts, seed, if is_plain { number & !1 } else { number });
         let mut asked: Vec<(String, String)> = tried
             .iter()
             .zip(places)
