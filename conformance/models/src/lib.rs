@@ -44,6 +44,7 @@ mod room;
 mod session;
 mod settings;
 mod shrink;
+mod words;
 mod xon_xoff;
 
 pub use dice::Dice;

@@ -4,6 +4,7 @@ use crate::dice::Dice;
 use crate::drive::Step;
 use crate::model::{Given, HostRequest, LineInput, Proposal};
 use softplug_abi::{LineErrorKind, LinkDownReason, Micros};
+use std::collections::VecDeque;
 
 /// How much of it there is in a session.
 #[derive(Clone, Debug)]
@@ -12,11 +13,15 @@ pub(crate) struct Noise {
     rate: u64,
     /// The plug-in is swapped at one step in so many; 0: never.
     swaps: u64,
+    /// The link goes at one step in so many and comes back; 0: never.
+    pub(crate) cycles: u64,
     special: &'static [u8],
     /// The last job that was begun, or the first that will be.
     job: u32,
-    /// Comes before what the model proposes next.
-    next: Option<Proposal>,
+    /// Come before what the model proposes next.
+    next: VecDeque<Proposal>,
+    /// The next swap is at the instant of what was given last, and so is what follows it.
+    swaps_now: bool,
 }
 
 impl Noise {
@@ -24,7 +29,8 @@ impl Noise {
     pub(crate) fn draw(dice: &mut Dice, special: &'static [u8], is_long: bool) -> Self {
         let rate = *dice.pick(if is_long { &[0, 0, 2_000] } else { &[0, 0, 50, 20, 6] });
         let swaps = *dice.pick(if is_long { &[0, 500] } else { &[0, 3, 17] });
-        Self { rate, swaps, special, job: 1, next: None }
+        let cycles = if !is_long && dice.one_in(40) { 4 } else { 0 };
+        Self { rate, swaps, cycles, special, job: 1, next: VecDeque::new(), swaps_now: false }
     }
 
     /// What is really given: what was proposed, or something else. `deadline` is
@@ -36,13 +42,33 @@ impl Noise {
         deadline: Option<Micros>,
         dice: &mut Dice,
     ) -> (Micros, Step) {
-        let mut proposal = self.next.take().unwrap_or(proposal);
+        if std::mem::take(&mut self.swaps_now) {
+            return (Micros::ZERO, Step::Swap);
+        }
+        let is_rest = self.next.front().is_some_and(|next| next.wait == Micros::ZERO);
+        let mut proposal = self.next.pop_front().unwrap_or(proposal);
+        if is_rest {
+            return (Micros::ZERO, Step::Given(proposal.given));
+        }
         if let Given::Host(HostRequest::Job { id, .. }) = &proposal.given {
             self.job = *id;
         }
         if self.swaps > 0 && dice.one_in(self.swaps) {
-            self.next = Some(proposal);
+            if let Given::Line(LineInput::Bytes(bytes)) = &mut proposal.given
+                && bytes.len() > 1
+                && dice.one_in(2)
+            {
+                let rest = bytes.split_off(dice.between(1, bytes.len() as i64 - 1) as usize);
+                let given = Given::Line(LineInput::Bytes(rest));
+                self.next.push_front(Proposal { wait: Micros::ZERO, given });
+                self.swaps_now = true;
+                return (proposal.wait.max(Micros(1)), Step::Given(proposal.given));
+            }
+            self.next.push_front(proposal);
             return (Micros(1), Step::Swap);
+        }
+        if self.cycles > 0 && dice.one_in(self.cycles) {
+            return self.cycle(proposal, dice);
         }
         if self.rate > 0 && dice.one_in(self.rate) {
             proposal = self.disturbed(proposal, dice);
@@ -53,6 +79,20 @@ impl Noise {
             proposal.wait = Micros(wait);
         }
         (proposal.wait.max(Micros(1)), Step::Given(proposal.given))
+    }
+
+    /// Something is said, the link goes, and it comes back.
+    fn cycle(&mut self, proposal: Proposal, dice: &mut Dice) -> (Micros, Step) {
+        let ends: [(Given, Given); 2] = [
+            (Given::Line(LineInput::Down(LinkDownReason::Unplugged)), Given::Line(LineInput::Up)),
+            (Given::Host(HostRequest::Close), Given::Host(HostRequest::Open)),
+        ];
+        let (goes, comes) = ends[usize::from(dice.one_in(4))].clone();
+        let mut soon = |given| Proposal { wait: Micros(dice.between(1, 5_000)), given };
+        let steps = [soon(goes), soon(comes), proposal];
+        steps.into_iter().rev().for_each(|step| self.next.push_front(step));
+        let said = Given::Line(LineInput::Bytes(vec![*dice.pick(self.special)]));
+        (Micros(dice.between(1, 20_000)), Step::Given(said))
     }
 
     fn disturbed(&mut self, proposal: Proposal, dice: &mut Dice) -> Proposal {
@@ -67,12 +107,12 @@ impl Noise {
         let given = self.intrusion(dice);
         if given == Given::Line(LineInput::Down(LinkDownReason::Unplugged)) {
             let wait = Micros(dice.between(1, 5_000_000));
-            self.next = Some(Proposal { wait, given: Given::Line(LineInput::Up) });
+            self.next.push_front(Proposal { wait, given: Given::Line(LineInput::Up) });
         } else if given == Given::Host(HostRequest::Close) {
             let wait = Micros(dice.between(1, 5_000_000));
-            self.next = Some(Proposal { wait, given: Given::Host(HostRequest::Open) });
+            self.next.push_front(Proposal { wait, given: Given::Host(HostRequest::Open) });
         } else {
-            self.next = Some(proposal);
+            self.next.push_front(proposal);
         }
         Proposal { wait, given }
     }

@@ -17,6 +17,11 @@ const TAIL: Micros = Micros::from_secs(30);
 const LONG: u64 = 149;
 /// Most steps of a long one.
 const STEPS: usize = 200_000;
+/// Of so many long ones the last is long by steps: all that a line brings, and the link
+/// goes and comes back again and again.
+const KINDS: u64 = 5;
+/// Steps of that one.
+const STEPS_OF_CYCLES: usize = 20_000;
 
 /// A session: its settings and line, and the chance by which the rest is drawn.
 ///
@@ -33,6 +38,28 @@ pub struct Session {
     number: u64,
 }
 
+/// What a session is filled with.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+enum Filling {
+    /// Some steps of everything.
+    Usual,
+    /// One thing, large or often; its number among these.
+    Long(u64),
+    /// The link goes and comes back.
+    Cycles,
+}
+
+impl Filling {
+    fn of(number: u64) -> Self {
+        let long = number / LONG;
+        match (number % LONG == LONG - 1, long % KINDS) {
+            (false, _) => Self::Usual,
+            (true, kind) if kind == KINDS - 1 => Self::Cycles,
+            (true, kind) => Self::Long(long / KINDS * (KINDS - 1) + kind),
+        }
+    }
+}
+
 impl Session {
     /// The session with this number. `None` where the plug-in or the profile refuses
     /// the settings that were drawn.
@@ -45,31 +72,42 @@ impl Session {
         let known = |name: &str| manifest.settings.iter().any(|own| own.name == name);
         let tried: Vec<_> = profile.values.iter().filter(|(name, _)| known(name)).collect();
         let counts: Vec<usize> = tried.iter().map(|(_, values)| values.len()).collect();
-        let places = row(&counts, seed, number);
-        let asked: Vec<(String, String)> = tried
+        // Every other row has mostly what is usual, as what is long has, too.
+        let is_plain = matches!(Filling::of(number), Filling::Long(long) if long % 4 != 0);
+        let places = row(&counts, seed, if is_plain { number & !1 } else { number });
+        let mut asked: Vec<(String, String)> = tried
             .iter()
             .zip(places)
             .map(|((name, values), place)| ((*name).to_owned(), values[place].to_owned()))
             .collect();
+        if number % 2 == 1 {
+            round_numbers(manifest, &mut asked, &mut Dice::new(seed, "numbers", number));
+        }
         let named = asked.iter().map(|(name, value)| (name.as_str(), value.as_str()));
         let values = manifest.resolve_settings(named).ok()?;
 
         let mut dice = Dice::new(seed, profile.name, number).fork();
-        let is_long = number % LONG == LONG - 1;
+        let long = match Filling::of(number) {
+            Filling::Long(long) => Some(long),
+            Filling::Usual | Filling::Cycles => None,
+        };
         let mut conditions = Conditions {
             line: *dice.pick(profile.lines),
             depth: *dice.pick(&[1, 1, 1, 2, 16]),
             transmit_room: *dice.pick(&[4_096, 4_096, 4_096, 64, 257, 16_384, 65_535]),
-            delivery_room: *dice.pick(&[4_096, 4_096, 4_096, 300, 1_000, 16_384, 65_535]),
+            delivery_room: match dice.below(8) {
+                0 => dice.between(64, 3_000) as u32,
+                _ => *dice.pick(&[4_096, 4_096, 4_096, 300, 1_000, 16_384, 65_535]),
+            },
             modem_lines: *dice.pick(profile.modem_lines),
             settings: Settings::new(manifest, &values),
             clock: clock(&mut dice),
             pieces: *dice.pick(&[usize::MAX, usize::MAX, usize::MAX, 64, 17, 1]),
             has_sizes: !dice.one_in(12),
             job_base: job_base(&mut dice),
-            long: is_long.then_some(number / LONG),
+            long,
         };
-        if is_long {
+        if long.is_some() {
             // Small pieces would only make it slow.
             (conditions.transmit_room, conditions.pieces) = (4_096, usize::MAX);
         }
@@ -94,15 +132,25 @@ impl Session {
         make: &mut dyn FnMut() -> Result<I, String>,
     ) -> Ran {
         let mut dice = Dice::new(self.seed, self.profile.name, self.number);
-        let is_long = self.conditions.long.is_some();
+        let filling = Filling::of(self.number);
+        let is_long = matches!(filling, Filling::Long(_));
         let mut noise = Noise::draw(&mut dice, self.profile.special, is_long);
-        let steps = *dice.pick(&[20, 60, 60, 200, 200, 1_000]);
+        let mut steps = *dice.pick(&[20, 60, 60, 200, 200, 1_000]);
+        if filling == Filling::Cycles {
+            steps = STEPS_OF_CYCLES;
+            noise.cycles = 4;
+        }
         self.drive(manifest, make, |drive| {
             let open = Step::Given(Given::Host(HostRequest::Open));
             drive.step(Micros::ZERO, open)?;
-            let mut done = 0;
-            while done < steps || is_long && done < STEPS && drive.model.is_filled() {
-                done += 1;
+            let (mut done, mut filled) = (0, 0);
+            while done < steps {
+                // What is usual comes behind what fills a long one.
+                if is_long && filled < STEPS && drive.model.is_filled() {
+                    filled += 1;
+                } else {
+                    done += 1;
+                }
                 let proposal = drive.model.propose(drive.now, &mut dice);
                 let deadline = drive.model.next();
                 let (wait, step) = noise.disturb(proposal, drive.now, deadline, &mut dice);
@@ -173,7 +221,24 @@ fn job_base(dice: &mut Dice) -> u32 {
     }
 }
 
-/// Mostly 0; else shortly before it passes 2³¹ µs or 2³² µs, or hours, days or years later.
+/// Numbers that people set: small ones, round ones, and such that fill a byte or two.
+fn round_numbers(manifest: &Manifest, asked: &mut [(String, String)], dice: &mut Dice) {
+    for (name, value) in asked {
+        let setting = manifest.settings.iter().find(|own| own.name == *name);
+        let Some((min, max)) = setting.and_then(|own| Some((own.min?, own.max?))) else { continue };
+        if dice.one_in(6) {
+            let number = match dice.below(4) {
+                0 => dice.between(1, 16),
+                1 => (1 << dice.between(1, 24)) + dice.between(-1, 1),
+                _ => dice.between(1, 99) * 10_i64.pow(dice.below(6) as u32),
+            };
+            *value = number.clamp(min, max).to_string();
+        }
+    }
+}
+
+/// Often 0; else any time of some hours, shortly before it passes 2³¹ µs or 2³² µs, or hours,
+/// days or years later.
 fn clock(dice: &mut Dice) -> Micros {
     const HOUR: i64 = Micros::from_secs(3_600).0;
     let before = Micros(dice.between(1, 60_000_000));
@@ -183,6 +248,7 @@ fn clock(dice: &mut Dice) -> Micros {
         2 => Micros(dice.between(1, 72) * HOUR) - before,
         3 => Micros(dice.between(1, 60) * 24 * HOUR) + before,
         4 => Micros(dice.between(1, 20) * 8_766 * HOUR) + before,
+        5..=8 => Micros(dice.between(1, 6 * HOUR)),
         _ => Micros::ZERO,
     }
 }

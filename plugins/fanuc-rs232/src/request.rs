@@ -11,7 +11,7 @@ use zerocopy::{FromZeros, Immutable, IntoBytes};
 const MOST_OPEN: u8 = 4;
 /// Room for the two fields of a request.
 const FIELDS: usize = 160;
-/// The most digits of a number.
+/// The most digits of a number behind zeros.
 const DIGITS: usize = 18;
 
 #[derive(Copy, Clone, Debug, FromZeros, IntoBytes, Immutable)]
@@ -90,7 +90,8 @@ fn matched<'a>(mut pattern: &[u8], mut text: &'a [u8]) -> Option<&'a [u8]> {
 /// The number that a text of digits alone stands for.
 #[inline(never)]
 fn number(text: &[u8]) -> Option<i64> {
-    if text.is_empty() || text.len() > DIGITS {
+    let zeros = text.iter().take_while(|digit| **digit == b'0').count();
+    if text.is_empty() || text.len() - zeros > DIGITS {
         return None;
     }
     text.iter().try_fold(0, |number: i64, digit| {
@@ -126,6 +127,7 @@ mod tests {
         assert_eq!(number(b"0012"), Some(12));
         assert_eq!(number(b"999999999999999999"), Some(999_999_999_999_999_999));
         assert_eq!(number(b"1000000000000000000"), None);
+        assert_eq!(number(b"00000000000000000000009999"), Some(9_999));
         assert_eq!(number(b""), None);
         assert_eq!(number(b"12A"), None);
         assert_eq!(number(b"-1"), None);

@@ -80,6 +80,7 @@ impl Converter for XonXoff {
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         let mut rest = bytes;
+        let (mut is_told, mut was_held) = (false, self.sender.is_held());
         loop {
             let (data, after) = self.codes.split(rest);
             if !data.is_empty() && !self.ignores_data() {
@@ -87,10 +88,17 @@ impl Converter for XonXoff {
             }
             let Some((control, after)) = after else { break };
             match control {
-                Control::Xoff => self.sender.xoff(link, &self.settings),
-                Control::Xon => self.sender.xon(link),
+                Control::Xoff => self.sender.xoff(),
+                Control::Xon => {
+                    was_held = false;
+                    self.sender.xon();
+                }
             }
+            is_told = true;
             rest = after;
+        }
+        if is_told {
+            self.sender.heeded(link, &self.settings, was_held);
         }
         self.receiver.after_bytes(link, &self.settings, &self.codes);
         self.name_state_here(link);

@@ -78,17 +78,31 @@ impl Sender {
         Some(state)
     }
 
-    pub(crate) fn xoff(&mut self, link: &mut Context<'_>, settings: &Settings) {
-        if self.held {
-            return;
-        }
-        self.held = true;
-        self.update_hold(link);
-        self.watch_hold(link, settings);
+    pub(crate) fn is_held(&self) -> bool {
+        self.held
     }
 
-    pub(crate) fn xon(&mut self, link: &mut Context<'_>) {
-        self.forget_hold(link);
+    /// XOFF; what follows from it is done [behind](Self::heeded) the event's last byte.
+    pub(crate) fn xoff(&mut self) {
+        self.held = true;
+    }
+
+    /// XON, likewise.
+    pub(crate) fn xon(&mut self) {
+        self.held = false;
+        self.waits_for_xon = false;
+    }
+
+    /// All control bytes of an event have come, of which there may be a thousand.
+    /// `was_held`: it was held before, and no XON was among them.
+    pub(crate) fn heeded(&mut self, link: &mut Context<'_>, settings: &Settings, was_held: bool) {
+        if !was_held && self.held_until.take().is_some() {
+            link.cancel_timer(HELD);
+        }
+        self.update_hold(link);
+        if self.held && !was_held {
+            self.watch_hold(link, settings);
+        }
     }
 
     /// The partner no longer holds us, whatever it said.

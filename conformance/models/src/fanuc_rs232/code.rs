@@ -81,7 +81,7 @@ pub(super) fn encoded(character: u8, rules: &Rules) -> Option<u8> {
 
 /// An EIA character; `None`: it has no code.
 pub(super) fn eia(character: u8, rules: &Rules) -> Option<u8> {
-    let own = rules.eia_codes.iter().find(|(known, _)| *known == character);
+    let own = rules.eia_codes.iter().rfind(|(known, _)| *known == character);
     let entry = TABLE.iter().find(|(known, _)| *known == character);
     own.map(|(_, code)| *code).or(entry.and_then(|(_, code)| *code))
 }
@@ -111,7 +111,7 @@ pub(super) fn decoded(byte: u8, code: Code, rules: &Rules) -> Option<u8> {
     if code == Code::Iso {
         return Some(byte & 0x7F);
     }
-    let own = rules.eia_codes.iter().find(|(_, known)| *known == byte);
+    let own = rules.eia_codes.iter().rfind(|(_, known)| *known == byte);
     if let Some((character, _)) = own {
         return Some(*character);
     }

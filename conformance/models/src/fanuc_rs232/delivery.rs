@@ -114,7 +114,9 @@ impl Delivery {
     /// Does the comment ask for a program? Of several the last counts; the page does
     /// not say so.
     fn ask(&mut self, comment: &[u8], rules: &Rules) {
-        let comment = format!("({})", text(comment));
+        let mut comment = [b"(", comment, b")"].concat();
+        comment.truncate(NAME + 1);
+        let comment = text(&comment);
         let Some((before, behind)) = rules.request_pattern.split_once('*') else { return };
         let name = comment.strip_prefix(before).and_then(|rest| rest.strip_suffix(behind));
         let name = name.map(str::trim).filter(|name| !name.is_empty());
@@ -206,7 +208,8 @@ impl Delivery {
 
     /// The program's number.
     pub(super) fn number(&self) -> Option<u64> {
-        text(self.number.as_ref()?).parse().ok()
+        let number = self.number.as_ref()?;
+        text(&number[..number.len().min(NAME)]).parse().ok()
     }
 }
 

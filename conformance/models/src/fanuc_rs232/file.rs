@@ -148,7 +148,7 @@ fn items(data: &[u8], rules: &Rules) -> Vec<Item> {
             Part::End => (line, column) = (line + 1, 1),
             Part::EndGoesOn => {}
         }
-        let replaced = rules.replace.iter().find(|(from, _)| from == byte);
+        let replaced = rules.replace.iter().rfind(|(from, _)| from == byte);
         let byte = replaced.map_or(*byte, |(_, to)| *to);
         let (line, column) = place;
         match in_text.next(byte) {

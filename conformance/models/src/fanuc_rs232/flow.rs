@@ -22,8 +22,8 @@ impl Flow {
     /// Half and three quarters of the host's room, or less.
     pub(super) fn open(&mut self, room: u32) {
         *self = Self::default();
-        self.low = (room / 2).min(1_024);
-        self.high = (room / 4 * 3).min(2_048);
+        self.low = room.div_ceil(2).min(1_024);
+        self.high = (room - room.div_ceil(4)).min(2_048);
     }
 
     pub(super) fn is_stopped(&self) -> bool {

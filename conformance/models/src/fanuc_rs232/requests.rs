@@ -32,8 +32,8 @@ impl Requests {
         self.open.insert(self.last);
         let mut fields = vec![("name".to_owned(), name.clone())];
         let is_digits = name.bytes().all(|byte| byte.is_ascii_digit());
-        // The page does not say how many are too many.
-        if let Some(number) = name.parse::<u64>().ok().filter(|_| is_digits && name.len() <= 18) {
+        let is_short = name.trim_start_matches('0').len() <= 18;
+        if let Some(number) = name.parse::<u64>().ok().filter(|_| is_digits && is_short) {
             fields.push(("number".to_owned(), number.to_string()));
         }
         let kind = "program".to_owned();

@@ -93,6 +93,9 @@ fn sequence_number(block: &Block, rules: &Rules) -> Option<u64> {
     digits.parse().ok()
 }
 
+/// A block's number ends within so many characters of the block.
+const LONGEST_PREFIX: usize = 13;
+
 /// Where a block's N number stands: from its N to behind its last digit. It stands at
 /// the start, also behind `/`. Spaces before it, and a digit behind `/` that names a
 /// switch, are passed over; the page does not say so.
@@ -108,7 +111,10 @@ pub(super) fn number_at(characters: &[Character], rules: &Rules) -> Option<std::
     while is_digit(end) {
         end += 1;
     }
-    (is_n && end > start + 1).then_some(start..end)
+    let digits = characters.get(start + 1..end).unwrap_or_default();
+    let digits: String = digits.iter().map(|digit| char::from(digit.byte)).collect();
+    let is_number = digits.parse().is_ok_and(|number: i64| number <= LARGEST);
+    (is_n && is_number && end <= LONGEST_PREFIX).then_some(start..end)
 }
 
 fn capital(byte: u8, rules: &Rules) -> u8 {

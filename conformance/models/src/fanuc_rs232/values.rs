@@ -101,6 +101,12 @@ pub(super) const CLAUSES: &[&str] = &[
     "fanuc-rs232.link.swap",
 ];
 
+/// 32 pairs.
+const MOST_REPLACED: &str = "80 41 81 41 82 41 83 41 84 41 85 41 86 41 87 41 88 41 89 41 8A 41 8B 41 8C 41 8D 41 8E 41 8F 41 90 41 91 41 92 41 93 41 94 41 95 41 96 41 97 41 98 41 99 41 9A 41 9B 41 7B 28 7D 29 3B 0A 5F 2D";
+
+/// 16 pairs.
+const MOST_CODES: &str = "3A 0D 23 1C 2A 1F 3D 2C 5B 2F 5D 3D 21 4C 22 4F 24 5B 27 5E 3B 6D 3C 6E 3E 5D 3F 7A 40 6F 5F 7C";
+
 /// Values of settings.
 pub(super) const VALUES: &[(&str, &[&str])] = &[
     ("mode", &["reader", "reader", "remote-a", "remote-a", "remote-b"]),
@@ -121,13 +127,26 @@ pub(super) const VALUES: &[(&str, &[&str])] = &[
     ("tv_comments", &["on", "off"]),
     ("upper", &["on", "off"]),
     ("unsupported", &["refuse", "space", "drop"]),
-    ("replace", &["", "5F 2D 3B 2F", "41 42 42 43", "78 25", "80 41 FF 42"]),
+    (
+        "replace",
+        &[
+            "",
+            "5F 2D 3B 2F",
+            "41 42 42 43",
+            "78 25",
+            "80 41 FF 42",
+            "7B 28 7D 29 3B 0A",
+            "5B 28 5D 29 7E 0D",
+            "58 59 58 5A",
+            MOST_REPLACED,
+        ],
+    ),
     ("ascii", &["off", "on"]),
-    ("eia_codes", &["", "23 5D 3D 5B 3A 6D"]),
+    ("eia_codes", &["", "23 5D 3D 5B 3A 6D", MOST_CODES, "23 5D 23 5B 3A 6D"]),
     ("percent", &["on", "off"]),
     ("after_end", &["refuse", "drop"]),
-    ("block_numbers", &["keep", "strip", "renumber"]),
-    ("number_step", &["10", "1", "1000", "813", "255", "256"]),
+    ("block_numbers", &["keep", "strip", "renumber", "renumber"]),
+    ("number_step", &["10", "1", "5", "2", "100", "1000", "813", "255", "256"]),
     ("dc1_timeout", &["0", "1000", "1", "60000", "4294968", "86400000"]),
     ("held_timeout", &["0", "1000", "1", "120000", "4294968", "86400000"]),
     ("end_wait", &["0", "2000", "1", "60000", "600000"]),

@@ -92,10 +92,12 @@ impl Guess<'_> {
             Plan::Waits(job) if self.model.sender.job() == Some(job) => {
                 Some(self.wait_for(job, 20_000, dice))
             }
-            Plan::ManyJobs(count) if self.model.jobs < count => Some(match self.model.sender.job() {
-                Some(job) => self.wait_for(job, 4, dice),
-                None => self.send(dice.between(1, 3) as usize, dice),
-            }),
+            Plan::ManyJobs(count) if self.model.jobs < count => {
+                Some(match self.model.sender.job() {
+                    Some(job) => self.wait_for(job, 4, dice),
+                    None => self.send(dice.between(1, 3) as usize, dice),
+                })
+            }
             Plan::ManyDeliveries(count) if self.model.receiver.deliveries() < count => {
                 let wait = self.characters(1);
                 Some(match self.model.receiver.deadline(&self.model.rules) {

@@ -23,8 +23,8 @@ impl Flow {
     /// Marks must leave the host space to report room in between. They stay over a
     /// swap: a converter that goes on is told the room that is left, not the whole.
     pub(crate) fn set_marks(&mut self, capacity: u32) {
-        self.low = LOW.min(capacity / 2);
-        self.high = (2 * LOW).min(capacity / 4 * 3);
+        self.low = LOW.min(capacity.div_ceil(2));
+        self.high = (2 * LOW).min(capacity - capacity.div_ceil(4));
     }
 
     pub(crate) fn look(&mut self, link: &mut Context<'_>, settings: &Settings, code: Code) {

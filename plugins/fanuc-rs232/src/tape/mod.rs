@@ -113,7 +113,8 @@ struct Place {
     count: u8,
     /// What was wrong.
     fault: Fault,
-    spare: u8,
+    /// Line ends of the file, before anything is replaced.
+    file_ends: Ends,
     prefix: Prefix,
     /// The prefix of the block that waits.
     held_prefix: Prefix,
@@ -261,15 +262,14 @@ impl Encoder {
 
     #[inline(never)]
     fn push_special(&mut self, settings: &Setup, byte: u8, character: u8) -> Result<(), Failure> {
-        if let Some(ends) = self.place.ends.line_end(character) {
-            // A character that is replaced by an EOB ends no line of the file.
-            if matches!(byte, b'\n' | b'\r') {
-                self.place.line += u32::from(ends);
-                self.place.column = 0;
-            }
-            if !ends {
-                return Ok(());
-            }
+        // A character that is replaced by an EOB ends no line of the file.
+        let of_file = if matches!(byte, b'\n' | b'\r') { byte | SPECIAL } else { b' ' };
+        if let Some(ends) = self.place.file_ends.line_end(of_file) {
+            self.place.line += u32::from(ends);
+            self.place.column = 0;
+        }
+        if self.place.ends.line_end(character) == Some(false) {
+            return Ok(());
         }
         let character = if character == SPECIAL_CR { SPECIAL_LF } else { character };
         // Around a program stands what the code need not have, as a NUL in EIA.

@@ -40,10 +40,12 @@ impl Prefix {
         } else {
             digit < 10
         };
+        let is_first_digit = last == Some(&b'N');
         let place = self.characters.get_mut(usize::from(self.length)).filter(|_| fits);
         let Some(place) = place else { return false };
         if self.letter != NONE {
-            let number = if self.number == NO_NUMBER { 0 } else { self.number };
+            // One that is too large stays so.
+            let number = if is_first_digit { 0 } else { self.number };
             self.number = number.saturating_mul(10).saturating_add(digit);
         } else if character == b'N' {
             self.letter = self.length;

@@ -16,7 +16,8 @@ impl Guess<'_> {
         let size = match course {
             Course::Capture(size) => return self.large_capture(size, dice),
             Course::Job(size) => size,
-            Course::Any | Course::Many(_) => return None,
+            Course::Characters(count) => return self.one_character(count, dice),
+            Course::Any | Course::Many(_) | Course::Requests => return None,
         };
         let feed = &model.feed;
         if feed.job().is_none() {
@@ -36,7 +37,8 @@ impl Guess<'_> {
     fn large_job(&self, size: usize, dice: &mut Dice) -> Proposal {
         let mut data = b"%\nO1\n".to_vec();
         let mut fields = Vec::new();
-        match dice.below(3) {
+        // More is one program: a fault would leave nothing of it.
+        match if size > 1_000_000 { 2 } else { dice.below(3) } {
             0 => {
                 data.resize(size, b'\n');
                 data.extend(*dice.pick(&[b"G1@\n%".as_slice(), b"%X", b"\x80", b"M30\n%"]));
@@ -89,6 +91,44 @@ impl Guess<'_> {
             text.extend(b"%");
         }
         let bytes = self.encoded(&text, code, dice);
+        Some(come(self.characters(bytes.len()), bytes))
+    }
+
+    /// A capture that takes its time.
+    fn one_character(&self, count: u32, dice: &mut Dice) -> Option<Proposal> {
+        let punch = &self.model.punch;
+        let code = punch.code().or(self.model.rules.receive_code).unwrap_or(Code::Iso);
+        self.model.course.set(Some(Course::Characters(count.checked_sub(1)?)));
+        if punch.is_idle() {
+            let mut bytes = vec![0x12];
+            bytes.extend(self.encoded(b"%\nO7(SLOW)\n", code, dice));
+            return Some(come(self.characters(bytes.len()), bytes));
+        }
+        if !punch.is_receiving() || self.model.room.keeps() {
+            return None;
+        }
+        let character = if count % 16 == 0 { b'\n' } else { b'A' + (count % 26) as u8 };
+        Some(come(self.characters(1).max(4_090), self.encoded(&[character], code, dice)))
+    }
+
+    /// The operator asks for programs, more than the host answers; `None`: nothing is one
+    /// that can be asked for.
+    pub(super) fn panel(&self, dice: &mut Dice) -> Option<Proposal> {
+        let model = self.model;
+        if !model.rules.request_pattern.contains('*') {
+            return None;
+        }
+        let open: Vec<u32> = model.requests.open().iter().copied().collect();
+        if !open.is_empty() && dice.one_in(if open.len() < 4 { 8 } else { 3 }) {
+            let answer = HostRequest::Answer(*dice.pick(&open), self.granted(dice));
+            return Some(host(self.characters(1), answer));
+        }
+        let code = model.punch.code().or(model.rules.receive_code).unwrap_or(Code::Iso);
+        let asked = model.rules.request_pattern.replace('*', &dice.below(9_999).to_string());
+        let text = format!("%\nO{}{asked}\n%", model.rules.request_program);
+        let mut bytes = vec![0x12];
+        bytes.extend(self.encoded(text.as_bytes(), code, dice));
+        bytes.push(0x14);
         Some(come(self.characters(bytes.len()), bytes))
     }
 

@@ -9,7 +9,7 @@ use super::Fanuc;
 use crate::dice::Dice;
 use crate::model::{Given, HostRequest, LineInput, Model, Proposal};
 use crate::propose::{Pace, give, host, line};
-use softplug_abi::{LineErrorKind, LinkDownReason, Micros, ModemLines};
+use softplug_abi::{Failure, LineErrorKind, LinkDownReason, Micros, ModemLines};
 
 /// What a session is about, drawn at its start.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -22,6 +22,10 @@ pub(super) enum Course {
     Job(usize),
     /// A capture of about so many bytes, once.
     Capture(usize),
+    /// A capture of so many characters that come one at a time, each at a time of its own.
+    Characters(u32),
+    /// The panel asks again and again.
+    Requests,
 }
 
 impl Course {
@@ -30,7 +34,7 @@ impl Course {
             0 => Self::Many(12_000),
             1 => Self::Capture(1_500_000),
             2 => Self::Job(1_500_000),
-            _ => Self::Many(6_000),
+            _ => Self::Characters(190_000),
         })
     }
 
@@ -39,6 +43,7 @@ impl Course {
             0..=1 => Self::Job(dice.between(66_000, 140_000) as usize),
             2..=3 => Self::Capture(120_000),
             4..=9 => Self::Many(u32::MAX),
+            10..=14 => Self::Requests,
             _ => Self::Any,
         }
     }
@@ -58,13 +63,18 @@ pub(super) fn next(model: &Fanuc, now: Micros, dice: &mut Dice) -> Proposal {
     match course {
         Course::Many(count) if model.jobs >= count => model.course.set(Some(Course::Any)),
         Course::Many(_) if !dice.one_in(40) => return guess.small(dice),
-        Course::Job(_) | Course::Capture(_) => {
+        Course::Requests if !dice.one_in(40) => {
+            if let Some(proposal) = guess.panel(dice) {
+                return proposal;
+            }
+        }
+        Course::Job(_) | Course::Capture(_) | Course::Characters(_) => {
             if let Some(proposal) = guess.large(course, dice) {
                 return proposal;
             }
             model.course.set(Some(Course::Any));
         }
-        Course::Many(_) | Course::Any => {}
+        Course::Many(_) | Course::Requests | Course::Any => {}
     }
     // A capture that has begun mostly goes on.
     let punches = if model.punch.is_idle() { 25 } else { 65 };
@@ -123,9 +133,15 @@ impl Guess<'_> {
             return self.punching(dice);
         }
         let id = *dice.pick(&open);
-        let answer =
-            if dice.one_in(2) { Ok(Vec::new()) } else { Err(softplug_abi::Failure::NotFound) };
-        host(self.pause(dice), HostRequest::Answer(id, answer))
+        host(self.pause(dice), HostRequest::Answer(id, self.granted(dice)))
+    }
+
+    /// An answer: some have data, which come in parts if they are many.
+    fn granted(&self, dice: &mut Dice) -> Result<Vec<u8>, Failure> {
+        if dice.one_in(3) {
+            return Err(Failure::NotFound);
+        }
+        Ok(vec![b'A'; *dice.pick(&[0, 0, 1, 1_000, 4_096, 10_000])])
     }
 
     /// What may happen at any time, and seldom does.

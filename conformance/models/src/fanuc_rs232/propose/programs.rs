@@ -4,6 +4,7 @@ use super::Guess;
 use crate::dice::Dice;
 use crate::fanuc_rs232::select::Start;
 use crate::fanuc_rs232::tape;
+use crate::words;
 
 /// Behind a G or so, each of them.
 const LETTERS: &str = "GABCDEFHIJKLMNOPQRSTUVWXYZ0123456789";
@@ -31,13 +32,30 @@ impl Guess<'_> {
         while file.len() < length {
             number += 10;
             file.extend(file_block(number, is_odd, dice));
+            if is_odd && dice.one_in(3) {
+                file.extend(self.replaced(dice));
+            }
             file.extend(end);
         }
         if dice.one_in(6) {
             file.extend(b"M30");
         }
-        let behinds: [&[u8]; 10] =
-            [b"%", b"%", b"%", b"%\r\n\x1A", b"%\n \t\0", b"", b"", b"%X", b"%\r\nO2\n%", b"%%"];
+        let behinds: [&[u8]; 14] = [
+            b"%",
+            b"%",
+            b"%",
+            b"%",
+            b"%\r\n\x1A",
+            b"%\n \t\0",
+            b"",
+            b"",
+            b"%X",
+            b"%\r\nO2\n%",
+            b"%%",
+            b"%\n\x1A\nO2\n",
+            b"%\0\x1A \x1AX",
+            b"%\n\n\x7F\n(A)",
+        ];
         file.extend(*dice.pick(&behinds));
         if dice.one_in(100) {
             file.clear();
@@ -48,6 +66,23 @@ impl Guess<'_> {
             file.extend(b"M30");
         }
         file
+    }
+
+    /// Characters that `replace` knows, what is closed behind them, and maybe a fault.
+    fn replaced(&self, dice: &mut Dice) -> Vec<u8> {
+        let mut text = Vec::new();
+        for _ in 0..dice.between(1, 4) {
+            if let [pairs @ ..] = self.model.rules.replace.as_slice()
+                && !pairs.is_empty()
+            {
+                text.push(dice.pick(pairs).0);
+            }
+            text.extend(*dice.pick(&[b"".as_slice(), b"X", b"50%", b")", b"N5", b"("]));
+        }
+        if dice.one_in(3) {
+            text.push(*dice.pick(b"\x01%;\xE4"));
+        }
+        text
     }
 
     /// What a control punches, from `%` to `%`, mostly.
@@ -67,12 +102,27 @@ impl Guess<'_> {
     /// A block that a control punches, without its EOB.
     pub(super) fn block(&self, dice: &mut Dice) -> Vec<u8> {
         let numbers = ["00", "123456789", "4294967296", "999999999999999999", "A\x7F"];
-        let name = match dice.below(8) {
-            0 => (*dice.pick(&numbers)).to_owned(),
+        let name = match dice.below(16) {
+            0..=1 => (*dice.pick(&numbers)).to_owned(),
+            2 => words::number(dice.below(2_000), dice),
+            3 => {
+                let spaces = |dice: &mut Dice| " ".repeat(dice.below(4) as usize);
+                format!("{}{}{}", spaces(dice), dice.below(2_000), spaces(dice))
+            }
+            4 => words::text(words::long(dice), dice),
             _ => dice.below(2_000).to_string(),
         };
+        let program = self.model.rules.request_program;
         let asked = self.model.rules.request_pattern.replace('*', &name);
-        match dice.below(16) {
+        match dice.below(24) {
+            16 => format!("O{}{asked}", words::number(program, dice)),
+            17 => format!("O{}", words::number(dice.below(9_999), dice)),
+            18 => format!("({})", words::text(words::long(dice), dice)),
+            19..=20 => words::block(dice),
+            21 => {
+                let own = self.model.rules.eia_codes.iter().map(|(own, _)| char::from(*own));
+                format!("X{}", own.collect::<String>())
+            }
             0 => format!("O{:04}{asked}", self.model.rules.request_program),
             1 => format!("O{}{asked}", self.model.rules.request_program),
             2 => asked,
@@ -96,14 +146,19 @@ fn number_line(dice: &mut Dice) -> Vec<u8> {
 }
 
 fn file_block(number: u32, is_odd: bool, dice: &mut Dice) -> Vec<u8> {
-    let mut block = match dice.below(100) / 9 {
+    let mut block = match dice.below(126) / 9 {
+        11 => words::block(dice),
+        12 => format!("{}N{}", " ".repeat(dice.below(12) as usize), words::number(30, dice)),
+        13 if is_odd || dice.one_in(4) => {
+            format!("N{number}({})", words::text(words::long(dice), dice))
+        }
         0 => format!("/N{number}G1"),
         1 => format!("N{number:05} G0 X{}", dice.below(999)),
         2 => " N5Y1".to_owned(),
         3 => format!("N{}", dice.below(60)),
         4 => String::new(),
         10 => "N99999M8".to_owned(),
-        11 => format!("N{}{}", "0".repeat(dice.below(6) as usize), 10 * dice.below(6)),
+        9 => format!("N{}{}", "0".repeat(dice.below(12) as usize), 10 * dice.below(6)),
         5 => format!("G1X{}Y-{}.5", dice.below(999), dice.below(9)),
         6 => "(COMMENT N5)M1".to_owned(),
         7 => format!("{}{}", &LETTERS[dice.below(26) as usize..], "+-/.,&"),

@@ -1,6 +1,7 @@
 //! Programs, mostly such that can be sent.
 
 use crate::dice::Dice;
+use crate::words;
 
 /// How much of a program is odd.
 #[derive(Copy, Clone, PartialEq, Eq)]
@@ -51,6 +52,10 @@ pub(super) fn program(dice: &mut Dice) -> Vec<u8> {
             Kind::Odd => {
                 text.extend(odd(dice));
                 let eob = if dice.one_in(8) { *dice.pick(eobs) } else { eob };
+                text.extend(eob);
+            }
+            Kind::Plain if dice.one_in(4) => {
+                text.extend(words::block(dice).bytes());
                 text.extend(eob);
             }
             Kind::Plain => {
@@ -120,6 +125,9 @@ fn odd(dice: &mut Dice) -> Vec<u8> {
         "@",
         "[#100=1]",
         "((A))",
+        "{50}",
+        "{50%}",
+        ";X2;Y@",
         "\t&",
         "N5",
         "\u{fc}",
@@ -127,7 +135,8 @@ fn odd(dice: &mut Dice) -> Vec<u8> {
     ];
     let number = match dice.below(8) {
         0..=3 => format!("N{}", 10 * dice.below(6)),
-        4 => "N".to_owned(),
+        4 if dice.one_in(2) => "N".to_owned(),
+        4 => format!("N{}", words::number(10 * dice.below(6), dice)),
         5 => format!("n00{}", 10 * dice.below(5)),
         _ => String::new(),
     };

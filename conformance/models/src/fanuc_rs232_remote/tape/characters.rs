@@ -26,38 +26,44 @@ enum Before {
 }
 
 /// The symbols of a file: LF, CR LF, CR, LF CR and LF CR CR are one EOB each, behind
-/// the replacement of bytes.
+/// the replacement of bytes. Places are those of the file before it.
 pub(super) fn read(rules: &TapeRules, data: &[u8]) -> Vec<(Symbol, Place)> {
     let mut symbols = Vec::new();
     let mut place = Place { line: 1, column: 1 };
-    let mut before = Before::Other;
+    let (mut before, mut before_in_file) = (Before::Other, Before::Other);
     for byte in data {
-        let byte = replaced(rules, *byte);
-        let is_more;
-        (is_more, before) = match (before, byte) {
-            (Before::Lf, b'\r') => (true, Before::LfCr),
-            (Before::Cr, b'\n') | (Before::LfCr, b'\r') => (true, Before::Other),
-            (_, b'\n') => (false, Before::Lf),
-            (_, b'\r') => (false, Before::Cr),
-            _ => (false, Before::Other),
-        };
-        if is_more {
-            continue;
+        let at = place;
+        if !is_more(&mut before_in_file, *byte) {
+            place = match before_in_file {
+                Before::Other => Place { column: place.column + 1, ..place },
+                _ => Place { line: place.line + 1, column: 1 },
+            };
         }
-        let is_eob = before != Before::Other;
-        symbols.push((if is_eob { Symbol::Eob } else { Symbol::Character(byte) }, place));
-        if is_eob {
-            place = Place { line: place.line + 1, column: 1 };
-        } else {
-            place.column += 1;
+        let byte = replaced(rules, *byte);
+        if !is_more(&mut before, byte) {
+            let is_eob = before != Before::Other;
+            symbols.push((if is_eob { Symbol::Eob } else { Symbol::Character(byte) }, at));
         }
     }
     symbols
 }
 
-/// The first pair that has it says what is sent instead.
+/// Whether a byte is still of the EOB before it.
+fn is_more(before: &mut Before, byte: u8) -> bool {
+    let is_more;
+    (is_more, *before) = match (*before, byte) {
+        (Before::Lf, b'\r') => (true, Before::LfCr),
+        (Before::Cr, b'\n') | (Before::LfCr, b'\r') => (true, Before::Other),
+        (_, b'\n') => (false, Before::Lf),
+        (_, b'\r') => (false, Before::Cr),
+        _ => (false, Before::Other),
+    };
+    is_more
+}
+
+/// The last pair that has it says what is sent instead.
 pub(super) fn replaced(rules: &TapeRules, byte: u8) -> u8 {
-    let pair = rules.replace.chunks(2).find(|pair| pair.first() == Some(&byte));
+    let pair = rules.replace.chunks(2).rev().find(|pair| pair.first() == Some(&byte));
     pair.and_then(|pair| pair.get(1)).copied().unwrap_or(byte)
 }
 

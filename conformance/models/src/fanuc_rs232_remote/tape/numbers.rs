@@ -10,7 +10,11 @@ fn place(characters: &[u8]) -> Option<Range<usize>> {
     let at = start(characters);
     let [b'N', b'0'..=b'9', ..] = &characters[at..] else { return None };
     let digits = characters[at + 1..].iter().take_while(|digit| digit.is_ascii_digit());
-    Some(at..at + 1 + digits.count())
+    let end = at + 1 + digits.count();
+    let text = std::str::from_utf8(&characters[at + 1..end]).ok()?;
+    // It ends within 13 characters, and is not too large.
+    let is_number = end <= 13 && text.parse().is_ok_and(|number: u64| number < 0xFFFF_FFFF);
+    is_number.then_some(at..end)
 }
 
 /// Behind blanks and slashes.

@@ -74,8 +74,7 @@ impl Fe {
             Plan::Sends(job) if self.job.as_ref().is_some_and(|own| own.id == job) => {
                 self.sends_on(job, dice)
             }
-            Plan::ManyRequests(count)
-                if is_idle && self.job.is_none() && self.requests < count => {
+            Plan::ManyRequests(count) if is_idle && self.job.is_none() && self.requests < count => {
                 let header = self.heads(b"15", b'E', dice);
                 Some(after(1_000, self.says(&header)))
             }
