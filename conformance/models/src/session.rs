@@ -15,6 +15,8 @@ use softplug_link::LinkOptions;
 const TAIL: Micros = Micros::from_secs(30);
 /// One session of so many is a long one; they are spread over the groups.
 const LONG: u64 = 149;
+/// Profiles of which one character at a time finds room in the queue.
+const ANY_ROOM: &[&str] = &["heidenhain-fe"];
 /// Most steps of a long one.
 const STEPS: usize = 200_000;
 /// Of so many long ones the last is long by steps: all that a line brings, and the link
@@ -110,6 +112,8 @@ impl Session {
         if long.is_some() {
             // Small pieces would only make it slow.
             (conditions.transmit_room, conditions.pieces) = (4_096, usize::MAX);
+        } else if ANY_ROOM.contains(&profile.name) && dice.one_in(6) {
+            conditions.transmit_room = dice.between(1, 20) as u32;
         }
         (profile.start)(&conditions)?;
         Some(Self { profile, asked, conditions, values, seed, number })

@@ -238,7 +238,7 @@ impl Model for Fe {
     }
 
     fn is_filled(&self) -> bool {
-        self.plan.get() != propose::Plan::Usual
+        !matches!(self.plan.get(), propose::Plan::Usual | propose::Plan::Holds)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Sessions that are about one thing: large, or often.
 
-use super::super::frame::{ACK, DC1, EOT, ETX, STX};
+use super::super::frame::{ACK, DC1, DC3, EOT, ETX, SOH, STX};
 use super::super::send::Stage;
 use super::super::{Fe, State, text};
 use super::{after, host};
@@ -24,6 +24,8 @@ pub(in super::super) enum Plan {
     ManyRequests(u32),
     /// So many deliveries on one link.
     ManyDeliveries(u32),
+    /// All that a line brings, and a control that holds us for long meanwhile.
+    Holds,
 }
 
 impl Plan {
@@ -44,6 +46,7 @@ impl Plan {
             3..=5 => Self::ManyBlocks(dice.between(256, 300) as usize),
             6..=8 => Self::ManyRequests(300),
             9..=11 => Self::ManyDeliveries(300),
+            12..=17 => Self::Holds,
             _ => Self::Usual,
         }
     }
@@ -58,6 +61,9 @@ impl Fe {
         }
         if self.plan.get() == Plan::Usual || self.frame.is_some() {
             return None;
+        }
+        if self.plan.get() == Plan::Holds {
+            return self.holds(dice);
         }
         if self.is_held {
             return Some(after(1_000, self.says(&[DC1])));
@@ -94,6 +100,22 @@ impl Fe {
                 self.plan.set(Plan::Usual);
                 None
             }
+        }
+    }
+
+    /// DC3, and bad headers and blocks while our answers wait.
+    fn holds(&self, dice: &mut Dice) -> Option<Proposal> {
+        let wait = dice.between(1, 100_000);
+        match (self.is_held, dice.below(8)) {
+            (false, 0) => Some(after(wait, self.says(&[DC3]))),
+            (true, 0) => Some(after(wait, self.says(&[DC1]))),
+            (true, 1..=4) => Some(after(wait, self.says(&self.bad(*dice.pick(&[SOH, STX]), dice)))),
+            (true, 5) => {
+                let header = self.heads(&text::name(dice), *dice.pick(b"AE"), dice);
+                Some(after(wait, self.says(&header)))
+            }
+            (true, 6) => Some(after(wait, host(HostRequest::Abort(self.jobs)))),
+            _ => None,
         }
     }
 
