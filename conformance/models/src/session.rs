@@ -143,6 +143,8 @@ impl Session {
         if filling == Filling::Cycles {
             steps = STEPS_OF_CYCLES;
             noise.cycles = 4;
+        } else if is_long {
+            steps = 1_000;
         }
         self.drive(manifest, make, |drive| {
             let open = Step::Given(Given::Host(HostRequest::Open));

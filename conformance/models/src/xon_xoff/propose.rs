@@ -111,7 +111,15 @@ impl Guess<'_> {
                     None => come(wait, vec![b'A']),
                 })
             }
-            Plan::LargeDelivery(left) if left > 0 && known > 1 => {
+            // The host is slow now and then.
+            Plan::LargeDelivery(_) if dice.one_in(24) => Some(self.burst(dice)),
+            Plan::LargeDelivery(_)
+                if dice.one_in(if self.model.receiver.speaker.is_stopped() { 2 } else { 24 }) =>
+            {
+                Some(self.room(dice))
+            }
+            Plan::LargeDelivery(left) if left > 0 && known <= 1 => Some(self.room(dice)),
+            Plan::LargeDelivery(left) if left > 0 => {
                 let count = left.min(known / 2).min(9_000);
                 plan.set(Plan::LargeDelivery(left - count));
                 Some(come(dice.between(1, 500), self.sent(count as usize, dice)))
