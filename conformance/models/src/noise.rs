@@ -12,11 +12,11 @@ pub(crate) struct Noise {
     /// One step in so many is disturbed; 0: none.
     rate: u64,
     /// The plug-in is swapped at one step in so many; 0: never.
-    swaps: u64,
+    pub(crate) swaps: u64,
     /// The link goes at one step in so many and comes back; 0: never.
     pub(crate) cycles: u64,
     /// One of so many times the host closes it; 0: never.
-    closes: u64,
+    pub(crate) closes: u64,
     special: &'static [u8],
     /// The last job that was begun, or the first that will be.
     job: u32,

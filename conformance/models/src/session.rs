@@ -108,12 +108,13 @@ impl Session {
             has_sizes: !dice.one_in(12),
             job_base: job_base(&mut dice),
             long,
+            is_usual: Filling::of(number) == Filling::Cycles,
         };
         if long.is_some() {
             // Small pieces would only make it slow.
             (conditions.transmit_room, conditions.pieces) = (4_096, usize::MAX);
         } else if ANY_ROOM.contains(&profile.name) && dice.one_in(6) {
-            conditions.transmit_room = dice.between(1, 20) as u32;
+            conditions.transmit_room = *dice.pick(&[1, 1, 2, 5, 20]);
         }
         (profile.start)(&conditions)?;
         Some(Self { profile, asked, conditions, values, seed, number })
@@ -138,11 +139,18 @@ impl Session {
         let mut dice = Dice::new(self.seed, self.profile.name, self.number);
         let filling = Filling::of(self.number);
         let is_long = matches!(filling, Filling::Long(_));
-        let mut noise = Noise::draw(&mut dice, self.profile.special, is_long);
+        let is_quiet = filling != Filling::Usual;
+        let mut noise = Noise::draw(&mut dice, self.profile.special, is_quiet);
         let mut steps = *dice.pick(&[20, 60, 60, 200, 200, 1_000]);
         if filling == Filling::Cycles {
             steps = STEPS_OF_CYCLES;
-            noise.cycles = 4;
+            // It goes, it is closed, or both.
+            let kind = self.number / LONG / KINDS;
+            (noise.cycles, noise.closes) = (4, [0, 1, 4][kind as usize % 3]);
+            if kind % 2 == 0 {
+                // What counts them is not saved, maybe.
+                noise.swaps = 0;
+            }
         } else if is_long {
             steps = 1_000;
         }

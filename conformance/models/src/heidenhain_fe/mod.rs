@@ -262,7 +262,7 @@ impl Fe {
             requests: 0,
             jobs: 0,
             is_blind: false,
-            plan: Cell::new(propose::Plan::new(conditions.long)),
+            plan: Cell::new(propose::Plan::new(conditions)),
         })
     }
 }

@@ -3,7 +3,7 @@
 use super::XonXoff;
 use super::rules::ControlInData;
 use crate::dice::Dice;
-use crate::model::{Given, HostRequest, LineInput, Model, Proposal};
+use crate::model::{Conditions, Given, HostRequest, LineInput, Model, Proposal};
 use crate::propose::{Pace, come, give, host, line};
 use softplug_abi::{LineErrorKind, LinkDownReason, Micros, ModemLines};
 
@@ -29,8 +29,9 @@ pub(super) enum Plan {
 }
 
 impl Plan {
-    pub(super) fn new(long: Option<u64>) -> Self {
-        match long.map(|number| number % 4) {
+    pub(super) fn new(conditions: &Conditions) -> Self {
+        match conditions.long.map(|number| number % 4) {
+            None if conditions.is_usual => Self::Usual,
             None => Self::Open,
             Some(0) => Self::ManyJobs(20_000),
             Some(1) => Self::LargeDelivery(5_000_000),

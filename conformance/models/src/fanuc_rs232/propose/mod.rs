@@ -7,7 +7,7 @@ mod sending;
 
 use super::Fanuc;
 use crate::dice::Dice;
-use crate::model::{Given, HostRequest, LineInput, Model, Proposal};
+use crate::model::{Conditions, Given, HostRequest, LineInput, Model, Proposal};
 use crate::propose::{Pace, give, host, line};
 use softplug_abi::{Failure, LineErrorKind, LinkDownReason, Micros, ModemLines};
 
@@ -29,8 +29,11 @@ pub(super) enum Course {
 }
 
 impl Course {
-    pub(super) fn new(long: Option<u64>) -> Option<Self> {
-        Some(match long? % 4 {
+    pub(super) fn new(conditions: &Conditions) -> Option<Self> {
+        if conditions.is_usual {
+            return Some(Self::Any);
+        }
+        Some(match conditions.long? % 4 {
             0 => Self::Many(12_000),
             1 => Self::Capture(1_500_000),
             2 => Self::Job(1_500_000),

@@ -5,7 +5,7 @@ use super::super::send::Stage;
 use super::super::{Fe, State, text};
 use super::{after, host};
 use crate::dice::Dice;
-use crate::model::{Given, HostRequest, Proposal};
+use crate::model::{Conditions, Given, HostRequest, Proposal};
 
 /// What a session is about.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -29,8 +29,9 @@ pub(in super::super) enum Plan {
 }
 
 impl Plan {
-    pub(in super::super) fn new(long: Option<u64>) -> Self {
-        match long.map(|number| number % 4) {
+    pub(in super::super) fn new(conditions: &Conditions) -> Self {
+        match conditions.long.map(|number| number % 4) {
+            None if conditions.is_usual => Self::Usual,
             None => Self::Open,
             Some(0) => Self::ManyDeliveries(30_000),
             Some(1) => Self::ManyBlocks(20_000),
@@ -106,12 +107,20 @@ impl Fe {
     /// DC3, and bad headers and blocks while our answers wait.
     fn holds(&self, dice: &mut Dice) -> Option<Proposal> {
         let wait = dice.between(1, 100_000);
+        let name = self.job.as_ref().and_then(|job| job.name.clone());
         match (self.is_held, dice.below(8)) {
+            (true, 1..=2) if self.job.is_none() && matches!(self.state, State::Idle) => {
+                Some(self.job(None, dice))
+            }
+            (true, 1..=4) if matches!(self.state, State::Sending(_)) => {
+                Some(after(wait, host(HostRequest::Abort(self.jobs))))
+            }
             (false, 0) => Some(after(wait, self.says(&[DC3]))),
             (true, 0) => Some(after(wait, self.says(&[DC1]))),
             (true, 1..=4) => Some(after(wait, self.says(&self.bad(*dice.pick(&[SOH, STX]), dice)))),
             (true, 5) => {
-                let header = self.heads(&text::name(dice), *dice.pick(b"AE"), dice);
+                let name = name.unwrap_or_else(|| text::name(dice));
+                let header = self.heads(&name, *dice.pick(b"AEE"), dice);
                 Some(after(wait, self.says(&header)))
             }
             (true, 6) => Some(after(wait, host(HostRequest::Abort(self.jobs)))),
