@@ -103,7 +103,9 @@ impl Noise {
         let mut soon = |given| Proposal { wait: Micros(dice.between(1, 5_000)), given };
         let steps = [soon(goes), soon(comes), proposal];
         steps.into_iter().rev().for_each(|step| self.next.push_front(step));
-        let said = Given::Line(LineInput::Bytes(vec![*dice.pick(self.special)]));
+        // What stands first stops and lets go.
+        let first = if dice.one_in(2) { self.special.len().min(4) } else { self.special.len() };
+        let said = Given::Line(LineInput::Bytes(vec![*dice.pick(&self.special[..first])]));
         (Micros(dice.between(1, 20_000)), Step::Given(said))
     }
 

@@ -15,7 +15,7 @@ use softplug_link::LinkOptions;
 const TAIL: Micros = Micros::from_secs(30);
 /// One session of so many is a long one; they are spread over the groups.
 const LONG: u64 = 149;
-/// Profiles of which one character at a time finds room in the queue.
+/// Profiles whose queue may have room for some characters only.
 const ANY_ROOM: &[&str] = &["heidenhain-fe"];
 /// Most steps of a long one.
 const STEPS: usize = 200_000;
@@ -23,7 +23,7 @@ const STEPS: usize = 200_000;
 /// goes and comes back again and again.
 const KINDS: u64 = 5;
 /// Steps of that one.
-const STEPS_OF_CYCLES: usize = 20_000;
+const STEPS_OF_CYCLES: usize = 40_000;
 
 /// A session: its settings and line, and the chance by which the rest is drawn.
 ///
@@ -114,7 +114,7 @@ impl Session {
             // Small pieces would only make it slow.
             (conditions.transmit_room, conditions.pieces) = (4_096, usize::MAX);
         } else if ANY_ROOM.contains(&profile.name) && dice.one_in(6) {
-            conditions.transmit_room = *dice.pick(&[1, 1, 2, 5, 20]);
+            conditions.transmit_room = *dice.pick(&[3, 3, 3, 5, 20]);
         }
         (profile.start)(&conditions)?;
         Some(Self { profile, asked, conditions, values, seed, number })
@@ -146,7 +146,7 @@ impl Session {
             steps = STEPS_OF_CYCLES;
             // It goes, it is closed, or both.
             let kind = self.number / LONG / KINDS;
-            (noise.cycles, noise.closes) = (4, [0, 1, 4][kind as usize % 3]);
+            (noise.cycles, noise.closes) = (6, [0, 1, 4][kind as usize % 3]);
             if kind % 2 == 0 {
                 // What counts them is not saved, maybe.
                 noise.swaps = 0;
