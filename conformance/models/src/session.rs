@@ -147,7 +147,7 @@ impl Session {
             // It goes, it is closed, or both.
             let kind = self.number / LONG / KINDS;
             (noise.cycles, noise.closes) = (6, [0, 1, 4][kind as usize % 3]);
-            if kind % 2 == 0 {
+            if kind.is_multiple_of(2) {
                 // What counts them is not saved, maybe.
                 noise.swaps = 0;
             }

@@ -136,11 +136,11 @@ impl Guess<'_> {
             return self.punching(dice);
         }
         let id = *dice.pick(&open);
-        host(self.pause(dice), HostRequest::Answer(id, self.granted(dice)))
+        host(self.pause(dice), HostRequest::Answer(id, Self::granted(dice)))
     }
 
     /// An answer: some have data, which come in parts if they are many.
-    fn granted(&self, dice: &mut Dice) -> Result<Vec<u8>, Failure> {
+    fn granted(dice: &mut Dice) -> Result<Vec<u8>, Failure> {
         if dice.one_in(3) {
             return Err(Failure::NotFound);
         }

@@ -1,11 +1,15 @@
 //! Sessions that are about one thing: large, or often.
 
 use super::super::frame::{ACK, DC1, DC3, EOT, ETX, SOH, STX};
+use super::super::rules::SMALL;
 use super::super::send::Stage;
 use super::super::{Fe, State, text};
 use super::{after, host};
 use crate::dice::Dice;
 use crate::model::{Conditions, Given, HostRequest, Proposal};
+
+/// Answers that a control lets us owe it: a real one waits for each.
+const MOST_OWED: usize = 10;
 
 /// What a session is about.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -31,6 +35,7 @@ pub(in super::super) enum Plan {
 impl Plan {
     pub(in super::super) fn new(conditions: &Conditions) -> Self {
         match conditions.long.map(|number| number % 4) {
+            None if conditions.transmit_room < SMALL => Self::Holds,
             None if conditions.is_usual => Self::Usual,
             None => Self::Open,
             Some(0) => Self::ManyDeliveries(30_000),
@@ -108,6 +113,9 @@ impl Fe {
     fn holds(&self, dice: &mut Dice) -> Option<Proposal> {
         let wait = dice.between(1, 100_000);
         let name = self.job.as_ref().and_then(|job| job.name.clone());
+        if self.out.waiting() > MOST_OWED {
+            return Some(after(self.characters(MOST_OWED), self.says(&[DC1])));
+        }
         match (self.is_held, dice.below(8)) {
             (true, 1..=2) if self.job.is_none() && matches!(self.state, State::Idle) => {
                 Some(self.job(None, dice))
