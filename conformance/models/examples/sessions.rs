@@ -22,9 +22,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut make = || Ok(plugin.instantiate());
     for number in first..first + count {
         let Some(session) = Session::draw(profile, &manifest, seed, number) else { continue };
-        if std::env::var("TELL").is_ok() {
-            eprintln!("{number} {:?} {:?}", session.conditions, session.asked);
-        }
         let ran = session.run(&manifest, &mut make);
         (drawn, steps, effects) = (drawn + 1, steps + ran.steps.len(), effects + ran.effects.len());
         if ran.finding.is_none() {

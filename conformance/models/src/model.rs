@@ -238,6 +238,8 @@ pub struct Conditions {
     /// A long session brings jobs or deliveries by the thousand, or one of megabytes; this is its
     /// number among the long ones.
     pub long: Option<u64>,
+    /// The session is about nothing in particular: all that a line brings.
+    pub is_usual: bool,
 }
 
 /// A profile and its model.

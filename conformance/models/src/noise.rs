@@ -12,9 +12,11 @@ pub(crate) struct Noise {
     /// One step in so many is disturbed; 0: none.
     rate: u64,
     /// The plug-in is swapped at one step in so many; 0: never.
-    swaps: u64,
+    pub(crate) swaps: u64,
     /// The link goes at one step in so many and comes back; 0: never.
     pub(crate) cycles: u64,
+    /// One of so many times the host closes it; 0: never.
+    pub(crate) closes: u64,
     special: &'static [u8],
     /// The last job that was begun, or the first that will be.
     job: u32,
@@ -30,7 +32,17 @@ impl Noise {
         let rate = *dice.pick(if is_long { &[0, 0, 2_000] } else { &[0, 0, 50, 20, 6] });
         let swaps = *dice.pick(if is_long { &[0, 500] } else { &[0, 3, 17] });
         let cycles = if !is_long && dice.one_in(40) { 4 } else { 0 };
-        Self { rate, swaps, cycles, special, job: 1, next: VecDeque::new(), swaps_now: false }
+        let closes = *dice.pick(&[0, 0, 4, 1]);
+        Self {
+            rate,
+            swaps,
+            cycles,
+            closes,
+            special,
+            job: 1,
+            next: VecDeque::new(),
+            swaps_now: false,
+        }
     }
 
     /// What is really given: what was proposed, or something else. `deadline` is
@@ -87,11 +99,13 @@ impl Noise {
             (Given::Line(LineInput::Down(LinkDownReason::Unplugged)), Given::Line(LineInput::Up)),
             (Given::Host(HostRequest::Close), Given::Host(HostRequest::Open)),
         ];
-        let (goes, comes) = ends[usize::from(dice.one_in(4))].clone();
+        let (goes, comes) = ends[usize::from(self.closes > 0 && dice.one_in(self.closes))].clone();
         let mut soon = |given| Proposal { wait: Micros(dice.between(1, 5_000)), given };
         let steps = [soon(goes), soon(comes), proposal];
         steps.into_iter().rev().for_each(|step| self.next.push_front(step));
-        let said = Given::Line(LineInput::Bytes(vec![*dice.pick(self.special)]));
+        // What stands first stops and lets go.
+        let first = if dice.one_in(2) { self.special.len().min(4) } else { self.special.len() };
+        let said = Given::Line(LineInput::Bytes(vec![*dice.pick(&self.special[..first])]));
         (Micros(dice.between(1, 20_000)), Step::Given(said))
     }
 

@@ -15,13 +15,15 @@ use softplug_link::LinkOptions;
 const TAIL: Micros = Micros::from_secs(30);
 /// One session of so many is a long one; they are spread over the groups.
 const LONG: u64 = 149;
+/// Profiles whose queue may have room for some characters only.
+const ANY_ROOM: &[&str] = &["heidenhain-fe"];
 /// Most steps of a long one.
 const STEPS: usize = 200_000;
 /// Of so many long ones the last is long by steps: all that a line brings, and the link
 /// goes and comes back again and again.
 const KINDS: u64 = 5;
 /// Steps of that one.
-const STEPS_OF_CYCLES: usize = 20_000;
+const STEPS_OF_CYCLES: usize = 40_000;
 
 /// A session: its settings and line, and the chance by which the rest is drawn.
 ///
@@ -106,10 +108,13 @@ impl Session {
             has_sizes: !dice.one_in(12),
             job_base: job_base(&mut dice),
             long,
+            is_usual: Filling::of(number) == Filling::Cycles,
         };
         if long.is_some() {
             // Small pieces would only make it slow.
             (conditions.transmit_room, conditions.pieces) = (4_096, usize::MAX);
+        } else if ANY_ROOM.contains(&profile.name) && dice.one_in(6) {
+            conditions.transmit_room = *dice.pick(&[3, 3, 3, 5, 20]);
         }
         (profile.start)(&conditions)?;
         Some(Self { profile, asked, conditions, values, seed, number })
@@ -134,11 +139,20 @@ impl Session {
         let mut dice = Dice::new(self.seed, self.profile.name, self.number);
         let filling = Filling::of(self.number);
         let is_long = matches!(filling, Filling::Long(_));
-        let mut noise = Noise::draw(&mut dice, self.profile.special, is_long);
+        let is_quiet = filling != Filling::Usual;
+        let mut noise = Noise::draw(&mut dice, self.profile.special, is_quiet);
         let mut steps = *dice.pick(&[20, 60, 60, 200, 200, 1_000]);
         if filling == Filling::Cycles {
             steps = STEPS_OF_CYCLES;
-            noise.cycles = 4;
+            // It goes, it is closed, or both.
+            let kind = self.number / LONG / KINDS;
+            (noise.cycles, noise.closes) = (6, [0, 1, 4][kind as usize % 3]);
+            if kind.is_multiple_of(2) {
+                // What counts them is not saved, maybe.
+                noise.swaps = 0;
+            }
+        } else if is_long {
+            steps = 1_000;
         }
         self.drive(manifest, make, |drive| {
             let open = Step::Given(Given::Host(HostRequest::Open));

@@ -87,7 +87,8 @@ pub(crate) fn block(dice: &mut Dice) -> String {
     let mut block = String::new();
     for _ in 0..dice.between(1, 6) {
         let words = if has_macros && dice.one_in(2) { MACROS } else { WORDS };
-        block.push_str(*dice.pick(words));
+        let word = *dice.pick(words);
+        block.push_str(word);
         if dice.one_in(2) {
             let digits = dice.between(1, 5) as u32;
             block.push_str(&dice.below(10_u64.pow(digits)).to_string());

@@ -80,7 +80,7 @@ impl Converter for XonXoff {
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         let mut rest = bytes;
-        let (mut is_told, mut was_held) = (false, self.sender.is_held());
+        let held_until = self.sender.hears();
         loop {
             let (data, after) = self.codes.split(rest);
             if !data.is_empty() && !self.ignores_data() {
@@ -88,18 +88,12 @@ impl Converter for XonXoff {
             }
             let Some((control, after)) = after else { break };
             match control {
-                Control::Xoff => self.sender.xoff(),
-                Control::Xon => {
-                    was_held = false;
-                    self.sender.xon();
-                }
+                Control::Xoff => self.sender.xoff(link, &self.settings),
+                Control::Xon => self.sender.xon(link),
             }
-            is_told = true;
             rest = after;
         }
-        if is_told {
-            self.sender.heeded(link, &self.settings, was_held);
-        }
+        self.sender.has_heard(link, held_until);
         self.receiver.after_bytes(link, &self.settings, &self.codes);
         self.name_state_here(link);
     }

@@ -48,6 +48,9 @@ pub(crate) struct Sender {
     /// Whether the queue is held for any of these reasons.
     holding: bool,
     held_until: Option<Micros>,
+    /// What follows from control bytes is done behind the last of their event, of which
+    /// there may be a thousand.
+    is_hearing: bool,
     /// Bytes of a program are sent as they are, but for control bytes.
     plain: bool,
 }
@@ -78,38 +81,44 @@ impl Sender {
         Some(state)
     }
 
-    pub(crate) fn is_held(&self) -> bool {
-        self.held
+    /// Control bytes may come. Returns what [`has_heard`](Self::has_heard) wants.
+    #[inline(always)]
+    pub(crate) fn hears(&mut self) -> Option<Micros> {
+        self.is_hearing = true;
+        self.held_until
     }
 
-    /// XOFF; what follows from it is done [behind](Self::heeded) the event's last byte.
-    pub(crate) fn xoff(&mut self) {
-        self.held = true;
-    }
-
-    /// XON, likewise.
-    pub(crate) fn xon(&mut self) {
-        self.held = false;
-        self.waits_for_xon = false;
-    }
-
-    /// All control bytes of an event have come, of which there may be a thousand.
-    /// `was_held`: it was held before, and no XON was among them.
-    pub(crate) fn heeded(&mut self, link: &mut Context<'_>, settings: &Settings, was_held: bool) {
-        if !was_held && self.held_until.take().is_some() {
-            link.cancel_timer(HELD);
-        }
+    /// The event is over.
+    #[inline(always)]
+    pub(crate) fn has_heard(&mut self, link: &mut Context<'_>, held_until: Option<Micros>) {
+        self.is_hearing = false;
         self.update_hold(link);
-        if self.held && !was_held {
-            self.watch_hold(link, settings);
+        if self.held_until != held_until {
+            match self.held_until {
+                Some(until) => link.set_timer(HELD, until),
+                None => link.cancel_timer(HELD),
+            }
         }
+    }
+
+    pub(crate) fn xoff(&mut self, link: &mut Context<'_>, settings: &Settings) {
+        if self.held {
+            return;
+        }
+        self.held = true;
+        self.update_hold(link);
+        self.watch_hold(link, settings);
+    }
+
+    pub(crate) fn xon(&mut self, link: &mut Context<'_>) {
+        self.forget_hold(link);
     }
 
     /// The partner no longer holds us, whatever it said.
     pub(crate) fn forget_hold(&mut self, link: &mut Context<'_>) {
         self.held = false;
         self.waits_for_xon = false;
-        if self.held_until.take().is_some() {
+        if self.held_until.take().is_some() && !self.is_hearing {
             link.cancel_timer(HELD);
         }
         self.update_hold(link);
@@ -122,7 +131,7 @@ impl Sender {
 
     pub(crate) fn update_hold(&mut self, link: &mut Context<'_>) {
         let holding = self.held || self.waits_for_xon || self.paused;
-        if holding == self.holding {
+        if holding == self.holding || self.is_hearing {
             return;
         }
         self.holding = holding;
@@ -135,7 +144,9 @@ impl Sender {
         if self.held && is_feeding && settings.held_timeout > 0 {
             let until = link.now() + Micros::from_millis(settings.held_timeout);
             self.held_until = Some(until);
-            link.set_timer(HELD, until);
+            if !self.is_hearing {
+                link.set_timer(HELD, until);
+            }
         }
     }
 

@@ -71,7 +71,7 @@ fn reader(conditions: &Conditions) -> Option<Box<dyn Model>> {
         is_down: false,
         jobs: 0,
         began: Micros::ZERO,
-        course: Cell::new(Course::new(conditions.long)),
+        course: Cell::new(Course::new(conditions)),
     }))
 }
 

@@ -11,7 +11,12 @@ impl Fe {
             HostRequest::Open => self.opens(),
             HostRequest::Close => self.closes(),
             HostRequest::Job { id, fields, data, .. } => self.begins(*id, fields, data),
-            HostRequest::Pause(id) => self.pauses(*id, true),
+            HostRequest::Pause(id) => {
+                // Whether a block found room before it is open.
+                let is_sending = matches!(self.state, State::Sending(_));
+                self.is_blind |= is_sending && self.rules.has_small_queue;
+                self.pauses(*id, true);
+            }
             HostRequest::Resume(id) => {
                 self.pauses(*id, false);
                 self.resumes();

@@ -108,8 +108,11 @@ impl Fe {
             State::Sending(sending) if !sending.is_ending() => {
                 self.fail_job(Failure::Refused, "heidenhain-fe.tx.partner-ends");
             }
-            // Both are at this instant: whether it comes after our ETX EOT is open.
-            State::Sending(sending) => self.is_blind |= sending.since == self.now,
+            // Both are at this instant, or the queue has no room for our ETX EOT: whether it
+            // comes after that is open.
+            State::Sending(sending) => {
+                self.is_blind |= sending.since == self.now || self.rules.has_small_queue;
+            }
             State::Idle => {}
         }
     }

@@ -238,7 +238,7 @@ impl Model for Fe {
     }
 
     fn is_filled(&self) -> bool {
-        self.plan.get() != propose::Plan::Usual
+        !matches!(self.plan.get(), propose::Plan::Usual | propose::Plan::Holds)
     }
 }
 
@@ -262,7 +262,7 @@ impl Fe {
             requests: 0,
             jobs: 0,
             is_blind: false,
-            plan: Cell::new(propose::Plan::new(conditions.long)),
+            plan: Cell::new(propose::Plan::new(conditions)),
         })
     }
 }

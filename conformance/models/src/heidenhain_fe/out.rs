@@ -67,6 +67,11 @@ impl Out {
         place.saturating_sub(self.left)
     }
 
+    /// Characters that the port has not taken.
+    pub(super) fn waiting(&self) -> usize {
+        self.port.waiting()
+    }
+
     /// Whether nothing has to leave.
     pub(super) fn is_empty(&self) -> bool {
         self.port.is_empty()

@@ -21,7 +21,12 @@ pub(super) struct Rules {
     pub(super) dc1: bool,
     pub(super) bcc_space: bool,
     pub(super) line_end: &'static [u8],
+    /// Our queue takes some characters only.
+    pub(super) has_small_queue: bool,
 }
+
+/// A queue that takes less is small.
+pub(super) const SMALL: u32 = 64;
 
 impl Rules {
     /// `None`: the line cannot carry the parity bit that we make.
@@ -34,6 +39,7 @@ impl Rules {
             return None;
         }
         Some(Self {
+            has_small_queue: conditions.transmit_room < SMALL,
             line: conditions.line,
             makes_parity,
             repeats: settings.int("repeats", 3) as u32,

@@ -45,7 +45,7 @@ fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
         is_down: false,
         jobs: 0,
         began: Micros::ZERO,
-        plan: Cell::new(propose::Plan::new(conditions.long)),
+        plan: Cell::new(propose::Plan::new(conditions)),
     }))
 }
 

@@ -3,7 +3,7 @@
 use super::XonXoff;
 use super::rules::ControlInData;
 use crate::dice::Dice;
-use crate::model::{Given, HostRequest, LineInput, Model, Proposal};
+use crate::model::{Conditions, Given, HostRequest, LineInput, Model, Proposal};
 use crate::propose::{Pace, come, give, host, line};
 use softplug_abi::{LineErrorKind, LinkDownReason, Micros, ModemLines};
 
@@ -24,11 +24,14 @@ pub(super) enum Plan {
     ManyDeliveries(u32),
     /// A large delivery: so many bytes are to come.
     LargeDelivery(u32),
+    /// A machine that sends so many bytes, whatever it is told.
+    Deaf(u32),
 }
 
 impl Plan {
-    pub(super) fn new(long: Option<u64>) -> Self {
-        match long.map(|number| number % 4) {
+    pub(super) fn new(conditions: &Conditions) -> Self {
+        match conditions.long.map(|number| number % 4) {
+            None if conditions.is_usual => Self::Usual,
             None => Self::Open,
             Some(0) => Self::ManyJobs(20_000),
             Some(1) => Self::LargeDelivery(5_000_000),
@@ -38,7 +41,10 @@ impl Plan {
     }
 
     /// Whatever counts in a byte or two comes to its end.
-    fn draw(dice: &mut Dice) -> Self {
+    fn draw(xoff_repeat: usize, dice: &mut Dice) -> Self {
+        if xoff_repeat > 300 && dice.one_in(16) {
+            return Self::Deaf(2 * xoff_repeat as u32 + 10_000);
+        }
         match dice.below(120) {
             0..=1 => Self::LargeJob(dice.between(66_000, 140_000) as u32),
             2..=5 => Self::ManyJobs(300),
@@ -81,7 +87,7 @@ impl Guess<'_> {
     fn planned(&self, dice: &mut Dice) -> Option<Proposal> {
         let plan = &self.model.plan;
         if plan.get() == Plan::Open {
-            plan.set(Plan::draw(dice));
+            plan.set(Plan::draw(self.model.rules.xoff_repeat, dice));
         }
         let known = self.model.receiver.room.known();
         match plan.get() {
@@ -106,10 +112,27 @@ impl Guess<'_> {
                     None => come(wait, vec![b'A']),
                 })
             }
-            Plan::LargeDelivery(left) if left > 0 && known > 1 => {
+            // The host is slow now and then.
+            Plan::LargeDelivery(_) if dice.one_in(24) => Some(self.burst(dice)),
+            Plan::LargeDelivery(_)
+                if dice.one_in(if self.model.receiver.speaker.is_stopped() { 2 } else { 24 }) =>
+            {
+                Some(self.room(dice))
+            }
+            Plan::LargeDelivery(left) if left > 0 && known <= 1 => Some(self.room(dice)),
+            Plan::LargeDelivery(left) if left > 0 => {
                 let count = left.min(known / 2).min(9_000);
                 plan.set(Plan::LargeDelivery(left - count));
                 Some(come(dice.between(1, 500), self.sent(count as usize, dice)))
+            }
+            Plan::Deaf(_) if !self.model.receiver.room.keeps() => {
+                Some(host(1_000, HostRequest::Keep))
+            }
+            Plan::Deaf(left) if left > 0 => {
+                let count = left.min(dice.between(1, 9_000) as u32);
+                plan.set(Plan::Deaf(left - count));
+                let bytes = self.sent(count as usize, dice);
+                Some(come(self.characters(bytes.len()), bytes))
             }
             _ => {
                 plan.set(Plan::Usual);

@@ -79,7 +79,7 @@ impl Receiver {
         for byte in bytes {
             self.character(at, *byte, rules);
         }
-        self.came(bytes.len(), rules, wire);
+        self.came(at, bytes.len(), rules, wire);
     }
 
     /// A damaged character.
@@ -91,7 +91,7 @@ impl Receiver {
         delivery.unmarked.clear();
         delivery.put(&[byte], &mut self.room);
         self.is_escaped = false;
-        self.came(1, rules, wire);
+        self.came(at, 1, rules, wire);
     }
 
     /// A break.
@@ -127,15 +127,15 @@ impl Receiver {
     }
 
     /// After characters of one time: does the machine have to be told?
-    fn came(&mut self, count: usize, rules: &Rules, wire: &mut Wire) {
+    fn came(&mut self, at: Micros, count: usize, rules: &Rules, wire: &mut Wire) {
         self.speaker.was_heard();
         if !rules.speak {
             return;
         }
         if self.speaker.is_stopped() {
-            self.speaker.came_in_spite(count, rules, wire);
+            self.speaker.came_in_spite(at, count, rules, wire);
         } else if self.room.known() < self.low_mark {
-            self.speaker.stop(rules, wire);
+            self.speaker.stop(at, rules, wire);
         }
     }
 

@@ -11,6 +11,8 @@ pub(super) struct Speaker {
     is_stopped: bool,
     /// Characters that came later than the last XOFF.
     in_spite: usize,
+    /// When that one was said.
+    said: Micros,
     /// When XON is repeated.
     repeat: Option<Micros>,
     /// A control byte that has still to leave: which of all characters it is, and
@@ -30,8 +32,8 @@ impl Speaker {
     }
 
     /// The machine has to stop.
-    pub(super) fn stop(&mut self, rules: &Rules, wire: &mut Wire) {
-        (self.is_stopped, self.in_spite, self.repeat) = (true, 0, None);
+    pub(super) fn stop(&mut self, at: Micros, rules: &Rules, wire: &mut Wire) {
+        (self.is_stopped, self.in_spite, self.repeat, self.said) = (true, 0, None, at);
         self.say(Control::Xoff, rules, wire);
     }
 
@@ -42,10 +44,18 @@ impl Speaker {
     }
 
     /// So many characters came at one time though the machine was told to stop.
-    pub(super) fn came_in_spite(&mut self, count: usize, rules: &Rules, wire: &mut Wire) {
-        self.in_spite += count;
+    pub(super) fn came_in_spite(
+        &mut self,
+        at: Micros,
+        count: usize,
+        rules: &Rules,
+        wire: &mut Wire,
+    ) {
+        if at > self.said {
+            self.in_spite += count;
+        }
         if rules.xoff_repeat > 0 && self.in_spite >= rules.xoff_repeat {
-            self.stop(rules, wire);
+            self.stop(at, rules, wire);
         }
     }
 

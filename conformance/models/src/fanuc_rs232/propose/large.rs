@@ -107,7 +107,7 @@ impl Guess<'_> {
         if !punch.is_receiving() || self.model.room.keeps() {
             return None;
         }
-        let character = if count % 16 == 0 { b'\n' } else { b'A' + (count % 26) as u8 };
+        let character = if count.is_multiple_of(16) { b'\n' } else { b'A' + (count % 26) as u8 };
         Some(come(self.characters(1).max(4_090), self.encoded(&[character], code, dice)))
     }
 
@@ -120,7 +120,7 @@ impl Guess<'_> {
         }
         let open: Vec<u32> = model.requests.open().iter().copied().collect();
         if !open.is_empty() && dice.one_in(if open.len() < 4 { 8 } else { 3 }) {
-            let answer = HostRequest::Answer(*dice.pick(&open), self.granted(dice));
+            let answer = HostRequest::Answer(*dice.pick(&open), Self::granted(dice));
             return Some(host(self.characters(1), answer));
         }
         let code = model.punch.code().or(model.rules.receive_code).unwrap_or(Code::Iso);

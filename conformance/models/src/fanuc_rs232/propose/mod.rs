@@ -7,7 +7,7 @@ mod sending;
 
 use super::Fanuc;
 use crate::dice::Dice;
-use crate::model::{Given, HostRequest, LineInput, Model, Proposal};
+use crate::model::{Conditions, Given, HostRequest, LineInput, Model, Proposal};
 use crate::propose::{Pace, give, host, line};
 use softplug_abi::{Failure, LineErrorKind, LinkDownReason, Micros, ModemLines};
 
@@ -29,8 +29,11 @@ pub(super) enum Course {
 }
 
 impl Course {
-    pub(super) fn new(long: Option<u64>) -> Option<Self> {
-        Some(match long? % 4 {
+    pub(super) fn new(conditions: &Conditions) -> Option<Self> {
+        if conditions.is_usual {
+            return Some(Self::Any);
+        }
+        Some(match conditions.long? % 4 {
             0 => Self::Many(12_000),
             1 => Self::Capture(1_500_000),
             2 => Self::Job(1_500_000),
@@ -133,11 +136,11 @@ impl Guess<'_> {
             return self.punching(dice);
         }
         let id = *dice.pick(&open);
-        host(self.pause(dice), HostRequest::Answer(id, self.granted(dice)))
+        host(self.pause(dice), HostRequest::Answer(id, Self::granted(dice)))
     }
 
     /// An answer: some have data, which come in parts if they are many.
-    fn granted(&self, dice: &mut Dice) -> Result<Vec<u8>, Failure> {
+    fn granted(dice: &mut Dice) -> Result<Vec<u8>, Failure> {
         if dice.one_in(3) {
             return Err(Failure::NotFound);
         }

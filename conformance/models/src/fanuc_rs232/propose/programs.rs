@@ -72,9 +72,8 @@ impl Guess<'_> {
     fn replaced(&self, dice: &mut Dice) -> Vec<u8> {
         let mut text = Vec::new();
         for _ in 0..dice.between(1, 4) {
-            if let [pairs @ ..] = self.model.rules.replace.as_slice()
-                && !pairs.is_empty()
-            {
+            let pairs = &self.model.rules.replace;
+            if !pairs.is_empty() {
                 text.push(dice.pick(pairs).0);
             }
             text.extend(*dice.pick(&[b"".as_slice(), b"X", b"50%", b")", b"N5", b"("]));

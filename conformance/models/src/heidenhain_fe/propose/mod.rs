@@ -30,7 +30,7 @@ pub(super) fn propose(fe: &Fe, now: Micros, dice: &mut Dice) -> Proposal {
     if let Some(frame) = &fe.frame {
         return fe.in_frame(frame, dice);
     }
-    if fe.is_held && !dice.one_in(3) {
+    if fe.is_held && fe.plan.get() != Plan::Holds && !dice.one_in(3) {
         return fe.let_go(dice);
     }
     match &fe.state {

@@ -1,11 +1,15 @@
 //! Sessions that are about one thing: large, or often.
 
-use super::super::frame::{ACK, DC1, EOT, ETX, STX};
+use super::super::frame::{ACK, DC1, DC3, EOT, ETX, SOH, STX};
+use super::super::rules::SMALL;
 use super::super::send::Stage;
 use super::super::{Fe, State, text};
 use super::{after, host};
 use crate::dice::Dice;
-use crate::model::{Given, HostRequest, Proposal};
+use crate::model::{Conditions, Given, HostRequest, Proposal};
+
+/// Answers that a control lets us owe it: a real one waits for each.
+const MOST_OWED: usize = 10;
 
 /// What a session is about.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -24,11 +28,15 @@ pub(in super::super) enum Plan {
     ManyRequests(u32),
     /// So many deliveries on one link.
     ManyDeliveries(u32),
+    /// All that a line brings, and a control that holds us for long meanwhile.
+    Holds,
 }
 
 impl Plan {
-    pub(in super::super) fn new(long: Option<u64>) -> Self {
-        match long.map(|number| number % 4) {
+    pub(in super::super) fn new(conditions: &Conditions) -> Self {
+        match conditions.long.map(|number| number % 4) {
+            None if conditions.transmit_room < SMALL => Self::Holds,
+            None if conditions.is_usual => Self::Usual,
             None => Self::Open,
             Some(0) => Self::ManyDeliveries(30_000),
             Some(1) => Self::ManyBlocks(20_000),
@@ -44,6 +52,7 @@ impl Plan {
             3..=5 => Self::ManyBlocks(dice.between(256, 300) as usize),
             6..=8 => Self::ManyRequests(300),
             9..=11 => Self::ManyDeliveries(300),
+            12..=17 => Self::Holds,
             _ => Self::Usual,
         }
     }
@@ -58,6 +67,9 @@ impl Fe {
         }
         if self.plan.get() == Plan::Usual || self.frame.is_some() {
             return None;
+        }
+        if self.plan.get() == Plan::Holds {
+            return self.holds(dice);
         }
         if self.is_held {
             return Some(after(1_000, self.says(&[DC1])));
@@ -94,6 +106,33 @@ impl Fe {
                 self.plan.set(Plan::Usual);
                 None
             }
+        }
+    }
+
+    /// DC3, and bad headers and blocks while our answers wait.
+    fn holds(&self, dice: &mut Dice) -> Option<Proposal> {
+        let wait = dice.between(1, 100_000);
+        let name = self.job.as_ref().and_then(|job| job.name.clone());
+        if self.out.waiting() > MOST_OWED {
+            return Some(after(self.characters(MOST_OWED), self.says(&[DC1])));
+        }
+        match (self.is_held, dice.below(8)) {
+            (true, 1..=2) if self.job.is_none() && matches!(self.state, State::Idle) => {
+                Some(self.job(None, dice))
+            }
+            (true, 1..=4) if matches!(self.state, State::Sending(_)) => {
+                Some(after(wait, host(HostRequest::Abort(self.jobs))))
+            }
+            (false, 0) => Some(after(wait, self.says(&[DC3]))),
+            (true, 0) => Some(after(wait, self.says(&[DC1]))),
+            (true, 1..=4) => Some(after(wait, self.says(&self.bad(*dice.pick(&[SOH, STX]), dice)))),
+            (true, 5) => {
+                let name = name.unwrap_or_else(|| text::name(dice));
+                let header = self.heads(&name, *dice.pick(b"AEE"), dice);
+                Some(after(wait, self.says(&header)))
+            }
+            (true, 6) => Some(after(wait, host(HostRequest::Abort(self.jobs)))),
+            _ => None,
         }
     }
 
