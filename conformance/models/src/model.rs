@@ -58,12 +58,15 @@ pub trait Model {
 pub enum LineInput {
     /// Characters that have come by now, in one event.
     Bytes(Vec<u8>),
-    /// A damaged character, an overrun (without a byte) or a break (without a byte).
+    /// A damaged character, lost ones, with the one that came behind them or without, or a
+    /// break (without a byte).
     Damaged {
         /// What the port says of it.
         kind: LineErrorKind,
         /// The character as it was read.
         byte: Option<u8>,
+        /// 0: exactly here; n: it is one of the last n characters, which were given already.
+        span: u32,
     },
     /// Inputs of our port change: which, and those of them that are on.
     ModemLines(ModemLines, ModemLines),

@@ -84,8 +84,8 @@ impl Noise {
             0..=3 => line(LineInput::Bytes(vec![*dice.pick(self.special)])),
             4 => line(LineInput::Bytes(vec![dice.byte()])),
             5 => line(LineInput::Bytes((0..dice.length(80)).map(|_| dice.byte()).collect())),
-            6 => line(LineInput::Damaged { kind: LineErrorKind::Break, byte: None }),
-            7 => line(LineInput::Damaged { kind: LineErrorKind::Overrun, byte: None }),
+            6 => line(LineInput::Damaged { kind: LineErrorKind::Break, byte: None, span: 0 }),
+            7 => line(LineInput::Damaged { kind: LineErrorKind::Overrun, byte: None, span: 0 }),
             8 => line(LineInput::Down(LinkDownReason::Unplugged)),
             9 => host(HostRequest::Close),
             10 => host(HostRequest::Pause(self.job)),
@@ -110,7 +110,7 @@ fn damaged(mut bytes: Vec<u8>, dice: &mut Dice) -> Given {
             let kinds =
                 [LineErrorKind::Parity, LineErrorKind::Framing, LineErrorKind::ParityOrFraming];
             let kind = *dice.pick(&kinds);
-            return Given::Line(LineInput::Damaged { kind, byte: Some(bytes[at]) });
+            return Given::Line(LineInput::Damaged { kind, byte: Some(bytes[at]), span: 0 });
         }
     }
     Given::Line(LineInput::Bytes(bytes))

@@ -251,6 +251,7 @@ impl Model for Station {
                 }
             }
             LineInput::Damaged { kind: LineErrorKind::Break, .. } => self.break_comes(),
+            LineInput::Damaged { span: 1.., .. } => self.damaged_before(),
             LineInput::Damaged { byte, .. } => self.character(at, Character::Damaged(*byte)),
             LineInput::ModemLines(..) => {}
             LineInput::Down(_) => self.go_down(),

@@ -220,7 +220,7 @@ impl Guess<'_> {
         } else {
             (*dice.pick(&[LineErrorKind::Overrun, LineErrorKind::Break]), None)
         };
-        line(self.characters(1), LineInput::Damaged { kind, byte })
+        line(self.characters(1), LineInput::Damaged { kind, byte, span: 0 })
     }
 
     /// As many characters as just reach a mark, or all room.

@@ -53,7 +53,7 @@ impl Fe {
                 let kind = *dice.pick(&kinds);
                 let is_read = matches!(kind, LineErrorKind::Framing | LineErrorKind::Parity);
                 let byte = is_read.then_some(rest[0]);
-                after(pace, line(LineInput::Damaged { kind, byte }))
+                after(pace, line(LineInput::Damaged { kind, byte, span: 0 }))
             }
             4 => after(self.rules.character_time.0 + 1, Given::Nothing),
             5..=16 => after(pace, self.says(&one)),

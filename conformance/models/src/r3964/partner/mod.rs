@@ -69,17 +69,51 @@ pub(crate) fn nothing(wait: i64) -> Proposal {
     Proposal { wait: Micros(wait), given: Given::Nothing }
 }
 
+/// A character that was damaged, or with which others were lost.
 fn damaged(wait: i64, byte: u8, dice: &mut Dice) -> Proposal {
-    let kinds = [LineErrorKind::Parity, LineErrorKind::Framing, LineErrorKind::ParityOrFraming];
-    line(wait, LineInput::Damaged { kind: *dice.pick(&kinds), byte: Some(byte) })
+    let kind = *dice.pick(&[
+        LineErrorKind::Parity,
+        LineErrorKind::Framing,
+        LineErrorKind::ParityOrFraming,
+        LineErrorKind::Overrun,
+    ]);
+    line_error(wait, kind, Some(byte), dice)
 }
 
-fn overrun(wait: i64) -> Proposal {
-    line(wait, LineInput::Damaged { kind: LineErrorKind::Overrun, byte: None })
+fn overrun(wait: i64, dice: &mut Dice) -> Proposal {
+    line_error(wait, LineErrorKind::Overrun, None, dice)
 }
 
-fn line_break(wait: i64) -> Proposal {
-    line(wait, LineInput::Damaged { kind: LineErrorKind::Break, byte: None })
+fn line_break(wait: i64, dice: &mut Dice) -> Proposal {
+    line_error(wait, LineErrorKind::Break, None, dice)
+}
+
+/// Some ports cannot tell its place.
+fn line_error(wait: i64, kind: LineErrorKind, byte: Option<u8>, dice: &mut Dice) -> Proposal {
+    let span = if dice.one_in(3) { span(dice) } else { 0 };
+    line(wait, LineInput::Damaged { kind, byte, span })
+}
+
+/// Among how many characters an error lies.
+fn span(dice: &mut Dice) -> u32 {
+    match dice.below(4) {
+        0 => 1,
+        1 => dice.between(1, 8) as u32,
+        2 => 1 << dice.below(32),
+        _ => dice.between(1, 4_096) as u32,
+    }
+}
+
+/// The port tells behind characters that one of them was damaged, or that some were lost.
+fn damaged_before(wait: i64, dice: &mut Dice) -> Proposal {
+    let kind = *dice.pick(&[
+        LineErrorKind::Parity,
+        LineErrorKind::Framing,
+        LineErrorKind::ParityOrFraming,
+        LineErrorKind::Overrun,
+    ]);
+    let byte = dice.one_in(2).then(|| dice.byte());
+    line(wait, LineInput::Damaged { kind, byte, span: span(dice) })
 }
 
 /// A short time, as an answer takes.
@@ -253,8 +287,14 @@ impl Next<'_> {
     fn idle_garbage(&mut self, wait: i64) {
         match self.dice.below(9) {
             0 => self.push(bytes(wait, &[NAK])),
-            1 => self.push(overrun(wait)),
-            2 => self.push(line_break(wait)),
+            1 => {
+                let proposal = overrun(wait, self.dice);
+                self.push(proposal);
+            }
+            2 => {
+                let proposal = line_break(wait, self.dice);
+                self.push(proposal);
+            }
             3 => {
                 let byte = *self.dice.pick(&[STX, DLE, NAK, b'A']);
                 let proposal = damaged(wait, byte, self.dice);
@@ -297,7 +337,10 @@ impl Next<'_> {
                 let proposal = damaged(early, byte, self.dice);
                 self.push(proposal);
             }
-            _ => self.push(overrun(early)),
+            _ => {
+                let proposal = overrun(early, self.dice);
+                self.push(proposal);
+            }
         }
     }
 }
