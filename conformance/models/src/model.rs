@@ -238,10 +238,15 @@ pub struct Conditions {
     pub has_sizes: bool,
     /// The link's id of the job that is 0 here: ids need not be small. Only the plug-in sees it.
     pub job_base: u32,
+    /// The settings are those of a preset: its timers and counts are brought to their ends.
+    pub is_preset: bool,
     /// A long session brings jobs or deliveries by the thousand, or one of megabytes; this is its
     /// number among the long ones.
     pub long: Option<u64>,
 }
+
+/// A preset's name, and the settings that it sets.
+pub type Preset = (&'static str, &'static [(&'static str, &'static str)]);
 
 /// A profile and its model.
 #[derive(Copy, Clone, Debug)]
@@ -253,8 +258,12 @@ pub struct Profile {
     /// Values of settings that are worth trying, as text; the first of each is
     /// tried most.
     pub values: &'static [(&'static str, &'static [&'static str])],
+    /// Presets, and the settings that the profile's page says they set, as text.
+    pub presets: &'static [Preset],
     /// Line parameters that are worth trying: baud rates and formats.
     pub lines: &'static [LineParameters],
+    /// Room for deliveries, in bytes, that is worth trying besides what any profile has.
+    pub rooms: &'static [u32],
     /// Modem lines that are worth trying.
     pub modem_lines: &'static [Option<(ModemLines, ModemLines)>],
     /// Bytes that mean something in the protocol.

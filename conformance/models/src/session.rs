@@ -3,7 +3,7 @@
 use crate::cover::row;
 use crate::dice::Dice;
 use crate::drive::{Drive, Finding, Make, Ran, Step};
-use crate::model::{Conditions, Given, HostRequest, Profile};
+use crate::model::{Conditions, Given, HostRequest, Preset, Profile};
 use crate::noise::Noise;
 use crate::settings::Settings;
 use crate::shrink::shrink;
@@ -15,6 +15,8 @@ use softplug_link::LinkOptions;
 const TAIL: Micros = Micros::from_secs(30);
 /// One session of so many is a long one; they are spread over the groups.
 const LONG: u64 = 149;
+/// Two sessions of so many have the settings of a preset, where a profile has presets.
+const PRESET: u64 = 16;
 /// Most steps of a long one.
 const STEPS: usize = 200_000;
 
@@ -42,38 +44,46 @@ impl Session {
         seed: u64,
         number: u64,
     ) -> Option<Self> {
-        let known = |name: &str| manifest.settings.iter().any(|own| own.name == name);
-        let tried: Vec<_> = profile.values.iter().filter(|(name, _)| known(name)).collect();
-        let counts: Vec<usize> = tried.iter().map(|(_, values)| values.len()).collect();
-        let places = row(&counts, seed, number);
-        let asked: Vec<(String, String)> = tried
-            .iter()
-            .zip(places)
-            .map(|((name, values), place)| ((*name).to_owned(), values[place].to_owned()))
-            .collect();
-        let named = asked.iter().map(|(name, value)| (name.as_str(), value.as_str()));
-        let values = manifest.resolve_settings(named).ok()?;
+        let is_long = number % LONG == LONG - 1;
+        let long = is_long.then_some(number / LONG);
+        let preset = if is_long { None } else { preset(profile, manifest, number) };
+        let asked = match preset {
+            Some((name, _)) => vec![("preset", *name)],
+            None => tried(profile, manifest, seed, number, long.is_some_and(is_plain)),
+        };
+        let values = manifest.resolve_settings(asked.iter().copied()).ok()?;
+        // What a preset sets is the page's, whatever the manifest says.
+        let said = preset.map_or(asked.as_slice(), |(_, sets)| sets);
+        let said = manifest.resolve_settings(said.iter().copied()).ok()?;
 
         let mut dice = Dice::new(seed, profile.name, number).fork();
-        let is_long = number % LONG == LONG - 1;
         let mut conditions = Conditions {
             line: *dice.pick(profile.lines),
             depth: *dice.pick(&[1, 1, 1, 2, 16]),
             transmit_room: *dice.pick(&[4_096, 4_096, 4_096, 64, 257, 16_384, 65_535]),
             delivery_room: *dice.pick(&[4_096, 4_096, 4_096, 300, 1_000, 16_384, 65_535]),
             modem_lines: *dice.pick(profile.modem_lines),
-            settings: Settings::new(manifest, &values),
+            settings: Settings::new(manifest, &said),
             clock: clock(&mut dice),
             pieces: *dice.pick(&[usize::MAX, usize::MAX, usize::MAX, 64, 17, 1]),
             has_sizes: !dice.one_in(12),
             job_base: job_base(&mut dice),
-            long: is_long.then_some(number / LONG),
+            is_preset: preset.is_some(),
+            long,
         };
         if is_long {
             // Small pieces would only make it slow.
             (conditions.transmit_room, conditions.pieces) = (4_096, usize::MAX);
         }
+        if long.is_some_and(is_plain) {
+            conditions.delivery_room = 4_096;
+            conditions.has_sizes = true;
+        } else if !profile.rooms.is_empty() && dice.one_in(4) {
+            conditions.delivery_room = *dice.pick(profile.rooms);
+        }
         (profile.start)(&conditions)?;
+        let owned = |(name, value): &(&str, &str)| ((*name).to_owned(), (*value).to_owned());
+        let asked = asked.iter().map(owned).collect();
         Some(Self { profile, asked, conditions, values, seed, number })
     }
 
@@ -161,6 +171,43 @@ impl Session {
             Err(finding) => Ran::empty(Some(finding)),
         }
     }
+}
+
+/// Whether the long session with this number has the first value of each setting: so that
+/// it can get to its end.
+fn is_plain(long: u64) -> bool {
+    long % 4 < 2
+}
+
+/// The preset that a session is about, if it is about one.
+fn preset(profile: &Profile, manifest: &Manifest, number: u64) -> Option<&'static Preset> {
+    let turn = match number % PRESET {
+        3 => 2 * (number / PRESET),
+        8 => 2 * (number / PRESET) + 1,
+        _ => return None,
+    };
+    let is_claimed = |name: &str| {
+        let feature = |feature: &String| feature == "presets";
+        manifest.profiles.iter().any(|claim| claim.features.iter().any(feature))
+            && manifest.presets.iter().any(|known| known.name == name)
+    };
+    let place = turn.checked_rem(profile.presets.len() as u64)?;
+    profile.presets.get(place as usize).filter(|(name, _)| is_claimed(name))
+}
+
+/// Values of those settings that the plug-in has.
+fn tried(
+    profile: &Profile,
+    manifest: &Manifest,
+    seed: u64,
+    number: u64,
+    is_plain: bool,
+) -> Vec<(&'static str, &'static str)> {
+    let known = |name: &str| manifest.settings.iter().any(|own| own.name == name);
+    let tried: Vec<_> = profile.values.iter().filter(|(name, _)| known(name)).collect();
+    let counts: Vec<usize> = tried.iter().map(|(_, values)| values.len()).collect();
+    let places = if is_plain { vec![0; counts.len()] } else { row(&counts, seed, number) };
+    tried.iter().zip(places).map(|((name, values), place)| (*name, values[place])).collect()
 }
 
 /// Mostly 0; else such that ids need two, three or all four bytes.

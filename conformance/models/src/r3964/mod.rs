@@ -96,7 +96,7 @@ impl Station {
             is_open: false,
             is_down: false,
             awaited: Awaited::default(),
-            partner: RefCell::new(Partner::new(conditions.long)),
+            partner: RefCell::new(Partner::new(conditions)),
         })
     }
 

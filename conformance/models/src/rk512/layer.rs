@@ -31,6 +31,8 @@ pub(super) struct Layer {
     pub(super) request: Option<Request>,
     /// The partner's command that may go on.
     pub(super) series: Option<Series>,
+    /// A command that has ended before it was whole: a partner may go on with it all the same.
+    pub(super) ended: Option<Series>,
     /// Our reaction that waits for its turn.
     pub(super) reaction: Option<Vec<u8>>,
     pub(super) sender: Sender,
@@ -79,6 +81,7 @@ impl Layer {
             jobs: 0,
             request: None,
             series: None,
+            ended: None,
             reaction: None,
             sender: Sender::Nobody,
             awaited: Awaited::default(),
@@ -107,7 +110,7 @@ impl Layer {
 
     fn go_down(&mut self, at: Micros) {
         self.withdraw("rk512.serve.withdrawn");
-        self.series = None;
+        self.end_series();
         self.reaction = None;
         self.hear(at);
         self.fail_job((Failure::LinkDown, 0, "rk512.job.abort"));

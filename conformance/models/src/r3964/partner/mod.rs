@@ -12,7 +12,7 @@ use super::Station;
 use super::frame::{DLE, ETX, NAK, STX};
 use super::state::State;
 use crate::dice::Dice;
-use crate::model::{Given, HostRequest, LineInput, Proposal};
+use crate::model::{Conditions, Given, HostRequest, LineInput, Proposal};
 use habits::Habit;
 use softplug_abi::{LineErrorKind, Micros};
 use std::collections::VecDeque;
@@ -24,7 +24,12 @@ pub(crate) struct Partner {
     mood: Option<Mood>,
     /// The session is a long one, with this number.
     long: Option<u64>,
+    /// The session is about a preset.
+    is_preset: bool,
 }
+
+/// A host with less room than this often lets it run out.
+const SMALL_ROOM: usize = 256;
 
 #[derive(Copy, Clone, PartialEq, Debug)]
 struct Mood {
@@ -38,16 +43,19 @@ struct Mood {
 }
 
 impl Mood {
-    fn draw(station: &Station, upper: &dyn Upper, long: Option<u64>, dice: &mut Dice) -> Self {
-        let habit = match long {
+    fn draw(partner: &Partner, station: &Station, upper: &dyn Upper, dice: &mut Dice) -> Self {
+        let habit = match partner.long {
             Some(number) => Habit::filling(station, upper, number),
+            None if partner.is_preset && dice.one_in(2) => Habit::failing(dice),
             None => Habit::draw(station, upper, dice),
         };
-        let faults = *dice.pick(&[1_000, 30, 8, 3, 2]);
+        let faults: &[u64] = if partner.is_preset { &[2, 3, 8] } else { &[1_000, 30, 8, 3, 2] };
+        let faults = *dice.pick(faults);
+        let is_small = upper.room(station).whole() < SMALL_ROOM;
         Self {
             faults,
             receptions: *dice.pick(&[2, 2, 1, 6]),
-            keeps: dice.one_in(4) && habit == Habit::Any,
+            keeps: dice.one_in(if is_small { 2 } else { 4 }) && habit == Habit::Any,
             habit,
         }
     }
@@ -156,13 +164,24 @@ pub(crate) fn length(limit: usize, longest: usize, dice: &mut Dice) -> usize {
 }
 
 impl Partner {
-    pub(crate) fn new(long: Option<u64>) -> Self {
-        Self { long, ..Self::default() }
+    pub(crate) fn new(conditions: &Conditions) -> Self {
+        let Conditions { long, is_preset, .. } = *conditions;
+        Self { long, is_preset, ..Self::default() }
     }
 
     /// Whether that with which a long session is filled goes on.
     pub(crate) fn is_filling(&self) -> bool {
         self.mood.is_none_or(|mood| mood.habit != Habit::Any)
+    }
+
+    /// The first step of a session.
+    fn wakes(&mut self, station: &Station, upper: &dyn Upper, dice: &mut Dice) -> Mood {
+        let mood = Mood::draw(self, station, upper, dice);
+        self.mood = Some(mood);
+        if mood.keeps && upper.room(station).whole() < SMALL_ROOM {
+            self.plan.push_back(host(1, HostRequest::Keep));
+        }
+        mood
     }
 
     pub(crate) fn propose(
@@ -172,8 +191,10 @@ impl Partner {
         now: Micros,
         dice: &mut Dice,
     ) -> Proposal {
-        let long = self.long;
-        let mood = *self.mood.get_or_insert_with(|| Mood::draw(station, upper, long, dice));
+        let mood = match self.mood {
+            Some(mood) => mood,
+            None => self.wakes(station, upper, dice),
+        };
         // What happened meanwhile may change the plan.
         if dice.one_in(60) {
             self.plan.clear();
