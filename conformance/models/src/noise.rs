@@ -12,6 +12,8 @@ pub(crate) struct Noise {
     rate: u64,
     /// The plug-in is swapped at one step in so many; 0: never.
     swaps: u64,
+    /// A timer is met at one step in so many; 0: never.
+    timers: u64,
     special: &'static [u8],
     /// The last job that was begun, or the first that will be.
     job: u32,
@@ -24,7 +26,9 @@ impl Noise {
     pub(crate) fn draw(dice: &mut Dice, special: &'static [u8], is_long: bool) -> Self {
         let rate = *dice.pick(if is_long { &[0, 0, 2_000] } else { &[0, 0, 50, 20, 6] });
         let swaps = *dice.pick(if is_long { &[0, 500] } else { &[0, 3, 17] });
-        Self { rate, swaps, special, job: 1, next: None }
+        // Something very long does not go on behind a timer that has run out.
+        let timers = if is_long { *dice.pick(&[0, 10_000]) } else { 24 };
+        Self { rate, swaps, timers, special, job: 1, next: None }
     }
 
     /// What is really given: what was proposed, or something else. `deadline` is
@@ -48,7 +52,7 @@ impl Noise {
             proposal = self.disturbed(proposal, dice);
         }
         // Timers are met exactly, a tick early and a tick late.
-        if let Some(deadline) = deadline.filter(|_| dice.one_in(24)) {
+        if let Some(deadline) = deadline.filter(|_| self.timers > 0 && dice.one_in(self.timers)) {
             let wait = (deadline - now).0 + dice.between(-1, 1);
             proposal.wait = Micros(wait);
         }

@@ -16,7 +16,7 @@ const TAIL: Micros = Micros::from_secs(30);
 /// One session of so many is a long one; they are spread over the groups.
 const LONG: u64 = 149;
 /// Two sessions of so many have the settings of a preset, where a profile has presets.
-const PRESET: u64 = 16;
+const PRESET: u64 = 17;
 /// Most steps of a long one.
 const STEPS: usize = 200_000;
 
@@ -183,7 +183,7 @@ fn is_plain(long: u64) -> bool {
 fn preset(profile: &Profile, manifest: &Manifest, number: u64) -> Option<&'static Preset> {
     let turn = match number % PRESET {
         3 => 2 * (number / PRESET),
-        8 => 2 * (number / PRESET) + 1,
+        11 => 2 * (number / PRESET) + 1,
         _ => return None,
     };
     let is_claimed = |name: &str| {

@@ -52,22 +52,12 @@ const PRESETS: &[Preset] = &[
     ),
     (
         "euchner",
-        &[
-            ("qvz", "500"),
-            ("setup_attempts", "3"),
-            ("transmission_attempts", "3"),
-            ("zvz", "128"),
-        ],
+        &[("qvz", "500"), ("setup_attempts", "3"), ("transmission_attempts", "3"), ("zvz", "128")],
     ),
     ("ifm", &[("priority", "high"), ("qvz", "3000"), ("zvz", "200")]),
     (
         "wago",
-        &[
-            ("block_size", "128"),
-            ("nak_on_garbage", "off"),
-            ("priority", "low"),
-            ("qvz", "2000"),
-        ],
+        &[("block_size", "128"), ("nak_on_garbage", "off"), ("priority", "low"), ("qvz", "2000")],
     ),
 ];
 

@@ -83,8 +83,11 @@ impl Model for XonXoff {
                 receiver.receive(at, &data, rules, wire);
             }
             LineInput::Damaged { .. } if is_ignored => {}
-            LineInput::Damaged { byte: Some(byte), .. } => {
+            LineInput::Damaged { kind, byte: Some(byte), .. } => {
                 receiver.receive_damaged(at, *byte, rules, wire);
+                if *kind == LineErrorKind::Overrun {
+                    receiver.overrun(at);
+                }
             }
             LineInput::Damaged { kind: LineErrorKind::Break, .. } => receiver.receive_break(at),
             LineInput::Damaged { .. } => receiver.overrun(at),

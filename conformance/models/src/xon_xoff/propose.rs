@@ -92,10 +92,12 @@ impl Guess<'_> {
             Plan::Waits(job) if self.model.sender.job() == Some(job) => {
                 Some(self.wait_for(job, 20_000, dice))
             }
-            Plan::ManyJobs(count) if self.model.jobs < count => Some(match self.model.sender.job() {
-                Some(job) => self.wait_for(job, 4, dice),
-                None => self.send(dice.between(1, 3) as usize, dice),
-            }),
+            Plan::ManyJobs(count) if self.model.jobs < count => {
+                Some(match self.model.sender.job() {
+                    Some(job) => self.wait_for(job, 4, dice),
+                    None => self.send(dice.between(1, 3) as usize, dice),
+                })
+            }
             Plan::ManyDeliveries(count) if self.model.receiver.deliveries() < count => {
                 let wait = self.characters(1);
                 Some(match self.model.receiver.deadline(&self.model.rules) {
@@ -214,7 +216,13 @@ impl Guess<'_> {
 
     /// A damaged character, lost ones or a break.
     fn damaged(&self, dice: &mut Dice) -> Proposal {
-        let read = [LineErrorKind::Parity, LineErrorKind::Framing, LineErrorKind::ParityOrFraming];
+        // Lost ones may be told with the one that came behind them.
+        let read = [
+            LineErrorKind::Parity,
+            LineErrorKind::Framing,
+            LineErrorKind::ParityOrFraming,
+            LineErrorKind::Overrun,
+        ];
         let (kind, byte) = if dice.one_in(2) {
             (*dice.pick(&read), Some(self.byte(dice)))
         } else {

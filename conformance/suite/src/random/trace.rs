@@ -209,9 +209,7 @@ mod tests {
     /// What a trace cannot say: another clock, jobs without a size, data in small pieces.
     fn can_be_held(session: &Session) -> bool {
         let conditions = &session.conditions;
-        conditions.clock == Micros::ZERO
-            && conditions.has_sizes
-            && conditions.pieces == usize::MAX
+        conditions.clock == Micros::ZERO && conditions.has_sizes && conditions.pieces == usize::MAX
     }
 
     #[test]

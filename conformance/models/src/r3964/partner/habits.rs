@@ -88,10 +88,9 @@ impl Next<'_> {
                 self.next_length(begun);
                 return true;
             }
-            Habit::BeginsLong
-            | Habit::IsLong
-            | Habit::ManyBlocks(_)
-            | Habit::EveryLength(_) => self.long(),
+            Habit::BeginsLong | Habit::IsLong | Habit::ManyBlocks(_) | Habit::EveryLength(_) => {
+                self.long()
+            }
             Habit::Silent => self.silence(),
             Habit::RefusesSetUps => self.refused_set_up(),
             Habit::RefusesBlocks => self.refused_block(),

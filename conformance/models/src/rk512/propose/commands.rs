@@ -7,11 +7,7 @@ use crate::rk512::telegram::{Area, Command, Kind, MOST};
 
 /// A first telegram, or one that goes on with the command before, or with one that has
 /// ended.
-pub(super) fn command(
-    series: Option<&Series>,
-    ended: Option<&Series>,
-    dice: &mut Dice,
-) -> Vec<u8> {
+pub(super) fn command(series: Option<&Series>, ended: Option<&Series>, dice: &mut Dice) -> Vec<u8> {
     match (series, ended) {
         (Some(series), _) if dice.one_in(12) => wrong_follow_up(series, dice),
         (Some(series), _) if !dice.one_in(5) => follow_up(series, dice),
