@@ -174,8 +174,8 @@ impl Layer {
     fn faults_of_follow_up(&self, telegram: &[u8]) -> Vec<u8> {
         let mut faults = faults_of_head(telegram);
         let kind = telegram.get(2).and_then(|code| kind_of(*code));
-        let area = telegram.get(3).and_then(|code| Area::of_code(*code));
-        let is_of = |command: &Command| Some(command.kind) == kind && Some(command.area) == area;
+        // It repeats bytes 3 and 4 of its command.
+        let is_of = |command: &Command| telegram.get(2..4) == Some(&command.follow_up()[2..]);
         match self.series.as_ref().filter(|series| is_of(&series.command)) {
             None => faults.push(SEQUENCE),
             Some(series) => {

@@ -184,7 +184,7 @@ impl Next<'_> {
         let mut wait = wait;
         let kind = self.dice.below(8);
         // No station has place for the answers to hundreds of set-ups at once.
-        let are_many = all.iter().filter(|byte| **byte == STX).count() > 100;
+        let are_many = all.split(|byte| *byte == STX).count() > 101;
         let largest = if are_many { 200 } else { usize::MAX };
         while !rest.is_empty() {
             let most = rest.len().min(largest) as u64;

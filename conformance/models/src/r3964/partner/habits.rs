@@ -42,7 +42,7 @@ pub(super) enum Habit {
 impl Habit {
     /// Of a long session.
     pub(super) fn filling(station: &Station, upper: &dyn Upper, number: u64) -> Self {
-        if number % 4 == 0 && upper.is_plain() {
+        if number.is_multiple_of(4) && upper.is_plain() {
             Self::EveryLength(0)
         } else if number % 2 == 1 && upper.long_ones(station) > 0 {
             Self::BeginsLong
@@ -198,7 +198,7 @@ impl Next<'_> {
         }
         self.mood.habit = Habit::EveryLength(begun + 1);
         let data = super::data(length, self.dice);
-        if begun % 2 == 0 {
+        if begun.is_multiple_of(2) {
             let (id, kind, fields) = (id + 1, "send".to_owned(), Vec::new());
             return self.push(host(wait, HostRequest::Job { id, kind, fields, data }));
         }

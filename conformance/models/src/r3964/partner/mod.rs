@@ -77,14 +77,17 @@ pub(crate) fn nothing(wait: i64) -> Proposal {
     Proposal { wait: Micros(wait), given: Given::Nothing }
 }
 
+/// What can be wrong with a character.
+const KINDS: [LineErrorKind; 4] = [
+    LineErrorKind::Parity,
+    LineErrorKind::Framing,
+    LineErrorKind::ParityOrFraming,
+    LineErrorKind::Overrun,
+];
+
 /// A character that was damaged, or with which others were lost.
 fn damaged(wait: i64, byte: u8, dice: &mut Dice) -> Proposal {
-    let kind = *dice.pick(&[
-        LineErrorKind::Parity,
-        LineErrorKind::Framing,
-        LineErrorKind::ParityOrFraming,
-        LineErrorKind::Overrun,
-    ]);
+    let kind = *dice.pick(&KINDS);
     line_error(wait, kind, Some(byte), dice)
 }
 
@@ -114,12 +117,7 @@ fn span(dice: &mut Dice) -> u32 {
 
 /// The port tells behind characters that one of them was damaged, or that some were lost.
 fn damaged_before(wait: i64, dice: &mut Dice) -> Proposal {
-    let kind = *dice.pick(&[
-        LineErrorKind::Parity,
-        LineErrorKind::Framing,
-        LineErrorKind::ParityOrFraming,
-        LineErrorKind::Overrun,
-    ]);
+    let kind = *dice.pick(&KINDS);
     let byte = dice.one_in(2).then(|| dice.byte());
     line(wait, LineInput::Damaged { kind, byte, span: span(dice) })
 }
