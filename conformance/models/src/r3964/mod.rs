@@ -57,6 +57,8 @@ pub(crate) struct Station {
     quiet: Quiet,
     /// A layer on top has no room for what may come.
     is_full: bool,
+    /// A block that gave way has begun again, which a layer on top was not told.
+    begun_again: bool,
     deliveries: u32,
     /// The last id of a job.
     jobs: u32,
@@ -91,6 +93,7 @@ impl Station {
             reception: None,
             quiet: Quiet::No,
             is_full: false,
+            begun_again: false,
             deliveries: 0,
             jobs: 0,
             is_open: false,

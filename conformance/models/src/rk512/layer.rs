@@ -37,8 +37,6 @@ pub(super) struct Layer {
     pub(super) reaction: Option<Vec<u8>>,
     pub(super) sender: Sender,
     pub(super) awaited: Awaited,
-    /// The block that the procedure has gave way.
-    pub(super) gave_way: bool,
     is_open: bool,
     pub(super) is_down: bool,
     pub(super) ways: Ways,
@@ -85,7 +83,6 @@ impl Layer {
             reaction: None,
             sender: Sender::Nobody,
             awaited: Awaited::default(),
-            gave_way: false,
             is_open: false,
             is_down: false,
             ways: Ways::default(),
@@ -172,7 +169,6 @@ impl Layer {
         let _ = self.station.reports();
         self.sender = Sender::Nobody;
         (self.series, self.reaction, self.request) = (None, None, None);
-        self.gave_way = false;
         if let Some(job) = self.job.take() {
             let failure = Failure::Interrupted;
             // Whether its delivery is under way before all has come is left open.
