@@ -226,8 +226,8 @@ impl<'a, I: Instance> Drive<'a, I> {
             LineInput::Bytes(bytes) => {
                 self.call(|line, now, host| line.link.received(now, bytes, host))
             }
-            LineInput::Damaged { kind, byte } => {
-                self.call(|line, now, host| line.link.line_error(now, *kind, *byte, 0, host))
+            LineInput::Damaged { kind, byte, span } => {
+                self.call(|line, now, host| line.link.line_error(now, *kind, *byte, *span, host))
             }
             LineInput::ModemLines(named, on) => {
                 let Some((known, before)) = self.modem else { return Ok(()) };

@@ -50,7 +50,7 @@ mod xon_xoff;
 pub use dice::Dice;
 pub use drive::{Finding, Ran, Step};
 pub use model::{
-    Broken, Conditions, Effect, Given, HostRequest, LineInput, Model, Profile, Proposal,
+    Broken, Conditions, Effect, Given, HostRequest, LineInput, Model, Preset, Profile, Proposal,
 };
 pub use port::Port;
 pub use session::Session;

@@ -58,12 +58,15 @@ pub trait Model {
 pub enum LineInput {
     /// Characters that have come by now, in one event.
     Bytes(Vec<u8>),
-    /// A damaged character, an overrun (without a byte) or a break (without a byte).
+    /// A damaged character, lost ones, with the one that came behind them or without, or a
+    /// break (without a byte).
     Damaged {
         /// What the port says of it.
         kind: LineErrorKind,
         /// The character as it was read.
         byte: Option<u8>,
+        /// 0: exactly here; n: it is one of the last n characters, which were given already.
+        span: u32,
     },
     /// Inputs of our port change: which, and those of them that are on.
     ModemLines(ModemLines, ModemLines),
@@ -235,12 +238,17 @@ pub struct Conditions {
     pub has_sizes: bool,
     /// The link's id of the job that is 0 here: ids need not be small. Only the plug-in sees it.
     pub job_base: u32,
+    /// The settings are those of a preset: its timers and counts are brought to their ends.
+    pub is_preset: bool,
     /// A long session brings jobs or deliveries by the thousand, or one of megabytes; this is its
     /// number among the long ones.
     pub long: Option<u64>,
     /// The session is about nothing in particular: all that a line brings.
     pub is_usual: bool,
 }
+
+/// A preset's name, and the settings that it sets.
+pub type Preset = (&'static str, &'static [(&'static str, &'static str)]);
 
 /// A profile and its model.
 #[derive(Copy, Clone, Debug)]
@@ -252,8 +260,12 @@ pub struct Profile {
     /// Values of settings that are worth trying, as text; the first of each is
     /// tried most.
     pub values: &'static [(&'static str, &'static [&'static str])],
+    /// Presets, and the settings that the profile's page says they set, as text.
+    pub presets: &'static [Preset],
     /// Line parameters that are worth trying: baud rates and formats.
     pub lines: &'static [LineParameters],
+    /// Room for deliveries, in bytes, that is worth trying besides what any profile has.
+    pub rooms: &'static [u32],
     /// Modem lines that are worth trying.
     pub modem_lines: &'static [Option<(ModemLines, ModemLines)>],
     /// Bytes that mean something in the protocol.

@@ -17,6 +17,8 @@ pub(crate) struct Noise {
     pub(crate) cycles: u64,
     /// One of so many times the host closes it; 0: never.
     pub(crate) closes: u64,
+    /// A timer is met at one step in so many; 0: never.
+    timers: u64,
     special: &'static [u8],
     /// The last job that was begun, or the first that will be.
     job: u32,
@@ -33,11 +35,14 @@ impl Noise {
         let swaps = *dice.pick(if is_long { &[0, 500] } else { &[0, 3, 17] });
         let cycles = if !is_long && dice.one_in(40) { 4 } else { 0 };
         let closes = *dice.pick(&[0, 0, 4, 1]);
+        // Something very long does not go on behind a timer that has run out.
+        let timers = if is_long { *dice.pick(&[0, 10_000]) } else { 24 };
         Self {
             rate,
             swaps,
             cycles,
             closes,
+            timers,
             special,
             job: 1,
             next: VecDeque::new(),
@@ -86,7 +91,7 @@ impl Noise {
             proposal = self.disturbed(proposal, dice);
         }
         // Timers are met exactly, a tick early and a tick late.
-        if let Some(deadline) = deadline.filter(|_| dice.one_in(24)) {
+        if let Some(deadline) = deadline.filter(|_| self.timers > 0 && dice.one_in(self.timers)) {
             let wait = (deadline - now).0 + dice.between(-1, 1);
             proposal.wait = Micros(wait);
         }
@@ -138,8 +143,8 @@ impl Noise {
             0..=3 => line(LineInput::Bytes(vec![*dice.pick(self.special)])),
             4 => line(LineInput::Bytes(vec![dice.byte()])),
             5 => line(LineInput::Bytes((0..dice.length(80)).map(|_| dice.byte()).collect())),
-            6 => line(LineInput::Damaged { kind: LineErrorKind::Break, byte: None }),
-            7 => line(LineInput::Damaged { kind: LineErrorKind::Overrun, byte: None }),
+            6 => line(LineInput::Damaged { kind: LineErrorKind::Break, byte: None, span: 0 }),
+            7 => line(LineInput::Damaged { kind: LineErrorKind::Overrun, byte: None, span: 0 }),
             8 => line(LineInput::Down(LinkDownReason::Unplugged)),
             9 => host(HostRequest::Close),
             10 => host(HostRequest::Pause(self.job)),
@@ -164,7 +169,7 @@ fn damaged(mut bytes: Vec<u8>, dice: &mut Dice) -> Given {
             let kinds =
                 [LineErrorKind::Parity, LineErrorKind::Framing, LineErrorKind::ParityOrFraming];
             let kind = *dice.pick(&kinds);
-            return Given::Line(LineInput::Damaged { kind, byte: Some(bytes[at]) });
+            return Given::Line(LineInput::Damaged { kind, byte: Some(bytes[at]), span: 0 });
         }
     }
     Given::Line(LineInput::Bytes(bytes))

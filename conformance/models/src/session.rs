@@ -3,7 +3,7 @@
 use crate::cover::row;
 use crate::dice::Dice;
 use crate::drive::{Drive, Finding, Make, Ran, Step};
-use crate::model::{Conditions, Given, HostRequest, Profile};
+use crate::model::{Conditions, Given, HostRequest, Preset, Profile};
 use crate::noise::Noise;
 use crate::settings::Settings;
 use crate::shrink::shrink;
@@ -17,6 +17,8 @@ const TAIL: Micros = Micros::from_secs(30);
 const LONG: u64 = 149;
 /// Profiles whose queue may have room for some characters only.
 const ANY_ROOM: &[&str] = &["heidenhain-fe"];
+/// Two sessions of so many have the settings of a preset, where a profile has presets.
+const PRESET: u64 = 17;
 /// Most steps of a long one.
 const STEPS: usize = 200_000;
 /// Of so many long ones the last is long by steps: all that a line brings, and the link
@@ -71,28 +73,24 @@ impl Session {
         seed: u64,
         number: u64,
     ) -> Option<Self> {
-        let known = |name: &str| manifest.settings.iter().any(|own| own.name == name);
-        let tried: Vec<_> = profile.values.iter().filter(|(name, _)| known(name)).collect();
-        let counts: Vec<usize> = tried.iter().map(|(_, values)| values.len()).collect();
-        // Every other row has mostly what is usual, as what is long has, too.
-        let is_plain = matches!(Filling::of(number), Filling::Long(long) if long % 4 != 0);
-        let places = row(&counts, seed, if is_plain { number & !1 } else { number });
-        let mut asked: Vec<(String, String)> = tried
-            .iter()
-            .zip(places)
-            .map(|((name, values), place)| ((*name).to_owned(), values[place].to_owned()))
-            .collect();
-        if number % 2 == 1 {
-            round_numbers(manifest, &mut asked, &mut Dice::new(seed, "numbers", number));
-        }
-        let named = asked.iter().map(|(name, value)| (name.as_str(), value.as_str()));
-        let values = manifest.resolve_settings(named).ok()?;
-
-        let mut dice = Dice::new(seed, profile.name, number).fork();
         let long = match Filling::of(number) {
             Filling::Long(long) => Some(long),
             Filling::Usual | Filling::Cycles => None,
         };
+        let preset = if long.is_some() { None } else { preset(profile, manifest, number) };
+        let asked = match preset {
+            Some((name, _)) => vec![("preset".to_owned(), (*name).to_owned())],
+            None => tried(profile, manifest, seed, number, long),
+        };
+        let named = asked.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+        let values = manifest.resolve_settings(named).ok()?;
+        // What a preset sets is the page's, whatever the manifest says.
+        let said = match preset {
+            Some((_, sets)) => manifest.resolve_settings(sets.iter().copied()).ok()?,
+            None => values.clone(),
+        };
+
+        let mut dice = Dice::new(seed, profile.name, number).fork();
         let mut conditions = Conditions {
             line: *dice.pick(profile.lines),
             depth: *dice.pick(&[1, 1, 1, 2, 16]),
@@ -102,19 +100,26 @@ impl Session {
                 _ => *dice.pick(&[4_096, 4_096, 4_096, 300, 1_000, 16_384, 65_535]),
             },
             modem_lines: *dice.pick(profile.modem_lines),
-            settings: Settings::new(manifest, &values),
+            settings: Settings::new(manifest, &said),
             clock: clock(&mut dice),
             pieces: *dice.pick(&[usize::MAX, usize::MAX, usize::MAX, 64, 17, 1]),
             has_sizes: !dice.one_in(12),
             job_base: job_base(&mut dice),
             long,
             is_usual: Filling::of(number) == Filling::Cycles,
+            is_preset: preset.is_some(),
         };
         if long.is_some() {
             // Small pieces would only make it slow.
             (conditions.transmit_room, conditions.pieces) = (4_096, usize::MAX);
         } else if ANY_ROOM.contains(&profile.name) && dice.one_in(6) {
             conditions.transmit_room = *dice.pick(&[3, 3, 3, 5, 20]);
+        }
+        if long.is_some_and(is_plain) {
+            conditions.delivery_room = 4_096;
+            conditions.has_sizes = true;
+        } else if !profile.rooms.is_empty() && dice.one_in(4) {
+            conditions.delivery_room = *dice.pick(profile.rooms);
         }
         (profile.start)(&conditions)?;
         Some(Self { profile, asked, conditions, values, seed, number })
@@ -223,6 +228,56 @@ impl Session {
             Err(finding) => Ran::empty(Some(finding)),
         }
     }
+}
+
+/// Whether the long session with this number has the first value of each setting: so that
+/// it can get to its end.
+fn is_plain(long: u64) -> bool {
+    long % 4 < 2
+}
+
+/// The preset that a session is about, if it is about one.
+fn preset(profile: &Profile, manifest: &Manifest, number: u64) -> Option<&'static Preset> {
+    let turn = match number % PRESET {
+        3 => 2 * (number / PRESET),
+        11 => 2 * (number / PRESET) + 1,
+        _ => return None,
+    };
+    let is_claimed = |name: &str| {
+        let feature = |feature: &String| feature == "presets";
+        manifest.profiles.iter().any(|claim| claim.features.iter().any(feature))
+            && manifest.presets.iter().any(|known| known.name == name)
+    };
+    let place = turn.checked_rem(profile.presets.len() as u64)?;
+    profile.presets.get(place as usize).filter(|(name, _)| is_claimed(name))
+}
+
+/// Values of those settings that the plug-in has. What is long has mostly what is usual, as every
+/// other row has.
+fn tried(
+    profile: &Profile,
+    manifest: &Manifest,
+    seed: u64,
+    number: u64,
+    long: Option<u64>,
+) -> Vec<(String, String)> {
+    let known = |name: &str| manifest.settings.iter().any(|own| own.name == name);
+    let tried: Vec<_> = profile.values.iter().filter(|(name, _)| known(name)).collect();
+    let counts: Vec<usize> = tried.iter().map(|(_, values)| values.len()).collect();
+    let places = match long {
+        Some(long) if is_plain(long) => vec![0; counts.len()],
+        Some(_) => row(&counts, seed, number & !1),
+        None => row(&counts, seed, number),
+    };
+    let mut asked: Vec<(String, String)> = tried
+        .iter()
+        .zip(places)
+        .map(|((name, values), place)| ((*name).to_owned(), values[place].to_owned()))
+        .collect();
+    if number % 2 == 1 && !long.is_some_and(is_plain) {
+        round_numbers(manifest, &mut asked, &mut Dice::new(seed, "numbers", number));
+    }
+    asked
 }
 
 /// Mostly 0; else such that ids need two, three or all four bytes.

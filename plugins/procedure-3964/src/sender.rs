@@ -116,8 +116,11 @@ impl Machine {
                 self.owes_nak = true;
             } else if self.job.sent > 0 && self.phase == Phase::Idle {
                 self.put(link, NAK);
-            } else if self.phase.is_receiver() && self.job.stage == Stage::Begun {
-                // It gave way: its STX need not have left.
+            } else if self.phase.is_receiver()
+                && self.job.stage == Stage::Begun
+                && self.owner == Owner::Job
+            {
+                // It gave way: its STX need not have left. That of a reaction stays.
                 self.drop_queue(link);
             }
             self.fail_job(link, ABORTED);

@@ -179,6 +179,12 @@ pub(super) const LINES: &[LineParameters] = &[
     LineParameters::new(9_600),
     two_stop_bits(300, 8, Parity::None),
     LineParameters::new(115_200),
+    two_stop_bits(600, 7, Parity::Even),
+    two_stop_bits(1_200, 7, Parity::Even),
+    two_stop_bits(2_400, 7, Parity::Even),
+    two_stop_bits(19_200, 7, Parity::Even),
+    two_stop_bits(38_400, 7, Parity::Even),
+    two_stop_bits(57_600, 7, Parity::Even),
 ];
 
 /// Inputs that mean something, and outputs.

@@ -81,9 +81,10 @@ impl Station {
         self.state == State::Idle && self.quiet == Quiet::No
     }
 
-    /// Whether our block gave way and has not begun again.
-    pub(crate) fn has_given_way(&self) -> bool {
-        self.job.as_ref().is_some_and(|job| job.gave_way)
+    /// Whether our block gave way and has begun again since it was asked last: both may be
+    /// in one instant.
+    pub(crate) fn takes_begun_again(&mut self) -> bool {
+        std::mem::take(&mut self.begun_again)
     }
 
     /// Whether our block has left and is not acknowledged.

@@ -57,6 +57,8 @@ pub(crate) struct Station {
     quiet: Quiet,
     /// A layer on top has no room for what may come.
     is_full: bool,
+    /// A block that gave way has begun again, which a layer on top was not told.
+    begun_again: bool,
     deliveries: u32,
     /// The last id of a job.
     jobs: u32,
@@ -91,12 +93,13 @@ impl Station {
             reception: None,
             quiet: Quiet::No,
             is_full: false,
+            begun_again: false,
             deliveries: 0,
             jobs: 0,
             is_open: false,
             is_down: false,
             awaited: Awaited::default(),
-            partner: RefCell::new(Partner::new(conditions.long)),
+            partner: RefCell::new(Partner::new(conditions)),
         })
     }
 
@@ -251,6 +254,7 @@ impl Model for Station {
                 }
             }
             LineInput::Damaged { kind: LineErrorKind::Break, .. } => self.break_comes(),
+            LineInput::Damaged { span: 1.., .. } => self.damaged_before(),
             LineInput::Damaged { byte, .. } => self.character(at, Character::Damaged(*byte)),
             LineInput::ModemLines(..) => {}
             LineInput::Down(_) => self.go_down(),

@@ -2,7 +2,7 @@
 
 use super::Station;
 use super::rules::Procedure;
-use crate::model::Profile;
+use crate::model::{Preset, Profile};
 use softplug_abi::{LineParameters, Parity};
 
 const fn line(baud: u32, parity: Parity, data_bits: u8) -> LineParameters {
@@ -19,7 +19,50 @@ const LINES: &[LineParameters] = &[
     line(300, Parity::Even, 8),
     line(0, Parity::None, 8),
     LineParameters { baud: 1_200, data_bits: 8, parity: Parity::None, stop_half_bits: 4 },
+    line(600, Parity::Even, 8),
+    line(4_800, Parity::Even, 8),
+    line(38_400, Parity::Even, 8),
+    line(57_600, Parity::Even, 8),
 ];
+
+/// The page's table, without the one of 3964.
+const PRESETS: &[Preset] = &[
+    ("cp440", &[("block_size", "400")]),
+    ("sinumerik", &[("block_size", "128"), ("buffer_wait", "0")]),
+    ("buderus", &[("qvz", "2000"), ("setup_attempts", "3")]),
+    (
+        "vipa-cp240",
+        &[
+            ("block_size", "250"),
+            ("bwz", "2000"),
+            ("priority", "low"),
+            ("qvz", "500"),
+            ("setup_attempts", "3"),
+        ],
+    ),
+    (
+        "vipa-cp040",
+        &[
+            ("bwz", "200"),
+            ("priority", "low"),
+            ("qvz", "200"),
+            ("setup_attempts", "5"),
+            ("zvz", "200"),
+        ],
+    ),
+    (
+        "euchner",
+        &[("qvz", "500"), ("setup_attempts", "3"), ("transmission_attempts", "3"), ("zvz", "128")],
+    ),
+    ("ifm", &[("priority", "high"), ("qvz", "3000"), ("zvz", "200")]),
+    (
+        "wago",
+        &[("block_size", "128"), ("nak_on_garbage", "off"), ("priority", "low"), ("qvz", "2000")],
+    ),
+];
+
+/// That of 3964.
+const PRESETS_3964: &[Preset] = &[("3964", &[("bcc", "off")])];
 
 /// Characters that mean something.
 const SPECIAL: &[u8] = &[0x02, 0x10, 0x03, 0x15];
@@ -94,7 +137,9 @@ pub(crate) const R3964: Profile = Profile {
         ("transmission_attempts", &["6", "1", "2", "3", "130", "255"]),
         ("zvz", &["220", "1", "5", "50", "1000", "60000"]),
     ],
+    presets: PRESETS,
     lines: LINES,
+    rooms: &[],
     modem_lines: &[None],
     special: SPECIAL,
     start: |conditions| Station::start(Procedure::R3964, conditions),
@@ -123,7 +168,9 @@ pub(crate) const PLAIN_3964: Profile = Profile {
         ("setup_attempts", &["6", "1", "2", "3", "130", "255"]),
         ("transmission_attempts", &["6", "1", "2", "3", "130", "255"]),
     ],
+    presets: PRESETS_3964,
     lines: LINES,
+    rooms: &[],
     modem_lines: &[None],
     special: SPECIAL,
     start: |conditions| Station::start(Procedure::Plain3964, conditions),
@@ -171,7 +218,9 @@ pub(crate) const SIMPLIFIED: Profile = Profile {
         ("transmission_attempts", &["1", "3", "6", "130", "255"]),
         ("zvz", &["220", "5", "1000"]),
     ],
+    presets: &[],
     lines: LINES,
+    rooms: &[],
     modem_lines: &[None],
     special: SPECIAL,
     start: |conditions| Station::start(Procedure::Simplified, conditions),

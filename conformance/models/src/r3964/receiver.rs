@@ -102,6 +102,14 @@ impl Station {
         self.in_block(at, character);
     }
 
+    /// One of the characters that were given already was damaged: it is in the block, if
+    /// there is one.
+    pub(super) fn damaged_before(&mut self) {
+        if matches!(self.state, State::Granting { .. } | State::Receiving { .. }) {
+            self.damage((Failure::LineError, 0x080C, Rule::LineError));
+        }
+    }
+
     fn damage(&mut self, fault: Fault) {
         if let Some(reception) = &mut self.reception {
             reception.damage(fault);

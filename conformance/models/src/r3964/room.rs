@@ -30,6 +30,11 @@ impl Room {
         self.opened_with
     }
 
+    /// All that there can be.
+    pub(crate) fn whole(&self) -> usize {
+        self.whole
+    }
+
     /// Bytes that the host has and could put away.
     pub(crate) fn waiting(&self) -> usize {
         self.waiting

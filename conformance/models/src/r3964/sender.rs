@@ -77,7 +77,7 @@ impl Station {
             (false, false) => Rule::SetUp,
         };
         job.has_begun = true;
-        job.gave_way = false;
+        self.begun_again |= std::mem::take(&mut job.gave_way);
         (job.setups, job.failures) = (0, 0);
         self.set_up();
     }

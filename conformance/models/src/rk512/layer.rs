@@ -31,12 +31,12 @@ pub(super) struct Layer {
     pub(super) request: Option<Request>,
     /// The partner's command that may go on.
     pub(super) series: Option<Series>,
+    /// A command that has ended before it was whole: a partner may go on with it all the same.
+    pub(super) ended: Option<Series>,
     /// Our reaction that waits for its turn.
     pub(super) reaction: Option<Vec<u8>>,
     pub(super) sender: Sender,
     pub(super) awaited: Awaited,
-    /// The block that the procedure has gave way.
-    pub(super) gave_way: bool,
     is_open: bool,
     pub(super) is_down: bool,
     pub(super) ways: Ways,
@@ -79,10 +79,10 @@ impl Layer {
             jobs: 0,
             request: None,
             series: None,
+            ended: None,
             reaction: None,
             sender: Sender::Nobody,
             awaited: Awaited::default(),
-            gave_way: false,
             is_open: false,
             is_down: false,
             ways: Ways::default(),
@@ -107,7 +107,7 @@ impl Layer {
 
     fn go_down(&mut self, at: Micros) {
         self.withdraw("rk512.serve.withdrawn");
-        self.series = None;
+        self.end_series();
         self.reaction = None;
         self.hear(at);
         self.fail_job((Failure::LinkDown, 0, "rk512.job.abort"));
@@ -169,7 +169,6 @@ impl Layer {
         let _ = self.station.reports();
         self.sender = Sender::Nobody;
         (self.series, self.reaction, self.request) = (None, None, None);
-        self.gave_way = false;
         if let Some(job) = self.job.take() {
             let failure = Failure::Interrupted;
             // Whether its delivery is under way before all has come is left open.

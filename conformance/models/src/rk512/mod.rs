@@ -33,6 +33,8 @@ use ways::Worlds;
 struct Rk512 {
     worlds: Worlds<Layer>,
     partner: RefCell<Partner>,
+    /// The number of a long session.
+    long: Option<u64>,
 }
 
 fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
@@ -46,7 +48,8 @@ fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
         return None;
     }
     let worlds = Worlds::new(Layer::new(conditions)?);
-    Some(Box::new(Rk512 { worlds, partner: RefCell::new(Partner::new(conditions.long)) }))
+    let partner = RefCell::new(Partner::new(conditions));
+    Some(Box::new(Rk512 { worlds, partner, long: conditions.long }))
 }
 
 impl Model for Rk512 {
@@ -88,7 +91,7 @@ impl Model for Rk512 {
 
     fn propose(&self, now: Micros, dice: &mut Dice) -> Proposal {
         let layer = self.worlds.first();
-        self.partner.borrow_mut().propose(&layer.station, &Telegrams(layer), now, dice)
+        self.partner.borrow_mut().propose(&layer.station, &Telegrams(layer, self.long), now, dice)
     }
 
     fn is_filled(&self) -> bool {

@@ -41,10 +41,9 @@ impl Layer {
                 }
             }
         }
-        if self.gave_way && self.station.has_block() && !self.station.has_given_way() {
+        if self.station.takes_begun_again() && self.station.has_block() {
             self.begun_again();
         }
-        self.gave_way = self.station.has_given_way();
         self.feed(false);
     }
 

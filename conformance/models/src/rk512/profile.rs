@@ -19,7 +19,13 @@ const LINES: &[LineParameters] = &[
     line(38_400, Parity::Even),
     line(115_200, Parity::None),
     line(0, Parity::None),
+    line(2_400, Parity::Even),
+    line(4_800, Parity::Even),
+    line(57_600, Parity::Even),
 ];
+
+/// Below and above the data of one telegram.
+const ROOMS: &[u32] = &[22, 100, 127, 128, 129, 130, 140, 150, 160];
 
 /// Characters that mean something.
 const SPECIAL: &[u8] = &[0x02, 0x10, 0x03, 0x15];
@@ -73,7 +79,9 @@ pub(crate) const PROFILE: Profile = Profile {
         ("transmission_attempts", &["6", "1", "2", "3", "130"]),
         ("zvz", &["220", "5", "50", "1000"]),
     ],
+    presets: &[],
     lines: LINES,
+    rooms: ROOMS,
     modem_lines: &[None],
     special: SPECIAL,
     start,

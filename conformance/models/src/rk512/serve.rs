@@ -121,10 +121,11 @@ impl Layer {
             faults_of_first(telegram)
         };
         if let Some(number) = faults.first() {
-            self.series = None;
+            self.end_series();
             return self.react(reaction(front, *number));
         }
         if !is_follow_up {
+            self.end_series();
             self.series = first(telegram).map(|command| Series {
                 command,
                 done: 0,
@@ -143,7 +144,14 @@ impl Layer {
         let Some(series) = self.series.as_mut().filter(|series| series.is_open) else { return };
         series.is_open = false;
         if series.done == 0 || series.has_left {
-            self.series = None;
+            self.end_series();
+        }
+    }
+
+    /// Nothing of the partner's command goes on.
+    pub(super) fn end_series(&mut self) {
+        if let Some(series) = self.series.take() {
+            self.ended = Some(series);
         }
     }
 
@@ -166,8 +174,8 @@ impl Layer {
     fn faults_of_follow_up(&self, telegram: &[u8]) -> Vec<u8> {
         let mut faults = faults_of_head(telegram);
         let kind = telegram.get(2).and_then(|code| kind_of(*code));
-        let area = telegram.get(3).and_then(|code| Area::of_code(*code));
-        let is_of = |command: &Command| Some(command.kind) == kind && Some(command.area) == area;
+        // It repeats bytes 3 and 4 of its command.
+        let is_of = |command: &Command| telegram.get(2..4) == Some(&command.follow_up()[2..]);
         match self.series.as_ref().filter(|series| is_of(&series.command)) {
             None => faults.push(SEQUENCE),
             Some(series) => {
@@ -245,7 +253,7 @@ impl Layer {
                 telegram.extend(data);
             }
         } else {
-            self.series = None;
+            self.end_series();
         }
         self.react(telegram);
     }
@@ -254,7 +262,7 @@ impl Layer {
     pub(super) fn request_ran_out(&mut self) {
         let Some(request) = self.request.take() else { return };
         self.awaited.push("rk512.serve.time-out", Due::Withdrawn(request.id));
-        self.series = None;
+        self.end_series();
         self.react(reaction(request.front, STOP));
     }
 

@@ -26,7 +26,9 @@ pub(crate) const PROFILE: Profile = Profile {
     name: "xon-xoff",
     clauses: values::CLAUSES,
     values: values::VALUES,
+    presets: &[],
     lines: values::LINES,
+    rooms: &[],
     modem_lines: values::MODEM_LINES,
     special: values::SPECIAL,
     start,
@@ -81,8 +83,11 @@ impl Model for XonXoff {
                 receiver.receive(at, &data, rules, wire);
             }
             LineInput::Damaged { .. } if is_ignored => {}
-            LineInput::Damaged { byte: Some(byte), .. } => {
+            LineInput::Damaged { kind, byte: Some(byte), .. } => {
                 receiver.receive_damaged(at, *byte, rules, wire);
+                if *kind == LineErrorKind::Overrun {
+                    receiver.overrun(at);
+                }
             }
             LineInput::Damaged { kind: LineErrorKind::Break, .. } => receiver.receive_break(at),
             LineInput::Damaged { .. } => receiver.overrun(at),

@@ -239,13 +239,19 @@ impl Guess<'_> {
 
     /// A damaged character, lost ones or a break.
     fn damaged(&self, dice: &mut Dice) -> Proposal {
-        let read = [LineErrorKind::Parity, LineErrorKind::Framing, LineErrorKind::ParityOrFraming];
+        // Lost ones may be told with the one that came behind them.
+        let read = [
+            LineErrorKind::Parity,
+            LineErrorKind::Framing,
+            LineErrorKind::ParityOrFraming,
+            LineErrorKind::Overrun,
+        ];
         let (kind, byte) = if dice.one_in(2) {
             (*dice.pick(&read), Some(self.byte(dice)))
         } else {
             (*dice.pick(&[LineErrorKind::Overrun, LineErrorKind::Break]), None)
         };
-        line(self.characters(1), LineInput::Damaged { kind, byte })
+        line(self.characters(1), LineInput::Damaged { kind, byte, span: 0 })
     }
 
     /// As many characters as just reach a mark, or all room.

@@ -98,6 +98,12 @@ pub(super) const LINES: &[LineParameters] = &[
     LineParameters { baud: 4_800, data_bits: 7, parity: Parity::Even, stop_half_bits: 4 },
     LineParameters::new(300),
     LineParameters { baud: 115_200, data_bits: 8, parity: Parity::Even, stop_half_bits: 2 },
+    LineParameters::new(600),
+    LineParameters::new(1_200),
+    LineParameters::new(2_400),
+    LineParameters::new(19_200),
+    LineParameters::new(38_400),
+    LineParameters::new(57_600),
 ];
 
 /// They mean nothing here.

@@ -99,18 +99,18 @@ fn given(step: &Step) -> Option<What> {
 fn heard(input: &LineInput) -> What {
     match input {
         LineInput::Bytes(bytes) => What::Receive(Payload::hex(bytes)),
-        LineInput::Damaged { kind, byte } => damaged(*kind, *byte),
+        LineInput::Damaged { kind, byte, span } => damaged(*kind, *byte, *span),
         LineInput::ModemLines(named, on) => What::Line(LineEvent::Modem(modem_levels(*named, *on))),
         LineInput::Down(reason) => What::Line(LineEvent::Down(down_reason_name(*reason))),
         LineInput::Up => What::Line(LineEvent::Up),
     }
 }
 
-fn damaged(kind: LineErrorKind, byte: Option<u8>) -> What {
-    if let Some(kind) = damage(kind) {
+fn damaged(kind: LineErrorKind, byte: Option<u8>, span: u32) -> What {
+    if let Some(kind) = damage(kind).filter(|_| span == 0) {
         return What::Receive(Payload::new(byte.map(|byte| Item::Bad { kind, byte })));
     }
-    What::Line(LineEvent::Error { kind: line_error_name(kind), byte, span: 0 })
+    What::Line(LineEvent::Error { kind: line_error_name(kind), byte, span })
 }
 
 fn asked(request: &Asked) -> HostRequest {
@@ -209,9 +209,7 @@ mod tests {
     /// What a trace cannot say: another clock, jobs without a size, data in small pieces.
     fn can_be_held(session: &Session) -> bool {
         let conditions = &session.conditions;
-        conditions.clock == Micros::ZERO
-            && conditions.has_sizes
-            && conditions.pieces == usize::MAX
+        conditions.clock == Micros::ZERO && conditions.has_sizes && conditions.pieces == usize::MAX
     }
 
     #[test]

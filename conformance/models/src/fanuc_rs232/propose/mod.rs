@@ -106,7 +106,7 @@ impl Guess<'_> {
         } else {
             (*dice.pick(&read), Some(byte))
         };
-        line(self.characters(1), LineInput::Damaged { kind, byte })
+        line(self.characters(1), LineInput::Damaged { kind, byte, span: 0 })
     }
 
     /// The host keeps deliveries, or puts some away.

@@ -139,7 +139,7 @@ impl Guess<'_> {
         } else {
             (*dice.pick(&read), Some(*dice.pick(&[self.model.rules.end, b'G', 0, b'\n', 0x8D])))
         };
-        line(wait, LineInput::Damaged { kind, byte })
+        line(wait, LineInput::Damaged { kind, byte, span: 0 })
     }
 
     /// Several messages at one time.

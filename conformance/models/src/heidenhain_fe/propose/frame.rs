@@ -51,9 +51,13 @@ impl Fe {
                     LineErrorKind::Break,
                 ];
                 let kind = *dice.pick(&kinds);
-                let is_read = matches!(kind, LineErrorKind::Framing | LineErrorKind::Parity);
+                // Lost ones are told with the one that came behind them, or without.
+                let is_read = match kind {
+                    LineErrorKind::Overrun => dice.one_in(2),
+                    kind => kind != LineErrorKind::Break,
+                };
                 let byte = is_read.then_some(rest[0]);
-                after(pace, line(LineInput::Damaged { kind, byte }))
+                after(pace, line(LineInput::Damaged { kind, byte, span: 0 }))
             }
             4 => after(self.rules.character_time.0 + 1, Given::Nothing),
             5..=16 => after(pace, self.says(&one)),

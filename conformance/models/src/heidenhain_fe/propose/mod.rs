@@ -113,9 +113,12 @@ impl Fe {
             1 => after(wait, self.says(&[DC3, DC3, DC1])),
             2 => after(
                 wait,
-                line(LineInput::Damaged { kind: LineErrorKind::Parity, byte: Some(ACK) }),
+                line(LineInput::Damaged { kind: LineErrorKind::Parity, byte: Some(ACK), span: 0 }),
             ),
-            3 => after(wait, line(LineInput::Damaged { kind: LineErrorKind::Overrun, byte: None })),
+            3 => after(
+                wait,
+                line(LineInput::Damaged { kind: LineErrorKind::Overrun, byte: None, span: 0 }),
+            ),
             4 => after(wait, host(HostRequest::Keep)),
             5 => after(wait, host(HostRequest::PutAway(dice.below(600) as u32))),
             6 => after(wait, host(HostRequest::PutAllAway)),

@@ -88,19 +88,19 @@ impl Fe {
             }
             Plan::ManyRequests(count) if is_idle && self.job.is_none() && self.requests < count => {
                 let header = self.heads(b"15", b'E', dice);
-                Some(after(1_000, self.says(&header)))
+                Some(self.paced(&header))
             }
             Plan::ManyRequests(_) if matches!(self.state, State::Asking { .. }) => {
-                Some(after(1_000, self.says(&[EOT])))
+                Some(self.paced(&[EOT]))
             }
             Plan::ManyDeliveries(count) if is_idle && self.deliveries < count => {
                 let header = self.heads(b"15", b'A', dice);
-                Some(after(1_000, self.says(&header)))
+                Some(self.paced(&header))
             }
             Plan::ManyDeliveries(_) if matches!(&self.state, State::Receiving(reception) if reception.waiting.is_none()) =>
             {
                 let all = [self.whole(STX, b"X"), vec![ETX, EOT]].concat();
-                Some(after(1_000, self.says(if dice.one_in(4) { &[ETX, EOT] } else { &all })))
+                Some(self.paced(if dice.one_in(4) { &[ETX, EOT] } else { &all }))
             }
             _ => {
                 self.plan.set(Plan::Usual);
@@ -134,6 +134,11 @@ impl Fe {
             (true, 6) => Some(after(wait, host(HostRequest::Abort(self.jobs)))),
             _ => None,
         }
+    }
+
+    /// They take their time on the line, so that our answers do not wait for it.
+    fn paced(&self, bytes: &[u8]) -> Proposal {
+        after(self.characters(bytes.len()).max(1_000), self.says(bytes))
     }
 
     fn begins_with(&self, data: Vec<u8>) -> Proposal {

@@ -26,8 +26,14 @@ impl Next<'_> {
                 let proposal = damaged(soon, DLE, self.dice);
                 self.push(proposal);
             }
-            4 => self.push(overrun(soon)),
-            5 => self.push(line_break(soon)),
+            4 => {
+                let proposal = overrun(soon, self.dice);
+                self.push(proposal);
+            }
+            5 => {
+                let proposal = line_break(soon, self.dice);
+                self.push(proposal);
+            }
             6 | 7 => {
                 let wait = self.around(deadline);
                 self.push(bytes(wait, &[DLE]));
@@ -71,7 +77,10 @@ impl Next<'_> {
                 let proposal = damaged(wait, NAK, self.dice);
                 self.push(proposal);
             }
-            4 => self.push(overrun(wait)),
+            4 => {
+                let proposal = overrun(wait, self.dice);
+                self.push(proposal);
+            }
             5 => {
                 let byte = *self.dice.pick(&[DLE, DLE, NAK]);
                 let edge = (end + self.dice.between(-1, 1)).max(1);
@@ -103,7 +112,10 @@ impl Next<'_> {
                 let wait = self.around(qvz);
                 self.push(bytes(wait, &[DLE]));
             }
-            6 => self.push(overrun(soon)),
+            6 => {
+                let proposal = overrun(soon, self.dice);
+                self.push(proposal);
+            }
             7 => {
                 let other = self.dice.byte();
                 self.push(bytes(soon, &[DLE, other]));

@@ -1,6 +1,6 @@
 //! What a partner does with a block of its own.
 
-use super::{Next, bytes, damaged, line_break, nothing, overrun, soon};
+use super::{Next, bytes, damaged, damaged_before, line_break, nothing, overrun, soon};
 use crate::r3964::frame::{DLE, ETX, NAK, STX, block, check};
 use softplug_abi::Micros;
 
@@ -13,7 +13,10 @@ impl Next<'_> {
                 let byte = *self.dice.pick(&[STX, DLE, NAK, b'A']);
                 self.push(bytes(soon, &[byte]));
             }
-            5 => self.push(overrun(soon)),
+            5 => {
+                let proposal = overrun(soon, self.dice);
+                self.push(proposal);
+            }
             6 if self.station.job.is_none() => self.job(soon),
             _ => {
                 let wait = self.around(until);
@@ -40,7 +43,10 @@ impl Next<'_> {
                 let proposal = damaged(wait, STX, self.dice);
                 self.push(proposal);
             }
-            _ => self.push(overrun(wait)),
+            _ => {
+                let proposal = overrun(wait, self.dice);
+                self.push(proposal);
+            }
         }
     }
 
@@ -92,7 +98,10 @@ impl Next<'_> {
                 let wait = self.around(bwz.unwrap_or(self.now));
                 self.push(bytes(wait, &[STX]));
             }
-            3 => self.push(overrun(wait)),
+            3 => {
+                let proposal = overrun(wait, self.dice);
+                self.push(proposal);
+            }
             4 => self.push(bytes(1, &[STX])),
             _ => {
                 let wait = self.around(bwz.unwrap_or(self.now));
@@ -131,23 +140,40 @@ impl Next<'_> {
 
     pub(super) fn block_comes(&mut self, wait: i64) {
         let block = self.partners_block();
-        self.cut(wait, &block);
-        if self.is_faulty() && !self.plan.is_empty() {
-            let at = self.dice.below(self.plan.len() as u64) as usize;
-            let soon = self.dice.between(1, 5_000);
-            let byte = self.dice.byte();
-            let disturbed = match self.dice.below(4) {
-                0 => overrun(soon),
-                1 => line_break(soon),
-                _ => damaged(soon, byte, self.dice),
-            };
-            self.plan.insert(at, disturbed);
+        if self.is_faulty() {
+            self.disturbed(wait, &block);
+        } else {
+            self.cut(wait, &block);
         }
         // The next set-up comes with it.
         if self.dice.one_in(20) {
             let soon = self.dice.between(1, 5_000);
             self.push(bytes(soon, &[STX]));
         }
+    }
+
+    /// With one error of the line in it, before it or behind it.
+    fn disturbed(&mut self, wait: i64, block: &[u8]) {
+        let at = self.dice.below(block.len() as u64 + 1) as usize;
+        let (before, mut behind) = block.split_at(at);
+        self.cut(wait, before);
+        let soon = self.dice.between(1, 5_000) + if before.is_empty() { wait } else { 0 };
+        let error = match (self.dice.below(7), behind) {
+            (0, _) => overrun(soon, self.dice),
+            (1, _) => line_break(soon, self.dice),
+            (2 | 3, [byte, rest @ ..]) => {
+                behind = rest;
+                damaged(soon, *byte, self.dice)
+            }
+            (4, _) => {
+                let byte = self.dice.byte();
+                damaged(soon, byte, self.dice)
+            }
+            _ => damaged_before(soon, self.dice),
+        };
+        self.push(error);
+        let soon = self.dice.between(1, 5_000);
+        self.cut(soon, behind);
     }
 
     /// In one event, character by character, or in pieces with pauses.
@@ -158,7 +184,7 @@ impl Next<'_> {
         let mut wait = wait;
         let kind = self.dice.below(8);
         // No station has place for the answers to hundreds of set-ups at once.
-        let are_many = all.iter().filter(|byte| **byte == STX).count() > 100;
+        let are_many = all.split(|byte| *byte == STX).count() > 101;
         let largest = if are_many { 200 } else { usize::MAX };
         while !rest.is_empty() {
             let most = rest.len().min(largest) as u64;

@@ -27,6 +27,8 @@ pub(super) enum Habit {
     IsLong,
     /// So many blocks, one way or the other, and all is acknowledged.
     ManyBlocks(u32),
+    /// A block of each length each way, all acknowledged; so many were begun.
+    EveryLength(usize),
     /// No STX of ours is answered.
     Silent,
     /// Each STX of ours is refused.
@@ -40,11 +42,18 @@ pub(super) enum Habit {
 impl Habit {
     /// Of a long session.
     pub(super) fn filling(station: &Station, upper: &dyn Upper, number: u64) -> Self {
-        if number % 2 == 1 && upper.long_ones(station) > 0 {
+        if number.is_multiple_of(4) && upper.is_plain() {
+            Self::EveryLength(0)
+        } else if number % 2 == 1 && upper.long_ones(station) > 0 {
             Self::BeginsLong
         } else {
             Self::ManyBlocks(BLOCKS)
         }
+    }
+
+    /// One that brings a count to its end.
+    pub(super) fn failing(dice: &mut Dice) -> Self {
+        *dice.pick(&[Self::Silent, Self::RefusesSetUps, Self::RefusesBlocks, Self::SendsBadBlocks])
     }
 
     pub(super) fn draw(station: &Station, upper: &dyn Upper, dice: &mut Dice) -> Self {
@@ -75,7 +84,13 @@ impl Next<'_> {
                 self.next_block(left);
                 return true;
             }
-            Habit::BeginsLong | Habit::IsLong | Habit::ManyBlocks(_) => self.long(),
+            Habit::EveryLength(begun) if matches!(self.station.state, State::Idle) => {
+                self.next_length(begun);
+                return true;
+            }
+            Habit::BeginsLong | Habit::IsLong | Habit::ManyBlocks(_) | Habit::EveryLength(_) => {
+                self.long()
+            }
             Habit::Silent => self.silence(),
             Habit::RefusesSetUps => self.refused_set_up(),
             Habit::RefusesBlocks => self.refused_block(),
@@ -131,6 +146,10 @@ impl Next<'_> {
                 }
                 let data = match self.mood.habit {
                     Habit::ManyBlocks(_) => self.upper.block(self.station, false, self.dice),
+                    Habit::EveryLength(begun) => {
+                        let length = begun.saturating_sub(1) / 2;
+                        super::data(length.min(self.station.limit()), self.dice)
+                    }
                     _ => self.upper.good_block(self.station, self.dice),
                 };
                 let wait = if handshake { end + wait } else { 1 };
@@ -161,6 +180,31 @@ impl Next<'_> {
         let mut all = vec![STX];
         if !self.station.parameters.handshake {
             all.extend(self.small_block(false));
+        }
+        self.push(bytes(wait, &all));
+    }
+
+    /// Our block of a length, then the partner's.
+    fn next_length(&mut self, begun: usize) {
+        let wait = self.a_while();
+        let length = begun / 2;
+        let id = self.station.jobs;
+        if self.station.job.is_some() {
+            return self.push(host(wait, HostRequest::Resume(id)));
+        }
+        if length > self.station.limit() {
+            self.mood.habit = Habit::Any;
+            return self.push(nothing(wait));
+        }
+        self.mood.habit = Habit::EveryLength(begun + 1);
+        let data = super::data(length, self.dice);
+        if begun.is_multiple_of(2) {
+            let (id, kind, fields) = (id + 1, "send".to_owned(), Vec::new());
+            return self.push(host(wait, HostRequest::Job { id, kind, fields, data }));
+        }
+        let mut all = vec![STX];
+        if !self.station.parameters.handshake {
+            all.extend(self.station.framed(&data));
         }
         self.push(bytes(wait, &all));
     }

@@ -38,7 +38,10 @@ impl Next<'_> {
             7 => self.push(host(wait, HostRequest::ForceResume)),
             8 | 9 => self.job(wait),
             10 => self.host_drains(wait),
-            11 => self.push(line_break(wait)),
+            11 => {
+                let proposal = line_break(wait, self.dice);
+                self.push(proposal);
+            }
             12 => {
                 self.push(line(wait, LineInput::Down(LinkDownReason::Unplugged)));
                 let later = self.dice.between(1, 3_000_000);

@@ -12,7 +12,7 @@ use super::Station;
 use super::frame::{DLE, ETX, NAK, STX};
 use super::state::State;
 use crate::dice::Dice;
-use crate::model::{Given, HostRequest, LineInput, Proposal};
+use crate::model::{Conditions, Given, HostRequest, LineInput, Proposal};
 use habits::Habit;
 use softplug_abi::{LineErrorKind, Micros};
 use std::collections::VecDeque;
@@ -24,7 +24,12 @@ pub(crate) struct Partner {
     mood: Option<Mood>,
     /// The session is a long one, with this number.
     long: Option<u64>,
+    /// The session is about a preset.
+    is_preset: bool,
 }
+
+/// A host with less room than this often lets it run out.
+const SMALL_ROOM: usize = 256;
 
 #[derive(Copy, Clone, PartialEq, Debug)]
 struct Mood {
@@ -38,16 +43,19 @@ struct Mood {
 }
 
 impl Mood {
-    fn draw(station: &Station, upper: &dyn Upper, long: Option<u64>, dice: &mut Dice) -> Self {
-        let habit = match long {
+    fn draw(partner: &Partner, station: &Station, upper: &dyn Upper, dice: &mut Dice) -> Self {
+        let habit = match partner.long {
             Some(number) => Habit::filling(station, upper, number),
+            None if partner.is_preset && dice.one_in(2) => Habit::failing(dice),
             None => Habit::draw(station, upper, dice),
         };
-        let faults = *dice.pick(&[1_000, 30, 8, 3, 2]);
+        let faults: &[u64] = if partner.is_preset { &[2, 3, 8] } else { &[1_000, 30, 8, 3, 2] };
+        let faults = *dice.pick(faults);
+        let is_small = upper.room(station).whole() < SMALL_ROOM;
         Self {
             faults,
             receptions: *dice.pick(&[2, 2, 1, 6]),
-            keeps: dice.one_in(4) && habit == Habit::Any,
+            keeps: dice.one_in(if is_small { 2 } else { 4 }) && habit == Habit::Any,
             habit,
         }
     }
@@ -69,17 +77,49 @@ pub(crate) fn nothing(wait: i64) -> Proposal {
     Proposal { wait: Micros(wait), given: Given::Nothing }
 }
 
+/// What can be wrong with a character.
+const KINDS: [LineErrorKind; 4] = [
+    LineErrorKind::Parity,
+    LineErrorKind::Framing,
+    LineErrorKind::ParityOrFraming,
+    LineErrorKind::Overrun,
+];
+
+/// A character that was damaged, or with which others were lost.
 fn damaged(wait: i64, byte: u8, dice: &mut Dice) -> Proposal {
-    let kinds = [LineErrorKind::Parity, LineErrorKind::Framing, LineErrorKind::ParityOrFraming];
-    line(wait, LineInput::Damaged { kind: *dice.pick(&kinds), byte: Some(byte) })
+    let kind = *dice.pick(&KINDS);
+    line_error(wait, kind, Some(byte), dice)
 }
 
-fn overrun(wait: i64) -> Proposal {
-    line(wait, LineInput::Damaged { kind: LineErrorKind::Overrun, byte: None })
+fn overrun(wait: i64, dice: &mut Dice) -> Proposal {
+    line_error(wait, LineErrorKind::Overrun, None, dice)
 }
 
-fn line_break(wait: i64) -> Proposal {
-    line(wait, LineInput::Damaged { kind: LineErrorKind::Break, byte: None })
+fn line_break(wait: i64, dice: &mut Dice) -> Proposal {
+    line_error(wait, LineErrorKind::Break, None, dice)
+}
+
+/// Some ports cannot tell its place.
+fn line_error(wait: i64, kind: LineErrorKind, byte: Option<u8>, dice: &mut Dice) -> Proposal {
+    let span = if dice.one_in(3) { span(dice) } else { 0 };
+    line(wait, LineInput::Damaged { kind, byte, span })
+}
+
+/// Among how many characters an error lies.
+fn span(dice: &mut Dice) -> u32 {
+    match dice.below(4) {
+        0 => 1,
+        1 => dice.between(1, 8) as u32,
+        2 => 1 << dice.below(32),
+        _ => dice.between(1, 4_096) as u32,
+    }
+}
+
+/// The port tells behind characters that one of them was damaged, or that some were lost.
+fn damaged_before(wait: i64, dice: &mut Dice) -> Proposal {
+    let kind = *dice.pick(&KINDS);
+    let byte = dice.one_in(2).then(|| dice.byte());
+    line(wait, LineInput::Damaged { kind, byte, span: span(dice) })
 }
 
 /// A short time, as an answer takes.
@@ -122,13 +162,24 @@ pub(crate) fn length(limit: usize, longest: usize, dice: &mut Dice) -> usize {
 }
 
 impl Partner {
-    pub(crate) fn new(long: Option<u64>) -> Self {
-        Self { long, ..Self::default() }
+    pub(crate) fn new(conditions: &Conditions) -> Self {
+        let Conditions { long, is_preset, .. } = *conditions;
+        Self { long, is_preset, ..Self::default() }
     }
 
     /// Whether that with which a long session is filled goes on.
     pub(crate) fn is_filling(&self) -> bool {
         self.mood.is_none_or(|mood| mood.habit != Habit::Any)
+    }
+
+    /// The first step of a session.
+    fn wakes(&mut self, station: &Station, upper: &dyn Upper, dice: &mut Dice) -> Mood {
+        let mood = Mood::draw(self, station, upper, dice);
+        self.mood = Some(mood);
+        if mood.keeps && upper.room(station).whole() < SMALL_ROOM {
+            self.plan.push_back(host(1, HostRequest::Keep));
+        }
+        mood
     }
 
     pub(crate) fn propose(
@@ -138,8 +189,10 @@ impl Partner {
         now: Micros,
         dice: &mut Dice,
     ) -> Proposal {
-        let long = self.long;
-        let mood = *self.mood.get_or_insert_with(|| Mood::draw(station, upper, long, dice));
+        let mood = match self.mood {
+            Some(mood) => mood,
+            None => self.wakes(station, upper, dice),
+        };
         // What happened meanwhile may change the plan.
         if dice.one_in(60) {
             self.plan.clear();
@@ -253,8 +306,14 @@ impl Next<'_> {
     fn idle_garbage(&mut self, wait: i64) {
         match self.dice.below(9) {
             0 => self.push(bytes(wait, &[NAK])),
-            1 => self.push(overrun(wait)),
-            2 => self.push(line_break(wait)),
+            1 => {
+                let proposal = overrun(wait, self.dice);
+                self.push(proposal);
+            }
+            2 => {
+                let proposal = line_break(wait, self.dice);
+                self.push(proposal);
+            }
             3 => {
                 let byte = *self.dice.pick(&[STX, DLE, NAK, b'A']);
                 let proposal = damaged(wait, byte, self.dice);
@@ -297,7 +356,10 @@ impl Next<'_> {
                 let proposal = damaged(early, byte, self.dice);
                 self.push(proposal);
             }
-            _ => self.push(overrun(early)),
+            _ => {
+                let proposal = overrun(early, self.dice);
+                self.push(proposal);
+            }
         }
     }
 }

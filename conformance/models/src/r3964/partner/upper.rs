@@ -30,6 +30,10 @@ pub(crate) trait Upper {
     fn in_idle(&self, now: Micros, wait: i64, dice: &mut Dice) -> Option<Vec<Proposal>>;
     /// What the host does whatever the procedure is at.
     fn meanwhile(&self, now: Micros, dice: &mut Dice) -> Option<Vec<Proposal>>;
+    /// Whether blocks are data of any length.
+    fn is_plain(&self) -> bool {
+        false
+    }
     /// One session of so many has something very long; 0: none.
     fn long_ones(&self, station: &Station) -> u64;
     /// Begins it.
@@ -89,6 +93,10 @@ impl Upper for Plain {
 
     fn meanwhile(&self, _: Micros, _: &mut Dice) -> Option<Vec<Proposal>> {
         None
+    }
+
+    fn is_plain(&self) -> bool {
+        true
     }
 
     fn long_ones(&self, station: &Station) -> u64 {

@@ -5,11 +5,14 @@ use crate::dice::Dice;
 use crate::rk512::serve::Series;
 use crate::rk512::telegram::{Area, Command, Kind, MOST};
 
-/// A first telegram, or one that goes on with the command before.
-pub(super) fn command(series: Option<&Series>, dice: &mut Dice) -> Vec<u8> {
-    match series {
-        Some(series) if !dice.one_in(5) => follow_up(series, dice),
-        None if dice.one_in(30) => {
+/// A first telegram, or one that goes on with the command before, or with one that has
+/// ended.
+pub(super) fn command(series: Option<&Series>, ended: Option<&Series>, dice: &mut Dice) -> Vec<u8> {
+    match (series, ended) {
+        (Some(series), _) if dice.one_in(12) => wrong_follow_up(series, dice),
+        (Some(series), _) if !dice.one_in(5) => follow_up(series, dice),
+        (None, Some(ended)) if dice.one_in(3) => after_the_end(ended, dice),
+        (None, _) if dice.one_in(30) => {
             let command = drawn(dice);
             let mut telegram = command.follow_up();
             if command.kind == Kind::Send {
@@ -17,7 +20,8 @@ pub(super) fn command(series: Option<&Series>, dice: &mut Dice) -> Vec<u8> {
             }
             telegram
         }
-        None | Some(_) => first(dice),
+        (None | Some(_), _) if dice.one_in(12) => unknown(dice),
+        (None | Some(_), _) => first(dice),
     }
 }
 
@@ -34,9 +38,39 @@ fn follow_up(series: &Series, dice: &mut Dice) -> Vec<u8> {
     telegram
 }
 
+/// One of another length, of another command, or with another header.
+fn wrong_follow_up(series: &Series, dice: &mut Dice) -> Vec<u8> {
+    let mut telegram = next(series);
+    match dice.below(4) {
+        0 => telegram.push(value(dice)),
+        1 => telegram[1] = 1,
+        2 => telegram[2] = dice.byte(),
+        _ => telegram[3] = dice.pick(&Area::ALL).code(),
+    }
+    telegram
+}
+
+/// A partner that did not heed that its command has ended: the part that was refused, or
+/// the one behind it.
+fn after_the_end(ended: &Series, dice: &mut Dice) -> Vec<u8> {
+    let mut series = ended.clone();
+    if dice.one_in(2) {
+        series.done += series.part();
+    }
+    next(&series)
+}
+
+/// A command that nobody knows, or with an unknown header.
+fn unknown(dice: &mut Dice) -> Vec<u8> {
+    let mut telegram = drawn(dice).first();
+    let at = dice.below(4) as usize;
+    telegram[at] = dice.byte();
+    telegram
+}
+
 /// The first part of a command that is as long as commands can be.
 pub(super) fn long(dice: &mut Dice) -> Vec<u8> {
-    let kind = *dice.pick(&[Kind::Send, Kind::Fetch]);
+    let kind = *dice.pick(&[Kind::Send, Kind::Send, Kind::Fetch]);
     let count = *dice.pick(&[32_768, 32_769, 32_832, 32_833, 50_000, 65_535]);
     let command = Command { kind, area: Area::Db, block: 5, offset: 1, count, flag: [0xFF, 0xFF] };
     let mut telegram = command.first();
@@ -44,6 +78,14 @@ pub(super) fn long(dice: &mut Dice) -> Vec<u8> {
         telegram.extend([0x11; MOST]);
     }
     telegram
+}
+
+/// The first part of one whose last part lies behind place 65535.
+pub(super) fn far(dice: &mut Dice) -> Vec<u8> {
+    let area = *dice.pick(&Area::ALL);
+    let block = if area.is_block() { 5 } else { 0 };
+    let (offset, count, flag) = (255, 65_535, [0xFF, 0xFF]);
+    Command { kind: Kind::Fetch, area, block, offset, count, flag }.first()
 }
 
 /// The next part of a command.

@@ -19,8 +19,8 @@ const STX: u8 = 0x02;
 /// NAK: our block is refused.
 const NAK: u8 = 0x15;
 
-/// The layer, as those see it who draw what comes next.
-pub(super) struct Telegrams<'a>(pub(super) &'a Layer);
+/// The layer, as those see it who draw what comes next, and the number of a long session.
+pub(super) struct Telegrams<'a>(pub(super) &'a Layer, pub(super) Option<u64>);
 
 impl Upper for Telegrams<'_> {
     fn job(&self, _: &Station, dice: &mut Dice) -> HostRequest {
@@ -38,7 +38,7 @@ impl Upper for Telegrams<'_> {
     fn block(&self, _: &Station, is_faulty: bool, dice: &mut Dice) -> Vec<u8> {
         let is_command = !self.0.awaits_reaction() || dice.one_in(8);
         let telegram = if is_command {
-            commands::command(self.0.series.as_ref(), dice)
+            commands::command(self.0.series.as_ref(), self.0.ended.as_ref(), dice)
         } else {
             self.reaction(dice)
         };
@@ -109,7 +109,8 @@ impl Upper for Telegrams<'_> {
     }
 
     fn begin_long(&self, station: &Station, dice: &mut Dice) -> Proposal {
-        if dice.one_in(3) {
+        let is_partners = self.1.map_or_else(|| dice.one_in(3), |number| number % 4 == 1);
+        if is_partners {
             return bytes(1, &[STX]);
         }
         host(1, jobs::long(self.0.jobs + 1, station.doubles(), dice))
@@ -137,6 +138,7 @@ impl Upper for Telegrams<'_> {
                 telegram
             }
             (None, Some(series)) => commands::next(series),
+            (None, None) if self.1.is_some_and(|number| number % 8 == 1) => commands::far(dice),
             (None, None) => commands::long(dice),
         }
     }
