@@ -62,7 +62,10 @@ mod tests {
 
     #[test]
     fn names_are_short() {
-        assert_eq!(short("/home/anna/xon-xoff/src/machine/hold.rs"), "xon-xoff/src/machine/hold.rs");
+        assert_eq!(
+            short("/home/anna/xon-xoff/src/machine/hold.rs"),
+            "xon-xoff/src/machine/hold.rs"
+        );
         assert_eq!(short("src/lib.rs"), "src/lib.rs");
         assert_eq!(short(r"C:\work\df1.c"), "df1.c");
         assert_eq!(short(""), "");
