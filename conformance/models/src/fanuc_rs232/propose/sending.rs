@@ -108,7 +108,7 @@ fn fields(dice: &mut Dice) -> Vec<(String, String)> {
         6 => add("from_sequence", number),
         7 if dice.one_in(2) => {
             let large = ["4294967294", "4294967295", "4294967296", "65536", "256", "30"];
-            let name: &str = dice.pick(&["from_block", "from_sequence"]);
+            let name = *dice.pick(&["from_block", "from_sequence"]);
             add(name, (*dice.pick(&large)).to_owned());
         }
         _ => {}
