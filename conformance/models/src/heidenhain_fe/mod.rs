@@ -33,7 +33,7 @@ use receive::Reception;
 use room::Room;
 use rules::Rules;
 use send::{Job, Sending};
-use softplug_abi::{LineParameters, Micros, Parity};
+use softplug_abi::{LineParameters, Micros, ModemLines, Parity};
 use std::cell::Cell;
 
 /// The most bytes that the name of a delivery has.
@@ -116,7 +116,7 @@ pub(crate) const PROFILE: Profile = Profile {
         line(57_600, 7, Parity::Even, 4),
     ],
     rooms: &[],
-    modem_lines: &[None],
+    modem_lines: &[None, Some((ModemLines(7), ModemLines(5)))],
     special: &[SOH, STX, ETX, EOT, ACK, NAK, DC1, DC3, ETB],
     start: |conditions| Some(Box::new(Fe::new(conditions)?)),
 };
