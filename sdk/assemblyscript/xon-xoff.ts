@@ -183,6 +183,8 @@ const STATE_BYTES: u32 = offsetof<State>();
 /** The state that the host knows; not saved: a restored plug-in tells it anew. */
 let named: usize = 0;
 let isOpen: bool = false;
+/** What follows from control bytes is done behind the last of their event, of which there may be a thousand. */
+let isHearing: bool = false;
 
 /** Where bytes are made: a pair of escape and byte, or a line end. */
 // @ts-ignore: decorator
@@ -194,6 +196,7 @@ function setTimer(id: i32, at: i64): void {
     const deadline = STATE + (<usize>id << 3);
     if (load<i64>(deadline) == at) return;
     store<i64>(deadline, at);
+    if (isHearing && id == Timer.Held) return;
     if (at == NEVER) link.cancelTimer(id);
     else link.setTimer(id, at);
 }
@@ -273,7 +276,7 @@ function mapLine(reader: usize, form: i32, at: usize): u32 {
 
 function updateHold(): void {
     const holding = s.held || s.waitsForXon || s.paused;
-    if (holding == s.holding) return;
+    if (holding == s.holding || isHearing) return;
     s.holding = holding;
     if (holding) link.hold();
     else link.release();
@@ -601,6 +604,9 @@ function ignoresData(): bool {
 }
 
 function received(count: u32): void {
+    const held = STATE + (<usize>Timer.Held << 3);
+    const before = load<i64>(held);
+    isHearing = true;
     for (let at = INPUT; at < INPUT + count; at++) {
         const which = control(load<u8>(at));
         if (which == Setting.Xon) {
@@ -613,6 +619,11 @@ function received(count: u32): void {
             watchHold();
         }
     }
+    isHearing = false;
+    updateHold();
+    const until = load<i64>(held);
+    store<i64>(held, before);
+    setTimer(Timer.Held, until);
     afterBytes();
 }
 

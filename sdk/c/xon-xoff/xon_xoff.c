@@ -122,6 +122,9 @@ static struct {
 /* The state that the host knows; not saved: a restored plug-in tells it anew. */
 static const char *named;
 static bool is_open;
+/* What follows from control bytes is done behind the last of their event, of which there may be a
+   thousand. */
+static bool is_hearing;
 
 static void fill(void *at, uint8_t with, uint32_t count) {
     for (uint8_t *byte = at; count > 0; count--)
@@ -132,6 +135,8 @@ static void set_timer(uint8_t id, int64_t at) {
     if (s.timers[id] == at)
         return;
     s.timers[id] = at;
+    if (is_hearing && id == HELD)
+        return;
     if (at == NEVER)
         sp_cancel_timer(id);
     else
@@ -200,7 +205,7 @@ static piece map_line(uint8_t *state, uint32_t form, const uint8_t *at) {
 
 static void update_hold(void) {
     bool holding = s.held || s.waits_for_xon || s.paused;
-    if (holding == s.holding)
+    if (holding == s.holding || is_hearing)
         return;
     s.holding = holding;
     sp_begin(holding ? SP_ACTION_HOLD : SP_ACTION_RELEASE, 0);
@@ -542,6 +547,8 @@ static void set_marks(void) {
 SP_SHARED static bool ignores_data(void) { return NUMBER(WHILE_SENDING) == 1 && s.stage != IDLE; }
 
 static void received(uint8_t *bytes, uint32_t count) {
+    int64_t before = s.timers[HELD];
+    is_hearing = true;
     for (; count > 0; count--, bytes++) {
         switch (control(*bytes)) {
         case XOFF:
@@ -559,6 +566,11 @@ static void received(uint8_t *bytes, uint32_t count) {
                 receive(bytes);
         }
     }
+    is_hearing = false;
+    update_hold();
+    int64_t until = s.timers[HELD];
+    s.timers[HELD] = before;
+    set_timer(HELD, until);
     after_bytes();
 }
 
