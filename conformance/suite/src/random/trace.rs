@@ -5,7 +5,7 @@ use crate::run::effect::{Delivered, Effect};
 use crate::run::outcome::Seen;
 use crate::run::transcript;
 use softplug_abi::manifest::Manifest;
-use softplug_abi::{LineErrorKind, LineParameters, Micros, Parity};
+use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines, Parity};
 use softplug_models::{
     Effect as Did, Finding, Given, HostRequest as Asked, LineInput, Profile, Ran, Session, Step,
 };
@@ -31,9 +31,14 @@ pub(super) fn of_session(
         .iter()
         .filter_map(|(at, did)| Some(Seen { at: *at, effect: effect(did, manifest)? }))
         .collect();
+    let known = conditions.modem_lines.map_or(ModemLines::default(), |(known, _)| known);
     // The first step opens the link, which a trace does by itself.
-    let mut entries: Vec<Entry> =
-        ran.steps.iter().skip(1).filter_map(|(at, step)| Some(entry(*at, given(step)?))).collect();
+    let mut entries: Vec<Entry> = ran
+        .steps
+        .iter()
+        .skip(1)
+        .filter_map(|(at, step)| Some(entry(*at, given(step, known)?)))
+        .collect();
     let is_cut = |at: Micros| entries.iter().any(|entry| micros(entry) == at);
     entries.extend(transcript::entries(conditions.line, manifest, &seen, BYTES, is_cut));
     entries.sort_by_key(|entry| entry.when.from);
@@ -86,21 +91,27 @@ fn micros(entry: &Entry) -> Micros {
     crate::given::timeline::micros(entry.when.from)
 }
 
-/// `None` for what is no line of a trace: time that goes by.
-fn given(step: &Step) -> Option<What> {
+/// `None` for what is no line of a trace: time that goes by, and modem lines that the port has not.
+fn given(step: &Step, known: ModemLines) -> Option<What> {
     Some(match step {
         Step::Swap => What::Host(HostRequest::Swap),
         Step::Given(Given::Nothing) => return None,
-        Step::Given(Given::Line(input)) => heard(input),
+        Step::Given(Given::Line(LineInput::ModemLines(named, _))) if named.0 & known.0 == 0 => {
+            return None;
+        }
+        Step::Given(Given::Line(input)) => heard(input, known),
         Step::Given(Given::Host(request)) => What::Host(asked(request)),
     })
 }
 
-fn heard(input: &LineInput) -> What {
+fn heard(input: &LineInput, known: ModemLines) -> What {
     match input {
         LineInput::Bytes(bytes) => What::Receive(Payload::hex(bytes)),
         LineInput::Damaged { kind, byte, span } => damaged(*kind, *byte, *span),
-        LineInput::ModemLines(named, on) => What::Line(LineEvent::Modem(modem_levels(*named, *on))),
+        LineInput::ModemLines(named, on) => {
+            let named = ModemLines(named.0 & known.0);
+            What::Line(LineEvent::Modem(modem_levels(named, *on)))
+        }
         LineInput::Down(reason) => What::Line(LineEvent::Down(down_reason_name(*reason))),
         LineInput::Up => What::Line(LineEvent::Up),
     }
@@ -192,5 +203,68 @@ fn line(line: LineParameters, depth: usize) -> LineSettings {
         stop_half_bits: line.stop_half_bits,
         depth: depth as u32,
         reaction: 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::given::load::Case;
+    use crate::judge::run::Start;
+    use crate::run::subject::{FromFn, Subject as _};
+    use softplug_native::NativePlugin;
+
+    /// Sessions that are looked at of each profile.
+    const SESSIONS: u64 = 400;
+
+    /// What a trace cannot say: another clock, jobs without a size, data in small pieces. Long ones
+    /// only take long.
+    fn can_be_held(session: &Session) -> bool {
+        let conditions = &session.conditions;
+        conditions.long.is_none()
+            && !conditions.is_usual
+            && conditions.clock == Micros::ZERO
+            && conditions.has_sizes
+            && conditions.pieces == usize::MAX
+    }
+
+    /// In a trace all that comes from the line at one time stands before what the host does: a swap
+    /// between two characters of that time cannot be written.
+    fn swaps_between_characters(ran: &Ran) -> bool {
+        ran.steps.windows(2).any(|pair| {
+            let [(swapped, Step::Swap), (came, Step::Given(Given::Line(_)))] = pair else {
+                return false;
+            };
+            swapped == came
+        })
+    }
+
+    #[test]
+    fn a_session_runs_again_as_its_trace() {
+        for plugin in NativePlugin::ALL {
+            let manifest = Manifest::parse(plugin.manifest().as_bytes()).expect("it is sound");
+            let subject = FromFn::new(manifest, move || plugin.instantiate());
+            for claim in &subject.manifest().profiles {
+                let Some(profile) = softplug_models::profile(&claim.name) else { continue };
+                let mut held = 0;
+                for number in 0..SESSIONS {
+                    let session = Session::draw(profile, subject.manifest(), 1, number);
+                    let Some(session) = session.filter(can_be_held) else { continue };
+                    let make = &mut || Ok(plugin.instantiate());
+                    let ran = session.run(subject.manifest(), make);
+                    assert_eq!(ran.finding, None, "{} {number}", claim.name);
+                    if swaps_between_characters(&ran) {
+                        continue;
+                    }
+                    let trace = of_session(profile, &session, &ran, subject.manifest());
+                    let case = Case::new("session.spt", trace);
+                    let failure = Start::new(&subject, &case).failure;
+                    let why = failure.map(|failure| format!("{failure:?}"));
+                    assert_eq!(why, None, "{} {number}\n{}", claim.name, case.trace.format());
+                    held += 1;
+                }
+                assert!(held > 25, "{}: {held}", claim.name);
+            }
+        }
     }
 }
