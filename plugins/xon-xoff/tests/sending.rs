@@ -94,6 +94,29 @@ fn transfer(setup: &Setup, program: &[u8], how: How) -> (Vec<Seen>, Vec<(i64, bo
     (bench.observed().iter().filter(|seen| names(seen)).cloned().collect(), told)
 }
 
+/// Without holds that end, and releases that are taken back, at the instant at which they
+/// begin: no byte leaves in between. What XOFF and XON in one event come to is said once
+/// for the event.
+fn lasting(observed: Vec<Seen>) -> Vec<Seen> {
+    let mut lasting: Vec<Seen> = Vec::new();
+    for seen in observed {
+        let undoes = lasting.last().is_some_and(|last| {
+            let both = (&last.1, &seen.1);
+            let is_pair = matches!(
+                both,
+                (Observed::Hold, Observed::Release) | (Observed::Release, Observed::Hold)
+            );
+            is_pair && last.0 == seen.0
+        });
+        if undoes {
+            lasting.pop();
+        } else {
+            lasting.push(seen);
+        }
+    }
+    lasting
+}
+
 fn wire(observed: &[(Micros, Observed)]) -> Vec<(i64, u8)> {
     let byte = |(at, seen): &(Micros, Observed)| match seen {
         Observed::Byte(byte) => Some((at.0, *byte)),
@@ -177,9 +200,9 @@ proptest! {
         program in proptest::collection::vec(any::<u8>(), 0..200),
     ) {
         let program = sendable(&setup, program);
-        let (plain, _) = transfer(&setup, &program, How::Plain);
+        let plain = lasting(transfer(&setup, &program, How::Plain).0);
         for how in [How::Cut, How::Swapped] {
-            let (other, _) = transfer(&setup, &program, how);
+            let other = lasting(transfer(&setup, &program, how).0);
             prop_assert_eq!(&other, &plain, "{:?}", how);
         }
     }
