@@ -6,6 +6,9 @@ use crate::model::{Given, HostRequest, LineInput, Proposal};
 use softplug_abi::{LineErrorKind, LinkDownReason, Micros};
 use std::collections::VecDeque;
 
+/// Characters that one event can hold in a plug-in of the SDK.
+const EVENT: usize = 1_040;
+
 /// How much of it there is in a session.
 #[derive(Clone, Debug)]
 pub(crate) struct Noise {
@@ -139,6 +142,9 @@ impl Noise {
     fn intrusion(&self, dice: &mut Dice) -> Given {
         let line = |input| Given::Line(input);
         let host = |request| Given::Host(request);
+        if dice.one_in(40) {
+            return line(LineInput::Bytes(burst(&[*dice.pick(self.special)], dice)));
+        }
         match dice.below(16) {
             0..=3 => line(LineInput::Bytes(vec![*dice.pick(self.special)])),
             4 => line(LineInput::Bytes(vec![dice.byte()])),
@@ -156,9 +162,18 @@ impl Noise {
     }
 }
 
+/// The same again and again, up to all that one event can hold.
+fn burst(bytes: &[u8], dice: &mut Dice) -> Vec<u8> {
+    let length = *dice.pick(&[EVENT, EVENT, EVENT / 2, EVENT / 8]);
+    bytes.repeat((length / bytes.len()).max(1))
+}
+
 /// Characters as a bad line brings them: a bit turned, one lost, one twice, or one
-/// that the port saw was bad.
+/// that the port saw was bad; or all of them again and again.
 fn damaged(mut bytes: Vec<u8>, dice: &mut Dice) -> Given {
+    if dice.one_in(40) {
+        return Given::Line(LineInput::Bytes(burst(&bytes, dice)));
+    }
     let at = dice.below(bytes.len() as u64) as usize;
     match dice.below(5) {
         0 => bytes[at] ^= 1 << dice.below(8),

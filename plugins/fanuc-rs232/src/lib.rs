@@ -26,7 +26,7 @@ use punch::Punch;
 use remote_buffer::RemoteBuffer;
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    ModemLines, NoteLevel, Opening, Pass, StateError, StateReader, StateWriter, copy,
+    ModemLines, NoteLevel, Opening, Pass, StateError, StateReader, StateWriter, Unread,
 };
 use state::State;
 use tape::Setup;
@@ -37,8 +37,6 @@ const CAPTURE: u8 = 4;
 /// Timer: the remote buffer is silent, or waits for us.
 const PACKET: u8 = 5;
 
-/// The most bytes in one event.
-const INPUT: usize = 1_040;
 /// What one character can bring of actions, and what follows the last one of an
 /// event: a packet, or a capture's text, name, end and request.
 const OUTPUT_RESERVE: usize = 1_800;
@@ -52,9 +50,7 @@ pub struct FanucRs232 {
     is_packets: bool,
     /// A job has been sent in this event or after the one before.
     was_sending: bool,
-    /// Characters of the event that did not fit into this round of actions.
-    left: [u8; INPUT],
-    left_length: usize,
+    unread: Unread,
     /// The state that the host knows.
     named: Option<State>,
 }
@@ -89,8 +85,7 @@ impl Converter for FanucRs232 {
             kept,
             is_packets: settings.mode == Mode::RemoteA,
             was_sending: false,
-            left: [0; INPUT],
-            left_length: 0,
+            unread: Unread::new(),
             named: None,
         }
     }
@@ -107,23 +102,20 @@ impl Converter for FanucRs232 {
     }
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
-        let mut left = bytes;
-        while let Some((byte, after)) = left.split_first() {
-            if link.output_room() < OUTPUT_RESERVE {
-                link.again();
-                break;
-            }
+        let mut rest = bytes;
+        while let Some((byte, after)) = rest.split_first()
+            && link.output_room() >= OUTPUT_RESERVE
+        {
             self.byte(link, *byte);
-            left = after;
+            rest = after;
         }
-        self.left_length = left.len();
-        copy(&mut self.left, left);
+        self.unread.keep(link, rest);
         self.after_bytes(link);
     }
 
     fn more(&mut self, link: &mut Context<'_>) {
-        let left = self.left;
-        self.received(link, left.get(..self.left_length).unwrap_or_default());
+        let unread = self.unread;
+        self.received(link, unread.bytes());
     }
 
     fn line_error(

@@ -21,12 +21,15 @@ use receiver::Receiver;
 use sender::Sender;
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    NoteLevel, Opening, StateError, StateReader, StateWriter, Value, Values,
+    NoteLevel, Opening, StateError, StateReader, StateWriter, Unread, Value, Values,
 };
 use stage::Stage;
 
 /// The field of a job, and of a request, with the program's name.
 const NAME: u16 = 0;
+/// What one character can bring of actions, and what follows the last one of an event: the end
+/// of a reception and of a job, a note, and a request with its name or a line that is delivered.
+const OUTPUT_RESERVE: usize = 1_024;
 
 /// The converter.
 #[derive(Debug)]
@@ -44,6 +47,7 @@ pub struct HeidenhainFe {
     /// The name that the control asks for.
     asked: Text,
     named: Option<&'static str>,
+    unread: Unread,
 }
 
 softplug_plugin::export!(HeidenhainFe);
@@ -65,6 +69,7 @@ impl Converter for HeidenhainFe {
             takes: true,
             asked: Text::default(),
             named: None,
+            unread: Unread::new(),
         }
     }
 
@@ -82,14 +87,24 @@ impl Converter for HeidenhainFe {
     }
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
-        for byte in bytes {
+        let mut rest = bytes;
+        while let Some((byte, after)) = rest.split_first()
+            && link.output_room() >= OUTPUT_RESERVE
+        {
             match heard(&self.settings, *byte) {
                 Some(byte) => self.character(link, byte),
                 None => self.reader.damage(),
             }
+            rest = after;
         }
+        self.unread.keep(link, rest);
         self.watch(link);
         self.name_state(link);
+    }
+
+    fn more(&mut self, link: &mut Context<'_>) {
+        let unread = self.unread;
+        self.received(link, unread.bytes());
     }
 
     fn line_error(

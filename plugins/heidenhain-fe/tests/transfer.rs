@@ -305,3 +305,21 @@ fn the_control_holds_the_line() {
     assert_eq!(ear.heard(&bench), [EOT]);
     assert_eq!(job_end(&bench), Some((Some(Failure::Aborted), 24)));
 }
+
+#[test]
+fn as_many_headers_as_one_event_holds() {
+    // Each ends what the one before has begun: a delivery, a request.
+    for (text, often) in [("H1A", 148), ("H1E", 148), ("HA", 173), ("H", 207)] {
+        let mut bench = bench().room(4_096, 4_096).open();
+        bench.receive(&header(text).repeat(often));
+        bench.run_for_millis(1_000);
+        let ends = |(_, seen): &&(Micros, Observed)| {
+            matches!(seen, Observed::Withdraw(_) | Observed::Delivery { .. })
+        };
+        let ended = bench.observed().iter().filter(ends).count();
+        let is_taken = text.len() > 1;
+        assert_eq!(ended, if is_taken { often - 1 } else { 0 }, "{text}");
+        let answers = if text.ends_with('E') { 0 } else { often };
+        assert_eq!(bench.sent().len(), answers, "{text}");
+    }
+}

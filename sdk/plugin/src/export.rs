@@ -13,9 +13,9 @@ use softplug_abi::wire::copy;
 use softplug_abi::{MORE_OUTPUT, Micros, Refusal};
 
 /// Length of the input buffer in bytes: 1,024 bytes and the largest head.
-const INPUT: usize = 1_040;
+pub(crate) const INPUT: usize = 1_040;
 /// Length of the output buffer in bytes.
-const OUTPUT: usize = 4_096;
+pub(crate) const OUTPUT: usize = 4_096;
 /// Length of the region of last words in bytes.
 const WORDS: usize = 256;
 

@@ -41,6 +41,7 @@ pub mod manifest;
 mod native;
 mod settings;
 mod state;
+mod unread;
 
 pub use context::Context;
 pub use converter::{Converter, JobStart, Opening};
@@ -53,3 +54,4 @@ pub use softplug_abi::{
     NoteLevel, Parity, Pass, RawValue, Value, ValueWriter, Values,
 };
 pub use state::{StateError, StateReader, StateWriter};
+pub use unread::Unread;

@@ -2,14 +2,10 @@
 //! the sandbox.
 
 use crate::Converter;
+use crate::export::{INPUT, OUTPUT};
 use crate::machine::{Machine, STATE_CAPACITY};
 use softplug_abi::{Event, Instance, Micros, Output, Refusal};
 use std::fmt;
-
-/// Length of the input buffer in bytes, as in a plug-in made by `export!`.
-const INPUT: usize = 1_040;
-/// Length of the output buffer in bytes, as in a plug-in made by `export!`.
-const OUTPUT: usize = 4_096;
 
 /// A converter as an [`Instance`].
 ///

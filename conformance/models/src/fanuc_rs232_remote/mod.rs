@@ -152,10 +152,10 @@ impl Model for RemoteBuffer {
     }
 
     fn left(&mut self, at: Micros, _byte: u8) {
-        if !self.wire.left() {
-            return;
+        // Of a message that was dropped, the last character that the port had taken counts.
+        if self.wire.left() || self.wire.is_empty() {
+            self.dialogue.heard = at;
         }
-        self.dialogue.heard = at;
     }
 
     fn due(&mut self, at: Micros) {

@@ -192,6 +192,8 @@ impl Model for Fe {
                 self.out.set_gone(false);
             }
         }
+        let is_sending = matches!(self.state, State::Sending(_));
+        self.is_blind |= !is_sending && self.out.waiting() > self.rules.answers;
     }
 
     fn left(&mut self, at: Micros, _byte: u8) {
@@ -229,7 +231,8 @@ impl Model for Fe {
 
     fn settled(&mut self, _at: Micros) -> Result<(), Broken> {
         self.room.tell();
-        self.is_blind |= self.is_held && self.may_have_taken_room();
+        let is_seen_late = self.is_held || !self.out.is_empty();
+        self.is_blind |= is_seen_late && self.may_have_taken_room();
         if self.is_blind {
             return Ok(());
         }

@@ -64,8 +64,14 @@ impl Fe {
         self.is_blind
     }
 
+    /// Another block comes behind a line of which it cannot be told whether it waits.
+    fn doubts_line(&mut self) {
+        self.is_blind |= self.may_have_taken_room();
+    }
+
     /// A good block.
     pub(super) fn block(&mut self, text: &[u8]) {
+        self.doubts_line();
         match &mut self.state {
             // An answer in the middle of a program would be taken for a part of it.
             State::Receiving(Reception { waiting: Some(_), .. }) | State::Sending(_) => {}
@@ -84,6 +90,7 @@ impl Fe {
     /// A block that is damaged, too long or broken off.
     pub(super) fn bad_block(&mut self) {
         const CLAUSE: &str = "heidenhain-fe.rx.bad-block";
+        self.doubts_line();
         // One that belongs to no header is passed over: the page speaks of the delivery.
         let State::Receiving(reception) = &mut self.state else { return };
         if reception.waiting.is_some() {

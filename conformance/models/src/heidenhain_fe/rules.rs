@@ -23,10 +23,15 @@ pub(super) struct Rules {
     pub(super) line_end: &'static [u8],
     /// Our queue takes some characters only.
     pub(super) has_small_queue: bool,
+    /// So many answers find room in any case: those for which the queue has room that was told,
+    /// which is three quarters of it, and those that wait for some.
+    pub(super) answers: usize,
 }
 
 /// A queue that takes less is small.
 pub(super) const SMALL: u32 = 64;
+/// Answers that wait for room.
+const WAITING: usize = 16;
 
 impl Rules {
     /// `None`: the line cannot carry the parity bit that we make.
@@ -40,6 +45,7 @@ impl Rules {
         }
         Some(Self {
             has_small_queue: conditions.transmit_room < SMALL,
+            answers: conditions.transmit_room as usize * 3 / 4 + WAITING,
             line: conditions.line,
             makes_parity,
             repeats: settings.int("repeats", 3) as u32,

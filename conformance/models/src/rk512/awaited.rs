@@ -10,7 +10,8 @@ pub(super) enum Due {
     Done { job: u32, sent: u64 },
     Failed { job: u32, failure: Failure, status: u16, sent: u64 },
     Requested { kind: &'static str, fields: Vec<(String, String)> },
-    Withdrawn(u32),
+    /// Its id; `None`: that of a request which is due itself.
+    Withdrawn(Option<u32>),
 }
 
 impl Due {
@@ -32,7 +33,7 @@ impl Due {
                 Self::Requested { kind, fields },
                 Effect::Requested { id, kind: name, fields: own },
             ) => *id != 0 && kind == name && fields == own,
-            (Self::Withdrawn(request), Effect::Withdrawn(own)) => request == own,
+            (Self::Withdrawn(request), Effect::Withdrawn(own)) => *request == Some(*own),
             _ => false,
         }
     }
@@ -66,9 +67,23 @@ impl Awaited {
         let place = self.0.iter().position(|(_, due)| due.is_alike(effect)).ok_or(None)?;
         let (clause, due) = self.0.remove(place);
         if due.is(effect) {
+            if let Effect::Requested { id, .. } = effect {
+                self.name_withdrawn(*id);
+            }
             return Ok(());
         }
         Err(Some((clause, format!("{due:?} had to come, and not {effect:?}"))))
+    }
+
+    /// The request that is due to be withdrawn has an id.
+    fn name_withdrawn(&mut self, id: u32) {
+        let unnamed = self.0.iter_mut().find_map(|(_, due)| match due {
+            Due::Withdrawn(request @ None) => Some(request),
+            _ => None,
+        });
+        if let Some(request) = unnamed {
+            *request = Some(id);
+        }
     }
 
     /// The first that was not seen.

@@ -200,7 +200,7 @@ impl Layer {
             Broken::new(clause, message)
         })?;
         if let (Effect::Requested { id, .. }, Some(request)) = (effect, &mut self.request) {
-            request.id = *id;
+            request.id = Some(*id);
         }
         Ok(())
     }

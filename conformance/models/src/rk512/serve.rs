@@ -30,8 +30,8 @@ impl Series {
 /// What the host was asked.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct Request {
-    /// The plug-in's id for it, when it is seen.
-    pub(super) id: u32,
+    /// The plug-in's id for it, once it was seen.
+    pub(super) id: Option<u32>,
     pub(super) kind: Kind,
     /// Bytes of data that it is about.
     pub(super) part: usize,
@@ -224,7 +224,7 @@ impl Layer {
         self.awaited.push(clause, Due::Requested { kind: name, fields });
         (series.is_open, series.has_left) = (true, false);
         let until = at + self.reaction_time;
-        self.request = Some(Request { id: 0, kind, part, front, until });
+        self.request = Some(Request { id: None, kind, part, front, until });
     }
 
     pub(super) fn withdraw(&mut self, clause: &'static str) {
@@ -235,10 +235,10 @@ impl Layer {
 
     /// The host answers.
     pub(super) fn answer(&mut self, id: u32, answer: &Result<Vec<u8>, Failure>) {
-        let Some(request) = self.request.take_if(|request| request.id == id) else { return };
+        let Some(request) = self.request.take_if(|request| request.id == Some(id)) else { return };
         if answer.as_ref().is_ok_and(|data| data.len() > request.part) && self.ways.is_other() {
             // Enough has come before the last piece of it: that is left open.
-            self.awaited.push("rk512.serve.read", Due::Withdrawn(id));
+            self.awaited.push("rk512.serve.read", Due::Withdrawn(Some(id)));
         }
         let number = match answer {
             Ok(data) if request.kind == Kind::Fetch && data.len() != request.part => LENGTH,

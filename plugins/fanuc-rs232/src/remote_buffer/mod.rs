@@ -121,7 +121,8 @@ pub(crate) struct RemoteBuffer {
     stage: Stage,
     /// What is dropped from the queue is of the job.
     is_own: bool,
-    /// Messages that have not left: their marks are outstanding.
+    /// Messages that have not left: their marks are outstanding. One more than there may be:
+    /// others without a mark are behind them.
     leaving: u8,
     is_paused: bool,
     control: Control,
@@ -226,7 +227,11 @@ impl RemoteBuffer {
         if state == MarkState::MaybeLeft {
             return;
         }
+        let has_unmarked = self.leaving > MOST_MARKS;
         self.leaving = self.leaving.saturating_sub(1);
+        if has_unmarked {
+            link.transmit_marked(1, &[]);
+        }
         self.await_control(link, settings);
     }
 
@@ -410,6 +415,9 @@ impl RemoteBuffer {
         let (Stage::Stopping, Some(failure)) = (self.stage, self.failure.failure()) else { return };
         let dropped = if self.is_own { u64::from(bytes) } else { 0 };
         link.job_failed(self.job, failure, 0, self.queued.saturating_sub(dropped));
+        // What the port has taken still leaves.
+        let mark = mark_next(&mut self.leaving);
+        link.transmit_marked(mark, &[]);
         self.finish(link);
     }
 
@@ -444,16 +452,23 @@ fn transmit(
     if !data.is_empty() {
         link.transmit(data);
     }
-    let mark = u32::from(*leaving < MOST_MARKS);
-    *leaving += mark as u8;
+    let mark = mark_next(leaving);
     link.transmit_marked(mark, &[with_parity(settings, end_code(settings))]);
     length
+}
+
+/// The mark of what is sent now, if there may be another one.
+fn mark_next(leaving: &mut u8) -> u32 {
+    let mark = u32::from(*leaving < MOST_MARKS);
+    *leaving = (*leaving + 1).min(MOST_MARKS + 1);
+    mark
 }
 
 #[cfg(test)]
 mod tests {
     use crate::FanucRs232;
-    use softplug_plugin::bench::Bench;
+    use softplug_plugin::LineParameters;
+    use softplug_plugin::bench::{Bench, Observed};
 
     #[test]
     fn the_control_initialises_and_asks() {
@@ -500,5 +515,47 @@ mod tests {
         // No data leaves behind a reset.
         let bench = at_one_instant(b"ECGTD\r06RST\r");
         assert!(bench.sent().ends_with(b"F3ARS\r"));
+    }
+
+    fn has_failed(bench: &Bench<FanucRs232>) -> bool {
+        bench.observed().iter().any(|(_, seen)| matches!(seen, Observed::Failed { .. }))
+    }
+
+    #[test]
+    fn silence_counts_from_the_last_of_many_answers() {
+        let mut bench = Bench::<FanucRs232>::new().set("mode", "remote-a").open();
+        bench.receive(b"FCRDY\r");
+        bench.run_for_millis(20);
+        bench.send(b"%\nO1\nM30\n%");
+        // 170 answers of six characters, of which 64 have a mark: 1,063 ms at 9,600 baud.
+        bench.receive(&b"F5SAT\r".repeat(170));
+        bench.run_for_millis(6_000);
+        assert_eq!(bench.sent().len(), 171 * 6);
+        assert!(!has_failed(&bench), "5,000 ms are not over");
+        bench.run_for_millis(100);
+        assert!(has_failed(&bench));
+    }
+
+    #[test]
+    fn silence_counts_from_what_the_port_still_holds_of_a_job_before() {
+        let line = LineParameters::new(300);
+        let options = Bench::<FanucRs232>::new().set("mode", "remote-a").set("poll_time", "100");
+        let mut bench = options.line(line).depth(16).open();
+        bench.receive(b"FCRDY\r");
+        bench.run_for_millis(500);
+        bench.send(b"%\nO1\nM30\n%");
+        bench.receive(b"ECGTD\r");
+        bench.run_for_millis(40);
+        bench.host(|link, now, host| link.abort(now, 1, host));
+        bench.send(b"%\nO2\nM30\n%");
+        // Some 15 characters of 33 ms have still to leave.
+        bench.run_for_millis(450);
+        let failed = |bench: &Bench<FanucRs232>| {
+            let has_failed = |(_, seen): &&(_, Observed)| matches!(seen, Observed::Failed { .. });
+            bench.observed().iter().filter(has_failed).count()
+        };
+        assert_eq!(failed(&bench), 1, "the abort alone");
+        bench.run_for_millis(300);
+        assert_eq!(failed(&bench), 2);
     }
 }

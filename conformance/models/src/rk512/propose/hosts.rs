@@ -28,12 +28,17 @@ const FAILURES: &[Failure] = &[
 /// What was asked for.
 pub(super) fn good(request: &Request) -> HostRequest {
     let length = if request.kind == Kind::Fetch { request.part } else { 0 };
-    HostRequest::Answer(request.id, Ok(vec![0x11; length]))
+    HostRequest::Answer(id_of(request), Ok(vec![0x11; length]))
+}
+
+/// No host answers before it has seen a request.
+fn id_of(request: &Request) -> u32 {
+    request.id.unwrap_or_default()
 }
 
 /// An answer, mostly one that fits.
 pub(super) fn answer(request: &Request, dice: &mut Dice) -> HostRequest {
-    let id = if dice.one_in(100) { request.id + 1 } else { request.id };
+    let id = id_of(request) + u32::from(dice.one_in(100));
     if dice.one_in(8) {
         return HostRequest::Answer(id, Err(*dice.pick(FAILURES)));
     }
