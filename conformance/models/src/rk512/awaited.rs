@@ -6,10 +6,25 @@ use softplug_abi::Failure;
 /// One thing that is due now. Ids of deliveries and requests are the plug-in's own.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub(super) enum Due {
-    Delivered { bytes: Vec<u8>, failure: Option<Failure>, status: u16 },
-    Done { job: u32, sent: u64 },
-    Failed { job: u32, failure: Failure, status: u16, sent: u64 },
-    Requested { kind: &'static str, fields: Vec<(String, String)> },
+    Delivered {
+        bytes: Vec<u8>,
+        failure: Option<Failure>,
+        status: u16,
+    },
+    Done {
+        job: u32,
+        sent: u64,
+    },
+    Failed {
+        job: u32,
+        failure: Failure,
+        status: u16,
+        sent: u64,
+    },
+    Requested {
+        kind: &'static str,
+        fields: Vec<(String, String)>,
+    },
     /// Its id; `None`: that of a request which is due itself.
     Withdrawn(Option<u32>),
 }
