@@ -282,11 +282,16 @@ function updateHold(): void {
     else link.release();
 }
 
-function forgetHold(): void {
+/** The partner's hold is over. A job still waits for its first XON. */
+function released(): void {
     s.held = false;
-    s.waitsForXon = false;
     setTimer(Timer.Held, NEVER);
     updateHold();
+}
+
+function forgetHold(): void {
+    s.waitsForXon = false;
+    released();
 }
 
 /** A hold is timed only while there is a job to fail. */
@@ -735,7 +740,7 @@ function event(kind: i32, length: u32): i32 {
             endDelivery(Failure.LinkDown);
             break;
         case Event.LinkUp:
-            forgetHold();
+            released();
             letGo();
             break;
         case Event.Timer:

@@ -122,7 +122,7 @@ impl Converter for XonXoff {
     }
 
     fn link_up(&mut self, link: &mut Context<'_>) {
-        self.sender.forget_hold(link);
+        self.sender.released(link);
         self.receiver.let_go(link, &self.codes);
         self.name_state(link);
     }

@@ -116,8 +116,13 @@ impl Sender {
 
     /// The partner no longer holds us, whatever it said.
     pub(crate) fn forget_hold(&mut self, link: &mut Context<'_>) {
-        self.held = false;
         self.waits_for_xon = false;
+        self.released(link);
+    }
+
+    /// The partner's hold is over. A job still waits for its first XON.
+    pub(crate) fn released(&mut self, link: &mut Context<'_>) {
+        self.held = false;
         if self.held_until.take().is_some() && !self.is_hearing {
             link.cancel_timer(HELD);
         }

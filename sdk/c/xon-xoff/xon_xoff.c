@@ -211,10 +211,16 @@ static void update_hold(void) {
     sp_begin(holding ? SP_ACTION_HOLD : SP_ACTION_RELEASE, 0);
 }
 
-static void forget_hold(void) {
-    s.held = s.waits_for_xon = false;
+/* The partner's hold is over. A job still waits for its first XON. */
+static void released(void) {
+    s.held = false;
     set_timer(HELD, NEVER);
     update_hold();
+}
+
+static void forget_hold(void) {
+    s.waits_for_xon = false;
+    released();
 }
 
 /* A hold is timed only while there is a job to fail. */
@@ -693,7 +699,7 @@ static int32_t plugin_event(int32_t kind, const uint8_t *payload, uint32_t lengt
         end_delivery(SP_FAILURE_LINK_DOWN);
         break;
     case SP_EVENT_LINK_UP:
-        forget_hold();
+        released();
         let_go();
         break;
     case SP_EVENT_TIMER:

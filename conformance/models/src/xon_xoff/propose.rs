@@ -305,6 +305,7 @@ impl Guess<'_> {
 
     fn while_down(&self, dice: &mut Dice) -> Proposal {
         match dice.below(5) {
+            0 if dice.one_in(3) => self.job(dice),
             0 => self.room(dice),
             1 => host(self.pause(dice), HostRequest::Close),
             _ => line(self.pause(dice), LineInput::Up),
