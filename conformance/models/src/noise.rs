@@ -139,11 +139,21 @@ impl Noise {
         Proposal { wait, given }
     }
 
+    /// An error of one of the last characters, which were given already.
+    fn of_given(&self, dice: &mut Dice) -> LineInput {
+        let byte = if dice.one_in(2) { Some(*dice.pick(self.special)) } else { None };
+        let kind = if dice.one_in(5) { LineErrorKind::Overrun } else { *dice.pick(&DAMAGE) };
+        LineInput::Damaged { kind, byte, span: dice.between(1, 40) as u32 }
+    }
+
     fn intrusion(&self, dice: &mut Dice) -> Given {
         let line = |input| Given::Line(input);
         let host = |request| Given::Host(request);
         if dice.one_in(40) {
             return line(LineInput::Bytes(burst(&[*dice.pick(self.special)], dice)));
+        }
+        if dice.one_in(30) {
+            return line(self.of_given(dice));
         }
         match dice.below(16) {
             0..=3 => line(LineInput::Bytes(vec![*dice.pick(self.special)])),
@@ -161,6 +171,10 @@ impl Noise {
         }
     }
 }
+
+/// What a port says of a damaged character.
+const DAMAGE: [LineErrorKind; 3] =
+    [LineErrorKind::Parity, LineErrorKind::Framing, LineErrorKind::ParityOrFraming];
 
 /// The same again and again, up to all that one event can hold.
 fn burst(bytes: &[u8], dice: &mut Dice) -> Vec<u8> {
@@ -181,9 +195,7 @@ fn damaged(mut bytes: Vec<u8>, dice: &mut Dice) -> Given {
         2 => bytes.insert(at, bytes[at]),
         3 => bytes.truncate(at),
         _ => {
-            let kinds =
-                [LineErrorKind::Parity, LineErrorKind::Framing, LineErrorKind::ParityOrFraming];
-            let kind = *dice.pick(&kinds);
+            let kind = *dice.pick(&DAMAGE);
             return Given::Line(LineInput::Damaged { kind, byte: Some(bytes[at]), span: 0 });
         }
     }

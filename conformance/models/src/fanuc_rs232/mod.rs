@@ -105,17 +105,18 @@ impl Model for Fanuc {
     fn line(&mut self, at: Micros, input: &LineInput) {
         match input {
             LineInput::Bytes(bytes) => bytes.iter().for_each(|byte| self.hear(at, *byte)),
-            LineInput::Damaged { byte: Some(byte), .. } => {
+            LineInput::Damaged { byte: Some(byte), span: 0, .. } => {
                 let (punch, mut with) = self.punch();
                 punch.damaged(at, *byte, &mut with);
             }
-            LineInput::Damaged { kind: LineErrorKind::Break, .. } => {
-                let (punch, mut with) = self.punch();
-                punch.has_break(at, &mut with);
-            }
-            LineInput::Damaged { .. } => {
+            LineInput::Damaged { kind: LineErrorKind::Overrun, .. } => {
                 let (punch, mut with) = self.punch();
                 punch.overrun(at, &mut with);
+            }
+            // A break, or one that was given already.
+            LineInput::Damaged { .. } => {
+                let (punch, mut with) = self.punch();
+                punch.has_break(at, &mut with);
             }
             LineInput::ModemLines(named, on) => self.modem_lines(at, *named, *on),
             LineInput::Down(_) => {

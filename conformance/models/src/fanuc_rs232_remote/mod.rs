@@ -132,10 +132,10 @@ impl Model for RemoteBuffer {
                     self.character(at, parity::came(&self.rules, *byte));
                 }
             }
-            LineInput::Damaged { byte: Some(byte), .. } => {
+            LineInput::Damaged { byte: Some(byte), span: 0, .. } => {
                 self.character(at, Character::Damaged(byte & 0x7F));
             }
-            LineInput::Damaged { byte: None, .. } => self.incoming.damage(),
+            LineInput::Damaged { .. } => self.incoming.damage(),
             LineInput::ModemLines(named, on) => self.modem_lines(*named, *on),
             LineInput::Down(_) => {
                 self.is_down = true;

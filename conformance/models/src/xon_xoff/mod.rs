@@ -83,14 +83,15 @@ impl Model for XonXoff {
                 receiver.receive(at, &data, rules, wire);
             }
             LineInput::Damaged { .. } if is_ignored => {}
-            LineInput::Damaged { kind, byte: Some(byte), .. } => {
+            LineInput::Damaged { kind, byte: Some(byte), span: 0 } => {
                 receiver.receive_damaged(at, *byte, rules, wire);
                 if *kind == LineErrorKind::Overrun {
                     receiver.overrun(at);
                 }
             }
-            LineInput::Damaged { kind: LineErrorKind::Break, .. } => receiver.receive_break(at),
-            LineInput::Damaged { .. } => receiver.overrun(at),
+            LineInput::Damaged { kind: LineErrorKind::Overrun, .. } => receiver.overrun(at),
+            // A break, or one that was given already.
+            LineInput::Damaged { .. } => receiver.receive_break(at),
             LineInput::ModemLines(..) => {}
             LineInput::Down(_) => {
                 self.is_down = true;
