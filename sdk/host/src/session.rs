@@ -98,10 +98,48 @@ impl Session {
         self.fuel.largest
     }
 
-    /// What stands in a global of 64 bits that the module exports: a counter of one that is
-    /// [instrumented](crate::Host::load_instrumented).
+    /// What stands in a global of 32 or 64 bits that the module exports: one that is
+    /// [instrumented](crate::Host::load_instrumented) does.
     pub fn global(&mut self, name: &str) -> Option<i64> {
         self.running.global(name)
+    }
+
+    /// Writes such a global; whether there is one that can be written.
+    pub fn set_global(&mut self, name: &str, value: i64) -> bool {
+        self.running.set_global(name, value)
+    }
+
+    /// The plug-in's memory, to look at.
+    pub fn memory(&self) -> &[u8] {
+        self.running.memory()
+    }
+
+    /// The plug-in's memory. With the [globals](Self::global) that can change it is all of a
+    /// plug-in's state: whoever writes back what was read before goes back to then.
+    ///
+    /// ```
+    /// use softplug_abi::{Event, Instance, Micros};
+    /// use softplug_host::{Host, HostOptions};
+    ///
+    /// # let wasm = wat::parse_file("tests/guests/echo.wat")?;
+    /// let plugin = Host::new(HostOptions::default())?.load_bytes(&wasm)?;
+    /// let mut session = plugin.instantiate()?;
+    /// let before = session.memory().to_vec();
+    /// session.step(&Event::Received(b"G1"), Micros(1_000))?;
+    /// assert!(session.memory() != before);
+    /// session.memory_mut().copy_from_slice(&before);
+    /// // What came is in the input of the mailbox.
+    /// let input = session.mailbox().input;
+    /// assert!(session.memory()[input.address as usize..].len() >= input.capacity as usize);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn memory_mut(&mut self) -> &mut [u8] {
+        self.running.memory_mut()
+    }
+
+    /// Where events and answers lie in the plug-in's memory.
+    pub fn mailbox(&self) -> Mailbox {
+        self.mailbox
     }
 
     /// Ends the session with a fault of the plug-in.

@@ -8,6 +8,7 @@ use crate::queue::Queue;
 use crate::timers::Timers;
 use softplug_abi::limits::REQUESTS;
 use softplug_abi::{Action, Actions, Failure, Micros, Pass, Values};
+use std::hash::{Hash, Hasher};
 
 /// Whether the plug-in holds the transmit queue.
 ///
@@ -240,6 +241,14 @@ impl Core {
     pub(crate) fn restate_rooms(&mut self) {
         self.queue.restate_room();
         self.delivery_room += std::mem::take(&mut self.drained);
+    }
+
+    /// All that decides what comes. What was fed is not: it is only told.
+    pub(crate) fn hash_ahead(&self, now: Micros, state: &mut impl Hasher) {
+        let Self { job, delivery, delivery_capacity, delivery_room, drained, requests, .. } = self;
+        (job, delivery, delivery_capacity, delivery_room, drained, requests).hash(state);
+        self.queue.hash_ahead(state);
+        self.timers.hash_ahead(now, state);
     }
 
     /// Whether nothing is under way that a plug-in would have to know of.

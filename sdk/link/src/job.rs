@@ -45,7 +45,7 @@ use softplug_abi::{Pass, limits};
 /// assert!(host.observed.contains(&(Micros(0), Observed::Done { job: 7, sent: 4 })));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Hash, Debug)]
 pub struct Job {
     /// Its id, not 0 and not used before on this link.
     pub id: u32,
@@ -60,7 +60,7 @@ pub struct Job {
 }
 
 /// A job that the plug-in knows of.
-#[derive(Clone, Debug)]
+#[derive(Clone, Hash, Debug)]
 pub(crate) struct ActiveJob {
     pub(crate) job: Job,
     pub(crate) pass: Pass,

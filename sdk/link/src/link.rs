@@ -9,6 +9,7 @@ use crate::{LinkHost, Supply, UnderWay};
 use softplug_abi::limits::{OUTPUT_ROUNDS, STEPS_PER_INSTANT};
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Actions, Event, Instance, LineParameters, LinkDownReason, Micros, ModemLines};
+use std::hash::{Hash, Hasher};
 
 /// What a link is opened with.
 ///
@@ -135,6 +136,85 @@ impl<I: Instance> Link<I> {
             reverted: None,
             taken_over_with: UnderWay::default(),
         }
+    }
+
+    /// A second link in the same state, each with an instance of its own from here on. A plug-in
+    /// on [probation](Self::on_probation) is no longer so in the second.
+    ///
+    /// ```
+    /// use softplug_abi::{Event, Micros};
+    /// # use softplug_abi::{ActionWriter, Instance, NoSpace, Output};
+    /// use std::hash::{DefaultHasher, Hasher};
+    /// use softplug_link::{Link, LinkOptions, Recorder};
+    ///
+    /// # type Act = fn(&Event<'_>, &mut ActionWriter<'_>) -> Result<(), NoSpace>;
+    /// # #[derive(Clone)]
+    /// # struct Plugin(Act, Vec<u8>);
+    /// # impl Instance for Plugin {
+    /// #     type Fault = NoSpace;
+    /// #     fn input_capacity(&self) -> usize {
+    /// #         512
+    /// #     }
+    /// #     fn step(&mut self, event: &Event<'_>, _now: Micros) -> Result<Output<'_>, NoSpace> {
+    /// #         self.1.resize(1_024, 0);
+    /// #         let mut actions = ActionWriter::new(&mut self.1);
+    /// #         (self.0)(event, &mut actions)?;
+    /// #         let length = actions.len();
+    /// #         Ok(Output { actions: &self.1[..length], more: false })
+    /// #     }
+    /// # }
+    /// # fn plugin(act: Act) -> Plugin {
+    /// #     Plugin(act, Vec::new())
+    /// # }
+    /// let hash = |link: &Link<Plugin>| {
+    ///     let mut state = DefaultHasher::new();
+    ///     link.hash_ahead(&mut state);
+    ///     state.finish()
+    /// };
+    /// let echo = plugin(|event, actions| match event {
+    ///     Event::Received(bytes) => actions.transmit(bytes),
+    ///     _ => Ok(()),
+    /// });
+    /// let mut link = Link::new(echo, LinkOptions::default());
+    /// let mut host = Recorder::default();
+    /// link.open(Micros(0), &mut host)?;
+    /// let mut other = link.fork();
+    /// link.received(Micros(1_000), b"G1", &mut host)?;
+    /// assert_ne!(hash(&link), hash(&other));
+    /// // When it was does not matter, only what comes of it.
+    /// other.received(Micros(9_000), b"G1", &mut host)?;
+    /// assert_eq!(hash(&link), hash(&other));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    #[must_use]
+    pub fn fork(&self) -> Self
+    where
+        I: Clone,
+    {
+        Self {
+            instance: self.instance.clone(),
+            core: self.core.clone(),
+            options: self.options.clone(),
+            scratch: self.scratch.clone(),
+            now: self.now,
+            steps: self.steps,
+            events: self.events,
+            is_open: self.is_open,
+            down: self.down,
+            has_ended: self.has_ended,
+            probation: None,
+            reverted: None,
+            taken_over_with: self.taken_over_with.clone(),
+        }
+    }
+
+    /// Hashes all that decides what this link does from now on, but for the instance: times as
+    /// they are ahead of now, characters by how many have yet to leave. How many steps there were
+    /// at this instant is left out, and so are the line and the settings, which never change.
+    pub fn hash_ahead(&self, state: &mut impl Hasher) {
+        (self.is_open, self.down, self.has_ended).hash(state);
+        self.options.modem_lines.hash(state);
+        self.core.hash_ahead(self.now, state);
     }
 
     /// Gives the settings, then opens.
@@ -314,6 +394,11 @@ impl<I: Instance> Link<I> {
     /// The job under way.
     pub fn job(&self) -> Option<u32> {
         self.core.job.as_ref().map(|active| active.job.id)
+    }
+
+    /// Whether a delivery is under way.
+    pub fn has_delivery(&self) -> bool {
+        self.core.delivery.is_some()
     }
 
     /// Whether the plug-in holds the queue.

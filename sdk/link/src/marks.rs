@@ -3,6 +3,7 @@
 use softplug_abi::MarkState;
 use softplug_abi::limits::MARKS;
 use std::collections::VecDeque;
+use std::hash::{Hash, Hasher};
 
 /// Positions count bytes since the link began: in the queue, all that was ever
 /// queued; on the wire, all that the port was ever given.
@@ -48,6 +49,18 @@ impl Marks {
             self.queued.pop_front();
             self.give(mark, wire - (position - at));
         }
+    }
+
+    /// Each mark by the bytes before it: in the queue from `queued` on, on the wire from `given` on.
+    pub(crate) fn hash_ahead(&self, queued: u64, given: u64, state: &mut impl Hasher) {
+        self.count().hash(state);
+        for (mark, position) in &self.queued {
+            (mark, position.wrapping_sub(queued)).hash(state);
+        }
+        for Given { mark, wire, maybe_reported } in &self.given {
+            (mark, wire.wrapping_sub(given), maybe_reported).hash(state);
+        }
+        self.dropped.hash(state);
     }
 
     /// This mark is no longer outstanding; or, if it is not known, one without a

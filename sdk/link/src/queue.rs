@@ -6,6 +6,7 @@ use crate::marks::Marks;
 use softplug_abi::MarkState;
 use softplug_abi::limits::{MARKS, URGENT_BYTES};
 use std::collections::VecDeque;
+use std::hash::{Hash, Hasher};
 
 /// What [`Link::take`](crate::Link::take) gave to the port.
 ///
@@ -20,7 +21,7 @@ pub enum Taken {
     Break(u32),
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Hash, Debug)]
 enum Urgent {
     Byte { byte: u8, mark: u32 },
     Break(u32),
@@ -252,6 +253,14 @@ impl Queue {
     /// The plug-in was told the [whole room](Self::whole_room).
     pub(crate) fn restate_room(&mut self) {
         self.room += std::mem::take(&mut self.unreported);
+    }
+
+    /// All that decides what comes, and not how much has gone before.
+    pub(crate) fn hash_ahead(&self, state: &mut impl Hasher) {
+        let Self { bytes, urgent, held, capacity, room, unreported, discarded, .. } = self;
+        (bytes, urgent, held, capacity, room, unreported, discarded).hash(state);
+        (self.given - self.maybe_left, self.given - self.surely_left).hash(state);
+        self.marks.hash_ahead(self.queued, self.given, state);
     }
 
     /// Whether nothing waits, nothing is held and no mark is outstanding.

@@ -2,6 +2,7 @@
 
 use softplug_abi::Micros;
 use softplug_abi::limits::TIMERS;
+use std::hash::{Hash, Hasher};
 
 /// One deadline for each id. Setting replaces; a cancelled or replaced timer
 /// never fires.
@@ -25,6 +26,11 @@ impl Timers {
 
     pub(crate) fn next(&self) -> Option<Micros> {
         self.deadlines.iter().flatten().min().copied()
+    }
+
+    /// How far off each is, of which none is in the past for long.
+    pub(crate) fn hash_ahead(&self, now: Micros, state: &mut impl Hasher) {
+        self.deadlines.map(|deadline| deadline.map(|deadline| deadline.0 - now.0)).hash(state);
     }
 
     /// Takes the timer that is due first, in the order of (deadline, id).

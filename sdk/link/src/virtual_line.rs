@@ -2,6 +2,7 @@
 
 use crate::{Link, LinkFault, LinkHost, LinkOptions, Taken, Wire};
 use softplug_abi::{Action, Instance, Micros};
+use std::hash::{Hash, Hasher};
 
 /// A [`Link`] on a [`Wire`].
 ///
@@ -23,6 +24,24 @@ impl<I: Instance> VirtualLine<I> {
     pub fn new(instance: I, options: LinkOptions, depth: usize) -> Self {
         let wire = Wire::new(options.line, depth);
         Self { link: Link::new(instance, options), wire, break_until: None }
+    }
+
+    /// A second line in the same state, with [`Link::fork`] of the link.
+    #[must_use]
+    pub fn fork(&self) -> Self
+    where
+        I: Clone,
+    {
+        let Self { link, wire, break_until } = self;
+        Self { link: link.fork(), wire: wire.clone(), break_until: *break_until }
+    }
+
+    /// As [`Link::hash_ahead`], with what is on the wire.
+    pub fn hash_ahead(&self, state: &mut impl Hasher) {
+        let now = self.link.now();
+        self.link.hash_ahead(state);
+        self.wire.hash_ahead(now, state);
+        self.break_until.map(|until| until.0 - now.0).hash(state);
     }
 
     /// When something happens next without anything from outside.

@@ -2,6 +2,7 @@
 
 use softplug_abi::{LineParameters, Micros};
 use std::collections::VecDeque;
+use std::hash::{Hash, Hasher};
 
 /// Characters that the port was given and that have not left yet. They leave
 /// back to back: the nth of a run ends `n` character times after the run's
@@ -95,6 +96,26 @@ impl Wire {
             self.ends.pop_front();
             self.left += 1;
         }
+    }
+
+    /// When each character ends, counted from `now`, and the part of a µs by which the run places
+    /// the next ones.
+    pub(crate) fn hash_ahead(&self, now: Micros, state: &mut impl Hasher) {
+        let ahead = |time: Micros| time.0 - now.0;
+        self.depth.hash(state);
+        self.ends.len().hash(state);
+        self.ends.iter().for_each(|end| ahead(*end).hash(state));
+        if self.free_at >= now {
+            let run_ends_here = self.free_at == self.run_end(self.run_length);
+            let part = if run_ends_here { self.part_of_a_micro() } else { 0 };
+            (ahead(self.free_at), part).hash(state);
+        }
+    }
+
+    /// How far the run's end, unrounded, lies behind a whole µs, in parts of two baud.
+    fn part_of_a_micro(&self) -> u64 {
+        let bits = u128::from(self.run_length) * u128::from(self.line.half_bits()) * 1_000_000;
+        (bits % (2 * u128::from(self.line.baud.max(1)))) as u64
     }
 
     fn run_end(&self, characters: u64) -> Micros {

@@ -111,10 +111,15 @@ pub(crate) trait Running: Send {
         fuel: u64,
     ) -> Result<Stepped<'_>, NoSpace>;
 
-    /// What stands in an exported global of 64 bits.
+    /// What stands in an exported global of 32 or 64 bits.
     fn global(&mut self, name: &str) -> Option<i64>;
 
+    /// Writes an exported global of 32 or 64 bits; whether there is one that can be written.
+    fn set_global(&mut self, name: &str, value: i64) -> bool;
+
     fn memory(&self) -> &[u8];
+
+    fn memory_mut(&mut self) -> &mut [u8];
 }
 
 /// What a call of `softplug_v1_step` came to.

@@ -9,7 +9,7 @@ use softplug_abi::{EXPORT_MAILBOX, EXPORT_MEMORY, EXPORT_STEP, Event, Micros};
 use std::ops::Range;
 use wasmi::{
     CompilationMode, Config, Engine, Error, Instance, Linker, Memory, Module, OperatorCost, Store,
-    TrapCode, TypedFunc,
+    TrapCode, TypedFunc, Val, ValType,
 };
 
 /// A test holds this against the lock file.
@@ -164,11 +164,29 @@ impl Running for Live {
     }
 
     fn global(&mut self, name: &str) -> Option<i64> {
-        self.instance.get_global(&self.store, name)?.get(&self.store).i64()
+        match self.instance.get_global(&self.store, name)?.get(&self.store) {
+            Val::I64(value) => Some(value),
+            Val::I32(value) => Some(i64::from(value)),
+            _ => None,
+        }
+    }
+
+    fn set_global(&mut self, name: &str, value: i64) -> bool {
+        let Some(global) = self.instance.get_global(&self.store, name) else { return false };
+        let value = match global.ty(&self.store).content() {
+            ValType::I64 => Val::I64(value),
+            ValType::I32 => Val::I32(value as i32),
+            _ => return false,
+        };
+        global.set(&mut self.store, value).is_ok()
     }
 
     fn memory(&self) -> &[u8] {
         self.memory.data(&self.store)
+    }
+
+    fn memory_mut(&mut self) -> &mut [u8] {
+        self.memory.data_mut(&mut self.store)
     }
 }
 

@@ -17,8 +17,8 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use wasmtime::{
     Config, Engine, Instance, InstanceAllocationStrategy, InstancePre, Linker, Memory, Module,
-    OperatorCost, PoolConcurrencyLimitError, PoolingAllocationConfig, Store, Trap, TypedFunc,
-    WasmBacktrace, WasmFeatures,
+    OperatorCost, PoolConcurrencyLimitError, PoolingAllocationConfig, Store, Trap, TypedFunc, Val,
+    ValType, WasmBacktrace, WasmFeatures,
 };
 
 /// A test holds this against the lock file.
@@ -281,11 +281,29 @@ impl Running for Live {
     }
 
     fn global(&mut self, name: &str) -> Option<i64> {
-        self.instance.get_global(&mut self.store, name)?.get(&mut self.store).i64()
+        match self.instance.get_global(&mut self.store, name)?.get(&mut self.store) {
+            Val::I64(value) => Some(value),
+            Val::I32(value) => Some(i64::from(value)),
+            _ => None,
+        }
+    }
+
+    fn set_global(&mut self, name: &str, value: i64) -> bool {
+        let Some(global) = self.instance.get_global(&mut self.store, name) else { return false };
+        let value = match global.ty(&self.store).content() {
+            ValType::I64 => Val::I64(value),
+            ValType::I32 => Val::I32(value as i32),
+            _ => return false,
+        };
+        global.set(&mut self.store, value).is_ok()
     }
 
     fn memory(&self) -> &[u8] {
         self.memory.data(&self.store)
+    }
+
+    fn memory_mut(&mut self) -> &mut [u8] {
+        self.memory.data_mut(&mut self.store)
     }
 }
 

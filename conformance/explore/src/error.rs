@@ -1,0 +1,51 @@
+//! Why nothing can be explored.
+
+use softplug_host::LoadError;
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// Why a plug-in cannot be explored.
+///
+/// ```
+/// use softplug_explore::{ExploreError, plan};
+///
+/// let error = plan("punch-card").unwrap_err();
+/// assert!(matches!(error, ExploreError::NoPlan { .. }));
+/// ```
+#[derive(Debug, Error)]
+pub enum ExploreError {
+    /// The module is no plug-in.
+    #[error(transparent)]
+    Load(#[from] LoadError),
+    /// The module cannot be opened for exploring.
+    #[error("the module cannot be explored: {reason}")]
+    Module {
+        /// What is in the way.
+        reason: String,
+    },
+    /// Nothing is known of how this profile is explored.
+    #[error("profile \"{profile}\" cannot be explored; these can: {known}")]
+    NoPlan {
+        /// As it was asked for.
+        profile: String,
+        /// Those that can.
+        known: String,
+    },
+    /// A setting is not the plug-in's, or its value is none.
+    #[error("{0}")]
+    Setting(String),
+    /// The link did not open.
+    #[error("the link does not open: {reason}")]
+    Open {
+        /// What the plug-in did.
+        reason: String,
+    },
+    /// What an earlier exploration left cannot be used.
+    #[error("{path}: {reason}", path = path.display())]
+    Kept {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+}

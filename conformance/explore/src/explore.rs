@@ -1,0 +1,197 @@
+//! An exploration as a whole.
+
+use crate::choice::Choice;
+use crate::graph::{Ends, Graph};
+use crate::log::Log;
+use crate::promise::Breach;
+use crate::sandbox::Subject;
+use crate::scenario::{Changes, Plan, Scenario};
+use crate::search::Search;
+use crate::ExploreError;
+use softplug_abi::{LineParameters, Micros};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+/// How far is explored.
+///
+/// ```
+/// use softplug_explore::Bounds;
+///
+/// let bounds = Bounds { faults: 2, ..Bounds::default() };
+/// assert_eq!((bounds.depth, bounds.threads), (None, 1));
+/// ```
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Bounds {
+    /// Faults and requests out of turn, together.
+    pub faults: u8,
+    /// Choices one after the other.
+    pub depth: Option<u32>,
+    /// States; the level in which there are as many is finished.
+    pub states: Option<u64>,
+    /// Time of this run.
+    pub time: Option<Duration>,
+    /// Threads; they change nothing of what is found.
+    pub threads: usize,
+}
+
+impl Default for Bounds {
+    /// One fault, one thread, and nothing else that ends it.
+    fn default() -> Self {
+        Self { faults: 1, depth: None, states: None, time: None, threads: 1 }
+    }
+}
+
+/// How far an exploration is.
+///
+/// ```
+/// use softplug_explore::Progress;
+///
+/// let progress = Progress { depth: 12, states: 900, transitions: 2_000, frontier: 30 };
+/// assert!(progress.transitions >= progress.states);
+/// ```
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub struct Progress {
+    /// Choices from the first state.
+    pub depth: u32,
+    /// States that were found.
+    pub states: u64,
+    /// Choices that were made.
+    pub transitions: u64,
+    /// States that come next.
+    pub frontier: u64,
+}
+
+/// What came of an exploration.
+///
+/// ```no_run
+/// use softplug_explore::{Bounds, Changes, explore, plan};
+/// use std::sync::atomic::AtomicBool;
+///
+/// let module = std::fs::read("target/plugins/r3964.wasm")?;
+/// let (bounds, changes) = (Bounds::default(), Changes::default());
+/// let never = AtomicBool::new(false);
+/// let explored = explore(&module, &plan("r3964")?, &changes, &bounds, &|_| {}, &never)?;
+/// assert!(explored.is_complete && explored.counterexample.is_none());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct Exploration {
+    /// Everything within the number of faults was seen.
+    pub is_complete: bool,
+    /// States that were found.
+    pub states: u64,
+    /// Choices that were made.
+    pub transitions: u64,
+    /// Choices from the first state to the last one.
+    pub depth: u32,
+    /// What the protocol cannot keep from happening, and how often it did.
+    pub unavoidable: BTreeMap<&'static str, u64>,
+    /// From the state that takes longest: how long it takes to rest when nothing goes wrong
+    /// any more. Only of a complete one.
+    pub longest: Option<Micros>,
+    /// The same for the same module, plan and bounds, wherever and with however many threads.
+    pub digest: u128,
+    /// The shortest way to something that must never be.
+    pub counterexample: Option<Counterexample>,
+    /// Settings of each plug-in, as they were asked for.
+    pub settings: [Vec<(String, String)>; 2],
+    /// Jobs of each plug-in.
+    pub jobs: [Vec<Vec<u8>>; 2],
+    /// The characters on the line.
+    pub line: LineParameters,
+}
+
+/// A way to something that must never be.
+///
+/// The example of [`Exploration`] looks for one.
+#[derive(Debug)]
+pub struct Counterexample {
+    /// What must never be.
+    pub breach: Breach,
+    /// The choices that lead to it.
+    pub path: Vec<Choice>,
+    /// What each plug-in was given on the way, and what it did.
+    pub logs: Vec<Log>,
+}
+
+/// Explores a module by a plan.
+///
+/// `tell` is called at each level, `stop` ends it.
+///
+/// # Errors
+/// The module is no plug-in or cannot be explored, or a setting is not its own.
+///
+/// The example of [`Exploration`] shows it.
+pub fn explore(
+    module: &[u8],
+    plan: &Plan,
+    changes: &Changes,
+    bounds: &Bounds,
+    tell: &(dyn Fn(Progress) + Sync),
+    stop: &AtomicBool,
+) -> Result<Exploration, ExploreError> {
+    let subject = Subject::new(module)?;
+    let scenario = Arc::new(Scenario::new(plan, subject.plugin.manifest(), changes)?);
+    let ends = if plan.make_partner.is_some() { 1 } else { 2 };
+    let subjects = vec![subject; ends];
+    let mut search = Search {
+        subjects: &subjects,
+        scenario: Arc::clone(&scenario),
+        bounds,
+        graph: Graph::default(),
+        breaches: Vec::new(),
+    };
+    let frontier = search.start()?;
+    let is_complete = search.go_on(frontier, tell, stop, |_| Ok(()))?;
+    let mut longest = None;
+    if is_complete {
+        let Ends { longest: time, endless } = search.graph.ends();
+        longest = Some(time);
+        if let Some(state) = endless {
+            let node = search.graph.nodes[state as usize];
+            search.breaches.push((Breach::NeverEnds, node.parent, node.choice));
+        }
+    }
+    let counterexample = match search.breaches.first() {
+        Some((breach, parent, choice)) => {
+            let mut path = search.graph.path_to(*parent);
+            path.push(*choice);
+            let logs = search.logs_of(&path)?;
+            Some(Counterexample { breach: breach.clone(), path, logs })
+        }
+        None => None,
+    };
+    let graph = &search.graph;
+    let jobs_of = |end: usize| {
+        let jobs: &[_] = &scenario.jobs[end];
+        jobs.iter().map(|job| job.data.to_vec()).collect()
+    };
+    Ok(Exploration {
+        is_complete: is_complete && counterexample.is_none(),
+        states: graph.states(),
+        transitions: graph.transitions,
+        depth: graph.depth(),
+        unavoidable: graph.unavoidable.clone(),
+        longest,
+        digest: graph.digest(),
+        counterexample,
+        settings: scenario.asked.clone(),
+        jobs: [jobs_of(0), jobs_of(1)],
+        line: scenario.line(),
+    })
+}
+
+impl Search<'_> {
+    /// Goes a way once more and writes down what happens on it.
+    fn logs_of(&self, path: &[Choice]) -> Result<Vec<Log>, ExploreError> {
+        let sandboxes = self.sandboxes()?;
+        let mut world = self.first_world(&sandboxes)?;
+        world.keep_log();
+        for choice in path {
+            world.make(*choice);
+        }
+        Ok(world.into_logs())
+    }
+}

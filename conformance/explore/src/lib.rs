@@ -1,0 +1,45 @@
+//! Explores a plug-in: everything that a line, a partner and a host may do, up to so many
+//! faults, on the module as it is shipped.
+//!
+//! A plug-in imports nothing, has no clock and little memory: a copy of its memory is a copy of
+//! all that it is. So the states of a plug-in on its line can be enumerated like those of a
+//! model. From each state every [`Choice`] is made; states that differ in nothing that decides
+//! the future count as one. In every state the promises are held against what happened: a
+//! [`Breach`] comes with the shortest way that leads to it.
+//!
+//! | in a state | is kept as |
+//! |---|---|
+//! | the plug-in's memory and globals | blocks that differ from a new instance's, times as they are ahead of now |
+//! | its stack and its mailbox | nothing: they are cleared after every event |
+//! | link, wire and line | what decides what comes, see `Link::hash_ahead` |
+//! | the partner | a second plug-in, or a small machine that can be copied |
+//!
+//! What is a time in memory is found by a second instance that is given the same events with
+//! its clock ahead: what differs by just that is a time. A plug-in that does something else
+//! because of the clock alone is told.
+#![forbid(unsafe_code)]
+
+mod choice;
+mod course;
+mod end;
+mod error;
+mod explore;
+mod graph;
+mod hash;
+mod image;
+mod instance;
+mod log;
+mod module;
+mod partner;
+mod promise;
+mod sandbox;
+mod scenario;
+mod search;
+mod world;
+
+pub use choice::{Choice, Damage};
+pub use error::ExploreError;
+pub use explore::{Bounds, Counterexample, Exploration, Progress, explore};
+pub use log::Log;
+pub use promise::Breach;
+pub use scenario::{Changes, PLANS, Plan, plan};

@@ -1,0 +1,167 @@
+//! What must never be, and what a protocol cannot keep from happening.
+
+use softplug_abi::Failure;
+use std::fmt;
+
+/// Something that a plug-in must never do, or let happen.
+///
+/// ```
+/// use softplug_explore::Breach;
+///
+/// let breach = Breach::Altered { delivered: b"G2".to_vec() };
+/// assert_eq!(breach.to_string(), "a delivery is not what was sent: 47 32");
+/// ```
+#[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub enum Breach {
+    /// A delivery is not what was sent.
+    Altered {
+        /// What was delivered.
+        delivered: Vec<u8>,
+    },
+    /// A delivery where nothing was sent.
+    Invented {
+        /// What was delivered.
+        delivered: Vec<u8>,
+    },
+    /// What was sent once was delivered twice.
+    Doubled,
+    /// A job is done and nothing was delivered.
+    NotDelivered,
+    /// A job failed though nothing went wrong.
+    FailedForNothing {
+        /// Why, as the plug-in says.
+        failure: Failure,
+    },
+    /// What left the plug-in is not what it was to send.
+    WrongOnLine {
+        /// What is wrong, for people.
+        what: String,
+    },
+    /// What arrived was never delivered.
+    Lost {
+        /// What arrived.
+        bytes: Vec<u8>,
+    },
+    /// A character began to leave though the partner held it.
+    SentWhileHeld,
+    /// Nothing will happen any more, and something is still under way.
+    StandsStill,
+    /// It goes on for ever without coming to an end.
+    NeverEnds,
+    /// The plug-in ended by a fault, or broke a rule of the ABI.
+    Fault {
+        /// How, for people.
+        message: String,
+    },
+}
+
+impl Breach {
+    /// Which promise it breaks, in one word.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Altered { .. } => "altered",
+            Self::Invented { .. } => "invented",
+            Self::Doubled => "doubled",
+            Self::NotDelivered => "not-delivered",
+            Self::FailedForNothing { .. } => "failed-for-nothing",
+            Self::WrongOnLine { .. } => "wrong-on-line",
+            Self::Lost { .. } => "lost",
+            Self::SentWhileHeld => "sent-while-held",
+            Self::StandsStill => "stands-still",
+            Self::NeverEnds => "never-ends",
+            Self::Fault { .. } => "fault",
+        }
+    }
+}
+
+impl fmt::Display for Breach {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Altered { delivered } => {
+                write!(f, "a delivery is not what was sent:{}", Hex(delivered))
+            }
+            Self::Invented { delivered } => {
+                write!(f, "a delivery where nothing was sent:{}", Hex(delivered))
+            }
+            Self::Doubled => write!(f, "what was sent once was delivered twice"),
+            Self::NotDelivered => write!(f, "a job is done and was not delivered"),
+            Self::FailedForNothing { failure } => {
+                write!(f, "a job failed ({}) though nothing went wrong", failure.name())
+            }
+            Self::WrongOnLine { what } => write!(f, "what left the plug-in is wrong: {what}"),
+            Self::Lost { bytes } => write!(f, "what arrived was never delivered:{}", Hex(bytes)),
+            Self::SentWhileHeld => write!(f, "a character left though the partner held it"),
+            Self::StandsStill => write!(f, "something is under way and nothing will happen"),
+            Self::NeverEnds => write!(f, "it goes on for ever and comes to no end"),
+            Self::Fault { message } => write!(f, "{message}"),
+        }
+    }
+}
+
+struct Hex<'a>(&'a [u8]);
+
+impl fmt::Display for Hex<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, " {byte:02X}"))
+    }
+}
+
+/// What went wrong so far, as far as it can excuse a breach.
+#[derive(Copy, Clone, PartialEq, Eq, Hash, Debug, Default)]
+pub(crate) struct Wrong {
+    /// Faults and requests.
+    pub(crate) count: u8,
+    /// On the way to each end.
+    pub(crate) towards: [Way; 2],
+    /// The host of each end asked for something out of turn.
+    pub(crate) asked: [bool; 2],
+}
+
+/// What went wrong on the way to one end.
+#[derive(Copy, Clone, PartialEq, Eq, Hash, Debug, Default)]
+pub(crate) struct Way {
+    /// Something did.
+    pub(crate) any: bool,
+    /// A sound character came that was not sent so: altered, or put in.
+    pub(crate) forged: bool,
+}
+
+/// How a protocol guards what it carries.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(crate) enum Guard {
+    /// Each block is acknowledged, and has a check character.
+    Checked,
+    /// Each block is acknowledged, and has none.
+    Unchecked,
+    /// Nothing is acknowledged: what the plug-in gets and sends is held against the line.
+    Open,
+}
+
+impl Guard {
+    /// Whether the protocol cannot keep this from happening after what went wrong. `sender` is
+    /// the end whose data it is.
+    pub(crate) fn is_unavoidable(self, breach: &Breach, wrong: &Wrong, sender: usize) -> bool {
+        let receiver = 1 - sender;
+        match (self, breach) {
+            // Two faults can leave a check character right; one never does.
+            (Self::Checked, Breach::Altered { .. }) => {
+                wrong.count >= 2 && wrong.towards[receiver].any
+            }
+            (Self::Unchecked, Breach::Altered { .. }) => wrong.towards[receiver].any,
+            // The acknowledgement did not come back: the block is sent again.
+            (Self::Checked | Self::Unchecked, Breach::Doubled) => {
+                wrong.towards[sender].any || wrong.asked[sender]
+            }
+            // An acknowledgement has no check.
+            (Self::Checked | Self::Unchecked, Breach::NotDelivered) => {
+                wrong.towards[sender].forged
+            }
+            (Self::Unchecked, Breach::Invented { .. }) => {
+                wrong.towards[receiver].forged
+            }
+            // The host forced it.
+            (Self::Open, Breach::SentWhileHeld) => wrong.asked[sender],
+            _ => false,
+        }
+    }
+}

@@ -1,0 +1,365 @@
+//! One sandbox that many states of a plug-in take turns in.
+
+use crate::image::{AHEAD, BLOCK, Block, Image, NoTime, Word};
+use crate::module::{Opened, Stack, opened};
+use crate::ExploreError;
+use softplug_abi::{Action, Actions, Event, Instance, Mailbox, Micros, Region};
+use softplug_host::{Digest, Host, HostOptions, LoadError, Plugin, Session, SessionFault};
+use std::ops::Range;
+use std::sync::Arc;
+use thiserror::Error;
+
+/// A module that can be explored.
+#[derive(Clone, Debug)]
+pub(crate) struct Subject {
+    pub(crate) plugin: Plugin,
+    globals: Arc<[String]>,
+    stack: Option<Stack>,
+}
+
+/// Why a state has no successor.
+#[derive(Clone, PartialEq, Eq, Debug, Error)]
+pub(crate) enum StepFault {
+    /// The sandbox says so.
+    #[error("{0}")]
+    Session(#[from] SessionFault),
+    /// With another clock, it answered otherwise.
+    #[error("it does something else where only the clock is another")]
+    AnswersByTheClock,
+    /// Something in memory depends on the time and is no time.
+    #[error(
+        "what it keeps at address {address} depends on the time and is no time in µs: it cannot \
+         be explored"
+    )]
+    KeepsNoTime {
+        /// In its memory.
+        address: usize,
+    },
+    /// No instance could be made.
+    #[error("no instance could be made: {0}")]
+    NoInstance(String),
+    /// Two states want the sandbox at once.
+    #[error("two states want one sandbox at once")]
+    TwoAtOnce,
+    /// The stack is not empty after an event.
+    #[error("its stack is not empty after an event: it cannot be explored")]
+    Stack,
+}
+
+impl Subject {
+    pub(crate) fn new(module: &[u8]) -> Result<Self, ExploreError> {
+        let Opened { wasm, globals, stack } = opened(module)?;
+        let host = Host::new(HostOptions { instances: 64, ..HostOptions::default() })?;
+        let plugin = host.load_instrumented(module, &wasm)?;
+        Ok(Self { plugin, globals: globals.into(), stack })
+    }
+
+    pub(crate) fn digest(&self) -> Digest {
+        self.plugin.digest()
+    }
+}
+
+/// Two instances: one that is told the time as it is, and one whose clock is [`AHEAD`]. What
+/// differs between the two is time.
+pub(crate) struct Sandbox {
+    subject: Subject,
+    sessions: [Session; 2],
+    /// Nothing in here is alive between two events.
+    dead: Vec<Range<usize>>,
+    /// A new instance's memory.
+    base: Box<[u8]>,
+    new: Arc<Image>,
+    holds: Holds,
+    /// Of whoever was loaded last.
+    ticket: u64,
+    answer_ahead: Vec<u8>,
+    /// What the second instance saved last.
+    saved_ahead: Vec<u8>,
+}
+
+/// What the two memories hold.
+enum Holds {
+    /// This, as it is at the time.
+    Image(Arc<Image>, Micros),
+    /// This, after events.
+    Since(Arc<Image>),
+    /// Nobody knows.
+    Anything,
+}
+
+impl Sandbox {
+    pub(crate) fn new(subject: Subject) -> Result<Self, ExploreError> {
+        let sessions = [subject.plugin.instantiate()?, subject.plugin.instantiate()?];
+        let Mailbox { input, output, .. } = sessions[0].mailbox();
+        let dead = [range(input), range(output)].into_iter();
+        let dead = dead.chain(subject.stack.as_ref().map(|stack| stack.range.clone())).collect();
+        let new = Arc::new(Image::new(Vec::new(), Vec::new()));
+        let mut sandbox = Self {
+            subject,
+            sessions,
+            dead,
+            base: Box::default(),
+            new: Arc::clone(&new),
+            holds: Holds::Anything,
+            ticket: 0,
+            answer_ahead: Vec::new(),
+            saved_ahead: Vec::new(),
+        };
+        sandbox.clear_dead();
+        sandbox.base = sandbox.sessions[0].memory().into();
+        let globals = sandbox.globals(Micros::ZERO).map_err(|fault| ExploreError::Module {
+            reason: fault.to_string(),
+        })?;
+        sandbox.new = Arc::new(Image::new(Vec::new(), globals));
+        sandbox.holds = Holds::Image(Arc::clone(&sandbox.new), Micros::ZERO);
+        Ok(sandbox)
+    }
+
+    /// A new instance.
+    pub(crate) fn new_image(&self) -> &Arc<Image> {
+        &self.new
+    }
+
+    pub(crate) fn input_capacity(&self) -> usize {
+        self.sessions[0].input_capacity()
+    }
+
+    pub(crate) fn is_held_by(&self, ticket: u64) -> bool {
+        self.ticket == ticket
+    }
+
+    /// Lets `image` go on from `now`. Whoever was here before is not any more.
+    pub(crate) fn load(&mut self, image: &Arc<Image>, now: Micros) -> Result<u64, StepFault> {
+        self.ticket += 1;
+        if self.sessions.iter().any(|session| session.fault().is_some()) {
+            let plugin = &self.subject.plugin;
+            let failed = |error: LoadError| StepFault::NoInstance(error.to_string());
+            let start = || plugin.instantiate().map_err(failed);
+            self.sessions = [start()?, start()?];
+            self.holds = Holds::Anything;
+        }
+        let held = match std::mem::replace(&mut self.holds, Holds::Anything) {
+            Holds::Image(held, at) => Some((held, at)),
+            Holds::Since(_) | Holds::Anything => None,
+        };
+        for (session, ahead) in self.sessions.iter_mut().zip([0, AHEAD]) {
+            let memory = session.memory_mut();
+            match &held {
+                Some((held, at)) => {
+                    write_changes(memory, &self.base, held, image, *at == now, now.0 + ahead);
+                }
+                None => {
+                    memory.copy_from_slice(&self.base);
+                    for (place, block) in &image.blocks {
+                        block.write(&mut memory[bytes_of(*place)], now.0 + ahead);
+                    }
+                }
+            }
+            for (name, Word { value, is_time }) in self.subject.globals.iter().zip(&image.globals)
+            {
+                let value = if *is_time { value + now.0 + ahead } else { *value };
+                session.set_global(name, value);
+            }
+        }
+        self.holds = Holds::Image(Arc::clone(image), now);
+        Ok(self.ticket)
+    }
+
+    /// Gives an event to both instances; the answer of the first goes to `answer`.
+    pub(crate) fn step(
+        &mut self,
+        event: &Event<'_>,
+        now: Micros,
+        answer: &mut Vec<u8>,
+    ) -> Result<bool, StepFault> {
+        self.holds = match std::mem::replace(&mut self.holds, Holds::Anything) {
+            Holds::Image(image, _) | Holds::Since(image) => Holds::Since(image),
+            Holds::Anything => Holds::Anything,
+        };
+        answer.clear();
+        let Self { sessions: [here, ahead], answer_ahead, saved_ahead, .. } = self;
+        let first = here.step(event, now).map(|output| {
+            answer.extend_from_slice(output.actions);
+            output.more
+        });
+        let second = ahead.step(&later(event, saved_ahead), Micros(now.0 + AHEAD)).map(|output| {
+            answer_ahead.clear();
+            answer_ahead.extend_from_slice(output.actions);
+            output.more
+        });
+        if first != second
+            || (first.is_ok() && !is_shifted(answer, answer_ahead, saved_ahead))
+        {
+            return Err(StepFault::AnswersByTheClock);
+        }
+        Ok(first?)
+    }
+
+    /// What the first instance has come to, with times as they are ahead of `now`.
+    pub(crate) fn capture(&mut self, now: Micros) -> Result<Arc<Image>, StepFault> {
+        let before = match &self.holds {
+            Holds::Image(image, _) => return Ok(Arc::clone(image)),
+            Holds::Since(image) => Some(Arc::clone(image)),
+            Holds::Anything => None,
+        };
+        self.clear_dead();
+        let globals = self.globals(now)?;
+        let before = before.as_deref().map_or(&[][..], |image| &image.blocks);
+        let blocks = self.blocks(before, now)?;
+        let image = Arc::new(Image::new(blocks, globals));
+        self.holds = Holds::Image(Arc::clone(&image), now);
+        Ok(image)
+    }
+
+    fn clear_dead(&mut self) {
+        for session in &mut self.sessions {
+            let memory = session.memory_mut();
+            for range in &self.dead {
+                memory[range.clone()].fill(0);
+            }
+        }
+    }
+
+    fn globals(&mut self, now: Micros) -> Result<Vec<Word>, StepFault> {
+        let [here, ahead] = &mut self.sessions;
+        let mut globals = Vec::with_capacity(self.subject.globals.len());
+        for name in self.subject.globals.iter() {
+            let value = here.global(name).unwrap_or_default();
+            let difference = ahead.global(name).unwrap_or_default().wrapping_sub(value);
+            globals.push(match difference {
+                0 => Word { value, is_time: false },
+                AHEAD => Word { value: value - now.0, is_time: true },
+                _ => return Err(StepFault::AnswersByTheClock),
+            });
+        }
+        if let Some(Stack { pointer, range }) = &self.subject.stack
+            && globals[*pointer].value != range.end as i64
+        {
+            return Err(StepFault::Stack);
+        }
+        Ok(globals)
+    }
+
+    /// The blocks that differ from a new instance's; those that are as `before` are shared.
+    fn blocks(
+        &self,
+        before: &[(u16, Arc<Block>)],
+        now: Micros,
+    ) -> Result<Vec<(u16, Arc<Block>)>, StepFault> {
+        const PAGE: usize = 16 * BLOCK;
+        let [here, ahead] = &self.sessions;
+        let (here, ahead) = (here.memory(), ahead.memory());
+        let mut before = before.iter().peekable();
+        let mut blocks = Vec::with_capacity(before.len() + 4);
+        for page in (0..here.len()).step_by(PAGE) {
+            let whole = page..here.len().min(page + PAGE);
+            let base = self.base.get(whole.clone());
+            if base == Some(&here[whole.clone()]) && base == Some(&ahead[whole.clone()]) {
+                continue;
+            }
+            for at in whole.step_by(BLOCK) {
+                let here: &[u8; BLOCK] = here[at..].first_chunk().expect("memory is in pages");
+                let ahead: &[u8; BLOCK] = ahead[at..].first_chunk().expect("memory is in pages");
+                if self.base.get(at..at + BLOCK) == Some(&here[..]) && here == ahead {
+                    continue;
+                }
+                let place = (at / BLOCK) as u16;
+                let block = Block::new(here, ahead, now.0)
+                    .map_err(|NoTime { at: within }| StepFault::KeepsNoTime {
+                        address: at + within,
+                    })?;
+                while before.next_if(|(known, _)| *known < place).is_some() {}
+                let known = before.next_if(|(known, _)| *known == place);
+                let known = known.filter(|(_, known)| known.hash == block.hash);
+                blocks.push(known.cloned().unwrap_or_else(|| (place, Arc::new(block))));
+            }
+        }
+        Ok(blocks)
+    }
+}
+
+/// Writes what differs between what is `held` and `image`.
+fn write_changes(
+    memory: &mut [u8],
+    base: &[u8],
+    held: &Image,
+    image: &Image,
+    is_same_time: bool,
+    now: i64,
+) {
+    let mut held = held.blocks.iter().peekable();
+    let back_to_base = |memory: &mut [u8], place: u16| {
+        memory[bytes_of(place)].copy_from_slice(&base[bytes_of(place)]);
+    };
+    for (place, block) in &image.blocks {
+        while let Some((gone, _)) = held.next_if(|(known, _)| known < place) {
+            back_to_base(memory, *gone);
+        }
+        let known = held.next_if(|(known, _)| known == place);
+        let is_there = known.is_some_and(|(_, known)| Arc::ptr_eq(known, block));
+        if !(is_there && (is_same_time || block.times.is_empty())) {
+            block.write(&mut memory[bytes_of(*place)], now);
+        }
+    }
+    for (gone, _) in held {
+        back_to_base(memory, *gone);
+    }
+}
+
+fn bytes_of(place: u16) -> Range<usize> {
+    let at = usize::from(place) * BLOCK;
+    at..at + BLOCK
+}
+
+fn range(region: Region) -> Range<usize> {
+    let start = region.address as usize;
+    start..start + region.capacity as usize
+}
+
+/// The same event for the instance whose clock is ahead, and which saved `saved`.
+fn later<'a>(event: &Event<'a>, saved: &'a [u8]) -> Event<'a> {
+    match event {
+        Event::Timer { id, deadline } => {
+            Event::Timer { id: *id, deadline: Micros(deadline.0 + AHEAD) }
+        }
+        Event::Restore { format, offset, total, bytes } => {
+            let start = *offset as usize;
+            let bytes = saved.get(start..start + bytes.len()).unwrap_or(bytes);
+            Event::Restore { format: *format, offset: *offset, total: *total, bytes }
+        }
+        other => other.clone(),
+    }
+}
+
+/// Whether the second answer is the first with its times ahead. A state that is saved may have
+/// times anywhere: the second one's goes to `saved`.
+fn is_shifted(answer: &[u8], ahead: &[u8], saved: &mut Vec<u8>) -> bool {
+    let (mut here, mut ahead) = (Actions::new(answer), Actions::new(ahead));
+    loop {
+        let is_same = match (here.next(), ahead.next()) {
+            (None, None) => return true,
+            (
+                Some(Ok(Action::SetTimer { id, deadline })),
+                Some(Ok(Action::SetTimer { id: id_ahead, deadline: deadline_ahead })),
+            ) => id == id_ahead && deadline_ahead.0.wrapping_sub(deadline.0) == AHEAD,
+            (
+                Some(Ok(Action::Saved { format, offset, total, bytes })),
+                Some(Ok(Action::Saved {
+                    format: format_ahead,
+                    offset: offset_ahead,
+                    total: total_ahead,
+                    bytes: bytes_ahead,
+                })),
+            ) => {
+                saved.truncate(offset_ahead as usize);
+                saved.extend_from_slice(bytes_ahead);
+                (format, offset, total, bytes.len())
+                    == (format_ahead, offset_ahead, total_ahead, bytes_ahead.len())
+            }
+            (one, other) => one == other,
+        };
+        if !is_same {
+            return false;
+        }
+    }
+}

@@ -1,0 +1,233 @@
+//! Breadth first over all states, level by level.
+
+use crate::choice::Choice;
+use crate::graph::{Graph, Node};
+use crate::instance::Shared;
+use crate::promise::Breach;
+use crate::sandbox::{Sandbox, Subject};
+use crate::scenario::Scenario;
+use crate::world::World;
+use crate::{Bounds, ExploreError, Progress};
+use softplug_abi::Micros;
+use std::collections::{BTreeMap, HashMap};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+/// The states of one level, as they go on.
+pub(crate) type Frontier = Vec<(u32, World)>;
+
+/// What a search has found so far.
+pub(crate) struct Search<'a> {
+    pub(crate) subjects: &'a [Subject],
+    pub(crate) scenario: Arc<Scenario>,
+    pub(crate) bounds: &'a Bounds,
+    pub(crate) graph: Graph,
+    /// By the path that leads there: the number of the state before, and the choice.
+    pub(crate) breaches: Vec<(Breach, u32, Choice)>,
+}
+
+/// What the states of one level led to.
+#[derive(Default)]
+pub(crate) struct Level {
+    found: HashMap<u128, Found>,
+    /// From each state the usual way, and how long that takes.
+    usual: Vec<(u32, u128, Micros)>,
+    transitions: u64,
+    unavoidable: BTreeMap<&'static str, u64>,
+    breaches: Vec<(Breach, u32, u16, Choice)>,
+}
+
+struct Found {
+    parent: u32,
+    /// Its place among the parent's choices.
+    place: u16,
+    choice: Choice,
+    world: World,
+}
+
+impl Search<'_> {
+    /// The first state.
+    pub(crate) fn start(&mut self) -> Result<Frontier, ExploreError> {
+        let sandboxes = self.sandboxes()?;
+        let world = self.first_world(&sandboxes)?;
+        let node = Node { parent: 0, choice: Choice::Next, is_under_way: false };
+        let number = self.graph.add(world.hash(), node);
+        Ok(vec![(number, world)])
+    }
+
+    pub(crate) fn first_world(&self, sandboxes: &[Shared]) -> Result<World, ExploreError> {
+        let partner = self.scenario.make_partner.map(|make| make());
+        World::open(&self.scenario, sandboxes, partner, self.bounds.faults)
+            .map_err(|ended| ExploreError::Open { reason: ended.0 })
+    }
+
+    pub(crate) fn sandboxes(&self) -> Result<Vec<Shared>, ExploreError> {
+        let sandbox = |subject: &Subject| Ok(Arc::new(Mutex::new(Sandbox::new(subject.clone())?)));
+        self.subjects.iter().map(sandbox).collect()
+    }
+
+    /// Goes on from a frontier until there is nothing new, something is wrong or a bound is
+    /// reached. Whether all was seen.
+    pub(crate) fn go_on(
+        &mut self,
+        mut frontier: Frontier,
+        tell: &(dyn Fn(Progress) + Sync),
+        stop: &AtomicBool,
+        mut keep: impl FnMut(&Graph) -> Result<(), ExploreError>,
+    ) -> Result<bool, ExploreError> {
+        let begin = Instant::now();
+        let is_over = || {
+            stop.load(Ordering::Relaxed)
+                || self.bounds.time.is_some_and(|time| begin.elapsed() >= time)
+        };
+        let threads = self.bounds.threads.max(1);
+        let mut sandboxes = Vec::with_capacity(threads);
+        for _ in 0..threads {
+            sandboxes.push(self.sandboxes()?);
+        }
+        while !frontier.is_empty() {
+            let depth = self.graph.depth();
+            let is_bound = self.bounds.depth.is_some_and(|most| depth > most)
+                || self.bounds.states.is_some_and(|most| self.graph.states() >= most);
+            if is_bound || is_over() {
+                return Ok(false);
+            }
+            let progress = Progress {
+                depth,
+                states: self.graph.states(),
+                transitions: self.graph.transitions,
+                frontier: frontier.len() as u64,
+            };
+            tell(progress);
+            let Some(level) = self.expand(&frontier, &sandboxes, &is_over) else {
+                return Ok(false);
+            };
+            frontier = self.merge(level);
+            keep(&self.graph)?;
+            if !self.breaches.is_empty() {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// What comes of every state of the frontier; `None` if it is over before.
+    fn expand(
+        &self,
+        frontier: &Frontier,
+        sandboxes: &[Vec<Shared>],
+        is_over: &(dyn Fn() -> bool + Sync),
+    ) -> Option<Level> {
+        // Small pieces, so that no thread waits long for another.
+        const PIECE: usize = 64;
+        let pieces: Mutex<_> = Mutex::new(frontier.chunks(PIECE));
+        let known = &self.graph;
+        let work = |sandboxes: &[Shared]| {
+            let mut level = Level::default();
+            loop {
+                let piece = pieces.lock().ok()?.next();
+                let Some(piece) = piece else { return Some(level) };
+                if is_over() {
+                    return None;
+                }
+                for (number, world) in piece {
+                    level.expand(*number, world, sandboxes, known);
+                }
+            }
+        };
+        if sandboxes.len() == 1 || frontier.len() <= PIECE {
+            return work(&sandboxes[0]);
+        }
+        std::thread::scope(|scope| {
+            let threads: Vec<_> =
+                sandboxes.iter().map(|sandboxes| scope.spawn(|| work(sandboxes))).collect();
+            let mut whole = Level::default();
+            for thread in threads {
+                whole.append(thread.join().ok()??);
+            }
+            Some(whole)
+        })
+    }
+
+    /// Numbers the new states, by the first path that leads to each, whichever thread found it.
+    fn merge(&mut self, level: Level) -> Frontier {
+        let Level { found, mut usual, transitions, unavoidable, mut breaches } = level;
+        let mut found: Vec<(u128, Found)> = found.into_iter().collect();
+        found.sort_by_key(|(_, found)| (found.parent, found.place));
+        let mut frontier = Vec::with_capacity(found.len());
+        self.graph.begin_level();
+        for (hash, Found { parent, choice, world, .. }) in found {
+            let node = Node { parent, choice, is_under_way: world.is_under_way() };
+            frontier.push((self.graph.add(hash, node), world));
+        }
+        usual.sort_by_key(|(from, ..)| *from);
+        for (from, to, time) in usual {
+            self.graph.set_usual(from, to, time);
+        }
+        self.graph.transitions += transitions;
+        for (name, count) in unavoidable {
+            *self.graph.unavoidable.entry(name).or_default() += count;
+        }
+        breaches.sort_by_key(|(_, parent, place, _)| (*parent, *place));
+        let breaches = breaches.into_iter().map(|(breach, parent, _, choice)| {
+            (breach, parent, choice)
+        });
+        self.breaches.extend(breaches);
+        frontier
+    }
+}
+
+impl Level {
+    /// Makes every choice of a state.
+    fn expand(&mut self, number: u32, world: &World, sandboxes: &[Shared], known: &Graph) {
+        for (place, choice) in world.choices().into_iter().enumerate() {
+            let place = place as u16;
+            let mut next = world.fork();
+            next.move_to(sandboxes);
+            let outcome = next.make(choice);
+            self.transitions += 1;
+            for name in outcome.unavoidable {
+                *self.unavoidable.entry(name).or_default() += 1;
+            }
+            if let Some(breach) = outcome.breach {
+                self.breaches.push((breach, number, place, choice));
+                continue;
+            }
+            let hash = next.hash();
+            if place == 0 && !choice.is_fault() {
+                self.usual.push((number, hash, Micros(next.now.0 - world.now.0)));
+            }
+            if !known.contains(hash) {
+                self.find(hash, Found { parent: number, place, choice, world: next });
+            }
+        }
+    }
+
+    fn find(&mut self, hash: u128, found: Found) {
+        use std::collections::hash_map::Entry;
+        match self.found.entry(hash) {
+            Entry::Vacant(entry) => {
+                entry.insert(found);
+            }
+            Entry::Occupied(mut entry) => {
+                let first = entry.get();
+                if (found.parent, found.place) < (first.parent, first.place) {
+                    entry.insert(found);
+                }
+            }
+        }
+    }
+
+    fn append(&mut self, other: Self) {
+        for (hash, found) in other.found {
+            self.find(hash, found);
+        }
+        self.usual.extend(other.usual);
+        self.transitions += other.transitions;
+        for (name, count) in other.unavoidable {
+            *self.unavoidable.entry(name).or_default() += count;
+        }
+        self.breaches.extend(other.breaches);
+    }
+}

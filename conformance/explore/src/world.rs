@@ -1,0 +1,502 @@
+//! A state: two ends, and what is on its way between them.
+
+use crate::choice::{Choice, Damage};
+use crate::course::Course;
+use crate::end::{Did, Ended, PlugIn, Told};
+use crate::hash::Hash128;
+use crate::instance::Shared;
+use crate::log::Log;
+use crate::partner::Partner;
+use crate::promise::{Breach, Wrong};
+use crate::scenario::Scenario;
+use softplug_abi::{LineErrorKind, Micros};
+use std::collections::VecDeque;
+use std::hash::Hash;
+use std::sync::Arc;
+
+/// How long a character that comes too late comes after the timer.
+const LATE: Micros = Micros(1);
+
+/// Two ends and the line between them.
+pub(crate) struct World {
+    pub(crate) now: Micros,
+    ends: [End; 2],
+    /// Characters on their way to each end, in the order of their arrival.
+    ways: [VecDeque<Arriving>; 2],
+    courses: [Course; 2],
+    wrong: Wrong,
+    faults_left: u8,
+    scenario: Arc<Scenario>,
+}
+
+/// What stands at an end of the line.
+enum End {
+    PlugIn(Box<PlugIn>),
+    Partner(Box<dyn Partner>),
+}
+
+#[derive(Copy, Clone, Hash, Debug)]
+struct Arriving {
+    at: Micros,
+    byte: u8,
+    damage: Option<LineErrorKind>,
+}
+
+/// What a choice led to, besides another state.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub(crate) struct Outcome {
+    /// What must never be.
+    pub(crate) breach: Option<Breach>,
+    /// What the protocol cannot keep from happening.
+    pub(crate) unavoidable: Vec<&'static str>,
+}
+
+impl World {
+    /// Both ends, open.
+    pub(crate) fn open(
+        scenario: &Arc<Scenario>,
+        sandboxes: &[Shared],
+        partner: Option<Box<dyn Partner>>,
+        faults: u8,
+    ) -> Result<Self, Ended> {
+        let now = Micros(1_000_000);
+        let plugin = |end: usize| {
+            let options = scenario.options(end);
+            PlugIn::new(&sandboxes[end], options, scenario.jobs[end].to_vec())
+        };
+        let first = End::PlugIn(Box::new(plugin(0)));
+        let second =
+            partner.map_or_else(|| End::PlugIn(Box::new(plugin(1))), End::Partner);
+        let mut world = Self {
+            now,
+            ends: [first, second],
+            ways: [VecDeque::new(), VecDeque::new()],
+            courses: [Course::default(), Course::default()],
+            wrong: Wrong::default(),
+            faults_left: faults,
+            scenario: Arc::clone(scenario),
+        };
+        for at in 0..2 {
+            let did = match &mut world.ends[at] {
+                End::PlugIn(plugin) => plugin.open(now)?,
+                End::Partner(_) => continue,
+            };
+            world.take(at, did, &mut Outcome::default());
+        }
+        world.settle()?;
+        Ok(world)
+    }
+
+    /// A second world in the same state.
+    pub(crate) fn fork(&self) -> Self {
+        let fork = |end: &End| match end {
+            End::PlugIn(plugin) => End::PlugIn(Box::new(plugin.fork())),
+            End::Partner(partner) => End::Partner(partner.fork()),
+        };
+        Self {
+            now: self.now,
+            ends: [fork(&self.ends[0]), fork(&self.ends[1])],
+            ways: self.ways.clone(),
+            courses: self.courses.clone(),
+            wrong: self.wrong,
+            faults_left: self.faults_left,
+            scenario: Arc::clone(&self.scenario),
+        }
+    }
+
+    /// Goes on in these sandboxes.
+    pub(crate) fn move_to(&mut self, sandboxes: &[Shared]) {
+        for (end, sandbox) in self.ends.iter_mut().zip(sandboxes) {
+            if let End::PlugIn(plugin) = end {
+                plugin.move_to(sandbox);
+            }
+        }
+    }
+
+    /// Equal for worlds of which the same can come.
+    pub(crate) fn hash(&self) -> u128 {
+        let mut state = Hash128::new();
+        for end in &self.ends {
+            match end {
+                End::PlugIn(plugin) => plugin.hash(&mut state),
+                End::Partner(partner) => partner.hash(self.now, &mut state),
+            }
+        }
+        for way in &self.ways {
+            way.len().hash(&mut state);
+            for Arriving { at, byte, damage } in way {
+                (at.0 - self.now.0, byte, damage).hash(&mut state);
+            }
+        }
+        (&self.courses, self.wrong, self.faults_left).hash(&mut state);
+        state.finish_128()
+    }
+
+    /// All that may happen next, the usual first.
+    pub(crate) fn choices(&self) -> Vec<Choice> {
+        let mut choices = Vec::new();
+        let next = self.next();
+        if next.is_some() {
+            choices.push(Choice::Next);
+        }
+        for (at, plugin) in self.plugins() {
+            let (begun, jobs) = plugin.jobs();
+            // Where nothing else is due, these are the usual.
+            if plugin.is_paused() {
+                choices.push(Choice::Resume(at));
+            }
+            if plugin.is_down() {
+                choices.push(Choice::Up(at));
+            } else if plugin.job().is_none() && begun < jobs.len() {
+                choices.push(Choice::Begin(at));
+            }
+        }
+        if self.faults_left > 0 {
+            self.faults(next, &mut choices);
+        }
+        choices
+    }
+
+    fn faults(&self, next: Option<(Micros, Due)>, choices: &mut Vec<Choice>) {
+        let alphabet = self.scenario.alphabet;
+        if let Some((_, Due::Arrival(end))) = next
+            && let Some(coming) = self.ways[end].front()
+            && coming.damage.is_none()
+        {
+            choices.extend([
+                Choice::Lost(end),
+                Choice::Doubled(end),
+                Choice::Damaged(end, Damage::Parity),
+                Choice::Damaged(end, Damage::Break),
+            ]);
+            let others = alphabet.iter().filter(|byte| **byte != coming.byte);
+            choices.extend(others.map(|byte| Choice::Altered(end, *byte)));
+            if self.timer_of(end).is_some_and(|timer| timer > coming.at) {
+                choices.extend([Choice::AtTimer(end), Choice::AfterTimer(end)]);
+            }
+        }
+        for end in 0..2 {
+            if self.ways[end].is_empty() {
+                choices.extend(alphabet.iter().map(|byte| Choice::Inserted(end, *byte)));
+            }
+        }
+        for (end, plugin) in self.plugins() {
+            if plugin.job().is_some() {
+                choices.push(Choice::Abort(end));
+                if !plugin.is_paused() {
+                    choices.push(Choice::Pause(end));
+                }
+            }
+            if plugin.has_delivery() {
+                choices.push(Choice::AbortDelivery(end));
+            }
+            if plugin.is_held() {
+                choices.push(Choice::Force(end));
+            }
+            if !plugin.is_down() {
+                choices.extend([Choice::Down(end), Choice::Swap(end)]);
+            }
+        }
+    }
+
+    /// Makes a choice that is among the [choices](Self::choices).
+    pub(crate) fn make(&mut self, choice: Choice) -> Outcome {
+        let mut outcome = Outcome::default();
+        if choice.is_fault() {
+            self.faults_left -= 1;
+            self.wrong.count += 1;
+        }
+        if let Some(end) = choice.way() {
+            self.wrong.towards[end].any = true;
+            if matches!(choice, Choice::Altered(..) | Choice::Inserted(..) | Choice::Doubled(_)) {
+                self.wrong.towards[end].forged = true;
+            }
+        }
+        if let Some(end) = choice.asked() {
+            self.wrong.asked[end] = true;
+        }
+        let made = self.happens(choice, &mut outcome).and_then(|()| self.settle());
+        if let Err(Ended(message)) = made {
+            outcome.breach = Some(Breach::Fault { message });
+        } else if outcome.breach.is_none() && self.next().is_none() {
+            outcome.breach = self.at_rest();
+        }
+        outcome
+    }
+
+    fn happens(&mut self, choice: Choice, outcome: &mut Outcome) -> Result<(), Ended> {
+        match choice {
+            Choice::Next => match self.next() {
+                Some((at, Due::Arrival(end))) => {
+                    self.now = at;
+                    self.arrival(end, outcome)
+                }
+                Some((at, Due::Tick(end))) => {
+                    self.now = at;
+                    self.tick(end, outcome)
+                }
+                None => Ok(()),
+            },
+            Choice::Lost(end) => {
+                self.ways[end].pop_front();
+                Ok(())
+            }
+            Choice::Doubled(end) => {
+                if let Some(coming) = self.ways[end].front().copied() {
+                    self.ways[end].push_front(coming);
+                    self.now = coming.at;
+                    self.arrival(end, outcome)?;
+                }
+                self.arrival(end, outcome)
+            }
+            Choice::Altered(end, byte) => {
+                if let Some(coming) = self.ways[end].front_mut() {
+                    coming.byte = byte;
+                    self.now = coming.at;
+                }
+                self.arrival(end, outcome)
+            }
+            Choice::Damaged(end, damage) => {
+                if let Some(coming) = self.ways[end].front_mut() {
+                    coming.damage = Some(damage.kind());
+                    self.now = coming.at;
+                }
+                self.arrival(end, outcome)
+            }
+            Choice::AtTimer(end) => self.delay(end, Micros::ZERO),
+            Choice::AfterTimer(end) => self.delay(end, LATE),
+            Choice::Inserted(end, byte) => {
+                let coming = Arriving { at: self.now, byte, damage: None };
+                self.ways[end].push_front(coming);
+                self.arrival(end, outcome)
+            }
+            Choice::Begin(end) => {
+                self.courses[end].begin();
+                self.tell_partner_of_job(end);
+                self.ask(end, outcome, PlugIn::begin_job)
+            }
+            Choice::Abort(end) => self.ask(end, outcome, |plugin, now| {
+                let job = plugin.job().unwrap_or_default();
+                plugin.abort(now, job)
+            }),
+            Choice::AbortDelivery(end) => {
+                self.ask(end, outcome, |plugin, now| plugin.abort(now, 0))
+            }
+            Choice::Pause(end) => {
+                self.ask(end, outcome, |plugin, now| plugin.set_paused(now, true))
+            }
+            Choice::Resume(end) => {
+                self.ask(end, outcome, |plugin, now| plugin.set_paused(now, false))
+            }
+            Choice::Force(end) => self.ask(end, outcome, PlugIn::force),
+            Choice::Down(end) => {
+                self.ask(end, outcome, |plugin, now| plugin.set_down(now, true))
+            }
+            Choice::Up(end) => {
+                if let End::Partner(partner) = &mut self.ends[1 - end] {
+                    partner.port_is_back();
+                }
+                self.ask(end, outcome, |plugin, now| plugin.set_down(now, false))
+            }
+            Choice::Swap(end) => self.ask(end, outcome, PlugIn::swap),
+        }
+    }
+
+    /// Everything on the way to this end comes later, the first one with or after its timer.
+    fn delay(&mut self, end: usize, after: Micros) -> Result<(), Ended> {
+        let timer = self.timer_of(end);
+        if let (Some(timer), Some(first)) = (timer, self.ways[end].front().copied()) {
+            let later = timer + after - first.at;
+            self.ways[end].iter_mut().for_each(|coming| coming.at = coming.at + later);
+        }
+        Ok(())
+    }
+
+    fn tell_partner_of_job(&mut self, end: usize) {
+        let [first, second] = &mut self.ends;
+        let (own, other) = if end == 0 { (first, second) } else { (second, first) };
+        if let (End::PlugIn(plugin), End::Partner(partner)) = (own, other) {
+            let (begun, jobs) = plugin.jobs();
+            if let Some(job) = jobs.get(begun) {
+                partner.begins(&job.data);
+            }
+        }
+    }
+
+    fn timer_of(&self, end: usize) -> Option<Micros> {
+        match &self.ends[end] {
+            End::PlugIn(plugin) => plugin.next_timer(),
+            End::Partner(partner) => partner.next(),
+        }
+    }
+
+    fn ask(
+        &mut self,
+        end: usize,
+        outcome: &mut Outcome,
+        ask: impl FnOnce(&mut PlugIn, Micros) -> Result<Did, Ended>,
+    ) -> Result<(), Ended> {
+        let End::PlugIn(plugin) = &mut self.ends[end] else { return Ok(()) };
+        let did = ask(plugin, self.now)?;
+        self.take(end, did, outcome);
+        Ok(())
+    }
+
+    fn arrival(&mut self, end: usize, outcome: &mut Outcome) -> Result<(), Ended> {
+        let Some(Arriving { byte, damage, .. }) = self.ways[end].pop_front() else {
+            return Ok(());
+        };
+        let is_down = matches!(&self.ends[end], End::PlugIn(plugin) if plugin.is_down());
+        if let End::Partner(partner) = &mut self.ends[1 - end]
+            && !is_down
+        {
+            partner.arrives(self.now, byte, damage);
+        }
+        match &mut self.ends[end] {
+            // What arrives at a port that is gone is lost.
+            End::PlugIn(_) if is_down => {}
+            End::PlugIn(plugin) => {
+                let did = plugin.receive(self.now, byte, damage)?;
+                self.take(end, did, outcome);
+            }
+            End::Partner(partner) => {
+                let sent = partner.receive(self.now, byte, damage);
+                self.put_on_way(end, sent.left);
+            }
+        }
+        Ok(())
+    }
+
+    fn tick(&mut self, end: usize, outcome: &mut Outcome) -> Result<(), Ended> {
+        match &mut self.ends[end] {
+            End::PlugIn(plugin) => {
+                let did = plugin.tick(self.now)?;
+                self.take(end, did, outcome);
+            }
+            End::Partner(partner) => {
+                let sent = partner.tick(self.now);
+                self.put_on_way(end, sent.left);
+            }
+        }
+        Ok(())
+    }
+
+    /// What a plug-in did goes on its way.
+    fn take(&mut self, end: usize, did: Did, outcome: &mut Outcome) {
+        if let End::Partner(partner) = &mut self.ends[1 - end] {
+            let breaches = did.left.iter().map(|(at, byte)| partner.leaves(*at, *byte));
+            let breach = breaches.flatten().next();
+            self.judge(breach.map(|breach| (breach, end)), outcome);
+        }
+        self.put_on_way(end, did.left);
+        for told in &did.told {
+            let breach = self.told(end, told);
+            self.judge(breach, outcome);
+        }
+    }
+
+    fn put_on_way(&mut self, from: usize, left: Vec<(Micros, u8)>) {
+        let arriving = left.into_iter().map(|(at, byte)| Arriving { at, byte, damage: None });
+        self.ways[1 - from].extend(arriving);
+    }
+
+    /// A breach with the end whose data it is about.
+    fn told(&mut self, end: usize, told: &Told) -> Option<(Breach, usize)> {
+        let other = 1 - end;
+        if let End::Partner(partner) = &mut self.ends[other] {
+            let sender = if matches!(told, Told::Delivered { .. }) { other } else { end };
+            return partner.told(told, &self.wrong).map(|breach| (breach, sender));
+        }
+        match told {
+            Told::Delivered { bytes, failure: None } => {
+                let jobs = &self.scenario.jobs[other];
+                self.courses[other].delivered(bytes, jobs).map(|breach| (breach, other))
+            }
+            told => self.courses[end].told(told, &self.wrong).map(|breach| (breach, end)),
+        }
+    }
+
+    fn judge(&self, breach: Option<(Breach, usize)>, outcome: &mut Outcome) {
+        let Some((breach, sender)) = breach else { return };
+        if self.scenario.guard.is_unavoidable(&breach, &self.wrong, sender) {
+            outcome.unavoidable.push(breach.name());
+        } else if outcome.breach.is_none() {
+            outcome.breach = Some(breach);
+        }
+    }
+
+    /// Nothing is due any more.
+    fn at_rest(&self) -> Option<Breach> {
+        let mut plugins = self.plugins();
+        // It is the host's turn.
+        if plugins.any(|(_, plugin)| plugin.is_paused() || plugin.is_down()) {
+            return None;
+        }
+        let stands = self.plugins().any(|(_, plugin)| plugin.job().is_some());
+        let partners = self.ends.iter().filter_map(|end| match end {
+            End::Partner(partner) => partner.at_rest(&self.wrong),
+            End::PlugIn(_) => None,
+        });
+        let breach = partners.chain(stands.then_some(Breach::StandsStill)).next();
+        breach.filter(|breach| !self.scenario.guard.is_unavoidable(breach, &self.wrong, 0))
+    }
+
+    /// Whether a job or a delivery is under way.
+    pub(crate) fn is_under_way(&self) -> bool {
+        self.plugins().any(|(_, plugin)| plugin.job().is_some() || plugin.has_delivery())
+    }
+
+    fn plugins(&self) -> impl Iterator<Item = (usize, &PlugIn)> {
+        self.ends.iter().enumerate().filter_map(|(at, end)| match end {
+            End::PlugIn(plugin) => Some((at, &**plugin)),
+            End::Partner(_) => None,
+        })
+    }
+
+    /// What is due next: at one time, what comes from the line goes first.
+    fn next(&self) -> Option<(Micros, Due)> {
+        let arrival = |end: usize| {
+            self.ways[end].front().map(|coming| (coming.at.max(self.now), Due::Arrival(end)))
+        };
+        let tick = |end: usize| {
+            let next = match &self.ends[end] {
+                End::PlugIn(plugin) => plugin.next(),
+                End::Partner(partner) => partner.next(),
+            };
+            next.map(|at| (at.max(self.now), Due::Tick(end)))
+        };
+        [arrival(0), arrival(1), tick(0), tick(1)].into_iter().flatten().min()
+    }
+
+    fn settle(&mut self) -> Result<(), Ended> {
+        for end in &mut self.ends {
+            if let End::PlugIn(plugin) = end {
+                plugin.settle(self.now)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// From here on, all that is given and done is written down.
+    pub(crate) fn keep_log(&mut self) {
+        for end in &mut self.ends {
+            if let End::PlugIn(plugin) = end {
+                plugin.keep_log();
+            }
+        }
+    }
+
+    pub(crate) fn into_logs(self) -> Vec<Log> {
+        let logs = self.ends.into_iter().filter_map(|end| match end {
+            End::PlugIn(plugin) => plugin.into_log(),
+            End::Partner(_) => None,
+        });
+        logs.collect()
+    }
+}
+
+#[derive(Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
+enum Due {
+    Arrival(usize),
+    Tick(usize),
+}
