@@ -10,19 +10,22 @@ pub(crate) struct Course {
     delivered: u8,
     /// The same of the one before it.
     delivered_before: u8,
+    /// Something else was delivered in its place.
+    is_altered: bool,
     begun: usize,
 }
 
 impl Course {
     pub(crate) fn begin(&mut self) {
         self.delivered_before = std::mem::take(&mut self.delivered);
+        self.is_altered = false;
         self.begun += 1;
     }
 
     /// The end whose jobs these are says something of the one under way.
     pub(crate) fn told(&self, told: &Told, wrong: &Wrong) -> Option<Breach> {
         match told {
-            Told::Done if self.delivered == 0 => Some(Breach::NotDelivered),
+            Told::Done if self.delivered == 0 && !self.is_altered => Some(Breach::NotDelivered),
             Told::Failed(failure) if *wrong == Wrong::default() => {
                 Some(Breach::FailedForNothing { failure: *failure })
             }
@@ -43,6 +46,7 @@ impl Course {
             self.delivered_before += 1;
             return (self.delivered_before > 1).then_some(Breach::Doubled);
         }
+        self.is_altered = true;
         Some(Breach::Altered { delivered: bytes.to_vec() })
     }
 }

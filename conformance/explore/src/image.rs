@@ -17,6 +17,8 @@ pub(crate) const AHEAD: i64 = 0x3_5A5A_1357;
 pub(crate) struct Image {
     /// In the order of their place.
     pub(crate) blocks: Vec<(u16, Arc<Block>)>,
+    /// Where times stand that begin in one block and end in the next.
+    pub(crate) across: Vec<Time>,
     pub(crate) globals: Vec<Word>,
     /// Equal for equal images; of all of it.
     pub(crate) hash: u128,
@@ -32,111 +34,163 @@ pub(crate) struct Word {
 #[derive(Debug)]
 pub(crate) struct Block {
     pub(crate) bytes: [u8; BLOCK],
-    /// Where times stand in it.
-    pub(crate) times: Vec<Place>,
+    /// Where times stand in it, those that go across left out.
+    pub(crate) times: Vec<Time>,
+    /// A time begins or ends here that goes across.
+    pub(crate) has_across: bool,
     pub(crate) hash: u128,
 }
 
-/// Where a time stands in a block.
+/// Where a time stands, in a block or in memory.
 #[derive(Copy, Clone, PartialEq, Eq, Hash, Debug)]
-pub(crate) struct Place {
-    pub(crate) at: u8,
+pub(crate) struct Time {
+    pub(crate) at: u32,
+    /// It has 64 bits, not 32.
     pub(crate) is_wide: bool,
 }
 
-/// What differs is no time, or one that is written in a way that cannot be told from others.
+/// What differs is no time.
 #[derive(Debug)]
 pub(crate) struct NoTime {
-    /// In the block.
-    pub(crate) at: usize,
+    /// In memory.
+    pub(crate) address: usize,
 }
 
 impl Image {
-    pub(crate) fn new(blocks: Vec<(u16, Arc<Block>)>, globals: Vec<Word>) -> Self {
+    pub(crate) fn new(
+        blocks: Vec<(u16, Arc<Block>)>,
+        across: Vec<Time>,
+        globals: Vec<Word>,
+    ) -> Self {
         let mut state = Hash128::new();
         for (place, block) in &blocks {
             (place, block.hash).hash(&mut state);
         }
-        globals.hash(&mut state);
+        (&across, &globals).hash(&mut state);
         let hash = state.finish_128();
-        Self { blocks, globals, hash }
+        Self { blocks, across, globals, hash }
     }
 }
 
 impl Block {
-    /// The block of which two instances hold these, the second with its clock ahead.
-    pub(crate) fn new(
-        here: &[u8; BLOCK],
-        ahead: &[u8; BLOCK],
-        now: i64,
-    ) -> Result<Self, NoTime> {
-        let mut bytes = *here;
-        let mut times = Vec::new();
-        if here != ahead {
-            for at in (0..BLOCK).step_by(8) {
-                relative(&mut bytes[at..at + 8], &ahead[at..at + 8], now, at, &mut times)?;
-            }
-        }
+    fn new(bytes: [u8; BLOCK], times: Vec<Time>, has_across: bool) -> Self {
         let mut state = Hash128::new();
-        (bytes, &times).hash(&mut state);
+        (bytes, &times, has_across).hash(&mut state);
         let hash = state.finish_128();
-        Ok(Self { bytes, times, hash })
+        Self { bytes, times, has_across, hash }
     }
 
-    /// Writes the block as an instance holds it at `now`.
+    /// Writes the block as an instance holds it at `now`; times that go across are left as they
+    /// are kept.
     pub(crate) fn write(&self, to: &mut [u8], now: i64) {
         to.copy_from_slice(&self.bytes);
-        for Place { at, is_wide } in &self.times {
-            let at = usize::from(*at);
-            if *is_wide {
-                let time = wide(&to[at..at + 8]).wrapping_add(now);
-                to[at..at + 8].copy_from_slice(&time.to_le_bytes());
+        self.times.iter().for_each(|time| time.add(to, now));
+    }
+
+    /// Whether it looks the same in memory at any time.
+    pub(crate) fn is_timeless(&self) -> bool {
+        self.times.is_empty() && !self.has_across
+    }
+}
+
+impl Time {
+    /// Adds to the time that stands here, in place.
+    pub(crate) fn add(self, bytes: &mut [u8], time: i64) {
+        let place = &mut bytes[self.at as usize..];
+        if self.is_wide {
+            let place = place.first_chunk_mut().expect("it lies within");
+            *place = i64::from_le_bytes(*place).wrapping_add(time).to_le_bytes();
+        } else {
+            let place = place.first_chunk_mut().expect("it lies within");
+            *place = i32::from_le_bytes(*place).wrapping_add(time as i32).to_le_bytes();
+        }
+    }
+
+    fn width(self) -> usize {
+        if self.is_wide { 8 } else { 4 }
+    }
+
+    /// The time whose lowest byte is the first that differs.
+    fn find(here: &[u8], ahead: &[u8], address: usize) -> Result<Self, NoTime> {
+        let at = address as u32;
+        if let (Some(one), Some(other)) =
+            (here[address..].first_chunk(), ahead[address..].first_chunk())
+            && i64::from_le_bytes(*other).wrapping_sub(i64::from_le_bytes(*one)) == AHEAD
+        {
+            return Ok(Self { at, is_wide: true });
+        }
+        if let (Some(one), Some(other)) =
+            (here[address..].first_chunk(), ahead[address..].first_chunk())
+            && i32::from_le_bytes(*other).wrapping_sub(i32::from_le_bytes(*one)) == AHEAD as i32
+        {
+            return Ok(Self { at, is_wide: false });
+        }
+        Err(NoTime { address })
+    }
+}
+
+/// Makes blocks of two memories, in the order of their addresses.
+pub(crate) struct Blocks<'a> {
+    here: &'a [u8],
+    ahead: &'a [u8],
+    now: i64,
+    across: Vec<Time>,
+}
+
+impl<'a> Blocks<'a> {
+    /// Of the second memory all times are [`AHEAD`].
+    pub(crate) fn new(here: &'a [u8], ahead: &'a [u8], now: i64) -> Self {
+        Self { here, ahead, now, across: Vec::new() }
+    }
+
+    /// Whether a time that began in a block before ends behind this address.
+    pub(crate) fn goes_across(&self, address: usize) -> bool {
+        self.across.last().is_some_and(|time| time.at as usize + time.width() > address)
+    }
+
+    /// The block that begins at this address.
+    pub(crate) fn block(&mut self, address: usize) -> Result<Block, NoTime> {
+        let end = address + BLOCK;
+        let mut bytes: [u8; BLOCK] = *self.here[address..].first_chunk().expect("memory has pages");
+        let mut times = Vec::new();
+        let mut has_across = false;
+        let mut at = address;
+        if let Some(time) = self.across.last().filter(|_| self.goes_across(address)) {
+            has_across = true;
+            let (from, width) = (time.at as usize, time.width());
+            let relative = self.relative(*time);
+            at = from + width;
+            bytes[..at - address].copy_from_slice(&relative[address - from..width]);
+        }
+        while let Some(first) = (at..end).find(|at| self.here[*at] != self.ahead[*at]) {
+            let time = Time::find(self.here, self.ahead, first)?;
+            let relative = self.relative(time);
+            at = first + time.width();
+            let within = at.min(end) - first;
+            bytes[first - address..][..within].copy_from_slice(&relative[..within]);
+            if at > end {
+                has_across = true;
+                self.across.push(time);
             } else {
-                let time = narrow(&to[at..at + 4]).wrapping_add(now as i32);
-                to[at..at + 4].copy_from_slice(&time.to_le_bytes());
+                times.push(Time { at: (first - address) as u32, ..time });
             }
         }
+        Ok(Block::new(bytes, times, has_across))
     }
-}
 
-/// Makes the times in eight bytes relative.
-fn relative(
-    bytes: &mut [u8],
-    ahead: &[u8],
-    now: i64,
-    at: usize,
-    times: &mut Vec<Place>,
-) -> Result<(), NoTime> {
-    if bytes == ahead {
-        return Ok(());
+    /// The bytes of a time as it is ahead of now.
+    fn relative(&self, time: Time) -> [u8; 8] {
+        let mut bytes = [0; 8];
+        let width = time.width();
+        bytes[..width].copy_from_slice(&self.here[time.at as usize..][..width]);
+        Time { at: 0, ..time }.add(&mut bytes, -self.now);
+        bytes
     }
-    let time = wide(bytes);
-    if wide(ahead).wrapping_sub(time) == AHEAD {
-        bytes.copy_from_slice(&time.wrapping_sub(now).to_le_bytes());
-        times.push(Place { at: at as u8, is_wide: true });
-        return Ok(());
-    }
-    for half in [0, 4] {
-        let (bytes, ahead) = (&mut bytes[half..half + 4], &ahead[half..half + 4]);
-        if bytes == ahead {
-            continue;
-        }
-        let time = narrow(bytes);
-        if narrow(ahead).wrapping_sub(time) != AHEAD as i32 {
-            return Err(NoTime { at: at + half });
-        }
-        bytes.copy_from_slice(&time.wrapping_sub(now as i32).to_le_bytes());
-        times.push(Place { at: (at + half) as u8, is_wide: false });
-    }
-    Ok(())
-}
 
-fn wide(bytes: &[u8]) -> i64 {
-    i64::from_le_bytes(bytes.try_into().expect("eight bytes"))
-}
-
-fn narrow(bytes: &[u8]) -> i32 {
-    i32::from_le_bytes(bytes.try_into().expect("four bytes"))
+    /// The times that go across two blocks.
+    pub(crate) fn into_across(self) -> Vec<Time> {
+        self.across
+    }
 }
 
 #[cfg(test)]
@@ -145,49 +199,66 @@ mod tests {
 
     const NOW: i64 = 7_000_000_000;
 
-    fn block_with(at: usize, bytes: &[u8]) -> [u8; BLOCK] {
-        let mut block = [0; BLOCK];
-        block[at..at + bytes.len()].copy_from_slice(bytes);
-        block
+    /// Two blocks in which something stands at an address, of both instances.
+    fn blocks(at: usize, here: &[u8], ahead: &[u8]) -> Result<(Image, Vec<u8>), NoTime> {
+        let mut memories = [vec![0; 2 * BLOCK], vec![0; 2 * BLOCK]];
+        memories[0][at..at + here.len()].copy_from_slice(here);
+        memories[1][at..at + ahead.len()].copy_from_slice(ahead);
+        let [here, ahead] = &memories;
+        let mut blocks = Blocks::new(here, ahead, NOW);
+        let first = blocks.block(0)?;
+        let second = blocks.block(BLOCK)?;
+        let both = vec![(0, Arc::new(first)), (1, Arc::new(second))];
+        Ok((Image::new(both, blocks.into_across(), Vec::new()), here.clone()))
     }
 
-    fn block_of(time: i64) -> Block {
-        let here = block_with(16, &time.to_le_bytes());
-        let ahead = block_with(16, &(time + AHEAD).to_le_bytes());
-        Block::new(&here, &ahead, NOW).unwrap()
+    fn with_time(at: usize, time: i64) -> (Image, Vec<u8>) {
+        blocks(at, &time.to_le_bytes(), &(time + AHEAD).to_le_bytes()).unwrap()
+    }
+
+    fn written(image: &Image, now: i64) -> Vec<u8> {
+        let mut memory = vec![0; 2 * BLOCK];
+        for (place, block) in &image.blocks {
+            block.write(&mut memory[usize::from(*place) * BLOCK..][..BLOCK], now);
+        }
+        image.across.iter().for_each(|time| time.add(&mut memory, now));
+        memory
     }
 
     #[test]
-    fn times_are_kept_as_what_they_are_ahead() {
-        let block = block_of(NOW + 5_000);
-        assert_eq!(block.times, [Place { at: 16, is_wide: true }]);
-        let mut written = [0; BLOCK];
-        block.write(&mut written, 90);
-        assert_eq!(written, block_with(16, &5_090_i64.to_le_bytes()));
+    fn times_come_back_wherever_they_stand() {
+        for at in [0, 16, 17, BLOCK - 8, BLOCK - 7, BLOCK - 3, BLOCK - 1, BLOCK, BLOCK + 100] {
+            let (image, memory) = with_time(at, NOW + 5_000);
+            assert_eq!(written(&image, NOW), memory, "{at}");
+            // Later, the same is as far ahead as it was.
+            let (_, later) = with_time(at, NOW + 90 + 5_000);
+            assert_eq!(written(&image, NOW + 90), later, "{at}");
+        }
     }
 
     #[test]
     fn times_in_32_bits_are_found() {
-        let here = block_with(20, &(NOW as i32).to_le_bytes());
-        let ahead = block_with(20, &((NOW + AHEAD) as i32).to_le_bytes());
-        let block = Block::new(&here, &ahead, NOW).unwrap();
-        assert_eq!(block.times, [Place { at: 20, is_wide: false }]);
-        assert_eq!(block.bytes, [0; BLOCK]);
+        let (here, ahead) = ((NOW as i32 + 7), ((NOW + AHEAD) as i32 + 7));
+        let (image, memory) = blocks(20, &here.to_le_bytes(), &ahead.to_le_bytes()).unwrap();
+        assert_eq!(image.blocks[0].1.bytes[20..24], 7_i32.to_le_bytes());
+        assert_eq!(written(&image, NOW), memory);
     }
 
     #[test]
     fn a_time_is_not_the_number_that_it_is_ahead() {
-        let number = block_with(16, &5_000_i64.to_le_bytes());
-        let number = Block::new(&number, &number, NOW).unwrap();
-        let time = block_of(NOW + 5_000);
-        assert_eq!(number.bytes, time.bytes);
-        assert_ne!(number.hash, time.hash);
+        let number = 5_000_i64.to_le_bytes();
+        for at in [16, BLOCK - 4] {
+            let (number, _) = blocks(at, &number, &number).unwrap();
+            let (time, _) = with_time(at, NOW + 5_000);
+            assert_eq!(number.blocks[0].1.bytes, time.blocks[0].1.bytes);
+            assert_ne!(number.hash, time.hash);
+        }
     }
 
     #[test]
     fn what_is_computed_of_a_time_is_none() {
-        let here = block_with(8, &(NOW / 1_000).to_le_bytes());
-        let ahead = block_with(8, &((NOW + AHEAD) / 1_000).to_le_bytes());
-        assert_eq!(Block::new(&here, &ahead, NOW).unwrap_err().at, 8);
+        let (here, ahead) = (NOW / 1_000, (NOW + AHEAD) / 1_000);
+        let error = blocks(8, &here.to_le_bytes(), &ahead.to_le_bytes()).unwrap_err();
+        assert_eq!(error.address, 8);
     }
 }

@@ -124,6 +124,8 @@ pub(crate) struct Way {
     pub(crate) any: bool,
     /// A sound character came that was not sent so: altered, or put in.
     pub(crate) forged: bool,
+    /// A break came.
+    pub(crate) broken: bool,
 }
 
 /// How a protocol guards what it carries.
@@ -149,12 +151,20 @@ impl Guard {
             }
             (Self::Unchecked, Breach::Altered { .. }) => wrong.towards[receiver].any,
             // The acknowledgement did not come back: the block is sent again.
-            (Self::Checked | Self::Unchecked, Breach::Doubled) => {
-                wrong.towards[sender].any || wrong.asked[sender]
+            (Self::Checked | Self::Unchecked, Breach::Doubled)
+                if wrong.towards[sender].any || wrong.asked[sender] =>
+            {
+                true
             }
-            // An acknowledgement has no check.
+            // An end that came too early: the block is acknowledged while it is sent.
+            (Self::Unchecked, Breach::Doubled) => wrong.towards[receiver].forged,
+            // An acknowledgement has no check. Where the receiver is idle in the middle of a block,
+            // behind a break, an abort or a port that was gone, what follows of the block can be
+            // an STX, and the answer to that looks like one.
             (Self::Checked | Self::Unchecked, Breach::NotDelivered) => {
                 wrong.towards[sender].forged
+                    || wrong.towards[receiver].broken
+                    || wrong.asked[receiver]
             }
             (Self::Unchecked, Breach::Invented { .. }) => {
                 wrong.towards[receiver].forged

@@ -1,10 +1,10 @@
 //! One sandbox that many states of a plug-in take turns in.
 
-use crate::image::{AHEAD, BLOCK, Block, Image, NoTime, Word};
+use crate::image::{AHEAD, BLOCK, Block, Blocks, Image, NoTime, Time, Word};
 use crate::module::{Opened, Stack, opened};
 use crate::ExploreError;
 use softplug_abi::{Action, Actions, Event, Instance, Mailbox, Micros, Region};
-use softplug_host::{Digest, Host, HostOptions, LoadError, Plugin, Session, SessionFault};
+use softplug_host::{Host, HostOptions, LoadError, Plugin, Session, SessionFault};
 use std::ops::Range;
 use std::sync::Arc;
 use thiserror::Error;
@@ -53,10 +53,6 @@ impl Subject {
         let plugin = host.load_instrumented(module, &wasm)?;
         Ok(Self { plugin, globals: globals.into(), stack })
     }
-
-    pub(crate) fn digest(&self) -> Digest {
-        self.plugin.digest()
-    }
 }
 
 /// Two instances: one that is told the time as it is, and one whose clock is [`AHEAD`]. What
@@ -93,7 +89,7 @@ impl Sandbox {
         let Mailbox { input, output, .. } = sessions[0].mailbox();
         let dead = [range(input), range(output)].into_iter();
         let dead = dead.chain(subject.stack.as_ref().map(|stack| stack.range.clone())).collect();
-        let new = Arc::new(Image::new(Vec::new(), Vec::new()));
+        let new = Arc::new(Image::new(Vec::new(), Vec::new(), Vec::new()));
         let mut sandbox = Self {
             subject,
             sessions,
@@ -110,7 +106,7 @@ impl Sandbox {
         let globals = sandbox.globals(Micros::ZERO).map_err(|fault| ExploreError::Module {
             reason: fault.to_string(),
         })?;
-        sandbox.new = Arc::new(Image::new(Vec::new(), globals));
+        sandbox.new = Arc::new(Image::new(Vec::new(), Vec::new(), globals));
         sandbox.holds = Holds::Image(Arc::clone(&sandbox.new), Micros::ZERO);
         Ok(sandbox)
     }
@@ -155,6 +151,7 @@ impl Sandbox {
                     }
                 }
             }
+            image.across.iter().for_each(|time| time.add(memory, now.0 + ahead));
             for (name, Word { value, is_time }) in self.subject.globals.iter().zip(&image.globals)
             {
                 let value = if *is_time { value + now.0 + ahead } else { *value };
@@ -205,8 +202,8 @@ impl Sandbox {
         self.clear_dead();
         let globals = self.globals(now)?;
         let before = before.as_deref().map_or(&[][..], |image| &image.blocks);
-        let blocks = self.blocks(before, now)?;
-        let image = Arc::new(Image::new(blocks, globals));
+        let (blocks, across) = self.blocks(before, now)?;
+        let image = Arc::new(Image::new(blocks, across, globals));
         self.holds = Holds::Image(Arc::clone(&image), now);
         Ok(image)
     }
@@ -245,36 +242,37 @@ impl Sandbox {
         &self,
         before: &[(u16, Arc<Block>)],
         now: Micros,
-    ) -> Result<Vec<(u16, Arc<Block>)>, StepFault> {
+    ) -> Result<(Vec<(u16, Arc<Block>)>, Vec<Time>), StepFault> {
         const PAGE: usize = 16 * BLOCK;
         let [here, ahead] = &self.sessions;
         let (here, ahead) = (here.memory(), ahead.memory());
         let mut before = before.iter().peekable();
+        let mut made = Blocks::new(here, ahead, now.0);
         let mut blocks = Vec::with_capacity(before.len() + 4);
         for page in (0..here.len()).step_by(PAGE) {
             let whole = page..here.len().min(page + PAGE);
             let base = self.base.get(whole.clone());
-            if base == Some(&here[whole.clone()]) && base == Some(&ahead[whole.clone()]) {
+            let is_new = base == Some(&here[whole.clone()]) && base == Some(&ahead[whole.clone()]);
+            if is_new && !made.goes_across(page) {
                 continue;
             }
             for at in whole.step_by(BLOCK) {
-                let here: &[u8; BLOCK] = here[at..].first_chunk().expect("memory is in pages");
-                let ahead: &[u8; BLOCK] = ahead[at..].first_chunk().expect("memory is in pages");
-                if self.base.get(at..at + BLOCK) == Some(&here[..]) && here == ahead {
+                let bytes = at..at + BLOCK;
+                let base = self.base.get(bytes.clone());
+                let is_new = base == Some(&here[bytes.clone()]) && base == Some(&ahead[bytes]);
+                if is_new && !made.goes_across(at) {
                     continue;
                 }
                 let place = (at / BLOCK) as u16;
-                let block = Block::new(here, ahead, now.0)
-                    .map_err(|NoTime { at: within }| StepFault::KeepsNoTime {
-                        address: at + within,
-                    })?;
+                let failed = |NoTime { address }| StepFault::KeepsNoTime { address };
+                let block = made.block(at).map_err(failed)?;
                 while before.next_if(|(known, _)| *known < place).is_some() {}
                 let known = before.next_if(|(known, _)| *known == place);
                 let known = known.filter(|(_, known)| known.hash == block.hash);
                 blocks.push(known.cloned().unwrap_or_else(|| (place, Arc::new(block))));
             }
         }
-        Ok(blocks)
+        Ok((blocks, made.into_across()))
     }
 }
 
@@ -297,7 +295,8 @@ fn write_changes(
         }
         let known = held.next_if(|(known, _)| known == place);
         let is_there = known.is_some_and(|(_, known)| Arc::ptr_eq(known, block));
-        if !(is_there && (is_same_time || block.times.is_empty())) {
+        let is_as_it_was = block.is_timeless() || (is_same_time && !block.has_across);
+        if !(is_there && is_as_it_was) {
             block.write(&mut memory[bytes_of(*place)], now);
         }
     }

@@ -211,6 +211,7 @@ impl World {
             if matches!(choice, Choice::Altered(..) | Choice::Inserted(..) | Choice::Doubled(_)) {
                 self.wrong.towards[end].forged = true;
             }
+            self.wrong.towards[end].broken |= matches!(choice, Choice::Damaged(_, Damage::Break));
         }
         if let Some(end) = choice.asked() {
             self.wrong.asked[end] = true;
