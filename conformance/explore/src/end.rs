@@ -87,9 +87,15 @@ impl From<StepFault> for Ended {
 
 impl PlugIn {
     /// A new instance on a line that is not open yet.
-    pub(crate) fn new(sandbox: &Shared, options: LinkOptions, jobs: Vec<JobGiven>) -> Self {
+    pub(crate) fn new(
+        sandbox: &Shared,
+        options: LinkOptions,
+        jobs: Vec<JobGiven>,
+        is_logged: bool,
+    ) -> Self {
         let line = VirtualLine::new(Explored::new(sandbox), options, 1);
-        Self { line, host: Host::default(), jobs: jobs.into(), begun: 0, is_down: false, is_paused: false }
+        let host = Host { log: is_logged.then(Box::default), ..Host::default() };
+        Self { line, host, jobs: jobs.into(), begun: 0, is_down: false, is_paused: false }
     }
 
     pub(crate) fn open(&mut self, now: Micros) -> Result<Did, Ended> {
@@ -166,13 +172,8 @@ impl PlugIn {
         (self.begun, &self.jobs)
     }
 
-    /// From here on, all that is given and done is written down.
-    pub(crate) fn keep_log(&mut self) {
-        self.host.log = Some(Box::default());
-    }
-
-    pub(crate) fn into_log(self) -> Option<Log> {
-        self.host.log.map(|log| *log)
+    pub(crate) fn into_log(self, end: Micros) -> Option<Log> {
+        self.host.log.map(|log| Log { end, ..*log })
     }
 
     /// What is due at `now`.
@@ -207,7 +208,8 @@ impl PlugIn {
         self.begun += 1;
         let id = self.begun as u32;
         self.host.source = Some((Arc::clone(&job.data), 0));
-        self.host.note(now, Input::Job(id, job.clone()));
+        let JobGiven { kind, fields, data } = job.clone();
+        self.host.note(now, Input::Job { id, kind, fields, data: data.to_vec() });
         self.line.advance(now, &mut self.host)?;
         let job = Job {
             id,

@@ -40,6 +40,9 @@ pub enum ExploreError {
         /// What the plug-in did.
         reason: String,
     },
+    /// A way that was kept leads elsewhere now.
+    #[error("the states that were kept are not those of this version: explore anew")]
+    Differs,
     /// What an earlier exploration left cannot be used.
     #[error("{path}: {reason}", path = path.display())]
     Kept {

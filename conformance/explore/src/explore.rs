@@ -2,14 +2,19 @@
 
 use crate::choice::Choice;
 use crate::graph::{Ends, Graph};
+use crate::hash::Hash128;
+use crate::keep::Keep;
 use crate::log::Log;
 use crate::promise::Breach;
 use crate::sandbox::Subject;
 use crate::scenario::{Changes, Plan, Scenario};
-use crate::search::Search;
+use crate::search::{Frontier, Search};
+use crate::world;
 use crate::ExploreError;
 use softplug_abi::{LineParameters, Micros};
 use std::collections::BTreeMap;
+use std::hash::Hash;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -34,12 +39,31 @@ pub struct Bounds {
     pub time: Option<Duration>,
     /// Threads; they change nothing of what is found.
     pub threads: usize,
+    /// Where the states are kept.
+    pub keep: Option<Kept>,
+}
+
+/// A file for the states, so that an exploration that was ended can go on.
+///
+/// ```
+/// use softplug_explore::{Bounds, Kept};
+///
+/// let kept = Kept { file: "explored/states".into(), goes_on: true };
+/// let bounds = Bounds { keep: Some(kept), ..Bounds::default() };
+/// assert!(bounds.keep.is_some());
+/// ```
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Kept {
+    /// The file, which is made anew.
+    pub file: PathBuf,
+    /// Or it is there: go on from what it holds.
+    pub goes_on: bool,
 }
 
 impl Default for Bounds {
     /// One fault, one thread, and nothing else that ends it.
     fn default() -> Self {
-        Self { faults: 1, depth: None, states: None, time: None, threads: 1 }
+        Self { faults: 1, depth: None, states: None, time: None, threads: 1, keep: None }
     }
 }
 
@@ -87,7 +111,7 @@ pub struct Exploration {
     /// Choices from the first state to the last one.
     pub depth: u32,
     /// What the protocol cannot keep from happening, and how often it did.
-    pub unavoidable: BTreeMap<&'static str, u64>,
+    pub unavoidable: BTreeMap<String, u64>,
     /// From the state that takes longest: how long it takes to rest when nothing goes wrong
     /// any more. Only of a complete one.
     pub longest: Option<Micros>,
@@ -101,6 +125,8 @@ pub struct Exploration {
     pub jobs: [Vec<Vec<u8>>; 2],
     /// The characters on the line.
     pub line: LineParameters,
+    /// When the link was opened.
+    pub begin: Micros,
 }
 
 /// A way to something that must never be.
@@ -143,8 +169,10 @@ pub fn explore(
         graph: Graph::default(),
         breaches: Vec::new(),
     };
-    let frontier = search.start()?;
-    let is_complete = search.go_on(frontier, tell, stop, |_| Ok(()))?;
+    let is_complete = match search.begin(key(module, &scenario, bounds), stop)? {
+        Some((frontier, keep)) => search.go_on(frontier, tell, stop, keep)?,
+        None => false,
+    };
     let mut longest = None;
     if is_complete {
         let Ends { longest: time, endless } = search.graph.ends();
@@ -180,15 +208,55 @@ pub fn explore(
         settings: scenario.asked.clone(),
         jobs: [jobs_of(0), jobs_of(1)],
         line: scenario.line(),
+        begin: world::BEGIN,
     })
 }
 
+/// Equal for searches that find the same states.
+fn key(module: &[u8], scenario: &Scenario, bounds: &Bounds) -> u128 {
+    let mut state = Hash128::new();
+    (module, &scenario.asked, scenario.alphabet, bounds.faults).hash(&mut state);
+    for job in scenario.jobs.iter().flatten() {
+        job.data.hash(&mut state);
+    }
+    state.finish_128()
+}
+
 impl Search<'_> {
+    /// The first state, or all that were kept.
+    fn begin(
+        &mut self,
+        key: u128,
+        stop: &AtomicBool,
+    ) -> Result<Option<(Frontier, Option<Keep>)>, ExploreError> {
+        match &self.bounds.keep {
+            Some(Kept { file, goes_on: true }) => {
+                let (keep, levels) = Keep::open(file, key)?;
+                if !levels.is_empty() {
+                    if !levels.into_iter().all(|level| self.graph.add_level(level)) {
+                        return Err(ExploreError::Differs);
+                    }
+                    let frontier = self.frontier_again(stop)?;
+                    return Ok(frontier.map(|frontier| (frontier, Some(keep))));
+                }
+            }
+            Some(Kept { .. }) | None => {}
+        }
+        let frontier = self.start()?;
+        let mut keep = match &self.bounds.keep {
+            Some(Kept { file, .. }) => Some(Keep::create(file, key)?),
+            None => None,
+        };
+        if let Some(keep) = &mut keep {
+            keep.level(&self.graph)?;
+        }
+        Ok(Some((frontier, keep)))
+    }
+
     /// Goes a way once more and writes down what happens on it.
     fn logs_of(&self, path: &[Choice]) -> Result<Vec<Log>, ExploreError> {
         let sandboxes = self.sandboxes()?;
-        let mut world = self.first_world(&sandboxes)?;
-        world.keep_log();
+        let mut world = self.open(&sandboxes, true)?;
         for choice in path {
             world.make(*choice);
         }

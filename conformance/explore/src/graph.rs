@@ -28,7 +28,20 @@ pub(crate) struct Graph {
     levels: Vec<u32>,
     pub(crate) transitions: u64,
     /// What the protocol could not keep from happening, by its name.
-    pub(crate) unavoidable: BTreeMap<&'static str, u64>,
+    pub(crate) unavoidable: BTreeMap<String, u64>,
+    /// What the latest level added to the counts.
+    added: (u64, BTreeMap<String, u64>),
+}
+
+/// One level: its states, and what is known of those of the level before.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub(crate) struct Level {
+    /// Choices that were made in the level before.
+    pub(crate) transitions: u64,
+    pub(crate) nodes: Vec<(u128, Node)>,
+    /// From a state to the next one, and how long that takes.
+    pub(crate) usual: Vec<(u32, u32, Micros)>,
+    pub(crate) unavoidable: BTreeMap<String, u64>,
 }
 
 /// What becomes of the states when nothing goes wrong any more.
@@ -58,6 +71,68 @@ impl Graph {
 
     pub(crate) fn set_usual(&mut self, from: u32, to: u128, time: Micros) {
         self.usual[from as usize] = self.numbers.get(&to).map(|to| (*to, time));
+    }
+
+    /// What was counted on the way to the latest level.
+    pub(crate) fn count(&mut self, transitions: u64, unavoidable: BTreeMap<String, u64>) {
+        self.transitions += transitions;
+        for (name, count) in &unavoidable {
+            *self.unavoidable.entry(name.clone()).or_default() += count;
+        }
+        self.added = (transitions, unavoidable);
+    }
+
+    /// The latest level, to be kept.
+    pub(crate) fn latest(&self) -> Level {
+        let (first, before) = match self.levels[..] {
+            [.., before, first] => (first as usize, before as usize),
+            [first] => (first as usize, first as usize),
+            [] => (0, 0),
+        };
+        let (transitions, unavoidable) = self.added.clone();
+        let usual = (before..first).filter_map(|from| {
+            self.usual[from].map(|(next, time)| (from as u32, next, time))
+        });
+        let hashes = self.hashes[first..].iter().copied();
+        Level {
+            transitions,
+            nodes: hashes.zip(self.nodes[first..].iter().copied()).collect(),
+            usual: usual.collect(),
+            unavoidable,
+        }
+    }
+
+    /// Adds a level that was kept; whether it fits.
+    pub(crate) fn add_level(&mut self, level: Level) -> bool {
+        let Level { transitions, nodes, usual, unavoidable } = level;
+        let before = self.nodes.len();
+        if nodes.iter().any(|(_, node)| node.parent as usize >= before.max(1)) {
+            return false;
+        }
+        if before > 0 {
+            self.begin_level();
+        }
+        for (hash, node) in nodes {
+            self.add(hash, node);
+        }
+        let known = self.nodes.len();
+        for (from, next, time) in usual {
+            if from as usize >= before || next as usize >= known {
+                return false;
+            }
+            self.usual[from as usize] = Some((next, time));
+        }
+        self.count(transitions, unavoidable);
+        true
+    }
+
+    /// The states of the latest level.
+    pub(crate) fn frontier(&self) -> std::ops::Range<u32> {
+        self.levels.last().copied().unwrap_or(0)..self.nodes.len() as u32
+    }
+
+    pub(crate) fn hash_of(&self, number: u32) -> u128 {
+        self.hashes[number as usize]
     }
 
     pub(crate) fn contains(&self, hash: u128) -> bool {

@@ -28,6 +28,7 @@ mod graph;
 mod hash;
 mod image;
 mod instance;
+mod keep;
 mod log;
 mod module;
 mod partner;
@@ -39,7 +40,7 @@ mod world;
 
 pub use choice::{Choice, Damage};
 pub use error::ExploreError;
-pub use explore::{Bounds, Counterexample, Exploration, Progress, explore};
-pub use log::Log;
+pub use explore::{Bounds, Counterexample, Exploration, Kept, Progress, explore};
+pub use log::{Input, Log};
 pub use promise::Breach;
 pub use scenario::{Changes, PLANS, Plan, plan};

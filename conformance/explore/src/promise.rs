@@ -102,6 +102,9 @@ struct Hex<'a>(&'a [u8]);
 
 impl fmt::Display for Hex<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.0.is_empty() {
+            return write!(f, " nothing");
+        }
         self.0.iter().try_for_each(|byte| write!(f, " {byte:02X}"))
     }
 }
@@ -149,7 +152,10 @@ impl Guard {
             (Self::Checked, Breach::Altered { .. }) => {
                 wrong.count >= 2 && wrong.towards[receiver].any
             }
-            (Self::Unchecked, Breach::Altered { .. }) => wrong.towards[receiver].any,
+            // Nor does anybody notice an STX that was sent twice, because of a forged answer.
+            (Self::Unchecked, Breach::Altered { .. }) => {
+                wrong.towards[receiver].any || wrong.towards[sender].forged
+            }
             // The acknowledgement did not come back: the block is sent again.
             (Self::Checked | Self::Unchecked, Breach::Doubled)
                 if wrong.towards[sender].any || wrong.asked[sender] =>

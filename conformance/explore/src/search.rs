@@ -2,6 +2,7 @@
 
 use crate::choice::Choice;
 use crate::graph::{Graph, Node};
+use crate::keep::Keep;
 use crate::instance::Shared;
 use crate::promise::Breach;
 use crate::sandbox::{Sandbox, Subject};
@@ -29,12 +30,12 @@ pub(crate) struct Search<'a> {
 
 /// What the states of one level led to.
 #[derive(Default)]
-pub(crate) struct Level {
+struct Expanded {
     found: HashMap<u128, Found>,
     /// From each state the usual way, and how long that takes.
     usual: Vec<(u32, u128, Micros)>,
     transitions: u64,
-    unavoidable: BTreeMap<&'static str, u64>,
+    unavoidable: BTreeMap<String, u64>,
     breaches: Vec<(Breach, u32, u16, Choice)>,
 }
 
@@ -56,9 +57,51 @@ impl Search<'_> {
         Ok(vec![(number, world)])
     }
 
+    /// The states of the latest level, by the ways that lead to them.
+    pub(crate) fn frontier_again(&self, stop: &AtomicBool) -> Result<Option<Frontier>, ExploreError> {
+        let sandboxes = self.sandboxes()?;
+        let latest = self.graph.frontier();
+        let mut children: HashMap<u32, Vec<u32>> = HashMap::new();
+        for mut number in latest.clone() {
+            // Up to a state of which it is known that it is on a way.
+            while number != 0 {
+                let parent = self.graph.nodes[number as usize].parent;
+                let known = children.entry(parent).or_default();
+                known.push(number);
+                if known.len() > 1 {
+                    break;
+                }
+                number = parent;
+            }
+        }
+        let mut frontier = Vec::with_capacity(latest.len());
+        let mut waiting = vec![(0, self.first_world(&sandboxes)?)];
+        while let Some((number, world)) = waiting.pop() {
+            if stop.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
+            if world.hash() != self.graph.hash_of(number) {
+                return Err(ExploreError::Differs);
+            }
+            for child in children.remove(&number).unwrap_or_default() {
+                let mut next = world.fork();
+                next.make(self.graph.nodes[child as usize].choice);
+                waiting.push((child, next));
+            }
+            if latest.contains(&number) {
+                frontier.push((number, world));
+            }
+        }
+        frontier.sort_by_key(|(number, _)| *number);
+        Ok(Some(frontier))
+    }
+
     pub(crate) fn first_world(&self, sandboxes: &[Shared]) -> Result<World, ExploreError> {
-        let partner = self.scenario.make_partner.map(|make| make());
-        World::open(&self.scenario, sandboxes, partner, self.bounds.faults)
+        self.open(sandboxes, false)
+    }
+
+    pub(crate) fn open(&self, sandboxes: &[Shared], is_logged: bool) -> Result<World, ExploreError> {
+        World::open(&self.scenario, sandboxes, self.bounds.faults, is_logged)
             .map_err(|ended| ExploreError::Open { reason: ended.0 })
     }
 
@@ -74,7 +117,7 @@ impl Search<'_> {
         mut frontier: Frontier,
         tell: &(dyn Fn(Progress) + Sync),
         stop: &AtomicBool,
-        mut keep: impl FnMut(&Graph) -> Result<(), ExploreError>,
+        mut keep: Option<Keep>,
     ) -> Result<bool, ExploreError> {
         let begin = Instant::now();
         let is_over = || {
@@ -104,9 +147,12 @@ impl Search<'_> {
                 return Ok(false);
             };
             frontier = self.merge(level);
-            keep(&self.graph)?;
             if !self.breaches.is_empty() {
                 return Ok(false);
+            }
+            // One with a breach is found again by whoever goes on.
+            if let Some(keep) = &mut keep {
+                keep.level(&self.graph)?;
             }
         }
         Ok(true)
@@ -118,13 +164,13 @@ impl Search<'_> {
         frontier: &Frontier,
         sandboxes: &[Vec<Shared>],
         is_over: &(dyn Fn() -> bool + Sync),
-    ) -> Option<Level> {
+    ) -> Option<Expanded> {
         // Small pieces, so that no thread waits long for another.
         const PIECE: usize = 64;
         let pieces: Mutex<_> = Mutex::new(frontier.chunks(PIECE));
         let known = &self.graph;
         let work = |sandboxes: &[Shared]| {
-            let mut level = Level::default();
+            let mut level = Expanded::default();
             loop {
                 let piece = pieces.lock().ok()?.next();
                 let Some(piece) = piece else { return Some(level) };
@@ -142,7 +188,7 @@ impl Search<'_> {
         std::thread::scope(|scope| {
             let threads: Vec<_> =
                 sandboxes.iter().map(|sandboxes| scope.spawn(|| work(sandboxes))).collect();
-            let mut whole = Level::default();
+            let mut whole = Expanded::default();
             for thread in threads {
                 whole.append(thread.join().ok()??);
             }
@@ -151,8 +197,8 @@ impl Search<'_> {
     }
 
     /// Numbers the new states, by the first path that leads to each, whichever thread found it.
-    fn merge(&mut self, level: Level) -> Frontier {
-        let Level { found, mut usual, transitions, unavoidable, mut breaches } = level;
+    fn merge(&mut self, level: Expanded) -> Frontier {
+        let Expanded { found, mut usual, transitions, unavoidable, mut breaches } = level;
         let mut found: Vec<(u128, Found)> = found.into_iter().collect();
         found.sort_by_key(|(_, found)| (found.parent, found.place));
         let mut frontier = Vec::with_capacity(found.len());
@@ -165,10 +211,7 @@ impl Search<'_> {
         for (from, to, time) in usual {
             self.graph.set_usual(from, to, time);
         }
-        self.graph.transitions += transitions;
-        for (name, count) in unavoidable {
-            *self.graph.unavoidable.entry(name).or_default() += count;
-        }
+        self.graph.count(transitions, unavoidable);
         breaches.sort_by_key(|(_, parent, place, _)| (*parent, *place));
         let breaches = breaches.into_iter().map(|(breach, parent, _, choice)| {
             (breach, parent, choice)
@@ -178,7 +221,7 @@ impl Search<'_> {
     }
 }
 
-impl Level {
+impl Expanded {
     /// Makes every choice of a state.
     fn expand(&mut self, number: u32, world: &World, sandboxes: &[Shared], known: &Graph) {
         for (place, choice) in world.choices().into_iter().enumerate() {
@@ -188,7 +231,7 @@ impl Level {
             let outcome = next.make(choice);
             self.transitions += 1;
             for name in outcome.unavoidable {
-                *self.unavoidable.entry(name).or_default() += 1;
+                *self.unavoidable.entry(name.to_owned()).or_default() += 1;
             }
             if let Some(breach) = outcome.breach {
                 self.breaches.push((breach, number, place, choice));

@@ -14,6 +14,8 @@ use std::collections::VecDeque;
 use std::hash::Hash;
 use std::sync::Arc;
 
+/// When the links are opened.
+pub(crate) const BEGIN: Micros = Micros(1_000_000);
 /// How long a character that comes too late comes after the timer.
 const LATE: Micros = Micros(1);
 
@@ -52,17 +54,18 @@ pub(crate) struct Outcome {
 }
 
 impl World {
-    /// Both ends, open.
+    /// Both ends, open; with `is_logged` all that is given and done from here on is written down.
     pub(crate) fn open(
         scenario: &Arc<Scenario>,
         sandboxes: &[Shared],
-        partner: Option<Box<dyn Partner>>,
         faults: u8,
+        is_logged: bool,
     ) -> Result<Self, Ended> {
-        let now = Micros(1_000_000);
+        let partner = scenario.make_partner.map(|make| make());
+        let now = BEGIN;
         let plugin = |end: usize| {
             let options = scenario.options(end);
-            PlugIn::new(&sandboxes[end], options, scenario.jobs[end].to_vec())
+            PlugIn::new(&sandboxes[end], options, scenario.jobs[end].clone(), is_logged)
         };
         let first = End::PlugIn(Box::new(plugin(0)));
         let second =
@@ -478,18 +481,10 @@ impl World {
         Ok(())
     }
 
-    /// From here on, all that is given and done is written down.
-    pub(crate) fn keep_log(&mut self) {
-        for end in &mut self.ends {
-            if let End::PlugIn(plugin) = end {
-                plugin.keep_log();
-            }
-        }
-    }
-
     pub(crate) fn into_logs(self) -> Vec<Log> {
+        let now = self.now;
         let logs = self.ends.into_iter().filter_map(|end| match end {
-            End::PlugIn(plugin) => plugin.into_log(),
+            End::PlugIn(plugin) => plugin.into_log(now),
             End::Partner(_) => None,
         });
         logs.collect()

@@ -70,6 +70,7 @@ pub(crate) enum Command {
     Replay(commands::replay::Arguments),
     Certify(commands::certify::Arguments),
     Verify(commands::verify::Arguments),
+    Explore(commands::explore::Arguments),
     Cases(commands::cases::Arguments),
     Explain(commands::explain::Arguments),
     Trace(commands::trace::Arguments),

@@ -22,6 +22,7 @@ mod picture;
 mod plugin;
 mod recorded;
 mod screen;
+mod sequence;
 mod stop;
 mod table;
 

@@ -1,7 +1,10 @@
 //! The trace's words for lines and failures in those of the ABI, and the other way round.
 
-use softplug_abi::{LineErrorKind, LineParameters, LinkDownReason, ModemLines, Parity};
-use softplug_trace::{self as trace, BadKind, LineSettings, ModemLevels, ModemLine};
+use softplug_abi::{LineErrorKind, LineParameters, LinkDownReason, Micros, ModemLines, Parity};
+use softplug_trace::{
+    self as trace, Assignment, BadKind, Entry, Item, LineEvent, LineSettings, ModemLevels,
+    ModemLine, Payload, SourceLine, Time, What, When,
+};
 
 pub(crate) fn line_parameters(line: &LineSettings) -> LineParameters {
     let parity = match line.parity {
@@ -17,6 +20,36 @@ pub(crate) fn line_parameters(line: &LineSettings) -> LineParameters {
         parity,
         stop_half_bits: line.stop_half_bits,
     }
+}
+
+/// The other way round, with the port's depth.
+pub(crate) fn line_settings(line: LineParameters, depth: usize) -> LineSettings {
+    LineSettings {
+        baud: line.baud,
+        data_bits: line.data_bits,
+        parity: match line.parity {
+            Parity::None => trace::Parity::None,
+            Parity::Even => trace::Parity::Even,
+            Parity::Odd => trace::Parity::Odd,
+            Parity::Mark => trace::Parity::Mark,
+            Parity::Space => trace::Parity::Space,
+        },
+        stop_half_bits: line.stop_half_bits,
+        depth: depth as u32,
+        reaction: 0,
+    }
+}
+
+/// Something at one time.
+pub(crate) fn entry(at: Micros, what: What) -> Entry {
+    Entry { when: When::at(Time(at.0.max(0) as u64)), what, line: SourceLine::default() }
+}
+
+/// Names with values.
+pub(crate) fn assignments(pairs: &[(String, String)]) -> Vec<Assignment> {
+    let pair =
+        |(name, value): &(String, String)| Assignment { name: name.clone(), value: value.clone() };
+    pairs.iter().map(pair).collect()
 }
 
 /// The lines that a trace names, and those of them that are on.
@@ -94,6 +127,14 @@ pub fn damage(kind: LineErrorKind) -> Option<BadKind> {
         LineErrorKind::ParityOrFraming => Some(BadKind::ParityOrFraming),
         LineErrorKind::Overrun | LineErrorKind::Break => None,
     }
+}
+
+/// A damaged character, an overrun or a break.
+pub(crate) fn damaged(kind: LineErrorKind, byte: Option<u8>, span: u32) -> What {
+    if let Some(kind) = damage(kind).filter(|_| span == 0) {
+        return What::Receive(Payload::new(byte.map(|byte| Item::Bad { kind, byte })));
+    }
+    What::Line(LineEvent::Error { kind: line_error_name(kind), byte, span })
 }
 
 /// A line error of a trace.

@@ -1,18 +1,19 @@
 //! A session as a trace: what was given, what the plug-in did, and what is wrong.
 
-use crate::given::lines::{damage, down_reason_name, line_error_name, modem_levels};
+use crate::given::lines::{
+    assignments, damaged, down_reason_name, entry, line_settings, modem_levels,
+};
 use crate::run::effect::{Delivered, Effect};
 use crate::run::outcome::Seen;
 use crate::run::transcript;
 use softplug_abi::manifest::Manifest;
-use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines, Parity};
+use softplug_abi::{Micros, ModemLines};
 use softplug_models::{
     Effect as Did, Finding, Given, HostRequest as Asked, LineInput, Profile, Ran, Session, Step,
 };
 use softplug_trace::{
-    self as trace, Assignment, Drain, Entry, FrontMatter, HostRequest, Item, Level, Line,
-    LineEvent, LineSettings, ModemLevels, Origin, Payload, Permutations, Room, SourceLine, Time,
-    Trace, What, When,
+    Drain, Entry, FrontMatter, HostRequest, Level, Line, LineEvent, ModemLevels, Origin, Payload,
+    Permutations, Room, Trace, What,
 };
 
 /// Bytes that stand on one line.
@@ -65,7 +66,7 @@ pub(super) fn of_session(
         clauses: vec![clause.to_owned()],
         level: Level::Must,
         edge: None,
-        line: line(conditions.line, conditions.depth),
+        line: line_settings(conditions.line, conditions.depth),
         config: assignments(&session.asked),
         room: Room {
             transmit: Some(conditions.transmit_room),
@@ -81,10 +82,6 @@ pub(super) fn of_session(
         bytes: None,
     };
     Trace { front, body }
-}
-
-fn entry(at: Micros, what: What) -> Entry {
-    Entry { when: When::at(Time(at.0.max(0) as u64)), what, line: SourceLine::default() }
 }
 
 fn micros(entry: &Entry) -> Micros {
@@ -115,13 +112,6 @@ fn heard(input: &LineInput, known: ModemLines) -> What {
         LineInput::Down(reason) => What::Line(LineEvent::Down(down_reason_name(*reason))),
         LineInput::Up => What::Line(LineEvent::Up),
     }
-}
-
-fn damaged(kind: LineErrorKind, byte: Option<u8>, span: u32) -> What {
-    if let Some(kind) = damage(kind).filter(|_| span == 0) {
-        return What::Receive(Payload::new(byte.map(|byte| Item::Bad { kind, byte })));
-    }
-    What::Line(LineEvent::Error { kind: line_error_name(kind), byte, span })
 }
 
 fn asked(request: &Asked) -> HostRequest {
@@ -181,29 +171,6 @@ fn effect(did: &Did, manifest: &Manifest) -> Option<Effect> {
         }
         Did::Withdrawn(id) => Effect::Withdraw(*id),
     })
-}
-
-fn assignments(pairs: &[(String, String)]) -> Vec<Assignment> {
-    let pair =
-        |(name, value): &(String, String)| Assignment { name: name.clone(), value: value.clone() };
-    pairs.iter().map(pair).collect()
-}
-
-fn line(line: LineParameters, depth: usize) -> LineSettings {
-    LineSettings {
-        baud: line.baud,
-        data_bits: line.data_bits,
-        parity: match line.parity {
-            Parity::None => trace::Parity::None,
-            Parity::Even => trace::Parity::Even,
-            Parity::Odd => trace::Parity::Odd,
-            Parity::Mark => trace::Parity::Mark,
-            Parity::Space => trace::Parity::Space,
-        },
-        stop_half_bits: line.stop_half_bits,
-        depth: depth as u32,
-        reaction: 0,
-    }
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ pub(crate) mod dev;
 pub(crate) mod doctor;
 mod dry_run;
 pub(crate) mod explain;
+pub(crate) mod explore;
 pub(crate) mod gateway;
 pub(crate) mod inspect;
 pub(crate) mod job;
@@ -52,6 +53,7 @@ pub(crate) fn run(command: Command, global: &Global, screen: &Screen) -> Result<
         Command::Record(arguments) => record::run(&arguments, screen),
         Command::Replay(arguments) => replay::run(&arguments, screen),
         Command::Certify(arguments) => certify::run(&arguments, screen),
+        Command::Explore(arguments) => explore::run(&arguments, screen),
         Command::Verify(arguments) => verify::run(&arguments, screen),
         Command::Cases(arguments) => cases::run(&arguments, screen),
         Command::Explain(arguments) => explain::run(&arguments, screen),

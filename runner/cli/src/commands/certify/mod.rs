@@ -1,7 +1,7 @@
 //! `softplug certify`: a verdict on a plug-in that others can reproduce.
 
 pub(super) mod files;
-mod random;
+pub(super) mod random;
 pub(super) mod score;
 mod show;
 

@@ -22,17 +22,24 @@ impl FromStr for Amount {
         if let Ok(count) = text.parse() {
             return Ok(Self::Count(count));
         }
-        let place = text.find(|c: char| !c.is_ascii_digit()).ok_or_else(wrong)?;
-        let (number, unit) = text.split_at(place);
-        let unit: u64 = match unit {
-            "s" => 1,
-            "min" => 60,
-            "h" => 3_600,
-            _ => return Err(wrong()),
-        };
-        let seconds = number.parse::<u64>().ok().and_then(|number| number.checked_mul(unit));
-        seconds.map(|seconds| Self::For(Duration::from_secs(seconds))).ok_or_else(wrong)
+        span(text).map(Self::For).ok_or_else(wrong)
     }
+}
+
+/// A time such as 90s, 10min or 1h.
+pub(in crate::commands) fn time(text: &str) -> Result<Duration, String> {
+    span(text).ok_or_else(|| format!("\"{text}\" is no time such as 90s, 10min or 1h"))
+}
+
+fn span(text: &str) -> Option<Duration> {
+    let (number, unit) = text.split_at(text.find(|c: char| !c.is_ascii_digit())?);
+    let unit: u64 = match unit {
+        "s" => 1,
+        "min" => 60,
+        "h" => 3_600,
+        _ => return None,
+    };
+    number.parse::<u64>().ok()?.checked_mul(unit).map(Duration::from_secs)
 }
 
 #[cfg(test)]

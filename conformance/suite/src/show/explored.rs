@@ -1,0 +1,127 @@
+//! A way that an exploration found, as traces: one for each plug-in on it.
+
+use crate::given::lines::{assignments, damaged, entry, line_settings};
+use crate::run::effect::Effect;
+use crate::run::outcome::Seen;
+use crate::run::transcript;
+use softplug_abi::Micros;
+use softplug_abi::manifest::Manifest;
+use softplug_explore::{Counterexample, Exploration, Input, Log};
+use softplug_link::LinkOptions;
+use softplug_trace::{
+    Entry, FrontMatter, HostRequest, Level, Line, LineEvent, LinkDownReason, ModemLevels, Origin,
+    Payload, Permutations, Room, Trace, What,
+};
+
+/// Bytes that stand on one line.
+const BYTES: usize = 64;
+/// Nothing more happens for so long behind the last step.
+const TAIL: Micros = Micros(1);
+
+/// The way to what must never be, as each plug-in saw it. A trace demands what the plug-in did:
+/// whoever mends it writes down what it should have done.
+///
+/// ```no_run
+/// use softplug_abi::manifest::Manifest;
+/// use softplug_conformance::traces_of_way;
+/// use softplug_explore::{Bounds, Changes, explore, plan};
+/// use std::sync::atomic::AtomicBool;
+///
+/// let module = std::fs::read("broken.wasm")?;
+/// let manifest = softplug_host::lint(&module)?.manifest;
+/// let (bounds, changes) = (Bounds::default(), Changes::default());
+/// let never = AtomicBool::new(false);
+/// let explored = explore(&module, &plan("r3964")?, &changes, &bounds, &|_| {}, &never)?;
+/// if let Some(way) = &explored.counterexample {
+///     for trace in traces_of_way(&explored, way, "r3964", &manifest) {
+///         println!("{}", trace.format());
+///     }
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn traces_of_way(
+    explored: &Exploration,
+    way: &Counterexample,
+    profile: &str,
+    manifest: &Manifest,
+) -> Vec<Trace> {
+    let trace = |(end, log): (usize, &Log)| Trace {
+        front: front(explored, way, profile, end),
+        body: body(explored, way, log, manifest),
+    };
+    way.logs.iter().enumerate().map(trace).collect()
+}
+
+fn front(explored: &Exploration, way: &Counterexample, profile: &str, end: usize) -> FrontMatter {
+    let LinkOptions { transmit_room, delivery_room, .. } = LinkOptions::default();
+    FrontMatter {
+        id: format!("{profile}.explored.{}-{end}", way.breach.name()),
+        title: format!("Found by exploring: {}", way.breach),
+        profile: profile.to_owned(),
+        clauses: vec![profile.to_owned()],
+        level: Level::Must,
+        edge: None,
+        line: line_settings(explored.line, 1),
+        config: assignments(&explored.settings[end]),
+        room: Room { transmit: Some(transmit_room), delivery: Some(delivery_room) },
+        modem: ModemLevels::default(),
+        since: 1,
+        origin: Origin::Generated { generator: "softplug-explore".to_owned(), seed: 0 },
+        permute: Permutations::ALL,
+        leaves: String::new(),
+        bytes: None,
+    }
+}
+
+fn body(
+    explored: &Exploration,
+    way: &Counterexample,
+    log: &Log,
+    manifest: &Manifest,
+) -> Vec<Line> {
+    let observed = log.observed().iter().cloned();
+    let since = |at: Micros| Micros(at.0 - explored.begin.0);
+    let seen: Vec<Seen> = observed
+        .filter_map(|(at, observed)| Some(Seen { at: since(at), effect: Effect::of(observed)? }))
+        .collect();
+    let given = log.inputs.iter();
+    let mut entries: Vec<Entry> =
+        given.map(|(at, input)| entry(since(*at), what(input, manifest))).collect();
+    let given: Vec<_> = entries.iter().map(|entry| entry.when).collect();
+    let is_cut = |at: Micros| given.iter().any(|when| when.from.0 == at.0 as u64);
+    entries.extend(transcript::entries(explored.line, manifest, &seen, BYTES, is_cut));
+    entries.sort_by_key(|entry| entry.when.from);
+    let choices = way.path.iter().filter(|choice| choice.is_fault());
+    let comments = choices.map(|choice| format!(" {choice}"));
+    let mut body: Vec<Line> = comments.map(Line::Comment).collect();
+    body.extend(entries.into_iter().map(Line::Entry));
+    body.push(Line::Entry(entry(since(log.end) + TAIL, What::Quiet)));
+    body
+}
+
+fn what(input: &Input, manifest: &Manifest) -> What {
+    What::Host(match input {
+        Input::Byte(byte) => return What::Receive(Payload::hex(&[*byte])),
+        Input::Damaged(kind, byte) => {
+            return damaged(*kind, *byte, 0);
+        }
+        Input::Down => return What::Line(LineEvent::Down(LinkDownReason::Unplugged)),
+        Input::Up => return What::Line(LineEvent::Up),
+        Input::Job { id, kind, data, .. } => HostRequest::Job {
+            id: *id,
+            kind: manifest.jobs.get(usize::from(*kind)).map_or(String::new(), |kind| {
+                kind.name.clone()
+            }),
+            fields: Vec::new(),
+            data: Payload::from_bytes(data),
+        },
+        Input::Abort(job) => HostRequest::Abort(*job),
+        Input::Pause(job) => HostRequest::Pause(*job),
+        Input::Resume(job) => HostRequest::Resume(*job),
+        Input::Force => HostRequest::ForceResume,
+        Input::Grant(id, data) => {
+            HostRequest::Grant { id: *id, data: Payload::from_bytes(data) }
+        }
+        Input::Swap => HostRequest::Swap,
+    })
+}
