@@ -30,6 +30,8 @@ pub struct Plan {
     /// Characters that come in place of another, or out of nothing: one of each class that the
     /// protocol tells apart.
     pub alphabet: &'static [u8],
+    /// The characters on the line: each takes a whole ms, so that no rounding tells states apart.
+    pub line: LineParameters,
     pub(crate) guard: Guard,
     pub(crate) make_partner: Option<fn() -> Box<dyn Partner>>,
 }
@@ -43,6 +45,9 @@ const FEW_LOW: &[(&str, &str)] =
 const FEW_HIGH: &[(&str, &str)] =
     &[("priority", "high"), ("setup_attempts", "2"), ("transmission_attempts", "2")];
 
+/// Eight bits, one of start and one of stop.
+const TEN_BITS: LineParameters = LineParameters::new(10_000);
+
 const R3964: Plan = Plan {
     profile: "r3964",
     partner: "a second plug-in",
@@ -51,6 +56,7 @@ const R3964: Plan = Plan {
     jobs: [&[b"A\x10"], &[]],
     // STX, DLE, ETX, NAK, and a character that is none of them.
     alphabet: &[0x02, 0x10, 0x03, 0x15, 0x41],
+    line: TEN_BITS,
     guard: Guard::Checked,
     make_partner: None,
 };
@@ -68,6 +74,7 @@ pub const PLANS: &[Plan] = &[
         jobs: [&[b"G1X2\n"], &[]],
         // XON, XOFF, and a character that is neither.
         alphabet: &[0x11, 0x13, 0x41],
+        line: TEN_BITS,
         guard: Guard::Open,
         make_partner: Some(|| Box::new(Reader::new())),
     },
@@ -145,8 +152,7 @@ impl Scenario {
             guard: plan.guard,
             jobs,
             asked,
-            // A character takes a whole ms, so that no rounding tells states apart.
-            line: LineParameters::new(10_000),
+            line: plan.line,
             settings,
             make_partner: plan.make_partner,
         })
