@@ -13,7 +13,7 @@ use softplug_abi::{Failure, LineErrorKind, LineParameters, LinkDownReason, Micro
 /// [`due`](Self::due), requests of the host ([`host`](Self::host)), and at last
 /// [`settled`](Self::settled). What the plug-in does in answer to one of these comes
 /// through `seen` before the next of them.
-pub trait Model {
+pub trait Model: Send {
     /// Something came from the line, or happened to it.
     fn line(&mut self, at: Micros, input: &LineInput);
 
@@ -46,6 +46,9 @@ pub trait Model {
     /// What a partner and a host could do next: mostly what makes sense in this
     /// state, now and then what is rare.
     fn propose(&self, now: Micros, dice: &mut Dice) -> Proposal;
+
+    /// A second one in the same state.
+    fn fork(&self) -> Box<dyn Model>;
 
     /// Whether that with which a long session is filled goes on.
     fn is_filled(&self) -> bool {

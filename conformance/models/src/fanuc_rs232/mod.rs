@@ -78,7 +78,7 @@ fn reader(conditions: &Conditions) -> Option<Box<dyn Model>> {
 }
 
 /// The profile's state: a reader and a punch that share a line.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Fanuc {
     rules: Rules,
     line: LineParameters,
@@ -102,6 +102,10 @@ struct Fanuc {
 }
 
 impl Model for Fanuc {
+    fn fork(&self) -> Box<dyn Model> {
+        Box::new(self.clone())
+    }
+
     fn line(&mut self, at: Micros, input: &LineInput) {
         match input {
             LineInput::Bytes(bytes) => bytes.iter().for_each(|byte| self.hear(at, *byte)),

@@ -49,7 +49,7 @@ pub(crate) fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
 }
 
 /// The host's side of a remote buffer.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct RemoteBuffer {
     rules: Rules,
     line: LineParameters,
@@ -125,6 +125,10 @@ impl RemoteBuffer {
 }
 
 impl Model for RemoteBuffer {
+    fn fork(&self) -> Box<dyn Model> {
+        Box::new(self.clone())
+    }
+
     fn line(&mut self, at: Micros, input: &LineInput) {
         match input {
             LineInput::Bytes(bytes) => {

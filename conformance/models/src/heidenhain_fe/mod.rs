@@ -176,6 +176,10 @@ struct Fe {
 }
 
 impl Model for Fe {
+    fn fork(&self) -> Box<dyn Model> {
+        Box::new(self.clone())
+    }
+
     fn line(&mut self, at: Micros, input: &LineInput) {
         self.now = at;
         match input {

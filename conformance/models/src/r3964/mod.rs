@@ -246,6 +246,10 @@ impl Station {
 }
 
 impl Model for Station {
+    fn fork(&self) -> Box<dyn Model> {
+        Box::new(self.clone())
+    }
+
     fn line(&mut self, at: Micros, input: &LineInput) {
         match input {
             LineInput::Bytes(bytes) => {

@@ -6,7 +6,7 @@ use super::layer::{Layer, Sender};
 use super::reactions::{GOOD, UNKNOWN, failure};
 use super::telegram::{Command, FIRST, FOLLOW_UP, Kind, MOST, SHORT};
 use softplug_abi::{Failure, Micros};
-use std::rc::Rc;
+use std::sync::Arc;
 
 /// Why a job fails: the failure, its status and the clause.
 pub(super) type Fault = (Failure, u16, &'static str);
@@ -17,9 +17,9 @@ pub(super) struct Job {
     pub(super) id: u32,
     pub(super) command: Command,
     /// Data that no telegram has brought to the partner.
-    pub(super) rest: Rc<Vec<u8>>,
+    pub(super) rest: Arc<Vec<u8>>,
     /// Data that reactions have brought.
-    pub(super) fetched: Rc<Vec<u8>>,
+    pub(super) fetched: Arc<Vec<u8>>,
     /// Telegrams whose reactions have come.
     pub(super) telegrams: usize,
     pub(super) stage: Stage,
@@ -83,8 +83,8 @@ impl Layer {
                 let job = Job {
                     id,
                     command,
-                    rest: Rc::new(data.to_vec()),
-                    fetched: Rc::default(),
+                    rest: Arc::new(data.to_vec()),
+                    fetched: Arc::default(),
                     telegrams: 0,
                     stage: Stage::Ready,
                     has_begun: false,
@@ -175,9 +175,9 @@ impl Layer {
         }
         // They are the host's at once.
         self.room.deliver(data.len());
-        Rc::make_mut(&mut job.fetched).extend(data);
+        Arc::make_mut(&mut job.fetched).extend(data);
         if job.command.kind == Kind::Send {
-            Rc::make_mut(&mut job.rest).drain(..part);
+            Arc::make_mut(&mut job.rest).drain(..part);
         }
         job.telegrams += 1;
         job.stage = Stage::Ready;

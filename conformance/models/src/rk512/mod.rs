@@ -29,7 +29,7 @@ use std::cell::RefCell;
 use ways::Worlds;
 
 /// One station with RK512, and its partner.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Rk512 {
     worlds: Worlds<Layer>,
     partner: RefCell<Partner>,
@@ -53,6 +53,10 @@ fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
 }
 
 impl Model for Rk512 {
+    fn fork(&self) -> Box<dyn Model> {
+        Box::new(self.clone())
+    }
+
     fn line(&mut self, at: Micros, input: &LineInput) {
         // A telegram may end in the middle of what came.
         if let LineInput::Bytes(bytes) = input {

@@ -52,7 +52,7 @@ fn start(conditions: &Conditions) -> Option<Box<dyn Model>> {
 }
 
 /// The profile's state: a sender and a receiver that share a line.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct XonXoff {
     rules: Rules,
     line: LineParameters,
@@ -71,6 +71,10 @@ struct XonXoff {
 }
 
 impl Model for XonXoff {
+    fn fork(&self) -> Box<dyn Model> {
+        Box::new(self.clone())
+    }
+
     fn line(&mut self, at: Micros, input: &LineInput) {
         let Self { rules, wire, sender, receiver, demands, .. } = self;
         let is_ignored = rules.ignores_echo && sender.job().is_some();

@@ -13,7 +13,7 @@ use softplug_abi::{LinkDownReason, Micros, ModemLines};
 use std::collections::VecDeque;
 
 /// The other side of the line, and the host.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Partner {
     /// Pieces of a message that still have to come.
     pieces: VecDeque<Proposal>,
