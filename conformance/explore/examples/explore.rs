@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             println!("  {choice}");
         }
         for (end, log) in counterexample.logs.iter().enumerate() {
-            println!("{end}: {:?}", log.observed());
+            println!("{end}: {:?}", log.observed);
         }
     }
     Ok(())

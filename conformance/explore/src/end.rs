@@ -1,30 +1,35 @@
 //! One end of the line: a plug-in with its host.
 
 use crate::hash::Hash128;
+use crate::held::Held;
 use crate::instance::{Explored, Shared};
-use crate::log::{Input, Log};
+use crate::log::Log;
 use crate::sandbox::StepFault;
-use softplug_abi::{Action, Failure, LineErrorKind, LinkDownReason, Micros};
+use softplug_abi::{Action, Failure, Micros};
 use softplug_link::{
     HoldState, Job, LinkFault, LinkHost, LinkOptions, Recorder, Supply, SwapError, VirtualLine,
 };
+use softplug_models::{Broken, Given, HostRequest, LineInput, Step};
 use std::hash::Hash;
 use std::sync::Arc;
 
 /// A job that the host gives.
 #[derive(Clone, Debug)]
 pub(crate) struct JobGiven {
-    /// Place of its kind in the manifest.
-    pub(crate) kind: u16,
-    /// Its fields as value records.
-    pub(crate) fields: Vec<u8>,
+    /// The name of its kind, and its place in the manifest.
+    pub(crate) kind: String,
+    pub(crate) place: u16,
+    /// The data is checked first.
+    pub(crate) check: bool,
     pub(crate) data: Arc<[u8]>,
 }
 
 /// A plug-in on its line, and what its host does.
 pub(crate) struct PlugIn {
-    pub(crate) line: VirtualLine<Explored>,
+    line: VirtualLine<Explored>,
     host: Host,
+    /// The profile's model, which is told everything.
+    held: Option<Held>,
     /// The same for all states.
     jobs: Arc<[JobGiven]>,
     /// Jobs that have begun.
@@ -32,6 +37,7 @@ pub(crate) struct PlugIn {
     is_down: bool,
     /// The job under way is to pause.
     is_paused: bool,
+    log: Option<Box<Log>>,
 }
 
 /// What a host is told, and what has left.
@@ -45,7 +51,8 @@ struct Host {
     put_away: u32,
     left: Vec<(Micros, u8)>,
     told: Vec<Told>,
-    log: Option<Box<Log>>,
+    /// What the model and the log are told, if there is one of them.
+    recorder: Option<Recorder>,
 }
 
 /// What a plug-in says that concerns the promises.
@@ -67,6 +74,8 @@ pub(crate) struct Did {
     /// Each character with the time at which its stop bit ends.
     pub(crate) left: Vec<(Micros, u8)>,
     pub(crate) told: Vec<Told>,
+    /// What the model says against it.
+    pub(crate) broken: Option<Broken>,
 }
 
 /// The plug-in has ended by a fault, and how, for people.
@@ -91,28 +100,34 @@ impl PlugIn {
         sandbox: &Shared,
         options: LinkOptions,
         jobs: Vec<JobGiven>,
+        held: Option<Held>,
         is_logged: bool,
     ) -> Self {
-        let line = VirtualLine::new(Explored::new(sandbox), options, 1);
-        let host = Host { log: is_logged.then(Box::default), ..Host::default() };
-        Self { line, host, jobs: jobs.into(), begun: 0, is_down: false, is_paused: false }
-    }
-
-    pub(crate) fn open(&mut self, now: Micros) -> Result<Did, Ended> {
-        self.line.link.open(now, &mut self.host)?;
-        self.go_on(now)
-    }
-
-    /// A second one in the same state. The first must have settled.
-    pub(crate) fn fork(&self) -> Self {
-        let Self { line, host, jobs, begun, is_down, is_paused } = self;
+        let recorder = (held.is_some() || is_logged).then(Recorder::default);
         Self {
-            line: line.fork(),
-            host: host.fork(),
-            jobs: Arc::clone(jobs),
-            begun: *begun,
-            is_down: *is_down,
-            is_paused: *is_paused,
+            line: VirtualLine::new(Explored::new(sandbox), options, 1),
+            host: Host { recorder, ..Host::default() },
+            held,
+            jobs: jobs.into(),
+            begun: 0,
+            is_down: false,
+            is_paused: false,
+            log: is_logged.then(Box::default),
+        }
+    }
+
+    /// A second one in the same state, of which nothing is written down. The first must have
+    /// settled.
+    pub(crate) fn fork(&self) -> Self {
+        Self {
+            line: self.line.fork(),
+            host: self.host.fork(),
+            held: self.held.as_ref().map(Held::fork),
+            jobs: Arc::clone(&self.jobs),
+            begun: self.begun,
+            is_down: self.is_down,
+            is_paused: self.is_paused,
+            log: None,
         }
     }
 
@@ -125,10 +140,10 @@ impl PlugIn {
         self.line.link.instance_mut().move_to(sandbox);
     }
 
-    /// All that decides what it does from now on.
-    pub(crate) fn hash(&self, state: &mut Hash128) {
-        self.line.link.instance().hash().hash(state);
-        self.line.hash_ahead(state);
+    /// All that decides what it does from `now` on.
+    pub(crate) fn hash(&self, now: Micros, state: &mut Hash128) {
+        self.line.link.instance().hash(now, state);
+        self.line.hash_ahead(now, state);
         let Host { source, delivered, put_away, .. } = &self.host;
         (source, delivered, put_away).hash(state);
         (self.begun, self.is_down, self.is_paused).hash(state);
@@ -167,150 +182,172 @@ impl PlugIn {
         self.line.link.hold() == HoldState::Held
     }
 
-    /// Jobs that have begun, and all that there are.
-    pub(crate) fn jobs(&self) -> (usize, &[JobGiven]) {
-        (self.begun, &self.jobs)
+    /// The job that comes next.
+    pub(crate) fn next_job(&self) -> Option<&JobGiven> {
+        self.jobs.get(self.begun)
+    }
+
+    /// The request that begins the next job.
+    pub(crate) fn begin_job(&self) -> Option<HostRequest> {
+        let JobGiven { kind, data, .. } = self.next_job()?;
+        let (id, data) = (self.begun as u32 + 1, data.to_vec());
+        Some(HostRequest::Job { id, kind: kind.clone(), fields: Vec::new(), data })
     }
 
     pub(crate) fn into_log(self, end: Micros) -> Option<Log> {
-        self.host.log.map(|log| Log { end, ..*log })
+        self.log.map(|log| Log { end, ..*log })
     }
 
-    /// What is due at `now`.
-    pub(crate) fn tick(&mut self, now: Micros) -> Result<Did, Ended> {
-        self.go_on(now)
-    }
-
-    /// A character arrives, or one that is damaged.
-    pub(crate) fn receive(
-        &mut self,
-        now: Micros,
-        byte: u8,
-        damage: Option<LineErrorKind>,
-    ) -> Result<Did, Ended> {
-        let Self { line, host, .. } = self;
-        match damage {
-            None => {
-                host.note(now, Input::Byte(byte));
-                line.link.received(now, &[byte], host)?;
-            }
-            Some(kind) => {
-                host.note(now, Input::Damaged(kind, Some(byte)));
-                line.link.line_error(now, kind, Some(byte), 0, host)?;
+    /// What happens at `now`, with what is due then. A line input comes before all else, what the
+    /// host does behind what is due.
+    pub(crate) fn instant(&mut self, now: Micros, step: &Step) -> Result<Did, Ended> {
+        let mut broken = Ok(());
+        if let Some(log) = &mut self.log
+            && *step != Step::Given(Given::Nothing)
+        {
+            log.inputs.push((now, step.clone()));
+        }
+        if let Some(held) = &mut self.held {
+            broken = held.catch_up(now);
+            if let Step::Given(Given::Line(input)) = step {
+                held.model.line(now, input);
             }
         }
-        self.go_on(now)
-    }
-
-    /// The next job begins.
-    pub(crate) fn begin_job(&mut self, now: Micros) -> Result<Did, Ended> {
-        let Some(job) = self.jobs.get(self.begun) else { return Ok(Did::default()) };
-        self.begun += 1;
-        let id = self.begun as u32;
-        self.host.source = Some((Arc::clone(&job.data), 0));
-        let JobGiven { kind, fields, data } = job.clone();
-        self.host.note(now, Input::Job { id, kind, fields, data: data.to_vec() });
-        self.line.advance(now, &mut self.host)?;
-        let job = Job {
-            id,
-            kind: job.kind,
-            size: Some(job.data.len() as u64),
-            fields: job.fields.clone(),
-            check: false,
-        };
-        self.line.link.begin_job(now, job, &mut self.host)?;
-        self.go_on(now)
-    }
-
-    pub(crate) fn abort(&mut self, now: Micros, job: u32) -> Result<Did, Ended> {
-        self.host.note(now, Input::Abort(job));
-        self.line.advance(now, &mut self.host)?;
-        self.line.link.abort(now, job, &mut self.host)?;
-        self.go_on(now)
-    }
-
-    /// The job under way is to pause, or to go on.
-    pub(crate) fn set_paused(&mut self, now: Micros, is_paused: bool) -> Result<Did, Ended> {
-        self.is_paused = is_paused;
-        let Some(job) = self.job() else { return Ok(Did::default()) };
-        self.host.note(now, if is_paused { Input::Pause(job) } else { Input::Resume(job) });
-        self.line.advance(now, &mut self.host)?;
-        if is_paused {
-            self.line.link.pause(now, job, &mut self.host)?;
-        } else {
-            self.line.link.resume(now, job, &mut self.host)?;
+        if let Step::Given(Given::Line(input)) = step {
+            self.hear(now, input)?;
+            broken = broken.and(self.tell(now));
         }
-        self.go_on(now)
-    }
-
-    pub(crate) fn force(&mut self, now: Micros) -> Result<Did, Ended> {
-        self.host.note(now, Input::Force);
-        self.line.advance(now, &mut self.host)?;
-        self.line.link.force_resume(now, &mut self.host)?;
-        self.go_on(now)
-    }
-
-    /// The port is gone, or it is back.
-    pub(crate) fn set_down(&mut self, now: Micros, is_down: bool) -> Result<Did, Ended> {
-        self.is_down = is_down;
-        if is_down {
-            self.host.note(now, Input::Down);
-            self.line.link.link_down(now, LinkDownReason::Unplugged, &mut self.host)?;
-        } else {
-            self.host.note(now, Input::Up);
-            self.line.link.link_up(now, &mut self.host)?;
+        if let Some(held) = &mut self.held {
+            broken = broken.and(held.due(now));
         }
-        self.go_on(now)
-    }
-
-    /// A new instance takes over, with the saved state of this one.
-    pub(crate) fn swap(&mut self, now: Micros) -> Result<Did, Ended> {
-        self.host.note(now, Input::Swap);
         self.line.advance(now, &mut self.host)?;
-        let successor = Explored::new(self.line.link.instance().sandbox());
-        let swapped = self.line.link.swap(now, successor, &mut self.host);
-        swapped.map_err(|error: SwapError<StepFault>| Ended(error.to_string()))?;
-        self.go_on(now)
-    }
-
-    fn go_on(&mut self, now: Micros) -> Result<Did, Ended> {
-        self.line.tick(now, &mut self.host)?;
+        broken = broken.and(self.tell(now));
+        match step {
+            Step::Given(Given::Host(request)) => {
+                if let Some(held) = &mut self.held {
+                    held.model.host(now, request);
+                }
+                self.ask(now, request)?;
+            }
+            Step::Swap => self.swap(now)?,
+            Step::Given(_) => {}
+        }
+        if !self.is_down {
+            self.line.transmit(now, &mut self.host)?;
+        }
+        broken = broken.and(self.tell(now));
+        if let Some(held) = &mut self.held {
+            broken = broken.and(held.model.settled(now));
+        }
         if self.line.link.job().is_none() {
             self.host.source = None;
             self.is_paused = false;
         }
         let Host { left, told, .. } = &mut self.host;
-        Ok(Did { left: std::mem::take(left), told: std::mem::take(told) })
+        let (left, told) = (std::mem::take(left), std::mem::take(told));
+        Ok(Did { left, told, broken: broken.err() })
+    }
+
+    /// Nothing will happen any more: what the model still waits for.
+    pub(crate) fn at_rest(&mut self) -> Option<Broken> {
+        self.held.as_mut().and_then(|held| held.at_rest().err())
+    }
+
+    fn hear(&mut self, now: Micros, input: &LineInput) -> Result<(), Ended> {
+        let Self { line: VirtualLine { link, .. }, host, .. } = self;
+        match input {
+            LineInput::Bytes(bytes) => link.received(now, bytes, host)?,
+            LineInput::Damaged { kind, byte, span } => {
+                link.line_error(now, *kind, *byte, *span, host)?;
+            }
+            LineInput::ModemLines(known, on) => link.modem_lines(now, *known, *on, host)?,
+            LineInput::Down(reason) => {
+                self.is_down = true;
+                link.link_down(now, *reason, host)?;
+            }
+            LineInput::Up => {
+                self.is_down = false;
+                link.link_up(now, host)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn ask(&mut self, now: Micros, request: &HostRequest) -> Result<(), Ended> {
+        let Self { line: VirtualLine { link, .. }, host, .. } = self;
+        match request {
+            HostRequest::Open => link.open(now, host)?,
+            HostRequest::Close => link.close(now, host)?,
+            HostRequest::Job { id, .. } => {
+                let Some(JobGiven { place, check, data, .. }) = self.jobs.get(self.begun) else {
+                    return Ok(());
+                };
+                self.begun += 1;
+                host.source = Some((Arc::clone(data), 0));
+                let (kind, check, size) = (*place, *check, Some(data.len() as u64));
+                let job = Job { id: *id, kind, size, fields: Vec::new(), check };
+                link.begin_job(now, job, host)?;
+            }
+            HostRequest::Pause(job) => {
+                self.is_paused = true;
+                link.pause(now, *job, host)?;
+            }
+            HostRequest::Resume(job) => {
+                self.is_paused = false;
+                link.resume(now, *job, host)?;
+            }
+            HostRequest::Abort(job) => link.abort(now, *job, host)?,
+            HostRequest::ForceResume => link.force_resume(now, host)?,
+            HostRequest::Answer(request, answer) => {
+                let answer = answer.as_ref().map(Vec::as_slice).map_err(|failure| *failure);
+                link.answer(now, *request, answer, host)?;
+            }
+            // All that is delivered is put away at once.
+            HostRequest::Keep | HostRequest::PutAway(_) | HostRequest::PutAllAway => {}
+        }
+        Ok(())
+    }
+
+    /// A new instance takes over, with the saved state of this one.
+    fn swap(&mut self, now: Micros) -> Result<(), Ended> {
+        let successor = Explored::new(self.line.link.instance().sandbox());
+        let swapped = self.line.link.swap(now, successor, &mut self.host);
+        swapped.map_err(|error: SwapError<StepFault>| Ended(error.to_string()))?;
+        Ok(())
+    }
+
+    /// Tells model and log what the plug-in did.
+    fn tell(&mut self, now: Micros) -> Result<(), Broken> {
+        let Some(recorder) = &mut self.host.recorder else { return Ok(()) };
+        let observed = std::mem::take(&mut recorder.observed);
+        if let Some(log) = &mut self.log {
+            log.observed.extend(observed.iter().cloned());
+        }
+        match &mut self.held {
+            Some(held) => held.tell(now, observed, &self.host.left),
+            None => Ok(()),
+        }
     }
 }
 
 impl Host {
-    /// The same for a second plug-in, of which nothing is written down.
+    /// The same for a second plug-in.
     fn fork(&self) -> Self {
-        let Self { source, delivered, put_away, left, told, log: _ } = self;
-        debug_assert!(left.is_empty() && told.is_empty(), "it has gone on");
+        let Self { source, delivered, put_away, left, told, recorder } = self;
+        debug_assert!(left.is_empty() && told.is_empty(), "they were taken");
         Self {
             source: source.clone(),
             delivered: delivered.clone(),
             put_away: *put_away,
+            recorder: recorder.clone(),
             ..Self::default()
         }
-    }
-
-    fn note(&mut self, now: Micros, input: Input) {
-        if let Some(log) = &mut self.log {
-            log.inputs.push((now, input));
-        }
-    }
-
-    fn recorder(&mut self) -> Option<&mut Recorder> {
-        self.log.as_deref_mut().map(|log| &mut log.recorder)
     }
 }
 
 impl LinkHost for Host {
     fn handle(&mut self, now: Micros, action: &Action<'_>) {
-        if let Some(recorder) = self.recorder() {
+        if let Some(recorder) = &mut self.recorder {
             recorder.handle(now, action);
         }
         match action {
@@ -353,7 +390,7 @@ impl LinkHost for Host {
     }
 
     fn on_wire(&mut self, start: Micros, byte: u8) {
-        if let Some(recorder) = self.recorder() {
+        if let Some(recorder) = &mut self.recorder {
             recorder.on_wire(start, byte);
         }
     }

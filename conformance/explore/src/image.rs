@@ -70,6 +70,12 @@ impl Image {
         let hash = state.finish_128();
         Self { blocks, across, globals, hash }
     }
+
+    /// Whether it matters when it was made.
+    pub(crate) fn has_times(&self) -> bool {
+        self.blocks.iter().any(|(_, block)| !block.is_timeless())
+            || self.globals.iter().any(|global| global.is_time)
+    }
 }
 
 impl Block {

@@ -1,8 +1,10 @@
 //! An instance of which there can be many in one sandbox.
 
+use crate::hash::Hash128;
 use crate::image::Image;
 use crate::sandbox::{Sandbox, StepFault};
 use softplug_abi::{Event, Instance, Micros, Output};
+use std::hash::Hash;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A sandbox that several instances take turns in.
@@ -13,6 +15,8 @@ pub(crate) struct Explored {
     sandbox: Shared,
     input_capacity: usize,
     image: Arc<Image>,
+    /// When the image was made: its times are as they were ahead then.
+    at: Micros,
     /// It has been stepped since the image was made: the sandbox has its state.
     lives_with: Option<u64>,
     answer: Vec<u8>,
@@ -26,7 +30,14 @@ impl Explored {
             (inside.input_capacity(), Arc::clone(inside.new_image()))
         };
         let sandbox = Arc::clone(sandbox);
-        Self { sandbox, input_capacity, image, lives_with: None, answer: Vec::new() }
+        Self {
+            sandbox,
+            input_capacity,
+            image,
+            at: Micros::ZERO,
+            lives_with: None,
+            answer: Vec::new(),
+        }
     }
 
     /// Leaves the sandbox to others.
@@ -36,13 +47,16 @@ impl Explored {
         if !sandbox.is_held_by(ticket) {
             return Err(StepFault::TwoAtOnce);
         }
-        self.image = sandbox.capture(now)?;
+        (self.image, self.at) = (sandbox.capture(now)?, now);
         Ok(())
     }
 
-    /// All that this instance will ever do, as a number. It must have settled.
-    pub(crate) fn hash(&self) -> u128 {
-        self.image.hash
+    /// Hashes all that decides what this instance does from `now` on. It must have settled.
+    pub(crate) fn hash(&self, now: Micros, state: &mut Hash128) {
+        self.image.hash.hash(state);
+        if self.image.has_times() {
+            (now.0 - self.at.0).hash(state);
+        }
     }
 
     /// Goes on in another sandbox of the same module.
@@ -68,6 +82,7 @@ impl Clone for Explored {
             sandbox: Arc::clone(&self.sandbox),
             input_capacity: self.input_capacity,
             image: Arc::clone(&self.image),
+            at: self.at,
             lives_with: None,
             answer: Vec::new(),
         }
@@ -86,7 +101,7 @@ impl Instance for Explored {
         match self.lives_with {
             Some(ticket) if !sandbox.is_held_by(ticket) => return Err(StepFault::TwoAtOnce),
             Some(_) => {}
-            None => self.lives_with = Some(sandbox.load(&self.image, now)?),
+            None => self.lives_with = Some(sandbox.load(&self.image, self.at)?),
         }
         let more = sandbox.step(event, now, &mut self.answer)?;
         Ok(Output { actions: &self.answer, more })

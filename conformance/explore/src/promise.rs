@@ -1,6 +1,7 @@
 //! What must never be, and what a protocol cannot keep from happening.
 
 use softplug_abi::Failure;
+use softplug_models::Broken;
 use std::fmt;
 
 /// Something that a plug-in must never do, or let happen.
@@ -48,6 +49,13 @@ pub enum Breach {
     StandsStill,
     /// It goes on for ever without coming to an end.
     NeverEnds,
+    /// It breaks a rule of the profile, as its model has it.
+    Rule {
+        /// The clause.
+        clause: String,
+        /// What is wrong, for people.
+        message: String,
+    },
     /// The plug-in ended by a fault, or broke a rule of the ABI.
     Fault {
         /// How, for people.
@@ -69,8 +77,15 @@ impl Breach {
             Self::SentWhileHeld => "sent-while-held",
             Self::StandsStill => "stands-still",
             Self::NeverEnds => "never-ends",
+            Self::Rule { .. } => "rule",
             Self::Fault { .. } => "fault",
         }
+    }
+}
+
+impl From<Broken> for Breach {
+    fn from(Broken { clause, message }: Broken) -> Self {
+        Self::Rule { clause: clause.to_owned(), message }
     }
 }
 
@@ -93,6 +108,7 @@ impl fmt::Display for Breach {
             Self::SentWhileHeld => write!(f, "a character left though the partner held it"),
             Self::StandsStill => write!(f, "something is under way and nothing will happen"),
             Self::NeverEnds => write!(f, "it goes on for ever and comes to no end"),
+            Self::Rule { clause, message } => write!(f, "{clause}: {message}"),
             Self::Fault { message } => write!(f, "{message}"),
         }
     }

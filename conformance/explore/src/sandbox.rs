@@ -124,7 +124,7 @@ impl Sandbox {
         self.ticket == ticket
     }
 
-    /// Lets `image` go on from `now`. Whoever was here before is not any more.
+    /// Lets an image go on that was made at `now`. Whoever was here before is not any more.
     pub(crate) fn load(&mut self, image: &Arc<Image>, now: Micros) -> Result<u64, StepFault> {
         self.ticket += 1;
         if self.sessions.iter().any(|session| session.fault().is_some()) {

@@ -4,9 +4,11 @@ use crate::ExploreError;
 use crate::end::JobGiven;
 use crate::partner::{Partner, Reader};
 use crate::promise::Guard;
-use softplug_abi::LineParameters;
+use softplug_abi::{LineParameters, Micros};
 use softplug_abi::manifest::{Manifest, SettingValues};
 use softplug_link::LinkOptions;
+use softplug_models::{Conditions, Model, Profile, Settings};
+use std::sync::Arc;
 
 /// How a profile is explored by default.
 ///
@@ -105,6 +107,8 @@ pub struct Changes {
     pub settings: [Vec<(String, String)>; 2],
     /// Jobs of each end.
     pub jobs: [Option<Vec<Vec<u8>>>; 2],
+    /// The plug-in is not held to the profile's model: only the promises count.
+    pub without_model: bool,
 }
 
 /// What is explored.
@@ -113,10 +117,12 @@ pub(crate) struct Scenario {
     pub(crate) alphabet: &'static [u8],
     pub(crate) guard: Guard,
     pub(crate) jobs: [Vec<JobGiven>; 2],
+    pub(crate) manifest: Arc<Manifest>,
     /// As they were asked for.
     pub(crate) asked: [Vec<(String, String)>; 2],
     line: LineParameters,
     settings: [SettingValues; 2],
+    model: Option<&'static Profile>,
     pub(crate) make_partner: Option<fn() -> Box<dyn Partner>>,
 }
 
@@ -142,12 +148,17 @@ impl Scenario {
                 .map_err(|error| ExploreError::Setting(error.to_string()))
         };
         let settings = [resolve(&asked[0])?, resolve(&asked[1])?];
-        let job = |data: &[u8]| JobGiven { kind: 0, fields: Vec::new(), data: data.into() };
+        let kind = manifest.jobs.first().map_or_else(String::new, |kind| kind.name.clone());
+        let check = manifest.needs.check_pass;
+        let job =
+            |data: &[u8]| JobGiven { kind: kind.clone(), place: 0, check, data: data.into() };
         let jobs = [0, 1].map(|end| match &changes.jobs[end] {
             Some(jobs) => jobs.iter().map(|data| job(data)).collect(),
             None => plan.jobs[end].iter().map(|data| job(data)).collect(),
         });
         Ok(Self {
+            model: softplug_models::profile(plan.profile).filter(|_| !changes.without_model),
+            manifest: Arc::new(manifest.clone()),
             alphabet: plan.alphabet,
             guard: plan.guard,
             jobs,
@@ -164,6 +175,28 @@ impl Scenario {
             settings: self.settings[end].clone(),
             ..LinkOptions::default()
         }
+    }
+
+    /// The profile's model, if it has one for these settings.
+    pub(crate) fn model(&self, end: usize) -> Option<Box<dyn Model>> {
+        let LinkOptions { line, transmit_room, delivery_room, modem_lines, settings } =
+            self.options(end);
+        let conditions = Conditions {
+            line,
+            depth: 1,
+            transmit_room,
+            delivery_room,
+            modem_lines,
+            settings: Settings::new(&self.manifest, &settings),
+            clock: Micros::ZERO,
+            pieces: usize::MAX,
+            has_sizes: true,
+            job_base: 0,
+            is_preset: false,
+            long: None,
+            is_usual: false,
+        };
+        (self.model?.start)(&conditions)
     }
 
     pub(crate) fn line(&self) -> LineParameters {

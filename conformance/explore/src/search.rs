@@ -143,7 +143,7 @@ impl Search<'_> {
                 frontier: frontier.len() as u64,
             };
             tell(progress);
-            let Some(level) = self.expand(&frontier, &sandboxes, &is_over) else {
+            let Some(level) = self.expand(frontier, &sandboxes, &is_over) else {
                 return Ok(false);
             };
             frontier = self.merge(level);
@@ -161,28 +161,31 @@ impl Search<'_> {
     /// What comes of every state of the frontier; `None` if it is over before.
     fn expand(
         &self,
-        frontier: &Frontier,
+        frontier: Frontier,
         sandboxes: &[Vec<Shared>],
         is_over: &(dyn Fn() -> bool + Sync),
     ) -> Option<Expanded> {
         // Small pieces, so that no thread waits long for another.
         const PIECE: usize = 64;
-        let pieces: Mutex<_> = Mutex::new(frontier.chunks(PIECE));
+        let is_small = frontier.len() <= PIECE;
+        let rest = Mutex::new(frontier.into_iter());
         let known = &self.graph;
         let work = |sandboxes: &[Shared]| {
             let mut level = Expanded::default();
             loop {
-                let piece = pieces.lock().ok()?.next();
-                let Some(piece) = piece else { return Some(level) };
+                let piece: Frontier = rest.lock().ok()?.by_ref().take(PIECE).collect();
+                if piece.is_empty() {
+                    return Some(level);
+                }
                 if is_over() {
                     return None;
                 }
                 for (number, world) in piece {
-                    level.expand(*number, world, sandboxes, known);
+                    level.expand(number, &world, sandboxes, known);
                 }
             }
         };
-        if sandboxes.len() == 1 || frontier.len() <= PIECE {
+        if sandboxes.len() == 1 || is_small {
             return work(&sandboxes[0]);
         }
         std::thread::scope(|scope| {

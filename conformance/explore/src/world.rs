@@ -2,14 +2,16 @@
 
 use crate::choice::{Choice, Damage};
 use crate::course::Course;
-use crate::end::{Did, Ended, PlugIn, Told};
+use crate::end::{Did, Ended, JobGiven, PlugIn, Told};
+use crate::held::Held;
 use crate::hash::Hash128;
 use crate::instance::Shared;
 use crate::log::Log;
 use crate::partner::Partner;
 use crate::promise::{Breach, Wrong};
 use crate::scenario::Scenario;
-use softplug_abi::{LineErrorKind, Micros};
+use softplug_abi::{LineErrorKind, LinkDownReason, Micros};
+use softplug_models::{Given, HostRequest, LineInput, Step};
 use std::collections::VecDeque;
 use std::hash::Hash;
 use std::sync::Arc;
@@ -65,7 +67,9 @@ impl World {
         let now = BEGIN;
         let plugin = |end: usize| {
             let options = scenario.options(end);
-            PlugIn::new(&sandboxes[end], options, scenario.jobs[end].clone(), is_logged)
+            let model = scenario.model(end);
+            let held = model.map(|model| Held::new(model, Arc::clone(&scenario.manifest)));
+            PlugIn::new(&sandboxes[end], options, scenario.jobs[end].clone(), held, is_logged)
         };
         let first = End::PlugIn(Box::new(plugin(0)));
         let second =
@@ -79,12 +83,13 @@ impl World {
             faults_left: faults,
             scenario: Arc::clone(scenario),
         };
-        for at in 0..2 {
-            let did = match &mut world.ends[at] {
-                End::PlugIn(plugin) => plugin.open(now)?,
-                End::Partner(_) => continue,
-            };
-            world.take(at, did, &mut Outcome::default());
+        let open = Step::Given(Given::Host(HostRequest::Open));
+        for end in 0..2 {
+            let mut outcome = Outcome::default();
+            world.ask(end, &mut outcome, &open)?;
+            if let Some(breach) = outcome.breach {
+                return Err(Ended(breach.to_string()));
+            }
         }
         world.settle()?;
         Ok(world)
@@ -121,7 +126,7 @@ impl World {
         let mut state = Hash128::new();
         for end in &self.ends {
             match end {
-                End::PlugIn(plugin) => plugin.hash(&mut state),
+                End::PlugIn(plugin) => plugin.hash(self.now, &mut state),
                 End::Partner(partner) => partner.hash(self.now, &mut state),
             }
         }
@@ -143,14 +148,13 @@ impl World {
             choices.push(Choice::Next);
         }
         for (at, plugin) in self.plugins() {
-            let (begun, jobs) = plugin.jobs();
             // Where nothing else is due, these are the usual.
             if plugin.is_paused() {
                 choices.push(Choice::Resume(at));
             }
             if plugin.is_down() {
                 choices.push(Choice::Up(at));
-            } else if plugin.job().is_none() && begun < jobs.len() {
+            } else if plugin.job().is_none() && plugin.next_job().is_some() {
                 choices.push(Choice::Begin(at));
             }
         }
@@ -183,7 +187,8 @@ impl World {
                 choices.extend(alphabet.iter().map(|byte| Choice::Inserted(end, *byte)));
             }
         }
-        for (end, plugin) in self.plugins() {
+        // Of a port that is gone a host asks nothing.
+        for (end, plugin) in self.plugins().filter(|(_, plugin)| !plugin.is_down()) {
             if plugin.job().is_some() {
                 choices.push(Choice::Abort(end));
                 if !plugin.is_paused() {
@@ -196,9 +201,7 @@ impl World {
             if plugin.is_held() {
                 choices.push(Choice::Force(end));
             }
-            if !plugin.is_down() {
-                choices.extend([Choice::Down(end), Choice::Swap(end)]);
-            }
+            choices.extend([Choice::Down(end), Choice::Swap(end)]);
         }
     }
 
@@ -277,33 +280,46 @@ impl World {
             Choice::Begin(end) => {
                 self.courses[end].begin();
                 self.tell_partner_of_job(end);
-                self.ask(end, outcome, PlugIn::begin_job)
+                self.request(end, outcome, PlugIn::begin_job)
             }
-            Choice::Abort(end) => self.ask(end, outcome, |plugin, now| {
-                let job = plugin.job().unwrap_or_default();
-                plugin.abort(now, job)
-            }),
+            Choice::Abort(end) => {
+                self.request(end, outcome, |plugin| plugin.job().map(HostRequest::Abort))
+            }
             Choice::AbortDelivery(end) => {
-                self.ask(end, outcome, |plugin, now| plugin.abort(now, 0))
+                self.request(end, outcome, |_| Some(HostRequest::Abort(0)))
             }
             Choice::Pause(end) => {
-                self.ask(end, outcome, |plugin, now| plugin.set_paused(now, true))
+                self.request(end, outcome, |plugin| plugin.job().map(HostRequest::Pause))
             }
             Choice::Resume(end) => {
-                self.ask(end, outcome, |plugin, now| plugin.set_paused(now, false))
+                self.request(end, outcome, |plugin| plugin.job().map(HostRequest::Resume))
             }
-            Choice::Force(end) => self.ask(end, outcome, PlugIn::force),
+            Choice::Force(end) => {
+                self.request(end, outcome, |_| Some(HostRequest::ForceResume))
+            }
             Choice::Down(end) => {
-                self.ask(end, outcome, |plugin, now| plugin.set_down(now, true))
+                let input = LineInput::Down(LinkDownReason::Unplugged);
+                self.ask(end, outcome, &Step::Given(Given::Line(input)))
             }
             Choice::Up(end) => {
                 if let End::Partner(partner) = &mut self.ends[1 - end] {
                     partner.port_is_back();
                 }
-                self.ask(end, outcome, |plugin, now| plugin.set_down(now, false))
+                self.ask(end, outcome, &Step::Given(Given::Line(LineInput::Up)))
             }
-            Choice::Swap(end) => self.ask(end, outcome, PlugIn::swap),
+            Choice::Swap(end) => self.ask(end, outcome, &Step::Swap),
         }
+    }
+
+    fn request(
+        &mut self,
+        end: usize,
+        outcome: &mut Outcome,
+        request: impl FnOnce(&PlugIn) -> Option<HostRequest>,
+    ) -> Result<(), Ended> {
+        let End::PlugIn(plugin) = &self.ends[end] else { return Ok(()) };
+        let Some(request) = request(plugin) else { return Ok(()) };
+        self.ask(end, outcome, &Step::Given(Given::Host(request)))
     }
 
     /// Everything on the way to this end comes later, the first one with or after its timer.
@@ -320,9 +336,8 @@ impl World {
         let [first, second] = &mut self.ends;
         let (own, other) = if end == 0 { (first, second) } else { (second, first) };
         if let (End::PlugIn(plugin), End::Partner(partner)) = (own, other) {
-            let (begun, jobs) = plugin.jobs();
-            if let Some(job) = jobs.get(begun) {
-                partner.begins(&job.data);
+            if let Some(JobGiven { data, .. }) = plugin.next_job() {
+                partner.begins(data);
             }
         }
     }
@@ -334,14 +349,10 @@ impl World {
         }
     }
 
-    fn ask(
-        &mut self,
-        end: usize,
-        outcome: &mut Outcome,
-        ask: impl FnOnce(&mut PlugIn, Micros) -> Result<Did, Ended>,
-    ) -> Result<(), Ended> {
+    /// Something happens at an end where a plug-in is.
+    fn ask(&mut self, end: usize, outcome: &mut Outcome, step: &Step) -> Result<(), Ended> {
         let End::PlugIn(plugin) = &mut self.ends[end] else { return Ok(()) };
-        let did = ask(plugin, self.now)?;
+        let did = plugin.instant(self.now, step)?;
         self.take(end, did, outcome);
         Ok(())
     }
@@ -359,9 +370,16 @@ impl World {
         match &mut self.ends[end] {
             // What arrives at a port that is gone is lost.
             End::PlugIn(_) if is_down => {}
-            End::PlugIn(plugin) => {
-                let did = plugin.receive(self.now, byte, damage)?;
-                self.take(end, did, outcome);
+            End::PlugIn(_) => {
+                let input = match damage {
+                    None => LineInput::Bytes(vec![byte]),
+                    // A break has no character.
+                    Some(kind @ LineErrorKind::Break) => {
+                        LineInput::Damaged { kind, byte: None, span: 0 }
+                    }
+                    Some(kind) => LineInput::Damaged { kind, byte: Some(byte), span: 0 },
+                };
+                self.ask(end, outcome, &Step::Given(Given::Line(input)))?;
             }
             End::Partner(partner) => {
                 let sent = partner.receive(self.now, byte, damage);
@@ -373,10 +391,7 @@ impl World {
 
     fn tick(&mut self, end: usize, outcome: &mut Outcome) -> Result<(), Ended> {
         match &mut self.ends[end] {
-            End::PlugIn(plugin) => {
-                let did = plugin.tick(self.now)?;
-                self.take(end, did, outcome);
-            }
+            End::PlugIn(_) => self.ask(end, outcome, &Step::Given(Given::Nothing))?,
             End::Partner(partner) => {
                 let sent = partner.tick(self.now);
                 self.put_on_way(end, sent.left);
@@ -396,6 +411,9 @@ impl World {
         for told in &did.told {
             let breach = self.told(end, told);
             self.judge(breach, outcome);
+        }
+        if outcome.breach.is_none() {
+            outcome.breach = did.broken.map(Breach::from);
         }
     }
 
@@ -430,11 +448,17 @@ impl World {
     }
 
     /// Nothing is due any more.
-    fn at_rest(&self) -> Option<Breach> {
-        let mut plugins = self.plugins();
+    fn at_rest(&mut self) -> Option<Breach> {
         // It is the host's turn.
-        if plugins.any(|(_, plugin)| plugin.is_paused() || plugin.is_down()) {
+        if self.plugins().any(|(_, plugin)| plugin.is_paused() || plugin.is_down()) {
             return None;
+        }
+        for end in &mut self.ends {
+            if let End::PlugIn(plugin) = end
+                && let Some(broken) = plugin.at_rest()
+            {
+                return Some(Breach::from(broken));
+            }
         }
         let stands = self.plugins().any(|(_, plugin)| plugin.job().is_some());
         let partners = self.ends.iter().filter_map(|end| match end {

@@ -392,38 +392,15 @@ impl<'a, I: Instance> Drive<'a, I> {
         told.map_err(|broken| Finding::Broken { at, broken })
     }
 
-    /// As a model sees it; notes, state names and what the link does itself are not
-    /// seen.
+    /// As a model sees it, with the session's ids of jobs.
     fn effect(&self, observed: Observed) -> Option<Effect> {
-        Some(match observed {
-            Observed::Byte(byte) => Effect::Byte(byte),
-            Observed::Break(micros) => Effect::Break(micros),
-            Observed::ModemLines(mask, on) => Effect::ModemLines(mask, on),
-            Observed::Delivery(delivery) => Effect::Delivered {
-                id: delivery.id,
-                bytes: delivery.bytes,
-                name: delivery.name,
-                failure: delivery.failure,
-                status: delivery.status,
-            },
-            Observed::Done { job, sent } => Effect::Done { job: self.of_session(job), sent },
-            Observed::Failed { job, failure, status, sent } => {
-                Effect::Failed { job: self.of_session(job), failure, status, sent }
-            }
-            Observed::Checked { job, failure, status, line, column } => {
-                Effect::Checked { job: self.of_session(job), failure, status, line, column }
-            }
-            Observed::Request { request, kind, fields } => {
-                let kind = self.manifest.requests.get(usize::from(kind));
-                let named = kind.map(|kind| kind.assignments(&fields)).unwrap_or_default();
-                let kind = kind.map(|kind| kind.name.clone()).unwrap_or_default();
-                Effect::Requested { id: request, kind, fields: named }
-            }
-            Observed::Withdraw(request) => Effect::Withdrawn(request),
-            Observed::Hold | Observed::Release | Observed::Note(..) | Observed::State(_) => {
-                return None;
-            }
-        })
+        let mut effect = Effect::of(observed, self.manifest)?;
+        if let Effect::Done { job, .. } | Effect::Failed { job, .. } | Effect::Checked { job, .. } =
+            &mut effect
+        {
+            *job = self.of_session(*job);
+        }
+        Some(effect)
     }
 }
 

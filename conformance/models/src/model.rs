@@ -3,7 +3,9 @@
 
 use crate::dice::Dice;
 use crate::settings::Settings;
+use softplug_abi::manifest::Manifest;
 use softplug_abi::{Failure, LineErrorKind, LineParameters, LinkDownReason, Micros, ModemLines};
+use softplug_link::Observed;
 
 /// An executable specification of one profile: slow and obvious.
 ///
@@ -180,6 +182,53 @@ pub enum Effect {
     },
     /// It withdraws a request.
     Withdrawn(u32),
+}
+
+impl Effect {
+    /// As a model sees it; notes, state names and what the link does itself are not seen.
+    ///
+    /// ```
+    /// use softplug_abi::manifest::Manifest;
+    /// use softplug_link::Observed;
+    /// use softplug_models::Effect;
+    /// use softplug_native::NativePlugin;
+    ///
+    /// let manifest = Manifest::parse(NativePlugin::XonXoff.manifest().as_bytes())?;
+    /// assert_eq!(Effect::of(Observed::Byte(0x13), &manifest), Some(Effect::Byte(0x13)));
+    /// assert_eq!(Effect::of(Observed::Hold, &manifest), None);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn of(observed: Observed, manifest: &Manifest) -> Option<Self> {
+        Some(match observed {
+            Observed::Byte(byte) => Self::Byte(byte),
+            Observed::Break(micros) => Self::Break(micros),
+            Observed::ModemLines(mask, on) => Self::ModemLines(mask, on),
+            Observed::Delivery(delivery) => Self::Delivered {
+                id: delivery.id,
+                bytes: delivery.bytes,
+                name: delivery.name,
+                failure: delivery.failure,
+                status: delivery.status,
+            },
+            Observed::Done { job, sent } => Self::Done { job, sent },
+            Observed::Failed { job, failure, status, sent } => {
+                Self::Failed { job, failure, status, sent }
+            }
+            Observed::Checked { job, failure, status, line, column } => {
+                Self::Checked { job, failure, status, line, column }
+            }
+            Observed::Request { request, kind, fields } => {
+                let kind = manifest.requests.get(usize::from(kind));
+                let named = kind.map(|kind| kind.assignments(&fields)).unwrap_or_default();
+                let kind = kind.map(|kind| kind.name.clone()).unwrap_or_default();
+                Self::Requested { id: request, kind, fields: named }
+            }
+            Observed::Withdraw(request) => Self::Withdrawn(request),
+            Observed::Hold | Observed::Release | Observed::Note(..) | Observed::State(_) => {
+                return None;
+            }
+        })
+    }
 }
 
 /// A rule of a profile that a plug-in has broken.

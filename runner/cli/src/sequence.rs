@@ -3,8 +3,9 @@
 use std::fmt::Write as _;
 
 use softplug_abi::Micros;
-use softplug_explore::{Exploration, Input, Log};
+use softplug_explore::{Exploration, Log};
 use softplug_link::Observed;
+use softplug_models::{Given, HostRequest, LineInput, Step};
 
 /// Width of what each end says beside its line.
 const SIDE: usize = 34;
@@ -32,30 +33,42 @@ fn partner(plug_ins: usize) -> &'static str {
 }
 
 fn said(log: &Log) -> Vec<(Micros, String)> {
-    let given = log.inputs.iter().map(|(at, input)| (*at, given(input)));
-    let did = log.observed().iter().filter_map(|(at, observed)| Some((*at, did(observed)?)));
+    let given = log.inputs.iter().filter_map(|(at, step)| Some((*at, given(step)?)));
+    let did = log.observed.iter().filter_map(|(at, observed)| Some((*at, did(observed)?)));
     // At one time, what is given comes first.
     let mut all: Vec<_> = given.chain(did).collect();
     all.sort_by_key(|(at, _)| *at);
     all
 }
 
-fn given(input: &Input) -> String {
-    match input {
-        Input::Byte(byte) => format!("-> {byte:02X}"),
-        Input::Damaged(kind, Some(byte)) => format!("-> {byte:02X} ({})", kind.name()),
-        Input::Damaged(kind, None) => format!("-> {}", kind.name()),
-        Input::Job { id, data, .. } => format!("job {id}:{}", bytes(data)),
-        Input::Abort(0) => "abort the delivery".to_owned(),
-        Input::Abort(job) => format!("abort job {job}"),
-        Input::Pause(job) => format!("pause job {job}"),
-        Input::Resume(job) => format!("resume job {job}"),
-        Input::Force => "force".to_owned(),
-        Input::Grant(request, _) => format!("grant request {request}"),
-        Input::Down => "port gone".to_owned(),
-        Input::Up => "port back".to_owned(),
-        Input::Swap => "new instance takes over".to_owned(),
-    }
+fn given(step: &Step) -> Option<String> {
+    Some(match step {
+        Step::Swap => "new instance takes over".to_owned(),
+        Step::Given(Given::Nothing) => return None,
+        Step::Given(Given::Line(input)) => match input {
+            LineInput::Bytes(data) => format!("->{}", bytes(data)),
+            LineInput::Damaged { kind, byte: Some(byte), .. } => {
+                format!("-> {byte:02X} ({})", kind.name())
+            }
+            LineInput::Damaged { kind, .. } => format!("-> {}", kind.name()),
+            LineInput::ModemLines(..) => "modem lines".to_owned(),
+            LineInput::Down(_) => "port gone".to_owned(),
+            LineInput::Up => "port back".to_owned(),
+        },
+        Step::Given(Given::Host(request)) => match request {
+            HostRequest::Open | HostRequest::Close => return None,
+            HostRequest::Job { id, data, .. } => format!("job {id}:{}", bytes(data)),
+            HostRequest::Pause(job) => format!("pause job {job}"),
+            HostRequest::Resume(job) => format!("resume job {job}"),
+            HostRequest::Abort(0) => "abort the delivery".to_owned(),
+            HostRequest::Abort(job) => format!("abort job {job}"),
+            HostRequest::ForceResume => "force".to_owned(),
+            HostRequest::Keep | HostRequest::PutAway(_) | HostRequest::PutAllAway => {
+                "room".to_owned()
+            }
+            HostRequest::Answer(request, _) => format!("answer to request {request}"),
+        },
+    })
 }
 
 fn did(observed: &Observed) -> Option<String> {

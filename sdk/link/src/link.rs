@@ -168,7 +168,7 @@ impl<I: Instance> Link<I> {
     /// # }
     /// let hash = |link: &Link<Plugin>| {
     ///     let mut state = DefaultHasher::new();
-    ///     link.hash_ahead(&mut state);
+    ///     link.hash_ahead(link.now(), &mut state);
     ///     state.finish()
     /// };
     /// let echo = plugin(|event, actions| match event {
@@ -208,13 +208,13 @@ impl<I: Instance> Link<I> {
         }
     }
 
-    /// Hashes all that decides what this link does from now on, but for the instance: times as
-    /// they are ahead of now, characters by how many have yet to leave. How many steps there were
+    /// Hashes all that decides what this link does from `now` on, but for the instance: times as
+    /// they are ahead, characters by how many have yet to leave. How many steps there were
     /// at this instant is left out, and so are the line and the settings, which never change.
-    pub fn hash_ahead(&self, state: &mut impl Hasher) {
+    pub fn hash_ahead(&self, now: Micros, state: &mut impl Hasher) {
         (self.is_open, self.down, self.has_ended).hash(state);
         self.options.modem_lines.hash(state);
-        self.core.hash_ahead(self.now, state);
+        self.core.hash_ahead(now, state);
     }
 
     /// Gives the settings, then opens.

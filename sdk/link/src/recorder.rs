@@ -105,7 +105,7 @@ pub struct Delivery {
 /// let whole = Delivery { id: 1, bytes: b"%\nO1\n".to_vec(), ..Delivery::default() };
 /// assert_eq!(host.observed, [(Micros(9_000), Observed::Delivery(whole))]);
 /// ```
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Recorder {
     /// All that happened, in order. The time of a byte is that of its start bit.
     pub observed: Vec<(Micros, Observed)>,

@@ -37,9 +37,8 @@ impl<I: Instance> VirtualLine<I> {
     }
 
     /// As [`Link::hash_ahead`], with what is on the wire.
-    pub fn hash_ahead(&self, state: &mut impl Hasher) {
-        let now = self.link.now();
-        self.link.hash_ahead(state);
+    pub fn hash_ahead(&self, now: Micros, state: &mut impl Hasher) {
+        self.link.hash_ahead(now, state);
         self.wire.hash_ahead(now, state);
         self.break_until.map(|until| until.0 - now.0).hash(state);
     }

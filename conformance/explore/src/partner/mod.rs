@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 /// A machine at the other end: a small state machine that can be copied, and that holds what
 /// the plug-in does against what it did itself.
-pub(crate) trait Partner: Send + Sync {
+pub(crate) trait Partner: Send {
     fn fork(&self) -> Box<dyn Partner>;
 
     /// All that decides what it does from `now` on, with times as they are ahead.

@@ -4,6 +4,8 @@ mod group;
 mod trace;
 
 pub(crate) use group::model_of;
+#[cfg(feature = "wasmtime")]
+pub(crate) use trace::given_as;
 pub use group::{FailedSession, GroupRun, SessionGroup};
 
 #[cfg(feature = "wasmtime")]

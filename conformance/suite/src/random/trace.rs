@@ -38,7 +38,7 @@ pub(super) fn of_session(
         .steps
         .iter()
         .skip(1)
-        .filter_map(|(at, step)| Some(entry(*at, given(step, known)?)))
+        .filter_map(|(at, step)| Some(entry(*at, given_as(step, known)?)))
         .collect();
     let is_cut = |at: Micros| entries.iter().any(|entry| micros(entry) == at);
     entries.extend(transcript::entries(conditions.line, manifest, &seen, BYTES, is_cut));
@@ -89,7 +89,7 @@ fn micros(entry: &Entry) -> Micros {
 }
 
 /// `None` for what is no line of a trace: time that goes by, and modem lines that the port has not.
-fn given(step: &Step, known: ModemLines) -> Option<What> {
+pub(crate) fn given_as(step: &Step, known: ModemLines) -> Option<What> {
     Some(match step {
         Step::Swap => What::Host(HostRequest::Swap),
         Step::Given(Given::Nothing) => return None,

@@ -1,16 +1,16 @@
 //! A way that an exploration found, as traces: one for each plug-in on it.
 
-use crate::given::lines::{assignments, damaged, entry, line_settings};
+use crate::given::lines::{assignments, entry, line_settings};
+use crate::random::given_as;
 use crate::run::effect::Effect;
 use crate::run::outcome::Seen;
 use crate::run::transcript;
-use softplug_abi::Micros;
+use softplug_abi::{Micros, ModemLines};
 use softplug_abi::manifest::Manifest;
-use softplug_explore::{Counterexample, Exploration, Input, Log};
+use softplug_explore::{Breach, Counterexample, Exploration, Log};
 use softplug_link::LinkOptions;
 use softplug_trace::{
-    Entry, FrontMatter, HostRequest, Level, Line, LineEvent, LinkDownReason, ModemLevels, Origin,
-    Payload, Permutations, Room, Trace, What,
+    Entry, FrontMatter, Level, Line, ModemLevels, Origin, Permutations, Room, Trace, What,
 };
 
 /// Bytes that stand on one line.
@@ -58,7 +58,10 @@ fn front(explored: &Exploration, way: &Counterexample, profile: &str, end: usize
         id: format!("{profile}.explored.{}-{end}", way.breach.name()),
         title: format!("Found by exploring: {}", way.breach),
         profile: profile.to_owned(),
-        clauses: vec![profile.to_owned()],
+        clauses: vec![match &way.breach {
+            Breach::Rule { clause, .. } => clause.clone(),
+            _ => profile.to_owned(),
+        }],
         level: Level::Must,
         edge: None,
         line: line_settings(explored.line, 1),
@@ -79,14 +82,16 @@ fn body(
     log: &Log,
     manifest: &Manifest,
 ) -> Vec<Line> {
-    let observed = log.observed().iter().cloned();
+    let observed = log.observed.iter().cloned();
     let since = |at: Micros| Micros(at.0 - explored.begin.0);
     let seen: Vec<Seen> = observed
         .filter_map(|(at, observed)| Some(Seen { at: since(at), effect: Effect::of(observed)? }))
         .collect();
-    let given = log.inputs.iter();
-    let mut entries: Vec<Entry> =
-        given.map(|(at, input)| entry(since(*at), what(input, manifest))).collect();
+    // A trace opens the link by itself.
+    let given = log.inputs.iter().skip(1);
+    let mut entries: Vec<Entry> = given
+        .filter_map(|(at, step)| Some(entry(since(*at), given_as(step, ModemLines::default())?)))
+        .collect();
     let given: Vec<_> = entries.iter().map(|entry| entry.when).collect();
     let is_cut = |at: Micros| given.iter().any(|when| when.from.0 == at.0 as u64);
     entries.extend(transcript::entries(explored.line, manifest, &seen, BYTES, is_cut));
@@ -97,31 +102,4 @@ fn body(
     body.extend(entries.into_iter().map(Line::Entry));
     body.push(Line::Entry(entry(since(log.end) + TAIL, What::Quiet)));
     body
-}
-
-fn what(input: &Input, manifest: &Manifest) -> What {
-    What::Host(match input {
-        Input::Byte(byte) => return What::Receive(Payload::hex(&[*byte])),
-        Input::Damaged(kind, byte) => {
-            return damaged(*kind, *byte, 0);
-        }
-        Input::Down => return What::Line(LineEvent::Down(LinkDownReason::Unplugged)),
-        Input::Up => return What::Line(LineEvent::Up),
-        Input::Job { id, kind, data, .. } => HostRequest::Job {
-            id: *id,
-            kind: manifest.jobs.get(usize::from(*kind)).map_or(String::new(), |kind| {
-                kind.name.clone()
-            }),
-            fields: Vec::new(),
-            data: Payload::from_bytes(data),
-        },
-        Input::Abort(job) => HostRequest::Abort(*job),
-        Input::Pause(job) => HostRequest::Pause(*job),
-        Input::Resume(job) => HostRequest::Resume(*job),
-        Input::Force => HostRequest::ForceResume,
-        Input::Grant(id, data) => {
-            HostRequest::Grant { id: *id, data: Payload::from_bytes(data) }
-        }
-        Input::Swap => HostRequest::Swap,
-    })
 }

@@ -59,6 +59,9 @@ pub(crate) struct Arguments {
     /// A setting of a partner that is a plug-in
     #[arg(long = "peer-set", value_name = "NAME=VALUE", value_parser = setting)]
     peer_settings: Vec<(String, String)>,
+    /// Hold the plug-in to the promises alone, not to each rule of the profile
+    #[arg(long)]
+    without_model: bool,
     /// At most so many choices one after the other
     #[arg(long, value_name = "N")]
     depth: Option<u32>,
@@ -117,6 +120,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let changes = Changes {
         settings: [arguments.settings.clone(), peer_settings],
         jobs: [jobs(&arguments.data), jobs(&arguments.peer_data)],
+        without_model: arguments.without_model,
     };
     let threads = arguments.threads.map(usize::from);
     let all = || std::thread::available_parallelism().map_or(1, usize::from);
