@@ -251,7 +251,7 @@ impl World {
             Choice::Doubled(end) => {
                 if let Some(coming) = self.ways[end].front().copied() {
                     self.ways[end].push_front(coming);
-                    self.now = coming.at;
+                    self.now = self.now.max(coming.at);
                     self.arrival(end, outcome)?;
                 }
                 self.arrival(end, outcome)
@@ -259,14 +259,14 @@ impl World {
             Choice::Altered(end, byte) => {
                 if let Some(coming) = self.ways[end].front_mut() {
                     coming.byte = byte;
-                    self.now = coming.at;
+                    self.now = self.now.max(coming.at);
                 }
                 self.arrival(end, outcome)
             }
             Choice::Damaged(end, damage) => {
                 if let Some(coming) = self.ways[end].front_mut() {
                     coming.damage = Some(damage.kind());
-                    self.now = coming.at;
+                    self.now = self.now.max(coming.at);
                 }
                 self.arrival(end, outcome)
             }
@@ -418,8 +418,13 @@ impl World {
     }
 
     fn put_on_way(&mut self, from: usize, left: Vec<(Micros, u8)>) {
-        let arriving = left.into_iter().map(|(at, byte)| Arriving { at, byte, damage: None });
-        self.ways[1 - from].extend(arriving);
+        let character = self.scenario.line().characters(1);
+        let way = &mut self.ways[1 - from];
+        for (at, byte) in left {
+            // None overtakes another that comes late.
+            let at = way.back().map_or(at, |before| at.max(before.at + character));
+            way.push_back(Arriving { at, byte, damage: None });
+        }
     }
 
     /// A breach with the end whose data it is about.
