@@ -1,28 +1,38 @@
 //! Explores a module and prints what came of it:
-//! `cargo run --release -p softplug-explore --example explore -- MODULE PROFILE FAULTS [THREADS]`.
+//! `cargo run --release -p softplug-explore --example explore -- MODULE PROFILE FAULTS [THREADS [NAME]]`.
 
-use softplug_explore::{Bounds, Changes, explore, plan};
+use softplug_explore::{Bounds, Changes, Plan, explore, plans};
 use std::error::Error;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [module, profile, faults, threads @ ..] = arguments.as_slice() else {
-        return Err("MODULE PROFILE FAULTS [THREADS] are wanted".into());
+    let [module, profile, faults, more @ ..] = arguments.as_slice() else {
+        return Err("MODULE PROFILE FAULTS [THREADS [NAME]] are wanted".into());
     };
-    let threads = threads.first().map_or(Ok(1), |threads| threads.parse())?;
+    let name = more.get(1);
+    let threads = more.first().map_or(Ok(1), |threads| threads.parse())?;
     let bounds = Bounds { faults: faults.parse()?, threads, ..Bounds::default() };
     let module = std::fs::read(module)?;
+    for plan in plans(profile)?.into_iter().filter(|plan| name.is_none_or(|name| plan.name == name)) {
+        show(&module, plan, &bounds)?;
+    }
+    Ok(())
+}
+
+fn show(module: &[u8], plan: &Plan, bounds: &Bounds) -> Result<(), Box<dyn Error>> {
     let begin = Instant::now();
     let tell = |progress| eprintln!("{progress:?}");
     let never = AtomicBool::new(false);
     let explored =
-        explore(&module, &plan(profile)?, &Changes::default(), &bounds, &tell, &never)?;
+        explore(module, plan, &Changes::default(), bounds, &tell, &never)?;
     let seconds = begin.elapsed().as_secs_f64();
     println!(
-        "complete {}, {} states, {} transitions, depth {}, rest {:?}, unavoidable {:?}, digest \
+        "{} {}: complete {}, {} states, {} transitions, depth {}, rest {:?}, unavoidable {:?}, digest \
          {:032x}, {seconds:.1} s, {:.0} a second",
+        plan.profile,
+        plan.name,
         explored.is_complete,
         explored.states,
         explored.transitions,

@@ -47,6 +47,10 @@ pub enum Choice {
     Up(usize),
     /// A new instance takes over at this end, with the saved state.
     Swap(usize),
+    /// The host of this end lets what is delivered wait.
+    Keep(usize),
+    /// It puts all of it away.
+    PutAway(usize),
 }
 
 /// How a character is damaged.
@@ -70,7 +74,10 @@ impl Damage {
 impl Choice {
     /// Whether it counts as one of the faults.
     pub fn is_fault(self) -> bool {
-        !matches!(self, Self::Next | Self::Begin(_) | Self::Resume(_) | Self::Up(_))
+        !matches!(
+            self,
+            Self::Next | Self::Begin(_) | Self::Resume(_) | Self::Up(_) | Self::PutAway(_)
+        )
     }
 
     /// The end on whose way something goes wrong.
@@ -94,7 +101,8 @@ impl Choice {
             | Self::AbortDelivery(end)
             | Self::Pause(end)
             | Self::Force(end)
-            | Self::Down(end) => Some(end),
+            | Self::Down(end)
+            | Self::Keep(end) => Some(end),
             _ => None,
         }
     }
@@ -131,6 +139,8 @@ impl fmt::Display for Choice {
             Self::Down(end) => write!(f, "the port of {end} is gone"),
             Self::Up(end) => write!(f, "the port of {end} is back"),
             Self::Swap(end) => write!(f, "a new instance takes over at {end}"),
+            Self::Keep(end) => write!(f, "the host of {end} lets deliveries wait"),
+            Self::PutAway(end) => write!(f, "the host of {end} puts deliveries away"),
         }
     }
 }

@@ -47,8 +47,11 @@ struct Host {
     source: Option<(Arc<[u8]>, usize)>,
     /// Of the delivery under way.
     delivered: Vec<u8>,
-    /// Bytes of deliveries that were put away.
+    /// Bytes of deliveries that were put away, and that wait.
     put_away: u32,
+    waiting: u32,
+    /// It lets them wait.
+    keeps: bool,
     left: Vec<(Micros, u8)>,
     told: Vec<Told>,
     /// What the model and the log are told, if there is one of them.
@@ -144,8 +147,8 @@ impl PlugIn {
     pub(crate) fn hash(&self, now: Micros, state: &mut Hash128) {
         self.line.link.instance().hash(now, state);
         self.line.hash_ahead(now, state);
-        let Host { source, delivered, put_away, .. } = &self.host;
-        (source, delivered, put_away).hash(state);
+        let Host { source, delivered, put_away, waiting, keeps, .. } = &self.host;
+        (source, delivered, put_away, waiting, keeps).hash(state);
         (self.begun, self.is_down, self.is_paused).hash(state);
     }
 
@@ -166,6 +169,11 @@ impl PlugIn {
 
     pub(crate) fn is_down(&self) -> bool {
         self.is_down
+    }
+
+    /// Whether the host lets deliveries wait.
+    pub(crate) fn keeps(&self) -> bool {
+        self.host.keeps
     }
 
     pub(crate) fn is_paused(&self) -> bool {
@@ -302,8 +310,13 @@ impl PlugIn {
                 let answer = answer.as_ref().map(Vec::as_slice).map_err(|failure| *failure);
                 link.answer(now, *request, answer, host)?;
             }
-            // All that is delivered is put away at once.
-            HostRequest::Keep | HostRequest::PutAway(_) | HostRequest::PutAllAway => {}
+            HostRequest::Keep => host.keeps = true,
+            HostRequest::PutAway(_) => {}
+            HostRequest::PutAllAway => {
+                host.keeps = false;
+                host.put_away += std::mem::take(&mut host.waiting);
+                link.run(now, host)?;
+            }
         }
         Ok(())
     }
@@ -333,12 +346,14 @@ impl PlugIn {
 impl Host {
     /// The same for a second plug-in.
     fn fork(&self) -> Self {
-        let Self { source, delivered, put_away, left, told, recorder } = self;
+        let Self { source, delivered, put_away, waiting, keeps, left, told, recorder } = self;
         debug_assert!(left.is_empty() && told.is_empty(), "they were taken");
         Self {
             source: source.clone(),
             delivered: delivered.clone(),
             put_away: *put_away,
+            waiting: *waiting,
+            keeps: *keeps,
             recorder: recorder.clone(),
             ..Self::default()
         }
@@ -354,7 +369,8 @@ impl LinkHost for Host {
             Action::DeliveryBegin { .. } => self.delivered.clear(),
             Action::Deliver { bytes, .. } => {
                 self.delivered.extend_from_slice(bytes);
-                self.put_away += bytes.len() as u32;
+                let place = if self.keeps { &mut self.waiting } else { &mut self.put_away };
+                *place += bytes.len() as u32;
             }
             Action::DeliveryEnd { failure, .. } => {
                 let bytes = std::mem::take(&mut self.delivered);

@@ -7,9 +7,9 @@ use thiserror::Error;
 /// Why a plug-in cannot be explored.
 ///
 /// ```
-/// use softplug_explore::{ExploreError, plan};
+/// use softplug_explore::{ExploreError, plans};
 ///
-/// let error = plan("punch-card").unwrap_err();
+/// let error = plans("punch-card").unwrap_err();
 /// assert!(matches!(error, ExploreError::NoPlan { .. }));
 /// ```
 #[derive(Debug, Error)]

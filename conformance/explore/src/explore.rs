@@ -90,13 +90,14 @@ pub struct Progress {
 /// What came of an exploration.
 ///
 /// ```no_run
-/// use softplug_explore::{Bounds, Changes, explore, plan};
+/// use softplug_explore::{Bounds, Changes, explore, plans};
 /// use std::sync::atomic::AtomicBool;
 ///
 /// let module = std::fs::read("target/plugins/r3964.wasm")?;
 /// let (bounds, changes) = (Bounds::default(), Changes::default());
 /// let never = AtomicBool::new(false);
-/// let explored = explore(&module, &plan("r3964")?, &changes, &bounds, &|_| {}, &never)?;
+/// let plan = plans("r3964")?[0];
+/// let explored = explore(&module, plan, &changes, &bounds, &|_| {}, &never)?;
 /// assert!(explored.is_complete && explored.counterexample.is_none());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -125,6 +126,8 @@ pub struct Exploration {
     pub jobs: [Vec<Vec<u8>>; 2],
     /// The characters on the line.
     pub line: LineParameters,
+    /// Bytes of deliveries that the host takes before it has to put them away.
+    pub delivery_room: u32,
     /// When the link was opened.
     pub begin: Micros,
 }
@@ -208,6 +211,7 @@ pub fn explore(
         settings: scenario.asked.clone(),
         jobs: [jobs_of(0), jobs_of(1)],
         line: scenario.line(),
+        delivery_room: scenario.options(0).delivery_room,
         begin: world::BEGIN,
     })
 }

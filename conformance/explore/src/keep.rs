@@ -179,6 +179,8 @@ fn code(choice: Choice) -> [u8; 3] {
         Choice::Down(end) => (15, end, 0),
         Choice::Up(end) => (16, end, 0),
         Choice::Swap(end) => (17, end, 0),
+        Choice::Keep(end) => (18, end, 0),
+        Choice::PutAway(end) => (19, end, 0),
     };
     [what, end as u8, byte]
 }
@@ -207,6 +209,8 @@ fn choice([what, end, byte]: [u8; 3]) -> Option<Choice> {
         15 => Choice::Down(end),
         16 => Choice::Up(end),
         17 => Choice::Swap(end),
+        18 => Choice::Keep(end),
+        19 => Choice::PutAway(end),
         _ => return None,
     })
 }
@@ -233,11 +237,11 @@ mod tests {
 
     #[test]
     fn every_choice_is_read_as_it_was_written() {
-        for what in 0..18 {
+        for what in 0..20 {
             let known = choice([what, 1, 0x10]).unwrap();
             assert_eq!(choice(code(known)), Some(known));
         }
-        assert_eq!((choice([18, 0, 0]), choice([2, 2, 0])), (None, None));
+        assert_eq!((choice([20, 0, 0]), choice([2, 2, 0])), (None, None));
     }
 
     #[test]

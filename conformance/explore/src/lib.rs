@@ -44,4 +44,4 @@ pub use error::ExploreError;
 pub use explore::{Bounds, Counterexample, Exploration, Kept, Progress, explore};
 pub use log::Log;
 pub use promise::Breach;
-pub use scenario::{Changes, PLANS, Plan, plan};
+pub use scenario::{Changes, PLANS, Plan, plans};

@@ -165,9 +165,7 @@ impl Guard {
         let receiver = 1 - sender;
         match (self, breach) {
             // Two faults can leave a check character right; one never does.
-            (Self::Checked, Breach::Altered { .. }) => {
-                wrong.count >= 2 && wrong.towards[receiver].any
-            }
+            (Self::Checked, Breach::Altered { .. }) => wrong.count >= 2,
             // Nor does anybody notice an STX that was sent twice, because of a forged answer.
             (Self::Unchecked, Breach::Altered { .. }) => {
                 wrong.towards[receiver].any || wrong.towards[sender].forged
@@ -191,6 +189,8 @@ impl Guard {
             (Self::Unchecked, Breach::Invented { .. }) => {
                 wrong.towards[receiver].forged
             }
+            // It waits for an XON that is lost.
+            (Self::Open, Breach::StandsStill) => wrong.towards[sender].any,
             // The host forced it.
             (Self::Open, Breach::SentWhileHeld) => wrong.asked[sender],
             _ => false,

@@ -4,23 +4,26 @@ use crate::ExploreError;
 use crate::end::JobGiven;
 use crate::partner::{Partner, Reader};
 use crate::promise::Guard;
-use softplug_abi::{LineParameters, Micros};
 use softplug_abi::manifest::{Manifest, SettingValues};
+use softplug_abi::{LineParameters, Micros};
 use softplug_link::LinkOptions;
 use softplug_models::{Conditions, Model, Profile, Settings};
 use std::sync::Arc;
 
-/// How a profile is explored by default.
+/// One configuration of a profile that is explored.
 ///
 /// ```
-/// let plan = softplug_explore::plan("r3964")?;
-/// assert_eq!((plan.partner, plan.jobs[0]), ("a second plug-in", &[&b"A\x10"[..]][..]));
+/// let plan = softplug_explore::plans("r3964")?[0];
+/// assert_eq!((plan.name, plan.partner), ("one-block", "a second plug-in"));
+/// assert_eq!(plan.jobs[0], [b"A\x10"]);
 /// # Ok::<(), softplug_explore::ExploreError>(())
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Plan {
     /// The profile.
     pub profile: &'static str,
+    /// What is explored of it.
+    pub name: &'static str,
     /// What stands at the other end.
     pub partner: &'static str,
     /// Settings that are not as the manifest says.
@@ -29,11 +32,18 @@ pub struct Plan {
     pub of_each: [&'static [(&'static str, &'static str)]; 2],
     /// The jobs of each end, one after the other.
     pub jobs: [&'static [&'static [u8]]; 2],
+    /// Bytes of deliveries that the host takes before it has to put them away; where it is given,
+    /// the host may let them wait.
+    pub delivery_room: Option<u32>,
     /// Characters that come in place of another, or out of nothing: one of each class that the
     /// protocol tells apart.
     pub alphabet: &'static [u8],
     /// The characters on the line: each takes a whole ms, so that no rounding tells states apart.
     pub line: LineParameters,
+    /// Jobs of both ends may fail because they began at one time.
+    pub(crate) may_conflict: bool,
+    /// Jobs arrive in other pieces than they were given in: only the model judges them.
+    pub(crate) has_pieces: bool,
     pub(crate) guard: Guard,
     pub(crate) make_partner: Option<fn() -> Box<dyn Partner>>,
 }
@@ -46,51 +56,171 @@ const FEW_LOW: &[(&str, &str)] =
     &[("priority", "low"), ("setup_attempts", "2"), ("transmission_attempts", "2")];
 const FEW_HIGH: &[(&str, &str)] =
     &[("priority", "high"), ("setup_attempts", "2"), ("transmission_attempts", "2")];
+const FEW_NONE: &[(&str, &str)] =
+    &[("priority", "none"), ("setup_attempts", "2"), ("transmission_attempts", "2")];
 
 /// Eight bits, one of start and one of stop.
 const TEN_BITS: LineParameters = LineParameters::new(10_000);
 
 const R3964: Plan = Plan {
     profile: "r3964",
+    name: "one-block",
     partner: "a second plug-in",
     settings: SHORT,
     of_each: [FEW_LOW, FEW_HIGH],
     jobs: [&[b"A\x10"], &[]],
+    delivery_room: None,
     // STX, DLE, ETX, NAK, and a character that is none of them.
     alphabet: &[0x02, 0x10, 0x03, 0x15, 0x41],
     line: TEN_BITS,
+    may_conflict: false,
+    has_pieces: false,
     guard: Guard::Checked,
     make_partner: None,
 };
 
-/// Every profile that can be explored.
+const SIMPLIFIED: Plan = Plan { profile: "r3964-simplified", of_each: [&[], &[]], ..R3964 };
+
+const XON_XOFF: Plan = Plan {
+    profile: "xon-xoff",
+    name: "hold",
+    partner: "a machine that holds and sends",
+    settings: &[("quiet_time", "50"), ("held_timeout", "200")],
+    of_each: [&[], &[]],
+    jobs: [&[b"G1X2\n"], &[]],
+    // XON, XOFF, and a character that is neither.
+    alphabet: &[0x11, 0x13, 0x41],
+    guard: Guard::Open,
+    make_partner: Some(|| Box::new(Reader::new(b"N7"))),
+    ..R3964
+};
+
+/// Every configuration that is explored, those of a profile one behind the other.
 pub const PLANS: &[Plan] = &[
     R3964,
-    Plan { profile: "3964", settings: SHORT_WITHOUT_CHECK, guard: Guard::Unchecked, ..R3964 },
-    Plan { profile: "r3964-simplified", of_each: [&[], &[]], ..R3964 },
+    Plan { name: "both-send", jobs: [&[b"A"], &[b"B"]], ..R3964 },
     Plan {
-        profile: "xon-xoff",
-        partner: "a machine that holds and sends",
-        settings: &[("quiet_time", "50"), ("held_timeout", "200")],
-        of_each: [&[], &[]],
-        jobs: [&[b"G1X2\n"], &[]],
-        // XON, XOFF, and a character that is neither.
-        alphabet: &[0x11, 0x13, 0x41],
-        line: TEN_BITS,
-        guard: Guard::Open,
-        make_partner: Some(|| Box::new(Reader::new())),
+        name: "both-high",
+        of_each: [FEW_HIGH, FEW_HIGH],
+        jobs: [&[b"A"], &[b"B"]],
+        may_conflict: true,
+        ..R3964
+    },
+    Plan {
+        name: "no-priority",
+        of_each: [FEW_NONE, FEW_LOW],
+        jobs: [&[b"A"], &[b"B"]],
+        ..R3964
+    },
+    Plan {
+        name: "split",
+        settings: &[
+            ("qvz", "60"),
+            ("zvz", "35"),
+            ("bwz", "0"),
+            ("split", "on"),
+            ("block_size", "1"),
+            ("nak_at_start", "off"),
+            ("nak_on_garbage", "off"),
+        ],
+        jobs: [&[b"AB", b"C"], &[]],
+        has_pieces: true,
+        ..R3964
+    },
+    Plan {
+        name: "no-buffer",
+        settings: &[("qvz", "60"), ("zvz", "35"), ("bwz", "170"), ("buffer_wait", "25")],
+        jobs: [&[b"A", b"B"], &[]],
+        delivery_room: Some(1),
+        ..R3964
+    },
+    Plan { profile: "3964", settings: SHORT_WITHOUT_CHECK, guard: Guard::Unchecked, ..R3964 },
+    SIMPLIFIED,
+    Plan { name: "both-send", jobs: [&[b"A"], &[b"B"]], may_conflict: true, ..SIMPLIFIED },
+    Plan {
+        name: "no-handshake",
+        settings: &[("handshake", "off"), ("qvz", "60"), ("zvz", "35")],
+        guard: Guard::Checked,
+        ..SIMPLIFIED
+    },
+    XON_XOFF,
+    Plan {
+        name: "receive",
+        settings: &[
+            ("quiet_time", "50"),
+            ("low_mark", "5"),
+            ("high_mark", "6"),
+            ("xon_repeat", "20"),
+            ("xoff_repeat", "1"),
+            ("xon_at_open", "on"),
+        ],
+        jobs: [&[], &[]],
+        delivery_room: Some(8),
+        make_partner: Some(|| Box::new(Reader::sending_at_once(b"N7G1X2"))),
+        ..XON_XOFF
+    },
+    Plan {
+        name: "end-mark",
+        settings: &[
+            ("quiet_time", "50"),
+            ("end_quiet", "20"),
+            ("end_mark", "25"),
+            ("receive_line_end", "lf"),
+            ("receive_drop", "00"),
+            ("on_line_error", "keep"),
+        ],
+        jobs: [&[], &[]],
+        // CR, LF, %, NUL, and XOFF.
+        alphabet: &[0x0D, 0x0A, 0x25, 0x00, 0x13],
+        make_partner: Some(|| Box::new(Reader::sending_at_once(b"\r\n%\0"))),
+        ..XON_XOFF
+    },
+    Plan {
+        name: "transparent",
+        settings: &[("transparent", "on"), ("quiet_time", "50"), ("held_timeout", "200")],
+        jobs: [&[b"\x11\x10A"], &[]],
+        // XON, XOFF, DLE, an escaped DLE, and a character that is none of them.
+        alphabet: &[0x11, 0x13, 0x10, 0x50, 0x41],
+        make_partner: Some(|| Box::new(Reader::unjudged(b"\x10\x51"))),
+        ..XON_XOFF
+    },
+    Plan {
+        name: "strings",
+        settings: &[
+            ("feed_start", "3c"),
+            ("feed_end", "3e"),
+            ("abort_send", "21"),
+            ("wait_for_xon", "on"),
+            ("send_line_end", "crlf"),
+            ("send_drop", "00"),
+            ("control_in_data", "drop"),
+            ("parity_mask", "127"),
+            ("while_sending", "ignore"),
+            ("quiet_time", "50"),
+            ("held_timeout", "200"),
+        ],
+        jobs: [&[b"A\n\x13", b"\0B"], &[]],
+        // XON and XOFF, each also with its parity bit, and a character that is neither.
+        alphabet: &[0x11, 0x13, 0x91, 0x93, 0x41],
+        make_partner: Some(|| Box::new(Reader::letting_go(b"N"))),
+        ..XON_XOFF
     },
 ];
 
-/// How this profile is explored by default.
+/// The configurations of this profile that are explored.
 ///
 /// # Errors
-/// It cannot be.
-pub fn plan(profile: &str) -> Result<Plan, ExploreError> {
-    PLANS.iter().find(|plan| plan.profile == profile).copied().ok_or_else(|| {
-        let known = PLANS.iter().map(|plan| plan.profile).collect::<Vec<_>>().join(", ");
-        ExploreError::NoPlan { profile: profile.to_owned(), known }
-    })
+/// There are none.
+///
+/// The example of [`Plan`] shows it.
+pub fn plans(profile: &str) -> Result<Vec<&'static Plan>, ExploreError> {
+    let plans: Vec<_> = PLANS.iter().filter(|plan| plan.profile == profile).collect();
+    if !plans.is_empty() {
+        return Ok(plans);
+    }
+    let mut known: Vec<_> = PLANS.iter().map(|plan| plan.profile).collect();
+    known.dedup();
+    Err(ExploreError::NoPlan { profile: profile.to_owned(), known: known.join(", ") })
 }
 
 /// Settings and jobs in place of a plan's.
@@ -116,12 +246,15 @@ pub struct Changes {
 pub(crate) struct Scenario {
     pub(crate) alphabet: &'static [u8],
     pub(crate) guard: Guard,
+    pub(crate) may_conflict: bool,
+    pub(crate) has_pieces: bool,
     pub(crate) jobs: [Vec<JobGiven>; 2],
     pub(crate) manifest: Arc<Manifest>,
     /// As they were asked for.
     pub(crate) asked: [Vec<(String, String)>; 2],
     line: LineParameters,
     settings: [SettingValues; 2],
+    delivery_room: Option<u32>,
     model: Option<&'static Profile>,
     pub(crate) make_partner: Option<fn() -> Box<dyn Partner>>,
 }
@@ -161,20 +294,30 @@ impl Scenario {
             manifest: Arc::new(manifest.clone()),
             alphabet: plan.alphabet,
             guard: plan.guard,
+            may_conflict: plan.may_conflict,
+            has_pieces: plan.has_pieces,
             jobs,
             asked,
             line: plan.line,
+            delivery_room: plan.delivery_room,
             settings,
             make_partner: plan.make_partner,
         })
     }
 
     pub(crate) fn options(&self, end: usize) -> LinkOptions {
+        let usual = LinkOptions::default();
         LinkOptions {
             line: self.line,
             settings: self.settings[end].clone(),
-            ..LinkOptions::default()
+            delivery_room: self.delivery_room.unwrap_or(usual.delivery_room),
+            ..usual
         }
+    }
+
+    /// Whether the host may let deliveries wait.
+    pub(crate) fn has_small_room(&self) -> bool {
+        self.delivery_room.is_some()
     }
 
     /// The profile's model, if it has one for these settings.

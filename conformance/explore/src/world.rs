@@ -152,6 +152,9 @@ impl World {
             if plugin.is_paused() {
                 choices.push(Choice::Resume(at));
             }
+            if plugin.keeps() {
+                choices.push(Choice::PutAway(at));
+            }
             if plugin.is_down() {
                 choices.push(Choice::Up(at));
             } else if plugin.job().is_none() && plugin.next_job().is_some() {
@@ -200,6 +203,9 @@ impl World {
             }
             if plugin.is_held() {
                 choices.push(Choice::Force(end));
+            }
+            if self.scenario.has_small_room() && !plugin.keeps() {
+                choices.push(Choice::Keep(end));
             }
             choices.extend([Choice::Down(end), Choice::Swap(end)]);
         }
@@ -308,6 +314,10 @@ impl World {
                 self.ask(end, outcome, &Step::Given(Given::Line(LineInput::Up)))
             }
             Choice::Swap(end) => self.ask(end, outcome, &Step::Swap),
+            Choice::Keep(end) => self.request(end, outcome, |_| Some(HostRequest::Keep)),
+            Choice::PutAway(end) => {
+                self.request(end, outcome, |_| Some(HostRequest::PutAllAway))
+            }
         }
     }
 
@@ -434,7 +444,11 @@ impl World {
             let sender = if matches!(told, Told::Delivered { .. }) { other } else { end };
             return partner.told(told, &self.wrong).map(|breach| (breach, sender));
         }
+        if self.scenario.has_pieces {
+            return None;
+        }
         match told {
+            Told::Failed(_) if self.scenario.may_conflict => None,
             Told::Delivered { bytes, failure: None } => {
                 let jobs = &self.scenario.jobs[other];
                 self.courses[other].delivered(bytes, jobs).map(|breach| (breach, other))
@@ -455,7 +469,7 @@ impl World {
     /// Nothing is due any more.
     fn at_rest(&mut self) -> Option<Breach> {
         // It is the host's turn.
-        if self.plugins().any(|(_, plugin)| plugin.is_paused() || plugin.is_down()) {
+        if self.plugins().any(|(_, plugin)| plugin.is_paused() || plugin.is_down() || plugin.keeps()) {
             return None;
         }
         for end in &mut self.ends {

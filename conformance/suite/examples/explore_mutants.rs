@@ -4,7 +4,7 @@
 //! of JSON: its name, and what it breaks.
 
 use softplug_conformance::mutants::{Catalogue, wake};
-use softplug_explore::{Bounds, Changes, explore, plan};
+use softplug_explore::{Bounds, Changes, explore, plans};
 use std::error::Error;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let catalogues = Catalogue::read(Path::new("fixtures/mutants"))?;
     let never = AtomicBool::new(false);
     for catalogue in &catalogues {
-        let Ok(plan) = plan(&catalogue.profile) else { continue };
+        let Ok(plans) = plans(&catalogue.profile) else { continue };
         for mutant in &catalogue.mutants {
             if !filter.iter().all(|part| mutant.id.contains(part.as_str())) {
                 continue;
@@ -27,21 +27,23 @@ fn main() -> Result<(), Box<dyn Error>> {
             let file = Path::new(mutants).join(format!("{}.wasm", mutant.plugin));
             let module = wake(&std::fs::read(file)?, &mutant.id)?;
             let mut breaks = String::new();
-            for faults in 0..=faults {
-                let threads = 2;
-                let bounds =
-                    Bounds { faults, time: Some(seconds), threads, ..Bounds::default() };
-                let explored =
-                    explore(&module, &plan, &Changes::default(), &bounds, &|_| {}, &never);
-                breaks = match explored {
-                    Ok(explored) => match explored.counterexample {
-                        Some(way) => format!("{} with {faults}: {}", way.breach.name(), way.breach),
-                        None if explored.is_complete => continue,
-                        None => format!("nothing within {} s", seconds.as_secs()),
-                    },
-                    Err(error) => format!("error: {error}"),
-                };
-                break;
+            'found: for faults in 0..=faults {
+                for plan in &plans {
+                    let bounds =
+                        Bounds { faults, time: Some(seconds), threads: 2, ..Bounds::default() };
+                    let explored =
+                        explore(&module, plan, &Changes::default(), &bounds, &|_| {}, &never);
+                    let found = match explored {
+                        Ok(explored) => match explored.counterexample {
+                            Some(way) => format!("{}: {}", way.breach.name(), way.breach),
+                            None if explored.is_complete => continue,
+                            None => format!("nothing within {} s", seconds.as_secs()),
+                        },
+                        Err(error) => format!("error: {error}"),
+                    };
+                    breaks = format!("{} with {faults}: {found}", plan.name);
+                    break 'found;
+                }
             }
             println!("{}", serde_json::to_string(&(&mutant.id, breaks))?);
         }

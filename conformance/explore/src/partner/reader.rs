@@ -13,8 +13,6 @@ use std::sync::Arc;
 const XON: u8 = 0x11;
 const XOFF: u8 = 0x13;
 
-/// What it sends.
-const OWN: &[u8] = b"N7";
 /// A character on the line.
 const CHARACTER: Micros = Micros(1_000);
 /// It sends its first character so long after the first one has come.
@@ -26,6 +24,12 @@ const HOLDS_AT: usize = 2;
 
 #[derive(Clone)]
 pub(crate) struct Reader {
+    /// What it sends.
+    own: &'static [u8],
+    /// It sends XON when a job begins.
+    lets_go: bool,
+    /// It judges what the plug-in sends and delivers, character by character.
+    judges: bool,
     /// What the plug-in is to send.
     expected: Arc<[u8]>,
     /// How much of it has left the plug-in.
@@ -48,8 +52,12 @@ pub(crate) struct Reader {
 }
 
 impl Reader {
-    pub(crate) fn new() -> Self {
+    /// It sends `own` when the first character has come.
+    pub(crate) fn new(own: &'static [u8]) -> Self {
         Self {
+            own,
+            lets_go: false,
+            judges: true,
             expected: Arc::default(),
             left: 0,
             buffered: 0,
@@ -64,6 +72,21 @@ impl Reader {
             arrived: Vec::new(),
             is_damaged: false,
         }
+    }
+
+    /// It sends `own` when the link is open. What it sends is not what is delivered.
+    pub(crate) fn sending_at_once(own: &'static [u8]) -> Self {
+        Self { sends_at: Some(Micros::ZERO), ..Self::unjudged(own) }
+    }
+
+    /// It lets the plug-in go when a job begins.
+    pub(crate) fn letting_go(own: &'static [u8]) -> Self {
+        Self { lets_go: true, ..Self::unjudged(own) }
+    }
+
+    /// What it gets is not what the plug-in is given, nor the other way round.
+    pub(crate) fn unjudged(own: &'static [u8]) -> Self {
+        Self { judges: false, ..Self::new(own) }
     }
 }
 
@@ -84,7 +107,7 @@ impl Partner for Reader {
     }
 
     fn next(&self) -> Option<Micros> {
-        let has_own = !self.is_stopped && self.sent < OWN.len();
+        let has_own = !self.is_stopped && self.sent < self.own.len();
         let free = self.free_at.filter(|_| !self.waiting.is_empty());
         [self.takes_at, self.sends_at.filter(|_| has_own), free].into_iter().flatten().min()
     }
@@ -98,9 +121,9 @@ impl Partner for Reader {
                 self.waiting.push_back(XON);
             }
         }
-        if !self.is_stopped && self.sent < OWN.len() && self.sends_at.is_some_and(|at| at <= now)
+        if !self.is_stopped && self.sent < self.own.len() && self.sends_at.is_some_and(|at| at <= now)
         {
-            self.waiting.push_back(OWN[self.sent]);
+            self.waiting.push_back(self.own[self.sent]);
             self.sent += 1;
             self.sends_at = Some(now + CHARACTER);
         }
@@ -127,10 +150,14 @@ impl Partner for Reader {
     fn begins(&mut self, data: &Arc<[u8]>) {
         self.expected = Arc::clone(data);
         self.left = 0;
+        if self.lets_go {
+            self.waiting.push_back(XON);
+            self.free_at = self.free_at.or(Some(Micros::ZERO));
+        }
     }
 
     fn leaves(&mut self, end: Micros, byte: u8) -> Option<Breach> {
-        if matches!(byte, XON | XOFF) {
+        if matches!(byte, XON | XOFF) || !self.judges {
             return None;
         }
         let expected = self.expected.get(self.left).copied();
@@ -148,6 +175,7 @@ impl Partner for Reader {
 
     fn arrives(&mut self, now: Micros, byte: u8, damage: Option<LineErrorKind>) {
         match (byte, damage) {
+            _ if !self.judges => {}
             (XON, None) => self.held_since = None,
             (XOFF, None) => self.held_since = self.held_since.or(Some(now)),
             (_, Some(LineErrorKind::Break)) => self.is_damaged |= !self.arrived.is_empty(),
@@ -164,6 +192,7 @@ impl Partner for Reader {
 
     fn told(&mut self, told: &Told, wrong: &Wrong) -> Option<Breach> {
         match told {
+            _ if !self.judges => None,
             Told::Delivered { bytes, failure } => {
                 let arrived = std::mem::take(&mut self.arrived);
                 let is_damaged = std::mem::take(&mut self.is_damaged);
@@ -187,7 +216,7 @@ impl Partner for Reader {
     }
 
     fn at_rest(&self, _: &Wrong) -> Option<Breach> {
-        let is_lost = !self.arrived.is_empty();
+        let is_lost = self.judges && !self.arrived.is_empty();
         is_lost.then(|| Breach::Lost { bytes: self.arrived.clone() })
     }
 }

@@ -24,14 +24,15 @@ const TAIL: Micros = Micros(1);
 /// ```no_run
 /// use softplug_abi::manifest::Manifest;
 /// use softplug_conformance::traces_of_way;
-/// use softplug_explore::{Bounds, Changes, explore, plan};
+/// use softplug_explore::{Bounds, Changes, explore, plans};
 /// use std::sync::atomic::AtomicBool;
 ///
 /// let module = std::fs::read("broken.wasm")?;
 /// let manifest = softplug_host::lint(&module)?.manifest;
 /// let (bounds, changes) = (Bounds::default(), Changes::default());
 /// let never = AtomicBool::new(false);
-/// let explored = explore(&module, &plan("r3964")?, &changes, &bounds, &|_| {}, &never)?;
+/// let plan = plans("r3964")?[0];
+/// let explored = explore(&module, plan, &changes, &bounds, &|_| {}, &never)?;
 /// if let Some(way) = &explored.counterexample {
 ///     for trace in traces_of_way(&explored, way, "r3964", &manifest) {
 ///         println!("{}", trace.format());
@@ -53,7 +54,7 @@ pub fn traces_of_way(
 }
 
 fn front(explored: &Exploration, way: &Counterexample, profile: &str, end: usize) -> FrontMatter {
-    let LinkOptions { transmit_room, delivery_room, .. } = LinkOptions::default();
+    let LinkOptions { transmit_room, .. } = LinkOptions::default();
     FrontMatter {
         id: format!("{profile}.explored.{}-{end}", way.breach.name()),
         title: format!("Found by exploring: {}", way.breach),
@@ -66,7 +67,7 @@ fn front(explored: &Exploration, way: &Counterexample, profile: &str, end: usize
         edge: None,
         line: line_settings(explored.line, 1),
         config: assignments(&explored.settings[end]),
-        room: Room { transmit: Some(transmit_room), delivery: Some(delivery_room) },
+        room: Room { transmit: Some(transmit_room), delivery: Some(explored.delivery_room) },
         modem: ModemLevels::default(),
         since: 1,
         origin: Origin::Generated { generator: "softplug-explore".to_owned(), seed: 0 },
