@@ -412,16 +412,21 @@ impl World {
 
     /// What a plug-in did goes on its way.
     fn take(&mut self, end: usize, did: Did, outcome: &mut Outcome) {
+        let now = self.now;
+        if let End::Partner(partner) = &mut self.ends[1 - end] {
+            partner.timers_ran(now);
+        }
+        // At one instant the transmitter runs last.
+        for told in &did.told {
+            let breach = self.told(end, told);
+            self.judge(breach, outcome);
+        }
         if let End::Partner(partner) = &mut self.ends[1 - end] {
             let breaches = did.left.iter().map(|(at, byte)| partner.leaves(*at, *byte));
             let breach = breaches.flatten().next();
             self.judge(breach.map(|breach| (breach, end)), outcome);
         }
         self.put_on_way(end, did.left);
-        for told in &did.told {
-            let breach = self.told(end, told);
-            self.judge(breach, outcome);
-        }
         if outcome.breach.is_none() {
             outcome.breach = did.broken.map(Breach::from);
         }

@@ -30,11 +30,18 @@ pub(crate) trait Partner: Send {
     /// The plug-in's host begins a job with this data.
     fn begins(&mut self, data: &Arc<[u8]>);
 
-    /// A character leaves the plug-in, whatever becomes of it; its stop bit ends at `end`.
+    /// A character begins to leave the plug-in, whatever becomes of it; its stop bit ends at
+    /// `end`.
     fn leaves(&mut self, end: Micros, byte: u8) -> Option<Breach>;
 
     /// A character that it sent arrives at the plug-in, or another one in its place.
     fn arrives(&mut self, now: Micros, byte: u8, damage: Option<LineErrorKind>);
+
+    /// The plug-in's timers up to `now` have run out: what arrives at this instant comes after
+    /// them.
+    fn timers_ran(&mut self, now: Micros) {
+        let _ = now;
+    }
 
     /// The plug-in's port was gone and is back.
     fn port_is_back(&mut self);
