@@ -154,6 +154,9 @@ pub(crate) enum Guard {
     Checked,
     /// Each block is acknowledged, and has none.
     Unchecked,
+    /// Each block is acknowledged and has a check character, but no number: one that is sent
+    /// again is one more. What leaves the plug-in is held against the line besides.
+    Unnumbered,
     /// Nothing is acknowledged: what the plug-in gets and sends is held against the line.
     Open,
 }
@@ -177,7 +180,9 @@ impl Guard {
                 true
             }
             // An end that came too early: the block is acknowledged while it is sent.
-            (Self::Unchecked, Breach::Doubled) => wrong.towards[receiver].forged,
+            (Self::Unchecked, Breach::Doubled | Breach::Invented { .. }) => {
+                wrong.towards[receiver].forged
+            }
             // An acknowledgement has no check. Where the receiver is idle in the middle of a block,
             // behind a break, an abort or a port that was gone, what follows of the block can be
             // an STX, and the answer to that looks like one.
@@ -186,13 +191,19 @@ impl Guard {
                     || wrong.towards[receiver].broken
                     || wrong.asked[receiver]
             }
-            (Self::Unchecked, Breach::Invented { .. }) => {
-                wrong.towards[receiver].forged
+            // Two characters put in, or altered, can leave a check character right.
+            (Self::Unnumbered, Breach::Altered { .. }) => {
+                wrong.count >= 2 && wrong.towards[receiver].forged
             }
             // It waits for an XON that is lost.
             (Self::Open, Breach::StandsStill) => wrong.towards[sender].any,
+            // The answer to a good block was lost, altered, late or held, so that the block is
+            // sent again; it cannot be told from the next one.
+            (Self::Unnumbered, Breach::Doubled) => wrong.towards.iter().any(|way| way.any),
+            // An acknowledgement has no check: a forged one lets the next block go.
+            (Self::Unnumbered, Breach::NotDelivered) => wrong.towards[sender].forged,
             // The host forced it.
-            (Self::Open, Breach::SentWhileHeld) => wrong.asked[sender],
+            (Self::Open | Self::Unnumbered, Breach::SentWhileHeld) => wrong.asked[sender],
             _ => false,
         }
     }

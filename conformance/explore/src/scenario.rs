@@ -2,10 +2,10 @@
 
 use crate::ExploreError;
 use crate::end::JobGiven;
-use crate::partner::{Partner, Reader};
+use crate::partner::{Partner, Reader, Tnc};
 use crate::promise::Guard;
 use softplug_abi::manifest::{Manifest, SettingValues};
-use softplug_abi::{LineParameters, Micros};
+use softplug_abi::{LineParameters, Micros, Parity};
 use softplug_link::LinkOptions;
 use softplug_models::{Conditions, Model, Profile, Settings};
 use std::sync::Arc;
@@ -61,6 +61,10 @@ const FEW_NONE: &[(&str, &str)] =
 
 /// Eight bits, one of start and one of stop.
 const TEN_BITS: LineParameters = LineParameters::new(10_000);
+
+/// Seven bits, one of start, one of parity and two of stop.
+const ELEVEN_BITS: LineParameters =
+    LineParameters { baud: 11_000, data_bits: 7, parity: Parity::Even, stop_half_bits: 4 };
 
 const R3964: Plan = Plan {
     profile: "r3964",
@@ -203,6 +207,26 @@ pub const PLANS: &[Plan] = &[
         // XON and XOFF, each also with its parity bit, and a character that is neither.
         alphabet: &[0x11, 0x13, 0x91, 0x93, 0x41],
         make_partner: Some(|| Box::new(Reader::letting_go(b"N"))),
+        ..XON_XOFF
+    },
+    Plan {
+        profile: "heidenhain-fe",
+        name: "both-ways",
+        partner: "a control that asks for a program and puts one out",
+        settings: &[
+            // The control knows these two.
+            ("repeats", "1"),
+            ("character_time", "10"),
+            ("answer_time", "100"),
+            ("block_time", "170"),
+            ("request_time", "230"),
+        ],
+        jobs: [&[b"1\n2\n"], &[]],
+        // ACK, NAK, EOT, STX, DC3, and a character that is none of them.
+        alphabet: &[0x06, 0x15, 0x04, 0x02, 0x13, 0x41],
+        line: ELEVEN_BITS,
+        guard: Guard::Unnumbered,
+        make_partner: Some(|| Box::new(Tnc::new())),
         ..XON_XOFF
     },
 ];
