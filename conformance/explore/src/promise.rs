@@ -134,6 +134,8 @@ pub(crate) struct Wrong {
     pub(crate) towards: [Way; 2],
     /// The host of each end asked for something out of turn.
     pub(crate) asked: [bool; 2],
+    /// It asked to go on although the partner holds the line.
+    pub(crate) forced: [bool; 2],
 }
 
 /// What went wrong on the way to one end.
@@ -203,7 +205,7 @@ impl Guard {
             // An acknowledgement has no check: a forged one lets the next block go.
             (Self::Unnumbered, Breach::NotDelivered) => wrong.towards[sender].forged,
             // The host forced it.
-            (Self::Open | Self::Unnumbered, Breach::SentWhileHeld) => wrong.asked[sender],
+            (Self::Open | Self::Unnumbered, Breach::SentWhileHeld) => wrong.forced[sender],
             _ => false,
         }
     }

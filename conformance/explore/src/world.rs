@@ -227,6 +227,7 @@ impl World {
         }
         if let Some(end) = choice.asked() {
             self.wrong.asked[end] = true;
+            self.wrong.forced[end] |= matches!(choice, Choice::Force(_));
         }
         let made = self.happens(choice, &mut outcome).and_then(|()| self.settle());
         if let Err(Ended(message)) = made {
