@@ -2,7 +2,7 @@
 
 use crate::ExploreError;
 use crate::end::JobGiven;
-use crate::partner::{Partner, Reader, Tnc};
+use crate::partner::{Control, Partner, Reader, Tnc};
 use crate::promise::Guard;
 use softplug_abi::manifest::{Manifest, SettingValues};
 use softplug_abi::{LineParameters, Micros, Parity};
@@ -59,8 +59,21 @@ const FEW_HIGH: &[(&str, &str)] =
 const FEW_NONE: &[(&str, &str)] =
     &[("priority", "none"), ("setup_attempts", "2"), ("transmission_attempts", "2")];
 
+/// Waits that the control's own do not reach, of which none is another's multiple.
+const FANUC: &[(&str, &str)] = &[
+    ("dc1_timeout", "71"),
+    ("held_timeout", "46"),
+    ("end_wait", "19"),
+    ("end_quiet", "7"),
+    ("after_dc4", "11"),
+    ("quiet_time", "31"),
+];
+
 /// Eight bits, one of start and one of stop.
 const TEN_BITS: LineParameters = LineParameters::new(10_000);
+/// Seven bits, one of start, one of parity and two of stop.
+const ELEVEN_BITS: LineParameters =
+    LineParameters { baud: 11_000, data_bits: 7, parity: Parity::Even, stop_half_bits: 4 };
 
 /// Seven bits, one of start, one of parity and two of stop.
 const ELEVEN_BITS: LineParameters =
@@ -227,6 +240,19 @@ pub const PLANS: &[Plan] = &[
         line: ELEVEN_BITS,
         guard: Guard::Unnumbered,
         make_partner: Some(|| Box::new(Tnc::new())),
+        ..XON_XOFF
+    },
+    Plan {
+        profile: "fanuc-rs232",
+        name: "read-and-punch",
+        partner: "a control that reads and punches",
+        settings: FANUC,
+        jobs: [&[b"O1\nG1\n"], &[]],
+        // DC1, DC2, DC3, DC4, `%`, EOB, and a character that is none of them.
+        alphabet: &[0x11, 0x12, 0x13, 0x14, 0x25, 0x0A, 0x31],
+        line: ELEVEN_BITS,
+        guard: Guard::Open,
+        make_partner: Some(|| Box::new(Control::new())),
         ..XON_XOFF
     },
 ];

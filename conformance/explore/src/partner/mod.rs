@@ -1,8 +1,10 @@
 //! What stands at the other end of the line where that is no plug-in.
 
+mod control;
 mod reader;
 mod tnc;
 
+pub(crate) use control::Control;
 pub(crate) use reader::Reader;
 pub(crate) use tnc::Tnc;
 
