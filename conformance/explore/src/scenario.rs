@@ -75,9 +75,6 @@ const TEN_BITS: LineParameters = LineParameters::new(10_000);
 const ELEVEN_BITS: LineParameters =
     LineParameters { baud: 11_000, data_bits: 7, parity: Parity::Even, stop_half_bits: 4 };
 
-/// Seven bits, one of start, one of parity and two of stop.
-const ELEVEN_BITS: LineParameters =
-    LineParameters { baud: 11_000, data_bits: 7, parity: Parity::Even, stop_half_bits: 4 };
 
 const R3964: Plan = Plan {
     profile: "r3964",
