@@ -29,10 +29,11 @@ fn show(module: &[u8], plan: &Plan, bounds: &Bounds) -> Result<(), Box<dyn Error
         explore(module, plan, &Changes::default(), bounds, &tell, &never)?;
     let seconds = begin.elapsed().as_secs_f64();
     println!(
-        "{} {}: complete {}, {} states, {} transitions, depth {}, rest {:?}, unavoidable {:?}, digest \
+        "{} {}: model {}, complete {}, {} states, {} transitions, depth {}, rest {:?}, unavoidable {:?}, digest \
          {:032x}, {seconds:.1} s, {:.0} a second",
         plan.profile,
         plan.name,
+        explored.has_model,
         explored.is_complete,
         explored.states,
         explored.transitions,

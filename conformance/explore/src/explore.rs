@@ -111,6 +111,8 @@ pub struct Exploration {
     pub transitions: u64,
     /// Choices from the first state to the last one.
     pub depth: u32,
+    /// The plug-in was held to the profile's model as well as to the promises.
+    pub has_model: bool,
     /// What the protocol cannot keep from happening, and how often it did.
     pub unavoidable: BTreeMap<String, u64>,
     /// From the state that takes longest: how long it takes to rest when nothing goes wrong
@@ -204,6 +206,7 @@ pub fn explore(
         states: graph.states(),
         transitions: graph.transitions,
         depth: graph.depth(),
+        has_model: scenario.model(0).is_some(),
         unavoidable: graph.unavoidable.clone(),
         longest,
         digest: graph.digest(),

@@ -157,6 +157,7 @@ impl Partner for Control {
         match damage {
             None if byte == DC1 && is_awaited => self.captures.ended_by_dc1(),
             None => self.captures.arrives(now, byte, capture),
+            Some(LineErrorKind::Break) => self.captures.breaks(now),
             Some(_) => self.captures.arrives_damaged(now, byte),
         }
         if damage.is_none() && !is_text {

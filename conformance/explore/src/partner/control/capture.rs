@@ -42,6 +42,8 @@ enum State {
 struct Tape {
     /// Its characters, and `None` where one was damaged.
     text: Vec<Option<u8>>,
+    /// A break came, which has no character.
+    is_broken: bool,
     /// The closing `%` came.
     is_closed: bool,
     /// An EOB came behind that; another program that follows has it behind its `%`.
@@ -125,6 +127,17 @@ impl Captures {
         self.begin_silence(now);
     }
 
+    /// A break arrives.
+    pub(super) fn breaks(&mut self, now: Micros) {
+        self.end_silence(now);
+        if let State::Receiving(tape) = &mut self.state
+            && !tape.is_closed
+        {
+            tape.is_broken = true;
+        }
+        self.begin_silence(now);
+    }
+
     /// Whether a DC3 that arrives can be a digit of EIA.
     pub(super) fn takes_dc3(&self) -> bool {
         matches!(&self.state, State::Receiving(tape) if !tape.has_code)
@@ -203,6 +216,7 @@ impl Tape {
     fn new(is_certain: bool) -> Self {
         Self {
             text: vec![Some(b'%')],
+            is_broken: false,
             is_closed: false,
             has_eob_behind: false,
             has_code: false,
@@ -212,7 +226,7 @@ impl Tape {
 
     /// What is wrong with a delivery of it.
     fn judge(&self, bytes: &[u8], failure: Option<Failure>, is_asked: bool) -> Option<Breach> {
-        let is_damaged = self.text.contains(&None);
+        let is_damaged = self.is_broken || self.text.contains(&None);
         let is_so = match failure {
             None => self.is_closed && !is_damaged,
             Some(Failure::NoEndMark) => !self.is_closed,
