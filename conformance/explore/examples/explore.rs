@@ -15,7 +15,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let threads = more.first().map_or(Ok(1), |threads| threads.parse())?;
     let bounds = Bounds { faults: faults.parse()?, threads, ..Bounds::default() };
     let module = std::fs::read(module)?;
-    for plan in plans(profile)?.into_iter().filter(|plan| name.is_none_or(|name| plan.name == name)) {
+    for plan in plans(profile)?.into_iter().filter(|plan| name.is_none_or(|name| plan.name == name))
+    {
         show(&module, plan, &bounds)?;
     }
     Ok(())
@@ -25,8 +26,7 @@ fn show(module: &[u8], plan: &Plan, bounds: &Bounds) -> Result<(), Box<dyn Error
     let begin = Instant::now();
     let tell = |progress| eprintln!("{progress:?}");
     let never = AtomicBool::new(false);
-    let explored =
-        explore(module, plan, &Changes::default(), bounds, &tell, &never)?;
+    let explored = explore(module, plan, &Changes::default(), bounds, &tell, &never)?;
     let seconds = begin.elapsed().as_secs_f64();
     println!(
         "{} {}: model {}, complete {}, {} states, {} transitions, depth {}, rest {:?}, unavoidable {:?}, digest \

@@ -1,5 +1,6 @@
 //! An exploration as a whole.
 
+use crate::ExploreError;
 use crate::choice::Choice;
 use crate::graph::{Ends, Graph};
 use crate::hash::Hash128;
@@ -10,7 +11,6 @@ use crate::sandbox::Subject;
 use crate::scenario::{Changes, Plan, Scenario};
 use crate::search::{Frontier, Search};
 use crate::world;
-use crate::ExploreError;
 use softplug_abi::{LineParameters, Micros};
 use std::collections::BTreeMap;
 use std::hash::Hash;

@@ -90,9 +90,8 @@ impl Graph {
             [] => (0, 0),
         };
         let (transitions, unavoidable) = self.added.clone();
-        let usual = (before..first).filter_map(|from| {
-            self.usual[from].map(|(next, time)| (from as u32, next, time))
-        });
+        let usual = (before..first)
+            .filter_map(|from| self.usual[from].map(|(next, time)| (from as u32, next, time)));
         let hashes = self.hashes[first..].iter().copied();
         Level {
             transitions,
@@ -187,7 +186,8 @@ impl Graph {
                         let round = way.iter().skip_while(|(state, _)| *state != at);
                         let mut states = round.map(|(state, _): &(usize, Micros)| *state);
                         if states.all(|state| self.nodes[state].is_under_way) {
-                            let first = ends.endless.map_or(at as u32, |first| first.min(at as u32));
+                            let first =
+                                ends.endless.map_or(at as u32, |first| first.min(at as u32));
                             ends.endless = Some(first);
                         }
                         break Micros::ZERO;

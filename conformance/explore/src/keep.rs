@@ -30,8 +30,10 @@ pub(crate) struct Keep {
 impl Keep {
     /// A new file for a search with this key.
     pub(crate) fn create(path: &Path, key: u128) -> Result<Self, ExploreError> {
-        let options = OpenOptions::new().read(true).write(true).create(true).truncate(true).open(path);
-        let mut keep = Self { path: path.to_owned(), file: options.map_err(|error| failed(path, &error))? };
+        let options =
+            OpenOptions::new().read(true).write(true).create(true).truncate(true).open(path);
+        let mut keep =
+            Self { path: path.to_owned(), file: options.map_err(|error| failed(path, &error))? };
         let header: Vec<u8> = MAGIC.iter().copied().chain(key.to_le_bytes()).collect();
         keep.write(&header)?;
         Ok(keep)

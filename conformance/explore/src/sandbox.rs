@@ -1,8 +1,8 @@
 //! One sandbox that many states of a plug-in take turns in.
 
+use crate::ExploreError;
 use crate::image::{AHEAD, BLOCK, Block, Blocks, Image, NoTime, Time, Word};
 use crate::module::{Opened, Stack, opened};
-use crate::ExploreError;
 use softplug_abi::{Action, Actions, Event, Instance, Mailbox, Micros, Region};
 use softplug_host::{Host, HostOptions, LoadError, Plugin, Session, SessionFault};
 use std::ops::Range;
@@ -103,9 +103,9 @@ impl Sandbox {
         };
         sandbox.clear_dead();
         sandbox.base = sandbox.sessions[0].memory().into();
-        let globals = sandbox.globals(Micros::ZERO).map_err(|fault| ExploreError::Module {
-            reason: fault.to_string(),
-        })?;
+        let globals = sandbox
+            .globals(Micros::ZERO)
+            .map_err(|fault| ExploreError::Module { reason: fault.to_string() })?;
         sandbox.new = Arc::new(Image::new(Vec::new(), Vec::new(), globals));
         sandbox.holds = Holds::Image(Arc::clone(&sandbox.new), Micros::ZERO);
         Ok(sandbox)
@@ -152,8 +152,7 @@ impl Sandbox {
                 }
             }
             image.across.iter().for_each(|time| time.add(memory, now.0 + ahead));
-            for (name, Word { value, is_time }) in self.subject.globals.iter().zip(&image.globals)
-            {
+            for (name, Word { value, is_time }) in self.subject.globals.iter().zip(&image.globals) {
                 let value = if *is_time { value + now.0 + ahead } else { *value };
                 session.set_global(name, value);
             }
@@ -184,9 +183,7 @@ impl Sandbox {
             answer_ahead.extend_from_slice(output.actions);
             output.more
         });
-        if first != second
-            || (first.is_ok() && !is_shifted(answer, answer_ahead, saved_ahead))
-        {
+        if first != second || (first.is_ok() && !is_shifted(answer, answer_ahead, saved_ahead)) {
             return Err(StepFault::AnswersByTheClock);
         }
         Ok(first?)

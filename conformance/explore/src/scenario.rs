@@ -75,7 +75,6 @@ const TEN_BITS: LineParameters = LineParameters::new(10_000);
 const ELEVEN_BITS: LineParameters =
     LineParameters { baud: 11_000, data_bits: 7, parity: Parity::Even, stop_half_bits: 4 };
 
-
 const R3964: Plan = Plan {
     profile: "r3964",
     name: "one-block",
@@ -120,12 +119,7 @@ pub const PLANS: &[Plan] = &[
         may_conflict: true,
         ..R3964
     },
-    Plan {
-        name: "no-priority",
-        of_each: [FEW_NONE, FEW_LOW],
-        jobs: [&[b"A"], &[b"B"]],
-        ..R3964
-    },
+    Plan { name: "no-priority", of_each: [FEW_NONE, FEW_LOW], jobs: [&[b"A"], &[b"B"]], ..R3964 },
     Plan {
         name: "split",
         settings: &[
@@ -330,8 +324,7 @@ impl Scenario {
         let settings = [resolve(&asked[0])?, resolve(&asked[1])?];
         let kind = manifest.jobs.first().map_or_else(String::new, |kind| kind.name.clone());
         let check = manifest.needs.check_pass;
-        let job =
-            |data: &[u8]| JobGiven { kind: kind.clone(), place: 0, check, data: data.into() };
+        let job = |data: &[u8]| JobGiven { kind: kind.clone(), place: 0, check, data: data.into() };
         let jobs = [0, 1].map(|end| match &changes.jobs[end] {
             Some(jobs) => jobs.iter().map(|data| job(data)).collect(),
             None => plan.jobs[end].iter().map(|data| job(data)).collect(),

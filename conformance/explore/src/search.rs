@@ -2,8 +2,8 @@
 
 use crate::choice::Choice;
 use crate::graph::{Graph, Node};
-use crate::keep::Keep;
 use crate::instance::Shared;
+use crate::keep::Keep;
 use crate::promise::Breach;
 use crate::sandbox::{Sandbox, Subject};
 use crate::scenario::Scenario;
@@ -58,7 +58,10 @@ impl Search<'_> {
     }
 
     /// The states of the latest level, by the ways that lead to them.
-    pub(crate) fn frontier_again(&self, stop: &AtomicBool) -> Result<Option<Frontier>, ExploreError> {
+    pub(crate) fn frontier_again(
+        &self,
+        stop: &AtomicBool,
+    ) -> Result<Option<Frontier>, ExploreError> {
         let sandboxes = self.sandboxes()?;
         let latest = self.graph.frontier();
         let mut children: HashMap<u32, Vec<u32>> = HashMap::new();
@@ -100,7 +103,11 @@ impl Search<'_> {
         self.open(sandboxes, false)
     }
 
-    pub(crate) fn open(&self, sandboxes: &[Shared], is_logged: bool) -> Result<World, ExploreError> {
+    pub(crate) fn open(
+        &self,
+        sandboxes: &[Shared],
+        is_logged: bool,
+    ) -> Result<World, ExploreError> {
         World::open(&self.scenario, sandboxes, self.bounds.faults, is_logged)
             .map_err(|ended| ExploreError::Open { reason: ended.0 })
     }
@@ -216,9 +223,8 @@ impl Search<'_> {
         }
         self.graph.count(transitions, unavoidable);
         breaches.sort_by_key(|(_, parent, place, _)| (*parent, *place));
-        let breaches = breaches.into_iter().map(|(breach, parent, _, choice)| {
-            (breach, parent, choice)
-        });
+        let breaches =
+            breaches.into_iter().map(|(breach, parent, _, choice)| (breach, parent, choice));
         self.breaches.extend(breaches);
         frontier
     }

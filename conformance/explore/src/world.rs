@@ -3,8 +3,8 @@
 use crate::choice::{Choice, Damage};
 use crate::course::Course;
 use crate::end::{Did, Ended, JobGiven, PlugIn, Told};
-use crate::held::Held;
 use crate::hash::Hash128;
+use crate::held::Held;
 use crate::instance::Shared;
 use crate::log::Log;
 use crate::partner::Partner;
@@ -72,8 +72,7 @@ impl World {
             PlugIn::new(&sandboxes[end], options, scenario.jobs[end].clone(), held, is_logged)
         };
         let first = End::PlugIn(Box::new(plugin(0)));
-        let second =
-            partner.map_or_else(|| End::PlugIn(Box::new(plugin(1))), End::Partner);
+        let second = partner.map_or_else(|| End::PlugIn(Box::new(plugin(1))), End::Partner);
         let mut world = Self {
             now,
             ends: [first, second],
@@ -301,9 +300,7 @@ impl World {
             Choice::Resume(end) => {
                 self.request(end, outcome, |plugin| plugin.job().map(HostRequest::Resume))
             }
-            Choice::Force(end) => {
-                self.request(end, outcome, |_| Some(HostRequest::ForceResume))
-            }
+            Choice::Force(end) => self.request(end, outcome, |_| Some(HostRequest::ForceResume)),
             Choice::Down(end) => {
                 let input = LineInput::Down(LinkDownReason::Unplugged);
                 self.ask(end, outcome, &Step::Given(Given::Line(input)))
@@ -316,9 +313,7 @@ impl World {
             }
             Choice::Swap(end) => self.ask(end, outcome, &Step::Swap),
             Choice::Keep(end) => self.request(end, outcome, |_| Some(HostRequest::Keep)),
-            Choice::PutAway(end) => {
-                self.request(end, outcome, |_| Some(HostRequest::PutAllAway))
-            }
+            Choice::PutAway(end) => self.request(end, outcome, |_| Some(HostRequest::PutAllAway)),
         }
     }
 
@@ -475,7 +470,10 @@ impl World {
     /// Nothing is due any more.
     fn at_rest(&mut self) -> Option<Breach> {
         // It is the host's turn.
-        if self.plugins().any(|(_, plugin)| plugin.is_paused() || plugin.is_down() || plugin.keeps()) {
+        if self
+            .plugins()
+            .any(|(_, plugin)| plugin.is_paused() || plugin.is_down() || plugin.keeps())
+        {
             return None;
         }
         for end in &mut self.ends {

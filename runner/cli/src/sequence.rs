@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use softplug_abi::Micros;
-use softplug_explore::{Exploration, Log};
+use softplug_explore::{Counterexample, Exploration, Log};
 use softplug_link::Observed;
 use softplug_models::{Given, HostRequest, LineInput, Step};
 
@@ -11,14 +11,14 @@ use softplug_models::{Given, HostRequest, LineInput, Step};
 const SIDE: usize = 34;
 
 /// The way that an exploration found, from the top down.
-pub(crate) fn drawn(explored: &Exploration) -> String {
-    let Some(way) = &explored.counterexample else { return String::new() };
+pub(crate) fn drawn(explored: &Exploration, way: &Counterexample) -> String {
     let mut events: Vec<(Micros, usize, String)> = Vec::new();
     for (end, log) in way.logs.iter().enumerate() {
         events.extend(said(log).into_iter().map(|(at, text)| (at, end, text)));
     }
     events.sort_by_key(|(at, ..)| *at);
-    let mut drawing = format!("  {:>10}  {:<SIDE$}|{:>SIDE$}\n", "s", "plug-in", partner(way.logs.len()));
+    let mut drawing =
+        format!("  {:>10}  {:<SIDE$}|{:>SIDE$}\n", "s", "plug-in", partner(way.logs.len()));
     for (at, end, text) in events {
         let time = (at.0 - explored.begin.0) as f64 / 1e6;
         let (left, right) = if end == 0 { (text.as_str(), "") } else { ("", text.as_str()) };

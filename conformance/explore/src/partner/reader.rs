@@ -121,7 +121,9 @@ impl Partner for Reader {
                 self.waiting.push_back(XON);
             }
         }
-        if !self.is_stopped && self.sent < self.own.len() && self.sends_at.is_some_and(|at| at <= now)
+        if !self.is_stopped
+            && self.sent < self.own.len()
+            && self.sends_at.is_some_and(|at| at <= now)
         {
             self.waiting.push_back(self.own[self.sent]);
             self.sent += 1;

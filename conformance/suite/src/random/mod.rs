@@ -4,9 +4,9 @@ mod group;
 mod trace;
 
 pub(crate) use group::model_of;
+pub use group::{FailedSession, GroupRun, SessionGroup};
 #[cfg(feature = "wasmtime")]
 pub(crate) use trace::given_as;
-pub use group::{FailedSession, GroupRun, SessionGroup};
 
 #[cfg(feature = "wasmtime")]
 use crate::corpus::Corpus;

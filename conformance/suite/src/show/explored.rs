@@ -5,9 +5,9 @@ use crate::random::given_as;
 use crate::run::effect::Effect;
 use crate::run::outcome::Seen;
 use crate::run::transcript;
-use softplug_abi::{Micros, ModemLines};
 use softplug_abi::manifest::Manifest;
-use softplug_explore::{Breach, Counterexample, Exploration, Log};
+use softplug_abi::{Micros, ModemLines};
+use softplug_explore::{Breach, Counterexample, Exploration, Log, Plan};
 use softplug_link::LinkOptions;
 use softplug_trace::{
     Entry, FrontMatter, Level, Line, ModemLevels, Origin, Permutations, Room, Trace, What,
@@ -34,7 +34,7 @@ const TAIL: Micros = Micros(1);
 /// let plan = plans("r3964")?[0];
 /// let explored = explore(&module, plan, &changes, &bounds, &|_| {}, &never)?;
 /// if let Some(way) = &explored.counterexample {
-///     for trace in traces_of_way(&explored, way, "r3964", &manifest) {
+///     for trace in traces_of_way(&explored, way, plan, &manifest) {
 ///         println!("{}", trace.format());
 ///     }
 /// }
@@ -43,25 +43,25 @@ const TAIL: Micros = Micros(1);
 pub fn traces_of_way(
     explored: &Exploration,
     way: &Counterexample,
-    profile: &str,
+    plan: &Plan,
     manifest: &Manifest,
 ) -> Vec<Trace> {
     let trace = |(end, log): (usize, &Log)| Trace {
-        front: front(explored, way, profile, end),
+        front: front(explored, way, plan, end),
         body: body(explored, way, log, manifest),
     };
     way.logs.iter().enumerate().map(trace).collect()
 }
 
-fn front(explored: &Exploration, way: &Counterexample, profile: &str, end: usize) -> FrontMatter {
+fn front(explored: &Exploration, way: &Counterexample, plan: &Plan, end: usize) -> FrontMatter {
     let LinkOptions { transmit_room, .. } = LinkOptions::default();
     FrontMatter {
-        id: format!("{profile}.explored.{}-{end}", way.breach.name()),
+        id: format!("{}.explored.{}-{}-{end}", plan.profile, plan.name, way.breach.name()),
         title: format!("Found by exploring: {}", way.breach),
-        profile: profile.to_owned(),
+        profile: plan.profile.to_owned(),
         clauses: vec![match &way.breach {
             Breach::Rule { clause, .. } => clause.clone(),
-            _ => profile.to_owned(),
+            _ => plan.profile.to_owned(),
         }],
         level: Level::Must,
         edge: None,
@@ -77,12 +77,7 @@ fn front(explored: &Exploration, way: &Counterexample, profile: &str, end: usize
     }
 }
 
-fn body(
-    explored: &Exploration,
-    way: &Counterexample,
-    log: &Log,
-    manifest: &Manifest,
-) -> Vec<Line> {
+fn body(explored: &Exploration, way: &Counterexample, log: &Log, manifest: &Manifest) -> Vec<Line> {
     let observed = log.observed.iter().cloned();
     let since = |at: Micros| Micros(at.0 - explored.begin.0);
     let seen: Vec<Seen> = observed

@@ -1,5 +1,6 @@
 //! `softplug explore`: everything that a line and a host may do to a plug-in.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -9,7 +10,8 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 use softplug_conformance::traces_of_way;
 use softplug_explore::{
-    Bounds, Changes, Counterexample, Exploration, ExploreError, Kept, Progress, explore, plan,
+    Bounds, Changes, Counterexample, Exploration, ExploreError, Kept, Plan, Progress, explore,
+    plans,
 };
 
 use crate::commands::certify::random;
@@ -18,23 +20,22 @@ use crate::failure::Failure;
 use crate::numbers::{count, things};
 use crate::plugin::Library;
 use crate::screen::{BAD, GOOD, HEADING, Screen, WARNING};
+use crate::sequence;
 use crate::stop;
-
-/// The file in the folder in which the states are kept.
-const STATES: &str = "states";
 
 /// Tries everything that a line, a partner and a host may do to a plug-in, up to so many faults.
 ///
 /// Characters are lost, doubled, altered, damaged, late or put in; jobs, pauses and deliveries are
 /// aborted; the port is gone and back; the plug-in is saved and restored. It is the module as it is
 /// shipped that is explored, state by state: what is not found within the bounds cannot happen
-/// within them.
+/// within them. A profile is explored in several small configurations, one after the other.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   softplug explore r3964 --profile r3964
+  softplug explore r3964 --profile r3964 --only both-send --faults 2
   softplug explore my-plugin.wasm --profile r3964 --faults 2 --out explored
   softplug explore my-plugin.wasm --profile r3964 --faults 2 --out explored --resume
-  softplug explore r3964 --profile r3964 --set qvz=100 --data 4731 --peer-data 4732
+  softplug explore r3964 --profile r3964 --only one-block --set qvz=100 --data 4731
   softplug explore my-plugin.wasm --profile xon-xoff --faults 3 --time 10min --json")]
 pub(crate) struct Arguments {
     /// The plug-in: a .wasm file, or a name to look up
@@ -44,6 +45,9 @@ pub(crate) struct Arguments {
     /// The profile: what stands at the other end, and what must hold
     #[arg(long, value_name = "PROFILE")]
     profile: String,
+    /// Only this configuration; without it all of the profile's
+    #[arg(long, value_name = "NAME")]
+    only: Option<String>,
     /// Faults and requests out of turn, together
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u8).range(..=8))]
     faults: u8,
@@ -105,67 +109,97 @@ fn setting(text: &str) -> Result<(String, String), String> {
 
 pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
     let module = arguments.library.read(&arguments.plugin)?;
-    let plan = plan(&arguments.profile).map_err(Failure::usage)?;
+    let plans = chosen(arguments)?;
     let stop = stop::on_signals()?;
     if let Some(folder) = &arguments.out {
         fs::create_dir_all(folder)
             .map_err(|error| Failure::usage(format_args!("{}: {error}", folder.display())))?;
     }
-    let mut peer_settings = arguments.settings.clone();
-    peer_settings.extend_from_slice(&arguments.peer_settings);
-    let jobs = |data: &[Hex]| {
-        let jobs: Vec<_> = data.iter().map(|Hex(data)| data.clone()).collect();
-        (!jobs.is_empty()).then_some(jobs)
-    };
-    let changes = Changes {
-        settings: [arguments.settings.clone(), peer_settings],
-        jobs: [jobs(&arguments.data), jobs(&arguments.peer_data)],
-        without_model: arguments.without_model,
-    };
-    let threads = arguments.threads.map(usize::from);
-    let all = || std::thread::available_parallelism().map_or(1, usize::from);
-    let bounds = Bounds {
-        faults: arguments.faults,
-        depth: arguments.depth,
-        states: arguments.states,
-        time: arguments.time,
-        threads: threads.unwrap_or_else(all),
-        keep: arguments
-            .out
-            .as_ref()
-            .map(|folder| Kept { file: folder.join(STATES), goes_on: arguments.resume }),
-    };
-    let (bar, begin) = (bar(screen), Instant::now());
-    let tell = |progress: Progress| {
-        let rate = progress.transitions as f64 / begin.elapsed().as_secs_f64().max(1e-3);
-        bar.set_message(format!(
-            "depth {}, {}, {} to go on from, {} choices a second",
-            progress.depth,
-            things(progress.states, "state"),
-            count(progress.frontier),
-            count(rate as u64),
-        ));
-        bar.tick();
-    };
-    let explored = explore(&module, &plan, &changes, &bounds, &tell, &stop);
-    bar.finish_and_clear();
-    let explored = explored.map_err(failure)?;
-    let mut traces = Vec::new();
-    if let (Some(way), Some(folder)) = (&explored.counterexample, &arguments.out) {
-        traces = write_traces(&explored, way, &module, &arguments.profile, folder)?;
+    let changes = arguments.changes();
+    let mut all =
+        All { profile: &arguments.profile, faults: arguments.faults, explored: Vec::new() };
+    for plan in plans {
+        let bounds = arguments.bounds(plan);
+        let (bar, begin) = (bar(plan, screen), Instant::now());
+        let tell = |progress: Progress| {
+            let rate = progress.transitions as f64 / begin.elapsed().as_secs_f64().max(1e-3);
+            bar.set_message(format!(
+                "{}, depth {}, {} to go on from, {} choices a second",
+                things(progress.states, "state"),
+                progress.depth,
+                count(progress.frontier),
+                count(rate as u64),
+            ));
+            bar.tick();
+        };
+        let explored = explore(&module, plan, &changes, &bounds, &tell, &stop);
+        bar.finish_and_clear();
+        let explored = explored.map_err(failure)?;
+        let traces = match (&explored.counterexample, &arguments.out) {
+            (Some(way), Some(folder)) => write_traces(&explored, way, &module, plan, folder)?,
+            _ => Vec::new(),
+        };
+        show(&explored, plan, &traces, screen);
+        all.explored.push(Explored::new(&explored, plan, traces));
     }
-    let found = Found::new(&explored, &arguments.profile, &bounds, &traces);
     if let Some(folder) = &arguments.out {
-        let text = serde_json::to_string_pretty(&found).expect("it is plain data") + "\n";
+        let text = serde_json::to_string_pretty(&all).expect("it is plain data") + "\n";
         write(&folder.join("explored.json"), &text)?;
     }
-    show(&found, &explored, plan.partner, screen);
-    screen.document(&found);
-    Ok(match (&explored.counterexample, explored.is_complete) {
-        (Some(_), _) => Exit::Failed,
-        (None, true) => Exit::Done,
-        (None, false) => Exit::Incomplete,
+    screen.document(&all);
+    let mut explored = all.explored.iter();
+    Ok(if explored.clone().any(|explored| explored.counterexample.is_some()) {
+        Exit::Failed
+    } else if explored.all(|explored| explored.complete) {
+        Exit::Done
+    } else {
+        Exit::Incomplete
     })
+}
+
+/// The configurations that are asked for.
+fn chosen(arguments: &Arguments) -> Result<Vec<&'static Plan>, Failure> {
+    let plans = plans(&arguments.profile).map_err(failure)?;
+    let Some(only) = &arguments.only else { return Ok(plans) };
+    let names: Vec<_> = plans.iter().map(|plan| plan.name).collect();
+    let chosen: Vec<_> = plans.into_iter().filter(|plan| plan.name == only).collect();
+    if chosen.is_empty() {
+        return Err(Failure::usage(format_args!(
+            "profile \"{}\" has no configuration \"{only}\"; it has {}",
+            arguments.profile,
+            names.join(", ")
+        )));
+    }
+    Ok(chosen)
+}
+
+impl Arguments {
+    fn changes(&self) -> Changes {
+        let mut peer_settings = self.settings.clone();
+        peer_settings.extend_from_slice(&self.peer_settings);
+        let jobs = |data: &[Hex]| {
+            let jobs: Vec<_> = data.iter().map(|Hex(data)| data.clone()).collect();
+            (!jobs.is_empty()).then_some(jobs)
+        };
+        Changes {
+            settings: [self.settings.clone(), peer_settings],
+            jobs: [jobs(&self.data), jobs(&self.peer_data)],
+            without_model: self.without_model,
+        }
+    }
+
+    fn bounds(&self, plan: &Plan) -> Bounds {
+        let all = || std::thread::available_parallelism().map_or(1, usize::from);
+        let file = |folder: &PathBuf| folder.join(format!("{}.states", plan.name));
+        Bounds {
+            faults: self.faults,
+            depth: self.depth,
+            states: self.states,
+            time: self.time,
+            threads: self.threads.map_or_else(all, usize::from),
+            keep: self.out.as_ref().map(|folder| Kept { file: file(folder), goes_on: self.resume }),
+        }
+    }
 }
 
 fn failure(error: ExploreError) -> Failure {
@@ -180,63 +214,68 @@ fn failure(error: ExploreError) -> Failure {
     }
 }
 
-fn bar(screen: &Screen) -> ProgressBar {
+fn bar(plan: &Plan, screen: &Screen) -> ProgressBar {
     if !screen.shows_progress() {
         return ProgressBar::hidden();
     }
     let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
-    bar.with_style(ProgressStyle::with_template("{spinner} {msg}").expect("it is sound"))
+    let style = ProgressStyle::with_template("{spinner} {prefix}: {msg}").expect("it is sound");
+    bar.with_style(style).with_prefix(plan.name)
 }
 
 /// What was found, for machines.
 #[derive(Serialize)]
-struct Found<'a> {
+struct All<'a> {
     profile: &'a str,
     faults: u8,
+    explored: Vec<Explored>,
+}
+
+/// One configuration.
+#[derive(Serialize)]
+struct Explored {
+    name: &'static str,
+    partner: &'static str,
+    settings: [Vec<(String, String)>; 2],
+    jobs: [Vec<String>; 2],
+    held_to_model: bool,
     complete: bool,
     states: u64,
     transitions: u64,
     depth: u32,
     #[serde(skip_serializing_if = "Option::is_none")]
     longest_to_rest_micros: Option<i64>,
-    unavoidable: &'a std::collections::BTreeMap<String, u64>,
+    unavoidable: BTreeMap<String, u64>,
     digest: String,
-    settings: &'a [Vec<(String, String)>; 2],
-    jobs: [Vec<String>; 2],
     #[serde(skip_serializing_if = "Option::is_none")]
-    counterexample: Option<Way<'a>>,
+    counterexample: Option<Way>,
 }
 
 /// The way to something that must never be.
 #[derive(Serialize)]
-struct Way<'a> {
+struct Way {
     breach: &'static str,
     text: String,
     choices: Vec<String>,
-    traces: &'a [PathBuf],
+    traces: Vec<PathBuf>,
 }
 
-impl<'a> Found<'a> {
-    fn new(
-        explored: &'a Exploration,
-        profile: &'a str,
-        bounds: &Bounds,
-        traces: &'a [PathBuf],
-    ) -> Self {
+impl Explored {
+    fn new(explored: &Exploration, plan: &Plan, traces: Vec<PathBuf>) -> Self {
         let in_hex = |data: &Vec<u8>| data.iter().map(|byte| format!("{byte:02x}")).collect();
-        let jobs = [0, 1].map(|end| explored.jobs[end].iter().map(in_hex).collect());
         Self {
-            profile,
-            faults: bounds.faults,
+            name: plan.name,
+            partner: plan.partner,
+            settings: explored.settings.clone(),
+            jobs: [0, 1].map(|end| explored.jobs[end].iter().map(in_hex).collect()),
+            held_to_model: explored.has_model,
             complete: explored.is_complete,
             states: explored.states,
             transitions: explored.transitions,
             depth: explored.depth,
             longest_to_rest_micros: explored.longest.map(|time| time.0),
-            unavoidable: &explored.unavoidable,
-            digest: format!("{:032x}", explored.digest),
-            settings: &explored.settings,
-            jobs,
+            unavoidable: explored.unavoidable.clone(),
+            digest: digest(explored),
             counterexample: explored.counterexample.as_ref().map(|way| Way {
                 breach: way.breach.name(),
                 text: way.breach.to_string(),
@@ -247,19 +286,23 @@ impl<'a> Found<'a> {
     }
 }
 
+fn digest(explored: &Exploration) -> String {
+    format!("{:032x}", explored.digest)
+}
+
 /// The way as each plug-in on it saw it.
 fn write_traces(
     explored: &Exploration,
     way: &Counterexample,
     module: &[u8],
-    profile: &str,
+    plan: &Plan,
     folder: &Path,
 ) -> Result<Vec<PathBuf>, Failure> {
     let manifest = softplug_host::lint(module).map_err(Failure::plug_in)?.manifest;
-    let traces = traces_of_way(explored, way, profile, &manifest);
+    let traces = traces_of_way(explored, way, plan, &manifest);
     let mut files = Vec::with_capacity(traces.len());
-    for (end, trace) in traces.iter().enumerate() {
-        let file = folder.join(format!("{}-{end}.spt", way.breach.name()));
+    for trace in traces {
+        let file = folder.join(format!("{}.spt", trace.front.id));
         write(&file, &trace.format())?;
         files.push(file);
     }
@@ -267,51 +310,45 @@ fn write_traces(
 }
 
 fn write(file: &Path, text: &str) -> Result<(), Failure> {
-    fs::write(file, text).map_err(|error| Failure::usage(format_args!("{}: {error}", file.display())))
+    fs::write(file, text)
+        .map_err(|error| Failure::usage(format_args!("{}: {error}", file.display())))
 }
 
-fn show(found: &Found<'_>, explored: &Exploration, partner: &str, screen: &Screen) {
-    let within = format!("within {}", things(u64::from(found.faults), "fault"));
-    match &found.counterexample {
+fn show(explored: &Exploration, plan: &Plan, traces: &[PathBuf], screen: &Screen) {
+    let name = plan.name;
+    match &explored.counterexample {
         Some(way) => {
-            screen.say(format_args!("{BAD}found{BAD:#}: {}, {within}", way.text));
-            screen.say(crate::sequence::drawn(explored));
-            way.traces
-                .iter()
-                .for_each(|file| screen.say(format_args!("  trace: {}", file.display())));
+            screen.say(format_args!("{BAD}found{BAD:#} in {name}: {}", way.breach));
+            screen.say(sequence::drawn(explored, way));
+            traces.iter().for_each(|file| screen.say(format_args!("  trace: {}", file.display())));
         }
-        None if found.complete => screen.say(format_args!(
-            "{GOOD}complete{GOOD:#}: {within}, nothing that must never be can happen"
+        None if explored.is_complete => screen.say(format_args!(
+            "{GOOD}complete{GOOD:#}: {name}, nothing that must never be can happen"
         )),
         None => screen.say(format_args!(
-            "{WARNING}incomplete{WARNING:#}: a bound was reached; nothing was found so far"
+            "{WARNING}incomplete{WARNING:#}: {name}, a bound was reached; nothing was found so far"
         )),
     }
     let row = |title: &str, text: String| {
         screen.say(format_args!("  {HEADING}{title:<9}{HEADING:#}{text}"));
     };
-    row("partner", partner.to_owned());
-    row(
-        "explored",
-        format!(
-            "{}, {} choices, {} deep",
-            things(found.states, "state"),
-            count(found.transitions),
-            count(u64::from(found.depth)),
-        ),
-    );
+    row("partner", plan.partner.to_owned());
+    let held =
+        if explored.has_model { "the promises and the profile's model" } else { "the promises" };
+    row("held to", held.to_owned());
+    let (states, choices) = (things(explored.states, "state"), count(explored.transitions));
+    row("explored", format!("{states}, {choices} choices, {} deep", explored.depth));
     if let Some(time) = explored.longest {
         let time = time.0 as f64 / 1e6;
-        row("rest", format!("within {time:.3} s when nothing goes wrong any more, from every state"));
+        row("rest", format!("at most {time:.3} s after the last fault, from every state"));
     }
-    if !found.unavoidable.is_empty() {
-        let counted = found.unavoidable.iter().map(|(name, times)| format!("{name} {}", count(*times)));
-        row("allowed", format!(
-            "what the protocol cannot keep from happening: {}",
-            counted.collect::<Vec<_>>().join(", ")
-        ));
+    if !explored.unavoidable.is_empty() {
+        let counted = explored.unavoidable.iter();
+        let counted = counted.map(|(name, times)| format!("{name} {}", count(*times)));
+        let counted = counted.collect::<Vec<_>>().join(", ");
+        row("allowed", format!("what the protocol cannot keep from happening: {counted}"));
     }
-    row("digest", found.digest.clone());
+    row("digest", digest(explored));
 }
 
 #[cfg(test)]
