@@ -2,7 +2,7 @@
 
 use crate::ExploreError;
 use crate::end::JobGiven;
-use crate::partner::{Control, Partner, Reader, Tnc};
+use crate::partner::{Control, Partner, Reader, Tnc, Unjudged};
 use crate::promise::Guard;
 use softplug_abi::manifest::{Manifest, SettingValues};
 use softplug_abi::{LineParameters, Micros, Parity};
@@ -94,6 +94,41 @@ const R3964: Plan = Plan {
 
 const SIMPLIFIED: Plan = Plan { profile: "r3964-simplified", of_each: [&[], &[]], ..R3964 };
 
+const FANUC_RS232: Plan = Plan {
+    profile: "fanuc-rs232",
+    name: "read-and-punch",
+    partner: "a control that reads and punches",
+    settings: FANUC,
+    jobs: [&[b"O1\nG1\n"], &[]],
+    // DC1, DC2, DC3, DC4, `%`, EOB, and a character that is none of them.
+    alphabet: &[0x11, 0x12, 0x13, 0x14, 0x25, 0x0A, 0x31],
+    line: ELEVEN_BITS,
+    guard: Guard::Open,
+    make_partner: Some(|| Box::new(Control::new())),
+    ..XON_XOFF
+};
+
+const HEIDENHAIN_FE: Plan = Plan {
+    profile: "heidenhain-fe",
+    name: "both-ways",
+    partner: "a control that asks for a program and puts one out",
+    settings: &[
+        // The control knows these two.
+        ("repeats", "1"),
+        ("character_time", "10"),
+        ("answer_time", "100"),
+        ("block_time", "170"),
+        ("request_time", "230"),
+    ],
+    jobs: [&[b"1\n2\n"], &[]],
+    // ACK, NAK, EOT, STX, DC3, and a character that is none of them.
+    alphabet: &[0x06, 0x15, 0x04, 0x02, 0x13, 0x41],
+    line: ELEVEN_BITS,
+    guard: Guard::Unnumbered,
+    make_partner: Some(|| Box::new(Tnc::new())),
+    ..XON_XOFF
+};
+
 const XON_XOFF: Plan = Plan {
     profile: "xon-xoff",
     name: "hold",
@@ -151,7 +186,38 @@ pub const PLANS: &[Plan] = &[
         guard: Guard::Checked,
         ..SIMPLIFIED
     },
+    Plan {
+        name: "no-doubling",
+        settings: &[
+            ("doubling", "off"),
+            ("bcc", "off"),
+            ("qvz", "60"),
+            ("zvz", "35"),
+            ("block_size", "1"),
+            ("split", "on"),
+        ],
+        jobs: [&[b"A\x10"], &[]],
+        has_pieces: true,
+        guard: Guard::Unchecked,
+        ..SIMPLIFIED
+    },
     XON_XOFF,
+    Plan {
+        name: "other-codes",
+        settings: &[
+            ("xon", "14"),
+            ("xoff", "15"),
+            ("control_in_data", "refuse"),
+            ("send_line_end", "lfcrcr"),
+            ("quiet_time", "50"),
+            ("held_timeout", "200"),
+        ],
+        jobs: [&[b"A\n", b"B\x0e"], &[]],
+        // XON and XOFF as they are set, and as they usually are.
+        alphabet: &[0x0E, 0x0F, 0x11, 0x13],
+        make_partner: Some(|| Box::new(Reader::unjudged(b"N"))),
+        ..XON_XOFF
+    },
     Plan {
         name: "receive",
         settings: &[
@@ -213,38 +279,76 @@ pub const PLANS: &[Plan] = &[
         make_partner: Some(|| Box::new(Reader::letting_go(b"N"))),
         ..XON_XOFF
     },
+    HEIDENHAIN_FE,
     Plan {
-        profile: "heidenhain-fe",
-        name: "both-ways",
-        partner: "a control that asks for a program and puts one out",
+        name: "bare",
         settings: &[
-            // The control knows these two.
             ("repeats", "1"),
             ("character_time", "10"),
             ("answer_time", "100"),
             ("block_time", "170"),
             ("request_time", "230"),
+            ("dc1", "off"),
+            ("bcc_space", "on"),
+            ("parity", "even"),
+            ("line_end", "crlf"),
         ],
-        jobs: [&[b"1\n2\n"], &[]],
-        // ACK, NAK, EOT, STX, DC3, and a character that is none of them.
-        alphabet: &[0x06, 0x15, 0x04, 0x02, 0x13, 0x41],
-        line: ELEVEN_BITS,
-        guard: Guard::Unnumbered,
-        make_partner: Some(|| Box::new(Tnc::new())),
-        ..XON_XOFF
+        jobs: [&[b"1\r\n2"], &[]],
+        line: LineParameters {
+            baud: 11_000,
+            data_bits: 8,
+            parity: Parity::None,
+            stop_half_bits: 4,
+        },
+        make_partner: Some(|| Box::new(Unjudged(Box::new(Tnc::new())))),
+        ..HEIDENHAIN_FE
+    },
+    FANUC_RS232,
+    Plan {
+        name: "texts",
+        settings: &[
+            ("dc1_timeout", "71"),
+            ("held_timeout", "46"),
+            ("end_wait", "19"),
+            ("end_quiet", "7"),
+            ("after_dc4", "11"),
+            ("quiet_time", "31"),
+            ("eob", "lfcrcr"),
+            ("line_end", "crlf"),
+            ("leader", "1"),
+            ("trailer", "1"),
+            ("tv_pad", "on"),
+            ("tv_check", "on"),
+            ("unsupported", "space"),
+            ("replace", "3b2f"),
+            ("block_numbers", "renumber"),
+            ("answer_dc2", "on"),
+            ("programs", "split"),
+        ],
+        jobs: [&[b"o1;{\n"], &[]],
+        make_partner: Some(|| Box::new(Unjudged(Box::new(Control::new())))),
+        ..FANUC_RS232
     },
     Plan {
-        profile: "fanuc-rs232",
-        name: "read-and-punch",
-        partner: "a control that reads and punches",
-        settings: FANUC,
-        jobs: [&[b"O1\nG1\n"], &[]],
-        // DC1, DC2, DC3, DC4, `%`, EOB, and a character that is none of them.
-        alphabet: &[0x11, 0x12, 0x13, 0x14, 0x25, 0x0A, 0x31],
-        line: ELEVEN_BITS,
-        guard: Guard::Open,
-        make_partner: Some(|| Box::new(Control::new())),
-        ..XON_XOFF
+        name: "eia",
+        settings: &[
+            ("dc1_timeout", "71"),
+            ("held_timeout", "46"),
+            ("end_quiet", "7"),
+            ("after_dc4", "11"),
+            ("quiet_time", "31"),
+            ("code", "eia"),
+            ("receive_code", "eia"),
+            ("parity", "none"),
+            ("need_dc2", "off"),
+            ("resume_code", "dc2"),
+        ],
+        jobs: [&[b"O1\n"], &[]],
+        // DC1, DC2, DC3, DC4, the EOR and the EOB of EIA, and a digit.
+        alphabet: &[0x11, 0x12, 0x93, 0x94, 0x0B, 0x80, 0x01],
+        line: TEN_BITS,
+        make_partner: Some(|| Box::new(Unjudged(Box::new(Control::new())))),
+        ..FANUC_RS232
     },
 ];
 

@@ -3,10 +3,12 @@
 mod control;
 mod reader;
 mod tnc;
+mod unjudged;
 
 pub(crate) use control::Control;
 pub(crate) use reader::Reader;
 pub(crate) use tnc::Tnc;
+pub(crate) use unjudged::Unjudged;
 
 use crate::end::Told;
 use crate::hash::Hash128;
