@@ -37,6 +37,8 @@ mod promise;
 mod sandbox;
 mod scenario;
 mod search;
+#[cfg(test)]
+mod sound;
 mod world;
 
 pub use choice::{Choice, Damage};

@@ -1,0 +1,131 @@
+//! Tests that states which count as one are one: whatever comes, the same comes of them.
+
+use crate::choice::Choice;
+use crate::explore::Bounds;
+use crate::graph::Graph;
+use crate::log::Log;
+use crate::sandbox::Subject;
+use crate::scenario::{Changes, Plan, Scenario, plans};
+use crate::search::Search;
+use softplug_abi::Micros;
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Pairs of ways to one state that are tried of each plan.
+const PAIRS: usize = 60;
+/// Choices behind the state.
+const CONTINUATION: usize = 60;
+
+/// Two ways that lead to states with one hash.
+type Pair = (Vec<Choice>, Vec<Choice>);
+
+fn module(name: &str) -> Vec<u8> {
+    let built = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/plugins");
+    let folder = std::env::var_os("SOFTPLUG_PLUGINS").map_or(built, Into::into);
+    let file = folder.join(format!("{name}.wasm"));
+    std::fs::read(&file).unwrap_or_else(|error| {
+        panic!("{}: {error}; `cargo xtask build` makes the plug-ins", file.display())
+    })
+}
+
+/// Numbers that are the same each time.
+struct Dice(u64);
+
+impl Dice {
+    fn below(&mut self, bound: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as usize % bound
+    }
+}
+
+/// Different ways to one state, spread over the exploration.
+fn pairs(search: &Search<'_>) -> Vec<Pair> {
+    let sandboxes = search.sandboxes().unwrap();
+    let first = search.first_world(&sandboxes).unwrap();
+    let mut known = HashMap::from([(first.hash(), Vec::new())]);
+    let mut frontier = vec![(Vec::new(), first)];
+    let mut pairs: Vec<Pair> = Vec::new();
+    while !frontier.is_empty() {
+        let mut next = Vec::new();
+        for (way, world) in frontier {
+            for choice in world.choices() {
+                let mut world = world.fork();
+                assert_eq!(world.make(choice).breach, None, "{way:?} {choice:?}");
+                let mut way: Vec<Choice> = way.clone();
+                way.push(choice);
+                if let Some(other) = known.get(&world.hash()) {
+                    pairs.push((Vec::clone(other), way));
+                } else {
+                    known.insert(world.hash(), way.clone());
+                    next.push((way, world));
+                }
+            }
+        }
+        frontier = next;
+    }
+    let step = (pairs.len() / PAIRS).max(1);
+    pairs.into_iter().step_by(step).collect()
+}
+
+/// What happened behind `from`, counted from there.
+fn behind(logs: &[Log], from: Micros) -> Vec<String> {
+    let since = |at: Micros| at.0 - from.0;
+    let told = logs.iter().flat_map(|log| {
+        let inputs = log.inputs.iter().filter(|(at, _)| *at > from);
+        let inputs = inputs.map(|(at, step)| format!("{} {step:?}", since(*at)));
+        let observed = log.observed.iter().filter(|(at, _)| *at > from);
+        inputs.chain(observed.map(|(at, observed)| format!("{} {observed:?}", since(*at))))
+    });
+    told.collect()
+}
+
+fn answer_alike(plan: &Plan, plugin: &str) {
+    let subject = Subject::new(&module(plugin)).unwrap();
+    let manifest = subject.plugin.manifest().clone();
+    let scenario = Arc::new(Scenario::new(plan, &manifest, &Changes::default()).unwrap());
+    let subjects = vec![subject; 2];
+    let bounds = Bounds { faults: 1, ..Bounds::default() };
+    let search = Search {
+        subjects: &subjects,
+        scenario,
+        bounds: &bounds,
+        graph: Graph::default(),
+        breaches: Vec::new(),
+    };
+    let pairs = pairs(&search);
+    assert!(pairs.len() >= PAIRS / 2, "{}: {}", plan.name, pairs.len());
+    let sandboxes = search.sandboxes().unwrap();
+    let mut dice = Dice(7);
+    for (one, other) in pairs {
+        let mut worlds = [&one, &other].map(|way| {
+            let mut world = search.open(&sandboxes, true).unwrap();
+            way.iter().for_each(|choice| _ = world.make(*choice));
+            world
+        });
+        let from = [worlds[0].now, worlds[1].now];
+        for _ in 0..CONTINUATION {
+            let choices = worlds[0].choices();
+            assert_eq!(choices, worlds[1].choices(), "{one:?} {other:?}");
+            assert_eq!(worlds[0].hash(), worlds[1].hash(), "{one:?} {other:?}");
+            if choices.is_empty() {
+                break;
+            }
+            let choice = choices[dice.below(choices.len())];
+            let [first, second] = worlds.each_mut().map(|world| world.make(choice));
+            assert_eq!(first, second, "{one:?} {other:?} {choice:?}");
+        }
+        let [first, second] = worlds.map(super::world::World::into_logs);
+        assert_eq!(behind(&first, from[0]), behind(&second, from[1]), "{one:?} {other:?}");
+    }
+}
+
+#[test]
+fn equal_states_answer_alike() {
+    let plugins = ["r3964", "r3964-simplified", "xon-xoff", "fanuc-rs232", "heidenhain-fe"];
+    for plugin in plugins {
+        for plan in plans(plugin).unwrap().into_iter().take(2) {
+            answer_alike(plan, plugin);
+        }
+    }
+}
