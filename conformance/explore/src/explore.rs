@@ -143,6 +143,8 @@ pub struct Counterexample {
     pub breach: Breach,
     /// The choices that lead to it.
     pub path: Vec<Choice>,
+    /// Those of them that are faults, and when.
+    pub faults: Vec<(Micros, Choice)>,
     /// What each plug-in was given on the way, and what it did.
     pub logs: Vec<Log>,
 }
@@ -191,8 +193,7 @@ pub fn explore(
         Some((breach, parent, choice)) => {
             let mut path = search.graph.path_to(*parent);
             path.push(*choice);
-            let logs = search.logs_of(&path)?;
-            Some(Counterexample { breach: breach.clone(), path, logs })
+            Some(search.way(breach.clone(), path)?)
         }
         None => None,
     };
@@ -261,12 +262,16 @@ impl Search<'_> {
     }
 
     /// Goes a way once more and writes down what happens on it.
-    fn logs_of(&self, path: &[Choice]) -> Result<Vec<Log>, ExploreError> {
+    fn way(&self, breach: Breach, path: Vec<Choice>) -> Result<Counterexample, ExploreError> {
         let sandboxes = self.sandboxes()?;
         let mut world = self.open(&sandboxes, true)?;
-        for choice in path {
+        let mut faults = Vec::new();
+        for choice in &path {
+            if choice.is_fault() {
+                faults.push((world.time_of(*choice), *choice));
+            }
             world.make(*choice);
         }
-        Ok(world.into_logs())
+        Ok(Counterexample { breach, path, faults, logs: world.into_logs() })
     }
 }

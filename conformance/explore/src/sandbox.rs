@@ -4,7 +4,7 @@ use crate::ExploreError;
 use crate::image::{AHEAD, BLOCK, Block, Blocks, Image, NoTime, Time, Word};
 use crate::module::{Opened, Stack, opened};
 use softplug_abi::{Action, Actions, Event, Instance, Mailbox, Micros, Region};
-use softplug_host::{Host, HostOptions, LoadError, Plugin, Session, SessionFault};
+use softplug_host::{Host, HostOptions, LoadError, Plugin, Session, SessionFault, lint};
 use std::ops::Range;
 use std::sync::Arc;
 use thiserror::Error;
@@ -48,6 +48,7 @@ pub(crate) enum StepFault {
 
 impl Subject {
     pub(crate) fn new(module: &[u8]) -> Result<Self, ExploreError> {
+        lint(module).map_err(LoadError::from)?;
         let Opened { wasm, globals, stack } = opened(module)?;
         let host = Host::new(HostOptions { instances: 64, ..HostOptions::default() })?;
         let plugin = host.load_instrumented(module, &wasm)?;

@@ -237,6 +237,12 @@ impl World {
         outcome
     }
 
+    /// When a choice happens: what becomes of a character, when it would have arrived.
+    pub(crate) fn time_of(&self, choice: Choice) -> Micros {
+        let coming = choice.way().and_then(|end| self.ways[end].front());
+        coming.map_or(self.now, |coming| coming.at.max(self.now))
+    }
+
     fn happens(&mut self, choice: Choice, outcome: &mut Outcome) -> Result<(), Ended> {
         match choice {
             Choice::Next => match self.next() {

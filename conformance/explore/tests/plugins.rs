@@ -72,8 +72,7 @@ fn every_configuration_is_complete_with_one_fault() {
 #[test]
 fn two_faults_are_seen_whole_where_there_are_few_states() {
     for (profile, name) in [("xon-xoff", "receive"), ("xon-xoff", "end-mark")] {
-        let explored =
-            explored(configuration(profile, name), &Changes::default(), &with_faults(2));
+        let explored = explored(configuration(profile, name), &Changes::default(), &with_faults(2));
         assert!(explored.is_complete, "{profile} {name}");
         assert!(explored.states > 5_000, "{profile} {name}: {}", explored.states);
     }
@@ -128,8 +127,11 @@ fn states_of_something_else_are_refused() {
 #[test]
 fn what_a_check_is_for_is_found() {
     let settings = vec![("bcc".to_owned(), "off".to_owned())];
-    let changes =
-        Changes { settings: [settings.clone(), settings], without_model: true, ..Changes::default() };
+    let changes = Changes {
+        settings: [settings.clone(), settings],
+        without_model: true,
+        ..Changes::default()
+    };
     let explored = explored(configuration("r3964", "one-block"), &changes, &with_faults(1));
     let way = explored.counterexample.expect("a block is altered");
     assert_eq!(way.breach.name(), "altered");

@@ -12,24 +12,39 @@ const SIDE: usize = 34;
 
 /// The way that an exploration found, from the top down.
 pub(crate) fn drawn(explored: &Exploration, way: &Counterexample) -> String {
-    let mut events: Vec<(Micros, usize, String)> = Vec::new();
+    let faults = way.faults.iter().map(|(at, choice)| (*at, Row::Fault(choice.to_string())));
+    let mut rows: Vec<(Micros, Row)> = faults.collect();
     for (end, log) in way.logs.iter().enumerate() {
-        events.extend(said(log).into_iter().map(|(at, text)| (at, end, text)));
+        rows.extend(said(log).into_iter().map(|(at, text)| (at, Row::Said(end, text))));
     }
-    events.sort_by_key(|(at, ..)| *at);
-    let mut drawing =
-        format!("  {:>10}  {:<SIDE$}|{:>SIDE$}\n", "s", "plug-in", partner(way.logs.len()));
-    for (at, end, text) in events {
+    rows.sort_by_key(|(at, _)| *at);
+    let head = partner(way.logs.len());
+    let mut drawing = format!("  {:>10}  {:<SIDE$}|{head:>SIDE$}\n", "s", "plug-in (0)");
+    for (at, row) in rows {
         let time = (at.0 - explored.begin.0) as f64 / 1e6;
-        let (left, right) = if end == 0 { (text.as_str(), "") } else { ("", text.as_str()) };
-        let _ = writeln!(drawing, "  {time:>10.6}  {left:<SIDE$}|{right:>SIDE$}");
+        let _ = match row {
+            Row::Said(0, text) => writeln!(drawing, "  {time:>10.6}  {text:<SIDE$}|"),
+            Row::Said(_, text) => writeln!(drawing, "  {time:>10.6}  {:<SIDE$}|{text:>SIDE$}", ""),
+            Row::Fault(text) => {
+                let text = format!(" {text} ");
+                writeln!(drawing, "  {time:>10.6}  {text:*^width$}", width = 2 * SIDE + 1)
+            }
+        };
     }
     drawing.truncate(drawing.trim_end().len());
     drawing
 }
 
+/// A line of the drawing.
+enum Row {
+    /// An end was given something, or did it.
+    Said(usize, String),
+    /// Something went wrong between them.
+    Fault(String),
+}
+
 fn partner(plug_ins: usize) -> &'static str {
-    if plug_ins == 2 { "second plug-in" } else { "partner" }
+    if plug_ins == 2 { "second plug-in (1)" } else { "partner (1)" }
 }
 
 fn said(log: &Log) -> Vec<(Micros, String)> {

@@ -16,6 +16,7 @@ const VERBS: &[&[&str]] = &[
     &["replay"],
     &["certify"],
     &["verify"],
+    &["explore"],
     &["cases"],
     &["explain"],
     &["trace"],

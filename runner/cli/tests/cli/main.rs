@@ -12,6 +12,7 @@ mod ci_new;
 mod dev;
 mod diff;
 mod exchange;
+mod explore;
 mod files;
 #[cfg(target_os = "linux")]
 mod full_output;
