@@ -17,6 +17,7 @@ const LIBRARIES: &[&str] = &[
     "softplug-models",
     "softplug-trace",
     "softplug-report",
+    "softplug-explore",
     "softplug-conformance",
     "softplug-gateway",
 ];
