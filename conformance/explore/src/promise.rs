@@ -175,16 +175,12 @@ impl Guard {
             (Self::Unchecked, Breach::Altered { .. }) => {
                 wrong.towards[receiver].any || wrong.towards[sender].forged
             }
-            // The acknowledgement did not come back: the block is sent again.
-            (Self::Checked | Self::Unchecked, Breach::Doubled)
-                if wrong.towards[sender].any || wrong.asked[sender] =>
-            {
-                true
+            // The acknowledgement did not come back, or came while the block was still sent because
+            // a character that was put in ended it early: the block is sent again.
+            (Self::Checked | Self::Unchecked, Breach::Doubled) => {
+                wrong.towards[sender].any || wrong.asked[sender] || wrong.towards[receiver].forged
             }
-            // An end that came too early: the block is acknowledged while it is sent.
-            (Self::Unchecked, Breach::Doubled | Breach::Invented { .. }) => {
-                wrong.towards[receiver].forged
-            }
+            (Self::Unchecked, Breach::Invented { .. }) => wrong.towards[receiver].forged,
             // An acknowledgement has no check. Where the receiver is idle in the middle of a block,
             // behind a break, an abort or a port that was gone, what follows of the block can be
             // an STX, and the answer to that looks like one.
