@@ -237,18 +237,15 @@ impl Search<'_> {
         key: u128,
         stop: &AtomicBool,
     ) -> Result<Option<(Frontier, Option<Keep>)>, ExploreError> {
-        match &self.bounds.keep {
-            Some(Kept { file, goes_on: true }) => {
-                let (keep, levels) = Keep::open(file, key)?;
-                if !levels.is_empty() {
-                    if !levels.into_iter().all(|level| self.graph.add_level(level)) {
-                        return Err(ExploreError::Differs);
-                    }
-                    let frontier = self.frontier_again(stop)?;
-                    return Ok(frontier.map(|frontier| (frontier, Some(keep))));
+        if let Some(Kept { file, goes_on: true }) = &self.bounds.keep {
+            let (keep, levels) = Keep::open(file, key)?;
+            if !levels.is_empty() {
+                if !levels.into_iter().all(|level| self.graph.add_level(level)) {
+                    return Err(ExploreError::Differs);
                 }
+                let frontier = self.frontier_again(stop)?;
+                return Ok(frontier.map(|frontier| (frontier, Some(keep))));
             }
-            Some(Kept { .. }) | None => {}
         }
         let frontier = self.start()?;
         let mut keep = match &self.bounds.keep {

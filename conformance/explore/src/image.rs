@@ -12,11 +12,14 @@ pub(crate) const BLOCK: usize = 256;
 /// this is a time, in 64 bits or in the lower 32.
 pub(crate) const AHEAD: i64 = 0x3_5A5A_1357;
 
+/// Blocks with their places, in order.
+pub(crate) type Placed = Vec<(u16, Arc<Block>)>;
+
 /// The blocks that differ from a new instance's, and the globals.
 #[derive(Debug)]
 pub(crate) struct Image {
     /// In the order of their place.
-    pub(crate) blocks: Vec<(u16, Arc<Block>)>,
+    pub(crate) blocks: Placed,
     /// Where times stand that begin in one block and end in the next.
     pub(crate) across: Vec<Time>,
     pub(crate) globals: Vec<Word>,
@@ -57,11 +60,7 @@ pub(crate) struct NoTime {
 }
 
 impl Image {
-    pub(crate) fn new(
-        blocks: Vec<(u16, Arc<Block>)>,
-        across: Vec<Time>,
-        globals: Vec<Word>,
-    ) -> Self {
+    pub(crate) fn new(blocks: Placed, across: Vec<Time>, globals: Vec<Word>) -> Self {
         let mut state = Hash128::new();
         for (place, block) in &blocks {
             (place, block.hash).hash(&mut state);

@@ -1,7 +1,7 @@
 //! One sandbox that many states of a plug-in take turns in.
 
 use crate::ExploreError;
-use crate::image::{AHEAD, BLOCK, Block, Blocks, Image, NoTime, Time, Word};
+use crate::image::{AHEAD, BLOCK, Block, Blocks, Image, NoTime, Placed, Time, Word};
 use crate::module::{Opened, Stack, opened};
 use softplug_abi::{Action, Actions, Event, Instance, Mailbox, Micros, Region};
 use softplug_host::{Host, HostOptions, LoadError, Plugin, Session, SessionFault, lint};
@@ -141,15 +141,12 @@ impl Sandbox {
         };
         for (session, ahead) in self.sessions.iter_mut().zip([0, AHEAD]) {
             let memory = session.memory_mut();
-            match &held {
-                Some((held, at)) => {
-                    write_changes(memory, &self.base, held, image, *at == now, now.0 + ahead);
-                }
-                None => {
-                    memory.copy_from_slice(&self.base);
-                    for (place, block) in &image.blocks {
-                        block.write(&mut memory[bytes_of(*place)], now.0 + ahead);
-                    }
+            if let Some((held, at)) = &held {
+                write_changes(memory, &self.base, held, image, *at == now, now.0 + ahead);
+            } else {
+                memory.copy_from_slice(&self.base);
+                for (place, block) in &image.blocks {
+                    block.write(&mut memory[bytes_of(*place)], now.0 + ahead);
                 }
             }
             image.across.iter().for_each(|time| time.add(memory, now.0 + ahead));
@@ -240,7 +237,7 @@ impl Sandbox {
         &self,
         before: &[(u16, Arc<Block>)],
         now: Micros,
-    ) -> Result<(Vec<(u16, Arc<Block>)>, Vec<Time>), StepFault> {
+    ) -> Result<(Placed, Vec<Time>), StepFault> {
         const PAGE: usize = 16 * BLOCK;
         let [here, ahead] = &self.sessions;
         let (here, ahead) = (here.memory(), ahead.memory());

@@ -282,8 +282,14 @@ impl World {
                 }
                 self.arrival(end, outcome)
             }
-            Choice::AtTimer(end) => self.delay(end, Micros::ZERO),
-            Choice::AfterTimer(end) => self.delay(end, LATE),
+            Choice::AtTimer(end) => {
+                self.delay(end, Micros::ZERO);
+                Ok(())
+            }
+            Choice::AfterTimer(end) => {
+                self.delay(end, LATE);
+                Ok(())
+            }
             Choice::Inserted(end, byte) => {
                 let coming = Arriving { at: self.now, byte, damage: None };
                 self.ways[end].push_front(coming);
@@ -335,22 +341,21 @@ impl World {
     }
 
     /// Everything on the way to this end comes later, the first one with or after its timer.
-    fn delay(&mut self, end: usize, after: Micros) -> Result<(), Ended> {
+    fn delay(&mut self, end: usize, after: Micros) {
         let timer = self.timer_of(end);
         if let (Some(timer), Some(first)) = (timer, self.ways[end].front().copied()) {
             let later = timer + after - first.at;
             self.ways[end].iter_mut().for_each(|coming| coming.at = coming.at + later);
         }
-        Ok(())
     }
 
     fn tell_partner_of_job(&mut self, end: usize) {
         let [first, second] = &mut self.ends;
         let (own, other) = if end == 0 { (first, second) } else { (second, first) };
-        if let (End::PlugIn(plugin), End::Partner(partner)) = (own, other) {
-            if let Some(JobGiven { data, .. }) = plugin.next_job() {
-                partner.begins(data);
-            }
+        if let (End::PlugIn(plugin), End::Partner(partner)) = (own, other)
+            && let Some(JobGiven { data, .. }) = plugin.next_job()
+        {
+            partner.begins(data);
         }
     }
 

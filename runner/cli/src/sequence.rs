@@ -100,5 +100,8 @@ fn did(observed: &Observed) -> Option<String> {
 }
 
 fn bytes(data: &[u8]) -> String {
-    data.iter().map(|byte| format!(" {byte:02X}")).collect()
+    data.iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, " {byte:02X}");
+        text
+    })
 }

@@ -1,6 +1,7 @@
 //! `softplug explore`: everything that a line and a host may do to a plug-in.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -262,12 +263,11 @@ struct Way {
 
 impl Explored {
     fn new(explored: &Exploration, plan: &Plan, traces: Vec<PathBuf>) -> Self {
-        let in_hex = |data: &Vec<u8>| data.iter().map(|byte| format!("{byte:02x}")).collect();
         Self {
             name: plan.name,
             partner: plan.partner,
             settings: explored.settings.clone(),
-            jobs: [0, 1].map(|end| explored.jobs[end].iter().map(in_hex).collect()),
+            jobs: [0, 1].map(|end| explored.jobs[end].iter().map(|data| in_hex(data)).collect()),
             held_to_model: explored.has_model,
             complete: explored.is_complete,
             states: explored.states,
@@ -284,6 +284,13 @@ impl Explored {
             }),
         }
     }
+}
+
+fn in_hex(data: &[u8]) -> String {
+    data.iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
 }
 
 fn digest(explored: &Exploration) -> String {
@@ -320,7 +327,9 @@ fn show(explored: &Exploration, plan: &Plan, traces: &[PathBuf], screen: &Screen
         Some(way) => {
             screen.say(format_args!("{BAD}found{BAD:#} in {name}: {}", way.breach));
             screen.say(sequence::drawn(explored, way));
-            traces.iter().for_each(|file| screen.say(format_args!("  trace: {}", file.display())));
+            for file in traces {
+                screen.say(format_args!("  trace: {}", file.display()));
+            }
         }
         None if explored.is_complete => screen.say(format_args!(
             "{GOOD}complete{GOOD:#}: {name}, nothing that must never be can happen"
