@@ -101,7 +101,9 @@ fn answer_alike(plan: &Plan, plugin: &str) {
     for (one, other) in pairs {
         let mut worlds = [&one, &other].map(|way| {
             let mut world = search.open(&sandboxes, true).unwrap();
-            way.iter().for_each(|choice| _ = world.make(*choice));
+            for choice in way {
+                world.make(*choice);
+            }
             world
         });
         let from = [worlds[0].now, worlds[1].now];

@@ -1,7 +1,6 @@
 //! `softplug explore`: everything that a line and a host may do to a plug-in.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -16,6 +15,7 @@ use softplug_explore::{
 };
 
 use crate::commands::certify::random;
+use crate::dump;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::numbers::{count, things};
@@ -267,7 +267,7 @@ impl Explored {
             name: plan.name,
             partner: plan.partner,
             settings: explored.settings.clone(),
-            jobs: [0, 1].map(|end| explored.jobs[end].iter().map(|data| in_hex(data)).collect()),
+            jobs: [0, 1].map(|end| explored.jobs[end].iter().map(|data| dump::hex(data)).collect()),
             held_to_model: explored.has_model,
             complete: explored.is_complete,
             states: explored.states,
@@ -284,13 +284,6 @@ impl Explored {
             }),
         }
     }
-}
-
-fn in_hex(data: &[u8]) -> String {
-    data.iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
 }
 
 fn digest(explored: &Exploration) -> String {
