@@ -52,6 +52,7 @@ pages! {
     ci: "ci/README.md",
     code_mutants: "code-mutants.md",
     kill_matrix: "kill-matrix.md",
+    explore: "explore.md",
     record: "record.md",
     playground: "playground/README.md",
     gateway: "gateway/README.md",
