@@ -78,6 +78,10 @@ enum Task {
         /// or with --long 300, of which the scores are written that the kill matrix shows: an hour.
         #[arg(long, conflicts_with_all = ["check", "build"])]
         module: bool,
+        /// Explore each mutant instead, with up to one fault, or with --long two and at most a
+        /// minute a configuration: minutes, or an hour. Each is a line of JSON.
+        #[arg(long, conflicts_with_all = ["check", "build", "module"])]
+        explore: bool,
         /// Only mutants whose id contains this; the matrix then stays as it is. With
         /// --module: only plug-ins whose name does. With --long: only this part, such as `trace`, `suite` or `xon-xoff`.
         filter: Option<String>,
@@ -157,6 +161,9 @@ fn perform(task: Task) -> Result<ExitCode, Error> {
         }
         Task::Mutants { module: true, long, filter, .. } => {
             return mutants::module::run(&Workspace::read()?, long, filter.as_deref());
+        }
+        Task::Mutants { explore: true, long, filter, .. } => {
+            return mutants::explore(&Workspace::read()?, long, filter.as_deref());
         }
         Task::Mutants { long: true, filter, .. } => {
             return code_mutants::run(&Workspace::read()?, filter.as_deref());

@@ -39,6 +39,22 @@ pub(crate) fn run(
     Ok(if status.success() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
+/// Explores every mutant, or those whose id contains the filter.
+pub(crate) fn explore(
+    workspace: &Workspace,
+    long: bool,
+    filter: Option<&str>,
+) -> Result<ExitCode, Error> {
+    build(workspace)?;
+    let mut command = cargo();
+    command.current_dir(workspace.root()).args(["run", "--release", "--quiet"]);
+    command.args(["-p", PACKAGE, "--example", "explore_mutants", "--"]);
+    command.arg(workspace.mutant_folder()).arg(if long { "2" } else { "1" }).arg("60");
+    command.arg(filter.unwrap_or_default());
+    let status = status(&mut command)?;
+    Ok(if status.success() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
 /// Builds every plug-in with all of its mutants into `target/mutants/NAME.wasm`.
 pub(crate) fn build(workspace: &Workspace) -> Result<(), Error> {
     let sources = copy::make(workspace)?;

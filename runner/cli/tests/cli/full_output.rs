@@ -25,6 +25,8 @@ const RUNS: &[(&str, i32)] = &[
     ("record --a pty: --b pty: --out a.spt --id p.a --line 9600~8N1 --duration 1", 2),
     ("replay xon-xoff nowhere.spt --json", 2),
     ("certify nowhere --json", 2),
+    ("explore nowhere --profile r3964 --json", 2),
+    ("explore xon-xoff --profile xon-xoff --only end-mark", 2),
     ("verify nowhere --json", 2),
     ("cases", 2),
     ("cases --json", 2),
