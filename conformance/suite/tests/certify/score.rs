@@ -1,10 +1,8 @@
 //! Changes of a module: what notices them.
 
-use crate::common::module;
 use crate::small::{Small, claiming, plugin, small};
 use softplug_conformance::Corpus;
 use softplug_conformance::score::{ScoreError, ScoreOptions, score};
-use softplug_native::NativePlugin;
 use softplug_report::{Score, Shown};
 use std::sync::atomic::AtomicBool;
 
@@ -45,25 +43,4 @@ fn whoever_stops_it_gets_no_score() {
     let stop = AtomicBool::new(true);
     let stopped = score(&plugin(), &small(&[GOOD]), &few(2), &|_, _| {}, &stop);
     assert!(matches!(stopped, Err(ScoreError::Stopped)));
-}
-
-/// A sample of all that `cargo xtask mutants --module --long` tries, with few sessions: what is
-/// noticed here a verdict notices.
-#[test]
-fn of_300_changes_of_the_plug_ins_none_shows_and_passes() {
-    let options = ScoreOptions {
-        sample: Some(60),
-        sessions: 100,
-        permutations: 100,
-        threads: 2,
-        ..ScoreOptions::default()
-    };
-    for plugin in NativePlugin::ALL {
-        let name = plugin.name();
-        let score = scored(&module(name), &Corpus::embedded(), &options).expect("it is conformant");
-        assert!(score.adds_up());
-        assert_eq!(score.tried, 60, "{name}");
-        assert!(score.noticed.all() >= 20, "{name}: {:?}", score.noticed);
-        assert!(score.share() >= 950, "{name}: {:?}", score.survivors);
-    }
 }
