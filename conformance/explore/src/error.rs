@@ -34,6 +34,15 @@ pub enum ExploreError {
     /// A setting is not the plug-in's, or its value is none.
     #[error("{0}")]
     Setting(String),
+    /// There are jobs to give, and the plug-in has no kind of job.
+    #[error("the plug-in has no kind of job")]
+    NoJob,
+    /// Something is asked of a second plug-in where there is none.
+    #[error("the partner in configuration \"{name}\" is no plug-in: it has no settings and jobs")]
+    NoPeer {
+        /// The configuration.
+        name: &'static str,
+    },
     /// The link did not open.
     #[error("the link does not open: {reason}")]
     Open {

@@ -55,9 +55,9 @@ pub struct Bounds {
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Kept {
-    /// The file, which is made anew.
+    /// The file, made anew or where it is missing.
     pub file: PathBuf,
-    /// Or it is there: go on from what it holds.
+    /// Where it is there, go on from what it holds.
     pub goes_on: bool,
 }
 
@@ -177,7 +177,8 @@ pub fn explore(
         graph: Graph::default(),
         breaches: Vec::new(),
     };
-    let is_complete = match search.begin(key(module, &scenario, bounds), stop)? {
+    let key = key(module, plan, &scenario, changes, bounds.faults);
+    let is_complete = match search.begin(key, stop)? {
         Some((frontier, keep)) => search.go_on(frontier, tell, stop, keep)?,
         None => false,
     };
@@ -186,16 +187,11 @@ pub fn explore(
         let Ends { longest: time, endless } = search.graph.ends();
         longest = Some(time);
         if let Some(state) = endless {
-            let node = search.graph.nodes[state as usize];
-            search.breaches.push((Breach::NeverEnds, node.parent, node.choice));
+            search.breaches.push((Breach::NeverEnds, search.graph.path_to(state)));
         }
     }
     let counterexample = match search.breaches.first() {
-        Some((breach, parent, choice)) => {
-            let mut path = search.graph.path_to(*parent);
-            path.push(*choice);
-            Some(search.way(breach.clone(), path)?)
-        }
+        Some((breach, path)) => Some(search.way(breach.clone(), path.clone())?),
         None => None,
     };
     let graph = &search.graph;
@@ -221,12 +217,14 @@ pub fn explore(
     })
 }
 
-/// Equal for searches that find the same states.
-fn key(module: &[u8], scenario: &Scenario, bounds: &Bounds) -> u128 {
+/// Equal for searches that find the same states and judge them alike.
+fn key(module: &[u8], plan: &Plan, scenario: &Scenario, changes: &Changes, faults: u8) -> u128 {
     let mut state = Hash128::new();
-    (module, &scenario.asked, scenario.alphabet, bounds.faults).hash(&mut state);
-    for job in scenario.jobs.iter().flatten() {
-        job.data.hash(&mut state);
+    (env!("CARGO_PKG_VERSION"), module, plan.profile, plan.name, faults).hash(&mut state);
+    (&scenario.asked, changes.without_model).hash(&mut state);
+    for jobs in &scenario.jobs {
+        jobs.len().hash(&mut state);
+        jobs.iter().for_each(|job| job.data.hash(&mut state));
     }
     state.finish_128()
 }
@@ -238,7 +236,10 @@ impl Search<'_> {
         key: u128,
         stop: &AtomicBool,
     ) -> Result<Option<(Frontier, Option<Keep>)>, ExploreError> {
-        if let Some(Kept { file, goes_on: true }) = &self.bounds.keep {
+        // One that was ended before may not have come to this one.
+        if let Some(Kept { file, goes_on: true }) = &self.bounds.keep
+            && file.exists()
+        {
             let (keep, levels) = Keep::open(file, key)?;
             if !levels.is_empty() {
                 if !levels.into_iter().all(|level| self.graph.add_level(level)) {
@@ -262,7 +263,7 @@ impl Search<'_> {
     /// Goes a way once more and writes down what happens on it.
     fn way(&self, breach: Breach, path: Vec<Choice>) -> Result<Counterexample, ExploreError> {
         let sandboxes = self.sandboxes()?;
-        let mut world = self.open(&sandboxes, true)?;
+        let (mut world, _) = self.open(&sandboxes, true)?;
         let mut faults = Vec::new();
         for choice in &path {
             if choice.is_fault() {

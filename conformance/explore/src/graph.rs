@@ -105,7 +105,8 @@ impl Graph {
     pub(crate) fn add_level(&mut self, level: Level) -> bool {
         let Level { transitions, nodes, usual, unavoidable } = level;
         let before = self.nodes.len();
-        if nodes.iter().any(|(_, node)| node.parent as usize >= before.max(1)) {
+        let is_first_alone = before > 0 || nodes.len() == 1;
+        if !is_first_alone || nodes.iter().any(|(_, node)| node.parent as usize >= before.max(1)) {
             return false;
         }
         if before > 0 {

@@ -35,6 +35,9 @@ pub(crate) enum StepFault {
         /// In its memory.
         address: usize,
     },
+    /// Its memory is not as large as a new instance's.
+    #[error("its memory grows: it cannot be explored")]
+    Grows,
     /// No instance could be made.
     #[error("no instance could be made: {0}")]
     NoInstance(String),
@@ -128,7 +131,10 @@ impl Sandbox {
     /// Lets an image go on that was made at `now`. Whoever was here before is not any more.
     pub(crate) fn load(&mut self, image: &Arc<Image>, now: Micros) -> Result<u64, StepFault> {
         self.ticket += 1;
-        if self.sessions.iter().any(|session| session.fault().is_some()) {
+        let size = self.base.len();
+        let is_unfit =
+            |session: &Session| session.fault().is_some() || session.memory().len() != size;
+        if self.sessions.iter().any(is_unfit) {
             let plugin = &self.subject.plugin;
             let failed = |error: LoadError| StepFault::NoInstance(error.to_string());
             let start = || plugin.instantiate().map_err(failed);
@@ -194,6 +200,9 @@ impl Sandbox {
             Holds::Since(image) => Some(Arc::clone(image)),
             Holds::Anything => None,
         };
+        if self.sessions.iter().any(|session| session.memory().len() != self.base.len()) {
+            return Err(StepFault::Grows);
+        }
         self.clear_dead();
         let globals = self.globals(now)?;
         let before = before.as_deref().map_or(&[][..], |image| &image.blocks);
@@ -246,15 +255,15 @@ impl Sandbox {
         let mut blocks = Vec::with_capacity(before.len() + 4);
         for page in (0..here.len()).step_by(PAGE) {
             let whole = page..here.len().min(page + PAGE);
-            let base = self.base.get(whole.clone());
-            let is_new = base == Some(&here[whole.clone()]) && base == Some(&ahead[whole.clone()]);
+            let base = &self.base[whole.clone()];
+            let is_new = base == &here[whole.clone()] && base == &ahead[whole.clone()];
             if is_new && !made.goes_across(page) {
                 continue;
             }
             for at in whole.step_by(BLOCK) {
                 let bytes = at..at + BLOCK;
-                let base = self.base.get(bytes.clone());
-                let is_new = base == Some(&here[bytes.clone()]) && base == Some(&ahead[bytes]);
+                let base = &self.base[bytes.clone()];
+                let is_new = base == &here[bytes.clone()] && base == &ahead[bytes];
                 if is_new && !made.goes_across(at) {
                     continue;
                 }

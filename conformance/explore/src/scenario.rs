@@ -54,12 +54,13 @@ impl Scenario {
         changes: &Changes,
     ) -> Result<Self, ExploreError> {
         let asked = [0, 1].map(|end| {
-            let changed = &changes.settings[end];
-            let own = plan.settings.iter().chain(plan.of_each[end]).copied();
-            let kept = own.filter(|(name, _)| !changed.iter().any(|(other, _)| other == name));
-            let mut asked: Vec<(String, String)> =
-                kept.map(|(name, value)| (name.to_owned(), value.to_owned())).collect();
-            asked.extend_from_slice(changed);
+            let own = plan.settings.iter().chain(plan.of_each[end]);
+            let own = own.map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
+            let mut asked: Vec<(String, String)> = Vec::new();
+            for (name, value) in own.chain(changes.settings[end].iter().cloned()) {
+                asked.retain(|(known, _)| *known != name);
+                asked.push((name, value));
+            }
             asked
         });
         let resolve = |asked: &[(String, String)]| {
@@ -69,13 +70,21 @@ impl Scenario {
                 .map_err(|error| ExploreError::Setting(error.to_string()))
         };
         let settings = [resolve(&asked[0])?, resolve(&asked[1])?];
-        let kind = manifest.jobs.first().map_or_else(String::new, |kind| kind.name.clone());
+        let kind = manifest.jobs.first().map(|kind| kind.name.clone()).unwrap_or_default();
         let check = manifest.needs.check_pass;
         let job = |data: &[u8]| JobGiven { kind: kind.clone(), place: 0, check, data: data.into() };
-        let jobs = [0, 1].map(|end| match &changes.jobs[end] {
+        let jobs: [Vec<_>; 2] = [0, 1].map(|end| match &changes.jobs[end] {
             Some(jobs) => jobs.iter().map(|data| job(data)).collect(),
             None => plan.jobs[end].iter().map(|data| job(data)).collect(),
         });
+        if manifest.jobs.is_empty() && !jobs.iter().all(Vec::is_empty) {
+            return Err(ExploreError::NoJob);
+        }
+        if plan.make_partner.is_some()
+            && (changes.jobs[1].is_some() || changes.settings[1] != changes.settings[0])
+        {
+            return Err(ExploreError::NoPeer { name: plan.name });
+        }
         Ok(Self {
             model: softplug_models::profile(plan.profile).filter(|_| !changes.without_model),
             manifest: Arc::new(manifest.clone()),

@@ -11,8 +11,9 @@ use crate::world::World;
 use crate::{Bounds, ExploreError, Progress};
 use softplug_abi::Micros;
 use std::collections::{BTreeMap, HashMap};
+use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 /// The states of one level, as they go on.
@@ -24,8 +25,8 @@ pub(crate) struct Search<'a> {
     pub(crate) scenario: Arc<Scenario>,
     pub(crate) bounds: &'a Bounds,
     pub(crate) graph: Graph,
-    /// By the path that leads there: the number of the state before, and the choice.
-    pub(crate) breaches: Vec<(Breach, u32, Choice)>,
+    /// Each with the choices that lead there, the shortest first.
+    pub(crate) breaches: Vec<(Breach, Vec<Choice>)>,
 }
 
 /// What the states of one level led to.
@@ -48,12 +49,16 @@ struct Found {
 }
 
 impl Search<'_> {
-    /// The first state.
+    /// The first state, or none where something is wrong with it.
     pub(crate) fn start(&mut self) -> Result<Frontier, ExploreError> {
         let sandboxes = self.sandboxes()?;
-        let world = self.first_world(&sandboxes)?;
+        let (world, breach) = self.open(&sandboxes, false)?;
         let node = Node { parent: 0, choice: Choice::Next, is_under_way: false };
         let number = self.graph.add(world.hash(), node);
+        if let Some(breach) = breach {
+            self.breaches.push((breach, Vec::new()));
+            return Ok(Vec::new());
+        }
         Ok(vec![(number, world)])
     }
 
@@ -78,7 +83,7 @@ impl Search<'_> {
             }
         }
         let mut frontier = Vec::with_capacity(latest.len());
-        let mut waiting = vec![(0, self.first_world(&sandboxes)?)];
+        let mut waiting = vec![(0, self.open(&sandboxes, false)?.0)];
         while let Some((number, world)) = waiting.pop() {
             if stop.load(Ordering::Relaxed) {
                 return Ok(None);
@@ -86,9 +91,13 @@ impl Search<'_> {
             if world.hash() != self.graph.hash_of(number) {
                 return Err(ExploreError::Differs);
             }
+            let choices = world.choices();
             for child in children.remove(&number).unwrap_or_default() {
+                let choice = self.graph.nodes[child as usize].choice;
                 let mut next = world.fork();
-                next.make(self.graph.nodes[child as usize].choice);
+                if !choices.contains(&choice) || next.make(choice).breach.is_some() {
+                    return Err(ExploreError::Differs);
+                }
                 waiting.push((child, next));
             }
             if latest.contains(&number) {
@@ -99,15 +108,11 @@ impl Search<'_> {
         Ok(Some(frontier))
     }
 
-    pub(crate) fn first_world(&self, sandboxes: &[Shared]) -> Result<World, ExploreError> {
-        self.open(sandboxes, false)
-    }
-
     pub(crate) fn open(
         &self,
         sandboxes: &[Shared],
         is_logged: bool,
-    ) -> Result<World, ExploreError> {
+    ) -> Result<(World, Option<Breach>), ExploreError> {
         World::open(&self.scenario, sandboxes, self.bounds.faults, is_logged)
             .map_err(|ended| ExploreError::Open { reason: ended.0 })
     }
@@ -136,6 +141,9 @@ impl Search<'_> {
         for _ in 0..threads {
             sandboxes.push(self.sandboxes()?);
         }
+        if !self.breaches.is_empty() {
+            return Ok(false);
+        }
         while !frontier.is_empty() {
             let depth = self.graph.depth();
             let is_bound = self.bounds.depth.is_some_and(|most| depth > most)
@@ -150,9 +158,12 @@ impl Search<'_> {
                 frontier: frontier.len() as u64,
             };
             tell(progress);
-            let Some(level) = self.expand(frontier, &sandboxes, &is_over) else {
+            let (level, is_whole) = self.expand(frontier, &sandboxes, &is_over);
+            if !is_whole {
+                // Its states are not numbered, but what is wrong is wrong.
+                self.add_breaches(level.breaches);
                 return Ok(false);
-            };
+            }
             frontier = self.merge(level);
             if !self.breaches.is_empty() {
                 return Ok(false);
@@ -165,13 +176,13 @@ impl Search<'_> {
         Ok(true)
     }
 
-    /// What comes of every state of the frontier; `None` if it is over before.
+    /// What comes of the states of the frontier, and whether of all of them.
     fn expand(
         &self,
         frontier: Frontier,
         sandboxes: &[Vec<Shared>],
         is_over: &(dyn Fn() -> bool + Sync),
-    ) -> Option<Expanded> {
+    ) -> (Expanded, bool) {
         // Small pieces, so that no thread waits long for another.
         const PIECE: usize = 64;
         let is_small = frontier.len() <= PIECE;
@@ -180,12 +191,14 @@ impl Search<'_> {
         let work = |sandboxes: &[Shared]| {
             let mut level = Expanded::default();
             loop {
-                let piece: Frontier = rest.lock().ok()?.by_ref().take(PIECE).collect();
+                let mut rest = rest.lock().unwrap_or_else(PoisonError::into_inner);
+                let piece: Frontier = rest.by_ref().take(PIECE).collect();
+                drop(rest);
                 if piece.is_empty() {
-                    return Some(level);
+                    return (level, true);
                 }
                 if is_over() {
-                    return None;
+                    return (level, false);
                 }
                 for (number, world) in piece {
                     level.expand(number, &world, sandboxes, known);
@@ -198,17 +211,19 @@ impl Search<'_> {
         std::thread::scope(|scope| {
             let threads: Vec<_> =
                 sandboxes.iter().map(|sandboxes| scope.spawn(|| work(sandboxes))).collect();
-            let mut whole = Expanded::default();
+            let (mut whole, mut is_whole) = (Expanded::default(), true);
             for thread in threads {
-                whole.append(thread.join().ok()??);
+                let (level, is_all) = thread.join().unwrap_or_else(|panic| resume_unwind(panic));
+                whole.append(level);
+                is_whole &= is_all;
             }
-            Some(whole)
+            (whole, is_whole)
         })
     }
 
     /// Numbers the new states, by the first path that leads to each, whichever thread found it.
     fn merge(&mut self, level: Expanded) -> Frontier {
-        let Expanded { found, mut usual, transitions, unavoidable, mut breaches } = level;
+        let Expanded { found, mut usual, transitions, unavoidable, breaches } = level;
         let mut found: Vec<(u128, Found)> = found.into_iter().collect();
         found.sort_by_key(|(_, found)| (found.parent, found.place));
         let mut frontier = Vec::with_capacity(found.len());
@@ -222,11 +237,17 @@ impl Search<'_> {
             self.graph.set_usual(from, to, time);
         }
         self.graph.count(transitions, unavoidable);
-        breaches.sort_by_key(|(_, parent, place, _)| (*parent, *place));
-        let breaches =
-            breaches.into_iter().map(|(breach, parent, _, choice)| (breach, parent, choice));
-        self.breaches.extend(breaches);
+        self.add_breaches(breaches);
         frontier
+    }
+
+    fn add_breaches(&mut self, mut breaches: Vec<(Breach, u32, u16, Choice)>) {
+        breaches.sort_by_key(|(_, parent, place, _)| (*parent, *place));
+        for (breach, parent, _, choice) in breaches {
+            let mut path = self.graph.path_to(parent);
+            path.push(choice);
+            self.breaches.push((breach, path));
+        }
     }
 }
 

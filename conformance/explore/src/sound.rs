@@ -44,7 +44,7 @@ impl Dice {
 /// Different ways to one state, spread over the exploration.
 fn pairs(search: &Search<'_>) -> Vec<Pair> {
     let sandboxes = search.sandboxes().unwrap();
-    let first = search.first_world(&sandboxes).unwrap();
+    let (first, _) = search.open(&sandboxes, false).unwrap();
     let mut known = HashMap::from([(first.hash(), Vec::new())]);
     let mut frontier = vec![(Vec::new(), first)];
     let mut pairs: Vec<Pair> = Vec::new();
@@ -101,7 +101,7 @@ fn answer_alike(plan: &Plan, plugin: &str) {
     let mut dice = Dice(7);
     for (one, other) in pairs {
         let mut worlds = [&one, &other].map(|way| {
-            let mut world = search.open(&sandboxes, true).unwrap();
+            let (mut world, _) = search.open(&sandboxes, true).unwrap();
             for choice in way {
                 world.make(*choice);
             }

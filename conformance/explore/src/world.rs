@@ -56,13 +56,14 @@ pub(crate) struct Outcome {
 }
 
 impl World {
-    /// Both ends, open; with `is_logged` all that is given and done from here on is written down.
+    /// Both ends, open, and what must never be and came of that. With `is_logged` all that is
+    /// given and done is written down.
     pub(crate) fn open(
         scenario: &Arc<Scenario>,
         sandboxes: &[Shared],
         faults: u8,
         is_logged: bool,
-    ) -> Result<Self, Ended> {
+    ) -> Result<(Self, Option<Breach>), Ended> {
         let partner = scenario.make_partner.map(|make| make());
         let now = BEGIN;
         let plugin = |end: usize| {
@@ -83,15 +84,12 @@ impl World {
             scenario: Arc::clone(scenario),
         };
         let open = Step::Given(Given::Host(HostRequest::Open));
+        let mut outcome = Outcome::default();
         for end in 0..2 {
-            let mut outcome = Outcome::default();
             world.ask(end, &mut outcome, &open)?;
-            if let Some(breach) = outcome.breach {
-                return Err(Ended(breach.to_string()));
-            }
         }
         world.settle()?;
-        Ok(world)
+        Ok((world, outcome.breach))
     }
 
     /// A second world in the same state.
@@ -480,11 +478,10 @@ impl World {
 
     /// Nothing is due any more.
     fn at_rest(&mut self) -> Option<Breach> {
-        // It is the host's turn.
-        if self
-            .plugins()
-            .any(|(_, plugin)| plugin.is_paused() || plugin.is_down() || plugin.keeps())
-        {
+        let is_hosts_turn = |(_, plugin): (usize, &PlugIn)| {
+            plugin.is_paused() || plugin.is_down() || plugin.keeps()
+        };
+        if self.plugins().any(is_hosts_turn) {
             return None;
         }
         for end in &mut self.ends {

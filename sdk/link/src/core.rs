@@ -245,10 +245,20 @@ impl Core {
 
     /// All that decides what comes. What was fed is not: it is only told.
     pub(crate) fn hash_ahead(&self, now: Micros, state: &mut impl Hasher) {
-        let Self { job, delivery, delivery_capacity, delivery_room, drained, requests, .. } = self;
+        let Self {
+            queue,
+            timers,
+            job,
+            fed: _,
+            delivery,
+            delivery_capacity,
+            delivery_room,
+            drained,
+            requests,
+        } = self;
         (job, delivery, delivery_capacity, delivery_room, drained, requests).hash(state);
-        self.queue.hash_ahead(state);
-        self.timers.hash_ahead(now, state);
+        queue.hash_ahead(state);
+        timers.hash_ahead(now, state);
     }
 
     /// Whether nothing is under way that a plug-in would have to know of.

@@ -212,9 +212,23 @@ impl<I: Instance> Link<I> {
     /// they are ahead, characters by how many have yet to leave. How many steps there were
     /// at this instant is left out, and so are the line and the settings, which never change.
     pub fn hash_ahead(&self, now: Micros, state: &mut impl Hasher) {
-        (self.is_open, self.down, self.has_ended).hash(state);
-        self.options.modem_lines.hash(state);
-        self.core.hash_ahead(now, state);
+        let Self {
+            instance: _,
+            core,
+            options,
+            scratch: _,
+            now: _,
+            steps: _,
+            events: _,
+            is_open,
+            down,
+            has_ended,
+            probation: _,
+            reverted: _,
+            taken_over_with: _,
+        } = self;
+        (is_open, down, has_ended, options.modem_lines).hash(state);
+        core.hash_ahead(now, state);
     }
 
     /// Gives the settings, then opens.

@@ -53,14 +53,15 @@ impl Marks {
 
     /// Each mark by the bytes before it: in the queue from `queued` on, on the wire from `given` on.
     pub(crate) fn hash_ahead(&self, queued: u64, given: u64, state: &mut impl Hasher) {
-        self.count().hash(state);
-        for (mark, position) in &self.queued {
+        let Self { queued: waiting, given: gone, dropped } = self;
+        (waiting.len(), gone.len()).hash(state);
+        for (mark, position) in waiting {
             (mark, position.wrapping_sub(queued)).hash(state);
         }
-        for Given { mark, wire, maybe_reported } in &self.given {
+        for Given { mark, wire, maybe_reported } in gone {
             (mark, wire.wrapping_sub(given), maybe_reported).hash(state);
         }
-        self.dropped.hash(state);
+        dropped.hash(state);
     }
 
     /// This mark is no longer outstanding; or, if it is not known, one without a

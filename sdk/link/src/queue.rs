@@ -257,10 +257,24 @@ impl Queue {
 
     /// All that decides what comes, and not how much has gone before.
     pub(crate) fn hash_ahead(&self, state: &mut impl Hasher) {
-        let Self { bytes, urgent, held, capacity, room, unreported, discarded, .. } = self;
+        // A field that is added has to be thought of here.
+        let Self {
+            bytes,
+            urgent,
+            held,
+            capacity,
+            room,
+            unreported,
+            queued,
+            given,
+            maybe_left,
+            surely_left,
+            discarded,
+            marks,
+        } = self;
         (bytes, urgent, held, capacity, room, unreported, discarded).hash(state);
-        (self.given - self.maybe_left, self.given - self.surely_left).hash(state);
-        self.marks.hash_ahead(self.queued, self.given, state);
+        (given - maybe_left, given - surely_left).hash(state);
+        marks.hash_ahead(*queued, *given, state);
     }
 
     /// Whether nothing waits, nothing is held and no mark is outstanding.

@@ -102,13 +102,13 @@ impl Wire {
     /// the next ones.
     pub(crate) fn hash_ahead(&self, now: Micros, state: &mut impl Hasher) {
         let ahead = |time: Micros| time.0 - now.0;
-        self.depth.hash(state);
-        self.ends.len().hash(state);
-        self.ends.iter().for_each(|end| ahead(*end).hash(state));
-        if self.free_at >= now {
-            let run_ends_here = self.free_at == self.run_end(self.run_length);
+        let Self { line: _, depth, run_start: _, run_length, free_at, ends, left: _ } = self;
+        (depth, ends.len()).hash(state);
+        ends.iter().for_each(|end| ahead(*end).hash(state));
+        if *free_at >= now {
+            let run_ends_here = *free_at == self.run_end(*run_length);
             let part = if run_ends_here { self.part_of_a_micro() } else { 0 };
-            (ahead(self.free_at), part).hash(state);
+            (ahead(*free_at), part).hash(state);
         }
     }
 

@@ -6,12 +6,12 @@ mod feed;
 
 use self::capture::Captures;
 use self::feed::Feed;
+use super::transmitter::{CHARACTER, Transmitter};
 use super::{Partner, Sent};
 use crate::end::Told;
 use crate::hash::Hash128;
 use crate::promise::{Breach, Wrong};
 use softplug_abi::{LineErrorKind, Micros};
-use std::collections::VecDeque;
 use std::hash::Hash;
 use std::sync::Arc;
 
@@ -23,8 +23,6 @@ const EOB: u8 = b'\n';
 
 /// What it punches.
 const TAPE: &[u8] = b"\x12%\nO2\n%\x14";
-/// A character on the line.
-const CHARACTER: Micros = Micros(1_000);
 /// From the host's job, or from its last DC4, to its DC1.
 const BEFORE_READING: Micros = Micros(2_300);
 /// It takes a character out of its buffer so often.
@@ -48,9 +46,7 @@ pub(crate) struct Control {
     punched: usize,
     /// The plug-in has stopped the punch.
     is_stopped: bool,
-    /// What waits to be sent, and when the wire is free.
-    waiting: VecDeque<u8>,
-    free_at: Option<Micros>,
+    transmitter: Transmitter,
     feed: Feed,
     captures: Captures,
 }
@@ -86,8 +82,7 @@ impl Control {
             reader: Reader::default(),
             punched: 0,
             is_stopped: false,
-            waiting: VecDeque::new(),
-            free_at: None,
+            transmitter: Transmitter::default(),
             feed: Feed::default(),
             captures: Captures::default(),
         }
@@ -102,16 +97,18 @@ impl Partner for Control {
     fn hash(&self, now: Micros, state: &mut Hash128) {
         let ahead = |time: Option<Micros>| time.map(|time| time.0 - now.0);
         (self.stage, ahead(self.goes_on_at), self.may_read_again, self.reader).hash(state);
-        (self.punched, self.is_stopped, &self.waiting).hash(state);
-        ahead(self.free_at.filter(|at| *at > now)).hash(state);
+        (self.punched, self.is_stopped).hash(state);
+        self.transmitter.hash(now, state);
         self.feed.hash(now, state);
         self.captures.hash(now, state);
     }
 
     fn next(&self) -> Option<Micros> {
-        let free = self.free_at.filter(|_| !self.waiting.is_empty());
         let is_stopped = self.stage == Stage::Punching && self.is_stopped;
-        [self.goes_on_at.filter(|_| !is_stopped), free].into_iter().flatten().min()
+        [self.goes_on_at.filter(|_| !is_stopped), self.transmitter.next()]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
     fn tick(&mut self, now: Micros) -> Sent {
@@ -119,7 +116,7 @@ impl Partner for Control {
         if !is_stopped && self.goes_on_at.is_some_and(|at| at <= now) {
             self.go_on(now);
         }
-        self.transmit(now)
+        self.transmitter.transmit(now)
     }
 
     fn receive(&mut self, now: Micros, byte: u8, damage: Option<LineErrorKind>) -> Sent {
@@ -129,7 +126,7 @@ impl Partner for Control {
             _ if self.stage == Stage::Reading => self.read(now, byte == b'%' && damage.is_none()),
             _ => {}
         }
-        self.transmit(now)
+        self.transmitter.transmit(now)
     }
 
     fn begins(&mut self, data: &Arc<[u8]>) {
@@ -194,7 +191,7 @@ impl Control {
             Stage::Called => self.enter(Stage::BeforeReading, now + BEFORE_READING),
             Stage::BeforeReading => {
                 self.reader = Reader::default();
-                self.waiting.push_back(DC1);
+                self.transmitter.send(&[DC1]);
                 self.enter(Stage::Reading, now + GIVES_UP);
             }
             Stage::Reading if self.reader.buffered == 0 => self.end_reading(now),
@@ -225,7 +222,7 @@ impl Control {
         self.reader.percents += u8::from(is_percent);
         if self.reader.buffered >= HOLDS_AT && !self.reader.has_held {
             self.reader.has_held = true;
-            self.waiting.push_back(DC3);
+            self.transmitter.send(&[DC3]);
         }
     }
 
@@ -235,12 +232,12 @@ impl Control {
         if self.reader.buffered > 0 {
             self.goes_on_at = Some(now + TAKES);
         } else if self.reader.is_at_end() {
-            self.waiting.push_back(DC3);
+            self.transmitter.send(&[DC3]);
             self.end_reading(now);
         } else {
             if self.reader.has_held {
                 self.reader.has_held = false;
-                self.waiting.push_back(DC1);
+                self.transmitter.send(&[DC1]);
             }
             self.goes_on_at = Some(now + GIVES_UP);
         }
@@ -258,7 +255,7 @@ impl Control {
     }
 
     fn punch(&mut self, now: Micros) {
-        self.waiting.push_back(TAPE[self.punched]);
+        self.transmitter.send(&[TAPE[self.punched]]);
         self.punched += 1;
         if self.punched < TAPE.len() {
             self.goes_on_at = Some(now + CHARACTER);
@@ -269,19 +266,6 @@ impl Control {
             self.stage = Stage::Off;
             self.goes_on_at = None;
         }
-    }
-
-    /// The wire takes the next character if it is free.
-    fn transmit(&mut self, now: Micros) -> Sent {
-        let mut sent = Sent::default();
-        if self.free_at.is_none_or(|at| at <= now)
-            && let Some(byte) = self.waiting.pop_front()
-        {
-            let end = now + CHARACTER;
-            self.free_at = Some(end);
-            sent.left.push((end, byte));
-        }
-        sent
     }
 }
 

@@ -3,6 +3,7 @@
 mod control;
 mod reader;
 mod tnc;
+mod transmitter;
 mod unjudged;
 
 pub(crate) use control::Control;

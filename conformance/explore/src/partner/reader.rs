@@ -1,20 +1,18 @@
 //! A machine with a small buffer that holds the plug-in with XOFF, reads what comes, and sends
 //! a few characters itself.
 
+use super::transmitter::{CHARACTER, Transmitter};
 use super::{Partner, Sent};
 use crate::end::Told;
 use crate::hash::Hash128;
 use crate::promise::{Breach, Wrong};
 use softplug_abi::{LineErrorKind, Micros};
-use std::collections::VecDeque;
 use std::hash::Hash;
 use std::sync::Arc;
 
 const XON: u8 = 0x11;
 const XOFF: u8 = 0x13;
 
-/// A character on the line.
-const CHARACTER: Micros = Micros(1_000);
 /// It sends its first character so long after the first one has come.
 const BEFORE_OWN: Micros = Micros(2_500);
 /// It takes a character out of its buffer so often.
@@ -43,9 +41,7 @@ pub(crate) struct Reader {
     sent: usize,
     /// The plug-in has stopped it.
     is_stopped: bool,
-    /// What waits to be sent, and when the wire is free.
-    waiting: VecDeque<u8>,
-    free_at: Option<Micros>,
+    transmitter: Transmitter,
     /// What arrived at the plug-in since the last delivery.
     arrived: Vec<u8>,
     is_damaged: bool,
@@ -67,8 +63,7 @@ impl Reader {
             sends_at: None,
             sent: 0,
             is_stopped: false,
-            waiting: VecDeque::new(),
-            free_at: None,
+            transmitter: Transmitter::default(),
             arrived: Vec::new(),
             is_damaged: false,
         }
@@ -98,18 +93,20 @@ impl Partner for Reader {
     fn hash(&self, now: Micros, state: &mut Hash128) {
         let ahead = |time: Option<Micros>| time.map(|time| time.0 - now.0);
         (&self.expected, self.left, self.buffered, self.has_held, self.is_stopped).hash(state);
-        (&self.waiting, self.sent, &self.arrived, self.is_damaged).hash(state);
+        (self.sent, &self.arrived, self.is_damaged).hash(state);
+        self.transmitter.hash(now, state);
         ahead(self.takes_at).hash(state);
         ahead(self.sends_at).hash(state);
-        ahead(self.free_at.filter(|at| *at > now)).hash(state);
         // What was told at this instant still counts otherwise than what was told before.
         self.held_since.map(|since| since < now).hash(state);
     }
 
     fn next(&self) -> Option<Micros> {
         let has_own = !self.is_stopped && self.sent < self.own.len();
-        let free = self.free_at.filter(|_| !self.waiting.is_empty());
-        [self.takes_at, self.sends_at.filter(|_| has_own), free].into_iter().flatten().min()
+        [self.takes_at, self.sends_at.filter(|_| has_own), self.transmitter.next()]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
     fn tick(&mut self, now: Micros) -> Sent {
@@ -118,18 +115,18 @@ impl Partner for Reader {
             self.takes_at = (self.buffered > 0).then(|| now + TAKES);
             if self.buffered == 0 && self.has_held {
                 self.has_held = false;
-                self.waiting.push_back(XON);
+                self.transmitter.send(&[XON]);
             }
         }
         if !self.is_stopped
             && self.sent < self.own.len()
             && self.sends_at.is_some_and(|at| at <= now)
         {
-            self.waiting.push_back(self.own[self.sent]);
+            self.transmitter.send(&[self.own[self.sent]]);
             self.sent += 1;
             self.sends_at = Some(now + CHARACTER);
         }
-        self.transmit(now)
+        self.transmitter.transmit(now)
     }
 
     fn receive(&mut self, now: Micros, byte: u8, damage: Option<LineErrorKind>) -> Sent {
@@ -142,19 +139,18 @@ impl Partner for Reader {
                 self.sends_at = self.sends_at.or(Some(now + BEFORE_OWN));
                 if self.buffered >= HOLDS_AT && !self.has_held {
                     self.has_held = true;
-                    self.waiting.push_back(XOFF);
+                    self.transmitter.send(&[XOFF]);
                 }
             }
         }
-        self.transmit(now)
+        self.transmitter.transmit(now)
     }
 
     fn begins(&mut self, data: &Arc<[u8]>) {
         self.expected = Arc::clone(data);
         self.left = 0;
         if self.lets_go {
-            self.waiting.push_back(XON);
-            self.free_at = self.free_at.or(Some(Micros::ZERO));
+            self.transmitter.send(&[XON]);
         }
     }
 
@@ -220,20 +216,5 @@ impl Partner for Reader {
     fn at_rest(&self, _: &Wrong) -> Option<Breach> {
         let is_lost = self.judges && !self.arrived.is_empty();
         is_lost.then(|| Breach::Lost { bytes: self.arrived.clone() })
-    }
-}
-
-impl Reader {
-    /// The wire takes the next character if it is free.
-    fn transmit(&mut self, now: Micros) -> Sent {
-        let mut sent = Sent::default();
-        if self.free_at.is_none_or(|at| at <= now)
-            && let Some(byte) = self.waiting.pop_front()
-        {
-            let end = now + CHARACTER;
-            self.free_at = Some(end);
-            sent.left.push((end, byte));
-        }
-        sent
     }
 }

@@ -3,6 +3,7 @@
 mod frame;
 mod judge;
 
+use super::transmitter::{CHARACTER, Transmitter};
 use super::{Partner, Sent};
 use crate::end::Told;
 use crate::hash::Hash128;
@@ -10,7 +11,6 @@ use crate::promise::{Breach, Wrong};
 use frame::{ACK, EOT, ETX, Ear, Heard, NAK, SOH, STX, frame};
 use judge::Judge;
 use softplug_abi::{LineErrorKind, Micros};
-use std::collections::VecDeque;
 use std::hash::Hash;
 use std::sync::Arc;
 
@@ -20,8 +20,6 @@ const ANNOUNCES: &[u8] = b"H1A";
 /// What it puts out, of which the check looks like DC3.
 const PROGRAM: &[&[u8]] = &[b"17"];
 
-/// A character on the line.
-const CHARACTER: Micros = Micros(1_000);
 /// It puts out so long after the other program came to its end.
 const BEFORE_PUTTING_OUT: Micros = Micros(7_000);
 /// It waits so long for an answer.
@@ -48,9 +46,8 @@ pub(crate) struct Tnc {
     ear: Ear,
     /// Lines that it took.
     taken: Vec<u8>,
-    /// What waits to be sent, when the wire takes the next, and when all has left.
-    waiting: VecDeque<u8>,
-    free_at: Micros,
+    transmitter: Transmitter,
+    /// When all that was sent has left.
     left_at: Micros,
     judge: Judge,
     /// Though nothing went wrong so far, the job is done, and its own program was delivered.
@@ -88,8 +85,7 @@ impl Tnc {
             due: None,
             ear: Ear::new(CHARACTER_TIME),
             taken: Vec::new(),
-            waiting: VecDeque::new(),
-            free_at: Micros::ZERO,
+            transmitter: Transmitter::default(),
             left_at: Micros::ZERO,
             judge: Judge::new(),
             is_done: false,
@@ -106,15 +102,15 @@ impl Partner for Tnc {
     fn hash(&self, now: Micros, state: &mut Hash128) {
         let ahead = |time: Micros| (time - now).max(Micros::ZERO).0;
         (self.phase, self.due.map(ahead), &self.taken).hash(state);
-        (&self.waiting, ahead(self.free_at), ahead(self.left_at)).hash(state);
+        ahead(self.left_at).hash(state);
+        self.transmitter.hash(now, state);
         (self.is_done, self.is_delivered).hash(state);
         self.ear.hash(now, state);
         self.judge.hash(now, state);
     }
 
     fn next(&self) -> Option<Micros> {
-        let free = (!self.waiting.is_empty()).then_some(self.free_at);
-        self.due.into_iter().chain(free).min()
+        self.due.into_iter().chain(self.transmitter.next()).min()
     }
 
     fn tick(&mut self, now: Micros) -> Sent {
@@ -122,12 +118,12 @@ impl Partner for Tnc {
             self.due = None;
             self.goes_on(now);
         }
-        self.transmit(now)
+        self.transmitter.transmit(now)
     }
 
     fn receive(&mut self, now: Micros, byte: u8, damage: Option<LineErrorKind>) -> Sent {
         if matches!(self.phase, Phase::Idle | Phase::Rests | Phase::Finished) {
-            return self.transmit(now);
+            return self.transmitter.transmit(now);
         }
         if self.ear.cut_off_at().is_some_and(|at| at < now) {
             self.ear.forget();
@@ -140,7 +136,7 @@ impl Partner for Tnc {
         {
             self.due = Some(at);
         }
-        self.transmit(now)
+        self.transmitter.transmit(now)
     }
 
     fn begins(&mut self, data: &Arc<[u8]>) {
@@ -328,19 +324,7 @@ impl Tnc {
     fn sends(&mut self, now: Micros, bytes: &[u8]) {
         let begin = now.max(self.left_at);
         self.left_at = Micros(begin.0 + CHARACTER.0 * bytes.len() as i64);
-        self.waiting.extend(bytes);
-    }
-
-    /// The wire takes the next character if it is free.
-    fn transmit(&mut self, now: Micros) -> Sent {
-        let mut sent = Sent::default();
-        if self.free_at <= now
-            && let Some(byte) = self.waiting.pop_front()
-        {
-            self.free_at = now + CHARACTER;
-            sent.left.push((self.free_at, byte));
-        }
-        sent
+        self.transmitter.send(bytes);
     }
 }
 

@@ -73,7 +73,7 @@ pub(crate) struct Arguments {
     /// About so many states at most
     #[arg(long, value_name = "N")]
     states: Option<u64>,
-    /// At most so long, such as 90s, 10min or 1h
+    /// At most so long for each configuration, such as 90s, 10min or 1h
     #[arg(long, value_name = "SPAN", value_parser = random::time)]
     time: Option<Duration>,
     /// Threads to run on; they change nothing of what is found
@@ -207,11 +207,13 @@ fn failure(error: ExploreError) -> Failure {
     match error {
         ExploreError::NoPlan { .. }
         | ExploreError::Setting(_)
+        | ExploreError::NoPeer { .. }
         | ExploreError::Kept { .. }
         | ExploreError::Differs => Failure::usage(error),
-        ExploreError::Load(_) | ExploreError::Module { .. } | ExploreError::Open { .. } => {
-            Failure::plug_in(error)
-        }
+        ExploreError::Load(_)
+        | ExploreError::Module { .. }
+        | ExploreError::NoJob
+        | ExploreError::Open { .. } => Failure::plug_in(error),
     }
 }
 
@@ -328,7 +330,7 @@ fn show(explored: &Exploration, plan: &Plan, traces: &[PathBuf], screen: &Screen
             "{GOOD}complete{GOOD:#}: {name}, nothing that must never be can happen"
         )),
         None => screen.say(format_args!(
-            "{WARNING}incomplete{WARNING:#}: {name}, a bound was reached; nothing was found so far"
+            "{WARNING}incomplete{WARNING:#}: {name}, it ended before all was seen; nothing was found so far"
         )),
     }
     let row = |title: &str, text: String| {

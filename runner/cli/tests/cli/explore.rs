@@ -80,6 +80,20 @@ fn whoever_is_killed_goes_on_to_the_same_end() {
     assert_eq!(whole["complete"], true);
 }
 
+/// Whoever was ended in the first configuration has no states of the others.
+#[test]
+fn configurations_that_were_not_begun_begin() {
+    let bench = Bench::new();
+    let words = ["explore", "xon-xoff", "--profile", "xon-xoff", "--out", "out", "--json"];
+    let whole = bench.run(&words).with_code(0).json();
+    for name in Bench::names_in(&bench.path("out")) {
+        if name.ends_with(".states") && !name.starts_with("hold") {
+            std::fs::remove_file(bench.path(&format!("out/{name}"))).unwrap();
+        }
+    }
+    assert_eq!(bench.run(&with(&words, &["--resume"])).with_code(0).json(), whole);
+}
+
 #[test]
 fn a_bound_makes_it_incomplete() {
     for bound in [["--states", "50"], ["--depth", "3"]] {
@@ -98,6 +112,7 @@ fn what_cannot_be_explored_is_said() {
         (&with(&SMALL, &["--set", "quiet=1"]), 2),
         (&with(&SMALL, &["--data", "4"]), 2),
         (&with(&SMALL, &["--time", "soon"]), 2),
+        (&with(&SMALL, &["--peer-set", "quiet_time=20"]), 2),
         (&with(&SMALL, &["--out", "out", "--resume"]), 2),
         (&["explore", "xon-xoff", "--profile", "xon-xoff", "--only", "all"], 2),
         (&["explore", "broken.wasm", "--profile", "r3964"], 3),

@@ -1,8 +1,9 @@
 //! Holds what leaves the plug-in, and what it tells, against what arrived at it.
 
 use super::frame::{ACK, DC1, DC3, EOT, ETX, Ear, Heard, NAK, STX, frame};
-use super::{CHARACTER, PLUGIN_CHARACTER_TIME, PLUGIN_REPEATS};
+use super::{PLUGIN_CHARACTER_TIME, PLUGIN_REPEATS};
 use crate::hash::Hash128;
+use crate::partner::transmitter::CHARACTER;
 use crate::promise::Breach;
 use softplug_abi::{Failure, LineErrorKind, Micros};
 use std::collections::VecDeque;

@@ -1,35 +1,11 @@
 //! The reference plug-ins, explored.
+#![cfg(feature = "wasmtime")]
 
+mod common;
+
+use common::module;
 use softplug_explore::{Bounds, Changes, Exploration, Kept, PLANS, Plan, explore, plans};
-use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::atomic::AtomicBool;
-
-/// A reference plug-in: from the folder `SOFTPLUG_PLUGINS`, else built now.
-fn module(name: &str) -> Vec<u8> {
-    let path = match std::env::var_os("SOFTPLUG_PLUGINS") {
-        Some(folder) => PathBuf::from(folder).join(format!("{name}.wasm")),
-        None => build(name),
-    };
-    std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
-}
-
-fn build(name: &str) -> PathBuf {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let target =
-        std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from);
-    let built = Command::new(env!("CARGO"))
-        .current_dir(&root)
-        .env_remove("RUSTFLAGS")
-        .env_remove("CARGO_ENCODED_RUSTFLAGS")
-        .args(["build", "--quiet", "--profile", "plugin", "--target", "wasm32v1-none", "--lib"])
-        .args(["-p", &format!("softplug-{name}"), "--target-dir"])
-        .arg(&target)
-        .status()
-        .expect("cargo can be run");
-    assert!(built.success(), "softplug-{name} cannot be built");
-    target.join(format!("wasm32v1-none/plugin/softplug_{}.wasm", name.replace('-', "_")))
-}
 
 /// The plug-in that claims a profile.
 fn plugin_of(profile: &str) -> &str {
@@ -121,6 +97,20 @@ fn states_of_something_else_are_refused() {
     let refused = explore(&module, plan, &Changes::default(), &bounds, &|_| {}, &never);
     let text = refused.expect_err("the number of faults is another").to_string();
     assert!(text.contains("was explored here"), "{text}");
+}
+
+#[test]
+fn what_was_found_without_the_model_is_no_beginning_for_one_with_it() {
+    let folder = tempfile::tempdir().expect("a folder can be made");
+    let file = folder.path().join("states");
+    let plan = configuration("r3964", "one-block");
+    let keep = |goes_on| Some(Kept { file: file.clone(), goes_on });
+    let without = Changes { without_model: true, ..Changes::default() };
+    explored(plan, &without, &Bounds { keep: keep(false), ..with_faults(0) });
+    let bounds = Bounds { keep: keep(true), ..with_faults(0) };
+    let never = AtomicBool::new(false);
+    let module = module("r3964");
+    assert!(explore(&module, plan, &Changes::default(), &bounds, &|_| {}, &never).is_err());
 }
 
 /// Without a block check, a lost character alters the block: that is what the check is for.
