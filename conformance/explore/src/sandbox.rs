@@ -35,9 +35,6 @@ pub(crate) enum StepFault {
         /// In its memory.
         address: usize,
     },
-    /// Its memory is not as large as a new instance's.
-    #[error("its memory grows: it cannot be explored")]
-    Grows,
     /// No instance could be made.
     #[error("no instance could be made: {0}")]
     NoInstance(String),
@@ -66,7 +63,7 @@ pub(crate) struct Sandbox {
     sessions: [Session; 2],
     /// Nothing in here is alive between two events.
     dead: Vec<Range<usize>>,
-    /// A new instance's memory.
+    /// A new instance's memory, which has one size for ever: the lint sees to that.
     base: Box<[u8]>,
     new: Arc<Image>,
     holds: Holds,
@@ -131,10 +128,7 @@ impl Sandbox {
     /// Lets an image go on that was made at `now`. Whoever was here before is not any more.
     pub(crate) fn load(&mut self, image: &Arc<Image>, now: Micros) -> Result<u64, StepFault> {
         self.ticket += 1;
-        let size = self.base.len();
-        let is_unfit =
-            |session: &Session| session.fault().is_some() || session.memory().len() != size;
-        if self.sessions.iter().any(is_unfit) {
+        if self.sessions.iter().any(|session| session.fault().is_some()) {
             let plugin = &self.subject.plugin;
             let failed = |error: LoadError| StepFault::NoInstance(error.to_string());
             let start = || plugin.instantiate().map_err(failed);
@@ -200,9 +194,6 @@ impl Sandbox {
             Holds::Since(image) => Some(Arc::clone(image)),
             Holds::Anything => None,
         };
-        if self.sessions.iter().any(|session| session.memory().len() != self.base.len()) {
-            return Err(StepFault::Grows);
-        }
         self.clear_dead();
         let globals = self.globals(now)?;
         let before = before.as_deref().map_or(&[][..], |image| &image.blocks);
