@@ -43,12 +43,12 @@ fn show(module: &[u8], plan: &Plan, bounds: &Bounds) -> Result<(), Box<dyn Error
         explored.digest,
         explored.transitions as f64 / seconds,
     );
-    if let Some(counterexample) = explored.counterexample {
-        println!("{}", counterexample.breach);
-        for choice in counterexample.path {
+    if let Some(found) = explored.counterexample {
+        println!("{}", found.breach);
+        for choice in found.way.path {
             println!("  {choice}");
         }
-        for (end, log) in counterexample.logs.iter().enumerate() {
+        for (end, log) in found.way.logs.iter().enumerate() {
             println!("{end}: {:?}", log.observed);
         }
     }

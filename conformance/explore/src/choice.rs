@@ -80,6 +80,20 @@ impl Choice {
         )
     }
 
+    /// Whether it is about what is due, or something else happens behind that.
+    pub(crate) fn of_what_is_due(self) -> bool {
+        matches!(
+            self,
+            Self::Next
+                | Self::Lost(_)
+                | Self::Doubled(_)
+                | Self::Altered(..)
+                | Self::Damaged(..)
+                | Self::AtTimer(_)
+                | Self::AfterTimer(_)
+        )
+    }
+
     /// The end on whose way something goes wrong.
     pub(crate) fn way(self) -> Option<usize> {
         match self {

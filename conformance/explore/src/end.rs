@@ -202,18 +202,19 @@ impl PlugIn {
         Some(HostRequest::Job { id, kind: kind.clone(), fields: Vec::new(), data })
     }
 
-    pub(crate) fn into_log(self, end: Micros) -> Option<Log> {
-        self.log.map(|log| Log { end, ..*log })
+    pub(crate) fn into_log(self) -> Option<Log> {
+        self.log.map(|log| *log)
     }
 
     /// What happens at `now`, with what is due then. A line input comes before all else, what the
     /// host does behind what is due.
     pub(crate) fn instant(&mut self, now: Micros, step: &Step) -> Result<Did, Ended> {
         let mut broken = Ok(());
-        if let Some(log) = &mut self.log
-            && *step != Step::Given(Given::Nothing)
-        {
-            log.inputs.push((now, step.clone()));
+        if let Some(log) = &mut self.log {
+            log.end = now;
+            if *step != Step::Given(Given::Nothing) {
+                log.inputs.push((now, step.clone()));
+            }
         }
         if let Some(held) = &mut self.held {
             broken = held.catch_up(now);

@@ -20,6 +20,9 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+/// Ways that are given to be tried.
+const SAMPLE: u64 = 32;
+
 /// How far is explored.
 ///
 /// ```
@@ -123,6 +126,9 @@ pub struct Exploration {
     pub digest: u128,
     /// The shortest way to something that must never be.
     pub counterexample: Option<Counterexample>,
+    /// Ways to some of the states, from all over: whoever does not believe what was explored can
+    /// run them.
+    pub sample: Vec<Way>,
     /// Settings of each plug-in, as they were asked for.
     pub settings: [Vec<(String, String)>; 2],
     /// Jobs of each plug-in.
@@ -142,7 +148,16 @@ pub struct Exploration {
 pub struct Counterexample {
     /// What must never be.
     pub breach: Breach,
-    /// The choices that lead to it.
+    /// The way that leads to it.
+    pub way: Way,
+}
+
+/// A way from the beginning to some state.
+///
+/// The example of [`Exploration`] looks for one.
+#[derive(Debug)]
+pub struct Way {
+    /// The choices that lead there.
     pub path: Vec<Choice>,
     /// Those of them that are faults, and when.
     pub faults: Vec<(Micros, Choice)>,
@@ -191,10 +206,15 @@ pub fn explore(
         }
     }
     let counterexample = match search.breaches.first() {
-        Some((breach, path)) => Some(search.way(breach.clone(), path.clone())?),
+        Some((breach, path)) => {
+            Some(Counterexample { breach: breach.clone(), way: search.way(path.clone())? })
+        }
         None => None,
     };
     let graph = &search.graph;
+    let spread = (0..graph.states()).step_by((graph.states() / SAMPLE + 1) as usize);
+    let ways = spread.map(|state| search.way(graph.path_to(state as u32)));
+    let sample = ways.collect::<Result<_, _>>()?;
     let jobs_of = |end: usize| {
         let jobs: &[_] = &scenario.jobs[end];
         jobs.iter().map(|job| job.data.to_vec()).collect()
@@ -209,6 +229,7 @@ pub fn explore(
         longest,
         digest: graph.digest(),
         counterexample,
+        sample,
         settings: scenario.asked.clone(),
         jobs: [jobs_of(0), jobs_of(1)],
         line: scenario.line(),
@@ -261,7 +282,7 @@ impl Search<'_> {
     }
 
     /// Goes a way once more and writes down what happens on it.
-    fn way(&self, breach: Breach, path: Vec<Choice>) -> Result<Counterexample, ExploreError> {
+    fn way(&self, path: Vec<Choice>) -> Result<Way, ExploreError> {
         let sandboxes = self.sandboxes()?;
         let (mut world, _) = self.open(&sandboxes, true)?;
         let mut faults = Vec::new();
@@ -271,6 +292,6 @@ impl Search<'_> {
             }
             world.make(*choice);
         }
-        Ok(Counterexample { breach, path, faults, logs: world.into_logs() })
+        Ok(Way { path, faults, logs: world.into_logs() })
     }
 }

@@ -44,7 +44,7 @@ mod world;
 
 pub use choice::{Choice, Damage};
 pub use error::ExploreError;
-pub use explore::{Bounds, Counterexample, Exploration, Kept, Progress, explore};
+pub use explore::{Bounds, Counterexample, Exploration, Kept, Progress, Way, explore};
 pub use log::Log;
 pub use plans::{PLANS, Plan, plans};
 pub use promise::Breach;

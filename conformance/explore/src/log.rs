@@ -13,6 +13,6 @@ pub struct Log {
     pub inputs: Vec<(Micros, Step)>,
     /// What it did, in order.
     pub observed: Vec<(Micros, Observed)>,
-    /// When the way ended.
+    /// The last instant at which something was due or given.
     pub end: Micros,
 }

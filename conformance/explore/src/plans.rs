@@ -149,7 +149,13 @@ pub const PLANS: &[Plan] = &[
         may_conflict: true,
         ..R3964
     },
-    Plan { name: "no-priority", of_each: [FEW_NONE, FEW_LOW], jobs: [&[b"A"], &[b"B"]], ..R3964 },
+    Plan {
+        name: "no-priority",
+        of_each: [FEW_NONE, FEW_LOW],
+        jobs: [&[b"A"], &[b"B"]],
+        may_conflict: true,
+        ..R3964
+    },
     Plan {
         name: "split",
         settings: &[

@@ -18,8 +18,10 @@ use std::sync::Arc;
 
 /// When the links are opened.
 pub(crate) const BEGIN: Micros = Micros(1_000_000);
-/// How long a character that comes too late comes after the timer.
-const LATE: Micros = Micros(1);
+/// How long a character that comes too late comes after the timer; what the host asks for, and a
+/// character that nobody sent, behind what happened; and a second copy behind the first. Within one
+/// instant there would be an order that no trace can say.
+const BEHIND: Micros = Micros(1);
 
 /// Two ends and the line between them.
 pub(crate) struct World {
@@ -139,52 +141,63 @@ impl World {
 
     /// All that may happen next, the usual first.
     pub(crate) fn choices(&self) -> Vec<Choice> {
-        let mut choices = Vec::new();
         let next = self.next();
-        if next.is_some() {
-            choices.push(Choice::Next);
-        }
-        for (at, plugin) in self.plugins() {
-            // Where nothing else is due, these are the usual.
-            if plugin.is_paused() {
-                choices.push(Choice::Resume(at));
-            }
-            if plugin.keeps() {
-                choices.push(Choice::PutAway(at));
-            }
-            if plugin.is_down() {
-                choices.push(Choice::Up(at));
-            } else if plugin.job().is_none() && plugin.next_job().is_some() {
-                choices.push(Choice::Begin(at));
-            }
+        let mut choices = Vec::new();
+        choices.extend(next.map(|_| Choice::Next));
+        // The instant is over, and nothing else is due just behind it.
+        let is_over = next.is_none_or(|(at, _)| at > self.now + BEHIND);
+        if is_over {
+            self.usual_requests(&mut choices);
         }
         if self.faults_left > 0 {
-            self.faults(next, &mut choices);
+            if let Some((_, Due::Arrival(end))) = next {
+                self.faults_of_arrival(end, &mut choices);
+            }
+            if is_over {
+                self.faults_out_of_turn(&mut choices);
+            }
         }
         choices
     }
 
-    fn faults(&self, next: Option<(Micros, Due)>, choices: &mut Vec<Choice>) {
-        let alphabet = self.scenario.alphabet;
-        if let Some((_, Due::Arrival(end))) = next
-            && let Some(coming) = self.ways[end].front()
-            && coming.damage.is_none()
-        {
-            choices.extend([
-                Choice::Lost(end),
-                Choice::Doubled(end),
-                Choice::Damaged(end, Damage::Parity),
-                Choice::Damaged(end, Damage::Break),
-            ]);
-            let others = alphabet.iter().filter(|byte| **byte != coming.byte);
-            choices.extend(others.map(|byte| Choice::Altered(end, *byte)));
-            if self.timer_of(end).is_some_and(|timer| timer > coming.at) {
-                choices.extend([Choice::AtTimer(end), Choice::AfterTimer(end)]);
+    /// Where nothing else is due, the first of these is the usual.
+    fn usual_requests(&self, choices: &mut Vec<Choice>) {
+        for (end, plugin) in self.plugins() {
+            if plugin.is_paused() {
+                choices.push(Choice::Resume(end));
+            }
+            if plugin.keeps() {
+                choices.push(Choice::PutAway(end));
+            }
+            if plugin.is_down() {
+                choices.push(Choice::Up(end));
+            } else if plugin.job().is_none() && plugin.next_job().is_some() {
+                choices.push(Choice::Begin(end));
             }
         }
+    }
+
+    fn faults_of_arrival(&self, end: usize, choices: &mut Vec<Choice>) {
+        let coming = self.ways[end].front().filter(|coming| coming.damage.is_none());
+        let Some(coming) = coming else { return };
+        choices.extend([
+            Choice::Lost(end),
+            Choice::Doubled(end),
+            Choice::Damaged(end, Damage::Parity),
+            Choice::Damaged(end, Damage::Break),
+        ]);
+        let others = self.scenario.alphabet.iter().filter(|byte| **byte != coming.byte);
+        choices.extend(others.map(|byte| Choice::Altered(end, *byte)));
+        if self.timer_of(end).is_some_and(|timer| timer > coming.at) {
+            choices.extend([Choice::AtTimer(end), Choice::AfterTimer(end)]);
+        }
+    }
+
+    fn faults_out_of_turn(&self, choices: &mut Vec<Choice>) {
         for end in 0..2 {
             if self.ways[end].is_empty() {
-                choices.extend(alphabet.iter().map(|byte| Choice::Inserted(end, *byte)));
+                let alphabet = self.scenario.alphabet.iter();
+                choices.extend(alphabet.map(|byte| Choice::Inserted(end, *byte)));
             }
         }
         // Of a port that is gone a host asks nothing.
@@ -235,23 +248,23 @@ impl World {
         outcome
     }
 
-    /// When a choice happens: what becomes of a character, when it would have arrived.
+    /// When a choice happens.
     pub(crate) fn time_of(&self, choice: Choice) -> Micros {
-        let coming = choice.way().and_then(|end| self.ways[end].front());
-        coming.map_or(self.now, |coming| coming.at.max(self.now))
+        match choice.of_what_is_due() {
+            true => self.next().map_or(self.now, |(at, _)| at),
+            false => self.now + BEHIND,
+        }
     }
 
     fn happens(&mut self, choice: Choice, outcome: &mut Outcome) -> Result<(), Ended> {
+        // Of a character that is lost or late nothing happens when it would have arrived.
+        if !matches!(choice, Choice::Lost(_) | Choice::AtTimer(_) | Choice::AfterTimer(_)) {
+            self.now = self.time_of(choice);
+        }
         match choice {
             Choice::Next => match self.next() {
-                Some((at, Due::Arrival(end))) => {
-                    self.now = at;
-                    self.arrival(end, outcome)
-                }
-                Some((at, Due::Tick(end))) => {
-                    self.now = at;
-                    self.tick(end, outcome)
-                }
+                Some((_, Due::Arrival(end))) => self.arrival(end, outcome),
+                Some((_, Due::Tick(end))) => self.tick(end, outcome),
                 None => Ok(()),
             },
             Choice::Lost(end) => {
@@ -260,24 +273,18 @@ impl World {
             }
             Choice::Doubled(end) => {
                 if let Some(coming) = self.ways[end].front().copied() {
-                    self.ways[end].push_front(coming);
-                    self.now = self.now.max(coming.at);
-                    self.arrival(end, outcome)?;
+                    let again = Arriving { at: self.now + BEHIND, ..coming };
+                    self.ways[end].insert(1, again);
                 }
                 self.arrival(end, outcome)
             }
             Choice::Altered(end, byte) => {
-                if let Some(coming) = self.ways[end].front_mut() {
-                    coming.byte = byte;
-                    self.now = self.now.max(coming.at);
-                }
+                self.ways[end].iter_mut().take(1).for_each(|coming| coming.byte = byte);
                 self.arrival(end, outcome)
             }
             Choice::Damaged(end, damage) => {
-                if let Some(coming) = self.ways[end].front_mut() {
-                    coming.damage = Some(damage.kind());
-                    self.now = self.now.max(coming.at);
-                }
+                let damage = Some(damage.kind());
+                self.ways[end].iter_mut().take(1).for_each(|coming| coming.damage = damage);
                 self.arrival(end, outcome)
             }
             Choice::AtTimer(end) => {
@@ -285,7 +292,7 @@ impl World {
                 Ok(())
             }
             Choice::AfterTimer(end) => {
-                self.delay(end, LATE);
+                self.delay(end, BEHIND);
                 Ok(())
             }
             Choice::Inserted(end, byte) => {
@@ -537,9 +544,8 @@ impl World {
     }
 
     pub(crate) fn into_logs(self) -> Vec<Log> {
-        let now = self.now;
         let logs = self.ends.into_iter().filter_map(|end| match end {
-            End::PlugIn(plugin) => plugin.into_log(now),
+            End::PlugIn(plugin) => plugin.into_log(),
             End::Partner(_) => None,
         });
         logs.collect()

@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                         explore(&module, plan, &Changes::default(), &bounds, &|_| {}, &never);
                     let found = match explored {
                         Ok(explored) => match explored.counterexample {
-                            Some(way) => format!("{}: {}", way.breach.name(), way.breach),
+                            Some(found) => format!("{}: {}", found.breach.name(), found.breach),
                             None if explored.is_complete => continue,
                             None => format!("nothing within {} s", seconds.as_secs()),
                         },

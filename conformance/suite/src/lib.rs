@@ -58,7 +58,7 @@ pub use run::replay::replay;
 pub use run::subject::{FromFn, Fuel, Sandboxed, Subject, SubjectError};
 pub use show::bless::{BlessFailure, Blessing, bless, blessing};
 #[cfg(feature = "wasmtime")]
-pub use show::explored::traces_of_way;
+pub use show::explored::{differs_from_explored, traces_of_way};
 pub use show::flight::{FlightError, FlightFault, record_of_flight};
 pub use show::page;
 pub use show::phrase::{Other, Phrase};

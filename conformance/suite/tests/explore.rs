@@ -3,7 +3,8 @@
 
 mod common;
 
-use common::module;
+use common::{module, sandboxed};
+use softplug_conformance::differs_from_explored;
 use softplug_explore::{Bounds, Changes, Exploration, Kept, PLANS, Plan, explore, plans};
 use std::sync::atomic::AtomicBool;
 
@@ -34,13 +35,17 @@ fn configuration(profile: &str, name: &str) -> &'static Plan {
 }
 
 #[test]
-fn every_configuration_is_complete_with_one_fault() {
+fn every_configuration_is_complete_with_one_fault_and_is_the_plug_ins_course() {
     for plan in PLANS {
         let explored = explored(plan, &Changes::default(), &with_faults(1));
         let what = format!("{} {}", plan.profile, plan.name);
-        let breach = explored.counterexample.map(|way| (way.breach, way.path));
+        let found = explored.counterexample.as_ref();
+        let breach = found.map(|found| (&found.breach, &found.way.path));
         assert_eq!(breach, None, "{what}");
         assert!(explored.is_complete && explored.has_model, "{what}");
+        assert!(explored.sample.len() > 20, "{what}: {}", explored.sample.len());
+        let differs = differs_from_explored(&sandboxed(plugin_of(plan.profile)), &explored, plan);
+        assert_eq!(differs, None, "{what}");
         assert!(explored.states > 300, "{what}: {}", explored.states);
     }
 }
@@ -123,8 +128,9 @@ fn what_a_check_is_for_is_found() {
         ..Changes::default()
     };
     let explored = explored(configuration("r3964", "one-block"), &changes, &with_faults(1));
-    let way = explored.counterexample.expect("a block is altered");
-    assert_eq!(way.breach.name(), "altered");
+    let found = explored.counterexample.expect("a block is altered");
+    assert_eq!(found.breach.name(), "altered");
+    let way = found.way;
     assert_eq!(way.path.iter().filter(|choice| choice.is_fault()).count(), 1);
     assert_eq!(way.logs.len(), 2);
 }

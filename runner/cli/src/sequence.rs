@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use softplug_abi::Micros;
-use softplug_explore::{Counterexample, Exploration, Log};
+use softplug_explore::{Exploration, Log, Way};
 use softplug_link::Observed;
 use softplug_models::{Given, HostRequest, LineInput, Step};
 
@@ -11,7 +11,7 @@ use softplug_models::{Given, HostRequest, LineInput, Step};
 const SIDE: usize = 34;
 
 /// The way that an exploration found, from the top down.
-pub(crate) fn drawn(explored: &Exploration, way: &Counterexample) -> String {
+pub(crate) fn drawn(explored: &Exploration, way: &Way) -> String {
     let faults = way.faults.iter().map(|(at, choice)| (*at, Row::Fault(choice.to_string())));
     let mut rows: Vec<(Micros, Row)> = faults.collect();
     for (end, log) in way.logs.iter().enumerate() {

@@ -1,13 +1,17 @@
 //! A way that an exploration found, as traces: one for each plug-in on it.
 
 use crate::given::lines::{assignments, entry, line_settings};
+use crate::given::load::Case;
+use crate::judge::run::{Filter, Judge, run_all};
+use crate::judge::verdict::Verdict;
 use crate::random::given_as;
 use crate::run::effect::Effect;
 use crate::run::outcome::Seen;
+use crate::run::permute::Permutation;
 use crate::run::transcript;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Micros, ModemLines};
-use softplug_explore::{Breach, Counterexample, Exploration, Log, Plan};
+use softplug_explore::{Breach, Exploration, Log, Plan, Way};
 use softplug_link::LinkOptions;
 use softplug_trace::{
     Entry, FrontMatter, Level, Line, ModemLevels, Origin, Permutations, Room, Trace, What,
@@ -15,11 +19,9 @@ use softplug_trace::{
 
 /// Bytes that stand on one line.
 const BYTES: usize = 64;
-/// Nothing more happens for so long behind the last step.
-const TAIL: Micros = Micros(1);
 
-/// The way to what must never be, as each plug-in saw it. A trace demands what the plug-in did:
-/// whoever mends it writes down what it should have done.
+/// A way as each plug-in on it saw it. A trace demands what the plug-in did: whoever mends it
+/// writes down what it should have done.
 ///
 /// ```no_run
 /// use softplug_abi::manifest::Manifest;
@@ -33,8 +35,9 @@ const TAIL: Micros = Micros(1);
 /// let never = AtomicBool::new(false);
 /// let plan = plans("r3964")?[0];
 /// let explored = explore(&module, plan, &changes, &bounds, &|_| {}, &never)?;
-/// if let Some(way) = &explored.counterexample {
-///     for trace in traces_of_way(&explored, way, plan, &manifest) {
+/// if let Some(found) = &explored.counterexample {
+///     let what = Some(&found.breach);
+///     for trace in traces_of_way(&explored, &found.way, what, plan, &manifest) {
 ///         println!("{}", trace.format());
 ///     }
 /// }
@@ -42,25 +45,66 @@ const TAIL: Micros = Micros(1);
 /// ```
 pub fn traces_of_way(
     explored: &Exploration,
-    way: &Counterexample,
+    way: &Way,
+    leads_to: Option<&Breach>,
     plan: &Plan,
     manifest: &Manifest,
 ) -> Vec<Trace> {
     let trace = |(end, log): (usize, &Log)| Trace {
-        front: front(explored, way, plan, end),
-        body: body(explored, way, log, manifest),
+        front: front(explored, leads_to, plan, end),
+        body: body(explored, way, leads_to, log, manifest),
     };
     way.logs.iter().enumerate().map(trace).collect()
 }
 
-fn front(explored: &Exploration, way: &Counterexample, plan: &Plan, end: usize) -> FrontMatter {
+/// Runs the [sample](Exploration::sample) of an exploration with the plug-in itself, outside of
+/// what it was explored in: the first way on which it does something else. Then what was explored
+/// is not the plug-in.
+///
+/// ```no_run
+/// use softplug_conformance::{Sandboxed, differs_from_explored};
+/// use softplug_explore::{Bounds, Changes, explore, plans};
+/// use softplug_host::{Host, HostOptions};
+/// use std::sync::atomic::AtomicBool;
+///
+/// let module = std::fs::read("target/plugins/r3964.wasm")?;
+/// let (bounds, changes) = (Bounds::default(), Changes::default());
+/// let (plan, never) = (plans("r3964")?[0], AtomicBool::new(false));
+/// let explored = explore(&module, plan, &changes, &bounds, &|_| {}, &never)?;
+/// let plugin = Host::new(HostOptions::default())?.load_bytes(&module)?;
+/// assert!(differs_from_explored(&Sandboxed::new(plugin), &explored, plan).is_none());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn differs_from_explored(
+    plugin: &dyn Judge,
+    explored: &Exploration,
+    plan: &Plan,
+) -> Option<Verdict> {
+    let traces = explored
+        .sample
+        .iter()
+        .flat_map(|way| traces_of_way(explored, way, None, plan, plugin.manifest()));
+    let cases: Vec<Case> = traces.map(|trace| Case::new("explored.spt", trace)).collect();
+    let uncut = |case: &Case| format!("{}/{}", case.trace.front.id, Permutation::Uncut);
+    let filter = Filter::only(cases.iter().map(uncut));
+    let summary = run_all(&[plugin], &cases, &filter);
+    summary.cases.into_iter().find(|verdict| !verdict.is_passed())
+}
+
+fn front(
+    explored: &Exploration,
+    leads_to: Option<&Breach>,
+    plan: &Plan,
+    end: usize,
+) -> FrontMatter {
     let LinkOptions { transmit_room, .. } = LinkOptions::default();
+    let what = leads_to.map_or("way", Breach::name);
     FrontMatter {
-        id: format!("{}.explored.{}-{}-{end}", plan.profile, plan.name, way.breach.name()),
-        title: format!("Found by exploring: {}", way.breach),
+        id: format!("{}.explored.{}-{what}-{end}", plan.profile, plan.name),
+        title: format!("Found by exploring {}: {what}", plan.name),
         profile: plan.profile.to_owned(),
-        clauses: vec![match &way.breach {
-            Breach::Rule { clause, .. } => clause.clone(),
+        clauses: vec![match leads_to {
+            Some(Breach::Rule { clause, .. }) => clause.clone(),
             _ => plan.profile.to_owned(),
         }],
         level: Level::Must,
@@ -77,9 +121,15 @@ fn front(explored: &Exploration, way: &Counterexample, plan: &Plan, end: usize) 
     }
 }
 
-fn body(explored: &Exploration, way: &Counterexample, log: &Log, manifest: &Manifest) -> Vec<Line> {
-    let observed = log.observed.iter().cloned();
+fn body(
+    explored: &Exploration,
+    way: &Way,
+    leads_to: Option<&Breach>,
+    log: &Log,
+    manifest: &Manifest,
+) -> Vec<Line> {
     let since = |at: Micros| Micros(at.0 - explored.begin.0);
+    let observed = log.observed.iter().cloned();
     let seen: Vec<Seen> = observed
         .filter_map(|(at, observed)| Some(Seen { at: since(at), effect: Effect::of(observed)? }))
         .collect();
@@ -92,10 +142,10 @@ fn body(explored: &Exploration, way: &Counterexample, log: &Log, manifest: &Mani
     let is_cut = |at: Micros| given.iter().any(|when| when.from.0 == at.0 as u64);
     entries.extend(transcript::entries(explored.line, manifest, &seen, BYTES, is_cut));
     entries.sort_by_key(|entry| entry.when.from);
-    let choices = way.path.iter().filter(|choice| choice.is_fault());
-    let comments = choices.map(|choice| format!(" {choice}"));
+    let faults = way.faults.iter().map(|(at, fault)| format!(" {}: {fault}", since(*at)));
+    let comments = leads_to.map(|breach| format!(" {breach}")).into_iter().chain(faults);
     let mut body: Vec<Line> = comments.map(Line::Comment).collect();
     body.extend(entries.into_iter().map(Line::Entry));
-    body.push(Line::Entry(entry(since(log.end) + TAIL, What::Quiet)));
+    body.push(Line::Entry(entry(since(log.end), What::Quiet)));
     body
 }

@@ -8,11 +8,12 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
-use softplug_conformance::traces_of_way;
+use softplug_conformance::{Sandboxed, differs_from_explored, traces_of_way};
 use softplug_explore::{
     Bounds, Changes, Counterexample, Exploration, ExploreError, Kept, Plan, Progress, explore,
     plans,
 };
+use softplug_host::{Host, HostOptions};
 
 use crate::commands::certify::random;
 use crate::dump;
@@ -117,6 +118,8 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
             .map_err(|error| Failure::usage(format_args!("{}: {error}", folder.display())))?;
     }
     let changes = arguments.changes();
+    let host = Host::new(HostOptions::default()).map_err(Failure::internal)?;
+    let subject = Sandboxed::new(host.load_bytes(&module).map_err(Failure::plug_in)?);
     let mut all =
         All { profile: &arguments.profile, faults: arguments.faults, explored: Vec::new() };
     for plan in plans {
@@ -136,8 +139,14 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         let explored = explore(&module, plan, &changes, &bounds, &tell, &stop);
         bar.finish_and_clear();
         let explored = explored.map_err(failure)?;
+        if differs_from_explored(&subject, &explored, plan).is_some() {
+            return Err(Failure::plug_in(
+                "the plug-in cannot be explored: run by itself it does something else, because it \
+                 keeps something in its stack or mailbox from one event to the next",
+            ));
+        }
         let traces = match (&explored.counterexample, &arguments.out) {
-            (Some(way), Some(folder)) => write_traces(&explored, way, &module, plan, folder)?,
+            (Some(found), Some(folder)) => write_traces(&explored, found, &module, plan, folder)?,
             _ => Vec::new(),
         };
         show(&explored, plan, &traces, screen);
@@ -251,12 +260,12 @@ struct Explored {
     unavoidable: BTreeMap<String, u64>,
     digest: String,
     #[serde(skip_serializing_if = "Option::is_none")]
-    counterexample: Option<Way>,
+    counterexample: Option<Found>,
 }
 
 /// The way to something that must never be.
 #[derive(Serialize)]
-struct Way {
+struct Found {
     breach: &'static str,
     text: String,
     choices: Vec<String>,
@@ -278,10 +287,10 @@ impl Explored {
             longest_to_rest_micros: explored.longest.map(|time| time.0),
             unavoidable: explored.unavoidable.clone(),
             digest: digest(explored),
-            counterexample: explored.counterexample.as_ref().map(|way| Way {
-                breach: way.breach.name(),
-                text: way.breach.to_string(),
-                choices: way.path.iter().map(ToString::to_string).collect(),
+            counterexample: explored.counterexample.as_ref().map(|found| Found {
+                breach: found.breach.name(),
+                text: found.breach.to_string(),
+                choices: found.way.path.iter().map(ToString::to_string).collect(),
                 traces,
             }),
         }
@@ -295,13 +304,13 @@ fn digest(explored: &Exploration) -> String {
 /// The way as each plug-in on it saw it.
 fn write_traces(
     explored: &Exploration,
-    way: &Counterexample,
+    found: &Counterexample,
     module: &[u8],
     plan: &Plan,
     folder: &Path,
 ) -> Result<Vec<PathBuf>, Failure> {
     let manifest = softplug_host::lint(module).map_err(Failure::plug_in)?.manifest;
-    let traces = traces_of_way(explored, way, plan, &manifest);
+    let traces = traces_of_way(explored, &found.way, Some(&found.breach), plan, &manifest);
     let mut files = Vec::with_capacity(traces.len());
     for trace in traces {
         let file = folder.join(format!("{}.spt", trace.front.id));
@@ -319,9 +328,9 @@ fn write(file: &Path, text: &str) -> Result<(), Failure> {
 fn show(explored: &Exploration, plan: &Plan, traces: &[PathBuf], screen: &Screen) {
     let name = plan.name;
     match &explored.counterexample {
-        Some(way) => {
-            screen.say(format_args!("{BAD}found{BAD:#} in {name}: {}", way.breach));
-            screen.say(sequence::drawn(explored, way));
+        Some(found) => {
+            screen.say(format_args!("{BAD}found{BAD:#} in {name}: {}", found.breach));
+            screen.say(sequence::drawn(explored, &found.way));
             for file in traces {
                 screen.say(format_args!("  trace: {}", file.display()));
             }
