@@ -29,6 +29,8 @@ pub enum Choice {
     AtTimer(usize),
     /// It arrives just after that.
     AfterTimer(usize),
+    /// It is read as late as the character behind it, and both are given as one.
+    Late(usize),
     /// This character arrives that nobody sent.
     Inserted(usize, u8),
     /// The host of this end aborts the job under way.
@@ -91,6 +93,7 @@ impl Choice {
                 | Self::Damaged(..)
                 | Self::AtTimer(_)
                 | Self::AfterTimer(_)
+                | Self::Late(_)
         )
     }
 
@@ -103,6 +106,7 @@ impl Choice {
             | Self::Damaged(end, _)
             | Self::AtTimer(end)
             | Self::AfterTimer(end)
+            | Self::Late(end)
             | Self::Inserted(end, _) => Some(end),
             _ => None,
         }
@@ -143,6 +147,9 @@ impl fmt::Display for Choice {
             }
             Self::AfterTimer(end) => {
                 write!(f, "the character to {end} arrives just after the timer")
+            }
+            Self::Late(end) => {
+                write!(f, "the character to {end} is read together with the one behind it")
             }
             Self::Inserted(end, byte) => write!(f, "{byte:02X} arrives at {end} out of nothing"),
             Self::Abort(end) => write!(f, "the host of {end} aborts the job"),

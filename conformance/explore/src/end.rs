@@ -37,6 +37,7 @@ pub(crate) struct PlugIn {
     is_down: bool,
     /// The job under way is to pause.
     is_paused: bool,
+    hears_single_bytes: bool,
     log: Option<Box<Log>>,
 }
 
@@ -72,7 +73,7 @@ pub(crate) enum Told {
 }
 
 /// What a plug-in did at one instant.
-#[derive(Debug, Default)]
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub(crate) struct Did {
     /// Each character with the time at which its stop bit ends.
     pub(crate) left: Vec<(Micros, u8)>,
@@ -115,6 +116,7 @@ impl PlugIn {
             begun: 0,
             is_down: false,
             is_paused: false,
+            hears_single_bytes: false,
             log: is_logged.then(Box::default),
         }
     }
@@ -130,6 +132,7 @@ impl PlugIn {
             begun: self.begun,
             is_down: self.is_down,
             is_paused: self.is_paused,
+            hears_single_bytes: false,
             log: None,
         }
     }
@@ -206,6 +209,15 @@ impl PlugIn {
         self.log.map(|log| *log)
     }
 
+    /// What another one in the same state does where bytes of one time come one by one.
+    pub(crate) fn in_single_bytes(&self, now: Micros, step: &Step) -> Result<Did, Ended> {
+        let mut other = self.fork();
+        other.hears_single_bytes = true;
+        let did = other.instant(now, step)?;
+        other.settle(now)?;
+        Ok(did)
+    }
+
     /// What happens at `now`, with what is due then. A line input comes before all else, what the
     /// host does behind what is due.
     pub(crate) fn instant(&mut self, now: Micros, step: &Step) -> Result<Did, Ended> {
@@ -265,7 +277,12 @@ impl PlugIn {
     fn hear(&mut self, now: Micros, input: &LineInput) -> Result<(), Ended> {
         let Self { line: VirtualLine { link, .. }, host, .. } = self;
         match input {
-            LineInput::Bytes(bytes) => link.received(now, bytes, host)?,
+            LineInput::Bytes(bytes) => {
+                let most = if self.hears_single_bytes { 1 } else { bytes.len() };
+                for bytes in bytes.chunks(most.max(1)) {
+                    link.received(now, bytes, host)?;
+                }
+            }
             LineInput::Damaged { kind, byte, span } => {
                 link.line_error(now, *kind, *byte, *span, host)?;
             }

@@ -6,12 +6,12 @@ use crate::graph::{Ends, Graph};
 use crate::hash::Hash128;
 use crate::keep::Keep;
 use crate::log::Log;
+use crate::marked::Marked;
 use crate::plans::Plan;
 use crate::promise::Breach;
 use crate::sandbox::Subject;
 use crate::scenario::{Changes, Scenario};
 use crate::search::{Frontier, Search};
-use crate::world;
 use softplug_abi::{LineParameters, Micros};
 use std::collections::BTreeMap;
 use std::hash::Hash;
@@ -43,6 +43,10 @@ pub struct Bounds {
     pub time: Option<Duration>,
     /// Threads; they change nothing of what is found.
     pub threads: usize,
+    /// States that come next and are held in memory as they are, some 5 kB each. Others are made
+    /// again from the ways that lead to them: that changes nothing of what is found and takes
+    /// longer.
+    pub held: usize,
     /// Where the states are kept.
     pub keep: Option<Kept>,
 }
@@ -67,7 +71,8 @@ pub struct Kept {
 impl Default for Bounds {
     /// One fault, one thread, and nothing else that ends it.
     fn default() -> Self {
-        Self { faults: 1, depth: None, states: None, time: None, threads: 1, keep: None }
+        let held = 500_000;
+        Self { faults: 1, depth: None, states: None, time: None, threads: 1, held, keep: None }
     }
 }
 
@@ -103,6 +108,7 @@ pub struct Progress {
 /// let plan = plans("r3964")?[0];
 /// let explored = explore(&module, plan, &changes, &bounds, &|_| {}, &never)?;
 /// assert!(explored.is_complete && explored.counterexample.is_none());
+/// assert_eq!(explored.setup.jobs[0], [b"A\x10"]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
@@ -124,11 +130,23 @@ pub struct Exploration {
     pub longest: Option<Micros>,
     /// The same for the same module, plan and bounds, wherever and with however many threads.
     pub digest: u128,
+    /// Of a module with [marks](Marked), their words: what was executed. A search that goes on from
+    /// kept states knows only what it executed itself.
+    pub marks: Vec<u64>,
     /// The shortest way to something that must never be.
     pub counterexample: Option<Counterexample>,
     /// Ways to some of the states, from all over: whoever does not believe what was explored can
     /// run them.
     pub sample: Vec<Way>,
+    /// What the plug-ins were given from the start.
+    pub setup: Setup,
+}
+
+/// What the plug-ins on the line are given from the start.
+///
+/// The example of [`Exploration`] looks at one.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Setup {
     /// Settings of each plug-in, as they were asked for.
     pub settings: [Vec<(String, String)>; 2],
     /// Jobs of each plug-in.
@@ -181,7 +199,38 @@ pub fn explore(
     tell: &(dyn Fn(Progress) + Sync),
     stop: &AtomicBool,
 ) -> Result<Exploration, ExploreError> {
-    let subject = Subject::new(module)?;
+    let subject = Subject::new(module, None)?;
+    explore_subject(module, subject, plan, changes, bounds, tell, stop)
+}
+
+/// The same, and what of the module is executed. Marks change nothing of what is found.
+///
+/// # Errors
+/// As those of [`explore`].
+///
+/// The example of [`Marked`] shows it.
+pub fn explore_marked(
+    module: &[u8],
+    marked: &Marked,
+    plan: &Plan,
+    changes: &Changes,
+    bounds: &Bounds,
+    tell: &(dyn Fn(Progress) + Sync),
+    stop: &AtomicBool,
+) -> Result<Exploration, ExploreError> {
+    let subject = Subject::new(module, Some(marked))?;
+    explore_subject(module, subject, plan, changes, bounds, tell, stop)
+}
+
+fn explore_subject(
+    module: &[u8],
+    subject: Subject,
+    plan: &Plan,
+    changes: &Changes,
+    bounds: &Bounds,
+    tell: &(dyn Fn(Progress) + Sync),
+    stop: &AtomicBool,
+) -> Result<Exploration, ExploreError> {
     let scenario = Arc::new(Scenario::new(plan, subject.plugin.manifest(), changes)?);
     let ends = if plan.make_partner.is_some() { 1 } else { 2 };
     let subjects = vec![subject; ends];
@@ -191,12 +240,11 @@ pub fn explore(
         bounds,
         graph: Graph::default(),
         breaches: Vec::new(),
+        marks: Vec::new(),
     };
     let key = key(module, plan, &scenario, changes, bounds.faults);
-    let is_complete = match search.begin(key, stop)? {
-        Some((frontier, keep)) => search.go_on(frontier, tell, stop, keep)?,
-        None => false,
-    };
+    let (frontier, keep) = search.begin(key)?;
+    let is_complete = search.go_on(frontier, tell, stop, keep)?;
     let mut longest = None;
     if is_complete {
         let Ends { longest: time, endless } = search.graph.ends();
@@ -215,10 +263,6 @@ pub fn explore(
     let spread = (0..graph.states()).step_by((graph.states() / SAMPLE + 1) as usize);
     let ways = spread.map(|state| search.way(graph.path_to(state as u32)));
     let sample = ways.collect::<Result<_, _>>()?;
-    let jobs_of = |end: usize| {
-        let jobs: &[_] = &scenario.jobs[end];
-        jobs.iter().map(|job| job.data.to_vec()).collect()
-    };
     Ok(Exploration {
         is_complete: is_complete && counterexample.is_none(),
         states: graph.states(),
@@ -228,13 +272,10 @@ pub fn explore(
         unavoidable: graph.unavoidable.clone(),
         longest,
         digest: graph.digest(),
+        marks: search.marks.clone(),
         counterexample,
         sample,
-        settings: scenario.asked.clone(),
-        jobs: [jobs_of(0), jobs_of(1)],
-        line: scenario.line(),
-        delivery_room: scenario.options(0).delivery_room,
-        begin: world::BEGIN,
+        setup: scenario.setup(),
     })
 }
 
@@ -252,11 +293,7 @@ fn key(module: &[u8], plan: &Plan, scenario: &Scenario, changes: &Changes, fault
 
 impl Search<'_> {
     /// The first state, or all that were kept.
-    fn begin(
-        &mut self,
-        key: u128,
-        stop: &AtomicBool,
-    ) -> Result<Option<(Frontier, Option<Keep>)>, ExploreError> {
+    fn begin(&mut self, key: u128) -> Result<(Frontier, Option<Keep>), ExploreError> {
         // One that was ended before may not have come to this one.
         if let Some(Kept { file, goes_on: true }) = &self.bounds.keep
             && file.exists()
@@ -266,8 +303,7 @@ impl Search<'_> {
                 if !levels.into_iter().all(|level| self.graph.add_level(level)) {
                     return Err(ExploreError::Differs);
                 }
-                let frontier = self.frontier_again(stop)?;
-                return Ok(frontier.map(|frontier| (frontier, Some(keep))));
+                return Ok((self.latest(), Some(keep)));
             }
         }
         let frontier = self.start()?;
@@ -278,11 +314,11 @@ impl Search<'_> {
         if let Some(keep) = &mut keep {
             keep.level(&self.graph)?;
         }
-        Ok(Some((frontier, keep)))
+        Ok((frontier, keep))
     }
 
     /// Goes a way once more and writes down what happens on it.
-    fn way(&self, path: Vec<Choice>) -> Result<Way, ExploreError> {
+    pub(crate) fn way(&self, path: Vec<Choice>) -> Result<Way, ExploreError> {
         let sandboxes = self.sandboxes()?;
         let (mut world, _) = self.open(&sandboxes, true)?;
         let mut faults = Vec::new();

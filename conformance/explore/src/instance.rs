@@ -70,7 +70,7 @@ impl Explored {
     }
 }
 
-fn locked(sandbox: &Shared) -> MutexGuard<'_, Sandbox> {
+pub(crate) fn locked(sandbox: &Shared) -> MutexGuard<'_, Sandbox> {
     sandbox.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

@@ -183,6 +183,7 @@ fn code(choice: Choice) -> [u8; 3] {
         Choice::Swap(end) => (17, end, 0),
         Choice::Keep(end) => (18, end, 0),
         Choice::PutAway(end) => (19, end, 0),
+        Choice::Late(end) => (20, end, 0),
     };
     [what, end as u8, byte]
 }
@@ -213,6 +214,7 @@ fn choice([what, end, byte]: [u8; 3]) -> Option<Choice> {
         17 => Choice::Swap(end),
         18 => Choice::Keep(end),
         19 => Choice::PutAway(end),
+        20 => Choice::Late(end),
         _ => return None,
     })
 }

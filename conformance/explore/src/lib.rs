@@ -31,6 +31,7 @@ mod image;
 mod instance;
 mod keep;
 mod log;
+mod marked;
 mod module;
 mod partner;
 mod plans;
@@ -40,12 +41,17 @@ mod scenario;
 mod search;
 #[cfg(test)]
 mod sound;
+mod walk;
 mod world;
 
 pub use choice::{Choice, Damage};
 pub use error::ExploreError;
-pub use explore::{Bounds, Counterexample, Exploration, Kept, Progress, Way, explore};
+pub use explore::{
+    Bounds, Counterexample, Exploration, Kept, Progress, Setup, Way, explore, explore_marked,
+};
 pub use log::Log;
-pub use plans::{PLANS, Plan, plans};
+pub use marked::Marked;
+pub use plans::{LARGER, PLANS, Plan, larger, plans};
 pub use promise::Breach;
 pub use scenario::Changes;
+pub use walk::{Walked, Walks, walk};

@@ -5,7 +5,7 @@ use std::convert::Infallible;
 use std::ops::Range;
 use wasm_encoder::reencode::{Error, Reencode, utils};
 use wasm_encoder::{ExportKind, ExportSection, Module};
-use wasmparser::{DataKind, Operator, Parser, Payload, ValType};
+use wasmparser::{DataKind, ExternalKind, Operator, Parser, Payload, ValType};
 
 /// A module with the globals that can change as exports.
 #[derive(Debug)]
@@ -25,10 +25,11 @@ pub(crate) struct Stack {
     pub(crate) range: Range<usize>,
 }
 
-/// Opens a module that the lint has let through.
-pub(crate) fn opened(module: &[u8]) -> Result<Opened, ExploreError> {
+/// Opens a module that the lint has let through. What it exports under the names of `marks` is no
+/// part of its state.
+pub(crate) fn opened(module: &[u8], marks: &[String]) -> Result<Opened, ExploreError> {
     let unreadable = |reason: String| ExploreError::Module { reason };
-    let globals = changing(module).map_err(|error| unreadable(error.to_string()))?;
+    let globals = changing(module, marks).map_err(|error| unreadable(error.to_string()))?;
     if let Some(other) = globals.iter().find(|global| !global.is_integer) {
         let reason = format!("global {} changes and is no integer", other.index);
         return Err(ExploreError::Module { reason });
@@ -58,10 +59,25 @@ impl Global {
     }
 }
 
-fn changing(module: &[u8]) -> Result<Vec<Global>, wasmparser::BinaryReaderError> {
+fn changing(module: &[u8], marks: &[String]) -> Result<Vec<Global>, wasmparser::BinaryReaderError> {
     let mut globals = Vec::new();
     for payload in Parser::new(0).parse_all(module) {
-        let Payload::GlobalSection(section) = payload? else { continue };
+        let section = match payload? {
+            Payload::GlobalSection(section) => section,
+            // It stands behind the globals.
+            Payload::ExportSection(section) if !marks.is_empty() => {
+                for export in section {
+                    let export = export?;
+                    if export.kind == ExternalKind::Global
+                        && marks.iter().any(|mark| mark == export.name)
+                    {
+                        globals.retain(|global: &Global| global.index != export.index);
+                    }
+                }
+                continue;
+            }
+            _ => continue,
+        };
         for (index, global) in section.into_iter().enumerate() {
             let global = global?;
             if global.ty.mutable {
@@ -128,7 +144,7 @@ mod tests {
     use super::*;
 
     fn opened_text(text: &str) -> Opened {
-        opened(&wat::parse_str(text).unwrap()).unwrap()
+        opened(&wat::parse_str(text).unwrap(), &[]).unwrap()
     }
 
     #[test]
@@ -157,10 +173,24 @@ mod tests {
     }
 
     #[test]
+    fn marks_are_no_part_of_a_state() {
+        let module = wat::parse_str(
+            r#"(module
+                (memory (export "memory") 1)
+                (global (mut i32) (i32.const 4096))
+                (global (mut i64) (i64.const 0))
+                (global (mut i64) (i64.const 0))
+                (export "mark" (global 1)))"#,
+        );
+        let opened = opened(&module.unwrap(), &["mark".to_owned()]).unwrap();
+        assert_eq!(opened.globals, ["softplug.global.0", "softplug.global.2"]);
+    }
+
+    #[test]
     fn globals_of_another_kind_are_refused() {
         let module = wat::parse_str(
             r#"(module (memory (export "memory") 1) (global (mut f32) (f32.const 0)))"#,
         );
-        assert!(matches!(opened(&module.unwrap()), Err(ExploreError::Module { .. })));
+        assert!(matches!(opened(&module.unwrap(), &[]), Err(ExploreError::Module { .. })));
     }
 }

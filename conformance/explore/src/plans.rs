@@ -342,6 +342,50 @@ pub const PLANS: &[Plan] = &[
     },
 ];
 
+/// One larger configuration of each profile, for random ways.
+pub const LARGER: &[Plan] = &[
+    Plan {
+        name: "large",
+        jobs: [&[b"G1X2\x10\x02\x03", b"B\x10\x10"], &[b"N7\x15", b"8"]],
+        ..R3964
+    },
+    Plan {
+        profile: "3964",
+        name: "large",
+        settings: SHORT_WITHOUT_CHECK,
+        jobs: [&[b"G1X2\x10\x02\x03", b"B\x10\x10"], &[b"N7\x15", b"8"]],
+        guard: Guard::Unchecked,
+        ..R3964
+    },
+    Plan {
+        name: "large",
+        jobs: [&[b"G1X2\x10\x02\x03", b"B\x10\x10"], &[b"N7\x15", b"8"]],
+        may_conflict: true,
+        ..SIMPLIFIED
+    },
+    Plan {
+        name: "large",
+        jobs: [&[b"N1G0X1\n", b"N2G1Y2\nM30\n"], &[]],
+        make_partner: Some(|| Box::new(Reader::new(b"N7G1X2\nM30\n"))),
+        ..XON_XOFF
+    },
+    Plan { name: "large", jobs: [&[b"O1\nG1X2\nG2\nM30\n"], &[]], ..FANUC_RS232 },
+    Plan { name: "large", jobs: [&[b"1\n22\n3\n\n4\n"], &[]], ..HEIDENHAIN_FE },
+];
+
+/// The larger configuration of this profile.
+///
+/// # Errors
+/// There is none.
+///
+/// ```
+/// assert_eq!(softplug_explore::larger("r3964")?.jobs[0].len(), 2);
+/// # Ok::<(), softplug_explore::ExploreError>(())
+/// ```
+pub fn larger(profile: &str) -> Result<&'static Plan, ExploreError> {
+    LARGER.iter().find(|plan| plan.profile == profile).ok_or_else(|| no_plan(profile))
+}
+
 /// The configurations of this profile that are explored.
 ///
 /// # Errors
@@ -350,10 +394,10 @@ pub const PLANS: &[Plan] = &[
 /// The example of [`Plan`] shows it.
 pub fn plans(profile: &str) -> Result<Vec<&'static Plan>, ExploreError> {
     let plans: Vec<_> = PLANS.iter().filter(|plan| plan.profile == profile).collect();
-    if !plans.is_empty() {
-        return Ok(plans);
-    }
-    let mut known: Vec<_> = PLANS.iter().map(|plan| plan.profile).collect();
-    known.dedup();
-    Err(ExploreError::NoPlan { profile: profile.to_owned(), known: known.join(", ") })
+    if plans.is_empty() { Err(no_plan(profile)) } else { Ok(plans) }
+}
+
+fn no_plan(profile: &str) -> ExploreError {
+    let known: Vec<_> = LARGER.iter().map(|plan| plan.profile).collect();
+    ExploreError::NoPlan { profile: profile.to_owned(), known: known.join(", ") }
 }

@@ -45,8 +45,13 @@ pub enum Breach {
     },
     /// A character began to leave though the partner held it.
     SentWhileHeld,
+    /// Bytes of one time are taken otherwise where they come one by one.
+    Cut,
     /// Nothing will happen any more, and something is still under way.
-    StandsStill,
+    StandsStill {
+        /// The line is held.
+        is_held: bool,
+    },
     /// It goes on for ever without coming to an end.
     NeverEnds,
     /// It breaks a rule of the profile, as its model has it.
@@ -75,7 +80,8 @@ impl Breach {
             Self::WrongOnLine { .. } => "wrong-on-line",
             Self::Lost { .. } => "lost",
             Self::SentWhileHeld => "sent-while-held",
-            Self::StandsStill => "stands-still",
+            Self::Cut => "cut",
+            Self::StandsStill { .. } => "stands-still",
             Self::NeverEnds => "never-ends",
             Self::Rule { .. } => "rule",
             Self::Fault { .. } => "fault",
@@ -106,7 +112,15 @@ impl fmt::Display for Breach {
             Self::WrongOnLine { what } => write!(f, "what left the plug-in is wrong: {what}"),
             Self::Lost { bytes } => write!(f, "what arrived was never delivered:{}", Hex(bytes)),
             Self::SentWhileHeld => write!(f, "a character left though the partner held it"),
-            Self::StandsStill => write!(f, "something is under way and nothing will happen"),
+            Self::Cut => {
+                write!(f, "it does something else where bytes of one time come one by one")
+            }
+            Self::StandsStill { is_held: false } => {
+                write!(f, "something is under way and nothing will happen")
+            }
+            Self::StandsStill { is_held: true } => {
+                write!(f, "something is under way, the line is held, and nothing will happen")
+            }
             Self::NeverEnds => write!(f, "it goes on for ever and comes to no end"),
             Self::Rule { clause, message } => write!(f, "{clause}: {message}"),
             Self::Fault { message } => write!(f, "{message}"),
@@ -145,8 +159,19 @@ pub(crate) struct Way {
     pub(crate) any: bool,
     /// A sound character came that was not sent so: altered, or put in.
     pub(crate) forged: bool,
+    /// One of these begins a block.
+    pub(crate) begun_anew: bool,
     /// A break came.
     pub(crate) broken: bool,
+}
+
+impl Wrong {
+    /// Whether the check of a block can be right although it is another block: two faults can do
+    /// that, or one character that begins the block anew.
+    fn is_check_fooled(&self, receiver: usize) -> bool {
+        let Way { forged, begun_anew, .. } = self.towards[receiver];
+        (self.count >= 2 && forged) || begun_anew
+    }
 }
 
 /// How a protocol guards what it carries.
@@ -172,8 +197,9 @@ impl Guard {
             // Two faults can leave a check character right; one never does.
             (Self::Checked, Breach::Altered { .. }) => wrong.count >= 2,
             // Nor does anybody notice an STX that was sent twice, because of a forged answer.
+            // Two faults can let the sender take what is older for such an answer.
             (Self::Unchecked, Breach::Altered { .. }) => {
-                wrong.towards[receiver].any || wrong.towards[sender].forged
+                wrong.count >= 2 || wrong.towards[receiver].any || wrong.towards[sender].forged
             }
             // The acknowledgement did not come back, or came while the block was still sent because
             // a character that was put in ended it early: the block is sent again.
@@ -182,24 +208,32 @@ impl Guard {
             }
             (Self::Unchecked, Breach::Invented { .. }) => wrong.towards[receiver].forged,
             // An acknowledgement has no check. Where the receiver is idle in the middle of a block,
-            // behind a break, an abort or a port that was gone, what follows of the block can be
-            // an STX, and the answer to that looks like one.
+            // behind a break, an abort, a port that was gone or a silence of which the sender hears
+            // nothing, what follows of the block can be an STX, and the answer to that looks like
+            // one. So does the answer to an STX that nobody sent.
             (Self::Checked | Self::Unchecked, Breach::NotDelivered) => {
-                wrong.towards[sender].forged
-                    || wrong.towards[receiver].broken
-                    || wrong.asked[receiver]
+                let Way { any, broken, begun_anew, .. } = wrong.towards[receiver];
+                let Way { any: any_answer, forged, .. } = wrong.towards[sender];
+                forged || broken || begun_anew || wrong.asked[receiver] || (any && any_answer)
             }
-            // Two characters put in, or altered, can leave a check character right.
-            (Self::Unnumbered, Breach::Altered { .. }) => {
-                wrong.count >= 2 && wrong.towards[receiver].forged
-            }
+            // Two characters put in, or altered, can leave a check character right. So can one STX,
+            // which begins the block anew: that drops what came before it, and where the dropped
+            // characters cancel each other out the check is right.
+            (Self::Unnumbered, Breach::Altered { .. }) => wrong.is_check_fooled(receiver),
             // It waits for an XON that is lost.
-            (Self::Open, Breach::StandsStill) => wrong.towards[sender].any,
+            (Self::Open, Breach::StandsStill { .. }) => wrong.towards[sender].any,
+            // It was held by a forged DC3, and no DC1 came after it.
+            (Self::Unnumbered, Breach::StandsStill { is_held: true }) => {
+                wrong.towards[sender].forged
+            }
             // The answer to a good block was lost, altered, late or held, so that the block is
             // sent again; it cannot be told from the next one.
             (Self::Unnumbered, Breach::Doubled) => wrong.towards.iter().any(|way| way.any),
-            // An acknowledgement has no check: a forged one lets the next block go.
-            (Self::Unnumbered, Breach::NotDelivered) => wrong.towards[sender].forged,
+            // An acknowledgement has no check: a forged one lets the next block go. And a block of
+            // which the check is fooled is not the one that was sent.
+            (Self::Unnumbered, Breach::NotDelivered) => {
+                wrong.towards[sender].forged || wrong.is_check_fooled(receiver)
+            }
             // The host forced it.
             (Self::Open | Self::Unnumbered, Breach::SentWhileHeld) => wrong.forced[sender],
             _ => false,

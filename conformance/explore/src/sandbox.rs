@@ -2,6 +2,7 @@
 
 use crate::ExploreError;
 use crate::image::{AHEAD, BLOCK, Block, Blocks, Image, NoTime, Placed, Time, Word};
+use crate::marked::Marked;
 use crate::module::{Opened, Stack, opened};
 use softplug_abi::{Action, Actions, Event, Instance, Mailbox, Micros, Region};
 use softplug_host::{Host, HostOptions, LoadError, Plugin, Session, SessionFault, lint};
@@ -14,6 +15,8 @@ use thiserror::Error;
 pub(crate) struct Subject {
     pub(crate) plugin: Plugin,
     globals: Arc<[String]>,
+    /// Globals that are no part of a state: they have a bit for each place that was executed.
+    marks: Arc<[String]>,
     stack: Option<Stack>,
 }
 
@@ -47,12 +50,19 @@ pub(crate) enum StepFault {
 }
 
 impl Subject {
-    pub(crate) fn new(module: &[u8]) -> Result<Self, ExploreError> {
+    pub(crate) fn new(module: &[u8], marked: Option<&Marked>) -> Result<Self, ExploreError> {
         lint(module).map_err(LoadError::from)?;
-        let Opened { wasm, globals, stack } = opened(module)?;
-        let host = Host::new(HostOptions { instances: 64, ..HostOptions::default() })?;
-        let plugin = host.load_instrumented(module, &wasm)?;
-        Ok(Self { plugin, globals: globals.into(), stack })
+        let mut options = HostOptions { instances: 64, ..HostOptions::default() };
+        let (run, marks) = match marked {
+            Some(Marked { wasm, globals, fuel }) => {
+                options.fuel_per_event = *fuel;
+                (&wasm[..], &globals[..])
+            }
+            None => (module, &[][..]),
+        };
+        let Opened { wasm, globals, stack } = opened(run, marks)?;
+        let plugin = Host::new(options)?.load_instrumented(module, &wasm)?;
+        Ok(Self { plugin, globals: globals.into(), marks: marks.into(), stack })
     }
 }
 
@@ -72,6 +82,8 @@ pub(crate) struct Sandbox {
     answer_ahead: Vec<u8>,
     /// What the second instance saved last.
     saved_ahead: Vec<u8>,
+    /// The marks of instances that are gone.
+    marks: Vec<u64>,
 }
 
 /// What the two memories hold.
@@ -101,6 +113,7 @@ impl Sandbox {
             ticket: 0,
             answer_ahead: Vec::new(),
             saved_ahead: Vec::new(),
+            marks: Vec::new(),
         };
         sandbox.clear_dead();
         sandbox.base = sandbox.sessions[0].memory().into();
@@ -125,10 +138,21 @@ impl Sandbox {
         self.ticket == ticket
     }
 
+    /// A bit for each place that was executed in here.
+    pub(crate) fn marks(&mut self) -> &[u64] {
+        let Self { subject, sessions: [here, _], marks, .. } = self;
+        marks.resize(subject.marks.len(), 0);
+        for (word, name) in marks.iter_mut().zip(&*subject.marks) {
+            *word |= here.global(name).unwrap_or_default().cast_unsigned();
+        }
+        marks
+    }
+
     /// Lets an image go on that was made at `now`. Whoever was here before is not any more.
     pub(crate) fn load(&mut self, image: &Arc<Image>, now: Micros) -> Result<u64, StepFault> {
         self.ticket += 1;
         if self.sessions.iter().any(|session| session.fault().is_some()) {
+            self.marks();
             let plugin = &self.subject.plugin;
             let failed = |error: LoadError| StepFault::NoInstance(error.to_string());
             let start = || plugin.instantiate().map_err(failed);

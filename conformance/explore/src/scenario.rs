@@ -2,9 +2,11 @@
 
 use crate::ExploreError;
 use crate::end::JobGiven;
+use crate::explore::Setup;
 use crate::partner::Partner;
 use crate::plans::Plan;
 use crate::promise::Guard;
+use crate::world::BEGIN;
 use softplug_abi::manifest::{Manifest, SettingValues};
 use softplug_abi::{LineParameters, Micros};
 use softplug_link::LinkOptions;
@@ -140,5 +142,17 @@ impl Scenario {
 
     pub(crate) fn line(&self) -> LineParameters {
         self.line
+    }
+
+    pub(crate) fn setup(&self) -> Setup {
+        let jobs_of =
+            |end: usize| self.jobs[end].iter().map(|job| job.data.to_vec()).collect::<Vec<_>>();
+        Setup {
+            settings: self.asked.clone(),
+            jobs: [jobs_of(0), jobs_of(1)],
+            line: self.line,
+            delivery_room: self.options(0).delivery_room,
+            begin: BEGIN,
+        }
     }
 }

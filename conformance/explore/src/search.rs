@@ -2,7 +2,7 @@
 
 use crate::choice::Choice;
 use crate::graph::{Graph, Node};
-use crate::instance::Shared;
+use crate::instance::{Shared, locked};
 use crate::keep::Keep;
 use crate::promise::Breach;
 use crate::sandbox::{Sandbox, Subject};
@@ -10,14 +10,15 @@ use crate::scenario::Scenario;
 use crate::world::World;
 use crate::{Bounds, ExploreError, Progress};
 use softplug_abi::Micros;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
-/// The states of one level, as they go on.
-pub(crate) type Frontier = Vec<(u32, World)>;
+/// The states of one level, as they go on. Those that are not held are made again from the ways
+/// that lead to them.
+pub(crate) type Frontier = Vec<(u32, Option<World>)>;
 
 /// What a search has found so far.
 pub(crate) struct Search<'a> {
@@ -27,11 +28,16 @@ pub(crate) struct Search<'a> {
     pub(crate) graph: Graph,
     /// Each with the choices that lead there, the shortest first.
     pub(crate) breaches: Vec<(Breach, Vec<Choice>)>,
+    /// A bit for each place that was executed, of a module with marks.
+    pub(crate) marks: Vec<u64>,
 }
 
 /// What the states of one level led to.
 #[derive(Default)]
 struct Expanded {
+    /// New states that are held as they are, and the most that may be.
+    held: usize,
+    most_held: usize,
     found: HashMap<u128, Found>,
     /// From each state the usual way, and how long that takes.
     usual: Vec<(u32, u128, Micros)>,
@@ -45,7 +51,8 @@ struct Found {
     /// Its place among the parent's choices.
     place: u16,
     choice: Choice,
-    world: World,
+    is_under_way: bool,
+    world: Option<World>,
 }
 
 impl Search<'_> {
@@ -59,18 +66,22 @@ impl Search<'_> {
             self.breaches.push((breach, Vec::new()));
             return Ok(Vec::new());
         }
-        Ok(vec![(number, world)])
+        Ok(vec![(number, Some(world))])
     }
 
-    /// The states of the latest level, by the ways that lead to them.
-    pub(crate) fn frontier_again(
+    /// The states of the latest level.
+    pub(crate) fn latest(&self) -> Frontier {
+        self.graph.frontier().map(|number| (number, None)).collect()
+    }
+
+    /// These states, by the ways that lead to them.
+    fn again(
         &self,
-        stop: &AtomicBool,
-    ) -> Result<Option<Frontier>, ExploreError> {
-        let sandboxes = self.sandboxes()?;
-        let latest = self.graph.frontier();
+        numbers: &[u32],
+        sandboxes: &[Shared],
+    ) -> Result<Vec<(u32, World)>, ExploreError> {
         let mut children: HashMap<u32, Vec<u32>> = HashMap::new();
-        for mut number in latest.clone() {
+        for mut number in numbers.iter().copied() {
             // Up to a state of which it is known that it is on a way.
             while number != 0 {
                 let parent = self.graph.nodes[number as usize].parent;
@@ -82,12 +93,10 @@ impl Search<'_> {
                 number = parent;
             }
         }
-        let mut frontier = Vec::with_capacity(latest.len());
-        let mut waiting = vec![(0, self.open(&sandboxes, false)?.0)];
+        let wanted: HashSet<u32> = numbers.iter().copied().collect();
+        let mut found = Vec::with_capacity(numbers.len());
+        let mut waiting = vec![(0, self.open(sandboxes, false)?.0)];
         while let Some((number, world)) = waiting.pop() {
-            if stop.load(Ordering::Relaxed) {
-                return Ok(None);
-            }
             if world.hash() != self.graph.hash_of(number) {
                 return Err(ExploreError::Differs);
             }
@@ -100,12 +109,11 @@ impl Search<'_> {
                 }
                 waiting.push((child, next));
             }
-            if latest.contains(&number) {
-                frontier.push((number, world));
+            if wanted.contains(&number) {
+                found.push((number, world));
             }
         }
-        frontier.sort_by_key(|(number, _)| *number);
-        Ok(Some(frontier))
+        Ok(found)
     }
 
     pub(crate) fn open(
@@ -132,6 +140,7 @@ impl Search<'_> {
         mut keep: Option<Keep>,
     ) -> Result<bool, ExploreError> {
         let begin = Instant::now();
+        let mut is_ended = false;
         let is_over = || {
             stop.load(Ordering::Relaxed)
                 || self.bounds.time.is_some_and(|time| begin.elapsed() >= time)
@@ -141,15 +150,12 @@ impl Search<'_> {
         for _ in 0..threads {
             sandboxes.push(self.sandboxes()?);
         }
-        if !self.breaches.is_empty() {
-            return Ok(false);
-        }
-        while !frontier.is_empty() {
+        while !frontier.is_empty() && self.breaches.is_empty() {
             let depth = self.graph.depth();
             let is_bound = self.bounds.depth.is_some_and(|most| depth > most)
                 || self.bounds.states.is_some_and(|most| self.graph.states() >= most);
             if is_bound || is_over() {
-                return Ok(false);
+                break;
             }
             let progress = Progress {
                 depth,
@@ -158,22 +164,31 @@ impl Search<'_> {
                 frontier: frontier.len() as u64,
             };
             tell(progress);
-            let (level, is_whole) = self.expand(frontier, &sandboxes, &is_over);
+            let (level, is_whole) =
+                self.expand(std::mem::take(&mut frontier), &sandboxes, &is_over)?;
             if !is_whole {
                 // Its states are not numbered, but what is wrong is wrong.
                 self.add_breaches(level.breaches);
-                return Ok(false);
+                is_ended = true;
+                break;
             }
             frontier = self.merge(level);
-            if !self.breaches.is_empty() {
-                return Ok(false);
-            }
             // One with a breach is found again by whoever goes on.
-            if let Some(keep) = &mut keep {
+            if let Some(keep) = keep.as_mut().filter(|_| self.breaches.is_empty()) {
                 keep.level(&self.graph)?;
             }
         }
-        Ok(true)
+        self.take_marks(sandboxes.iter().flatten());
+        Ok(frontier.is_empty() && self.breaches.is_empty() && !is_ended)
+    }
+
+    fn take_marks<'s>(&mut self, sandboxes: impl Iterator<Item = &'s Shared>) {
+        for sandbox in sandboxes {
+            let mut sandbox = locked(sandbox);
+            let marks = sandbox.marks();
+            self.marks.resize(marks.len(), 0);
+            self.marks.iter_mut().zip(marks).for_each(|(all, own)| *all |= own);
+        }
     }
 
     /// What comes of the states of the frontier, and whether of all of them.
@@ -182,26 +197,36 @@ impl Search<'_> {
         frontier: Frontier,
         sandboxes: &[Vec<Shared>],
         is_over: &(dyn Fn() -> bool + Sync),
-    ) -> (Expanded, bool) {
+    ) -> Result<(Expanded, bool), ExploreError> {
         // Small pieces, so that no thread waits long for another.
         const PIECE: usize = 64;
         let is_small = frontier.len() <= PIECE;
         let rest = Mutex::new(frontier.into_iter());
         let known = &self.graph;
         let work = |sandboxes: &[Shared]| {
-            let mut level = Expanded::default();
+            let mut level = Expanded::new(self.bounds);
             loop {
                 let mut rest = rest.lock().unwrap_or_else(PoisonError::into_inner);
                 let piece: Frontier = rest.by_ref().take(PIECE).collect();
                 drop(rest);
                 if piece.is_empty() {
-                    return (level, true);
+                    return Ok((level, true));
                 }
                 if is_over() {
-                    return (level, false);
+                    return Ok((level, false));
                 }
+                let is_missing = |(_, world): &&(u32, Option<World>)| world.is_none();
+                let missing: Vec<u32> =
+                    piece.iter().filter(is_missing).map(|(number, _)| *number).collect();
                 for (number, world) in piece {
-                    level.expand(number, &world, sandboxes, known);
+                    if let Some(world) = world {
+                        level.expand(number, &world, sandboxes, known);
+                    }
+                }
+                if !missing.is_empty() {
+                    for (number, world) in self.again(&missing, sandboxes)? {
+                        level.expand(number, &world, sandboxes, known);
+                    }
                 }
             }
         };
@@ -211,25 +236,25 @@ impl Search<'_> {
         std::thread::scope(|scope| {
             let threads: Vec<_> =
                 sandboxes.iter().map(|sandboxes| scope.spawn(|| work(sandboxes))).collect();
-            let (mut whole, mut is_whole) = (Expanded::default(), true);
+            let (mut whole, mut is_whole) = (Expanded::new(self.bounds), true);
             for thread in threads {
-                let (level, is_all) = thread.join().unwrap_or_else(|panic| resume_unwind(panic));
+                let (level, is_all) = thread.join().unwrap_or_else(|panic| resume_unwind(panic))?;
                 whole.append(level);
                 is_whole &= is_all;
             }
-            (whole, is_whole)
+            Ok((whole, is_whole))
         })
     }
 
     /// Numbers the new states, by the first path that leads to each, whichever thread found it.
     fn merge(&mut self, level: Expanded) -> Frontier {
-        let Expanded { found, mut usual, transitions, unavoidable, breaches } = level;
+        let Expanded { found, mut usual, transitions, unavoidable, breaches, .. } = level;
         let mut found: Vec<(u128, Found)> = found.into_iter().collect();
         found.sort_by_key(|(_, found)| (found.parent, found.place));
         let mut frontier = Vec::with_capacity(found.len());
         self.graph.begin_level();
-        for (hash, Found { parent, choice, world, .. }) in found {
-            let node = Node { parent, choice, is_under_way: world.is_under_way() };
+        for (hash, Found { parent, choice, is_under_way, world, .. }) in found {
+            let node = Node { parent, choice, is_under_way };
             frontier.push((self.graph.add(hash, node), world));
         }
         usual.sort_by_key(|(from, ..)| *from);
@@ -252,6 +277,11 @@ impl Search<'_> {
 }
 
 impl Expanded {
+    /// What one of the threads finds.
+    fn new(bounds: &Bounds) -> Self {
+        Self { most_held: bounds.held / bounds.threads.max(1), ..Self::default() }
+    }
+
     /// Makes every choice of a state.
     fn expand(&mut self, number: u32, world: &World, sandboxes: &[Shared], known: &Graph) {
         for (place, choice) in world.choices().into_iter().enumerate() {
@@ -272,7 +302,10 @@ impl Expanded {
                 self.usual.push((number, hash, Micros(next.now.0 - world.now.0)));
             }
             if !known.contains(hash) {
-                self.find(hash, Found { parent: number, place, choice, world: next });
+                let is_under_way = next.is_under_way();
+                let world = (self.held < self.most_held).then_some(next);
+                self.held += usize::from(world.is_some());
+                self.find(hash, Found { parent: number, place, choice, is_under_way, world });
             }
         }
     }

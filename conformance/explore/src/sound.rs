@@ -83,7 +83,7 @@ fn behind(logs: &[Log], from: Micros) -> Vec<String> {
 }
 
 fn answer_alike(plan: &Plan, plugin: &str) {
-    let subject = Subject::new(&module(plugin)).unwrap();
+    let subject = Subject::new(&module(plugin), None).unwrap();
     let manifest = subject.plugin.manifest().clone();
     let scenario = Arc::new(Scenario::new(plan, &manifest, &Changes::default()).unwrap());
     let subjects = vec![subject; 2];
@@ -94,6 +94,7 @@ fn answer_alike(plan: &Plan, plugin: &str) {
         bounds: &bounds,
         graph: Graph::default(),
         breaches: Vec::new(),
+        marks: Vec::new(),
     };
     let pairs = pairs(&search);
     assert!(pairs.len() >= PAIRS / 2, "{}: {}", plan.name, pairs.len());

@@ -22,6 +22,8 @@ pub(crate) const BEGIN: Micros = Micros(1_000_000);
 /// character that nobody sent, behind what happened; and a second copy behind the first. Within one
 /// instant there would be an order that no trace can say.
 const BEHIND: Micros = Micros(1);
+/// Begins a block, in protocols that have it.
+const STX: u8 = 0x02;
 
 /// Two ends and the line between them.
 pub(crate) struct World {
@@ -46,6 +48,8 @@ struct Arriving {
     at: Micros,
     byte: u8,
     damage: Option<LineErrorKind>,
+    /// It is read a character later than it came, together with what has come then.
+    is_late: bool,
 }
 
 /// What a choice led to, besides another state.
@@ -131,8 +135,8 @@ impl World {
         }
         for way in &self.ways {
             way.len().hash(&mut state);
-            for Arriving { at, byte, damage } in way {
-                (at.0 - self.now.0, byte, damage).hash(&mut state);
+            for Arriving { at, byte, damage, is_late } in way {
+                (at.0 - self.now.0, byte, damage, is_late).hash(&mut state);
             }
         }
         (&self.courses, self.wrong, self.faults_left).hash(&mut state);
@@ -178,8 +182,8 @@ impl World {
     }
 
     fn faults_of_arrival(&self, end: usize, choices: &mut Vec<Choice>) {
-        let coming = self.ways[end].front().filter(|coming| coming.damage.is_none());
-        let Some(coming) = coming else { return };
+        let is_sound = |coming: &&Arriving| coming.damage.is_none() && !coming.is_late;
+        let Some(coming) = self.ways[end].front().filter(is_sound) else { return };
         choices.extend([
             Choice::Lost(end),
             Choice::Doubled(end),
@@ -190,6 +194,9 @@ impl World {
         choices.extend(others.map(|byte| Choice::Altered(end, *byte)));
         if self.timer_of(end).is_some_and(|timer| timer > coming.at) {
             choices.extend([Choice::AtTimer(end), Choice::AfterTimer(end)]);
+        }
+        if matches!(self.ends[end], End::PlugIn(_)) {
+            choices.push(Choice::Late(end));
         }
     }
 
@@ -233,6 +240,8 @@ impl World {
             if matches!(choice, Choice::Altered(..) | Choice::Inserted(..) | Choice::Doubled(_)) {
                 self.wrong.towards[end].forged = true;
             }
+            self.wrong.towards[end].begun_anew |=
+                matches!(choice, Choice::Altered(_, STX) | Choice::Inserted(_, STX));
             self.wrong.towards[end].broken |= matches!(choice, Choice::Damaged(_, Damage::Break));
         }
         if let Some(end) = choice.asked() {
@@ -258,7 +267,10 @@ impl World {
 
     fn happens(&mut self, choice: Choice, outcome: &mut Outcome) -> Result<(), Ended> {
         // Of a character that is lost or late nothing happens when it would have arrived.
-        if !matches!(choice, Choice::Lost(_) | Choice::AtTimer(_) | Choice::AfterTimer(_)) {
+        if !matches!(
+            choice,
+            Choice::Lost(_) | Choice::AtTimer(_) | Choice::AfterTimer(_) | Choice::Late(_)
+        ) {
             self.now = self.time_of(choice);
         }
         match choice {
@@ -295,8 +307,16 @@ impl World {
                 self.delay(end, BEHIND);
                 Ok(())
             }
+            Choice::Late(end) => {
+                let character = self.scenario.line().characters(1);
+                self.ways[end].iter_mut().take(1).for_each(|coming| {
+                    coming.at = coming.at + character;
+                    coming.is_late = true;
+                });
+                Ok(())
+            }
             Choice::Inserted(end, byte) => {
-                let coming = Arriving { at: self.now, byte, damage: None };
+                let coming = Arriving { at: self.now, byte, damage: None, is_late: false };
                 self.ways[end].push_front(coming);
                 self.arrival(end, outcome)
             }
@@ -317,7 +337,12 @@ impl World {
             Choice::Resume(end) => {
                 self.request(end, outcome, |plugin| plugin.job().map(HostRequest::Resume))
             }
-            Choice::Force(end) => self.request(end, outcome, |_| Some(HostRequest::ForceResume)),
+            Choice::Force(end) => {
+                if let End::Partner(partner) = &mut self.ends[1 - end] {
+                    partner.is_forced();
+                }
+                self.request(end, outcome, |_| Some(HostRequest::ForceResume))
+            }
             Choice::Down(end) => {
                 let input = LineInput::Down(LinkDownReason::Unplugged);
                 self.ask(end, outcome, &Step::Given(Given::Line(input)))
@@ -374,27 +399,44 @@ impl World {
     /// Something happens at an end where a plug-in is.
     fn ask(&mut self, end: usize, outcome: &mut Outcome, step: &Step) -> Result<(), Ended> {
         let End::PlugIn(plugin) = &mut self.ends[end] else { return Ok(()) };
+        let cut = match step {
+            Step::Given(Given::Line(LineInput::Bytes(bytes))) if bytes.len() > 1 => {
+                Some(plugin.in_single_bytes(self.now, step)?)
+            }
+            _ => None,
+        };
         let did = plugin.instant(self.now, step)?;
+        let is_same = cut.is_none_or(|cut| cut == did);
         self.take(end, did, outcome);
+        if !is_same && outcome.breach.is_none() {
+            outcome.breach = Some(Breach::Cut);
+        }
         Ok(())
     }
 
     fn arrival(&mut self, end: usize, outcome: &mut Outcome) -> Result<(), Ended> {
-        let Some(Arriving { byte, damage, .. }) = self.ways[end].pop_front() else {
+        let Some(Arriving { byte, damage, is_late, .. }) = self.ways[end].pop_front() else {
             return Ok(());
         };
+        let mut bytes = vec![byte];
+        if is_late {
+            let now = self.now;
+            let is_with_it = |coming: &mut Arriving| coming.at <= now && coming.damage.is_none();
+            let behind = std::iter::from_fn(|| self.ways[end].pop_front_if(is_with_it));
+            bytes.extend(behind.map(|coming| coming.byte));
+        }
         let is_down = matches!(&self.ends[end], End::PlugIn(plugin) if plugin.is_down());
         if let End::Partner(partner) = &mut self.ends[1 - end]
             && !is_down
         {
-            partner.arrives(self.now, byte, damage);
+            bytes.iter().for_each(|byte| partner.arrives(self.now, *byte, damage));
         }
         match &mut self.ends[end] {
             // What arrives at a port that is gone is lost.
             End::PlugIn(_) if is_down => {}
             End::PlugIn(_) => {
                 let input = match damage {
-                    None => LineInput::Bytes(vec![byte]),
+                    None => LineInput::Bytes(bytes),
                     // A break has no character.
                     Some(kind @ LineErrorKind::Break) => {
                         LineInput::Damaged { kind, byte: None, span: 0 }
@@ -449,8 +491,12 @@ impl World {
         let way = &mut self.ways[1 - from];
         for (at, byte) in left {
             // None overtakes another that comes late.
-            let at = way.back().map_or(at, |before| at.max(before.at + character));
-            way.push_back(Arriving { at, byte, damage: None });
+            let at = match way.back() {
+                Some(before) if before.is_late => at.max(before.at),
+                Some(before) => at.max(before.at + character),
+                None => at,
+            };
+            way.push_back(Arriving { at, byte, damage: None, is_late: false });
         }
     }
 
@@ -498,12 +544,14 @@ impl World {
                 return Some(Breach::from(broken));
             }
         }
-        let stands = self.plugins().any(|(_, plugin)| plugin.job().is_some());
+        let mut with_job = self.plugins().filter(|(_, plugin)| plugin.job().is_some());
+        let stands =
+            with_job.next().map(|(_, plugin)| Breach::StandsStill { is_held: plugin.is_held() });
         let partners = self.ends.iter().filter_map(|end| match end {
             End::Partner(partner) => partner.at_rest(&self.wrong),
             End::PlugIn(_) => None,
         });
-        let breach = partners.chain(stands.then_some(Breach::StandsStill)).next();
+        let breach = partners.chain(stands).next();
         breach.filter(|breach| !self.scenario.guard.is_unavoidable(breach, &self.wrong, 0))
     }
 

@@ -68,6 +68,9 @@ pub fn check(report: &Report) -> Result<(), Inconsistency> {
     if report.coverage.as_ref().is_some_and(|coverage| !coverage.adds_up()) {
         return wrong("coverage", "names more or fewer places than are missing");
     }
+    if let Some(what) = report.explored.as_ref().and_then(|explored| explored.wrong()) {
+        return wrong("explored", what);
+    }
     conclusion(report)
 }
 
@@ -246,7 +249,9 @@ fn conclusion(report: &Report) -> Result<(), Inconsistency> {
             let message = format!("is {}, although the module is not sound", said.text());
             return wrong("verdict", message);
         }
-        VerdictKind::NotConformant => report.selection.baseline.is_some(),
+        VerdictKind::NotConformant => {
+            report.selection.baseline.is_some() && report.explored.is_none()
+        }
         _ => false,
     };
     if is_free {
@@ -255,7 +260,14 @@ fn conclusion(report: &Report) -> Result<(), Inconsistency> {
         return if report.reason.trim().is_empty() { wrong("reason", message) } else { Ok(()) };
     }
     let executed = report.coverage.as_ref().map_or(Reason::None, Reason::of);
-    let (expected, reason) = verdict(&report.counts, &report.selection, &executed);
+    let judged = verdict(&report.counts, &report.selection, &executed);
+    if report.explored.is_some() && !judged.0.is_conformant() {
+        return wrong("explored", "is there, although the rows do not make it conformant");
+    }
+    let (expected, reason) = match &report.explored {
+        Some(explored) => explored.weigh(judged),
+        None => judged,
+    };
     if said != expected {
         let message = format!("is {}, but the rows give {}", said.text(), expected.text());
         return wrong("verdict", message);

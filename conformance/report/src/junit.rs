@@ -62,6 +62,13 @@ fn properties(report: &Report) -> Vec<(&'static str, String)> {
         properties.push(("executed.functions", part(coverage.functions)));
         properties.push(("executed.branches", part(coverage.branches)));
     }
+    if let Some(explored) = &report.explored {
+        properties.push(("explored.faults", explored.faults.to_string()));
+        properties.push(("explored.states", explored.states().to_string()));
+        let digests = explored.configurations.iter();
+        let digests = digests.map(|configuration| configuration.digest.as_str());
+        properties.push(("explored.digests", digests.collect::<Vec<_>>().join(" ")));
+    }
     if let Some(score) = &report.score {
         let all = score.told();
         properties.push(("score", format!("{} of {all} changes", score.noticed.all())));

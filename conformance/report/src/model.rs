@@ -1,7 +1,7 @@
 //! What stands in a report. Lists are sorted: clauses and cases by id,
 //! permutations as the suite orders them.
 
-use crate::{Coverage, Score, VerdictKind};
+use crate::{Coverage, Explored, Score, VerdictKind};
 use serde::{Deserialize, Serialize};
 
 /// Version of the report's shape.
@@ -55,6 +55,10 @@ pub struct Report {
     /// How much of the module was executed; only of a plug-in that is conformant.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coverage: Option<Coverage>,
+    /// What exploring the module has found, if that was asked for; only of a plug-in that is
+    /// conformant but for that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub explored: Option<Explored>,
     /// How many changes of the module were noticed, if that was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub score: Option<Score>,

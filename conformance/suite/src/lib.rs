@@ -19,11 +19,14 @@
 //! | [`mutants`] | plug-ins that are wrong on purpose, and which case notices |
 //! | `corpus` | all that plug-ins are judged by, and [whether it fits](lint) |
 //! | [`certify`] | a whole profile under two engines, as a report |
+//! | `explored` | all configurations of a profile explored, and ways that were found |
 //! | `show` | runs walked through, blessed traces, parts of [pages](page) |
 
 #[cfg(feature = "wasmtime")]
 pub mod certify;
 mod corpus;
+#[cfg(feature = "wasmtime")]
+mod explored;
 mod given;
 mod judge;
 #[cfg(feature = "wasmtime")]
@@ -37,6 +40,8 @@ pub mod script;
 mod show;
 
 pub use corpus::{Corpus, CorpusError, Listed, Source, lint};
+#[cfg(feature = "wasmtime")]
+pub use explored::{differs_from_explored, explore_profile, rows_of_way, traces_of_way};
 pub use given::disturb::{Disturbed, Noise, disturb};
 pub use given::file_error::FileError;
 pub use given::ledger;
@@ -46,6 +51,8 @@ pub use given::timeline::TimelineError;
 pub use judge::divergence::{Divergence, Side};
 pub use judge::run::{Filter, Judge, Summary, judge, run_all};
 pub use judge::verdict::{Failure, Verdict};
+#[cfg(feature = "wasmtime")]
+pub use module::executed::{MeasureError, Places};
 pub use random::{FailedSession, GroupRun, SessionGroup, Sessions};
 pub use run::class::Class;
 pub use run::closed_loop;
@@ -57,8 +64,6 @@ pub use run::permute::{Clock, Permutation, Rooms, UnknownPermutation};
 pub use run::replay::replay;
 pub use run::subject::{FromFn, Fuel, Sandboxed, Subject, SubjectError};
 pub use show::bless::{BlessFailure, Blessing, bless, blessing};
-#[cfg(feature = "wasmtime")]
-pub use show::explored::{differs_from_explored, traces_of_way};
 pub use show::flight::{FlightError, FlightFault, record_of_flight};
 pub use show::page;
 pub use show::phrase::{Other, Phrase};

@@ -162,6 +162,13 @@ impl Partner for Control {
         }
     }
 
+    fn is_forced(&mut self) {
+        self.feed.is_forced = true;
+        if self.feed.awaits_dc1() {
+            self.captures.may_have_ended();
+        }
+    }
+
     fn port_is_back(&mut self) {
         self.feed = Feed::default();
         self.captures = Captures::default();

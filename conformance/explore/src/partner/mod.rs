@@ -50,6 +50,9 @@ pub(crate) trait Partner: Send {
         let _ = now;
     }
 
+    /// The plug-in's host goes on although this partner holds it.
+    fn is_forced(&mut self) {}
+
     /// The plug-in's port was gone and is back.
     fn port_is_back(&mut self);
 

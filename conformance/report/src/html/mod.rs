@@ -1,6 +1,7 @@
 //! `report.html`: one file for people. It needs no network and no script; it can be
 //! read in light and dark, on paper and by a screen reader.
 
+mod explored;
 mod extent;
 mod failure;
 mod rows;
@@ -49,6 +50,7 @@ pub fn write(report: &Report) -> String {
                 main {
                     (lint(report))
                     (failure::section(report))
+                    (explored::section(report))
                     (extent::section(report))
                     (counts(report))
                     (rows::clauses(report))

@@ -7,10 +7,9 @@ use super::plan::{ABI, Fate, Plan};
 use super::reach::{Extent, each_run};
 use crate::corpus::{Corpus, Listed};
 use crate::module::executed::{Executed, MEASURING_FUEL, MeasureError, Places};
-use crate::module::source::Source;
 use crate::random::Sessions;
 use softplug_host::{EngineKind, Host, HostOptions};
-use softplug_report::{Coverage, Executed as Share, Place};
+use softplug_report::Coverage;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
@@ -80,21 +79,7 @@ pub(super) fn coverage(
         return Ok(Measured::Stopped);
     }
     let executed = executed.into_inner().unwrap_or_default();
-    let share = places.share(&executed);
-    let part = |(executed, of)| Share { executed, of };
-    let source = Source::of(module);
-    let place = |place: crate::module::executed::Unexecuted| Place {
-        function: place.function,
-        name: place.name,
-        at: place.at as u64,
-        source: source.as_ref().and_then(|source| source.line(place.at)),
-        what: place.what.to_owned(),
-    };
-    Ok(Measured::Known(Coverage {
-        functions: part(share.functions),
-        branches: part(share.ways),
-        places: share.unexecuted.into_iter().map(place).collect(),
-    }))
+    Ok(Measured::Known(places.coverage(module, executed.words())))
 }
 
 /// The profile's own runs whole, of the other profiles that the plug-in is held to the cases as

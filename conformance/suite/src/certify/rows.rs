@@ -70,6 +70,7 @@ impl Results<'_> {
                 Some(Measured::Known(coverage)) => Some(coverage.clone()),
                 Some(Measured::Unknown | Measured::Stopped) | None => None,
             },
+            explored: None,
             score: None,
             lint: self.unfit.clone(),
             clauses,

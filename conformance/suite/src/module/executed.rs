@@ -2,11 +2,14 @@
 
 use super::flow::{BranchKind, End, Flow, Way};
 use super::instrument::{Layout, bits_of, instrumented};
+use super::source::Source;
 use crate::run::subject::{Subject, SubjectError};
 use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Event, Instance, Micros, Output};
+use softplug_explore::Marked;
 use softplug_host::{Host, Plugin, Session, SessionFault};
+use softplug_report::{Coverage, Place};
 use std::sync::{Arc, Mutex};
 use wasmparser::{ElementItems, ExternalKind, Parser, Payload};
 
@@ -14,8 +17,18 @@ use wasmparser::{ElementItems, ExternalKind, Parser, Payload};
 pub(crate) const MEASURING_FUEL: u64 = 16 * FUEL_PER_EVENT;
 
 /// A module whose executed places are found out.
+///
+/// ```no_run
+/// use softplug_conformance::Places;
+///
+/// let module = std::fs::read("target/plugins/xon-xoff.wasm")?;
+/// let places = Places::of(&module)?;
+/// // Nothing was executed yet.
+/// assert_eq!(places.coverage(&module, &[]).branches.executed, 0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
-pub(crate) struct Places {
+pub struct Places {
     flows: Vec<Flow>,
     layout: Layout,
     /// Functions that are exported.
@@ -32,6 +45,11 @@ pub(crate) struct Executed(Vec<u64>);
 impl Executed {
     fn has(&self, bit: usize) -> bool {
         self.0.get(bit / 64).is_some_and(|word| word >> (bit % 64) & 1 == 1)
+    }
+
+    /// The words of the marks.
+    pub(crate) fn words(&self) -> &[u64] {
+        &self.0
     }
 
     fn add_word(&mut self, word: usize, bits: u64) {
@@ -66,19 +84,34 @@ pub(crate) struct Share {
     pub(crate) unexecuted: Vec<Unexecuted>,
 }
 
-/// Why a module cannot be measured.
+/// Why it cannot be found out what of a module is executed.
+///
+/// ```
+/// use softplug_conformance::{MeasureError, Places};
+///
+/// assert!(matches!(Places::of(b"no module").unwrap_err(), MeasureError::Parser(_)));
+/// ```
 #[derive(Debug, thiserror::Error)]
-pub(crate) enum MeasureError {
+pub enum MeasureError {
+    /// The module cannot be read.
     #[error("{0}")]
     Parser(#[from] wasmparser::BinaryReaderError),
+    /// It cannot be written with its marks.
     #[error("{0}")]
     Writer(#[from] wasm_encoder::reencode::Error),
+    /// With its marks it does not load.
     #[error("{0}")]
     Host(#[from] softplug_host::LoadError),
 }
 
 impl Places {
-    pub(crate) fn of(module: &[u8]) -> Result<Self, MeasureError> {
+    /// Looks for them.
+    ///
+    /// # Errors
+    /// The module cannot be read.
+    ///
+    /// The example of [`Places`] shows it.
+    pub fn of(module: &[u8]) -> Result<Self, MeasureError> {
         let (mut flows, mut exported) = (Vec::new(), Vec::new());
         let (mut in_table, mut names, mut names_of_exports) = (Vec::new(), Vec::new(), Vec::new());
         for payload in Parser::new(0).parse_all(module) {
@@ -115,10 +148,42 @@ impl Places {
 
     /// The plug-in, made so that it says what it executes.
     pub(crate) fn watch(&self, host: &Host, module: &[u8]) -> Result<Watcher, MeasureError> {
-        let instrumented = instrumented(module, &self.flows, &self.layout)?;
-        let plugin = host.load_instrumented(module, &instrumented)?;
-        let words = (0..self.layout.words()).map(|word| self.layout.name_of(word)).collect();
-        Ok(Watcher { plugin, words, executed: Arc::default() })
+        let Marked { wasm, globals, .. } = self.marked(module)?;
+        let plugin = host.load_instrumented(module, &wasm)?;
+        Ok(Watcher { plugin, words: globals.into(), executed: Arc::default() })
+    }
+
+    /// The module, made so that it marks what it executes.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    ///
+    /// The example of [`Marked`] shows it.
+    pub fn marked(&self, module: &[u8]) -> Result<Marked, MeasureError> {
+        let wasm = instrumented(module, &self.flows, &self.layout)?;
+        let globals = (0..self.layout.words()).map(|word| self.layout.name_of(word)).collect();
+        Ok(Marked { wasm, globals, fuel: MEASURING_FUEL })
+    }
+
+    /// How much was executed where a [marked](Self::marked) module has set these marks.
+    ///
+    /// The example of [`Places`] shows it.
+    pub fn coverage(&self, module: &[u8], marks: &[u64]) -> Coverage {
+        let share = self.share(&Executed(marks.to_vec()));
+        let part = |(executed, of)| softplug_report::Executed { executed, of };
+        let source = Source::of(module);
+        let place = |place: Unexecuted| Place {
+            function: place.function,
+            name: place.name,
+            at: place.at as u64,
+            source: source.as_ref().and_then(|source| source.line(place.at)),
+            what: place.what.to_owned(),
+        };
+        Coverage {
+            functions: part(share.functions),
+            branches: part(share.ways),
+            places: share.unexecuted.into_iter().map(place).collect(),
+        }
     }
 
     /// Whether the instruction at this place of the module was executed.

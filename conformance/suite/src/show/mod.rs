@@ -2,8 +2,6 @@
 //! become cases, and parts of the protocol pages.
 
 pub(crate) mod bless;
-#[cfg(feature = "wasmtime")]
-pub(crate) mod explored;
 pub(crate) mod flight;
 pub mod page;
 pub(crate) mod phrase;

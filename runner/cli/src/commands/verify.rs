@@ -8,9 +8,11 @@ use serde::Serialize;
 use softplug_conformance::Sessions;
 use softplug_conformance::certify::CertifyOptions;
 use softplug_conformance::score::ScoreOptions;
+use softplug_explore::Bounds;
 use softplug_report::attest::{self, PublicKey, Source, VerifyError};
 use softplug_report::{Difference, Report, compare, fuel_is_comparable, json};
 
+use super::certify::explored::explored;
 use super::certify::score::scored;
 use super::certify::{certified, files::ATTESTATION, read_baseline};
 use crate::corpus;
@@ -91,6 +93,12 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let stop = stop::on_signals()?;
     let mut again = certified(&module, &corpus, &options, &stop, screen)?;
     ended(&stop)?;
+    if let Some(before) = &report.explored {
+        let threads = options.threads;
+        let bounds = Bounds { faults: before.faults, threads, ..Bounds::default() };
+        explored(&mut again, &module, &bounds, &stop, screen)?;
+        ended(&stop)?;
+    }
     if let Some(score) = &report.score {
         let sample = (score.tried < score.changes).then_some(score.tried);
         let asked = ScoreOptions {

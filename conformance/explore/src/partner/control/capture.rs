@@ -127,6 +127,15 @@ impl Captures {
         self.begin_silence(now);
     }
 
+    /// The host forced the job to go on, or not: what is under way may have ended by that.
+    pub(super) fn may_have_ended(&mut self) {
+        match &mut self.state {
+            State::Punching { is_certain } => *is_certain = false,
+            State::Receiving(tape) | State::Leaving(tape) => tape.is_certain = false,
+            State::Idle => {}
+        }
+    }
+
     /// A break arrives.
     pub(super) fn breaks(&mut self, now: Micros) {
         self.end_silence(now);

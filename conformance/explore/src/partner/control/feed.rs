@@ -21,6 +21,9 @@ pub(super) struct Feed {
     left: usize,
     /// When the stop bit of the last character ends.
     last_end: Option<Micros>,
+    /// The host went on although it was held: whether the plug-in waits is not known until the next
+    /// DC1 or DC3.
+    pub(super) is_forced: bool,
 }
 
 #[derive(Copy, Clone, PartialEq, Eq, Hash, Debug)]
@@ -46,14 +49,14 @@ impl Default for State {
 
 impl Feed {
     pub(super) fn hash(&self, now: Micros, state: &mut Hash128) {
-        (self.state, &self.tape, self.left).hash(state);
+        (self.state, &self.tape, self.left, self.is_forced).hash(state);
         self.last_end.filter(|end| *end >= now).map(|end| end.0 - now.0).hash(state);
     }
 
     pub(super) fn begin(&mut self, data: &[u8]) {
         let is_ready = self.state == State::Idle { is_ready: true };
         let state = if is_ready { State::Sending } else { State::Waiting };
-        *self = Self { state, tape: tape(data).into(), left: 0, last_end: None };
+        *self = Self { state, tape: tape(data).into(), left: 0, last_end: None, is_forced: false };
     }
 
     /// A character begins to leave. The plug-in has no cause to send codes of its own: nothing
@@ -80,6 +83,7 @@ impl Feed {
 
     /// A sound character arrives at the plug-in.
     pub(super) fn arrives(&mut self, now: Micros, byte: u8) {
+        self.is_forced &= !matches!(byte, DC1 | DC3);
         self.state = match (self.state, byte) {
             (State::Idle { .. }, DC1) => State::Idle { is_ready: true },
             (State::Idle { .. }, DC2 | DC3) => State::Idle { is_ready: false },
@@ -100,7 +104,7 @@ impl Feed {
     pub(super) fn lets_capture(&self, now: Micros) -> Option<bool> {
         let behind = self.lets_capture_if(self.has_left(now));
         if self.last_end != Some(now) {
-            return behind.then_some(true);
+            return behind.then_some(!self.is_forced);
         }
         let before = self.lets_capture_if(false);
         (before || behind).then_some(before && behind)

@@ -1,5 +1,6 @@
 //! `softplug certify`: a verdict on a plug-in that others can reproduce.
 
+pub(super) mod explored;
 pub(super) mod files;
 pub(super) mod random;
 pub(super) mod score;
@@ -15,6 +16,7 @@ use softplug_conformance::certify::{
 };
 use softplug_conformance::score::ScoreOptions;
 use softplug_conformance::{Corpus, Sessions};
+use softplug_explore::Bounds;
 use softplug_report::attest::{self, PrivateKey};
 use softplug_report::{Report, VerdictKind, annotations};
 
@@ -43,6 +45,7 @@ const OBSERVED: usize = 100;
   softplug certify r3964 --profile rk512 --strict --annotations --out report
   softplug certify my-plugin.wasm --profile r3964 --case \"r3964.tx.*\" --out report
   softplug certify my-plugin.wasm --profile r3964 --random 1h --seed 7 --out report
+  softplug certify my-plugin.wasm --profile r3964 --explore 2 --out report
   softplug certify my-plugin.wasm --profile r3964 --score 1000 --out report
   softplug certify my-plugin.wasm --profile abi --key key.pem --out report")]
 pub(crate) struct Arguments {
@@ -79,6 +82,10 @@ pub(crate) struct Arguments {
     /// noticed: how much the profiles that it claims hold of it
     #[arg(long, value_name = "N|all", num_args = 0..=1, default_missing_value = "300")]
     score: Option<Sample>,
+    /// Try everything that may happen with at most so many faults, as `softplug explore` does, and
+    /// hold it against the verdict
+    #[arg(long, value_name = "K", num_args = 0..=1, default_missing_value = "1", value_parser = clap::value_parser!(u8).range(0..=8))]
+    explore: Option<u8>,
     /// Sign the result with this Ed25519 private key (PEM)
     #[arg(long, value_name = "FILE", requires = "out")]
     key: Option<PathBuf>,
@@ -98,6 +105,9 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let corpus = arguments.corpus.load()?;
     let baseline = arguments.baseline.as_deref().map(read_baseline).transpose()?;
     let key = arguments.key.as_deref().map(read_key).transpose()?;
+    if arguments.explore.is_some() {
+        explored::can_be_explored(&arguments.profile)?;
+    }
     // Before anything is made: whoever sees the folder can end the run cleanly.
     let stop = stop::on_signals()?;
     let folder = arguments.out.as_deref().map(Folder::make).transpose()?;
@@ -124,7 +134,11 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         folder.clear()?;
     }
     let mut report = certified(&module, &corpus, &options, &stop, screen)?;
-    let mut is_scored = true;
+    let mut is_whole = true;
+    if let Some(faults) = arguments.explore {
+        let bounds = Bounds { faults, threads, ..Bounds::default() };
+        is_whole = explored::explored(&mut report, &module, &bounds, &stop, screen)?;
+    }
     if let Some(sample) = arguments.score {
         let asked = ScoreOptions {
             sample: sample.count(),
@@ -133,7 +147,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
             ..ScoreOptions::default()
         };
         report.score = score::scored(&report, &module, &corpus, &asked, &stop, screen)?;
-        is_scored = report.score.is_some() || !stop.load(Ordering::Relaxed);
+        is_whole &= report.score.is_some() || !stop.load(Ordering::Relaxed);
     }
     if let Some(folder) = &folder {
         let attestation = key.as_ref().map(|key| sign(&report, key)).transpose()?;
@@ -149,7 +163,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     show::report(&report, &arguments.plugin, folder.as_ref(), screen);
     screen.document(&report);
     Ok(match exit(report.verdict) {
-        Exit::Done if !is_scored => Exit::Incomplete,
+        Exit::Done if !is_whole => Exit::Incomplete,
         exit => exit,
     })
 }

@@ -2,12 +2,15 @@
 
 use std::fmt::Write as _;
 
-use softplug_report::{Coverage, Executed, Noticed, Report, Score, Shown, VerdictKind, explain};
+use softplug_report::{
+    Coverage, Executed, Explored, Noticed, Report, Score, Shown, VerdictKind, explain,
+};
 
 use super::files::{Folder, REPORT, failure_file};
 use crate::numbers::{count, things};
 use crate::plugin::as_word;
 use crate::screen::{BAD, GOOD, HEADING, Screen, WARNING};
+use crate::sequence;
 
 /// Failed cases that are told in full.
 const SHOWN: usize = 3;
@@ -81,6 +84,12 @@ pub(super) fn report(report: &Report, plugin: &str, folder: Option<&Folder>, scr
     if let Some(coverage) = &report.coverage {
         row("executed", executed(coverage));
     }
+    if let Some(explored) = &report.explored {
+        row("explored", text_of_explored(explored));
+        if let Some((_, found)) = explored.found() {
+            screen.say(sequence::drawn(&found.drawn));
+        }
+    }
     if let Some(score) = &report.score {
         row("score", text_of(score));
     }
@@ -111,6 +120,15 @@ fn executed(coverage: &Coverage) -> String {
         let _ = write!(text, "\n           and {} more", coverage.places.len() - PLACES);
     }
     text
+}
+
+fn text_of_explored(explored: &Explored) -> String {
+    format!(
+        "{}, {}, {} choices",
+        things(explored.configurations.len() as u64, "configuration"),
+        things(explored.states(), "state"),
+        count(explored.transitions())
+    )
 }
 
 fn text_of(score: &Score) -> String {

@@ -1,28 +1,28 @@
 //! `softplug explore`: everything that a line and a host may do to a plug-in.
 
-use std::collections::BTreeMap;
+mod show;
+
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use serde::Serialize;
-use softplug_conformance::{Sandboxed, differs_from_explored, traces_of_way};
+use softplug_conformance::{Places, Sandboxed, differs_from_explored, traces_of_way};
 use softplug_explore::{
-    Bounds, Changes, Counterexample, Exploration, ExploreError, Kept, Plan, Progress, explore,
-    plans,
+    Bounds, Changes, Counterexample, ExploreError, Kept, Plan, Progress, Setup, Walks, explore,
+    larger, plans, walk,
 };
 use softplug_host::{Host, HostOptions};
 
+use self::show::{All, Explored};
 use crate::commands::certify::random;
-use crate::dump;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::numbers::{count, things};
 use crate::plugin::Library;
-use crate::screen::{BAD, GOOD, HEADING, Screen, WARNING};
-use crate::sequence;
+use crate::screen::Screen;
 use crate::stop;
 
 /// Tries everything that a line, a partner and a host may do to a plug-in, up to so many faults.
@@ -38,7 +38,8 @@ use crate::stop;
   softplug explore my-plugin.wasm --profile r3964 --faults 2 --out explored
   softplug explore my-plugin.wasm --profile r3964 --faults 2 --out explored --resume
   softplug explore r3964 --profile r3964 --only one-block --set qvz=100 --data 4731
-  softplug explore my-plugin.wasm --profile xon-xoff --faults 3 --time 10min --json")]
+  softplug explore my-plugin.wasm --profile xon-xoff --faults 3 --time 10min --json
+  softplug explore my-plugin.wasm --profile xon-xoff --faults 4 --random 100 --seed 7")]
 pub(crate) struct Arguments {
     /// The plug-in: a .wasm file, or a name to look up
     plugin: String,
@@ -47,7 +48,7 @@ pub(crate) struct Arguments {
     /// The profile: what stands at the other end, and what must hold
     #[arg(long, value_name = "PROFILE")]
     profile: String,
-    /// Only this configuration; without it all of the profile's
+    /// Only this configuration; without it all of the profile's but `large`
     #[arg(long, value_name = "NAME")]
     only: Option<String>,
     /// Faults and requests out of turn, together
@@ -68,6 +69,13 @@ pub(crate) struct Arguments {
     /// Hold the plug-in to the promises alone, not to each rule of the profile
     #[arg(long)]
     without_model: bool,
+    /// Instead of everything, random ways in so many rounds of 20,000 choices each, through the
+    /// configuration `large` or the one that is named; they prefer new states and new code
+    #[arg(long, value_name = "N", conflicts_with_all = ["depth", "states", "resume"])]
+    random: Option<u32>,
+    /// Seed of the random ways
+    #[arg(long, value_name = "S", requires = "random")]
+    seed: Option<u64>,
     /// At most so many choices one after the other
     #[arg(long, value_name = "N")]
     depth: Option<u32>,
@@ -117,40 +125,16 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         fs::create_dir_all(folder)
             .map_err(|error| Failure::usage(format_args!("{}: {error}", folder.display())))?;
     }
-    let changes = arguments.changes();
     let host = Host::new(HostOptions::default()).map_err(Failure::internal)?;
     let subject = Sandboxed::new(host.load_bytes(&module).map_err(Failure::plug_in)?);
     let mut all =
         All { profile: &arguments.profile, faults: arguments.faults, explored: Vec::new() };
+    let work = Work { arguments, module: &module, subject: &subject, stop: &stop, screen };
     for plan in plans {
-        let bounds = arguments.bounds(plan);
-        let (bar, begin) = (bar(plan, screen), Instant::now());
-        let tell = |progress: Progress| {
-            let rate = progress.transitions as f64 / begin.elapsed().as_secs_f64().max(1e-3);
-            bar.set_message(format!(
-                "{}, depth {}, {} to go on from, {} choices a second",
-                things(progress.states, "state"),
-                progress.depth,
-                count(progress.frontier),
-                count(rate as u64),
-            ));
-            bar.tick();
-        };
-        let explored = explore(&module, plan, &changes, &bounds, &tell, &stop);
-        bar.finish_and_clear();
-        let explored = explored.map_err(failure)?;
-        if differs_from_explored(&subject, &explored, plan).is_some() {
-            return Err(Failure::plug_in(
-                "the plug-in cannot be explored: run by itself it does something else, because it \
-                 keeps something in its stack or mailbox from one event to the next",
-            ));
-        }
-        let traces = match (&explored.counterexample, &arguments.out) {
-            (Some(found), Some(folder)) => write_traces(&explored, found, &module, plan, folder)?,
-            _ => Vec::new(),
-        };
-        show(&explored, plan, &traces, screen);
-        all.explored.push(Explored::new(&explored, plan, traces));
+        all.explored.push(match arguments.random {
+            Some(rounds) => work.walk(plan, rounds)?,
+            None => work.explore(plan)?,
+        });
     }
     if let Some(folder) = &arguments.out {
         let text = serde_json::to_string_pretty(&all).expect("it is plain data") + "\n";
@@ -160,19 +144,108 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let mut explored = all.explored.iter();
     Ok(if explored.clone().any(|explored| explored.counterexample.is_some()) {
         Exit::Failed
-    } else if explored.all(|explored| explored.complete) {
+    } else if explored.all(|explored| explored.complete || explored.is_random())
+        && !stop.load(Ordering::Relaxed)
+    {
         Exit::Done
     } else {
         Exit::Incomplete
     })
 }
 
+/// What all configurations have in common.
+struct Work<'a> {
+    arguments: &'a Arguments,
+    module: &'a [u8],
+    subject: &'a Sandboxed,
+    stop: &'a AtomicBool,
+    screen: &'a Screen,
+}
+
+impl Work<'_> {
+    /// Everything that may happen.
+    fn explore(&self, plan: &Plan) -> Result<Explored, Failure> {
+        let Self { arguments, module, screen, .. } = self;
+        let bounds = arguments.bounds(plan);
+        let (bar, begin) = (bar(plan, screen), Instant::now());
+        let tell = |progress: Progress| {
+            let rate = progress.transitions as f64 / begin.elapsed().as_secs_f64().max(1e-3);
+            bar.set_message(format!("{}, {} choices a second", far(progress), count(rate as u64)));
+            bar.tick();
+        };
+        let explored = explore(module, plan, &arguments.changes(), &bounds, &tell, self.stop);
+        bar.finish_and_clear();
+        let explored = explored.map_err(failure)?;
+        if differs_from_explored(self.subject, &explored, plan).is_some() {
+            return Err(Failure::plug_in(
+                "the plug-in cannot be explored: run by itself it does something else, because it \
+                 keeps something in its stack or mailbox from one event to the next",
+            ));
+        }
+        let found = explored.counterexample.as_ref();
+        let traces = self.write_traces(&explored.setup, found, plan)?;
+        let shown = Explored::whole(&explored, plan, traces);
+        shown.show(found, &explored.setup, screen);
+        Ok(shown)
+    }
+
+    /// Random ways.
+    fn walk(&self, plan: &Plan, rounds: u32) -> Result<Explored, Failure> {
+        let Self { arguments, module, screen, .. } = self;
+        let walks = Walks { rounds, seed: arguments.seed.unwrap_or(Walks::default().seed) };
+        let places = Places::of(module).map_err(Failure::plug_in)?;
+        let marked = places.marked(module).map_err(Failure::plug_in)?;
+        let bar = bar(plan, screen);
+        let tell = |progress: Progress| {
+            let (states, made) = (things(progress.states, "state"), count(progress.transitions));
+            bar.set_message(format!("{made} choices, {states}"));
+            bar.tick();
+        };
+        let bounds = Bounds { keep: None, ..arguments.bounds(plan) };
+        let walked =
+            walk(module, &marked, plan, &arguments.changes(), &bounds, walks, &tell, self.stop);
+        bar.finish_and_clear();
+        let walked = walked.map_err(failure)?;
+        let found = walked.counterexample.as_ref();
+        let traces = self.write_traces(&walked.setup, found, plan)?;
+        let coverage = places.coverage(module, &walked.marks);
+        let shown = Explored::random(&walked, plan, walks, coverage, traces);
+        shown.show(found, &walked.setup, screen);
+        Ok(shown)
+    }
+
+    /// The way to what was found, as each plug-in on it saw it.
+    fn write_traces(
+        &self,
+        setup: &Setup,
+        found: Option<&Counterexample>,
+        plan: &Plan,
+    ) -> Result<Vec<PathBuf>, Failure> {
+        let (Some(found), Some(folder)) = (found, &self.arguments.out) else {
+            return Ok(Vec::new());
+        };
+        let manifest = softplug_host::lint(self.module).map_err(Failure::plug_in)?.manifest;
+        let traces = traces_of_way(setup, &found.way, Some(&found.breach), plan, &manifest);
+        let mut files = Vec::with_capacity(traces.len());
+        for trace in traces {
+            let file = folder.join(format!("{}.spt", trace.front.id));
+            write(&file, &trace.format())?;
+            files.push(file);
+        }
+        Ok(files)
+    }
+}
+
 /// The configurations that are asked for.
 fn chosen(arguments: &Arguments) -> Result<Vec<&'static Plan>, Failure> {
     let plans = plans(&arguments.profile).map_err(failure)?;
-    let Some(only) = &arguments.only else { return Ok(plans) };
-    let names: Vec<_> = plans.iter().map(|plan| plan.name).collect();
-    let chosen: Vec<_> = plans.into_iter().filter(|plan| plan.name == only).collect();
+    let larger = larger(&arguments.profile).map_err(failure)?;
+    let Some(only) = &arguments.only else {
+        return Ok(if arguments.random.is_some() { vec![larger] } else { plans });
+    };
+    let all = plans.into_iter().chain([larger]);
+    let names: Vec<_> = all.clone().map(|plan| plan.name).collect();
+    let chosen: Vec<_> = all.filter(|plan| plan.name == only).collect();
     if chosen.is_empty() {
         return Err(Failure::usage(format_args!(
             "profile \"{}\" has no configuration \"{only}\"; it has {}",
@@ -207,12 +280,13 @@ impl Arguments {
             states: self.states,
             time: self.time,
             threads: self.threads.map_or_else(all, usize::from),
+            held: Bounds::default().held,
             keep: self.out.as_ref().map(|folder| Kept { file: file(folder), goes_on: self.resume }),
         }
     }
 }
 
-fn failure(error: ExploreError) -> Failure {
+pub(super) fn failure(error: ExploreError) -> Failure {
     match error {
         ExploreError::NoPlan { .. }
         | ExploreError::Setting(_)
@@ -235,133 +309,19 @@ fn bar(plan: &Plan, screen: &Screen) -> ProgressBar {
     bar.with_style(style).with_prefix(plan.name)
 }
 
-/// What was found, for machines.
-#[derive(Serialize)]
-struct All<'a> {
-    profile: &'a str,
-    faults: u8,
-    explored: Vec<Explored>,
-}
-
-/// One configuration.
-#[derive(Serialize)]
-struct Explored {
-    name: &'static str,
-    partner: &'static str,
-    settings: [Vec<(String, String)>; 2],
-    jobs: [Vec<String>; 2],
-    held_to_model: bool,
-    complete: bool,
-    states: u64,
-    transitions: u64,
-    depth: u32,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    longest_to_rest_micros: Option<i64>,
-    unavoidable: BTreeMap<String, u64>,
-    digest: String,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    counterexample: Option<Found>,
-}
-
-/// The way to something that must never be.
-#[derive(Serialize)]
-struct Found {
-    breach: &'static str,
-    text: String,
-    choices: Vec<String>,
-    traces: Vec<PathBuf>,
-}
-
-impl Explored {
-    fn new(explored: &Exploration, plan: &Plan, traces: Vec<PathBuf>) -> Self {
-        Self {
-            name: plan.name,
-            partner: plan.partner,
-            settings: explored.settings.clone(),
-            jobs: [0, 1].map(|end| explored.jobs[end].iter().map(|data| dump::hex(data)).collect()),
-            held_to_model: explored.has_model,
-            complete: explored.is_complete,
-            states: explored.states,
-            transitions: explored.transitions,
-            depth: explored.depth,
-            longest_to_rest_micros: explored.longest.map(|time| time.0),
-            unavoidable: explored.unavoidable.clone(),
-            digest: digest(explored),
-            counterexample: explored.counterexample.as_ref().map(|found| Found {
-                breach: found.breach.name(),
-                text: found.breach.to_string(),
-                choices: found.way.path.iter().map(ToString::to_string).collect(),
-                traces,
-            }),
-        }
-    }
-}
-
-fn digest(explored: &Exploration) -> String {
-    format!("{:032x}", explored.digest)
-}
-
-/// The way as each plug-in on it saw it.
-fn write_traces(
-    explored: &Exploration,
-    found: &Counterexample,
-    module: &[u8],
-    plan: &Plan,
-    folder: &Path,
-) -> Result<Vec<PathBuf>, Failure> {
-    let manifest = softplug_host::lint(module).map_err(Failure::plug_in)?.manifest;
-    let traces = traces_of_way(explored, &found.way, Some(&found.breach), plan, &manifest);
-    let mut files = Vec::with_capacity(traces.len());
-    for trace in traces {
-        let file = folder.join(format!("{}.spt", trace.front.id));
-        write(&file, &trace.format())?;
-        files.push(file);
-    }
-    Ok(files)
+/// How far an exploration is.
+pub(super) fn far(progress: Progress) -> String {
+    format!(
+        "{}, depth {}, {} to go on from",
+        things(progress.states, "state"),
+        progress.depth,
+        count(progress.frontier)
+    )
 }
 
 fn write(file: &Path, text: &str) -> Result<(), Failure> {
     fs::write(file, text)
         .map_err(|error| Failure::usage(format_args!("{}: {error}", file.display())))
-}
-
-fn show(explored: &Exploration, plan: &Plan, traces: &[PathBuf], screen: &Screen) {
-    let name = plan.name;
-    match &explored.counterexample {
-        Some(found) => {
-            screen.say(format_args!("{BAD}found{BAD:#} in {name}: {}", found.breach));
-            screen.say(sequence::drawn(explored, &found.way));
-            for file in traces {
-                screen.say(format_args!("  trace: {}", file.display()));
-            }
-        }
-        None if explored.is_complete => screen.say(format_args!(
-            "{GOOD}complete{GOOD:#}: {name}, nothing that must never be can happen"
-        )),
-        None => screen.say(format_args!(
-            "{WARNING}incomplete{WARNING:#}: {name}, it ended before all was seen; nothing was found so far"
-        )),
-    }
-    let row = |title: &str, text: String| {
-        screen.say(format_args!("  {HEADING}{title:<9}{HEADING:#}{text}"));
-    };
-    row("partner", plan.partner.to_owned());
-    let held =
-        if explored.has_model { "the promises and the profile's model" } else { "the promises" };
-    row("held to", held.to_owned());
-    let (states, choices) = (things(explored.states, "state"), count(explored.transitions));
-    row("explored", format!("{states}, {choices} choices, {} deep", explored.depth));
-    if let Some(time) = explored.longest {
-        let time = time.0 as f64 / 1e6;
-        row("rest", format!("at most {time:.3} s after the last fault, from every state"));
-    }
-    if !explored.unavoidable.is_empty() {
-        let counted = explored.unavoidable.iter();
-        let counted = counted.map(|(name, times)| format!("{name} {}", count(*times)));
-        let counted = counted.collect::<Vec<_>>().join(", ");
-        row("allowed", format!("what the protocol cannot keep from happening: {counted}"));
-    }
-    row("digest", digest(explored));
 }
 
 #[cfg(test)]

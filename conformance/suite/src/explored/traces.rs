@@ -11,7 +11,7 @@ use crate::run::permute::Permutation;
 use crate::run::transcript;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Micros, ModemLines};
-use softplug_explore::{Breach, Exploration, Log, Plan, Way};
+use softplug_explore::{Breach, Exploration, Log, Plan, Setup, Way};
 use softplug_link::LinkOptions;
 use softplug_trace::{
     Entry, FrontMatter, Level, Line, ModemLevels, Origin, Permutations, Room, Trace, What,
@@ -25,7 +25,7 @@ const BYTES: usize = 64;
 ///
 /// ```no_run
 /// use softplug_abi::manifest::Manifest;
-/// use softplug_conformance::traces_of_way;
+/// use softplug_conformance::{rows_of_way, traces_of_way};
 /// use softplug_explore::{Bounds, Changes, explore, plans};
 /// use std::sync::atomic::AtomicBool;
 ///
@@ -36,23 +36,26 @@ const BYTES: usize = 64;
 /// let plan = plans("r3964")?[0];
 /// let explored = explore(&module, plan, &changes, &bounds, &|_| {}, &never)?;
 /// if let Some(found) = &explored.counterexample {
+///     for row in rows_of_way(explored.setup.begin, &found.way) {
+///         println!("{} µs: {}", row.at_us, row.text);
+///     }
 ///     let what = Some(&found.breach);
-///     for trace in traces_of_way(&explored, &found.way, what, plan, &manifest) {
+///     for trace in traces_of_way(&explored.setup, &found.way, what, plan, &manifest) {
 ///         println!("{}", trace.format());
 ///     }
 /// }
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn traces_of_way(
-    explored: &Exploration,
+    setup: &Setup,
     way: &Way,
     leads_to: Option<&Breach>,
     plan: &Plan,
     manifest: &Manifest,
 ) -> Vec<Trace> {
     let trace = |(end, log): (usize, &Log)| Trace {
-        front: front(explored, leads_to, plan, end),
-        body: body(explored, way, leads_to, log, manifest),
+        front: front(setup, leads_to, plan, end),
+        body: body(setup, way, leads_to, log, manifest),
     };
     way.logs.iter().enumerate().map(trace).collect()
 }
@@ -83,7 +86,7 @@ pub fn differs_from_explored(
     let traces = explored
         .sample
         .iter()
-        .flat_map(|way| traces_of_way(explored, way, None, plan, plugin.manifest()));
+        .flat_map(|way| traces_of_way(&explored.setup, way, None, plan, plugin.manifest()));
     let cases: Vec<Case> = traces.map(|trace| Case::new("explored.spt", trace)).collect();
     let uncut = |case: &Case| format!("{}/{}", case.trace.front.id, Permutation::Uncut);
     let filter = Filter::only(cases.iter().map(uncut));
@@ -91,12 +94,7 @@ pub fn differs_from_explored(
     summary.cases.into_iter().find(|verdict| !verdict.is_passed())
 }
 
-fn front(
-    explored: &Exploration,
-    leads_to: Option<&Breach>,
-    plan: &Plan,
-    end: usize,
-) -> FrontMatter {
+fn front(setup: &Setup, leads_to: Option<&Breach>, plan: &Plan, end: usize) -> FrontMatter {
     let LinkOptions { transmit_room, .. } = LinkOptions::default();
     let what = leads_to.map_or("way", Breach::name);
     FrontMatter {
@@ -109,9 +107,9 @@ fn front(
         }],
         level: Level::Must,
         edge: None,
-        line: line_settings(explored.line, 1),
-        config: assignments(&explored.settings[end]),
-        room: Room { transmit: Some(transmit_room), delivery: Some(explored.delivery_room) },
+        line: line_settings(setup.line, 1),
+        config: assignments(&setup.settings[end]),
+        room: Room { transmit: Some(transmit_room), delivery: Some(setup.delivery_room) },
         modem: ModemLevels::default(),
         since: 1,
         origin: Origin::Generated { generator: "softplug-explore".to_owned(), seed: 0 },
@@ -122,13 +120,13 @@ fn front(
 }
 
 fn body(
-    explored: &Exploration,
+    setup: &Setup,
     way: &Way,
     leads_to: Option<&Breach>,
     log: &Log,
     manifest: &Manifest,
 ) -> Vec<Line> {
-    let since = |at: Micros| Micros(at.0 - explored.begin.0);
+    let since = |at: Micros| Micros(at.0 - setup.begin.0);
     let observed = log.observed.iter().cloned();
     let seen: Vec<Seen> = observed
         .filter_map(|(at, observed)| Some(Seen { at: since(at), effect: Effect::of(observed)? }))
@@ -140,7 +138,7 @@ fn body(
         .collect();
     let given: Vec<_> = entries.iter().map(|entry| entry.when).collect();
     let is_cut = |at: Micros| given.iter().any(|when| when.from.0 == at.0 as u64);
-    entries.extend(transcript::entries(explored.line, manifest, &seen, BYTES, is_cut));
+    entries.extend(transcript::entries(setup.line, manifest, &seen, BYTES, is_cut));
     entries.sort_by_key(|entry| entry.when.from);
     let faults = way.faults.iter().map(|(at, fault)| format!(" {}: {fault}", since(*at)));
     let comments = leads_to.map(|breach| format!(" {breach}")).into_iter().chain(faults);

@@ -1,0 +1,28 @@
+//! A module that marks what of it is executed.
+
+/// A plug-in that does what it does, and besides sets bits in globals for what it executes.
+///
+/// ```no_run
+/// use softplug_conformance::Places;
+/// use softplug_explore::{Bounds, Changes, explore_marked, plans};
+/// use std::sync::atomic::AtomicBool;
+///
+/// let module = std::fs::read("target/plugins/r3964.wasm")?;
+/// let places = Places::of(&module)?;
+/// let marked = places.marked(&module)?;
+/// let (bounds, changes) = (Bounds::default(), Changes::default());
+/// let (plan, never) = (plans("r3964")?[0], AtomicBool::new(false));
+/// let explored = explore_marked(&module, &marked, plan, &changes, &bounds, &|_| {}, &never)?;
+/// assert_eq!(explored.marks.len(), marked.globals.len());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Marked {
+    /// The module.
+    pub wasm: Vec<u8>,
+    /// The names under which it exports the globals with its marks, 64 bits each. They are no part
+    /// of what it is.
+    pub globals: Vec<String>,
+    /// Fuel for one event: marking costs some.
+    pub fuel: u64,
+}
