@@ -43,6 +43,20 @@ pub struct Plan {
     pub(crate) make_partner: Option<fn() -> Box<dyn Partner>>,
 }
 
+impl Plan {
+    /// The promises that the protocol cannot always keep, in the order of
+    /// [`Breach::NAMES`](crate::Breach::NAMES).
+    ///
+    /// ```
+    /// let plan = softplug_explore::plans("fanuc-rs232")?[0];
+    /// assert_eq!(plan.unavoidable(), ["sent-while-held", "stands-still"]);
+    /// # Ok::<(), softplug_explore::ExploreError>(())
+    /// ```
+    pub fn unavoidable(&self) -> &'static [&'static str] {
+        self.guard.unavoidable()
+    }
+}
+
 /// Short waits, of which none is another's multiple.
 const SHORT: &[(&str, &str)] = &[("qvz", "60"), ("zvz", "35"), ("bwz", "170")];
 const SHORT_WITHOUT_CHECK: &[(&str, &str)] =

@@ -69,6 +69,27 @@ pub enum Breach {
 }
 
 impl Breach {
+    /// The names of all promises.
+    ///
+    /// ```
+    /// assert!(softplug_explore::Breach::NAMES.contains(&"doubled"));
+    /// ```
+    pub const NAMES: [&str; 13] = [
+        "altered",
+        "invented",
+        "lost",
+        "doubled",
+        "not-delivered",
+        "failed-for-nothing",
+        "wrong-on-line",
+        "sent-while-held",
+        "cut",
+        "stands-still",
+        "never-ends",
+        "rule",
+        "fault",
+    ];
+
     /// Which promise it breaks, in one word.
     pub fn name(&self) -> &'static str {
         match self {
@@ -189,6 +210,18 @@ pub(crate) enum Guard {
 }
 
 impl Guard {
+    /// The promises that the protocol cannot always keep.
+    pub(crate) fn unavoidable(self) -> &'static [&'static str] {
+        match self {
+            Self::Checked => &["altered", "doubled", "not-delivered"],
+            Self::Unchecked => &["altered", "invented", "doubled", "not-delivered"],
+            Self::Unnumbered => {
+                &["altered", "doubled", "not-delivered", "sent-while-held", "stands-still"]
+            }
+            Self::Open => &["sent-while-held", "stands-still"],
+        }
+    }
+
     /// Whether the protocol cannot keep this from happening after what went wrong. `sender` is
     /// the end whose data it is.
     pub(crate) fn is_unavoidable(self, breach: &Breach, wrong: &Wrong, sender: usize) -> bool {
@@ -237,6 +270,51 @@ impl Guard {
             // The host forced it.
             (Self::Open | Self::Unnumbered, Breach::SentWhileHeld) => wrong.forced[sender],
             _ => false,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn breaches() -> Vec<Breach> {
+        vec![
+            Breach::Altered { delivered: Vec::new() },
+            Breach::Invented { delivered: Vec::new() },
+            Breach::Lost { bytes: Vec::new() },
+            Breach::Doubled,
+            Breach::NotDelivered,
+            Breach::FailedForNothing { failure: Failure::NoAnswer },
+            Breach::WrongOnLine { what: String::new() },
+            Breach::SentWhileHeld,
+            Breach::Cut,
+            Breach::StandsStill { is_held: true },
+            Breach::NeverEnds,
+            Breach::Rule { clause: String::new(), message: String::new() },
+            Breach::Fault { message: String::new() },
+        ]
+    }
+
+    #[test]
+    fn every_promise_has_its_name() {
+        let names: Vec<_> = breaches().iter().map(Breach::name).collect();
+        assert_eq!(names, Breach::NAMES);
+    }
+
+    #[test]
+    fn a_protocol_is_excused_from_what_stands_there_and_only_after_faults() {
+        let way = Way { any: true, forged: true, begun_anew: true, broken: true };
+        let (asked, forced) = ([true; 2], [true; 2]);
+        let everything = Wrong { count: 2, towards: [way; 2], asked, forced };
+        for guard in [Guard::Checked, Guard::Unchecked, Guard::Unnumbered, Guard::Open] {
+            let excused = |wrong: &Wrong| -> Vec<&str> {
+                let all = breaches().into_iter();
+                let excused = all.filter(|breach| guard.is_unavoidable(breach, wrong, 0));
+                excused.map(|breach| breach.name()).collect()
+            };
+            assert_eq!(excused(&everything), guard.unavoidable(), "{guard:?}");
+            assert!(excused(&Wrong::default()).is_empty(), "{guard:?}");
         }
     }
 }

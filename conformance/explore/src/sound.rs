@@ -9,7 +9,7 @@ use crate::sandbox::Subject;
 use crate::scenario::{Changes, Scenario};
 use crate::search::Search;
 use softplug_abi::Micros;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -82,21 +82,25 @@ fn behind(logs: &[Log], from: Micros) -> Vec<String> {
     told.collect()
 }
 
-fn answer_alike(plan: &Plan, plugin: &str) {
+/// With a search of this plan with one fault.
+fn with_search(plan: &Plan, plugin: &str, work: impl FnOnce(&Search<'_>)) {
     let subject = Subject::new(&module(plugin), None).unwrap();
     let manifest = subject.plugin.manifest().clone();
     let scenario = Arc::new(Scenario::new(plan, &manifest, &Changes::default()).unwrap());
     let subjects = vec![subject; 2];
     let bounds = Bounds { faults: 1, ..Bounds::default() };
-    let search = Search {
+    work(&Search {
         subjects: &subjects,
         scenario,
         bounds: &bounds,
         graph: Graph::default(),
         breaches: Vec::new(),
         marks: Vec::new(),
-    };
-    let pairs = pairs(&search);
+    });
+}
+
+fn answer_alike(plan: &Plan, search: &Search<'_>) {
+    let pairs = pairs(search);
     assert!(pairs.len() >= PAIRS / 2, "{}: {}", plan.name, pairs.len());
     let sandboxes = search.sandboxes().unwrap();
     let mut dice = Dice(7);
@@ -130,7 +134,45 @@ fn equal_states_answer_alike() {
     let plugins = ["r3964", "r3964-simplified", "xon-xoff", "fanuc-rs232", "heidenhain-fe"];
     for plugin in plugins {
         for plan in plans(plugin).unwrap().into_iter().take(2) {
-            answer_alike(plan, plugin);
+            with_search(plan, plugin, |search| answer_alike(plan, search));
         }
+    }
+}
+
+/// Of two things at one instant at different ends, only one order is tried. In every state where
+/// there are such, the other one leads to the same state: it need not be tried.
+fn orders_lead_to_one_state(plan: &Plan, search: &Search<'_>) {
+    let sandboxes = search.sandboxes().unwrap();
+    let (first, _) = search.open(&sandboxes, false).unwrap();
+    let mut known = HashSet::from([first.hash()]);
+    let mut frontier = vec![first];
+    let mut compared = 0;
+    while let Some(world) = frontier.pop() {
+        if let Some([one, other]) = world.in_both_orders() {
+            assert_eq!(one, other, "{} at {} µs", plan.name, world.now);
+            compared += 1;
+        }
+        for choice in world.choices() {
+            let mut next = world.fork();
+            next.make(choice);
+            if known.insert(next.hash()) {
+                frontier.push(next);
+            }
+        }
+    }
+    assert!(compared > 100, "{}: {compared}", plan.name);
+}
+
+#[test]
+fn the_order_of_what_is_due_at_different_ends_changes_nothing() {
+    for (plugin, name) in [
+        ("r3964", "one-block"),
+        ("r3964-simplified", "one-block"),
+        ("xon-xoff", "hold"),
+        ("fanuc-rs232", "read-and-punch"),
+        ("heidenhain-fe", "both-ways"),
+    ] {
+        let plan = plans(plugin).unwrap().into_iter().find(|plan| plan.name == name).unwrap();
+        with_search(plan, plugin, |search| orders_lead_to_one_state(plan, search));
     }
 }

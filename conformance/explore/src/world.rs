@@ -275,8 +275,7 @@ impl World {
         }
         match choice {
             Choice::Next => match self.next() {
-                Some((_, Due::Arrival(end))) => self.arrival(end, outcome),
-                Some((_, Due::Tick(end))) => self.tick(end, outcome),
+                Some((_, due)) => self.happens_as_due(due, outcome),
                 None => Ok(()),
             },
             Choice::Lost(end) => {
@@ -569,6 +568,11 @@ impl World {
 
     /// What is due next: at one time, what comes from the line goes first.
     fn next(&self) -> Option<(Micros, Due)> {
+        self.due().min()
+    }
+
+    /// The next of each kind.
+    fn due(&self) -> impl Iterator<Item = (Micros, Due)> {
         let arrival = |end: usize| {
             self.ways[end].front().map(|coming| (coming.at.max(self.now), Due::Arrival(end)))
         };
@@ -579,7 +583,14 @@ impl World {
             };
             next.map(|at| (at.max(self.now), Due::Tick(end)))
         };
-        [arrival(0), arrival(1), tick(0), tick(1)].into_iter().flatten().min()
+        [arrival(0), arrival(1), tick(0), tick(1)].into_iter().flatten()
+    }
+
+    fn happens_as_due(&mut self, due: Due, outcome: &mut Outcome) -> Result<(), Ended> {
+        match due {
+            Due::Arrival(end) => self.arrival(end, outcome),
+            Due::Tick(end) => self.tick(end, outcome),
+        }
     }
 
     fn settle(&mut self) -> Result<(), Ended> {
@@ -604,4 +615,35 @@ impl World {
 enum Due {
     Arrival(usize),
     Tick(usize),
+}
+
+impl Due {
+    #[cfg(test)]
+    fn end(self) -> usize {
+        match self {
+            Self::Arrival(end) | Self::Tick(end) => end,
+        }
+    }
+}
+
+#[cfg(test)]
+impl World {
+    /// What comes of two things that are due at one instant at different ends, in the order in which
+    /// they are tried, and in the other one.
+    pub(crate) fn in_both_orders(&self) -> Option<[u128; 2]> {
+        let mut due: Vec<_> = self.due().collect();
+        due.sort();
+        let (at, first) = *due.first()?;
+        let (_, second) =
+            *due.iter().find(|(time, due)| *time == at && due.end() != first.end())?;
+        Some([[first, second], [second, first]].map(|order| {
+            let mut world = self.fork();
+            world.now = at;
+            for due in order {
+                world.happens_as_due(due, &mut Outcome::default()).unwrap();
+                world.settle().unwrap();
+            }
+            world.hash()
+        }))
+    }
 }

@@ -4,8 +4,13 @@
 mod common;
 
 use common::{module, sandboxed};
-use softplug_conformance::differs_from_explored;
-use softplug_explore::{Bounds, Changes, Exploration, Kept, PLANS, Plan, explore, plans};
+use serde::Deserialize;
+use softplug_conformance::{Places, differs_from_explored, explore_profile};
+use softplug_explore::{
+    Bounds, Breach, Changes, Exploration, Kept, LARGER, PLANS, Plan, Walked, Walks, explore, larger,
+    plans, walk,
+};
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::AtomicBool;
 
 /// The plug-in that claims a profile.
@@ -67,6 +72,101 @@ fn threads_change_nothing() {
         course(&explored(plan, &Changes::default(), &bounds))
     });
     assert_eq!((one, one), (two, four));
+}
+
+#[test]
+fn states_that_are_not_held_are_made_again() {
+    let plan = configuration("xon-xoff", "hold");
+    let all_held = course(&explored(plan, &Changes::default(), &with_faults(1)));
+    for held in [0, 7] {
+        let bounds = Bounds { held, ..with_faults(1) };
+        assert_eq!(course(&explored(plan, &Changes::default(), &bounds)), all_held, "{held}");
+    }
+}
+
+fn walked(profile: &str, walks: Walks, bounds: &Bounds) -> Walked {
+    let module = module(plugin_of(profile));
+    let marked = Places::of(&module).and_then(|places| places.marked(&module));
+    let marked = marked.expect("it can be marked");
+    let (plan, never) = (larger(profile).expect("there is one"), AtomicBool::new(false));
+    walk(&module, &marked, plan, &Changes::default(), bounds, walks, &|_| {}, &never)
+        .expect("it can be walked through")
+}
+
+#[test]
+fn random_ways_find_nothing_whatever_the_threads() {
+    for plan in LARGER {
+        let [one, two] = [1, 2].map(|threads| {
+            let walks = Walks { seed: 3, rounds: 2 };
+            let bounds = Bounds { threads, ..with_faults(3) };
+            let walked = walked(plan.profile, walks, &bounds);
+            let found = walked.counterexample.map(|found| (found.breach, found.way.path));
+            assert_eq!(found, None, "{}", plan.profile);
+            (walked.digest, walked.states, walked.choices, walked.marks)
+        });
+        assert_eq!(one, two, "{}", plan.profile);
+        assert!(one.2 >= 40_000, "{}: {}", plan.profile, one.2);
+    }
+    let other_seed = walked("xon-xoff", Walks { seed: 4, rounds: 2 }, &with_faults(3));
+    let same_seed = walked("xon-xoff", Walks { seed: 3, rounds: 2 }, &with_faults(3));
+    assert_ne!(other_seed.digest, same_seed.digest);
+}
+
+#[derive(Deserialize)]
+struct Promises {
+    promise: Vec<Promise>,
+}
+
+#[derive(Deserialize)]
+struct Promise {
+    name: String,
+    sentence: String,
+    #[serde(default)]
+    unavoidable: Vec<Unavoidable>,
+}
+
+#[derive(Deserialize)]
+struct Unavoidable {
+    profiles: Vec<String>,
+    why: String,
+}
+
+#[test]
+fn the_ledger_of_promises_is_what_is_explored_and_what_the_page_says() {
+    let ledger: Promises = toml::from_str(softplug_fixtures::PROMISES).expect("it is a ledger");
+    let names: Vec<_> = ledger.promise.iter().map(|promise| promise.name.as_str()).collect();
+    assert_eq!(names, Breach::NAMES);
+    let page = include_str!("../../../docs/explore.md");
+    let mut unavoidable: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+    for promise in &ledger.promise {
+        assert!(page.contains(&format!("| {} | `{}` |", promise.sentence, promise.name)));
+        for excuse in &promise.unavoidable {
+            assert!(page.contains(&excuse.why), "{}", excuse.why);
+            for profile in &excuse.profiles {
+                unavoidable.entry(profile).or_default().insert(&promise.name);
+            }
+        }
+    }
+    let mut explored: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+    for plan in PLANS.iter().chain(LARGER) {
+        explored.entry(plan.profile).or_default().extend(plan.unavoidable());
+    }
+    assert_eq!(unavoidable, explored);
+}
+
+#[test]
+fn a_profile_is_explored_for_a_report() {
+    let module = module("xon-xoff");
+    let (bounds, never) = (Bounds { faults: 1, ..Bounds::default() }, AtomicBool::new(false));
+    let explored = explore_profile(&module, "xon-xoff", &bounds, &|_, _| {}, &never);
+    let explored = explored.expect("it can be explored").expect("it was not stopped");
+    let names: Vec<_> =
+        explored.configurations.iter().map(|configuration| &configuration.name).collect();
+    let plans = plans("xon-xoff").expect("there are some");
+    assert_eq!(names, plans.iter().map(|plan| plan.name).collect::<Vec<_>>());
+    assert_eq!((explored.refused.as_deref(), explored.found()), (None, None));
+    let coverage = explored.coverage.expect("it can be marked");
+    assert!(coverage.adds_up() && coverage.functions.executed * 10 > coverage.functions.of * 8);
 }
 
 #[test]
