@@ -82,19 +82,38 @@ pub(crate) struct Did {
     pub(crate) broken: Option<Broken>,
 }
 
-/// The plug-in has ended by a fault, and how, for people.
+/// The plug-in goes no further, and why, for people.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub(crate) struct Ended(pub(crate) String);
+pub(crate) enum Ended {
+    /// By a fault of its own.
+    Fault(String),
+    /// It cannot be explored.
+    Unexplorable(String),
+}
 
 impl From<LinkFault<StepFault>> for Ended {
     fn from(fault: LinkFault<StepFault>) -> Self {
-        Self(fault.to_string())
+        match fault {
+            LinkFault::Instance { source, .. } if !source.is_its_own() => source.into(),
+            fault => Self::Fault(fault.to_string()),
+        }
     }
 }
 
 impl From<StepFault> for Ended {
     fn from(fault: StepFault) -> Self {
-        Self(fault.to_string())
+        let text = fault.to_string();
+        if fault.is_its_own() { Self::Fault(text) } else { Self::Unexplorable(text) }
+    }
+}
+
+impl From<SwapError<StepFault>> for Ended {
+    fn from(error: SwapError<StepFault>) -> Self {
+        match error {
+            SwapError::Save(fault) | SwapError::Failed(fault) => fault.into(),
+            SwapError::Refused { source, .. } if !source.is_its_own() => source.into(),
+            error => Self::Fault(error.to_string()),
+        }
     }
 }
 
@@ -342,8 +361,7 @@ impl PlugIn {
     /// A new instance takes over, with the saved state of this one.
     fn swap(&mut self, now: Micros) -> Result<(), Ended> {
         let successor = Explored::new(self.line.link.instance().sandbox());
-        let swapped = self.line.link.swap(now, successor, &mut self.host);
-        swapped.map_err(|error: SwapError<StepFault>| Ended(error.to_string()))?;
+        self.line.link.swap(now, successor, &mut self.host)?;
         Ok(())
     }
 

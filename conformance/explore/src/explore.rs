@@ -2,7 +2,7 @@
 
 use crate::ExploreError;
 use crate::choice::Choice;
-use crate::graph::{Ends, Graph};
+use crate::graph::Ends;
 use crate::hash::Hash128;
 use crate::keep::Keep;
 use crate::log::Log;
@@ -22,6 +22,8 @@ use std::time::Duration;
 
 /// Ways that are given to be tried.
 const SAMPLE: u64 = 32;
+/// Choices of all of them at most.
+const SAMPLE_CHOICES: usize = 10_000;
 
 /// How far is explored.
 ///
@@ -35,7 +37,7 @@ const SAMPLE: u64 = 32;
 pub struct Bounds {
     /// Faults and requests out of turn, together.
     pub faults: u8,
-    /// Choices one after the other.
+    /// Choices one after the other, at most.
     pub depth: Option<u32>,
     /// States; the level in which there are as many is finished.
     pub states: Option<u64>,
@@ -232,16 +234,8 @@ fn explore_subject(
     stop: &AtomicBool,
 ) -> Result<Exploration, ExploreError> {
     let scenario = Arc::new(Scenario::new(plan, subject.plugin.manifest(), changes)?);
-    let ends = if plan.make_partner.is_some() { 1 } else { 2 };
-    let subjects = vec![subject; ends];
-    let mut search = Search {
-        subjects: &subjects,
-        scenario: Arc::clone(&scenario),
-        bounds,
-        graph: Graph::default(),
-        breaches: Vec::new(),
-        marks: Vec::new(),
-    };
+    let subjects = vec![subject; plan.plug_ins()];
+    let mut search = Search::new(&subjects, Arc::clone(&scenario), bounds);
     let key = key(module, plan, &scenario, changes, bounds.faults);
     let (frontier, keep) = search.begin(key)?;
     let is_complete = search.go_on(frontier, tell, stop, keep)?;
@@ -253,16 +247,14 @@ fn explore_subject(
             search.breaches.push((Breach::NeverEnds, search.graph.path_to(state)));
         }
     }
-    let counterexample = match search.breaches.first() {
-        Some((breach, path)) => {
-            Some(Counterexample { breach: breach.clone(), way: search.way(path.clone())? })
-        }
+    let found = match search.breaches.first() {
+        Some((breach, path)) => Some((breach.clone(), search.way(path.clone())?)),
+        None if is_complete => search.doubt(plan)?,
         None => None,
     };
+    let counterexample = found.map(|(breach, way)| Counterexample { breach, way });
+    let sample = search.sample()?;
     let graph = &search.graph;
-    let spread = (0..graph.states()).step_by((graph.states() / SAMPLE + 1) as usize);
-    let ways = spread.map(|state| search.way(graph.path_to(state as u32)));
-    let sample = ways.collect::<Result<_, _>>()?;
     Ok(Exploration {
         is_complete: is_complete && counterexample.is_none(),
         states: graph.states(),
@@ -315,6 +307,22 @@ impl Search<'_> {
             keep.level(&self.graph)?;
         }
         Ok((frontier, keep))
+    }
+
+    /// Ways from all over.
+    fn sample(&self) -> Result<Vec<Way>, ExploreError> {
+        let states = self.graph.states();
+        let spread = (0..states).step_by((states / SAMPLE + 1) as usize);
+        let mut rest = SAMPLE_CHOICES;
+        let mut sample = Vec::new();
+        for state in spread {
+            let path = self.graph.path_to(state as u32);
+            if let Some(left) = rest.checked_sub(path.len()) {
+                rest = left;
+                sample.push(self.way(path)?);
+            }
+        }
+        Ok(sample)
     }
 
     /// Goes a way once more and writes down what happens on it.

@@ -2,7 +2,7 @@
 
 use crate::hash::Hash128;
 use crate::image::Image;
-use crate::sandbox::{Sandbox, StepFault};
+use crate::sandbox::{Leftovers, Sandbox, StepFault};
 use softplug_abi::{Event, Instance, Micros, Output};
 use std::hash::Hash;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -15,6 +15,8 @@ pub(crate) struct Explored {
     sandbox: Shared,
     input_capacity: usize,
     image: Arc<Image>,
+    /// What it left besides; it is no part of its state.
+    left: Arc<Leftovers>,
     /// When the image was made: its times are as they were ahead then.
     at: Micros,
     /// It has been stepped since the image was made: the sandbox has its state.
@@ -34,6 +36,7 @@ impl Explored {
             sandbox,
             input_capacity,
             image,
+            left: Arc::default(),
             at: Micros::ZERO,
             lives_with: None,
             answer: Vec::new(),
@@ -47,7 +50,8 @@ impl Explored {
         if !sandbox.is_held_by(ticket) {
             return Err(StepFault::TwoAtOnce);
         }
-        (self.image, self.at) = (sandbox.capture(now)?, now);
+        (self.image, self.left) = sandbox.capture(now)?;
+        self.at = now;
         Ok(())
     }
 
@@ -82,6 +86,7 @@ impl Clone for Explored {
             sandbox: Arc::clone(&self.sandbox),
             input_capacity: self.input_capacity,
             image: Arc::clone(&self.image),
+            left: Arc::clone(&self.left),
             at: self.at,
             lives_with: None,
             answer: Vec::new(),
@@ -101,7 +106,7 @@ impl Instance for Explored {
         match self.lives_with {
             Some(ticket) if !sandbox.is_held_by(ticket) => return Err(StepFault::TwoAtOnce),
             Some(_) => {}
-            None => self.lives_with = Some(sandbox.load(&self.image, self.at)?),
+            None => self.lives_with = Some(sandbox.load(&self.image, &self.left, self.at)?),
         }
         let more = sandbox.step(event, now, &mut self.answer)?;
         Ok(Output { actions: &self.answer, more })

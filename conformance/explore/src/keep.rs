@@ -8,7 +8,7 @@ use crate::choice::{Choice, Damage};
 use crate::graph::{Graph, Level, Node};
 use crate::hash::Hash128;
 use softplug_abi::Micros;
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::hash::Hash;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -31,9 +31,11 @@ impl Keep {
     /// A new file for a search with this key.
     pub(crate) fn create(path: &Path, key: u128) -> Result<Self, ExploreError> {
         let options =
-            OpenOptions::new().read(true).write(true).create(true).truncate(true).open(path);
-        let mut keep =
-            Self { path: path.to_owned(), file: options.map_err(|error| failed(path, &error))? };
+            OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path);
+        let file = options.map_err(|error| failed(path, &error))?;
+        lock(path, &file)?;
+        file.set_len(0).map_err(|error| failed(path, &error))?;
+        let mut keep = Self { path: path.to_owned(), file };
         let header: Vec<u8> = MAGIC.iter().copied().chain(key.to_le_bytes()).collect();
         keep.write(&header)?;
         Ok(keep)
@@ -43,6 +45,7 @@ impl Keep {
     pub(crate) fn open(path: &Path, key: u128) -> Result<(Self, Vec<Level>), ExploreError> {
         let options = OpenOptions::new().read(true).write(true).open(path);
         let mut file = options.map_err(|error| failed(path, &error))?;
+        lock(path, &file)?;
         let wrong = |reason: &str| {
             Err(ExploreError::Kept { path: path.to_owned(), reason: reason.to_owned() })
         };
@@ -77,6 +80,18 @@ impl Keep {
 
     fn write(&mut self, bytes: &[u8]) -> Result<(), ExploreError> {
         self.file.write_all(bytes).map_err(|error| failed(&self.path, &error))
+    }
+}
+
+/// One exploration at a time.
+fn lock(path: &Path, file: &File) -> Result<(), ExploreError> {
+    match file.try_lock() {
+        Ok(()) => Ok(()),
+        Err(TryLockError::WouldBlock) => {
+            let reason = "another exploration is writing here: give it another folder".to_owned();
+            Err(ExploreError::Kept { path: path.to_owned(), reason })
+        }
+        Err(TryLockError::Error(error)) => Err(failed(path, &error)),
     }
 }
 

@@ -44,6 +44,22 @@ pub struct Plan {
 }
 
 impl Plan {
+    /// Plug-ins on the line.
+    pub(crate) fn plug_ins(&self) -> usize {
+        if self.has_machine() { 1 } else { 2 }
+    }
+
+    /// Whether a machine stands at the other end and no plug-in. It knows the plan's settings: with
+    /// others, only the profile's model judges.
+    ///
+    /// ```
+    /// assert!(softplug_explore::plans("fanuc-rs232")?[0].has_machine());
+    /// # Ok::<(), softplug_explore::ExploreError>(())
+    /// ```
+    pub fn has_machine(&self) -> bool {
+        self.make_partner.is_some()
+    }
+
     /// The promises that the protocol cannot always keep, in the order of
     /// [`Breach::NAMES`](crate::Breach::NAMES).
     ///
@@ -267,7 +283,7 @@ pub const PLANS: &[Plan] = &[
     Plan {
         name: "transparent",
         settings: &[("transparent", "on"), ("quiet_time", "50"), ("held_timeout", "200")],
-        jobs: [&[b"\x11\x10A"], &[]],
+        jobs: [&[b"\x11\x10\x93"], &[]],
         // XON, XOFF, DLE, an escaped DLE, and a character that is none of them.
         alphabet: &[0x11, 0x13, 0x10, 0x50, 0x41],
         make_partner: Some(|| Box::new(Reader::unjudged(b"\x10\x51"))),
@@ -294,6 +310,18 @@ pub const PLANS: &[Plan] = &[
         make_partner: Some(|| Box::new(Reader::letting_go(b"N"))),
         ..XON_XOFF
     },
+    Plan {
+        name: "line-ends",
+        settings: &[
+            ("send_line_end", "crlf"),
+            ("control_in_data", "send"),
+            ("quiet_time", "50"),
+            ("held_timeout", "200"),
+        ],
+        jobs: [&[b"A\n\r\rB\x13\n\r"], &[]],
+        make_partner: Some(|| Box::new(Reader::unjudged(b"\x93"))),
+        ..XON_XOFF
+    },
     HEIDENHAIN_FE,
     Plan {
         name: "bare",
@@ -308,6 +336,12 @@ pub const PLANS: &[Plan] = &[
             parity: Parity::None,
             stop_half_bits: 4,
         },
+        make_partner: Some(|| Box::new(Unjudged(Box::new(Tnc::new())))),
+        ..HEIDENHAIN_FE
+    },
+    Plan {
+        name: "lines",
+        jobs: [&[b"1\r\n2"], &[]],
         make_partner: Some(|| Box::new(Unjudged(Box::new(Tnc::new())))),
         ..HEIDENHAIN_FE
     },
@@ -331,6 +365,30 @@ pub const PLANS: &[Plan] = &[
             &[],
         ],
         jobs: [&[b"o1;{\n"], &[]],
+        make_partner: Some(|| Box::new(Unjudged(Box::new(Control::new())))),
+        ..FANUC_RS232
+    },
+    Plan {
+        name: "tape",
+        of_each: [
+            &[
+                ("eob", "crlf"),
+                ("ascii", "on"),
+                ("parity", "software"),
+                ("after_end", "drop"),
+                ("block_numbers", "renumber"),
+            ],
+            &[],
+        ],
+        jobs: [&[b"N1(:%)[\r\nN5@\r\n%\nX"], &[]],
+        line: TEN_BITS,
+        make_partner: Some(|| Box::new(Unjudged(Box::new(Control::new())))),
+        ..FANUC_RS232
+    },
+    Plan {
+        name: "refuse",
+        of_each: [&[("after_end", "refuse"), ("unsupported", "refuse")], &[]],
+        jobs: [&[b"G1@\n", b"G2\n%\nX\n"], &[]],
         make_partner: Some(|| Box::new(Unjudged(Box::new(Control::new())))),
         ..FANUC_RS232
     },

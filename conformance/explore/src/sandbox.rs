@@ -26,9 +26,11 @@ pub(crate) enum StepFault {
     /// The sandbox says so.
     #[error("{0}")]
     Session(#[from] SessionFault),
-    /// With another clock, it answered otherwise.
-    #[error("it does something else where only the clock is another")]
-    AnswersByTheClock,
+    /// The second instance answered otherwise.
+    #[error(
+        "it does something else where only the clock is another, or what it left in its stack or mailbox"
+    )]
+    Differs,
     /// Something in memory depends on the time and is no time.
     #[error(
         "what it keeps at address {address} depends on the time and is no time in µs: it cannot \
@@ -47,6 +49,13 @@ pub(crate) enum StepFault {
     /// The stack is not empty after an event.
     #[error("its stack is not empty after an event: it cannot be explored")]
     Stack,
+}
+
+impl StepFault {
+    /// Whether it is the plug-in's fault, wherever it runs.
+    pub(crate) fn is_its_own(&self) -> bool {
+        matches!(self, Self::Session(_))
+    }
 }
 
 impl Subject {
@@ -71,8 +80,11 @@ impl Subject {
 pub(crate) struct Sandbox {
     subject: Subject,
     sessions: [Session; 2],
-    /// Nothing in here is alive between two events.
+    /// Nothing in here is to be alive between two events: it is cleared. In the second instance it
+    /// is as it was left, so that what is alive nevertheless shows.
     dead: Vec<Range<usize>>,
+    /// What stands there in the second instance.
+    left: Arc<Leftovers>,
     /// A new instance's memory, which has one size for ever: the lint sees to that.
     base: Box<[u8]>,
     new: Arc<Image>,
@@ -84,6 +96,50 @@ pub(crate) struct Sandbox {
     saved_ahead: Vec<u8>,
     /// The marks of instances that are gone.
     marks: Vec<u64>,
+}
+
+/// What an instance left where nothing is to be alive between two events: bytes that are not 0, in
+/// lines.
+#[derive(Debug, Default)]
+pub(crate) struct Leftovers(Vec<(u32, [u8; LINE])>);
+
+const LINE: usize = 64;
+
+impl Leftovers {
+    fn of(memory: &[u8], dead: &[Range<usize>]) -> Self {
+        let mut lines = Vec::new();
+        for range in dead {
+            for at in range.clone().step_by(LINE) {
+                let bytes = &memory[at..range.end.min(at + LINE)];
+                if bytes.iter().any(|byte| *byte != 0) {
+                    let mut line = [0; LINE];
+                    line[..bytes.len()].copy_from_slice(bytes);
+                    lines.push((at as u32, line));
+                }
+            }
+        }
+        Self(lines)
+    }
+
+    /// Into memory in which all of that is 0.
+    fn write(&self, memory: &mut [u8]) {
+        for (at, line) in &self.0 {
+            for (byte, left) in memory[*at as usize..].iter_mut().zip(line) {
+                // The end of a line can stand behind what is dead.
+                *byte |= left;
+            }
+        }
+    }
+
+    fn clear(&self, memory: &mut [u8]) {
+        for (at, line) in &self.0 {
+            for (byte, left) in memory[*at as usize..].iter_mut().zip(line) {
+                if *left != 0 {
+                    *byte = 0;
+                }
+            }
+        }
+    }
 }
 
 /// What the two memories hold.
@@ -107,6 +163,7 @@ impl Sandbox {
             subject,
             sessions,
             dead,
+            left: Arc::default(),
             base: Box::default(),
             new: Arc::clone(&new),
             holds: Holds::Anything,
@@ -149,8 +206,14 @@ impl Sandbox {
     }
 
     /// Lets an image go on that was made at `now`. Whoever was here before is not any more.
-    pub(crate) fn load(&mut self, image: &Arc<Image>, now: Micros) -> Result<u64, StepFault> {
+    pub(crate) fn load(
+        &mut self,
+        image: &Arc<Image>,
+        left: &Arc<Leftovers>,
+        now: Micros,
+    ) -> Result<u64, StepFault> {
         self.ticket += 1;
+        self.left.clear(self.sessions[1].memory_mut());
         if self.sessions.iter().any(|session| session.fault().is_some()) {
             self.marks();
             let plugin = &self.subject.plugin;
@@ -179,6 +242,8 @@ impl Sandbox {
                 session.set_global(name, value);
             }
         }
+        self.left = Arc::clone(left);
+        self.left.write(self.sessions[1].memory_mut());
         self.holds = Holds::Image(Arc::clone(image), now);
         Ok(self.ticket)
     }
@@ -206,25 +271,31 @@ impl Sandbox {
             output.more
         });
         if first != second || (first.is_ok() && !is_shifted(answer, answer_ahead, saved_ahead)) {
-            return Err(StepFault::AnswersByTheClock);
+            return Err(StepFault::Differs);
         }
         Ok(first?)
     }
 
-    /// What the first instance has come to, with times as they are ahead of `now`.
-    pub(crate) fn capture(&mut self, now: Micros) -> Result<Arc<Image>, StepFault> {
+    /// What the first instance has come to, with times as they are ahead of `now`, and what the second
+    /// one left besides.
+    pub(crate) fn capture(
+        &mut self,
+        now: Micros,
+    ) -> Result<(Arc<Image>, Arc<Leftovers>), StepFault> {
         let before = match &self.holds {
-            Holds::Image(image, _) => return Ok(Arc::clone(image)),
+            Holds::Image(image, _) => return Ok((Arc::clone(image), Arc::clone(&self.left))),
             Holds::Since(image) => Some(Arc::clone(image)),
             Holds::Anything => None,
         };
+        let left = Arc::new(Leftovers::of(self.sessions[1].memory(), &self.dead));
         self.clear_dead();
+        self.left = Arc::default();
         let globals = self.globals(now)?;
         let before = before.as_deref().map_or(&[][..], |image| &image.blocks);
         let (blocks, across) = self.blocks(before, now)?;
         let image = Arc::new(Image::new(blocks, across, globals));
         self.holds = Holds::Image(Arc::clone(&image), now);
-        Ok(image)
+        Ok((image, left))
     }
 
     fn clear_dead(&mut self) {
@@ -245,7 +316,7 @@ impl Sandbox {
             globals.push(match difference {
                 0 => Word { value, is_time: false },
                 AHEAD => Word { value: value - now.0, is_time: true },
-                _ => return Err(StepFault::AnswersByTheClock),
+                _ => return Err(StepFault::Differs),
             });
         }
         if let Some(Stack { pointer, range }) = &self.subject.stack

@@ -3,7 +3,7 @@
 use crate::ExploreError;
 use crate::end::JobGiven;
 use crate::explore::Setup;
-use crate::partner::Partner;
+use crate::partner::{Partner, Unjudged};
 use crate::plans::Plan;
 use crate::promise::Guard;
 use crate::world::BEGIN;
@@ -46,7 +46,9 @@ pub(crate) struct Scenario {
     settings: [SettingValues; 2],
     delivery_room: Option<u32>,
     model: Option<&'static Profile>,
-    pub(crate) make_partner: Option<fn() -> Box<dyn Partner>>,
+    make_partner: Option<fn() -> Box<dyn Partner>>,
+    /// The partner knows these settings.
+    is_judged: bool,
 }
 
 impl Scenario {
@@ -100,6 +102,7 @@ impl Scenario {
             delivery_room: plan.delivery_room,
             settings,
             make_partner: plan.make_partner,
+            is_judged: changes.settings[0].is_empty(),
         })
     }
 
@@ -111,6 +114,13 @@ impl Scenario {
             delivery_room: self.delivery_room.unwrap_or(usual.delivery_room),
             ..usual
         }
+    }
+
+    /// The machine at the other end, if it is one. With other settings than the plan's it judges
+    /// nothing.
+    pub(crate) fn partner(&self) -> Option<Box<dyn Partner>> {
+        let partner = self.make_partner?();
+        Some(if self.is_judged { partner } else { Box::new(Unjudged(partner)) })
     }
 
     /// Whether the host may let deliveries wait.

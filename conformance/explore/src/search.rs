@@ -1,6 +1,7 @@
 //! Breadth first over all states, level by level.
 
 use crate::choice::Choice;
+use crate::end::Ended;
 use crate::graph::{Graph, Node};
 use crate::instance::{Shared, locked};
 use crate::keep::Keep;
@@ -44,6 +45,8 @@ struct Expanded {
     transitions: u64,
     unavoidable: BTreeMap<String, u64>,
     breaches: Vec<(Breach, u32, u16, Choice)>,
+    /// The first choice by which the plug-in cannot be explored, and why.
+    unexplorable: Option<(u32, u16, String)>,
 }
 
 struct Found {
@@ -53,6 +56,17 @@ struct Found {
     choice: Choice,
     is_under_way: bool,
     world: Option<World>,
+}
+
+impl<'a> Search<'a> {
+    pub(crate) fn new(
+        subjects: &'a [Subject],
+        scenario: Arc<Scenario>,
+        bounds: &'a Bounds,
+    ) -> Self {
+        let (graph, breaches, marks) = (Graph::default(), Vec::new(), Vec::new());
+        Self { subjects, scenario, bounds, graph, breaches, marks }
+    }
 }
 
 impl Search<'_> {
@@ -121,8 +135,12 @@ impl Search<'_> {
         sandboxes: &[Shared],
         is_logged: bool,
     ) -> Result<(World, Option<Breach>), ExploreError> {
-        World::open(&self.scenario, sandboxes, self.bounds.faults, is_logged)
-            .map_err(|ended| ExploreError::Open { reason: ended.0 })
+        World::open(&self.scenario, sandboxes, self.bounds.faults, is_logged).map_err(|ended| {
+            match ended {
+                Ended::Fault(reason) => ExploreError::Open { reason },
+                Ended::Unexplorable(reason) => ExploreError::Module { reason },
+            }
+        })
     }
 
     pub(crate) fn sandboxes(&self) -> Result<Vec<Shared>, ExploreError> {
@@ -152,7 +170,7 @@ impl Search<'_> {
         }
         while !frontier.is_empty() && self.breaches.is_empty() {
             let depth = self.graph.depth();
-            let is_bound = self.bounds.depth.is_some_and(|most| depth > most)
+            let is_bound = self.bounds.depth.is_some_and(|most| depth >= most)
                 || self.bounds.states.is_some_and(|most| self.graph.states() >= most);
             if is_bound || is_over() {
                 break;
@@ -166,6 +184,9 @@ impl Search<'_> {
             tell(progress);
             let (level, is_whole) =
                 self.expand(std::mem::take(&mut frontier), &sandboxes, &is_over)?;
+            if let Some((.., reason)) = level.unexplorable {
+                return Err(ExploreError::Module { reason });
+            }
             if !is_whole {
                 // Its states are not numbered, but what is wrong is wrong.
                 self.add_breaches(level.breaches);
@@ -293,6 +314,10 @@ impl Expanded {
             for name in outcome.unavoidable {
                 *self.unavoidable.entry(name.to_owned()).or_default() += 1;
             }
+            if let Some(why) = outcome.unexplorable {
+                self.cannot_be_explored((number, place, why));
+                continue;
+            }
             if let Some(breach) = outcome.breach {
                 self.breaches.push((breach, number, place, choice));
                 continue;
@@ -325,7 +350,15 @@ impl Expanded {
         }
     }
 
+    fn cannot_be_explored(&mut self, here: (u32, u16, String)) {
+        let first = self.unexplorable.take().into_iter().chain([here]).min();
+        self.unexplorable = first;
+    }
+
     fn append(&mut self, other: Self) {
+        if let Some(why) = other.unexplorable {
+            self.cannot_be_explored(why);
+        }
         for (hash, found) in other.found {
             self.find(hash, found);
         }

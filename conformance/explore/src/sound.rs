@@ -2,7 +2,6 @@
 
 use crate::choice::Choice;
 use crate::explore::Bounds;
-use crate::graph::Graph;
 use crate::log::Log;
 use crate::plans::{Plan, plans};
 use crate::sandbox::Subject;
@@ -89,14 +88,7 @@ fn with_search(plan: &Plan, plugin: &str, work: impl FnOnce(&Search<'_>)) {
     let scenario = Arc::new(Scenario::new(plan, &manifest, &Changes::default()).unwrap());
     let subjects = vec![subject; 2];
     let bounds = Bounds { faults: 1, ..Bounds::default() };
-    work(&Search {
-        subjects: &subjects,
-        scenario,
-        bounds: &bounds,
-        graph: Graph::default(),
-        breaches: Vec::new(),
-        marks: Vec::new(),
-    });
+    work(&Search::new(&subjects, scenario, &bounds));
 }
 
 fn answer_alike(plan: &Plan, search: &Search<'_>) {

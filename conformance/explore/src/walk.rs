@@ -8,7 +8,6 @@
 use crate::ExploreError;
 use crate::choice::Choice;
 use crate::explore::{Bounds, Counterexample, Progress, Setup, Way};
-use crate::graph::Graph;
 use crate::hash::Hash128;
 use crate::instance::{Shared, locked};
 use crate::marked::Marked;
@@ -28,6 +27,8 @@ use std::time::Instant;
 
 /// Choices of one round.
 const ROUND: u64 = 20_000;
+/// Choices that are made at most where all was explored.
+const MOST_DOUBT: u64 = 20_000;
 /// Choices of one walk.
 const WALK: usize = 60;
 /// States that walks of a round begin from.
@@ -136,16 +137,8 @@ pub fn walk(
 ) -> Result<Walked, ExploreError> {
     let subject = Subject::new(module, Some(marked))?;
     let scenario = Arc::new(Scenario::new(plan, subject.plugin.manifest(), changes)?);
-    let ends = if plan.make_partner.is_some() { 1 } else { 2 };
-    let subjects = vec![subject; ends];
-    let search = Search {
-        subjects: &subjects,
-        scenario,
-        bounds,
-        graph: Graph::default(),
-        breaches: Vec::new(),
-        marks: Vec::new(),
-    };
+    let subjects = vec![subject; plan.plug_ins()];
+    let search = Search::new(&subjects, scenario, bounds);
     let rounds = search.rounds(plan, walks, tell, stop)?;
     let mut walked = Walked {
         rounds: 0,
@@ -196,44 +189,60 @@ impl Search<'_> {
         let last = AtomicU32::new(walks.rounds);
         let (states, choices) = (AtomicU64::new(0), AtomicU64::new(0));
         let done = Mutex::new(BTreeMap::new());
-        let work = || -> Result<(), ExploreError> {
+        let work = || {
             loop {
                 let number = next.fetch_add(1, Ordering::Relaxed);
                 if number >= last.load(Ordering::Relaxed) || is_over() {
-                    return Ok(());
+                    return;
                 }
                 let dice = Dice::new(walks.seed, plan.name, u64::from(number));
-                let Some(round) = self.round(dice, &is_over)? else { return Ok(()) };
-                if round.breach.is_some() {
+                let round = match self.round(dice, ROUND, &is_over) {
+                    Ok(Some(round)) => Ok(round),
+                    Ok(None) => return,
+                    Err(error) => Err(error),
+                };
+                if let Ok(round) = &round {
+                    let states = states.fetch_add(round.states, Ordering::Relaxed) + round.states;
+                    let made = choices.fetch_add(round.choices, Ordering::Relaxed) + round.choices;
+                    tell(Progress { depth: number + 1, states, transitions: made, frontier: 0 });
+                }
+                if round.as_ref().map_or(true, |round| round.breach.is_some()) {
                     last.fetch_min(number + 1, Ordering::Relaxed);
                 }
-                let states = states.fetch_add(round.states, Ordering::Relaxed) + round.states;
-                let made = choices.fetch_add(round.choices, Ordering::Relaxed) + round.choices;
-                tell(Progress { depth: number + 1, states, transitions: made, frontier: 0 });
                 done.lock().unwrap_or_else(PoisonError::into_inner).insert(number, round);
             }
         };
         std::thread::scope(|scope| {
             let threads: Vec<_> =
                 (0..self.bounds.threads.max(1)).map(|_| scope.spawn(work)).collect();
-            let join = |thread: std::thread::ScopedJoinHandle<'_, Result<(), ExploreError>>| {
-                thread.join().unwrap_or_else(|panic| resume_unwind(panic))
-            };
-            threads.into_iter().try_for_each(join)
-        })?;
+            for thread in threads {
+                thread.join().unwrap_or_else(|panic| resume_unwind(panic));
+            }
+        });
         let mut done = done.into_inner().unwrap_or_else(PoisonError::into_inner);
         // Of a run that was ended, those without a gap before them.
         let mut rounds = Vec::with_capacity(done.len());
         while let Some(round) = done.remove(&(rounds.len() as u32)) {
-            rounds.push(round);
+            rounds.push(round?);
         }
         Ok(rounds)
     }
 
-    /// One round; none if it was ended.
+    /// Random ways through what was explored whole: what they find was missed where two ways lead to
+    /// one state, of which only the first is gone on.
+    pub(crate) fn doubt(&self, plan: &Plan) -> Result<Option<(Breach, Way)>, ExploreError> {
+        let choices = (self.graph.states() / 2).clamp(MOST_DOUBT / 20, MOST_DOUBT);
+        let round = self.round(Dice::new(1, plan.name, 0), choices, &|| false)?;
+        let Some(Round { breach: Some((breach, way)), .. }) = round else { return Ok(None) };
+        let way = self.shortened(&breach, way)?;
+        Ok(Some((breach, way)))
+    }
+
+    /// One round of so many choices; none if it was ended.
     fn round(
         &self,
         mut dice: Dice,
+        choices: u64,
         is_over: &dyn Fn() -> bool,
     ) -> Result<Option<Round>, ExploreError> {
         let sandboxes = self.sandboxes()?;
@@ -249,7 +258,7 @@ impl Search<'_> {
         let mut seen = HashSet::from([world.hash()]);
         let mut digest = Hash128::new();
         let mut pool = vec![Begin { world, way: Vec::new(), in_vain: 0 }];
-        while round.choices < ROUND && round.breach.is_none() {
+        while round.choices < choices && round.breach.is_none() {
             if is_over() {
                 return Ok(None);
             }
@@ -263,6 +272,9 @@ impl Search<'_> {
                 round.choices += 1;
                 for name in outcome.unavoidable {
                     *round.unavoidable.entry(name.to_owned()).or_default() += 1;
+                }
+                if let Some(reason) = outcome.unexplorable {
+                    return Err(ExploreError::Module { reason });
                 }
                 if let Some(breach) = outcome.breach {
                     round.breach = Some((breach, way.clone()));

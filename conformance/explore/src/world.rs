@@ -57,6 +57,8 @@ struct Arriving {
 pub(crate) struct Outcome {
     /// What must never be.
     pub(crate) breach: Option<Breach>,
+    /// Why the plug-in cannot be explored.
+    pub(crate) unexplorable: Option<String>,
     /// What the protocol cannot keep from happening.
     pub(crate) unavoidable: Vec<&'static str>,
 }
@@ -70,7 +72,7 @@ impl World {
         faults: u8,
         is_logged: bool,
     ) -> Result<(Self, Option<Breach>), Ended> {
-        let partner = scenario.make_partner.map(|make| make());
+        let partner = scenario.partner();
         let now = BEGIN;
         let plugin = |end: usize| {
             let options = scenario.options(end);
@@ -249,10 +251,13 @@ impl World {
             self.wrong.forced[end] |= matches!(choice, Choice::Force(_));
         }
         let made = self.happens(choice, &mut outcome).and_then(|()| self.settle());
-        if let Err(Ended(message)) = made {
-            outcome.breach = Some(Breach::Fault { message });
-        } else if outcome.breach.is_none() && self.next().is_none() {
-            outcome.breach = self.at_rest();
+        match made {
+            Err(Ended::Fault(message)) => outcome.breach = Some(Breach::Fault { message }),
+            Err(Ended::Unexplorable(why)) => outcome.unexplorable = Some(why),
+            Ok(()) if outcome.breach.is_none() && self.next().is_none() => {
+                outcome.breach = self.at_rest();
+            }
+            Ok(()) => {}
         }
         outcome
     }

@@ -7,8 +7,8 @@ use common::{module, sandboxed};
 use serde::Deserialize;
 use softplug_conformance::{Places, differs_from_explored, explore_profile};
 use softplug_explore::{
-    Bounds, Breach, Changes, Exploration, Kept, LARGER, PLANS, Plan, Walked, Walks, explore, larger,
-    plans, walk,
+    Bounds, Breach, Changes, Exploration, Kept, LARGER, PLANS, Plan, Walked, Walks, explore,
+    larger, plans, walk,
 };
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::AtomicBool;

@@ -10,9 +10,9 @@ pub(super) fn section(report: &Report) -> Markup {
                 h2 { "Explored" }
                 p {
                     "Everything that line, partner and host may do, with at most "
-                    (text::count(explored.faults.into(), "fault"))
-                    " on one way, was tried in each of " (explored.states()) " states: "
-                    (explored.transitions()) " choices."
+                    (text::count(explored.faults.into(), "fault")) " on one way, was tried"
+                    @if explored.found().is_some() { ", until something was found" }
+                    ": " (explored.states()) " states, " (explored.transitions()) " choices."
                 }
                 @if let Some(refused) = &explored.refused {
                     p.mark.part { "It was not explored to the end: " (text::line(refused)) "." }
@@ -56,6 +56,7 @@ fn counterexample(
                 code {
                     "softplug explore PLUGIN --profile " (text::line(&report.profile.name))
                     " --only " (name) " --faults " (explored.faults)
+                    " --out DIR"
                 }
             }
         }

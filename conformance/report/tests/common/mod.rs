@@ -7,12 +7,13 @@ use softplug_report::{Report, VerdictKind, check, json};
 use std::path::{Path, PathBuf};
 
 /// The samples with their verdicts.
-pub(crate) const SAMPLES: [(&str, VerdictKind); 7] = [
+pub(crate) const SAMPLES: [(&str, VerdictKind); 8] = [
     ("conformant", VerdictKind::Conformant),
     ("warnings", VerdictKind::ConformantWithWarnings),
     ("partial", VerdictKind::Partial),
     ("expected-failure", VerdictKind::Partial),
     ("not-conformant", VerdictKind::NotConformant),
+    ("explored", VerdictKind::NotConformant),
     ("stale-baseline", VerdictKind::NotConformant),
     ("not-judged", VerdictKind::NotJudged),
 ];

@@ -124,6 +124,44 @@ fn a_plug_in_of_another_protocol_is_not_conformant() {
 }
 
 #[test]
+fn what_exploring_says_stands_in_the_report_and_is_reproduced() {
+    let bench = Bench::new();
+    let ran = bench.run(&with(&SMALL, &["--explore"])).with_code(0);
+    let verdict = ran.out.lines().find(|line| line.starts_with("conformant: ")).unwrap();
+    assert!(verdict.contains("nothing wrong in any of ") && verdict.ends_with(" with 1 fault"));
+    let report: serde_json::Value =
+        serde_json::from_str(&text(&bench, "out/conformance.json")).unwrap();
+    let explored = &report["explored"];
+    assert_eq!(explored["configurations"][0]["name"], "one-block");
+    assert!(explored["coverage"]["functions"]["executed"].as_u64().unwrap() > 50);
+    assert!(text(&bench, "out/report.html").contains("<h2>Explored</h2>"));
+    let verify = ["verify", "out/conformance.json", "r3964"];
+    bench.run(&verify).with_code(0);
+
+    let mut forged = report.clone();
+    forged["explored"]["configurations"][0]["digest"] = "0".repeat(32).into();
+    bench.write("out/conformance.json", forged.to_string());
+    let ran = bench.run(&verify).with_code(1);
+    assert!(ran.out.contains("explored configurations 1 digest"), "{ran}");
+    // Without what was explored the verdict's reason is another one.
+    forged.as_object_mut().unwrap().remove("explored");
+    bench.write("out/conformance.json", forged.to_string());
+    let ran = bench.run(&verify).with_code(2);
+    assert!(ran.err.contains("contradicts itself"), "{ran}");
+}
+
+#[test]
+fn only_what_is_conformant_is_explored_and_only_where_there_is_something_to() {
+    let bench = Bench::new();
+    let words = ["--case", "3964.tx.*", "--explore", "2"];
+    let ran = bench.run(&with(&SMALL, &words)).with_code(5);
+    assert!(ran.err.contains("only a conformant plug-in is"), "{ran}");
+    let ran = bench.run(&["certify", "r3964", "--profile", "abi", "--explore"]).with_code(2);
+    assert!(ran.err.contains("profile \"abi\" cannot be explored"), "{ran}");
+    bench.run(&with(&SMALL, &["--explore", "9"])).with_code(2);
+}
+
+#[test]
 fn a_failure_is_told_with_all_that_is_needed() {
     let bench = Bench::new();
     add_hopeless_case(&bench, "must");

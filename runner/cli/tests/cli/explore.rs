@@ -121,3 +121,22 @@ fn what_cannot_be_explored_is_said() {
     let said = refused.map(|(words, code)| bench.run(words).with_code(code).err);
     snapshot("explore-refused", said.join(""));
 }
+
+#[test]
+fn random_ways_are_those_of_their_seed() {
+    let bench = Bench::new();
+    let words = ["explore", "xon-xoff", "--profile", "xon-xoff", "--random", "2", "--faults", "3"];
+    let [one, two, other] = [("1", "7"), ("2", "7"), ("2", "8")].map(|(threads, seed)| {
+        let more = ["--threads", threads, "--seed", seed, "--json"];
+        only(&bench.run(&with(&words, &more)).with_code(0))
+    });
+    assert_eq!((&one["name"], &one["random"]["rounds"]), (&"large".into(), &2.into()));
+    assert!(one["random"]["coverage"]["branches"]["executed"].as_u64().unwrap() > 100);
+    assert_eq!(one["digest"], two["digest"]);
+    assert_ne!(one["digest"], other["digest"]);
+    let ran = bench.run(&words).with_code(0);
+    assert!(ran.out.starts_with("nothing was found in large"), "{ran}");
+    assert!(ran.out.contains("2 rounds, seed 1"), "{ran}");
+    bench.run(&with(&words, &["--depth", "3"])).with_code(2);
+    bench.run(&with(&SMALL, &["--seed", "3"])).with_code(2);
+}

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use softplug_conformance::explore_profile;
 use softplug_explore::{Bounds, Plan, Progress, plans};
-use softplug_report::Report;
+use softplug_report::{Explored, Report};
 
 use crate::commands::explore::{failure, far};
 use crate::failure::Failure;
@@ -35,14 +35,17 @@ pub(in crate::commands) fn explored(
     };
     let explored = explore_profile(module, &report.profile.name, bounds, &tell, stop);
     bar.finish_and_clear();
-    let Some(explored) = explored.map_err(failure)? else {
-        screen.note("it was ended before all was explored");
-        return Ok(false);
-    };
+    let explored = explored.map_err(failure)?;
+    let is_whole = explored.is_some();
+    let explored = explored.unwrap_or_else(|| Explored {
+        faults: bounds.faults,
+        refused: Some("it was ended before".to_owned()),
+        ..Explored::default()
+    });
     let judged = (report.verdict, std::mem::take(&mut report.reason));
     (report.verdict, report.reason) = explored.weigh(judged);
     report.explored = Some(explored);
-    Ok(true)
+    Ok(is_whole)
 }
 
 fn bar(screen: &Screen) -> ProgressBar {

@@ -4,7 +4,7 @@ mod show;
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -16,7 +16,7 @@ use softplug_explore::{
 };
 use softplug_host::{Host, HostOptions};
 
-use self::show::{All, Explored};
+use self::show::{All, Explored, Random};
 use crate::commands::certify::random;
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -71,7 +71,7 @@ pub(crate) struct Arguments {
     without_model: bool,
     /// Instead of everything, random ways in so many rounds of 20,000 choices each, through the
     /// configuration `large` or the one that is named; they prefer new states and new code
-    #[arg(long, value_name = "N", conflicts_with_all = ["depth", "states", "resume"])]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["depth", "states", "resume"])]
     random: Option<u32>,
     /// Seed of the random ways
     #[arg(long, value_name = "S", requires = "random")]
@@ -144,9 +144,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let mut explored = all.explored.iter();
     Ok(if explored.clone().any(|explored| explored.counterexample.is_some()) {
         Exit::Failed
-    } else if explored.all(|explored| explored.complete || explored.is_random())
-        && !stop.load(Ordering::Relaxed)
-    {
+    } else if explored.all(|explored| explored.complete) {
         Exit::Done
     } else {
         Exit::Incomplete
@@ -184,7 +182,7 @@ impl Work<'_> {
         }
         let found = explored.counterexample.as_ref();
         let traces = self.write_traces(&explored.setup, found, plan)?;
-        let shown = Explored::whole(&explored, plan, traces);
+        let shown = Explored::whole(&explored, plan, arguments.is_judged(plan), traces);
         shown.show(found, &explored.setup, screen);
         Ok(shown)
     }
@@ -209,7 +207,9 @@ impl Work<'_> {
         let found = walked.counterexample.as_ref();
         let traces = self.write_traces(&walked.setup, found, plan)?;
         let coverage = places.coverage(module, &walked.marks);
-        let shown = Explored::random(&walked, plan, walks, coverage, traces);
+        let random = Random { seed: walks.seed, rounds: walked.rounds, coverage };
+        let is_judged = arguments.is_judged(plan);
+        let shown = Explored::random(&walked, plan, is_judged, walks.rounds, random, traces);
         shown.show(found, &walked.setup, screen);
         Ok(shown)
     }
@@ -257,6 +257,11 @@ fn chosen(arguments: &Arguments) -> Result<Vec<&'static Plan>, Failure> {
 }
 
 impl Arguments {
+    /// Whether the partner knows the settings.
+    fn is_judged(&self, plan: &Plan) -> bool {
+        !plan.has_machine() || self.settings.is_empty()
+    }
+
     fn changes(&self) -> Changes {
         let mut peer_settings = self.settings.clone();
         peer_settings.extend_from_slice(&self.peer_settings);

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 use softplug_conformance::rows_of_way;
-use softplug_explore::{Counterexample, Exploration, Plan, Setup, Walked, Walks};
+use softplug_explore::{Counterexample, Exploration, Plan, Setup, Walked};
 use softplug_report::Coverage;
 
 use crate::dump;
@@ -28,6 +28,7 @@ pub(super) struct Explored {
     partner: &'static str,
     settings: [Vec<(String, String)>; 2],
     jobs: [Vec<String>; 2],
+    held_to_promises: bool,
     held_to_model: bool,
     pub(super) complete: bool,
     states: u64,
@@ -46,10 +47,10 @@ pub(super) struct Explored {
 
 /// Of random ways.
 #[derive(Serialize)]
-struct Random {
-    seed: u64,
-    rounds: u32,
-    coverage: Coverage,
+pub(super) struct Random {
+    pub(super) seed: u64,
+    pub(super) rounds: u32,
+    pub(super) coverage: Coverage,
 }
 
 /// The way to something that must never be.
@@ -62,8 +63,14 @@ pub(super) struct Found {
 }
 
 impl Explored {
-    pub(super) fn whole(explored: &Exploration, plan: &Plan, traces: Vec<PathBuf>) -> Self {
+    pub(super) fn whole(
+        explored: &Exploration,
+        plan: &Plan,
+        is_judged: bool,
+        traces: Vec<PathBuf>,
+    ) -> Self {
         Self {
+            held_to_promises: is_judged,
             held_to_model: explored.has_model,
             complete: explored.is_complete,
             states: explored.states,
@@ -79,15 +86,18 @@ impl Explored {
     pub(super) fn random(
         walked: &Walked,
         plan: &Plan,
-        walks: Walks,
-        coverage: Coverage,
+        is_judged: bool,
+        rounds: u32,
+        random: Random,
         traces: Vec<PathBuf>,
     ) -> Self {
         Self {
+            held_to_promises: is_judged,
             held_to_model: walked.has_model,
+            complete: random.rounds == rounds,
             states: walked.states,
             transitions: walked.choices,
-            random: Some(Random { seed: walks.seed, rounds: walked.rounds, coverage }),
+            random: Some(random),
             unavoidable: walked.unavoidable.clone(),
             digest: digest(walked.digest),
             ..Self::new(plan, &walked.setup, walked.counterexample.as_ref(), traces)
@@ -106,6 +116,7 @@ impl Explored {
             partner: plan.partner,
             settings: setup.settings.clone(),
             jobs: [0, 1].map(|end| setup.jobs[end].iter().map(|data| dump::hex(data)).collect()),
+            held_to_promises: false,
             held_to_model: false,
             complete: false,
             states: 0,
@@ -124,10 +135,6 @@ impl Explored {
         }
     }
 
-    pub(super) fn is_random(&self) -> bool {
-        self.random.is_some()
-    }
-
     /// For people: beside what was found, if anything was.
     pub(super) fn show(&self, found: Option<&Counterexample>, setup: &Setup, screen: &Screen) {
         let name = self.name;
@@ -139,12 +146,15 @@ impl Explored {
                     screen.say(format_args!("  trace: {}", file.display()));
                 }
             }
+            None if self.complete && self.random.is_some() => {
+                screen.say(format_args!("{GOOD}nothing{GOOD:#} was found in {name}"));
+            }
             None if self.complete => screen.say(format_args!(
                 "{GOOD}complete{GOOD:#}: {name}, nothing that must never be can happen"
             )),
-            None if self.random.is_some() => {
-                screen.say(format_args!("{GOOD}nothing{GOOD:#} was found in {name}"));
-            }
+            None if self.random.is_some() => screen.say(format_args!(
+                "{WARNING}incomplete{WARNING:#}: {name}, it ended before all rounds; nothing was found so far"
+            )),
             None => screen.say(format_args!(
                 "{WARNING}incomplete{WARNING:#}: {name}, it ended before all was seen; nothing was found so \
                  far"
@@ -154,9 +164,11 @@ impl Explored {
             screen.say(format_args!("  {HEADING}{title:<9}{HEADING:#}{text}"));
         };
         row("partner", self.partner.to_owned());
-        let held = match self.held_to_model {
-            true => "the promises and the profile's model",
-            false => "the promises",
+        let held = match (self.held_to_promises, self.held_to_model) {
+            (true, true) => "the promises and the profile's model",
+            (true, false) => "the promises",
+            (false, true) => "the profile's model; the partner knows no other settings",
+            (false, false) => "the rules of the ABI; the partner knows no other settings",
         };
         row("held to", held.to_owned());
         let (states, choices) = (things(self.states, "state"), count(self.transitions));
