@@ -3,13 +3,15 @@
 /// A plug-in that does what it does, and besides sets bits in globals for what it executes.
 ///
 /// ```no_run
-/// use softplug_conformance::Places;
-/// use softplug_explore::{Bounds, Changes, explore_marked, plans};
+/// use softplug_explore::{Bounds, Changes, Marked, explore_marked, plans};
 /// use std::sync::atomic::AtomicBool;
 ///
-/// let module = std::fs::read("target/plugins/r3964.wasm")?;
-/// let places = Places::of(&module)?;
-/// let marked = places.marked(&module)?;
+/// let module = std::fs::read("my-plugin.wasm")?;
+/// let marked = Marked {
+///     wasm: std::fs::read("my-plugin.marked.wasm")?,
+///     globals: vec!["executed.0".to_owned(), "executed.1".to_owned()],
+///     fuel: 80_000_000,
+/// };
 /// let (bounds, changes) = (Bounds::default(), Changes::default());
 /// let (plan, never) = (plans("r3964")?[0], AtomicBool::new(false));
 /// let explored = explore_marked(&module, &marked, plan, &changes, &bounds, &|_| {}, &never)?;

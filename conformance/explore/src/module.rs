@@ -101,7 +101,9 @@ fn stack(
 ) -> Result<Option<Stack>, wasmparser::BinaryReaderError> {
     let pointer = globals.iter().position(|global| global.index == 0);
     let end = pointer.and_then(|at| globals[at].initial).and_then(|end| usize::try_from(end).ok());
-    let (Some(pointer), Some(end)) = (pointer, end) else { return Ok(None) };
+    let (Some(pointer), Some(end)) = (pointer, end.filter(|end| *end > 0)) else {
+        return Ok(None);
+    };
     let mut has_data = false;
     for payload in Parser::new(0).parse_all(module) {
         let Payload::DataSection(section) = payload? else { continue };
@@ -159,6 +161,17 @@ mod tests {
         );
         assert_eq!(opened.globals, ["softplug.global.0", "softplug.global.2"]);
         assert_eq!(opened.stack, Some(Stack { pointer: 0, range: 0..4_096 }));
+    }
+
+    #[test]
+    fn a_first_global_that_begins_at_0_points_to_no_stack() {
+        let opened = opened_text(
+            r#"(module
+                (memory (export "memory") 1)
+                (global (mut i32) (i32.const 0))
+                (data (i32.const 16) "x"))"#,
+        );
+        assert_eq!(opened.stack, None);
     }
 
     #[test]

@@ -452,3 +452,50 @@ fn is_shifted(answer: &[u8], ahead: &[u8], saved: &mut Vec<u8>) -> bool {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use softplug_abi::{LineParameters, Parity};
+
+    const ECHO: &str = include_str!("../../../fixtures/abi/echo.wat");
+    /// Where echo takes what it received.
+    const RECEIVED: &str = "(then (return (call $echo (local.get $len)))))";
+
+    /// Gives two bytes one after the other to an echo that has this done with each.
+    fn echoed(received: &str) -> Result<Vec<u8>, StepFault> {
+        let module = wat::parse_str(ECHO.replacen(RECEIVED, received, 1)).unwrap();
+        let mut sandbox = Sandbox::new(Subject::new(&module, None).unwrap()).unwrap();
+        let line =
+            LineParameters { baud: 9_600, data_bits: 8, parity: Parity::None, stop_half_bits: 2 };
+        let open = Event::Open { resumed: false, line, transmit_room: 9, delivery_room: 9 };
+        let (mut image, mut left) = (Arc::clone(sandbox.new_image()), Arc::default());
+        let mut answer = Vec::new();
+        for (now, event) in [open, Event::Received(b"a"), Event::Received(b"b")].iter().enumerate()
+        {
+            let now = Micros(now as i64);
+            sandbox.load(&image, &left, now)?;
+            sandbox.step(event, now, &mut answer)?;
+            (image, left) = sandbox.capture(now)?;
+        }
+        Ok(answer)
+    }
+
+    #[test]
+    fn what_is_left_in_the_mailbox_is_no_state() {
+        assert_eq!(echoed(RECEIVED).unwrap()[8..], *b"b");
+    }
+
+    #[test]
+    fn a_state_that_is_kept_in_the_mailbox_shows() {
+        for last in [1_535, 3_071] {
+            let received = format!(
+                "(then
+                  (if (i32.load8_u (i32.const {last})) (then (return (i32.const 0))))
+                  (i32.store8 (i32.const {last}) (i32.const 7))
+                  (return (call $echo (local.get $len)))))"
+            );
+            assert_eq!(echoed(&received).unwrap_err(), StepFault::Differs, "{last}");
+        }
+    }
+}

@@ -62,12 +62,12 @@ impl Default for Walks {
 /// What came of random ways.
 ///
 /// ```no_run
-/// use softplug_conformance::Places;
-/// use softplug_explore::{Bounds, Changes, Walks, larger, walk};
+/// use softplug_explore::{Bounds, Changes, Marked, Walks, larger, walk};
 /// use std::sync::atomic::AtomicBool;
 ///
-/// let module = std::fs::read("target/plugins/r3964.wasm")?;
-/// let marked = Places::of(&module)?.marked(&module)?;
+/// let module = std::fs::read("my-plugin.wasm")?;
+/// // One that marks nothing: then no state is preferred for its code.
+/// let marked = Marked { wasm: module.clone(), globals: Vec::new(), fuel: 5_000_000 };
 /// let bounds = Bounds { faults: 4, ..Bounds::default() };
 /// let (plan, never) = (larger("r3964")?, AtomicBool::new(false));
 /// let changes = Changes::default();

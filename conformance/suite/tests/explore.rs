@@ -205,6 +205,46 @@ fn states_of_something_else_are_refused() {
 }
 
 #[test]
+fn two_do_not_write_to_one_file() {
+    let folder = tempfile::tempdir().expect("a folder can be made");
+    let file = folder.path().join("states");
+    let other = std::fs::File::create(&file).expect("a file can be made");
+    other.lock().expect("it is this test's own");
+    let kept = |goes_on| Kept { file: file.clone(), goes_on };
+    for goes_on in [false, true] {
+        let bounds = Bounds { keep: Some(kept(goes_on)), ..with_faults(0) };
+        let (module, never) = (module("xon-xoff"), AtomicBool::new(false));
+        let plan = configuration("xon-xoff", "hold");
+        let refused = explore(&module, plan, &Changes::default(), &bounds, &|_| {}, &never);
+        let text = refused.expect_err("somebody else is there").to_string();
+        assert!(text.contains("another exploration is writing here"), "{text}");
+    }
+}
+
+#[test]
+fn it_goes_no_deeper_than_it_may() {
+    for depth in [0, 3] {
+        let bounds = Bounds { depth: Some(depth), ..with_faults(1) };
+        let explored = explored(configuration("xon-xoff", "hold"), &Changes::default(), &bounds);
+        assert_eq!((explored.depth, explored.is_complete), (depth, false));
+    }
+}
+
+/// The machine at the other end knows the settings of its plan: with others it cannot say what is
+/// wrong, and the model does.
+#[test]
+fn with_other_settings_a_machine_judges_nothing() {
+    for (name, value) in [("bcc_space", "on"), ("parity", "even"), ("character_time", "231")] {
+        let settings = vec![(name.to_owned(), value.to_owned())];
+        let changes = Changes { settings: [settings.clone(), settings], ..Changes::default() };
+        let plan = configuration("heidenhain-fe", "both-ways");
+        let found = explored(plan, &changes, &with_faults(1)).counterexample;
+        let found = found.map(|found| (found.breach, found.way.path));
+        assert_eq!(found, None, "{name}");
+    }
+}
+
+#[test]
 fn what_was_found_without_the_model_is_no_beginning_for_one_with_it() {
     let folder = tempfile::tempdir().expect("a folder can be made");
     let file = folder.path().join("states");

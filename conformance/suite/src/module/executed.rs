@@ -23,6 +23,8 @@ pub(crate) const MEASURING_FUEL: u64 = 16 * FUEL_PER_EVENT;
 ///
 /// let module = std::fs::read("target/plugins/xon-xoff.wasm")?;
 /// let places = Places::of(&module)?;
+/// let marked = places.marked(&module)?;
+/// assert!(marked.wasm.len() > module.len());
 /// // Nothing was executed yet.
 /// assert_eq!(places.coverage(&module, &[]).branches.executed, 0);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -158,7 +160,7 @@ impl Places {
     /// # Errors
     /// It cannot be written.
     ///
-    /// The example of [`Marked`] shows it.
+    /// The example of [`Places`] shows it.
     pub fn marked(&self, module: &[u8]) -> Result<Marked, MeasureError> {
         let wasm = instrumented(module, &self.flows, &self.layout)?;
         let globals = (0..self.layout.words()).map(|word| self.layout.name_of(word)).collect();
