@@ -278,7 +278,9 @@ fn key(module: &[u8], plan: &Plan, scenario: &Scenario, changes: &Changes, fault
     (&scenario.asked, changes.without_model).hash(&mut state);
     for jobs in &scenario.jobs {
         jobs.len().hash(&mut state);
-        jobs.iter().for_each(|job| job.data.hash(&mut state));
+        for job in jobs {
+            job.data.hash(&mut state);
+        }
     }
     state.finish_128()
 }

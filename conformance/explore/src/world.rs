@@ -264,9 +264,10 @@ impl World {
 
     /// When a choice happens.
     pub(crate) fn time_of(&self, choice: Choice) -> Micros {
-        match choice.of_what_is_due() {
-            true => self.next().map_or(self.now, |(at, _)| at),
-            false => self.now + BEHIND,
+        if choice.of_what_is_due() {
+            self.next().map_or(self.now, |(at, _)| at)
+        } else {
+            self.now + BEHIND
         }
     }
 
@@ -433,7 +434,9 @@ impl World {
         if let End::Partner(partner) = &mut self.ends[1 - end]
             && !is_down
         {
-            bytes.iter().for_each(|byte| partner.arrives(self.now, *byte, damage));
+            for byte in &bytes {
+                partner.arrives(self.now, *byte, damage);
+            }
         }
         match &mut self.ends[end] {
             // What arrives at a port that is gone is lost.

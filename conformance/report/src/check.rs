@@ -1,8 +1,8 @@
 //! Whether a report follows from its own rows.
 
 use crate::{
-    CaseResult, CaseRow, ClauseRow, Counts, FAILURES, FailedRun, Fuel, Outcome, Reason, Report,
-    SCHEMA, VerdictKind, hex, text, verdict,
+    CaseResult, CaseRow, ClauseRow, Counts, Explored, FAILURES, FailedRun, Fuel, Outcome, Reason,
+    Report, SCHEMA, VerdictKind, hex, text, verdict,
 };
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -68,7 +68,7 @@ pub fn check(report: &Report) -> Result<(), Inconsistency> {
     if report.coverage.as_ref().is_some_and(|coverage| !coverage.adds_up()) {
         return wrong("coverage", "names more or fewer places than are missing");
     }
-    if let Some(what) = report.explored.as_ref().and_then(|explored| explored.wrong()) {
+    if let Some(what) = report.explored.as_ref().and_then(Explored::wrong) {
         return wrong("explored", what);
     }
     conclusion(report)

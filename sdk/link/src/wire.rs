@@ -104,7 +104,9 @@ impl Wire {
         let ahead = |time: Micros| time.0 - now.0;
         let Self { line: _, depth, run_start: _, run_length, free_at, ends, left: _ } = self;
         (depth, ends.len()).hash(state);
-        ends.iter().for_each(|end| ahead(*end).hash(state));
+        for end in ends {
+            ahead(*end).hash(state);
+        }
         if *free_at >= now {
             let run_ends_here = *free_at == self.run_end(*run_length);
             let part = if run_ends_here { self.part_of_a_micro() } else { 0 };
