@@ -2,7 +2,8 @@
 
 use crate::hash::Hash128;
 use crate::image::Image;
-use crate::sandbox::{Leftovers, Sandbox, StepFault};
+use crate::leftovers::Leftovers;
+use crate::sandbox::{Sandbox, StepFault};
 use softplug_abi::{Event, Instance, Micros, Output};
 use std::hash::Hash;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -10,13 +10,14 @@
 //! | in a state | is kept as |
 //! |---|---|
 //! | the plug-in's memory and globals | blocks that differ from a new instance's, times as they are ahead of now |
-//! | its stack and its mailbox | nothing: they are cleared after every event |
+//! | its stack and its mailbox | nothing: they are cleared after every event, but in a second instance |
 //! | link, wire and line | what decides what comes, see `Link::hash_ahead` |
 //! | the partner | a second plug-in, or a small machine that can be copied |
 //!
 //! What is a time in memory is found by a second instance that is given the same events with
-//! its clock ahead: what differs by just that is a time. A plug-in that does something else
-//! because of the clock alone is told.
+//! its clock ahead: what differs by just that is a time. Its stack and mailbox are as they were
+//! left. A plug-in that does something else because of the clock alone, or of what it left
+//! there, cannot be explored.
 #![forbid(unsafe_code)]
 
 mod choice;
@@ -30,6 +31,7 @@ mod held;
 mod image;
 mod instance;
 mod keep;
+mod leftovers;
 mod log;
 mod marked;
 mod module;

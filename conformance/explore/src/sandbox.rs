@@ -2,6 +2,7 @@
 
 use crate::ExploreError;
 use crate::image::{AHEAD, BLOCK, Block, Blocks, Image, NoTime, Placed, Time, Word};
+use crate::leftovers::Leftovers;
 use crate::marked::Marked;
 use crate::module::{Opened, Stack, opened};
 use softplug_abi::{Action, Actions, Event, Instance, Mailbox, Micros, Region};
@@ -96,50 +97,6 @@ pub(crate) struct Sandbox {
     saved_ahead: Vec<u8>,
     /// The marks of instances that are gone.
     marks: Vec<u64>,
-}
-
-/// What an instance left where nothing is to be alive between two events: bytes that are not 0, in
-/// lines.
-#[derive(Debug, Default)]
-pub(crate) struct Leftovers(Vec<(u32, [u8; LINE])>);
-
-const LINE: usize = 64;
-
-impl Leftovers {
-    fn of(memory: &[u8], dead: &[Range<usize>]) -> Self {
-        let mut lines = Vec::new();
-        for range in dead {
-            for at in range.clone().step_by(LINE) {
-                let bytes = &memory[at..range.end.min(at + LINE)];
-                if bytes.iter().any(|byte| *byte != 0) {
-                    let mut line = [0; LINE];
-                    line[..bytes.len()].copy_from_slice(bytes);
-                    lines.push((at as u32, line));
-                }
-            }
-        }
-        Self(lines)
-    }
-
-    /// Into memory in which all of that is 0.
-    fn write(&self, memory: &mut [u8]) {
-        for (at, line) in &self.0 {
-            for (byte, left) in memory[*at as usize..].iter_mut().zip(line) {
-                // The end of a line can stand behind what is dead.
-                *byte |= left;
-            }
-        }
-    }
-
-    fn clear(&self, memory: &mut [u8]) {
-        for (at, line) in &self.0 {
-            for (byte, left) in memory[*at as usize..].iter_mut().zip(line) {
-                if *left != 0 {
-                    *byte = 0;
-                }
-            }
-        }
-    }
 }
 
 /// What the two memories hold.
