@@ -140,3 +140,10 @@ fn random_ways_are_those_of_their_seed() {
     bench.run(&with(&words, &["--depth", "3"])).with_code(2);
     bench.run(&with(&SMALL, &["--seed", "3"])).with_code(2);
 }
+
+#[test]
+fn random_ways_that_time_ends_are_incomplete() {
+    let words = ["explore", "xon-xoff", "--profile", "xon-xoff", "--random", "1000000"];
+    let ran = Bench::new().run(&with(&words, &["--time", "1s"])).with_code(5);
+    assert!(ran.out.starts_with("incomplete: large, "), "{ran}");
+}
