@@ -239,13 +239,9 @@ fn explore_subject(
     let key = key(module, plan, &scenario, changes, bounds.faults);
     let (frontier, keep) = search.begin(key)?;
     let is_complete = search.go_on(frontier, tell, stop, keep)?;
-    let mut longest = None;
-    if is_complete {
-        let Ends { longest: time, endless } = search.graph.ends();
-        longest = Some(time);
-        if let Some(state) = endless {
-            search.breaches.push((Breach::NeverEnds, search.graph.path_to(state)));
-        }
+    let ends = is_complete.then(|| search.graph.ends());
+    if let Some(Ends { endless: Some(state), .. }) = ends {
+        search.breaches.push((Breach::NeverEnds, search.graph.path_to(state)));
     }
     let found = match search.breaches.first() {
         Some((breach, path)) => Some((breach.clone(), search.way(path.clone())?)),
@@ -262,7 +258,7 @@ fn explore_subject(
         depth: graph.depth(),
         has_model: scenario.model(0).is_some(),
         unavoidable: graph.unavoidable.clone(),
-        longest,
+        longest: ends.filter(|_| counterexample.is_none()).map(|ends| ends.longest),
         digest: graph.digest(),
         marks: search.marks.clone(),
         counterexample,

@@ -28,3 +28,14 @@ pub struct Marked {
     /// Fuel for one event: marking costs some.
     pub fuel: u64,
 }
+
+/// Adds marks to those that are known; whether any of them are new.
+pub(crate) fn add_marks(known: &mut Vec<u64>, marks: &[u64]) -> bool {
+    known.resize(known.len().max(marks.len()), 0);
+    let mut is_new = false;
+    for (known, marks) in known.iter_mut().zip(marks) {
+        is_new |= marks & !*known != 0;
+        *known |= marks;
+    }
+    is_new
+}

@@ -160,6 +160,9 @@ impl fmt::Display for Hex<'_> {
     }
 }
 
+/// Begins a block, in protocols that have it.
+pub(crate) const STX: u8 = 0x02;
+
 /// What went wrong so far, as far as it can excuse a breach.
 #[derive(Copy, Clone, PartialEq, Eq, Hash, Debug, Default)]
 pub(crate) struct Wrong {
@@ -186,12 +189,33 @@ pub(crate) struct Way {
     pub(crate) broken: bool,
 }
 
-impl Wrong {
-    /// Whether the check of a block can be right although it is another block: two faults can do
-    /// that, or one character that begins the block anew.
-    fn is_check_fooled(&self, receiver: usize) -> bool {
-        let Way { forged, begun_anew, .. } = self.towards[receiver];
-        (self.count >= 2 && forged) || begun_anew
+/// What in the data of an end can be taken for something else, as far as it can excuse a breach.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+pub(crate) struct Ambiguous {
+    /// A character that begins a block.
+    has_stx: bool,
+    /// The first characters of a line cancel each other out in a check.
+    cancels: bool,
+    /// A line has no character.
+    has_empty_line: bool,
+}
+
+impl Ambiguous {
+    pub(crate) fn of<'a>(jobs: impl Iterator<Item = &'a [u8]>) -> Self {
+        let mut all = Self::default();
+        for data in jobs {
+            all.has_stx |= data.contains(&STX);
+            for line in data.split(|byte| *byte == b'\n') {
+                let mut check = 0;
+                all.cancels |= line.iter().any(|byte| {
+                    check ^= byte;
+                    check == 0
+                });
+            }
+            all.has_empty_line |=
+                data.starts_with(b"\n") || data.windows(2).any(|two| two == b"\n\n");
+        }
+        all
     }
 }
 
@@ -224,48 +248,58 @@ impl Guard {
 
     /// Whether the protocol cannot keep this from happening after what went wrong. `sender` is
     /// the end whose data it is.
-    pub(crate) fn is_unavoidable(self, breach: &Breach, wrong: &Wrong, sender: usize) -> bool {
-        let receiver = 1 - sender;
+    pub(crate) fn is_unavoidable(
+        self,
+        breach: &Breach,
+        wrong: &Wrong,
+        sender: usize,
+        data: Ambiguous,
+    ) -> bool {
+        let (to, back) = (wrong.towards[1 - sender], wrong.towards[sender]);
+        let asked_there = wrong.asked[1 - sender];
         match (self, breach) {
             // Two faults can leave a check character right; one never does.
             (Self::Checked, Breach::Altered { .. }) => wrong.count >= 2,
-            // Nor does anybody notice an STX that was sent twice, because of a forged answer.
-            // Two faults can let the sender take what is older for such an answer.
+            // Nor does anybody notice an STX that was sent twice, because of a forged answer, or of
+            // what is older and comes late, behind an abort, where the answer is awaited.
             (Self::Unchecked, Breach::Altered { .. }) => {
-                wrong.count >= 2 || wrong.towards[receiver].any || wrong.towards[sender].forged
+                to.any || back.forged || (back.any && asked_there)
             }
             // The acknowledgement did not come back, or came while the block was still sent because
             // a character that was put in ended it early: the block is sent again.
             (Self::Checked | Self::Unchecked, Breach::Doubled) => {
-                wrong.towards[sender].any || wrong.asked[sender] || wrong.towards[receiver].forged
+                back.any || wrong.asked[sender] || to.forged
             }
-            (Self::Unchecked, Breach::Invented { .. }) => wrong.towards[receiver].forged,
+            (Self::Unchecked, Breach::Invented { .. }) => to.forged,
             // An acknowledgement has no check. Where the receiver is idle in the middle of a block,
-            // behind a break, an abort, a port that was gone or a silence of which the sender hears
-            // nothing, what follows of the block can be an STX, and the answer to that looks like
-            // one. So does the answer to an STX that nobody sent.
+            // behind a break, an abort or a port that was gone, what follows of the block can be
+            // an STX, and the answer to that looks like one. So it is behind a silence of which the
+            // sender hears nothing, if its data have an STX. And so does the answer to an STX that
+            // nobody sent.
             (Self::Checked | Self::Unchecked, Breach::NotDelivered) => {
-                let Way { any, broken, begun_anew, .. } = wrong.towards[receiver];
-                let Way { any: any_answer, forged, .. } = wrong.towards[sender];
-                forged || broken || begun_anew || wrong.asked[receiver] || (any && any_answer)
+                back.forged
+                    || to.broken
+                    || asked_there
+                    || (to.any && back.any && (data.has_stx || to.begun_anew))
             }
             // Two characters put in, or altered, can leave a check character right. So can one STX,
-            // which begins the block anew: that drops what came before it, and where the dropped
-            // characters cancel each other out the check is right.
-            (Self::Unnumbered, Breach::Altered { .. }) => wrong.is_check_fooled(receiver),
+            // which begins the block anew, where the characters before it cancel each other out.
+            (Self::Unnumbered, Breach::Altered { .. }) => {
+                (wrong.count >= 2 && to.forged) || (to.begun_anew && data.cancels)
+            }
             // It waits for an XON that is lost.
-            (Self::Open, Breach::StandsStill { .. }) => wrong.towards[sender].any,
-            // It was held by a forged DC3, and no DC1 came after it.
+            (Self::Open, Breach::StandsStill { .. }) => back.any,
+            // It was held by a forged DC3, and the DC1 after it was lost.
             (Self::Unnumbered, Breach::StandsStill { is_held: true }) => {
-                wrong.towards[sender].forged
+                wrong.count >= 3 && back.forged
             }
             // The answer to a good block was lost, altered, late or held, so that the block is
             // sent again; it cannot be told from the next one.
-            (Self::Unnumbered, Breach::Doubled) => wrong.towards.iter().any(|way| way.any),
-            // An acknowledgement has no check: a forged one lets the next block go. And a block of
-            // which the check is fooled is not the one that was sent.
+            (Self::Unnumbered, Breach::Doubled) => to.any || back.any,
+            // An acknowledgement has no check: a forged one lets the next block go. And a block that
+            // two faults make another one can be an empty line.
             (Self::Unnumbered, Breach::NotDelivered) => {
-                wrong.towards[sender].forged || wrong.is_check_fooled(receiver)
+                back.forged || (wrong.count >= 2 && to.forged && data.has_empty_line)
             }
             // The host forced it.
             (Self::Open | Self::Unnumbered, Breach::SentWhileHeld) => wrong.forced[sender],
@@ -306,15 +340,25 @@ mod tests {
     fn a_protocol_is_excused_from_what_stands_there_and_only_after_faults() {
         let way = Way { any: true, forged: true, begun_anew: true, broken: true };
         let (asked, forced) = ([true; 2], [true; 2]);
-        let everything = Wrong { count: 2, towards: [way; 2], asked, forced };
+        let everything = Wrong { count: 3, towards: [way; 2], asked, forced };
+        let data = Ambiguous { has_stx: true, cancels: true, has_empty_line: true };
         for guard in [Guard::Checked, Guard::Unchecked, Guard::Unnumbered, Guard::Open] {
             let excused = |wrong: &Wrong| -> Vec<&str> {
                 let all = breaches().into_iter();
-                let excused = all.filter(|breach| guard.is_unavoidable(breach, wrong, 0));
+                let excused = all.filter(|breach| guard.is_unavoidable(breach, wrong, 0, data));
                 excused.map(|breach| breach.name()).collect()
             };
             assert_eq!(excused(&everything), guard.unavoidable(), "{guard:?}");
             assert!(excused(&Wrong::default()).is_empty(), "{guard:?}");
         }
+    }
+
+    #[test]
+    fn data_that_can_be_taken_for_something_else_are_known() {
+        let of = |data: &[u8]| Ambiguous::of([data].into_iter());
+        assert_eq!(of(b"G1\nX2\n"), Ambiguous::default());
+        assert!(of(b"G\x02").has_stx);
+        assert!(of(b"1\n223\n").cancels && !of(b"3\n232\n").cancels);
+        assert!(of(b"1\n\n2").has_empty_line && of(b"\n1").has_empty_line);
     }
 }

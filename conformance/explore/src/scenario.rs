@@ -5,7 +5,7 @@ use crate::end::JobGiven;
 use crate::explore::Setup;
 use crate::partner::{Partner, Unjudged};
 use crate::plans::Plan;
-use crate::promise::Guard;
+use crate::promise::{Ambiguous, Guard};
 use crate::world::BEGIN;
 use softplug_abi::manifest::{Manifest, SettingValues};
 use softplug_abi::{LineParameters, Micros};
@@ -39,6 +39,7 @@ pub(crate) struct Scenario {
     pub(crate) may_conflict: bool,
     pub(crate) has_pieces: bool,
     pub(crate) jobs: [Vec<JobGiven>; 2],
+    pub(crate) ambiguous: [Ambiguous; 2],
     pub(crate) manifest: Arc<Manifest>,
     /// As they were asked for.
     pub(crate) asked: [Vec<(String, String)>; 2],
@@ -96,6 +97,7 @@ impl Scenario {
             guard: plan.guard,
             may_conflict: plan.may_conflict,
             has_pieces: plan.has_pieces,
+            ambiguous: [0, 1].map(|end| Ambiguous::of(jobs[end].iter().map(|job| &*job.data))),
             jobs,
             asked,
             line: plan.line,

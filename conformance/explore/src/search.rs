@@ -5,6 +5,7 @@ use crate::end::Ended;
 use crate::graph::{Graph, Node};
 use crate::instance::{Shared, locked};
 use crate::keep::Keep;
+use crate::marked::add_marks;
 use crate::promise::Breach;
 use crate::sandbox::{Sandbox, Subject};
 use crate::scenario::Scenario;
@@ -117,8 +118,12 @@ impl Search<'_> {
             let choices = world.choices();
             for child in children.remove(&number).unwrap_or_default() {
                 let choice = self.graph.nodes[child as usize].choice;
+                if !choices.contains(&choice) {
+                    return Err(ExploreError::Differs);
+                }
                 let mut next = world.fork();
-                if !choices.contains(&choice) || next.make(choice).breach.is_some() {
+                let outcome = next.make(choice);
+                if outcome.breach.is_some() || outcome.unexplorable.is_some() {
                     return Err(ExploreError::Differs);
                 }
                 waiting.push((child, next));
@@ -199,17 +204,10 @@ impl Search<'_> {
                 keep.level(&self.graph)?;
             }
         }
-        self.take_marks(sandboxes.iter().flatten());
-        Ok(frontier.is_empty() && self.breaches.is_empty() && !is_ended)
-    }
-
-    fn take_marks<'s>(&mut self, sandboxes: impl Iterator<Item = &'s Shared>) {
-        for sandbox in sandboxes {
-            let mut sandbox = locked(sandbox);
-            let marks = sandbox.marks();
-            self.marks.resize(marks.len(), 0);
-            self.marks.iter_mut().zip(marks).for_each(|(all, own)| *all |= own);
+        for sandbox in sandboxes.iter().flatten() {
+            add_marks(&mut self.marks, locked(sandbox).marks());
         }
+        Ok(frontier.is_empty() && self.breaches.is_empty() && !is_ended)
     }
 
     /// What comes of the states of the frontier, and whether of all of them.

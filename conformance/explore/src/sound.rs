@@ -8,6 +8,7 @@ use crate::sandbox::Subject;
 use crate::scenario::{Changes, Scenario};
 use crate::search::Search;
 use softplug_abi::Micros;
+use softplug_models::Dice;
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 use std::sync::Arc;
@@ -27,17 +28,6 @@ fn module(name: &str) -> Vec<u8> {
     std::fs::read(&file).unwrap_or_else(|error| {
         panic!("{}: {error}; `cargo xtask build` makes the plug-ins", file.display())
     })
-}
-
-/// Numbers that are the same each time.
-struct Dice(u64);
-
-impl Dice {
-    fn below(&mut self, bound: usize) -> usize {
-        self.0 =
-            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) as usize % bound
-    }
 }
 
 /// Different ways to one state, spread over the exploration.
@@ -95,7 +85,7 @@ fn answer_alike(plan: &Plan, search: &Search<'_>) {
     let pairs = pairs(search);
     assert!(pairs.len() >= PAIRS / 2, "{}: {}", plan.name, pairs.len());
     let sandboxes = search.sandboxes().unwrap();
-    let mut dice = Dice(7);
+    let mut dice = Dice::new(7, plan.profile, 0);
     for (one, other) in pairs {
         let mut worlds = [&one, &other].map(|way| {
             let (mut world, _) = search.open(&sandboxes, true).unwrap();
@@ -112,7 +102,7 @@ fn answer_alike(plan: &Plan, search: &Search<'_>) {
             if choices.is_empty() {
                 break;
             }
-            let choice = choices[dice.below(choices.len())];
+            let choice = *dice.pick(&choices);
             let [first, second] = worlds.each_mut().map(|world| world.make(choice));
             assert_eq!(first, second, "{one:?} {other:?} {choice:?}");
         }

@@ -10,7 +10,7 @@ use crate::choice::Choice;
 use crate::explore::{Bounds, Counterexample, Progress, Setup, Way};
 use crate::hash::Hash128;
 use crate::instance::{Shared, locked};
-use crate::marked::Marked;
+use crate::marked::{Marked, add_marks};
 use crate::plans::Plan;
 use crate::promise::Breach;
 use crate::sandbox::Subject;
@@ -91,7 +91,7 @@ pub struct Walked {
     /// The same for the same module, plan, number of faults and walks, wherever and with however
     /// many threads.
     pub digest: u128,
-    /// Of the first round that found something: the way to it, of which nothing can be left out.
+    /// Of the first round that found something: the way to it, of which no fault can be left out.
     pub counterexample: Option<Counterexample>,
     /// The plug-in was held to the profile's model as well as to the promises.
     pub has_model: bool,
@@ -306,14 +306,13 @@ impl Search<'_> {
         Ok(Some(round))
     }
 
-    /// The way without what can be left out: each choice that is not needed for the breach.
+    /// The way without what can be left out: everything but what is usual is tried.
     fn shortened(&self, breach: &Breach, way: Vec<Choice>) -> Result<Way, ExploreError> {
         let sandboxes = self.sandboxes()?;
         let mut shortest = way;
-        let mut place = shortest.len();
-        while place > 0 {
-            place -= 1;
-            if place >= shortest.len() {
+        for place in (0..shortest.len()).rev() {
+            // What lies behind the breach was cut off meanwhile.
+            if shortest.get(place).is_none_or(|choice| *choice == Choice::Next) {
                 continue;
             }
             let mut shorter = shortest.clone();
@@ -325,8 +324,8 @@ impl Search<'_> {
         self.way(shortest)
     }
 
-    /// The beginning of a way that leads to a breach of this kind: of what cannot be chosen where
-    /// it stands, nothing, and behind it what is usual.
+    /// The beginning of a way that leads to a breach of this kind: where one of its choices cannot
+    /// be made, it is left out; behind the last one, what is usual happens for a while.
     fn leads_to(
         &self,
         breach: &Breach,
@@ -334,14 +333,19 @@ impl Search<'_> {
         sandboxes: &[Shared],
     ) -> Result<Option<Vec<Choice>>, ExploreError> {
         let (mut world, _) = self.open(sandboxes, false)?;
-        let mut gone = Vec::with_capacity(way.len());
-        for choice in way {
-            if !world.choices().contains(choice) {
+        let mut gone = Vec::with_capacity(way.len() + WALK);
+        let more = std::iter::repeat_n(Choice::Next, WALK);
+        for choice in way.iter().copied().chain(more) {
+            if !world.choices().contains(&choice) {
                 continue;
             }
-            gone.push(*choice);
-            if let Some(found) = world.make(*choice).breach {
+            gone.push(choice);
+            let outcome = world.make(choice);
+            if let Some(found) = outcome.breach {
                 return Ok((found.name() == breach.name()).then_some(gone));
+            }
+            if outcome.unexplorable.is_some() {
+                return Ok(None);
             }
         }
         Ok(None)
@@ -369,17 +373,6 @@ fn has_new_marks(known: &mut Vec<u64>, sandboxes: &[Shared]) -> bool {
     let mut is_new = false;
     for sandbox in sandboxes {
         is_new |= add_marks(known, locked(sandbox).marks());
-    }
-    is_new
-}
-
-/// Whether any of them are new.
-fn add_marks(known: &mut Vec<u64>, marks: &[u64]) -> bool {
-    known.resize(known.len().max(marks.len()), 0);
-    let mut is_new = false;
-    for (known, marks) in known.iter_mut().zip(marks) {
-        is_new |= marks & !*known != 0;
-        *known |= marks;
     }
     is_new
 }

@@ -1,14 +1,17 @@
 //! A state: two ends, and what is on its way between them.
 
+mod choices;
+mod judge;
+
 use crate::choice::{Choice, Damage};
 use crate::course::Course;
-use crate::end::{Did, Ended, JobGiven, PlugIn, Told};
+use crate::end::{Did, Ended, JobGiven, PlugIn};
 use crate::hash::Hash128;
 use crate::held::Held;
 use crate::instance::Shared;
 use crate::log::Log;
 use crate::partner::Partner;
-use crate::promise::{Breach, Wrong};
+use crate::promise::{Breach, STX, Wrong};
 use crate::scenario::Scenario;
 use softplug_abi::{LineErrorKind, LinkDownReason, Micros};
 use softplug_models::{Given, HostRequest, LineInput, Step};
@@ -22,8 +25,6 @@ pub(crate) const BEGIN: Micros = Micros(1_000_000);
 /// character that nobody sent, behind what happened; and a second copy behind the first. Within one
 /// instant there would be an order that no trace can say.
 const BEHIND: Micros = Micros(1);
-/// Begins a block, in protocols that have it.
-const STX: u8 = 0x02;
 
 /// Two ends and the line between them.
 pub(crate) struct World {
@@ -143,91 +144,6 @@ impl World {
         }
         (&self.courses, self.wrong, self.faults_left).hash(&mut state);
         state.finish_128()
-    }
-
-    /// All that may happen next, the usual first.
-    pub(crate) fn choices(&self) -> Vec<Choice> {
-        let next = self.next();
-        let mut choices = Vec::new();
-        choices.extend(next.map(|_| Choice::Next));
-        // The instant is over, and nothing else is due just behind it.
-        let is_over = next.is_none_or(|(at, _)| at > self.now + BEHIND);
-        if is_over {
-            self.usual_requests(&mut choices);
-        }
-        if self.faults_left > 0 {
-            if let Some((_, Due::Arrival(end))) = next {
-                self.faults_of_arrival(end, &mut choices);
-            }
-            if is_over {
-                self.faults_out_of_turn(&mut choices);
-            }
-        }
-        choices
-    }
-
-    /// Where nothing else is due, the first of these is the usual.
-    fn usual_requests(&self, choices: &mut Vec<Choice>) {
-        for (end, plugin) in self.plugins() {
-            if plugin.is_paused() {
-                choices.push(Choice::Resume(end));
-            }
-            if plugin.keeps() {
-                choices.push(Choice::PutAway(end));
-            }
-            if plugin.is_down() {
-                choices.push(Choice::Up(end));
-            } else if plugin.job().is_none() && plugin.next_job().is_some() {
-                choices.push(Choice::Begin(end));
-            }
-        }
-    }
-
-    fn faults_of_arrival(&self, end: usize, choices: &mut Vec<Choice>) {
-        let is_sound = |coming: &&Arriving| coming.damage.is_none() && !coming.is_late;
-        let Some(coming) = self.ways[end].front().filter(is_sound) else { return };
-        choices.extend([
-            Choice::Lost(end),
-            Choice::Doubled(end),
-            Choice::Damaged(end, Damage::Parity),
-            Choice::Damaged(end, Damage::Break),
-        ]);
-        let others = self.scenario.alphabet.iter().filter(|byte| **byte != coming.byte);
-        choices.extend(others.map(|byte| Choice::Altered(end, *byte)));
-        if self.timer_of(end).is_some_and(|timer| timer > coming.at) {
-            choices.extend([Choice::AtTimer(end), Choice::AfterTimer(end)]);
-        }
-        if matches!(self.ends[end], End::PlugIn(_)) {
-            choices.push(Choice::Late(end));
-        }
-    }
-
-    fn faults_out_of_turn(&self, choices: &mut Vec<Choice>) {
-        for end in 0..2 {
-            if self.ways[end].is_empty() {
-                let alphabet = self.scenario.alphabet.iter();
-                choices.extend(alphabet.map(|byte| Choice::Inserted(end, *byte)));
-            }
-        }
-        // Of a port that is gone a host asks nothing.
-        for (end, plugin) in self.plugins().filter(|(_, plugin)| !plugin.is_down()) {
-            if plugin.job().is_some() {
-                choices.push(Choice::Abort(end));
-                if !plugin.is_paused() {
-                    choices.push(Choice::Pause(end));
-                }
-            }
-            if plugin.has_delivery() {
-                choices.push(Choice::AbortDelivery(end));
-            }
-            if plugin.is_held() {
-                choices.push(Choice::Force(end));
-            }
-            if self.scenario.has_small_room() && !plugin.keeps() {
-                choices.push(Choice::Keep(end));
-            }
-            choices.extend([Choice::Down(end), Choice::Swap(end)]);
-        }
     }
 
     /// Makes a choice that is among the [choices](Self::choices).
@@ -505,61 +421,6 @@ impl World {
             };
             way.push_back(Arriving { at, byte, damage: None, is_late: false });
         }
-    }
-
-    /// A breach with the end whose data it is about.
-    fn told(&mut self, end: usize, told: &Told) -> Option<(Breach, usize)> {
-        let other = 1 - end;
-        if let End::Partner(partner) = &mut self.ends[other] {
-            let sender = if matches!(told, Told::Delivered { .. }) { other } else { end };
-            return partner.told(told, &self.wrong).map(|breach| (breach, sender));
-        }
-        if self.scenario.has_pieces {
-            return None;
-        }
-        match told {
-            Told::Failed(_) if self.scenario.may_conflict => None,
-            Told::Delivered { bytes, failure: None } => {
-                let jobs = &self.scenario.jobs[other];
-                self.courses[other].delivered(bytes, jobs).map(|breach| (breach, other))
-            }
-            told => self.courses[end].told(told, &self.wrong).map(|breach| (breach, end)),
-        }
-    }
-
-    fn judge(&self, breach: Option<(Breach, usize)>, outcome: &mut Outcome) {
-        let Some((breach, sender)) = breach else { return };
-        if self.scenario.guard.is_unavoidable(&breach, &self.wrong, sender) {
-            outcome.unavoidable.push(breach.name());
-        } else if outcome.breach.is_none() {
-            outcome.breach = Some(breach);
-        }
-    }
-
-    /// Nothing is due any more.
-    fn at_rest(&mut self) -> Option<Breach> {
-        let is_hosts_turn = |(_, plugin): (usize, &PlugIn)| {
-            plugin.is_paused() || plugin.is_down() || plugin.keeps()
-        };
-        if self.plugins().any(is_hosts_turn) {
-            return None;
-        }
-        for end in &mut self.ends {
-            if let End::PlugIn(plugin) = end
-                && let Some(broken) = plugin.at_rest()
-            {
-                return Some(Breach::from(broken));
-            }
-        }
-        let mut with_job = self.plugins().filter(|(_, plugin)| plugin.job().is_some());
-        let stands =
-            with_job.next().map(|(_, plugin)| Breach::StandsStill { is_held: plugin.is_held() });
-        let partners = self.ends.iter().filter_map(|end| match end {
-            End::Partner(partner) => partner.at_rest(&self.wrong),
-            End::PlugIn(_) => None,
-        });
-        let breach = partners.chain(stands).next();
-        breach.filter(|breach| !self.scenario.guard.is_unavoidable(breach, &self.wrong, 0))
     }
 
     /// Whether a job or a delivery is under way.
