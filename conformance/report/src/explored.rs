@@ -161,13 +161,12 @@ impl Explored {
         let is_digest = |text: &str| {
             text.len() == 32 && text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))
         };
-        let mut all = self.configurations.iter();
-        let count = self.configurations.len();
-        let is_early = |explored: &&ExploredConfiguration| explored.found.is_some();
-        if !all.all(|explored| is_digest(&explored.digest)) {
+        if !self.configurations.iter().all(|explored| is_digest(&explored.digest)) {
             return Some("has a digest that is not 32 digits of 0 to 9 and a to f");
         }
-        if self.configurations.iter().take(count.saturating_sub(1)).any(|e| is_early(&e)) {
+        if let [before @ .., _] = &self.configurations[..]
+            && before.iter().any(|explored| explored.found.is_some())
+        {
             return Some("goes on behind what was found");
         }
         if self.configurations.is_empty() && self.refused.is_none() {

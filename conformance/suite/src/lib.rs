@@ -41,7 +41,9 @@ mod show;
 
 pub use corpus::{Corpus, CorpusError, Listed, Source, lint};
 #[cfg(feature = "wasmtime")]
-pub use explored::{differs_from_explored, explore_profile, rows_of_way, traces_of_way};
+pub use explored::{
+    differs_from_explored, explore_checked, explore_profile, rows_of_way, traces_of_way,
+};
 pub use given::disturb::{Disturbed, Noise, disturb};
 pub use given::file_error::FileError;
 pub use given::ledger;

@@ -7,7 +7,7 @@ mod traces;
 pub use drawn::rows_of_way;
 pub use traces::{differs_from_explored, traces_of_way};
 
-use crate::module::executed::Places;
+use crate::module::executed::{Executed, Places};
 use crate::run::subject::Sandboxed;
 use softplug_explore::{
     Bounds, Changes, Exploration, ExploreError, Plan, Progress, explore, explore_marked, plans,
@@ -53,66 +53,77 @@ pub fn explore_profile(
     };
     let mut whole = Explored { faults: bounds.faults, ..Explored::default() };
     let places = Places::of(module).ok();
-    let marked = places.as_ref().and_then(|places| places.marked(module).ok());
-    let mut marks: Option<Vec<u64>> = marked.as_ref().map(|_| Vec::new());
+    let mut marked = places.as_ref().and_then(|places| places.marked(module).ok());
+    let mut executed = Executed::default();
+    let changes = Changes::default();
     for plan in plans {
-        let changes = Changes::default();
         let tell = |so_far: Progress| progress(plan, so_far);
-        let explored = match explore(module, plan, &changes, &bounds, &tell, stop) {
+        let explored = match explore_checked(module, plan, &changes, &bounds, &tell, stop) {
             Ok(explored) => explored,
-            Err(error) => return Ok(Some(refused(whole, plan, &error.to_string()))),
+            Err(error) => {
+                whole.refused = Some(format!("{}: {error}", plan.name));
+                return Ok(Some(whole));
+            }
         };
         if stop.load(Ordering::Relaxed) {
             return Ok(None);
         }
-        match differs(module, &explored, plan) {
-            Ok(false) => {}
-            Ok(true) => return Ok(Some(refused(whole, plan, OTHERWISE))),
-            Err(error) => return Ok(Some(refused(whole, plan, &error.to_string()))),
-        }
-        let is_found = explored.counterexample.is_some();
-        if let (Some(marked), Some(all), false) = (&marked, &mut marks, is_found) {
-            let again = explore_marked(module, marked, plan, &changes, &bounds, &tell, stop);
-            if stop.load(Ordering::Relaxed) {
-                return Ok(None);
-            }
-            match again {
-                Ok(again) if again.digest == explored.digest => {
-                    all.resize(again.marks.len(), 0);
-                    all.iter_mut().zip(again.marks).for_each(|(all, own)| *all |= own);
-                }
-                // With its marks it is too large, or cannot be explored: nothing is known of it.
-                Ok(_) | Err(_) => marks = None,
-            }
-        }
         whole.configurations.push(configuration(&explored, plan));
-        if is_found {
+        if explored.counterexample.is_some() {
             return Ok(Some(whole));
         }
+        let Some(with_marks) = &marked else { continue };
+        let again = explore_marked(module, with_marks, plan, &changes, &bounds, &tell, stop);
+        if stop.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
+        match again {
+            Ok(again) if again.digest == explored.digest => {
+                executed.add(&Executed::of(again.marks));
+            }
+            // With its marks it is too large, or something else: nothing is known of it.
+            Ok(_) | Err(_) => marked = None,
+        }
     }
-    if let (Some(places), Some(marks)) = (places, marks) {
-        whole.coverage = Some(places.coverage(module, &marks));
+    if let (Some(places), Some(_)) = (places, marked) {
+        whole.coverage = Some(places.coverage(module, executed.words()));
     }
     Ok(Some(whole))
 }
 
-const OTHERWISE: &str = "run by itself it does something else than where it is explored, because it \
-                         keeps something in its stack or mailbox from one event to the next";
-
-fn refused(mut whole: Explored, plan: &Plan, reason: &str) -> Explored {
-    whole.refused = Some(format!("{}: {reason}", plan.name));
-    whole
-}
-
-/// Whether the plug-in itself does something else on the ways of the sample.
-fn differs(
+/// [Explores](explore) a module, and runs the [sample](Exploration::sample) of that with the plug-in
+/// itself, outside of what it was explored in.
+///
+/// ```no_run
+/// use softplug_conformance::explore_checked;
+/// use softplug_explore::{Bounds, Changes, plans};
+/// use std::sync::atomic::AtomicBool;
+///
+/// let module = std::fs::read("target/plugins/r3964.wasm")?;
+/// let (bounds, changes) = (Bounds::default(), Changes::default());
+/// let (plan, never) = (plans("r3964")?[0], AtomicBool::new(false));
+/// let explored = explore_checked(&module, plan, &changes, &bounds, &|_| {}, &never)?;
+/// assert!(explored.is_complete);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// As those of [`explore`]; besides, the plug-in itself does something else.
+pub fn explore_checked(
     module: &[u8],
-    explored: &Exploration,
     plan: &Plan,
-) -> Result<bool, softplug_host::LoadError> {
-    let host = Host::new(HostOptions::default())?;
-    let subject = Sandboxed::new(host.load_bytes(module)?);
-    Ok(differs_from_explored(&subject, explored, plan).is_some())
+    changes: &Changes,
+    bounds: &Bounds,
+    tell: &(dyn Fn(Progress) + Sync),
+    stop: &AtomicBool,
+) -> Result<Exploration, ExploreError> {
+    let plugin = Host::new(HostOptions::default())?.load_bytes(module)?;
+    let explored = explore(module, plan, changes, bounds, tell, stop)?;
+    if differs_from_explored(&Sandboxed::new(plugin), &explored, plan).is_some() {
+        let reason = "run by itself it does something else than where it is explored".to_owned();
+        return Err(ExploreError::Module { reason });
+    }
+    Ok(explored)
 }
 
 fn configuration(explored: &Exploration, plan: &Plan) -> ExploredConfiguration {

@@ -20,7 +20,8 @@ use softplug_trace::{
 /// Bytes that stand on one line.
 const BYTES: usize = 64;
 
-/// A way as each plug-in on it saw it. A trace demands what the plug-in did: whoever mends it
+/// A way as each plug-in on it saw it; with what it leads to, and the command that finds it, as
+/// comments. A trace demands what the plug-in did: whoever mends it
 /// writes down what it should have done.
 ///
 /// ```no_run
@@ -39,7 +40,8 @@ const BYTES: usize = 64;
 ///     for row in rows_of_way(explored.setup.begin, &found.way) {
 ///         println!("{} µs: {}", row.at_us, row.text);
 ///     }
-///     let what = Some(&found.breach);
+///     let again = "softplug explore PLUGIN --profile r3964 --only one-block";
+///     let what = Some((&found.breach, again));
 ///     for trace in traces_of_way(&explored.setup, &found.way, what, plan, &manifest) {
 ///         println!("{}", trace.format());
 ///     }
@@ -49,12 +51,12 @@ const BYTES: usize = 64;
 pub fn traces_of_way(
     setup: &Setup,
     way: &Way,
-    leads_to: Option<&Breach>,
+    leads_to: Option<(&Breach, &str)>,
     plan: &Plan,
     manifest: &Manifest,
 ) -> Vec<Trace> {
     let trace = |(end, log): (usize, &Log)| Trace {
-        front: front(setup, leads_to, plan, end),
+        front: front(setup, leads_to.map(|(breach, _)| breach), plan, end),
         body: body(setup, way, leads_to, log, manifest),
     };
     way.logs.iter().enumerate().map(trace).collect()
@@ -123,7 +125,7 @@ fn front(setup: &Setup, leads_to: Option<&Breach>, plan: &Plan, end: usize) -> F
 fn body(
     setup: &Setup,
     way: &Way,
-    leads_to: Option<&Breach>,
+    leads_to: Option<(&Breach, &str)>,
     log: &Log,
     manifest: &Manifest,
 ) -> Vec<Line> {
@@ -142,7 +144,8 @@ fn body(
     entries.extend(transcript::entries(setup.line, manifest, &seen, BYTES, is_cut));
     entries.sort_by_key(|entry| entry.when.from);
     let faults = way.faults.iter().map(|(at, fault)| format!(" {}: {fault}", since(*at)));
-    let comments = leads_to.map(|breach| format!(" {breach}")).into_iter().chain(faults);
+    let found = leads_to.map(|(breach, again)| [format!(" {breach}"), format!(" {again}")]);
+    let comments = found.into_iter().flatten().chain(faults);
     let mut body: Vec<Line> = comments.map(Line::Comment).collect();
     body.extend(entries.into_iter().map(Line::Entry));
     body.push(Line::Entry(entry(since(log.end), What::Quiet)));

@@ -49,6 +49,10 @@ impl Executed {
         self.0.get(bit / 64).is_some_and(|word| word >> (bit % 64) & 1 == 1)
     }
 
+    pub(crate) fn of(words: Vec<u64>) -> Self {
+        Self(words)
+    }
+
     /// The words of the marks.
     pub(crate) fn words(&self) -> &[u64] {
         &self.0
@@ -171,7 +175,7 @@ impl Places {
     ///
     /// The example of [`Places`] shows it.
     pub fn coverage(&self, module: &[u8], marks: &[u64]) -> Coverage {
-        let share = self.share(&Executed(marks.to_vec()));
+        let share = self.share(&Executed::of(marks.to_vec()));
         let part = |(executed, of)| softplug_report::Executed { executed, of };
         let source = Source::of(module);
         let place = |place: Unexecuted| Place {

@@ -9,15 +9,15 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use softplug_conformance::{Places, Sandboxed, differs_from_explored, traces_of_way};
+use softplug_conformance::{Places, explore_checked, traces_of_way};
 use softplug_explore::{
-    Bounds, Changes, Counterexample, ExploreError, Kept, Plan, Progress, Setup, Walks, explore,
-    larger, plans, walk,
+    Bounds, Changes, Counterexample, ExploreError, Kept, Plan, Progress, Setup, Walks, larger,
+    plans, walk,
 };
-use softplug_host::{Host, HostOptions};
 
 use self::show::{All, Explored, Random};
 use crate::commands::certify::random;
+use crate::dump;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::numbers::{count, things};
@@ -125,11 +125,9 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         fs::create_dir_all(folder)
             .map_err(|error| Failure::usage(format_args!("{}: {error}", folder.display())))?;
     }
-    let host = Host::new(HostOptions::default()).map_err(Failure::internal)?;
-    let subject = Sandboxed::new(host.load_bytes(&module).map_err(Failure::plug_in)?);
     let mut all =
         All { profile: &arguments.profile, faults: arguments.faults, explored: Vec::new() };
-    let work = Work { arguments, module: &module, subject: &subject, stop: &stop, screen };
+    let work = Work { arguments, module: &module, stop: &stop, screen };
     for plan in plans {
         all.explored.push(match arguments.random {
             Some(rounds) => work.walk(plan, rounds)?,
@@ -155,7 +153,6 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
 struct Work<'a> {
     arguments: &'a Arguments,
     module: &'a [u8],
-    subject: &'a Sandboxed,
     stop: &'a AtomicBool,
     screen: &'a Screen,
 }
@@ -171,15 +168,10 @@ impl Work<'_> {
             bar.set_message(format!("{}, {} choices a second", far(progress), count(rate as u64)));
             bar.tick();
         };
-        let explored = explore(module, plan, &arguments.changes(), &bounds, &tell, self.stop);
+        let changes = arguments.changes();
+        let explored = explore_checked(module, plan, &changes, &bounds, &tell, self.stop);
         bar.finish_and_clear();
         let explored = explored.map_err(failure)?;
-        if differs_from_explored(self.subject, &explored, plan).is_some() {
-            return Err(Failure::plug_in(
-                "the plug-in cannot be explored: run by itself it does something else, because it \
-                 keeps something in its stack or mailbox from one event to the next",
-            ));
-        }
         let found = explored.counterexample.as_ref();
         let traces = self.write_traces(&explored.setup, found, plan)?;
         let shown = Explored::whole(&explored, plan, arguments.is_judged(plan), traces);
@@ -190,7 +182,7 @@ impl Work<'_> {
     /// Random ways.
     fn walk(&self, plan: &Plan, rounds: u32) -> Result<Explored, Failure> {
         let Self { arguments, module, screen, .. } = self;
-        let walks = Walks { rounds, seed: arguments.seed.unwrap_or(Walks::default().seed) };
+        let walks = arguments.walks(rounds);
         let places = Places::of(module).map_err(Failure::plug_in)?;
         let marked = places.marked(module).map_err(Failure::plug_in)?;
         let bar = bar(plan, screen);
@@ -225,7 +217,9 @@ impl Work<'_> {
             return Ok(Vec::new());
         };
         let manifest = softplug_host::lint(self.module).map_err(Failure::plug_in)?.manifest;
-        let traces = traces_of_way(setup, &found.way, Some(&found.breach), plan, &manifest);
+        let again = self.arguments.again(plan);
+        let leads_to = Some((&found.breach, again.as_str()));
+        let traces = traces_of_way(setup, &found.way, leads_to, plan, &manifest);
         let mut files = Vec::with_capacity(traces.len());
         for trace in traces {
             let file = folder.join(format!("{}.spt", trace.front.id));
@@ -260,6 +254,32 @@ impl Arguments {
     /// Whether the partner knows the settings.
     fn is_judged(&self, plan: &Plan) -> bool {
         !plan.has_machine() || self.settings.is_empty()
+    }
+
+    /// The command that finds the same in this configuration.
+    fn again(&self, plan: &Plan) -> String {
+        let mut words = vec![format!(
+            "softplug explore PLUGIN --profile {} --only {} --faults {}",
+            self.profile, plan.name, self.faults
+        )];
+        let mut add = |name: &str, value: String| words.push(format!("--{name} {value}"));
+        self.data.iter().for_each(|Hex(data)| add("data", dump::hex(data)));
+        self.peer_data.iter().for_each(|Hex(data)| add("peer-data", dump::hex(data)));
+        let setting = |(name, value): &(String, String)| format!("{name}={}", value.escape_debug());
+        self.settings.iter().for_each(|one| add("set", setting(one)));
+        self.peer_settings.iter().for_each(|one| add("peer-set", setting(one)));
+        if let Some(rounds) = self.random {
+            add("random", rounds.to_string());
+            add("seed", self.walks(rounds).seed.to_string());
+        }
+        if self.without_model {
+            words.push("--without-model".to_owned());
+        }
+        words.join(" ")
+    }
+
+    fn walks(&self, rounds: u32) -> Walks {
+        Walks { rounds, seed: self.seed.unwrap_or(Walks::default().seed) }
     }
 
     fn changes(&self) -> Changes {
