@@ -163,11 +163,13 @@ messages! {
     /// of one pass, from 0.
     /// Settings and fields are value records of the ABI.
     pub enum ToUnit<'a> {
-        /// Say what you are: answered by [`ToServer::Unit`], both [`ToServer::Slot`]s and a
-        /// [`ToServer::Link`] for each link.
+        /// Say what you are: answered by [`ToServer::Unit`], and for each link its two
+        /// [`ToServer::Slot`]s and [`ToServer::Link`].
         1 Query {}
-        /// A plug-in follows, for the slot that does not run.
+        /// A plug-in follows, for that slot of the link which does not run.
         2 Download {
+            /// The link.
+            link: u8,
             /// Its length in bytes.
             length: u32,
             /// SHA-256 of it.
@@ -177,13 +179,18 @@ messages! {
         }
         /// A piece of it.
         3 Piece {
+            /// The link.
+            link: u8,
             /// Where it belongs.
             at: u32,
             /// The piece.
             bytes: &'a [u8],
         }
         /// It is there: verify it and keep it.
-        4 Install {}
+        4 Install {
+            /// The link.
+            link: u8,
+        }
         /// Run the plug-in with this digest on a link.
         5 Open {
             /// The link.
@@ -341,8 +348,10 @@ messages! {
             /// Its name.
             name: &'a str,
         }
-        /// What is in a slot.
+        /// What is in a link's slot.
         2 Slot {
+            /// The link.
+            link: u8,
             /// 0 is A, 1 is B.
             slot: u8,
             /// What it holds.
@@ -358,16 +367,22 @@ messages! {
         }
         /// So much of the plug-in is in the memory: the next piece may come.
         3 Downloaded {
+            /// The link.
+            link: u8,
             /// Bytes.
             until: u32,
         }
         /// It is there, verified, in this slot.
         4 Installed {
+            /// The link.
+            link: u8,
             /// Which.
             slot: u8,
         }
         /// It was not taken.
         5 NotInstalled {
+            /// The link.
+            link: u8,
             /// Why, in words.
             why: &'a str,
         }
