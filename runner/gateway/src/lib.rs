@@ -18,6 +18,7 @@
 //! - [`ports`] and [`doctor`]: which ports there are and what ails one.
 //! - [`awaited`]: what a job waits for, and what the operator has to do.
 //! - [`guess`]: what was meant, where a name is not known.
+//! - [`quantity`]: spans and numbers of bytes as people write them.
 //! - [`suggest`]: baud and parity from what was heard.
 //!
 //! What needs Linux is compiled there only; settings, pacing and the pure
@@ -29,6 +30,7 @@ pub mod error;
 pub mod guess;
 pub mod pacer;
 pub mod port;
+pub mod quantity;
 pub mod recorder;
 pub mod store;
 pub mod suggest;

@@ -8,7 +8,6 @@ mod hint;
 mod link;
 mod links;
 mod service;
-mod unit;
 mod watch;
 mod written;
 

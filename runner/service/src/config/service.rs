@@ -7,11 +7,11 @@ use std::time::Duration;
 use toml::{Spanned, Value};
 
 use super::finding::ConfigFindings;
-use super::unit;
 use super::written::{self, Text};
 use crate::http::{Certificate, Limits, Options};
 use crate::programs::FREE_SPACE;
 use crate::view::StopHow;
+use softplug_gateway::quantity;
 
 /// The gateway itself.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -291,7 +291,7 @@ pub(super) fn optional_span(
     problems: &mut ConfigFindings<'_>,
 ) -> Option<Duration> {
     let text = text?;
-    match unit::span(text.get_ref()) {
+    match quantity::span(text.get_ref()) {
         Ok(span) => Some(span),
         Err(hint) => {
             let given = text.get_ref().escape_debug();
@@ -310,7 +310,7 @@ pub(super) fn bytes(
 ) -> Option<u64> {
     let parsed = match value.get_ref() {
         Value::Integer(number) => u64::try_from(*number).map_err(|_| "it is negative"),
-        Value::String(text) => unit::bytes(text),
+        Value::String(text) => quantity::bytes(text),
         _ => Err("write a number of bytes: 512, \"16KiB\" or \"64MiB\""),
     };
     match parsed {

@@ -45,6 +45,8 @@ struct Pair {
     /// Of 1,000 frames, how many meet with a fault.
     faulty: u32,
     faults: u32,
+    /// Frames that never arrive: whether it goes to the unit, and the frame.
+    swallows: fn(bool, &[u8]) -> bool,
     server_events: Vec<SessionEvent>,
     unit_events: Vec<SessionEvent>,
     /// Numbers of the jobs in what has come, in this session.
@@ -63,6 +65,7 @@ impl Pair {
             random: ChaCha8Rng::seed_from_u64(seed),
             faulty,
             faults: 0,
+            swallows: |_, _| false,
             server_events: Vec::new(),
             unit_events: Vec::new(),
             unit_heard: Vec::new(),
@@ -141,6 +144,9 @@ impl Pair {
     }
 
     fn carry(&mut self, frame: Vec<u8>, is_to_unit: bool) {
+        if (self.swallows)(is_to_unit, &frame) {
+            return;
+        }
         let is_faulty = self.below(1_000) < self.faulty;
         let late = |pair: &mut Self, most| pair.now + Micros(i64::from(1_000 + pair.below(most)));
         let times = if is_faulty {
@@ -230,17 +236,11 @@ fn ten_thousand_faults_lose_double_and_reorder_nothing() {
         // Without further faults all that was said arrives.
         pair.faulty = 0;
         pair.run_until(|pair| pair.to_unit.frames.is_empty() && pair.to_server.frames.is_empty());
-        if !pair.server.is_up() {
-            pair.server.call(pair.now);
-            to_unit = 0;
-        }
         pair.run_for(Micros::from_secs(20));
         if !pair.server.is_up() {
             pair.server.call(pair.now);
             pair.run_until(|pair| pair.server.is_up() && pair.unit.is_up());
-            (to_unit, to_server) = (0, 0);
         }
-        let _ = (to_unit, to_server);
         let (had_unit, had_server) = (pair.unit_heard.len(), pair.server_heard.len());
         pair.server.send(&resume(had_unit as u64)).unwrap();
         pair.unit.send(&rewind(had_server as u64)).unwrap();
@@ -286,19 +286,13 @@ fn a_message_that_never_fits_is_refused() {
 fn silence_ends_it_at_both_ends_and_a_call_begins_another() {
     let mut pair = Pair::up(4, 0);
     // The cable is out.
-    pair.faulty = 1_000;
-    for _ in 0..50 {
-        pair.to_unit.frames.clear();
-        pair.to_server.frames.clear();
-        if !pair.step() {
-            break;
-        }
-    }
+    pair.swallows = |_, _| true;
+    pair.run_until(|pair| !pair.server.is_up() && !pair.unit.is_up());
     let ended = SessionEvent::Ended(EndReason::Silence);
     assert_eq!(pair.server_events.last(), Some(&ended));
     assert_eq!(pair.unit_events.last(), Some(&ended));
     assert_eq!(pair.server.send(&resume(0)), Err(SessionError::NoSession));
-    pair.faulty = 0;
+    pair.swallows = |_, _| false;
     pair.server.call(pair.now);
     pair.run_until(|pair| pair.server.is_up() && pair.unit.is_up());
     pair.server.send(&resume(0)).unwrap();
@@ -388,4 +382,28 @@ fn what_was_never_sent_cannot_be_confirmed() {
     let length = liar.encode(&mut wire).unwrap();
     pair.unit.receive(pair.now, &wire[..length]).unwrap();
     assert_eq!(pair.unit.poll(), Some(SessionEvent::Ended(EndReason::Broken)));
+}
+
+/// The server never hears the answer for so long that the unit has given the session up.
+#[test]
+fn answers_that_are_lost_for_long_do_not_shut_the_server_out() {
+    let mut pair = Pair::new(10, 0);
+    pair.swallows = |is_to_unit, _| !is_to_unit;
+    pair.server.call(pair.now);
+    pair.run_for(Micros::from_secs(30));
+    assert!(!pair.server.is_up());
+    pair.swallows = |_, _| false;
+    pair.run_until(|pair| pair.server.is_up() && pair.unit.is_up());
+    pair.server.send(&resume(0)).unwrap();
+    pair.run_until(|pair| pair.unit_heard == [0]);
+}
+
+/// Whoever lives and never takes a frame must not be waited for without end.
+#[test]
+fn a_frame_that_is_never_taken_ends_the_session() {
+    let mut pair = Pair::up(11, 0);
+    pair.swallows = |is_to_unit, frame| is_to_unit && Frame::decode(frame).unwrap().number > 0;
+    pair.server.send(&resume(0)).unwrap();
+    pair.run_until(|pair| !pair.server.is_up());
+    assert_eq!(pair.server_events.last(), Some(&SessionEvent::Ended(EndReason::Unconfirmed)));
 }

@@ -30,6 +30,27 @@ pub trait Encode {
     fn encode(&self, buffer: &mut [u8]) -> Result<usize, NoSpace>;
 }
 
+/// A message that has been written already, to be sent.
+///
+/// ```
+/// use softplug_unit_protocol::{Encode, Encoded, ToUnit};
+///
+/// let mut bytes = [0; 3];
+/// let length = ToUnit::Query {}.encode(&mut bytes).unwrap();
+/// let mut again = [0; 3];
+/// assert_eq!(Encoded(&bytes[..length]).encode(&mut again), Ok(3));
+/// assert_eq!(bytes, again);
+/// ```
+#[derive(Copy, Clone, Debug)]
+pub struct Encoded<'a>(pub &'a [u8]);
+
+impl Encode for Encoded<'_> {
+    fn encode(&self, buffer: &mut [u8]) -> Result<usize, NoSpace> {
+        buffer.get_mut(..self.0.len()).ok_or(NoSpace)?.copy_from_slice(self.0);
+        Ok(self.0.len())
+    }
+}
+
 /// A message that can be read.
 pub trait Decode<'a>: Sized {
     /// The message of this type with this body.

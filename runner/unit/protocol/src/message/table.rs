@@ -161,7 +161,7 @@ messages! {
     ///
     /// A job's number is the server's, never used twice and never 0. Positions count bytes
     /// of one pass, from 0.
-    /// Settings and fields are value records of the ABI.
+    /// Fields are value records of the ABI.
     pub enum ToUnit<'a> {
         /// Say what you are: answered by [`ToServer::Unit`], and for each link its two
         /// [`ToServer::Slot`]s and [`ToServer::Link`].
@@ -174,7 +174,7 @@ messages! {
             length: u32,
             /// SHA-256 of it.
             digest: Digest,
-            /// The signed envelope; empty: it is not signed.
+            /// 32 bytes that name the key and 64 of the signature; empty: it is not signed.
             signature: &'a [u8],
         }
         /// A piece of it.
@@ -197,7 +197,7 @@ messages! {
             link: u8,
             /// Which plug-in; it is in one of the slots.
             digest: Digest,
-            /// A value for each of its settings.
+            /// Its settings: name and value, each ended by a byte 00.
             settings: &'a [u8],
         }
         /// Let what the port has been given leave, then close the link.
@@ -287,6 +287,8 @@ messages! {
             request: u32,
             /// Why it is refused; `None`: here is what was asked for.
             refused: Option<Failure>,
+            /// These are the last bytes of it; else more of the same answer follows.
+            is_last: bool,
             /// What was asked for.
             bytes: &'a [u8],
         }
@@ -320,7 +322,7 @@ messages! {
             events: u64,
             /// … and for so many µs, until both have passed.
             span: u64,
-            /// A value for each of its settings.
+            /// Its settings: name and value, each ended by a byte 00.
             settings: &'a [u8],
         }
         /// Give up a swap that waits.

@@ -20,6 +20,9 @@ use queue::{NeverSent, Queue};
 const HEARTBEAT: Micros = Micros::from_millis(500);
 /// After this span without a frame of the other side the session ends.
 const SILENCE: Micros = Micros::from_millis(3_000);
+/// After this span without news of what is under way the session ends, although the other side
+/// lives: it never takes that.
+const CONFIRMED: Micros = Micros::from_millis(10_000);
 /// The server calls again after this span.
 const CALL: Micros = Micros::from_millis(1_000);
 /// Bounds of the span after which what is not confirmed is sent again; it follows the uplink's
@@ -75,6 +78,9 @@ pub enum EndReason {
     /// The other side confirmed what was never sent.
     #[error("the other side confirmed what was never sent to it")]
     Broken,
+    /// What was sent was not confirmed for 10 s, however often it was sent.
+    #[error("the other side does not confirm what is sent to it")]
+    Unconfirmed,
     /// This side ended it: see [`Session::end`].
     #[error("it was ended here")]
     Here,
@@ -161,6 +167,8 @@ pub struct Session<const SLOTS: usize, const BYTES: usize> {
     said_at: Micros,
     retry_at: Option<Micros>,
     retry: Micros,
+    /// The oldest frame that is under way must be confirmed until then.
+    confirmed_by: Option<Micros>,
     /// Round trip, smoothed, and how far it varies.
     round_trip: Option<(Micros, Micros)>,
     event: Option<SessionEvent>,
@@ -201,6 +209,7 @@ impl<const SLOTS: usize, const BYTES: usize> Session<SLOTS, BYTES> {
             said_at: Micros::ZERO,
             retry_at: None,
             retry: FIRST_RETRY,
+            confirmed_by: None,
             round_trip: None,
             event: None,
         }
@@ -299,7 +308,7 @@ impl<const SLOTS: usize, const BYTES: usize> Session<SLOTS, BYTES> {
             Phase::Calling { again_at } => Some(again_at),
             Phase::Up => {
                 let spoken = (self.said_at + HEARTBEAT).min(self.heard_at + SILENCE);
-                Some(self.retry_at.map_or(spoken, |at| at.min(spoken)))
+                [self.retry_at, self.confirmed_by].into_iter().flatten().chain([spoken]).min()
             }
         }
     }
@@ -314,6 +323,9 @@ impl<const SLOTS: usize, const BYTES: usize> Session<SLOTS, BYTES> {
             }
             Phase::Calling { .. } => {}
             Phase::Up if now >= self.heard_at + SILENCE => self.finish(EndReason::Silence),
+            Phase::Up if self.confirmed_by.is_some_and(|at| now >= at) => {
+                self.finish(EndReason::Unconfirmed);
+            }
             Phase::Up => {
                 if self.retry_at.is_some_and(|at| now >= at) {
                     self.queue.go_back();
@@ -334,11 +346,16 @@ impl<const SLOTS: usize, const BYTES: usize> Session<SLOTS, BYTES> {
         let is_known = server == self.server && self.call != 0;
         if self.is_up() && server != self.server {
             self.refuse(RefuseReason::Busy, 0, server, call);
-        } else if is_known && call == self.call && self.is_up() {
+            return Ok(());
+        }
+        let is_later = !is_known || (call.wrapping_sub(self.call) as i32) > 0;
+        if is_known && call == self.call && self.is_up() {
+            // It has not had our answer yet.
+            self.heard_at = now;
             self.owes.welcome = true;
-        } else if !is_known || (call.wrapping_sub(self.call) as i32) > 0 {
+        } else if is_later || (call == self.call && !self.is_up()) {
             (self.server, self.call) = (server, call);
-            self.number = self.number.wrapping_add(1);
+            self.number = self.number.wrapping_add(1).max(1);
             self.begin(now, server, takes);
             self.owes.welcome = true;
         }
@@ -427,6 +444,7 @@ impl<const SLOTS: usize, const BYTES: usize> Session<SLOTS, BYTES> {
             self.retry = Micros(mean.0 + 4 * varies.0).clamp(RETRY.0, RETRY.1);
         }
         self.retry_at = self.queue.is_under_way().then(|| now + self.retry);
+        self.confirmed_by = self.queue.is_under_way().then(|| now + CONFIRMED);
     }
 
     fn begin(&mut self, now: Micros, peer: Identity, takes: u16) {
@@ -436,6 +454,7 @@ impl<const SLOTS: usize, const BYTES: usize> Session<SLOTS, BYTES> {
         self.owes = Owes::default();
         (self.heard_at, self.said_at) = (now, now);
         (self.retry_at, self.retry, self.round_trip) = (None, FIRST_RETRY, None);
+        self.confirmed_by = None;
         self.event = Some(SessionEvent::Began { peer });
     }
 
@@ -446,7 +465,7 @@ impl<const SLOTS: usize, const BYTES: usize> Session<SLOTS, BYTES> {
         self.phase = Phase::Idle;
         self.owes = Owes::default();
         self.queue.clear(0);
-        self.retry_at = None;
+        (self.retry_at, self.confirmed_by) = (None, None);
     }
 
     /// Only units refuse.
@@ -487,6 +506,7 @@ impl<const SLOTS: usize, const BYTES: usize> Session<SLOTS, BYTES> {
         let (number, payload) = match self.queue.next(now) {
             Some(next) => {
                 self.retry_at.get_or_insert(now + self.retry);
+                self.confirmed_by.get_or_insert(now + CONFIRMED);
                 next
             }
             None if self.owes.taken => (0, &[][..]),

@@ -5,8 +5,20 @@ use std::time::Duration;
 /// Spans above this are slips, and their sums must not overflow.
 const MOST: Duration = Duration::from_hours(366 * 24);
 
-/// `500ms`, `2s`, `10m`, `1h` or `7d`.
-pub(super) fn span(text: &str) -> Result<Duration, &'static str> {
+/// A span: `500ms`, `2s`, `10m`, `1h` or `7d`.
+///
+/// ```
+/// use softplug_gateway::quantity::span;
+/// use std::time::Duration;
+///
+/// assert_eq!(span("500ms"), Ok(Duration::from_millis(500)));
+/// assert_eq!(span("10 m"), Ok(Duration::from_mins(10)));
+/// assert!(span("1.5s").is_err());
+/// ```
+///
+/// # Errors
+/// It is none, or is longer than 366 days: what to write, in one sentence.
+pub fn span(text: &str) -> Result<Duration, &'static str> {
     const FORM: &str = "write a number and a unit: 500ms, 2s, 10m, 1h or 7d";
     let (number, unit) = split(text).ok_or(FORM)?;
     let millis = match unit {
@@ -21,8 +33,18 @@ pub(super) fn span(text: &str) -> Result<Duration, &'static str> {
     if span > MOST { Err("at most 366d") } else { Ok(span) }
 }
 
-/// `512`, `16k`, `16KiB` or `64M`.
-pub(super) fn bytes(text: &str) -> Result<u64, &'static str> {
+/// A number of bytes: `512`, `16k`, `16KiB` or `64M`.
+///
+/// ```
+/// use softplug_gateway::quantity::bytes;
+///
+/// assert_eq!(bytes("16KiB"), Ok(16_384));
+/// assert!(bytes("1T").is_err());
+/// ```
+///
+/// # Errors
+/// It is none, or too many: what to write, in one sentence.
+pub fn bytes(text: &str) -> Result<u64, &'static str> {
     const FORM: &str = "write a number of bytes: 512, 16KiB or 64MiB";
     let (number, unit) = split(text).ok_or(FORM)?;
     let factor = match unit {

@@ -1,0 +1,10 @@
+//! What carries frames of the unit protocol between a gateway and its units.
+//!
+//! An [`Uplink`] is one connection, at either end. Nothing here blocks: whoever owns it polls its
+//! source and is told when to try again.
+#![cfg(target_os = "linux")]
+#![forbid(unsafe_code)]
+
+mod tcp;
+
+pub use tcp::{Closed, TcpUplink};

@@ -1,0 +1,202 @@
+//! Frames over a TCP connection, one behind the other.
+
+use std::io::{self, Read, Write};
+use std::net::SocketAddr;
+
+use mio::event::Source;
+use mio::net::TcpStream;
+use mio::{Interest, Registry, Token};
+use softplug_unit_protocol::{FrameError, LONGEST, length_of_frame};
+use thiserror::Error;
+
+/// Bytes that wait to be sent, past which no more frames are taken: a session has few under way.
+const WAITING: usize = 64 * LONGEST;
+
+/// The connection is of no more use.
+#[derive(Debug, Error)]
+pub enum Closed {
+    /// The other side closed it.
+    #[error("the other side closed the connection")]
+    ByPeer,
+    /// The connection failed.
+    #[error("the connection failed: {0}")]
+    Io(#[from] io::Error),
+    /// What comes is not the unit protocol, or another version of it.
+    #[error("what comes over the connection is not the unit protocol: {0}")]
+    NoFrame(#[from] FrameError),
+}
+
+/// A TCP connection that carries frames.
+///
+/// ```
+/// use softplug_unit_uplink::TcpUplink;
+/// use mio::net::TcpListener;
+/// use softplug_unit_protocol::{Frame, FrameKind};
+///
+/// let listener = TcpListener::bind("127.0.0.1:0".parse()?)?;
+/// let mut near = TcpUplink::connect(listener.local_addr()?)?;
+/// let mut far = loop {
+///     if let Ok((far, _)) = listener.accept() {
+///         break TcpUplink::new(far);
+///     }
+/// };
+///
+/// let mut bytes = [0; 64];
+/// let frame = Frame { kind: FrameKind::Data, session: 1, number: 0, taken: 0, payload: b"" };
+/// let length = frame.encode(&mut bytes).unwrap();
+/// while !near.send(&bytes[..length])? {}
+/// let got = loop {
+///     if let Some(frame) = far.receive()? {
+///         break frame.to_vec();
+///     }
+/// };
+/// assert_eq!(got, bytes[..length]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct TcpUplink {
+    stream: TcpStream,
+    is_connected: bool,
+    /// What came: from `begin` on, not taken yet.
+    came: Vec<u8>,
+    begin: usize,
+    /// The frame that was given out last ends here.
+    given: usize,
+    leaves: Vec<u8>,
+}
+
+impl TcpUplink {
+    /// A connection that is open.
+    pub fn new(stream: TcpStream) -> Self {
+        let _ = stream.set_nodelay(true);
+        let (came, leaves) = (Vec::new(), Vec::new());
+        Self { stream, is_connected: true, came, begin: 0, given: 0, leaves }
+    }
+
+    /// A connection that is being made: it is writable when it is there.
+    ///
+    /// # Errors
+    /// It cannot even be begun.
+    pub fn connect(address: SocketAddr) -> io::Result<Self> {
+        let stream = TcpStream::connect(address)?;
+        Ok(Self { is_connected: false, ..Self::new(stream) })
+    }
+
+    /// Whether the connection is there.
+    ///
+    /// # Errors
+    /// It could not be made.
+    pub fn is_connected(&mut self) -> Result<bool, Closed> {
+        if !self.is_connected {
+            if let Some(error) = self.stream.take_error()? {
+                return Err(error.into());
+            }
+            match self.stream.peer_addr() {
+                Ok(_) => {
+                    self.is_connected = true;
+                    let _ = self.stream.set_nodelay(true);
+                }
+                Err(error) if error.kind() == io::ErrorKind::NotConnected => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(self.is_connected)
+    }
+
+    /// The next whole frame that has come; `None`: not before the source is readable again.
+    ///
+    /// # Errors
+    /// The connection has ended, or what comes is no frame.
+    pub fn receive(&mut self) -> Result<Option<&[u8]>, Closed> {
+        self.begin = self.given;
+        loop {
+            let rest = &self.came[self.begin..];
+            if let Some(length) = length_of_frame(rest)?
+                && rest.len() >= length
+            {
+                self.given = self.begin + length;
+                return Ok(Some(&self.came[self.begin..self.given]));
+            }
+            if !self.is_connected()? || !self.read()? {
+                return Ok(None);
+            }
+        }
+    }
+
+    fn read(&mut self) -> Result<bool, Closed> {
+        self.came.drain(..self.begin);
+        (self.begin, self.given) = (0, 0);
+        let had = self.came.len();
+        self.came.resize(had + LONGEST, 0);
+        let read = self.stream.read(&mut self.came[had..]);
+        self.came.truncate(had + read.as_ref().map_or(0, |count| *count));
+        match read {
+            Ok(0) => Err(Closed::ByPeer),
+            Ok(_) => Ok(true),
+            Err(error) if is_for_later(&error) => Ok(false),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Sends a frame, or keeps what the connection does not take yet. `false`: it was not taken at
+    /// all, because too much waits already.
+    ///
+    /// # Errors
+    /// The connection has ended.
+    pub fn send(&mut self, frame: &[u8]) -> Result<bool, Closed> {
+        if !self.flush()? && self.leaves.len() + frame.len() > WAITING {
+            return Ok(false);
+        }
+        self.leaves.extend_from_slice(frame);
+        self.flush()?;
+        Ok(true)
+    }
+
+    /// Sends what waits. `false`: some of it still does; again when the source is writable.
+    ///
+    /// # Errors
+    /// The connection has ended.
+    pub fn flush(&mut self) -> Result<bool, Closed> {
+        while !self.leaves.is_empty() {
+            if !self.is_connected()? {
+                return Ok(false);
+            }
+            match self.stream.write(&self.leaves) {
+                Ok(0) => return Err(Closed::ByPeer),
+                Ok(count) => drop(self.leaves.drain(..count)),
+                Err(error) if is_for_later(&error) => return Ok(false),
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(true)
+    }
+}
+
+fn is_for_later(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted)
+}
+
+/// Edge-triggered: after it was told readable, [`TcpUplink::receive`] until `None`.
+impl Source for TcpUplink {
+    fn register(
+        &mut self,
+        registry: &Registry,
+        token: Token,
+        interests: Interest,
+    ) -> io::Result<()> {
+        self.stream.register(registry, token, interests)
+    }
+
+    fn reregister(
+        &mut self,
+        registry: &Registry,
+        token: Token,
+        interests: Interest,
+    ) -> io::Result<()> {
+        self.stream.reregister(registry, token, interests)
+    }
+
+    fn deregister(&mut self, registry: &Registry) -> io::Result<()> {
+        self.stream.deregister(registry)
+    }
+}
