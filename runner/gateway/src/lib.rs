@@ -9,6 +9,7 @@
 //!   beyond recall when the partner says stop.
 //! - [`channel`]: a port with a plug-in on it; [`reactor`]: many of them on few
 //!   threads, fed and emptied through [`reservoir`]s.
+//! - [`units`]: links whose plug-ins run in front-end units.
 //! - [`station`]: a channel that waits for itself; [`transfer`]: one program over it,
 //!   or all that comes and is asked for.
 //! - [`tap`]: between two ports, passing everything on and telling what passed.
@@ -64,6 +65,8 @@ pub mod tap;
 pub mod timer;
 #[cfg(target_os = "linux")]
 pub mod transfer;
+#[cfg(target_os = "linux")]
+pub mod units;
 
 pub use due::Due;
 pub use error::{BadSpec, Blame, Holder, PortError};

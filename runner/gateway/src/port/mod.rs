@@ -45,6 +45,8 @@ pub use open::{Port, ReadOutcome};
 pub use settings::read_line;
 pub use spec::{Flow, PortOptions, PortSpec, line_mismatch, line_text, parse_line};
 #[cfg(target_os = "linux")]
+pub(crate) use spec::{address_text, host_and_port};
+#[cfg(target_os = "linux")]
 pub use tcp::TcpPort;
 #[cfg(target_os = "linux")]
 pub use tty::TtyPort;

@@ -115,11 +115,12 @@ const SCHEMES: [(&str, MakeSpec); 2] = [
 ];
 
 /// Host and port as they are written in an address.
-pub(super) fn address_text(host: &str, port: u16) -> String {
+pub(crate) fn address_text(host: &str, port: u16) -> String {
     if host.contains(':') { format!("[{host}]:{port}") } else { format!("{host}:{port}") }
 }
 
-fn host_and_port(address: &str) -> Option<(String, u16)> {
+/// Host and port of an address such as `10.0.0.7:4001` or `[::1]:4001`.
+pub(crate) fn host_and_port(address: &str) -> Option<(String, u16)> {
     let (host, port) = address.trim_end_matches('/').rsplit_once(':')?;
     let host = match host.strip_prefix('[') {
         Some(inner) => inner.strip_suffix(']')?,

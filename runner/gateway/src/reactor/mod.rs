@@ -30,6 +30,7 @@ pub use endpoint::{
 };
 pub use report::{Alarm, AlarmKind, JobEnd, JobOutcome, LaneFault, Report};
 pub use setup::{Backoff, Command, Feed, LaneId, LaneSetup, Watchdogs};
+pub(crate) use status::UnitFigures;
 pub use status::{Condition, LaneFigures, LaneStatus};
 pub use swap::{Probation, Swap, SwapReport, When};
 pub use watch::{Seen, Watch, WatchEvent};

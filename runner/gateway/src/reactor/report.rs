@@ -136,7 +136,7 @@ pub struct JobEnd {
 
 impl JobEnd {
     /// Of a job that was never begun.
-    pub(super) fn unbegun(job: u32, outcome: JobOutcome, sent: u64) -> Self {
+    pub(crate) fn unbegun(job: u32, outcome: JobOutcome, sent: u64) -> Self {
         Self {
             job,
             outcome,

@@ -186,13 +186,54 @@ impl JobFigures {
     }
 }
 
+/// What a unit tells of the job under way.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+pub(crate) struct UnitFigures {
+    pub(crate) job: u32,
+    pub(crate) taken: u64,
+    pub(crate) maybe_left: u64,
+    pub(crate) surely_left: u64,
+    pub(crate) bytes_left: u64,
+    pub(crate) level: u64,
+    pub(crate) is_held: bool,
+    pub(crate) is_starved: bool,
+}
+
 impl LaneStatus {
+    pub(crate) fn store_unit_job(&self, figures: &UnitFigures) {
+        self.store_job(&JobFigures {
+            job: figures.job,
+            taken: figures.taken,
+            maybe_left: figures.maybe_left,
+            surely_left: figures.surely_left,
+            bytes_surely_left: figures.bytes_left,
+            level: figures.level,
+        });
+        self.is_held.store(figures.is_held, Ordering::Relaxed);
+        self.is_starved.store(figures.is_starved, Ordering::Relaxed);
+    }
+
+    /// Bytes in and out, holds, µs held, starvations, µs starved.
+    pub(crate) fn store_unit_counters(&self, counters: [u64; 6]) {
+        let places = [
+            &self.bytes_in,
+            &self.bytes_out,
+            &self.holds,
+            &self.held_micros,
+            &self.starvations,
+            &self.starved_micros,
+        ];
+        for (place, count) in places.into_iter().zip(counters) {
+            place.store(count, Ordering::Relaxed);
+        }
+    }
+
     /// How the lane is.
     pub fn condition(&self) -> Condition {
         Condition::ALL[usize::from(self.condition.load(Ordering::Relaxed)) % 6]
     }
 
-    pub(super) fn set_condition(&self, condition: Condition) {
+    pub(crate) fn set_condition(&self, condition: Condition) {
         self.condition.store(condition as u8, Ordering::Relaxed);
     }
 

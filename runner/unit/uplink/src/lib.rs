@@ -5,6 +5,10 @@
 #![cfg(target_os = "linux")]
 #![forbid(unsafe_code)]
 
+mod outbox;
 mod tcp;
+mod waker;
 
+pub use outbox::Outbox;
 pub use tcp::{Closed, TcpUplink};
+pub use waker::waker_of;

@@ -338,6 +338,65 @@ messages! {
     }
 }
 
+impl ToUnit<'_> {
+    /// The link that it is for; `None`: the unit.
+    pub fn link(&self) -> Option<u8> {
+        match *self {
+            Self::Query {} => None,
+            Self::Download { link, .. }
+            | Self::Piece { link, .. }
+            | Self::Install { link, .. }
+            | Self::Open { link, .. }
+            | Self::Close { link, .. }
+            | Self::Begin { link, .. }
+            | Self::Data { link, .. }
+            | Self::End { link, .. }
+            | Self::Fail { link, .. }
+            | Self::Pause { link, .. }
+            | Self::Resume { link, .. }
+            | Self::Abort { link, .. }
+            | Self::ForceResume { link, .. }
+            | Self::Answer { link, .. }
+            | Self::Stored { link, .. }
+            | Self::Noted { link, .. }
+            | Self::Swap { link, .. }
+            | Self::CancelSwap { link, .. }
+            | Self::Reopen { link, .. } => Some(link),
+        }
+    }
+}
+
+impl ToServer<'_> {
+    /// The link that it is about; `None`: the unit.
+    pub fn link(&self) -> Option<u8> {
+        match *self {
+            Self::Unit { .. } => None,
+            Self::Refused { link, .. } => (link != u8::MAX).then_some(link),
+            Self::Slot { link, .. }
+            | Self::Downloaded { link, .. }
+            | Self::Installed { link, .. }
+            | Self::NotInstalled { link, .. }
+            | Self::Link { link, .. }
+            | Self::Up { link, .. }
+            | Self::Down { link, .. }
+            | Self::Credit { link, .. }
+            | Self::Progress { link, .. }
+            | Self::Rewind { link, .. }
+            | Self::Ended { link, .. }
+            | Self::Delivery { link, .. }
+            | Self::Delivered { link, .. }
+            | Self::DeliveryEnded { link, .. }
+            | Self::Request { link, .. }
+            | Self::Withdrawn { link, .. }
+            | Self::Note { link, .. }
+            | Self::State { link, .. }
+            | Self::Fault { link, .. }
+            | Self::Swapped { link, .. }
+            | Self::Counters { link, .. } => Some(link),
+        }
+    }
+}
+
 messages! {
     /// What a unit tells its server.
     pub enum ToServer<'a> {

@@ -1,0 +1,293 @@
+//! The connection to one unit, and the links of it that are driven.
+
+use std::io;
+use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
+
+use mio::{Interest, Token};
+use softplug_abi::Micros;
+use softplug_unit_protocol::{
+    Identity, LONGEST, Messages, Role, Session, SessionEvent, ToServer, ToUnit,
+};
+use softplug_unit_uplink::{Closed, Outbox, TcpUplink};
+
+use super::lane::{Around, UnitLane};
+use super::thread::{Thread, ThreadCommand};
+use super::{UnitAddress, UnitCommand};
+use crate::reactor::{Backoff, LaneId};
+
+pub(super) type ServerSession = Session<16, 1024>;
+
+/// A connection that is not made after this span is tried anew.
+const CONNECTING: Micros = Micros::from_millis(5_000);
+/// Job data waits in the outbox for no more than this many messages.
+const OUTBOX: usize = 8;
+
+pub(super) struct Connection {
+    number: usize,
+    host: String,
+    port: u16,
+    reopen: Backoff,
+    failures: u32,
+    uplink: Option<TcpUplink>,
+    /// Boxed: it has its frames in it.
+    session: Box<ServerSession>,
+    outbox: Outbox,
+    /// When to give up or try again.
+    at: Option<Micros>,
+    /// Whom the last session was with.
+    peer: Option<Identity>,
+    lanes: Vec<UnitLane>,
+}
+
+impl Connection {
+    pub(super) fn new(
+        number: usize,
+        address: &UnitAddress,
+        reopen: Backoff,
+        thread: &Thread,
+    ) -> Self {
+        let UnitAddress { host, port, .. } = address;
+        let mut connection = Self {
+            number,
+            host: host.clone(),
+            port: *port,
+            reopen,
+            failures: 0,
+            uplink: None,
+            session: Box::new(Session::new(Role::Server, Identity(thread.identity))),
+            outbox: Outbox::default(),
+            at: None,
+            peer: None,
+            lanes: Vec::new(),
+        };
+        connection.connect(thread);
+        connection
+    }
+
+    pub(super) fn is_to(&self, address: &UnitAddress) -> bool {
+        self.host == address.host && self.port == address.port
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.lanes.is_empty()
+    }
+
+    pub(super) fn due(&self) -> Option<Micros> {
+        let lanes = self.lanes.iter().filter_map(UnitLane::due);
+        lanes.chain(self.at).chain(self.session.poll_timeout()).min()
+    }
+
+    pub(super) fn add(&mut self, lane: UnitLane, thread: &Thread) {
+        self.lanes.push(lane);
+        if self.session.is_up() {
+            self.outbox.push(&ToUnit::Query {}, false);
+        }
+        self.speak(thread);
+    }
+
+    pub(super) fn tell(&mut self, id: LaneId, command: UnitCommand, thread: &Thread) {
+        let mut around = Around { outbox: &mut self.outbox, is_up: self.session.is_up(), thread };
+        if let Some(lane) = self.lanes.iter_mut().find(|lane| lane.id() == id) {
+            lane.tell(command, &mut around);
+        }
+    }
+
+    pub(super) fn remove(&mut self, id: LaneId, thread: &Thread) {
+        self.tell(id, UnitCommand::Close, thread);
+    }
+
+    /// Lanes that are closed.
+    pub(super) fn take_ended(&mut self) -> Vec<LaneId> {
+        self.lanes.extract_if(.., |lane| lane.is_closed()).map(|lane| lane.id()).collect()
+    }
+
+    /// All there is to do now.
+    pub(super) fn turn(&mut self, thread: &Thread) {
+        let now = thread.clock.now();
+        self.hear(thread);
+        if self.at.is_some_and(|at| at <= now) {
+            self.at = None;
+            if self.uplink.is_some() {
+                let error = io::Error::from(io::ErrorKind::TimedOut);
+                self.lost(&Closed::Io(error).to_string(), thread);
+            } else {
+                self.connect(thread);
+            }
+        }
+        self.session.handle_timeout(now);
+        self.session_news(thread);
+        self.speak(thread);
+    }
+
+    /// Looks the unit up, elsewhere if that may take time.
+    fn connect(&mut self, thread: &Thread) {
+        let (number, port) = (self.number, self.port);
+        if let Ok(address) = self.host.parse::<IpAddr>() {
+            self.found(Ok(SocketAddr::new(address, port)), thread);
+            return;
+        }
+        let (host, commands) = (self.host.clone(), thread.commands.clone());
+        let waker = std::sync::Arc::clone(&thread.mio_waker);
+        let look_up = move || {
+            let found = (host.as_str(), port)
+                .to_socket_addrs()
+                .and_then(|mut found| found.next().ok_or_else(|| io::ErrorKind::NotFound.into()));
+            if commands.send(ThreadCommand::Found(number, found)).is_ok() {
+                let _ = waker.wake();
+            }
+        };
+        let spawned = std::thread::Builder::new().name("softplug-connect".into()).spawn(look_up);
+        if let Err(error) = spawned {
+            self.lost(&error.to_string(), thread);
+        }
+    }
+
+    pub(super) fn found(&mut self, found: io::Result<SocketAddr>, thread: &Thread) {
+        let both = Interest::READABLE | Interest::WRITABLE;
+        let connected = found.and_then(TcpUplink::connect).and_then(|mut uplink| {
+            thread.poll.registry().register(&mut uplink, Token(self.number), both)?;
+            Ok(uplink)
+        });
+        match connected {
+            Ok(uplink) => {
+                self.uplink = Some(uplink);
+                let now = thread.clock.now();
+                self.at = Some(now + CONNECTING);
+                self.session.call(now);
+            }
+            Err(error) => self.lost(&error.to_string(), thread),
+        }
+    }
+
+    pub(super) fn drop_uplink(&mut self, thread: &Thread) {
+        if let Some(mut uplink) = self.uplink.take() {
+            let _ = thread.poll.registry().deregister(&mut uplink);
+        }
+    }
+
+    /// The connection is gone, or could not be made.
+    fn lost(&mut self, why: &str, thread: &Thread) {
+        self.drop_uplink(thread);
+        self.session.uplink_lost();
+        let _ = self.session.poll();
+        self.outbox.clear();
+        self.failures += 1;
+        let retry_in = self.reopen.after(self.failures);
+        self.at = Some(thread.clock.now() + retry_in);
+        let detail = format!("the unit at {}:{}: {why}", self.host, self.port);
+        for lane in &mut self.lanes {
+            lane.lost(&detail, retry_in, thread);
+        }
+    }
+
+    fn hear(&mut self, thread: &Thread) {
+        let Some(mut uplink) = self.uplink.take() else { return };
+        match self.hear_frames(&mut uplink, thread) {
+            Ok(()) => self.uplink = Some(uplink),
+            Err(closed) => {
+                self.uplink = Some(uplink);
+                self.lost(&closed.to_string(), thread);
+            }
+        }
+    }
+
+    fn hear_frames(&mut self, uplink: &mut TcpUplink, thread: &Thread) -> Result<(), Closed> {
+        while let Some(frame) = uplink.receive()? {
+            match self.session.receive(thread.clock.now(), frame) {
+                Ok(None) => {}
+                Ok(Some(payload)) => {
+                    for message in Messages::<ToServer<'_>>::new(payload) {
+                        match message {
+                            Ok(message) => self.hear_message(&message, thread),
+                            Err(error) => {
+                                tracing::error!(%error, unit = self.host, "the session ends");
+                                self.session.end();
+                                break;
+                            }
+                        }
+                    }
+                }
+                Err(error) => tracing::warn!(%error, unit = self.host, "a frame is dropped"),
+            }
+            self.session_news(thread);
+        }
+        Ok(())
+    }
+
+    fn session_news(&mut self, thread: &Thread) {
+        match self.session.poll() {
+            Some(SessionEvent::Began { peer }) => {
+                (self.at, self.failures) = (None, 0);
+                self.outbox.clear();
+                let is_same = self.peer.replace(peer) == Some(peer);
+                for lane in &mut self.lanes {
+                    lane.session_began(is_same, thread);
+                }
+                self.outbox.push(&ToUnit::Query {}, false);
+            }
+            // The connection may be sound; what is behind it is not.
+            Some(SessionEvent::Ended(reason)) => self.lost(&reason.to_string(), thread),
+            Some(SessionEvent::Refused(reason)) => {
+                let why = match reason {
+                    softplug_unit_protocol::RefuseReason::Busy => "another gateway drives it",
+                    softplug_unit_protocol::RefuseReason::Version
+                    | softplug_unit_protocol::RefuseReason::NoSession => {
+                        "it speaks another version of the unit protocol"
+                    }
+                };
+                self.lost(why, thread);
+            }
+            None => {}
+        }
+    }
+
+    fn hear_message(&mut self, message: &ToServer<'_>, thread: &Thread) {
+        let mut around = Around { outbox: &mut self.outbox, is_up: self.session.is_up(), thread };
+        match *message {
+            ToServer::Unit { .. } => {}
+            ToServer::Slot { link, slot, state, digest, .. } => {
+                // Before its link is known by name: for all, until they know which is theirs.
+                for lane in &mut self.lanes {
+                    lane.slot(link, slot, state, digest);
+                }
+            }
+            ToServer::Link { link, name, .. } => {
+                for lane in self.lanes.iter_mut().filter(|lane| lane.is_called(name)) {
+                    lane.found(link, message, &mut around);
+                }
+            }
+            _ => {
+                let Some(number) = message.link() else { return };
+                let of = |lane: &&mut UnitLane| lane.is_number(number);
+                for lane in self.lanes.iter_mut().filter(of) {
+                    lane.hear(message, &mut around);
+                }
+            }
+        }
+    }
+
+    /// What waits goes to the session, and its frames to the uplink.
+    fn speak(&mut self, thread: &Thread) {
+        if self.session.is_up() {
+            let mut around = Around { outbox: &mut self.outbox, is_up: true, thread };
+            for lane in &mut self.lanes {
+                lane.pump(OUTBOX, &mut around);
+            }
+            self.outbox.pump(&mut self.session);
+        }
+        let Some(uplink) = &mut self.uplink else { return };
+        let now = thread.clock.now();
+        let mut frame = [0; LONGEST];
+        let mut closed = uplink.flush().err();
+        while closed.is_none()
+            && let Some(length) = self.session.poll_transmit(now, &mut frame)
+        {
+            // What is not taken is sent again: the session sees to that.
+            closed = uplink.send(&frame[..length]).err();
+            self.outbox.pump(&mut self.session);
+        }
+        if let Some(closed) = closed {
+            self.lost(&closed.to_string(), thread);
+        }
+    }
+}

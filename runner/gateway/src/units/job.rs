@@ -1,0 +1,206 @@
+//! A job that a unit carries out: its data by credit, kept until the unit has it.
+
+use std::collections::VecDeque;
+
+use softplug_abi::Failure;
+use softplug_link::Job;
+use softplug_unit_protocol::{CreditError, Feeding, ToUnit};
+
+use crate::reactor::{Feed, JobEnd, JobOutcome};
+use crate::reservoir::{Drawn, ReservoirReader};
+use softplug_unit_uplink::Outbox;
+
+/// Bytes of data in one message.
+const PIECE: usize = 960;
+
+pub(super) struct UnitJob {
+    /// Its number in the unit protocol.
+    pub(super) number: u64,
+    pub(super) job: Job,
+    source: Option<ReservoirReader>,
+    pass: u8,
+    feeding: Feeding,
+    /// Data that the unit has not confirmed: from [`Feeding::confirmed`] on.
+    unconfirmed: VecDeque<u8>,
+    /// The unit was told of the job, in this session or an earlier one.
+    pub(super) is_begun: bool,
+    is_end_told: bool,
+    pub(super) is_paused: bool,
+    pub(super) is_aborted: bool,
+    /// What the unit told last of how far it is.
+    pub(super) left: JobEnd,
+}
+
+impl UnitJob {
+    pub(super) fn new(number: u64, feed: Feed) -> Self {
+        let Feed { job, source } = feed;
+        let left = JobEnd::unbegun(job.id, JobOutcome::Done, 0);
+        Self {
+            number,
+            job,
+            source: Some(source),
+            pass: 0,
+            feeding: Feeding::default(),
+            unconfirmed: VecDeque::new(),
+            is_begun: false,
+            is_end_told: false,
+            is_paused: false,
+            is_aborted: false,
+            left,
+        }
+    }
+
+    pub(super) fn begin(&mut self, link: u8, outbox: &mut Outbox) {
+        self.is_begun = true;
+        outbox.push(
+            &ToUnit::Begin {
+                link,
+                job: self.number,
+                kind: self.job.kind,
+                size: self.job.size.unwrap_or(u64::MAX),
+                check: self.job.check,
+                fields: &self.job.fields,
+            },
+            false,
+        );
+        self.say_again(link, outbox);
+    }
+
+    /// What the unit may not have heard: harmless if it has.
+    fn say_again(&self, link: u8, outbox: &mut Outbox) {
+        let job = self.number;
+        if self.is_paused {
+            outbox.push(&ToUnit::Pause { link, job }, false);
+        }
+        if self.is_aborted {
+            outbox.push(&ToUnit::Abort { link, job }, false);
+        }
+    }
+
+    /// A new session, in which the unit says what it has of this job.
+    pub(super) fn resume(
+        &mut self,
+        link: u8,
+        received: u64,
+        is_whole: bool,
+        outbox: &mut Outbox,
+    ) -> Result<(), CreditError> {
+        self.feeding.resume(received)?;
+        self.forget_confirmed();
+        self.is_end_told = is_whole;
+        self.say_again(link, outbox);
+        Ok(())
+    }
+
+    pub(super) fn pass(&self) -> u8 {
+        self.pass
+    }
+
+    /// The check was good: what comes next is the data once more.
+    pub(super) fn rewound(&mut self) {
+        self.pass = 1;
+        self.feeding = Feeding::default();
+        self.unconfirmed.clear();
+        self.source = None;
+        self.is_end_told = false;
+    }
+
+    pub(super) fn refill(&mut self, source: ReservoirReader) {
+        self.source = Some(source);
+    }
+
+    pub(super) fn credit(
+        &mut self,
+        pass: u8,
+        received: u64,
+        until: u64,
+    ) -> Result<(), CreditError> {
+        if pass != self.pass {
+            return Ok(());
+        }
+        self.feeding.credit(received, until)?;
+        self.forget_confirmed();
+        Ok(())
+    }
+
+    fn forget_confirmed(&mut self) {
+        let front = self.furthest_kept() - self.unconfirmed.len() as u64;
+        let count = self.feeding.confirmed().saturating_sub(front) as usize;
+        self.unconfirmed.drain(..count.min(self.unconfirmed.len()));
+    }
+
+    /// The position behind the last byte that was drawn from the source.
+    fn furthest_kept(&self) -> u64 {
+        self.feeding.furthest()
+    }
+
+    /// Data up to the credit, while few messages wait. Returns whether the source waits for more.
+    pub(super) fn pump(&mut self, link: u8, most: usize, outbox: &mut Outbox) {
+        let (job, pass) = (self.number, self.pass);
+        while outbox.len() < most && !self.is_end_told {
+            let at = self.feeding.next();
+            let room = self.feeding.sendable().min(PIECE as u64) as usize;
+            let behind = (self.furthest_kept() - at) as usize;
+            if behind > 0 {
+                // It was sent in another session, and never came.
+                if room == 0 {
+                    return;
+                }
+                let begin = self.unconfirmed.len() - behind;
+                let bytes: Vec<u8> =
+                    self.unconfirmed.iter().skip(begin).take(room).copied().collect();
+                outbox.push(&ToUnit::Data { link, job, pass, at, bytes: &bytes }, false);
+                self.feeding.sent(bytes.len() as u64);
+                continue;
+            }
+            let Some(source) = &mut self.source else { return };
+            let mut bytes = [0; PIECE];
+            // The end needs no credit.
+            let drawn = if room > 0 {
+                source.read(&mut bytes[..room])
+            } else if source.level() == 0 && source.is_ready() {
+                source.read(&mut bytes[..1])
+            } else {
+                return;
+            };
+            match drawn {
+                Drawn::Bytes(count) => {
+                    let bytes = &bytes[..count];
+                    outbox.push(&ToUnit::Data { link, job, pass, at, bytes }, false);
+                    self.unconfirmed.extend(bytes);
+                    self.feeding.sent(count as u64);
+                }
+                Drawn::Later => return,
+                Drawn::End => {
+                    outbox.push(&ToUnit::End { link, job, pass, size: at }, false);
+                    self.is_end_told = true;
+                }
+                Drawn::Failed => {
+                    let why = source.failure().unwrap_or("its source failed");
+                    let why = &why[..why.floor_char_boundary(600)];
+                    outbox.push(&ToUnit::Fail { link, job, why }, false);
+                    self.is_end_told = true;
+                }
+            }
+        }
+    }
+
+    /// The unit knows nothing of it any more, or will not be asked again: how it has ended then.
+    pub(super) fn interrupted(&self) -> JobEnd {
+        let failure = if self.is_begun { Failure::Interrupted } else { Failure::Aborted };
+        let sent = self.feeding.furthest();
+        JobEnd {
+            outcome: JobOutcome::Failed { failure, status: 0 },
+            // All that was given to the unit may have left.
+            maybe_left: self.left.maybe_left.max(sent),
+            bytes_maybe_left: if self.pass > 0 || !self.job.check { sent } else { 0 },
+            sent: self.left.bytes_surely_left,
+            ..self.left.clone()
+        }
+    }
+
+    /// The job's data cannot be given any more.
+    pub(super) fn is_waiting_for_refill(&self) -> bool {
+        self.source.is_none()
+    }
+}

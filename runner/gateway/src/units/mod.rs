@@ -1,0 +1,216 @@
+//! Links whose plug-ins run in front-end units: the gateway's end of the unit protocol.
+//!
+//! To whoever uses it, a link of a unit is a lane as those of a [reactor](crate::reactor) are: it is
+//! [added](Units::add), [told](Units::tell) commands and tells [reports](Report); job data
+//! and deliveries go through [reservoirs](crate::reservoir). What differs is that its plug-in comes
+//! as a module, and that its port is the unit's.
+//!
+//! One thread drives all units; it never waits for one of them.
+
+mod connection;
+mod delivery;
+mod job;
+mod lane;
+mod thread;
+
+use std::fmt;
+use std::str::FromStr;
+use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+
+use softplug_abi::Failure;
+
+use crate::error::{BadSpec, PortError};
+use crate::reactor::{Backoff, Feed, LaneId, LaneStatus, Probation, Report, When};
+use crate::reservoir::ReservoirReader;
+use thread::{Driver, ThreadCommand};
+
+/// A link of a unit: `unit://host:port/link`.
+///
+/// ```
+/// use softplug_gateway::units::UnitAddress;
+///
+/// let address: UnitAddress = "unit://10.0.0.17:7640/mill-7".parse().unwrap();
+/// assert_eq!((address.port, address.link.as_str()), (7640, "mill-7"));
+/// assert!("unit://10.0.0.17/mill-7".parse::<UnitAddress>().is_err());
+/// ```
+#[derive(Clone, PartialEq, Eq, Hash, Debug)]
+pub struct UnitAddress {
+    /// Name or address of the unit.
+    pub host: String,
+    /// Its TCP port.
+    pub port: u16,
+    /// The link's name in the unit's configuration.
+    pub link: String,
+}
+
+impl UnitAddress {
+    /// How such an address begins.
+    pub const SCHEME: &'static str = "unit:";
+}
+
+impl FromStr for UnitAddress {
+    type Err = BadSpec;
+
+    fn from_str(text: &str) -> Result<Self, BadSpec> {
+        let wrong = || BadSpec::Address(text.to_owned());
+        let address = text.strip_prefix(Self::SCHEME).ok_or_else(wrong)?;
+        let address = address.strip_prefix("//").unwrap_or(address);
+        let (unit, link) = address.split_once('/').ok_or_else(wrong)?;
+        let (host, port) = crate::port::host_and_port(unit).ok_or_else(wrong)?;
+        let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+        if link.is_empty() || !link.chars().all(is_plain) {
+            return Err(wrong());
+        }
+        Ok(Self { host, port, link: link.to_owned() })
+    }
+}
+
+impl fmt::Display for UnitAddress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { host, port, link } = self;
+        write!(f, "unit://{}/{link}", crate::port::address_text(host, *port))
+    }
+}
+
+/// A plug-in as a unit takes it.
+#[derive(Clone, Debug)]
+pub struct UnitPlugin {
+    /// The module.
+    pub module: Arc<[u8]>,
+    /// SHA-256 of it.
+    pub digest: [u8; 32],
+    /// Id of the key, and signature: 96 bytes; `None`: it is not signed.
+    pub signature: Option<Box<[u8]>>,
+    /// Its settings, as people write them.
+    pub settings: Vec<(String, String)>,
+}
+
+/// A link of a unit to drive.
+#[derive(Debug)]
+pub struct UnitSetup {
+    /// Which.
+    pub address: UnitAddress,
+    /// The plug-in that it is to run.
+    pub plugin: UnitPlugin,
+    /// Bytes of deliveries that may wait to be put away.
+    pub delivery_room: u32,
+    /// How often to try again for a connection.
+    pub reopen: Backoff,
+}
+
+/// What a link of a unit may be told; as the [commands](crate::reactor::Command) of a lane.
+#[derive(Debug)]
+pub enum UnitCommand {
+    /// Begin a job.
+    Begin(Feed),
+    /// Ask for a pause of the job.
+    Pause(u32),
+    /// End the pause.
+    Resume(u32),
+    /// Abort the job, or, with 0, the delivery under way.
+    Abort(u32),
+    /// Go on although the machine holds the line.
+    ForceResume,
+    /// The data of the job from the start, after [`Report::Rewind`].
+    Refill {
+        /// The job.
+        job: u32,
+        /// Its data.
+        source: ReservoirReader,
+    },
+    /// Answer a request: with data, or with why it is refused.
+    Answer {
+        /// The request.
+        request: u32,
+        /// The answer.
+        answer: Result<Vec<u8>, Failure>,
+    },
+    /// Put another plug-in in the place of the running one.
+    Swap {
+        /// Which.
+        plugin: UnitPlugin,
+        /// When.
+        when: When,
+        /// How long it is on trial.
+        probation: Probation,
+    },
+    /// Give up a swap that waits.
+    CancelSwap,
+    /// Close the unit's port and open it again.
+    Reopen,
+    /// End the lane. The unit keeps its port and its plug-in.
+    Close,
+}
+
+/// Drives links of units. Dropping it ends them all at once; the units go on.
+#[derive(Debug)]
+pub struct Units {
+    commands: Sender<ThreadCommand>,
+    waker: Arc<mio::Waker>,
+    statuses: Mutex<std::collections::HashMap<LaneId, Arc<LaneStatus>>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Units {
+    /// Without links. `identity` is new at each start of this process, at random. What happens is
+    /// told to `reports`, on the thread of the units: it must only pass it on.
+    ///
+    /// # Errors
+    /// The thread cannot be started.
+    pub fn start(
+        identity: u64,
+        reports: impl Fn(LaneId, Report) + Send + Sync + 'static,
+    ) -> Result<Self, PortError> {
+        let (driver, commands, waker) = Driver::new(identity, Box::new(reports))?;
+        let thread = std::thread::Builder::new()
+            .name("softplug-units".to_owned())
+            .spawn(move || driver.run())
+            .map_err(|error| PortError::io("start a thread", error))?;
+        let statuses = Mutex::default();
+        Ok(Self { commands, waker, statuses, thread: Some(thread) })
+    }
+
+    /// Adds a link. An id that is taken already is not added.
+    pub fn add(&self, id: LaneId, setup: UnitSetup) {
+        let status = Arc::new(LaneStatus::default());
+        let mut statuses = self.statuses.lock().unwrap_or_else(PoisonError::into_inner);
+        if statuses.contains_key(&id) {
+            return;
+        }
+        statuses.insert(id, Arc::clone(&status));
+        self.give(ThreadCommand::Add(id, Box::new(setup), status));
+    }
+
+    /// Tells a link something; one that is no more is told nothing.
+    pub fn tell(&self, id: LaneId, command: UnitCommand) {
+        self.give(ThreadCommand::Tell(id, command));
+    }
+
+    /// Ends a link at once; [`Report::Removed`] follows. Its status is forgotten.
+    pub fn remove(&self, id: LaneId) {
+        self.statuses.lock().unwrap_or_else(PoisonError::into_inner).remove(&id);
+        self.give(ThreadCommand::Remove(id));
+    }
+
+    /// What the link is doing; it stays readable after its end.
+    pub fn status(&self, id: LaneId) -> Option<Arc<LaneStatus>> {
+        self.statuses.lock().unwrap_or_else(PoisonError::into_inner).get(&id).map(Arc::clone)
+    }
+
+    fn give(&self, command: ThreadCommand) {
+        if self.commands.send(command).is_ok() {
+            let _ = self.waker.wake();
+        }
+    }
+}
+
+impl Drop for Units {
+    fn drop(&mut self) {
+        self.give(ThreadCommand::Stop);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}

@@ -1,0 +1,385 @@
+//! `unit.toml`.
+
+use std::collections::{BTreeMap, HashSet};
+use std::fs;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+use ed25519_dalek::VerifyingKey;
+use ed25519_dalek::pkcs8::DecodePublicKey;
+use serde::Deserialize;
+use sha2::{Digest, Sha256};
+use softplug_abi::LineParameters;
+use softplug_gateway::port::parse_line;
+use softplug_gateway::{PortSpec, quantity};
+use thiserror::Error;
+
+/// The largest `unit.toml`, in bytes.
+const LARGEST_FILE: u64 = 1 << 20;
+/// Most links of a unit: their numbers have a byte in a message, and 255 means none.
+const MOST_LINKS: usize = 64;
+/// Bytes of a link's buffer.
+const BUFFERS: std::ops::RangeInclusive<u64> = 512..=64 << 20;
+/// The longest name of a unit or a link, in bytes.
+const LONGEST_NAME: usize = 64;
+
+/// What a unit is to do.
+#[derive(Clone, Debug)]
+pub struct UnitConfig {
+    /// Its name.
+    pub name: String,
+    /// A number that stays the same; of the computer if none is written.
+    pub serial: u64,
+    /// Where its gateway reaches it.
+    pub listen: SocketAddr,
+    /// Whose plug-ins it takes.
+    pub signature: SignatureConfig,
+    /// Its links, in the order of the file. Their names are distinct.
+    pub links: Vec<LinkConfig>,
+}
+
+/// Whose plug-ins a unit takes.
+#[derive(Clone, Debug, Default)]
+pub struct SignatureConfig {
+    /// Ed25519 public keys.
+    pub keys: Vec<[u8; 32]>,
+    /// Plug-ins without a signature are taken too.
+    pub unsigned: bool,
+}
+
+/// A link of a unit.
+#[derive(Clone, Debug)]
+pub struct LinkConfig {
+    /// Its name.
+    pub name: String,
+    /// Its port.
+    pub port: PortSpec,
+    /// The line as it is written; what that does not say is the plug-in's.
+    pub line: Option<String>,
+    /// The memory of its plug-in.
+    pub memory: MemoryConfig,
+    /// Settings that hold until a gateway sends others, as `--set` takes them.
+    pub settings: BTreeMap<String, String>,
+    /// Bytes between the bus and the machine.
+    pub buffer: usize,
+    /// Where what must outlive a start is kept, beside the memory.
+    pub state: PathBuf,
+}
+
+/// Where a link's two slots are.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct MemoryConfig {
+    /// A character device of MTD, or a file.
+    pub path: PathBuf,
+    /// Bytes of a file that is made; of a device it is what the device has.
+    pub size: u32,
+    /// Erasures of a slot after which it takes no more.
+    pub most_erases: u32,
+}
+
+/// Why a unit is not started: its set-up.
+#[derive(Debug, Error)]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("{}: {reason}", file.display())]
+    Unreadable {
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// It says what cannot be.
+    #[error("{}: {reason}", file.display())]
+    Wrong {
+        /// The file.
+        file: PathBuf,
+        /// What and where, for people.
+        reason: String,
+    },
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenUnit {
+    name: Option<String>,
+    serial: Option<u64>,
+    listen: SocketAddr,
+    #[serde(default = "default_state")]
+    state: PathBuf,
+    #[serde(default)]
+    signature: WrittenSignature,
+    #[serde(default)]
+    link: Vec<WrittenLink>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenSignature {
+    #[serde(default)]
+    keys: Vec<PathBuf>,
+    #[serde(default)]
+    unsigned: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenLink {
+    name: String,
+    port: Port,
+    line: Option<Line>,
+    memory: Option<PathBuf>,
+    #[serde(default = "default_memory")]
+    memory_size: Bytes,
+    #[serde(default = "default_erases")]
+    most_erases: u32,
+    #[serde(default)]
+    settings: BTreeMap<String, String>,
+    #[serde(default = "default_buffer")]
+    buffer: Bytes,
+}
+
+fn default_state() -> PathBuf {
+    PathBuf::from("/var/lib/softplug-unit")
+}
+
+fn default_memory() -> Bytes {
+    Bytes(1 << 20)
+}
+
+fn default_erases() -> u32 {
+    10_000
+}
+
+fn default_buffer() -> Bytes {
+    Bytes(64 << 10)
+}
+
+#[derive(Deserialize)]
+#[serde(try_from = "String")]
+struct Port(PortSpec);
+
+impl TryFrom<String> for Port {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse().map(Self).map_err(|error: softplug_gateway::BadSpec| error.to_string())
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(try_from = "String")]
+struct Line(String);
+
+impl TryFrom<String> for Line {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        match parse_line(&text, LineParameters::new(0)) {
+            Ok(_) => Ok(Self(text)),
+            Err(error) => Err(error.to_string()),
+        }
+    }
+}
+
+#[derive(Copy, Clone, Deserialize)]
+#[serde(try_from = "WrittenBytes")]
+struct Bytes(u64);
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum WrittenBytes {
+    Number(u64),
+    Text(String),
+}
+
+impl TryFrom<WrittenBytes> for Bytes {
+    type Error = &'static str;
+
+    fn try_from(written: WrittenBytes) -> Result<Self, &'static str> {
+        match written {
+            WrittenBytes::Number(number) => Ok(Self(number)),
+            WrittenBytes::Text(text) => quantity::bytes(&text).map(Self),
+        }
+    }
+}
+
+impl UnitConfig {
+    /// Reads and checks a file. Paths in it are relative to its folder.
+    ///
+    /// # Errors
+    /// It cannot be read, or says what cannot be.
+    pub fn read(file: &Path) -> Result<Self, ConfigError> {
+        let unreadable = |reason: String| ConfigError::Unreadable { file: file.to_owned(), reason };
+        let size = fs::metadata(file).map_err(|error| unreadable(error.to_string()))?.len();
+        if size > LARGEST_FILE {
+            return Err(unreadable(format!("it is larger than {LARGEST_FILE} bytes")));
+        }
+        let text = fs::read_to_string(file).map_err(|error| unreadable(error.to_string()))?;
+        let folder = file.parent().unwrap_or(Path::new("."));
+        Self::parse(&text, folder)
+            .map_err(|reason| ConfigError::Wrong { file: file.to_owned(), reason })
+    }
+
+    fn parse(text: &str, folder: &Path) -> Result<Self, String> {
+        let written: WrittenUnit = toml::from_str(text).map_err(|error| error.to_string())?;
+        let name = written.name.unwrap_or_else(host_name);
+        named("the unit", &name)?;
+        let keys = written.signature.keys.iter().map(|file| key(&folder.join(file)));
+        let keys = keys.collect::<Result<Vec<_>, _>>()?;
+        let unsigned = written.signature.unsigned;
+        if keys.is_empty() && !unsigned {
+            return Err("no plug-in could ever be taken: name a public key in `keys` of [signature], or set \
+                        `unsigned = true` there for a bus that nobody else reaches"
+                .to_owned());
+        }
+        if written.link.is_empty() {
+            return Err("there is no [[link]]: name at least one port".to_owned());
+        }
+        if written.link.len() > MOST_LINKS {
+            return Err(format!("{} links; {MOST_LINKS} are the most", written.link.len()));
+        }
+        let state = folder.join(written.state);
+        let links: Vec<LinkConfig> = written
+            .link
+            .into_iter()
+            .map(|link| link.checked(folder, &state))
+            .collect::<Result<_, _>>()?;
+        distinct("name", links.iter().map(|link| link.name.to_lowercase()))?;
+        distinct("memory", links.iter().map(|link| link.memory.path.display().to_string()))?;
+        let ports = links.iter().filter(|link| link.port.is_exclusive());
+        distinct("port", ports.map(|link| link.port.to_string()))?;
+        let serial = written.serial.unwrap_or_else(|| serial_of(&name));
+        let signature = SignatureConfig { keys, unsigned };
+        Ok(Self { name, serial, listen: written.listen, signature, links })
+    }
+}
+
+impl WrittenLink {
+    fn checked(self, folder: &Path, state: &Path) -> Result<LinkConfig, String> {
+        let Self { name, .. } = self;
+        named("a link", &name)?;
+        let Bytes(buffer) = self.buffer;
+        if !BUFFERS.contains(&buffer) {
+            return Err(format!(
+                "the buffer of link \"{name}\" has {buffer} bytes; give {} to {}",
+                BUFFERS.start(),
+                BUFFERS.end()
+            ));
+        }
+        if self.port.0.needs_rate() && self.line.is_none() {
+            return Err(format!("link \"{name}\" needs a `line` such as \"9600 8N1\""));
+        }
+        let path = match self.memory {
+            Some(path) => folder.join(path),
+            None => state.join(format!("{name}.slots")),
+        };
+        let size = u32::try_from(self.memory_size.0)
+            .map_err(|_| format!("the memory of link \"{name}\" is too large"))?;
+        let memory = MemoryConfig { path, size, most_erases: self.most_erases };
+        Ok(LinkConfig {
+            state: state.join(format!("{name}.settings")),
+            port: self.port.0,
+            line: self.line.map(|Line(text)| text),
+            memory,
+            settings: self.settings,
+            buffer: buffer as usize,
+            name,
+        })
+    }
+}
+
+/// Names become names of files and are shown.
+fn named(what: &str, name: &str) -> Result<(), String> {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+    let is_good = !name.is_empty()
+        && name.len() <= LONGEST_NAME
+        && name.chars().all(is_plain)
+        && !name.starts_with('.');
+    if is_good {
+        return Ok(());
+    }
+    let name = name.escape_debug();
+    Err(format!(
+        "\"{name}\" is no name for {what}: write up to {LONGEST_NAME} letters, digits, \"-\", \"_\" and \".\""
+    ))
+}
+
+fn distinct(what: &str, all: impl Iterator<Item = String>) -> Result<(), String> {
+    let mut seen = HashSet::new();
+    for one in all {
+        if !seen.insert(one.clone()) {
+            return Err(format!("two links have the {what} \"{one}\""));
+        }
+    }
+    Ok(())
+}
+
+fn key(file: &Path) -> Result<[u8; 32], String> {
+    let shown = file.display();
+    let text = fs::read_to_string(file).map_err(|error| format!("the key {shown}: {error}"))?;
+    let key = VerifyingKey::from_public_key_pem(&text).map_err(|error| {
+        format!("{shown} is no Ed25519 public key, as `openssl pkey -pubout` writes it: {error}")
+    })?;
+    Ok(key.to_bytes())
+}
+
+fn host_name() -> String {
+    let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    let name = name.trim();
+    if named("the unit", name).is_ok() { name.to_owned() } else { "unit".to_owned() }
+}
+
+/// A number of this computer, with the unit's name: the computer's own id is not given away.
+fn serial_of(name: &str) -> u64 {
+    let machine = fs::read("/etc/machine-id").unwrap_or_default();
+    let digest = Sha256::new().chain_update(machine).chain_update(name).finalize();
+    let (first, _) = digest.split_first_chunk::<8>().expect("SHA-256 has 32 bytes");
+    u64::from_le_bytes(*first)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LEAST: &str = "listen = \"127.0.0.1:7640\"\n[signature]\nunsigned = true\n\
+                         [[link]]\nname = \"mill\"\nport = \"/dev/ttyS0\"\nline = \"19200 8N1\"\n";
+
+    fn refused(text: &str) -> String {
+        UnitConfig::parse(text, Path::new("/etc/unit")).expect_err("it is wrong")
+    }
+
+    #[test]
+    fn the_least_that_can_be_written_is_enough() {
+        let config = UnitConfig::parse(LEAST, Path::new("/etc/unit")).unwrap();
+        let link = &config.links[0];
+        assert_eq!(link.memory.path, Path::new("/var/lib/softplug-unit/mill.slots"));
+        assert_eq!((link.buffer, link.memory.size), (65_536, 1 << 20));
+    }
+
+    #[test]
+    fn what_cannot_be_is_said_in_a_sentence() {
+        let with = |line: &str| format!("{LEAST}{line}\n");
+        let again = LEAST.split_once("[[link]]").unwrap().1;
+        let cases = [
+            (LEAST.replace("true", "false"), "no plug-in could ever be taken"),
+            (with("baud = 9600"), "unknown field `baud`"),
+            (with("buffer = \"3B\""), "give 512 to"),
+            (with("buffer = \"many\""), "write a number of bytes"),
+            (LEAST.replace("19200 8N1", "fast"), "fast"),
+            (LEAST.replace("\"mill\"", "\"../mill\""), "is no name for a link"),
+            (LEAST.replace("/dev/ttyS0", "COM1"), "COM1"),
+            (LEAST.replace("line = \"19200 8N1\"\n", ""), "needs a `line`"),
+            (format!("{LEAST}[[link]]{again}"), "two links have the name"),
+            (
+                format!("{LEAST}[[link]]{}", again.replace("mill", "lathe")),
+                "two links have the port",
+            ),
+            (LEAST.replace("unsigned = true", "keys = [\"none.pem\"]"), "none.pem"),
+            (LEAST.split_once("[[link]]").unwrap().0.to_owned(), "there is no [[link]]"),
+        ];
+        for (text, part) in cases {
+            let said = refused(&text);
+            assert!(said.contains(part), "{said}");
+        }
+    }
+}

@@ -1,0 +1,250 @@
+//! A link's plug-in memory: two slots on a file or an MTD device.
+
+use std::fs;
+use std::io;
+use std::os::unix::fs::FileTypeExt;
+
+use softplug_unit_protocol::{Digest, SlotState, ToServer};
+use softplug_unit_slots::{
+    Begun, Content, Device, FileDevice, Geometry, Module, MtdDevice, Options, Run, Signature, Slot,
+    Slots, State, Trust,
+};
+
+use crate::config::{MemoryConfig, SignatureConfig};
+
+/// Times that a plug-in on trial may be started.
+const ATTEMPTS: u8 = 3;
+/// Blocks and granules of a file, as of common NOR flash.
+const ERASE: u32 = 4_096;
+const GRANULE: u32 = 4;
+/// Bytes of a signature in a message: the key's id, and the signature.
+const SIGNATURE: usize = 32 + 64;
+
+/// A device of either kind.
+#[derive(Debug)]
+enum AnyDevice {
+    File(FileDevice),
+    Mtd(MtdDevice),
+}
+
+impl Device for AnyDevice {
+    type Error = io::Error;
+
+    fn geometry(&self) -> Geometry {
+        match self {
+            Self::File(device) => device.geometry(),
+            Self::Mtd(device) => device.geometry(),
+        }
+    }
+
+    fn read(&mut self, at: u32, into: &mut [u8]) -> io::Result<()> {
+        match self {
+            Self::File(device) => device.read(at, into),
+            Self::Mtd(device) => device.read(at, into),
+        }
+    }
+
+    fn erase(&mut self, at: u32, length: u32) -> io::Result<()> {
+        match self {
+            Self::File(device) => device.erase(at, length),
+            Self::Mtd(device) => device.erase(at, length),
+        }
+    }
+
+    fn program(&mut self, at: u32, bytes: &[u8]) -> io::Result<()> {
+        match self {
+            Self::File(device) => device.program(at, bytes),
+            Self::Mtd(device) => device.program(at, bytes),
+        }
+    }
+}
+
+/// A plug-in that is to run.
+#[derive(Debug)]
+pub(crate) struct Bootable {
+    pub(crate) digest: Digest,
+    pub(crate) bytes: Vec<u8>,
+    pub(crate) is_on_trial: bool,
+}
+
+/// How a download stands.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(crate) enum Download {
+    /// So many bytes are there.
+    Until(u32),
+    /// All of it was there already, in this slot.
+    Whole(u8),
+}
+
+pub(crate) struct Memory {
+    slots: Slots<'static, AnyDevice>,
+    most_erases: u32,
+    /// The module that the last boot gave.
+    running: Option<Digest>,
+}
+
+impl Memory {
+    pub(crate) fn open(config: &MemoryConfig, trusted: &SignatureConfig) -> Result<Self, String> {
+        let device = device(config).map_err(|error| error.to_string())?;
+        // There are as many memories as links, and they last as long as the process.
+        let keys: &'static [[u8; 32]] = Box::leak(trusted.keys.clone().into_boxed_slice());
+        let trust = if trusted.unsigned { Trust::unsigned_too(keys) } else { Trust::signed(keys) };
+        let most_erases = config.most_erases;
+        let options = Options { trust, attempts: ATTEMPTS, most_erases };
+        let slots = Slots::open(device, options).map_err(|error| error.to_string())?;
+        Ok(Self { slots, most_erases, running: None })
+    }
+
+    /// What is to run. An attempt of a trial is counted.
+    pub(crate) fn boot(&mut self) -> Result<Option<Bootable>, String> {
+        let boot = self.slots.boot();
+        for (slot, reason) in ["A", "B"].into_iter().zip(boot.passed_over) {
+            if let Some(reason) = reason {
+                tracing::debug!(slot, %reason, "a slot is not run");
+            }
+        }
+        self.running = None;
+        let Some(module) = boot.run.module() else { return Ok(None) };
+        let bytes = self.read(&module)?;
+        self.running = Some(module.digest);
+        let is_on_trial = matches!(boot.run, Run::Trial { .. });
+        Ok(Some(Bootable { digest: module.digest, bytes, is_on_trial }))
+    }
+
+    fn read(&mut self, module: &Module) -> Result<Vec<u8>, String> {
+        let mut bytes = vec![0; module.length as usize];
+        self.slots.read(module.slot, 0, &mut bytes).map_err(|error| error.to_string())?;
+        Ok(bytes)
+    }
+
+    pub(crate) fn begin(
+        &mut self,
+        length: u32,
+        digest: Digest,
+        signature: &[u8],
+    ) -> Result<Download, String> {
+        let signature = match signature {
+            [] => None,
+            bytes if bytes.len() == SIGNATURE => {
+                let mut signature = Signature { key: [0; 32], bytes: [0; 64] };
+                signature.key.copy_from_slice(&bytes[..32]);
+                signature.bytes.copy_from_slice(&bytes[32..]);
+                Some(signature)
+            }
+            bytes => {
+                return Err(format!("a signature has {SIGNATURE} bytes, and this {}", bytes.len()));
+            }
+        };
+        match self.slots.begin(length, digest, signature).map_err(|error| error.to_string())? {
+            Begun::Fresh { .. } => Ok(Download::Until(0)),
+            Begun::UnderWay { received, .. } => Ok(Download::Until(received)),
+            Begun::AlreadyThere { slot, .. } => Ok(Download::Whole(number(slot))),
+        }
+    }
+
+    /// Takes a piece; gives how many bytes are there.
+    pub(crate) fn piece(&mut self, at: u32, bytes: &[u8]) -> Result<u32, String> {
+        self.slots.write(at, bytes).map_err(|error| error.to_string())
+    }
+
+    /// Verifies what was downloaded. Gives its slot.
+    pub(crate) fn install(&mut self) -> Result<u8, String> {
+        self.slots.finish().map(number).map_err(|error| error.to_string())
+    }
+
+    /// The module with this digest is to run now: what was downloaded goes on trial, what was
+    /// confirmed before is gone back to.
+    pub(crate) fn change_to(&mut self, digest: Digest) -> Result<Bootable, String> {
+        let held = [Slot::A, Slot::B].map(|slot| self.slots.held(slot));
+        let found = held.into_iter().flatten().find(|held| held.digest == digest);
+        let state = found
+            .map(|held| held.state)
+            .ok_or_else(|| "no slot holds this plug-in: download it first".to_owned())?;
+        match state {
+            State::Written => {
+                self.slots.start_trial().map_err(|error| error.to_string())?;
+            }
+            State::Confirmed if self.running.is_some_and(|running| running != digest) => {
+                self.slots.go_back().map_err(|error| error.to_string())?;
+            }
+            State::Confirmed | State::Trial { .. } => {}
+            State::Writing => return Err("its download is not finished".to_owned()),
+            State::Failed(failure) => {
+                return Err(format!("it has failed before ({failure}): download it anew"));
+            }
+        }
+        let bootable = self.boot()?.ok_or("nothing in the memory can run")?;
+        if bootable.digest != digest {
+            return Err("the memory gives another plug-in: this one is not sound".to_owned());
+        }
+        Ok(bootable)
+    }
+
+    /// What runs has proved itself.
+    pub(crate) fn confirm(&mut self) {
+        if let Err(error) = self.slots.confirm() {
+            tracing::error!(%error, "a trial cannot be confirmed");
+        }
+    }
+
+    /// What is on trial does not do.
+    pub(crate) fn fail(&mut self) {
+        if let Err(error) = self.slots.fail() {
+            tracing::error!(%error, "a trial cannot be ended");
+        }
+    }
+
+    /// What a query is told.
+    pub(crate) fn tell(&self, link: u8) -> [ToServer<'static>; 2] {
+        [Slot::A, Slot::B].map(|slot| {
+            let held = self.slots.held(slot);
+            ToServer::Slot {
+                link,
+                slot: number(slot),
+                state: held.map_or(SlotState::Empty, |held| shown(held.state)),
+                length: held.map_or(0, |held| held.length),
+                digest: held.map_or([0; 32], |held| held.digest),
+                erased: self.slots.erases(slot),
+                erasable: self.most_erases,
+            }
+        })
+    }
+
+    /// A slot that holds something else than this format.
+    pub(crate) fn foreign(&self) -> Option<String> {
+        [Slot::A, Slot::B].into_iter().find_map(|slot| match self.slots.look(slot) {
+            Content::Module(_) | Content::Empty => None,
+            content => Some(format!("slot {slot} holds something else: {content:?}")),
+        })
+    }
+}
+
+fn device(config: &MemoryConfig) -> io::Result<AnyDevice> {
+    let is_device =
+        fs::metadata(&config.path).is_ok_and(|found| found.file_type().is_char_device());
+    if is_device {
+        return MtdDevice::open(&config.path).map(AnyDevice::Mtd);
+    }
+    if let Some(folder) = config.path.parent() {
+        fs::create_dir_all(folder)?;
+    }
+    let geometry = Geometry { size: config.size, erase: ERASE, granule: GRANULE };
+    FileDevice::open(&config.path, geometry).map(AnyDevice::File)
+}
+
+fn number(slot: Slot) -> u8 {
+    match slot {
+        Slot::A => 0,
+        Slot::B => 1,
+    }
+}
+
+fn shown(state: State) -> SlotState {
+    match state {
+        State::Writing => SlotState::Writing,
+        State::Written => SlotState::Written,
+        State::Trial { .. } => SlotState::OnTrial,
+        State::Confirmed => SlotState::Confirmed,
+        State::Failed(_) => SlotState::Failed,
+    }
+}

@@ -1,0 +1,160 @@
+//! A unit with a simulated machine, and a gateway's end of the unit protocol, over loopback.
+
+mod cable;
+mod shop;
+
+use shop::{Machine, Shop, ended, program};
+use softplug_abi::Failure;
+use softplug_gateway::reactor::{JobOutcome, Probation, SwapReport, When};
+use softplug_gateway::units::UnitCommand;
+
+#[test]
+fn a_plug_in_is_downloaded_and_a_program_arrives() {
+    let mut shop = Shop::new(Machine::fast());
+    shop.until_up();
+    let program = program(20_000);
+    let end = shop.send(1, &program);
+    assert_eq!(end.outcome, JobOutcome::Done);
+    assert_eq!((end.taken, end.bytes_maybe_left), (20_000, 20_000));
+    assert_eq!(shop.received(), program);
+}
+
+#[test]
+fn the_cable_is_out_five_times_in_mid_job_and_nothing_is_lost_or_doubled() {
+    let mut shop = Shop::new(Machine::at(115_200));
+    shop.until_up();
+    let program = program(60_000);
+    shop.begin(1, &program);
+    for cut in 1..=5_usize {
+        shop.until(|shop| shop.received().len() >= cut * 10_000);
+        shop.cable.cut();
+    }
+    let end = shop.until_report(ended);
+    assert_eq!(end.outcome, JobOutcome::Done);
+    assert_eq!(shop.received(), program);
+}
+
+#[test]
+fn the_machine_goes_on_from_the_buffer_while_the_cable_is_out() {
+    let mut shop = Shop::new(Machine::at(115_200));
+    shop.until_up();
+    let program = program(8_000);
+    shop.begin(1, &program);
+    shop.until(|shop| shop.received().len() >= 1_000);
+    shop.cable.hold(true);
+    // All of it is in the unit by now, or comes out of what is.
+    shop.until(|shop| shop.received() == program);
+    shop.cable.hold(false);
+    assert_eq!(shop.until_report(ended).outcome, JobOutcome::Done);
+}
+
+#[test]
+fn a_unit_that_is_started_anew_runs_what_it_has_and_its_job_is_told_as_it_was() {
+    let mut shop = Shop::new(Machine::at(9_600));
+    shop.until_up();
+    let program = program(30_000);
+    shop.begin(1, &program);
+    shop.until(|shop| shop.received().len() >= 1_000);
+    shop.restart_unit();
+    let end = shop.until_report(ended);
+    assert_eq!(end.outcome, JobOutcome::Failed { failure: Failure::Interrupted, status: 0 });
+    let left = shop.received().len() as u64;
+    assert!(end.bytes_surely_left <= left && left <= end.bytes_maybe_left, "{end:?}, {left}");
+    // It has the plug-in: nothing is downloaded.
+    shop.until_up();
+    assert_eq!(shop.erases(), [1, 0]);
+    assert_eq!(shop.send(2, b"G1 X2\n").outcome, JobOutcome::Done);
+}
+
+#[test]
+fn a_gateway_that_is_started_anew_ends_what_it_does_not_know() {
+    let mut shop = Shop::new(Machine::at(9_600));
+    shop.until_up();
+    shop.begin(1, &program(30_000));
+    shop.until(|shop| shop.received().len() >= 500);
+    shop.restart_gateway();
+    shop.until_up();
+    let before = shop.received();
+    assert!(before.len() < 30_000);
+    assert_eq!(shop.send(2, b"G1 X2\n").outcome, JobOutcome::Done);
+    assert_eq!(shop.received(), [&before[..], b"G1 X2\n"].concat());
+}
+
+#[test]
+fn a_swap_in_mid_job_costs_no_byte() {
+    let mut shop = Shop::new(Machine::at(57_600));
+    shop.until_up();
+    let program = program(40_000);
+    shop.begin(1, &program);
+    shop.until(|shop| shop.received().len() >= 5_000);
+    let plugin = shop.another_plugin();
+    let probation = Probation { events: 50, ..Probation::default() };
+    shop.tell(UnitCommand::Swap { plugin, when: When::Now, probation });
+    let done = shop.until_report(shop::swapped);
+    assert!(
+        matches!(done, SwapReport::Done { with_state: true, on_probation: true, .. }),
+        "{done:?}"
+    );
+    assert_eq!(shop.until_report(shop::swapped), SwapReport::Kept);
+    assert_eq!(shop.until_report(ended).outcome, JobOutcome::Done);
+    assert_eq!(shop.received(), program);
+    assert_eq!(shop.erases(), [1, 1]);
+    // It is what runs after a start, too.
+    shop.restart_unit();
+    shop.until_up();
+    assert_eq!(shop.erases(), [1, 1]);
+}
+
+#[test]
+fn what_the_machine_sends_arrives_once_whatever_the_cable_does() {
+    let mut shop = Shop::new(Machine::at(57_600));
+    shop.until_up();
+    let program = program(20_000);
+    let punched = program.clone();
+    shop.machine.tell(move |now, control| control.punch(now, punched));
+    for cut in 1..=3_usize {
+        shop.until(|shop| shop.arrived().len() >= cut * 4_000);
+        shop.cable.cut();
+    }
+    shop.until(|shop| shop.arrived().len() >= 20_000);
+    shop.until_report(shop::delivered);
+    assert_eq!(shop.arrived(), program);
+}
+
+#[test]
+fn an_abort_while_the_cable_is_out_ends_the_job_when_it_is_back() {
+    let mut shop = Shop::new(Machine::at(9_600));
+    shop.until_up();
+    shop.begin(1, &program(30_000));
+    shop.until(|shop| shop.received().len() >= 500);
+    shop.cable.hold(true);
+    shop.tell(UnitCommand::Abort(1));
+    shop.cable.hold(false);
+    let end = shop.until_report(ended);
+    assert_eq!(end.outcome, JobOutcome::Failed { failure: Failure::Aborted, status: 0 });
+    let left = shop.received().len() as u64;
+    assert!(left < 30_000 && left <= end.bytes_maybe_left, "{end:?}, {left}");
+}
+
+#[test]
+fn a_pause_holds_over_a_cable_that_was_out() {
+    let mut shop = Shop::new(Machine::at(9_600));
+    shop.until_up();
+    let program = program(3_000);
+    shop.begin(1, &program);
+    shop.until(|shop| shop.received().len() >= 500);
+    shop.tell(UnitCommand::Pause(1));
+    shop.cable.cut();
+    shop.until_up();
+    shop.tell(UnitCommand::Resume(1));
+    assert_eq!(shop.until_report(ended).outcome, JobOutcome::Done);
+    assert_eq!(shop.received(), program);
+}
+
+#[test]
+fn a_plug_in_that_is_not_signed_is_refused_where_signatures_are_wanted() {
+    let mut shop = Shop::that_wants_signatures(Machine::fast());
+    let why = shop.until_report(shop::down);
+    assert!(why.contains("without a signature"), "{why}");
+    assert_eq!(shop.erases(), [0, 0]);
+}
