@@ -313,6 +313,17 @@ impl UnitLane {
                 self.change = Some(Change { plugin, swap, is_ordered: false });
                 self.order(around);
             }
+            UnitCommand::Replace(plugin) => {
+                self.setup.plugin = plugin.clone();
+                self.change = Some(Change { plugin, swap: None, is_ordered: false });
+                self.order(around);
+            }
+            UnitCommand::Halt(why) => {
+                let why = &why[..why.floor_char_boundary(600)];
+                if let Some(link) = self.number {
+                    around.say(&ToUnit::Halt { link, why });
+                }
+            }
             UnitCommand::Close => self.close(around),
         }
     }

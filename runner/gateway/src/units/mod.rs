@@ -138,6 +138,10 @@ pub enum UnitCommand {
     },
     /// Give up a swap that waits.
     CancelSwap,
+    /// Put a plug-in in the place of one that has ended by a fault.
+    Replace(UnitPlugin),
+    /// End the plug-in at once, whatever it is doing; it is told as at fault, with this sentence.
+    Halt(String),
     /// Close the unit's port and open it again.
     Reopen,
     /// End the lane. The unit keeps its port and its plug-in.

@@ -7,6 +7,7 @@ use std::time::Duration;
 use softplug_abi::{LineParameters, Micros};
 use softplug_gateway::endpoint::EndpointSetup;
 use softplug_gateway::port::{line_mismatch, line_text, parse_line};
+use softplug_gateway::units::UnitAddress;
 use softplug_gateway::{Flow, PortSpec};
 
 use super::finding::{ConfigFinding, Place};
@@ -80,6 +81,8 @@ pub enum PortConfig {
     Port(PortSpec),
     /// A simulated machine of this process.
     Simulated(String),
+    /// A link of a front-end unit: its port, its line and its plug-in are there.
+    Unit(UnitAddress),
 }
 
 impl PortConfig {
@@ -87,7 +90,7 @@ impl PortConfig {
     pub(super) fn is(&self, fact: impl Fn(&PortSpec) -> bool) -> bool {
         match self {
             Self::Port(spec) => fact(spec),
-            Self::Simulated(_) => false,
+            Self::Simulated(_) | Self::Unit(_) => false,
         }
     }
 }
@@ -97,6 +100,7 @@ impl fmt::Display for PortConfig {
         match self {
             Self::Port(spec) => spec.fmt(f),
             Self::Simulated(machine) => write!(f, "simulate:{machine}"),
+            Self::Unit(address) => address.fmt(f),
         }
     }
 }

@@ -8,7 +8,8 @@ use std::ops::Range;
 use softplug_abi::LineParameters;
 use softplug_gateway::endpoint::{EndpointKind, EndpointSetup, Framing, LineAnswer};
 use softplug_gateway::port::parse_line;
-use softplug_gateway::{Flow, PortSpec};
+use softplug_gateway::units::UnitAddress;
+use softplug_gateway::{BadSpec, Flow, PortSpec};
 use toml::{Spanned, Value};
 
 use super::finding::{ConfigFindings, Place};
@@ -222,8 +223,8 @@ fn port(
             );
             return None;
         }
-        None => match text.get_ref().parse() {
-            Ok(spec) => PortConfig::Port(spec),
+        None => match parse_port(text.get_ref()) {
+            Ok(port) => port,
             Err(error) => {
                 let (message, hint) = split(&error);
                 problems.add(text.span(), message, hint);
@@ -231,13 +232,20 @@ fn port(
             }
         },
     };
-    if port.is(PortSpec::is_exclusive)
+    if (port.is(PortSpec::is_exclusive) || matches!(port, PortConfig::Unit(_)))
         && let Some(other) = taken.ports.insert(port.to_string(), name.to_owned())
     {
         let message = format!("the link \"{other}\" has the same port {port}");
         problems.add(text.span(), message, "a port belongs to one link");
     }
     Some(port)
+}
+
+fn parse_port(text: &str) -> Result<PortConfig, BadSpec> {
+    if text.starts_with(UnitAddress::SCHEME) {
+        return text.parse().map(PortConfig::Unit);
+    }
+    text.parse().map(PortConfig::Port)
 }
 
 /// As far as it is written; the rest is the plug-in's.

@@ -79,7 +79,7 @@ impl Gateway {
     pub fn force_resume(&self, link: &str) -> Result<LinkView, Refusal> {
         self.on_link(link, |control, name| {
             let lane = control.link(name)?.lane_id();
-            control.reactor.tell(lane, Command::ForceResume);
+            control.drivers.tell(lane, Command::ForceResume);
             Ok(())
         })
     }

@@ -13,10 +13,10 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use softplug_gateway::reactor::{LaneId, Reactor, Report};
-use softplug_host::Session;
+use softplug_gateway::reactor::{LaneId, Report};
 use tokio::sync::broadcast;
 
+use super::drivers::Drivers;
 use super::journal_writer::JournalWriter;
 use super::link::Link;
 use super::loading::Loader;
@@ -83,7 +83,7 @@ pub(crate) struct Parts {
 pub(crate) struct Control {
     pub(super) shared: Arc<Shared>,
     pub(super) config: Config,
-    pub(super) reactor: Reactor<Session>,
+    pub(super) drivers: Drivers,
     pub(super) feeder: Feeder,
     pub(super) reception_writer: ReceptionWriter,
     pub(super) links: BTreeMap<String, Link>,

@@ -69,11 +69,16 @@ impl Control {
     pub(super) fn start_plugin(&mut self, name: &str) {
         let Some(link) = self.links.get_mut(name) else { return };
         let lane = link.lane_id();
+        let text = format!("{} is started again", described(&link.plugin));
+        if link.is_of_unit() {
+            self.drivers.replace_in_unit(lane, link.plugin.for_unit());
+            self.shared.parts.journal_writer.link(Subject::Fault, Weight::Normal, name, text);
+            return;
+        }
         match link.plugin.instance() {
             Ok(instance) => {
                 let settings = link.plugin.values.clone();
-                let text = format!("{} is started again", described(&link.plugin));
-                self.reactor.tell(lane, Command::Replace { instance, settings });
+                self.drivers.tell(lane, Command::Replace { instance, settings });
                 self.shared.parts.journal_writer.link(Subject::Fault, Weight::Normal, name, text);
             }
             Err(error) => {
@@ -99,7 +104,7 @@ impl Control {
         self.shared.parts.journal_writer.link(Subject::Fault, Weight::Alarm, name, text);
         // What is under way is broken off when the lane tells that it has stopped: until then
         // bytes leave, and are counted.
-        self.reactor.tell(lane, Command::Halt("it was stopped by hand".to_owned()));
+        self.drivers.tell(lane, Command::Halt("it was stopped by hand".to_owned()));
         Ok(())
     }
 

@@ -91,7 +91,7 @@ impl Control {
         });
         let lane_job = LaneJob { id: job.id, kind, size, fields, check };
         let lane = link.lane_id();
-        self.reactor.tell(lane, Command::Begin(Feed { job: lane_job, source }));
+        self.drivers.tell(lane, Command::Begin(Feed { job: lane_job, source }));
         Ok(())
     }
 
@@ -163,7 +163,7 @@ impl Control {
             running.is_check = false;
         }
         let lane = link.lane_id();
-        self.reactor.tell(lane, Command::Refill { job: id, source });
+        self.drivers.tell(lane, Command::Refill { job: id, source });
     }
 
     /// What the feeder tells: the disk, or what is written on it.
@@ -239,7 +239,7 @@ impl Control {
             };
             let lane = link.lane_id();
             if let Some(command) = command {
-                self.reactor.tell(lane, command);
+                self.drivers.tell(lane, command);
             }
         }
         self.show_job(&job);

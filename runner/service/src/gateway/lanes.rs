@@ -9,6 +9,7 @@ use softplug_gateway::endpoint::ServerEndpoint;
 use softplug_gateway::reactor::{
     Backoff, Command, LaneEndpoint, LaneId, LaneSetup, LaneStatus, Watchdogs,
 };
+use softplug_gateway::units::UnitSetup;
 use softplug_gateway::{PortOptions, PortSpec};
 use softplug_host::Session;
 
@@ -73,15 +74,24 @@ impl Control {
             let journal_writer = &self.shared.parts.journal_writer;
             journal_writer.link(Subject::Port, Weight::Warning, name, remark.message);
         }
-        let setup = match setup(link) {
-            Ok(setup) => setup,
-            Err(text) => {
-                self.cannot_open(name, &text);
-                return;
+        if let PortConfig::Unit(address) = &link.config.port {
+            let setup = UnitSetup {
+                address: address.clone(),
+                plugin: link.plugin.for_unit(),
+                delivery_room: link.config.delivery_room,
+                reopen: backoff(&link.config),
+            };
+            self.drivers.add_unit(id, setup);
+        } else {
+            match setup(link) {
+                Ok(setup) => self.drivers.add(id, setup),
+                Err(text) => {
+                    self.cannot_open(name, &text);
+                    return;
+                }
             }
-        };
-        self.reactor.add(id, setup);
-        if let Some(status) = self.reactor.status(id)
+        }
+        if let Some(status) = self.drivers.status(id)
             && let Some(link) = self.links.get_mut(name)
         {
             link.status = status;
@@ -106,13 +116,13 @@ impl Control {
         if let Some(running) = link.job.as_mut().filter(|running| running.ends_as == EndsAs::ItIs) {
             // In the way that the protocol has for it, as far as there is time.
             running.ends_as = EndsAs::Interrupted("the link was closed in the middle of it");
-            self.reactor.tell(id, Command::Abort(running.job.id));
+            self.drivers.tell(id, Command::Abort(running.job.id));
         }
-        let has_lane = self.reactor.status(id).is_some();
+        let has_lane = self.drivers.status(id).is_some();
         link.lane = Lane::Closing(id, after);
         if has_lane {
             let hand_over = self.stopping.as_ref().is_some_and(|stopping| stopping.hands_over);
-            self.reactor.tell(id, Command::Close { patience: CLOSING, hand_over });
+            self.drivers.tell(id, Command::Close { patience: CLOSING, hand_over });
         } else {
             self.shared.tell(move |control| {
                 control.hear(id, softplug_gateway::reactor::Report::Removed);
@@ -143,8 +153,8 @@ impl Control {
         let link = self.link(name)?;
         let (lane, id) = (link.lane, link.lane_id());
         match lane {
-            Lane::Open(_) if self.reactor.status(id).is_some() => {
-                self.reactor.tell(id, Command::Reopen);
+            Lane::Open(_) if self.drivers.status(id).is_some() => {
+                self.drivers.tell(id, Command::Reopen);
                 Ok(())
             }
             Lane::Open(_) => {
@@ -183,6 +193,7 @@ fn setup(link: &mut Link) -> Result<LaneSetup<Session>, String> {
             link.machine = Some(simulated);
             port
         }
+        PortConfig::Unit(address) => return Err(format!("{address} is no port of this computer")),
     };
     let instance = link.plugin.instance().map_err(|error| error.to_string())?;
     let mut port_options = PortOptions::new(config.line);
@@ -209,12 +220,13 @@ fn setup(link: &mut Link) -> Result<LaneSetup<Session>, String> {
             no_progress: watchdogs.no_progress.map(micros),
             stuck_held: watchdogs.stuck_held.map(micros),
         },
-        reopen: Backoff {
-            first: micros(config.reopen.first),
-            longest: micros(config.reopen.longest),
-        },
+        reopen: backoff(config),
         recorder_bytes: config.recorder as usize,
     })
+}
+
+fn backoff(config: &LinkConfig) -> Backoff {
+    Backoff { first: micros(config.reopen.first), longest: micros(config.reopen.longest) }
 }
 
 /// What its client sends becomes a job that sends.

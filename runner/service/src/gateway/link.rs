@@ -180,6 +180,11 @@ impl Link {
         self.lane.id()
     }
 
+    /// Its plug-in runs in a front-end unit.
+    pub(crate) fn is_of_unit(&self) -> bool {
+        matches!(self.config.port, crate::config::PortConfig::Unit(_))
+    }
+
     /// Something is under way that a change would break off.
     pub(crate) fn is_busy(&self) -> bool {
         self.job.is_some() || !self.deliveries.is_empty() || self.status.read().job != 0

@@ -1,9 +1,10 @@
 //! Plug-ins from the library, compiled once and shared by all links that run them.
 
 use std::collections::{BTreeMap, HashMap};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use softplug_abi::manifest::{SettingError, SettingValues};
+use softplug_gateway::units::UnitPlugin;
 use softplug_host::{Digest, Host, LoadError, Plugin, Session};
 use thiserror::Error;
 
@@ -17,7 +18,7 @@ use softplug_abi::{LineParameters, Micros};
 pub(crate) struct Loader {
     host: Host,
     library: Library,
-    loaded: Mutex<HashMap<Digest, Plugin>>,
+    loaded: Mutex<HashMap<Digest, (Plugin, Arc<[u8]>)>>,
     /// Modules that are at fault, and how: many links may ask for one that takes seconds to be
     /// refused.
     refused: Mutex<HashMap<Digest, String>>,
@@ -31,6 +32,10 @@ const REFUSED: usize = 256;
 pub(crate) struct Prepared {
     pub(crate) which: PluginRef,
     pub(crate) plugin: Plugin,
+    /// The module, for units.
+    pub(crate) module: Arc<[u8]>,
+    /// Id of the key and signature, if it is signed for units.
+    pub(crate) signature: Option<Box<[u8]>>,
     pub(crate) values: SettingValues,
     /// As they were given.
     pub(crate) settings: BTreeMap<String, String>,
@@ -88,16 +93,17 @@ impl Loader {
         settings: &BTreeMap<String, String>,
     ) -> Result<Prepared, Unloadable> {
         let entry = self.resolve(reference)?;
-        let plugin = self.plugin(entry.digest)?;
+        let (plugin, module) = self.plugin(entry.digest)?;
         let values = values(&plugin, settings)?;
         let settings = settings.clone();
-        Ok(Prepared { which: reference_of(&entry), plugin, values, settings })
+        let signature = self.library.signature(entry.digest)?;
+        Ok(Prepared { which: reference_of(&entry), plugin, module, signature, values, settings })
     }
 
-    fn plugin(&self, digest: Digest) -> Result<Plugin, Unloadable> {
+    fn plugin(&self, digest: Digest) -> Result<(Plugin, Arc<[u8]>), Unloadable> {
         let loaded = || self.loaded.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(plugin) = loaded().get(&digest) {
-            return Ok(plugin.clone());
+        if let Some(loaded) = loaded().get(&digest) {
+            return Ok(loaded.clone());
         }
         let refused = || self.refused.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(reason) = refused().get(&digest) {
@@ -114,8 +120,9 @@ impl Loader {
             }
             Unloadable::Plugin(error.to_string())
         })?;
-        loaded().insert(digest, plugin.clone());
-        Ok(plugin)
+        let both = (plugin, Arc::from(module));
+        loaded().insert(digest, both.clone());
+        Ok(both)
     }
 
     /// Breaks off what is being compiled, and lets nothing more be.
@@ -150,6 +157,16 @@ impl Prepared {
 
     pub(crate) fn digest(&self) -> Digest {
         self.plugin.digest()
+    }
+
+    /// As a unit takes it.
+    pub(crate) fn for_unit(&self) -> UnitPlugin {
+        UnitPlugin {
+            module: Arc::clone(&self.module),
+            digest: *self.digest().as_bytes(),
+            signature: self.signature.clone(),
+            settings: self.settings.clone().into_iter().collect(),
+        }
     }
 
     /// A new instance.

@@ -7,6 +7,7 @@
 
 mod calls;
 mod control;
+mod drivers;
 mod evidence;
 mod faults;
 mod jobs;

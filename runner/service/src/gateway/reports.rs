@@ -302,6 +302,7 @@ impl Control {
 
     fn lane_ended(&mut self, lane: LaneId, name: &str) {
         self.lanes.remove(&lane);
+        self.drivers.forget(lane);
         self.break_off(name, "the link was closed in the middle of it");
         let Some(link) = self.links.get_mut(name) else { return };
         match link.lane {

@@ -123,11 +123,11 @@ impl Control {
                 link.requests.insert(asked.request, Some(job.id));
                 let lane = link.lane_id();
                 let (request, answer) = (asked.request, Ok(Vec::new()));
-                self.reactor.tell(lane, Command::Answer { request, answer });
+                self.drivers.tell(lane, Command::Answer { request, answer });
                 if let Some(running) = &mut link.job {
                     running.ends_as =
                         EndsAs::Interrupted("another program was asked for at the panel");
-                    self.reactor.tell(lane, Command::Abort(running.job.id));
+                    self.drivers.tell(lane, Command::Abort(running.job.id));
                 }
                 let text =
                     format!("{}: {}", asked.text(), job.spec.program.as_deref().unwrap_or(""));
@@ -139,7 +139,7 @@ impl Control {
                 link.requests.remove(&asked.request);
                 let lane = link.lane_id();
                 let (request, answer) = (asked.request, Ok(bytes));
-                self.reactor.tell(lane, Command::Answer { request, answer });
+                self.drivers.tell(lane, Command::Answer { request, answer });
                 let text = asked.text();
                 self.shared.parts.journal_writer.link(Subject::Request, Weight::Normal, name, text);
             }
@@ -151,7 +151,7 @@ impl Control {
         link.requests.remove(&asked.request);
         let lane = link.lane_id();
         let (request, answer) = (asked.request, Err(failure));
-        self.reactor.tell(lane, Command::Answer { request, answer });
+        self.drivers.tell(lane, Command::Answer { request, answer });
         let text = format!("{}; refused: {}", asked.text(), failure.text());
         self.shared.parts.journal_writer.link(Subject::Request, Weight::Warning, name, text);
     }

@@ -11,7 +11,7 @@ use std::thread::{self, JoinHandle};
 use std::time::Instant;
 
 use softplug_gateway::PortError;
-use softplug_gateway::reactor::{Reactor, ReactorOptions};
+use softplug_gateway::reactor::ReactorOptions;
 use softplug_host::compiler::CompilerProcess;
 use softplug_host::{Host, HostOptions, LoadError};
 use thiserror::Error;
@@ -19,6 +19,7 @@ use tokio::sync::broadcast;
 
 use super::Gateway;
 use super::control::{Control, Message, Parts, SWEEP, Shared};
+use super::drivers::Drivers;
 use super::journal_writer::JournalWriter;
 use super::loading::Loader;
 use super::reload::prepare;
@@ -190,7 +191,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
         real_time_priority: ready.config.gateway.real_time_priority,
     };
     let reports = inbox.clone();
-    let reactor = Reactor::start(options, move |lane, report| {
+    let drivers = Drivers::start(options, move |lane, report| {
         // Nobody listens only while the gateway is being taken down.
         let _ = reports.send(Message::Report(lane, report));
     })?;
@@ -213,7 +214,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
     let mut control = Control {
         shared: Arc::clone(&shared),
         config: ready.config.clone(),
-        reactor,
+        drivers,
         feeder,
         reception_writer,
         links: BTreeMap::new(),

@@ -49,7 +49,9 @@ impl From<LibraryError> for Refusal {
             | LibraryError::Version(_)
             | LibraryError::Ambiguous { .. } => Self::invalid("plugin", text),
             LibraryError::InUse { .. } => Self::Conflict(text),
-            LibraryError::Damaged { .. } | LibraryError::Unchecked(_) => Self::Unavailable(text),
+            LibraryError::Damaged { .. }
+            | LibraryError::Unchecked(_)
+            | LibraryError::Signature(_) => Self::Unavailable(text),
             LibraryError::Disk(error) => error.into(),
         }
     }

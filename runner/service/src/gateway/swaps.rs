@@ -43,7 +43,7 @@ impl Control {
                 let view = ordered(name, Some(link.plugin.which.clone()), &wanted.successor);
                 swap.then = Some(Box::new(wanted));
                 let lane = link.lane_id();
-                self.reactor.tell(lane, Command::CancelSwap);
+                self.drivers.tell(lane, Command::CancelSwap);
                 return Ok(view);
             }
             return Err(Refusal::Conflict(format!(
@@ -62,17 +62,30 @@ impl Control {
         if !is_running {
             // What waited has nothing left to wait for.
             let lane = link.lane_id();
-            self.reactor.tell(lane, Command::CancelSwap);
+            self.drivers.tell(lane, Command::CancelSwap);
             return Ok(self.put_in_place(name, successor, view));
         }
-        let swap = swap(&link.plugin, &successor, when, probation.unwrap_or(link.config.probation));
-        let swap = swap.map_err(|error| Refusal::invalid("plugin", error))?;
+        let probation = probation.unwrap_or(link.config.probation);
+        let in_unit = link.is_of_unit().then(|| successor.for_unit());
+        let swap = match in_unit {
+            Some(_) => None,
+            None => Some(
+                swap(&link.plugin, &successor, when, probation)
+                    .map_err(|error| Refusal::invalid("plugin", error))?,
+            ),
+        };
         let former = Some(link.plugin.clone());
         let then = None;
         link.swap =
             Some(Swapping { view: view.clone(), successor, former, waits, then, configured });
         let lane = link.lane_id();
-        self.reactor.tell(lane, Command::Swap(swap));
+        match (swap, in_unit) {
+            (Some(swap), _) => self.drivers.tell(lane, Command::Swap(swap)),
+            (None, Some(plugin)) => {
+                self.drivers.swap_in_unit(lane, plugin, moment(when), on_trial(probation));
+            }
+            (None, None) => {}
+        }
         Ok(view)
     }
 
@@ -311,11 +324,19 @@ fn swap(
             accepts: new.accepts_of(old).to_vec(),
             spare,
         },
-        when: match when {
-            SwapWhen::Now => When::Now,
-            SwapWhen::Idle => When::Idle,
-            SwapWhen::NowOrIdle => When::NowOrIdle,
-        },
-        probation: Probation { events: probation.events, span: micros(probation.span) },
+        when: moment(when),
+        probation: on_trial(probation),
     })
+}
+
+fn moment(when: SwapWhen) -> When {
+    match when {
+        SwapWhen::Now => When::Now,
+        SwapWhen::Idle => When::Idle,
+        SwapWhen::NowOrIdle => When::NowOrIdle,
+    }
+}
+
+fn on_trial(probation: config::Probation) -> Probation {
+    Probation { events: probation.events, span: micros(probation.span) }
 }

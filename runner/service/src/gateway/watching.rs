@@ -110,7 +110,7 @@ impl Control {
             .spawn(move || show(&shared, lane, &showing, &seen))
             .map_err(|error| Refusal::Unavailable(format!("no thread can be started: {error}")))?;
         self.audiences.insert(lane, audience);
-        self.reactor.tell(lane, Command::Watch(Some(Watch { to })));
+        self.drivers.tell(lane, Command::Watch(Some(Watch { to })));
         Ok(watching)
     }
 
@@ -118,7 +118,7 @@ impl Control {
     fn unwatch(&mut self, lane: LaneId) {
         if self.audiences.get(&lane).is_some_and(Audience::is_empty) {
             self.audiences.remove(&lane);
-            self.reactor.tell(lane, Command::Watch(None));
+            self.drivers.tell(lane, Command::Watch(None));
         }
     }
 }

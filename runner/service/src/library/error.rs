@@ -55,6 +55,9 @@ pub enum LibraryError {
         /// What it should be.
         digest: Digest,
     },
+    /// A signature for units has another length, in bytes.
+    #[error("a signature for units has 96 bytes, and this {0}: make it with `softplug unit sign`")]
+    Signature(usize),
     /// A link needs it.
     #[error("\"{asked}\" is used by {}: swap it there first, or force it", holders.join(", "))]
     InUse {

@@ -4,6 +4,7 @@
 //! ```text
 //! sha256/ab/cdef….wasm   the modules, named by their SHA-256, never changed
 //! names/NAME/VERSION     which module a version means: digests, the last one counts
+//! signatures/DIGEST.sig  with which units take a module
 //! used/LINK              which modules a link runs, and ran well with before
 //! incoming/              what is put here is checked and taken
 //! ```
@@ -11,11 +12,13 @@
 mod error;
 mod index;
 mod reference;
+mod signature;
 mod used;
 mod watch;
 
 pub use error::LibraryError;
 pub use reference::{BadReference, Reference, Which};
+pub use signature::SIGNATURE_BYTES;
 pub use used::Use;
 pub use watch::{LibraryNews, Watch};
 

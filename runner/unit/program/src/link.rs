@@ -414,6 +414,7 @@ impl Link {
             }
             ToUnit::CancelSwap { .. } => self.command(Command::CancelSwap, around),
             ToUnit::Reopen { .. } => self.command(Command::Reopen, around),
+            ToUnit::Halt { why, .. } => self.command(Command::Halt(why.to_owned()), around),
             ToUnit::ForceResume { .. } => self.command(Command::ForceResume, around),
             ToUnit::Answer { request, refused, is_last, bytes, .. } => {
                 self.answer(request, refused, is_last, bytes, around);

@@ -335,6 +335,14 @@ messages! {
             /// The link.
             link: u8,
         }
+        /// End the link's plug-in at once, whatever it is doing: it has ended by a fault then. *Open*
+        /// starts it again.
+        21 Halt {
+            /// The link.
+            link: u8,
+            /// Why, in words.
+            why: &'a str,
+        }
     }
 }
 
@@ -361,7 +369,8 @@ impl ToUnit<'_> {
             | Self::Noted { link, .. }
             | Self::Swap { link, .. }
             | Self::CancelSwap { link, .. }
-            | Self::Reopen { link, .. } => Some(link),
+            | Self::Reopen { link, .. }
+            | Self::Halt { link, .. } => Some(link),
         }
     }
 }
