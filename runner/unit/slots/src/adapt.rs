@@ -1,6 +1,6 @@
 //! Drivers that have the traits of `embedded-storage`, as devices.
 
-use crate::device::{Device, Geometry};
+use crate::device::{Device, Geometry, LARGEST_GRANULE};
 use embedded_storage::Storage;
 use embedded_storage::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKind};
 
@@ -43,10 +43,17 @@ pub struct FlashError(pub NorFlashErrorKind);
 
 /// An EEPROM whose driver has `embedded-storage`'s `Storage`: any byte can be written at any time.
 ///
-/// Erasing writes FF, so every byte of a slot is written twice for a download. A loss of power may leave
-/// anything in the bytes that were being written; a driver that writes pages must leave the others of a page alone.
+/// Erasing writes FF, so every byte of a slot is written twice for a download.
 #[derive(Debug)]
-pub struct Eeprom<S>(pub S);
+pub struct Eeprom<S> {
+    /// The driver.
+    pub driver: S,
+    /// What may be lost at once when power fails during a write, in bytes: it becomes block and granule. Many EEPROMs write a
+    /// whole page whatever is written of it; then it is the page's size, as the data sheet has it. 1 for FRAM, and
+    /// where the data sheet promises that other bytes stay. More than [`LARGEST_GRANULE`](crate::LARGEST_GRANULE) is refused
+    /// when the slots are opened.
+    pub page: u32,
+}
 
 impl<S: Storage> Device for Eeprom<S>
 where
@@ -55,27 +62,27 @@ where
     type Error = S::Error;
 
     fn geometry(&self) -> Geometry {
-        let size = u32::try_from(self.0.capacity()).unwrap_or(0);
-        Geometry { size, erase: 1, granule: 1 }
+        let size = u32::try_from(self.driver.capacity()).unwrap_or(0);
+        Geometry { size, erase: self.page, granule: self.page }
     }
 
     fn read(&mut self, at: u32, into: &mut [u8]) -> Result<(), S::Error> {
-        self.0.read(at, into)
+        self.driver.read(at, into)
     }
 
     fn erase(&mut self, at: u32, length: u32) -> Result<(), S::Error> {
-        /// Bytes at a time: no EEPROM has smaller pages that are worth more code.
-        const ERASED: [u8; 32] = [0xFF; 32];
+        /// Bytes at a time: whole pages, as both are powers of two.
+        const ERASED: [u8; LARGEST_GRANULE as usize] = [0xFF; LARGEST_GRANULE as usize];
         let mut done = 0;
         while done < length {
-            let next = (length - done).min(ERASED.len() as u32);
-            self.0.write(at + done, &ERASED[..next as usize])?;
+            let next = (length - done).min(LARGEST_GRANULE);
+            self.driver.write(at + done, &ERASED[..next as usize])?;
             done += next;
         }
         Ok(())
     }
 
     fn program(&mut self, at: u32, bytes: &[u8]) -> Result<(), S::Error> {
-        self.0.write(at, bytes)
+        self.driver.write(at, bytes)
     }
 }

@@ -3,7 +3,7 @@
 use core::error::Error;
 
 /// The largest granule that the layout has room for, in bytes.
-pub const LARGEST_GRANULE: u32 = 64;
+pub const LARGEST_GRANULE: u32 = 256;
 
 /// A memory that is erased in blocks and programmed in granules, as NOR flash is.
 ///
@@ -78,7 +78,7 @@ pub struct Geometry {
     pub size: u32,
     /// What is erased at once: a multiple of `granule`. 1 for an EEPROM.
     pub erase: u32,
-    /// What is programmed at once: a power of two, at most [`LARGEST_GRANULE`].
+    /// What is programmed at once, or may be lost at once when power fails: a power of two, at most [`LARGEST_GRANULE`].
     pub granule: u32,
 }
 

@@ -4,7 +4,7 @@ use crate::access;
 use crate::device::{Device, LARGEST_GRANULE};
 use crate::error::{Error, Fault, Refusal, SetUpError};
 use crate::header::Header;
-use crate::layout::{Place, Slot};
+use crate::layout::{HEADER, Place, Slot};
 use crate::record::{Failure, Log, Record, State};
 use crate::scan::{Content, Current};
 use crate::slots::Slots;
@@ -256,10 +256,12 @@ impl<D: Device> Slots<'_, D> {
         place: Place,
         header: &Header,
     ) -> Result<(), Fault<D::Error>> {
-        let at = self.layout.header(slot, place);
+        let at = self.layout.area(slot, place);
         // Also what looks erased: it may be so by halves.
         access::erase(&mut self.device, at, self.layout.area)?;
-        access::program(&mut self.device, at, &header.write(slot, &self.layout))?;
+        let mut bytes = [0xFF; LARGEST_GRANULE as usize];
+        bytes[..HEADER].copy_from_slice(&header.write(slot, &self.layout));
+        access::program(&mut self.device, at, &bytes[..self.layout.header as usize])?;
         let blocks = self.layout.blocks(header.length);
         access::erase(&mut self.device, self.layout.module(slot), blocks)
     }

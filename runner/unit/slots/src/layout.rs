@@ -77,6 +77,8 @@ pub(crate) struct Layout {
     pub(crate) geometry: Geometry,
     /// Bytes of a slot.
     slot: u32,
+    /// Bytes of a header, as whole granules.
+    pub(crate) header: u32,
     /// Bytes of the area of one header and its records.
     pub(crate) area: u32,
     /// Bytes from one record to the next.
@@ -91,7 +93,8 @@ impl Layout {
             return Err(SetUpError::Geometry(geometry));
         }
         let stride = geometry.granule.max(RECORD as u32);
-        let area = HEADER as u32 + u32::from(RECORDS) * stride;
+        let header = (HEADER as u32).next_multiple_of(geometry.granule);
+        let area = header + u32::from(RECORDS) * stride;
         // In 64 bits: an erase block may be as large as it likes.
         let blocks = |bytes: u32| u64::from(bytes).next_multiple_of(u64::from(geometry.erase));
         let needed = 2 * (2 * blocks(area) + blocks(LEAST_ROOM));
@@ -101,21 +104,21 @@ impl Layout {
         let area = blocks(area) as u32;
         let slot = geometry.size / 2 / geometry.erase * geometry.erase;
         let room = (slot - 2 * area).min(LONGEST_MODULE);
-        Ok(Self { geometry, slot, area, stride, room })
+        Ok(Self { geometry, slot, header, area, stride, room })
     }
 
-    /// Where a header begins.
-    pub(crate) const fn header(&self, slot: Slot, place: Place) -> u32 {
-        let area = match place {
+    /// Where an area begins, and with it its header.
+    pub(crate) const fn area(&self, slot: Slot, place: Place) -> u32 {
+        let before = match place {
             Place::First => 0,
             Place::Second => self.area,
         };
-        slot.index() as u32 * self.slot + area
+        slot.index() as u32 * self.slot + before
     }
 
     /// Where a record behind it begins.
     pub(crate) const fn record(&self, slot: Slot, place: Place, number: u8) -> u32 {
-        self.header(slot, place) + HEADER as u32 + number as u32 * self.stride
+        self.area(slot, place) + self.header + number as u32 * self.stride
     }
 
     /// Where a slot's module begins.

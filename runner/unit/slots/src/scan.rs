@@ -83,9 +83,12 @@ pub(crate) fn scan<D: Device>(
     slot: Slot,
 ) -> Result<Current, Content> {
     let [first, second] = Place::BOTH.map(|place| {
-        let mut bytes = [0; HEADER];
-        match access::read(device, layout.header(slot, place), &mut bytes) {
-            Ok(()) => Header::read(&bytes, slot, layout).map_err(|none| match none {
+        let mut buffer = [0; LARGEST_GRANULE as usize];
+        let bytes = &mut buffer[..layout.header as usize];
+        let read = access::read(device, layout.area(slot, place), bytes);
+        let (bytes, _) = buffer.split_first_chunk::<HEADER>().expect("a header is shorter");
+        match read {
+            Ok(()) => Header::read(bytes, slot, layout).map_err(|none| match none {
                 NoHeader::Blank => Content::Empty,
                 NoHeader::Garbage => Content::Garbage,
                 NoHeader::Damaged => Content::Damaged,

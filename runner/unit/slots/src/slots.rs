@@ -100,7 +100,7 @@ impl<'k, D: Device> Slots<'k, D> {
         for slot in Slot::BOTH {
             for place in Place::BOTH {
                 let mut bytes = [0; LARGEST_GRANULE as usize];
-                match access::read(&mut device, layout.header(slot, place), &mut bytes) {
+                match access::read(&mut device, layout.area(slot, place), &mut bytes) {
                     Ok(()) => is_readable = true,
                     Err(fault) => failed = Some(fault),
                 }
@@ -186,7 +186,7 @@ impl<'k, D: Device> Slots<'k, D> {
         self.download = None;
         let erased = access::erase(
             &mut self.device,
-            self.layout.header(slot, Place::First),
+            self.layout.area(slot, Place::First),
             2 * self.layout.area,
         );
         self.look_again(slot);

@@ -36,13 +36,16 @@ fn works<D: Device>(mut device: D) {
 
 #[test]
 fn granules_and_blocks_of_all_sizes() {
-    for granule in [1, 2, 4, 8, 16, 32, 64] {
+    for granule in [1, 2, 4, 8, 16, 32, 64, 128, 256] {
         for erase in [64, 256, 528 * 64, 4_096, 65_536] {
             // Blocks that do not fill the half.
             for blocks in [6, 7, 31] {
                 let geometry = Geometry { size: erase * blocks, erase, granule };
-                let areas = 4 * (192 + 32 * granule.max(16)).next_multiple_of(erase);
-                if geometry.size >= areas + 2 * 1_024_u32.next_multiple_of(erase) {
+                let header = 192_u32.next_multiple_of(granule);
+                let areas = 4 * (header + 32 * granule.max(16)).next_multiple_of(erase);
+                if erase >= granule
+                    && geometry.size >= areas + 2 * 1_024_u32.next_multiple_of(erase)
+                {
                     works(Flash::new(geometry));
                 }
             }
@@ -83,9 +86,12 @@ fn refused(geometry: Geometry) -> SetUpError {
 
 #[test]
 fn devices_that_are_too_small() {
-    for (erase, granule, needed) in
-        [(1, 1, 4 * 704 + 2 * 1_024), (4_096, 4, 6 * 4_096), (512, 64, 4 * 2_560 + 2 * 1_024)]
-    {
+    for (erase, granule, needed) in [
+        (1, 1, 4 * 704 + 2 * 1_024),
+        (4_096, 4, 6 * 4_096),
+        (512, 64, 4 * 2_560 + 2 * 1_024),
+        (256, 256, 4 * 8_448 + 2 * 1_024),
+    ] {
         works(Flash::new(Geometry { size: needed, erase, granule }));
         for size in [0, needed - erase] {
             let found = refused(Geometry { size, erase, granule });
@@ -170,6 +176,7 @@ fn a_flash_driver_of_embedded_storage() {
     assert_eq!(error.to_string(), "the flash driver says: Arguments are not properly aligned");
 }
 
+#[derive(Debug)]
 struct Bytes(Vec<u8>);
 
 impl ReadStorage for Bytes {
@@ -194,7 +201,12 @@ impl Storage for Bytes {
 
 #[test]
 fn an_eeprom_driver_of_embedded_storage() {
-    works(Eeprom(Bytes(vec![0x00; 32_768])));
+    for page in [1, 32, 128, 256] {
+        works(Eeprom { driver: Bytes(vec![0x00; 65_536]), page });
+    }
+    let driver = Bytes(vec![0xFF; 65_536]);
+    let error = Slots::open(Eeprom { driver, page: 512 }, options()).unwrap_err();
+    assert!(matches!(error, Error::SetUp(SetUpError::Geometry(_))), "{error}");
 }
 
 #[test]

@@ -136,3 +136,9 @@ fn the_same_with_an_eeprom() {
     let geometry = Geometry { size: 4_864, erase: 1, granule: 1 };
     assert_eq!(cut_everywhere(geometry, 40), (10_986, 3_204));
 }
+
+#[test]
+fn the_same_with_an_eeprom_that_loses_pages() {
+    let geometry = Geometry { size: 19_456, erase: 128, granule: 128 };
+    assert_eq!(cut_everywhere(geometry, 4), (601, 2_080));
+}
