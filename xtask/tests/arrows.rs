@@ -85,6 +85,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         ],
     ),
     ("softplug-emulated", &[]),
+    ("softplug-unit-slots", &[]),
     ("xtask", &["softplug-build"]),
 ];
 

@@ -1,0 +1,14 @@
+//! The slots, held against what `docs/unit/slots.md` says of them.
+
+mod bench;
+mod content;
+mod downloads;
+mod flash;
+mod geometries;
+mod golden;
+mod marginal;
+mod model;
+mod power;
+mod random;
+mod trials;
+mod trust;
