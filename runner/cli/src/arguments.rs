@@ -78,6 +78,7 @@ pub(crate) enum Command {
     Doctor(commands::doctor::Arguments),
     Demo(commands::demo::Arguments),
     Gateway(commands::gateway::Arguments),
+    Unit(commands::unit::Arguments),
     Link(commands::link::Arguments),
     Job(commands::job::Arguments),
     Program(commands::program::Arguments),
@@ -89,7 +90,11 @@ pub(crate) enum Command {
 impl Command {
     /// The gateway's configuration says how it logs.
     pub(crate) fn has_its_own_log(&self) -> bool {
-        matches!(self, Self::Gateway(arguments) if arguments.runs())
+        match self {
+            Self::Gateway(arguments) => arguments.runs(),
+            Self::Unit(arguments) => arguments.runs(),
+            _ => false,
+        }
     }
 }
 

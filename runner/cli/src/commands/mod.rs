@@ -30,6 +30,7 @@ pub(crate) mod send;
 pub(crate) mod simulate;
 mod step;
 pub(crate) mod trace;
+pub(crate) mod unit;
 pub(crate) mod verify;
 mod willing;
 
@@ -62,6 +63,7 @@ pub(crate) fn run(command: Command, global: &Global, screen: &Screen) -> Result<
         Command::Doctor(arguments) => live::doctor(&arguments, screen),
         Command::Demo(arguments) => live::demo(&arguments, screen),
         Command::Gateway(arguments) => live::gateway(&arguments, global, screen),
+        Command::Unit(arguments) => live::unit(&arguments, global, screen),
         Command::Link(arguments) => live::link(&arguments, screen),
         Command::Job(arguments) => live::job(&arguments, screen),
         Command::Program(arguments) => live::program(&arguments, screen),

@@ -14,6 +14,7 @@ mod remote;
 mod send;
 mod serve;
 mod simulate;
+mod unit;
 
 pub(crate) use demo::demo;
 pub(crate) use dev::dev;
@@ -27,6 +28,7 @@ pub(crate) use remote::{job, link, program};
 pub(crate) use send::send;
 pub(crate) use serve::serve;
 pub(crate) use simulate::simulate;
+pub(crate) use unit::unit;
 
 use softplug_abi::NoteLevel;
 use softplug_abi::manifest::{Manifest, SettingValues};

@@ -186,7 +186,10 @@ impl Connection {
             Ok(()) => self.uplink = Some(uplink),
             Err(closed) => {
                 self.uplink = Some(uplink);
-                self.lost(&closed.to_string(), thread);
+                // A unit sends away whoever comes while it is driven.
+                let is_sent_away = matches!(closed, Closed::ByPeer) && !self.session.is_up();
+                let also = if is_sent_away { "; another gateway may drive it" } else { "" };
+                self.lost(&format!("{closed}{also}"), thread);
             }
         }
     }

@@ -704,7 +704,7 @@ fn end_of(job: u32, message: &ToServer<'_>) -> JobEnd {
 }
 
 /// Each text ended by a byte 00.
-fn pairs(settings: &[(String, String)]) -> Vec<u8> {
+pub(super) fn pairs(settings: &[(String, String)]) -> Vec<u8> {
     let mut bytes = Vec::new();
     for text in settings.iter().flat_map(|(name, value)| [name, value]) {
         bytes.extend_from_slice(text.as_bytes());

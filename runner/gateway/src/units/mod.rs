@@ -7,11 +7,14 @@
 //!
 //! One thread drives all units; it never waits for one of them.
 
+mod client;
 mod connection;
 mod delivery;
 mod job;
 mod lane;
 mod thread;
+
+pub use client::{UnitClient, UnitClientError, UnitLinkSurvey, UnitSlotSurvey, UnitSurvey};
 
 use std::fmt;
 use std::str::FromStr;

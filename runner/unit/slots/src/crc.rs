@@ -2,12 +2,10 @@
 //!
 //! Bit by bit: at most 188 bytes are summed at a time, and a table would be a kilobyte.
 
+use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
+
 pub(crate) fn crc32(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(!0, |crc, byte| {
-        (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
-            (crc >> 1) ^ (0xEDB8_8320 & (crc & 1).wrapping_neg())
-        })
-    })
+    Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC).checksum(bytes)
 }
 
 #[cfg(test)]

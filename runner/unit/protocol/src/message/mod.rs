@@ -51,6 +51,12 @@ impl Encode for Encoded<'_> {
     }
 }
 
+impl<E: Encode + ?Sized> Encode for &E {
+    fn encode(&self, buffer: &mut [u8]) -> Result<usize, NoSpace> {
+        (**self).encode(buffer)
+    }
+}
+
 /// A message that can be read.
 pub trait Decode<'a>: Sized {
     /// The message of this type with this body.

@@ -1,0 +1,89 @@
+//! `softplug unit`: front-end units, at either end of the bus.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+/// Front-end units: small computers at machines, each with the plug-in that its machine needs.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  softplug unit check unit.toml
+  softplug unit run unit.toml
+  softplug unit list 10.0.0.17:7640 10.0.0.18:7640
+  softplug unit sign xon-xoff.wasm --key works.pem --output xon-xoff.sig
+  softplug unit flash unit://10.0.0.17:7640/mill-7 xon-xoff.wasm --signature xon-xoff.sig
+
+A unit is driven by a gateway whose link has `port = \"unit://10.0.0.17:7640/mill-7\"`. list and
+flash are for units that no gateway drives at the time. SIGTERM and SIGINT end `run`.")]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub(crate) verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Verb {
+    /// Runs this computer as a unit until it is told to stop
+    Run(Configured),
+    /// Checks a configuration
+    Check(Configured),
+    List(List),
+    Flash(Flash),
+    Sign(Sign),
+}
+
+// The configuration; the verb says what for.
+#[derive(Debug, Args)]
+pub(crate) struct Configured {
+    /// The configuration
+    #[arg(value_name = "FILE", default_value = "unit.toml")]
+    pub(crate) file: PathBuf,
+}
+
+/// Asks units what they are, run and hold
+#[derive(Debug, Args)]
+pub(crate) struct List {
+    /// Where they listen
+    #[arg(value_name = "HOST:PORT", required = true)]
+    pub(crate) units: Vec<String>,
+}
+
+/// Downloads a plug-in into a unit, and has it run there
+#[derive(Debug, Args)]
+pub(crate) struct Flash {
+    /// The unit's link: unit://host:port/link
+    #[arg(value_name = "UNIT")]
+    pub(crate) unit: String,
+    /// The plug-in's file
+    #[arg(value_name = "PLUGIN")]
+    pub(crate) plugin: PathBuf,
+    /// Its signature, as `softplug unit sign` writes it
+    #[arg(long, value_name = "FILE")]
+    pub(crate) signature: Option<PathBuf>,
+    /// A setting of the plug-in
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    pub(crate) settings: Vec<String>,
+}
+
+/// Signs a plug-in for units that know the key
+#[derive(Debug, Args)]
+pub(crate) struct Sign {
+    /// The plug-in's file
+    #[arg(value_name = "PLUGIN")]
+    pub(crate) plugin: PathBuf,
+    /// The private Ed25519 key, as `openssl genpkey -algorithm ed25519` writes it
+    #[arg(long, value_name = "FILE")]
+    pub(crate) key: PathBuf,
+    /// Where to write the signature
+    #[arg(long, value_name = "FILE", required_unless_present = "library")]
+    pub(crate) output: Option<PathBuf>,
+    /// A gateway's library that holds the plug-in: the signature is kept there, too
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) library: Option<PathBuf>,
+}
+
+impl Arguments {
+    /// Whether the unit runs: then it logs as a service does.
+    pub(crate) fn runs(&self) -> bool {
+        matches!(self.verb, Verb::Run(_))
+    }
+}

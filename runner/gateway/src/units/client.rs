@@ -1,0 +1,362 @@
+//! A unit that is asked and given a plug-in by hand: one connection that waits.
+
+use std::io;
+use std::net::{SocketAddr, ToSocketAddrs};
+use std::time::{Duration, Instant};
+
+use mio::{Events, Interest, Poll, Token};
+use softplug_unit_protocol::{
+    Digest, Encode, Identity, LONGEST, Messages, RefuseReason, Role, Session, SessionEvent,
+    SlotState, ToServer, ToUnit,
+};
+use softplug_unit_uplink::{Closed, Outbox, TcpUplink};
+use thiserror::Error;
+
+use super::UnitPlugin;
+use super::connection::ServerSession;
+use crate::clock::Clock;
+
+/// Bytes of a module in one message.
+const PIECE: usize = 960;
+
+/// Why a unit cannot be asked, or does not do it.
+#[derive(Debug, Error)]
+pub enum UnitClientError {
+    /// Its name leads nowhere, or the connection failed.
+    #[error("{unit}: {source}")]
+    Io {
+        /// The unit.
+        unit: String,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The connection ended.
+    #[error("{unit}: {source}")]
+    Closed {
+        /// The unit.
+        unit: String,
+        /// How.
+        source: Closed,
+    },
+    /// Nothing came in time.
+    #[error(
+        "{unit} does not answer: see that a unit runs there, and that no other gateway drives it"
+    )]
+    Silent {
+        /// The unit.
+        unit: String,
+    },
+    /// Another gateway has a session with it.
+    #[error("{unit} is driven by another gateway: ask that one, or stop it")]
+    Busy {
+        /// The unit.
+        unit: String,
+    },
+    /// It speaks another version of the protocol.
+    #[error("{unit} speaks another version of the unit protocol")]
+    Version {
+        /// The unit.
+        unit: String,
+    },
+    /// It has no such link.
+    #[error("{unit} has no link \"{link}\"; it has {known}")]
+    NoLink {
+        /// The unit.
+        unit: String,
+        /// What was asked for.
+        link: String,
+        /// What there is.
+        known: String,
+    },
+    /// It does not take the plug-in.
+    #[error("{unit} does not take the plug-in: {why}")]
+    NotTaken {
+        /// The unit.
+        unit: String,
+        /// Why, as it says.
+        why: String,
+    },
+}
+
+/// What a unit is and has.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct UnitSurvey {
+    /// Its name.
+    pub name: String,
+    /// Its serial number.
+    pub serial: u64,
+    /// Its links, in the order of its configuration.
+    pub links: Vec<UnitLinkSurvey>,
+}
+
+/// A link of a unit.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct UnitLinkSurvey {
+    /// Its name.
+    pub name: String,
+    /// Its port is open.
+    pub is_up: bool,
+    /// SHA-256 of the plug-in that runs, if one does.
+    pub runs: Option<Digest>,
+    /// A job is under way, or its end is not noted yet.
+    pub has_job: bool,
+    /// Its slots, A and B.
+    pub slots: [UnitSlotSurvey; 2],
+}
+
+/// A slot of a link.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub struct UnitSlotSurvey {
+    /// What it holds.
+    pub state: SlotState,
+    /// The plug-in's length in bytes.
+    pub length: u32,
+    /// SHA-256 of it.
+    pub digest: Digest,
+    /// How often the slot was erased …
+    pub erased: u32,
+    /// … and how often it may be.
+    pub erasable: u32,
+}
+
+const EMPTY: UnitSlotSurvey =
+    UnitSlotSurvey { state: SlotState::Empty, length: 0, digest: [0; 32], erased: 0, erasable: 0 };
+
+/// A session with a unit that nobody else drives.
+///
+/// ```no_run
+/// use softplug_gateway::units::UnitClient;
+/// use std::time::Duration;
+///
+/// let mut client = UnitClient::connect("10.0.0.17", 7640, 0x1234, Duration::from_secs(5))?;
+/// for link in client.survey()?.links {
+///     println!("{}: {}", link.name, if link.is_up { "up" } else { "down" });
+/// }
+/// # Ok::<(), softplug_gateway::units::UnitClientError>(())
+/// ```
+#[derive(Debug)]
+pub struct UnitClient {
+    unit: String,
+    poll: Poll,
+    uplink: TcpUplink,
+    session: Box<ServerSession>,
+    outbox: Outbox,
+    clock: Clock,
+    patience: Duration,
+}
+
+impl UnitClient {
+    /// Connects to a unit and begins a session. `identity` is a random number; nothing is waited for
+    /// longer than `patience`.
+    ///
+    /// # Errors
+    /// It is not there, or somebody else drives it.
+    pub fn connect(
+        host: &str,
+        port: u16,
+        identity: u64,
+        patience: Duration,
+    ) -> Result<Self, UnitClientError> {
+        let unit = crate::port::address_text(host, port);
+        let failed = |source| UnitClientError::Io { unit: unit.clone(), source };
+        let address: SocketAddr = (host, port)
+            .to_socket_addrs()
+            .and_then(|mut found| found.next().ok_or_else(|| io::ErrorKind::NotFound.into()))
+            .map_err(failed)?;
+        let poll = Poll::new().map_err(failed)?;
+        let mut uplink = TcpUplink::connect(address).map_err(failed)?;
+        let both = Interest::READABLE | Interest::WRITABLE;
+        poll.registry().register(&mut uplink, Token(0), both).map_err(failed)?;
+        let clock = Clock::start();
+        let mut session = Box::new(Session::new(Role::Server, Identity(identity)));
+        session.call(clock.now());
+        let outbox = Outbox::default();
+        let mut client = Self { unit, poll, uplink, session, outbox, clock, patience };
+        client.wait(|client, _| client.session.is_up().then_some(()))?;
+        Ok(client)
+    }
+
+    /// Asks what it is and has.
+    ///
+    /// # Errors
+    /// It does not answer.
+    pub fn survey(&mut self) -> Result<UnitSurvey, UnitClientError> {
+        self.outbox.push(&ToUnit::Query {}, false);
+        let mut survey = UnitSurvey::default();
+        let (mut slots, mut count) = (vec![[EMPTY; 2]; 256], None);
+        self.wait(|_, message| {
+            match *message? {
+                ToServer::Unit { links, serial, name } => {
+                    (survey.serial, count) = (serial, Some(usize::from(links)));
+                    name.clone_into(&mut survey.name);
+                }
+                ToServer::Slot { link, slot, state, length, digest, erased, erasable } => {
+                    if let Some(place) = slots[usize::from(link)].get_mut(usize::from(slot)) {
+                        *place = UnitSlotSurvey { state, length, digest, erased, erasable };
+                    }
+                }
+                ToServer::Link { link, is_up, digest, job, name, .. } => {
+                    survey.links.push(UnitLinkSurvey {
+                        name: name.to_owned(),
+                        is_up,
+                        runs: (digest != [0; 32]).then_some(digest),
+                        has_job: job != 0,
+                        slots: slots[usize::from(link)],
+                    });
+                }
+                _ => {}
+            }
+            (count == Some(survey.links.len())).then_some(())
+        })?;
+        Ok(survey)
+    }
+
+    /// Downloads a plug-in for a link, if it is not there, and has it run. `progress` is told how
+    /// many bytes are in the unit's memory. Returns whether anything was downloaded.
+    ///
+    /// # Errors
+    /// There is no such link, or the unit does not take the plug-in.
+    pub fn flash(
+        &mut self,
+        link: &str,
+        plugin: &UnitPlugin,
+        mut progress: impl FnMut(u32),
+    ) -> Result<bool, UnitClientError> {
+        let survey = self.survey()?;
+        let Some(number) = survey.links.iter().position(|one| one.name == link) else {
+            let names: Vec<&str> = survey.links.iter().map(|link| &*link.name).collect();
+            let known = names.join(", ");
+            return Err(UnitClientError::NoLink {
+                unit: self.unit.clone(),
+                link: link.to_owned(),
+                known,
+            });
+        };
+        let link = number as u8;
+        let UnitPlugin { module, digest, signature, .. } = plugin;
+        let holds = |slot: &UnitSlotSurvey| {
+            use SlotState::{Confirmed, OnTrial, Written};
+            slot.digest == *digest && matches!(slot.state, Written | OnTrial | Confirmed)
+        };
+        let is_there = survey.links[number].slots.iter().any(holds);
+        if !is_there {
+            let signature = signature.as_deref().unwrap_or_default();
+            let length = module.len() as u32;
+            self.outbox.push(&ToUnit::Download { link, length, digest: *digest, signature }, false);
+            let whole = self.wait(|client, message| match *message? {
+                ToServer::Downloaded { until, .. } => {
+                    progress(until);
+                    let rest = module.get(until as usize..).unwrap_or_default();
+                    let next: &dyn Encode = if rest.is_empty() {
+                        &ToUnit::Install { link }
+                    } else {
+                        let bytes = &rest[..rest.len().min(PIECE)];
+                        &ToUnit::Piece { link, at: until, bytes }
+                    };
+                    client.outbox.push(&next, false);
+                    None
+                }
+                ToServer::Installed { .. } => Some(Ok(())),
+                ToServer::NotInstalled { why, .. } => Some(Err(why.to_owned())),
+                _ => None,
+            })?;
+            whole.map_err(|why| self.not_taken(why))?;
+        }
+        let settings = super::lane::pairs(&plugin.settings);
+        self.outbox.push(&ToUnit::Open { link, digest: *digest, settings: &settings }, false);
+        let opened = self.wait(|_, message| match *message? {
+            ToServer::Link { link: of, digest: runs, .. } if of == link && runs == *digest => {
+                Some(Ok(()))
+            }
+            ToServer::Refused { why, .. } => Some(Err(why.to_owned())),
+            _ => None,
+        })?;
+        opened.map_err(|why| self.not_taken(why))?;
+        Ok(!is_there)
+    }
+
+    fn not_taken(&self, why: String) -> UnitClientError {
+        UnitClientError::NotTaken { unit: self.unit.clone(), why }
+    }
+
+    /// Works until `find` finds something, which is called for each message and whenever the
+    /// session has changed. Patience begins anew with each message.
+    fn wait<T>(
+        &mut self,
+        mut find: impl FnMut(&mut Self, Option<&ToServer<'_>>) -> Option<T>,
+    ) -> Result<T, UnitClientError> {
+        let mut events = Events::with_capacity(4);
+        let mut until = Instant::now() + self.patience;
+        loop {
+            while let Some(frame) = self.next_frame()? {
+                let payload = match self.session.receive(self.clock.now(), &frame) {
+                    Ok(Some(payload)) => payload,
+                    Ok(None) | Err(_) => continue,
+                };
+                for message in Messages::<ToServer<'_>>::new(payload).map_while(Result::ok) {
+                    until = Instant::now() + self.patience;
+                    if let Some(found) = find(self, Some(&message)) {
+                        self.speak()?;
+                        return Ok(found);
+                    }
+                }
+            }
+            self.session.handle_timeout(self.clock.now());
+            self.look_at_session()?;
+            if let Some(found) = find(self, None) {
+                return Ok(found);
+            }
+            self.speak()?;
+            let now = Instant::now();
+            if now >= until {
+                return Err(UnitClientError::Silent { unit: self.unit.clone() });
+            }
+            let due = self
+                .session
+                .poll_timeout()
+                .map(|at| Duration::from_micros((at - self.clock.now()).0.max(0) as u64));
+            let patience = due.unwrap_or(self.patience).min(until - now);
+            if let Err(source) = self.poll.poll(&mut events, Some(patience))
+                && source.kind() != io::ErrorKind::Interrupted
+            {
+                return Err(UnitClientError::Io { unit: self.unit.clone(), source });
+            }
+        }
+    }
+
+    fn next_frame(&mut self) -> Result<Option<Vec<u8>>, UnitClientError> {
+        match self.uplink.receive() {
+            Ok(frame) => Ok(frame.map(<[u8]>::to_vec)),
+            // A unit sends away whoever comes while it is driven.
+            Err(Closed::ByPeer) if !self.session.is_up() => {
+                Err(UnitClientError::Busy { unit: self.unit.clone() })
+            }
+            Err(source) => Err(UnitClientError::Closed { unit: self.unit.clone(), source }),
+        }
+    }
+
+    fn look_at_session(&mut self) -> Result<(), UnitClientError> {
+        let unit = self.unit.clone();
+        match self.session.poll() {
+            Some(SessionEvent::Refused(RefuseReason::Busy)) => Err(UnitClientError::Busy { unit }),
+            Some(SessionEvent::Refused(_)) => Err(UnitClientError::Version { unit }),
+            Some(SessionEvent::Ended(_)) => Err(UnitClientError::Silent { unit }),
+            Some(SessionEvent::Began { .. }) | None => Ok(()),
+        }
+    }
+
+    fn speak(&mut self) -> Result<(), UnitClientError> {
+        let unit = self.unit.clone();
+        let closed = |source| UnitClientError::Closed { unit, source };
+        let mut frame = [0; LONGEST];
+        self.outbox.pump(&mut self.session);
+        let mut sent = self.uplink.flush().map(drop);
+        while sent.is_ok()
+            && let Some(length) = self.session.poll_transmit(self.clock.now(), &mut frame)
+        {
+            sent = self.uplink.send(&frame[..length]).map(drop);
+            self.outbox.pump(&mut self.session);
+        }
+        sent.map_err(closed)
+    }
+}
