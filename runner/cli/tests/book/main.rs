@@ -71,6 +71,8 @@ pages! {
     protocols_3964r: "protocols/3964r.md",
     protocols_fanuc_rs232: "protocols/fanuc-rs232.md",
     protocols_heidenhain_fe: "protocols/heidenhain-fe.md",
+    unit_index: "unit/README.md",
+    unit_protocol: "unit/protocol.md",
     unit_slots: "unit/slots.md",
     performance: "performance.md",
     architecture: "architecture.md",

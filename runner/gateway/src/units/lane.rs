@@ -19,6 +19,8 @@ use crate::recorder::Recording;
 
 /// Bytes of a module in one message.
 const PIECE: usize = 960;
+/// The longest fields of a job, and settings, in bytes: they must fit into a message.
+const LONGEST_FIELDS: usize = 900;
 /// After a refusal the unit is asked again in this span.
 const AGAIN: Micros = Micros::from_millis(10_000);
 
@@ -64,6 +66,8 @@ pub(super) struct UnitLane {
     foreign_job: Option<u64>,
     arrivals: Arrivals,
     requests: BTreeSet<u32>,
+    /// Those of an earlier session that the unit has not named again.
+    doubtful_requests: BTreeSet<u32>,
     is_port_up: bool,
     was_opened: bool,
     is_closed: bool,
@@ -86,6 +90,7 @@ impl UnitLane {
             foreign_job: None,
             arrivals: Arrivals::default(),
             requests: BTreeSet::new(),
+            doubtful_requests: BTreeSet::new(),
             is_port_up: false,
             was_opened: false,
             is_closed: false,
@@ -119,6 +124,7 @@ impl UnitLane {
     pub(super) fn session_began(&mut self, is_same_unit: bool, thread: &Thread) {
         self.number = None;
         if is_same_unit {
+            self.doubtful_requests = self.requests.clone();
             return;
         }
         // A unit that was started anew has forgotten what was under way.
@@ -238,6 +244,14 @@ impl UnitLane {
             return;
         }
         let settings = &pairs(settings);
+        if settings.len() > LONGEST_FIELDS {
+            let text = format!(
+                "its settings have {} bytes; {LONGEST_FIELDS} are the most",
+                settings.len()
+            );
+            self.not_taken(&text, around);
+            return;
+        }
         match change.swap {
             None => around.say(&ToUnit::Open { link, digest, settings }),
             Some((when, probation)) => {
@@ -478,6 +492,7 @@ impl UnitLane {
                 self.arrivals.ended(delivery, failure, status, size);
             }
             ToServer::Request { request, kind, fields, .. } => {
+                self.doubtful_requests.remove(&request);
                 if self.requests.insert(request) {
                     let fields = fields.to_vec();
                     self.report(Report::Request { request, kind, fields }, around);
@@ -494,6 +509,8 @@ impl UnitLane {
             ToServer::State { name, .. } => self.report(Report::State(name.to_owned()), around),
             ToServer::Fault { what, .. } => {
                 self.status.set_condition(Condition::Faulted);
+                // It is up again when another plug-in has taken over the port.
+                self.is_port_up = false;
                 self.report(Report::Fault(Box::new(fault(what, false))), around);
             }
             ToServer::Swapped { outcome, pause, why, .. } => {
@@ -505,6 +522,13 @@ impl UnitLane {
                 );
             }
             ToServer::Counters { .. } => self.count(message),
+            ToServer::Told { .. } => {
+                for request in std::mem::take(&mut self.doubtful_requests) {
+                    if self.requests.remove(&request) {
+                        self.report(Report::Withdrawn { request }, around);
+                    }
+                }
+            }
             ToServer::Refused { message, job, why, .. } => self.refused(message, job, why, around),
             ToServer::Unit { .. } | ToServer::Slot { .. } | ToServer::Link { .. } => {}
         }
@@ -646,6 +670,13 @@ impl UnitLane {
         }
         let is_ready = self.change.is_none() && self.foreign_job.is_none();
         let Some(job) = &mut self.job else { return };
+        if !job.is_begun && is_ready && job.job.fields.len() > LONGEST_FIELDS {
+            let outcome = JobOutcome::Failed { failure: Failure::BadJob, status: 0 };
+            let end = JobEnd::unbegun(job.job.id, outcome, 0);
+            self.job = None;
+            self.report(Report::JobEnded(end), around);
+            return;
+        }
         if !job.is_begun && is_ready {
             job.begin(link, around.outbox);
         }

@@ -126,6 +126,14 @@ fn one(
     };
     let quota = quota(link.quota, problems);
     let buffer = buffer(link.buffer, problems);
+    if let (Some(written), Some(PortConfig::Unit(_))) = (&link.endpoint, &port) {
+        let message = format!("the link \"{name}\" is a unit's, which has no endpoint");
+        problems.add(
+            written.span(),
+            message,
+            "take it away, or give the link a port of this computer",
+        );
+    }
     let endpoint = link.endpoint.and_then(|written| endpoint(&written, &name, taken, problems));
     let flows = [("host", Flow::Host), ("device", Flow::Device)];
     let policies = [

@@ -17,6 +17,7 @@ mod shop;
 mod stopping;
 mod strangers;
 mod supervision;
+mod units;
 
 use std::collections::BTreeMap;
 

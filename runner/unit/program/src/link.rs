@@ -34,6 +34,8 @@ use job::Jobs;
 const CLOSING: Micros = Micros::from_millis(1_000);
 /// The longest text in a message, in bytes.
 const LONGEST_TEXT: usize = 600;
+/// The longest fields of a request, in bytes: they must fit into a message.
+const LONGEST_FIELDS: usize = 900;
 /// Bytes of the flight recorder of a lane.
 const RECORDER: usize = 64 << 10;
 /// Bytes of what comes from the machine that wait for the uplink, beside those under way.
@@ -538,6 +540,7 @@ impl Link {
         for (&request, Asked { kind, fields, .. }) in &self.requests {
             around.say(&ToServer::Request { link, request, kind: *kind, fields });
         }
+        around.say(&ToServer::Told { link });
         self.counted = None;
     }
 
@@ -607,6 +610,10 @@ impl Link {
             Report::DeliveryNamed { delivery, name } => self.deliveries.named(delivery, name),
             Report::DeliveryEnded { delivery, failure, status, bytes } => {
                 self.deliveries.ended(delivery, failure, status, bytes);
+            }
+            Report::Request { request, fields, .. } if fields.len() > LONGEST_FIELDS => {
+                let answer = Err(Failure::TooLong);
+                self.command(Command::Answer { request, answer }, around);
             }
             Report::Request { request, kind, fields } => {
                 let number = self.next_request;

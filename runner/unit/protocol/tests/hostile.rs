@@ -30,7 +30,7 @@ proptest! {
     ) {
         let kinds = [FrameKind::Hello, FrameKind::Welcome, FrameKind::Refuse, FrameKind::Data];
         for role in [Role::Server, Role::Unit] {
-            let mut end = Session::<2, 64>::new(role, Identity(1));
+            let mut end = Session::<2, 128>::new(role, Identity(1));
             let mut now = Micros::ZERO;
             end.call(now);
             for (kind, session, number, taken, payload) in &frames {

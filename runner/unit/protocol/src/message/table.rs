@@ -401,7 +401,8 @@ impl ToServer<'_> {
             | Self::State { link, .. }
             | Self::Fault { link, .. }
             | Self::Swapped { link, .. }
-            | Self::Counters { link, .. } => Some(link),
+            | Self::Counters { link, .. }
+            | Self::Told { link, .. } => Some(link),
         }
     }
 }
@@ -683,6 +684,11 @@ messages! {
             job: u64,
             /// Why, in words.
             why: &'a str,
+        }
+        /// That was all that a query is answered with, for this link.
+        24 Told {
+            /// The link.
+            link: u8,
         }
     }
 }

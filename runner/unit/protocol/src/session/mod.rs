@@ -31,6 +31,10 @@ const RETRY: (Micros, Micros) = (Micros::from_millis(50), Micros::from_millis(2_
 /// That span while no round trip is known.
 const FIRST_RETRY: Micros = Micros::from_millis(500);
 
+/// The least that an end takes in one frame, in bytes of payload: no message without a text of its own
+/// is longer.
+const LEAST_TAKEN: u16 = 128;
+
 /// Which end of the uplink.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub enum Role {
@@ -342,6 +346,7 @@ impl<const SLOTS: usize, const BYTES: usize> Session<SLOTS, BYTES> {
     fn called(&mut self, now: Micros, payload: &[u8]) -> Result<(), FrameError> {
         let mut reader = Reader::new(payload);
         let (server, call, takes) = (Identity(reader.u64()), reader.u32(), reader.u16());
+        reader.require("takes", takes >= LEAST_TAKEN);
         reader.end().map_err(FrameError::Malformed)?;
         let is_known = server == self.server && self.call != 0;
         if self.is_up() && server != self.server {
@@ -367,6 +372,7 @@ impl<const SLOTS: usize, const BYTES: usize> Session<SLOTS, BYTES> {
         let mut reader = Reader::new(frame.payload);
         let (server, call) = (Identity(reader.u64()), reader.u32());
         let (unit, takes) = (Identity(reader.u64()), reader.u16());
+        reader.require("takes", takes >= LEAST_TAKEN);
         reader.end().map_err(FrameError::Malformed)?;
         let is_calling = matches!(self.phase, Phase::Calling { .. });
         if is_calling && server == self.own && call == self.call {

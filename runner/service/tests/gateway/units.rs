@@ -1,0 +1,178 @@
+//! Links whose plug-ins run in a front-end unit: to whoever uses the gateway they are as others are.
+
+use std::fs;
+use std::path::Path;
+use std::thread::{self, JoinHandle};
+
+use softplug_gateway::pty::PtyPair;
+use softplug_machines::fanuc::Press;
+use softplug_machines::kept::Received;
+use softplug_service::view::{
+    JobFilter, JobOrigin, JobState, LinkState, SwapOrder, SwapState, SwapWhen,
+};
+use softplug_unit::{Stop, Unit, UnitConfig};
+use tempfile::TempDir;
+
+use crate::machine::Machine;
+use crate::shop::{Shop, wait_for};
+use crate::{journal_says, send};
+
+/// A unit with one link, in this process.
+struct TestUnit {
+    port: String,
+    stop: Stop,
+    thread: Option<JoinHandle<()>>,
+    _folder: TempDir,
+}
+
+impl TestUnit {
+    fn with(port: &str, line: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let text = format!(
+            "name = \"unit-1\"\nlisten = \"127.0.0.1:0\"\nstate = \"state\"\n[signature]\nunsigned = true\n\
+             [[link]]\nname = \"mill\"\nport = \"{port}\"\nline = \"{line}\"\nmemory_size = \"256KiB\"\n"
+        );
+        let file = folder.path().join("unit.toml");
+        fs::write(&file, text).unwrap();
+        let unit = Unit::start(UnitConfig::read(&file).unwrap(), 1 << 40).unwrap();
+        let (port, stop) = (format!("unit://{}/mill", unit.address()), unit.stop());
+        let thread = Some(thread::spawn(move || unit.run().unwrap()));
+        Self { port, stop, thread, _folder: folder }
+    }
+
+    /// With the slave of a pty, whose master is the machine.
+    fn with_pty() -> (Self, PtyPair) {
+        let pty = PtyPair::open().unwrap();
+        let path: &Path = pty.slave_path();
+        let unit = Self::with(&path.display().to_string(), "921600 8N1");
+        (unit, pty)
+    }
+}
+
+impl Drop for TestUnit {
+    fn drop(&mut self) {
+        self.stop.ask();
+        if let Some(thread) = self.thread.take() {
+            thread.join().unwrap();
+        }
+    }
+}
+
+fn shop(unit: &TestUnit, plugin: &str, ptys: Vec<PtyPair>) -> Shop {
+    let lines = format!("plugin = \"{plugin}\"\n");
+    Shop::of_links("", &[(&unit.port, &lines)], ptys)
+}
+
+#[test]
+fn a_program_reaches_the_machine_and_is_told_as_elsewhere() {
+    let (unit, pty) = TestUnit::with_pty();
+    let shop = shop(&unit, "xon-xoff", vec![pty]);
+    let (gateway, link) = (shop.gateway(), Shop::name(0));
+    let program = shop.program("O1.nc", 50_000);
+    let job = gateway.submit(&link, &send("O1.nc")).unwrap();
+    assert_eq!(shop.read(0, program.len()), program);
+    wait_for("the job's end", || gateway.job(job.id).unwrap().state == JobState::Done);
+    let job = gateway.job(job.id).unwrap();
+    let size = program.len() as u64;
+    assert_eq!((job.progress.taken, job.progress.size), (size, Some(size)), "{job:?}");
+    wait_for("the line's end", || gateway.link(&link).unwrap().state == LinkState::Idle);
+    wait_for("the counters", || gateway.link(&link).unwrap().counters.bytes_out >= size);
+}
+
+#[test]
+fn a_job_is_held_paused_resumed_and_aborted() {
+    let (unit, pty) = TestUnit::with_pty();
+    let shop = shop(&unit, "xon-xoff", vec![pty]);
+    let (gateway, link) = (shop.gateway(), Shop::name(0));
+    shop.program("long.nc", 400_000);
+    let job = gateway.submit(&link, &send("long.nc")).unwrap();
+    shop.read(0, 5_000);
+    shop.hold(0);
+    shop.release(0);
+    wait_for("the release", || !gateway.link(&link).unwrap().is_held);
+    assert_eq!(gateway.pause(job.id).unwrap().state, JobState::Paused);
+    assert_eq!(gateway.resume(job.id).unwrap().state, JobState::Running);
+    shop.read(0, 1_000);
+    gateway.abort(job.id).unwrap();
+    shop.drain(0, || gateway.job(job.id).unwrap().state == JobState::Aborted);
+}
+
+#[test]
+fn what_the_machine_sends_is_a_reception() {
+    let (unit, pty) = TestUnit::with_pty();
+    let shop = shop(&unit, "xon-xoff", vec![pty]);
+    let (gateway, link) = (shop.gateway(), Shop::name(0));
+    let text = b"N10 G1 X1\n".repeat(2_000);
+    for part in text.chunks(500) {
+        shop.write(0, part);
+        // A pty takes no more than a few thousand bytes that nobody has read.
+        let came = gateway.link(&link).unwrap().counters.bytes_in;
+        wait_for("the unit", || gateway.link(&link).unwrap().counters.bytes_in > came);
+    }
+    let received = || gateway.receptions(&link).unwrap();
+    wait_for("the reception", || !received().is_empty());
+    let [reception] = &received()[..] else { panic!("{:?}", received()) };
+    assert_eq!((reception.bytes, &reception.failure), (text.len() as u64, &None));
+    let file = shop.path("state/receptions").join(&link).join(&reception.file);
+    assert!(fs::read(&file).unwrap() == text, "{}", file.display());
+}
+
+#[test]
+fn the_panel_gets_the_program_that_it_asks_for() {
+    let panel = Machine::fanuc();
+    let unit = TestUnit::with(&panel.port, "9600 8N2");
+    let shop = shop(&unit, "fanuc-rs232", Vec::new());
+    let gateway = shop.gateway();
+    let program = shop.program_in("b", "O1234", 2_000);
+    panel.tell(|now, control| control.press(now, Press::Request("O1234".to_owned())));
+    let kept = program.strip_prefix(b"%\n").unwrap().strip_suffix(b"\n").unwrap().to_vec();
+    wait_for("the program", || match panel.tell(|_, control| control.report()).received {
+        Received::Bytes(bytes) => bytes == kept,
+        Received::Digest { .. } => false,
+    });
+    let asked_for = || {
+        let jobs = gateway.jobs(&JobFilter::default()).unwrap();
+        jobs.into_iter().find(|job| job.origin == JobOrigin::Panel)
+    };
+    wait_for("the job", || asked_for().is_some_and(|job| job.state == JobState::Done));
+}
+
+#[test]
+fn a_plug_in_is_swapped_in_the_middle_of_a_job() {
+    let (unit, pty) = TestUnit::with_pty();
+    let shop = shop(&unit, "xon-xoff", vec![pty]);
+    let (gateway, link) = (shop.gateway(), Shop::name(0));
+    let program = shop.program("O1.nc", 200_000);
+    let job = gateway.submit(&link, &send("O1.nc")).unwrap();
+    let mut got = shop.read(0, 20_000);
+    let (settings, probation) = (None, None);
+    let order = SwapOrder { plugin: "xon-xoff".into(), settings, when: SwapWhen::Now, probation };
+    let swap = gateway.swap(&link, &order).unwrap();
+    assert!(matches!(swap.state, SwapState::Done | SwapState::Probation), "{swap:?}");
+    got.extend(shop.read(0, program.len() - got.len()));
+    assert_eq!(got, program);
+    wait_for("the job's end", || gateway.job(job.id).unwrap().state == JobState::Done);
+    wait_for("the swap", || journal_says(gateway, "runs in place of"));
+}
+
+#[test]
+fn a_plug_in_that_traps_is_started_again_and_can_be_quarantined() {
+    let (unit, pty) = TestUnit::with_pty();
+    let shop = shop(&unit, "fragile", vec![pty]);
+    let (gateway, link) = (shop.gateway(), Shop::name(0));
+    shop.write(0, b"X");
+    wait_for("the fault", || journal_says(gateway, "is started again"));
+    wait_for("the plug-in", || gateway.link(&link).unwrap().state == LinkState::Idle);
+    gateway.quarantine(&link).unwrap();
+    wait_for("the quarantine", || gateway.link(&link).unwrap().state == LinkState::Quarantined);
+    gateway.release(&link).unwrap();
+    wait_for("the plug-in", || gateway.link(&link).unwrap().state == LinkState::Idle);
+}
+
+#[test]
+fn an_endpoint_on_a_unit_is_refused() {
+    let text = "[[link]]\nname = \"a\"\nport = \"unit://127.0.0.1:7640/mill\"\nplugin = \"xon-xoff\"\n\
+                endpoint = { listen = \"127.0.0.1:4001\" }\n";
+    let refused = softplug_service::Config::parse(Path::new("gateway.toml"), text).unwrap_err();
+    assert!(refused.to_string().contains("which has no endpoint"), "{refused}");
+}
