@@ -122,7 +122,8 @@ impl<D: Device> Slots<'_, D> {
         taken
     }
 
-    /// Ends the download: reads the module back and looks at digest and signature. Gives its slot.
+    /// Ends the download: reads the module back and looks at digest and signature. Gives its slot. Whoever missed the answer
+    /// begins again, and is told that it is there already.
     ///
     /// # Errors
     /// - [`Error::Refused`]: bytes are missing, and the download goes on; or the module is not the one that was said, and

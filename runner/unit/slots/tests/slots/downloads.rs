@@ -1,12 +1,14 @@
 //! How a download goes: pieces in order, twice, too many; what is there already; where it goes.
 
 use crate::bench::{NOR, digest, download, live, module, open, options};
-use crate::flash::{Did, Flash, Lost};
+use crate::flash::{Did, Flash, Lost, Shared, Tear};
 use crate::model::{Bytes, Model, Op};
 use softplug_unit_slots::{
     Begun, Content, Doing, Error, Failure, Fault, Options, PassedOver, Refusal, Run, Slot, Slots,
     State,
 };
+use std::cell::RefCell;
+use std::rc::Rc;
 
 fn refusal<T: std::fmt::Debug>(result: Result<T, Error<Lost>>) -> Refusal {
     match result {
@@ -215,6 +217,24 @@ fn a_download_leaves_alone_what_runs_instead_of_what_decayed() {
     }
 }
 
+/// The newer module could not be read at the start, and can be later. What runs by then must stay.
+#[test]
+fn a_download_leaves_alone_what_runs() {
+    let (old, new) = (module(1, 300), module(2, 400));
+    let mut flash = with_confirmed(&old);
+    let ops = [download(&new), vec![Op::Trial, Op::Boot, Op::Confirm]].concat();
+    live(&mut flash, &mut Model { confirmed: vec![old], ..Model::new(3) }, &ops).unwrap();
+    // Slot B's module.
+    flash.unreadable.push(8_192..8_193);
+    let flash = Shared(Rc::new(RefCell::new(flash)));
+    let mut slots = Slots::open(flash.clone(), options()).unwrap();
+    let boot = slots.boot();
+    assert_eq!(boot.run.module().map(|module| module.slot), Some(Slot::A), "{boot:?}");
+    flash.0.borrow_mut().unreadable.clear();
+    let begun = slots.begin(10, [1; 32], None).unwrap();
+    assert_eq!(begun, Begun::Fresh { slot: Slot::B });
+}
+
 #[test]
 fn a_device_that_keeps_nothing_is_noticed() {
     let whole = module(1, 300);
@@ -233,9 +253,12 @@ fn a_device_that_keeps_nothing_is_noticed() {
 fn a_read_that_fails_now_and_then_is_tried_again() {
     let old = module(1, 300);
     let mut flash = with_confirmed(&old);
+    let shared = Shared(Rc::new(RefCell::new(flash.clone())));
+    let mut slots = Slots::open(shared.clone(), options()).unwrap();
+    shared.0.borrow_mut().failing_reads = 2;
+    assert!(matches!(slots.boot().run, Run::Confirmed(_)));
     flash.failing_reads = 2;
-    let slots = open(&mut flash).unwrap();
-    assert_eq!(slots.held(Slot::A).unwrap().state, State::Confirmed);
+    open(&mut flash).unwrap();
     let mut flash = with_confirmed(&old);
     flash.failing_reads = u32::MAX;
     let error = open(&mut flash).unwrap_err();
@@ -292,6 +315,25 @@ fn the_count_of_erasures_is_what_the_device_saw() {
         (20, 20, 40)
     );
     assert_eq!(erasures(0, 6_144), 0, "the other slot is not touched");
+}
+
+/// Power fails again and again while the new header's area is erased, or before it.
+#[test]
+fn an_erasure_that_is_cut_short_counts() {
+    let mut flash = with_confirmed(&module(1, 300));
+    open(&mut flash).unwrap().begin(600, [0; 32], None).unwrap();
+    for number in 1..=20 {
+        // It confirms what stays, retires what goes, and erases.
+        let tear = if number % 2 == 0 { Tear::Page(number) } else { Tear::All };
+        flash.cut(2, tear);
+        open(&mut flash).unwrap().begin(600, [number as u8; 32], None).unwrap_err();
+        assert!(matches!(flash.done[2], Did::Erase { .. }), "{:?}", flash.done);
+        flash.power_on();
+        assert_eq!(open(&mut flash).unwrap().erases(Slot::B), 1 + number as u32);
+    }
+    let mut slots = open(&mut flash).unwrap();
+    slots.begin(600, [99; 32], None).unwrap();
+    assert_eq!(slots.erases(Slot::B), 22);
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! A flash memory that loses power when it is told to, and refuses what a real one must not be asked for.
 
 use softplug_unit_slots::{Device, Geometry};
+use std::cell::RefCell;
+use std::rc::Rc;
 
 /// What is left of the operation in which power fails.
 #[derive(Copy, Clone, Debug)]
@@ -254,5 +256,29 @@ impl Device for Flash {
                 })
                 .collect();
         self.change(at as usize, &kept, unit as usize, tear, false)
+    }
+}
+
+/// A flash memory that the test can still reach while a unit has it.
+#[derive(Clone, Debug)]
+pub(crate) struct Shared(pub(crate) Rc<RefCell<Flash>>);
+
+impl Device for Shared {
+    type Error = Lost;
+
+    fn geometry(&self) -> Geometry {
+        self.0.borrow().geometry()
+    }
+
+    fn read(&mut self, at: u32, into: &mut [u8]) -> Result<(), Lost> {
+        self.0.borrow_mut().read(at, into)
+    }
+
+    fn erase(&mut self, at: u32, length: u32) -> Result<(), Lost> {
+        self.0.borrow_mut().erase(at, length)
+    }
+
+    fn program(&mut self, at: u32, bytes: &[u8]) -> Result<(), Lost> {
+        self.0.borrow_mut().program(at, bytes)
     }
 }

@@ -55,6 +55,15 @@ fn granules_and_blocks_of_all_sizes() {
     works(Flash::new(Geometry { size: 32_768, erase: 32, granule: 1 }));
 }
 
+#[test]
+fn a_header_in_large_granules_has_erased_bytes_behind_it() {
+    let mut flash = Flash::new(Geometry { size: 65_536, erase: 256, granule: 256 });
+    let mut slots = Slots::open(&mut flash, options()).unwrap();
+    slots.begin(1, [1; 32], None).unwrap();
+    assert_eq!(flash.bytes[..8], *b"SPLGSLOT");
+    assert_eq!(flash.bytes[192..512], [0xFF; 320]);
+}
+
 fn refused(geometry: Geometry) -> SetUpError {
     struct Fake(Geometry);
 
