@@ -13,7 +13,7 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::model::Model;
-use crate::shop::{MOST_BUFFER, MOST_RATE, Machine, Shop};
+use crate::shop::{LEAST_RATE, MOST_BUFFER, MOST_RATE, Machine, Shop};
 use crate::span;
 
 /// What is changed.
@@ -156,7 +156,7 @@ fn of_bus(shop: &Shop) -> Vec<Change> {
         changed.is_feasible()
     });
     let mut changed = Changed::new(shop);
-    let all = nearest(1.0, 1e-12, |part| {
+    let all = nearest(1.0, 1e-30, |part| {
         for (machine, as_it_is) in changed.machines.iter_mut().zip(shop.machines()) {
             machine.consumes = part * as_it_is.consumes;
         }
@@ -189,7 +189,7 @@ fn of_machine(shop: &Shop, index: usize) -> Vec<Change> {
     changed.machines[index].rate = machine.rate;
     add(Parameter::Rate, machine.rate, to);
 
-    let to = nearest(machine.consumes, 1e-12 * machine.consumes, |consumes| {
+    let to = nearest(machine.consumes, LEAST_RATE, |consumes| {
         changed.machines[index].consumes = consumes;
         changed.is_feasible()
     });

@@ -66,7 +66,7 @@ pub use file::MOST_FILE_BYTES;
 pub use picture::{picture, picture_of};
 pub use planning::{BusPlan, MachinePlan, Plan, Service, plan};
 pub use shop::{
-    Bus, DEFAULT_MARGIN, MOST_BUFFER, MOST_MACHINES, MOST_MARGIN, MOST_NAME, MOST_RATE,
+    Bus, DEFAULT_MARGIN, LEAST_RATE, MOST_BUFFER, MOST_MACHINES, MOST_MARGIN, MOST_NAME, MOST_RATE,
     MOST_SWITCH, Machine, Shop,
 };
 pub use simulation::{Discipline, Dry, MachineOutcome, Options, Outcome, Sample, Start, simulate};

@@ -61,7 +61,8 @@ pub struct MachinePlan {
     /// How long the unit waits between two fills.
     pub wait_seconds: Option<f64>,
     /// What the serial line would have to carry, in data bit/s, if the unit did not feed its
-    /// control while it is filled. It is more than constraint 1 asks for.
+    /// control while it is filled. It is more than constraint 1 asks for. `None` also where the unit
+    /// never waits, being alone on a bus that does not switch.
     pub line_needed_bits_per_second: Option<f64>,
     /// Whether the unit must feed its control while it is filled, because the line does not carry
     /// that much.
@@ -134,7 +135,9 @@ fn choose(shop: &Shop, model: &Model) -> Option<Chosen> {
         return None;
     }
     let least_round = model.least_round()?;
-    let solved = solve(model, Goal::Sum).map(|point| point.round);
+    // What the solver's tolerance adds to either end is taken off again.
+    let within = |round: f64| round.clamp(least_round, model.longest_round());
+    let solved = solve(model, Goal::Sum).map(|point| within(point.round));
     for round in solved.into_iter().chain([least_round]) {
         let Some(fills) = model.shared(round) else { continue };
         let buffers: Vec<_> = fills.iter().map(|fill| fill * model.payload).collect();
@@ -170,7 +173,7 @@ fn machines(shop: &Shop, model: &Model, chosen: Option<&Chosen>) -> Vec<MachineP
         plan.unit_buffer_bits = Some(model.payload * fill);
         plan.fill_seconds = Some(fill);
         plan.wait_seconds = Some(round - fill);
-        plan.line_needed_bits_per_second = Some(needed);
+        plan.line_needed_bits_per_second = Some(needed).filter(|needed| needed.is_finite());
         plan.must_feed_while_filled = Some(needed > machine.line());
         plan
     };

@@ -107,6 +107,41 @@ mod tests {
         Shop::new(Bus { rate, efficiency: 1.0, switch, margin: 1e-6 }, machines).unwrap()
     }
 
+    /// Rates of ten orders of magnitude in one shop, buffers of nine.
+    #[test]
+    fn the_solver_finds_it_also_where_numbers_are_far_apart() {
+        let mut random = ChaCha8Rng::seed_from_u64(6);
+        let mut feasible = 0;
+        for number in 0..3_000 {
+            let rate = between(&mut random, 1e3, 1e12);
+            let machines = 1 + random.next_u32() % 40;
+            let machine = |index| {
+                let consumes = between(&mut random, 1.0, rate / f64::from(machines));
+                let buffer = between(&mut random, 1.0, 1e9) as u64;
+                Machine {
+                    name: format!("m{index}"),
+                    rate: 1e12,
+                    efficiency: 1.0,
+                    consumes,
+                    buffer,
+                    count: 1 + u64::from(index % 3),
+                }
+            };
+            let machines = (0..machines).map(machine).collect();
+            let switch = between(&mut random, 1e-9, 60.0);
+            let bus = Bus { rate, efficiency: 1.0, switch, margin: 1e-6 };
+            let model = Model::new(&Shop::new(bus, machines).unwrap());
+            if !model.is_feasible() {
+                continue;
+            }
+            feasible += 1;
+            let solved = solve(&model, Goal::Sum).map(|point| point.round);
+            let round = model.longest_round();
+            assert!(solved.is_some_and(|it| near(it, round)), "shop {number}: {solved:?}, {round}");
+        }
+        assert!(feasible > 300, "{feasible}");
+    }
+
     #[test]
     fn the_solver_finds_what_the_closed_forms_say() {
         let mut random = ChaCha8Rng::seed_from_u64(1);

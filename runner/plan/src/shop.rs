@@ -4,6 +4,8 @@ use std::collections::BTreeSet;
 
 use crate::error::{ShopError, Wrong};
 
+/// Lowest rate of bus, lines and controls, in bit/s. What is below is refused as a slip.
+pub const LEAST_RATE: f64 = 1.0;
 /// Highest rate of bus and lines, in bit/s. What is above is refused as a slip.
 pub const MOST_RATE: f64 = 1e12;
 /// Longest time to switch the bus, in seconds. What is above is refused as a slip.
@@ -130,8 +132,11 @@ struct Range {
     needs: &'static str,
 }
 
-const RATE: Range =
-    Range { above: 0.999, most: MOST_RATE, needs: "bits per second from 1 to 1e12" };
+const RATE: Range = Range {
+    above: 0.999_999 * LEAST_RATE,
+    most: MOST_RATE,
+    needs: "bits per second from 1 to 1e12",
+};
 const EFFICIENCY: Range =
     Range { above: 0.999e-3, most: 1.0, needs: "data bits of all bits, from 0.001 to 1" };
 const SWITCH: Range = Range { above: -1e-12, most: MOST_SWITCH, needs: "at most \"60s\"" };

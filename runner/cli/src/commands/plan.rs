@@ -86,9 +86,9 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     }
     screen.document(&Document { plan: &plan, simulation: simulation.as_ref() });
     if plan.feasible {
-        show(&shop, &plan, screen)
+        show(&shop, &plan, screen);
     } else {
-        show_refusal(&shop, &plan, screen)
+        show_refusal(&shop, &plan, screen);
     }
     if let Some(simulation) = &simulation {
         show_simulation(simulation, screen);

@@ -69,6 +69,11 @@ fn what_is_planned_does_not_run_dry() {
                 }
             }
         }
+        // All units can have their smallest buffer at once.
+        let least = plan.machines.iter().map(|machine| machine.unit_buffer_min_bits.unwrap());
+        let least = Service { buffers: least.collect(), ..plan.service() };
+        let full = Options { feeds_while_filled: true, ..HALF };
+        assert!(simulate(&shop, &least, Discipline::Slots, &full).holds(), "least, shop {number}");
         if plan.must_feed_while_filled() {
             // The check that the four constraints leave out: the line is too slow for units that
             // pause, in every round by a little.

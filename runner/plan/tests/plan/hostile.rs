@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
 use softplug_plan::{Bus, MOST_FILE_BYTES, Shop, Wrong};
 
 const BUS: &str = "[bus]\nrate = 250_000\nefficiency = 0.4\nswitch = \"2ms\"\n";
@@ -130,4 +132,28 @@ fn nothing_that_is_deep_or_broken_ends_otherwise_than_in_a_refusal() {
             good.chars().enumerate().filter(|(n, _)| *n != at).map(|(_, c)| c).collect();
         let _ = Shop::parse(&without);
     }
+}
+
+#[test]
+fn damaged_files_are_shops_or_refusals() {
+    let good = format!("{BUS}margin = 0.1\n{}count = 3\n", machine("mill"));
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    let mut shops = 0;
+    for _ in 0..5_000 {
+        let mut bytes = good.clone().into_bytes();
+        for _ in 0..=random.next_u32() % 4 {
+            let at = random.next_u32() as usize % bytes.len();
+            bytes[at] =
+                b"0123456789-.eE\"'[]{}=#\n\\ \x00\x7fanifbxum"[random.next_u32() as usize % 35];
+        }
+        let Ok(text) = String::from_utf8(bytes) else { continue };
+        match Shop::parse(&text) {
+            Ok(shop) => {
+                shops += 1;
+                assert!(shop.load().is_finite() && shop.each().count() <= 1_000);
+            }
+            Err(error) => assert!(!error.to_string().chars().any(char::is_control), "{error:?}"),
+        }
+    }
+    assert!(shops > 100, "{shops}");
 }

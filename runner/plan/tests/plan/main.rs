@@ -2,6 +2,7 @@
 
 mod agreement;
 mod closed_forms;
+mod extremes;
 mod hostile;
 mod long;
 mod mending;
