@@ -199,3 +199,40 @@ pub(crate) fn holds(shop: &Shop, buffers: &[f64]) -> bool {
                 && *s > 0.0
         })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shop::Bus;
+
+    /// Sixteen mills, whose buffers lie between 22,400 and 34,133 bit; the bounds by hand.
+    #[test]
+    fn each_constraint_by_itself_refuses_what_does_not_meet_it() {
+        let shop = |line: f64| {
+            let bus = Bus { rate: 100_000.0, efficiency: 1.0, switch: 0.002, margin: 0.5 };
+            let machine = Machine {
+                name: "mill".to_owned(),
+                rate: line,
+                efficiency: 1.0,
+                consumes: 6_000.0,
+                buffer: 256,
+                count: 16,
+            };
+            Shop::new(bus, vec![machine]).unwrap()
+        };
+        let cases = [
+            (6_001.0, 22_399.9, false),
+            (6_001.0, 22_400.1, true),
+            (6_001.0, 34_133.3, true),
+            (6_001.0, 34_133.4, false),
+            (6_000.0, 30_000.0, false),
+            (6_001.0, 0.0, false),
+            (6_001.0, -1.0, false),
+            (6_001.0, f64::NAN, false),
+        ];
+        for (line, buffer, is_held) in cases {
+            assert_eq!(holds(&shop(line), &[buffer]), is_held, "{line}, {buffer}");
+        }
+        assert!(!holds(&shop(6_001.0), &[]));
+    }
+}
