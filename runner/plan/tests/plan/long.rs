@@ -1,6 +1,6 @@
 //! Ten hours at the largest shop that is feasible, and what happens with one machine more.
 
-use softplug_plan::{Discipline, Machine, Options, Service, Shop, plan, simulate};
+use softplug_plan::{Bus, Discipline, Machine, Options, Service, Shop, plan, simulate};
 
 use crate::shops::{CAN, mills, shop};
 
@@ -52,17 +52,27 @@ fn ten_hours_at_the_largest_shop_of_unequal_machines() {
     }
 }
 
-/// With one machine more the least buffers and the largest, and all between and around, run dry:
-/// the bound on machines that are alike is exact for units that cannot feed while they are filled.
+/// With one machine more the least buffers and the largest, and all between and around, run dry,
+/// also on a bus that could carry what is taken: the bound on machines that are alike is exact for
+/// units that cannot feed while they are filled.
 #[test]
 fn one_more_equal_machine_runs_dry_whatever_the_buffers_are() {
-    let shop = shop(vec![mills(17)]);
-    assert!(!plan(&shop).feasible);
-    for kilobits in [1, 2, 5, 10, 20, 22, 30, 34, 35, 50, 100, 1_000] {
-        let service = Service { buffers: vec![kilobits as f64 * 1e3; 17], ..planned(&shop) };
-        for discipline in [Discipline::Slots, Discipline::Scheduled] {
-            let outcome = simulate(&shop, &service, discipline, &Options::default());
-            assert!(outcome.ran_dry(), "{kilobits} kbit, {discipline:?}");
+    // A slow switch leaves the bus idle enough: 15 mills take nine tenths of it.
+    let slow = Shop::new(Bus { switch: 0.05, ..CAN }, vec![mills(15)]).unwrap();
+    assert!(slow.load() <= 0.9);
+    for shop in [shop(vec![mills(17)]), slow] {
+        let planned = plan(&shop);
+        assert!(!planned.feasible && planned.largest_equal + 1 == planned.machines.len() as u64);
+        for kilobits in [1, 2, 5, 10, 20, 22, 30, 34, 35, 50, 100, 1_000] {
+            let buffers = vec![f64::from(kilobits) * 1e3; planned.machines.len()];
+            let service = Service { buffers, ..planned.service() };
+            for discipline in [Discipline::Slots, Discipline::Scheduled] {
+                let runs_dry = [60.0, 36_000.0].into_iter().any(|seconds| {
+                    let options = Options { seconds, ..Options::default() };
+                    simulate(&shop, &service, discipline, &options).ran_dry()
+                });
+                assert!(runs_dry, "{kilobits} kbit, {discipline:?}");
+            }
         }
     }
 }
@@ -72,7 +82,7 @@ fn one_more_equal_machine_runs_dry_whatever_the_buffers_are() {
 #[test]
 fn units_that_feed_while_they_are_filled_go_beyond_the_bound() {
     // A slow switch, so that there is room between the bound and what the bus carries.
-    let bus = softplug_plan::Bus { switch: 0.05, ..CAN };
+    let bus = Bus { switch: 0.05, ..CAN };
     let one = Shop::new(bus, vec![mills(1)]).unwrap();
     let most = plan(&one).largest_equal;
     assert_eq!(most, 14);
