@@ -19,6 +19,7 @@ const LIBRARIES: &[&str] = &[
     "softplug-report",
     "softplug-explore",
     "softplug-conformance",
+    "softplug-plan",
     "softplug-gateway",
 ];
 

@@ -53,6 +53,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
     ("softplug-report", &[]),
     ("softplug-playground", &["softplug-conformance", "softplug-host", "softplug-trace"]),
+    ("softplug-plan", &[]),
     ("softplug-gateway", &["softplug-abi", "softplug-link", "softplug-machines"]),
     (
         "softplug-service",
@@ -79,6 +80,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-machines",
             "softplug-models",
             "softplug-native",
+            "softplug-plan",
             "softplug-report",
             "softplug-service",
             "softplug-trace",

@@ -74,6 +74,7 @@ pub(crate) enum Command {
     Cases(commands::cases::Arguments),
     Explain(commands::explain::Arguments),
     Trace(commands::trace::Arguments),
+    Plan(commands::plan::Arguments),
     Simulate(commands::simulate::Arguments),
     Doctor(commands::doctor::Arguments),
     Demo(commands::demo::Arguments),

@@ -19,6 +19,7 @@ pub(crate) mod link;
 pub(crate) mod man;
 pub(crate) mod new;
 pub(crate) mod pack;
+pub(crate) mod plan;
 pub(crate) mod plugin;
 pub(crate) mod ports;
 pub(crate) mod program;
@@ -59,6 +60,7 @@ pub(crate) fn run(command: Command, global: &Global, screen: &Screen) -> Result<
         Command::Cases(arguments) => cases::run(&arguments, screen),
         Command::Explain(arguments) => explain::run(&arguments, screen),
         Command::Trace(arguments) => trace::run(arguments, screen),
+        Command::Plan(arguments) => plan::run(&arguments, screen),
         Command::Simulate(arguments) => simulate::run(arguments, screen),
         Command::Doctor(arguments) => live::doctor(&arguments, screen),
         Command::Demo(arguments) => live::demo(&arguments, screen),

@@ -64,6 +64,7 @@ pages! {
     gateway_swap: "gateway/swap.md",
     gateway_page: "gateway/page.md",
     gateway_metrics: "gateway/metrics.md",
+    plan: "plan.md",
     abi: "abi.md",
     trace_format: "trace-format.md",
     protocols: "protocols/README.md",

@@ -32,6 +32,7 @@ const RUNS: &[(&str, i32)] = &[
     ("cases --json", 2),
     ("explain xon-xoff.tx.abort-clean", 2),
     ("trace fmt nowhere.spt --json", 2),
+    ("plan nowhere.toml --json", 2),
     ("simulate xon-xoff --baud none --json", 2),
     ("doctor /dev/nowhere --json", 6),
     ("demo --plugins nowhere --json", 2),

@@ -24,6 +24,7 @@ const VERBS: &[&[&str]] = &[
     &["trace", "case"],
     &["trace", "import"],
     &["trace", "export"],
+    &["plan"],
     &["simulate"],
     &["simulate", "xon-xoff"],
     &["simulate", "r3964"],

@@ -24,6 +24,7 @@ mod languages;
 #[cfg(target_os = "linux")]
 mod library;
 mod pack;
+mod plan;
 mod plugins;
 #[cfg(target_os = "linux")]
 mod record;

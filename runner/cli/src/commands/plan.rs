@@ -1,0 +1,235 @@
+//! `softplug plan`: how large the buffers of units on one bus must be.
+
+use std::fs::{self, File};
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde::Serialize;
+use softplug_plan::{
+    Discipline, MOST_FILE_BYTES, MachinePlan, Options, Outcome, Plan, Shop, picture_of, plan,
+    simulate,
+};
+
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::numbers::{count, things};
+use crate::screen::{BAD, GOOD, HEADING, Screen, WARNING};
+use crate::table::Table;
+
+/// Most changes that people are shown; machines get all.
+const MOST_SHOWN: usize = 6;
+
+/// Says how large the buffers of units on one bus must be, so that no machine runs dry.
+///
+/// Each machine has a unit that takes data from the bus and gives it to the control over a serial
+/// line. The file has the bus and the machines. If no buffers will do, it is said which constraint
+/// of which machine fails, and which change would mend it.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  softplug plan shop.toml
+  softplug plan shop.toml --svg levels.svg
+  softplug plan shop.toml --simulate 10 --json
+
+The file:
+  [bus]
+  rate = 250_000        # bit/s
+  efficiency = 0.4      # data bits of all bits
+  switch = \"2ms\"        # from one unit to the next
+  margin = 0.1          # optional: how much of each limit is left unused
+
+  [[machine]]           # in the order of service
+  name = \"mill\"
+  rate = 19_200         # of the serial line, bit/s
+  efficiency = 0.8
+  consumes = 6_000      # data that the control takes at most, bit/s
+  buffer = 256          # the control's own, bytes
+  count = 8             # optional: so many that are alike")]
+pub(crate) struct Arguments {
+    /// The bus and its machines
+    #[arg(value_name = "SHOP.TOML")]
+    shop: PathBuf,
+    /// Draw the levels of the first rounds, as simulated, into this file
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
+    /// Also simulate so many hours of virtual time, each unit having the bus for a whole fill
+    #[arg(long, value_name = "HOURS", value_parser = clap::value_parser!(u16).range(1..=1_000))]
+    simulate: Option<u16>,
+}
+
+/// All results, for machines.
+#[derive(Serialize)]
+struct Document<'a> {
+    #[serde(flatten)]
+    plan: &'a Plan,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    simulation: Option<&'a Simulation>,
+}
+
+#[derive(Serialize)]
+struct Simulation {
+    /// Whether no machine ran dry, no bit was lost, and it came to its end.
+    holds: bool,
+    /// Whether units fed their controls also while they were filled.
+    feeds_while_filled: bool,
+    #[serde(flatten)]
+    outcome: Outcome,
+}
+
+pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
+    let shop = read(&arguments.shop)?;
+    let plan = plan(&shop);
+    let simulation = arguments.simulate.map(|hours| simulated(&shop, &plan, hours));
+    if let Some(file) = &arguments.svg {
+        fs::write(file, picture_of(&shop, &plan))
+            .map_err(|error| Failure::usage(format_args!("{}: {error}", file.display())))?;
+    }
+    screen.document(&Document { plan: &plan, simulation: simulation.as_ref() });
+    if plan.feasible {
+        show(&shop, &plan, screen);
+    } else {
+        show_refusal(&shop, &plan, screen);
+    }
+    if let Some(simulation) = &simulation {
+        show_simulation(simulation, screen);
+    }
+    if let Some(file) = &arguments.svg {
+        row(screen, "picture", file.display());
+    }
+    let holds = simulation.is_none_or(|simulation| simulation.holds);
+    Ok(if plan.feasible && holds { Exit::Done } else { Exit::Failed })
+}
+
+fn read(path: &Path) -> Result<Shop, Failure> {
+    let failure = |error: std::io::Error| {
+        Failure::usage(format_args!("{} cannot be read: {error}", path.display()))
+    };
+    let file = File::open(path).map_err(failure)?;
+    let mut text = String::new();
+    // One more than is read, so that what is too long is refused as such.
+    file.take(MOST_FILE_BYTES as u64 + 1).read_to_string(&mut text).map_err(failure)?;
+    Shop::parse(&text).map_err(|error| {
+        let gap = if error.place.is_some() { "" } else { " " };
+        Failure::usage(format_args!("{}:{gap}{error}", path.display()))
+    })
+}
+
+fn simulated(shop: &Shop, plan: &Plan, hours: u16) -> Simulation {
+    let feeds_while_filled = plan.must_feed_while_filled();
+    let seconds = 3_600.0 * f64::from(hours);
+    let options = Options { seconds, feeds_while_filled, ..Options::default() };
+    let outcome = simulate(shop, &plan.service(), Discipline::Slots, &options);
+    Simulation { holds: outcome.holds(), feeds_while_filled, outcome }
+}
+
+fn row(screen: &Screen, title: &str, text: impl std::fmt::Display) {
+    screen.say(format_args!("  {HEADING}{title:<10}{HEADING:#}{text}"));
+}
+
+fn bits(number: Option<f64>) -> String {
+    number.map_or_else(|| "-".to_owned(), |number| count(number as u64))
+}
+
+fn seconds(number: Option<f64>) -> String {
+    number.map_or_else(|| "-".to_owned(), |number| format!("{number:.3} s"))
+}
+
+/// The first machine of each kind with how many there are; all of a kind have the same plan.
+fn kinds<'a>(
+    shop: &'a Shop,
+    plan: &'a Plan,
+) -> impl Iterator<Item = (&'a softplug_plan::Machine, &'a MachinePlan)> {
+    let firsts = shop.machines().iter().scan(0, |at, machine| {
+        let first = *at;
+        *at += machine.count as usize;
+        Some((machine, first))
+    });
+    firsts.filter_map(|(machine, first)| Some((machine, plan.machines.get(first)?)))
+}
+
+fn head(shop: &Shop, plan: &Plan, screen: &Screen) {
+    let carries = (plan.bus.payload_bits_per_second) as u64;
+    let load = 100.0 * plan.bus.load;
+    row(screen, "bus", format_args!("{} bit/s of data, {load:.1} % of it taken", count(carries)));
+    let first = shop.machines().first().map_or("", |machine| machine.name.as_str());
+    let most = things(plan.largest_equal, "machine");
+    row(screen, "carries", format_args!("{most} if all are like {first}"));
+    let margin = format!("{:.4}", 100.0 * plan.bus.margin);
+    let margin = margin.trim_end_matches('0').trim_end_matches('.');
+    row(screen, "margin", format_args!("{margin} % of each limit is left unused"));
+}
+
+fn show(shop: &Shop, plan: &Plan, screen: &Screen) {
+    let machines = things(plan.machines.len() as u64, "machine");
+    screen.say(format_args!("{GOOD}feasible{GOOD:#}: none of {machines} runs dry"));
+    head(shop, plan, screen);
+    row(screen, "round", seconds(plan.bus.round_seconds));
+    // Sizes in whole bits, each on the side on which it still does.
+    let mut table =
+        Table::new(["machine", "count", "buffer", "least", "most", "fill", "wait", "line"]);
+    for (machine, plan) in kinds(shop, plan) {
+        table.row([
+            machine.name.clone(),
+            count(machine.count),
+            bits(plan.unit_buffer_bits),
+            bits(plan.unit_buffer_min_bits.map(f64::ceil)),
+            bits(plan.unit_buffer_max_bits),
+            seconds(plan.fill_seconds),
+            seconds(plan.wait_seconds),
+            format!(
+                "{} of {}",
+                bits(plan.line_needed_bits_per_second),
+                count(machine.line() as u64)
+            ),
+        ]);
+    }
+    screen.say(format_args!("\n{table}\n"));
+    if plan.must_feed_while_filled() {
+        screen.say(format_args!(
+            "{WARNING}only if{WARNING:#} units feed their controls while they are filled: where \
+             \"line\" needs more than it carries, a unit that pauses for its fill cannot make up for it"
+        ));
+    }
+}
+
+fn show_refusal(shop: &Shop, plan: &Plan, screen: &Screen) {
+    let machines = things(plan.machines.len() as u64, "machine");
+    screen
+        .say(format_args!("{BAD}not feasible{BAD:#}: no buffers feed {machines} without a break"));
+    head(shop, plan, screen);
+    let mut table = Table::new(["machine", "count", "fails"]);
+    for (machine, plan) in kinds(shop, plan) {
+        let fails: Vec<_> = plan.violated.iter().map(|number| constraint(*number)).collect();
+        table.row([machine.name.clone(), count(machine.count), fails.join("; ")]);
+    }
+    screen.say(format_args!("\n{table}\n"));
+    for (index, change) in plan.changes.iter().take(MOST_SHOWN).enumerate() {
+        row(screen, if index == 0 { "mended by" } else { "or by" }, change);
+    }
+    if plan.changes.len() > MOST_SHOWN {
+        row(screen, "", format_args!("and {} more, in --json", plan.changes.len() - MOST_SHOWN));
+    }
+}
+
+/// A constraint that fails, in words.
+fn constraint(number: u8) -> &'static str {
+    match number {
+        1 => "1: the serial line carries less than the control takes",
+        2 => "2: while the others are filled the control takes more than any buffer holds",
+        3 => "3: the fill that it needs takes longer than its control holds out",
+        _ => "4: its buffer is nothing",
+    }
+}
+
+fn show_simulation(simulation: &Simulation, screen: &Screen) {
+    let outcome = &simulation.outcome;
+    let hours = outcome.seconds / 3_600.0;
+    let dry: u64 = outcome.machines.iter().map(|machine| machine.times_dry).sum();
+    let services = count(outcome.services);
+    let what = match (dry, outcome.is_complete) {
+        (0, true) => format!("{GOOD}no machine ran dry{GOOD:#}"),
+        (0, false) => format!("{WARNING}ended early{WARNING:#}, no machine ran dry so far"),
+        (dry, _) => format!("{BAD}dry{BAD:#} {}", things(dry, "time")),
+    };
+    row(screen, "simulated", format_args!("{hours:.1} h, {services} fills: {what}"));
+}

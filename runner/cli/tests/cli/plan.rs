@@ -1,0 +1,104 @@
+//! Planning a bus.
+
+use crate::bench::{Bench, snapshot};
+
+/// A file of the page, which has them all.
+fn of_page(name: &str) -> String {
+    let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/plan.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    let (_, behind) = page.split_once(&format!("```toml,file={name}\n")).unwrap();
+    behind.split_once("```").unwrap().0.to_owned()
+}
+
+fn bench() -> Bench {
+    let bench = Bench::new();
+    bench.write("shop.toml", of_page("shop.toml"));
+    bench.write("more.toml", of_page("shop.toml").replace("count = 16", "count = 17"));
+    bench.write("mixed.toml", of_page("mixed.toml"));
+    bench
+}
+
+#[test]
+fn a_shop_that_fits_is_planned_and_simulated() {
+    let ran = bench().run(&["plan", "mixed.toml", "--simulate", "10"]).with_code(0);
+    snapshot("plan-feasible", ran);
+}
+
+#[test]
+fn a_shop_that_does_not_fit_is_told_what_would_mend_it() {
+    let ran = bench().run(&["plan", "more.toml", "--simulate", "1"]).with_code(1);
+    snapshot("plan-infeasible", ran);
+}
+
+#[test]
+fn a_plan_that_needs_units_that_do_not_pause_says_so() {
+    let bench = bench();
+    bench.write("one.toml", of_page("shop.toml").replace("count = 16", "count = 1"));
+    let ran = bench.run(&["plan", "one.toml", "--simulate", "1"]).with_code(0);
+    assert!(ran.out.contains("only if units feed their controls while they are filled"), "{ran}");
+}
+
+#[test]
+fn machines_get_all_of_it() {
+    let bench = bench();
+    let plan = bench.run(&["plan", "shop.toml", "--json", "--simulate", "1"]).with_code(0).json();
+    assert_eq!(plan["feasible"], true);
+    assert_eq!(plan["largest_equal"], 16);
+    assert_eq!(plan["machines"].as_array().unwrap().len(), 16);
+    assert_eq!(plan["machines"][15]["name"], "mill-16");
+    assert_eq!(plan["simulation"]["holds"], true);
+    assert!(plan["advice"].is_null());
+    let keys = |value: &serde_json::Value| {
+        value.as_object().unwrap().keys().cloned().collect::<Vec<_>>().join(" ")
+    };
+    let refused = bench.run(&["plan", "more.toml", "--json"]).with_code(1).json();
+    assert_eq!(keys(&refused), "advice bus changes feasible largest_equal machines");
+    assert_eq!(
+        keys(&refused["machines"][0]),
+        "fill_seconds line_needed_bits_per_second must_feed_while_filled name unit_buffer_bits \
+         unit_buffer_max_bits unit_buffer_min_bits violated wait_seconds"
+    );
+    assert_eq!(keys(&refused["bus"]), "load margin payload_bits_per_second round_seconds");
+    assert_eq!(keys(&refused["advice"]), "from machine parameter relative to");
+    assert_eq!(refused["machines"][0]["violated"], serde_json::json!([3]));
+    assert!(refused["machines"][0]["unit_buffer_bits"].is_null());
+    assert_eq!(refused["advice"], refused["changes"][0]);
+}
+
+#[test]
+fn what_cannot_be_meant_is_refused() {
+    let bench = bench();
+    bench.write("nan.toml", of_page("shop.toml").replace("6_000 ", "nan "));
+    bench.write("bytes.toml", b"\xff\xfe");
+    bench.write("long.toml", "#".repeat(300_000));
+    let mut all = String::new();
+    for file in ["nan.toml", "bytes.toml", "long.toml", "nowhere.toml", "."] {
+        let ran = bench.run(&["plan", file]).with_code(2);
+        assert_eq!(ran.out, "");
+        all += &ran.err;
+    }
+    snapshot("plan-refused", all);
+    let ran = bench.run(&["plan", "shop.toml", "--svg", "nowhere/a.svg"]).with_code(2);
+    assert!(ran.err.contains("nowhere/a.svg"), "{ran}");
+}
+
+#[test]
+fn colours_can_be_switched_off() {
+    let bench = bench();
+    let colours =
+        |when: &str| bench.run(&["plan", "shop.toml", "--color", when]).out.contains('\x1b');
+    assert!(colours("always") && !colours("never"));
+}
+
+/// The picture in the documentation is the one that the page's command draws.
+#[test]
+fn the_picture_of_the_page_is_what_is_drawn() {
+    let bench = bench();
+    bench.run(&["plan", "mixed.toml", "--svg", "plan.svg"]).with_code(0);
+    let drawn = String::from_utf8(bench.read("plan.svg")).unwrap();
+    let picture = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/pictures/plan.svg");
+    if std::env::var_os("SOFTPLUG_DRAW").is_some() {
+        std::fs::write(picture, &drawn).unwrap();
+    }
+    assert_eq!(drawn, std::fs::read_to_string(picture).unwrap(), "SOFTPLUG_DRAW=1 writes it anew");
+}

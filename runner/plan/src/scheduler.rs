@@ -1,0 +1,188 @@
+//! Which unit the bus serves next, and with how many bits.
+//!
+//! No I/O, no clock, no allocation, and nothing of `std`: whoever drives a bus, in virtual time or
+//! a live one, tells what the levels are and is told what to do. Units are served in turn; one
+//! that would run dry before it could be served after the one in turn goes first. A unit that has
+//! room for less than a quarter of its buffer is passed over, so that the bus does not spend its
+//! time switching. A larger part would not do: on a bus that is loaded to the full, time in which
+//! it rests is lost, and while all others are served a unit loses up to e times what it had lost.
+//!
+//! ```
+//! use softplug_plan::scheduler::{Decision, Grant, Line, Scheduler, Unit};
+//!
+//! let bus = Line { bits_per_second: 100_000.0, switch_seconds: 0.002 };
+//! let unit = |level| Unit { level, capacity: 10_000.0, drain: 5_000.0 };
+//! let mut scheduler = Scheduler::new();
+//!
+//! // All is well: in turn.
+//! let first = scheduler.decide(&[unit(2_000.0), unit(4_000.0)], &bus);
+//! assert_eq!(first, Decision::Serve(Grant { unit: 0, bits: 8_000.0 }));
+//! // Unit 1 is in turn, but unit 0 has only 10 ms left.
+//! let second = scheduler.decide(&[unit(50.0), unit(4_000.0)], &bus);
+//! assert_eq!(second, Decision::Serve(Grant { unit: 0, bits: 9_950.0 }));
+//! // Nobody has room enough: look again when the first one has.
+//! let third = scheduler.decide(&[unit(9_000.0), unit(8_500.0)], &bus);
+//! assert_eq!(third, Decision::Rest { seconds: 0.2 });
+//! ```
+
+/// What the scheduler is told of a unit.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Unit {
+    /// Bits in its buffer now.
+    pub level: f64,
+    /// Bits that its buffer holds.
+    pub capacity: f64,
+    /// Bits per second that leave it at most while it waits; 0 if its machine stands.
+    pub drain: f64,
+}
+
+/// A unit is worth a switch from this part of its buffer on.
+const WORTH: f64 = 0.25;
+
+impl Unit {
+    fn room(&self) -> f64 {
+        (self.capacity - self.level).max(0.0)
+    }
+
+    fn is_worth_a_switch(&self) -> bool {
+        self.room() >= WORTH * self.capacity
+    }
+
+    /// Seconds until it is dry.
+    fn lasts(&self) -> f64 {
+        if self.drain > 0.0 { self.level / self.drain } else { f64::INFINITY }
+    }
+
+    /// Seconds until it is worth a switch.
+    fn rests(&self) -> f64 {
+        let missing = (WORTH * self.capacity - self.room()).max(0.0);
+        if self.drain > 0.0 { missing / self.drain } else { f64::INFINITY }
+    }
+}
+
+/// What the scheduler is told of the bus.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Line {
+    /// Data bits per second while a unit is served.
+    pub bits_per_second: f64,
+    /// Seconds to switch from one unit to another.
+    pub switch_seconds: f64,
+}
+
+/// So many bits to this unit, all in one go.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Grant {
+    /// Index of the unit.
+    pub unit: usize,
+    /// Bits, never more than the unit had room for.
+    pub bits: f64,
+}
+
+/// What the bus does next.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Decision {
+    /// It serves a unit.
+    Serve(Grant),
+    /// Nothing for so long, or until a level is other than it was told; infinite if no machine
+    /// takes anything.
+    Rest {
+        /// Seconds.
+        seconds: f64,
+    },
+}
+
+/// Serves in turn, the urgent first. Its whole state is whose turn it is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Scheduler {
+    turn: usize,
+}
+
+impl Scheduler {
+    /// Begins with the first unit.
+    pub const fn new() -> Self {
+        Self { turn: 0 }
+    }
+
+    /// What to do now that no unit is being served. `units` are always the same, in one order;
+    /// each decision looks at each of them twice.
+    pub fn decide(&mut self, units: &[Unit], bus: &Line) -> Decision {
+        let Some((in_turn, waits)) = next_in_turn(units, self.turn) else {
+            let rests = units.iter().map(Unit::rests);
+            return Decision::Rest { seconds: rests.fold(f64::INFINITY, f64::min) };
+        };
+        // Whoever is not served now is served after this, and after two switches.
+        let service = waits.room() / bus.bits_per_second + 2.0 * bus.switch_seconds;
+        let chosen = match most_urgent(units) {
+            Some((urgent, unit)) if unit.lasts() < service && unit.lasts() < waits.lasts() => {
+                urgent
+            }
+            _ => in_turn,
+        };
+        if chosen == in_turn {
+            self.turn = (in_turn + 1) % units.len();
+        }
+        Decision::Serve(Grant { unit: chosen, bits: units[chosen].room() })
+    }
+}
+
+/// The next unit from the one whose turn it is that is worth a switch.
+fn next_in_turn(units: &[Unit], turn: usize) -> Option<(usize, &Unit)> {
+    let behind = units.iter().enumerate().skip(turn);
+    let before = units.iter().enumerate().take(turn);
+    behind.chain(before).find(|(_, unit)| unit.is_worth_a_switch())
+}
+
+/// Of those with room, the one that is dry first.
+fn most_urgent(units: &[Unit]) -> Option<(usize, &Unit)> {
+    let with_room = units.iter().enumerate().filter(|(_, unit)| unit.is_worth_a_switch());
+    with_room.min_by(|(_, one), (_, other)| one.lasts().total_cmp(&other.lasts()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BUS: Line = Line { bits_per_second: 1e5, switch_seconds: 1e-3 };
+
+    fn unit(level: f64) -> Unit {
+        Unit { level, capacity: 1_000.0, drain: 100.0 }
+    }
+
+    fn served(decision: Decision) -> Option<usize> {
+        match decision {
+            Decision::Serve(grant) => Some(grant.unit),
+            Decision::Rest { .. } => None,
+        }
+    }
+
+    #[test]
+    fn units_are_served_in_turn_and_full_ones_are_passed_over() {
+        let mut scheduler = Scheduler::new();
+        let units = [unit(300.0), unit(900.0), unit(400.0), unit(300.0)];
+        let order: Vec<_> = (0..5).map(|_| served(scheduler.decide(&units, &BUS))).collect();
+        assert_eq!(order, [0, 2, 3, 0, 2].map(Some));
+    }
+
+    #[test]
+    fn the_urgent_go_first_and_the_turn_stays() {
+        let mut scheduler = Scheduler::new();
+        let units = [unit(300.0), unit(400.0), unit(0.5), unit(0.1)];
+        assert_eq!(served(scheduler.decide(&units, &BUS)), Some(3));
+        let units = [unit(300.0), unit(400.0), unit(0.4), unit(1_000.0)];
+        assert_eq!(served(scheduler.decide(&units, &BUS)), Some(2));
+        let units = [unit(300.0), unit(400.0), unit(1_000.0), unit(999.0)];
+        assert_eq!(served(scheduler.decide(&units, &BUS)), Some(0));
+        assert_eq!(served(scheduler.decide(&units, &BUS)), Some(1));
+    }
+
+    #[test]
+    fn the_bus_rests_until_somebody_has_room() {
+        let mut scheduler = Scheduler::new();
+        let decision = scheduler.decide(&[unit(900.0), unit(850.0)], &BUS);
+        assert_eq!(decision, Decision::Rest { seconds: 1.0 });
+        let still = Unit { drain: 0.0, ..unit(900.0) };
+        let forever = Decision::Rest { seconds: f64::INFINITY };
+        assert_eq!(scheduler.decide(&[still], &BUS), forever);
+        assert_eq!(scheduler.decide(&[], &BUS), forever);
+    }
+}

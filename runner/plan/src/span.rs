@@ -1,0 +1,67 @@
+//! Spans of time as people write them.
+//!
+//! A bus switches in microseconds or milliseconds, so these are finer than the spans of a
+//! gateway's configuration, and may have decimals.
+
+/// The form, as errors say it.
+pub(crate) const FORM: &str = "a number and a unit, such as \"250us\", \"2ms\" or \"0.5s\"";
+
+/// `250us`, `2ms`, `1.5 ms` or `0.5s`, in seconds.
+pub(crate) fn seconds(text: &str) -> Option<f64> {
+    let end = text.find(|c: char| !c.is_ascii_digit() && c != '.')?;
+    let (number, unit) = (&text[..end], text[end..].trim_start());
+    let (whole, decimals) = number.split_once('.').unwrap_or((number, "0"));
+    let is_number = |digits: &str| {
+        (1..=15).contains(&digits.len()) && digits.bytes().all(|digit| digit.is_ascii_digit())
+    };
+    if !is_number(whole) || !is_number(decimals) {
+        return None;
+    }
+    let number: f64 = number.parse().ok()?;
+    match unit {
+        "us" | "µs" | "μs" => Some(number / 1e6),
+        "ms" => Some(number / 1e3),
+        "s" => Some(number),
+        "min" => Some(number * 60.0),
+        _ => None,
+    }
+}
+
+/// The same, the other way round.
+pub(crate) fn shown(seconds: f64) -> String {
+    let (number, unit) = match seconds {
+        s if s >= 1.0 => (s, "s"),
+        s if s >= 1e-3 || s == 0.0 => (s * 1e3, "ms"),
+        s => (s * 1e6, "us"),
+    };
+    // Spans are given to the nanosecond at most, and what a multiplication adds is not shown.
+    let text = format!("{number:.3}");
+    format!("{}{unit}", text.trim_end_matches('0').trim_end_matches('.'))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spans_have_units() {
+        let near = |text, is: f64| assert!((seconds(text).unwrap() - is).abs() < 1e-12, "{text}");
+        near("250us", 250e-6);
+        near("250 µs", 250e-6);
+        near("2ms", 2e-3);
+        near("1.5 ms", 1.5e-3);
+        near("0.5s", 0.5);
+        near("1min", 60.0);
+        near("0ms", 0.0);
+        for text in ["", "2", "ms", "-1ms", "1.ms", ".5ms", "1.2.3s", "1e3s", "nan s", "inf", "2h"]
+        {
+            assert_eq!(seconds(text), None, "{text}");
+        }
+        assert_eq!(seconds(&format!("{}s", "9".repeat(400))), None);
+    }
+
+    #[test]
+    fn spans_are_shown_as_they_are_written() {
+        assert_eq!([0.0, 2.5e-4, 2e-3, 1.5].map(shown), ["0ms", "250us", "2ms", "1.5s"]);
+    }
+}

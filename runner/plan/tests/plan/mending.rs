@@ -1,0 +1,96 @@
+//! What would mend a shop does mend it, and less does not.
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use softplug_plan::{Bus, Change, Machine, Parameter, Shop, plan};
+
+use crate::shops::{any, mills, shop};
+
+/// The shop with this change, or with so much of it.
+fn with(shop: &Shop, change: &Change, part: f64) -> Option<Shop> {
+    let to = change.from + part * (change.to - change.from);
+    let mut bus: Bus = *shop.bus();
+    let mut machines: Vec<Machine> = shop.machines().to_vec();
+    let index = machines.iter().position(|machine| Some(&machine.name) == change.machine.as_ref());
+    let machine = index.map(|index| &mut machines[index]);
+    match (change.parameter, machine) {
+        (Parameter::BusRate, None) => bus.rate = to,
+        (Parameter::Switch, None) => bus.switch = to,
+        (Parameter::ConsumesOfAll, None) => {
+            for machine in &mut machines {
+                machine.consumes *= to;
+            }
+        }
+        (Parameter::Rate, Some(machine)) => machine.rate = to,
+        (Parameter::Consumes, Some(machine)) => machine.consumes = to,
+        (Parameter::Buffer, Some(machine)) => machine.buffer = to.round() as u64,
+        (Parameter::Count, Some(machine)) => machine.count = to.round() as u64,
+        (parameter, machine) => panic!("{parameter:?} of {machine:?}"),
+    }
+    machines.retain(|machine| machine.count > 0);
+    // What takes next to nothing is no machine.
+    Shop::new(bus, machines).ok()
+}
+
+#[test]
+fn random_shops_are_mended_and_not_by_less() {
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let mut kinds = std::collections::BTreeMap::new();
+    for number in 0..400 {
+        let shop = any(&mut random);
+        let plan_now = plan(&shop);
+        assert_eq!(plan_now.advice.as_ref(), plan_now.changes.first());
+        assert_eq!(plan_now.feasible, plan_now.changes.is_empty(), "shop {number}");
+        if let Some((last, of_one)) = plan_now.changes.split_last() {
+            assert_eq!(last.parameter, Parameter::ConsumesOfAll, "shop {number}");
+            assert!(of_one.is_sorted_by(|one, other| one.relative <= other.relative));
+        }
+        for change in &plan_now.changes {
+            *kinds.entry(format!("{:?}", change.parameter)).or_insert(0) += 1;
+            let Some(mended) = with(&shop, change, 1.0) else { continue };
+            assert!(plan(&mended).feasible, "shop {number}: {change} in {shop:?}");
+            let less = match change.parameter {
+                Parameter::Count | Parameter::Buffer => 1.0 - 1.0 / (change.to - change.from).abs(),
+                // What is rounded to four digits may be more than a small change needs.
+                _ if change.relative < 0.05 => continue,
+                _ => 0.98,
+            };
+            let short = with(&shop, change, less).unwrap();
+            assert!(!plan(&short).feasible, "shop {number}: less than {change} in {shop:?}");
+        }
+    }
+    assert_eq!(kinds.len(), 7, "{kinds:?}");
+}
+
+#[test]
+fn seventeen_mills_are_told_what_to_do() {
+    let plan = plan(&shop(vec![mills(17)]));
+    let said: Vec<_> = plan.changes.iter().map(ToString::to_string).collect();
+    let mends = [
+        "consumes of mill down to 5848 bit/s (-2.5 %)",
+        "rate of the bus up to 256500 bit/s (+2.6 %)",
+        "count of mill down to 16 (-5.9 %)",
+        "consumes of every machine down to 0.9748 of what it is (-2.5 %)",
+    ];
+    assert_eq!(said, mends);
+    assert_eq!(plan.advice.unwrap().to_string(), said[0]);
+}
+
+#[test]
+fn a_large_control_can_be_in_the_way_of_the_others() {
+    let small = Machine { name: "small".to_owned(), buffer: 64, ..mills(6) };
+    let large = Machine { name: "large".to_owned(), buffer: 65_536, ..mills(1) };
+    let plan = plan(&shop(vec![small, large]));
+    assert!(!plan.feasible);
+    assert!(
+        plan.machines
+            .iter()
+            .all(|machine| machine.violated
+                == if machine.name == "large" { vec![] } else { vec![3] })
+    );
+    let of_large = |change: &&Change| {
+        change.machine.as_deref() == Some("large") && change.parameter == Parameter::Buffer
+    };
+    let change = plan.changes.iter().find(of_large).unwrap();
+    assert!(change.to < change.from, "{change}");
+}
