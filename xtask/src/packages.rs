@@ -20,6 +20,10 @@ const LIBRARIES: &[&str] = &[
     "softplug-explore",
     "softplug-conformance",
     "softplug-plan",
+    "softplug-unit-protocol",
+    "softplug-unit-slots",
+    "softplug-unit-uplink",
+    "softplug-unit",
     "softplug-gateway",
 ];
 

@@ -54,7 +54,16 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("softplug-report", &[]),
     ("softplug-playground", &["softplug-conformance", "softplug-host", "softplug-trace"]),
     ("softplug-plan", &[]),
-    ("softplug-gateway", &["softplug-abi", "softplug-link", "softplug-machines"]),
+    (
+        "softplug-gateway",
+        &[
+            "softplug-abi",
+            "softplug-link",
+            "softplug-machines",
+            "softplug-unit-protocol",
+            "softplug-unit-uplink",
+        ],
+    ),
     (
         "softplug-service",
         &[
@@ -84,10 +93,27 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-report",
             "softplug-service",
             "softplug-trace",
+            "softplug-unit",
+            "softplug-unit-protocol",
+            "softplug-unit-slots",
         ],
     ),
     ("softplug-emulated", &[]),
+    ("softplug-unit-protocol", &["softplug-abi"]),
     ("softplug-unit-slots", &[]),
+    ("softplug-unit-uplink", &["softplug-unit-protocol"]),
+    (
+        "softplug-unit",
+        &[
+            "softplug-abi",
+            "softplug-gateway",
+            "softplug-host",
+            "softplug-link",
+            "softplug-unit-protocol",
+            "softplug-unit-slots",
+            "softplug-unit-uplink",
+        ],
+    ),
     ("xtask", &["softplug-build"]),
 ];
 
