@@ -7,6 +7,7 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod explore;
 mod modules;
 mod score;
 mod sources;

@@ -37,6 +37,8 @@ const RUNS: &[(&str, i32)] = &[
     ("doctor /dev/nowhere --json", 6),
     ("demo --plugins nowhere --json", 2),
     ("gateway check nowhere.toml --json", 2),
+    ("unit check nowhere.toml --json", 2),
+    ("unit list 127.0.0.1:1 --json", 6),
     ("link list --gateway http://127.0.0.1:1 --json", 6),
     ("job list --gateway http://127.0.0.1:1 --json", 6),
     ("program list --gateway http://127.0.0.1:1 --json", 6),

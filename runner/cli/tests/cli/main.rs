@@ -37,3 +37,4 @@ mod replay;
 mod step;
 #[cfg(target_os = "linux")]
 mod transfers;
+mod unit;

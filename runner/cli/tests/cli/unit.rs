@@ -1,0 +1,139 @@
+//! `softplug unit`: the real process, from its start to its end, orderly or not.
+
+use std::io::{BufRead, BufReader};
+use std::process::{Child, Stdio};
+
+use rustix::process::{Pid, Signal, kill_process};
+use serde_json::Value;
+
+use crate::bench::{Bench, plugins};
+
+const KEYS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../conformance/report/tests/keys");
+
+/// A unit's process; killed when it is dropped.
+struct Unit {
+    process: Child,
+    address: String,
+}
+
+impl Unit {
+    fn start(bench: &Bench) -> Self {
+        let mut process = bench
+            .command(&["unit", "run", "unit.toml", "--json"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut line = String::new();
+        BufReader::new(process.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        let ready: Value = serde_json::from_str(&line).unwrap();
+        assert_eq!((&ready["event"], &ready["links"][0]), (&"ready".into(), &"mill".into()));
+        let address = ready["address"].as_str().unwrap().to_owned();
+        Self { process, address }
+    }
+
+    fn flash(&self, bench: &Bench, more: &[&str]) -> crate::bench::Ran {
+        let link = format!("unit://{}/mill", self.address);
+        let plugin = plugins().join("xon-xoff.wasm").display().to_string();
+        bench.run(&[&["unit", "flash", &link, &plugin], more].concat())
+    }
+
+    fn list(&self, bench: &Bench) -> Value {
+        bench.run(&["unit", "list", &self.address, "--json"]).with_code(0).json()
+    }
+}
+
+impl Drop for Unit {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+fn bench(signature: &str) -> Bench {
+    let bench = Bench::new();
+    let text = format!(
+        "name = \"unit-1\"\nserial = 7\nlisten = \"127.0.0.1:0\"\nstate = \"state\"\n[signature]\n{signature}\n\
+         [[link]]\nname = \"mill\"\nport = \"pty:\"\nmemory_size = \"256KiB\"\n"
+    );
+    bench.write("unit.toml", text);
+    bench
+}
+
+#[test]
+fn a_configuration_that_cannot_be_is_refused_in_a_sentence() {
+    let bench = bench("unsigned = false");
+    let ran = bench.run(&["unit", "check", "unit.toml"]).with_code(2);
+    assert!(ran.err.contains("no plug-in could ever be taken"), "{ran}");
+    let ran = bench.run(&["unit", "run", "nowhere.toml", "--json"]).with_code(2);
+    assert!(ran.out.contains("nowhere.toml"), "{ran}");
+    bench.write("unit.toml", "listen = 7\n");
+    let ran = bench.run(&["unit", "check", "unit.toml"]).with_code(2);
+    assert!(ran.err.contains("listen"), "{ran}");
+}
+
+#[test]
+fn a_unit_that_is_not_there_is_a_matter_of_the_network() {
+    let bench = Bench::new();
+    bench.run(&["unit", "list", "127.0.0.1:1"]).with_code(6);
+    let listed = bench.run(&["unit", "list", "127.0.0.1:1", "--json"]).with_code(6).json();
+    assert!(listed["units"][0]["error"].as_str().is_some(), "{listed}");
+    let ran = bench.run(&["unit", "list", "nowhere"]).with_code(2);
+    assert!(ran.err.contains("is no host and port"), "{ran}");
+    let ran = bench.run(&["unit", "flash", "tcp://a:1/b", "x.wasm"]).with_code(2);
+    assert!(ran.err.contains("is no link of a unit"), "{ran}");
+}
+
+#[test]
+fn what_was_flashed_runs_after_a_kill_without_asking_anybody() {
+    let bench = bench("unsigned = true");
+    let mut unit = Unit::start(&bench);
+    let flashed = unit.flash(&bench, &["--json"]).with_code(0).json();
+    assert_eq!(flashed["downloaded"], true);
+    let digest = flashed["sha256"].clone();
+    let link = unit.list(&bench)["units"][0]["links"][0].clone();
+    assert_eq!((&link["runs"], &link["slots"][0]["state"]), (&digest, &"confirmed".into()));
+    unit.process.kill().unwrap();
+    drop(unit);
+    unit = Unit::start(&bench);
+    // It compiles what it has first.
+    let runs = || unit.list(&bench)["units"][0]["links"][0]["runs"] == digest;
+    while !runs() {}
+    let flashed = unit.flash(&bench, &["--json"]).with_code(0).json();
+    assert_eq!(flashed["downloaded"], false);
+    kill_process(Pid::from_child(&unit.process), Signal::TERM).unwrap();
+    assert!(unit.process.wait().unwrap().success());
+}
+
+#[test]
+fn a_unit_with_a_key_takes_what_is_signed_with_it_and_nothing_else() {
+    let bench = bench(&format!("keys = [\"{KEYS}/public.pem\"]"));
+    let unit = Unit::start(&bench);
+    let ran = unit.flash(&bench, &[]).with_code(3);
+    assert!(ran.err.contains("takes no plug-in without a signature"), "{ran}");
+    let plugin = plugins().join("xon-xoff.wasm").display().to_string();
+    let key = format!("{KEYS}/private.pem");
+    bench.run(&["unit", "sign", &plugin, "--key", &key, "--output", "x.sig"]).with_code(0);
+    bench.write("short.sig", "abc");
+    let ran = unit.flash(&bench, &["--signature", "short.sig"]).with_code(2);
+    assert!(ran.err.contains("is no signature"), "{ran}");
+    let mut wrong = bench.read("x.sig");
+    wrong[50] ^= 1;
+    bench.write("wrong.sig", wrong);
+    let ran = unit.flash(&bench, &["--signature", "wrong.sig"]).with_code(3);
+    assert!(ran.err.contains("signature"), "{ran}");
+    unit.flash(&bench, &["--signature", "x.sig"]).with_code(0);
+}
+
+#[test]
+fn a_key_that_is_none_signs_nothing() {
+    let bench = Bench::new();
+    let plugin = plugins().join("xon-xoff.wasm").display().to_string();
+    for key in ["public.pem", "x25519.pem", "encrypted.pem", "nowhere.pem"] {
+        let key = format!("{KEYS}/{key}");
+        let ran =
+            bench.run(&["unit", "sign", &plugin, "--key", &key, "--output", "x.sig"]).with_code(2);
+        assert!(ran.err.contains(&key), "{ran}");
+    }
+    assert_eq!(bench.names(), Vec::<String>::new());
+}
