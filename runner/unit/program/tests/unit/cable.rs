@@ -1,4 +1,4 @@
-//! The bus between gateway and unit: passes bytes on, unless somebody pulls it out.
+//! The bus between gateway and unit: passes frames on, unless somebody pulls it out or it is a bad one.
 
 use std::io::{Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -7,13 +7,56 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
 
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use softplug_unit_protocol::{HEADER, length_of_frame};
+
 /// It listens for the gateway and connects to the unit, wherever that is now.
 pub(crate) struct Cable {
     address: SocketAddr,
     shared: Arc<Shared>,
 }
 
+/// What a bad bus does to frames.
+struct Faults {
+    random: ChaCha8Rng,
+    /// Of 1,000 frames.
+    rate: u32,
+    count: u32,
+}
+
+/// What becomes of a frame.
+enum Fate {
+    Passes,
+    Lost,
+    Doubled,
+    /// Until behind the next one.
+    Late,
+    Delayed,
+    Damaged,
+    /// The connection ends with it.
+    Cut,
+}
+
+impl Faults {
+    fn fate(&mut self) -> Fate {
+        if self.random.next_u32() % 1_000 >= self.rate {
+            return Fate::Passes;
+        }
+        self.count += 1;
+        match self.random.next_u32() % 50 {
+            0..20 => Fate::Lost,
+            20..28 => Fate::Doubled,
+            28..36 => Fate::Late,
+            36..42 => Fate::Delayed,
+            42..49 => Fate::Damaged,
+            _ => Fate::Cut,
+        }
+    }
+}
+
 struct Shared {
+    faults: Mutex<Option<Faults>>,
     unit: Mutex<SocketAddr>,
     open: Mutex<Vec<TcpStream>>,
     is_held: AtomicBool,
@@ -25,6 +68,7 @@ impl Cable {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
         let shared = Arc::new(Shared {
+            faults: Mutex::new(None),
             unit: Mutex::new(unit),
             open: Mutex::default(),
             is_held: AtomicBool::new(false),
@@ -45,8 +89,8 @@ impl Cable {
                 };
                 let both = [near.try_clone().unwrap(), far.try_clone().unwrap()];
                 its.open.lock().unwrap().extend(both);
-                pass(near.try_clone().unwrap(), far.try_clone().unwrap());
-                pass(far, near);
+                pass(&its, near.try_clone().unwrap(), far.try_clone().unwrap());
+                pass(&its, far, near);
             }
         });
         Self { address, shared }
@@ -54,6 +98,17 @@ impl Cable {
 
     pub(crate) fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// From now on so many of 1,000 frames meet with a fault.
+    pub(crate) fn is_bad(&self, seed: u64, rate: u32) {
+        let random = ChaCha8Rng::seed_from_u64(seed);
+        *self.shared.faults.lock().unwrap() = Some(Faults { random, rate, count: 0 });
+    }
+
+    /// How many faults there were.
+    pub(crate) fn faults(&self) -> u32 {
+        self.shared.faults.lock().unwrap().as_ref().map_or(0, |faults| faults.count)
     }
 
     /// It leads to another unit from now on.
@@ -86,15 +141,42 @@ impl Drop for Cable {
     }
 }
 
-fn pass(mut from: TcpStream, mut to: TcpStream) {
+fn pass(shared: &Arc<Shared>, mut from: TcpStream, mut to: TcpStream) {
+    let shared = Arc::clone(shared);
     thread::spawn(move || {
-        let mut buffer = [0; 4_096];
-        while let Ok(count @ 1..) = from.read(&mut buffer) {
-            if to.write_all(&buffer[..count]).is_err() {
+        let mut late = Vec::new();
+        while let Some(mut frame) = next_frame(&mut from) {
+            let fate = shared.faults.lock().unwrap().as_mut().map_or(Fate::Passes, Faults::fate);
+            let mut times = 1;
+            match fate {
+                Fate::Passes => {}
+                Fate::Lost => times = 0,
+                Fate::Doubled => times = 2,
+                Fate::Late => {
+                    late.push(frame);
+                    continue;
+                }
+                Fate::Delayed => thread::sleep(Duration::from_millis(80)),
+                // Not in the head: there, a stream cannot go on.
+                Fate::Damaged => *frame.last_mut().unwrap() ^= 0x10,
+                Fate::Cut => break,
+            }
+            let sent = (0..times).try_for_each(|_| to.write_all(&frame));
+            let sent = sent.and_then(|()| late.drain(..).try_for_each(|frame| to.write_all(&frame)));
+            if sent.is_err() {
                 break;
             }
         }
         let _ = from.shutdown(Shutdown::Both);
         let _ = to.shutdown(Shutdown::Both);
     });
+}
+
+fn next_frame(from: &mut TcpStream) -> Option<Vec<u8>> {
+    let mut frame = vec![0; HEADER];
+    from.read_exact(&mut frame).ok()?;
+    let length = length_of_frame(&frame).ok()??;
+    frame.resize(length, 0);
+    from.read_exact(&mut frame[HEADER..]).ok()?;
+    Some(frame)
 }

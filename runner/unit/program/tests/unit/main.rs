@@ -158,3 +158,50 @@ fn a_plug_in_that_is_not_signed_is_refused_where_signatures_are_wanted() {
     assert!(why.contains("without a signature"), "{why}");
     assert_eq!(shop.erases(), [0, 0]);
 }
+
+/// Frames that are lost, doubled, late, delayed and damaged, connections that end, units and gateways that
+/// are started anew in mid-job, one after the other until there were enough. `SOFTPLUG_LONG`: 10,000.
+#[test]
+fn whatever_a_bad_bus_does_no_byte_is_lost_doubled_or_altered_unannounced() {
+    let enough = if std::env::var_os("SOFTPLUG_LONG").is_some() { 10_000 } else { 250 };
+    let mut shop = Shop::new(Machine::fast());
+    shop.until_up();
+    shop.cable.is_bad(7, 60);
+    let (mut sent, mut punched) = (Vec::new(), Vec::new());
+    let mut restarts = 0;
+    for job in 1.. {
+        if shop.cable.faults() >= enough {
+            break;
+        }
+        let program = program(40_000 + 37 * job as usize);
+        let is_reset = job % 5 == 0;
+        let back = format!("({job})\n").into_bytes().repeat(if is_reset { 0 } else { 200 });
+        let punch = back.clone();
+        shop.machine.tell(move |now, control| control.punch(now, punch));
+        shop.begin(job, &program);
+        if is_reset {
+            let before = sent.len();
+            shop.until(|shop| shop.received().len() > before + 1_000);
+            restarts += 1;
+            shop.restart_unit();
+        }
+        let end = shop.until_report(ended);
+        let got = shop.received().split_off(sent.len());
+        if end.outcome == JobOutcome::Done {
+            assert!(got == program, "job {job}: {} of {} bytes", got.len(), program.len());
+        } else {
+            assert!(is_reset, "job {job} failed: {end:?}");
+            let count = got.len() as u64;
+            assert!(program.starts_with(&got), "job {job}");
+            assert!(end.bytes_surely_left <= count && count <= end.bytes_maybe_left, "{end:?}, {count}");
+        }
+        sent.extend(got);
+        if is_reset {
+            shop.until_up();
+        }
+        punched.extend(back);
+        shop.until(|shop| shop.arrived().len() >= punched.len());
+        assert!(shop.arrived() == punched, "job {job}: what came from the machine");
+    }
+    assert!(shop.cable.faults() >= enough && restarts > 0);
+}

@@ -1,6 +1,5 @@
 //! A machine, a unit at it, a cable, and a gateway's end.
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -116,7 +115,8 @@ pub(crate) struct Shop {
     unit: Option<RunningUnit>,
     reports: Receiver<(LaneId, Report)>,
     seen: Vec<Report>,
-    deliveries: BTreeMap<u32, (ReservoirReader, Vec<u8>)>,
+    /// In the order in which they began.
+    deliveries: Vec<(ReservoirReader, Vec<u8>)>,
     lane: LaneId,
     identities: u64,
     folder: TempDir,
@@ -155,7 +155,7 @@ impl Shop {
             unit: Some(unit),
             reports,
             seen: Vec::new(),
-            deliveries: BTreeMap::new(),
+            deliveries: Vec::new(),
             lane: LaneId(0),
             identities: 1,
             folder,
@@ -235,7 +235,7 @@ impl Shop {
     /// What came from the control.
     pub(crate) fn arrived(&mut self) -> Vec<u8> {
         self.hear(Duration::ZERO);
-        self.deliveries.values().flat_map(|(_, bytes)| bytes.clone()).collect()
+        self.deliveries.iter().flat_map(|(_, bytes)| bytes.clone()).collect()
     }
 
     /// How often the slots were erased.
@@ -278,14 +278,14 @@ impl Shop {
     fn hear(&mut self, patience: Duration) {
         loop {
             match self.reports.recv_timeout(patience) {
-                Ok((_, Report::DeliveryBegun { delivery, bytes, .. })) => {
-                    self.deliveries.insert(delivery, (bytes, Vec::new()));
+                Ok((_, Report::DeliveryBegun { bytes, .. })) => {
+                    self.deliveries.push((bytes, Vec::new()));
                 }
                 Ok((_, report)) => self.seen.push(report),
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => break,
             }
         }
-        for (from, to) in self.deliveries.values_mut() {
+        for (from, to) in &mut self.deliveries {
             let mut buffer = [0; 1_024];
             while let Drawn::Bytes(count) = from.read(&mut buffer) {
                 to.extend_from_slice(&buffer[..count]);
