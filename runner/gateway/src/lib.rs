@@ -25,6 +25,8 @@
 //! What needs Linux is compiled there only; settings, pacing and the pure
 //! decoders are everywhere.
 
+#[cfg(target_os = "linux")]
+mod allowance;
 pub mod awaited;
 pub mod due;
 pub mod error;

@@ -92,8 +92,12 @@ impl Connection {
         }
     }
 
+    /// At once.
     pub(super) fn remove(&mut self, id: LaneId, thread: &Thread) {
-        self.tell(id, UnitCommand::Close, thread);
+        let mut around = Around { outbox: &mut self.outbox, is_up: self.session.is_up(), thread };
+        if let Some(lane) = self.lanes.iter_mut().find(|lane| lane.id() == id) {
+            lane.close(&mut around);
+        }
     }
 
     /// Lanes that are closed.
@@ -263,7 +267,11 @@ impl Connection {
                 let Some(number) = message.link() else { return };
                 let of = |lane: &&mut UnitLane| lane.is_number(number);
                 for lane in self.lanes.iter_mut().filter(of) {
-                    lane.hear(message, &mut around);
+                    if lane.hear(message, &mut around).is_err() {
+                        tracing::error!(unit = self.host, "it sends more than it may");
+                        self.session.end();
+                        return;
+                    }
                 }
             }
         }
@@ -271,13 +279,12 @@ impl Connection {
 
     /// What waits goes to the session, and its frames to the uplink.
     fn speak(&mut self, thread: &Thread) {
-        if self.session.is_up() {
-            let mut around = Around { outbox: &mut self.outbox, is_up: true, thread };
-            for lane in &mut self.lanes {
-                lane.pump(OUTBOX, &mut around);
-            }
-            self.outbox.pump(&mut self.session);
+        let is_up = self.session.is_up();
+        let mut around = Around { outbox: &mut self.outbox, is_up, thread };
+        for lane in &mut self.lanes {
+            lane.pump(OUTBOX, &mut around);
         }
+        self.outbox.pump(&mut self.session);
         let Some(uplink) = &mut self.uplink else { return };
         let now = thread.clock.now();
         let mut frame = [0; LONGEST];

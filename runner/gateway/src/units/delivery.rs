@@ -10,6 +10,15 @@ use std::task::Waker;
 use crate::reactor::Report;
 use crate::reservoir::{ReservoirWriter, reservoir};
 
+/// Bytes that a unit may have under way beside those that are stored, with room to spare.
+const UNDER_WAY: usize = 16 << 10;
+/// Most deliveries that are not whole: a unit sends one after the other.
+const MOST: usize = 16;
+
+/// A unit sends more than it may.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub(super) struct Flood;
+
 /// Deliveries of a link, by the unit's number.
 #[derive(Default)]
 pub(super) struct Arrivals {
@@ -39,7 +48,10 @@ impl Arrivals {
         name: &str,
         room: u32,
         waker: &Waker,
-    ) -> Vec<Report> {
+    ) -> Result<Vec<Report>, Flood> {
+        if self.arriving.len() >= MOST && !self.arriving.contains_key(&delivery) {
+            return Err(Flood);
+        }
         let mut reports = Vec::new();
         let arriving = self.arriving.entry(delivery).or_insert_with(|| {
             let room = room as usize;
@@ -62,19 +74,23 @@ impl Arrivals {
             name.clone_into(&mut arriving.name);
             reports.push(Report::DeliveryNamed { delivery, name: name.to_owned() });
         }
-        reports
+        Ok(reports)
     }
 
-    pub(super) fn data(&mut self, delivery: u32, at: u64, bytes: &[u8]) {
-        let Some(arriving) = self.arriving.get_mut(&delivery) else { return };
+    pub(super) fn data(&mut self, delivery: u32, at: u64, bytes: &[u8]) -> Result<(), Flood> {
+        let Some(arriving) = self.arriving.get_mut(&delivery) else { return Ok(()) };
         // What came already comes again behind a session that has ended.
         let known = arriving.came.saturating_sub(at).min(bytes.len() as u64) as usize;
-        if at + (known as u64) != arriving.came {
-            return;
+        if at.checked_add(known as u64) != Some(arriving.came) {
+            return Ok(());
         }
         let new = &bytes[known..];
+        if arriving.waiting.len() + new.len() > UNDER_WAY {
+            return Err(Flood);
+        }
         arriving.came += new.len() as u64;
         arriving.waiting.extend_from_slice(new);
+        Ok(())
     }
 
     pub(super) fn ended(

@@ -7,10 +7,11 @@ use softplug_abi::{Failure, LinkDownReason, Micros};
 use softplug_unit_protocol::{Digest, Outcome, SlotState, SwapOutcome, ToServer, ToUnit, WhenCode};
 use softplug_unit_uplink::Outbox;
 
-use super::delivery::Arrivals;
+use super::delivery::{Arrivals, Flood};
 use super::job::UnitJob;
 use super::thread::Thread;
 use super::{UnitCommand, UnitPlugin, UnitSetup};
+use crate::allowance::Allowance;
 use crate::reactor::{
     Condition, JobEnd, JobOutcome, LaneFault, LaneId, LaneStatus, Probation, Report, SwapReport,
     UnitFigures, When,
@@ -21,6 +22,12 @@ use crate::recorder::Recording;
 const PIECE: usize = 960;
 /// The longest fields of a job, and settings, in bytes: they must fit into a message.
 const LONGEST_FIELDS: usize = 900;
+/// Most requests of a machine that are not answered.
+const MOST_REQUESTS: usize = 256;
+/// Notes and states a second, and at once, as of a lane of this computer.
+const WORDS_A_SECOND: i64 = 20;
+/// How long the end of a job is waited for when the link is closed.
+const CLOSING: Micros = Micros::from_millis(1_000);
 /// After a refusal the unit is asked again in this span.
 const AGAIN: Micros = Micros::from_millis(10_000);
 
@@ -68,8 +75,9 @@ pub(super) struct UnitLane {
     requests: BTreeSet<u32>,
     /// Those of an earlier session that the unit has not named again.
     doubtful_requests: BTreeSet<u32>,
+    words: Allowance,
     is_port_up: bool,
-    was_opened: bool,
+    closing_until: Option<Micros>,
     is_closed: bool,
 }
 
@@ -91,8 +99,9 @@ impl UnitLane {
             arrivals: Arrivals::default(),
             requests: BTreeSet::new(),
             doubtful_requests: BTreeSet::new(),
+            words: Allowance::new(WORDS_A_SECOND),
             is_port_up: false,
-            was_opened: false,
+            closing_until: None,
             is_closed: false,
         }
     }
@@ -114,7 +123,8 @@ impl UnitLane {
     }
 
     pub(super) fn due(&self) -> Option<Micros> {
-        self.again_at.filter(|_| self.number.is_some())
+        let again_at = self.again_at.filter(|_| self.number.is_some());
+        again_at.into_iter().chain(self.closing_until).min()
     }
 
     fn report(&self, report: Report, around: &Around<'_>) {
@@ -338,7 +348,7 @@ impl UnitLane {
                     around.say(&ToUnit::Halt { link, why });
                 }
             }
-            UnitCommand::Close => self.close(around),
+            UnitCommand::Close => self.begin_to_close(around),
         }
     }
 
@@ -412,7 +422,24 @@ impl UnitLane {
         }
     }
 
-    fn close(&mut self, around: &mut Around<'_>) {
+    /// A job is aborted first, as far as there is time: the unit would feed its machine further.
+    fn begin_to_close(&mut self, around: &mut Around<'_>) {
+        let id = self.job.as_ref().filter(|job| job.is_begun).map(|job| job.job.id);
+        match id.filter(|_| self.number.is_some()) {
+            Some(id) => {
+                self.abort(id, around);
+                self.closing_until = Some(around.thread.clock.now() + CLOSING);
+                self.status.set_condition(Condition::Closing);
+            }
+            None => self.close(around),
+        }
+    }
+
+    /// At once.
+    pub(super) fn close(&mut self, around: &mut Around<'_>) {
+        if self.is_closed {
+            return;
+        }
         if let Some(job) = self.job.take() {
             self.report(Report::JobEnded(job.interrupted()), around);
         }
@@ -443,11 +470,16 @@ impl UnitLane {
         self.is_port_up = true;
         self.status.set_condition(Condition::Up);
         self.report(Report::Opened { path: None, differences: Vec::new() }, around);
-        self.was_opened = true;
         self.report(Report::Up, around);
     }
 
-    pub(super) fn hear(&mut self, message: &ToServer<'_>, around: &mut Around<'_>) {
+    /// # Errors
+    /// The unit sends more than it may: it is to be sent away.
+    pub(super) fn hear(
+        &mut self,
+        message: &ToServer<'_>,
+        around: &mut Around<'_>,
+    ) -> Result<(), Flood> {
         match *message {
             ToServer::Downloaded { until, .. } => self.downloaded(until, around),
             ToServer::Installed { slot, .. } => self.installed(slot, around),
@@ -481,18 +513,22 @@ impl UnitLane {
             ToServer::Delivery { delivery, job, at, name, .. } => {
                 let job = self.unit_job(job).map(|active| active.job.id);
                 let (room, waker) = (self.setup.delivery_room, &around.thread.waker);
-                for report in self.arrivals.announced(delivery, job, at, name, room, waker) {
+                let reports = self.arrivals.announced(delivery, job, at, name, room, waker)?;
+                for report in reports {
                     self.report(report, around);
                 }
             }
             ToServer::Delivered { delivery, at, bytes, .. } => {
-                self.arrivals.data(delivery, at, bytes)
+                self.arrivals.data(delivery, at, bytes)?;
             }
             ToServer::DeliveryEnded { delivery, failure, status, size, .. } => {
                 self.arrivals.ended(delivery, failure, status, size);
             }
             ToServer::Request { request, kind, fields, .. } => {
                 self.doubtful_requests.remove(&request);
+                if self.requests.len() >= MOST_REQUESTS && !self.requests.contains(&request) {
+                    return Err(Flood);
+                }
                 if self.requests.insert(request) {
                     let fields = fields.to_vec();
                     self.report(Report::Request { request, kind, fields }, around);
@@ -503,6 +539,8 @@ impl UnitLane {
                     self.report(Report::Withdrawn { request }, around);
                 }
             }
+            ToServer::Note { .. } | ToServer::State { .. }
+                if !self.words.take(around.thread.clock.now()) => {}
             ToServer::Note { level, code, text, .. } => {
                 self.report(Report::Note { level, code, text: text.to_owned() }, around);
             }
@@ -532,6 +570,7 @@ impl UnitLane {
             ToServer::Refused { message, job, why, .. } => self.refused(message, job, why, around),
             ToServer::Unit { .. } | ToServer::Slot { .. } | ToServer::Link { .. } => {}
         }
+        Ok(())
     }
 
     fn unit_job(&mut self, number: u64) -> Option<&mut UnitJob> {
@@ -660,6 +699,11 @@ impl UnitLane {
 
     /// What is under way goes on, as far as there is room.
     pub(super) fn pump(&mut self, most: usize, around: &mut Around<'_>) {
+        let is_over = self.job.is_none() || self.number.is_none();
+        if self.closing_until.is_some_and(|at| is_over || at <= around.thread.clock.now()) {
+            self.close(around);
+            return;
+        }
         let Some(link) = self.number else { return };
         if self.again_at.is_some_and(|at| at <= around.thread.clock.now()) {
             self.again_at = None;

@@ -162,7 +162,8 @@ fn pass(shared: &Arc<Shared>, mut from: TcpStream, mut to: TcpStream) {
                 Fate::Cut => break,
             }
             let sent = (0..times).try_for_each(|_| to.write_all(&frame));
-            let sent = sent.and_then(|()| late.drain(..).try_for_each(|frame| to.write_all(&frame)));
+            let sent =
+                sent.and_then(|()| late.drain(..).try_for_each(|frame| to.write_all(&frame)));
             if sent.is_err() {
                 break;
             }
