@@ -101,7 +101,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("softplug-emulated", &[]),
     ("softplug-unit-protocol", &["softplug-abi"]),
     ("softplug-unit-slots", &[]),
-    ("softplug-unit-uplink", &["softplug-unit-protocol"]),
+    ("softplug-unit-uplink", &["softplug-abi", "softplug-unit-protocol"]),
     (
         "softplug-unit",
         &[

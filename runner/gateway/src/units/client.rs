@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use mio::{Events, Interest, Poll, Token};
 use softplug_unit_protocol::{
-    Digest, Encode, Identity, LONGEST, Messages, RefuseReason, Role, Session, SessionEvent,
-    SlotState, ToServer, ToUnit,
+    Digest, Encode, Identity, Messages, RefuseReason, Role, Session, SessionEvent, SlotState,
+    ToServer, ToUnit,
 };
 use softplug_unit_uplink::{Closed, Outbox, TcpUplink};
 use thiserror::Error;
@@ -347,16 +347,9 @@ impl UnitClient {
 
     fn speak(&mut self) -> Result<(), UnitClientError> {
         let unit = self.unit.clone();
-        let closed = |source| UnitClientError::Closed { unit, source };
-        let mut frame = [0; LONGEST];
-        self.outbox.pump(&mut self.session);
-        let mut sent = self.uplink.flush().map(drop);
-        while sent.is_ok()
-            && let Some(length) = self.session.poll_transmit(self.clock.now(), &mut frame)
-        {
-            sent = self.uplink.send(&frame[..length]).map(drop);
-            self.outbox.pump(&mut self.session);
-        }
-        sent.map_err(closed)
+        let now = self.clock.now();
+        self.uplink
+            .speak(&mut self.session, &mut self.outbox, now)
+            .map_err(|source| UnitClientError::Closed { unit, source })
     }
 }

@@ -5,9 +5,7 @@ use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 
 use mio::{Interest, Token};
 use softplug_abi::Micros;
-use softplug_unit_protocol::{
-    Identity, LONGEST, Messages, Role, Session, SessionEvent, ToServer, ToUnit,
-};
+use softplug_unit_protocol::{Identity, Messages, Role, Session, SessionEvent, ToServer, ToUnit};
 use softplug_unit_uplink::{Closed, Outbox, TcpUplink};
 
 use super::lane::{Around, UnitLane};
@@ -284,19 +282,9 @@ impl Connection {
         for lane in &mut self.lanes {
             lane.pump(OUTBOX, &mut around);
         }
-        self.outbox.pump(&mut self.session);
         let Some(uplink) = &mut self.uplink else { return };
-        let now = thread.clock.now();
-        let mut frame = [0; LONGEST];
-        let mut closed = uplink.flush().err();
-        while closed.is_none()
-            && let Some(length) = self.session.poll_transmit(now, &mut frame)
-        {
-            // What is not taken is sent again: the session sees to that.
-            closed = uplink.send(&frame[..length]).err();
-            self.outbox.pump(&mut self.session);
-        }
-        if let Some(closed) = closed {
+        let spoken = uplink.speak(&mut self.session, &mut self.outbox, thread.clock.now());
+        if let Err(closed) = spoken {
             self.lost(&closed.to_string(), thread);
         }
     }

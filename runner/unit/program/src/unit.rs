@@ -12,9 +12,7 @@ use softplug_abi::Micros;
 use softplug_gateway::clock::Clock;
 use softplug_gateway::reactor::{LaneId, Reactor, ReactorOptions, Report};
 use softplug_host::{Host, HostOptions};
-use softplug_unit_protocol::{
-    Identity, LONGEST, Messages, Role, Session, SessionEvent, ToServer, ToUnit,
-};
+use softplug_unit_protocol::{Identity, Messages, Role, Session, SessionEvent, ToServer, ToUnit};
 use softplug_unit_uplink::{Closed, Outbox, TcpUplink, waker_of};
 
 use crate::config::UnitConfig;
@@ -297,15 +295,8 @@ impl Unit {
         }
         let Some(uplink) = &mut self.uplink else { return };
         let now = self.clock.now();
-        let mut frame = [0; LONGEST];
-        let mut closed = uplink.flush().err();
-        while closed.is_none()
-            && let Some(length) = self.session.poll_transmit(now, &mut frame)
-        {
-            // What is not taken is sent again: the session sees to that.
-            closed = uplink.send(&frame[..length]).err();
-        }
-        if let Some(closed) = closed {
+        let spoken = uplink.speak(&mut self.session, &mut self.outbox, now);
+        if let Err(closed) = spoken {
             tracing::info!(%closed, "the uplink is lost");
             self.drop_uplink();
             self.session.uplink_lost();

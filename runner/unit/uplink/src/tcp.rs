@@ -6,8 +6,11 @@ use std::net::SocketAddr;
 use mio::event::Source;
 use mio::net::TcpStream;
 use mio::{Interest, Registry, Token};
-use softplug_unit_protocol::{FrameError, LONGEST, length_of_frame};
+use softplug_abi::Micros;
+use softplug_unit_protocol::{FrameError, LONGEST, Session, length_of_frame};
 use thiserror::Error;
+
+use crate::outbox::Outbox;
 
 /// Bytes that wait to be sent, past which no more frames are taken: a session has few under way.
 const WAITING: usize = 64 * LONGEST;
@@ -150,6 +153,27 @@ impl TcpUplink {
         self.leaves.extend_from_slice(frame);
         self.flush()?;
         Ok(true)
+    }
+
+    /// Sends what a session has to say, and what waits in an outbox for room in it. What the
+    /// connection does not take is sent again: the session sees to that.
+    ///
+    /// # Errors
+    /// The connection has ended.
+    pub fn speak<const SLOTS: usize, const BYTES: usize>(
+        &mut self,
+        session: &mut Session<SLOTS, BYTES>,
+        outbox: &mut Outbox,
+        now: Micros,
+    ) -> Result<(), Closed> {
+        self.flush()?;
+        outbox.pump(session);
+        let mut frame = [0; LONGEST];
+        while let Some(length) = session.poll_transmit(now, &mut frame) {
+            self.send(&frame[..length])?;
+            outbox.pump(session);
+        }
+        Ok(())
     }
 
     /// Sends what waits. `false`: some of it still does; again when the source is writable.
