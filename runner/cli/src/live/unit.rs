@@ -249,7 +249,7 @@ fn listed(link: &UnitLinkSurvey) -> ListedLink {
         name: link.name.clone(),
         is_up: link.is_up,
         has_job: link.has_job,
-        runs: link.runs.as_ref().map(|digest| hex(digest)),
+        runs: link.runs.as_ref().map(hex),
         slots: slots.collect(),
     }
 }

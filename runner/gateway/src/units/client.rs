@@ -289,9 +289,8 @@ impl UnitClient {
         let mut until = Instant::now() + self.patience;
         loop {
             while let Some(frame) = self.next_frame()? {
-                let payload = match self.session.receive(self.clock.now(), &frame) {
-                    Ok(Some(payload)) => payload,
-                    Ok(None) | Err(_) => continue,
+                let Ok(Some(payload)) = self.session.receive(self.clock.now(), &frame) else {
+                    continue;
                 };
                 for message in Messages::<ToServer<'_>>::new(payload).map_while(Result::ok) {
                     until = Instant::now() + self.patience;

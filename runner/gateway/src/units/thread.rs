@@ -134,23 +134,23 @@ impl Driver {
         let goes_to = |connection: &Option<Connection>| {
             connection.as_ref().is_some_and(|connection| connection.is_to(&setup.address))
         };
-        let number = match self.connections.iter().position(goes_to) {
-            Some(number) => number,
-            None => {
-                let free = self.connections.iter().position(Option::is_none);
-                let number = free.unwrap_or(self.connections.len());
-                if free.is_none() {
-                    self.connections.push(None);
-                }
-                self.connections[number] =
-                    Some(Connection::new(number, &setup.address, setup.reopen, &self.thread));
-                number
-            }
-        };
+        let known = self.connections.iter().position(goes_to);
+        let number = known.unwrap_or_else(|| self.add_connection(&setup));
         self.lanes.insert(id, number);
         if let Some(connection) = &mut self.connections[number] {
             connection.add(UnitLane::new(id, setup, status), &self.thread);
         }
+    }
+
+    fn add_connection(&mut self, setup: &UnitSetup) -> usize {
+        let free = self.connections.iter().position(Option::is_none);
+        let number = free.unwrap_or(self.connections.len());
+        if free.is_none() {
+            self.connections.push(None);
+        }
+        let connection = Connection::new(number, &setup.address, setup.reopen, &self.thread);
+        self.connections[number] = Some(connection);
+        number
     }
 
     /// Lanes that have ended, and connections without any.

@@ -85,10 +85,9 @@ fn for_unit(command: Command<Session>) -> Option<UnitCommand> {
         Command::Halt(why) => UnitCommand::Halt(why),
         Command::Reopen => UnitCommand::Reopen,
         Command::Close { .. } => UnitCommand::Close,
-        // What passes on a unit's line never leaves the unit.
-        Command::Watch(_) => return None,
-        // Their plug-ins are modules: see `swap_in_unit` and `replace_in_unit`.
-        Command::Swap(_) | Command::Replace { .. } => return None,
+        // What passes on a unit's line never leaves the unit, and its plug-ins are modules: see
+        // `swap_in_unit` and `replace_in_unit`.
+        Command::Watch(_) | Command::Swap(_) | Command::Replace { .. } => return None,
     })
 }
 

@@ -18,11 +18,14 @@ use softplug_abi::{LineParameters, Micros};
 pub(crate) struct Loader {
     host: Host,
     library: Library,
-    loaded: Mutex<HashMap<Digest, (Plugin, Arc<[u8]>)>>,
+    loaded: Mutex<HashMap<Digest, Loaded>>,
     /// Modules that are at fault, and how: many links may ask for one that takes seconds to be
     /// refused.
     refused: Mutex<HashMap<Digest, String>>,
 }
+
+/// A plug-in, and its module for units.
+type Loaded = (Plugin, Arc<[u8]>);
 
 /// Most modules of which it is known that they are refused. Past it, all are tried again.
 const REFUSED: usize = 256;
@@ -100,7 +103,7 @@ impl Loader {
         Ok(Prepared { which: reference_of(&entry), plugin, module, signature, values, settings })
     }
 
-    fn plugin(&self, digest: Digest) -> Result<(Plugin, Arc<[u8]>), Unloadable> {
+    fn plugin(&self, digest: Digest) -> Result<Loaded, Unloadable> {
         let loaded = || self.loaded.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(loaded) = loaded().get(&digest) {
             return Ok(loaded.clone());

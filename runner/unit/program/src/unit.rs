@@ -123,7 +123,7 @@ impl Unit {
             stop,
             config,
         };
-        unit.each_link(|link, around| link.start(around));
+        unit.each_link(Link::start);
         Ok(unit)
     }
 

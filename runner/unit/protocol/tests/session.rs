@@ -136,15 +136,15 @@ impl Pair {
     fn transmit(&mut self) {
         let mut out = [0; LONGEST];
         while let Some(length) = self.server.poll_transmit(self.now, &mut out) {
-            self.carry(out[..length].to_vec(), true);
+            self.carry(&out[..length], true);
         }
         while let Some(length) = self.unit.poll_transmit(self.now, &mut out) {
-            self.carry(out[..length].to_vec(), false);
+            self.carry(&out[..length], false);
         }
     }
 
-    fn carry(&mut self, frame: Vec<u8>, is_to_unit: bool) {
-        if (self.swallows)(is_to_unit, &frame) {
+    fn carry(&mut self, frame: &[u8], is_to_unit: bool) {
+        if (self.swallows)(is_to_unit, frame) {
             return;
         }
         let is_faulty = self.below(1_000) < self.faulty;
@@ -161,7 +161,9 @@ impl Pair {
             vec![self.now + Micros(1_000)]
         };
         let wire = if is_to_unit { &mut self.to_unit } else { &mut self.to_server };
-        times.into_iter().for_each(|at| wire.put(at, frame.clone()));
+        for at in times {
+            wire.put(at, frame.to_vec());
+        }
     }
 
     fn run_until(&mut self, is_done: impl Fn(&Self) -> bool) {

@@ -65,7 +65,8 @@ impl Jobs {
         match *message {
             ToUnit::Begin { job, kind, size, check, fields, .. } => {
                 let size = (size != u64::MAX).then_some(size);
-                self.begin(job, kind, size, check, fields, ready, around);
+                let fields = fields.to_vec();
+                self.begin(job, Job { id: self.next, kind, size, fields, check }, ready, around);
             }
             ToUnit::Data { job, pass, at, bytes, .. } => {
                 let lane = ready.map(|(lane, _)| lane);
@@ -109,10 +110,7 @@ impl Jobs {
     fn begin(
         &mut self,
         job: u64,
-        kind: u16,
-        size: Option<u64>,
-        check: bool,
-        fields: &[u8],
+        of_lane: Job,
         ready: Option<(LaneId, usize)>,
         around: &mut Surroundings<'_>,
     ) {
@@ -124,7 +122,7 @@ impl Jobs {
             _ if job == 0 => Some("a job's number is never 0"),
             (Some(_), _) => Some("another job is there"),
             (None, None) => Some("no plug-in runs"),
-            (None, Some((_, kinds))) if usize::from(kind) >= kinds => {
+            (None, Some((_, kinds))) if usize::from(of_lane.kind) >= kinds => {
                 Some("the plug-in has no job of this kind")
             }
             (None, Some(_)) => None,
@@ -134,10 +132,9 @@ impl Jobs {
             around.say(&ToServer::Refused { message: 7, link: self.link, job, why });
             return;
         };
-        let id = self.next;
+        let id = of_lane.id;
         self.next += 1;
         let (writer, source) = self.reservoir(around);
-        let of_lane = Job { id, kind, size, fields: fields.to_vec(), check };
         around.reactor.tell(lane, Command::Begin(Feed { job: of_lane, source }));
         self.active = Some(Active {
             job,

@@ -62,7 +62,7 @@ impl Machine {
                 match taken.try_recv() {
                     Ok(command) => command(now, &mut simulator.partner),
                     Err(TryRecvError::Empty) => {
-                        simulator.turn(now + Micros::from_secs(60)).unwrap()
+                        simulator.turn(now + Micros::from_secs(60)).unwrap();
                     }
                     Err(TryRecvError::Disconnected) => return,
                 }
@@ -200,7 +200,7 @@ impl Shop {
     }
 
     /// The module with a section more: another one that does the same.
-    pub(crate) fn another_plugin(&self) -> UnitPlugin {
+    pub(crate) fn another_plugin() -> UnitPlugin {
         let mut module = xon_xoff();
         module.extend_from_slice(&[0, 5, 4, b'n', b'o', b't', b'e']);
         plugin_of(module)
@@ -230,6 +230,13 @@ impl Shop {
             Received::Bytes(bytes) => bytes,
             Received::Digest { .. } => panic!("it keeps bytes"),
         })
+    }
+
+    /// All of this has reached the control, and nothing else: a pty holds what has left until the
+    /// control reads it.
+    pub(crate) fn until_received(&mut self, all: &[u8]) {
+        self.until(|shop| shop.received().len() >= all.len());
+        assert!(self.received() == all, "{:?}", String::from_utf8_lossy(&self.received()));
     }
 
     /// What came from the control.

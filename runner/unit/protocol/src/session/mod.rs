@@ -14,7 +14,7 @@ use thiserror::Error;
 
 use crate::frame::{Frame, FrameError, FrameKind};
 use crate::message::Encode;
-use queue::{NeverSent, Queue};
+use queue::{Confirmed, Queue};
 
 /// A side that has nothing to say says so after this span.
 const HEARTBEAT: Micros = Micros::from_millis(500);
@@ -320,12 +320,11 @@ impl<const SLOTS: usize, const BYTES: usize> Session<SLOTS, BYTES> {
     /// Does what is due.
     pub fn handle_timeout(&mut self, now: Micros) {
         match self.phase {
-            Phase::Idle => {}
             Phase::Calling { again_at } if now >= again_at => {
                 self.owes.hello = true;
                 self.phase = Phase::Calling { again_at: now + CALL };
             }
-            Phase::Calling { .. } => {}
+            Phase::Idle | Phase::Calling { .. } => {}
             Phase::Up if now >= self.heard_at + SILENCE => self.finish(EndReason::Silence),
             Phase::Up if self.confirmed_by.is_some_and(|at| now >= at) => {
                 self.finish(EndReason::Unconfirmed);
@@ -413,13 +412,11 @@ impl<const SLOTS: usize, const BYTES: usize> Session<SLOTS, BYTES> {
             return None;
         }
         self.heard_at = now;
-        match self.queue.confirm(frame.taken) {
-            Ok(confirmed) => self.learn(now, confirmed),
-            Err(NeverSent) => {
-                self.finish(EndReason::Broken);
-                return None;
-            }
-        }
+        let Ok(confirmed) = self.queue.confirm(frame.taken) else {
+            self.finish(EndReason::Broken);
+            return None;
+        };
+        self.learn(now, confirmed);
         if frame.number == 0 {
             return None;
         }
@@ -432,9 +429,9 @@ impl<const SLOTS: usize, const BYTES: usize> Session<SLOTS, BYTES> {
     }
 
     /// Something was confirmed: how long its round trip took is known, unless it was sent twice.
-    fn learn(&mut self, now: Micros, confirmed: Option<Option<Micros>>) {
-        let Some(round_trip) = confirmed else { return };
-        if let Some(sent_at) = round_trip {
+    fn learn(&mut self, now: Micros, confirmed: Option<Confirmed>) {
+        let Some(Confirmed { sent_at }) = confirmed else { return };
+        if let Some(sent_at) = sent_at {
             let took = now - sent_at;
             let (mean, varies) = match self.round_trip {
                 None => (took, Micros(took.0 / 2)),

@@ -22,6 +22,13 @@ pub(super) struct Queue<const SLOTS: usize, const BYTES: usize> {
     limit: usize,
 }
 
+/// Frames have come to the other side that had not been confirmed.
+#[derive(Copy, Clone, Debug)]
+pub(super) struct Confirmed {
+    /// When the last of them left, unless it left more than once.
+    pub(super) sent_at: Option<Micros>,
+}
+
 /// Confirmed was what was never sent.
 #[derive(Debug)]
 pub(super) struct NeverSent;
@@ -115,12 +122,11 @@ impl<const SLOTS: usize, const BYTES: usize> Queue<SLOTS, BYTES> {
         self.left = 0;
     }
 
-    /// All frames up to `taken` have come. If that is news: when the last of them left, unless it
-    /// left more than once.
+    /// All frames up to `taken` have come; `None`: that is no news.
     ///
     /// # Errors
     /// It was never sent.
-    pub(super) fn confirm(&mut self, taken: u32) -> Result<Option<Option<Micros>>, NeverSent> {
+    pub(super) fn confirm(&mut self, taken: u32) -> Result<Option<Confirmed>, NeverSent> {
         let count = taken.wrapping_sub(self.number.wrapping_sub(1));
         if count as i32 <= 0 {
             return Ok(None);
@@ -130,13 +136,13 @@ impl<const SLOTS: usize, const BYTES: usize> Queue<SLOTS, BYTES> {
             return Err(NeverSent);
         }
         let last = &self.slots[self.at(count - 1)];
-        let round_trip = last.sent_at.filter(|_| !last.is_repeated);
+        let sent_at = last.sent_at.filter(|_| !last.is_repeated);
         self.first = self.at(count);
         self.held -= count;
         self.sealed -= count;
         self.left = self.left.saturating_sub(count);
         self.number = self.number.wrapping_add(count as u32);
-        Ok(Some(round_trip))
+        Ok(Some(Confirmed { sent_at }))
     }
 
     fn at(&self, offset: usize) -> usize {
