@@ -1,6 +1,6 @@
 //! What carries frames of the unit protocol between a gateway and its units.
 //!
-//! An [`Uplink`] is one connection, at either end. Nothing here blocks: whoever owns it polls its
+//! A [`TcpUplink`] is one connection, at either end. Nothing here blocks: whoever owns it polls its
 //! source and is told when to try again.
 #![cfg(target_os = "linux")]
 #![forbid(unsafe_code)]
