@@ -105,7 +105,6 @@ pub(crate) struct SessionRun {
     fault: Option<FaultClass>,
 }
 
-#[cfg(feature = "wasmtime")]
 impl SessionRun {
     /// All that the plug-in did.
     pub(crate) fn effects(&self) -> &[(Micros, Effect)] {

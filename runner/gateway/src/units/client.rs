@@ -9,7 +9,7 @@ use softplug_unit_protocol::{
     Digest, Encode, Identity, Messages, RefuseReason, Role, Session, SessionEvent, SlotState,
     ToServer, ToUnit,
 };
-use softplug_unit_uplink::{Closed, Outbox, TcpUplink};
+use softplug_unit_uplink::{Closed, Outbox, TcpUplink, plain_text};
 use thiserror::Error;
 
 use super::UnitPlugin;
@@ -239,7 +239,11 @@ impl UnitClient {
             slot.digest == *digest && matches!(slot.state, Written | OnTrial | Confirmed)
         };
         let is_there = survey.links[number].slots.iter().any(holds);
-        if !is_there {
+        if is_there && self.open(link, plugin)?.is_ok() {
+            return Ok(false);
+        }
+        // It is not there, or what is there cannot run: a signature may be wanted by now.
+        {
             let signature = signature.as_deref().unwrap_or_default();
             let length = module.len() as u32;
             self.outbox.push(&ToUnit::Download { link, length, digest: *digest, signature }, false);
@@ -257,22 +261,31 @@ impl UnitClient {
                     None
                 }
                 ToServer::Installed { .. } => Some(Ok(())),
-                ToServer::NotInstalled { why, .. } => Some(Err(why.to_owned())),
+                ToServer::NotInstalled { why, .. } => Some(Err(plain_text(why))),
                 _ => None,
             })?;
             whole.map_err(|why| self.not_taken(why))?;
         }
+        self.open(link, plugin)?.map_err(|why| self.not_taken(why))?;
+        Ok(true)
+    }
+
+    /// Has a link run what is in one of its slots; why it does not.
+    fn open(
+        &mut self,
+        link: u8,
+        plugin: &UnitPlugin,
+    ) -> Result<Result<(), String>, UnitClientError> {
         let settings = super::lane::pairs(&plugin.settings);
-        self.outbox.push(&ToUnit::Open { link, digest: *digest, settings: &settings }, false);
-        let opened = self.wait(|_, message| match *message? {
-            ToServer::Link { link: of, digest: runs, .. } if of == link && runs == *digest => {
+        let wanted = plugin.digest;
+        self.outbox.push(&ToUnit::Open { link, digest: wanted, settings: &settings }, false);
+        self.wait(|_, message| match *message? {
+            ToServer::Link { link: of, digest, .. } if of == link && digest == wanted => {
                 Some(Ok(()))
             }
-            ToServer::Refused { why, .. } => Some(Err(why.to_owned())),
+            ToServer::Refused { why, .. } => Some(Err(plain_text(why))),
             _ => None,
-        })?;
-        opened.map_err(|why| self.not_taken(why))?;
-        Ok(!is_there)
+        })
     }
 
     fn not_taken(&self, why: String) -> UnitClientError {
@@ -327,7 +340,7 @@ impl UnitClient {
         match self.uplink.receive() {
             Ok(frame) => Ok(frame.map(<[u8]>::to_vec)),
             // A unit sends away whoever comes while it is driven.
-            Err(Closed::ByPeer) if !self.session.is_up() => {
+            Err(closed) if closed.is_by_peer() && !self.session.is_up() => {
                 Err(UnitClientError::Busy { unit: self.unit.clone() })
             }
             Err(source) => Err(UnitClientError::Closed { unit: self.unit.clone(), source }),

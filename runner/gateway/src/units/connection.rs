@@ -6,7 +6,7 @@ use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use mio::{Interest, Token};
 use softplug_abi::Micros;
 use softplug_unit_protocol::{Identity, Messages, Role, Session, SessionEvent, ToServer, ToUnit};
-use softplug_unit_uplink::{Closed, Outbox, TcpUplink};
+use softplug_unit_uplink::{Closed, Outbox, TcpUplink, plain_text};
 
 use super::lane::{Around, UnitLane};
 use super::thread::{Thread, ThreadCommand};
@@ -35,6 +35,9 @@ pub(super) struct Connection {
     /// Whom the last session was with.
     peer: Option<Identity>,
     lanes: Vec<UnitLane>,
+    /// How many links the unit has, and those that it has named, in this session.
+    links: Option<u8>,
+    named: Vec<String>,
 }
 
 impl Connection {
@@ -57,6 +60,8 @@ impl Connection {
             at: None,
             peer: None,
             lanes: Vec::new(),
+            links: None,
+            named: Vec::new(),
         };
         connection.connect(thread);
         connection
@@ -189,7 +194,7 @@ impl Connection {
             Err(closed) => {
                 self.uplink = Some(uplink);
                 // A unit sends away whoever comes while it is driven.
-                let is_sent_away = matches!(closed, Closed::ByPeer) && !self.session.is_up();
+                let is_sent_away = closed.is_by_peer() && !self.session.is_up();
                 let also = if is_sent_away { "; another gateway may drive it" } else { "" };
                 self.lost(&format!("{closed}{also}"), thread);
             }
@@ -224,6 +229,7 @@ impl Connection {
             Some(SessionEvent::Began { peer }) => {
                 (self.at, self.failures) = (None, 0);
                 self.outbox.clear();
+                (self.links, self.named) = (None, Vec::new());
                 let is_same = self.peer.replace(peer) == Some(peer);
                 for lane in &mut self.lanes {
                     lane.session_began(is_same, thread);
@@ -249,7 +255,9 @@ impl Connection {
     fn hear_message(&mut self, message: &ToServer<'_>, thread: &Thread) {
         let mut around = Around { outbox: &mut self.outbox, is_up: self.session.is_up(), thread };
         match *message {
-            ToServer::Unit { .. } => {}
+            ToServer::Unit { links, .. } => {
+                (self.links, self.named) = (Some(links), Vec::new());
+            }
             ToServer::Slot { link, slot, state, digest, .. } => {
                 // Before its link is known by name: for all, until they know which is theirs.
                 for lane in &mut self.lanes {
@@ -259,6 +267,14 @@ impl Connection {
             ToServer::Link { link, name, .. } => {
                 for lane in self.lanes.iter_mut().filter(|lane| lane.is_called(name)) {
                     lane.found(link, message, &mut around);
+                }
+                let Some(links) = self.links else { return };
+                self.named.push(plain_text(name));
+                if self.named.len() == usize::from(links) {
+                    self.links = None;
+                    for lane in &mut self.lanes {
+                        lane.is_unknown(&self.named, thread);
+                    }
                 }
             }
             _ => {

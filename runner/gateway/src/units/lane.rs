@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use softplug_abi::{Failure, LinkDownReason, Micros};
 use softplug_unit_protocol::{Digest, Outcome, SlotState, SwapOutcome, ToServer, ToUnit, WhenCode};
-use softplug_unit_uplink::Outbox;
+use softplug_unit_uplink::{Outbox, plain_text};
 
 use super::delivery::{Arrivals, Flood};
 use super::job::UnitJob;
@@ -307,6 +307,12 @@ impl UnitLane {
             return;
         }
         change.is_ordered = false;
+        // What its slots hold is of no use, whatever they say: it is downloaded again then.
+        let digest = change.plugin.digest;
+        for place in self.slots.iter_mut().filter(|(_, there)| *there == digest) {
+            *place = (SlotState::Empty, [0; 32]);
+        }
+        self.runs = [0; 32];
         self.again_at = Some(around.thread.clock.now() + AGAIN);
         let detail = format!("the unit does not take the plug-in: {why}");
         self.down(LinkDownReason::Failed, detail, AGAIN, around.thread);
@@ -450,6 +456,15 @@ impl UnitLane {
         self.is_closed = true;
     }
 
+    /// The unit has named all its links, and this one is not among them.
+    pub(super) fn is_unknown(&mut self, known: &[String], thread: &Thread) {
+        if self.number.is_none() {
+            let link = &self.setup.address.link;
+            let detail = format!("the unit has no link \"{link}\"; it has {}", known.join(", "));
+            self.down(LinkDownReason::Failed, detail, AGAIN, thread);
+        }
+    }
+
     /// The connection is gone.
     pub(super) fn lost(&mut self, detail: &str, retry_in: Micros, thread: &Thread) {
         self.number = None;
@@ -483,7 +498,7 @@ impl UnitLane {
         match *message {
             ToServer::Downloaded { until, .. } => self.downloaded(until, around),
             ToServer::Installed { slot, .. } => self.installed(slot, around),
-            ToServer::NotInstalled { why, .. } => self.not_taken(why, around),
+            ToServer::NotInstalled { why, .. } => self.not_taken(&plain_text(why), around),
             ToServer::Up { .. } => {
                 if self.change.is_none() || self.runs == self.setup.plugin.digest {
                     self.up(around);
@@ -491,7 +506,7 @@ impl UnitLane {
             }
             ToServer::Down { reason, retry_in, detail, .. } => {
                 let retry_in = Micros(i64::try_from(retry_in).unwrap_or(i64::MAX));
-                let detail = format!("the unit's port: {detail}");
+                let detail = format!("the unit's port: {}", plain_text(detail));
                 self.down(reason, detail, retry_in, around.thread);
             }
             ToServer::Credit { job, pass, received, until, .. } => {
@@ -542,9 +557,9 @@ impl UnitLane {
             ToServer::Note { .. } | ToServer::State { .. }
                 if !self.words.take(around.thread.clock.now()) => {}
             ToServer::Note { level, code, text, .. } => {
-                self.report(Report::Note { level, code, text: text.to_owned() }, around);
+                self.report(Report::Note { level, code, text: plain_text(text) }, around);
             }
-            ToServer::State { name, .. } => self.report(Report::State(name.to_owned()), around),
+            ToServer::State { name, .. } => self.report(Report::State(plain_text(name)), around),
             ToServer::Fault { what, .. } => {
                 self.status.set_condition(Condition::Faulted);
                 // It is up again when another plug-in has taken over the port.
@@ -637,10 +652,10 @@ impl UnitLane {
             self.order(around);
         }
         let Some(active) = self.unit_job(number) else { return };
-        let id = active.job.id;
+        let end = active.ended(end_of(active.job.id, message));
         self.job = None;
         self.status.store_unit_job(&UnitFigures::default());
-        self.report(Report::JobEnded(end_of(id, message)), around);
+        self.report(Report::JobEnded(end), around);
     }
 
     fn swapped(&mut self, outcome: SwapOutcome, pause: Micros, why: &str, around: &mut Around<'_>) {
@@ -662,7 +677,7 @@ impl UnitLane {
             }
             SwapOutcome::Refused => {
                 self.change = None;
-                SwapReport::Refused { sentence: why.to_owned() }
+                SwapReport::Refused { sentence: plain_text(why) }
             }
             SwapOutcome::Kept => {
                 self.former = None;
@@ -683,6 +698,7 @@ impl UnitLane {
         const BEGIN: u8 = 7;
         const OPEN: u8 = 5;
         const SWAP: u8 = 18;
+        let why = &*plain_text(why);
         match message {
             OPEN | SWAP => self.not_taken(why, around),
             BEGIN => {
@@ -733,7 +749,7 @@ impl UnitLane {
 fn fault(sentence: &str, on_probation: bool) -> LaneFault {
     LaneFault {
         event: None,
-        sentence: sentence.to_owned(),
+        sentence: plain_text(sentence),
         last_words: None,
         recording: Recording::default(),
         on_probation,

@@ -20,6 +20,11 @@ const LARGEST_FILE: u64 = 1 << 20;
 const MOST_LINKS: usize = 64;
 /// Bytes of a link's buffer.
 const BUFFERS: std::ops::RangeInclusive<u64> = 512..=64 << 20;
+/// Bytes of a memory that is a file, and of its erase blocks.
+const MEMORIES: std::ops::RangeInclusive<u64> = 32 << 10..=64 << 20;
+const BLOCK: u64 = 4_096;
+/// Characters in flight.
+const DEPTHS: std::ops::RangeInclusive<u32> = 1..=4_096;
 /// The longest name of a unit or a link, in bytes.
 const LONGEST_NAME: usize = 64;
 
@@ -62,6 +67,8 @@ pub struct LinkConfig {
     pub settings: BTreeMap<String, String>,
     /// Bytes between the bus and the machine.
     pub buffer: usize,
+    /// Characters that may be in flight on the line; by its rate if `None`.
+    pub depth: Option<u32>,
     /// Where what must outlive a start is kept, beside the memory.
     pub state: PathBuf,
 }
@@ -136,6 +143,7 @@ struct WrittenLink {
     settings: BTreeMap<String, String>,
     #[serde(default = "default_buffer")]
     buffer: Bytes,
+    depth: Option<u32>,
 }
 
 fn default_state() -> PathBuf {
@@ -266,6 +274,9 @@ impl WrittenLink {
                 BUFFERS.end()
             ));
         }
+        if self.depth.is_some_and(|depth| !DEPTHS.contains(&depth)) {
+            return Err(format!("`depth` of link \"{name}\" must be 1 to {}", DEPTHS.end()));
+        }
         if self.port.0.needs_rate() && self.line.is_none() {
             return Err(format!("link \"{name}\" needs a `line` such as \"9600 8N1\""));
         }
@@ -273,8 +284,20 @@ impl WrittenLink {
             Some(path) => folder.join(path),
             None => state.join(format!("{name}.slots")),
         };
-        let size = u32::try_from(self.memory_size.0)
-            .map_err(|_| format!("the memory of link \"{name}\" is too large"))?;
+        let size = self.memory_size.0;
+        if !MEMORIES.contains(&size) || !size.is_multiple_of(BLOCK) {
+            return Err(format!(
+                "`memory_size` of link \"{name}\" is {size}; give {} to {} bytes, a multiple of {BLOCK}",
+                MEMORIES.start(),
+                MEMORIES.end()
+            ));
+        }
+        if self.most_erases == 0 {
+            return Err(format!(
+                "`most_erases` of link \"{name}\" is 0: nothing could be downloaded"
+            ));
+        }
+        let size = size as u32;
         let memory = MemoryConfig { path, size, most_erases: self.most_erases };
         Ok(LinkConfig {
             state: state.join(format!("{name}.settings")),
@@ -283,6 +306,7 @@ impl WrittenLink {
             memory,
             settings: self.settings,
             buffer: buffer as usize,
+            depth: self.depth,
             name,
         })
     }
@@ -365,6 +389,9 @@ mod tests {
             (with("baud = 9600"), "unknown field `baud`"),
             (with("buffer = \"3B\""), "give 512 to"),
             (with("buffer = \"many\""), "write a number of bytes"),
+            (with("depth = 0"), "must be 1 to"),
+            (with("memory_size = 100"), "a multiple of 4096"),
+            (with("most_erases = 0"), "nothing could be downloaded"),
             (LEAST.replace("19200 8N1", "fast"), "fast"),
             (LEAST.replace("\"mill\"", "\"../mill\""), "is no name for a link"),
             (LEAST.replace("/dev/ttyS0", "COM1"), "COM1"),

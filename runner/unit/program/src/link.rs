@@ -23,7 +23,7 @@ use softplug_gateway::reactor::{
 use softplug_host::{Host, Plugin, Session};
 use softplug_link::{Spare, Successor};
 use softplug_unit_protocol::{Digest, SwapOutcome, ToServer, ToUnit, WhenCode};
-use softplug_unit_uplink::Outbox;
+use softplug_unit_uplink::{Outbox, plain_text};
 
 use crate::config::LinkConfig;
 use crate::memory::{Bootable, Download, Memory};
@@ -104,10 +104,16 @@ pub(crate) struct Link {
     memory: Memory,
     lane: Option<LaneId>,
     running: Option<Running>,
-    /// What takes over, until the swap has ended.
+    /// What takes over, until it has.
     successor: Option<Running>,
-    /// Its digest is being compiled, or waits for the lane before it to end.
+    /// What ran before a swap that is on trial.
+    former: Option<Running>,
+    /// Its digest is being compiled.
     awaited: Option<Digest>,
+    /// Settings with which that is wanted in the end.
+    wanted: Option<Settings>,
+    /// The fault that comes was asked for.
+    is_halted: bool,
     next: Option<Box<Running>>,
     /// The plug-in that runs is on trial: confirmed when its port has opened.
     is_on_trial: bool,
@@ -143,7 +149,10 @@ impl Link {
             lane: None,
             running: None,
             successor: None,
+            former: None,
             awaited: None,
+            wanted: None,
+            is_halted: false,
             next: None,
             is_on_trial: false,
             requests: BTreeMap::new(),
@@ -211,6 +220,7 @@ impl Link {
         }
         self.awaited = None;
         let Compiled { plugin, digest, settings, purpose, .. } = compiled;
+        let settings = self.wanted.take().unwrap_or(settings);
         let running = plugin.and_then(|plugin| {
             let given = settings.iter().map(|(name, value)| (name.as_str(), value.as_str()));
             let values =
@@ -273,6 +283,7 @@ impl Link {
                 port_options: PortOptions::new(line),
                 station: StationOptions {
                     settings: running.values.clone(),
+                    depth: self.config.depth,
                     delivery_room: DELIVERY_ROOM,
                     ..StationOptions::default()
                 },
@@ -333,7 +344,7 @@ impl Link {
                 if let Some(successor) = self.successor.take() {
                     self.keep_settings(&successor.settings);
                     let former = self.running.replace(successor);
-                    self.successor = former.filter(|_| on_probation);
+                    self.former = former.filter(|_| on_probation);
                 }
                 if !on_probation {
                     self.is_on_trial = false;
@@ -344,7 +355,7 @@ impl Link {
                 (outcome, pause.0.max(0) as u64, String::new())
             }
             SwapReport::Kept => {
-                self.successor = None;
+                self.former = None;
                 self.is_on_trial = false;
                 self.memory.confirm();
                 (SwapOutcome::Kept, 0, String::new())
@@ -355,7 +366,7 @@ impl Link {
                 (SwapOutcome::Refused, 0, sentence)
             }
             SwapReport::Reverted(fault) => {
-                self.running = self.successor.take();
+                self.running = self.former.take();
                 if let Some(settings) =
                     self.running.as_ref().map(|running| running.settings.clone())
                 {
@@ -366,6 +377,18 @@ impl Link {
             }
         };
         self.tell_swap(outcome, pause, &why, around);
+    }
+
+    /// What the memory gives now takes the place of a plug-in that has failed on trial.
+    fn run_the_other(&mut self, around: &mut Surroundings<'_>) {
+        let settings = self.kept_settings().unwrap_or_else(|| self.config.settings.clone());
+        match self.memory.boot() {
+            Ok(Some(bootable)) => self.compile(bootable, settings, Purpose::Run, around),
+            Ok(None) => tracing::warn!(link = self.config.name, "there is none before it"),
+            Err(error) => {
+                tracing::error!(link = self.config.name, error, "the one before cannot run")
+            }
+        }
     }
 
     fn give_up_trial(&mut self) {
@@ -416,7 +439,10 @@ impl Link {
             }
             ToUnit::CancelSwap { .. } => self.command(Command::CancelSwap, around),
             ToUnit::Reopen { .. } => self.command(Command::Reopen, around),
-            ToUnit::Halt { why, .. } => self.command(Command::Halt(why.to_owned()), around),
+            ToUnit::Halt { why, .. } => {
+                self.is_halted = self.lane.is_some();
+                self.command(Command::Halt(plain_text(why)), around);
+            }
             ToUnit::ForceResume { .. } => self.command(Command::ForceResume, around),
             ToUnit::Answer { request, refused, is_last, bytes, .. } => {
                 self.answer(request, refused, is_last, bytes, around);
@@ -433,8 +459,8 @@ impl Link {
             | ToUnit::Resume { .. }
             | ToUnit::Abort { .. }
             | ToUnit::Noted { .. } => {
-                let kinds =
-                    self.running.as_ref().map(|running| running.plugin.manifest().jobs.len());
+                let running = self.running.as_ref().filter(|_| self.fault.is_none());
+                let kinds = running.map(|running| running.plugin.manifest().jobs.len());
                 self.jobs.hear(message, self.lane.zip(kinds), around);
             }
         }
@@ -452,6 +478,9 @@ impl Link {
         });
         if is_there && self.lane.is_some() && self.fault.is_none() {
             self.tell_link(around);
+        } else if self.awaited == Some(digest) && pairs(settings).is_some() {
+            // It is on its way, after a start for instance.
+            self.wanted = pairs(settings);
         } else if self.jobs.is_under_way() {
             self.refuse(5, 0, "a job is under way", around);
         } else {
@@ -590,7 +619,7 @@ impl Link {
             Report::Up => {
                 self.is_port_open = true;
                 self.down = None;
-                if std::mem::take(&mut self.is_on_trial) && self.successor.is_none() {
+                if self.former.is_none() && std::mem::take(&mut self.is_on_trial) {
                     self.memory.confirm();
                 }
                 self.tell_port(around);
@@ -647,11 +676,17 @@ impl Link {
                 );
                 around.say(&ToServer::Fault { link, what: short(&fault.sentence) });
                 self.fault = Some(fault.sentence);
-                self.give_up_trial();
+                (self.successor, self.former) = (None, None);
+                // Whoever stops it by hand says nothing of how good it is.
+                if !std::mem::take(&mut self.is_halted) && self.is_on_trial {
+                    self.give_up_trial();
+                    self.run_the_other(around);
+                }
             }
             Report::Removed => {
                 self.lane = None;
                 self.running = None;
+                (self.successor, self.former) = (None, None);
                 self.is_port_open = false;
                 self.requests.clear();
                 match self.next.take() {

@@ -6,8 +6,8 @@ use std::os::unix::fs::FileTypeExt;
 
 use softplug_unit_protocol::{Digest, SlotState, ToServer};
 use softplug_unit_slots::{
-    Begun, Content, Device, FileDevice, Geometry, Module, MtdDevice, Options, Run, Signature, Slot,
-    Slots, State, Trust,
+    Begun, Content, Device, FileDevice, Geometry, Module, MtdDevice, Options, PassedOver, Run,
+    Signature, Slot, Slots, State, Trust,
 };
 
 use crate::config::{MemoryConfig, SignatureConfig};
@@ -99,8 +99,15 @@ impl Memory {
     pub(crate) fn boot(&mut self) -> Result<Option<Bootable>, String> {
         let boot = self.slots.boot();
         for (slot, reason) in ["A", "B"].into_iter().zip(boot.passed_over) {
-            if let Some(reason) = reason {
-                tracing::debug!(slot, %reason, "a slot is not run");
+            match reason {
+                Some(
+                    reason
+                    @ (PassedOver::Unfit(_) | PassedOver::Failed(_) | PassedOver::NotCounted),
+                ) => {
+                    tracing::warn!(slot, %reason, "a slot is not run");
+                }
+                Some(reason) => tracing::debug!(slot, %reason, "a slot is not run"),
+                None => {}
             }
         }
         self.running = None;
@@ -156,7 +163,9 @@ impl Memory {
     /// confirmed before is gone back to.
     pub(crate) fn change_to(&mut self, digest: Digest) -> Result<Bootable, String> {
         let held = [Slot::A, Slot::B].map(|slot| self.slots.held(slot));
-        let found = held.into_iter().flatten().find(|held| held.digest == digest);
+        // Both may hold it: what was downloaded last is the one that was verified last.
+        let found = held.into_iter().flatten().filter(|held| held.digest == digest);
+        let found = found.max_by_key(|held| held.generation);
         let state = found
             .map(|held| held.state)
             .ok_or_else(|| "no slot holds this plug-in: download it first".to_owned())?;
@@ -220,10 +229,14 @@ impl Memory {
 }
 
 fn device(config: &MemoryConfig) -> io::Result<AnyDevice> {
-    let is_device =
-        fs::metadata(&config.path).is_ok_and(|found| found.file_type().is_char_device());
-    if is_device {
-        return MtdDevice::open(&config.path).map(AnyDevice::Mtd);
+    match fs::metadata(&config.path).map(|found| found.file_type()) {
+        Ok(kind) if kind.is_char_device() => {
+            return MtdDevice::open(&config.path).map(AnyDevice::Mtd);
+        }
+        Ok(kind) if !kind.is_file() => {
+            return Err(io::Error::other("it is neither a file nor an MTD character device"));
+        }
+        _ => {}
     }
     if let Some(folder) = config.path.parent() {
         fs::create_dir_all(folder)?;

@@ -61,6 +61,8 @@ pub struct Unit {
     /// Boxed: it has its frames in it.
     session: Box<Session<16, 1024>>,
     outbox: Outbox,
+    /// The server has asked what there is, in this session.
+    is_asked: bool,
     reactor: Reactor<softplug_host::Session>,
     reports: Receiver<(LaneId, Report)>,
     host: Host,
@@ -112,6 +114,7 @@ impl Unit {
             uplink: None,
             session: Box::new(Session::new(Role::Unit, Identity(identity))),
             outbox: Outbox::default(),
+            is_asked: false,
             reactor,
             reports,
             host: Host::new(HostOptions::default())?,
@@ -154,10 +157,12 @@ impl Unit {
                     }
                 })
                 .map_err(system("wait for the uplink"))?;
+            // First who is there: it may be gone already when the next one comes.
+            self.hear_uplink();
             if events.iter().any(|event| event.token() == LISTENER) {
                 self.accept();
+                self.hear_uplink();
             }
-            self.hear_uplink();
             self.session.handle_timeout(self.clock.now());
             self.session_news();
             self.hear_lanes();
@@ -238,6 +243,7 @@ impl Unit {
         match self.session.poll() {
             Some(SessionEvent::Began { peer }) => {
                 tracing::info!(server = format_args!("{:016x}", peer.0), "a server is there");
+                self.is_asked = false;
                 self.outbox.clear();
             }
             Some(SessionEvent::Ended(reason)) => {
@@ -250,6 +256,7 @@ impl Unit {
 
     fn hear(&mut self, message: &ToUnit<'_>) {
         let Some(link) = message.link() else {
+            self.is_asked = true;
             let (links, serial) = (self.links.len() as u8, self.config.serial);
             let name = self.config.name.clone();
             self.outbox.push(&ToServer::Unit { links, serial, name: &name }, false);
@@ -286,7 +293,7 @@ impl Unit {
     /// What waits goes to the session, and its frames to the uplink.
     fn speak(&mut self) {
         self.outbox.pump(&mut self.session);
-        if self.session.is_up() && self.outbox.is_empty() {
+        if self.session.is_up() && self.is_asked && self.outbox.is_empty() {
             let longest = self.session.longest_message();
             let session = &mut self.session;
             for link in &mut self.links {
@@ -309,7 +316,7 @@ impl Unit {
             reactor: &self.reactor,
             host: &self.host,
             outbox: &mut self.outbox,
-            is_up: self.session.is_up(),
+            is_up: self.session.is_up() && self.is_asked,
             waker: &self.waker,
             compiled: &self.compiled.0,
             next_lane: &mut self.next_lane,

@@ -94,12 +94,13 @@ impl Feeding {
         self.furthest = self.furthest.max(self.next);
     }
 
-    /// The unit says what has come, and up to where there is room. What it said before and comes
-    /// late changes nothing.
+    /// The unit says what has come, and up to where there is room. Less room than before changes
+    /// nothing.
     ///
     /// # Errors
-    /// It says that what was never sent has come.
+    /// It says that what was never sent has come, or has forgotten what it confirmed.
     pub fn credit(&mut self, received: u64, until: u64) -> Result<(), CreditError> {
+        self.must_not_forget(received)?;
         self.take(received)?;
         self.until = self.until.max(until);
         Ok(())
@@ -110,13 +111,16 @@ impl Feeding {
     /// # Errors
     /// It says that what was never sent has come, or has forgotten what it confirmed.
     pub fn resume(&mut self, received: u64) -> Result<(), CreditError> {
-        if received < self.confirmed {
-            return Err(CreditError::Gap { at: self.confirmed, received });
-        }
+        self.must_not_forget(received)?;
         self.take(received)?;
         self.next = received;
         self.until = received;
         Ok(())
+    }
+
+    fn must_not_forget(&self, received: u64) -> Result<(), CreditError> {
+        let at = self.confirmed;
+        if received < at { Err(CreditError::Gap { at, received }) } else { Ok(()) }
     }
 
     fn take(&mut self, received: u64) -> Result<(), CreditError> {

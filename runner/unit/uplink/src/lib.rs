@@ -7,8 +7,10 @@
 
 mod outbox;
 mod tcp;
+mod text;
 mod waker;
 
 pub use outbox::Outbox;
 pub use tcp::{Closed, TcpUplink};
+pub use text::plain_text;
 pub use waker::waker_of;

@@ -29,6 +29,17 @@ pub enum Closed {
     NoFrame(#[from] FrameError),
 }
 
+impl Closed {
+    /// Whether the other side has ended it, orderly or not.
+    pub fn is_by_peer(&self) -> bool {
+        match self {
+            Self::ByPeer => true,
+            Self::Io(error) => error.kind() == io::ErrorKind::ConnectionReset,
+            Self::NoFrame(_) => false,
+        }
+    }
+}
+
 /// A TCP connection that carries frames.
 ///
 /// ```

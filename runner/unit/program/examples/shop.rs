@@ -1,0 +1,258 @@
+//! A shop over loopback: so many units, each a process, a gateway that feeds them, and at each unit a
+//! simulated control that cuts what it is fed; all in real time.
+//!
+//! `cargo run --release -p softplug-unit --example shop -- target/release/softplug UNITS SECONDS`
+//!
+//! Prints one JSON object: what the controls saw, and what gateway and units used. Ends with 1 if a
+//! control ran empty, overflowed or got another byte than its program has.
+
+use std::error::Error;
+use std::fmt::Write as _;
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, mpsc};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use softplug_abi::{LineParameters, Micros};
+use softplug_gateway::simulator::Simulator;
+use softplug_machines::xon_xoff::{Control, ControlOptions, ControlReport};
+
+/// Bits a second on each line, and bytes that each control cuts of the 1,920 that it carries.
+const BAUD: u32 = 19_200;
+const CUTS: u32 = 1_800;
+const API: &str = "http://127.0.0.1:8137";
+
+type Outcome<T = ()> = Result<T, Box<dyn Error>>;
+
+fn main() -> Outcome {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [softplug, units, seconds] = arguments.as_slice() else {
+        return Err("SOFTPLUG UNITS SECONDS are wanted".into());
+    };
+    let (units, seconds): (usize, u64) = (units.parse()?, seconds.parse()?);
+    let softplug = fs::canonicalize(softplug)?;
+    let folder = tempfile::tempdir()?;
+    let controls = (0..units).map(|_| Cutting::start()).collect::<Outcome<Vec<_>>>()?;
+    let shop = Shop::start(&softplug, folder.path(), &controls, seconds)?;
+    let (gateway, all_units) = shop.feed(seconds)?;
+    let reports: Vec<ControlReport> = controls.into_iter().map(Cutting::stop).collect();
+    let sum = |of: fn(&ControlReport) -> u64| reports.iter().map(of).sum::<u64>();
+    let wrong = reports
+        .iter()
+        .enumerate()
+        .filter(|(at, report)| !report.received.matches(program(*at, seconds).as_bytes()));
+    let (wrong, starved) = (wrong.count(), sum(|report| u64::from(report.starved)));
+    let overflows = sum(|report| report.alarms.len() as u64);
+    println!(
+        "{{\"units\": {units}, \"seconds\": {seconds}, \"bytes\": {}, \"wrong_programs\": {wrong}, \"starved\": \
+         {starved}, \"overflows\": {overflows}, \"holds\": {}, \"gateway_cpu_percent\": {:.1}, \
+         \"unit_cpu_percent\": {:.2}}}",
+        sum(|report| report.received.count()),
+        sum(|report| u64::from(report.holds)),
+        gateway,
+        all_units / units as f64,
+    );
+    if wrong > 0 || starved > 0 || overflows > 0 {
+        return Err("a control ran empty, overflowed or got another byte".into());
+    }
+    Ok(())
+}
+
+/// A program of which each control has another one, and which takes so long to cut.
+fn program(number: usize, seconds: u64) -> String {
+    let size = seconds as usize * CUTS as usize;
+    let mut text = String::new();
+    for block in 1.. {
+        if text.len() >= size {
+            break;
+        }
+        let _ = writeln!(text, "N{block} G1 X{number} Y{}", block * 7 % 1_000);
+    }
+    text
+}
+
+/// A control on a thread of its own.
+struct Cutting {
+    port: String,
+    is_stopped: Arc<AtomicBool>,
+    thread: JoinHandle<ControlReport>,
+}
+
+impl Cutting {
+    fn start() -> Outcome<Self> {
+        let line = LineParameters::new(BAUD);
+        let options = ControlOptions {
+            line,
+            buffer: 2_048,
+            low: 512,
+            high: 1_024,
+            rate: CUTS,
+            receive_fifo: 4_096,
+            ..ControlOptions::default()
+        };
+        let mut simulator = Simulator::new(Control::new(options)?)?;
+        let port = simulator.path().display().to_string();
+        let is_stopped = Arc::new(AtomicBool::new(false));
+        let stopped = Arc::clone(&is_stopped);
+        let thread = thread::spawn(move || {
+            while !stopped.load(Ordering::Relaxed) {
+                let until = simulator.now() + Micros::from_millis(200);
+                simulator.turn(until).expect("a pty works");
+            }
+            simulator.partner.report()
+        });
+        Ok(Self { port, is_stopped, thread })
+    }
+
+    fn stop(self) -> ControlReport {
+        self.is_stopped.store(true, Ordering::Relaxed);
+        self.thread.join().expect("a control does not panic")
+    }
+}
+
+/// Processes that are ended with the shop.
+struct Shop<'a> {
+    softplug: &'a Path,
+    folder: &'a Path,
+    gateway: Child,
+    units: Vec<Child>,
+}
+
+impl<'a> Shop<'a> {
+    fn start(
+        softplug: &'a Path,
+        folder: &'a Path,
+        controls: &[Cutting],
+        seconds: u64,
+    ) -> Outcome<Self> {
+        let plugin = softplug.with_file_name("../plugins/xon-xoff.wasm");
+        let mut text = "[gateway]\nwatch = false\n[http]\nlisten = \"127.0.0.1:8137\"\n\
+                        tokens = \"tokens.toml\"\nrequests-per-second = 10000\nburst = 10000\n"
+            .to_owned();
+        let mut units = Vec::new();
+        fs::create_dir_all(folder.join("programs"))?;
+        for (at, control) in controls.iter().enumerate() {
+            let own = folder.join(format!("unit-{at}"));
+            fs::create_dir_all(&own)?;
+            let port = &control.port;
+            let unit = format!(
+                "name = \"unit-{at}\"\nlisten = \"127.0.0.1:0\"\nstate = \"state\"\n[signature]\nunsigned = true\n\
+                 [[link]]\nname = \"mill\"\nport = \"{port}\"\nline = \"{BAUD} 8N1\"\nbuffer = \"16KiB\"\ndepth = 6\n"
+            );
+            fs::write(own.join("unit.toml"), unit)?;
+            let (child, address) =
+                ready(Command::new(softplug).args(["unit", "run", "--json"]).current_dir(&own))?;
+            units.push(child);
+            let _ = writeln!(
+                text,
+                "[[link]]\nname = \"mill-{at}\"\nport = \"unit://{address}/mill\"\nplugin = \"xon-xoff\""
+            );
+            fs::write(folder.join(format!("programs/O{at}.nc")), program(at, seconds))?;
+        }
+        fs::write(folder.join("gateway.toml"), text)?;
+        let run = |words: &[&str]| -> Outcome<Vec<u8>> {
+            let output = Command::new(softplug).args(words).current_dir(folder).output()?;
+            let said = String::from_utf8_lossy(&output.stderr).into_owned();
+            if output.status.success() { Ok(output.stdout) } else { Err(said.into()) }
+        };
+        let plugin = plugin.display().to_string();
+        run(&["plugin", "add", &plugin, "--library", "state/plugins"])?;
+        let token = Command::new(softplug)
+            .args(["gateway", "token", "--name", "shop", "--role", "admin"])
+            .current_dir(folder)
+            .output()?;
+        fs::write(folder.join("tokens.toml"), token.stdout)?;
+        let shown = String::from_utf8(token.stderr)?;
+        let token = shown.split_whitespace().find(|word| word.starts_with("softplug_"));
+        fs::write(folder.join("token"), token.ok_or("no token")?)?;
+        let (gateway, _) =
+            ready(Command::new(softplug).args(["gateway", "run", "--json"]).current_dir(folder))?;
+        Ok(Self { softplug, folder, gateway, units })
+    }
+
+    /// Sends each its program, and waits until all are cut. CPU of the gateway and of all units, in
+    /// percent of one core.
+    fn feed(&self, seconds: u64) -> Outcome<(f64, f64)> {
+        thread::sleep(Duration::from_secs(10));
+        let (begin, before) = (Instant::now(), self.used()?);
+        for at in 0..self.units.len() {
+            let (program, link) = (format!("O{at}.nc"), format!("mill-{at}"));
+            self.ask(&["job", "submit", &link, &program])?;
+        }
+        let until = begin + Duration::from_secs(seconds + 120);
+        let mut used = (0.0, 0.0);
+        let mut is_measured = false;
+        loop {
+            thread::sleep(Duration::from_secs(2));
+            if !is_measured && begin.elapsed() >= Duration::from_secs(seconds * 3 / 4) {
+                let (span, after) = (begin.elapsed().as_secs_f64(), self.used()?);
+                used = ((after.0 - before.0) / span, (after.1 - before.1) / span);
+                is_measured = true;
+            }
+            let jobs = self.ask(&["job", "list", "--json"])?;
+            let ended = jobs.matches("\"state\":\"done\"").count()
+                + jobs.matches("\"state\": \"done\"").count();
+            if ended == self.units.len() {
+                // What is in the controls' buffers is cut.
+                thread::sleep(Duration::from_secs(3));
+                return Ok(used);
+            }
+            if Instant::now() > until {
+                return Err(format!("{ended} of {} jobs are done", self.units.len()).into());
+            }
+        }
+    }
+
+    fn ask(&self, words: &[&str]) -> Outcome<String> {
+        let output = Command::new(self.softplug)
+            .args(words)
+            .args(["--gateway", API])
+            .env("SOFTPLUG_TOKEN", fs::read_to_string(self.folder.join("token"))?)
+            .output()?;
+        if !output.status.success() {
+            return Err(String::from_utf8_lossy(&output.stderr).into_owned().into());
+        }
+        Ok(String::from_utf8(output.stdout)?)
+    }
+
+    /// Hundredths of a second of computing of the gateway, and of all units.
+    fn used(&self) -> Outcome<(f64, f64)> {
+        let units = self.units.iter().map(|unit| computed(unit.id())).sum::<Outcome<f64>>()?;
+        Ok((computed(self.gateway.id())?, units))
+    }
+}
+
+impl Drop for Shop<'_> {
+    fn drop(&mut self) {
+        for child in self.units.iter_mut().chain([&mut self.gateway]) {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+fn computed(process: u32) -> Outcome<f64> {
+    let text = fs::read_to_string(format!("/proc/{process}/stat"))?;
+    let (_, behind) = text.rsplit_once(')').ok_or("a process has no name")?;
+    let fields: Vec<&str> = behind.split_whitespace().collect();
+    Ok(fields[11].parse::<f64>()? + fields[12].parse::<f64>()?)
+}
+
+/// Starts a process that says in its first line where it listens.
+fn ready(command: &mut Command) -> Outcome<(Child, String)> {
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn()?;
+    let output = child.stdout.take().ok_or("it has an output")?;
+    let (tell, told) = mpsc::channel();
+    thread::spawn(move || {
+        let mut lines = BufReader::new(output).lines();
+        let _ = tell.send(lines.next());
+        lines.for_each(drop);
+    });
+    let line = told.recv_timeout(Duration::from_mins(1))?.ok_or("it ended at once")??;
+    let address = line.split("\"address\":\"").nth(1).and_then(|rest| rest.split('"').next());
+    Ok((child, address.ok_or("it says no address")?.to_owned()))
+}
