@@ -89,8 +89,25 @@ impl fmt::Display for Change {
             }
         }
         let sign = if self.to > self.from { '+' } else { '-' };
-        write!(f, " ({sign}{} %)", percent(self.relative))
+        let percent = match self.to {
+            to if to > 0.0 && to < self.from => percent_of_some(self.relative),
+            _ => percent(self.relative),
+        };
+        write!(f, " ({sign}{percent} %)")
     }
+}
+
+/// Less by so much, where something is left: with as many digits as say that something is.
+fn percent_of_some(part: f64) -> String {
+    /// Most decimals: a double has no more that mean anything.
+    const MOST_DECIMALS: usize = 12;
+    if 100.0 * part < 99.5 {
+        return percent(part);
+    }
+    (1..=MOST_DECIMALS)
+        .map(|decimals| format!("{:.decimals$}", 100.0 * part))
+        .find(|text| !text.starts_with("100"))
+        .unwrap_or_else(|| format!("99.{}", "9".repeat(MOST_DECIMALS)))
 }
 
 /// A part of 1 as per cent, with two digits that matter.

@@ -94,3 +94,35 @@ fn a_large_control_can_be_in_the_way_of_the_others() {
     let change = plan.changes.iter().find(of_large).unwrap();
     assert!(change.to < change.from, "{change}");
 }
+
+#[test]
+fn only_nothing_is_less_by_all_of_it() {
+    let percent = |from: f64, to: f64| {
+        let relative = (to - from).abs() / from;
+        let change =
+            Change { parameter: Parameter::Switch, machine: None, from, to, relative }.to_string();
+        change.split_once(" (").unwrap().1.trim_end_matches(')').to_owned()
+    };
+    let shown = [
+        (1.0, 0.006),
+        (1.0, 0.004),
+        (1.0, 0.0031),
+        (1.0, 0.0001),
+        (1.0, 1e-12),
+        (60.0, 1e-20),
+        (1.0, 0.0),
+        (1.0, 1.996),
+    ]
+    .map(|(from, to)| percent(from, to));
+    let said = [
+        "-99 %",
+        "-99.6 %",
+        "-99.7 %",
+        "-99.99 %",
+        "-99.9999999999 %",
+        "-99.999999999999 %",
+        "-100 %",
+        "+100 %",
+    ];
+    assert_eq!(shown, said);
+}
