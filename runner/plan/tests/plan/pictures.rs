@@ -25,6 +25,17 @@ fn names_are_escaped_and_cut() {
     assert!(!svg.contains("<script"));
 }
 
+/// The beginning of a name is what tells machines from each other, so it is not drawn outside.
+#[test]
+fn wide_names_are_cut_sooner() {
+    for (name, drawn_as) in [("W".repeat(38), "WWWWWWWWW…"), ("铣".repeat(12), "铣铣铣铣铣铣铣铣…")]
+    {
+        let shop = shop(vec![Machine { name, ..mills(1) }]);
+        let svg = drawn(&shop, &plan(&shop).service(), 1.0);
+        assert!(svg.contains(&format!(">{drawn_as}</text>")), "{svg}");
+    }
+}
+
 #[test]
 fn of_many_machines_those_that_ran_dry_are_drawn() {
     let shop = shop(vec![mills(40)]);
@@ -33,6 +44,6 @@ fn of_many_machines_those_that_ran_dry_are_drawn() {
     let svg = drawn(&shop, &service, 0.7);
     assert_eq!(svg.matches("class=\"frame\"").count(), 2 * 12);
     assert!(svg.contains("mill-39") && svg.contains("class=\"dry\""));
-    assert!(svg.contains("and 28 more machines"));
+    assert!(svg.contains("and 28 more machines; those that ran dry are drawn first"));
     assert!(svg.len() < 20_000, "{}", svg.len());
 }
