@@ -6,7 +6,7 @@
 use std::fmt::Write as _;
 
 use crate::planning::Plan;
-use crate::shop::Shop;
+use crate::shop::{Shop, is_nothing};
 use crate::simulation::{Discipline, MachineOutcome, Options, Outcome, Sample, simulate};
 
 /// Most machines that are drawn. Of more, the first ones are, and those that ran dry before others.
@@ -252,7 +252,7 @@ fn escaped(text: &str) -> String {
             '<' => escaped.push_str("&lt;"),
             '>' => escaped.push_str("&gt;"),
             '"' => escaped.push_str("&quot;"),
-            c if c.is_control() => escaped.push('\u{fffd}'),
+            c if c.is_control() || is_nothing(c) => escaped.push('\u{fffd}'),
             c => escaped.push(c),
         }
     }

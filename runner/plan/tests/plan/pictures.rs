@@ -36,6 +36,16 @@ fn wide_names_are_cut_sooner() {
     }
 }
 
+/// An outcome may come from elsewhere: what XML cannot hold is not written.
+#[test]
+fn no_name_breaks_the_picture() {
+    let shop = shop(vec![mills(1)]);
+    let options = Options { seconds: 1.0, ..Options::default() };
+    let mut outcome = simulate(&shop, &plan(&shop).service(), Discipline::Slots, &options);
+    outcome.machines[0].name = "a\u{fffe}b\u{ffff}c\u{1}".to_owned();
+    assert!(picture(&outcome).contains(">a\u{fffd}b\u{fffd}c\u{fffd}</text>"));
+}
+
 #[test]
 fn of_many_machines_those_that_ran_dry_are_drawn() {
     let shop = shop(vec![mills(40)]);
