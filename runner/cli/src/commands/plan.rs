@@ -78,6 +78,13 @@ struct Simulation {
 
 pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
     let shop = read(&arguments.shop)?;
+    if let Some(file) = arguments.svg.as_ref().filter(|file| is_same_file(file, &arguments.shop)) {
+        let file = file.display();
+        return Err(Failure::usage(format_args!(
+            "{file} is the file of the shop itself, which the picture would overwrite; give --svg \
+             another one"
+        )));
+    }
     let plan = plan(&shop);
     let simulation = arguments.simulate.map(|hours| simulated(&shop, &plan, hours));
     if let Some(file) = &arguments.svg {
@@ -98,6 +105,24 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     }
     let holds = simulation.is_none_or(|simulation| simulation.holds);
     Ok(if plan.feasible && holds { Exit::Done } else { Exit::Failed })
+}
+
+/// Whether both lead to one file, through links of either kind too.
+fn is_same_file(one: &Path, other: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt as _;
+        // A terminal or a pipe can be both without harm.
+        let identity = |path: &Path| {
+            let file = fs::metadata(path).ok().filter(fs::Metadata::is_file)?;
+            Some((file.dev(), file.ino()))
+        };
+        identity(one).is_some_and(|file| Some(file) == identity(other))
+    }
+    #[cfg(not(unix))]
+    {
+        one.canonicalize().is_ok_and(|one| other.canonicalize().is_ok_and(|other| one == other))
+    }
 }
 
 fn read(path: &Path) -> Result<Shop, Failure> {

@@ -83,6 +83,23 @@ fn what_cannot_be_meant_is_refused() {
 }
 
 #[test]
+fn the_picture_never_takes_the_place_of_the_shop() {
+    let bench = bench();
+    let shop = bench.read("shop.toml");
+    let folder = bench.path(".");
+    std::os::unix::fs::symlink("shop.toml", folder.join("link.svg")).unwrap();
+    std::fs::hard_link(folder.join("shop.toml"), folder.join("hard.svg")).unwrap();
+    for target in ["shop.toml", "./shop.toml", "link.svg", "hard.svg"] {
+        let ran = bench.run(&["plan", "shop.toml", "--svg", target]).with_code(2);
+        assert!(ran.err.contains(&format!("{target} is the file of the shop itself")), "{ran}");
+        assert_eq!(bench.read("shop.toml"), shop, "{target}");
+    }
+    // A picture that is there is drawn anew.
+    bench.run(&["plan", "shop.toml", "--svg", "a.svg"]).with_code(0);
+    bench.run(&["plan", "shop.toml", "--svg", "a.svg"]).with_code(0);
+}
+
+#[test]
 fn colours_can_be_switched_off() {
     let bench = bench();
     let colours =
