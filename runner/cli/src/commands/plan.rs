@@ -3,6 +3,7 @@
 use std::fs::{self, File};
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use clap::Args;
 use serde::Serialize;
@@ -13,7 +14,7 @@ use softplug_plan::{
 
 use crate::exit::Exit;
 use crate::failure::Failure;
-use crate::numbers::{count, things};
+use crate::numbers::{count, span, things};
 use crate::screen::{BAD, GOOD, HEADING, Screen, WARNING};
 use crate::table::Table;
 
@@ -52,8 +53,8 @@ pub(crate) struct Arguments {
     /// Draw the levels of the first rounds, as simulated, into this file
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
-    /// Also simulate so many hours of virtual time, each unit having the bus for a whole fill
-    #[arg(long, value_name = "HOURS", value_parser = clap::value_parser!(u16).range(1..=1_000))]
+    /// Also simulate 1 to 1000 whole virtual hours, each unit having the bus for a whole fill
+    #[arg(long, value_name = "HOURS", value_parser = hours, allow_negative_numbers = true)]
     simulate: Option<u16>,
 }
 
@@ -68,7 +69,7 @@ struct Document<'a> {
 
 #[derive(Serialize)]
 struct Simulation {
-    /// Whether no machine ran dry, no bit was lost, and it came to its end.
+    /// Whether no machine ran dry and no bit was lost, as far as it was simulated.
     holds: bool,
     /// Whether units fed their controls also while they were filled.
     feeds_while_filled: bool,
@@ -97,14 +98,28 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     } else {
         show_refusal(&shop, &plan, screen);
     }
-    if let Some(simulation) = &simulation {
-        show_simulation(simulation, screen);
+    if let (Some(simulation), Some(hours)) = (&simulation, arguments.simulate) {
+        show_simulation(simulation, hours, screen);
     }
     if let Some(file) = &arguments.svg {
         row(screen, "picture", file.display());
     }
-    let holds = simulation.is_none_or(|simulation| simulation.holds);
-    Ok(if plan.feasible && holds { Exit::Done } else { Exit::Failed })
+    Ok(exit(&plan, simulation.as_ref()))
+}
+
+/// What is known to be wrong comes first, and then what is not known.
+fn exit(plan: &Plan, simulation: Option<&Simulation>) -> Exit {
+    match simulation {
+        _ if !plan.feasible => Exit::Failed,
+        Some(simulation) if !simulation.holds => Exit::Failed,
+        Some(simulation) if !simulation.outcome.is_complete => Exit::Incomplete,
+        _ => Exit::Done,
+    }
+}
+
+fn hours(text: &str) -> Result<u16, &'static str> {
+    let hours = text.parse().ok().filter(|hours| (1..=1_000).contains(hours));
+    hours.ok_or("give whole hours from 1 to 1000")
 }
 
 /// Whether both lead to one file, through links of either kind too.
@@ -144,7 +159,7 @@ fn simulated(shop: &Shop, plan: &Plan, hours: u16) -> Simulation {
     let seconds = 3_600.0 * f64::from(hours);
     let options = Options { seconds, feeds_while_filled, ..Options::default() };
     let outcome = simulate(shop, &plan.service(), Discipline::Slots, &options);
-    Simulation { holds: outcome.holds(), feeds_while_filled, outcome }
+    Simulation { holds: outcome.holds_so_far(), feeds_while_filled, outcome }
 }
 
 fn row(screen: &Screen, title: &str, text: impl std::fmt::Display) {
@@ -246,15 +261,27 @@ fn constraint(number: u8) -> &'static str {
     }
 }
 
-fn show_simulation(simulation: &Simulation, screen: &Screen) {
+fn show_simulation(simulation: &Simulation, hours: u16, screen: &Screen) {
     let outcome = &simulation.outcome;
-    let hours = outcome.seconds / 3_600.0;
     let dry: u64 = outcome.machines.iter().map(|machine| machine.times_dry).sum();
-    let services = count(outcome.services);
-    let what = match (dry, outcome.is_complete) {
-        (0, true) => format!("{GOOD}no machine ran dry{GOOD:#}"),
-        (0, false) => format!("{WARNING}ended early{WARNING:#}, no machine ran dry so far"),
-        (dry, _) => format!("{BAD}dry{BAD:#} {}", things(dry, "time")),
+    let fills = things(outcome.services, "fill");
+    let so_far = if outcome.is_complete { "" } else { " so far" };
+    let what = match dry {
+        0 => format!("{GOOD}no machine ran dry{so_far}{GOOD:#}"),
+        dry => format!("{BAD}dry{BAD:#} {}{so_far}", things(dry, "time")),
     };
-    row(screen, "simulated", format_args!("{hours:.1} h, {services} fills: {what}"));
+    if outcome.is_complete {
+        row(screen, "simulated", format_args!("{hours}.0 h, {fills}: {what}"));
+        return;
+    }
+    let time = span(Duration::from_secs_f64(outcome.seconds));
+    row(
+        screen,
+        "simulated",
+        format_args!(
+            "{time} of {} h, {fills}: {WARNING}ended early{WARNING:#}, as no more fills are simulated; \
+             {what}",
+            count(hours.into())
+        ),
+    );
 }

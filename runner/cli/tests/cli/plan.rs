@@ -83,6 +83,44 @@ fn what_cannot_be_meant_is_refused() {
 }
 
 #[test]
+fn hours_are_whole_and_not_too_many() {
+    let bench = bench();
+    for hours in ["0", "0.5", "1001", "1e9", "nan", "-1", ""] {
+        let ran = bench.run(&["plan", "shop.toml", "--simulate", hours]).with_code(2);
+        assert!(ran.err.contains("give whole hours from 1 to 1000"), "{hours}: {ran}");
+    }
+}
+
+/// So many fills that the simulation ends early: nothing is wrong, and not all is known.
+#[test]
+fn a_simulation_that_ends_early_is_incomplete() {
+    let bench = bench();
+    bench.write(
+        "fast.toml",
+        "[bus]\nrate = 1e9\nefficiency = 1\nswitch = \"0us\"\n[[machine]]\nname = \"laser\"\n\
+         rate = 1e9\nefficiency = 1\nconsumes = 1e6\nbuffer = 1\n",
+    );
+    let ran = bench.run(&["plan", "fast.toml", "--simulate", "1000"]).with_code(5);
+    let said = "of 1,000 h, 20,000,000 fills: ended early, as no more fills are simulated; no machine ran dry so far";
+    assert!(ran.out.contains(said), "{ran}");
+    let ran = bench.run(&["plan", "fast.toml", "--simulate", "1000", "--json"]).with_code(5).json();
+    assert_eq!(ran["simulation"]["holds"], true);
+    assert_eq!(ran["simulation"]["is_complete"], false);
+}
+
+#[test]
+fn one_fill_is_one() {
+    let bench = bench();
+    bench.write(
+        "slow.toml",
+        "[bus]\nrate = 1e6\nefficiency = 1\nswitch = \"2ms\"\n[[machine]]\nname = \"clock\"\n\
+         rate = 9600\nefficiency = 0.8\nconsumes = 1\nbuffer = 1_000_000\n",
+    );
+    let ran = bench.run(&["plan", "slow.toml", "--simulate", "1"]).with_code(0);
+    assert!(ran.out.contains("1.0 h, 1 fill: no machine"), "{ran}");
+}
+
+#[test]
 fn the_picture_never_takes_the_place_of_the_shop() {
     let bench = bench();
     let shop = bench.read("shop.toml");
