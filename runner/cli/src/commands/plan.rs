@@ -8,8 +8,8 @@ use std::time::Duration;
 use clap::Args;
 use serde::Serialize;
 use softplug_plan::{
-    Discipline, MOST_FILE_BYTES, MachinePlan, Options, Outcome, Plan, Shop, picture_of, plan,
-    simulate,
+    DEFAULT_MARGIN, Discipline, MOST_FILE_BYTES, MachinePlan, Options, Outcome, Plan, Shop,
+    ShopError, Wrong, picture_of, plan, simulate,
 };
 
 use crate::exit::Exit;
@@ -104,6 +104,16 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     if let Some(file) = &arguments.svg {
         row(screen, "picture", file.display());
     }
+    let tried = match (simulation.is_some(), arguments.svg.is_some()) {
+        _ if plan.feasible => None,
+        (true, true) => Some("in simulation and picture"),
+        (true, false) => Some("in the simulation"),
+        (false, true) => Some("in the picture"),
+        (false, false) => None,
+    };
+    if let Some(tried) = tried {
+        row(screen, "buffers", format_args!("{tried}: the largest that constraint 3 allows"));
+    }
     Ok(exit(&plan, simulation.as_ref()))
 }
 
@@ -141,17 +151,26 @@ fn is_same_file(one: &Path, other: &Path) -> bool {
 }
 
 fn read(path: &Path) -> Result<Shop, Failure> {
-    let failure = |error: std::io::Error| {
+    let failure = |error: &dyn std::fmt::Display| {
         Failure::usage(format_args!("{} cannot be read: {error}", path.display()))
     };
-    let file = File::open(path).map_err(failure)?;
-    let mut text = String::new();
-    // One more than is read, so that what is too long is refused as such.
-    file.take(MOST_FILE_BYTES as u64 + 1).read_to_string(&mut text).map_err(failure)?;
-    Shop::parse(&text).map_err(|error| {
+    let meant = |error: ShopError| {
         let gap = if error.place.is_some() { "" } else { " " };
         Failure::usage(format_args!("{}:{gap}{error}", path.display()))
-    })
+    };
+    let file = File::open(path).map_err(|error| failure(&error))?;
+    let mut bytes = Vec::new();
+    // One more than is meant, so that what is too long is refused as such, and before its
+    // characters are looked at: the last may be cut.
+    file.take(MOST_FILE_BYTES as u64 + 1)
+        .read_to_end(&mut bytes)
+        .map_err(|error| failure(&error))?;
+    if bytes.len() > MOST_FILE_BYTES {
+        let wrong = Wrong::TooLong { bytes: bytes.len(), most: MOST_FILE_BYTES };
+        return Err(meant(ShopError { place: None, wrong }));
+    }
+    let text = String::from_utf8(bytes).map_err(|_| failure(&"it is not UTF-8"))?;
+    Shop::parse(&text).map_err(meant)
 }
 
 fn simulated(shop: &Shop, plan: &Plan, hours: u16) -> Simulation {
@@ -238,27 +257,34 @@ fn show_refusal(shop: &Shop, plan: &Plan, screen: &Screen) {
         .say(format_args!("{BAD}not feasible{BAD:#}: no buffers feed {machines} without a break"));
     head(shop, plan, screen);
     let mut table = Table::new(["machine", "count", "fails"]);
+    let margin = plan.bus.margin;
     for (machine, plan) in kinds(shop, plan) {
-        let fails: Vec<_> = plan.violated.iter().map(|number| constraint(*number)).collect();
+        let fails: Vec<_> =
+            plan.violated.iter().map(|number| constraint(*number, margin)).collect();
         table.row([machine.name.clone(), count(machine.count), fails.join("; ")]);
     }
     screen.say(format_args!("\n{table}\n"));
     for (index, change) in plan.changes.iter().take(MOST_SHOWN).enumerate() {
         row(screen, if index == 0 { "mended by" } else { "or by" }, change);
     }
+    if plan.changes.is_empty() {
+        row(screen, "mended by", "no change of one thing alone");
+    }
     if plan.changes.len() > MOST_SHOWN {
         row(screen, "", format_args!("and {} more, in --json", plan.changes.len() - MOST_SHOWN));
     }
 }
 
-/// A constraint that fails, in words.
-fn constraint(number: u8) -> &'static str {
-    match number {
-        1 => "1: the serial line carries less than the control takes",
-        2 => "2: while the others are filled the control takes more than any buffer holds",
-        3 => "3: the fill that it needs takes longer than its control holds out",
-        _ => "4: its buffer is nothing",
-    }
+/// A constraint that fails, in words. With a margin it may be the margin that makes it fail.
+fn constraint(number: u8, margin: f64) -> String {
+    let with = if margin > DEFAULT_MARGIN { "with the margin, " } else { "" };
+    let fails = match number {
+        1 => "the serial line does not carry more than the control takes",
+        2 => "no buffer is large enough to feed the control while the others are filled",
+        3 => "the fill that it needs is not over before its control's buffer is empty",
+        _ => "its buffer is nothing",
+    };
+    format!("{number}: {with}{fails}")
 }
 
 fn show_simulation(simulation: &Simulation, hours: u16, screen: &Screen) {
