@@ -25,7 +25,7 @@ fn names_are_escaped_and_cut() {
     assert!(!svg.contains("<script"));
 }
 
-/// The beginning of a name is what tells machines from each other, so it is not drawn outside.
+/// Names end at the frame, so one that is too wide would lose its beginning.
 #[test]
 fn wide_names_are_cut_sooner() {
     for (name, drawn_as) in [("W".repeat(38), "WWWWWWWWW…"), ("铣".repeat(12), "铣铣铣铣铣铣铣铣…")]
