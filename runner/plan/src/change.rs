@@ -89,8 +89,25 @@ impl fmt::Display for Change {
             }
         }
         let sign = if self.to > self.from { '+' } else { '-' };
-        write!(f, " ({sign}{} %)", percent(self.relative))
+        let percent = match self.to {
+            to if to > 0.0 && to < self.from => percent_of_some(self.relative),
+            _ => percent(self.relative),
+        };
+        write!(f, " ({sign}{percent} %)")
     }
+}
+
+/// Less by so much, where something is left: with as many digits as say that something is.
+fn percent_of_some(part: f64) -> String {
+    /// Most decimals: a double has no more that mean anything.
+    const MOST_DECIMALS: usize = 12;
+    if 100.0 * part < 99.5 {
+        return percent(part);
+    }
+    (1..=MOST_DECIMALS)
+        .map(|decimals| format!("{:.decimals$}", 100.0 * part))
+        .find(|text| !text.starts_with("100"))
+        .unwrap_or_else(|| format!("99.{}", "9".repeat(MOST_DECIMALS)))
 }
 
 /// A part of 1 as per cent, with two digits that matter.
@@ -103,18 +120,13 @@ fn percent(part: f64) -> String {
     }
 }
 
-/// All changes of one thing that would mend this shop, the smallest first, and the change of what
-/// every machine takes last.
+/// All changes of one thing that would mend this shop, the smallest for its size first.
 pub(crate) fn changes(shop: &Shop) -> Vec<Change> {
     let mut changes = of_bus(shop);
     for index in 0..shop.machines().len() {
         changes.extend(of_machine(shop, index));
     }
-    // To slow down the whole shop always helps, and is what is left where nothing else does.
-    let is_last = |change: &Change| change.parameter == Parameter::ConsumesOfAll;
-    changes.sort_by(|one, other| {
-        is_last(one).cmp(&is_last(other)).then(one.relative.total_cmp(&other.relative))
-    });
+    changes.sort_by(|one, other| one.relative.total_cmp(&other.relative));
     changes
 }
 
@@ -155,13 +167,7 @@ fn of_bus(shop: &Shop) -> Vec<Change> {
         changed.switch = switch;
         changed.is_feasible()
     });
-    let mut changed = Changed::new(shop);
-    let all = nearest(1.0, 1e-30, |part| {
-        for (machine, as_it_is) in changed.machines.iter_mut().zip(shop.machines()) {
-            machine.consumes = part * as_it_is.consumes;
-        }
-        changed.is_feasible()
-    });
+    let all = part_of_all(shop);
     let change = |parameter, from, to: Option<f64>| to.map(|to| made(parameter, None, from, to));
     [
         change(Parameter::BusRate, bus.rate, rate),
@@ -171,6 +177,26 @@ fn of_bus(shop: &Shop) -> Vec<Change> {
     .into_iter()
     .flatten()
     .collect()
+}
+
+/// The part of what it takes now that each machine may take. `None` also where there is one kind
+/// of machine, of which it is the same as its own change, and where some machine would have to take
+/// less than can be meant.
+fn part_of_all(shop: &Shop) -> Option<f64> {
+    let machines = shop.machines();
+    if machines.len() == 1 {
+        return None;
+    }
+    let slowest = machines.iter().map(|machine| machine.consumes).fold(f64::INFINITY, f64::min);
+    let least = LEAST_RATE / slowest;
+    let mut changed = Changed::new(shop);
+    let mut is_feasible = |part: f64| {
+        for (machine, as_it_is) in changed.machines.iter_mut().zip(machines) {
+            machine.consumes = part * as_it_is.consumes;
+        }
+        changed.is_feasible()
+    };
+    if least < 1.0 { nearest(1.0, least, &mut is_feasible) } else { None }
 }
 
 fn of_machine(shop: &Shop, index: usize) -> Vec<Change> {

@@ -45,10 +45,10 @@ impl fmt::Display for ShopError {
 pub enum Wrong {
     /// The file is too long to be a list of machines.
     #[error(
-        "the file has {bytes} bytes; {most} are the most, so give machines that are alike one table with `count`"
+        "the file has more than {most} bytes; give machines that are alike one table with `count`"
     )]
     TooLong {
-        /// Its length.
+        /// Its length, or how much of it was read to see that it is too long.
         bytes: usize,
         /// The most that is read.
         most: usize,
@@ -72,7 +72,7 @@ pub enum Wrong {
         needs: String,
     },
     /// A name that cannot be shown.
-    #[error("{name} is no name; give 1 to {MOST_NAME} characters without control characters")]
+    #[error("{name} is no name; give 1 to {MOST_NAME} characters that can be seen")]
     Name {
         /// The name, in quotes and escaped.
         name: String,

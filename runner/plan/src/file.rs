@@ -7,9 +7,10 @@ use toml::{Spanned, Value};
 
 use crate::error::{Place, ShopError, Wrong};
 use crate::shop::{
-    Bus, DEFAULT_MARGIN, Machine, Shop, check_bus, check_machine, check_together, number,
+    BUFFER, Bus, COUNT, DEFAULT_MARGIN, MOST_SWITCH, Machine, SWITCH_NEEDS, Shop, WholeRange,
+    check_bus, check_machine, check_together, number,
 };
-use crate::span;
+use crate::span::{self, NoSpan};
 
 /// Most bytes of a file that are read. Longer ones are refused before they are parsed.
 pub const MOST_FILE_BYTES: usize = 256 << 10;
@@ -31,7 +32,10 @@ impl Shop {
             |span: Range<usize>, wrong| ShopError { place: Some(place(text, span.start)), wrong };
         let file: File = toml::from_str(text).map_err(|error| {
             let message = one_line(error.message());
-            let hint = hint(&message);
+            let (message, hint) = too_large(&message).unwrap_or_else(|| {
+                let hint = hint(&message);
+                (message, hint)
+            });
             at(error.span().unwrap_or_default(), Wrong::Form { message, hint })
         })?;
         let bus = bus(&file.bus).map_err(|(span, wrong)| at(span, wrong))?;
@@ -98,13 +102,13 @@ fn bus(written: &Spanned<BusKeys>) -> Result<Bus, Found> {
 
 fn machine(written: &Spanned<MachineKeys>) -> Result<Machine, Found> {
     let keys = written.get_ref();
-    let count = keys.count.as_ref().map(|value| whole("count", value)).transpose()?;
+    let count = keys.count.as_ref().map(|value| whole("count", value, &COUNT)).transpose()?;
     let machine = Machine {
         name: keys.name.get_ref().clone(),
         rate: real("rate", &keys.rate)?,
         efficiency: real("efficiency", &keys.efficiency)?,
         consumes: real("consumes", &keys.consumes)?,
-        buffer: whole("buffer", &keys.buffer)?,
+        buffer: whole("buffer", &keys.buffer, &BUFFER)?,
         count: count.unwrap_or(1),
     };
     let span = |key: &str| match key {
@@ -137,32 +141,48 @@ fn real(key: &'static str, value: &Spanned<Value>) -> Result<f64, Found> {
     }
 }
 
-fn whole(key: &'static str, value: &Spanned<Value>) -> Result<u64, Found> {
-    let wrong = |shown: String| {
-        (
-            value.span(),
-            Wrong::Value { key, value: shown, needs: "a whole number above 0".to_owned() },
-        )
+fn whole(key: &'static str, value: &Spanned<Value>, range: &WholeRange) -> Result<u64, Found> {
+    let wrong = |value_shown: String, needs: String| {
+        (value.span(), Wrong::Value { key, value: value_shown, needs })
     };
+    let needs = || range.needs.to_owned();
     match value.get_ref() {
-        Value::Integer(number) => u64::try_from(*number).map_err(|_| wrong(number.to_string())),
-        Value::Float(float) => Err(wrong(number(*float))),
-        other => Err(of_kind(key, value, other.type_str(), "a whole number above 0")),
+        Value::Integer(number) => {
+            u64::try_from(*number).map_err(|_| wrong(number.to_string(), needs()))
+        }
+        // The whole number that is meant, in another form.
+        Value::Float(float)
+            if float.fract() == 0.0 && (1.0..=range.most as f64).contains(float) =>
+        {
+            let needs = format!("{float}, without decimal point and exponent");
+            Err(wrong(format!("{float:?}"), needs))
+        }
+        Value::Float(float) => Err(wrong(number(*float), needs())),
+        other => Err(of_kind(key, value, other.type_str(), range.needs)),
     }
 }
 
 fn switch(value: &Spanned<Value>) -> Result<f64, Found> {
-    let wrong = |shown: String| {
-        (value.span(), Wrong::Value { key: "switch", value: shown, needs: span::FORM.to_owned() })
+    let wrong = |shown: String, needs: &str| {
+        (value.span(), Wrong::Value { key: "switch", value: shown, needs: needs.to_owned() })
     };
     match value.get_ref() {
-        Value::String(text) => span::seconds(text).ok_or_else(|| {
-            let begin: String = text.chars().take(32).collect();
-            wrong(format!("\"{}\"", begin.escape_debug()))
-        }),
-        Value::Integer(number) => Err(wrong(format!("{number} without a unit"))),
+        Value::String(text) => match span::seconds(text) {
+            Ok(seconds) if seconds <= MOST_SWITCH => Ok(seconds),
+            Ok(_) | Err(NoSpan::Large) => Err(wrong(quoted(text), SWITCH_NEEDS)),
+            Err(NoSpan::Form) => Err(wrong(quoted(text), span::FORM)),
+        },
+        Value::Integer(number) => Err(wrong(format!("{number} without a unit"), span::FORM)),
         other => Err(of_kind("switch", value, other.type_str(), span::FORM)),
     }
+}
+
+/// The beginning of a text, in quotes and escaped.
+fn quoted(text: &str) -> String {
+    const MOST: usize = 32;
+    let begin: String = text.chars().take(MOST).collect();
+    let more = if begin.len() < text.len() { "…" } else { "" };
+    format!("\"{}{more}\"", begin.escape_debug())
 }
 
 fn of_kind(key: &'static str, value: &Spanned<Value>, kind: &str, needs: &str) -> Found {
@@ -176,6 +196,24 @@ fn one_line(message: &str) -> String {
     const MOST: usize = 300;
     let plain = message.trim().chars().map(|c| if c.is_control() { ' ' } else { c });
     plain.take(MOST).collect()
+}
+
+/// What is said instead where the parser says that a whole number has more than the 64 bits of
+/// TOML, or more than itself can hold.
+fn too_large(message: &str) -> Option<(String, String)> {
+    const MOST: usize = 32;
+    let hint = "docs/plan.md says from what to what each number may be".to_owned();
+    if message == "integer number overflowed" {
+        return Some(("the number is too large".to_owned(), hint));
+    }
+    if !message.ends_with("expected any valid TOML value") {
+        return None;
+    }
+    let number = message.strip_prefix("invalid type: integer `")?.split('`').next()?;
+    let begin: String = number.chars().take(MOST).collect();
+    let more = if begin.len() < number.len() { "…" } else { "" };
+    let how = if number.starts_with('-') { "is too far below 0" } else { "is too large" };
+    Some((format!("the number {begin}{more} {how}"), hint))
 }
 
 /// What to do about what the parser says.

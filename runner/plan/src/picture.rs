@@ -6,13 +6,15 @@
 use std::fmt::Write as _;
 
 use crate::planning::Plan;
-use crate::shop::Shop;
+use crate::shop::{Shop, is_nothing};
 use crate::simulation::{Discipline, MachineOutcome, Options, Outcome, Sample, simulate};
 
 /// Most machines that are drawn. Of more, the first ones are, and those that ran dry before others.
 const MOST_ROWS: usize = 12;
 /// Most characters of a name that are drawn.
 const MOST_NAME: usize = 18;
+/// Widest name that is drawn, in parts of the size of its letters. Of wider ones the end is cut.
+const MOST_NAME_WIDTH: f64 = 10.5;
 
 /// Rounds that are drawn of a shop with its plan.
 const ROUNDS: f64 = 3.0;
@@ -86,7 +88,12 @@ pub fn picture(outcome: &Outcome) -> String {
     }
     if left_out > 0 {
         let y = height - 12.0;
-        put(&mut svg, 16.0, y, "faint", "start", &format!("and {left_out} more machines"));
+        let plural = if left_out == 1 { "" } else { "s" };
+        let text = format!(
+            "and {left_out} more machine{plural}; those that ran dry are drawn first, then the others, \
+             in their order"
+        );
+        put(&mut svg, 16.0, y, "faint", "start", &text);
     }
     svg.push_str("</svg>\n");
     svg
@@ -208,10 +215,32 @@ fn put(svg: &mut String, x: f64, y: f64, class: &str, anchor: &str, text: &str) 
 }
 
 fn short(name: &str) -> String {
-    if name.chars().count() <= MOST_NAME {
+    let width = |text: &str| text.chars().map(width_of).sum::<f64>();
+    if name.chars().count() <= MOST_NAME && width(name) <= MOST_NAME_WIDTH {
         return name.to_owned();
     }
-    name.chars().take(MOST_NAME - 1).chain(['…']).collect()
+    let mut left = MOST_NAME_WIDTH - width_of('…');
+    let fits = |c: &char| {
+        left -= width_of(*c);
+        left >= 0.0
+    };
+    name.chars().take(MOST_NAME - 1).take_while(fits).chain(['…']).collect()
+}
+
+/// How wide a character is at most, in parts of its size: as in DejaVu Sans, a wide font.
+fn width_of(c: char) -> f64 {
+    match c {
+        'i' | 'j' | 'l' | 'I' | '\'' | '|' | '.' | ',' => 0.34,
+        ' ' | '/' | '\\' | '-' | 'f' | 't' => 0.4,
+        'r' | '(' | ')' | '[' | ']' | '!' | ':' | ';' => 0.42,
+        '"' => 0.46,
+        'c' | 's' | 'z' => 0.56,
+        'm' | 'w' | 'W' | 'M' | '@' | '%' | '\u{80}'..='\u{10ff}' => 1.0,
+        '<' | '>' | '=' | '+' | '~' | '^' | '#' => 0.84,
+        '&' | 'A'..='Z' => 0.8,
+        ' '..='~' => 0.65,
+        _ => 1.1,
+    }
 }
 
 fn escaped(text: &str) -> String {
@@ -222,7 +251,7 @@ fn escaped(text: &str) -> String {
             '<' => escaped.push_str("&lt;"),
             '>' => escaped.push_str("&gt;"),
             '"' => escaped.push_str("&quot;"),
-            c if c.is_control() => escaped.push('\u{fffd}'),
+            c if c.is_control() || is_nothing(c) => escaped.push('\u{fffd}'),
             c => escaped.push(c),
         }
     }

@@ -18,10 +18,10 @@ pub struct Plan {
     pub bus: BusPlan,
     /// Each machine, in the order in which the bus serves them.
     pub machines: Vec<MachinePlan>,
-    /// The smallest change that would mend the shop; `None` if it is feasible.
+    /// The smallest change that would mend the shop, as a part of what is changed; `None` if it is
+    /// feasible, or if no change of one thing within what can be meant would do.
     pub advice: Option<Change>,
-    /// All changes of one thing that would mend it, the smallest first; the first is the advice. To
-    /// lower what every machine takes comes last: it always helps.
+    /// All changes of one thing that would mend it, the smallest first; the first is the advice.
     pub changes: Vec<Change>,
     /// Buffer of each unit: the chosen ones, else what might be tried.
     #[serde(skip)]

@@ -132,6 +132,17 @@ struct Range {
     needs: &'static str,
 }
 
+/// A whole number from 1 on.
+pub(crate) struct WholeRange {
+    pub(crate) most: u64,
+    pub(crate) needs: &'static str,
+}
+
+pub(crate) const BUFFER: WholeRange =
+    WholeRange { most: MOST_BUFFER, needs: "whole bytes from 1 to 1073741824" };
+pub(crate) const COUNT: WholeRange =
+    WholeRange { most: MOST_MACHINES, needs: "a whole number from 1 to 1000" };
+
 const RATE: Range = Range {
     above: 0.999_999 * LEAST_RATE,
     most: MOST_RATE,
@@ -139,7 +150,9 @@ const RATE: Range = Range {
 };
 const EFFICIENCY: Range =
     Range { above: 0.999e-3, most: 1.0, needs: "data bits of all bits, from 0.001 to 1" };
-const SWITCH: Range = Range { above: -1e-12, most: MOST_SWITCH, needs: "at most \"60s\"" };
+const SWITCH: Range = Range { above: -1e-12, most: MOST_SWITCH, needs: SWITCH_NEEDS };
+/// What a span that is too long is told.
+pub(crate) const SWITCH_NEEDS: &str = "at most \"60s\"";
 const MARGIN: Range =
     Range { above: 0.999e-6, most: MOST_MARGIN, needs: "a part of 1 from 0.000001 to 0.9" };
 
@@ -174,18 +187,24 @@ pub(crate) fn check_machine(machine: &Machine) -> Result<(), Wrong> {
     within("rate", machine.rate, &RATE)?;
     within("efficiency", machine.efficiency, &EFFICIENCY)?;
     within("consumes", machine.consumes, &RATE)?;
-    let whole = |key, value: u64, most: u64, needs: &str| {
-        let is_meant = (1..=most).contains(&value);
-        let value = value.to_string();
-        if is_meant { Ok(()) } else { Err(Wrong::Value { key, value, needs: needs.to_owned() }) }
+    let whole = |key, value: u64, range: &WholeRange| {
+        let is_meant = (1..=range.most).contains(&value);
+        let (value, needs) = (value.to_string(), range.needs.to_owned());
+        if is_meant { Ok(()) } else { Err(Wrong::Value { key, value, needs }) }
     };
-    whole("buffer", machine.buffer, MOST_BUFFER, "whole bytes from 1 to 1073741824")?;
-    whole("count", machine.count, MOST_MACHINES, "a whole number from 1 to 1000")
+    whole("buffer", machine.buffer, &BUFFER)?;
+    whole("count", machine.count, &COUNT)
 }
 
-/// Characters that turn or hide what stands beside them.
+/// Whether Unicode has promised that this never is a character. XML refuses some of them.
+pub(crate) fn is_nothing(c: char) -> bool {
+    matches!(c, '\u{fdd0}'..='\u{fdef}') || u32::from(c) & 0xfffe == 0xfffe
+}
+
+/// Characters that turn or hide what stands beside them, and what is no character.
 fn is_unseen(c: char) -> bool {
     c.is_control()
+        || is_nothing(c)
         || matches!(c, '\u{ad}' | '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
 }
 

@@ -6,25 +6,34 @@
 /// The form, as errors say it.
 pub(crate) const FORM: &str = "a number and a unit, such as \"250us\", \"2ms\" or \"0.5s\"";
 
+/// Why a text is no span that can be meant.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum NoSpan {
+    /// It has another form.
+    Form,
+    /// There is no number that is so large.
+    Large,
+}
+
 /// `250us`, `2ms`, `1.5 ms` or `0.5s`, in seconds.
-pub(crate) fn seconds(text: &str) -> Option<f64> {
-    let end = text.find(|c: char| !c.is_ascii_digit() && c != '.')?;
+pub(crate) fn seconds(text: &str) -> Result<f64, NoSpan> {
+    let end = text.find(|c: char| !c.is_ascii_digit() && c != '.').ok_or(NoSpan::Form)?;
     let (number, unit) = (&text[..end], text[end..].trim_start());
     let (whole, decimals) = number.split_once('.').unwrap_or((number, "0"));
-    let is_number = |digits: &str| {
-        (1..=15).contains(&digits.len()) && digits.bytes().all(|digit| digit.is_ascii_digit())
-    };
+    let is_number =
+        |digits: &str| !digits.is_empty() && digits.bytes().all(|digit| digit.is_ascii_digit());
     if !is_number(whole) || !is_number(decimals) {
-        return None;
+        return Err(NoSpan::Form);
     }
-    let number: f64 = number.parse().ok()?;
-    match unit {
-        "us" | "µs" | "μs" => Some(number / 1e6),
-        "ms" => Some(number / 1e3),
-        "s" => Some(number),
-        "min" => Some(number * 60.0),
-        _ => None,
-    }
+    let number: f64 = number.parse().map_err(|_| NoSpan::Form)?;
+    let seconds = match unit {
+        "us" | "µs" | "μs" => number / 1e6,
+        "ms" => number / 1e3,
+        "s" => number,
+        "min" => number * 60.0,
+        _ => return Err(NoSpan::Form),
+    };
+    if seconds.is_finite() { Ok(seconds) } else { Err(NoSpan::Large) }
 }
 
 /// The same, the other way round.
@@ -55,9 +64,13 @@ mod tests {
         near("0ms", 0.0);
         for text in ["", "2", "ms", "-1ms", "1.ms", ".5ms", "1.2.3s", "1e3s", "nan s", "inf", "2h"]
         {
-            assert_eq!(seconds(text), None, "{text}");
+            assert_eq!(seconds(text), Err(NoSpan::Form), "{text}");
         }
-        assert_eq!(seconds(&format!("{}s", "9".repeat(400))), None);
+        assert_eq!(seconds(&format!("{}s", "9".repeat(400))), Err(NoSpan::Large));
+        assert_eq!(
+            seconds("12345678901234567890123456s"),
+            Ok(12_345_678_901_234_567_890_123_456.0)
+        );
     }
 
     #[test]

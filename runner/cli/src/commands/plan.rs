@@ -3,17 +3,18 @@
 use std::fs::{self, File};
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use clap::Args;
 use serde::Serialize;
 use softplug_plan::{
-    Discipline, MOST_FILE_BYTES, MachinePlan, Options, Outcome, Plan, Shop, picture_of, plan,
-    simulate,
+    DEFAULT_MARGIN, Discipline, MOST_FILE_BYTES, MachinePlan, Options, Outcome, Plan, Shop,
+    ShopError, Wrong, picture_of, plan, simulate,
 };
 
 use crate::exit::Exit;
 use crate::failure::Failure;
-use crate::numbers::{count, things};
+use crate::numbers::{count, span, things};
 use crate::screen::{BAD, GOOD, HEADING, Screen, WARNING};
 use crate::table::Table;
 
@@ -52,8 +53,8 @@ pub(crate) struct Arguments {
     /// Draw the levels of the first rounds, as simulated, into this file
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
-    /// Also simulate so many hours of virtual time, each unit having the bus for a whole fill
-    #[arg(long, value_name = "HOURS", value_parser = clap::value_parser!(u16).range(1..=1_000))]
+    /// Also simulate 1 to 1000 whole virtual hours, each unit having the bus for a whole fill
+    #[arg(long, value_name = "HOURS", value_parser = hours, allow_negative_numbers = true)]
     simulate: Option<u16>,
 }
 
@@ -68,7 +69,7 @@ struct Document<'a> {
 
 #[derive(Serialize)]
 struct Simulation {
-    /// Whether no machine ran dry, no bit was lost, and it came to its end.
+    /// Whether no machine ran dry and no bit was lost, as far as it was simulated.
     holds: bool,
     /// Whether units fed their controls also while they were filled.
     feeds_while_filled: bool,
@@ -78,6 +79,13 @@ struct Simulation {
 
 pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
     let shop = read(&arguments.shop)?;
+    if let Some(file) = arguments.svg.as_ref().filter(|file| is_same_file(file, &arguments.shop)) {
+        let file = file.display();
+        return Err(Failure::usage(format_args!(
+            "{file} is the file of the shop itself, which the picture would overwrite; give --svg \
+             another one"
+        )));
+    }
     let plan = plan(&shop);
     let simulation = arguments.simulate.map(|hours| simulated(&shop, &plan, hours));
     if let Some(file) = &arguments.svg {
@@ -90,28 +98,79 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     } else {
         show_refusal(&shop, &plan, screen);
     }
-    if let Some(simulation) = &simulation {
-        show_simulation(simulation, screen);
+    if let (Some(simulation), Some(hours)) = (&simulation, arguments.simulate) {
+        show_simulation(simulation, hours, screen);
     }
     if let Some(file) = &arguments.svg {
         row(screen, "picture", file.display());
     }
-    let holds = simulation.is_none_or(|simulation| simulation.holds);
-    Ok(if plan.feasible && holds { Exit::Done } else { Exit::Failed })
+    let tried = match (simulation.is_some(), arguments.svg.is_some()) {
+        _ if plan.feasible => None,
+        (true, true) => Some("in simulation and picture"),
+        (true, false) => Some("in the simulation"),
+        (false, true) => Some("in the picture"),
+        (false, false) => None,
+    };
+    if let Some(tried) = tried {
+        row(screen, "buffers", format_args!("{tried}: the largest that constraint 3 allows"));
+    }
+    Ok(exit(&plan, simulation.as_ref()))
+}
+
+/// What is known to be wrong comes first, and then what is not known.
+fn exit(plan: &Plan, simulation: Option<&Simulation>) -> Exit {
+    match simulation {
+        _ if !plan.feasible => Exit::Failed,
+        Some(simulation) if !simulation.holds => Exit::Failed,
+        Some(simulation) if !simulation.outcome.is_complete => Exit::Incomplete,
+        _ => Exit::Done,
+    }
+}
+
+fn hours(text: &str) -> Result<u16, &'static str> {
+    let hours = text.parse().ok().filter(|hours| (1..=1_000).contains(hours));
+    hours.ok_or("give whole hours from 1 to 1000")
+}
+
+/// Whether both lead to one file, through links of either kind too.
+fn is_same_file(one: &Path, other: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt as _;
+        // A terminal or a pipe can be both without harm.
+        let identity = |path: &Path| {
+            let file = fs::metadata(path).ok().filter(fs::Metadata::is_file)?;
+            Some((file.dev(), file.ino()))
+        };
+        identity(one).is_some_and(|file| Some(file) == identity(other))
+    }
+    #[cfg(not(unix))]
+    {
+        one.canonicalize().is_ok_and(|one| other.canonicalize().is_ok_and(|other| one == other))
+    }
 }
 
 fn read(path: &Path) -> Result<Shop, Failure> {
-    let failure = |error: std::io::Error| {
+    let failure = |error: &dyn std::fmt::Display| {
         Failure::usage(format_args!("{} cannot be read: {error}", path.display()))
     };
-    let file = File::open(path).map_err(failure)?;
-    let mut text = String::new();
-    // One more than is read, so that what is too long is refused as such.
-    file.take(MOST_FILE_BYTES as u64 + 1).read_to_string(&mut text).map_err(failure)?;
-    Shop::parse(&text).map_err(|error| {
+    let meant = |error: ShopError| {
         let gap = if error.place.is_some() { "" } else { " " };
         Failure::usage(format_args!("{}:{gap}{error}", path.display()))
-    })
+    };
+    let file = File::open(path).map_err(|error| failure(&error))?;
+    let mut bytes = Vec::new();
+    // One more than is meant, so that what is too long is refused as such, and before its
+    // characters are looked at: the last may be cut.
+    file.take(MOST_FILE_BYTES as u64 + 1)
+        .read_to_end(&mut bytes)
+        .map_err(|error| failure(&error))?;
+    if bytes.len() > MOST_FILE_BYTES {
+        let wrong = Wrong::TooLong { bytes: bytes.len(), most: MOST_FILE_BYTES };
+        return Err(meant(ShopError { place: None, wrong }));
+    }
+    let text = String::from_utf8(bytes).map_err(|_| failure(&"it is not UTF-8"))?;
+    Shop::parse(&text).map_err(meant)
 }
 
 fn simulated(shop: &Shop, plan: &Plan, hours: u16) -> Simulation {
@@ -119,7 +178,7 @@ fn simulated(shop: &Shop, plan: &Plan, hours: u16) -> Simulation {
     let seconds = 3_600.0 * f64::from(hours);
     let options = Options { seconds, feeds_while_filled, ..Options::default() };
     let outcome = simulate(shop, &plan.service(), Discipline::Slots, &options);
-    Simulation { holds: outcome.holds(), feeds_while_filled, outcome }
+    Simulation { holds: outcome.holds_so_far(), feeds_while_filled, outcome }
 }
 
 fn row(screen: &Screen, title: &str, text: impl std::fmt::Display) {
@@ -198,38 +257,57 @@ fn show_refusal(shop: &Shop, plan: &Plan, screen: &Screen) {
         .say(format_args!("{BAD}not feasible{BAD:#}: no buffers feed {machines} without a break"));
     head(shop, plan, screen);
     let mut table = Table::new(["machine", "count", "fails"]);
+    let margin = plan.bus.margin;
     for (machine, plan) in kinds(shop, plan) {
-        let fails: Vec<_> = plan.violated.iter().map(|number| constraint(*number)).collect();
+        let fails: Vec<_> =
+            plan.violated.iter().map(|number| constraint(*number, margin)).collect();
         table.row([machine.name.clone(), count(machine.count), fails.join("; ")]);
     }
     screen.say(format_args!("\n{table}\n"));
     for (index, change) in plan.changes.iter().take(MOST_SHOWN).enumerate() {
         row(screen, if index == 0 { "mended by" } else { "or by" }, change);
     }
+    if plan.changes.is_empty() {
+        row(screen, "mended by", "no change of one thing alone");
+    }
     if plan.changes.len() > MOST_SHOWN {
         row(screen, "", format_args!("and {} more, in --json", plan.changes.len() - MOST_SHOWN));
     }
 }
 
-/// A constraint that fails, in words.
-fn constraint(number: u8) -> &'static str {
-    match number {
-        1 => "1: the serial line carries less than the control takes",
-        2 => "2: while the others are filled the control takes more than any buffer holds",
-        3 => "3: the fill that it needs takes longer than its control holds out",
-        _ => "4: its buffer is nothing",
-    }
+/// A constraint that fails, in words. With a margin it may be the margin that makes it fail.
+fn constraint(number: u8, margin: f64) -> String {
+    let with = if margin > DEFAULT_MARGIN { "with the margin, " } else { "" };
+    let fails = match number {
+        1 => "the serial line does not carry more than the control takes",
+        2 => "no buffer is large enough to feed the control while the others are filled",
+        3 => "the fill that it needs is not over before its control's buffer is empty",
+        _ => "its buffer is nothing",
+    };
+    format!("{number}: {with}{fails}")
 }
 
-fn show_simulation(simulation: &Simulation, screen: &Screen) {
+fn show_simulation(simulation: &Simulation, hours: u16, screen: &Screen) {
     let outcome = &simulation.outcome;
-    let hours = outcome.seconds / 3_600.0;
     let dry: u64 = outcome.machines.iter().map(|machine| machine.times_dry).sum();
-    let services = count(outcome.services);
-    let what = match (dry, outcome.is_complete) {
-        (0, true) => format!("{GOOD}no machine ran dry{GOOD:#}"),
-        (0, false) => format!("{WARNING}ended early{WARNING:#}, no machine ran dry so far"),
-        (dry, _) => format!("{BAD}dry{BAD:#} {}", things(dry, "time")),
+    let fills = things(outcome.services, "fill");
+    let so_far = if outcome.is_complete { "" } else { " so far" };
+    let what = match dry {
+        0 => format!("{GOOD}no machine ran dry{so_far}{GOOD:#}"),
+        dry => format!("{BAD}dry{BAD:#} {}{so_far}", things(dry, "time")),
     };
-    row(screen, "simulated", format_args!("{hours:.1} h, {services} fills: {what}"));
+    if outcome.is_complete {
+        row(screen, "simulated", format_args!("{hours}.0 h, {fills}: {what}"));
+        return;
+    }
+    let time = span(Duration::from_secs_f64(outcome.seconds));
+    row(
+        screen,
+        "simulated",
+        format_args!(
+            "{time} of {} h, {fills}: {WARNING}ended early{WARNING:#}, as no more fills are simulated; \
+             {what}",
+            count(hours.into())
+        ),
+    );
 }

@@ -71,8 +71,10 @@ fn what_cannot_be_meant_is_refused() {
     bench.write("nan.toml", of_page("shop.toml").replace("6_000 ", "nan "));
     bench.write("bytes.toml", b"\xff\xfe");
     bench.write("long.toml", "#".repeat(300_000));
+    // Characters of two bytes, of which the last that is read is cut.
+    bench.write("wide.toml", "#".to_owned() + &"\u{e4}".repeat(131_071) + "#\u{e4}\u{e4}");
     let mut all = String::new();
-    for file in ["nan.toml", "bytes.toml", "long.toml", "nowhere.toml", "."] {
+    for file in ["nan.toml", "bytes.toml", "long.toml", "wide.toml", "nowhere.toml", "."] {
         let ran = bench.run(&["plan", file]).with_code(2);
         assert_eq!(ran.out, "");
         all += &ran.err;
@@ -80,6 +82,94 @@ fn what_cannot_be_meant_is_refused() {
     snapshot("plan-refused", all);
     let ran = bench.run(&["plan", "shop.toml", "--svg", "nowhere/a.svg"]).with_code(2);
     assert!(ran.err.contains("nowhere/a.svg"), "{ran}");
+}
+
+#[test]
+fn hours_are_whole_and_not_too_many() {
+    let bench = bench();
+    for hours in ["0", "0.5", "1001", "1e9", "nan", "-1", ""] {
+        let ran = bench.run(&["plan", "shop.toml", "--simulate", hours]).with_code(2);
+        assert!(ran.err.contains("give whole hours from 1 to 1000"), "{hours}: {ran}");
+    }
+}
+
+/// So many fills that the simulation ends early: nothing is wrong, and not all is known.
+#[test]
+fn a_simulation_that_ends_early_is_incomplete() {
+    let bench = bench();
+    bench.write(
+        "fast.toml",
+        "[bus]\nrate = 1e9\nefficiency = 1\nswitch = \"0us\"\n[[machine]]\nname = \"laser\"\n\
+         rate = 1e9\nefficiency = 1\nconsumes = 1e6\nbuffer = 1\n",
+    );
+    let ran = bench.run(&["plan", "fast.toml", "--simulate", "1000"]).with_code(5);
+    let said = "of 1,000 h, 20,000,000 fills: ended early, as no more fills are simulated; no machine ran dry so far";
+    assert!(ran.out.contains(said), "{ran}");
+    let ran = bench.run(&["plan", "fast.toml", "--simulate", "1000", "--json"]).with_code(5).json();
+    assert_eq!(ran["simulation"]["holds"], true);
+    assert_eq!(ran["simulation"]["is_complete"], false);
+}
+
+#[test]
+fn one_fill_is_one() {
+    let bench = bench();
+    bench.write(
+        "slow.toml",
+        "[bus]\nrate = 1e6\nefficiency = 1\nswitch = \"2ms\"\n[[machine]]\nname = \"clock\"\n\
+         rate = 9600\nefficiency = 0.8\nconsumes = 1\nbuffer = 1_000_000\n",
+    );
+    let ran = bench.run(&["plan", "slow.toml", "--simulate", "1"]).with_code(0);
+    assert!(ran.out.contains("1.0 h, 1 fill: no machine"), "{ran}");
+}
+
+#[test]
+fn the_picture_never_takes_the_place_of_the_shop() {
+    let bench = bench();
+    let shop = bench.read("shop.toml");
+    let folder = bench.path(".");
+    std::os::unix::fs::symlink("shop.toml", folder.join("link.svg")).unwrap();
+    std::fs::hard_link(folder.join("shop.toml"), folder.join("hard.svg")).unwrap();
+    for target in ["shop.toml", "./shop.toml", "link.svg", "hard.svg"] {
+        let ran = bench.run(&["plan", "shop.toml", "--svg", target]).with_code(2);
+        assert!(ran.err.contains(&format!("{target} is the file of the shop itself")), "{ran}");
+        assert_eq!(bench.read("shop.toml"), shop, "{target}");
+    }
+    // A picture that is there is drawn anew.
+    bench.run(&["plan", "shop.toml", "--svg", "a.svg"]).with_code(0);
+    bench.run(&["plan", "shop.toml", "--svg", "a.svg"]).with_code(0);
+}
+
+#[test]
+fn what_a_margin_makes_fail_is_told_as_such() {
+    let bench = bench();
+    let slow = of_page("shop.toml").replace("rate = 19_200", "rate = 7_500");
+    bench.write("equal.toml", &slow);
+    let ran = bench.run(&["plan", "equal.toml"]).with_code(1);
+    assert!(ran.out.contains("1: the serial line does not carry more than the control"), "{ran}");
+    bench.write("margin.toml", of_page("mixed.toml").replace("margin = 0.1", "margin = 0.8"));
+    let ran = bench.run(&["plan", "margin.toml", "--svg", "a.svg"]).with_code(1);
+    assert!(ran.out.contains("1: with the margin, the serial line does not carry more"), "{ran}");
+    assert!(
+        ran.out.contains("buffers   in the picture: the largest that constraint 3 allows"),
+        "{ran}"
+    );
+}
+
+/// Two lines carry less than their controls take, and no control takes less: one change mends one.
+#[test]
+fn where_no_change_would_do_it_is_said() {
+    let bench = bench();
+    let machine = |name: &str| {
+        format!(
+            "[[machine]]\nname = \"{name}\"\nrate = 1\nefficiency = 0.5\nconsumes = 1\nbuffer = 1\n"
+        )
+    };
+    let bus = "[bus]\nrate = 1e6\nefficiency = 1\nswitch = \"0ms\"\n";
+    bench.write("slow.toml", format!("{bus}{}{}", machine("a"), machine("b")));
+    let ran = bench.run(&["plan", "slow.toml"]).with_code(1);
+    assert!(ran.out.contains("mended by no change of one thing alone"), "{ran}");
+    let ran = bench.run(&["plan", "slow.toml", "--json"]).with_code(1).json();
+    assert!(ran["advice"].is_null() && ran["changes"].as_array().unwrap().is_empty());
 }
 
 #[test]

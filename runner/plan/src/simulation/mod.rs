@@ -16,7 +16,8 @@ use crate::planning::Service;
 use crate::scheduler::{Decision, Line, Scheduler, Unit};
 use crate::shop::Shop;
 
-/// Most services of a simulation unless more are asked for: 10 hours of a usual bus.
+/// Most services of a simulation unless more are asked for: 1,000 hours of a usual bus. What takes
+/// more ends early, and says so.
 const USUAL_SERVICES: u64 = 20_000_000;
 /// Shortest rest of the bus, in seconds, so that time goes on where a level is nearly reached.
 const SHORTEST_REST: f64 = 1e-6;

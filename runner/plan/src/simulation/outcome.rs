@@ -23,9 +23,12 @@ impl Outcome {
 
     /// Whether it was simulated to the end, no machine ran dry, and no bit was lost.
     pub fn holds(&self) -> bool {
-        self.is_complete
-            && self.machines.iter().all(|machine| machine.times_dry == 0)
-            && self.machines.iter().all(|machine| machine.overflow_bits == 0.0)
+        self.is_complete && self.holds_so_far()
+    }
+
+    /// Whether no machine ran dry and no bit was lost as far as it was simulated.
+    pub fn holds_so_far(&self) -> bool {
+        !self.ran_dry() && self.machines.iter().all(|machine| machine.overflow_bits == 0.0)
     }
 
     /// Whether some machine ran dry.

@@ -40,6 +40,16 @@ fn shop(random: &mut ChaCha8Rng) -> Shop {
     Shop::new(bus, machines).unwrap()
 }
 
+/// The shop in which every machine takes as much less as a file may say.
+fn slowest(shop: &Shop) -> Shop {
+    let mut machines = shop.machines().to_vec();
+    let least = machines.iter().map(|machine| machine.consumes).fold(f64::INFINITY, f64::min);
+    for machine in &mut machines {
+        machine.consumes *= LEAST_RATE / least;
+    }
+    Shop::new(*shop.bus(), machines).unwrap()
+}
+
 /// Whether all that must have a number has one: JSON has no other way to say infinite than null.
 fn has_numbers(plan: &Value) -> bool {
     let has = |value: &Value, keys: &[&str]| keys.iter().all(|key| value[*key].is_number());
@@ -63,7 +73,10 @@ fn shops_of_all_sizes_are_planned_drawn_and_simulated() {
         feasible += u64::from(plan.feasible);
         let value = serde_json::to_value(&plan).unwrap();
         assert!(has_numbers(&value), "shop {number}: {shop:?} {value}");
-        assert_eq!(plan.feasible, plan.advice.is_none(), "shop {number}: {shop:?}");
+        // Advice may fail only where not even the slowest shop that can be written down would do.
+        let may_lack = plan.feasible || !softplug_plan::plan(&slowest(&shop)).feasible;
+        assert!(!plan.feasible || plan.advice.is_none(), "shop {number}: {shop:?}");
+        assert!(may_lack || plan.advice.is_some(), "shop {number}: {shop:?}");
         assert_eq!(
             plan.feasible,
             plan.machines.iter().all(|machine| machine.violated.is_empty()),

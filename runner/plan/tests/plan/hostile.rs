@@ -46,6 +46,8 @@ fn each_slip_is_told_with_its_place() {
         ("switch = \"2ms\"", "switch = \"2\""),
         ("switch = \"2ms\"", "switch = \"-2ms\""),
         ("switch = \"2ms\"", "switch = \"61s\""),
+        ("switch = \"2ms\"", "switch = \"2min\""),
+        ("switch = \"2ms\"", "switch = \"12345678901234567890123456s\""),
         ("switch = \"2ms\"", "switch = \"\\u001b[2Jms\""),
         ("switch = \"2ms\"", "switsh = \"2ms\""),
         ("switch = \"2ms\"", "switch = \"2ms\"\nmargin = 1"),
@@ -61,6 +63,15 @@ fn each_slip_is_told_with_its_place() {
         ("buffer = 256", "buffer = 2.5"),
         ("buffer = 256", "buffer = 9223372036854775807"),
         ("buffer = 256", "buffer = 92233720368547758070"),
+        ("buffer = 256", "buffer = -92233720368547758070"),
+        ("buffer = 256", "buffer = 9999999999999999999999999999999999999999999"),
+        ("buffer = 256", "buffer = 0xffff_ffff_ffff_ffff_ffff_ffff_ffff_ffff_ff"),
+        ("buffer = 256", "buffer = 256.0"),
+        ("buffer = 256", "buffer = 1e30"),
+        ("buffer = 256", "buffer = nan"),
+        ("buffer = 256", "buffer = \"256\""),
+        ("buffer = 256", "buffer = 256\ncount = 1.0"),
+        ("buffer = 256", "buffer = 256\ncount = -1"),
         ("buffer = 256", "buffer = 256\ncount = 0"),
         ("buffer = 256", "buffer = 256\ncount = 1001"),
         ("buffer = 256", "buffer = 256\ncount = 9223372036854775807"),
@@ -70,6 +81,10 @@ fn each_slip_is_told_with_its_place() {
         ("\"mill\"", "7"),
         ("\"mill\"", "\"mi\\nll\""),
         ("\"mill\"", "\"mi\\u202ell\""),
+        ("\"mill\"", "\"mi\\ufffell\""),
+        ("\"mill\"", "\"mi\\uffffll\""),
+        ("\"mill\"", "\"mi\\ufdd0ll\""),
+        ("\"mill\"", "\"mi\\U0001fffell\""),
         ("[bus]", "[buss]"),
         ("[[machine]]", "[machine]"),
         ("[[machine]]", "[[machines]]"),
@@ -105,6 +120,7 @@ fn what_only_shows_together_is_told_too() {
     assert!(refusal(&format!("{BUS}{long}")).contains("is no name; give 1 to 64 characters"));
     let comment = format!("{BUS}{}#{}", machine("a"), "x".repeat(MOST_FILE_BYTES));
     assert!(matches!(Shop::parse(&comment).unwrap_err().wrong, Wrong::TooLong { .. }));
+    assert!(refusal(&comment).starts_with("the file has more than 262144 bytes; "));
 }
 
 #[test]

@@ -25,6 +25,27 @@ fn names_are_escaped_and_cut() {
     assert!(!svg.contains("<script"));
 }
 
+/// Names end at the frame, so one that is too wide would lose its beginning.
+#[test]
+fn wide_names_are_cut_sooner() {
+    for (name, drawn_as) in [("W".repeat(38), "WWWWWWWWW…"), ("铣".repeat(12), "铣铣铣铣铣铣铣铣…")]
+    {
+        let shop = shop(vec![Machine { name, ..mills(1) }]);
+        let svg = drawn(&shop, &plan(&shop).service(), 1.0);
+        assert!(svg.contains(&format!(">{drawn_as}</text>")), "{svg}");
+    }
+}
+
+/// An outcome may come from elsewhere: what XML cannot hold is not written.
+#[test]
+fn no_name_breaks_the_picture() {
+    let shop = shop(vec![mills(1)]);
+    let options = Options { seconds: 1.0, ..Options::default() };
+    let mut outcome = simulate(&shop, &plan(&shop).service(), Discipline::Slots, &options);
+    outcome.machines[0].name = "a\u{fffe}b\u{ffff}c\u{1}".to_owned();
+    assert!(picture(&outcome).contains(">a\u{fffd}b\u{fffd}c\u{fffd}</text>"));
+}
+
 #[test]
 fn of_many_machines_those_that_ran_dry_are_drawn() {
     let shop = shop(vec![mills(40)]);
@@ -33,6 +54,6 @@ fn of_many_machines_those_that_ran_dry_are_drawn() {
     let svg = drawn(&shop, &service, 0.7);
     assert_eq!(svg.matches("class=\"frame\"").count(), 2 * 12);
     assert!(svg.contains("mill-39") && svg.contains("class=\"dry\""));
-    assert!(svg.contains("and 28 more machines"));
+    assert!(svg.contains("and 28 more machines; those that ran dry are drawn first"));
     assert!(svg.len() < 20_000, "{}", svg.len());
 }
