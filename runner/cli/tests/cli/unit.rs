@@ -125,6 +125,28 @@ fn a_unit_with_a_key_takes_what_is_signed_with_it_and_nothing_else() {
     unit.flash(&bench, &["--signature", "x.sig"]).with_code(0);
 }
 
+/// The copy without a signature that runs till then must not stand in the way of the signed one.
+#[test]
+fn signatures_can_be_wanted_from_now_on() {
+    let bench = bench("unsigned = true");
+    let unit = Unit::start(&bench);
+    unit.flash(&bench, &[]).with_code(0);
+    drop(unit);
+    let text = String::from_utf8(bench.read("unit.toml")).unwrap();
+    let keys = format!("keys = [\"{KEYS}/public.pem\"]");
+    bench.write("unit.toml", text.replace("unsigned = true", &keys));
+    let unit = Unit::start(&bench);
+    let ran = unit.flash(&bench, &[]).with_code(3);
+    assert!(ran.err.contains("without a signature"), "{ran}");
+    let plugin = plugins().join("xon-xoff.wasm").display().to_string();
+    let key = format!("{KEYS}/private.pem");
+    bench.run(&["unit", "sign", &plugin, "--key", &key, "--output", "x.sig"]).with_code(0);
+    let flashed = unit.flash(&bench, &["--signature", "x.sig", "--json"]).with_code(0).json();
+    assert_eq!(flashed["downloaded"], true);
+    let link = unit.list(&bench)["units"][0]["links"][0].clone();
+    assert_eq!(link["runs"], flashed["sha256"]);
+}
+
 #[test]
 fn a_key_that_is_none_signs_nothing() {
     let bench = Bench::new();

@@ -243,29 +243,27 @@ impl UnitClient {
             return Ok(false);
         }
         // It is not there, or what is there cannot run: a signature may be wanted by now.
-        {
-            let signature = signature.as_deref().unwrap_or_default();
-            let length = module.len() as u32;
-            self.outbox.push(&ToUnit::Download { link, length, digest: *digest, signature }, false);
-            let whole = self.wait(|client, message| match *message? {
-                ToServer::Downloaded { until, .. } => {
-                    progress(until);
-                    let rest = module.get(until as usize..).unwrap_or_default();
-                    let next: &dyn Encode = if rest.is_empty() {
-                        &ToUnit::Install { link }
-                    } else {
-                        let bytes = &rest[..rest.len().min(PIECE)];
-                        &ToUnit::Piece { link, at: until, bytes }
-                    };
-                    client.outbox.push(&next, false);
-                    None
-                }
-                ToServer::Installed { .. } => Some(Ok(())),
-                ToServer::NotInstalled { why, .. } => Some(Err(plain_text(why))),
-                _ => None,
-            })?;
-            whole.map_err(|why| self.not_taken(why))?;
-        }
+        let signature = signature.as_deref().unwrap_or_default();
+        let length = module.len() as u32;
+        self.outbox.push(&ToUnit::Download { link, length, digest: *digest, signature }, false);
+        let whole = self.wait(|client, message| match *message? {
+            ToServer::Downloaded { until, .. } => {
+                progress(until);
+                let rest = module.get(until as usize..).unwrap_or_default();
+                let next: &dyn Encode = if rest.is_empty() {
+                    &ToUnit::Install { link }
+                } else {
+                    let bytes = &rest[..rest.len().min(PIECE)];
+                    &ToUnit::Piece { link, at: until, bytes }
+                };
+                client.outbox.push(&next, false);
+                None
+            }
+            ToServer::Installed { .. } => Some(Ok(())),
+            ToServer::NotInstalled { why, .. } => Some(Err(plain_text(why))),
+            _ => None,
+        })?;
+        whole.map_err(|why| self.not_taken(why))?;
         self.open(link, plugin)?.map_err(|why| self.not_taken(why))?;
         Ok(true)
     }

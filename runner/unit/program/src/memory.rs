@@ -165,7 +165,8 @@ impl Memory {
         let held = [Slot::A, Slot::B].map(|slot| self.slots.held(slot));
         // Both may hold it: what was downloaded last is the one that was verified last.
         let found = held.into_iter().flatten().filter(|held| held.digest == digest);
-        let found = found.max_by_key(|held| held.generation);
+        let is_usable = |state| !matches!(state, State::Writing | State::Failed(_));
+        let found = found.max_by_key(|held| (is_usable(held.state), held.generation));
         let state = found
             .map(|held| held.state)
             .ok_or_else(|| "no slot holds this plug-in: download it first".to_owned())?;

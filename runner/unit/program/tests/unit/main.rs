@@ -6,7 +6,7 @@ mod shop;
 use shop::{Machine, Shop, ended, program};
 use softplug_abi::Failure;
 use softplug_gateway::reactor::{JobOutcome, Probation, SwapReport, When};
-use softplug_gateway::units::UnitCommand;
+use softplug_gateway::units::{UnitCommand, UnitPlugin};
 
 #[test]
 fn a_plug_in_is_downloaded_and_a_program_arrives() {
@@ -211,4 +211,30 @@ fn whatever_a_bad_bus_does_no_byte_is_lost_doubled_or_altered_unannounced() {
         assert!(shop.arrived() == punched, "job {job}: what came from the machine");
     }
     assert!(shop.cable.faults() >= enough && restarts > 0);
+}
+
+/// A gateway that stops during a trial, or one that stops the plug-in by hand, must not shut the link.
+#[test]
+fn a_trial_that_is_cut_short_leaves_a_link_that_can_be_opened() {
+    let mut shop = Shop::new(Machine::fast());
+    shop.until_up();
+    let plugin = Shop::another_plugin();
+    let probation = Probation { events: 1_000_000, ..Probation::default() };
+    shop.tell(UnitCommand::Swap { plugin: plugin.clone(), when: When::Now, probation });
+    let done = shop.until_report(shop::swapped);
+    assert!(matches!(done, SwapReport::Done { on_probation: true, .. }), "{done:?}");
+    shop.tell(UnitCommand::Halt("it was stopped by hand".to_owned()));
+    shop.until_report(shop::faulted);
+    shop.tell(UnitCommand::Replace(plugin.clone()));
+    shop.until_up();
+    assert_eq!(shop.send(1, b"G1\n").outcome, JobOutcome::Done);
+    // And one that knows nothing of the trial.
+    let probation = Probation { events: 1_000_000, ..Probation::default() };
+    let other =
+        UnitPlugin { settings: vec![("quiet_time".to_owned(), "701".to_owned())], ..plugin };
+    shop.tell(UnitCommand::Swap { plugin: other, when: When::Now, probation });
+    shop.until_report(shop::swapped);
+    shop.restart_gateway();
+    shop.until_up();
+    assert_eq!(shop.send(2, b"G2\n").outcome, JobOutcome::Done);
 }

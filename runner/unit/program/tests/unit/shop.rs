@@ -322,6 +322,10 @@ pub(crate) fn swapped(report: &Report) -> Option<SwapReport> {
     if let Report::Swapped(report) = report { Some(report.clone()) } else { None }
 }
 
+pub(crate) fn faulted(report: &Report) -> Option<()> {
+    matches!(report, Report::Fault(_)).then_some(())
+}
+
 pub(crate) fn delivered(report: &Report) -> Option<u64> {
     match report {
         Report::DeliveryEnded { failure: None, bytes, .. } => Some(*bytes),

@@ -1,0 +1,237 @@
+//! What a unit says that is not so: one is played here, over loopback.
+
+use std::sync::mpsc::{Receiver, channel};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use mio::net::TcpListener;
+use softplug_abi::{Failure, Micros};
+use softplug_gateway::clock::Clock;
+use softplug_gateway::reactor::{Backoff, Feed, JobEnd, JobOutcome, LaneId, Report};
+use softplug_gateway::reservoir::reservoir;
+use softplug_gateway::units::{UnitAddress, UnitCommand, UnitPlugin, UnitSetup, Units};
+use softplug_link::Job;
+use softplug_unit_protocol::{
+    Identity, Messages, Outcome, Role, Session, SlotState, ToServer, ToUnit,
+};
+use softplug_unit_uplink::{Outbox, TcpUplink};
+
+const PATIENCE: Duration = Duration::from_mins(1);
+const LANE: LaneId = LaneId(1);
+const DIGEST: [u8; 32] = [7; 32];
+
+/// A unit that answers each message as it is told to.
+type Answers = fn(&ToUnit<'_>, &mut Outbox);
+
+fn play(listener: TcpListener, answers: Answers) -> JoinHandle<()> {
+    thread::spawn(move || {
+        let clock = Clock::start();
+        let begin = Instant::now();
+        let mut uplink = loop {
+            assert!(begin.elapsed() < PATIENCE, "nobody came");
+            if let Ok((stream, _)) = listener.accept() {
+                break TcpUplink::new(stream);
+            }
+            thread::sleep(Duration::from_millis(1));
+        };
+        let mut session = Box::new(Session::<16, 1024>::new(Role::Unit, Identity(2)));
+        let mut outbox = Outbox::default();
+        loop {
+            let frame = match uplink.receive() {
+                Ok(frame) => frame.map(<[u8]>::to_vec),
+                Err(_) => return,
+            };
+            let Some(frame) = frame else {
+                session.handle_timeout(clock.now());
+                if uplink.speak(&mut session, &mut outbox, clock.now()).is_err() {
+                    return;
+                }
+                thread::sleep(Duration::from_millis(1));
+                continue;
+            };
+            if let Ok(Some(payload)) = session.receive(clock.now(), &frame) {
+                for message in Messages::<ToUnit<'_>>::new(payload) {
+                    answers(&message.unwrap(), &mut outbox);
+                }
+            }
+        }
+    })
+}
+
+/// What every unit says of itself.
+fn honest(message: &ToUnit<'_>, outbox: &mut Outbox, name: &str) {
+    let link = 0;
+    if let ToUnit::Query {} = message {
+        outbox.push(&ToServer::Unit { links: 1, serial: 1, name: "played" }, false);
+        for slot in [0, 1] {
+            let (state, length, digest) = (SlotState::Confirmed, 4, DIGEST);
+            let (erased, erasable) = (1, 10);
+            let told = ToServer::Slot { link, slot, state, length, digest, erased, erasable };
+            outbox.push(&told, false);
+        }
+    }
+    if let ToUnit::Query {} | ToUnit::Open { .. } = message {
+        let (job, pass, received, is_whole) = (0, 0, 0, false);
+        let (is_up, digest) = (true, DIGEST);
+        let told = ToServer::Link { link, is_up, digest, job, pass, received, is_whole, name };
+        outbox.push(&told, false);
+        outbox.push(&ToServer::Up { link }, false);
+        outbox.push(&ToServer::Told { link }, false);
+    }
+}
+
+fn ended(job: u64, outcome: Outcome, count: u64) -> ToServer<'static> {
+    ToServer::Ended {
+        link: 0,
+        job,
+        outcome,
+        failure: None,
+        status: 0,
+        line: 0,
+        column: 0,
+        taken: count,
+        sent: count,
+        maybe_left: count,
+        surely_left: count,
+        bytes_maybe_left: count,
+        bytes_surely_left: count,
+        why: "",
+    }
+}
+
+struct Played {
+    units: Option<Units>,
+    reports: Receiver<(LaneId, Report)>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Played {
+    fn with(answers: Answers) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0".parse().unwrap()).unwrap();
+        let port = listener.local_addr().unwrap().port();
+        let thread = Some(play(listener, answers));
+        let (tell, reports) = channel();
+        let units = Units::start(1, move |lane, report| {
+            let _ = tell.send((lane, report));
+        })
+        .unwrap();
+        let address = UnitAddress { host: "127.0.0.1".into(), port, link: "mill".into() };
+        let module = b"wasm".to_vec().into();
+        let plugin = UnitPlugin { module, digest: DIGEST, signature: None, settings: Vec::new() };
+        let reopen = Backoff { first: Micros::from_millis(50), longest: Micros::from_secs(1) };
+        units.add(LANE, UnitSetup { address, plugin, delivery_room: 4_096, reopen });
+        Self { units: Some(units), reports, thread }
+    }
+
+    fn until<T>(&self, find: impl Fn(&Report) -> Option<T>) -> T {
+        loop {
+            let (_, report) = self.reports.recv_timeout(PATIENCE).expect("it is told");
+            if let Some(found) = find(&report) {
+                return found;
+            }
+        }
+    }
+
+    /// Sends 2,000 bytes.
+    fn job(&self) -> JobEnd {
+        self.until(|report| matches!(report, Report::Up).then_some(()));
+        let (mut writer, source) = reservoir(4_096, 0, 4_096);
+        writer.write(&[b'G'; 2_000]);
+        writer.finish();
+        let job = Job { id: 1, kind: 0, size: Some(2_000), fields: Vec::new(), check: false };
+        self.units.as_ref().unwrap().tell(LANE, UnitCommand::Begin(Feed { job, source }));
+        self.until(|report| match report {
+            Report::JobEnded(end) => Some(end.clone()),
+            _ => None,
+        })
+    }
+}
+
+impl Drop for Played {
+    fn drop(&mut self) {
+        self.units = None;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+#[test]
+fn a_job_that_was_never_fed_is_not_done() {
+    let played = Played::with(|message, outbox| {
+        honest(message, outbox, "mill");
+        if let ToUnit::Begin { job, .. } = message {
+            outbox.push(&ended(*job, Outcome::Done, 2_000), false);
+        }
+    });
+    let end = played.job();
+    assert_eq!(end.outcome, JobOutcome::Failed { failure: Failure::Internal, status: 0 });
+    assert_eq!((end.taken, end.bytes_maybe_left, end.bytes_surely_left), (0, 0, 0));
+}
+
+#[test]
+fn a_job_that_was_fed_in_part_is_not_done_and_counts_are_what_was_sent_at_most() {
+    let played = Played::with(|message, outbox| {
+        honest(message, outbox, "mill");
+        match message {
+            ToUnit::Begin { job, .. } => {
+                let (link, job, pass, received, until) = (0, *job, 0, 0, 500);
+                outbox.push(&ToServer::Credit { link, job, pass, received, until }, false);
+            }
+            ToUnit::Data { job, .. } => outbox.push(&ended(*job, Outcome::Done, u64::MAX), false),
+            _ => {}
+        }
+    });
+    let end = played.job();
+    assert_eq!(end.outcome, JobOutcome::Failed { failure: Failure::Internal, status: 0 });
+    assert_eq!((end.taken, end.bytes_maybe_left), (500, 500));
+}
+
+#[test]
+fn a_unit_that_forgets_what_it_confirmed_gets_no_more_and_is_told_to_abort() {
+    let played = Played::with(|message, outbox| {
+        honest(message, outbox, "mill");
+        let (link, pass) = (0, 0);
+        let mut credit = |job, received, until| {
+            outbox.push(&ToServer::Credit { link, job, pass, received, until }, false);
+        };
+        match *message {
+            ToUnit::Begin { job, .. } => credit(job, 0, 500),
+            ToUnit::Data { job, .. } => {
+                credit(job, 500, 600);
+                credit(job, 5, 700);
+            }
+            ToUnit::Abort { job, .. } => outbox.push(&ended(job, Outcome::Failed, 500), false),
+            _ => {}
+        }
+    });
+    assert!(matches!(played.job().outcome, JobOutcome::Failed { .. }));
+}
+
+#[test]
+fn a_link_that_the_unit_does_not_have_is_told_with_those_that_it_has() {
+    let played = Played::with(|message, outbox| honest(message, outbox, "lathe\n2026 ERROR fire"));
+    let detail = played.until(|report| match report {
+        Report::Down { detail, .. } => Some(detail.clone()),
+        _ => None,
+    });
+    assert!(detail.contains("no link \"mill\"; it has lathe\\n2026"), "{detail}");
+}
+
+#[test]
+fn a_unit_that_sends_more_than_it_may_is_sent_away() {
+    let played = Played::with(|message, outbox| {
+        honest(message, outbox, "mill");
+        if let ToUnit::Open { .. } = message {
+            for delivery in 1..100 {
+                let (link, job, at, name) = (0, 0, 0, "x");
+                outbox.push(&ToServer::Delivery { link, delivery, job, at, name }, false);
+            }
+        }
+    });
+    let detail = played.until(|report| match report {
+        Report::Down { detail, .. } => Some(detail.clone()),
+        _ => None,
+    });
+    assert!(detail.contains("the unit at 127.0.0.1"), "{detail}");
+}
