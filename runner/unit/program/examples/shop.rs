@@ -91,6 +91,8 @@ impl Cutting {
             low: 512,
             high: 1_024,
             rate: CUTS,
+            // It begins to cut when its buffer has been filled.
+            pauses: vec![(0, Micros::from_millis(2_000))],
             receive_fifo: 4_096,
             ..ControlOptions::default()
         };

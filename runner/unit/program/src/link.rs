@@ -669,6 +669,8 @@ impl Link {
             }
             Report::Swapped(report) => self.swapped(report, around),
             Report::Fault(fault) => {
+                // First how far its job was: whoever hears of the fault ends it.
+                self.break_off_job(around);
                 tracing::error!(
                     link = self.config.name,
                     fault = fault.sentence,
@@ -684,6 +686,7 @@ impl Link {
                 }
             }
             Report::Removed => {
+                self.break_off_job(around);
                 self.lane = None;
                 self.running = None;
                 (self.successor, self.former) = (None, None);
@@ -697,6 +700,11 @@ impl Link {
             // There are no endpoints here, and no process to hand over to.
             Report::Alarm(_) | Report::Endpoint(_) | Report::HandedOver(_) => {}
         }
+    }
+
+    fn break_off_job(&mut self, around: &mut Surroundings<'_>) {
+        let status = self.lane.and_then(|lane| around.reactor.status(lane));
+        self.jobs.break_off(status.map(|status| status.read()), around);
     }
 
     /// Gives the uplink what it has room for, and asks for more.

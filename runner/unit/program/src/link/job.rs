@@ -231,6 +231,46 @@ impl Jobs {
         }
     }
 
+    /// The plug-in has ended, or its lane: a job under way ends with it. What had left, its lane
+    /// says, as far as it was shown.
+    pub(super) fn break_off(
+        &mut self,
+        figures: Option<LaneFigures>,
+        around: &mut Surroundings<'_>,
+    ) {
+        let Some(active) = self.active.as_mut().filter(|active| active.end.is_none()) else {
+            return;
+        };
+        let outcome = JobOutcome::Failed { failure: Failure::Interrupted, status: 0 };
+        // What the lane drew may have left, however little of it was shown.
+        let drawn = active.writer.as_ref().map_or(active.fed.received(), ReservoirWriter::consumed);
+        let shown = figures.filter(|figures| figures.job == active.of_lane);
+        active.end = Some(match shown {
+            Some(figures) => JobEnd {
+                job: active.of_lane,
+                outcome,
+                taken: figures.job_taken,
+                sent: figures.job_bytes_surely_left,
+                maybe_left: figures.job_maybe_left.max(drawn),
+                surely_left: figures.job_surely_left,
+                bytes_maybe_left: drawn,
+                bytes_surely_left: figures.job_bytes_surely_left,
+            },
+            None => JobEnd {
+                job: active.of_lane,
+                outcome,
+                taken: drawn,
+                sent: 0,
+                maybe_left: drawn,
+                surely_left: 0,
+                bytes_maybe_left: drawn,
+                bytes_surely_left: 0,
+            },
+        });
+        active.writer = None;
+        self.tell_end(around);
+    }
+
     /// In a new session.
     pub(super) fn tell_all(&mut self, around: &mut Surroundings<'_>) {
         self.give(true, around);

@@ -213,6 +213,26 @@ fn whatever_a_bad_bus_does_no_byte_is_lost_doubled_or_altered_unannounced() {
     assert!(shop.cable.faults() >= enough && restarts > 0);
 }
 
+#[test]
+fn a_plug_in_that_ends_in_mid_job_ends_the_job_and_the_next_one_is_taken() {
+    let mut shop = Shop::new(Machine::at(9_600));
+    shop.until_up();
+    let program = program(30_000);
+    shop.begin(1, &program);
+    shop.until(|shop| shop.received().len() >= 1_000);
+    shop.tell(UnitCommand::Halt("it was stopped by hand".to_owned()));
+    let end = shop.until_report(ended);
+    assert_eq!(end.outcome, JobOutcome::Failed { failure: Failure::Interrupted, status: 0 });
+    let got = shop.received();
+    let count = got.len() as u64;
+    assert!(program.starts_with(&got));
+    assert!(end.bytes_surely_left <= count && count <= end.bytes_maybe_left, "{end:?}, {count}");
+    shop.tell(UnitCommand::Replace(Shop::first_plugin()));
+    shop.until_up();
+    assert_eq!(shop.send(2, b"G1\n").outcome, JobOutcome::Done);
+    shop.until_received(&[&got[..], b"G1\n"].concat());
+}
+
 /// A gateway that stops during a trial, or one that stops the plug-in by hand, must not shut the link.
 #[test]
 fn a_trial_that_is_cut_short_leaves_a_link_that_can_be_opened() {

@@ -178,7 +178,7 @@ impl Shop {
             port: self.cable.address().port(),
             link: "mill".to_owned(),
         };
-        let plugin = plugin_of(xon_xoff());
+        let plugin = Self::first_plugin();
         let reopen = Backoff { first: Micros::from_millis(50), longest: Micros::from_millis(500) };
         let setup = UnitSetup { address, plugin, delivery_room: 16_384, reopen };
         units.add(self.lane, setup);
@@ -197,6 +197,10 @@ impl Shop {
         let (unit, address) = start_unit(&self.folder, self.identities);
         self.unit = Some(unit);
         self.cable.leads_to(address);
+    }
+
+    pub(crate) fn first_plugin() -> UnitPlugin {
+        plugin_of(xon_xoff())
     }
 
     /// The module with a section more: another one that does the same.
