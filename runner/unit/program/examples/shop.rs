@@ -195,7 +195,7 @@ impl<'a> Shop<'a> {
                 used = ((after.0 - before.0) / span, (after.1 - before.1) / span);
                 is_measured = true;
             }
-            let jobs = self.ask(&["job", "list", "--json"])?;
+            let jobs = self.ask(&["job", "list", "--limit", "1000", "--json"])?;
             let ended = jobs.matches("\"state\":\"done\"").count()
                 + jobs.matches("\"state\": \"done\"").count();
             if ended == self.units.len() {
