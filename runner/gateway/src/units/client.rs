@@ -12,12 +12,9 @@ use softplug_unit_protocol::{
 use softplug_unit_uplink::{Closed, Outbox, TcpUplink, plain_text};
 use thiserror::Error;
 
-use super::UnitPlugin;
 use super::connection::ServerSession;
+use super::{PIECE, UnitPlugin};
 use crate::clock::Clock;
-
-/// Bytes of a module in one message.
-const PIECE: usize = 960;
 
 /// Why a unit cannot be asked, or does not do it.
 #[derive(Debug, Error)]

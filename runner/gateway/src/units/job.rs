@@ -6,12 +6,10 @@ use softplug_abi::Failure;
 use softplug_link::Job;
 use softplug_unit_protocol::{CreditError, Feeding, ToUnit};
 
+use super::PIECE;
 use crate::reactor::{Feed, JobEnd, JobOutcome};
 use crate::reservoir::{Drawn, ReservoirReader};
 use softplug_unit_uplink::Outbox;
-
-/// Bytes of data in one message.
-const PIECE: usize = 960;
 
 pub(super) struct UnitJob {
     /// Its number in the unit protocol.

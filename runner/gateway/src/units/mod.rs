@@ -29,6 +29,9 @@ use crate::reactor::{Backoff, Feed, LaneId, LaneStatus, Probation, Report, When}
 use crate::reservoir::ReservoirReader;
 use thread::{Driver, ThreadCommand};
 
+/// Bytes of data, of a module or of an answer in one message.
+const PIECE: usize = 960;
+
 /// A link of a unit: `unit://host:port/link`.
 ///
 /// ```

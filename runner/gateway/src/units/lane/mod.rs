@@ -1,25 +1,25 @@
 //! One link of a unit, as the gateway sees it.
 
+mod jobs;
+mod plugin;
+
+pub(super) use plugin::pairs;
+
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use softplug_abi::{Failure, LinkDownReason, Micros};
-use softplug_unit_protocol::{Digest, Outcome, SlotState, SwapOutcome, ToServer, ToUnit, WhenCode};
+use softplug_unit_protocol::{Digest, SlotState, ToServer, ToUnit};
 use softplug_unit_uplink::{Outbox, plain_text};
 
 use super::delivery::{Arrivals, Flood};
 use super::job::UnitJob;
 use super::thread::Thread;
-use super::{UnitCommand, UnitPlugin, UnitSetup};
+use super::{PIECE, UnitCommand, UnitPlugin, UnitSetup};
 use crate::allowance::Allowance;
-use crate::reactor::{
-    Condition, JobEnd, JobOutcome, LaneFault, LaneId, LaneStatus, Probation, Report, SwapReport,
-    UnitFigures, When,
-};
-use crate::recorder::Recording;
+use crate::reactor::{Condition, JobEnd, JobOutcome, LaneId, LaneStatus, Report};
+use plugin::{Change, fault};
 
-/// Bytes of a module in one message.
-const PIECE: usize = 960;
 /// The longest fields of a job, and settings, in bytes: they must fit into a message.
 const LONGEST_FIELDS: usize = 900;
 /// Most requests of a machine that are not answered.
@@ -44,14 +44,6 @@ impl Around<'_> {
             self.outbox.push(message, false);
         }
     }
-}
-
-/// A plug-in on its way into the unit.
-struct Change {
-    plugin: UnitPlugin,
-    /// `None`: it is the link's first one, or has other settings.
-    swap: Option<(When, Probation)>,
-    is_ordered: bool,
 }
 
 pub(super) struct UnitLane {
@@ -146,15 +138,6 @@ impl UnitLane {
         }
     }
 
-    pub(super) fn slot(&mut self, link: u8, slot: u8, state: SlotState, digest: Digest) {
-        // The link itself follows, and says by its name which one it is.
-        if self.number.is_none_or(|number| number == link)
-            && let Some(place) = self.slots.get_mut(usize::from(slot))
-        {
-            *place = (state, digest);
-        }
-    }
-
     /// The unit says what the link is doing: in answer to a query, or because its plug-in has
     /// changed.
     pub(super) fn found(&mut self, number: u8, message: &ToServer<'_>, around: &mut Around<'_>) {
@@ -182,140 +165,6 @@ impl UnitLane {
             self.change = Some(Change { plugin, swap: None, is_ordered: false });
         }
         self.order(around);
-    }
-
-    fn take_up_job(
-        &mut self,
-        link: u8,
-        job: u64,
-        pass: u8,
-        received: u64,
-        is_whole: bool,
-        around: &mut Around<'_>,
-    ) {
-        self.foreign_job = None;
-        let ours = self.job.as_ref().filter(|ours| ours.is_begun).map(|ours| ours.number);
-        if job != 0 && ours != Some(job) {
-            // Its server is no more: as a local port's job ends with its gateway.
-            self.foreign_job = Some(job);
-            around.say(&ToUnit::Abort { link, job });
-        }
-        let Some(active) = self.job.as_mut().filter(|active| active.is_begun) else { return };
-        if job != active.number {
-            // It never came there, or the unit was started anew.
-            let end = active.interrupted();
-            if end.bytes_maybe_left == 0 && end.maybe_left == 0 && !active.is_aborted {
-                active.is_begun = false;
-            } else {
-                self.job = None;
-                self.report(Report::JobEnded(end), around);
-            }
-            return;
-        }
-        if pass != active.pass() {
-            let id = active.job.id;
-            active.rewound();
-            self.report(Report::Rewind { job: id }, around);
-        }
-        let Some(active) = &mut self.job else { return };
-        if let Err(error) = active.resume(link, received, is_whole, around.outbox) {
-            self.give_up_job(&error.to_string(), around);
-        }
-    }
-
-    /// Positions do not fit together: nothing more is given, and the unit aborts it.
-    fn give_up_job(&mut self, why: &str, around: &mut Around<'_>) {
-        let (Some(job), Some(link)) = (&mut self.job, self.number) else { return };
-        tracing::error!(why, job = job.job.id, "a job is aborted: the unit and we disagree");
-        job.is_aborted = true;
-        around.say(&ToUnit::Abort { link, job: job.number });
-    }
-
-    /// Has the unit take the plug-in that it is to run: downloads it if it is not there.
-    fn order(&mut self, around: &mut Around<'_>) {
-        let Some(link) = self.number.filter(|_| self.foreign_job.is_none()) else { return };
-        let slots = self.slots;
-        let runs = self.runs;
-        let Some(change) = self.change.as_mut().filter(|change| !change.is_ordered) else { return };
-        change.is_ordered = true;
-        let UnitPlugin { ref module, digest, ref signature, ref settings } = change.plugin;
-        let is_there = digest == runs
-            || slots.iter().any(|(state, there)| {
-                *there == digest
-                    && matches!(
-                        state,
-                        SlotState::Written | SlotState::OnTrial | SlotState::Confirmed
-                    )
-            });
-        if !is_there {
-            let signature = signature.as_deref().unwrap_or_default();
-            let length = module.len() as u32;
-            around.say(&ToUnit::Download { link, length, digest, signature });
-            return;
-        }
-        let settings = &pairs(settings);
-        if settings.len() > LONGEST_FIELDS {
-            let text = format!(
-                "its settings have {} bytes; {LONGEST_FIELDS} are the most",
-                settings.len()
-            );
-            self.not_taken(&text, around);
-            return;
-        }
-        match change.swap {
-            None => around.say(&ToUnit::Open { link, digest, settings }),
-            Some((when, probation)) => {
-                let when = match when {
-                    When::Now => WhenCode::Now,
-                    When::Idle => WhenCode::Idle,
-                    When::NowOrIdle => WhenCode::NowOrIdle,
-                };
-                let (events, span) = (probation.events, probation.span.0.max(0) as u64);
-                around.say(&ToUnit::Swap { link, digest, when, events, span, settings });
-            }
-        }
-    }
-
-    fn downloaded(&mut self, until: u32, around: &mut Around<'_>) {
-        let (Some(link), Some(change)) = (self.number, &self.change) else { return };
-        let module = &change.plugin.module;
-        let rest = module.get(until as usize..).unwrap_or_default();
-        if rest.is_empty() {
-            around.say(&ToUnit::Install { link });
-        } else {
-            let bytes = &rest[..rest.len().min(PIECE)];
-            around.say(&ToUnit::Piece { link, at: until, bytes });
-        }
-    }
-
-    fn installed(&mut self, slot: u8, around: &mut Around<'_>) {
-        let Some(change) = &mut self.change else { return };
-        if let Some(place) = self.slots.get_mut(usize::from(slot)) {
-            *place = (SlotState::Written, change.plugin.digest);
-        }
-        change.is_ordered = false;
-        self.order(around);
-    }
-
-    /// The unit does not take the plug-in.
-    fn not_taken(&mut self, why: &str, around: &mut Around<'_>) {
-        let Some(change) = &mut self.change else { return };
-        if change.swap.is_some() {
-            self.change = None;
-            let sentence = format!("the unit does not take it: {why}");
-            self.report(Report::Swapped(SwapReport::Refused { sentence }), around);
-            return;
-        }
-        change.is_ordered = false;
-        // What its slots hold is of no use, whatever they say: it is downloaded again then.
-        let digest = change.plugin.digest;
-        for place in self.slots.iter_mut().filter(|(_, there)| *there == digest) {
-            *place = (SlotState::Empty, [0; 32]);
-        }
-        self.runs = [0; 32];
-        self.again_at = Some(around.thread.clock.now() + AGAIN);
-        let detail = format!("the unit does not take the plug-in: {why}");
-        self.down(LinkDownReason::Failed, detail, AGAIN, around.thread);
     }
 
     pub(super) fn tell(&mut self, command: UnitCommand, around: &mut Around<'_>) {
@@ -361,53 +210,6 @@ impl UnitLane {
     fn plain(&mut self, message: impl FnOnce(u8) -> ToUnit<'static>, around: &mut Around<'_>) {
         if let Some(link) = self.number {
             around.say(&message(link));
-        }
-    }
-
-    fn job_of(&mut self, id: u32) -> Option<&mut UnitJob> {
-        self.job.as_mut().filter(|active| active.job.id == id)
-    }
-
-    fn pause(&mut self, id: u32, is_paused: bool, around: &mut Around<'_>) {
-        let number = self.number;
-        let Some(active) = self.job_of(id) else { return };
-        active.is_paused = is_paused;
-        let Some(link) = number.filter(|_| active.is_begun) else { return };
-        let job = active.number;
-        let message =
-            if is_paused { ToUnit::Pause { link, job } } else { ToUnit::Resume { link, job } };
-        around.say(&message);
-    }
-
-    fn abort(&mut self, id: u32, around: &mut Around<'_>) {
-        let number = self.number;
-        if id == 0 {
-            self.plain(|link| ToUnit::Abort { link, job: 0 }, around);
-            return;
-        }
-        let Some(active) = self.job_of(id) else { return };
-        active.is_aborted = true;
-        if !active.is_begun {
-            let end = active.interrupted();
-            self.job = None;
-            self.report(Report::JobEnded(end), around);
-        } else if let Some(link) = number {
-            around.say(&ToUnit::Abort { link, job: active.number });
-        }
-        // Else it is said when the unit is back: it feeds the machine meanwhile.
-    }
-
-    fn cancel_swap(&mut self, around: &mut Around<'_>) {
-        let is_ordered =
-            self.change.as_ref().map(|change| (change.swap.is_some(), change.is_ordered));
-        match is_ordered {
-            Some((true, true)) => self.plain(|link| ToUnit::CancelSwap { link }, around),
-            Some((true, false)) => {
-                self.change = None;
-                let sentence = "it was given up".to_owned();
-                self.report(Report::Swapped(SwapReport::Refused { sentence }), around);
-            }
-            Some((false, _)) | None => {}
         }
     }
 
@@ -588,46 +390,6 @@ impl UnitLane {
         Ok(())
     }
 
-    fn unit_job(&mut self, number: u64) -> Option<&mut UnitJob> {
-        self.job.as_mut().filter(|active| active.number == number)
-    }
-
-    fn progress(&mut self, message: &ToServer<'_>) {
-        let ToServer::Progress {
-            job,
-            taken,
-            maybe_left,
-            surely_left,
-            bytes_left,
-            level,
-            is_held,
-            is_starved,
-            ..
-        } = *message
-        else {
-            return;
-        };
-        let Some(active) = self.unit_job(job) else { return };
-        active.left = JobEnd {
-            taken,
-            maybe_left,
-            surely_left,
-            bytes_surely_left: bytes_left,
-            ..active.left.clone()
-        };
-        let id = active.job.id;
-        self.status.store_unit_job(&UnitFigures {
-            job: id,
-            taken,
-            maybe_left,
-            surely_left,
-            bytes_left,
-            level: u64::from(level),
-            is_held,
-            is_starved,
-        });
-    }
-
     fn count(&mut self, message: &ToServer<'_>) {
         if let ToServer::Counters {
             bytes_in, bytes_out, holds, held, starved, starved_for, ..
@@ -642,56 +404,6 @@ impl UnitLane {
                 starved_for,
             ]);
         }
-    }
-
-    fn ended(&mut self, number: u64, message: &ToServer<'_>, around: &mut Around<'_>) {
-        let Some(link) = self.number else { return };
-        around.say(&ToUnit::Noted { link, job: number });
-        if self.foreign_job == Some(number) {
-            self.foreign_job = None;
-            self.order(around);
-        }
-        let Some(active) = self.unit_job(number) else { return };
-        let end = active.ended(end_of(active.job.id, message));
-        self.job = None;
-        self.status.store_unit_job(&UnitFigures::default());
-        self.report(Report::JobEnded(end), around);
-    }
-
-    fn swapped(&mut self, outcome: SwapOutcome, pause: Micros, why: &str, around: &mut Around<'_>) {
-        let has_probation = self
-            .change
-            .as_ref()
-            .and_then(|change| change.swap)
-            .is_some_and(|(_, probation)| probation != Probation::default());
-        let report = match outcome {
-            SwapOutcome::Waiting => SwapReport::Waiting,
-            SwapOutcome::DoneWithState | SwapOutcome::Done => {
-                if let Some(change) = self.change.take() {
-                    self.runs = change.plugin.digest;
-                    self.former = Some(std::mem::replace(&mut self.setup.plugin, change.plugin));
-                }
-                let with_state = outcome == SwapOutcome::DoneWithState;
-                let on_probation = with_state && has_probation;
-                SwapReport::Done { pause, with_state, on_probation }
-            }
-            SwapOutcome::Refused => {
-                self.change = None;
-                SwapReport::Refused { sentence: plain_text(why) }
-            }
-            SwapOutcome::Kept => {
-                self.former = None;
-                SwapReport::Kept
-            }
-            SwapOutcome::Reverted => {
-                if let Some(former) = self.former.take() {
-                    self.runs = former.digest;
-                    self.setup.plugin = former;
-                }
-                SwapReport::Reverted(Box::new(fault(why, true)))
-            }
-        };
-        self.report(Report::Swapped(report), around);
     }
 
     fn refused(&mut self, message: u8, number: u64, why: &str, around: &mut Around<'_>) {
@@ -744,62 +456,4 @@ impl UnitLane {
             job.pump(link, most, around.outbox);
         }
     }
-}
-
-fn fault(sentence: &str, on_probation: bool) -> LaneFault {
-    LaneFault {
-        event: None,
-        sentence: plain_text(sentence),
-        last_words: None,
-        recording: Recording::default(),
-        on_probation,
-    }
-}
-
-fn end_of(job: u32, message: &ToServer<'_>) -> JobEnd {
-    let ToServer::Ended {
-        outcome,
-        failure,
-        status,
-        line,
-        column,
-        taken,
-        sent,
-        maybe_left,
-        surely_left,
-        bytes_maybe_left,
-        bytes_surely_left,
-        why,
-        ..
-    } = *message
-    else {
-        return JobEnd::unbegun(job, JobOutcome::Done, 0);
-    };
-    let failure = failure.unwrap_or(Failure::Internal);
-    let outcome = match outcome {
-        Outcome::Done => JobOutcome::Done,
-        Outcome::Failed => JobOutcome::Failed { failure, status },
-        Outcome::CheckFailed => JobOutcome::CheckFailed { failure, status, line, column },
-        Outcome::SourceFailed => JobOutcome::SourceFailed(why.to_owned()),
-    };
-    JobEnd {
-        job,
-        outcome,
-        taken,
-        sent,
-        maybe_left,
-        surely_left,
-        bytes_maybe_left,
-        bytes_surely_left,
-    }
-}
-
-/// Each text ended by a byte 00.
-pub(super) fn pairs(settings: &[(String, String)]) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    for text in settings.iter().flat_map(|(name, value)| [name, value]) {
-        bytes.extend_from_slice(text.as_bytes());
-        bytes.push(0);
-    }
-    bytes
 }

@@ -1,0 +1,359 @@
+//! One link of the unit: its plug-in memory, its lane, and what its server has to know of it.
+
+mod delivery;
+mod job;
+mod plugin;
+mod settings;
+mod tell;
+
+use std::collections::BTreeMap;
+use std::sync::mpsc::Sender;
+use std::task::Waker;
+
+use softplug_abi::{Failure, Micros};
+use softplug_gateway::reactor::{Command, LaneFigures, LaneId, Probation, Reactor, Report, When};
+use softplug_host::{Host, Session};
+use softplug_unit_protocol::{Digest, ToServer, ToUnit, WhenCode};
+use softplug_unit_uplink::{Outbox, plain_text};
+
+use crate::config::LinkConfig;
+use crate::memory::{Download, Memory};
+use delivery::Deliveries;
+use job::Jobs;
+use plugin::{Purpose, Running};
+use settings::Settings;
+
+pub(crate) use plugin::Compiled;
+
+/// The longest text in a message, in bytes.
+const LONGEST_TEXT: usize = 600;
+/// The longest fields of a request, in bytes: they must fit into a message.
+const LONGEST_FIELDS: usize = 900;
+
+/// What a link works with that is not its own.
+pub(crate) struct Surroundings<'a> {
+    pub(crate) reactor: &'a Reactor<Session>,
+    pub(crate) host: &'a Host,
+    pub(crate) outbox: &'a mut Outbox,
+    /// Somebody is told.
+    pub(crate) is_up: bool,
+    /// Wakes the unit's thread.
+    pub(crate) waker: &'a Waker,
+    /// Where plug-ins go that were compiled.
+    pub(crate) compiled: &'a Sender<Compiled>,
+    pub(crate) next_lane: &'a mut u32,
+}
+
+impl Surroundings<'_> {
+    fn say(&mut self, message: &ToServer<'_>) {
+        if self.is_up {
+            self.outbox.push(message, false);
+        }
+    }
+
+    fn remark(&mut self, message: &ToServer<'_>) {
+        if self.is_up {
+            self.outbox.push(message, true);
+        }
+    }
+}
+
+pub(crate) struct Link {
+    number: u8,
+    config: LinkConfig,
+    memory: Memory,
+    lane: Option<LaneId>,
+    running: Option<Running>,
+    /// What takes over, until it has.
+    successor: Option<Running>,
+    /// What ran before a swap that is on trial.
+    former: Option<Running>,
+    /// Its digest is being compiled.
+    awaited: Option<Digest>,
+    /// Settings with which that is wanted in the end.
+    wanted: Option<Settings>,
+    /// The fault that comes was asked for.
+    is_halted: bool,
+    next: Option<Box<Running>>,
+    /// The plug-in that runs is on trial: confirmed when its port has opened.
+    is_on_trial: bool,
+    jobs: Jobs,
+    deliveries: Deliveries,
+    requests: BTreeMap<u32, Asked>,
+    next_request: u32,
+    is_port_open: bool,
+    down: Option<(softplug_abi::LinkDownReason, Micros, String)>,
+    state: String,
+    fault: Option<String>,
+    /// Bytes of an answer that is not whole yet.
+    answer: Vec<u8>,
+    counted: Option<LaneFigures>,
+}
+
+/// A request of the machine that is not answered.
+struct Asked {
+    /// The plug-in's number for it.
+    request: u32,
+    kind: u16,
+    fields: Vec<u8>,
+}
+
+impl Link {
+    pub(crate) fn new(number: u8, config: LinkConfig, memory: Memory) -> Self {
+        Self {
+            number,
+            jobs: Jobs::new(number, config.buffer),
+            deliveries: Deliveries::new(number),
+            config,
+            memory,
+            lane: None,
+            running: None,
+            successor: None,
+            former: None,
+            awaited: None,
+            wanted: None,
+            is_halted: false,
+            next: None,
+            is_on_trial: false,
+            requests: BTreeMap::new(),
+            next_request: 1,
+            is_port_open: false,
+            down: None,
+            state: String::new(),
+            fault: None,
+            answer: Vec::new(),
+            counted: None,
+        }
+    }
+
+    pub(crate) fn lane(&self) -> Option<LaneId> {
+        self.lane
+    }
+
+    pub(crate) fn name(&self) -> &str {
+        &self.config.name
+    }
+
+    /// The unit has started: what the memory has, runs.
+    pub(crate) fn start(&mut self, around: &mut Surroundings<'_>) {
+        if let Some(foreign) = self.memory.foreign() {
+            tracing::warn!(link = self.config.name, "{foreign}");
+        }
+        let settings = self.kept_settings().unwrap_or_else(|| self.config.settings.clone());
+        match self.memory.boot() {
+            Ok(Some(bootable)) => self.compile(bootable, settings, Purpose::Run, around),
+            Ok(None) => tracing::info!(link = self.config.name, "it has no plug-in yet"),
+            Err(error) => tracing::error!(link = self.config.name, error, "its plug-in cannot run"),
+        }
+    }
+
+    /// A message for this link.
+    pub(crate) fn hear(&mut self, message: &ToUnit<'_>, around: &mut Surroundings<'_>) {
+        match *message {
+            ToUnit::Query {} => self.tell_all(around),
+            ToUnit::Download { length, digest, signature, .. } => {
+                let begun = self.memory.begin(length, digest, signature);
+                self.tell_download(begun, around);
+            }
+            ToUnit::Piece { at, bytes, .. } => {
+                let until = self.memory.piece(at, bytes).map(Download::Until);
+                self.tell_download(until, around);
+            }
+            ToUnit::Install { .. } => {
+                let installed = self.memory.install().map(Download::Whole);
+                self.tell_download(installed, around);
+            }
+            ToUnit::Open { digest, settings, .. } => self.open(digest, settings, around),
+            ToUnit::Close { .. } => self.close(around),
+            ToUnit::Swap { digest, when, events, span, settings, .. } => {
+                let when = match when {
+                    WhenCode::Now => When::Now,
+                    WhenCode::Idle => When::Idle,
+                    WhenCode::NowOrIdle => When::NowOrIdle,
+                };
+                let span = Micros(i64::try_from(span).unwrap_or(i64::MAX));
+                let purpose = Purpose::Swap { when, probation: Probation { events, span } };
+                self.change(digest, settings, purpose, 18, around);
+            }
+            ToUnit::CancelSwap { .. } => self.command(Command::CancelSwap, around),
+            ToUnit::Reopen { .. } => self.command(Command::Reopen, around),
+            ToUnit::Halt { why, .. } => {
+                self.is_halted = self.lane.is_some();
+                self.command(Command::Halt(plain_text(why)), around);
+            }
+            ToUnit::ForceResume { .. } => self.command(Command::ForceResume, around),
+            ToUnit::Answer { request, refused, is_last, bytes, .. } => {
+                self.answer(request, refused, is_last, bytes, around);
+            }
+            ToUnit::Stored { delivery, until, is_whole, .. } => {
+                self.deliveries.stored(delivery, until, is_whole);
+            }
+            ToUnit::Abort { job: 0, .. } => self.command(Command::Abort(0), around),
+            ToUnit::Begin { .. }
+            | ToUnit::Data { .. }
+            | ToUnit::End { .. }
+            | ToUnit::Fail { .. }
+            | ToUnit::Pause { .. }
+            | ToUnit::Resume { .. }
+            | ToUnit::Abort { .. }
+            | ToUnit::Noted { .. } => {
+                let running = self.running.as_ref().filter(|_| self.fault.is_none());
+                let kinds = running.map(|running| running.plugin.manifest().jobs.len());
+                self.jobs.hear(message, self.lane.zip(kinds), around);
+            }
+        }
+    }
+
+    fn command(&mut self, command: Command<Session>, around: &mut Surroundings<'_>) {
+        if let Some(lane) = self.lane {
+            around.reactor.tell(lane, command);
+        }
+    }
+
+    fn answer(
+        &mut self,
+        request: u32,
+        refused: Option<Failure>,
+        is_last: bool,
+        bytes: &[u8],
+        around: &mut Surroundings<'_>,
+    ) {
+        // One that was withdrawn meanwhile is not asked for any more.
+        let Some(asked) = self.requests.get(&request) else { return };
+        let request_of_lane = asked.request;
+        self.answer.extend_from_slice(bytes);
+        if !is_last && refused.is_none() {
+            return;
+        }
+        let bytes = std::mem::take(&mut self.answer);
+        self.requests.remove(&request);
+        let answer = refused.map_or(Ok(bytes), Err);
+        self.command(Command::Answer { request: request_of_lane, answer }, around);
+    }
+
+    fn refuse(&mut self, message: u8, job: u64, why: &str, around: &mut Surroundings<'_>) {
+        tracing::warn!(link = self.config.name, message, why, "refused");
+        around.say(&ToServer::Refused { message, link: self.number, job, why: short(why) });
+    }
+
+    /// What its lane tells.
+    pub(crate) fn report(&mut self, report: Report, around: &mut Surroundings<'_>) {
+        let link = self.number;
+        match report {
+            Report::Opened { path, differences } => {
+                tracing::info!(link = self.config.name, ?path, ?differences, "the port is open");
+            }
+            Report::Up => {
+                self.is_port_open = true;
+                self.down = None;
+                if self.former.is_none() && std::mem::take(&mut self.is_on_trial) {
+                    self.memory.confirm();
+                }
+                self.tell_port(around);
+            }
+            Report::Down { reason, detail, retry_in, .. } => {
+                self.is_port_open = false;
+                self.down = Some((reason, retry_in, detail));
+                self.tell_port(around);
+            }
+            Report::JobEnded(end) => self.jobs.ended(end, around),
+            Report::Rewind { job } => self.jobs.rewind(job, self.lane, around),
+            Report::DeliveryBegun { delivery, job, bytes } => {
+                bytes.wake_with(around.waker.clone());
+                let job = job.and_then(|job| self.jobs.number_of(job)).unwrap_or(0);
+                self.deliveries.begun(delivery, job, bytes);
+            }
+            Report::DeliveryNamed { delivery, name } => self.deliveries.named(delivery, name),
+            Report::DeliveryEnded { delivery, failure, status, bytes } => {
+                self.deliveries.ended(delivery, failure, status, bytes);
+            }
+            Report::Request { request, fields, .. } if fields.len() > LONGEST_FIELDS => {
+                let answer = Err(Failure::TooLong);
+                self.command(Command::Answer { request, answer }, around);
+            }
+            Report::Request { request, kind, fields } => {
+                let number = self.next_request;
+                self.next_request += 1;
+                around.say(&ToServer::Request { link, request: number, kind, fields: &fields });
+                self.requests.insert(number, Asked { request, kind, fields });
+            }
+            Report::Withdrawn { request } => {
+                let numbers: Vec<u32> = self
+                    .requests
+                    .extract_if(.., |_, asked| asked.request == request)
+                    .map(|(number, _)| number)
+                    .collect();
+                for request in numbers {
+                    around.say(&ToServer::Withdrawn { link, request });
+                }
+            }
+            Report::Note { level, code, text } => {
+                around.remark(&ToServer::Note { link, level, code, text: short(&text) });
+            }
+            Report::State(name) => {
+                around.remark(&ToServer::State { link, name: short(&name) });
+                self.state = name;
+            }
+            Report::Swapped(report) => self.swapped(report, around),
+            Report::Fault(fault) => {
+                // First how far its job was: whoever hears of the fault ends it.
+                self.break_off_job(around);
+                tracing::error!(
+                    link = self.config.name,
+                    fault = fault.sentence,
+                    "its plug-in ended"
+                );
+                around.say(&ToServer::Fault { link, what: short(&fault.sentence) });
+                self.fault = Some(fault.sentence);
+                (self.successor, self.former) = (None, None);
+                // Whoever stops it by hand says nothing of how good it is.
+                if !std::mem::take(&mut self.is_halted) && self.is_on_trial {
+                    self.give_up_trial();
+                    self.run_the_other(around);
+                }
+            }
+            Report::Removed => {
+                self.break_off_job(around);
+                self.lane = None;
+                self.running = None;
+                (self.successor, self.former) = (None, None);
+                self.is_port_open = false;
+                self.requests.clear();
+                match self.next.take() {
+                    Some(next) => self.run(*next, around),
+                    None => self.tell_link(around),
+                }
+            }
+            // There are no endpoints here, and no process to hand over to.
+            Report::Alarm(_) | Report::Endpoint(_) | Report::HandedOver(_) => {}
+        }
+    }
+
+    fn break_off_job(&mut self, around: &mut Surroundings<'_>) {
+        let status = self.lane.and_then(|lane| around.reactor.status(lane));
+        self.jobs.break_off(status.map(|status| status.read()), around);
+    }
+
+    /// Gives the uplink what it has room for, and asks for more.
+    pub(crate) fn pump(
+        &mut self,
+        figures: Option<LaneFigures>,
+        now: Micros,
+        around: &mut Surroundings<'_>,
+    ) {
+        self.jobs.pump(figures.as_ref(), now, around);
+        if let Some(figures) = figures {
+            self.count(figures, around);
+        }
+    }
+
+    /// Data for the server: while the session has room.
+    pub(crate) fn deliver(&mut self, send: &mut dyn FnMut(&ToServer<'_>) -> bool, longest: usize) {
+        self.deliveries.pump(send, longest);
+    }
+}
+
+/// As much of a text as a message has room for.
+fn short(text: &str) -> &str {
+    &text[..text.floor_char_boundary(LONGEST_TEXT)]
+}

@@ -1,0 +1,323 @@
+//! The plug-in of a link: compiled, run, swapped, on trial.
+
+use std::thread;
+
+use softplug_abi::manifest::SettingValues;
+use softplug_abi::{LineParameters, Micros};
+use softplug_gateway::PortOptions;
+use softplug_gateway::channel::StationOptions;
+use softplug_gateway::port::parse_line;
+use softplug_gateway::reactor::{
+    Backoff, Command, LaneId, LaneSetup, Probation, Swap, SwapReport, Watchdogs, When,
+};
+use softplug_host::Plugin;
+use softplug_link::{Spare, Successor};
+use softplug_unit_protocol::{Digest, SwapOutcome, ToServer};
+
+use super::settings::{Settings, pairs};
+use super::{Link, Surroundings, short};
+use crate::memory::Bootable;
+
+/// How long a lane that closes may take to let leave what its port has.
+const CLOSING: Micros = Micros::from_millis(1_000);
+/// Bytes of the flight recorder of a lane.
+const RECORDER: usize = 64 << 10;
+/// Bytes of what comes from the machine that wait for the uplink, beside those under way.
+const DELIVERY_ROOM: u32 = 16 << 10;
+
+/// A plug-in that was compiled for a link, and what for.
+pub(crate) struct Compiled {
+    pub(crate) link: u8,
+    plugin: Result<Plugin, String>,
+    digest: Digest,
+    settings: Settings,
+    purpose: Purpose,
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum Purpose {
+    /// It is the link's plug-in from now on.
+    Run,
+    /// It takes the place of the running one.
+    Swap { when: When, probation: Probation },
+}
+
+/// A plug-in on a lane.
+#[derive(Clone)]
+pub(super) struct Running {
+    pub(super) digest: Digest,
+    pub(super) plugin: Plugin,
+    pub(super) settings: Settings,
+    pub(super) values: SettingValues,
+}
+
+impl Link {
+    /// Compiling takes long where there is little to compute with: not on this thread.
+    pub(super) fn compile(
+        &mut self,
+        bootable: Bootable,
+        settings: Settings,
+        purpose: Purpose,
+        around: &mut Surroundings<'_>,
+    ) {
+        let Bootable { digest, bytes, is_on_trial } = bootable;
+        self.awaited = Some(digest);
+        self.is_on_trial = is_on_trial;
+        let (host, compiled, waker) =
+            (around.host.clone(), around.compiled.clone(), around.waker.clone());
+        let link = self.number;
+        let load = move || {
+            let plugin = host.load_bytes(&bytes).map_err(|error| error.to_string());
+            if compiled.send(Compiled { link, plugin, digest, settings, purpose }).is_ok() {
+                waker.wake();
+            }
+        };
+        let spawned = thread::Builder::new().name("softplug-load".to_owned()).spawn(load);
+        if let Err(error) = spawned {
+            self.refuse(5, 0, &format!("no thread to compile it: {error}"), around);
+        }
+    }
+
+    /// A plug-in was compiled.
+    pub(crate) fn compiled(&mut self, compiled: Compiled, around: &mut Surroundings<'_>) {
+        if self.awaited != Some(compiled.digest) {
+            return;
+        }
+        self.awaited = None;
+        let Compiled { plugin, digest, settings, purpose, .. } = compiled;
+        let settings = self.wanted.take().unwrap_or(settings);
+        let running = plugin.and_then(|plugin| {
+            let given = settings.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+            let values =
+                plugin.manifest().resolve_settings(given).map_err(|error| error.to_string())?;
+            Ok(Running { digest, plugin, settings, values })
+        });
+        match (running, purpose) {
+            (Ok(running), Purpose::Swap { when, probation }) if self.lane.is_some() => {
+                self.swap(running, when, probation, around);
+            }
+            (Ok(running), _) => self.run(running, around),
+            (Err(why), purpose) => {
+                tracing::error!(link = self.config.name, why, "a plug-in is not taken");
+                if self.is_on_trial {
+                    self.is_on_trial = false;
+                    self.memory.fail();
+                    self.go_on_with_the_other();
+                }
+                match purpose {
+                    Purpose::Run => self.refuse(5, 0, &why, around),
+                    Purpose::Swap { .. } => self.tell_swap(SwapOutcome::Refused, 0, &why, around),
+                }
+            }
+        }
+    }
+
+    /// A trial has failed: the memory is told that what ran before still runs.
+    pub(super) fn go_on_with_the_other(&mut self) {
+        if let Err(error) = self.memory.boot() {
+            tracing::error!(link = self.config.name, error, "nothing in its memory can run");
+        }
+    }
+
+    /// The lane of this plug-in; behind the end of the lane that there is.
+    pub(super) fn run(&mut self, running: Running, around: &mut Surroundings<'_>) {
+        if let Some(lane) = self.lane {
+            self.next = Some(Box::new(running));
+            let command = Command::Close { patience: CLOSING, hand_over: false };
+            around.reactor.tell(lane, command);
+            return;
+        }
+        let instance = match running.plugin.instantiate() {
+            Ok(instance) => instance,
+            Err(error) => {
+                self.refuse(5, 0, &error.to_string(), around);
+                return;
+            }
+        };
+        let given = running.settings.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+        let named = running.plugin.manifest().line_for(given, &running.values);
+        let base = named.map_or(LineParameters::new(0), |named| named.parameters);
+        let text = self.config.line.as_deref().unwrap_or_default();
+        let line = parse_line(text, base).unwrap_or(base);
+        let lane = LaneId(*around.next_lane);
+        *around.next_lane += 1;
+        around.reactor.add(
+            lane,
+            LaneSetup {
+                port: self.config.port.clone(),
+                port_options: PortOptions::new(line),
+                station: StationOptions {
+                    settings: running.values.clone(),
+                    depth: self.config.depth,
+                    delivery_room: DELIVERY_ROOM,
+                    ..StationOptions::default()
+                },
+                instance,
+                endpoint: None,
+                watchdogs: Watchdogs::default(),
+                reopen: Backoff::default(),
+                recorder_bytes: RECORDER,
+            },
+        );
+        self.lane = Some(lane);
+        self.keep_settings(&running.settings);
+        self.running = Some(running);
+        self.fault = None;
+        self.tell_link(around);
+    }
+
+    pub(super) fn swap(
+        &mut self,
+        successor: Running,
+        when: When,
+        probation: Probation,
+        around: &mut Surroundings<'_>,
+    ) {
+        let (Some(lane), Some(running)) = (self.lane, &self.running) else { return };
+        let (new, old) = (successor.plugin.manifest(), running.plugin.manifest());
+        let accepts_back = old.accepts_of(new);
+        let goes_back = new.state.saves.is_some_and(|format| accepts_back.contains(&format));
+        let instances = successor.plugin.instantiate().and_then(|instance| {
+            let has_spare = goes_back && probation != Probation::default();
+            let spare = has_spare.then(|| running.plugin.instantiate()).transpose()?;
+            Ok((instance, spare))
+        });
+        let (instance, spare) = match instances {
+            Ok(instances) => instances,
+            Err(error) => {
+                let why = error.to_string();
+                self.swapped(SwapReport::Refused { sentence: why }, around);
+                return;
+            }
+        };
+        let spare = spare.map(|instance| Spare { instance, accepts: accepts_back.to_vec() });
+        let successor_of_lane = Successor {
+            instance,
+            settings: successor.values.clone(),
+            accepts: new.accepts_of(old).to_vec(),
+            spare,
+        };
+        self.successor = Some(successor);
+        let swap = Swap { successor: successor_of_lane, when, probation };
+        around.reactor.tell(lane, Command::Swap(swap));
+    }
+
+    pub(super) fn swapped(&mut self, report: SwapReport, around: &mut Surroundings<'_>) {
+        let (outcome, pause, why) = match report {
+            SwapReport::Waiting => (SwapOutcome::Waiting, 0, String::new()),
+            SwapReport::Done { pause, with_state, on_probation } => {
+                if let Some(successor) = self.successor.take() {
+                    self.keep_settings(&successor.settings);
+                    let former = self.running.replace(successor);
+                    self.former = former.filter(|_| on_probation);
+                }
+                if !on_probation {
+                    self.is_on_trial = false;
+                    self.memory.confirm();
+                }
+                let outcome =
+                    if with_state { SwapOutcome::DoneWithState } else { SwapOutcome::Done };
+                (outcome, pause.0.max(0) as u64, String::new())
+            }
+            SwapReport::Kept => {
+                self.former = None;
+                self.is_on_trial = false;
+                self.memory.confirm();
+                (SwapOutcome::Kept, 0, String::new())
+            }
+            SwapReport::Refused { sentence } => {
+                self.successor = None;
+                self.give_up_trial();
+                (SwapOutcome::Refused, 0, sentence)
+            }
+            SwapReport::Reverted(fault) => {
+                self.running = self.former.take();
+                if let Some(settings) =
+                    self.running.as_ref().map(|running| running.settings.clone())
+                {
+                    self.keep_settings(&settings);
+                }
+                self.give_up_trial();
+                (SwapOutcome::Reverted, 0, fault.sentence)
+            }
+        };
+        self.tell_swap(outcome, pause, &why, around);
+    }
+
+    /// What the memory gives now takes the place of a plug-in that has failed on trial.
+    pub(super) fn run_the_other(&mut self, around: &mut Surroundings<'_>) {
+        let settings = self.kept_settings().unwrap_or_else(|| self.config.settings.clone());
+        match self.memory.boot() {
+            Ok(Some(bootable)) => self.compile(bootable, settings, Purpose::Run, around),
+            Ok(None) => tracing::warn!(link = self.config.name, "there is none before it"),
+            Err(error) => {
+                tracing::error!(link = self.config.name, error, "the one before cannot run");
+            }
+        }
+    }
+
+    pub(super) fn give_up_trial(&mut self) {
+        if std::mem::take(&mut self.is_on_trial) {
+            self.memory.fail();
+            self.go_on_with_the_other();
+        }
+    }
+
+    pub(super) fn tell_swap(
+        &mut self,
+        outcome: SwapOutcome,
+        pause: u64,
+        why: &str,
+        around: &mut Surroundings<'_>,
+    ) {
+        let why = short(why);
+        around.say(&ToServer::Swapped { link: self.number, outcome, pause, why });
+    }
+
+    pub(super) fn open(&mut self, digest: Digest, settings: &[u8], around: &mut Surroundings<'_>) {
+        let is_there = self.running.as_ref().is_some_and(|running| {
+            running.digest == digest && Some(&running.settings) == pairs(settings).as_ref()
+        });
+        if is_there && self.lane.is_some() && self.fault.is_none() {
+            self.tell_link(around);
+        } else if self.awaited == Some(digest) && pairs(settings).is_some() {
+            // It is on its way, after a start for instance.
+            self.wanted = pairs(settings);
+        } else if self.jobs.is_under_way() {
+            self.refuse(5, 0, "a job is under way", around);
+        } else {
+            self.change(digest, settings, Purpose::Run, 5, around);
+        }
+    }
+
+    /// Another plug-in, or other settings.
+    pub(super) fn change(
+        &mut self,
+        digest: Digest,
+        settings: &[u8],
+        purpose: Purpose,
+        message: u8,
+        around: &mut Surroundings<'_>,
+    ) {
+        let Some(settings) = pairs(settings) else {
+            self.refuse(message, 0, "the settings are not pairs of texts", around);
+            return;
+        };
+        if self.awaited.is_some() || self.successor.is_some() || self.next.is_some() {
+            self.refuse(message, 0, "another plug-in is just being taken", around);
+            return;
+        }
+        match self.memory.change_to(digest) {
+            Ok(bootable) => self.compile(bootable, settings, purpose, around),
+            Err(why) => self.refuse(message, 0, &why, around),
+        }
+    }
+
+    pub(super) fn close(&mut self, around: &mut Surroundings<'_>) {
+        self.next = None;
+        if self.lane.is_none() {
+            self.tell_link(around);
+        }
+        self.command(Command::Close { patience: CLOSING, hand_over: false }, around);
+    }
+}

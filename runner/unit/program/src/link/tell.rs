@@ -1,0 +1,95 @@
+//! What a server is told of a link as a whole.
+
+use softplug_gateway::reactor::LaneFigures;
+use softplug_unit_protocol::ToServer;
+
+use super::{Asked, Link, Surroundings, short};
+use crate::memory::Download;
+
+impl Link {
+    pub(super) fn tell_download(
+        &mut self,
+        download: Result<Download, String>,
+        around: &mut Surroundings<'_>,
+    ) {
+        let link = self.number;
+        match download {
+            Ok(Download::Until(until)) => around.say(&ToServer::Downloaded { link, until }),
+            Ok(Download::Whole(slot)) => around.say(&ToServer::Installed { link, slot }),
+            Err(why) => around.say(&ToServer::NotInstalled { link, why: short(&why) }),
+        }
+    }
+
+    /// What a new server has to know.
+    pub(super) fn tell_all(&mut self, around: &mut Surroundings<'_>) {
+        for slot in self.memory.tell(self.number) {
+            around.say(&slot);
+        }
+        self.tell_link(around);
+        self.tell_port(around);
+        let link = self.number;
+        if !self.state.is_empty() {
+            around.say(&ToServer::State { link, name: short(&self.state) });
+        }
+        if let Some(fault) = &self.fault {
+            around.say(&ToServer::Fault { link, what: short(fault) });
+        }
+        self.answer.clear();
+        self.jobs.tell_all(around);
+        self.deliveries.begin_anew();
+        for (&request, Asked { kind, fields, .. }) in &self.requests {
+            around.say(&ToServer::Request { link, request, kind: *kind, fields });
+        }
+        around.say(&ToServer::Told { link });
+        self.counted = None;
+    }
+
+    pub(super) fn tell_link(&mut self, around: &mut Surroundings<'_>) {
+        let (job, pass, received, is_whole) = self.jobs.received();
+        around.say(&ToServer::Link {
+            link: self.number,
+            is_up: self.is_port_open,
+            digest: self.running.as_ref().map_or([0; 32], |running| running.digest),
+            job,
+            pass,
+            received,
+            is_whole,
+            name: &self.config.name,
+        });
+    }
+
+    pub(super) fn tell_port(&mut self, around: &mut Surroundings<'_>) {
+        let link = self.number;
+        match &self.down {
+            _ if self.is_port_open => around.say(&ToServer::Up { link }),
+            Some((reason, retry_in, detail)) => {
+                let retry_in = retry_in.0.max(0) as u64;
+                around.say(&ToServer::Down {
+                    link,
+                    reason: *reason,
+                    retry_in,
+                    detail: short(detail),
+                });
+            }
+            None => {}
+        }
+    }
+
+    pub(super) fn count(&mut self, figures: LaneFigures, around: &mut Surroundings<'_>) {
+        let is_quiet = figures.job != 0 || self.counted.as_ref() == Some(&figures);
+        if is_quiet || !around.is_up {
+            return;
+        }
+        around.remark(&ToServer::Counters {
+            link: self.number,
+            bytes_in: figures.bytes_in,
+            bytes_out: figures.bytes_out,
+            holds: figures.holds,
+            held: figures.held_micros,
+            starved: figures.starvations,
+            starved_for: figures.starved_micros,
+            line_errors: figures.line_errors.iter().sum(),
+        });
+        self.counted = Some(figures);
+    }
+}
