@@ -1,6 +1,7 @@
 //! Runs the property tests with many random cases: the tests of the suite whose
 //! name ends in `_fuzz`. With `--long` also what searches for hours: a partner
-//! that answers at once, and modules that take long to compile.
+//! that answers at once, a bad bus between a gateway and a unit, and modules that
+//! take long to compile.
 
 use std::process::{Command, ExitCode};
 
@@ -15,6 +16,9 @@ const MANY_CASES: u32 = 100_000;
 /// The partner that answers at once: blocks each way on each kind of port.
 const PROMPT: &str = "prompt";
 const PROMPT_BLOCKS: u32 = 20_000;
+/// A bad bus between a gateway and a unit: its faults.
+const BUS: &str = "bus";
+const BUS_FAULTS: u32 = 10_000;
 /// The search for modules that take long to compile, and its seconds.
 const BOMBS: &str = "bombs";
 const BOMBS_SECONDS: u32 = 600;
@@ -35,14 +39,14 @@ pub(crate) fn run(
     seed: Option<u64>,
     filter: Option<&str>,
 ) -> Result<ExitCode, Error> {
-    let names_a_search = filter.is_some_and(|filter| [PROMPT, BOMBS].contains(&filter));
+    let names_a_search = filter.is_some_and(|filter| [PROMPT, BUS, BOMBS].contains(&filter));
     if !names_a_search {
         let code = property_tests(workspace, long, seed, filter)?;
         if !long || filter.is_some() || code != ExitCode::SUCCESS {
             return Ok(code);
         }
     }
-    for (name, mut command) in [(PROMPT, prompt()), (BOMBS, bombs(seed))] {
+    for (name, mut command) in [(PROMPT, prompt()), (BUS, bus()), (BOMBS, bombs(seed))] {
         let is_asked_for = filter.is_none_or(|filter| filter == name);
         if is_asked_for && !status(command.current_dir(workspace.root()))?.success() {
             return Ok(ExitCode::FAILURE);
@@ -55,6 +59,22 @@ fn prompt() -> Command {
     let mut command = cargo();
     command.env("SOFTPLUG_PROMPT_BLOCKS", PROMPT_BLOCKS.to_string());
     command.args(["test", "--workspace", "--test", PROMPT, "--", "--nocapture"]);
+    command
+}
+
+fn bus() -> Command {
+    let mut command = cargo();
+    command.env("SOFTPLUG_BUS_FAULTS", BUS_FAULTS.to_string());
+    command.args([
+        "test",
+        "-p",
+        "softplug-unit",
+        "--test",
+        "unit",
+        "a_bad_bus",
+        "--",
+        "--nocapture",
+    ]);
     command
 }
 
