@@ -183,29 +183,23 @@ impl UnitJob {
         }
     }
 
-    /// How it has ended, as the unit says, as far as that can be: no more of its data can have left
-    /// than was sent, and it is not done before all of it was.
+    /// How it has ended, as the unit says, as far as that can be: no more of its data can have been
+    /// taken than was sent. A plug-in may end a job before all of it was.
     pub(super) fn ended(&self, said: JobEnd) -> JobEnd {
         let sent = self.feeding.furthest();
-        let is_whole = self.is_end_told && said.taken == sent;
-        let outcome = match said.outcome {
-            JobOutcome::Done if !is_whole => {
-                tracing::error!(
-                    job = self.job.id,
-                    "a unit says that a job is done that it was not given"
-                );
-                JobOutcome::Failed { failure: Failure::Internal, status: 0 }
-            }
-            outcome => outcome,
-        };
-        let bytes_maybe_left = match outcome {
-            JobOutcome::Done => sent,
-            _ => said.bytes_maybe_left.min(sent),
+        let outcome = if said.taken > sent {
+            tracing::error!(
+                job = self.job.id,
+                "a unit says that more was taken than was sent to it"
+            );
+            JobOutcome::Failed { failure: Failure::Internal, status: 0 }
+        } else {
+            said.outcome
         };
         JobEnd {
             outcome,
             taken: said.taken.min(sent),
-            bytes_maybe_left,
+            bytes_maybe_left: said.bytes_maybe_left.min(sent),
             bytes_surely_left: said.bytes_surely_left.min(sent),
             ..said
         }
