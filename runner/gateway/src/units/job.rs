@@ -64,6 +64,11 @@ impl UnitJob {
         self.say_again(link, outbox);
     }
 
+    /// The unit does not know it, and has none of its data: it is begun again.
+    pub(super) fn never_came(&mut self) {
+        (self.is_begun, self.is_end_told) = (false, false);
+    }
+
     /// What the unit may not have heard: harmless if it has.
     fn say_again(&self, link: u8, outbox: &mut Outbox) {
         let job = self.number;
@@ -222,5 +227,51 @@ impl UnitJob {
     /// The job's data cannot be given any more.
     pub(super) fn is_waiting_for_refill(&self) -> bool {
         self.source.is_none()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reservoir::reservoir;
+    use softplug_unit_protocol::{Identity, Messages, Role, Session};
+
+    /// What an outbox has, by its types.
+    fn said(outbox: &mut Outbox) -> Vec<u8> {
+        let now = softplug_abi::Micros::ZERO;
+        let (mut near, mut far) = (
+            Session::<16, 1024>::new(Role::Server, Identity(1)),
+            Session::<16, 1024>::new(Role::Unit, Identity(2)),
+        );
+        let mut wire = [0; softplug_unit_protocol::LONGEST];
+        near.call(now);
+        let length = near.poll_transmit(now, &mut wire).unwrap();
+        far.receive(now, &wire[..length]).unwrap();
+        let length = far.poll_transmit(now, &mut wire).unwrap();
+        near.receive(now, &wire[..length]).unwrap();
+        outbox.pump(&mut near);
+        let mut kinds = Vec::new();
+        while let Some(length) = near.poll_transmit(now, &mut wire) {
+            if let Some(payload) = far.receive(now, &wire[..length]).unwrap() {
+                kinds.extend(Messages::<ToUnit<'_>>::new(payload).map(|one| one.unwrap().kind()));
+            }
+        }
+        kinds
+    }
+
+    #[test]
+    fn a_job_that_never_came_is_given_again_from_its_beginning_to_its_end() {
+        let (mut writer, source) = reservoir(16, 0, 16);
+        writer.finish();
+        let job = Job { id: 1, kind: 0, size: Some(0), fields: Vec::new(), check: false };
+        let mut job = UnitJob::new(1, Feed { job, source });
+        let end = ToUnit::End { link: 0, job: 1, pass: 0, size: 0 }.kind();
+        for _ in 0..2 {
+            let mut outbox = Outbox::default();
+            job.begin(0, &mut outbox);
+            job.pump(0, 8, &mut outbox);
+            assert_eq!(said(&mut outbox), [ToUnit::BEGIN, end]);
+            job.never_came();
+        }
     }
 }

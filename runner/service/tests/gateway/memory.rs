@@ -40,6 +40,11 @@ fn received(gateway: &Gateway, file: &str) -> Vec<u8> {
 fn jobs_read_and_write_the_machines_memory() {
     let machine = Machine::rk512();
     let shop = Shop::of_machine(&machine, LINES);
+    read_and_write(&machine, &shop);
+}
+
+/// Whatever leads to the machine.
+pub(crate) fn read_and_write(machine: &Machine<Computer>, shop: &Shop) {
     let gateway = shop.gateway();
     let memory = words(300);
     let has = memory.clone();
@@ -70,6 +75,11 @@ fn jobs_read_and_write_the_machines_memory() {
 fn the_machine_reads_inputs_outputs_and_flags_from_files_of_their_letters() {
     let machine = Machine::rk512();
     let shop = Shop::of_machine(&machine, LINES);
+    read_from_files(&machine, &shop);
+}
+
+/// Whatever leads to the machine.
+pub(crate) fn read_from_files(machine: &Machine<Computer>, shop: &Shop) {
     let memory = words(20);
     let areas =
         [(Area::Inputs, "I"), (Area::Outputs, "Q"), (Area::Flags, "M"), (Area::Dx(3), "DX3")];

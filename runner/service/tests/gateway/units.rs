@@ -15,7 +15,7 @@ use tempfile::TempDir;
 
 use crate::machine::Machine;
 use crate::shop::{Shop, wait_for};
-use crate::{journal_says, send};
+use crate::{journal_says, memory, send};
 
 /// A unit with one link, in this process.
 struct TestUnit {
@@ -135,6 +135,17 @@ fn the_panel_gets_the_program_that_it_asks_for() {
         jobs.into_iter().find(|job| job.origin == JobOrigin::Panel)
     };
     wait_for("the job", || asked_for().is_some_and(|job| job.state == JobState::Done));
+}
+
+/// The answer of a job comes before its end.
+#[test]
+fn jobs_read_and_write_the_machines_memory_and_the_machine_reads_files() {
+    let machine = Machine::rk512();
+    let unit = TestUnit::with(&machine.port, "115200 8N1");
+    let lines = "plugin = \"r3964\"\nsettings = { layer = \"rk512\" }\n";
+    let shop = Shop::of_links("", &[(&unit.port, lines)], Vec::new());
+    memory::read_and_write(&machine, &shop);
+    memory::read_from_files(&machine, &shop);
 }
 
 #[test]

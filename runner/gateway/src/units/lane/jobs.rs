@@ -29,7 +29,7 @@ impl UnitLane {
             // It never came there, or the unit was started anew.
             let end = active.interrupted();
             if end.bytes_maybe_left == 0 && end.maybe_left == 0 && !active.is_aborted {
-                active.is_begun = false;
+                active.never_came();
             } else {
                 self.job = None;
                 self.report(Report::JobEnded(end), around);

@@ -407,13 +407,10 @@ impl UnitLane {
     }
 
     fn refused(&mut self, message: u8, number: u64, why: &str, around: &mut Around<'_>) {
-        const BEGIN: u8 = 7;
-        const OPEN: u8 = 5;
-        const SWAP: u8 = 18;
         let why = &*plain_text(why);
         match message {
-            OPEN | SWAP => self.not_taken(why, around),
-            BEGIN => {
+            ToUnit::OPEN | ToUnit::SWAP => self.not_taken(why, around),
+            ToUnit::BEGIN => {
                 let Some(active) = self.unit_job(number) else { return };
                 let outcome = JobOutcome::Failed { failure: Failure::BadJob, status: 0 };
                 let end = JobEnd { outcome, ..active.left.clone() };

@@ -33,8 +33,18 @@ struct Delivery {
     is_announced: bool,
     /// The lane has given all there is.
     is_drawn: bool,
-    end: Option<(Option<Failure>, u16, u64)>,
+    end: Option<End>,
     is_end_told: bool,
+}
+
+/// How it ended.
+#[derive(Copy, Clone)]
+struct End {
+    failure: Option<Failure>,
+    /// The protocol's own code.
+    status: u16,
+    /// How many bytes it has; `None`: what has come of it.
+    size: Option<u64>,
 }
 
 impl Deliveries {
@@ -75,8 +85,21 @@ impl Deliveries {
 
     pub(super) fn ended(&mut self, of_lane: u32, failure: Option<Failure>, status: u16, size: u64) {
         if let Some(delivery) = self.open(of_lane) {
-            delivery.end = Some((failure, status, size));
+            delivery.end = Some(End { failure, status, size: Some(size) });
         }
+    }
+
+    /// The plug-in, or its lane, has ended: what is open will never be whole.
+    pub(super) fn break_off(&mut self) {
+        for delivery in self.waiting.iter_mut().filter(|delivery| delivery.end.is_none()) {
+            let failure = Some(Failure::Interrupted);
+            delivery.end = Some(End { failure, status: 0, size: None });
+        }
+    }
+
+    /// Whether something that answers this job is not stored yet.
+    pub(super) fn answer(&self, job: u64) -> bool {
+        self.waiting.iter().any(|delivery| delivery.job == job)
     }
 
     /// A new session: what is not stored is sent again.
@@ -129,11 +152,11 @@ impl Deliveries {
             first.sent += data.len() as u64;
         }
         let is_sent = first.is_drawn && first.sent == first.stored + first.held.len() as u64;
-        if let Some((failure, status, size)) = first.end
+        if let Some(End { failure, status, size }) = first.end
             && is_sent
             && !first.is_end_told
         {
-            let delivery = first.number;
+            let (delivery, size) = (first.number, size.unwrap_or(first.sent));
             first.is_end_told =
                 send(&ToServer::DeliveryEnded { link, delivery, failure, status, size });
         }
@@ -148,8 +171,9 @@ impl Delivery {
             let room = (UNDER_WAY - self.held.len()).min(buffer.len());
             match self.from.read(&mut buffer[..room]) {
                 Drawn::Bytes(count) => self.held.extend(&buffer[..count]),
-                Drawn::Later => return,
-                Drawn::End | Drawn::Failed => self.is_drawn = true,
+                // Of one that was broken off there is no more.
+                Drawn::Later if self.end.is_none_or(|end| end.size.is_some()) => return,
+                Drawn::Later | Drawn::End | Drawn::Failed => self.is_drawn = true,
             }
         }
     }

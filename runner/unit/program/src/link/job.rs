@@ -31,6 +31,8 @@ struct Active {
     /// Data no longer fits together: it is being aborted.
     is_broken: bool,
     end: Option<JobEnd>,
+    /// In this session.
+    is_end_told: bool,
     told_at: Option<Micros>,
     told: (bool, bool),
 }
@@ -129,7 +131,7 @@ impl Jobs {
         };
         let Some((lane, _)) = ready.filter(|_| refused.is_none()) else {
             let why = refused.unwrap_or("no plug-in runs");
-            around.say(&ToServer::Refused { message: 7, link: self.link, job, why });
+            around.say(&ToServer::Refused { message: ToUnit::BEGIN, link: self.link, job, why });
             return;
         };
         let id = of_lane.id;
@@ -144,6 +146,7 @@ impl Jobs {
             writer: Some(writer),
             is_broken: false,
             end: None,
+            is_end_told: false,
             told_at: None,
             told: (false, false),
         });
@@ -223,12 +226,17 @@ impl Jobs {
         self.give(true, around);
     }
 
-    pub(super) fn ended(&mut self, end: JobEnd, around: &mut Surroundings<'_>) {
+    /// It is told when its answers have been stored.
+    pub(super) fn ended(&mut self, end: JobEnd) {
         if let Some(active) = self.active.as_mut().filter(|active| active.of_lane == end.job) {
             active.end = Some(end);
             active.writer = None;
-            self.tell_end(around);
         }
+    }
+
+    /// The server's number of the job that is there, under way or ended.
+    pub(super) fn number(&self) -> Option<u64> {
+        self.active.as_ref().map(|active| active.job)
     }
 
     /// The plug-in has ended, or its lane: a job under way ends with it. What had left, its lane
@@ -274,15 +282,21 @@ impl Jobs {
     /// In a new session.
     pub(super) fn tell_all(&mut self, around: &mut Surroundings<'_>) {
         self.give(true, around);
-        self.tell_end(around);
         if let Some(active) = &mut self.active {
-            active.told_at = None;
+            (active.told_at, active.is_end_told) = (None, false);
         }
     }
 
-    fn tell_end(&self, around: &mut Surroundings<'_>) {
-        let Some(active) = &self.active else { return };
+    /// Once in a session.
+    pub(super) fn tell_end(&mut self, around: &mut Surroundings<'_>) {
+        let Some(active) = self.active.as_mut().filter(|active| !active.is_end_told) else {
+            return;
+        };
         let Some(end) = &active.end else { return };
+        if !around.is_up {
+            return;
+        }
+        active.is_end_told = true;
         let mut told = (Outcome::Done, None, 0, 0, 0, "");
         match &end.outcome {
             JobOutcome::Done => {}

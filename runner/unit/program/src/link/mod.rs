@@ -30,6 +30,9 @@ const LONGEST_TEXT: usize = 600;
 /// The longest fields of a request, in bytes: they must fit into a message.
 const LONGEST_FIELDS: usize = 900;
 
+/// The longest answer to a request, in bytes: no protocol's is nearly as long.
+const LONGEST_ANSWER: usize = 1 << 20;
+
 /// What a link works with that is not its own.
 pub(crate) struct Surroundings<'a> {
     pub(crate) reactor: &'a Reactor<Session>,
@@ -85,8 +88,8 @@ pub(crate) struct Link {
     down: Option<(softplug_abi::LinkDownReason, Micros, String)>,
     state: String,
     fault: Option<String>,
-    /// Bytes of an answer that is not whole yet.
-    answer: Vec<u8>,
+    /// An answer that is not whole yet: to which request, and what has come of it.
+    answer: (u32, Vec<u8>),
     counted: Option<LaneFigures>,
 }
 
@@ -121,7 +124,7 @@ impl Link {
             down: None,
             state: String::new(),
             fault: None,
-            answer: Vec::new(),
+            answer: (0, Vec::new()),
             counted: None,
         }
     }
@@ -142,7 +145,7 @@ impl Link {
         let settings = self.kept_settings().unwrap_or_else(|| self.config.settings.clone());
         match self.memory.boot() {
             Ok(Some(bootable)) => self.compile(bootable, settings, Purpose::Run, around),
-            Ok(None) => tracing::info!(link = self.config.name, "it has no plug-in yet"),
+            Ok(None) => tracing::info!(link = self.config.name, "nothing in its memory can run"),
             Err(error) => tracing::error!(link = self.config.name, error, "its plug-in cannot run"),
         }
     }
@@ -173,12 +176,12 @@ impl Link {
                 };
                 let span = Micros(i64::try_from(span).unwrap_or(i64::MAX));
                 let purpose = Purpose::Swap { when, probation: Probation { events, span } };
-                self.change(digest, settings, purpose, 18, around);
+                self.change(digest, settings, purpose, ToUnit::SWAP, around);
             }
             ToUnit::CancelSwap { .. } => self.command(Command::CancelSwap, around),
             ToUnit::Reopen { .. } => self.command(Command::Reopen, around),
             ToUnit::Halt { why, .. } => {
-                self.is_halted = self.lane.is_some();
+                self.is_halted = self.lane.is_some() && self.fault.is_none();
                 self.command(Command::Halt(plain_text(why)), around);
             }
             ToUnit::ForceResume { .. } => self.command(Command::ForceResume, around),
@@ -221,12 +224,18 @@ impl Link {
         // One that was withdrawn meanwhile is not asked for any more.
         let Some(asked) = self.requests.get(&request) else { return };
         let request_of_lane = asked.request;
-        self.answer.extend_from_slice(bytes);
-        if !is_last && refused.is_none() {
+        let (of, so_far) = &mut self.answer;
+        if *of != request {
+            (*of, *so_far) = (request, Vec::new());
+        }
+        so_far.extend_from_slice(bytes);
+        let is_too_long = so_far.len() > LONGEST_ANSWER;
+        if !is_last && refused.is_none() && !is_too_long {
             return;
         }
-        let bytes = std::mem::take(&mut self.answer);
+        let bytes = std::mem::take(so_far);
         self.requests.remove(&request);
+        let refused = refused.or(is_too_long.then_some(Failure::TooLong));
         let answer = refused.map_or(Ok(bytes), Err);
         self.command(Command::Answer { request: request_of_lane, answer }, around);
     }
@@ -256,7 +265,7 @@ impl Link {
                 self.down = Some((reason, retry_in, detail));
                 self.tell_port(around);
             }
-            Report::JobEnded(end) => self.jobs.ended(end, around),
+            Report::JobEnded(end) => self.jobs.ended(end),
             Report::Rewind { job } => self.jobs.rewind(job, self.lane, around),
             Report::DeliveryBegun { delivery, job, bytes } => {
                 bytes.wake_with(around.waker.clone());
@@ -297,7 +306,7 @@ impl Link {
             Report::Swapped(report) => self.swapped(report, around),
             Report::Fault(fault) => {
                 // First how far its job was: whoever hears of the fault ends it.
-                self.break_off_job(around);
+                self.break_off(around);
                 tracing::error!(
                     link = self.config.name,
                     fault = fault.sentence,
@@ -307,18 +316,16 @@ impl Link {
                 self.fault = Some(fault.sentence);
                 (self.successor, self.former) = (None, None);
                 // Whoever stops it by hand says nothing of how good it is.
-                if !std::mem::take(&mut self.is_halted) && self.is_on_trial {
-                    self.give_up_trial();
-                    self.run_the_other(around);
+                if !std::mem::take(&mut self.is_halted) {
+                    self.give_way(around);
                 }
             }
             Report::Removed => {
-                self.break_off_job(around);
+                self.break_off(around);
                 self.lane = None;
                 self.running = None;
                 (self.successor, self.former) = (None, None);
                 self.is_port_open = false;
-                self.requests.clear();
                 match self.next.take() {
                     Some(next) => self.run(*next, around),
                     None => self.tell_link(around),
@@ -329,9 +336,15 @@ impl Link {
         }
     }
 
-    fn break_off_job(&mut self, around: &mut Surroundings<'_>) {
+    /// What was under way ends with the plug-in, or with its lane.
+    fn break_off(&mut self, around: &mut Surroundings<'_>) {
         let status = self.lane.and_then(|lane| around.reactor.status(lane));
         self.jobs.break_off(status.map(|status| status.read()), around);
+        self.deliveries.break_off();
+        let link = self.number;
+        for request in std::mem::take(&mut self.requests).into_keys() {
+            around.say(&ToServer::Withdrawn { link, request });
+        }
     }
 
     /// Gives the uplink what it has room for, and asks for more.
@@ -342,6 +355,10 @@ impl Link {
         around: &mut Surroundings<'_>,
     ) {
         self.jobs.pump(figures.as_ref(), now, around);
+        // Not before its answers.
+        if self.jobs.number().is_some_and(|job| !self.deliveries.answer(job)) {
+            self.jobs.tell_end(around);
+        }
         if let Some(figures) = figures {
             self.count(figures, around);
         }

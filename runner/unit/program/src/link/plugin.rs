@@ -12,7 +12,7 @@ use softplug_gateway::reactor::{
 };
 use softplug_host::Plugin;
 use softplug_link::{Spare, Successor};
-use softplug_unit_protocol::{Digest, SwapOutcome, ToServer};
+use softplug_unit_protocol::{Digest, SwapOutcome, ToServer, ToUnit};
 
 use super::settings::{Settings, pairs};
 use super::{Link, Surroundings, short};
@@ -74,7 +74,9 @@ impl Link {
         };
         let spawned = thread::Builder::new().name("softplug-load".to_owned()).spawn(load);
         if let Err(error) = spawned {
-            self.refuse(5, 0, &format!("no thread to compile it: {error}"), around);
+            self.awaited = None;
+            let why = format!("no thread to compile it: {error}");
+            self.refuse(ToUnit::OPEN, 0, &why, around);
         }
     }
 
@@ -99,23 +101,21 @@ impl Link {
             (Ok(running), _) => self.run(running, around),
             (Err(why), purpose) => {
                 tracing::error!(link = self.config.name, why, "a plug-in is not taken");
-                if self.is_on_trial {
-                    self.is_on_trial = false;
-                    self.memory.fail();
-                    self.go_on_with_the_other();
-                }
                 match purpose {
-                    Purpose::Run => self.refuse(5, 0, &why, around),
+                    Purpose::Run => self.refuse(ToUnit::OPEN, 0, &why, around),
                     Purpose::Swap { .. } => self.tell_swap(SwapOutcome::Refused, 0, &why, around),
                 }
+                self.not_run(around);
             }
         }
     }
 
-    /// A trial has failed: the memory is told that what ran before still runs.
-    pub(super) fn go_on_with_the_other(&mut self) {
-        if let Err(error) = self.memory.boot() {
-            tracing::error!(link = self.config.name, error, "nothing in its memory can run");
+    /// A plug-in cannot be run. Where another one runs it goes on.
+    fn not_run(&mut self, around: &mut Surroundings<'_>) {
+        if self.lane.is_some() {
+            self.give_up_trial();
+        } else {
+            self.give_way(around);
         }
     }
 
@@ -130,7 +130,8 @@ impl Link {
         let instance = match running.plugin.instantiate() {
             Ok(instance) => instance,
             Err(error) => {
-                self.refuse(5, 0, &error.to_string(), around);
+                self.refuse(ToUnit::OPEN, 0, &error.to_string(), around);
+                self.not_run(around);
                 return;
             }
         };
@@ -227,6 +228,7 @@ impl Link {
             }
             SwapReport::Refused { sentence } => {
                 self.successor = None;
+                // The memory alone goes back: on the lane it never was.
                 self.give_up_trial();
                 (SwapOutcome::Refused, 0, sentence)
             }
@@ -244,22 +246,23 @@ impl Link {
         self.tell_swap(outcome, pause, &why, around);
     }
 
-    /// What the memory gives now takes the place of a plug-in that has failed on trial.
-    pub(super) fn run_the_other(&mut self, around: &mut Surroundings<'_>) {
-        let settings = self.kept_settings().unwrap_or_else(|| self.config.settings.clone());
-        match self.memory.boot() {
-            Ok(Some(bootable)) => self.compile(bootable, settings, Purpose::Run, around),
-            Ok(None) => tracing::warn!(link = self.config.name, "there is none before it"),
-            Err(error) => {
-                tracing::error!(link = self.config.name, error, "the one before cannot run");
-            }
+    /// What is on trial does not do: the memory goes back to the plug-in before it, if there is one.
+    fn give_up_trial(&mut self) -> Option<Bootable> {
+        if !std::mem::take(&mut self.is_on_trial) {
+            return None;
         }
+        self.memory.fail();
+        self.memory.boot().unwrap_or_else(|error| {
+            tracing::error!(link = self.config.name, error, "the one before cannot run");
+            None
+        })
     }
 
-    pub(super) fn give_up_trial(&mut self) {
-        if std::mem::take(&mut self.is_on_trial) {
-            self.memory.fail();
-            self.go_on_with_the_other();
+    /// What is on trial does not do, and nothing else runs: the plug-in before it takes its place.
+    pub(super) fn give_way(&mut self, around: &mut Surroundings<'_>) {
+        if let Some(bootable) = self.give_up_trial() {
+            let settings = self.kept_settings().unwrap_or_else(|| self.config.settings.clone());
+            self.compile(bootable, settings, Purpose::Run, around);
         }
     }
 
@@ -284,9 +287,9 @@ impl Link {
             // It is on its way, after a start for instance.
             self.wanted = pairs(settings);
         } else if self.jobs.is_under_way() {
-            self.refuse(5, 0, "a job is under way", around);
+            self.refuse(ToUnit::OPEN, 0, "a job is under way", around);
         } else {
-            self.change(digest, settings, Purpose::Run, 5, around);
+            self.change(digest, settings, Purpose::Run, ToUnit::OPEN, around);
         }
     }
 

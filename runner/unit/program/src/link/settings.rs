@@ -23,6 +23,10 @@ impl Link {
 
     /// What a server has set holds after the next start, too.
     pub(super) fn keep_settings(&self, settings: &Settings) {
+        // Not at every start: memories wear.
+        if self.kept_settings().as_ref() == Some(settings) {
+            return;
+        }
         let mut bytes = Vec::new();
         for (name, value) in settings {
             for text in [name, value] {

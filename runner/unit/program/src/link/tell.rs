@@ -34,7 +34,7 @@ impl Link {
         if let Some(fault) = &self.fault {
             around.say(&ToServer::Fault { link, what: short(fault) });
         }
-        self.answer.clear();
+        self.answer = (0, Vec::new());
         self.jobs.tell_all(around);
         self.deliveries.begin_anew();
         for (&request, Asked { kind, fields, .. }) in &self.requests {

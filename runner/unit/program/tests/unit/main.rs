@@ -1,12 +1,18 @@
 //! A unit with a simulated machine, and a gateway's end of the unit protocol, over loopback.
 
+mod answers;
 mod cable;
+mod machine;
+mod raw_server;
 mod shop;
 
-use shop::{Machine, Shop, ended, program};
+use machine::Machine;
+use raw_server::RawServer;
+use shop::{Shop, ended, program};
 use softplug_abi::Failure;
 use softplug_gateway::reactor::{JobOutcome, Probation, SwapReport, When};
 use softplug_gateway::units::{UnitCommand, UnitPlugin};
+use softplug_unit_protocol::ToUnit;
 
 #[test]
 fn a_plug_in_is_downloaded_and_a_program_arrives() {
@@ -231,6 +237,86 @@ fn a_plug_in_that_ends_in_mid_job_ends_the_job_and_the_next_one_is_taken() {
     shop.until_up();
     assert_eq!(shop.send(2, b"G1\n").outcome, JobOutcome::Done);
     shop.until_received(&[&got[..], b"G1\n"].concat());
+}
+
+/// What the machine was sending then ends as interrupted, and what it sends next is not held up by it.
+#[test]
+fn a_plug_in_that_ends_in_mid_delivery_does_not_hold_up_the_next_one() {
+    let mut shop = Shop::new(Machine::at(57_600));
+    shop.until_up();
+    let text = program(20_000);
+    let punched = text.clone();
+    shop.machine.tell(move |now, control| control.punch(now, punched));
+    shop.until(|shop| shop.arrived().len() >= 2_000);
+    shop.tell(UnitCommand::Halt("it was stopped by hand".to_owned()));
+    shop.until_report(shop::broken_off);
+    let first = shop.arrived();
+    assert!(text.starts_with(&first));
+    shop.tell(UnitCommand::Replace(Shop::first_plugin()));
+    shop.until_up();
+    let again = b"N1 G1 X1\n".to_vec();
+    let punched = again.clone();
+    shop.machine.tell(move |now, control| control.punch(now, punched));
+    shop.until_report(shop::delivered);
+    assert!(shop.arrived().ends_with(&again));
+}
+
+/// Power failed while a plug-in was on trial, and it cannot even be compiled.
+#[test]
+fn a_trial_that_cannot_run_gives_way_to_the_plug_in_before_it() {
+    let mut shop = Shop::new(Machine::fast());
+    shop.until_up();
+    // Nobody tells it what to run.
+    shop.stop_gateway();
+    shop.restart_unit_with(|slots| {
+        let module = b"no plug-in at all";
+        let digest = *softplug_host::Digest::of(module).as_bytes();
+        slots.boot();
+        slots.begin(module.len() as u32, digest, None).unwrap();
+        slots.write(0, module).unwrap();
+        slots.finish().unwrap();
+        slots.start_trial().unwrap();
+    });
+    let mut server = RawServer::connect(shop.cable.address());
+    server.ask_until(|heard| heard.iter().any(|message| message.starts_with("Up")));
+}
+
+/// A job whose answer comes is not over before that: nor is it where both came about while nobody
+/// listened.
+#[test]
+fn the_answer_of_a_job_is_told_before_its_end() {
+    let shop = answers::Shop::new();
+    let mut server = RawServer::connect(shop.unit());
+    shop.begin_to_read(&mut server);
+    drop(server);
+    shop.until_it_was_read();
+    let mut server = RawServer::connect(shop.unit());
+    server.ask_until(|heard| heard.iter().any(|message| message.starts_with("Ended")));
+    let at = |name: &str| server.heard.iter().position(|message| message.starts_with(name));
+    assert!(
+        at("DeliveryEnded").is_some_and(|at_delivery| at("Ended") > Some(at_delivery)),
+        "{:?}",
+        server.heard
+    );
+}
+
+/// Whatever an earlier session left open: a server is told nothing before it has asked.
+#[test]
+fn the_first_that_a_server_hears_is_what_the_unit_is() {
+    let mut shop = Shop::new(Machine::fast());
+    shop.until_up();
+    shop.stop_gateway();
+    let text = program(3_000);
+    shop.machine.tell(move |now, control| control.punch(now, text));
+    let mut server = RawServer::connect(shop.cable.address());
+    shop.machine.until(|control| control.report().punch_waiting == 0);
+    server.turn_for_a_heartbeat();
+    assert!(server.heard.is_empty(), "{:?}", server.heard);
+    server.say(&ToUnit::Query {});
+    server.until(|heard| heard.iter().any(|message| message.starts_with("Delivered")));
+    assert!(server.heard[0].starts_with("Unit"), "{:?}", server.heard);
+    let at = |name: &str| server.heard.iter().position(|message| message.starts_with(name));
+    assert!(at("Told") < at("Delivery"), "{:?}", server.heard);
 }
 
 /// A gateway that stops during a trial, or one that stops the plug-in by hand, must not shut the link.

@@ -3,98 +3,28 @@
 use std::fs;
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use softplug_abi::{LineParameters, Micros};
-use softplug_gateway::poll::Waker;
+use softplug_abi::Micros;
 use softplug_gateway::reactor::{Backoff, Feed, JobEnd, LaneId, Report, SwapReport};
 use softplug_gateway::reservoir::{Drawn, ReservoirReader, reservoir};
-use softplug_gateway::simulator::Simulator;
 use softplug_gateway::units::{UnitAddress, UnitCommand, UnitPlugin, UnitSetup, Units};
 use softplug_host::Digest;
 use softplug_link::Job;
 use softplug_machines::kept::Received;
-use softplug_machines::xon_xoff::{Control, ControlOptions};
 use softplug_unit::{Stop, Unit, UnitConfig};
 use softplug_unit_slots::{FileDevice, Geometry, Options, Slot, Slots, Trust};
 use tempfile::TempDir;
 
 use crate::cable::Cable;
+use crate::machine::Machine;
 
 /// How long something that must come may take on a busy machine.
-const PATIENCE: Duration = Duration::from_mins(1);
+pub(crate) const PATIENCE: Duration = Duration::from_mins(1);
 
-type Command = Box<dyn FnOnce(Micros, &mut Control) + Send>;
-
-/// A control on a pty and a thread of its own.
-pub(crate) struct Machine {
-    port: String,
-    baud: u32,
-    commands: Option<Sender<Command>>,
-    waker: Waker,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl Machine {
-    /// As fast as a pty is.
-    pub(crate) fn fast() -> Self {
-        Self::at(0)
-    }
-
-    pub(crate) fn at(baud: u32) -> Self {
-        let line = LineParameters::new(baud);
-        let options = ControlOptions {
-            line,
-            buffer: 4_096,
-            low: 1_024,
-            high: 2_048,
-            receive_fifo: 65_536,
-            ..Default::default()
-        };
-        let mut simulator = Simulator::new(Control::new(options).unwrap()).unwrap();
-        let (port, waker) = (simulator.path().display().to_string(), simulator.waker());
-        let (commands, taken) = channel::<Command>();
-        let thread = thread::spawn(move || {
-            loop {
-                let now = simulator.now();
-                match taken.try_recv() {
-                    Ok(command) => command(now, &mut simulator.partner),
-                    Err(TryRecvError::Empty) => {
-                        simulator.turn(now + Micros::from_secs(60)).unwrap();
-                    }
-                    Err(TryRecvError::Disconnected) => return,
-                }
-            }
-        });
-        Self { port, baud, commands: Some(commands), waker, thread: Some(thread) }
-    }
-
-    /// Does something with it, or looks at it.
-    pub(crate) fn tell<T: Send + 'static>(
-        &self,
-        what: impl FnOnce(Micros, &mut Control) -> T + Send + 'static,
-    ) -> T {
-        let (to, answer) = channel();
-        let command: Command = Box::new(move |now, control| to.send(what(now, control)).unwrap());
-        self.commands.as_ref().unwrap().send(command).unwrap();
-        self.waker.wake();
-        answer.recv_timeout(PATIENCE).unwrap()
-    }
-}
-
-impl Drop for Machine {
-    fn drop(&mut self) {
-        drop(self.commands.take());
-        self.waker.wake();
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
-    }
-}
-
-struct RunningUnit {
+pub(crate) struct RunningUnit {
     stop: Stop,
     thread: Option<JoinHandle<()>>,
 }
@@ -185,14 +115,24 @@ impl Shop {
         self.units = Some(units);
     }
 
-    pub(crate) fn restart_gateway(&mut self) {
+    pub(crate) fn stop_gateway(&mut self) {
         self.units = None;
+    }
+
+    pub(crate) fn restart_gateway(&mut self) {
+        self.stop_gateway();
         self.start_gateway();
         self.seen.clear();
     }
 
     pub(crate) fn restart_unit(&mut self) {
+        self.restart_unit_with(|_| {});
+    }
+
+    /// Something is done to its memory meanwhile.
+    pub(crate) fn restart_unit_with(&mut self, act: impl FnOnce(&mut Slots<'_, FileDevice>)) {
         self.unit = None;
+        act(&mut self.slots());
         self.identities += 1;
         let (unit, address) = start_unit(&self.folder, self.identities);
         self.unit = Some(unit);
@@ -251,12 +191,16 @@ impl Shop {
 
     /// How often the slots were erased.
     pub(crate) fn erases(&self) -> [u32; 2] {
+        let slots = self.slots();
+        Slot::BOTH.map(|slot| slots.erases(slot))
+    }
+
+    fn slots(&self) -> Slots<'static, FileDevice> {
         let geometry = Geometry { size: 256 << 10, erase: 4_096, granule: 4 };
         let file = self.folder.path().join("state/mill.slots");
         let trust = Trust::unsigned_too(&[]);
         let options = Options { trust, attempts: 3, most_erases: 10_000 };
-        let slots = Slots::open(FileDevice::open(&file, geometry).unwrap(), options).unwrap();
-        Slot::BOTH.map(|slot| slots.erases(slot))
+        Slots::open(FileDevice::open(&file, geometry).unwrap(), options).unwrap()
     }
 
     pub(crate) fn until(&mut self, is_so: impl Fn(&mut Self) -> bool) {
@@ -305,7 +249,7 @@ impl Shop {
     }
 }
 
-fn start_unit(folder: &TempDir, identity: u64) -> (RunningUnit, SocketAddr) {
+pub(crate) fn start_unit(folder: &TempDir, identity: u64) -> (RunningUnit, SocketAddr) {
     let config = UnitConfig::read(&folder.path().join("unit.toml")).unwrap();
     let unit = Unit::start(config, identity << 32).unwrap();
     let (address, stop) = (unit.address(), unit.stop());
@@ -330,6 +274,11 @@ pub(crate) fn faulted(report: &Report) -> Option<()> {
     matches!(report, Report::Fault(_)).then_some(())
 }
 
+pub(crate) fn broken_off(report: &Report) -> Option<()> {
+    let failure = Some(softplug_abi::Failure::Interrupted);
+    matches!(report, Report::DeliveryEnded { failure: is, .. } if *is == failure).then_some(())
+}
+
 pub(crate) fn delivered(report: &Report) -> Option<u64> {
     match report {
         Report::DeliveryEnded { failure: None, bytes, .. } => Some(*bytes),
@@ -351,11 +300,15 @@ pub(crate) fn program(bytes: usize) -> Vec<u8> {
     text
 }
 
-/// The plug-in as it was built for tests.
 fn xon_xoff() -> Vec<u8> {
+    built("xon-xoff")
+}
+
+/// A plug-in as it was built for tests.
+pub(crate) fn built(name: &str) -> Vec<u8> {
     let folder = std::env::var_os("SOFTPLUG_PLUGINS").filter(|folder| !folder.is_empty());
     let beside = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../target/plugins");
-    let file = folder.map_or_else(beside, PathBuf::from).join("xon-xoff.wasm");
+    let file = folder.map_or_else(beside, PathBuf::from).join(format!("{name}.wasm"));
     fs::read(&file)
         .unwrap_or_else(|_| panic!("there is no {}: run `cargo xtask build`", file.display()))
 }

@@ -347,6 +347,22 @@ messages! {
 }
 
 impl ToUnit<'_> {
+    /// The type of [`ToUnit::Open`], as [`ToServer::Refused`] names it.
+    pub const OPEN: u8 = Self::Open { link: 0, digest: [0; 32], settings: &[] }.kind();
+    /// The type of [`ToUnit::Begin`].
+    pub const BEGIN: u8 =
+        Self::Begin { link: 0, job: 0, kind: 0, size: 0, check: false, fields: &[] }.kind();
+    /// The type of [`ToUnit::Swap`].
+    pub const SWAP: u8 = Self::Swap {
+        link: 0,
+        digest: [0; 32],
+        when: WhenCode::Idle,
+        events: 0,
+        span: 0,
+        settings: &[],
+    }
+    .kind();
+
     /// The link that it is for; `None`: the unit.
     pub fn link(&self) -> Option<u8> {
         match *self {
