@@ -2,9 +2,10 @@
 
 use std::sync::mpsc::{Receiver, channel};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use mio::net::TcpListener;
+use mio::{Events, Interest, Poll, Token};
 use softplug_abi::{Failure, Micros};
 use softplug_gateway::clock::Clock;
 use softplug_gateway::reactor::{Backoff, Feed, JobEnd, JobOutcome, LaneId, Report};
@@ -23,17 +24,18 @@ const DIGEST: [u8; 32] = [7; 32];
 /// A unit that answers each message as it is told to.
 type Answers = fn(&ToUnit<'_>, &mut Outbox);
 
-fn play(listener: TcpListener, answers: Answers) -> JoinHandle<()> {
+fn play(mut listener: TcpListener, answers: Answers) -> JoinHandle<()> {
     thread::spawn(move || {
         let clock = Clock::start();
-        let begin = Instant::now();
-        let mut uplink = loop {
-            assert!(begin.elapsed() < PATIENCE, "nobody came");
-            if let Ok((stream, _)) = listener.accept() {
-                break TcpUplink::new(stream);
-            }
-            thread::sleep(Duration::from_millis(1));
-        };
+        let mut poll = Poll::new().unwrap();
+        let both = Interest::READABLE | Interest::WRITABLE;
+        poll.registry().register(&mut listener, Token(0), Interest::READABLE).unwrap();
+        let mut events = Events::with_capacity(4);
+        let mut wait = |poll: &mut Poll, patience| poll.poll(&mut events, Some(patience)).unwrap();
+        wait(&mut poll, PATIENCE);
+        let (stream, _) = listener.accept().expect("somebody comes");
+        let mut uplink = TcpUplink::new(stream);
+        poll.registry().register(&mut uplink, Token(1), both).unwrap();
         let mut session = Box::new(Session::<16, 1024>::new(Role::Unit, Identity(2)));
         let mut outbox = Outbox::default();
         loop {
@@ -41,19 +43,23 @@ fn play(listener: TcpListener, answers: Answers) -> JoinHandle<()> {
                 Ok(frame) => frame.map(<[u8]>::to_vec),
                 Err(_) => return,
             };
-            let Some(frame) = frame else {
-                session.handle_timeout(clock.now());
-                if uplink.speak(&mut session, &mut outbox, clock.now()).is_err() {
-                    return;
+            if let Some(frame) = frame {
+                if let Ok(Some(payload)) = session.receive(clock.now(), &frame) {
+                    for message in Messages::<ToUnit<'_>>::new(payload) {
+                        answers(&message.unwrap(), &mut outbox);
+                    }
                 }
-                thread::sleep(Duration::from_millis(1));
                 continue;
-            };
-            if let Ok(Some(payload)) = session.receive(clock.now(), &frame) {
-                for message in Messages::<ToUnit<'_>>::new(payload) {
-                    answers(&message.unwrap(), &mut outbox);
-                }
             }
+            let now = clock.now();
+            session.handle_timeout(now);
+            if uplink.speak(&mut session, &mut outbox, now).is_err() {
+                return;
+            }
+            let due = session
+                .poll_timeout()
+                .map_or(PATIENCE, |at| Duration::from_micros((at - now).0.max(0) as u64));
+            wait(&mut poll, due);
         }
     })
 }

@@ -90,7 +90,7 @@ impl Model {
         Self::of(shop.bus().payload(), shop.bus().switch, shop.bus().margin, shop.machines())
     }
 
-    /// The same of parts that need not make a shop.
+    /// A model of parts that need not make a shop.
     pub(crate) fn of<'a>(
         payload: f64,
         switch: f64,

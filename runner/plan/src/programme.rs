@@ -19,7 +19,7 @@ pub(crate) enum Goal {
     /// The buffer of one machine. Its group must have a count of 1.
     #[cfg(test)]
     Most(usize),
-    /// The same, as small as it can be.
+    /// The buffer of one machine, as small as it can be. Its group must have a count of 1.
     #[cfg(test)]
     Least(usize),
 }

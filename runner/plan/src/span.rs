@@ -36,7 +36,7 @@ pub(crate) fn seconds(text: &str) -> Result<f64, NoSpan> {
     if seconds.is_finite() { Ok(seconds) } else { Err(NoSpan::Large) }
 }
 
-/// The same, the other way round.
+/// A span in seconds, as people write it.
 pub(crate) fn shown(seconds: f64) -> String {
     let (number, unit) = match seconds {
         s if s >= 1.0 => (s, "s"),

@@ -208,6 +208,11 @@ impl Connection {
                 Ok(Some(payload)) => {
                     for message in Messages::<ToServer<'_>>::new(payload) {
                         match message {
+                            Ok(_) if self.outbox.is_flooded() => {
+                                tracing::error!(unit = self.host, "it asks and takes nothing");
+                                self.session.end();
+                                break;
+                            }
                             Ok(message) => self.hear_message(&message, thread),
                             Err(error) => {
                                 tracing::error!(%error, unit = self.host, "the session ends");

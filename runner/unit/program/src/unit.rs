@@ -183,7 +183,7 @@ impl Unit {
         while let Ok((stream, peer)) = self.listener.accept() {
             if self.session.is_up() {
                 // Its server calls again; if the one that is there is gone, its silence ends it.
-                tracing::info!(%peer, "a second server is sent away");
+                tracing::debug!(%peer, "a second server is sent away");
                 continue;
             }
             self.drop_uplink();
@@ -223,6 +223,13 @@ impl Unit {
                 Ok(Some(payload)) => {
                     for message in Messages::<ToUnit<'_>>::new(payload) {
                         match message {
+                            Ok(_) if self.outbox.is_flooded() => {
+                                tracing::error!(
+                                    "the session ends: the server asks and takes nothing"
+                                );
+                                self.session.end();
+                                break;
+                            }
                             Ok(message) => self.hear(&message),
                             Err(error) => {
                                 tracing::error!(%error, "the session ends");

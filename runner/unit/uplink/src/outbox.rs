@@ -7,6 +7,8 @@ use softplug_unit_protocol::{Encode, Encoded, PAYLOAD, Session};
 /// Most messages that wait. What is said beyond them is said again in the next session, or is
 /// something that only people read.
 const MOST: usize = 512;
+/// Past so many messages the other side asks for more than it takes.
+const FLOOD: usize = 8_192;
 
 /// Messages that wait until the session has room for them.
 ///
@@ -35,6 +37,11 @@ impl Outbox {
     /// Whether nothing waits.
     pub fn is_empty(&self) -> bool {
         self.waiting.is_empty()
+    }
+
+    /// Whether so many wait that the session had better end: the other side asks, and takes nothing.
+    pub fn is_flooded(&self) -> bool {
+        self.waiting.len() > FLOOD
     }
 
     /// How many messages wait.

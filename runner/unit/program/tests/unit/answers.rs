@@ -35,8 +35,8 @@ impl Shop {
         );
         fs::write(folder.path().join("unit.toml"), text).unwrap();
         install(&folder);
-        let (_running, unit) = start_unit(&folder, 1);
-        Self { machine, unit, _running, _folder: folder }
+        let (running, unit) = start_unit(&folder, 1);
+        Self { machine, unit, _running: running, _folder: folder }
     }
 
     pub(crate) fn unit(&self) -> SocketAddr {
@@ -44,7 +44,7 @@ impl Shop {
     }
 
     /// Ten words of a data block, and the unit has the job.
-    pub(crate) fn begin_to_read(&self, server: &mut RawServer) {
+    pub(crate) fn begin_to_read(server: &mut RawServer) {
         server.ask_until(|heard| heard.iter().any(|message| message.starts_with("Up")));
         let manifest = lint(&built("r3964")).unwrap().manifest;
         let kind = manifest.job_kind("read").unwrap();

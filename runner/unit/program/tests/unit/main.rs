@@ -287,7 +287,7 @@ fn a_trial_that_cannot_run_gives_way_to_the_plug_in_before_it() {
 fn the_answer_of_a_job_is_told_before_its_end() {
     let shop = answers::Shop::new();
     let mut server = RawServer::connect(shop.unit());
-    shop.begin_to_read(&mut server);
+    answers::Shop::begin_to_read(&mut server);
     drop(server);
     shop.until_it_was_read();
     let mut server = RawServer::connect(shop.unit());
@@ -298,6 +298,16 @@ fn the_answer_of_a_job_is_told_before_its_end() {
         "{:?}",
         server.heard
     );
+}
+
+#[test]
+fn a_server_that_asks_without_end_is_left_and_the_next_one_is_served() {
+    let mut shop = Shop::new(Machine::fast());
+    shop.until_up();
+    shop.stop_gateway();
+    RawServer::connect(shop.cable.address()).ask_without_end();
+    let mut server = RawServer::connect(shop.cable.address());
+    server.ask_until(|heard| heard.iter().any(|message| message.starts_with("Up")));
 }
 
 /// Whatever an earlier session left open: a server is told nothing before it has asked.

@@ -69,6 +69,16 @@ impl RawServer {
         }
     }
 
+    /// Asks so often that no answer to all of it can be meant, until the unit has had enough.
+    pub(crate) fn ask_without_end(&mut self) {
+        (0..5_000).for_each(|_| self.say(&ToUnit::Query {}));
+        let begin = Instant::now();
+        while self.session.is_up() {
+            assert!(begin.elapsed() < PATIENCE, "it goes on answering");
+            self.turn();
+        }
+    }
+
     /// Until the unit has said at least once that it is there, though it has nothing to say.
     pub(crate) fn turn_for_a_heartbeat(&mut self) {
         let until = self.clock.now() + Micros::from_millis(1_100);

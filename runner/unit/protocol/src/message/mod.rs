@@ -5,6 +5,7 @@
 //! at.
 
 mod codes;
+mod field;
 mod table;
 
 use core::marker::PhantomData;

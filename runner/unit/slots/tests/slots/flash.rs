@@ -13,7 +13,7 @@ pub(crate) enum Tear {
     All,
     /// So many granules or blocks, and nothing of the others.
     Prefix(usize),
-    /// The same, and of the next one each bit or not.
+    /// So many granules or blocks, and of the next one each bit or not.
     Torn(usize, u64),
     /// Each bit of all or not: a page that is programmed at once.
     Page(u64),
