@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use base64::prelude::{BASE64_STANDARD, Engine as _};
 use rustix::fs::{FlockOperation, flock};
 use serde_json::{Value, json};
+use tempfile::TempDir;
 
 use crate::HANG;
 use crate::console::{Console, Ran};
@@ -29,6 +30,8 @@ pub struct Machine {
     usb: Wire,
     processes: u32,
     qemu: Qemu,
+    /// Taken by [`Self::lose_power`].
+    flash: Option<TempDir>,
 }
 
 /// A program that runs in the guest.
@@ -46,11 +49,12 @@ impl Machine {
         let lock = File::create(images.join("lock")).unwrap();
         flock(&lock, FlockOperation::LockExclusive).unwrap();
         if !images.join(STATE).exists() {
-            Self::boot(&images).keep(&images);
+            Self::boot(&images, tempfile::tempdir().unwrap()).keep(&images);
         }
         drop(lock);
         let incoming = format!("exec:cat {STATE}");
-        let mut machine = Self::of(&images, &["-S", "-incoming", &incoming]);
+        let flash = tempfile::tempdir().unwrap();
+        let mut machine = Self::of(&images, flash, &["-S", "-incoming", &incoming]);
         let begin = Instant::now();
         while machine.qmp.ask("query-status", &json!({}))["status"] == "inmigrate" {
             assert!(begin.elapsed() < HANG, "QEMU does not go on: {}", machine.qemu.errors());
@@ -60,8 +64,16 @@ impl Machine {
         machine
     }
 
-    fn boot(images: &Path) -> Self {
-        let mut machine = Self::of(images, &[]);
+    /// Takes its power away, whatever it is doing, and boots it again. What is in its flash is left,
+    /// and nothing else.
+    pub fn lose_power(mut self) -> Self {
+        self.qemu.kill();
+        let flash = self.flash.take().expect("only taken here");
+        Self::boot(&images(), flash)
+    }
+
+    fn boot(images: &Path, flash: TempDir) -> Self {
+        let mut machine = Self::of(images, flash, &[]);
         machine.console.until_ready();
         // What is read once is in memory for all that go on from here.
         machine.run("softplug --version && cat /plugins/* >/dev/null").with_code(0);
@@ -86,8 +98,9 @@ impl Machine {
         fs::rename(images.join(new), images.join(STATE)).unwrap();
     }
 
-    fn of(images: &Path, more: &[&str]) -> Self {
-        let (qemu, [qmp, console, uart, usb]) = Qemu::start(images, more);
+    fn of(images: &Path, flash: TempDir, more: &[&str]) -> Self {
+        let file = flash.path().join("flash");
+        let (qemu, [qmp, console, uart, usb]) = Qemu::start(images, &file, more);
         Self {
             qmp: Qmp::new(qmp),
             console: Console::new(console),
@@ -95,6 +108,7 @@ impl Machine {
             usb: Wire::new(usb),
             processes: 0,
             qemu,
+            flash: Some(flash),
         }
     }
 

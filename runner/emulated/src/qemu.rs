@@ -17,6 +17,9 @@ const MEMORY_MEGABYTES: &str = "512";
 /// What QEMU is connected by: control, console, and the wires of both ports.
 const SOCKETS: [&str; 4] = ["qmp", "console", "uart", "usb"];
 
+/// The memory that outlives the computer: 1 MiB.
+const FLASH_BYTES: u32 = 1 << 20;
+
 /// A running QEMU. Dropping it ends it, and so does the end of the thread that started it.
 pub(crate) struct Qemu {
     child: Child,
@@ -24,8 +27,8 @@ pub(crate) struct Qemu {
 }
 
 impl Qemu {
-    /// Starts it in the folder of its images. `more` goes to its command line.
-    pub(crate) fn start(images: &Path, more: &[&str]) -> (Self, [UnixStream; 4]) {
+    /// Starts it in the folder of its images, with the file of its flash. `more` goes to its command line.
+    pub(crate) fn start(images: &Path, flash: &Path, more: &[&str]) -> (Self, [UnixStream; 4]) {
         let folder = tempfile::tempdir().unwrap();
         let listeners = SOCKETS.map(|name| {
             let listener = UnixListener::bind(folder.path().join(name)).unwrap();
@@ -45,7 +48,14 @@ impl Qemu {
         command.args(["-mon", "chardev=qmp,mode=control"]);
         command.args(["-device", "isa-serial,chardev=console,iobase=0x3f8,irq=4"]);
         command.args(["-device", "isa-serial,chardev=uart,iobase=0x2f8,irq=3"]);
-        command.args(["-device", "qemu-xhci,id=usb-bus"]).args(more);
+        command.args(["-device", "qemu-xhci,id=usb-bus"]);
+        // Two controllers on one CAN bus.
+        command.args(["-object", "can-bus,id=can"]);
+        command.args(["-device", "kvaser_pci,canbus=can", "-device", "kvaser_pci,canbus=can"]);
+        let flash = flash.display();
+        let memory = format!("id=flash,mem-path={flash},size={FLASH_BYTES},share=on");
+        command.args(["-object", &format!("memory-backend-file,{memory}")]);
+        command.args(["-device", "ivshmem-plain,memdev=flash,master=on"]).args(more);
         let errors = File::create(folder.path().join("stderr")).unwrap();
         command.current_dir(images).stdin(Stdio::null()).stdout(Stdio::null()).stderr(errors);
         let child = command.spawn().expect("setpriv (Debian package util-linux) starts");
@@ -57,6 +67,13 @@ impl Qemu {
     /// What it complained of.
     pub(crate) fn errors(&self) -> String {
         fs::read_to_string(self.folder.path().join("stderr")).unwrap_or_default()
+    }
+
+    /// Ends it at once.
+    pub(crate) fn kill(&mut self) {
+        // It may have ended by itself.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 
     fn accept(&mut self, listener: &UnixListener) -> UnixStream {
@@ -76,8 +93,6 @@ impl Qemu {
 
 impl Drop for Qemu {
     fn drop(&mut self) {
-        // It may have ended by itself.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        self.kill();
     }
 }

@@ -164,6 +164,11 @@ pub enum BadSpec {
     /// The address of a device server is incomplete.
     #[error("`{0}` is not a host and port; write it as tcp://host:4001 or rfc2217://host:4001")]
     Address(String),
+    /// No unit, or no link of one.
+    #[error(
+        "`{0}` names no unit; write it as host:7640 or can0/17, and a link of it as unit://host:7640/link or unit://can0/17/link"
+    )]
+    Unit(String),
     /// The number is not a rate that a line can have.
     #[error("`{0}` is not a baud rate; give a number from 50 to 16000000, such as 9600")]
     Baud(String),

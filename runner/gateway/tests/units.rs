@@ -10,12 +10,12 @@ use softplug_abi::{Failure, Micros};
 use softplug_gateway::clock::Clock;
 use softplug_gateway::reactor::{Backoff, Feed, JobEnd, JobOutcome, LaneId, Report};
 use softplug_gateway::reservoir::reservoir;
-use softplug_gateway::units::{UnitAddress, UnitCommand, UnitPlugin, UnitSetup, Units};
+use softplug_gateway::units::{UnitAddress, UnitCommand, UnitPlace, UnitPlugin, UnitSetup, Units};
 use softplug_link::Job;
 use softplug_unit_protocol::{
     Identity, Messages, Outcome, Role, Session, SlotState, ToServer, ToUnit,
 };
-use softplug_unit_uplink::{Outbox, TcpUplink};
+use softplug_unit_uplink::{Outbox, TcpUplink, Uplink};
 
 const PATIENCE: Duration = Duration::from_mins(1);
 const LANE: LaneId = LaneId(1);
@@ -34,7 +34,7 @@ fn play(mut listener: TcpListener, answers: Answers) -> JoinHandle<()> {
         let mut wait = |poll: &mut Poll, patience| poll.poll(&mut events, Some(patience)).unwrap();
         wait(&mut poll, PATIENCE);
         let (stream, _) = listener.accept().expect("somebody comes");
-        let mut uplink = TcpUplink::new(stream);
+        let mut uplink = Uplink::Tcp(TcpUplink::new(stream));
         poll.registry().register(&mut uplink, Token(1), both).unwrap();
         let mut session = Box::new(Session::<16, 1024>::new(Role::Unit, Identity(2)));
         let mut outbox = Outbox::default();
@@ -121,7 +121,10 @@ impl Played {
             let _ = tell.send((lane, report));
         })
         .unwrap();
-        let address = UnitAddress { host: "127.0.0.1".into(), port, link: "mill".into() };
+        let address = UnitAddress {
+            unit: UnitPlace::Tcp { host: "127.0.0.1".into(), port },
+            link: Some("mill".into()),
+        };
         let module = b"wasm".to_vec().into();
         let plugin = UnitPlugin { module, digest: DIGEST, signature: None, settings: Vec::new() };
         let reopen = Backoff { first: Micros::from_millis(50), longest: Micros::from_secs(1) };

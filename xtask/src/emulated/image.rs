@@ -15,15 +15,26 @@ use crate::run;
 /// The first process.
 const INIT: &str = include_str!("init");
 
-/// Of the kernel's folder of USB drivers; `init` loads them.
-const MODULES: [&str; 6] = [
-    "common/usb-common.ko",
-    "core/usbcore.ko",
-    "host/xhci-hcd.ko",
-    "host/xhci-pci.ko",
-    "serial/usbserial.ko",
-    "serial/ftdi_sio.ko",
+/// Of the kernel's folder of modules; `init` loads them.
+const MODULES: [&str; 14] = [
+    "drivers/mtd/devices/phram.ko",
+    "drivers/mtd/mtd.ko",
+    "drivers/net/can/dev/can-dev.ko",
+    "drivers/net/can/sja1000/kvaser_pci.ko",
+    "drivers/net/can/sja1000/sja1000.ko",
+    "drivers/net/can/vcan.ko",
+    "drivers/usb/common/usb-common.ko",
+    "drivers/usb/core/usbcore.ko",
+    "drivers/usb/host/xhci-hcd.ko",
+    "drivers/usb/host/xhci-pci.ko",
+    "drivers/usb/serial/ftdi_sio.ko",
+    "drivers/usb/serial/usbserial.ko",
+    "net/can/can-isotp.ko",
+    "net/can/can.ko",
 ];
+
+/// What sets up CAN interfaces, which busybox's of the same name cannot.
+const IP: &str = "ip";
 
 /// The rules that make the lasting names of serial ports.
 const RULES: [&str; 2] = ["50-udev-default.rules", "60-serial.rules"];
@@ -47,16 +58,18 @@ pub(super) fn make(
         (packages.file("bin/udevadm")?, "bin/udevadm".to_owned()),
         (command.to_owned(), "bin/softplug".to_owned()),
     ];
-    for program in [packages.file("bin/udevadm")?, command.to_owned()] {
+    let ip = run::find(IP).ok_or(EmulatedError::Gone { program: IP })?;
+    files.push((ip.clone(), "sbin/ip".to_owned()));
+    for program in [packages.file("bin/udevadm")?, command.to_owned(), ip] {
         for library in libraries(&program)? {
             let at = library.trim_start_matches('/').to_owned();
             files.push((PathBuf::from(library), at));
         }
     }
-    let drivers = format!("lib/modules/{}/kernel/drivers/usb", packages.kernel_version());
+    let modules = format!("lib/modules/{}/kernel", packages.kernel_version());
     for module in MODULES {
         let name = module.rsplit('/').next().unwrap_or(module);
-        let file = packages.file(&format!("{drivers}/{module}"))?;
+        let file = packages.file(&format!("{modules}/{module}"))?;
         files.push((file, format!("lib/modules/{name}")));
     }
     for rules in RULES {

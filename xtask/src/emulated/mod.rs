@@ -18,10 +18,11 @@ pub(crate) use self::packages::Packages;
 pub(crate) const QEMU: &str = "qemu-system-x86_64";
 
 /// What else is needed of the system, with the Debian package that has it.
-const PROGRAMS: [(&str, &str); 6] = [
+const PROGRAMS: [(&str, &str); 7] = [
     ("apt-cache", "apt"),
     ("apt-get", "apt"),
     ("dpkg-deb", "dpkg"),
+    ("ip", "iproute2"),
     ("ldd", "libc-bin"),
     ("setpriv", "util-linux"),
     ("strip", "binutils"),
@@ -36,6 +37,8 @@ pub(crate) enum EmulatedError {
     Library { program: String, library: String },
     #[error("Debian's package linux-image-amd64 names no kernel here: run apt-get update")]
     NoKernel,
+    #[error("`{program}`, which was there a moment ago, is not found any more")]
+    Gone { program: &'static str },
     #[error("the package {package} has no {what}: it is not the one that this was written for")]
     Lacks { package: String, what: String },
     #[error("the image of the emulated computer cannot be packed: busybox cpio failed")]

@@ -10,6 +10,7 @@ use clap::{Args, Subcommand};
   softplug unit check unit.toml
   softplug unit run unit.toml
   softplug unit list 10.0.0.17:7640 10.0.0.18:7640
+  softplug unit list can0
   softplug unit sign xon-xoff.wasm --key works.pem --output xon-xoff.sig
   softplug unit flash unit://10.0.0.17:7640/mill-7 xon-xoff.wasm --signature xon-xoff.sig
 
@@ -42,15 +43,15 @@ pub(crate) struct Configured {
 /// Asks units what they are, run and hold
 #[derive(Debug, Args)]
 pub(crate) struct List {
-    /// Where they listen
-    #[arg(value_name = "HOST:PORT", required = true)]
+    /// Where they listen, their numbers on a CAN bus (can0/17), or a bus for all on it (can0)
+    #[arg(value_name = "UNIT", required = true)]
     pub(crate) units: Vec<String>,
 }
 
 /// Downloads a plug-in into a unit, and has it run there
 #[derive(Debug, Args)]
 pub(crate) struct Flash {
-    /// The unit's link: unit://host:port/link
+    /// The unit's link: unit://host:port/link or unit://can0/17/link
     #[arg(value_name = "UNIT")]
     pub(crate) unit: String,
     /// The plug-in's file

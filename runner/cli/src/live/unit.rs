@@ -13,7 +13,8 @@ use serde::Serialize;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use softplug_gateway::units::{
-    UnitAddress, UnitClient, UnitClientError, UnitLinkSurvey, UnitPlugin, UnitSlotSurvey,
+    CanAddress, UnitAddress, UnitClient, UnitClientError, UnitLinkSurvey, UnitPlace, UnitPlugin,
+    UnitSlotSurvey, units_on_can,
 };
 use softplug_host::{Digest, lint};
 use softplug_service::config::LogFormat;
@@ -32,6 +33,8 @@ use crate::screen::{self, Screen};
 
 /// How long a unit may take for an answer.
 const PATIENCE: Duration = Duration::from_secs(10);
+/// How long units on a bus have to answer.
+const FINDING: Duration = Duration::from_secs(3);
 
 pub(crate) fn unit(
     arguments: &Arguments,
@@ -171,13 +174,11 @@ fn random() -> Result<u64, Failure> {
 fn list(asked: &List, screen: &Screen) -> Result<Exit, Failure> {
     let mut exit = Exit::Done;
     let mut units = Vec::new();
-    for address in &asked.units {
-        let parsed: UnitAddress = format!("unit://{address}/x").parse().map_err(|_| {
-            Failure::usage(format_args!("`{}` is no host and port", address.escape_debug()))
-                .hint("write it as 10.0.0.17:7640")
-        })?;
-        let survey = UnitClient::connect(&parsed.host, parsed.port, random()?, PATIENCE)
-            .and_then(|mut client| client.survey());
+    for unit in places(&asked.units, screen)? {
+        let address = unit.to_string();
+        let identity = random()?;
+        let survey =
+            UnitClient::connect(&unit, identity, PATIENCE).and_then(|mut client| client.survey());
         match survey {
             Ok(survey) => {
                 screen.say(format_args!("{} at {address}", survey.name));
@@ -210,6 +211,27 @@ fn list(asked: &List, screen: &Screen) -> Result<Exit, Failure> {
     }
     screen.document(&Listed { units });
     Ok(exit)
+}
+
+/// Units as they were asked for; of a CAN interface, all that answer.
+fn places(asked: &[String], screen: &Screen) -> Result<Vec<UnitPlace>, Failure> {
+    let mut places = Vec::new();
+    for text in asked {
+        if let Ok(place) = text.parse() {
+            places.push(place);
+        } else if text.contains([':', '/']) || CanAddress::new(text, 1).is_err() {
+            let what = format_args!("`{}` is no unit and no bus", text.escape_debug());
+            return Err(Failure::usage(what).hint("write it as 10.0.0.17:7640, can0/17 or can0"));
+        } else {
+            let found = units_on_can(text, random()?, FINDING)
+                .map_err(|error| Failure::new(Exit::Port, format_args!("{text}: {error}")))?;
+            if found.is_empty() {
+                screen.say(format_args!("no unit answers on {text}"));
+            }
+            places.extend(found.into_iter().map(UnitPlace::Can));
+        }
+    }
+    Ok(places)
 }
 
 fn link_line(link: &UnitLinkSurvey) -> String {
@@ -272,7 +294,7 @@ fn hex(bytes: &[u8; 32]) -> String {
 fn flash(asked: &Flash, screen: &Screen) -> Result<Exit, Failure> {
     let address: UnitAddress = asked.unit.parse().map_err(|_| {
         Failure::usage(format_args!("`{}` is no link of a unit", asked.unit.escape_debug()))
-            .hint("write it as unit://10.0.0.17:7640/mill-7")
+            .hint("write it as unit://10.0.0.17:7640/mill-7 or unit://can0/17/mill-7")
     })?;
     let module = read_plugin(&asked.plugin)?;
     let signature = asked.signature.as_deref().map(read_signature).transpose()?;
@@ -292,24 +314,22 @@ fn flash(asked: &Flash, screen: &Screen) -> Result<Exit, Failure> {
     } else {
         ProgressBar::hidden()
     };
-    let flashed = UnitClient::connect(&address.host, address.port, random()?, PATIENCE).and_then(
-        |mut client| {
-            client.flash(&address.link, &plugin, |until| bar.set_position(u64::from(until)))
-        },
-    );
+    let link = address.link.as_deref();
+    let name = link.map_or_else(|| address.to_string(), str::to_owned);
+    let flashed = UnitClient::connect(&address.unit, random()?, PATIENCE).and_then(|mut client| {
+        client.flash(link, &plugin, |until| bar.set_position(u64::from(until)))
+    });
     bar.finish_and_clear();
     let was_downloaded = flashed.map_err(|error| match error {
         UnitClientError::NotTaken { .. } => Failure::plug_in(&error),
-        UnitClientError::NoLink { .. } => Failure::usage(&error),
+        UnitClientError::NoLink { .. } | UnitClientError::WhichLink { .. } => {
+            Failure::usage(&error)
+        }
         _ => Failure::new(Exit::Port, &error),
     })?;
     let what = if was_downloaded { "downloaded" } else { "was there" };
-    screen.say(format_args!("{} runs {:.12}: {what}", address.link, hex(&digest)));
-    screen.document(&Flashed {
-        link: &address.link,
-        sha256: hex(&digest),
-        downloaded: was_downloaded,
-    });
+    screen.say(format_args!("{name} runs {:.12}: {what}", hex(&digest)));
+    screen.document(&Flashed { link: &name, sha256: hex(&digest), downloaded: was_downloaded });
     Ok(Exit::Done)
 }
 

@@ -1,7 +1,7 @@
 //! A unit that is asked and given a plug-in by hand: one connection that waits.
 
 use std::io;
-use std::net::{SocketAddr, ToSocketAddrs};
+use std::net::ToSocketAddrs;
 use std::time::{Duration, Instant};
 
 use mio::{Events, Interest, Poll, Token};
@@ -9,11 +9,11 @@ use softplug_unit_protocol::{
     Digest, Encode, Identity, Messages, RefuseReason, Role, Session, SessionEvent, SlotState,
     ToServer, ToUnit,
 };
-use softplug_unit_uplink::{Closed, Outbox, TcpUplink, plain_text};
+use softplug_unit_uplink::{CanEnd, CanUplink, Closed, Outbox, TcpUplink, Uplink, plain_text};
 use thiserror::Error;
 
 use super::connection::ServerSession;
-use super::{PIECE, UnitPlugin};
+use super::{PIECE, UnitPlace, UnitPlugin};
 use crate::clock::Clock;
 
 /// Why a unit cannot be asked, or does not do it.
@@ -62,6 +62,14 @@ pub enum UnitClientError {
         unit: String,
         /// What was asked for.
         link: String,
+        /// What there is.
+        known: String,
+    },
+    /// It has several links, and none was named.
+    #[error("{unit} has several links; name one of them: {known}")]
+    WhichLink {
+        /// The unit.
+        unit: String,
         /// What there is.
         known: String,
     },
@@ -125,17 +133,17 @@ const EMPTY: UnitSlotSurvey =
 /// use softplug_gateway::units::UnitClient;
 /// use std::time::Duration;
 ///
-/// let mut client = UnitClient::connect("10.0.0.17", 7640, 0x1234, Duration::from_secs(5))?;
+/// let mut client = UnitClient::connect(&"10.0.0.17:7640".parse()?, 0x1234, Duration::from_secs(5))?;
 /// for link in client.survey()?.links {
 ///     println!("{}: {}", link.name, if link.is_up { "up" } else { "down" });
 /// }
-/// # Ok::<(), softplug_gateway::units::UnitClientError>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
 pub struct UnitClient {
     unit: String,
     poll: Poll,
-    uplink: TcpUplink,
+    uplink: Uplink,
     session: Box<ServerSession>,
     outbox: Outbox,
     clock: Clock,
@@ -149,19 +157,14 @@ impl UnitClient {
     /// # Errors
     /// It is not there, or somebody else drives it.
     pub fn connect(
-        host: &str,
-        port: u16,
+        place: &UnitPlace,
         identity: u64,
         patience: Duration,
     ) -> Result<Self, UnitClientError> {
-        let unit = crate::port::address_text(host, port);
+        let unit = place.to_string();
         let failed = |source| UnitClientError::Io { unit: unit.clone(), source };
-        let address: SocketAddr = (host, port)
-            .to_socket_addrs()
-            .and_then(|mut found| found.next().ok_or_else(|| io::ErrorKind::NotFound.into()))
-            .map_err(failed)?;
         let poll = Poll::new().map_err(failed)?;
-        let mut uplink = TcpUplink::connect(address).map_err(failed)?;
+        let mut uplink = open(place).map_err(failed)?;
         let both = Interest::READABLE | Interest::WRITABLE;
         poll.registry().register(&mut uplink, Token(0), both).map_err(failed)?;
         let clock = Clock::start();
@@ -215,20 +218,24 @@ impl UnitClient {
     /// There is no such link, or the unit does not take the plug-in.
     pub fn flash(
         &mut self,
-        link: &str,
+        link: Option<&str>,
         plugin: &UnitPlugin,
         mut progress: impl FnMut(u32),
     ) -> Result<bool, UnitClientError> {
         let survey = self.survey()?;
-        let Some(number) = survey.links.iter().position(|one| one.name == link) else {
+        let number = match link {
+            Some(link) => survey.links.iter().position(|one| one.name == link),
+            None => (survey.links.len() == 1).then_some(0),
+        };
+        let number = number.ok_or_else(|| {
+            let (unit, link) = (self.unit.clone(), link.map(str::to_owned));
             let names: Vec<&str> = survey.links.iter().map(|link| &*link.name).collect();
             let known = names.join(", ");
-            return Err(UnitClientError::NoLink {
-                unit: self.unit.clone(),
-                link: link.to_owned(),
-                known,
-            });
-        };
+            match link {
+                Some(link) => UnitClientError::NoLink { unit, link, known },
+                None => UnitClientError::WhichLink { unit, known },
+            }
+        })?;
         let link = number as u8;
         let UnitPlugin { module, digest, signature, .. } = plugin;
         let holds = |slot: &UnitSlotSurvey| {
@@ -359,4 +366,15 @@ impl UnitClient {
             .speak(&mut self.session, &mut self.outbox, now)
             .map_err(|source| UnitClientError::Closed { unit, source })
     }
+}
+
+fn open(unit: &UnitPlace) -> io::Result<Uplink> {
+    let (host, port) = match unit {
+        UnitPlace::Tcp { host, port } => (host.as_str(), *port),
+        UnitPlace::Can(address) => {
+            return CanUplink::open(address, CanEnd::Gateway).map(Uplink::Can);
+        }
+    };
+    let address = (host, port).to_socket_addrs()?.next().ok_or(io::ErrorKind::NotFound)?;
+    TcpUplink::connect(address).map(Uplink::Tcp)
 }

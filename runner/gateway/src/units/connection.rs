@@ -6,11 +6,11 @@ use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use mio::{Interest, Token};
 use softplug_abi::Micros;
 use softplug_unit_protocol::{Identity, Messages, Role, Session, SessionEvent, ToServer, ToUnit};
-use softplug_unit_uplink::{Closed, Outbox, TcpUplink, plain_text};
+use softplug_unit_uplink::{CanEnd, CanUplink, Closed, Outbox, TcpUplink, Uplink, plain_text};
 
 use super::lane::{Around, UnitLane};
 use super::thread::{Thread, ThreadCommand};
-use super::{UnitAddress, UnitCommand};
+use super::{UnitCommand, UnitPlace};
 use crate::reactor::{Backoff, LaneId};
 
 pub(super) type ServerSession = Session<16, 1024>;
@@ -22,11 +22,10 @@ const OUTBOX: usize = 8;
 
 pub(super) struct Connection {
     number: usize,
-    host: String,
-    port: u16,
+    unit: UnitPlace,
     reopen: Backoff,
     failures: u32,
-    uplink: Option<TcpUplink>,
+    uplink: Option<Uplink>,
     /// Boxed: it has its frames in it.
     session: Box<ServerSession>,
     outbox: Outbox,
@@ -35,23 +34,17 @@ pub(super) struct Connection {
     /// Whom the last session was with.
     peer: Option<Identity>,
     lanes: Vec<UnitLane>,
-    /// How many links the unit has, and those that it has named, in this session.
-    links: Option<u8>,
-    named: Vec<String>,
+    /// How many links the unit has; 0 while that is not known.
+    links: u8,
+    /// Those that it has named in this session, until all are.
+    named: Option<Vec<String>>,
 }
 
 impl Connection {
-    pub(super) fn new(
-        number: usize,
-        address: &UnitAddress,
-        reopen: Backoff,
-        thread: &Thread,
-    ) -> Self {
-        let UnitAddress { host, port, .. } = address;
+    pub(super) fn new(number: usize, unit: UnitPlace, reopen: Backoff, thread: &Thread) -> Self {
         let mut connection = Self {
             number,
-            host: host.clone(),
-            port: *port,
+            unit,
             reopen,
             failures: 0,
             uplink: None,
@@ -60,15 +53,15 @@ impl Connection {
             at: None,
             peer: None,
             lanes: Vec::new(),
-            links: None,
-            named: Vec::new(),
+            links: 0,
+            named: None,
         };
         connection.connect(thread);
         connection
     }
 
-    pub(super) fn is_to(&self, address: &UnitAddress) -> bool {
-        self.host == address.host && self.port == address.port
+    pub(super) fn is_to(&self, unit: &UnitPlace) -> bool {
+        self.unit == *unit
     }
 
     pub(super) fn is_empty(&self) -> bool {
@@ -128,12 +121,19 @@ impl Connection {
 
     /// Looks the unit up, elsewhere if that may take time.
     fn connect(&mut self, thread: &Thread) {
-        let (number, port) = (self.number, self.port);
-        if let Ok(address) = self.host.parse::<IpAddr>() {
+        let (host, port) = match &self.unit {
+            UnitPlace::Tcp { host, port } => (host.clone(), *port),
+            UnitPlace::Can(address) => {
+                let opened = CanUplink::open(address, CanEnd::Gateway);
+                self.call(opened.map(Uplink::Can), thread);
+                return;
+            }
+        };
+        if let Ok(address) = host.parse::<IpAddr>() {
             self.found(Ok(SocketAddr::new(address, port)), thread);
             return;
         }
-        let (host, commands) = (self.host.clone(), thread.commands.clone());
+        let (number, commands) = (self.number, thread.commands.clone());
         let waker = std::sync::Arc::clone(&thread.mio_waker);
         let look_up = move || {
             let found = (host.as_str(), port)
@@ -150,12 +150,16 @@ impl Connection {
     }
 
     pub(super) fn found(&mut self, found: io::Result<SocketAddr>, thread: &Thread) {
+        self.call(found.and_then(TcpUplink::connect).map(Uplink::Tcp), thread);
+    }
+
+    fn call(&mut self, uplink: io::Result<Uplink>, thread: &Thread) {
         let both = Interest::READABLE | Interest::WRITABLE;
-        let connected = found.and_then(TcpUplink::connect).and_then(|mut uplink| {
+        let waited = uplink.and_then(|mut uplink| {
             thread.poll.registry().register(&mut uplink, Token(self.number), both)?;
             Ok(uplink)
         });
-        match connected {
+        match waited {
             Ok(uplink) => {
                 self.uplink = Some(uplink);
                 let now = thread.clock.now();
@@ -181,7 +185,7 @@ impl Connection {
         self.failures += 1;
         let retry_in = self.reopen.after(self.failures);
         self.at = Some(thread.clock.now() + retry_in);
-        let detail = format!("the unit at {}:{}: {why}", self.host, self.port);
+        let detail = format!("the unit at {}: {why}", self.unit);
         for lane in &mut self.lanes {
             lane.lost(&detail, retry_in, thread);
         }
@@ -201,7 +205,7 @@ impl Connection {
         }
     }
 
-    fn hear_frames(&mut self, uplink: &mut TcpUplink, thread: &Thread) -> Result<(), Closed> {
+    fn hear_frames(&mut self, uplink: &mut Uplink, thread: &Thread) -> Result<(), Closed> {
         while let Some(frame) = uplink.receive()? {
             match self.session.receive(thread.clock.now(), frame) {
                 Ok(None) => {}
@@ -209,20 +213,20 @@ impl Connection {
                     for message in Messages::<ToServer<'_>>::new(payload) {
                         match message {
                             Ok(_) if self.outbox.is_flooded() => {
-                                tracing::error!(unit = self.host, "it asks and takes nothing");
+                                tracing::error!(unit = %self.unit, "it asks and takes nothing");
                                 self.session.end();
                                 break;
                             }
                             Ok(message) => self.hear_message(&message, thread),
                             Err(error) => {
-                                tracing::error!(%error, unit = self.host, "the session ends");
+                                tracing::error!(%error, unit = %self.unit, "the session ends");
                                 self.session.end();
                                 break;
                             }
                         }
                     }
                 }
-                Err(error) => tracing::warn!(%error, unit = self.host, "a frame is dropped"),
+                Err(error) => tracing::warn!(%error, unit = %self.unit, "a frame is dropped"),
             }
             self.session_news(thread);
         }
@@ -234,7 +238,7 @@ impl Connection {
             Some(SessionEvent::Began { peer }) => {
                 (self.at, self.failures) = (None, 0);
                 self.outbox.clear();
-                (self.links, self.named) = (None, Vec::new());
+                (self.links, self.named) = (0, None);
                 let is_same = self.peer.replace(peer) == Some(peer);
                 for lane in &mut self.lanes {
                     lane.session_began(is_same, thread);
@@ -261,7 +265,7 @@ impl Connection {
         let mut around = Around { outbox: &mut self.outbox, is_up: self.session.is_up(), thread };
         match *message {
             ToServer::Unit { links, .. } => {
-                (self.links, self.named) = (Some(links), Vec::new());
+                (self.links, self.named) = (links, Some(Vec::new()));
             }
             ToServer::Slot { link, slot, state, digest, .. } => {
                 // Before its link is known by name: for all, until they know which is theirs.
@@ -270,15 +274,17 @@ impl Connection {
                 }
             }
             ToServer::Link { link, name, .. } => {
-                for lane in self.lanes.iter_mut().filter(|lane| lane.is_called(name)) {
+                let links = self.links;
+                for lane in self.lanes.iter_mut().filter(|lane| lane.is_called(name, links)) {
                     lane.found(link, message, &mut around);
                 }
-                let Some(links) = self.links else { return };
-                self.named.push(plain_text(name));
-                if self.named.len() == usize::from(links) {
-                    self.links = None;
+                let Some(named) = &mut self.named else { return };
+                named.push(plain_text(name));
+                if named.len() == usize::from(links)
+                    && let Some(known) = self.named.take()
+                {
                     for lane in &mut self.lanes {
-                        lane.is_unknown(&self.named, thread);
+                        lane.is_unknown(&known, thread);
                     }
                 }
             }
@@ -287,7 +293,7 @@ impl Connection {
                 let of = |lane: &&mut UnitLane| lane.is_number(number);
                 for lane in self.lanes.iter_mut().filter(of) {
                     if lane.hear(message, &mut around).is_err() {
-                        tracing::error!(unit = self.host, "it sends more than it may");
+                        tracing::error!(unit = %self.unit, "it sends more than it may");
                         self.session.end();
                         return;
                     }

@@ -7,78 +7,33 @@
 //!
 //! One thread drives all units; it never waits for one of them.
 
+mod address;
 mod client;
 mod connection;
 mod delivery;
+mod find;
 mod job;
 mod lane;
 mod thread;
 
+pub use address::{UnitAddress, UnitPlace};
 pub use client::{UnitClient, UnitClientError, UnitLinkSurvey, UnitSlotSurvey, UnitSurvey};
+pub use find::units_on_can;
+pub use softplug_unit_uplink::CanAddress;
 
-use std::fmt;
-use std::str::FromStr;
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
 use softplug_abi::Failure;
 
-use crate::error::{BadSpec, PortError};
+use crate::error::PortError;
 use crate::reactor::{Backoff, Feed, LaneId, LaneStatus, Probation, Report, When};
 use crate::reservoir::ReservoirReader;
 use thread::{Driver, ThreadCommand};
 
 /// Bytes of data, of a module or of an answer in one message.
 const PIECE: usize = 960;
-
-/// A link of a unit: `unit://host:port/link`.
-///
-/// ```
-/// use softplug_gateway::units::UnitAddress;
-///
-/// let address: UnitAddress = "unit://10.0.0.17:7640/mill-7".parse().unwrap();
-/// assert_eq!((address.port, address.link.as_str()), (7640, "mill-7"));
-/// assert!("unit://10.0.0.17/mill-7".parse::<UnitAddress>().is_err());
-/// ```
-#[derive(Clone, PartialEq, Eq, Hash, Debug)]
-pub struct UnitAddress {
-    /// Name or address of the unit.
-    pub host: String,
-    /// Its TCP port.
-    pub port: u16,
-    /// The link's name in the unit's configuration.
-    pub link: String,
-}
-
-impl UnitAddress {
-    /// How such an address begins.
-    pub const SCHEME: &'static str = "unit:";
-}
-
-impl FromStr for UnitAddress {
-    type Err = BadSpec;
-
-    fn from_str(text: &str) -> Result<Self, BadSpec> {
-        let wrong = || BadSpec::Address(text.to_owned());
-        let address = text.strip_prefix(Self::SCHEME).ok_or_else(wrong)?;
-        let address = address.strip_prefix("//").unwrap_or(address);
-        let (unit, link) = address.split_once('/').ok_or_else(wrong)?;
-        let (host, port) = crate::port::host_and_port(unit).ok_or_else(wrong)?;
-        let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
-        if link.is_empty() || !link.chars().all(is_plain) {
-            return Err(wrong());
-        }
-        Ok(Self { host, port, link: link.to_owned() })
-    }
-}
-
-impl fmt::Display for UnitAddress {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { host, port, link } = self;
-        write!(f, "unit://{}/{link}", crate::port::address_text(host, *port))
-    }
-}
 
 /// A plug-in as a unit takes it.
 #[derive(Clone, Debug)]

@@ -132,7 +132,7 @@ impl Driver {
 
     fn add(&mut self, id: LaneId, setup: UnitSetup, status: Arc<LaneStatus>) {
         let goes_to = |connection: &Option<Connection>| {
-            connection.as_ref().is_some_and(|connection| connection.is_to(&setup.address))
+            connection.as_ref().is_some_and(|connection| connection.is_to(&setup.address.unit))
         };
         let known = self.connections.iter().position(goes_to);
         let number = known.unwrap_or_else(|| self.add_connection(&setup));
@@ -148,7 +148,8 @@ impl Driver {
         if free.is_none() {
             self.connections.push(None);
         }
-        let connection = Connection::new(number, &setup.address, setup.reopen, &self.thread);
+        let connection =
+            Connection::new(number, setup.address.unit.clone(), setup.reopen, &self.thread);
         self.connections[number] = Some(connection);
         number
     }

@@ -1,6 +1,7 @@
 //! `unit.toml`.
 
 use std::collections::{BTreeMap, HashSet};
+use std::fmt;
 use std::fs;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -12,6 +13,7 @@ use sha2::{Digest, Sha256};
 use softplug_abi::LineParameters;
 use softplug_gateway::port::parse_line;
 use softplug_gateway::{PortSpec, quantity};
+use softplug_unit_uplink::CanAddress;
 use thiserror::Error;
 
 /// The largest `unit.toml`, in bytes.
@@ -36,11 +38,29 @@ pub struct UnitConfig {
     /// A number that stays the same; of the computer if none is written.
     pub serial: u64,
     /// Where its gateway reaches it.
-    pub listen: SocketAddr,
+    pub reach: Reach,
     /// Whose plug-ins it takes.
     pub signature: SignatureConfig,
     /// Its links, in the order of the file. Their names are distinct.
     pub links: Vec<LinkConfig>,
+}
+
+/// Where a gateway reaches a unit.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Reach {
+    /// It listens there.
+    Tcp(SocketAddr),
+    /// It has this number on a CAN bus.
+    Can(CanAddress),
+}
+
+impl fmt::Display for Reach {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Tcp(address) => address.fmt(f),
+            Self::Can(address) => address.fmt(f),
+        }
+    }
 }
 
 /// Whose plug-ins a unit takes.
@@ -110,7 +130,8 @@ pub enum ConfigError {
 struct WrittenUnit {
     name: Option<String>,
     serial: Option<u64>,
-    listen: SocketAddr,
+    listen: Option<SocketAddr>,
+    can: Option<String>,
     #[serde(default = "default_state")]
     state: PathBuf,
     #[serde(default)]
@@ -232,6 +253,7 @@ impl UnitConfig {
         let written: WrittenUnit = toml::from_str(text).map_err(|error| error.to_string())?;
         let name = written.name.unwrap_or_else(host_name);
         named("the unit", &name)?;
+        let reach = reach(written.listen, written.can.as_deref())?;
         let keys = written.signature.keys.iter().map(|file| key(&folder.join(file)));
         let keys = keys.collect::<Result<Vec<_>, _>>()?;
         let unsigned = written.signature.unsigned;
@@ -258,7 +280,7 @@ impl UnitConfig {
         distinct("port", ports.map(|link| link.port.to_string()))?;
         let serial = written.serial.unwrap_or_else(|| serial_of(&name));
         let signature = SignatureConfig { keys, unsigned };
-        Ok(Self { name, serial, listen: written.listen, signature, links })
+        Ok(Self { name, serial, reach, signature, links })
     }
 }
 
@@ -309,6 +331,21 @@ impl WrittenLink {
             depth: self.depth,
             name,
         })
+    }
+}
+
+fn reach(listen: Option<SocketAddr>, can: Option<&str>) -> Result<Reach, String> {
+    match (listen, can) {
+        (Some(address), None) => Ok(Reach::Tcp(address)),
+        (None, Some(text)) => text.parse().map(Reach::Can).map_err(|error| {
+            let text = text.escape_debug();
+            format!("`can = \"{text}\"`: {error}, as in \"can0/17\"")
+        }),
+        (None, None) => Err("nobody could reach the unit: give `listen`, an address and a port, or `can`, such as \"can0/17\""
+            .to_owned()),
+        (Some(_), Some(_)) => {
+            Err("there are `listen` and `can`: a unit has one uplink, take one out".to_owned())
+        }
     }
 }
 
@@ -391,6 +428,9 @@ mod tests {
             (with("buffer = \"many\""), "write a number of bytes"),
             (with("depth = 0"), "must be 1 to"),
             (with("memory_size = 100"), "a multiple of 4096"),
+            (LEAST.replace("listen = \"127.0.0.1:7640\"\n", ""), "nobody could reach the unit"),
+            (format!("can = \"can0/17\"\n{LEAST}"), "a unit has one uplink"),
+            (LEAST.replace("listen = \"127.0.0.1:7640\"", "can = \"can0/240\""), "1 to 239"),
             (with("most_erases = 0"), "nothing could be downloaded"),
             (LEAST.replace("19200 8N1", "fast"), "fast"),
             (LEAST.replace("\"mill\"", "\"../mill\""), "is no name for a link"),

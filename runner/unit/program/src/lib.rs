@@ -8,11 +8,12 @@
 #![forbid(unsafe_code)]
 
 mod config;
+mod door;
 mod error;
 mod link;
 mod memory;
 mod unit;
 
-pub use config::{ConfigError, LinkConfig, MemoryConfig, SignatureConfig, UnitConfig};
+pub use config::{ConfigError, LinkConfig, MemoryConfig, Reach, SignatureConfig, UnitConfig};
 pub use error::UnitError;
 pub use unit::{Stop, Unit};

@@ -6,23 +6,21 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::task::Waker;
 use std::time::Duration;
 
-use mio::net::TcpListener;
-use mio::{Events, Interest, Poll, Token};
+use mio::{Events, Poll, Token};
 use softplug_abi::Micros;
 use softplug_gateway::clock::Clock;
 use softplug_gateway::reactor::{LaneId, Reactor, ReactorOptions, Report};
 use softplug_host::{Host, HostOptions};
 use softplug_unit_protocol::{Identity, Messages, Role, Session, SessionEvent, ToServer, ToUnit};
-use softplug_unit_uplink::{Closed, Outbox, TcpUplink, waker_of};
+use softplug_unit_uplink::{Closed, Outbox, Uplink, waker_of};
 
-use crate::config::UnitConfig;
+use crate::config::{Reach, UnitConfig};
+use crate::door::Door;
 use crate::error::UnitError;
 use crate::link::{Compiled, Link, Surroundings};
 use crate::memory::Memory;
 
-const LISTENER: Token = Token(0);
-const UPLINK: Token = Token(1);
-const WAKER: Token = Token(2);
+const WAKER: Token = Token(0);
 /// How often what is shown of a job is looked at.
 const LOOK: Micros = Micros::from_millis(50);
 
@@ -49,15 +47,15 @@ impl Stop {
 ///
 /// let config = UnitConfig::read(Path::new("unit.toml"))?;
 /// let unit = Unit::start(config, 0x1234_5678_9ABC_DEF0)?;
-/// println!("it listens on {}", unit.address());
+/// println!("it is reached at {}", unit.address());
 /// unit.run()?;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub struct Unit {
     config: UnitConfig,
     poll: Poll,
-    listener: TcpListener,
-    uplink: Option<TcpUplink>,
+    door: Door,
+    uplink: Option<Uplink>,
     /// Boxed: it has its frames in it.
     session: Box<Session<16, 1024>>,
     outbox: Outbox,
@@ -95,12 +93,7 @@ impl Unit {
             Ok(Link::new(number, link.clone(), memory))
         });
         let links = links.collect::<Result<Vec<_>, UnitError>>()?;
-        let address = config.listen;
-        let mut listener =
-            TcpListener::bind(address).map_err(|source| UnitError::Listen { address, source })?;
-        poll.registry()
-            .register(&mut listener, LISTENER, Interest::READABLE)
-            .map_err(system("wait for a connection"))?;
+        let door = Door::open(&config.reach, poll.registry())?;
         let (tell, reports) = channel();
         let told = waker.clone();
         let reactor = Reactor::start(ReactorOptions::default(), move |lane, report| {
@@ -110,7 +103,7 @@ impl Unit {
         })?;
         let mut unit = Self {
             poll,
-            listener,
+            door,
             uplink: None,
             session: Box::new(Session::new(Role::Unit, Identity(identity))),
             outbox: Outbox::default(),
@@ -130,9 +123,9 @@ impl Unit {
         Ok(unit)
     }
 
-    /// Where it listens.
-    pub fn address(&self) -> std::net::SocketAddr {
-        self.listener.local_addr().unwrap_or(self.config.listen)
+    /// Where a gateway reaches it.
+    pub fn address(&self) -> Reach {
+        self.door.address().unwrap_or_else(|| self.config.reach.clone())
     }
 
     /// What ends it.
@@ -159,10 +152,8 @@ impl Unit {
                 .map_err(system("wait for the uplink"))?;
             // First who is there: it may be gone already when the next one comes.
             self.hear_uplink();
-            if events.iter().any(|event| event.token() == LISTENER) {
-                self.accept();
-                self.hear_uplink();
-            }
+            self.accept();
+            self.hear_uplink();
             self.session.handle_timeout(self.clock.now());
             self.session_news();
             self.hear_lanes();
@@ -173,49 +164,48 @@ impl Unit {
 
     fn patience(&self) -> Option<Duration> {
         let now = self.clock.now();
-        let due = self.session.poll_timeout();
+        let due = self.session.poll_timeout().into_iter().chain(self.door.again_at());
         let look = self.session.is_up().then_some(now + LOOK);
-        let due = due.into_iter().chain(look).min()?;
+        let due = due.chain(look).min()?;
         Some(Duration::from_micros((due - now).0.max(0) as u64))
     }
 
     fn accept(&mut self) {
-        while let Ok((stream, peer)) = self.listener.accept() {
-            if self.session.is_up() {
-                // Its server calls again; if the one that is there is gone, its silence ends it.
-                tracing::debug!(%peer, "a second server is sent away");
-                continue;
-            }
+        let now = self.clock.now();
+        while let Some(uplink) = self.door.next(self.session.is_up(), self.poll.registry(), now) {
             self.drop_uplink();
-            let mut uplink = TcpUplink::new(stream);
-            let both = Interest::READABLE | Interest::WRITABLE;
-            match self.poll.registry().register(&mut uplink, UPLINK, both) {
-                Ok(()) => self.uplink = Some(uplink),
-                Err(error) => tracing::error!(%error, "a connection cannot be waited for"),
-            }
+            self.uplink = Some(uplink);
         }
     }
 
     fn drop_uplink(&mut self) {
         if let Some(mut uplink) = self.uplink.take() {
             let _ = self.poll.registry().deregister(&mut uplink);
+            self.door.uplink_is_gone(self.clock.now());
         }
     }
 
     fn hear_uplink(&mut self) {
         let Some(mut uplink) = self.uplink.take() else { return };
-        match self.hear_frames(&mut uplink) {
-            Ok(()) => self.uplink = Some(uplink),
-            Err(closed) => {
-                let _ = self.poll.registry().deregister(&mut uplink);
-                tracing::info!(%closed, "the uplink is lost");
-                self.session.uplink_lost();
-                self.session_news();
-            }
+        let heard = self.hear_frames(&mut uplink);
+        self.uplink = Some(uplink);
+        if let Err(closed) = heard {
+            self.lost(&closed);
         }
     }
 
-    fn hear_frames(&mut self, uplink: &mut TcpUplink) -> Result<(), Closed> {
+    fn lost(&mut self, closed: &Closed) {
+        if self.session.is_up() {
+            tracing::info!(%closed, "the uplink is lost");
+        } else {
+            tracing::debug!(%closed, "the uplink is of no use");
+        }
+        self.drop_uplink();
+        self.session.uplink_lost();
+        self.session_news();
+    }
+
+    fn hear_frames(&mut self, uplink: &mut Uplink) -> Result<(), Closed> {
         while let Some(frame) = uplink.receive()? {
             let now = self.clock.now();
             match self.session.receive(now, frame) {
@@ -311,10 +301,7 @@ impl Unit {
         let now = self.clock.now();
         let spoken = uplink.speak(&mut self.session, &mut self.outbox, now);
         if let Err(closed) = spoken {
-            tracing::info!(%closed, "the uplink is lost");
-            self.drop_uplink();
-            self.session.uplink_lost();
-            self.session_news();
+            self.lost(&closed);
         }
     }
 

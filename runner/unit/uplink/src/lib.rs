@@ -1,16 +1,22 @@
 //! What carries frames of the unit protocol between a gateway and its units.
 //!
-//! A [`TcpUplink`] is one connection, at either end. Nothing here blocks: whoever owns it polls its
-//! source and is told when to try again.
+//! An [`Uplink`] is one way between the two, at either end: a [`TcpUplink`] or a [`CanUplink`].
+//! Nothing here blocks: whoever owns it polls its source and is told when to try again.
 #![cfg(target_os = "linux")]
 #![forbid(unsafe_code)]
 
+mod can;
+mod closed;
 mod outbox;
 mod tcp;
 mod text;
+mod uplink;
 mod waker;
 
+pub use can::{CanAddress, CanEnd, CanUplink, NoCanAddress};
+pub use closed::Closed;
 pub use outbox::Outbox;
-pub use tcp::{Closed, TcpUplink};
+pub use tcp::TcpUplink;
 pub use text::plain_text;
+pub use uplink::Uplink;
 pub use waker::waker_of;

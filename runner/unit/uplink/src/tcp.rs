@@ -6,39 +6,12 @@ use std::net::SocketAddr;
 use mio::event::Source;
 use mio::net::TcpStream;
 use mio::{Interest, Registry, Token};
-use softplug_abi::Micros;
-use softplug_unit_protocol::{FrameError, LONGEST, Session, length_of_frame};
-use thiserror::Error;
+use softplug_unit_protocol::{LONGEST, length_of_frame};
 
-use crate::outbox::Outbox;
+use crate::closed::Closed;
 
-/// Bytes that wait to be sent, past which no more frames are taken: a session has few under way.
+/// Bytes that wait to be sent, past which there is no room for more frames.
 const WAITING: usize = 64 * LONGEST;
-
-/// The connection is of no more use.
-#[derive(Debug, Error)]
-pub enum Closed {
-    /// The other side closed it.
-    #[error("the other side closed the connection")]
-    ByPeer,
-    /// The connection failed.
-    #[error("the connection failed: {0}")]
-    Io(#[from] io::Error),
-    /// What comes is not the unit protocol, or another version of it.
-    #[error("what comes over the connection is not the unit protocol: {0}")]
-    NoFrame(#[from] FrameError),
-}
-
-impl Closed {
-    /// Whether the other side has ended it, orderly or not.
-    pub fn is_by_peer(&self) -> bool {
-        match self {
-            Self::ByPeer => true,
-            Self::Io(error) => error.kind() == io::ErrorKind::ConnectionReset,
-            Self::NoFrame(_) => false,
-        }
-    }
-}
 
 /// A TCP connection that carries frames.
 ///
@@ -58,7 +31,7 @@ impl Closed {
 /// let mut bytes = [0; 64];
 /// let frame = Frame { kind: FrameKind::Data, session: 1, number: 0, taken: 0, payload: b"" };
 /// let length = frame.encode(&mut bytes).unwrap();
-/// while !near.send(&bytes[..length])? {}
+/// near.send(&bytes[..length])?;
 /// let got = loop {
 ///     if let Some(frame) = far.receive()? {
 ///         break frame.to_vec();
@@ -152,38 +125,18 @@ impl TcpUplink {
         }
     }
 
-    /// Sends a frame, or keeps what the connection does not take yet. `false`: it was not taken at
-    /// all, because too much waits already.
-    ///
-    /// # Errors
-    /// The connection has ended.
-    pub fn send(&mut self, frame: &[u8]) -> Result<bool, Closed> {
-        if !self.flush()? && self.leaves.len() + frame.len() > WAITING {
-            return Ok(false);
-        }
-        self.leaves.extend_from_slice(frame);
-        self.flush()?;
-        Ok(true)
+    /// Whether another frame would leave soon.
+    pub fn has_room(&self) -> bool {
+        self.leaves.len() < WAITING
     }
 
-    /// Sends what a session has to say, and what waits in an outbox for room in it. What the
-    /// connection does not take is sent again: the session sees to that.
+    /// Sends a frame, or keeps what the connection does not take yet.
     ///
     /// # Errors
     /// The connection has ended.
-    pub fn speak<const SLOTS: usize, const BYTES: usize>(
-        &mut self,
-        session: &mut Session<SLOTS, BYTES>,
-        outbox: &mut Outbox,
-        now: Micros,
-    ) -> Result<(), Closed> {
+    pub fn send(&mut self, frame: &[u8]) -> Result<(), Closed> {
+        self.leaves.extend_from_slice(frame);
         self.flush()?;
-        outbox.pump(session);
-        let mut frame = [0; LONGEST];
-        while let Some(length) = session.poll_transmit(now, &mut frame) {
-            self.send(&frame[..length])?;
-            outbox.pump(session);
-        }
         Ok(())
     }
 

@@ -18,7 +18,14 @@ impl Gateway {
     /// Starts one with a link on this port; `more` are further lines of its configuration.
     #[track_caller]
     pub(super) fn start(machine: &mut Machine, device: Device, plugin: &str, more: &str) -> Self {
-        let port = device.path();
+        let gateway = Self::with_port(machine, device.path(), plugin, more);
+        machine.until_open(gateway.process, device.path());
+        gateway
+    }
+
+    /// Starts one with a link on this port, which may open later.
+    #[track_caller]
+    pub(super) fn with_port(machine: &mut Machine, port: &str, plugin: &str, more: &str) -> Self {
         let configuration = format!(
             "[http]\nlisten = \"127.0.0.1:8117\"\ntokens = \"tokens.toml\"\n\
              [[link]]\nname = \"{LINK}\"\nport = \"{port}\"\nplugin = \"{plugin}\"\n{more}\n"
@@ -39,9 +46,7 @@ impl Gateway {
         machine.until_printed(process, "address");
         let environment =
             format!("export SOFTPLUG_GATEWAY=http://127.0.0.1:8117 SOFTPLUG_TOKEN={token}\n");
-        let gateway = Self { process, environment };
-        machine.until_open(process, port);
-        gateway
+        Self { process, environment }
     }
 
     /// What a verb of the command says that speaks with it.

@@ -8,6 +8,7 @@ mod line_errors;
 mod ports;
 mod receptions;
 mod station;
+mod unit;
 mod unplugged;
 
 use softplug_emulated::{Machine, Wire};

@@ -106,8 +106,9 @@ impl UnitLane {
         self.is_closed
     }
 
-    pub(super) fn is_called(&self, name: &str) -> bool {
-        self.setup.address.link == name
+    /// Whether a link of the unit, one of so many, is the one that is driven.
+    pub(super) fn is_called(&self, name: &str, links: u8) -> bool {
+        self.setup.address.link.as_deref().map_or(links == 1, |link| link == name)
     }
 
     pub(super) fn is_number(&self, number: u8) -> bool {
@@ -261,8 +262,11 @@ impl UnitLane {
     /// The unit has named all its links, and this one is not among them.
     pub(super) fn is_unknown(&mut self, known: &[String], thread: &Thread) {
         if self.number.is_none() {
-            let link = &self.setup.address.link;
-            let detail = format!("the unit has no link \"{link}\"; it has {}", known.join(", "));
+            let known = known.join(", ");
+            let detail = match &self.setup.address.link {
+                Some(link) => format!("the unit has no link \"{link}\"; it has {known}"),
+                None => format!("the unit has several links; name one of them: {known}"),
+            };
             self.down(LinkDownReason::Failed, detail, AGAIN, thread);
         }
     }

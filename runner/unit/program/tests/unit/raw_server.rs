@@ -7,13 +7,13 @@ use mio::{Events, Interest, Poll, Token};
 use softplug_abi::Micros;
 use softplug_gateway::clock::Clock;
 use softplug_unit_protocol::{Identity, Messages, Role, Session, ToServer, ToUnit};
-use softplug_unit_uplink::{Outbox, TcpUplink};
+use softplug_unit_uplink::{Outbox, TcpUplink, Uplink};
 
 use crate::shop::PATIENCE;
 
 pub(crate) struct RawServer {
     poll: Poll,
-    uplink: TcpUplink,
+    uplink: Uplink,
     session: Box<Session<16, 1024>>,
     outbox: Outbox,
     clock: Clock,
@@ -27,7 +27,7 @@ impl RawServer {
     /// A session with a unit.
     pub(crate) fn connect(unit: SocketAddr) -> Self {
         let poll = Poll::new().unwrap();
-        let mut uplink = TcpUplink::connect(unit).unwrap();
+        let mut uplink = Uplink::Tcp(TcpUplink::connect(unit).unwrap());
         let both = Interest::READABLE | Interest::WRITABLE;
         poll.registry().register(&mut uplink, Token(0), both).unwrap();
         let clock = Clock::start();

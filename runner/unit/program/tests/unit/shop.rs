@@ -10,11 +10,11 @@ use std::time::{Duration, Instant};
 use softplug_abi::Micros;
 use softplug_gateway::reactor::{Backoff, Feed, JobEnd, LaneId, Report, SwapReport};
 use softplug_gateway::reservoir::{Drawn, ReservoirReader, reservoir};
-use softplug_gateway::units::{UnitAddress, UnitCommand, UnitPlugin, UnitSetup, Units};
+use softplug_gateway::units::{UnitAddress, UnitCommand, UnitPlace, UnitPlugin, UnitSetup, Units};
 use softplug_host::Digest;
 use softplug_link::Job;
 use softplug_machines::kept::Received;
-use softplug_unit::{Stop, Unit, UnitConfig};
+use softplug_unit::{Reach, Stop, Unit, UnitConfig};
 use softplug_unit_slots::{FileDevice, Geometry, Options, Slot, Slots, Trust};
 use tempfile::TempDir;
 
@@ -103,11 +103,9 @@ impl Shop {
         })
         .unwrap();
         self.lane = LaneId(self.lane.0 + 1);
-        let address = UnitAddress {
-            host: "127.0.0.1".to_owned(),
-            port: self.cable.address().port(),
-            link: "mill".to_owned(),
-        };
+        let unit =
+            UnitPlace::Tcp { host: "127.0.0.1".to_owned(), port: self.cable.address().port() };
+        let address = UnitAddress { unit, link: Some("mill".to_owned()) };
         let plugin = Self::first_plugin();
         let reopen = Backoff { first: Micros::from_millis(50), longest: Micros::from_millis(500) };
         let setup = UnitSetup { address, plugin, delivery_room: 16_384, reopen };
@@ -252,7 +250,8 @@ impl Shop {
 pub(crate) fn start_unit(folder: &TempDir, identity: u64) -> (RunningUnit, SocketAddr) {
     let config = UnitConfig::read(&folder.path().join("unit.toml")).unwrap();
     let unit = Unit::start(config, identity << 32).unwrap();
-    let (address, stop) = (unit.address(), unit.stop());
+    let Reach::Tcp(address) = unit.address() else { panic!("it listens on a TCP port") };
+    let stop = unit.stop();
     let thread = thread::spawn(move || unit.run().unwrap());
     (RunningUnit { stop, thread: Some(thread) }, address)
 }
