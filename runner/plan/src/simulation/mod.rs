@@ -10,10 +10,11 @@ mod outcome;
 
 pub use outcome::{Dry, MachineOutcome, Outcome, Sample};
 
+use softplug_unit_bus::{Decision, Line, Scheduler, Unit};
+
 use feeding::{Feeding, Inflow};
 
 use crate::planning::Service;
-use crate::scheduler::{Decision, Line, Scheduler, Unit};
 use crate::shop::Shop;
 
 /// Most services of a simulation unless more are asked for: 1,000 hours of a usual bus. What takes
@@ -28,7 +29,7 @@ pub enum Discipline {
     /// The model's own: in turn, and each unit has the bus for as long as its whole buffer takes,
     /// however much of it is missing.
     Slots,
-    /// What [`crate::scheduler`] decides: only what is missing is sent, and the urgent go first.
+    /// What the [scheduler](softplug_unit_bus) of a gateway decides: only what is missing is sent, and the urgent go first.
     Scheduled,
     /// In turn, and each unit is sent as much as its buffer holds, without asking how much room
     /// there is. Shows why units are asked.

@@ -8,7 +8,7 @@
 //! it rests is lost, and while all others are served a unit loses up to e times what it had lost.
 //!
 //! ```
-//! use softplug_plan::scheduler::{Decision, Grant, Line, Scheduler, Unit};
+//! use softplug_unit_bus::{Decision, Grant, Line, Scheduler, Unit};
 //!
 //! let bus = Line { bits_per_second: 100_000.0, switch_seconds: 0.002 };
 //! let unit = |level| Unit { level, capacity: 10_000.0, drain: 5_000.0 };
