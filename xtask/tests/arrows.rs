@@ -53,7 +53,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
     ("softplug-report", &[]),
     ("softplug-playground", &["softplug-conformance", "softplug-host", "softplug-trace"]),
-    ("softplug-plan", &[]),
+    ("softplug-plan", &["softplug-unit-bus"]),
     (
         "softplug-gateway",
         &[
@@ -99,6 +99,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         ],
     ),
     ("softplug-emulated", &[]),
+    ("softplug-unit-bus", &[]),
     ("softplug-unit-protocol", &["softplug-abi"]),
     ("softplug-unit-slots", &[]),
     ("softplug-unit-uplink", &["softplug-abi", "softplug-unit-protocol"]),

@@ -14,7 +14,6 @@
 //! | `programme` | the same as a linear programme |
 //! | `planning` | the plan |
 //! | `change` | what would mend a shop that cannot be planned |
-//! | `scheduler` | which unit is served next, without I/O and clock |
 //! | `simulation` | a shop in virtual time |
 //! | `picture` | levels over time as SVG |
 //!
@@ -55,7 +54,6 @@ mod model;
 mod picture;
 mod planning;
 mod programme;
-pub mod scheduler;
 mod shop;
 mod simulation;
 mod span;

@@ -10,10 +10,11 @@ mod outcome;
 
 pub use outcome::{Dry, MachineOutcome, Outcome, Sample};
 
+use softplug_unit_bus::{Bus as LiveBus, BusRates, Step, Unit};
+
 use feeding::{Feeding, Inflow};
 
 use crate::planning::Service;
-use crate::scheduler::{Decision, Line, Scheduler, Unit};
 use crate::shop::Shop;
 
 /// Most services of a simulation unless more are asked for: 1,000 hours of a usual bus. What takes
@@ -28,7 +29,8 @@ pub enum Discipline {
     /// The model's own: in turn, and each unit has the bus for as long as its whole buffer takes,
     /// however much of it is missing.
     Slots,
-    /// What [`crate::scheduler`] decides: only what is missing is sent, and the urgent go first.
+    /// As a gateway serves a live bus, by the [same code](softplug_unit_bus): only what is missing is
+    /// sent, and the urgent go first.
     Scheduled,
     /// In turn, and each unit is sent as much as its buffer holds, without asking how much room
     /// there is. Shows why units are asked.
@@ -149,8 +151,8 @@ impl<'a> Bus<'a> {
     }
 
     fn scheduled(&mut self, order: &[usize]) {
-        let line = Line { bits_per_second: self.payload, switch_seconds: self.switch };
-        let mut scheduler = Scheduler::new();
+        let (rate, switch) = (self.payload, self.switch);
+        let mut bus = LiveBus::new(BusRates { rate, efficiency: 1.0, switch }, self.now);
         if self.options.start == Start::Worst {
             self.feedings.iter_mut().for_each(Feeding::begin);
         }
@@ -159,16 +161,18 @@ impl<'a> Bus<'a> {
             self.all_to(self.now);
             units.clear();
             units.extend(order.iter().map(|&index| self.feedings[index].as_unit()));
-            match scheduler.decide(&units, &line) {
-                Decision::Serve(grant) => {
+            match bus.poll(self.now, &units) {
+                Step::Send(grant) => {
+                    bus.sent(self.now, grant.bits);
                     let inflow = Inflow { rate: self.payload, is_blind: true };
                     self.serve(order[grant.unit], inflow, grant.bits / self.payload);
-                    self.now += self.switch;
                 }
-                Decision::Rest { seconds } => {
+                Step::Wait { until } => self.now = until,
+                Step::Rest { until } => {
                     // A machine that begins is news, for which the bus does not sleep on.
                     let begins = self.feedings.iter().filter_map(Feeding::begins_in);
-                    self.now += begins.fold(seconds, f64::min).max(SHORTEST_REST);
+                    let rest = begins.fold(until - self.now, f64::min);
+                    self.now += rest.max(SHORTEST_REST);
                     self.services += 1;
                 }
             }
@@ -206,6 +210,7 @@ impl<'a> Bus<'a> {
 impl Feeding {
     /// As a scheduler is told of it.
     fn as_unit(&self) -> Unit {
-        Unit { level: self.unit(), capacity: self.unit_size(), drain: self.drain() }
+        let (level, capacity) = (self.unit(), self.unit_size());
+        Unit { level, capacity, drain: self.drain(), has_data: true }
     }
 }

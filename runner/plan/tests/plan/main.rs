@@ -4,6 +4,7 @@ mod agreement;
 mod closed_forms;
 mod extremes;
 mod hostile;
+mod largest;
 mod long;
 mod mending;
 mod pictures;

@@ -8,10 +8,10 @@
 //! it rests is lost, and while all others are served a unit loses up to e times what it had lost.
 //!
 //! ```
-//! use softplug_plan::scheduler::{Decision, Grant, Line, Scheduler, Unit};
+//! use softplug_unit_bus::{Decision, Grant, Line, Scheduler, Unit};
 //!
 //! let bus = Line { bits_per_second: 100_000.0, switch_seconds: 0.002 };
-//! let unit = |level| Unit { level, capacity: 10_000.0, drain: 5_000.0 };
+//! let unit = |level| Unit { level, capacity: 10_000.0, drain: 5_000.0, has_data: true };
 //! let mut scheduler = Scheduler::new();
 //!
 //! // All is well: in turn.
@@ -34,18 +34,24 @@ pub struct Unit {
     pub capacity: f64,
     /// Bits per second that leave it at most while it waits; 0 if its machine stands.
     pub drain: f64,
+    /// There is something that could be sent to it now.
+    pub has_data: bool,
 }
 
 /// A unit is worth a switch from this part of its buffer on.
 const WORTH: f64 = 0.25;
 
 impl Unit {
-    fn room(&self) -> f64 {
+    /// One for which there is nothing.
+    pub const ABSENT: Self = Self { level: 0.0, capacity: 0.0, drain: 0.0, has_data: false };
+
+    /// Bits that it has room for.
+    pub(crate) fn room(&self) -> f64 {
         (self.capacity - self.level).max(0.0)
     }
 
     fn is_worth_a_switch(&self) -> bool {
-        self.room() >= WORTH * self.capacity
+        self.has_data && self.room() >= WORTH * self.capacity
     }
 
     /// Seconds until it is dry.
@@ -56,7 +62,7 @@ impl Unit {
     /// Seconds until it is worth a switch.
     fn rests(&self) -> f64 {
         let missing = (WORTH * self.capacity - self.room()).max(0.0);
-        if self.drain > 0.0 { missing / self.drain } else { f64::INFINITY }
+        if self.has_data && self.drain > 0.0 { missing / self.drain } else { f64::INFINITY }
     }
 }
 
@@ -145,7 +151,7 @@ mod tests {
     const BUS: Line = Line { bits_per_second: 1e5, switch_seconds: 1e-3 };
 
     fn unit(level: f64) -> Unit {
-        Unit { level, capacity: 1_000.0, drain: 100.0 }
+        Unit { level, capacity: 1_000.0, drain: 100.0, has_data: true }
     }
 
     fn served(decision: Decision) -> Option<usize> {
@@ -173,6 +179,16 @@ mod tests {
         let units = [unit(300.0), unit(400.0), unit(1_000.0), unit(999.0)];
         assert_eq!(served(scheduler.decide(&units, &BUS)), Some(0));
         assert_eq!(served(scheduler.decide(&units, &BUS)), Some(1));
+    }
+
+    #[test]
+    fn a_unit_for_which_there_is_nothing_is_passed_over() {
+        let mut scheduler = Scheduler::new();
+        let units = [Unit { has_data: false, ..unit(0.0) }, unit(300.0), Unit::ABSENT];
+        assert_eq!(served(scheduler.decide(&units, &BUS)), Some(1));
+        assert_eq!(served(scheduler.decide(&units, &BUS)), Some(1));
+        let forever = Decision::Rest { seconds: f64::INFINITY };
+        assert_eq!(scheduler.decide(&[units[0], Unit::ABSENT], &BUS), forever);
     }
 
     #[test]
