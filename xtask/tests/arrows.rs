@@ -65,6 +65,17 @@ const ARROWS: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "softplug-shop",
+        &[
+            "softplug-abi",
+            "softplug-conformance",
+            "softplug-link",
+            "softplug-machines",
+            "softplug-plan",
+            "softplug-unit-bus",
+        ],
+    ),
+    (
         "softplug-service",
         &[
             "softplug-abi",
@@ -92,6 +103,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-plan",
             "softplug-report",
             "softplug-service",
+            "softplug-shop",
             "softplug-trace",
             "softplug-unit",
             "softplug-unit-protocol",

@@ -37,7 +37,7 @@
 //!     options: LinkOptions { settings: settings.clone(), ..LinkOptions::default() },
 //! });
 //! let options = Options { seconds: 20.0, ..Options::default() };
-//! let simulated = simulate(&shop, &plan(&shop).service(), units.collect(), &options)?;
+//! let simulated = simulate(&shop, &plan(&shop).service(), units.collect(), &options, |_| {})?;
 //! assert!(simulated.holds());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -97,7 +97,7 @@ impl Simulated {
 
 /// Simulates a shop whose units have these buffers. Unit and control are full when a machine
 /// begins, and each cuts a program without an end. There is one unit for each machine, in the order
-/// of [`Shop::each`]; its line is set here.
+/// of [`Shop::each`]; its line is set here. `progress` is told how many seconds are over.
 ///
 /// A control has 8N1 characters at the rate at which its line carries what the shop says, takes
 /// whole bytes a second, sends XOFF when an eighth of its buffer is free, and XON at a quarter.
@@ -109,6 +109,7 @@ pub fn simulate<I: Instance>(
     service: &Service,
     units: Vec<Unit<I>>,
     options: &Options,
+    mut progress: impl FnMut(f64),
 ) -> Result<Simulated, ShopFault<I::Fault>> {
     let mut bus = SimulatedBus::new(shop.bus());
     let mut machines = Vec::with_capacity(units.len());
@@ -124,6 +125,7 @@ pub fn simulate<I: Instance>(
         for machine in &mut machines {
             machine.go_to(now)?;
         }
+        progress(now.as_secs_f64());
     }
     let altered = machines.iter().filter(|machine| machine.is_altered());
     Ok(Simulated {

@@ -33,7 +33,7 @@ fn simulated(shop: &Shop, seconds: f64) -> Simulated {
     };
     let units = shop.each().map(|_| unit()).collect();
     let options = Options { seconds, keeps_levels: true };
-    simulate(shop, &plan(shop).service(), units, &options).unwrap()
+    simulate(shop, &plan(shop).service(), units, &options, |_| {}).unwrap()
 }
 
 fn dry(simulated: &Simulated) -> u64 {
