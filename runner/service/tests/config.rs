@@ -249,7 +249,8 @@ fn what_a_bus_cannot_have_is_told_in_one_sentence() {
     for (told, wanted) in cases {
         assert!(told.contains(wanted) && !told.contains('|'), "{told}\n{wanted}");
     }
-    let link = "[[link]]\nname = \"a\"\nplugin = \"xon-xoff\"\nport = \"unit://10.0.0.17:7640/mill\"\n";
+    let link =
+        "[[link]]\nname = \"a\"\nplugin = \"xon-xoff\"\nport = \"unit://10.0.0.17:7640/mill\"\n";
     let told = problems(&format!("{BUS}{link}bus = \"can1\"\n")).join("|");
     assert!(told.contains("there is no bus \"can1\"; did you mean"), "{told}");
     let told = problems(&format!("{link}bus = \"can1\"\n")).join("|");

@@ -136,8 +136,8 @@ impl Driven {
                     let most = ((bits / 8.0) as u64).min(PIECE as u64);
                     let lane = self.places[unit]
                         .and_then(|lane| connection_of(lane, connections, numbers));
-                    let sent = lane
-                        .map_or(0, |(lane, connection)| connection.feed(lane, most, thread));
+                    let sent =
+                        lane.map_or(0, |(lane, connection)| connection.feed(lane, most, thread));
                     if sent > 0 {
                         self.bus.sent(now.as_secs_f64(), 8.0 * sent as f64);
                         continue;

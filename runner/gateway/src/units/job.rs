@@ -147,6 +147,9 @@ impl UnitJob {
             source.level() > 0
         });
         let room = self.feeding.sendable().min(self.capacity);
+        // While a program is only looked at, its machine stands.
+        let is_check = self.job.check && self.pass == 0;
+        let drain = if is_check { 0.0 } else { drain };
         Unit {
             level: 8.0 * (self.capacity - room) as f64,
             capacity: 8.0 * self.capacity as f64,

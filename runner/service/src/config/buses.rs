@@ -99,7 +99,8 @@ fn span(text: &Text, problems: &mut ConfigFindings<'_>) -> f64 {
     let seconds = number.parse::<f64>().ok().zip(scale).map(|(number, scale)| number / scale);
     seconds.filter(|seconds| SWITCHES.contains(seconds)).unwrap_or_else(|| {
         let message = format!("\"{}\" is no time to switch in", given.escape_debug());
-        let hint = "give a number and a unit, such as \"250us\", \"2ms\" or \"0.5s\", at most \"60s\"";
+        let hint =
+            "give a number and a unit, such as \"250us\", \"2ms\" or \"0.5s\", at most \"60s\"";
         problems.add(text.span(), message, hint);
         0.0
     })

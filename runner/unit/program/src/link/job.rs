@@ -339,8 +339,8 @@ impl Jobs {
             return;
         };
         let room = buffer - writer.level();
-        let step = (buffer / CREDIT_STEP).max(1) as u64;
-        let is_worth_it = active.fed.received() + room as u64 >= active.fed.until() + step;
+        let step = (buffer / CREDIT_STEP).max(1);
+        let is_worth_it = active.fed.received() + room as u64 >= active.fed.until() + step as u64;
         if at_any_rate || is_worth_it {
             active.fed.give(room as u64);
             around.say(&ToServer::Credit {
@@ -352,8 +352,10 @@ impl Jobs {
             });
         }
         let missing = (active.fed.until() - active.fed.received()) as usize;
-        // Woken when a step more can be given.
-        writer.wake_at(buffer.saturating_sub(missing + buffer / CREDIT_STEP));
+        // Woken when a step more can be given; never, if all of the buffer is given already.
+        if let Some(level) = buffer.checked_sub(missing + step) {
+            writer.wake_at(level);
+        }
     }
 
     /// Credit, and how far the job is.
