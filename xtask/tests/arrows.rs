@@ -60,6 +60,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-abi",
             "softplug-link",
             "softplug-machines",
+            "softplug-unit-bus",
             "softplug-unit-protocol",
             "softplug-unit-uplink",
         ],
