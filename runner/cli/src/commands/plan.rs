@@ -9,11 +9,13 @@ use clap::Args;
 use serde::Serialize;
 use softplug_plan::{
     DEFAULT_MARGIN, Discipline, MOST_FILE_BYTES, MachinePlan, Options, Outcome, Plan, Shop,
-    ShopError, Wrong, picture_of, plan, simulate,
+    ShopError, Taken, Wrong, picture_of, plan, simulate,
 };
 
+use crate::commands::remote::Remote;
 use crate::exit::Exit;
 use crate::failure::Failure;
+use crate::live;
 use crate::numbers::{count, span, things};
 use crate::screen::{BAD, GOOD, HEADING, Screen, WARNING};
 use crate::table::Table;
@@ -31,6 +33,7 @@ const MOST_SHOWN: usize = 6;
   softplug plan shop.toml
   softplug plan shop.toml --svg levels.svg
   softplug plan shop.toml --simulate 10 --json
+  softplug plan shop.toml --from http://gateway:8117
 
 The file:
   [bus]
@@ -56,6 +59,19 @@ pub(crate) struct Arguments {
     /// Also simulate 1 to 1000 whole virtual hours, each unit having the bus for a whole fill
     #[arg(long, value_name = "HOURS", value_parser = hours, allow_negative_numbers = true)]
     simulate: Option<u16>,
+    /// Plan with what this gateway has measured: efficiency and switch of its bus, and what
+    /// machines consume that are called as its links
+    #[arg(long, value_name = "URL")]
+    from: Option<String>,
+    /// The gateway's bus, if it has several
+    #[arg(long, value_name = "NAME", requires = "from")]
+    bus: Option<String>,
+    /// File with the token; without it $SOFTPLUG_TOKEN is the token
+    #[arg(long, value_name = "FILE", requires = "from")]
+    token_file: Option<PathBuf>,
+    /// Certificate (PEM) of the authority that signed the gateway's
+    #[arg(long, value_name = "FILE", requires = "from")]
+    ca: Option<PathBuf>,
 }
 
 /// All results, for machines.
@@ -63,6 +79,8 @@ pub(crate) struct Arguments {
 struct Document<'a> {
     #[serde(flatten)]
     plan: &'a Plan,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    taken: Option<&'a [Taken]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     simulation: Option<&'a Simulation>,
 }
@@ -86,17 +104,31 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
              another one"
         )));
     }
+    let measured = arguments.from.as_ref().map(|url| with_measured(&shop, url, arguments));
+    let (shop, taken) = match measured.transpose()? {
+        Some((shop, taken)) => (shop, Some(taken)),
+        None => (shop, None),
+    };
     let plan = plan(&shop);
     let simulation = arguments.simulate.map(|hours| simulated(&shop, &plan, hours));
     if let Some(file) = &arguments.svg {
         fs::write(file, picture_of(&shop, &plan))
             .map_err(|error| Failure::usage(format_args!("{}: {error}", file.display())))?;
     }
-    screen.document(&Document { plan: &plan, simulation: simulation.as_ref() });
+    let (of_gateway, simulated) = (taken.as_deref(), simulation.as_ref());
+    screen.document(&Document { plan: &plan, taken: of_gateway, simulation: simulated });
     if plan.feasible {
         show(&shop, &plan, screen);
     } else {
         show_refusal(&shop, &plan, screen);
+    }
+    if let (Some(taken), Some(url)) = (&taken, &arguments.from) {
+        for taken in taken {
+            row(screen, "measured", taken);
+        }
+        if taken.is_empty() {
+            row(screen, "measured", format_args!("nothing yet at {url}: all is as in the file"));
+        }
     }
     if let (Some(simulation), Some(hours)) = (&simulation, arguments.simulate) {
         show_simulation(simulation, hours, screen);
@@ -125,6 +157,21 @@ fn exit(plan: &Plan, simulation: Option<&Simulation>) -> Exit {
         Some(simulation) if !simulation.outcome.is_complete => Exit::Incomplete,
         _ => Exit::Done,
     }
+}
+
+/// The shop with what a gateway has measured.
+fn with_measured(
+    shop: &Shop,
+    url: &str,
+    arguments: &Arguments,
+) -> Result<(Shop, Vec<Taken>), Failure> {
+    let Arguments { token_file, ca, bus, .. } = arguments;
+    let gateway = Some(url.to_owned());
+    let remote = Remote { gateway, token_file: token_file.clone(), ca: ca.clone() };
+    let measured = live::measured(&remote, bus.as_deref())?;
+    shop.with_measured(&measured).map_err(|error| {
+        Failure::usage(format_args!("what {url} has measured cannot be planned with: {error}"))
+    })
 }
 
 fn hours(text: &str) -> Result<u16, &'static str> {
