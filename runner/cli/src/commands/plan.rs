@@ -9,12 +9,14 @@ use clap::{ArgGroup, Args};
 use serde::Serialize;
 use softplug_plan::{
     DEFAULT_MARGIN, Discipline, MOST_FILE_BYTES, MachinePlan, Options, Outcome, Plan, Shop,
-    ShopError, Wrong, picture, picture_of, plan, simulate,
+    ShopError, Taken, Wrong, picture, picture_of, plan, simulate,
 };
 
 use super::with_plugin;
+use crate::commands::remote::Remote;
 use crate::exit::Exit;
 use crate::failure::Failure;
+use crate::live;
 use crate::numbers::{count, span, things};
 use crate::plugin::{Chosen, Library};
 use crate::screen::{BAD, GOOD, HEADING, Screen, WARNING};
@@ -37,6 +39,7 @@ const ROUNDS: f64 = 3.0;
   softplug plan shop.toml --svg levels.svg
   softplug plan shop.toml --simulate 10 --json
   softplug plan shop.toml --simulate 1 --plugin xon-xoff
+  softplug plan shop.toml --from http://gateway:8117
 
 The file:
   [bus]
@@ -74,6 +77,19 @@ pub(crate) struct Arguments {
     plugin: Option<String>,
     #[command(flatten)]
     library: Library,
+    /// Plan with what this gateway has measured: efficiency and switch of its bus, and what
+    /// machines consume that are called as its links
+    #[arg(long, value_name = "URL")]
+    from: Option<String>,
+    /// The gateway's bus, if it has several
+    #[arg(long, value_name = "NAME", requires = "from")]
+    bus: Option<String>,
+    /// File with the token; without it $SOFTPLUG_TOKEN is the token
+    #[arg(long, value_name = "FILE", requires = "from")]
+    token_file: Option<PathBuf>,
+    /// Certificate (PEM) of the authority that signed the gateway's
+    #[arg(long, value_name = "FILE", requires = "from")]
+    ca: Option<PathBuf>,
 }
 
 /// All results, for machines.
@@ -81,6 +97,8 @@ pub(crate) struct Arguments {
 struct Document<'a> {
     #[serde(flatten)]
     plan: &'a Plan,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    taken: Option<&'a [Taken]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     simulation: Option<&'a Simulation>,
 }
@@ -114,6 +132,11 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
              another one"
         )));
     }
+    let measured = arguments.from.as_ref().map(|url| with_measured(&shop, url, arguments));
+    let (shop, taken) = match measured.transpose()? {
+        Some((shop, taken)) => (shop, Some(taken)),
+        None => (shop, None),
+    };
     let plan = plan(&shop);
     let tried = Tried {
         plugin: arguments.plugin.as_deref().map(|name| arguments.library.load(name)).transpose()?,
@@ -126,11 +149,20 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         fs::write(file, tried.picture()?)
             .map_err(|error| Failure::usage(format_args!("{}: {error}", file.display())))?;
     }
-    screen.document(&Document { plan: &plan, simulation: simulation.as_ref() });
+    let (of_gateway, simulated) = (taken.as_deref(), simulation.as_ref());
+    screen.document(&Document { plan: &plan, taken: of_gateway, simulation: simulated });
     if plan.feasible {
         show(&shop, &plan, screen);
     } else {
         show_refusal(&shop, &plan, screen);
+    }
+    if let (Some(taken), Some(url)) = (&taken, &arguments.from) {
+        for taken in taken {
+            row(screen, "measured", taken);
+        }
+        if taken.is_empty() {
+            row(screen, "measured", format_args!("nothing yet at {url}: all is as in the file"));
+        }
     }
     if let (Some(simulation), Some(hours)) = (&simulation, arguments.simulate) {
         show_simulation(simulation, hours, screen);
@@ -159,6 +191,21 @@ fn exit(plan: &Plan, simulation: Option<&Simulation>) -> Exit {
         Some(simulation) if !simulation.outcome.is_complete => Exit::Incomplete,
         _ => Exit::Done,
     }
+}
+
+/// The shop with what a gateway has measured.
+fn with_measured(
+    shop: &Shop,
+    url: &str,
+    arguments: &Arguments,
+) -> Result<(Shop, Vec<Taken>), Failure> {
+    let Arguments { token_file, ca, bus, .. } = arguments;
+    let gateway = Some(url.to_owned());
+    let remote = Remote { gateway, token_file: token_file.clone(), ca: ca.clone() };
+    let measured = live::measured(&remote, bus.as_deref())?;
+    shop.with_measured(&measured).map_err(|error| {
+        Failure::usage(format_args!("what {url} has measured cannot be planned with: {error}"))
+    })
 }
 
 fn hours(text: &str) -> Result<u16, &'static str> {
