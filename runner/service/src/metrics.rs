@@ -150,6 +150,14 @@ const OF_BUSES: [(&str, &str, Option<Unit>, OfBus); 6] = [
     }),
 ];
 
+type OfBusUnit = fn(&BusUnitView) -> u64;
+
+/// Of each unit on a bus: name, what it is, how it is had.
+const OF_BUS_UNITS: [(&str, &str, OfBusUnit); 2] = [
+    ("unit_level_bytes", "Bytes in the unit's buffer", |unit| unit.level),
+    ("unit_buffer_bytes", "Bytes of the unit's buffer", |unit| unit.buffer),
+];
+
 impl Snapshot {
     fn gateway(&self, encoder: &mut DescriptorEncoder<'_>) -> fmt::Result {
         let HealthView { is_healthy, version, started_ms, .. } = &self.health;
@@ -214,11 +222,7 @@ impl Snapshot {
                 ConstGauge::new(value).encode(metric.encode_family(&labels)?)?;
             }
         }
-        let bytes: [(&str, &str, fn(&BusUnitView) -> u64); 2] = [
-            ("unit_level_bytes", "Bytes in the unit's buffer", |unit| unit.level),
-            ("unit_buffer_bytes", "Bytes of the unit's buffer", |unit| unit.buffer),
-        ];
-        for (name, help, value) in bytes {
+        for (name, help, value) in OF_BUS_UNITS {
             let kind = ConstGauge::new(0_u64).metric_type();
             let name = format!("softplug_bus_{name}");
             let mut metric = encoder.encode_descriptor(&name, help, None, kind)?;

@@ -225,10 +225,10 @@ fn a_units_link_is_on_the_bus_that_it_names_or_that_of_its_can_interface() {
     assert_eq!(buses, [Some("can0"), Some("can0"), None, None]);
     let [bus] = &config.buses[..] else { panic!("{:?}", config.buses) };
     assert_eq!((bus.name.as_str(), bus.rates.rate, bus.rates.switch), ("can0", 250_000.0, 0.002));
-    assert_eq!(bus.rates.payload(), 100_000.0);
-    for (written, seconds) in [("250us", 0.00025), ("0.5s", 0.5), ("0ms", 0.0)] {
+    assert_eq!(bus.rates.payload() as u64, 100_000);
+    for (written, micros) in [("250us", 250), ("0.5s", 500_000), ("0ms", 0)] {
         let config = parse(&BUS.replace("2ms", written)).unwrap();
-        assert_eq!(config.buses[0].rates.switch, seconds, "{written}");
+        assert_eq!((config.buses[0].rates.switch * 1e6).round() as u64, micros, "{written}");
     }
 }
 

@@ -114,8 +114,8 @@ impl<I: Instance> Machine<I> {
         if let Some(end) = self.data.end {
             let machine = self.name.clone();
             return Err(match end {
-                Some(failure) => ShopFault::Job { machine, failure },
-                None => ShopFault::Done { machine },
+                End::Failed(failure) => ShopFault::Job { machine, failure },
+                End::Done => ShopFault::Done { machine },
             });
         }
         if self.samples.is_due(now) {
@@ -185,6 +185,13 @@ fn control(
     })
 }
 
+/// How a job has ended.
+#[derive(Clone, Copy, Debug)]
+enum End {
+    Done,
+    Failed(Failure),
+}
+
 /// The unit's buffer, which the bus fills and the plug-in empties.
 #[derive(Debug)]
 struct Data {
@@ -193,14 +200,14 @@ struct Data {
     /// Bytes of the program that the plug-in has been given.
     given: u64,
     /// The job has ended, and why.
-    end: Option<Option<Failure>>,
+    end: Option<End>,
 }
 
 impl LinkHost for Data {
     fn handle(&mut self, _now: Micros, action: &Action<'_>) {
         match action {
-            Action::JobDone { .. } => self.end = Some(None),
-            Action::JobFailed { failure, .. } => self.end = Some(Some(*failure)),
+            Action::JobDone { .. } => self.end = Some(End::Done),
+            Action::JobFailed { failure, .. } => self.end = Some(End::Failed(*failure)),
             _ => {}
         }
     }

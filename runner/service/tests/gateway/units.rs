@@ -185,8 +185,8 @@ fn units_on_a_bus_are_fed_in_turn_and_shown() {
     let units = [TestUnit::with_pty(), TestUnit::with_pty()];
     let bus = "[[bus]]\nname = \"hall\"\nrate = 320_000\nefficiency = 0.5\nswitch = \"2ms\"\n";
     let lines = "plugin = \"xon-xoff\"\nbus = \"hall\"\n";
-    let ports = [&units[0].0.port, &units[1].0.port].map(|port| (&**port, lines));
     let (units, ptys): (Vec<_>, Vec<_>) = units.into_iter().unzip();
+    let ports = [&*units[0].port, &*units[1].port].map(|port| (port, lines));
     let shop = Shop::of_links(bus, &ports, ptys);
     let gateway = shop.gateway();
     let program = shop.program("O1.nc", 30_000);

@@ -121,7 +121,8 @@ pub enum CanEnd {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub struct CanUplink {
-    socket: IsoTpSocket,
+    /// It has room for the longest message.
+    socket: Box<IsoTpSocket>,
     came: Vec<u8>,
     /// A frame that the bus has not taken yet.
     leaves: Option<Box<[u8]>>,
@@ -154,7 +155,7 @@ impl CanUplink {
             socketcan_isotp::Error::Io { source } => source,
         })?;
         socket.set_nonblocking(true)?;
-        Ok(Self { socket, came: Vec::new(), leaves: None, is_fd, bits: 0 })
+        Ok(Self { socket: Box::new(socket), came: Vec::new(), leaves: None, is_fd, bits: 0 })
     }
 
     /// The next frame that has come; `None`: not before the source is readable again.
