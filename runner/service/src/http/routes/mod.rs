@@ -275,6 +275,6 @@ mod tests {
                 count += 1;
             }
         }
-        assert_eq!(count, 36);
+        assert_eq!(count, 37);
     }
 }
