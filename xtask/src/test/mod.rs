@@ -11,7 +11,7 @@ use std::process::{Command, ExitCode};
 pub(crate) use self::counts::Counts;
 use crate::run::{self, cargo, overhear};
 use crate::workspace::Workspace;
-use crate::{Error, emulated, mutants, playground, plugins};
+use crate::{Error, emulated, firmware, mutants, playground, plugins};
 
 /// With `--all`, all that is needed must be there.
 #[derive(Debug, thiserror::Error)]
@@ -101,6 +101,11 @@ const TOOLS: &[Tool] = &[
     },
     EMULATOR,
     Tool {
+        program: "qemu-system-arm",
+        source: "Debian package qemu-system-arm",
+        purpose: "the unit without an operating system, on an emulated Cortex-M4",
+    },
+    Tool {
         program: "schemathesis",
         source: "runner/service/tests/api/requirements.txt, from PyPI",
         purpose: "the gateway's API fuzzed from its own document",
@@ -149,6 +154,7 @@ pub(crate) fn run(workspace: &Workspace, extent: Extent) -> Result<ExitCode, Err
     if extent != Extent::Emulated {
         mutants::build(workspace)?;
         playground::build(workspace)?;
+        let built = firmware::build(workspace)?;
         let others = missing.iter().filter(|tool| tool.program != EMULATOR.program);
         for tool in others {
             let why = format!("`{}` is missing ({})", tool.program, tool.source);
@@ -156,7 +162,8 @@ pub(crate) fn run(workspace: &Workspace, extent: Extent) -> Result<ExitCode, Err
         }
         let mut skips: Vec<_> = missing.iter().map(|tool| tool.module()).collect();
         skips.push(EMULATOR.module());
-        for (name, command) in steps_of(&skips) {
+        for (name, mut command) in steps_of(&skips) {
+            command.env("SOFTPLUG_FIRMWARE", &built);
             steps.push(step(workspace, name, command)?);
         }
     }
