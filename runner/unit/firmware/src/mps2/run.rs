@@ -59,7 +59,8 @@ impl Board for Mps2 {
     }
 
     fn hear_machine(&mut self) -> Option<FromMachine> {
-        match FROM_MACHINE.pop() {
+        let waiting = || FROM_MACHINE.pop().or_else(|| MACHINE.get());
+        match FROM_MACHINE.pop().or_else(|| chip::alone(waiting)) {
             Some(byte) => Some(FromMachine::Byte(byte)),
             None => HAS_LOST.swap(false, Ordering::Relaxed).then_some(FromMachine::Overrun),
         }
@@ -144,13 +145,12 @@ fn SysTick() {}
 unsafe fn DefaultHandler(interrupt: i16) {
     match interrupt {
         0 => {
-            while let Some(byte) = MACHINE.get() {
-                if FROM_MACHINE.is_full() {
-                    HAS_LOST.store(true, Ordering::Relaxed);
-                } else {
-                    FROM_MACHINE.push(byte);
-                }
+            while !FROM_MACHINE.is_full()
+                && let Some(byte) = MACHINE.get()
+            {
+                FROM_MACHINE.push(byte);
             }
+            MACHINE.clear();
             if MACHINE.has_lost() {
                 HAS_LOST.store(true, Ordering::Relaxed);
             }
