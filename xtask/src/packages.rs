@@ -20,6 +20,7 @@ const LIBRARIES: &[&str] = &[
     "softplug-explore",
     "softplug-conformance",
     "softplug-plan",
+    "softplug-shop",
     "softplug-unit-bus",
     "softplug-unit-protocol",
     "softplug-unit-slots",

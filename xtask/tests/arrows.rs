@@ -61,8 +61,20 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-abi",
             "softplug-link",
             "softplug-machines",
+            "softplug-unit-bus",
             "softplug-unit-protocol",
             "softplug-unit-uplink",
+        ],
+    ),
+    (
+        "softplug-shop",
+        &[
+            "softplug-abi",
+            "softplug-conformance",
+            "softplug-link",
+            "softplug-machines",
+            "softplug-plan",
+            "softplug-unit-bus",
         ],
     ),
     (
@@ -93,6 +105,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-plan",
             "softplug-report",
             "softplug-service",
+            "softplug-shop",
             "softplug-trace",
             "softplug-unit",
             "softplug-unit-protocol",

@@ -4,8 +4,10 @@ use std::fmt::Display;
 use std::path::Path;
 
 use softplug_gateway::PortSpec;
+use softplug_plan::Measured;
 
 use crate::arguments::Global;
+use crate::commands::remote::Remote;
 use crate::commands::{
     demo, dev, doctor, gateway, job, link, plugin, program, receive, record, send, simulate,
 };
@@ -82,6 +84,10 @@ pub(crate) fn link(_: &link::Arguments, _: &Screen) -> Result<Exit, Failure> {
 }
 
 pub(crate) fn job(_: &job::Arguments, _: &Screen) -> Result<Exit, Failure> {
+    Err(nowhere("speaking with a gateway"))
+}
+
+pub(crate) fn measured(_: &Remote, _: Option<&str>) -> Result<Measured, Failure> {
     Err(nowhere("speaking with a gateway"))
 }
 

@@ -128,7 +128,7 @@ impl Played {
         let module = b"wasm".to_vec().into();
         let plugin = UnitPlugin { module, digest: DIGEST, signature: None, settings: Vec::new() };
         let reopen = Backoff { first: Micros::from_millis(50), longest: Micros::from_secs(1) };
-        units.add(LANE, UnitSetup { address, plugin, delivery_room: 4_096, reopen });
+        units.add(LANE, UnitSetup { address, plugin, delivery_room: 4_096, reopen, bus: None });
         Self { units: Some(units), reports, thread }
     }
 

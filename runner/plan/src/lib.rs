@@ -10,6 +10,7 @@
 //! |---|---|
 //! | `shop` | bus and machines, and what can be meant by them |
 //! | `file` | `shop.toml` |
+//! | `measured` | figures of a live bus in the place of those of the file |
 //! | `model` | the constraints, and what follows from them in closed form |
 //! | `programme` | the same as a linear programme |
 //! | `planning` | the plan |
@@ -50,6 +51,7 @@
 mod change;
 mod error;
 mod file;
+mod measured;
 mod model;
 mod picture;
 mod planning;
@@ -61,6 +63,7 @@ mod span;
 pub use change::{Change, Parameter};
 pub use error::{Place, ShopError, Wrong};
 pub use file::MOST_FILE_BYTES;
+pub use measured::{Measured, Taken};
 pub use picture::{picture, picture_of};
 pub use planning::{BusPlan, MachinePlan, Plan, Service, plan};
 pub use shop::{

@@ -45,8 +45,7 @@ const STYLE: &str = "\
 /// to the first dry spell.
 pub fn picture_of(shop: &Shop, plan: &Plan) -> String {
     let service = plan.service();
-    let bus = shop.bus();
-    let round: f64 = service.buffers.iter().map(|bits| bits / bus.payload() + bus.switch).sum();
+    let round = service.round_seconds(shop.bus());
     let run = |seconds: f64, keeps_levels: bool| {
         let feeds_while_filled = plan.must_feed_while_filled();
         let options = Options {

@@ -5,7 +5,7 @@ use serde::Serialize;
 use crate::change::{Change, changes};
 use crate::model::{Model, holds, largest_equal};
 use crate::programme::{Goal, solve};
-use crate::shop::{Machine, Shop};
+use crate::shop::{Bus, Machine, Shop};
 
 /// What a shop needs. As JSON it is stable: keys may be added, none changes.
 #[derive(Clone, PartialEq, Debug, Serialize)]
@@ -78,6 +78,13 @@ pub struct Service {
     pub buffers: Vec<f64>,
     /// Indices of the units in the order in which the bus serves them.
     pub order: Vec<usize>,
+}
+
+impl Service {
+    /// Seconds in which the bus fills each whole buffer once.
+    pub fn round_seconds(&self, bus: &Bus) -> f64 {
+        self.buffers.iter().map(|bits| bits / bus.payload() + bus.switch).sum()
+    }
 }
 
 impl Plan {

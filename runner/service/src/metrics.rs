@@ -12,7 +12,7 @@ use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::registry::{Registry, Unit};
 
 use crate::http::Tally;
-use crate::view::{CountersView, HealthView, LinkState, LinkView};
+use crate::view::{BusUnitView, BusView, CountersView, HealthView, LinkState, LinkView};
 
 /// What the text is.
 pub(crate) const CONTENT_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
@@ -28,10 +28,11 @@ pub(crate) struct HttpFigures<'a> {
 pub(crate) fn text(
     health: &HealthView,
     links: &[LinkView],
+    buses: &[BusView],
     http: HttpFigures<'_>,
 ) -> Result<String, fmt::Error> {
     let mut registry = Registry::default();
-    registry.register_collector(Box::new(Snapshot::new(health, links, http)));
+    registry.register_collector(Box::new(Snapshot::new(health, links, buses, http)));
     let mut text = String::new();
     openmetrics::encode(&mut text, &registry)?;
     Ok(text)
@@ -41,19 +42,26 @@ pub(crate) fn text(
 struct Snapshot {
     health: HealthView,
     links: Vec<LinkView>,
+    buses: Vec<BusView>,
     connections: u64,
     /// By name, with what they count.
     requests: [(&'static str, &'static str, u64); 4],
 }
 
 impl Snapshot {
-    fn new(health: &HealthView, links: &[LinkView], http: HttpFigures<'_>) -> Self {
+    fn new(
+        health: &HealthView,
+        links: &[LinkView],
+        buses: &[BusView],
+        http: HttpFigures<'_>,
+    ) -> Self {
         let Tally { requests, strangers, hasty, failed } = http.tally;
         let [requests, strangers, hasty, failed] =
             [requests, strangers, hasty, failed].map(|count| count.load(Ordering::Relaxed));
         Self {
             health: health.clone(),
             links: links.to_vec(),
+            buses: buses.to_vec(),
             connections: http.connections as u64,
             requests: [
                 ("requests", "HTTP requests", requests),
@@ -121,9 +129,34 @@ impl Collector for Snapshot {
     fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> fmt::Result {
         self.gateway(&mut encoder)?;
         self.http(&mut encoder)?;
-        self.links(&mut encoder)
+        self.links(&mut encoder)?;
+        self.buses(&mut encoder)
     }
 }
+
+type OfBus = fn(&BusView) -> Option<f64>;
+
+/// Of each bus: name, what it is, its unit, how it is had. What was not measured is left out.
+const OF_BUSES: [(&str, &str, Option<Unit>, OfBus); 6] = [
+    ("planned_rate", "Bits per second, as planned", None, |bus| Some(bus.rate)),
+    ("planned_efficiency", "Data bits of all bits, as planned", None, |bus| Some(bus.efficiency)),
+    ("planned_switch", "Time to switch to another unit, as planned", Some(Unit::Seconds), |bus| {
+        Some(bus.switch_seconds)
+    }),
+    ("load", "Data that was sent, as a part of what is planned", None, |bus| bus.measured.load),
+    ("efficiency", "Data bits of all bits, measured", None, |bus| bus.measured.efficiency),
+    ("switch", "Time to switch to another unit, measured", Some(Unit::Seconds), |bus| {
+        bus.measured.switch_seconds
+    }),
+];
+
+type OfBusUnit = fn(&BusUnitView) -> u64;
+
+/// Of each unit on a bus: name, what it is, how it is had.
+const OF_BUS_UNITS: [(&str, &str, OfBusUnit); 2] = [
+    ("unit_level_bytes", "Bytes in the unit's buffer", |unit| unit.level),
+    ("unit_buffer_bytes", "Bytes of the unit's buffer", |unit| unit.buffer),
+];
 
 impl Snapshot {
     fn gateway(&self, encoder: &mut DescriptorEncoder<'_>) -> fmt::Result {
@@ -176,6 +209,31 @@ impl Snapshot {
             self.each(encoder, (name, help, Some(&Unit::Seconds)), counter)?;
         }
         self.labelled(encoder)
+    }
+
+    fn buses(&self, encoder: &mut DescriptorEncoder<'_>) -> fmt::Result {
+        for (name, help, unit, value) in OF_BUSES {
+            let kind = ConstGauge::new(0.0_f64).metric_type();
+            let name = format!("softplug_bus_{name}");
+            let mut metric = encoder.encode_descriptor(&name, help, unit.as_ref(), kind)?;
+            for bus in &self.buses {
+                let Some(value) = value(bus) else { continue };
+                let labels = [("bus", bus.name.as_str())];
+                ConstGauge::new(value).encode(metric.encode_family(&labels)?)?;
+            }
+        }
+        for (name, help, value) in OF_BUS_UNITS {
+            let kind = ConstGauge::new(0_u64).metric_type();
+            let name = format!("softplug_bus_{name}");
+            let mut metric = encoder.encode_descriptor(&name, help, None, kind)?;
+            for bus in &self.buses {
+                for unit in &bus.units {
+                    let labels = [("bus", bus.name.as_str()), ("link", unit.link.as_str())];
+                    ConstGauge::new(value(unit)).encode(metric.encode_family(&labels)?)?;
+                }
+            }
+        }
+        Ok(())
     }
 
     /// One value of each link.

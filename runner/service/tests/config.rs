@@ -205,3 +205,57 @@ proptest::proptest! {
         }
     }
 }
+
+const BUS: &str = "[[bus]]\nname = \"can0\"\nrate = 250_000\nefficiency = 0.4\nswitch = \"2ms\"\n";
+
+#[test]
+fn a_units_link_is_on_the_bus_that_it_names_or_that_of_its_can_interface() {
+    let link = |name: &str, rest: &str| {
+        format!("[[link]]\nname = \"{name}\"\nplugin = \"xon-xoff\"\n{rest}\n")
+    };
+    let text = [
+        BUS.to_owned(),
+        link("a", "port = \"unit://10.0.0.17:7640/mill\"\nbus = \"can0\""),
+        link("b", "port = \"unit://can0/17\""),
+        link("c", "port = \"unit://can1/17\""),
+        link("d", "port = \"unit://10.0.0.18:7640/mill\""),
+    ];
+    let config = parse(&text.concat()).unwrap();
+    let buses: Vec<_> = config.links.iter().map(|link| link.bus.as_deref()).collect();
+    assert_eq!(buses, [Some("can0"), Some("can0"), None, None]);
+    let [bus] = &config.buses[..] else { panic!("{:?}", config.buses) };
+    assert_eq!((bus.name.as_str(), bus.rates.rate, bus.rates.switch), ("can0", 250_000.0, 0.002));
+    assert_eq!(bus.rates.payload() as u64, 100_000);
+    for (written, micros) in [("250us", 250), ("0.5s", 500_000), ("0ms", 0)] {
+        let config = parse(&BUS.replace("2ms", written)).unwrap();
+        assert_eq!((config.buses[0].rates.switch * 1e6).round() as u64, micros, "{written}");
+    }
+}
+
+#[test]
+fn what_a_bus_cannot_have_is_told_in_one_sentence() {
+    let with = |from: &str, to: &str| problems(&BUS.replace(from, to)).join("|");
+    let cases = [
+        (with("name = \"can0\"\n", ""), "this bus has no name; add a line such as"),
+        (with("can0", "can/0"), "\"can/0\" cannot name a bus; use 1 to 64 letters"),
+        (with("rate = 250_000\n", ""), "the bus \"can0\" has no rate; add a line such as"),
+        (with("switch = \"2ms\"\n", ""), "the bus \"can0\" has no switch; add a line such as"),
+        (with("250_000", "0"), "0 does not do here; give bits per second from 1 to 1e12"),
+        (with("0.4", "1.5"), "1.5 does not do here; give data bits of all bits, from 0.001 to 1"),
+        (with("2ms", "soon"), "\"soon\" is no time to switch in; give a number and a unit"),
+        (with("2ms", "61s"), "\"61s\" is no time to switch in; give a number and a unit"),
+        (problems(&BUS.repeat(2)).join("|"), "there are two buses \"can0\"; give each a name"),
+    ];
+    for (told, wanted) in cases {
+        assert!(told.contains(wanted) && !told.contains('|'), "{told}\n{wanted}");
+    }
+    let link =
+        "[[link]]\nname = \"a\"\nplugin = \"xon-xoff\"\nport = \"unit://10.0.0.17:7640/mill\"\n";
+    let told = problems(&format!("{BUS}{link}bus = \"can1\"\n")).join("|");
+    assert!(told.contains("there is no bus \"can1\"; did you mean"), "{told}");
+    let told = problems(&format!("{link}bus = \"can1\"\n")).join("|");
+    assert!(told.contains("there is no bus \"can1\"; add one: [[bus]]"), "{told}");
+    let local = link.replace("unit://10.0.0.17:7640/mill", "pty:");
+    let told = problems(&format!("{BUS}{local}bus = \"can0\"\n")).join("|");
+    assert!(told.contains("the link \"a\" is no unit's, and on no bus; take `bus` away"), "{told}");
+}

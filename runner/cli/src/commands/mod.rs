@@ -34,6 +34,7 @@ pub(crate) mod trace;
 pub(crate) mod unit;
 pub(crate) mod verify;
 mod willing;
+mod with_plugin;
 
 use crate::arguments::{Command, Global};
 use crate::exit::Exit;

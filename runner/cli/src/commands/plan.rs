@@ -5,21 +5,27 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 use serde::Serialize;
 use softplug_plan::{
     DEFAULT_MARGIN, Discipline, MOST_FILE_BYTES, MachinePlan, Options, Outcome, Plan, Shop,
-    ShopError, Wrong, picture_of, plan, simulate,
+    ShopError, Taken, Wrong, picture, picture_of, plan, simulate,
 };
 
+use super::with_plugin;
+use crate::commands::remote::Remote;
 use crate::exit::Exit;
 use crate::failure::Failure;
+use crate::live;
 use crate::numbers::{count, span, things};
+use crate::plugin::{Chosen, Library};
 use crate::screen::{BAD, GOOD, HEADING, Screen, WARNING};
 use crate::table::Table;
 
 /// Most changes that people are shown; machines get all.
 const MOST_SHOWN: usize = 6;
+/// Rounds that are drawn of a shop with a plug-in.
+const ROUNDS: f64 = 3.0;
 
 /// Says how large the buffers of units on one bus must be, so that no machine runs dry.
 ///
@@ -27,10 +33,13 @@ const MOST_SHOWN: usize = 6;
 /// line. The file has the bus and the machines. If no buffers will do, it is said which constraint
 /// of which machine fails, and which change would mend it.
 #[derive(Debug, Args)]
+#[command(group = ArgGroup::new("tried").multiple(true))]
 #[command(after_help = "Examples:
   softplug plan shop.toml
   softplug plan shop.toml --svg levels.svg
   softplug plan shop.toml --simulate 10 --json
+  softplug plan shop.toml --simulate 1 --plugin xon-xoff
+  softplug plan shop.toml --from http://gateway:8117
 
 The file:
   [bus]
@@ -51,11 +60,36 @@ pub(crate) struct Arguments {
     #[arg(value_name = "SHOP.TOML")]
     shop: PathBuf,
     /// Draw the levels of the first rounds, as simulated, into this file
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", group = "tried")]
     svg: Option<PathBuf>,
     /// Also simulate 1 to 1000 whole virtual hours, each unit having the bus for a whole fill
-    #[arg(long, value_name = "HOURS", value_parser = hours, allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "HOURS",
+        value_parser = hours,
+        allow_negative_numbers = true,
+        group = "tried"
+    )]
     simulate: Option<u16>,
+    /// Picture and simulation are of this plug-in for XON/XOFF in each unit, byte by byte, served as
+    /// a gateway serves them
+    #[arg(long, value_name = "PLUGIN", requires = "tried")]
+    plugin: Option<String>,
+    #[command(flatten)]
+    library: Library,
+    /// Plan with what this gateway has measured: efficiency and switch of its bus, and what
+    /// machines consume that are called as its links
+    #[arg(long, value_name = "URL")]
+    from: Option<String>,
+    /// The gateway's bus, if it has several
+    #[arg(long, value_name = "NAME", requires = "from")]
+    bus: Option<String>,
+    /// File with the token; without it $SOFTPLUG_TOKEN is the token
+    #[arg(long, value_name = "FILE", requires = "from")]
+    token_file: Option<PathBuf>,
+    /// Certificate (PEM) of the authority that signed the gateway's
+    #[arg(long, value_name = "FILE", requires = "from")]
+    ca: Option<PathBuf>,
 }
 
 /// All results, for machines.
@@ -63,6 +97,8 @@ pub(crate) struct Arguments {
 struct Document<'a> {
     #[serde(flatten)]
     plan: &'a Plan,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    taken: Option<&'a [Taken]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     simulation: Option<&'a Simulation>,
 }
@@ -73,8 +109,18 @@ struct Simulation {
     holds: bool,
     /// Whether units fed their controls also while they were filled.
     feeds_while_filled: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    plugin: Option<SimulatedPlugin>,
     #[serde(flatten)]
     outcome: Outcome,
+}
+
+#[derive(Serialize)]
+struct SimulatedPlugin {
+    name: String,
+    version: String,
+    /// Machines at which another byte came than was sent.
+    altered: Vec<String>,
 }
 
 pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
@@ -86,17 +132,37 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
              another one"
         )));
     }
+    let measured = arguments.from.as_ref().map(|url| with_measured(&shop, url, arguments));
+    let (shop, taken) = match measured.transpose()? {
+        Some((shop, taken)) => (shop, Some(taken)),
+        None => (shop, None),
+    };
     let plan = plan(&shop);
-    let simulation = arguments.simulate.map(|hours| simulated(&shop, &plan, hours));
+    let tried = Tried {
+        plugin: arguments.plugin.as_deref().map(|name| arguments.library.load(name)).transpose()?,
+        shop: &shop,
+        plan: &plan,
+        screen,
+    };
+    let simulation = arguments.simulate.map(|hours| tried.simulation(hours)).transpose()?;
     if let Some(file) = &arguments.svg {
-        fs::write(file, picture_of(&shop, &plan))
+        fs::write(file, tried.picture()?)
             .map_err(|error| Failure::usage(format_args!("{}: {error}", file.display())))?;
     }
-    screen.document(&Document { plan: &plan, simulation: simulation.as_ref() });
+    let (of_gateway, simulated) = (taken.as_deref(), simulation.as_ref());
+    screen.document(&Document { plan: &plan, taken: of_gateway, simulation: simulated });
     if plan.feasible {
         show(&shop, &plan, screen);
     } else {
         show_refusal(&shop, &plan, screen);
+    }
+    if let (Some(taken), Some(url)) = (&taken, &arguments.from) {
+        for taken in taken {
+            row(screen, "measured", taken);
+        }
+        if taken.is_empty() {
+            row(screen, "measured", format_args!("nothing yet at {url}: all is as in the file"));
+        }
     }
     if let (Some(simulation), Some(hours)) = (&simulation, arguments.simulate) {
         show_simulation(simulation, hours, screen);
@@ -125,6 +191,21 @@ fn exit(plan: &Plan, simulation: Option<&Simulation>) -> Exit {
         Some(simulation) if !simulation.outcome.is_complete => Exit::Incomplete,
         _ => Exit::Done,
     }
+}
+
+/// The shop with what a gateway has measured.
+fn with_measured(
+    shop: &Shop,
+    url: &str,
+    arguments: &Arguments,
+) -> Result<(Shop, Vec<Taken>), Failure> {
+    let Arguments { token_file, ca, bus, .. } = arguments;
+    let gateway = Some(url.to_owned());
+    let remote = Remote { gateway, token_file: token_file.clone(), ca: ca.clone() };
+    let measured = live::measured(&remote, bus.as_deref())?;
+    shop.with_measured(&measured).map_err(|error| {
+        Failure::usage(format_args!("what {url} has measured cannot be planned with: {error}"))
+    })
 }
 
 fn hours(text: &str) -> Result<u16, &'static str> {
@@ -173,12 +254,54 @@ fn read(path: &Path) -> Result<Shop, Failure> {
     Shop::parse(&text).map_err(meant)
 }
 
-fn simulated(shop: &Shop, plan: &Plan, hours: u16) -> Simulation {
-    let feeds_while_filled = plan.must_feed_while_filled();
-    let seconds = 3_600.0 * f64::from(hours);
-    let options = Options { seconds, feeds_while_filled, ..Options::default() };
-    let outcome = simulate(shop, &plan.service(), Discipline::Slots, &options);
-    Simulation { holds: outcome.holds_so_far(), feeds_while_filled, outcome }
+/// A plan that is tried, by the model or with a plug-in.
+struct Tried<'a> {
+    shop: &'a Shop,
+    plan: &'a Plan,
+    plugin: Option<Chosen>,
+    screen: &'a Screen,
+}
+
+impl Tried<'_> {
+    fn simulation(&self, hours: u16) -> Result<Simulation, Failure> {
+        let seconds = 3_600.0 * f64::from(hours);
+        let Some(plugin) = &self.plugin else {
+            let feeds_while_filled = self.plan.must_feed_while_filled();
+            let options = Options { seconds, feeds_while_filled, ..Options::default() };
+            let service = self.plan.service();
+            let outcome = simulate(self.shop, &service, Discipline::Slots, &options);
+            let holds = outcome.holds_so_far();
+            return Ok(Simulation { holds, feeds_while_filled, plugin: None, outcome });
+        };
+        let simulated = self.with_plugin(plugin, seconds, false)?;
+        let manifest = plugin.manifest();
+        Ok(Simulation {
+            holds: simulated.holds(),
+            feeds_while_filled: true,
+            plugin: Some(SimulatedPlugin {
+                name: manifest.name.clone(),
+                version: manifest.version.clone(),
+                altered: simulated.altered,
+            }),
+            outcome: simulated.outcome,
+        })
+    }
+
+    fn picture(&self) -> Result<String, Failure> {
+        let Some(plugin) = &self.plugin else { return Ok(picture_of(self.shop, self.plan)) };
+        let seconds = ROUNDS * self.plan.service().round_seconds(self.shop.bus());
+        Ok(picture(&self.with_plugin(plugin, seconds, true)?.outcome))
+    }
+
+    fn with_plugin(
+        &self,
+        plugin: &Chosen,
+        seconds: f64,
+        keeps_levels: bool,
+    ) -> Result<softplug_shop::Simulated, Failure> {
+        let options = softplug_shop::Options { seconds, keeps_levels };
+        with_plugin::simulated(self.shop, self.plan, plugin, &options, self.screen)
+    }
 }
 
 fn row(screen: &Screen, title: &str, text: impl std::fmt::Display) {
@@ -290,11 +413,30 @@ fn constraint(number: u8, margin: f64) -> String {
 fn show_simulation(simulation: &Simulation, hours: u16, screen: &Screen) {
     let outcome = &simulation.outcome;
     let dry: u64 = outcome.machines.iter().map(|machine| machine.times_dry).sum();
-    let fills = things(outcome.services, "fill");
+    let fills = match &simulation.plugin {
+        Some(plugin) => {
+            format!("{} {}, {}", plugin.name, plugin.version, things(outcome.services, "turn"))
+        }
+        None => things(outcome.services, "fill"),
+    };
     let so_far = if outcome.is_complete { "" } else { " so far" };
     let what = match dry {
         0 => format!("{GOOD}no machine ran dry{so_far}{GOOD:#}"),
         dry => format!("{BAD}dry{BAD:#} {}{so_far}", things(dry, "time")),
+    };
+    let what = match &simulation.plugin {
+        None => what,
+        Some(plugin) => {
+            let lost: f64 =
+                outcome.machines.iter().map(|machine| machine.overflow_bits / 8.0).sum();
+            match (plugin.altered.is_empty(), lost as u64) {
+                (true, 0) => format!("{what}, no byte was lost, doubled or altered"),
+                (true, lost) => format!("{what}, {BAD}lost{BAD:#} {}", things(lost, "byte")),
+                (false, _) => {
+                    format!("{what}, {BAD}altered{BAD:#} at {}", plugin.altered.join(", "))
+                }
+            }
+        }
     };
     if outcome.is_complete {
         row(screen, "simulated", format_args!("{hours}.0 h, {fills}: {what}"));

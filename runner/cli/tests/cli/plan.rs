@@ -192,3 +192,81 @@ fn the_picture_of_the_page_is_what_is_drawn() {
     }
     assert_eq!(drawn, std::fs::read_to_string(picture).unwrap(), "SOFTPLUG_DRAW=1 writes it anew");
 }
+
+/// A gateway that answers one question, in this way, and tells what it was asked.
+fn gateway(answer: serde_json::Value) -> (String, std::thread::JoinHandle<String>) {
+    use std::io::{BufRead as _, BufReader, Write as _};
+
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let url = format!("http://{}", listener.local_addr().unwrap());
+    let thread = std::thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        let lines = BufReader::new(stream.try_clone().unwrap()).lines().map_while(Result::ok);
+        let asked: Vec<_> = lines.take_while(|line| !line.is_empty()).collect();
+        let body = answer.to_string();
+        let head = "HTTP/1.1 200 OK\r\nContent-Type: application/json\r\nConnection: close";
+        write!(stream, "{head}\r\nContent-Length: {}\r\n\r\n{body}", body.len()).unwrap();
+        asked.join("\n")
+    });
+    (url, thread)
+}
+
+fn bus(name: &str) -> serde_json::Value {
+    let unit = |link: &str, consumes: Option<f64>| {
+        serde_json::json!({
+            "link": link, "port": "unit://can0/17", "level": 0, "buffer": 0, "consumes": consumes, "slots": [],
+        })
+    };
+    serde_json::json!({
+        "name": name, "rate": 250_000.0, "efficiency": 0.4, "switch_seconds": 0.002, "serves": null,
+        "measured": { "load": 0.9, "efficiency": 0.45, "switch_seconds": 0.0015 },
+        "units": [unit("mill-1", Some(5_000.4)), unit("mill-2", Some(5_200.0)), unit("mill-3", None), unit("saw", Some(1.0))],
+    })
+}
+
+#[test]
+fn measured_figures_take_the_place_of_those_of_the_file() {
+    let bench = bench();
+    bench.write("token", "softplug_1");
+    let (url, asked) = gateway(serde_json::json!([bus("can0")]));
+    let arguments = ["plan", "more.toml", "--from", &url, "--token-file", "token"];
+    let ran = bench.run(&arguments).with_code(0);
+    let asked = asked.join().unwrap().to_lowercase();
+    assert!(asked.starts_with("get /api/v1/buses "), "{asked}");
+    assert!(asked.contains("authorization: bearer softplug_1"), "{asked}");
+    for taken in [
+        "efficiency of the bus 0.45, in the file 0.4",
+        "switch of the bus 1.5ms, in the file 2ms",
+        "consumes of mill 5200 bit/s, in the file 6000 bit/s",
+    ] {
+        assert!(ran.out.contains(taken), "{ran}");
+    }
+    let (url, asked) = gateway(serde_json::json!([bus("can0"), bus("can1")]));
+    let arguments = ["plan", "more.toml", "--from", &url, "--bus", "can1", "--json"];
+    let plan = bench.run(&arguments).with_code(0).json();
+    asked.join().unwrap();
+    assert_eq!(plan["taken"].as_array().unwrap().len(), 3);
+    assert_eq!(plan["taken"][2]["machine"], "mill");
+    assert_eq!(plan["bus"]["payload_bits_per_second"], 112_500.0);
+}
+
+#[test]
+fn a_gateway_whose_bus_is_not_clear_is_told() {
+    let bench = bench();
+    let cases = [
+        (serde_json::json!([]), vec![], "the gateway has no bus"),
+        (serde_json::json!([bus("a"), bus("b")]), vec![], "the gateway has several buses: a, b"),
+        (
+            serde_json::json!([bus("a")]),
+            vec!["--bus", "c"],
+            "the gateway has no bus \"c\"; it has a",
+        ),
+    ];
+    for (answer, more, wanted) in cases {
+        let (url, asked) = gateway(answer);
+        let arguments = [&["plan", "shop.toml", "--from", &url], &more[..]].concat();
+        let ran = bench.run(&arguments).with_code(2);
+        asked.join().unwrap();
+        assert!(ran.err.contains(wanted), "{ran}");
+    }
+}

@@ -83,6 +83,10 @@ pub enum UnitClientError {
     },
 }
 
+/// Nothing over CAN says that a session is over: a unit that is driven may be free after this span,
+/// in which nobody was heard.
+const OVER: Duration = Duration::from_secs(4);
+
 /// What a unit is and has.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct UnitSurvey {
@@ -148,6 +152,8 @@ pub struct UnitClient {
     outbox: Outbox,
     clock: Clock,
     patience: Duration,
+    /// When it was first said that somebody else drives the unit.
+    busy_since: Option<Instant>,
 }
 
 impl UnitClient {
@@ -171,7 +177,8 @@ impl UnitClient {
         let mut session = Box::new(Session::new(Role::Server, Identity(identity)));
         session.call(clock.now());
         let outbox = Outbox::default();
-        let mut client = Self { unit, poll, uplink, session, outbox, clock, patience };
+        let mut client =
+            Self { unit, poll, uplink, session, outbox, clock, patience, busy_since: None };
         client.wait(|client, _| client.session.is_up().then_some(()))?;
         Ok(client)
     }
@@ -323,7 +330,11 @@ impl UnitClient {
             self.speak()?;
             let now = Instant::now();
             if now >= until {
-                return Err(UnitClientError::Silent { unit: self.unit.clone() });
+                let unit = self.unit.clone();
+                return Err(match self.busy_since {
+                    Some(_) if !self.session.is_up() => UnitClientError::Busy { unit },
+                    _ => UnitClientError::Silent { unit },
+                });
             }
             let due = self
                 .session
@@ -352,7 +363,11 @@ impl UnitClient {
     fn look_at_session(&mut self) -> Result<(), UnitClientError> {
         let unit = self.unit.clone();
         match self.session.poll() {
-            Some(SessionEvent::Refused(RefuseReason::Busy)) => Err(UnitClientError::Busy { unit }),
+            Some(SessionEvent::Refused(RefuseReason::Busy)) => {
+                let since = *self.busy_since.get_or_insert_with(Instant::now);
+                let is_over = matches!(self.uplink, Uplink::Tcp(_)) || since.elapsed() >= OVER;
+                if is_over { Err(UnitClientError::Busy { unit }) } else { Ok(()) }
+            }
             Some(SessionEvent::Refused(_)) => Err(UnitClientError::Version { unit }),
             Some(SessionEvent::Ended(_)) => Err(UnitClientError::Silent { unit }),
             Some(SessionEvent::Began { .. }) | None => Ok(()),

@@ -5,6 +5,7 @@ use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 
 use mio::{Interest, Token};
 use softplug_abi::Micros;
+use softplug_unit_bus::Unit;
 use softplug_unit_protocol::{Identity, Messages, Role, Session, SessionEvent, ToServer, ToUnit};
 use softplug_unit_uplink::{CanEnd, CanUplink, Closed, Outbox, TcpUplink, Uplink, plain_text};
 
@@ -17,8 +18,6 @@ pub(super) type ServerSession = Session<16, 1024>;
 
 /// A connection that is not made after this span is tried anew.
 const CONNECTING: Micros = Micros::from_millis(5_000);
-/// Job data waits in the outbox for no more than this many messages.
-const OUTBOX: usize = 8;
 
 pub(super) struct Connection {
     number: usize,
@@ -307,8 +306,40 @@ impl Connection {
         let is_up = self.session.is_up();
         let mut around = Around { outbox: &mut self.outbox, is_up, thread };
         for lane in &mut self.lanes {
-            lane.pump(OUTBOX, &mut around);
+            lane.pump(&mut around);
         }
+        self.transmit(thread);
+    }
+
+    /// What a bus is told of a lane's unit.
+    pub(super) fn demand(&mut self, id: LaneId, fair: f64, thread: &Thread) -> Unit {
+        let around = Around { outbox: &mut self.outbox, is_up: self.session.is_up(), thread };
+        let lane = self.lanes.iter().find(|lane| lane.id() == id);
+        lane.map_or(Unit::ABSENT, |lane| lane.demand(fair, &around))
+    }
+
+    /// Sends job data of a lane that may leave now, at most so many bytes. How many it were.
+    pub(super) fn feed(&mut self, id: LaneId, most: u64, thread: &Thread) -> u64 {
+        let mut around = Around { outbox: &mut self.outbox, is_up: self.session.is_up(), thread };
+        let lane = self.lanes.iter_mut().find(|lane| lane.id() == id);
+        let sent = lane.map_or(0, |lane| lane.feed(most, &mut around));
+        self.transmit(thread);
+        sent
+    }
+
+    /// Bits that went over the uplink since it was asked last, and the bus that they went over: one
+    /// unit hangs on one bus.
+    pub(super) fn take_bits(&mut self) -> Option<(&str, u64)> {
+        let bits = self.uplink.as_mut()?.take_bits();
+        let bus = self.lanes.iter().find_map(UnitLane::bus)?;
+        Some((bus, bits))
+    }
+
+    pub(super) fn lanes(&self) -> &[UnitLane] {
+        &self.lanes
+    }
+
+    fn transmit(&mut self, thread: &Thread) {
         let Some(uplink) = &mut self.uplink else { return };
         let spoken = uplink.speak(&mut self.session, &mut self.outbox, thread.clock.now());
         if let Err(closed) = spoken {

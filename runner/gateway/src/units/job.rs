@@ -1,9 +1,11 @@
 //! A job that a unit carries out: its data by credit, kept until the unit has it.
 
 use std::collections::VecDeque;
+use std::task::Waker;
 
 use softplug_abi::Failure;
 use softplug_link::Job;
+use softplug_unit_bus::Unit;
 use softplug_unit_protocol::{CreditError, Feeding, ToUnit};
 
 use super::PIECE;
@@ -18,6 +20,8 @@ pub(super) struct UnitJob {
     source: Option<ReservoirReader>,
     pass: u8,
     feeding: Feeding,
+    /// The most that was missing in the unit's buffer: all of it, when the job began.
+    capacity: u64,
     /// Data that the unit has not confirmed: from [`Feeding::confirmed`] on.
     unconfirmed: VecDeque<u8>,
     /// The unit was told of the job, in this session or an earlier one.
@@ -39,6 +43,7 @@ impl UnitJob {
             source: Some(source),
             pass: 0,
             feeding: Feeding::default(),
+            capacity: 0,
             unconfirmed: VecDeque::new(),
             is_begun: false,
             is_end_told: false,
@@ -122,8 +127,35 @@ impl UnitJob {
             return Ok(());
         }
         self.feeding.credit(received, until)?;
+        self.capacity = self.capacity.max(until.saturating_sub(received));
         self.forget_confirmed();
         Ok(())
+    }
+
+    /// Bytes of the unit's buffer, as far as its credit has shown.
+    pub(super) fn capacity(&self) -> u64 {
+        self.capacity
+    }
+
+    /// What a bus is told of it, but for what leaves the unit: room is what there is credit for.
+    pub(super) fn demand(&self, drain: f64, waker: &Waker) -> Unit {
+        let is_again = self.furthest_kept() > self.feeding.next();
+        let has_source = self.source.as_ref().is_some_and(|source| {
+            if source.level() == 0 && !source.is_ready() {
+                source.wake_with(waker.clone());
+            }
+            source.level() > 0
+        });
+        let room = self.feeding.sendable().min(self.capacity);
+        // While a program is only looked at, its machine stands.
+        let is_check = self.job.check && self.pass == 0;
+        let drain = if is_check { 0.0 } else { drain };
+        Unit {
+            level: 8.0 * (self.capacity - room) as f64,
+            capacity: 8.0 * self.capacity as f64,
+            drain,
+            has_data: room > 0 && !self.is_end_told && (is_again || has_source),
+        }
     }
 
     fn forget_confirmed(&mut self) {
@@ -137,12 +169,13 @@ impl UnitJob {
         self.feeding.furthest()
     }
 
-    /// Data up to the credit, while few messages wait. Returns whether the source waits for more.
-    pub(super) fn pump(&mut self, link: u8, most: usize, outbox: &mut Outbox) {
+    /// Data up to the credit and to what may leave, of which it takes its part, while few messages
+    /// wait.
+    pub(super) fn pump(&mut self, link: u8, most: usize, allowed: &mut u64, outbox: &mut Outbox) {
         let (job, pass) = (self.number, self.pass);
         while outbox.len() < most && !self.is_end_told {
             let at = self.feeding.next();
-            let room = self.feeding.sendable().min(PIECE as u64) as usize;
+            let room = self.feeding.sendable().min(PIECE as u64).min(*allowed) as usize;
             let behind = (self.furthest_kept() - at) as usize;
             if behind > 0 {
                 // It was sent in another session, and never came.
@@ -154,6 +187,7 @@ impl UnitJob {
                     self.unconfirmed.iter().skip(begin).take(room).copied().collect();
                 outbox.push(&ToUnit::Data { link, job, pass, at, bytes: &bytes }, false);
                 self.feeding.sent(bytes.len() as u64);
+                *allowed -= bytes.len() as u64;
                 continue;
             }
             let Some(source) = &mut self.source else { return };
@@ -172,6 +206,7 @@ impl UnitJob {
                     outbox.push(&ToUnit::Data { link, job, pass, at, bytes }, false);
                     self.unconfirmed.extend(bytes);
                     self.feeding.sent(count as u64);
+                    *allowed -= count as u64;
                 }
                 Drawn::Later => return,
                 Drawn::End => {
@@ -224,9 +259,9 @@ impl UnitJob {
         }
     }
 
-    /// The job's data cannot be given any more.
-    pub(super) fn is_waiting_for_refill(&self) -> bool {
-        self.source.is_none()
+    /// Whether its data is to be sent, as far as there is any.
+    pub(super) fn may_send(&self) -> bool {
+        self.is_begun && !self.is_aborted && self.source.is_some()
     }
 }
 
@@ -269,7 +304,7 @@ mod tests {
         for _ in 0..2 {
             let mut outbox = Outbox::default();
             job.begin(0, &mut outbox);
-            job.pump(0, 8, &mut outbox);
+            job.pump(0, 8, &mut u64::MAX.clone(), &mut outbox);
             assert_eq!(said(&mut outbox), [ToUnit::BEGIN, end]);
             job.never_came();
         }

@@ -5,9 +5,11 @@
 //! and deliveries go through [reservoirs](crate::reservoir). What differs is that its plug-in comes
 //! as a module, and that its port is the unit's.
 //!
-//! One thread drives all units; it never waits for one of them.
+//! One thread drives all units; it never waits for one of them. Where units hang on one bus, its
+//! [scheduler](softplug_unit_bus) says whose job data may leave next.
 
 mod address;
+mod buses;
 mod client;
 mod connection;
 mod delivery;
@@ -19,6 +21,8 @@ mod thread;
 pub use address::{UnitAddress, UnitPlace};
 pub use client::{UnitClient, UnitClientError, UnitLinkSurvey, UnitSlotSurvey, UnitSurvey};
 pub use find::units_on_can;
+pub use softplug_unit_bus::{BusFigures, BusRates};
+pub use softplug_unit_protocol::SlotState;
 pub use softplug_unit_uplink::CanAddress;
 
 use std::sync::mpsc::Sender;
@@ -30,7 +34,7 @@ use softplug_abi::Failure;
 use crate::error::PortError;
 use crate::reactor::{Backoff, Feed, LaneId, LaneStatus, Probation, Report, When};
 use crate::reservoir::ReservoirReader;
-use thread::{Driver, ThreadCommand};
+use thread::{Driver, Shown, ThreadCommand};
 
 /// Bytes of data, of a module or of an answer in one message.
 const PIECE: usize = 960;
@@ -59,6 +63,53 @@ pub struct UnitSetup {
     pub delivery_room: u32,
     /// How often to try again for a connection.
     pub reopen: Backoff,
+    /// The [bus](Units::set_buses) whose scheduler says when its job data may leave; `None`, or a
+    /// name that is no bus: whenever the unit has room.
+    pub bus: Option<String>,
+}
+
+/// A bus, over which many units are fed.
+#[derive(Clone, PartialEq, Debug)]
+pub struct BusSetup {
+    /// Its name.
+    pub name: String,
+    /// What it carries.
+    pub rates: BusRates,
+}
+
+/// A bus, as it is shown.
+#[derive(Clone, PartialEq, Debug)]
+pub struct BusSurvey {
+    /// What it is planned to be.
+    pub setup: BusSetup,
+    /// What was measured.
+    pub figures: BusFigures,
+    /// The links that it feeds, in the order of their turns.
+    pub lanes: Vec<LaneId>,
+    /// The link whose turn it is.
+    pub serves: Option<LaneId>,
+}
+
+/// A link of a unit, as it is shown beside its [status](Units::status).
+#[derive(Clone, PartialEq, Debug)]
+pub struct UnitLinkFigures {
+    /// Slots A and B for plug-ins, as far as the unit has told.
+    pub slots: [UnitSlotFigures; 2],
+    /// SHA-256 of the plug-in that runs.
+    pub runs: Option<[u8; 32]>,
+    /// Bytes of the unit's buffer; 0 before the first job.
+    pub buffer: u64,
+    /// The most data bits per second that the machine took; `None`: it was not fed for long enough.
+    pub consumes: Option<f64>,
+}
+
+/// A slot of a unit's link, as it is shown.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub struct UnitSlotFigures {
+    /// What it holds.
+    pub state: SlotState,
+    /// SHA-256 of the plug-in in it.
+    pub digest: Option<[u8; 32]>,
 }
 
 /// What a link of a unit may be told; as the [commands](crate::reactor::Command) of a lane.
@@ -115,6 +166,7 @@ pub struct Units {
     commands: Sender<ThreadCommand>,
     waker: Arc<mio::Waker>,
     statuses: Mutex<std::collections::HashMap<LaneId, Arc<LaneStatus>>>,
+    shown: Arc<Mutex<Shown>>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -129,12 +181,13 @@ impl Units {
         reports: impl Fn(LaneId, Report) + Send + Sync + 'static,
     ) -> Result<Self, PortError> {
         let (driver, commands, waker) = Driver::new(identity, Box::new(reports))?;
+        let shown = driver.shown();
         let thread = std::thread::Builder::new()
             .name("softplug-units".to_owned())
             .spawn(move || driver.run())
             .map_err(|error| PortError::io("start a thread", error))?;
         let statuses = Mutex::default();
-        Ok(Self { commands, waker, statuses, thread: Some(thread) })
+        Ok(Self { commands, waker, statuses, shown, thread: Some(thread) })
     }
 
     /// Adds a link. An id that is taken already is not added.
@@ -162,6 +215,22 @@ impl Units {
     /// What the link is doing; it stays readable after its end.
     pub fn status(&self, id: LaneId) -> Option<Arc<LaneStatus>> {
         self.statuses.lock().unwrap_or_else(PoisonError::into_inner).get(&id).map(Arc::clone)
+    }
+
+    /// The buses that there are from now on. One that is gone serves the links that it has until
+    /// they are removed.
+    pub fn set_buses(&self, buses: Vec<BusSetup>) {
+        self.give(ThreadCommand::SetBuses(buses));
+    }
+
+    /// All buses, as they were a moment ago.
+    pub fn buses(&self) -> Vec<BusSurvey> {
+        self.shown.lock().unwrap_or_else(PoisonError::into_inner).buses.clone()
+    }
+
+    /// A link, as it was a moment ago.
+    pub fn figures(&self, id: LaneId) -> Option<UnitLinkFigures> {
+        self.shown.lock().unwrap_or_else(PoisonError::into_inner).links.get(&id).cloned()
     }
 
     fn give(&self, command: ThreadCommand) {

@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 use std::net::SocketAddr;
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::task::Waker;
 use std::time::Duration;
 
@@ -11,9 +11,10 @@ use mio::{Events, Poll, Token};
 use softplug_abi::Micros;
 use softplug_unit_uplink::waker_of;
 
+use super::buses::Buses;
 use super::connection::Connection;
 use super::lane::UnitLane;
-use super::{UnitCommand, UnitSetup};
+use super::{BusSetup, BusSurvey, UnitCommand, UnitLinkFigures, UnitSetup};
 use crate::clock::Clock;
 use crate::error::PortError;
 use crate::reactor::{LaneId, LaneStatus, Report};
@@ -27,6 +28,8 @@ pub(super) enum ThreadCommand {
     Add(LaneId, Box<UnitSetup>, Arc<LaneStatus>),
     Tell(LaneId, UnitCommand),
     Remove(LaneId),
+    /// The buses that there are from now on.
+    SetBuses(Vec<BusSetup>),
     /// A name was looked up for the connection with this number.
     Found(usize, std::io::Result<SocketAddr>),
     Stop,
@@ -49,6 +52,21 @@ pub(super) struct Driver {
     /// By number; none where the last lane of a unit has gone.
     connections: Vec<Option<Connection>>,
     lanes: HashMap<LaneId, usize>,
+    buses: Buses,
+    shown: Arc<Mutex<Shown>>,
+    /// When it was shown last, and whether anything may have happened since.
+    shown_at: Option<Micros>,
+    is_news: bool,
+}
+
+/// What is shown is no older than this.
+const SHOWN: Micros = Micros::from_millis(200);
+
+/// Units and buses, as others see them.
+#[derive(Debug, Default)]
+pub(super) struct Shown {
+    pub(super) links: HashMap<LaneId, UnitLinkFigures>,
+    pub(super) buses: Vec<BusSurvey>,
 }
 
 impl Driver {
@@ -69,8 +87,21 @@ impl Driver {
             reports,
             identity,
         };
-        let driver = Self { thread, told, connections: Vec::new(), lanes: HashMap::new() };
+        let driver = Self {
+            thread,
+            told,
+            connections: Vec::new(),
+            lanes: HashMap::new(),
+            buses: Buses::default(),
+            shown: Arc::default(),
+            shown_at: None,
+            is_news: false,
+        };
         Ok((driver, commands, mio_waker))
+    }
+
+    pub(super) fn shown(&self) -> Arc<Mutex<Shown>> {
+        Arc::clone(&self.shown)
     }
 
     pub(super) fn run(mut self) {
@@ -85,7 +116,9 @@ impl Driver {
             for connection in self.connections.iter_mut().flatten() {
                 connection.turn(&self.thread);
             }
+            self.buses.serve(&mut self.connections, &self.lanes, &self.thread);
             self.clear_away();
+            self.show();
             let patience = self.patience();
             if let Err(error) = self.thread.poll.poll(&mut events, patience)
                 && error.kind() != std::io::ErrorKind::Interrupted
@@ -97,7 +130,9 @@ impl Driver {
     }
 
     fn patience(&self) -> Option<Duration> {
-        let due = self.connections.iter().flatten().filter_map(Connection::due).min()?;
+        let due = self.connections.iter().flatten().filter_map(Connection::due);
+        let show = self.shown_at.filter(|_| self.is_news).map(|at| at + SHOWN);
+        let due = due.chain(self.buses.due()).chain(show).min()?;
         let wait = due - self.thread.clock.now();
         Some(Duration::from_micros(wait.max(Micros::ZERO).0 as u64))
     }
@@ -116,6 +151,7 @@ impl Driver {
                     connection.remove(id, thread);
                 }
             }
+            ThreadCommand::SetBuses(setups) => self.buses.set(setups, self.thread.clock.now()),
             ThreadCommand::Found(number, found) => {
                 if let Some(Some(connection)) = self.connections.get_mut(number) {
                     connection.found(found, &self.thread);
@@ -130,7 +166,8 @@ impl Driver {
         Some((self.connections.get_mut(number)?.as_mut()?, &self.thread))
     }
 
-    fn add(&mut self, id: LaneId, setup: UnitSetup, status: Arc<LaneStatus>) {
+    fn add(&mut self, id: LaneId, mut setup: UnitSetup, status: Arc<LaneStatus>) {
+        setup.bus = setup.bus.filter(|bus| self.buses.join(bus, id));
         let goes_to = |connection: &Option<Connection>| {
             connection.as_ref().is_some_and(|connection| connection.is_to(&setup.address.unit))
         };
@@ -160,6 +197,7 @@ impl Driver {
             let Some(connection) = place else { continue };
             for id in connection.take_ended() {
                 self.lanes.remove(&id);
+                self.buses.leave(id);
                 (self.thread.reports)(id, Report::Removed);
             }
             if connection.is_empty() {
@@ -167,5 +205,19 @@ impl Driver {
                 *place = None;
             }
         }
+    }
+
+    /// Shows how things are, no oftener than need be.
+    fn show(&mut self) {
+        let now = self.thread.clock.now();
+        self.is_news = self.shown_at.is_some_and(|at| now < at + SHOWN);
+        if self.is_news {
+            return;
+        }
+        self.shown_at = Some(now);
+        let lanes = self.connections.iter().flatten().flat_map(Connection::lanes);
+        let links = lanes.map(|lane| (lane.id(), lane.figures())).collect();
+        let shown = Shown { links, buses: self.buses.survey(now) };
+        *self.shown.lock().unwrap_or_else(PoisonError::into_inner) = shown;
     }
 }

@@ -21,6 +21,8 @@ pub struct LinkConfig {
     pub name: String,
     /// Its port.
     pub port: PortConfig,
+    /// The bus that its unit hangs on.
+    pub bus: Option<String>,
     /// The line. What is not written of it is the plug-in's, once that is known.
     pub line: LineParameters,
     /// Who reacts to XON and XOFF.
@@ -180,6 +182,7 @@ impl LinkConfig {
     pub fn changed_keys(&self, other: &Self) -> Vec<&'static str> {
         let keys = [
             ("port", self.port == other.port),
+            ("bus", self.bus == other.bus),
             ("line", self.line == other.line),
             ("flow", self.flow == other.flow),
             ("exclusive", self.exclusive == other.exclusive),

@@ -8,7 +8,7 @@ use std::ops::Range;
 use softplug_abi::LineParameters;
 use softplug_gateway::endpoint::{EndpointKind, EndpointSetup, Framing, LineAnswer};
 use softplug_gateway::port::parse_line;
-use softplug_gateway::units::UnitAddress;
+use softplug_gateway::units::{BusSetup, UnitAddress, UnitPlace};
 use softplug_gateway::{BadSpec, Flow, PortSpec};
 use toml::{Spanned, Value};
 
@@ -26,6 +26,7 @@ use crate::programs::Quota;
 pub(super) fn all(
     written: Vec<Spanned<written::Link>>,
     defaults: &written::Link,
+    buses: &[BusSetup],
     problems: &mut ConfigFindings<'_>,
 ) -> Vec<LinkConfig> {
     for (key, text) in
@@ -49,7 +50,7 @@ pub(super) fn all(
     for link in written.into_iter().take(MOST_LINKS) {
         let at = header(link.span());
         let link = link.into_inner().or(defaults);
-        if let Some(link) = one(link, at, &mut taken, problems) {
+        if let Some(link) = one(link, at, buses, &mut taken, problems) {
             links.push(link);
         }
     }
@@ -73,11 +74,13 @@ struct Taken {
 fn one(
     link: written::Link,
     at: Range<usize>,
+    buses: &[BusSetup],
     taken: &mut Taken,
     problems: &mut ConfigFindings<'_>,
 ) -> Option<LinkConfig> {
     let name = name(link.name.as_ref(), &at, taken, problems)?;
     let port = port(link.port.as_ref(), &name, &at, taken, problems);
+    let bus = bus(link.bus.as_ref(), &name, port.as_ref(), buses, problems);
     let line_place = problems.place(link.line.as_ref().map_or_else(|| at.clone(), Spanned::span));
     let line = line(link.line.as_ref(), problems);
     let plugin = plugin(link.plugin.as_ref(), &name, &at, problems);
@@ -147,6 +150,7 @@ fn one(
         connect: span(link.connect.as_ref(), 5_000, problems),
         swap: choice(link.swap.as_ref(), &policies, problems),
         name,
+        bus,
         port: port?,
         line,
         reopen,
@@ -247,6 +251,43 @@ fn port(
         problems.add(text.span(), message, "a port belongs to one link");
     }
     Some(port)
+}
+
+/// The bus that a link names, or that of its unit's CAN interface.
+fn bus(
+    text: Option<&Text>,
+    name: &str,
+    port: Option<&PortConfig>,
+    buses: &[BusSetup],
+    problems: &mut ConfigFindings<'_>,
+) -> Option<String> {
+    let is_known = |bus: &str| buses.iter().any(|known| known.name == bus);
+    let unit = match port? {
+        PortConfig::Unit(address) => &address.unit,
+        PortConfig::Port(_) | PortConfig::Simulated(_) => {
+            if let Some(text) = text {
+                let message = format!("the link \"{name}\" is no unit's, and on no bus");
+                problems.add(text.span(), message, "take `bus` away, or give it a port unit://…");
+            }
+            return None;
+        }
+    };
+    let Some(text) = text else {
+        let UnitPlace::Can(address) = unit else { return None };
+        return Some(address.interface().to_owned()).filter(|bus| is_known(bus));
+    };
+    let bus = text.get_ref();
+    if !is_known(bus) {
+        let message = format!("there is no bus \"{}\"", bus.escape_debug());
+        let names = buses.iter().map(|known| known.name.as_str());
+        let hint = if buses.is_empty() {
+            format!("add one: [[bus]] with name = \"{}\"", bus.escape_debug())
+        } else {
+            of_names("there are", bus, names)
+        };
+        problems.add(text.span(), message, hint);
+    }
+    Some(bus.clone())
 }
 
 fn parse_port(text: &str) -> Result<PortConfig, BadSpec> {

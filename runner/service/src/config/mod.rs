@@ -3,6 +3,7 @@
 //! [`Config::read`] finds out all that can be known without a plug-in;
 //! whether plug-ins exist and take their settings is checked with the library.
 
+mod buses;
 mod finding;
 mod hint;
 mod link;
@@ -21,6 +22,8 @@ pub use watch::FileWatch;
 use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+
+use softplug_gateway::units::BusSetup;
 
 use crate::http;
 use finding::ConfigFindings;
@@ -41,6 +44,8 @@ pub struct Config {
     pub http: Option<http::Options>,
     /// What becomes of plug-ins that fail.
     pub supervision: Supervision,
+    /// Buses over which units are fed; names are distinct.
+    pub buses: Vec<BusSetup>,
     /// The links, in the order of the file; names and ports are distinct.
     pub links: Vec<LinkConfig>,
 }
@@ -69,9 +74,10 @@ impl Config {
         let gateway = service::gateway(&written.gateway, folder, &mut problems);
         let http = written.http.as_ref().map(|http| service::http(http, folder, &mut problems));
         let supervision = service::supervision(&written.supervision, &mut problems);
-        let links = links::all(written.link, &written.defaults, &mut problems);
+        let buses = buses::all(&written.bus, &mut problems);
+        let links = links::all(written.link, &written.defaults, &buses, &mut problems);
         problems.end()?;
-        Ok(Self { file: file.to_owned(), gateway, http, supervision, links })
+        Ok(Self { file: file.to_owned(), gateway, http, supervision, buses, links })
     }
 }
 

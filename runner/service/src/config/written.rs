@@ -14,6 +14,7 @@ pub(super) struct File {
     pub(super) gateway: Gateway,
     pub(super) http: Option<Spanned<Http>>,
     pub(super) supervision: Supervision,
+    pub(super) bus: Vec<Spanned<Bus>>,
     /// What links have in common.
     pub(super) defaults: Link,
     pub(super) link: Vec<Spanned<Link>>,
@@ -62,11 +63,21 @@ pub(super) struct Supervision {
     pub(super) within: Option<Text>,
 }
 
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
+pub(super) struct Bus {
+    pub(super) name: Option<Text>,
+    pub(super) rate: Option<Spanned<Value>>,
+    pub(super) efficiency: Option<Spanned<Value>>,
+    pub(super) switch: Option<Text>,
+}
+
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub(super) struct Link {
     pub(super) name: Option<Text>,
     pub(super) port: Option<Text>,
+    pub(super) bus: Option<Text>,
     pub(super) line: Option<Text>,
     pub(super) flow: Option<Text>,
     pub(super) exclusive: Option<bool>,
@@ -157,6 +168,7 @@ impl Link {
             name: self.name,
             port: self.port,
             endpoint: self.endpoint,
+            bus: self.bus.or(defaults.bus),
             line: self.line.or(defaults.line),
             flow: self.flow.or(defaults.flow),
             exclusive: self.exclusive.or(defaults.exclusive),

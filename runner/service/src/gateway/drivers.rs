@@ -8,7 +8,9 @@ use softplug_gateway::PortError;
 use softplug_gateway::reactor::{
     Command, LaneId, LaneSetup, LaneStatus, Probation, Reactor, ReactorOptions, Report, When,
 };
-use softplug_gateway::units::{UnitCommand, UnitPlugin, UnitSetup, Units};
+use softplug_gateway::units::{
+    BusSetup, BusSurvey, UnitCommand, UnitLinkFigures, UnitPlugin, UnitSetup, Units,
+};
 use softplug_host::Session;
 
 /// Both, as one.
@@ -35,6 +37,18 @@ impl Drivers {
     pub(super) fn add_unit(&mut self, id: LaneId, setup: UnitSetup) {
         self.of_units.insert(id);
         self.units.add(id, setup);
+    }
+
+    pub(super) fn set_buses(&self, buses: Vec<BusSetup>) {
+        self.units.set_buses(buses);
+    }
+
+    pub(super) fn buses(&self) -> Vec<BusSurvey> {
+        self.units.buses()
+    }
+
+    pub(super) fn unit_figures(&self, id: LaneId) -> Option<UnitLinkFigures> {
+        self.units.figures(id)
     }
 
     /// The lane's end was told.

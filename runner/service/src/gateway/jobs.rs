@@ -9,6 +9,7 @@ use softplug_link::Job as LaneJob;
 use super::control::Control;
 use super::link::{EndsAs, Link, Running};
 use crate::Refusal;
+use crate::config::PortConfig;
 use crate::feeder::{FeederNews, Feeding, Pace, Stream};
 use crate::jobs::{Ending, Job, JobSpec, JobsError, Reason, Subject, Weight};
 use crate::reception_writer::ReceptionWriterNews;
@@ -106,8 +107,10 @@ impl Control {
             return reader;
         };
         let line = link.config.line;
+        // A unit has a line of its own, and says by its credit what it has room for.
+        let is_paced = line.baud > 0 && !matches!(link.config.port, PortConfig::Unit(_));
         let characters_a_second =
-            (line.baud > 0).then(|| f64::from(line.baud) * 2.0 / f64::from(line.half_bits()));
+            is_paced.then(|| f64::from(line.baud) * 2.0 / f64::from(line.half_bits()));
         self.feeder.feed(Feeding {
             job: job.id,
             data,

@@ -80,6 +80,7 @@ impl Control {
                 plugin: link.plugin.for_unit(),
                 delivery_room: link.config.delivery_room,
                 reopen: backoff(&link.config),
+                bus: link.config.bus.clone(),
             };
             self.drivers.add_unit(id, setup);
         } else {

@@ -5,6 +5,7 @@
 //! the stream of changes. Behind it one thread, the control loop, owns all
 //! that is decided; bytes pass on the reactor's threads and never wait for it.
 
+mod buses;
 mod calls;
 mod control;
 mod drivers;

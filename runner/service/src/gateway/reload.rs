@@ -101,6 +101,7 @@ impl Control {
     pub(super) fn apply(&mut self, ready: Ready) -> ReloadView {
         let Ready { config, mut plugins } = ready;
         let mut view = ReloadView { needs_restart: self.fixed(&config), ..ReloadView::default() };
+        self.drivers.set_buses(config.buses.clone());
         let names: HashSet<&str> = config.links.iter().map(|link| link.name.as_str()).collect();
         let gone: Vec<String> =
             self.links.keys().filter(|name| !names.contains(name.as_str())).cloned().collect();

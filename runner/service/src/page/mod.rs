@@ -34,6 +34,7 @@ pub(crate) const FILES: &[File] = &[
     File { path: "/page/icon.svg", kind: "image/svg+xml", text: include_str!("files/icon.svg") },
     script!("api.js"),
     script!("app.js"),
+    script!("buses.js"),
     script!("chart.js"),
     script!("dom.js"),
     script!("jobs.js"),

@@ -4,6 +4,7 @@
 //! Times of day are milliseconds since 1970 (UTC), spans are microseconds; a
 //! field's name says which (`_ms` is a time of day, `_us` a span).
 
+mod bus;
 mod change;
 mod health;
 mod job;
@@ -13,6 +14,7 @@ mod plugin;
 mod program;
 mod swap;
 
+pub use bus::{BusMeasuredView, BusUnitView, BusView, UnitSlotView};
 pub use change::{Change, Seen, SeenWhat};
 pub use health::{HealthView, LinkCounts, ReadyView, ReloadView, RemadeLink, StopHow};
 pub use job::{

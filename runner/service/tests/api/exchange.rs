@@ -153,3 +153,25 @@ fn plug_ins_are_listed_added_and_swapped() {
     bench.post("/links/lathe-1/swap", &json!({ "plugin": "none" })).with(422);
     bench.post("/links/none/swap", &order).with(404);
 }
+
+#[test]
+fn buses_are_shown_with_their_units_and_measured_in_the_metrics() {
+    let bench = Bench::with_bus();
+    let buses = bench.until("/buses", |buses| buses[0]["units"][2]["link"] == "mill-3");
+    let bus = &buses[0];
+    assert_eq!((&bus["name"], &bus["rate"]), (&"hall".into(), &250_000.0.into()));
+    assert_eq!((&bus["efficiency"], &bus["switch_seconds"]), (&0.4.into(), &0.002.into()));
+    assert!(bus["measured"]["efficiency"].is_null() && bus["serves"].is_null(), "{bus:#}");
+    let unit = &bus["units"][0];
+    assert_eq!((&unit["port"], &unit["buffer"]), (&"unit://127.0.0.1:1/mill".into(), &0.into()));
+    assert_eq!(unit["slots"][1]["slot"], "B");
+    assert_eq!(unit["slots"][1]["state"], "empty");
+    let text = bench.raw(bench.request("GET", "/metrics", "").as_bytes());
+    for line in [
+        "softplug_bus_planned_rate{bus=\"hall\"} 250000.0",
+        "softplug_bus_planned_switch_seconds{bus=\"hall\"} 0.002",
+        "softplug_bus_unit_level_bytes{bus=\"hall\",link=\"mill-3\"} 0",
+    ] {
+        assert!(text.contains(line), "{line}\n{text}");
+    }
+}

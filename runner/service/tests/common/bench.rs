@@ -89,6 +89,18 @@ impl Bench {
         )
     }
 
+    /// One with a bus, on which three units hang that nobody has switched on yet.
+    pub(crate) fn with_bus() -> Self {
+        let unit = |number: u16| {
+            format!(
+                "[[link]]\nname = \"mill-{number}\"\nport = \"unit://127.0.0.1:{number}/mill\"\n\
+                 plugin = \"xon-xoff\"\nbus = \"hall\"\n"
+            )
+        };
+        let bus = "[[bus]]\nname = \"hall\"\nrate = 250_000\nefficiency = 0.4\nswitch = \"2ms\"\n";
+        Self::with_links(&format!("{bus}{}", (1..=3).map(unit).collect::<String>()))
+    }
+
     /// One into whose folder something was put before it starts.
     pub(crate) fn prepared(change: impl FnOnce(&mut Options), prepare: impl FnOnce(&Path)) -> Self {
         Self::made_of(CONFIGURATION, change, prepare)

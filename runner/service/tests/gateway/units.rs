@@ -181,6 +181,39 @@ fn a_plug_in_that_traps_is_started_again_and_can_be_quarantined() {
 }
 
 #[test]
+fn units_on_a_bus_are_fed_in_turn_and_shown() {
+    let units = [TestUnit::with_pty(), TestUnit::with_pty()];
+    let bus = "[[bus]]\nname = \"hall\"\nrate = 320_000\nefficiency = 0.5\nswitch = \"2ms\"\n";
+    let lines = "plugin = \"xon-xoff\"\nbus = \"hall\"\n";
+    let (units, ptys): (Vec<_>, Vec<_>) = units.into_iter().unzip();
+    let ports = [&*units[0].port, &*units[1].port].map(|port| (port, lines));
+    let shop = Shop::of_links(bus, &ports, ptys);
+    let gateway = shop.gateway();
+    let program = shop.program("O1.nc", 30_000);
+    let submit = |at| gateway.submit(&Shop::name(at), &send("O1.nc")).unwrap();
+    let jobs = [submit(0), submit(1)];
+    for at in 0..2 {
+        assert_eq!(shop.read(at, program.len()), program);
+    }
+    for job in jobs {
+        wait_for("the job's end", || gateway.job(job.id).unwrap().state == JobState::Done);
+    }
+    let shown = || gateway.buses().unwrap();
+    wait_for("the units' buffers", || shown()[0].units.iter().all(|unit| unit.buffer > 0));
+    let [bus] = &shown()[..] else { panic!("{:?}", shown()) };
+    assert_eq!((bus.name.as_str(), bus.rate, bus.efficiency), ("hall", 320_000.0, 0.5));
+    assert!(bus.measured.load.is_some_and(|load| load > 0.0 && load < 1.1), "{bus:?}");
+    assert!(bus.measured.efficiency.is_some_and(|part| part < 1.0), "{bus:?}");
+    let links: Vec<_> = bus.units.iter().map(|unit| unit.link.clone()).collect();
+    assert_eq!(links, [Shop::name(0), Shop::name(1)]);
+    for (unit, of) in bus.units.iter().zip(&units) {
+        assert_eq!((unit.port.as_str(), unit.buffer), (of.port.as_str(), 65_536));
+        let running: Vec<_> = unit.slots.iter().filter(|slot| slot.runs).collect();
+        assert!(matches!(running[..], [slot] if slot.digest.is_some()), "{unit:?}");
+    }
+}
+
+#[test]
 fn an_endpoint_on_a_unit_is_refused() {
     let text = "[[link]]\nname = \"a\"\nport = \"unit://127.0.0.1:7640/mill\"\nplugin = \"xon-xoff\"\n\
                 endpoint = { listen = \"127.0.0.1:4001\" }\n";

@@ -131,7 +131,8 @@ mod needs_chromium {
         sign_in(&mut browser, &bench, &bench.admin);
         for scheme in ["light", "dark"] {
             browser.prefer(scheme);
-            for page in ["links", "link/lathe-1", "jobs", "programs", "plugins", "journal"] {
+            for page in ["links", "link/lathe-1", "buses", "jobs", "programs", "plugins", "journal"]
+            {
                 browser.value(&format!("location.hash = '#/{page}'"));
                 browser.until("document.querySelector('main h1')");
                 browser.value("new Promise((go) => setTimeout(go, 300))");
@@ -149,6 +150,23 @@ mod needs_chromium {
                 assert_eq!(is_dark, scheme == "dark", "{page}: {}", picture.brightness());
             }
         }
+        assert_eq!(browser.complaints, Vec::<String>::new());
+    }
+
+    #[test]
+    fn a_bus_is_shown_with_what_is_planned_and_its_units() {
+        let bench = Bench::with_bus();
+        let mut browser = Browser::open();
+        browser.size(1280, 900);
+        sign_in(&mut browser, &bench, &bench.operator);
+        browser.click("nav a", "Buses");
+        browser.until("document.querySelector('main h2')?.textContent === 'hall'");
+        for text in ["100,000 bit/s are data", "40.0 %", "2.0 ms", "A empty · B empty"] {
+            browser.sees(text);
+        }
+        browser.until("document.querySelectorAll('td.level progress').length === 3");
+        browser.click("td a", "mill-2");
+        browser.until("document.querySelector('main h1')?.textContent.includes('mill-2')");
         assert_eq!(browser.complaints, Vec::<String>::new());
     }
 

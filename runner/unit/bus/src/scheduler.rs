@@ -4,7 +4,7 @@
 //! a live one, tells what the levels are and is told what to do. Units are served in turn; one
 //! that would run dry before it could be served after the one in turn goes first. A unit that has
 //! room for less than a quarter of its buffer is passed over, so that the bus does not spend its
-//! time switching. A larger part would not do: on a bus that is loaded to the full, time in which
+//! time switching; one whose machine stands is served when no other is worth it. A larger part would not do: on a bus that is loaded to the full, time in which
 //! it rests is lost, and while all others are served a unit loses up to e times what it had lost.
 //!
 //! ```
@@ -131,11 +131,15 @@ impl Scheduler {
     }
 }
 
-/// The next unit from the one whose turn it is that is worth a switch.
+/// The next unit from the one whose turn it is that is worth a switch: one whose machine takes
+/// something, if there is any.
 fn next_in_turn(units: &[Unit], turn: usize) -> Option<(usize, &Unit)> {
-    let behind = units.iter().enumerate().skip(turn);
-    let before = units.iter().enumerate().take(turn);
-    behind.chain(before).find(|(_, unit)| unit.is_worth_a_switch())
+    let in_turn = || {
+        let behind = units.iter().enumerate().skip(turn);
+        let before = units.iter().enumerate().take(turn);
+        behind.chain(before).filter(|(_, unit)| unit.is_worth_a_switch())
+    };
+    in_turn().find(|(_, unit)| unit.drain > 0.0).or_else(|| in_turn().next())
 }
 
 /// Of those with room, the one that is dry first.
@@ -179,6 +183,16 @@ mod tests {
         let units = [unit(300.0), unit(400.0), unit(1_000.0), unit(999.0)];
         assert_eq!(served(scheduler.decide(&units, &BUS)), Some(0));
         assert_eq!(served(scheduler.decide(&units, &BUS)), Some(1));
+    }
+
+    #[test]
+    fn a_unit_whose_machine_stands_waits_for_the_others() {
+        let mut scheduler = Scheduler::new();
+        let stands = Unit { drain: 0.0, ..unit(0.0) };
+        let units = [stands, unit(300.0), unit(400.0)];
+        let order: Vec<_> = (0..3).map(|_| served(scheduler.decide(&units, &BUS))).collect();
+        assert_eq!(order, [1, 2, 1].map(Some));
+        assert_eq!(served(scheduler.decide(&[stands, unit(800.0)], &BUS)), Some(0));
     }
 
     #[test]

@@ -31,6 +31,10 @@ const IDENTIFIER: u32 = 0x18DA_0000;
 const LONGEST_INTERFACE: usize = 15;
 /// An interface that carries CAN FD has this `mtu`, and its frames this many bytes.
 const FD: (u8, u8) = (72, 64);
+/// Bits around the bytes of a frame, by ISO 11898-1: of a classical one, and of one of CAN FD with the
+/// longer of its two checks.
+const AROUND: usize = 67;
+const FD_AROUND: usize = 81;
 /// The kernel says this of a frame that did not get through, or did not come whole: the session
 /// sends it again.
 const LOST: [i32; 5] = [ECOMM, EILSEQ, EBADMSG, ETIMEDOUT, EMSGSIZE];
@@ -117,10 +121,13 @@ pub enum CanEnd {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub struct CanUplink {
-    socket: IsoTpSocket,
+    /// It has room for the longest message.
+    socket: Box<IsoTpSocket>,
     came: Vec<u8>,
     /// A frame that the bus has not taken yet.
     leaves: Option<Box<[u8]>>,
+    is_fd: bool,
+    bits: u64,
 }
 
 impl CanUplink {
@@ -134,20 +141,21 @@ impl CanUplink {
             CanEnd::Gateway => (*node, GATEWAY),
             CanEnd::Unit => (GATEWAY, *node),
         };
+        let is_fd = is_fd(interface);
         let socket = IsoTpSocket::open_with_opts(
             interface,
             identifier(source, target),
             identifier(target, source),
             Some(IsoTpOptions::default()),
             Some(FlowControlOptions::default()),
-            is_fd(interface).then(|| LinkLayerOptions::new(FD.0, FD.1, TxFlags::CANFD_BRS)),
+            is_fd.then(|| LinkLayerOptions::new(FD.0, FD.1, TxFlags::CANFD_BRS)),
         )
         .map_err(|error| match error {
             socketcan_isotp::Error::Lookup { source } => source.into(),
             socketcan_isotp::Error::Io { source } => source,
         })?;
         socket.set_nonblocking(true)?;
-        Ok(Self { socket, came: Vec::new(), leaves: None })
+        Ok(Self { socket: Box::new(socket), came: Vec::new(), leaves: None, is_fd, bits: 0 })
     }
 
     /// The next frame that has come; `None`: not before the source is readable again.
@@ -160,6 +168,7 @@ impl CanUplink {
                 Ok(frame) => {
                     self.came.clear();
                     self.came.extend_from_slice(frame);
+                    self.bits += bits_of(frame.len(), self.is_fd);
                     return Ok(Some(&self.came));
                 }
                 Err(error) if is_lost(&error) => {}
@@ -168,6 +177,12 @@ impl CanUplink {
                 Err(error) => return Err(error.into()),
             }
         }
+    }
+
+    /// Bits that went over the bus for all frames that were sent or have come since it was asked
+    /// last: CAN frames, ISO-TP's flow control with them, without stuff bits.
+    pub fn take_bits(&mut self) -> u64 {
+        std::mem::take(&mut self.bits)
     }
 
     /// Whether another frame would leave soon.
@@ -194,7 +209,10 @@ impl CanUplink {
     pub fn flush(&mut self) -> Result<bool, Closed> {
         while let Some(frame) = &self.leaves {
             match self.socket.write(frame) {
-                Ok(()) => self.leaves = None,
+                Ok(()) => {
+                    self.bits += bits_of(frame.len(), self.is_fd);
+                    self.leaves = None;
+                }
                 Err(error) if is_lost(&error) => self.leaves = None,
                 Err(error) if is_for_later(&error) => return Ok(false),
                 Err(error) => return Err(error.into()),
@@ -212,6 +230,24 @@ fn identifier(source: u8, target: u8) -> ExtendedId {
 fn is_fd(interface: &str) -> bool {
     let mtu = fs::read_to_string(format!("/sys/class/net/{interface}/mtu")).unwrap_or_default();
     mtu.trim().parse() == Ok(FD.0)
+}
+
+/// Bits on the bus for a message of so many bytes.
+fn bits_of(bytes: usize, is_fd: bool) -> u64 {
+    // ISO 11898-1: a frame with a 29-bit identifier, from its start to the space behind it.
+    let (around, most) = if is_fd { (FD_AROUND, usize::from(FD.1)) } else { (AROUND, 8) };
+    let frame = |bytes: usize| (around + 8 * bytes) as u64;
+    // ISO 15765-2: the first byte of a frame says how it goes on; a single one of more than 7
+    // bytes and the first of several have two.
+    let header = if bytes < 8 { 1 } else { 2 };
+    if bytes + header <= most {
+        return frame(bytes + header);
+    }
+    let rest = bytes + 2 - most;
+    let (whole, last) = (rest / (most - 1), rest % (most - 1));
+    let flow_control = frame(3);
+    let tail = if last > 0 { frame(last + 1) } else { 0 };
+    frame(most) + flow_control + whole as u64 * frame(most) + tail
 }
 
 fn is_lost(error: &io::Error) -> bool {
@@ -251,5 +287,22 @@ impl Source for CanUplink {
 impl fmt::Debug for CanUplink {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("CanUplink").field("has_room", &self.has_room()).finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By hand from the frames' layout.
+    #[test]
+    fn the_bits_of_a_message_are_those_of_its_frames() {
+        // One frame of 1 + 7 bytes; 2 + 6, flow control, 1 + 2; 2 + 6, flow control, three of 1 + 7.
+        assert_eq!(bits_of(7, false), 67 + 64);
+        assert_eq!(bits_of(8, false), (67 + 64) + (67 + 24) + (67 + 24));
+        assert_eq!(bits_of(27, false), (67 + 64) + (67 + 24) + 3 * (67 + 64));
+        // One frame of 2 + 62 bytes; 2 + 62, flow control, 1 + 1.
+        assert_eq!(bits_of(62, true), 81 + 512);
+        assert_eq!(bits_of(63, true), (81 + 512) + (81 + 24) + (81 + 16));
     }
 }

@@ -50,6 +50,7 @@ pub struct TcpUplink {
     /// The frame that was given out last ends here.
     given: usize,
     leaves: Vec<u8>,
+    bits: u64,
 }
 
 impl TcpUplink {
@@ -57,7 +58,7 @@ impl TcpUplink {
     pub fn new(stream: TcpStream) -> Self {
         let _ = stream.set_nodelay(true);
         let (came, leaves) = (Vec::new(), Vec::new());
-        Self { stream, is_connected: true, came, begin: 0, given: 0, leaves }
+        Self { stream, is_connected: true, came, begin: 0, given: 0, leaves, bits: 0 }
     }
 
     /// A connection that is being made: it is writable when it is there.
@@ -102,6 +103,7 @@ impl TcpUplink {
                 && rest.len() >= length
             {
                 self.given = self.begin + length;
+                self.bits += 8 * length as u64;
                 return Ok(Some(&self.came[self.begin..self.given]));
             }
             if !self.is_connected()? || !self.read()? {
@@ -125,6 +127,12 @@ impl TcpUplink {
         }
     }
 
+    /// Bits of all frames that were sent or have come since it was asked last; what TCP/IP and the
+    /// network put around them is not counted.
+    pub fn take_bits(&mut self) -> u64 {
+        std::mem::take(&mut self.bits)
+    }
+
     /// Whether another frame would leave soon.
     pub fn has_room(&self) -> bool {
         self.leaves.len() < WAITING
@@ -135,6 +143,7 @@ impl TcpUplink {
     /// # Errors
     /// The connection has ended.
     pub fn send(&mut self, frame: &[u8]) -> Result<(), Closed> {
+        self.bits += 8 * frame.len() as u64;
         self.leaves.extend_from_slice(frame);
         self.flush()?;
         Ok(())

@@ -33,6 +33,15 @@ impl Uplink {
         }
     }
 
+    /// Bits that went over it, both ways, since it was asked last: over TCP those of the frames
+    /// alone, over CAN with what ISO-TP and CAN put around them.
+    pub fn take_bits(&mut self) -> u64 {
+        match self {
+            Self::Tcp(uplink) => uplink.take_bits(),
+            Self::Can(uplink) => uplink.take_bits(),
+        }
+    }
+
     /// Whether another frame would leave soon. A session that is asked for frames earlier takes the
     /// time that they wait for time on their way, and sends them again.
     pub fn has_room(&self) -> bool {

@@ -2,12 +2,14 @@
 
 mod job;
 mod link;
+mod measured;
 mod program;
 mod show;
 
 pub(crate) use job::job;
 pub(crate) use link::link;
 pub(super) use link::swap_in;
+pub(crate) use measured::measured;
 pub(crate) use program::program;
 
 use std::collections::BTreeMap;

@@ -18,7 +18,7 @@ fn start_unit(machine: &mut Machine, interface: &str) -> Process {
     let configuration = format!(
         "name = \"unit-17\"\ncan = \"{interface}/17\"\nstate = \"unit\"\n\
          [signature]\nunsigned = true\n\
-         [[link]]\nname = \"mill\"\nport = \"/dev/ttyS1\"\nline = \"19200 8N1\"\n\
+         [[link]]\nname = \"mill\"\nport = \"/dev/ttyS1\"\nline = \"115200 8N1\"\n\
          memory = \"/dev/mtd0\"\nbuffer = \"4KiB\"\n"
     );
     machine.write("unit.toml", configuration.as_bytes());

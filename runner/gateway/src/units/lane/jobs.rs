@@ -92,7 +92,7 @@ impl UnitLane {
         self.job.as_mut().filter(|active| active.number == number)
     }
 
-    pub(super) fn progress(&mut self, message: &ToServer<'_>) {
+    pub(super) fn progress(&mut self, message: &ToServer<'_>, around: &Around<'_>) {
         let ToServer::Progress {
             job,
             taken,
@@ -116,6 +116,10 @@ impl UnitLane {
             ..active.left.clone()
         };
         let id = active.job.id;
+        if active.pass() == u8::from(active.job.check) {
+            let now = around.thread.clock.now().as_secs_f64();
+            self.consumption.taken(now, 8.0 * taken as f64);
+        }
         self.status.store_unit_job(&UnitFigures {
             job: id,
             taken,
@@ -138,6 +142,7 @@ impl UnitLane {
         let Some(active) = self.unit_job(number) else { return };
         let end = active.ended(end_of(active.job.id, message));
         self.job = None;
+        self.consumption.ended();
         self.status.store_unit_job(&UnitFigures::default());
         self.report(Report::JobEnded(end), around);
     }

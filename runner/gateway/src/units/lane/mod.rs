@@ -9,13 +9,14 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use softplug_abi::{Failure, LinkDownReason, Micros};
+use softplug_unit_bus::{Consumption, Unit};
 use softplug_unit_protocol::{Digest, SlotState, ToServer, ToUnit};
 use softplug_unit_uplink::{Outbox, plain_text};
 
 use super::delivery::{Arrivals, Flood};
 use super::job::UnitJob;
 use super::thread::Thread;
-use super::{PIECE, UnitCommand, UnitPlugin, UnitSetup};
+use super::{PIECE, UnitCommand, UnitLinkFigures, UnitPlugin, UnitSetup, UnitSlotFigures};
 use crate::allowance::Allowance;
 use crate::reactor::{Condition, JobEnd, JobOutcome, LaneId, LaneStatus, Report};
 use plugin::{Change, fault};
@@ -37,6 +38,9 @@ pub(super) struct Around<'a> {
     pub(super) is_up: bool,
     pub(super) thread: &'a Thread,
 }
+
+/// A lane sends job data while fewer messages than this wait.
+const MOST_WAITING: usize = 8;
 
 impl Around<'_> {
     fn say(&mut self, message: &ToUnit<'_>) {
@@ -61,6 +65,10 @@ pub(super) struct UnitLane {
     /// When what was refused is tried again.
     again_at: Option<Micros>,
     job: Option<UnitJob>,
+    /// What the machine takes.
+    consumption: Consumption,
+    /// Bytes of the unit's buffer, once a job has shown them.
+    capacity: u64,
     /// A job of nobody that is known here is aborted first.
     foreign_job: Option<u64>,
     arrivals: Arrivals,
@@ -87,6 +95,8 @@ impl UnitLane {
             former: None,
             again_at: None,
             job: None,
+            consumption: Consumption::default(),
+            capacity: 0,
             foreign_job: None,
             arrivals: Arrivals::default(),
             requests: BTreeSet::new(),
@@ -318,6 +328,8 @@ impl UnitLane {
             ToServer::Credit { job, pass, received, until, .. } => {
                 let credited =
                     self.unit_job(job).map(|active| active.credit(pass, received, until));
+                let capacity = self.unit_job(job).map(|active| active.capacity());
+                self.capacity = capacity.unwrap_or(self.capacity);
                 if let Some(Err(error)) = credited {
                     self.give_up_job(&error.to_string(), around);
                 }
@@ -329,7 +341,7 @@ impl UnitLane {
                     self.report(Report::Rewind { job }, around);
                 }
             }
-            ToServer::Progress { .. } => self.progress(message),
+            ToServer::Progress { .. } => self.progress(message, around),
             ToServer::Ended { job, .. } => self.ended(job, message, around),
             ToServer::Delivery { delivery, job, at, name, .. } => {
                 let job = self.unit_job(job).map(|active| active.job.id);
@@ -426,8 +438,46 @@ impl UnitLane {
         }
     }
 
+    /// The bus that says when its data may leave.
+    pub(super) fn bus(&self) -> Option<&str> {
+        self.setup.bus.as_deref()
+    }
+
+    /// What the bus is told of the unit; `fair` is what leaves it in a second while that is not
+    /// known.
+    pub(super) fn demand(&self, fair: f64, around: &Around<'_>) -> Unit {
+        let Some(job) = self.job.as_ref().filter(|job| job.may_send()) else { return Unit::ABSENT };
+        let drain = self.consumption.latest().unwrap_or(fair);
+        let demand = job.demand(drain, &around.thread.waker);
+        let has_room = around.outbox.len() < MOST_WAITING && self.number.is_some();
+        Unit { has_data: demand.has_data && around.is_up && has_room, ..demand }
+    }
+
+    /// Sends job data that may leave now, at most so many bytes. How many it were.
+    pub(super) fn feed(&mut self, most: u64, around: &mut Around<'_>) -> u64 {
+        let (Some(link), Some(job)) = (self.number, &mut self.job) else { return 0 };
+        let mut allowed = most;
+        if job.may_send() {
+            job.pump(link, MOST_WAITING, &mut allowed, around.outbox);
+        }
+        most - allowed
+    }
+
+    /// As it is shown.
+    pub(super) fn figures(&self) -> UnitLinkFigures {
+        UnitLinkFigures {
+            slots: self.slots.map(|(state, digest)| {
+                let is_empty = state == SlotState::Empty;
+                UnitSlotFigures { state, digest: (!is_empty).then_some(digest) }
+            }),
+            runs: (self.runs != [0; 32]).then_some(self.runs),
+            buffer: self.capacity,
+            consumes: self.consumption.most(),
+        }
+    }
+
     /// What is under way goes on, as far as there is room.
-    pub(super) fn pump(&mut self, most: usize, around: &mut Around<'_>) {
+    pub(super) fn pump(&mut self, around: &mut Around<'_>) {
         let is_over = self.job.is_none() || self.number.is_none();
         if self.closing_until.is_some_and(|at| is_over || at <= around.thread.clock.now()) {
             self.close(around);
@@ -453,8 +503,10 @@ impl UnitLane {
         if !job.is_begun && is_ready {
             job.begin(link, around.outbox);
         }
-        if job.is_begun && !job.is_aborted && !job.is_waiting_for_refill() {
-            job.pump(link, most, around.outbox);
+        if job.may_send() {
+            // On a bus only the end, which needs no turn.
+            let mut allowed = if self.setup.bus.is_some() { 0 } else { u64::MAX };
+            job.pump(link, MOST_WAITING, &mut allowed, around.outbox);
         }
     }
 }

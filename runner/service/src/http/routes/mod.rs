@@ -1,5 +1,6 @@
 //! What can be asked for, and the document that says so.
 
+mod buses;
 mod download;
 mod jobs;
 mod library;
@@ -106,6 +107,7 @@ impl AppState {
         (name = "programs", description = "What can be sent"),
         (name = "receptions", description = "What was received"),
         (name = "plug-ins", description = "The library, and swapping"),
+        (name = "buses", description = "What feeds front-end units"),
         (name = "gateway", description = "The gateway itself"),
     )
 )]
@@ -153,6 +155,7 @@ fn known_only() -> OpenApiRouter<Arc<AppState>> {
         .routes(routes!(library::list, library::add))
         .routes(routes!(library::remove))
         .routes(routes!(library::collect_garbage))
+        .routes(routes!(buses::list))
         .routes(routes!(system::me))
         .routes(routes!(system::health))
         .routes(routes!(system::journal))

@@ -124,11 +124,11 @@ fn plainly(well: bool, text: &'static str) -> Response {
 
 /// Metrics as Prometheus reads them.
 pub(super) async fn metrics(State(app): At) -> Answer<Response> {
-    let seen = app.ask(|gateway| Ok((gateway.health(), gateway.links()?))).await?;
-    let (health, links) = seen;
+    let seen = app.ask(|gateway| Ok((gateway.health(), gateway.links()?, gateway.buses()?)));
+    let (health, links, buses) = seen.await?;
     let http =
         metrics::HttpFigures { tally: &app.access.tally, connections: app.access.connections() };
-    let text = metrics::text(&health, &links, http).map_err(|_| Problem::ours())?;
+    let text = metrics::text(&health, &links, &buses, http).map_err(|_| Problem::ours())?;
     let mut response = text.into_response();
     let kind = HeaderValue::from_static(metrics::CONTENT_TYPE);
     response.headers_mut().insert(header::CONTENT_TYPE, kind);

@@ -10,6 +10,8 @@ use super::{Surroundings, short};
 
 /// How often the server is told how far a job is.
 const PROGRESS: Micros = Micros::from_millis(250);
+/// Credit is given in such parts of the buffer: the server plans with what it knows of the room.
+const CREDIT_STEP: usize = 16;
 
 pub(super) struct Jobs {
     link: u8,
@@ -337,8 +339,8 @@ impl Jobs {
             return;
         };
         let room = buffer - writer.level();
-        let step = (buffer / 4).max(1) as u64;
-        let is_worth_it = active.fed.received() + room as u64 >= active.fed.until() + step;
+        let step = (buffer / CREDIT_STEP).max(1);
+        let is_worth_it = active.fed.received() + room as u64 >= active.fed.until() + step as u64;
         if at_any_rate || is_worth_it {
             active.fed.give(room as u64);
             around.say(&ToServer::Credit {
@@ -350,8 +352,10 @@ impl Jobs {
             });
         }
         let missing = (active.fed.until() - active.fed.received()) as usize;
-        // Woken when a quarter of the buffer more can be given.
-        writer.wake_at(buffer.saturating_sub(missing + buffer / 4));
+        // Woken when a step more can be given; never, if all of the buffer is given already.
+        if let Some(level) = buffer.checked_sub(missing + step) {
+            writer.wake_at(level);
+        }
     }
 
     /// Credit, and how far the job is.

@@ -1,6 +1,7 @@
 //! A unit with a simulated machine, and a gateway's end of the unit protocol, over loopback.
 
 mod answers;
+mod bus;
 mod cable;
 mod machine;
 mod raw_server;

@@ -68,14 +68,7 @@ impl Shop {
 
     fn with(machine: Machine, signature: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let line = if machine.baud == 0 { 921_600 } else { machine.baud };
-        let text = format!(
-            "name = \"unit-1\"\nlisten = \"127.0.0.1:0\"\nstate = \"state\"\n[signature]\n{signature}\n\
-             [[link]]\nname = \"mill\"\nport = \"{}\"\nline = \"{line} 8N1\"\nmemory_size = \"256KiB\"\n\
-             buffer = \"8KiB\"\n",
-            machine.port
-        );
-        fs::write(folder.path().join("unit.toml"), text).unwrap();
+        write_unit(&folder, &machine, signature);
         let (unit, address) = start_unit(&folder, 1);
         let (_, reports) = channel();
         let mut shop = Self {
@@ -108,7 +101,7 @@ impl Shop {
         let address = UnitAddress { unit, link: Some("mill".to_owned()) };
         let plugin = Self::first_plugin();
         let reopen = Backoff { first: Micros::from_millis(50), longest: Micros::from_millis(500) };
-        let setup = UnitSetup { address, plugin, delivery_room: 16_384, reopen };
+        let setup = UnitSetup { address, plugin, delivery_room: 16_384, reopen, bus: None };
         units.add(self.lane, setup);
         self.units = Some(units);
     }
@@ -245,6 +238,18 @@ impl Shop {
             }
         }
     }
+}
+
+/// A unit of 8 KiB at this machine.
+pub(crate) fn write_unit(folder: &TempDir, machine: &Machine, signature: &str) {
+    let line = if machine.baud == 0 { 921_600 } else { machine.baud };
+    let text = format!(
+        "name = \"unit-1\"\nlisten = \"127.0.0.1:0\"\nstate = \"state\"\n[signature]\n{signature}\n\
+         [[link]]\nname = \"mill\"\nport = \"{}\"\nline = \"{line} 8N1\"\nmemory_size = \"256KiB\"\n\
+         buffer = \"8KiB\"\n",
+        machine.port
+    );
+    fs::write(folder.path().join("unit.toml"), text).unwrap();
 }
 
 pub(crate) fn start_unit(folder: &TempDir, identity: u64) -> (RunningUnit, SocketAddr) {
