@@ -223,6 +223,7 @@ fn accept(listener: &UnixListener, child: &mut Child, folder: &TempDir) -> UnixS
         if let Ok((stream, _)) = listener.accept() {
             stream.set_nonblocking(false).unwrap();
             stream.set_read_timeout(Some(PATIENCE)).unwrap();
+            stream.set_write_timeout(Some(PATIENCE)).unwrap();
             return stream;
         }
         let errors = || fs::read_to_string(folder.path().join("stderr")).unwrap_or_default();

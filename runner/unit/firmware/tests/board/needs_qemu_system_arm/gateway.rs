@@ -40,7 +40,7 @@ impl Gateway {
         let settings = Vec::new();
         let plugin = UnitPlugin { module: module.into(), digest, signature: None, settings };
         let reopen = Backoff { first: Micros::from_millis(50), longest: Micros::from_millis(500) };
-        units.add(LANE, UnitSetup { address, plugin, delivery_room: 16_384, reopen });
+        units.add(LANE, UnitSetup { address, plugin, delivery_room: 16_384, reopen, bus: None });
         Self { units, reports, seen: Vec::new(), deliveries: Vec::new() }
     }
 
@@ -88,9 +88,12 @@ impl Gateway {
         }
     }
 
-    /// Takes what is told, and puts away what has come.
+    /// Takes what is told, for so long and no longer, and puts away what has come.
     pub(super) fn hear(&mut self, patience: Duration) {
-        while let Ok((_, report)) = self.reports.recv_timeout(patience) {
+        let until = Instant::now() + patience;
+        while let Ok((_, report)) =
+            self.reports.recv_timeout(until.saturating_duration_since(Instant::now()))
+        {
             match report {
                 Report::DeliveryBegun { bytes, .. } => self.deliveries.push((bytes, Vec::new())),
                 report => self.seen.push(report),
