@@ -12,6 +12,11 @@ const PROFILE: &str = "firmware";
 /// For the board that QEMU emulates.
 const BINARY: &str = "softplug-unit-mps2";
 
+/// Why it cannot be built, if it cannot.
+pub(crate) fn obstacle() -> Option<String> {
+    ensure_target(FIRMWARE_TARGET).err().map(|error| error.to_string())
+}
+
 /// Builds it; where it is.
 pub(crate) fn build(workspace: &Workspace) -> Result<PathBuf, Error> {
     ensure_target(FIRMWARE_TARGET)?;
