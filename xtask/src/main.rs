@@ -1,11 +1,12 @@
-//! Softplug's own tasks: `cargo xtask build | demo | playground | test | mutants | fuzz | bench | packages
-//! | nc`.
+//! Softplug's own tasks: `cargo xtask build | demo | firmware | playground | test | mutants | fuzz | bench
+//! | packages | nc`.
 
 mod bench;
 mod book;
 mod code_mutants;
 mod demo;
 mod emulated;
+mod firmware;
 mod fuzz;
 mod mutants;
 mod nc;
@@ -50,6 +51,8 @@ enum Task {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         arguments: Vec<String>,
     },
+    /// Builds the firmware of a unit without an operating system.
+    Firmware,
     /// Builds the playground's page into target/playground.html.
     Playground,
     /// Runs every test that can run here, and names what was left out.
@@ -151,6 +154,10 @@ fn perform(task: Task) -> Result<ExitCode, Error> {
             plugins::build_command(&workspace, dev)?;
         }
         Task::Demo { arguments } => return demo::run(&Workspace::read()?, &arguments),
+        Task::Firmware => {
+            let firmware = firmware::build(&Workspace::read()?)?;
+            println!("{}", firmware.display());
+        }
         Task::Playground => {
             let workspace = Workspace::read()?;
             plugins::build(&workspace, plugins::Report::Table)?;

@@ -7,6 +7,8 @@ use crate::run::{self, RunError};
 
 /// The target of every plug-in.
 pub(crate) const WASM_TARGET: &str = "wasm32v1-none";
+/// The target of the firmware of units without an operating system: a Cortex-M4 with its floats.
+pub(crate) const FIRMWARE_TARGET: &str = "thumbv7em-none-eabihf";
 /// The target of the playground's engine, which needs the standard library.
 pub(crate) const PAGE_TARGET: &str = "wasm32-unknown-unknown";
 

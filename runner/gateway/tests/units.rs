@@ -10,7 +10,9 @@ use softplug_abi::{Failure, Micros};
 use softplug_gateway::clock::Clock;
 use softplug_gateway::reactor::{Backoff, Feed, JobEnd, JobOutcome, LaneId, Report};
 use softplug_gateway::reservoir::reservoir;
-use softplug_gateway::units::{UnitAddress, UnitCommand, UnitPlace, UnitPlugin, UnitSetup, Units};
+use softplug_gateway::units::{
+    UnitAddress, UnitClient, UnitCommand, UnitPlace, UnitPlugin, UnitSetup, Units,
+};
 use softplug_link::Job;
 use softplug_unit_protocol::{
     Identity, Messages, Outcome, Role, Session, SlotState, ToServer, ToUnit,
@@ -24,7 +26,7 @@ const DIGEST: [u8; 32] = [7; 32];
 /// A unit that answers each message as it is told to.
 type Answers = fn(&ToUnit<'_>, &mut Outbox);
 
-fn play(mut listener: TcpListener, answers: Answers) -> JoinHandle<()> {
+fn play<const TAKES: usize>(mut listener: TcpListener, answers: Answers) -> JoinHandle<()> {
     thread::spawn(move || {
         let clock = Clock::start();
         let mut poll = Poll::new().unwrap();
@@ -36,7 +38,7 @@ fn play(mut listener: TcpListener, answers: Answers) -> JoinHandle<()> {
         let (stream, _) = listener.accept().expect("somebody comes");
         let mut uplink = Uplink::Tcp(TcpUplink::new(stream));
         poll.registry().register(&mut uplink, Token(1), both).unwrap();
-        let mut session = Box::new(Session::<16, 1024>::new(Role::Unit, Identity(2)));
+        let mut session = Box::new(Session::<16, TAKES>::new(Role::Unit, Identity(2)));
         let mut outbox = Outbox::default();
         loop {
             let frame = match uplink.receive() {
@@ -111,22 +113,32 @@ struct Played {
     thread: Option<JoinHandle<()>>,
 }
 
+/// A unit at which nobody is yet, and its thread.
+fn listening<const TAKES: usize>(answers: Answers) -> (UnitPlace, JoinHandle<()>) {
+    let listener = TcpListener::bind("127.0.0.1:0".parse().unwrap()).unwrap();
+    let port = listener.local_addr().unwrap().port();
+    (UnitPlace::Tcp { host: "127.0.0.1".into(), port }, play::<TAKES>(listener, answers))
+}
+
+fn plugin(module: &[u8]) -> UnitPlugin {
+    UnitPlugin { module: module.into(), digest: DIGEST, signature: None, settings: Vec::new() }
+}
+
 impl Played {
     fn with(answers: Answers) -> Self {
-        let listener = TcpListener::bind("127.0.0.1:0".parse().unwrap()).unwrap();
-        let port = listener.local_addr().unwrap().port();
-        let thread = Some(play(listener, answers));
+        Self::that_takes::<1024>(b"wasm", answers)
+    }
+
+    fn that_takes<const TAKES: usize>(module: &[u8], answers: Answers) -> Self {
+        let (unit, thread) = listening::<TAKES>(answers);
+        let thread = Some(thread);
         let (tell, reports) = channel();
         let units = Units::start(1, move |lane, report| {
             let _ = tell.send((lane, report));
         })
         .unwrap();
-        let address = UnitAddress {
-            unit: UnitPlace::Tcp { host: "127.0.0.1".into(), port },
-            link: Some("mill".into()),
-        };
-        let module = b"wasm".to_vec().into();
-        let plugin = UnitPlugin { module, digest: DIGEST, signature: None, settings: Vec::new() };
+        let address = UnitAddress { unit, link: Some("mill".into()) };
+        let plugin = plugin(module);
         let reopen = Backoff { first: Micros::from_millis(50), longest: Micros::from_secs(1) };
         units.add(LANE, UnitSetup { address, plugin, delivery_room: 4_096, reopen, bus: None });
         Self { units: Some(units), reports, thread }
@@ -243,4 +255,88 @@ fn a_unit_that_sends_more_than_it_may_is_sent_away() {
         _ => None,
     });
     assert!(detail.contains("the unit at 127.0.0.1"), "{detail}");
+}
+
+/// A module whose bytes show their place.
+fn module() -> Vec<u8> {
+    (0..3_000_usize).map(|at| (at % 251) as u8).collect()
+}
+
+/// A unit without a plug-in, which takes this module and a job.
+fn empty(message: &ToUnit<'_>, outbox: &mut Outbox) {
+    let link = 0;
+    let mut is_link_told = false;
+    match *message {
+        ToUnit::Query {} => {
+            outbox.push(&ToServer::Unit { links: 1, serial: 1, name: "played" }, false);
+            for slot in [0, 1] {
+                let (state, length, digest) = (SlotState::Empty, 0, [0; 32]);
+                let (erased, erasable) = (1, 10);
+                let told = ToServer::Slot { link, slot, state, length, digest, erased, erasable };
+                outbox.push(&told, false);
+            }
+            is_link_told = true;
+        }
+        ToUnit::Download { .. } => outbox.push(&ToServer::Downloaded { link, until: 0 }, false),
+        ToUnit::Piece { at, bytes, .. } => {
+            assert_eq!(Some(bytes), module().get(at as usize..at as usize + bytes.len()));
+            let until = at + bytes.len() as u32;
+            outbox.push(&ToServer::Downloaded { link, until }, false);
+        }
+        ToUnit::Install { .. } => outbox.push(&ToServer::Installed { link, slot: 0 }, false),
+        ToUnit::Open { .. } => is_link_told = true,
+        ToUnit::Begin { job, .. } => {
+            let (pass, received, until) = (0, 0, 4_000);
+            outbox.push(&ToServer::Credit { link, job, pass, received, until }, false);
+        }
+        ToUnit::End { job, size, .. } => outbox.push(&ended(job, Outcome::Done, size), false),
+        _ => {}
+    }
+    if is_link_told {
+        let is_up = matches!(message, ToUnit::Open { .. });
+        let digest = if is_up { DIGEST } else { [0; 32] };
+        let (job, pass, received, is_whole, name) = (0, 0, 0, false, "mill");
+        let told = ToServer::Link { link, is_up, digest, job, pass, received, is_whole, name };
+        outbox.push(&told, false);
+        if is_up {
+            outbox.push(&ToServer::Up { link }, false);
+        }
+        outbox.push(&ToServer::Told { link }, false);
+    }
+}
+
+#[test]
+fn a_unit_that_takes_short_frames_is_given_its_plug_in_and_its_job() {
+    let module = module();
+    for played in [
+        Played::that_takes::<128>(&module, empty),
+        Played::that_takes::<512>(&module, empty),
+        Played::that_takes::<1024>(&module, empty),
+    ] {
+        let end = played.job();
+        assert_eq!((end.outcome, end.taken), (JobOutcome::Done, 2_000));
+    }
+}
+
+#[test]
+fn a_unit_that_takes_short_frames_is_given_a_plug_in_by_hand() {
+    let (unit, thread) = listening::<512>(empty);
+    let mut client = UnitClient::connect(&unit, 1, PATIENCE / 2).unwrap();
+    let mut last = 0;
+    assert!(client.flash(None, &plugin(&module()), |until| last = until).unwrap());
+    assert_eq!(last, 3_000);
+    drop(client);
+    thread.join().unwrap();
+}
+
+#[test]
+fn settings_that_are_longer_than_a_unit_takes_are_told() {
+    let (unit, thread) = listening::<128>(empty);
+    let mut client = UnitClient::connect(&unit, 1, PATIENCE / 2).unwrap();
+    let settings = vec![("title".to_owned(), "x".repeat(100))];
+    let plugin = UnitPlugin { settings, ..plugin(&module()) };
+    let refused = client.flash(None, &plugin, |_| {}).unwrap_err().to_string();
+    assert!(refused.contains("its settings have 107 bytes; 64 are the most"), "{refused}");
+    drop(client);
+    thread.join().unwrap();
 }

@@ -178,6 +178,30 @@ fn the_line_is_that_of_the_first_case_that_holds() {
 }
 
 #[test]
+fn memory_that_is_used_is_a_number_of_the_new_version() {
+    let manifest = with_line(&json!({"memory_bytes": 20_000})).unwrap();
+    assert_eq!(manifest.memory_bytes, Some(20_000));
+    let text = serde_json::to_string(&manifest).unwrap();
+    assert_eq!(Manifest::parse(text.as_bytes()), Ok(manifest));
+    let without = with_line(&json!({})).unwrap();
+    assert_eq!(without.memory_bytes, None);
+    assert!(!serde_json::to_string(&without).unwrap().contains("memory_bytes"));
+    assert!(with_line(&json!({"memory_bytes": 262_144})).is_ok());
+    for (entries, message) in [
+        (
+            json!({"abi": "1.0", "memory_bytes": 20_000}),
+            "memory_bytes: it came with ABI 1.1: write that as `abi`",
+        ),
+        (json!({"memory_bytes": 0}), "memory_bytes: it is 1 to 262144"),
+        (json!({"memory_bytes": 262_145}), "memory_bytes: it is 1 to 262144"),
+    ] {
+        let error = with_line(&entries).unwrap_err().to_string();
+        assert!(error.contains(message), "{error}");
+    }
+    assert!(with_line(&json!({"memory_bytes": -1})).is_err());
+}
+
+#[test]
 fn a_line_that_says_nothing_is_refused() {
     let cases = [
         (json!({"abi": "1.0", "line": "7E2"}), "line: it came with ABI 1.1: write that as `abi`"),

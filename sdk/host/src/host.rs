@@ -2,6 +2,8 @@
 
 #[cfg(feature = "wasmtime")]
 use crate::compiler::CompilerProcess;
+#[cfg(feature = "interpreter")]
+use crate::engine::Interpreter;
 #[cfg(feature = "wasmi")]
 use crate::engine::Wasmi;
 #[cfg(feature = "wasmtime")]
@@ -106,6 +108,8 @@ impl Host {
             ),
             #[cfg(feature = "wasmi")]
             EngineKind::Wasmi => Box::new(Wasmi::new()),
+            #[cfg(feature = "interpreter")]
+            EngineKind::Interpreter => Box::new(Interpreter),
         };
         Ok(Self { inner: Arc::new(Inner { engine, options }) })
     }

@@ -11,7 +11,7 @@
 //! thread that serves a link. Instantiating takes microseconds, a step less
 //! than one. A thread that steps needs 512 KiB of stack.
 //!
-//! Of the engines, `wasmtime` is a default feature and `wasmi` is not; without the default one
+//! Of the engines, `wasmtime` is a default feature, `wasmi` and `interpreter` are not; without the default one
 //! the crate builds for machines that no compiler supports, `wasm32-unknown-unknown` among them.
 //!
 //! ```
@@ -45,8 +45,10 @@ mod session;
 mod state;
 mod words;
 
-#[cfg(not(any(feature = "wasmtime", feature = "wasmi")))]
-compile_error!("softplug-host needs an engine: switch on the feature \"wasmtime\" or \"wasmi\"");
+#[cfg(not(any(feature = "wasmtime", feature = "wasmi", feature = "interpreter")))]
+compile_error!(
+    "softplug-host needs an engine: switch on the feature \"wasmtime\", \"wasmi\" or \"interpreter\""
+);
 
 pub use digest::{Digest, NotADigest};
 pub use engine::{EngineInfo, EngineKind};

@@ -310,6 +310,27 @@ fn a_mailbox_function_that_does_not_return() {
     }
 }
 
+/// Only the interpreter of units gives no more memory than that: the others have all that is declared.
+#[cfg(feature = "interpreter")]
+#[test]
+fn memory_above_what_the_manifest_says() {
+    let key = "\"abi\": \"1.1\", \"memory_bytes\": 16384";
+    let manifest = common::MANIFEST.replace("\"abi\": \"1.0\"", key);
+    // Touches the byte whose address is what it received.
+    let step = format!("(i32.store8 (i32.load (i32.const {INPUT})) (i32.const 1)) (i32.const 0)");
+    let guest = Guest { manifests: vec![manifest], ..Guest::stepping(&step) };
+    let touch = |host: &softplug_host::Host, address: u32| {
+        let mut session = host.load_bytes(&guest.wasm()).unwrap().instantiate().unwrap();
+        session.step(&Event::Received(&address.to_le_bytes()), NOW).map(drop)
+    };
+    let engine = softplug_host::EngineKind::Interpreter;
+    let unit = host(HostOptions { engine, ..HostOptions::default() });
+    assert_eq!(touch(&unit, 16_383), Ok(()));
+    let fault = touch(&unit, 16_384).unwrap_err();
+    assert!(fault.to_string().contains("out of bounds memory access"), "{fault}");
+    assert_eq!(touch(&HOST, 16_384), Ok(()));
+}
+
 #[test]
 fn segments_that_do_not_fit() {
     for extra in [

@@ -227,6 +227,28 @@ fn memories() {
     assert_eq!(lint(&largest.wasm()).unwrap().memory_pages, 4);
 }
 
+/// A guest that says how much memory it uses; its data ends at 40, behind the descriptor.
+fn using(bytes: u32) -> Guest {
+    let (version, key) =
+        ("\"abi\": \"1.0\"", format!("\"abi\": \"1.1\", \"memory_bytes\": {bytes}"));
+    Guest { manifests: vec![MANIFEST.replace(version, &key)], ..Guest::default() }
+}
+
+#[test]
+fn memory_that_is_used() {
+    for bytes in [40, 4_096, 65_536] {
+        let inspection = lint(&using(bytes).wasm()).unwrap();
+        assert_eq!(inspection.manifest.memory_bytes, Some(bytes));
+    }
+    let declared = 65_536;
+    let more = LintError::MoreThanDeclared { bytes: 65_537, declared };
+    assert_eq!(refused(&using(65_537)), more);
+    let above = LintError::DataAbove { bytes: 39, end: 40 };
+    assert_eq!(refused(&using(39)), above);
+    let above = LintError::DataAbove { bytes: 4_096, end: 4_097 };
+    assert_eq!(refused(&using(4_096).extra("(data (i32.const 4096) \"x\")")), above);
+}
+
 #[test]
 fn a_start_function() {
     for body in ["unreachable", "(loop (br 0))", ""] {

@@ -6,9 +6,10 @@ use crate::fed::Fed;
 use crate::job::ActiveJob;
 use crate::queue::Queue;
 use crate::timers::Timers;
+use alloc::vec::Vec;
+use core::hash::{Hash, Hasher};
 use softplug_abi::limits::REQUESTS;
 use softplug_abi::{Action, Actions, Failure, Micros, Pass, Values};
-use std::hash::{Hash, Hasher};
 
 /// Whether the plug-in holds the transmit queue.
 ///
@@ -210,7 +211,7 @@ impl Core {
         if self.drained == 0 || !due {
             return None;
         }
-        let grown = std::mem::take(&mut self.drained);
+        let grown = core::mem::take(&mut self.drained);
         self.delivery_room += grown;
         Some(grown)
     }
@@ -240,7 +241,7 @@ impl Core {
     /// The plug-in was told both whole rooms.
     pub(crate) fn restate_rooms(&mut self) {
         self.queue.restate_room();
-        self.delivery_room += std::mem::take(&mut self.drained);
+        self.delivery_room += core::mem::take(&mut self.drained);
     }
 
     /// All that decides what comes. What was fed is not: it is only told.

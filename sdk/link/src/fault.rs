@@ -1,7 +1,7 @@
 //! Why a link's plug-in was ended.
 
+use core::error::Error;
 use softplug_abi::{Event, EventKind, Malformed, limits};
-use std::error::Error;
 use thiserror::Error;
 
 /// The plug-in on this link has ended, or did not take an event.

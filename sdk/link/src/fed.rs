@@ -1,7 +1,7 @@
 //! How much of a job's data can have left: no byte leaves before the characters
 //! that waited when the plug-in was given it.
 
-use std::collections::VecDeque;
+use alloc::collections::VecDeque;
 
 /// Pieces that are told apart; more than wait in a queue of [`GRAINS`] and are
 /// on the wire behind it.

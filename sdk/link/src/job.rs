@@ -1,5 +1,6 @@
 //! The job under way.
 
+use alloc::vec::Vec;
 use softplug_abi::{Pass, limits};
 
 /// A job to begin.

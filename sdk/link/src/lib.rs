@@ -60,7 +60,10 @@
 //! assert_eq!(host.observed, [(Micros(1_000), first), (Micros(2_042), second)]);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+#![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
+
+extern crate alloc;
 
 mod core;
 mod fault;

@@ -6,10 +6,12 @@ use crate::fault::{LinkFault, RuleBroken};
 use crate::probation::{Probation, Reverted};
 use crate::queue::Taken;
 use crate::{LinkHost, Supply, UnderWay};
+use alloc::boxed::Box;
+use alloc::vec;
+use core::hash::{Hash, Hasher};
 use softplug_abi::limits::{OUTPUT_ROUNDS, STEPS_PER_INSTANT};
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Actions, Event, Instance, LineParameters, LinkDownReason, Micros, ModemLines};
-use std::hash::{Hash, Hasher};
 
 /// What a link is opened with.
 ///
@@ -239,7 +241,7 @@ impl<I: Instance> Link<I> {
     ) -> Result<(), LinkFault<I::Fault>> {
         self.begin_instant(now);
         self.steps = 0;
-        let settings = std::mem::take(&mut self.options.settings);
+        let settings = core::mem::take(&mut self.options.settings);
         let capacity = self.instance.input_capacity();
         let given =
             settings.pieces(capacity, |event| self.step_as(event, Answering::Nothing, &mut *host));
@@ -379,7 +381,7 @@ impl<I: Instance> Link<I> {
                 active.given(count);
                 self.core.fed.give(count, self.core.queue.tail());
                 self.steps = 0;
-                let scratch = std::mem::take(&mut self.scratch);
+                let scratch = core::mem::take(&mut self.scratch);
                 let given = self.step(&Event::JobData { job, bytes: &scratch[..count] }, host);
                 // Another plug-in may have come with its own.
                 if self.scratch.is_empty() {
@@ -633,7 +635,7 @@ impl<I: Instance> Link<I> {
         self.scratch = vec![0; instance.input_capacity()].into();
         self.core.timers.clear();
         self.has_ended = false;
-        std::mem::replace(&mut self.instance, instance)
+        core::mem::replace(&mut self.instance, instance)
     }
 
     pub(crate) fn ended_by(

@@ -1,9 +1,9 @@
 //! Marks: which byte each belongs to and how far it has come.
 
+use alloc::collections::VecDeque;
+use core::hash::{Hash, Hasher};
 use softplug_abi::MarkState;
 use softplug_abi::limits::MARKS;
-use std::collections::VecDeque;
-use std::hash::{Hash, Hasher};
 
 /// Positions count bytes since the link began: in the queue, all that was ever
 /// queued; on the wire, all that the port was ever given.

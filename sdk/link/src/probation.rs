@@ -6,6 +6,8 @@ use crate::requests::is_too_long;
 use crate::saving::{SavedState, answer_of, saved_by};
 use crate::swap::{Rooms, Spare};
 use crate::{Link, LinkHost, UnderWay};
+use alloc::boxed::Box;
+use alloc::vec::Vec;
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Action, Event, EventKind, Failure, Instance, Micros};
 
@@ -173,7 +175,7 @@ impl<I: Instance> Link<I> {
         let Ok(answer) = self.resumed(&mut instance, &settings, &state, Rooms::Known, host) else {
             return self.ended_by(Err(fault), host);
         };
-        let taken_over_with = std::mem::take(&mut self.taken_over_with);
+        let taken_over_with = core::mem::take(&mut self.taken_over_with);
         let failed = self.seat(instance, settings, &answer, Rooms::Known, host);
         let (at, kind) = (self.now, event.kind());
         self.reverted =

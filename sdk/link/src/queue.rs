@@ -3,10 +3,10 @@
 
 use crate::fault::RuleBroken;
 use crate::marks::Marks;
+use alloc::collections::VecDeque;
+use core::hash::{Hash, Hasher};
 use softplug_abi::MarkState;
 use softplug_abi::limits::{MARKS, URGENT_BYTES};
-use std::collections::VecDeque;
-use std::hash::{Hash, Hasher};
 
 /// What [`Link::take`](crate::Link::take) gave to the port.
 ///
@@ -235,7 +235,7 @@ impl Queue {
         if !self.room_is_due() {
             return None;
         }
-        let grown = std::mem::take(&mut self.unreported);
+        let grown = core::mem::take(&mut self.unreported);
         self.room += grown;
         Some(grown)
     }
@@ -252,7 +252,7 @@ impl Queue {
 
     /// The plug-in was told the [whole room](Self::whole_room).
     pub(crate) fn restate_room(&mut self) {
-        self.room += std::mem::take(&mut self.unreported);
+        self.room += core::mem::take(&mut self.unreported);
     }
 
     /// All that decides what comes, and not how much has gone before.

@@ -1,8 +1,11 @@
 //! An outside that keeps all that happens, in memory.
 
 use crate::{LinkHost, Supply};
+use alloc::borrow::ToOwned;
+use alloc::collections::BTreeMap;
+use alloc::string::String;
+use alloc::vec::Vec;
 use softplug_abi::{Action, Failure, Micros, ModemLines, NoteLevel};
-use std::collections::BTreeMap;
 
 /// Something that a plug-in was seen to do.
 ///
@@ -252,7 +255,7 @@ impl LinkHost for Recorder {
     }
 
     fn drained(&mut self) -> u32 {
-        std::mem::take(&mut self.drained)
+        core::mem::take(&mut self.drained)
     }
 
     fn on_wire(&mut self, start: Micros, byte: u8) {

@@ -7,6 +7,7 @@ use crate::job::{ActiveJob, Job};
 use crate::saving::saved_by;
 use crate::swap::give_quiet;
 use crate::{Link, LinkHost, LinkOptions, UnderWay};
+use alloc::vec::Vec;
 use softplug_abi::{Event, Instance, MarkState, Micros};
 
 /// Gives an instance exactly the events that another one was given, at their

@@ -2,6 +2,7 @@
 
 use crate::fault::{LinkFault, RuleBroken};
 use crate::{Link, LinkHost};
+use alloc::vec::Vec;
 use softplug_abi::limits::{OUTPUT_ROUNDS, STATE_BYTES};
 use softplug_abi::{Action, Actions, Event, EventKind, Instance, Micros};
 

@@ -4,11 +4,13 @@ use crate::fault::{LinkFault, RuleBroken};
 use crate::probation::{Probation, Silent};
 use crate::saving::{SavedState, answer_of, saved_by};
 use crate::{Link, LinkHost};
+use alloc::boxed::Box;
+use alloc::vec::Vec;
+use core::error::Error;
 use softplug_abi::manifest::SettingValues;
 use softplug_abi::{
     Action, Actions, Event, EventKind, Instance, Malformed, Micros, restore_pieces,
 };
-use std::error::Error;
 use thiserror::Error;
 
 /// What takes over.

@@ -1,8 +1,8 @@
 //! A plug-in's timers.
 
+use core::hash::{Hash, Hasher};
 use softplug_abi::Micros;
 use softplug_abi::limits::TIMERS;
-use std::hash::{Hash, Hasher};
 
 /// One deadline for each id. Setting replaces; a cancelled or replaced timer
 /// never fires.

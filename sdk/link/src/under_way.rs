@@ -2,6 +2,7 @@
 
 use crate::Link;
 use crate::core::Core;
+use alloc::vec::Vec;
 use softplug_abi::{Instance, Pass};
 
 /// What is under way on a link: what a plug-in that takes over finds there.

@@ -1,8 +1,8 @@
 //! A link in virtual time: the clock is a number, the port a model of a UART.
 
 use crate::{Link, LinkFault, LinkHost, LinkOptions, Taken, Wire};
+use core::hash::{Hash, Hasher};
 use softplug_abi::{Action, Instance, Micros};
-use std::hash::{Hash, Hasher};
 
 /// A [`Link`] on a [`Wire`].
 ///

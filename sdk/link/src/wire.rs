@@ -1,8 +1,8 @@
 //! A UART's transmitter in virtual time.
 
+use alloc::collections::VecDeque;
+use core::hash::{Hash, Hasher};
 use softplug_abi::{LineParameters, Micros};
-use std::collections::VecDeque;
-use std::hash::{Hash, Hasher};
 
 /// Characters that the port was given and that have not left yet. They leave
 /// back to back: the nth of a run ends `n` character times after the run's

@@ -11,7 +11,7 @@ use std::process::{Command, ExitCode};
 pub(crate) use self::counts::Counts;
 use crate::run::{self, cargo, overhear};
 use crate::workspace::Workspace;
-use crate::{Error, emulated, mutants, playground, plugins};
+use crate::{Error, emulated, firmware, mutants, playground, plugins};
 
 /// With `--all`, all that is needed must be there.
 #[derive(Debug, thiserror::Error)]
@@ -39,6 +39,13 @@ const EMULATOR: Tool = Tool {
     program: emulated::QEMU,
     source: "Debian package qemu-system-x86",
     purpose: "the command on real serial drivers, in an emulated computer",
+};
+
+/// Its tests need the target of the firmware as well.
+const BOARD: Tool = Tool {
+    program: "qemu-system-arm",
+    source: "Debian package qemu-system-arm",
+    purpose: "the unit without an operating system, on an emulated Cortex-M4",
 };
 
 const TOOLS: &[Tool] = &[
@@ -100,6 +107,7 @@ const TOOLS: &[Tool] = &[
         purpose: "a gateway on a disk that is full, and one without rights",
     },
     EMULATOR,
+    BOARD,
     Tool {
         program: "schemathesis",
         source: "runner/service/tests/api/requirements.txt, from PyPI",
@@ -144,11 +152,20 @@ pub(crate) fn run(workspace: &Workspace, extent: Extent) -> Result<ExitCode, Err
             false
         }
     };
+    let board = match board_obstacle(extent) {
+        None => run::find(BOARD.program).is_some(),
+        Some(why) if extent == Extent::All => return Err(TestError(vec![why]).into()),
+        Some(why) => {
+            left_out.push((BOARD.purpose, why));
+            false
+        }
+    };
     plugins::build(workspace, plugins::Report::Table)?;
     let mut steps = Vec::new();
     if extent != Extent::Emulated {
         mutants::build(workspace)?;
         playground::build(workspace)?;
+        let firmware = board.then(|| firmware::build(workspace)).transpose()?;
         let others = missing.iter().filter(|tool| tool.program != EMULATOR.program);
         for tool in others {
             let why = format!("`{}` is missing ({})", tool.program, tool.source);
@@ -156,7 +173,13 @@ pub(crate) fn run(workspace: &Workspace, extent: Extent) -> Result<ExitCode, Err
         }
         let mut skips: Vec<_> = missing.iter().map(|tool| tool.module()).collect();
         skips.push(EMULATOR.module());
-        for (name, command) in steps_of(&skips) {
+        if !board {
+            skips.push(BOARD.module());
+        }
+        for (name, mut command) in steps_of(&skips) {
+            if let Some(built) = &firmware {
+                command.env("SOFTPLUG_FIRMWARE", built);
+            }
             steps.push(step(workspace, name, command)?);
         }
     }
@@ -182,6 +205,12 @@ fn emulated_obstacle(extent: Extent) -> Option<String> {
         return Some("it takes minutes (cargo xtask test --emulated)".to_owned());
     }
     emulated::obstacle()
+}
+
+/// Why the emulated board is left out although its program is there, if it is.
+fn board_obstacle(extent: Extent) -> Option<String> {
+    let is_wanted = extent != Extent::Emulated && run::find(BOARD.program).is_some();
+    is_wanted.then(firmware::obstacle).flatten()
 }
 
 fn step(workspace: &Workspace, name: &'static str, mut command: Command) -> Result<Step, Error> {

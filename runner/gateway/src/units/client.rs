@@ -13,7 +13,8 @@ use softplug_unit_uplink::{CanEnd, CanUplink, Closed, Outbox, TcpUplink, Uplink,
 use thiserror::Error;
 
 use super::connection::ServerSession;
-use super::{PIECE, UnitPlace, UnitPlugin};
+use super::lane::longest_fields;
+use super::{UnitPlace, UnitPlugin, piece};
 use crate::clock::Clock;
 
 /// Why a unit cannot be asked, or does not do it.
@@ -180,6 +181,7 @@ impl UnitClient {
         let mut client =
             Self { unit, poll, uplink, session, outbox, clock, patience, busy_since: None };
         client.wait(|client, _| client.session.is_up().then_some(()))?;
+        client.outbox.begin(client.session.longest_message());
         Ok(client)
     }
 
@@ -256,6 +258,9 @@ impl UnitClient {
         // It is not there, or what is there cannot run: a signature may be wanted by now.
         let signature = signature.as_deref().unwrap_or_default();
         let length = module.len() as u32;
+        if signature.len() > piece(&self.outbox) {
+            return Err(self.not_taken("it takes no message as long as a signature".to_owned()));
+        }
         self.outbox.push(&ToUnit::Download { link, length, digest: *digest, signature }, false);
         let whole = self.wait(|client, message| match *message? {
             ToServer::Downloaded { until, .. } => {
@@ -264,7 +269,7 @@ impl UnitClient {
                 let next: &dyn Encode = if rest.is_empty() {
                     &ToUnit::Install { link }
                 } else {
-                    let bytes = &rest[..rest.len().min(PIECE)];
+                    let bytes = &rest[..rest.len().min(piece(&client.outbox))];
                     &ToUnit::Piece { link, at: until, bytes }
                 };
                 client.outbox.push(&next, false);
@@ -286,6 +291,13 @@ impl UnitClient {
         plugin: &UnitPlugin,
     ) -> Result<Result<(), String>, UnitClientError> {
         let settings = super::lane::pairs(&plugin.settings);
+        let most = longest_fields(&self.outbox);
+        if settings.len() > most {
+            return Ok(Err(format!(
+                "its settings have {} bytes; {most} are the most",
+                settings.len()
+            )));
+        }
         let wanted = plugin.digest;
         self.outbox.push(&ToUnit::Open { link, digest: wanted, settings: &settings }, false);
         self.wait(|_, message| match *message? {

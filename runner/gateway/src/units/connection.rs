@@ -236,7 +236,7 @@ impl Connection {
         match self.session.poll() {
             Some(SessionEvent::Began { peer }) => {
                 (self.at, self.failures) = (None, 0);
-                self.outbox.clear();
+                self.outbox.begin(self.session.longest_message());
                 (self.links, self.named) = (0, None);
                 let is_same = self.peer.replace(peer) == Some(peer);
                 for lane in &mut self.lanes {

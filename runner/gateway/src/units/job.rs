@@ -8,7 +8,7 @@ use softplug_link::Job;
 use softplug_unit_bus::Unit;
 use softplug_unit_protocol::{CreditError, Feeding, ToUnit};
 
-use super::PIECE;
+use super::{PIECE, piece};
 use crate::reactor::{Feed, JobEnd, JobOutcome};
 use crate::reservoir::{Drawn, ReservoirReader};
 use softplug_unit_uplink::Outbox;
@@ -175,7 +175,7 @@ impl UnitJob {
         let (job, pass) = (self.number, self.pass);
         while outbox.len() < most && !self.is_end_told {
             let at = self.feeding.next();
-            let room = self.feeding.sendable().min(PIECE as u64).min(*allowed) as usize;
+            let room = self.feeding.sendable().min(piece(outbox) as u64).min(*allowed) as usize;
             let behind = (self.furthest_kept() - at) as usize;
             if behind > 0 {
                 // It was sent in another session, and never came.
@@ -215,7 +215,7 @@ impl UnitJob {
                 }
                 Drawn::Failed => {
                     let why = source.failure().unwrap_or("its source failed");
-                    let why = &why[..why.floor_char_boundary(600)];
+                    let why = &why[..why.floor_char_boundary(600.min(piece(outbox)))];
                     outbox.push(&ToUnit::Fail { link, job, why }, false);
                     self.is_end_told = true;
                 }

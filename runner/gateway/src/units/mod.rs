@@ -24,6 +24,7 @@ pub use find::units_on_can;
 pub use softplug_unit_bus::{BusFigures, BusRates};
 pub use softplug_unit_protocol::SlotState;
 pub use softplug_unit_uplink::CanAddress;
+use softplug_unit_uplink::Outbox;
 
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -36,8 +37,15 @@ use crate::reactor::{Backoff, Feed, LaneId, LaneStatus, Probation, Report, When}
 use crate::reservoir::ReservoirReader;
 use thread::{Driver, Shown, ThreadCommand};
 
-/// Bytes of data, of a module or of an answer in one message.
+/// Bytes of data, of a module or of an answer in one message, at most.
 const PIECE: usize = 960;
+/// Bytes of a message beside those, with room to spare.
+const HEAD: usize = 64;
+
+/// Bytes of data, of a module or of an answer in one message that the other end takes.
+fn piece(outbox: &Outbox) -> usize {
+    PIECE.min(outbox.longest().saturating_sub(HEAD))
+}
 
 /// A plug-in as a unit takes it.
 #[derive(Clone, Debug)]

@@ -241,7 +241,7 @@ impl Unit {
             Some(SessionEvent::Began { peer }) => {
                 tracing::info!(server = format_args!("{:016x}", peer.0), "a server is there");
                 self.is_asked = false;
-                self.outbox.clear();
+                self.outbox.begin(self.session.longest_message());
             }
             Some(SessionEvent::Ended(reason)) => {
                 tracing::info!(%reason, "the server is gone");

@@ -23,12 +23,31 @@ const FLOOD: usize = 8_192;
 /// outbox.pump(&mut session);
 /// assert!(!outbox.is_empty());
 /// ```
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Outbox {
     waiting: VecDeque<Box<[u8]>>,
+    longest: usize,
+}
+
+impl Default for Outbox {
+    fn default() -> Self {
+        Self { waiting: VecDeque::new(), longest: PAYLOAD }
+    }
 }
 
 impl Outbox {
+    /// A session has begun, in which the other side takes messages of so many bytes, head included. What waits means
+    /// nothing any more.
+    pub fn begin(&mut self, longest: usize) {
+        self.clear();
+        self.longest = longest.min(PAYLOAD);
+    }
+
+    /// The most bytes of a message, its head included.
+    pub fn longest(&self) -> usize {
+        self.longest
+    }
+
     /// Forgets what waits: in another session it means nothing.
     pub fn clear(&mut self) {
         self.waiting.clear();
@@ -55,7 +74,7 @@ impl Outbox {
             return;
         }
         let mut buffer = [0; PAYLOAD];
-        match message.encode(&mut buffer) {
+        match message.encode(&mut buffer[..self.longest]) {
             Ok(length) => self.waiting.push_back(buffer[..length].into()),
             Err(error) => tracing::error!(%error, "a message is longer than a frame"),
         }

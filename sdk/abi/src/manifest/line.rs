@@ -1,6 +1,6 @@
 //! The protocol's line: what a manifest names, and for which settings.
 
-use super::{Manifest, ManifestError, Setting, SettingValues, entry};
+use super::{Manifest, ManifestError, SINCE, Setting, SettingValues, entry};
 use crate::{LineParameters, Parity};
 use alloc::collections::BTreeMap;
 use alloc::string::{String, ToString};
@@ -11,8 +11,6 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 use thiserror::Error;
 
-/// The minor version that brought the keys.
-const SINCE: u16 = 1;
 /// Rates that a line can have, bits per second.
 const RATES: core::ops::RangeInclusive<u32> = 50..=16_000_000;
 
@@ -179,8 +177,7 @@ impl Manifest {
         if self.line.is_none() && !self.line_when.is_empty() {
             return entry("line_when", "it needs a `line`, for all other settings");
         }
-        let minor = self.abi.split_once('.').and_then(|(_, minor)| minor.parse().ok());
-        if self.line.is_some() && minor < Some(SINCE) {
+        if self.line.is_some() && self.minor() < Some(SINCE) {
             return entry("line", "it came with ABI 1.1: write that as `abi`");
         }
         for (at, case) in self.line_when.iter().enumerate() {

@@ -11,13 +11,16 @@ use settings::list;
 pub use settings::{OwnedValue, SettingError, SettingValues};
 
 use crate::VERSION;
-use crate::limits::{FIELDS, MANIFEST_BYTES, SETTINGS, VALUE_BYTES};
+use crate::limits::{FIELDS, MANIFEST_BYTES, MEMORY_PAGES, SETTINGS, VALUE_BYTES};
 use alloc::collections::BTreeMap;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 use thiserror::Error;
+
+/// The minor version that brought keys of its own.
+const SINCE: u16 = 1;
 
 /// A plug-in's manifest.
 ///
@@ -76,6 +79,10 @@ pub struct Manifest {
     /// Settings for which it is another one; the first that holds counts. Since ABI 1.1.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub line_when: Vec<LineCase>,
+    /// Bytes of its memory that it uses, from address 0 on: where memory is little, no more is there.
+    /// Without it, all that the module declares. Since ABI 1.1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub memory_bytes: Option<u32>,
 }
 
 /// A setting.
@@ -346,7 +353,8 @@ impl Manifest {
                 }
             }
         }
-        self.check_line()
+        self.check_line()?;
+        self.check_memory()
     }
 
     fn check_version(&self) -> Result<(), ManifestError> {
@@ -394,6 +402,21 @@ impl Manifest {
             .value_from_json(&setting.default)
             .map(drop)
             .map_err(|source| ManifestError::Value { entry: path, source })
+    }
+
+    fn check_memory(&self) -> Result<(), ManifestError> {
+        let Some(bytes) = self.memory_bytes else { return Ok(()) };
+        if self.minor() < Some(SINCE) {
+            return entry("memory_bytes", "it came with ABI 1.1: write that as `abi`");
+        }
+        if bytes == 0 || u64::from(bytes) > MEMORY_PAGES * 65_536 {
+            return entry("memory_bytes", "it is 1 to 262144");
+        }
+        Ok(())
+    }
+
+    fn minor(&self) -> Option<u16> {
+        self.abi.split_once('.').and_then(|(_, minor)| minor.parse().ok())
     }
 
     fn check_preset(&self, at: usize, preset: &Preset) -> Result<(), ManifestError> {

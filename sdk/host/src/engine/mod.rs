@@ -3,6 +3,8 @@
 //! Callers know these three traits and nothing of the engine: another engine is
 //! another file beside `wasmtime.rs`.
 
+#[cfg(feature = "interpreter")]
+mod interpreter;
 #[cfg(feature = "wasmtime")]
 mod precompiled;
 #[cfg(feature = "wasmi")]
@@ -16,6 +18,8 @@ use softplug_abi::{Event, Micros};
 use std::fmt;
 use std::ops::Range;
 
+#[cfg(feature = "interpreter")]
+pub(crate) use self::interpreter::Interpreter;
 #[cfg(feature = "wasmi")]
 pub(crate) use self::wasmi::Wasmi;
 #[cfg(feature = "wasmtime")]
@@ -45,6 +49,12 @@ pub enum EngineKind {
     #[cfg(feature = "wasmi")]
     #[cfg_attr(not(feature = "wasmtime"), default)]
     Wasmi,
+    /// The interpreter of units without an operating system (`softplug-interpreter`), which
+    /// translates nothing: to see here what a plug-in does there. As the one before it keeps nothing in the
+    /// cache, has no most number of instances, and names no functions of a trap.
+    #[cfg(feature = "interpreter")]
+    #[cfg_attr(not(any(feature = "wasmtime", feature = "wasmi")), default)]
+    Interpreter,
 }
 
 /// Which engine runs the plug-ins, exactly. Fuel figures hold for one version of one
@@ -74,6 +84,7 @@ impl fmt::Display for EngineInfo {
 
 /// Units of fuel of those operators that take longer than the rest, which cost one,
 /// by an order: so that the budget bounds time, not only a count.
+#[cfg(any(feature = "wasmtime", feature = "wasmi"))]
 mod weights {
     pub(super) const MEMORY_GROW: u8 = 100;
     pub(super) const CALL_INDIRECT: u8 = 4;

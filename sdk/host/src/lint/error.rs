@@ -98,6 +98,22 @@ pub enum LintError {
         /// Declared pages.
         pages: u64,
     },
+    /// Its manifest says that it uses more memory than it declares.
+    #[error("the manifest's memory_bytes is {bytes}, and the module declares {declared} bytes")]
+    MoreThanDeclared {
+        /// What the manifest says.
+        bytes: u32,
+        /// What the module declares, in bytes.
+        declared: u64,
+    },
+    /// Its data lies above what its manifest says that it uses.
+    #[error("the manifest's memory_bytes is {bytes}, and the module's data reaches to byte {end}")]
+    DataAbove {
+        /// What the manifest says.
+        bytes: u32,
+        /// Where the data ends.
+        end: u64,
+    },
     /// An export of the ABI is not there.
     #[error("the export \"{0}\" is missing: is this a plug-in of ABI version 1?")]
     MissingExport(&'static str),

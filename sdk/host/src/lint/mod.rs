@@ -102,8 +102,10 @@ pub fn lint(wasm: &[u8]) -> Result<Inspection, LintError> {
     }
     let memory_pages = check_memory(&outline)?;
     check_exports(&outline)?;
+    let manifest = check_manifest(&outline)?;
+    check_memory_used(&outline, memory_pages, &manifest)?;
     Ok(Inspection {
-        manifest: check_manifest(&outline)?,
+        manifest,
         digest: Digest::of(wasm),
         size: wasm.len(),
         memory_pages,
@@ -189,6 +191,23 @@ fn check_memory(outline: &Outline<'_>) -> Result<u64, LintError> {
         return Err(LintError::TooManyPages { pages });
     }
     Ok(pages)
+}
+
+/// What the manifest says of it.
+fn check_memory_used(
+    outline: &Outline<'_>,
+    pages: u64,
+    manifest: &Manifest,
+) -> Result<(), LintError> {
+    let Some(bytes) = manifest.memory_bytes else { return Ok(()) };
+    let declared = pages * 65_536;
+    if u64::from(bytes) > declared {
+        return Err(LintError::MoreThanDeclared { bytes, declared });
+    }
+    if outline.data_end > u64::from(bytes) {
+        return Err(LintError::DataAbove { bytes, end: outline.data_end });
+    }
+    Ok(())
 }
 
 fn check_exports(outline: &Outline<'_>) -> Result<(), LintError> {

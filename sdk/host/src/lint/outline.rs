@@ -2,8 +2,8 @@
 
 use softplug_abi::MANIFEST_SECTION;
 use wasmparser::{
-    CompositeInnerType, ExternalKind, FuncType, MemoryType, Parser, Payload, Result, TypeRef,
-    WasmFeatures,
+    CompositeInnerType, DataKind, ExternalKind, FuncType, MemoryType, Operator, Parser, Payload,
+    Result, TypeRef, WasmFeatures,
 };
 
 /// Imports that a message names.
@@ -19,6 +19,8 @@ pub(super) struct Outline<'a> {
     pub(super) memories: Vec<MemoryType>,
     pub(super) has_start: bool,
     pub(super) manifests: Vec<&'a [u8]>,
+    /// Where the data ends that the memory begins with.
+    pub(super) data_end: u64,
 }
 
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -98,6 +100,18 @@ impl<'a> Outline<'a> {
             Payload::GlobalSection(section) => {
                 for global in section {
                     spaces.globals_mutable.push(global?.ty.mutable);
+                }
+            }
+            Payload::DataSection(section) => {
+                for data in section {
+                    let data = data?;
+                    if let DataKind::Active { offset_expr, .. } = data.kind
+                        && let Operator::I32Const { value } =
+                            offset_expr.get_operators_reader().read()?
+                    {
+                        let end = u64::from(value as u32) + data.data.len() as u64;
+                        self.data_end = self.data_end.max(end);
+                    }
                 }
             }
             Payload::ExportSection(section) => {

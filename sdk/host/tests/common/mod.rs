@@ -14,6 +14,8 @@ pub(crate) static HOSTS: LazyLock<Vec<Host>> = LazyLock::new(|| {
     let mut hosts = vec![HOST.clone()];
     #[cfg(feature = "wasmi")]
     hosts.push(host(HostOptions { engine: EngineKind::Wasmi, ..HostOptions::default() }));
+    #[cfg(feature = "interpreter")]
+    hosts.push(host(HostOptions { engine: EngineKind::Interpreter, ..HostOptions::default() }));
     hosts
 });
 
@@ -22,6 +24,8 @@ pub(crate) const ENGINES: &[EngineKind] = &[
     EngineKind::Wasmtime,
     #[cfg(feature = "wasmi")]
     EngineKind::Wasmi,
+    #[cfg(feature = "interpreter")]
+    EngineKind::Interpreter,
 ];
 
 pub(crate) fn host(options: HostOptions) -> Host {

@@ -16,13 +16,19 @@ use softplug_unit_uplink::{Outbox, plain_text};
 use super::delivery::{Arrivals, Flood};
 use super::job::UnitJob;
 use super::thread::Thread;
-use super::{PIECE, UnitCommand, UnitLinkFigures, UnitPlugin, UnitSetup, UnitSlotFigures};
+use super::{UnitCommand, UnitLinkFigures, UnitPlugin, UnitSetup, UnitSlotFigures, piece};
 use crate::allowance::Allowance;
 use crate::reactor::{Condition, JobEnd, JobOutcome, LaneId, LaneStatus, Report};
 use plugin::{Change, fault};
 
 /// The longest fields of a job, and settings, in bytes: they must fit into a message.
 const LONGEST_FIELDS: usize = 900;
+
+/// The longest ones that the other end takes.
+pub(super) fn longest_fields(outbox: &Outbox) -> usize {
+    LONGEST_FIELDS.min(piece(outbox))
+}
+
 /// Most requests of a machine that are not answered.
 const MOST_REQUESTS: usize = 256;
 /// Notes and states a second, and at once, as of a lane of this computer.
@@ -209,7 +215,7 @@ impl UnitLane {
                 self.order(around);
             }
             UnitCommand::Halt(why) => {
-                let why = &why[..why.floor_char_boundary(600)];
+                let why = &why[..why.floor_char_boundary(600.min(piece(around.outbox)))];
                 if let Some(link) = self.number {
                     around.say(&ToUnit::Halt { link, why });
                 }
@@ -234,8 +240,9 @@ impl UnitLane {
                 return;
             }
         };
-        let count = bytes.len().div_ceil(PIECE).max(1);
-        for (number, part) in (1..=count).zip(bytes.chunks(PIECE).chain([&[][..]])) {
+        let piece = piece(around.outbox);
+        let count = bytes.len().div_ceil(piece).max(1);
+        for (number, part) in (1..=count).zip(bytes.chunks(piece).chain([&[][..]])) {
             let is_last = number == count;
             around.say(&ToUnit::Answer { link, request, refused: None, is_last, bytes: part });
         }
@@ -493,7 +500,7 @@ impl UnitLane {
         }
         let is_ready = self.change.is_none() && self.foreign_job.is_none();
         let Some(job) = &mut self.job else { return };
-        if !job.is_begun && is_ready && job.job.fields.len() > LONGEST_FIELDS {
+        if !job.is_begun && is_ready && job.job.fields.len() > longest_fields(around.outbox) {
             let outcome = JobOutcome::Failed { failure: Failure::BadJob, status: 0 };
             let end = JobEnd::unbegun(job.job.id, outcome, 0);
             self.job = None;

@@ -4,10 +4,10 @@ use softplug_abi::{LinkDownReason, Micros};
 use softplug_unit_protocol::{Digest, SlotState, SwapOutcome, ToUnit, WhenCode};
 use softplug_unit_uplink::plain_text;
 
-use super::{AGAIN, Around, LONGEST_FIELDS, UnitLane};
+use super::{AGAIN, Around, UnitLane, longest_fields};
 use crate::reactor::{LaneFault, Probation, Report, SwapReport, When};
 use crate::recorder::Recording;
-use crate::units::{PIECE, UnitPlugin};
+use crate::units::{UnitPlugin, piece};
 
 /// A plug-in on its way into the unit.
 pub(super) struct Change {
@@ -46,15 +46,17 @@ impl UnitLane {
         if !is_there {
             let signature = signature.as_deref().unwrap_or_default();
             let length = module.len() as u32;
+            if signature.len() > piece(around.outbox) {
+                self.not_taken("it takes no message as long as a signature", around);
+                return;
+            }
             around.say(&ToUnit::Download { link, length, digest, signature });
             return;
         }
         let settings = &pairs(settings);
-        if settings.len() > LONGEST_FIELDS {
-            let text = format!(
-                "its settings have {} bytes; {LONGEST_FIELDS} are the most",
-                settings.len()
-            );
+        let most = longest_fields(around.outbox);
+        if settings.len() > most {
+            let text = format!("its settings have {} bytes; {most} are the most", settings.len());
             self.not_taken(&text, around);
             return;
         }
@@ -79,7 +81,7 @@ impl UnitLane {
         if rest.is_empty() {
             around.say(&ToUnit::Install { link });
         } else {
-            let bytes = &rest[..rest.len().min(PIECE)];
+            let bytes = &rest[..rest.len().min(piece(around.outbox))];
             around.say(&ToUnit::Piece { link, at: until, bytes });
         }
     }
