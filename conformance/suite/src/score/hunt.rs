@@ -110,7 +110,7 @@ pub fn score(
     let changeable = Changeable::new(module).map_err(|error| unfit(&error))?;
     let hunter = Hunter::new(module, corpus, &manifest, options, stop)?;
     let mut hunter = hunter.ok_or(ScoreError::Stopped)?;
-    let sound = hunter.load(EngineKind::Wasmtime, module).ok_or_else(|| unfit(&"not loaded"))?;
+    let sound = loaded(&hunter.compiled, module).ok_or_else(|| unfit(&"not loaded"))?;
     hunter.hold(&sound, options.threads, stop)?;
     let tried = draw(changeable.changes(), options);
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
@@ -271,14 +271,6 @@ impl<'a> Hunter<'a> {
         Ok(Some(Self { runs, places, seed, permutations, features, compiled, interpreted }))
     }
 
-    fn load(&self, engine: EngineKind, module: &[u8]) -> Option<Sandboxed> {
-        let host = match engine {
-            EngineKind::Wasmtime => &self.compiled,
-            EngineKind::Wasmi => &self.interpreted,
-        };
-        host.load_bytes(module).ok().map(Sandboxed::new)
-    }
-
     fn fate(
         &self,
         changeable: &Changeable<'_>,
@@ -300,7 +292,7 @@ impl<'a> Hunter<'a> {
             return Ok(Fate::Survived(Shown::NotExecuted));
         }
         // Most changes show in the first runs: compiling would cost more than all of these.
-        let Some(quick) = self.load(EngineKind::Wasmi, &module) else {
+        let Some(quick) = loaded(&self.interpreted, &module) else {
             return Ok(Fate::Noticed(By::Lint));
         };
         let (first, others) = runs.split_at(runs.len().min(QUICK));
@@ -308,7 +300,7 @@ impl<'a> Hunter<'a> {
             Hunted::Failed(failing) => return Ok(Fate::Noticed(failing.run.by())),
             Hunted::Passed { is_different } => is_different,
         };
-        let Some(compiled) = self.load(EngineKind::Wasmtime, &module) else {
+        let Some(compiled) = loaded(&self.compiled, &module) else {
             return Ok(Fate::Noticed(By::Lint));
         };
         Ok(match self.hunted(&compiled, others, is_over)? {
@@ -456,6 +448,10 @@ impl Run {
             Self::Session(_) => By::Sessions,
         }
     }
+}
+
+fn loaded(host: &Host, module: &[u8]) -> Option<Sandboxed> {
+    host.load_bytes(module).ok().map(Sandboxed::new)
 }
 
 /// Every run with what it executes: cases first, then sessions, then permutations, each in the

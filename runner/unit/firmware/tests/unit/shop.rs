@@ -142,7 +142,7 @@ impl Shop {
 
     fn connect(&mut self) {
         let now = self.unit.board_mut().now();
-        self.server = Box::new(Session::new(Role::Server, Identity(77 + self.starts)));
+        *self.server = Session::new(Role::Server, Identity(77 + self.starts));
         self.server.call(now);
         self.say(&ToUnit::Query {});
         self.until("Told");
@@ -237,7 +237,8 @@ impl Shop {
         while let Some(length) = self.server.poll_transmit(now, &mut frame) {
             for &byte in &frame[..length] {
                 self.carried += 1;
-                let is_altered = self.alter_each.is_some_and(|each| self.carried % each == 0);
+                let is_altered =
+                    self.alter_each.is_some_and(|each| self.carried.is_multiple_of(each));
                 let byte = if is_altered { byte ^ 0x40 } else { byte };
                 self.unit.board_mut().from_uplink.push_back(byte);
             }

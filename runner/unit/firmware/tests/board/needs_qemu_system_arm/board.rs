@@ -58,11 +58,11 @@ impl Figures {
 
 impl Board {
     pub(super) fn start() -> Self {
-        let firmware =
-            std::env::var_os("SOFTPLUG_FIRMWARE").map(PathBuf::from).unwrap_or_else(|| {
-                let target = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../target");
-                target.join("thumbv7em-none-eabihf/firmware/softplug-unit-mps2")
-            });
+        let by_hand = || {
+            let target = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../target");
+            target.join("thumbv7em-none-eabihf/firmware/softplug-unit-mps2")
+        };
+        let firmware = std::env::var_os("SOFTPLUG_FIRMWARE").map_or_else(by_hand, PathBuf::from);
         assert!(firmware.is_file(), "no {}: run `cargo xtask test`", firmware.display());
         let folder = tempfile::tempdir().unwrap();
         let listeners = ["control", "machine"].map(|name| {

@@ -21,8 +21,8 @@ const XON: u8 = 0x11;
 const XOFF: u8 = 0x13;
 
 /// Whether it is no XON or XOFF of the plug-in's own.
-fn is_data(byte: &u8) -> bool {
-    !matches!(*byte, XON | XOFF)
+fn is_data(byte: u8) -> bool {
+    !matches!(byte, XON | XOFF)
 }
 
 #[test]
@@ -84,7 +84,7 @@ fn at_19200_baud_both_ways_half_of_the_processor_is_left() {
     while said < from_machine.len() {
         assert!(started.elapsed() < board::PATIENCE, "said {said}, heard {}", heard.len());
         let news = board.heard();
-        if let Some(last) = news.iter().rfind(|byte| !is_data(byte)) {
+        if let Some(last) = news.iter().rfind(|byte| !is_data(**byte)) {
             may_say = *last == XON;
         }
         if may_say {
@@ -105,12 +105,12 @@ fn at_19200_baud_both_ways_half_of_the_processor_is_left() {
 
     // Nothing was lost of either way. The plug-in's own XON and XOFF stand between.
     let patience = Instant::now();
-    while heard.iter().filter(|byte| is_data(byte)).count() < program.len() {
+    while heard.iter().filter(|byte| is_data(**byte)).count() < program.len() {
         assert!(patience.elapsed() < board::PATIENCE, "{} characters", heard.len());
         heard.extend(board.heard());
         gateway.hear(Duration::from_millis(4));
     }
-    heard.retain(is_data);
+    heard.retain(|byte| is_data(*byte));
     assert_eq!(String::from_utf8_lossy(&heard), String::from_utf8_lossy(&program));
     gateway.until_arrived(&from_machine);
 }
