@@ -222,6 +222,9 @@ fn places(asked: &[String], screen: &Screen) -> Result<Vec<UnitPlace>, Failure> 
         } else if text.contains([':', '/']) || CanAddress::new(text, 1).is_err() {
             let what = format_args!("`{}` is no unit and no bus", text.escape_debug());
             return Err(Failure::usage(what).hint("write it as 10.0.0.17:7640, can0/17 or can0"));
+        } else if !Path::new("/sys/class/net").join(text).exists() {
+            let what = format_args!("this computer has no network interface {text}");
+            return Err(Failure::usage(what).hint("write it as 10.0.0.17:7640, can0/17 or can0"));
         } else {
             let found = units_on_can(text, random()?, FINDING)
                 .map_err(|error| Failure::new(Exit::Port, format_args!("{text}: {error}")))?;

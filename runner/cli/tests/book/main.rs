@@ -73,6 +73,7 @@ pages! {
     protocols_fanuc_rs232: "protocols/fanuc-rs232.md",
     protocols_heidenhain_fe: "protocols/heidenhain-fe.md",
     unit_index: "unit/README.md",
+    unit_firmware: "unit/firmware.md",
     unit_protocol: "unit/protocol.md",
     unit_slots: "unit/slots.md",
     performance: "performance.md",
@@ -92,6 +93,7 @@ pages! {
     decision_0011: "decisions/0011-jobs-in-redb.md",
     decision_0012: "decisions/0012-readers-have-no-part-in-the-writers-turns.md",
     decision_0013: "decisions/0013-weighed-then-compiled-apart.md",
+    decision_0014: "decisions/0014-an-interpreter-that-translates-nothing.md",
     decisions_dependencies: "decisions/dependencies.md",
 }
 

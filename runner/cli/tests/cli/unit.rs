@@ -83,7 +83,9 @@ fn a_unit_that_is_not_there_is_a_matter_of_the_network() {
     let listed = bench.run(&["unit", "list", "127.0.0.1:1", "--json"]).with_code(6).json();
     assert!(listed["units"][0]["error"].as_str().is_some(), "{listed}");
     let ran = bench.run(&["unit", "list", "nowhere"]).with_code(2);
-    assert!(ran.err.contains("is no host and port"), "{ran}");
+    assert!(ran.err.contains("has no network interface nowhere"), "{ran}");
+    let ran = bench.run(&["unit", "list", "can0/240"]).with_code(2);
+    assert!(ran.err.contains("is no unit and no bus"), "{ran}");
     let ran = bench.run(&["unit", "flash", "tcp://a:1/b", "x.wasm"]).with_code(2);
     assert!(ran.err.contains("is no link of a unit"), "{ran}");
 }
