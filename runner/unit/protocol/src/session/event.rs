@@ -52,7 +52,7 @@ pub enum EndReason {
     /// What was sent was not confirmed for 10 s, however often it was sent.
     #[error("the other side does not confirm what is sent to it")]
     Unconfirmed,
-    /// This side ended it: see [`Session::end`].
+    /// This side ended it: see [`Session::end`](crate::Session::end).
     #[error("it was ended here")]
     Here,
 }
