@@ -35,6 +35,7 @@ mod machine;
 mod module;
 mod opcode;
 mod reader;
+mod run;
 mod session;
 mod trap;
 mod validate;

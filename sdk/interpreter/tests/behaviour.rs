@@ -161,6 +161,22 @@ fn fuel_ends_what_never_ends_and_is_counted_by_operators() {
     assert_eq!(used(0), Err(Trap::OutOfFuel));
 }
 
+/// Clearing a thousand locals takes some time each, however few bytes declare them.
+#[test]
+fn a_call_that_clears_many_locals_takes_fuel_for_them() {
+    let used = |locals: &str| {
+        let text =
+            format!("(module (func $many (local {locals})) (func (export \"run\") (call $many)))");
+        let module = Arc::new(module(&text).unwrap());
+        let function = module.exported_function("run").unwrap();
+        let mut fuel = 100_000;
+        let mut machine = Machine::new(module, Room::default()).unwrap();
+        machine.call(function, &[], &mut fuel).map(|_| 100_000 - fuel)
+    };
+    let few = used("i32").unwrap();
+    assert_eq!(used(&"i64 ".repeat(1_024)).unwrap() - few, 1_024 / 8);
+}
+
 #[test]
 fn what_is_not_valid_is_refused() {
     use InvalidReason as Reason;
