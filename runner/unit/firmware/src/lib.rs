@@ -18,6 +18,7 @@ mod host;
 mod lane;
 mod memory;
 mod outbox;
+mod plugin;
 mod settings;
 mod tell;
 mod unit;

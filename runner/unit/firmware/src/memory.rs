@@ -1,17 +1,13 @@
 //! The link's plug-in memory: two slots in the board's flash.
 
-use alloc::borrow::ToOwned;
-use alloc::format;
 use alloc::string::{String, ToString};
 use softplug_unit_protocol::{Digest, SlotState, ToServer};
 use softplug_unit_slots::{
-    Begun, Device, Module, Options, Run, Signature, Slot, Slots, State, Trust,
+    Begun, Boot, Device, Module, Options, Refusal, Run, Signature, Slot, Slots, State, Trust,
 };
 
 /// Times that a plug-in on trial may be started.
 const ATTEMPTS: u8 = 3;
-/// Bytes of a signature in a message: the key's id, and the signature.
-const SIGNATURE: usize = 32 + 64;
 
 /// A plug-in that is to run.
 #[derive(Copy, Clone)]
@@ -31,8 +27,6 @@ pub(crate) enum Download {
 pub(crate) struct Memory<D> {
     slots: Slots<'static, D>,
     most_erases: u32,
-    /// The module that the last boot gave.
-    running: Option<Digest>,
 }
 
 impl<D: Device> Memory<D> {
@@ -42,15 +36,12 @@ impl<D: Device> Memory<D> {
         most_erases: u32,
     ) -> Result<Self, softplug_unit_slots::Error<D::Error>> {
         let slots = Slots::open(device, Options { trust, attempts: ATTEMPTS, most_erases })?;
-        Ok(Self { slots, most_erases, running: None })
+        Ok(Self { slots, most_erases })
     }
 
     /// What is to run. An attempt of a trial is counted.
     pub(crate) fn boot(&mut self) -> Option<Bootable> {
-        let run = self.slots.boot().run;
-        let module = run.module();
-        self.running = module.map(|module| module.digest);
-        Some(Bootable { module: module?, is_on_trial: matches!(run, Run::Trial { .. }) })
+        bootable(&self.slots.boot())
     }
 
     pub(crate) fn begin(
@@ -59,14 +50,12 @@ impl<D: Device> Memory<D> {
         digest: Digest,
         signature: &[u8],
     ) -> Result<Download, String> {
-        let signature = match signature {
-            [] => None,
-            bytes => Some(signature_of(bytes)?),
-        };
+        let signature = (!signature.is_empty()).then(|| Signature::from_bytes(signature));
+        let signature = signature.transpose().map_err(|refusal| refusal.to_string())?;
         match self.slots.begin(length, digest, signature).map_err(|error| error.to_string())? {
             Begun::Fresh { .. } => Ok(Download::Until(0)),
             Begun::UnderWay { received, .. } => Ok(Download::Until(received)),
-            Begun::AlreadyThere { slot, .. } => Ok(Download::Whole(number(slot))),
+            Begun::AlreadyThere { slot, .. } => Ok(Download::Whole(slot.number())),
         }
     }
 
@@ -78,38 +67,14 @@ impl<D: Device> Memory<D> {
     /// Verifies what was downloaded.
     pub(crate) fn install(&mut self) -> Result<Download, String> {
         let slot = self.slots.finish().map_err(|error| error.to_string())?;
-        Ok(Download::Whole(number(slot)))
+        Ok(Download::Whole(slot.number()))
     }
 
     /// The module with this digest is to run now: what was downloaded goes on trial, what was
     /// confirmed before is gone back to.
     pub(crate) fn change_to(&mut self, digest: Digest) -> Result<Bootable, String> {
-        let held = [Slot::A, Slot::B].map(|slot| self.slots.held(slot));
-        // Both may hold it: what was downloaded last is the one that was verified last.
-        let found = held.into_iter().flatten().filter(|held| held.digest == digest);
-        let is_usable = |state| !matches!(state, State::Writing | State::Failed(_));
-        let found = found.max_by_key(|held| (is_usable(held.state), held.generation));
-        let state = found
-            .map(|held| held.state)
-            .ok_or_else(|| "no slot holds this plug-in: download it first".to_owned())?;
-        match state {
-            State::Written => {
-                self.slots.start_trial().map_err(|error| error.to_string())?;
-            }
-            State::Confirmed if self.running.is_some_and(|running| running != digest) => {
-                self.slots.go_back().map_err(|error| error.to_string())?;
-            }
-            State::Confirmed | State::Trial { .. } => {}
-            State::Writing => return Err("its download is not finished".to_owned()),
-            State::Failed(failure) => {
-                return Err(format!("it has failed before ({failure}): download it anew"));
-            }
-        }
-        let bootable = self.boot().ok_or("nothing in the memory can run")?;
-        if bootable.module.digest != digest {
-            return Err("the memory gives another plug-in: this one is not sound".to_owned());
-        }
-        Ok(bootable)
+        let boot = self.slots.change_to(&digest).map_err(|error| error.to_string())?;
+        bootable(&boot).ok_or_else(|| Refusal::NotSound.to_string())
     }
 
     /// What runs has proved itself. If that cannot be written, the trial goes on.
@@ -124,11 +89,11 @@ impl<D: Device> Memory<D> {
 
     /// What a query is told.
     pub(crate) fn tell(&self) -> [ToServer<'static>; 2] {
-        [Slot::A, Slot::B].map(|slot| {
+        Slot::BOTH.map(|slot| {
             let held = self.slots.held(slot);
             ToServer::Slot {
                 link: 0,
-                slot: number(slot),
+                slot: slot.number(),
                 state: held.map_or(SlotState::Empty, |held| shown(held.state)),
                 length: held.map_or(0, |held| held.length),
                 digest: held.map_or([0; 32], |held| held.digest),
@@ -139,18 +104,9 @@ impl<D: Device> Memory<D> {
     }
 }
 
-fn signature_of(bytes: &[u8]) -> Result<Signature, String> {
-    let wrong = || format!("a signature has {SIGNATURE} bytes, and this {}", bytes.len());
-    let (key, rest) = bytes.split_first_chunk::<32>().ok_or_else(wrong)?;
-    let signature: &[u8; 64] = rest.try_into().map_err(|_| wrong())?;
-    Ok(Signature { key: *key, bytes: *signature })
-}
-
-fn number(slot: Slot) -> u8 {
-    match slot {
-        Slot::A => 0,
-        Slot::B => 1,
-    }
+fn bootable(boot: &Boot) -> Option<Bootable> {
+    let is_on_trial = matches!(boot.run, Run::Trial { .. });
+    Some(Bootable { module: boot.run.module()?, is_on_trial })
 }
 
 fn shown(state: State) -> SlotState {

@@ -6,8 +6,8 @@ use std::os::unix::fs::FileTypeExt;
 
 use softplug_unit_protocol::{Digest, SlotState, ToServer};
 use softplug_unit_slots::{
-    Begun, Content, Device, FileDevice, Geometry, Module, MtdDevice, Options, PassedOver, Run,
-    Signature, Slot, Slots, State, Trust,
+    Begun, Boot, Content, Device, FileDevice, Geometry, Module, MtdDevice, Options, PassedOver,
+    Refusal, Run, Signature, Slot, Slots, State, Trust,
 };
 
 use crate::config::{MemoryConfig, SignatureConfig};
@@ -17,8 +17,6 @@ const ATTEMPTS: u8 = 3;
 /// Blocks and granules of a file, as of common NOR flash.
 const ERASE: u32 = 4_096;
 const GRANULE: u32 = 4;
-/// Bytes of a signature in a message: the key's id, and the signature.
-const SIGNATURE: usize = 32 + 64;
 
 /// A device of either kind.
 #[derive(Debug)]
@@ -79,8 +77,6 @@ pub(crate) enum Download {
 pub(crate) struct Memory {
     slots: Slots<'static, AnyDevice>,
     most_erases: u32,
-    /// The module that the last boot gave.
-    running: Option<Digest>,
 }
 
 impl Memory {
@@ -92,12 +88,16 @@ impl Memory {
         let most_erases = config.most_erases;
         let options = Options { trust, attempts: ATTEMPTS, most_erases };
         let slots = Slots::open(device, options).map_err(|error| error.to_string())?;
-        Ok(Self { slots, most_erases, running: None })
+        Ok(Self { slots, most_erases })
     }
 
     /// What is to run. An attempt of a trial is counted.
     pub(crate) fn boot(&mut self) -> Result<Option<Bootable>, String> {
         let boot = self.slots.boot();
+        self.bootable(&boot)
+    }
+
+    fn bootable(&mut self, boot: &Boot) -> Result<Option<Bootable>, String> {
         for (slot, reason) in ["A", "B"].into_iter().zip(boot.passed_over) {
             match reason {
                 Some(
@@ -110,10 +110,8 @@ impl Memory {
                 None => {}
             }
         }
-        self.running = None;
         let Some(module) = boot.run.module() else { return Ok(None) };
         let bytes = self.read(&module)?;
-        self.running = Some(module.digest);
         let is_on_trial = matches!(boot.run, Run::Trial { .. });
         Ok(Some(Bootable { digest: module.digest, bytes, is_on_trial }))
     }
@@ -130,22 +128,12 @@ impl Memory {
         digest: Digest,
         signature: &[u8],
     ) -> Result<Download, String> {
-        let signature = match signature {
-            [] => None,
-            bytes if bytes.len() == SIGNATURE => {
-                let mut signature = Signature { key: [0; 32], bytes: [0; 64] };
-                signature.key.copy_from_slice(&bytes[..32]);
-                signature.bytes.copy_from_slice(&bytes[32..]);
-                Some(signature)
-            }
-            bytes => {
-                return Err(format!("a signature has {SIGNATURE} bytes, and this {}", bytes.len()));
-            }
-        };
+        let signature = (!signature.is_empty()).then(|| Signature::from_bytes(signature));
+        let signature = signature.transpose().map_err(|refusal| refusal.to_string())?;
         match self.slots.begin(length, digest, signature).map_err(|error| error.to_string())? {
             Begun::Fresh { .. } => Ok(Download::Until(0)),
             Begun::UnderWay { received, .. } => Ok(Download::Until(received)),
-            Begun::AlreadyThere { slot, .. } => Ok(Download::Whole(number(slot))),
+            Begun::AlreadyThere { slot, .. } => Ok(Download::Whole(slot.number())),
         }
     }
 
@@ -156,38 +144,14 @@ impl Memory {
 
     /// Verifies what was downloaded. Gives its slot.
     pub(crate) fn install(&mut self) -> Result<u8, String> {
-        self.slots.finish().map(number).map_err(|error| error.to_string())
+        self.slots.finish().map(Slot::number).map_err(|error| error.to_string())
     }
 
     /// The module with this digest is to run now: what was downloaded goes on trial, what was
     /// confirmed before is gone back to.
     pub(crate) fn change_to(&mut self, digest: Digest) -> Result<Bootable, String> {
-        let held = [Slot::A, Slot::B].map(|slot| self.slots.held(slot));
-        // Both may hold it: what was downloaded last is the one that was verified last.
-        let found = held.into_iter().flatten().filter(|held| held.digest == digest);
-        let is_usable = |state| !matches!(state, State::Writing | State::Failed(_));
-        let found = found.max_by_key(|held| (is_usable(held.state), held.generation));
-        let state = found
-            .map(|held| held.state)
-            .ok_or_else(|| "no slot holds this plug-in: download it first".to_owned())?;
-        match state {
-            State::Written => {
-                self.slots.start_trial().map_err(|error| error.to_string())?;
-            }
-            State::Confirmed if self.running.is_some_and(|running| running != digest) => {
-                self.slots.go_back().map_err(|error| error.to_string())?;
-            }
-            State::Confirmed | State::Trial { .. } => {}
-            State::Writing => return Err("its download is not finished".to_owned()),
-            State::Failed(failure) => {
-                return Err(format!("it has failed before ({failure}): download it anew"));
-            }
-        }
-        let bootable = self.boot()?.ok_or("nothing in the memory can run")?;
-        if bootable.digest != digest {
-            return Err("the memory gives another plug-in: this one is not sound".to_owned());
-        }
-        Ok(bootable)
+        let boot = self.slots.change_to(&digest).map_err(|error| error.to_string())?;
+        self.bootable(&boot)?.ok_or_else(|| Refusal::NotSound.to_string())
     }
 
     /// What runs has proved itself.
@@ -206,11 +170,11 @@ impl Memory {
 
     /// What a query is told.
     pub(crate) fn tell(&self, link: u8) -> [ToServer<'static>; 2] {
-        [Slot::A, Slot::B].map(|slot| {
+        Slot::BOTH.map(|slot| {
             let held = self.slots.held(slot);
             ToServer::Slot {
                 link,
-                slot: number(slot),
+                slot: slot.number(),
                 state: held.map_or(SlotState::Empty, |held| shown(held.state)),
                 length: held.map_or(0, |held| held.length),
                 digest: held.map_or([0; 32], |held| held.digest),
@@ -222,7 +186,7 @@ impl Memory {
 
     /// A slot that holds something else than this format.
     pub(crate) fn foreign(&self) -> Option<String> {
-        [Slot::A, Slot::B].into_iter().find_map(|slot| match self.slots.look(slot) {
+        Slot::BOTH.into_iter().find_map(|slot| match self.slots.look(slot) {
             Content::Module(_) | Content::Empty => None,
             content => Some(format!("slot {slot} holds something else: {content:?}")),
         })
@@ -244,13 +208,6 @@ fn device(config: &MemoryConfig) -> io::Result<AnyDevice> {
     }
     let geometry = Geometry { size: config.size, erase: ERASE, granule: GRANULE };
     FileDevice::open(&config.path, geometry).map(AnyDevice::File)
-}
-
-fn number(slot: Slot) -> u8 {
-    match slot {
-        Slot::A => 0,
-        Slot::B => 1,
-    }
 }
 
 fn shown(state: State) -> SlotState {

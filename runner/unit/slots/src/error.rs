@@ -2,7 +2,8 @@
 
 use crate::device::Geometry;
 use crate::layout::{LEAST_ROOM, Slot};
-use crate::record::MOST_ATTEMPTS;
+use crate::record::{Failure, MOST_ATTEMPTS};
+use crate::trust::Signature;
 
 /// Why something is not done, by who is to blame. `E` is the device's own error.
 ///
@@ -44,6 +45,12 @@ pub enum Refusal {
     /// The unit does not know the key that the signature names.
     #[error("the plug-in is signed with a key that this unit does not trust")]
     UnknownKey,
+    /// What was sent as a signature has another length.
+    #[error("a signature has {bytes} bytes, and this {length}", bytes = Signature::BYTES)]
+    SignatureLength {
+        /// What was sent.
+        length: usize,
+    },
     /// The signature is not that of length and digest by this key.
     #[error("the signature does not fit to length and digest of the plug-in")]
     Signature,
@@ -98,6 +105,18 @@ pub enum Refusal {
     /// There is nothing that would run instead.
     #[error("the other slot holds no module that has been confirmed and is sound")]
     NoOther,
+    /// No slot holds the module that is to run.
+    #[error("no slot holds this plug-in: download it first")]
+    NotHeld,
+    /// The module that is to run is not whole.
+    #[error("its download is not finished")]
+    Unfinished,
+    /// The module that is to run has failed.
+    #[error("it has failed before ({0}): download it anew")]
+    FailedBefore(Failure),
+    /// The module that was to run is not the one that the memory gives.
+    #[error("the memory gives another plug-in, or none: this one is not sound")]
+    NotSound,
     /// The slot is the one that runs, or would.
     #[error("slot {slot} holds what runs, or is on trial")]
     InUse {

@@ -36,11 +36,16 @@ impl Slot {
         }
     }
 
-    pub(crate) const fn index(self) -> usize {
+    /// Its number: 0 for A, 1 for B.
+    pub const fn number(self) -> u8 {
         match self {
             Self::A => 0,
             Self::B => 1,
         }
+    }
+
+    pub(crate) const fn index(self) -> usize {
+        self.number() as usize
     }
 }
 

@@ -188,6 +188,40 @@ impl<D: Device> Slots<'_, D> {
         Ok(slot)
     }
 
+    /// What runs from now on is the module with this digest, and nothing else: one that was downloaded goes on trial, one that
+    /// was confirmed before is gone back to. It is what [`Slots::boot`] gives then. What ran before must not run any more.
+    ///
+    /// # Errors
+    /// [`Refusal::NotHeld`], [`Refusal::Unfinished`] or [`Refusal::FailedBefore`]: nothing has changed. [`Refusal::NotSound`]: it
+    /// cannot run, and boot says what does. Or there is no way back, or the device failed.
+    pub fn change_to(&mut self, digest: &[u8; 32]) -> Result<Boot, Error<D::Error>> {
+        // Both may hold it: what was downloaded last is the one that was verified last.
+        let holding = Slot::BOTH.into_iter().filter_map(|slot| self.held(slot));
+        let holding = holding.filter(|held| held.digest == *digest);
+        let is_usable = |state| !matches!(state, State::Writing | State::Failed(_));
+        let found = holding.max_by_key(|held| (is_usable(held.state), held.generation));
+        match found.ok_or(Refusal::NotHeld)?.state {
+            State::Written => {
+                self.start_trial()?;
+            }
+            State::Confirmed if self.runs_another(digest) => {
+                self.go_back()?;
+            }
+            State::Confirmed | State::Trial { .. } => {}
+            State::Writing => return Err(Refusal::Unfinished.into()),
+            State::Failed(failure) => return Err(Refusal::FailedBefore(failure).into()),
+        }
+        let boot = self.boot();
+        match boot.run.module() {
+            Some(module) if module.digest == *digest => Ok(boot),
+            _ => Err(Refusal::NotSound.into()),
+        }
+    }
+
+    fn runs_another(&self, digest: &[u8; 32]) -> bool {
+        self.running.and_then(|slot| self.held(slot)).is_some_and(|held| held.digest != *digest)
+    }
+
     /// Whether a slot's module has its digest and a signature that the unit takes.
     pub(crate) fn inspect(&mut self, slot: Slot) -> Result<(), Unfit> {
         let header = self.current(slot).ok_or(Unfit::Unreadable)?.header;

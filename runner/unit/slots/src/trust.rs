@@ -22,6 +22,31 @@ pub struct Signature {
     pub bytes: [u8; 64],
 }
 
+impl Signature {
+    /// Bytes of it as it is sent: the key's id, and the signature.
+    pub const BYTES: usize = 32 + 64;
+
+    /// Reads it as it is sent.
+    ///
+    /// # Errors
+    /// [`Refusal::SignatureLength`].
+    ///
+    /// ```
+    /// use softplug_unit_slots::{Refusal, Signature};
+    ///
+    /// let sent = [7; Signature::BYTES];
+    /// assert_eq!(Signature::from_bytes(&sent)?.key, [7; 32]);
+    /// assert!(Signature::from_bytes(&sent[1..]).is_err());
+    /// # Ok::<(), Refusal>(())
+    /// ```
+    pub fn from_bytes(sent: &[u8]) -> Result<Self, Refusal> {
+        let wrong = Refusal::SignatureLength { length: sent.len() };
+        let (key, rest) = sent.split_first_chunk().ok_or(wrong)?;
+        let bytes = rest.try_into().map_err(|_| wrong)?;
+        Ok(Self { key: *key, bytes })
+    }
+}
+
 /// Whose plug-ins a unit takes.
 ///
 /// The example of [`Slots`](crate::Slots) makes one.

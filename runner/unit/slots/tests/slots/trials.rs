@@ -190,3 +190,32 @@ fn attempts_are_one_to_eight() {
         assert!(matches!(error, Error::SetUp(SetUpError::Attempts { .. })), "{error}");
     }
 }
+
+#[test]
+fn what_is_asked_for_runs_or_it_is_said_why_not() {
+    let (old, new) = (module(1, 300), module(2, 50));
+    let mut flash = with_confirmed(&old);
+    let mut slots = open(&mut flash).unwrap();
+    assert_eq!(slot(slots.boot().run), Some(Slot::A));
+    assert_eq!(refusal(slots.change_to(&digest(&new))), Refusal::NotHeld);
+    slots.begin(50, digest(&new), None).unwrap();
+    assert_eq!(refusal(slots.change_to(&digest(&new))), Refusal::Unfinished);
+    slots.write(0, &new).unwrap();
+    slots.finish().unwrap();
+
+    // What was downloaded goes on trial; asked for again, it is that trial's next attempt.
+    for expected in 1..=2 {
+        let Run::Trial { module, attempt, .. } = slots.change_to(&digest(&new)).unwrap().run else {
+            panic!("it is on trial");
+        };
+        assert_eq!((module.digest, attempt), (digest(&new), expected));
+    }
+    slots.confirm().unwrap();
+
+    // Back to the one before, and no further: what was gone back from has failed.
+    assert_eq!(slot(slots.change_to(&digest(&old)).unwrap().run), Some(Slot::A));
+    let failed = Refusal::FailedBefore(Failure::Told);
+    assert_eq!(refusal(slots.change_to(&digest(&new))), failed);
+    // What runs already is no way back.
+    assert_eq!(slot(slots.change_to(&digest(&old)).unwrap().run), Some(Slot::A));
+}
