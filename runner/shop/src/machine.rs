@@ -92,12 +92,9 @@ impl<I: Instance> Machine<I> {
 
     /// As the scheduler is told of it.
     pub(crate) fn as_unit(&self) -> Level {
-        Level {
-            level: self.data.level as f64 * 8.0,
-            capacity: self.data.room as f64 * 8.0,
-            drain: self.takes.min(self.carries),
-            has_data: true,
-        }
+        let capacity = self.data.room as f64 * 8.0;
+        let level = self.data.level as f64 * 8.0;
+        Level { level, ..Level::working(capacity, self.takes.min(self.carries)) }
     }
 
     /// A frame has come.

@@ -3,10 +3,10 @@
 use std::collections::VecDeque;
 use std::task::Waker;
 
-use softplug_abi::Failure;
+use softplug_abi::{Failure, Micros};
 use softplug_link::Job;
 use softplug_unit_bus::Unit;
-use softplug_unit_protocol::{CreditError, Feeding, ToUnit};
+use softplug_unit_protocol::{CREDIT_PARTS, CreditError, Feeding, ToUnit};
 
 use super::{PIECE, piece};
 use crate::reactor::{Feed, JobEnd, JobOutcome};
@@ -22,6 +22,7 @@ pub(super) struct UnitJob {
     feeding: Feeding,
     /// The most that was missing in the unit's buffer: all of it, when the job began.
     capacity: u64,
+    credited_at: Micros,
     /// Data that the unit has not confirmed: from [`Feeding::confirmed`] on.
     unconfirmed: VecDeque<u8>,
     /// The unit was told of the job, in this session or an earlier one.
@@ -44,6 +45,7 @@ impl UnitJob {
             pass: 0,
             feeding: Feeding::default(),
             capacity: 0,
+            credited_at: Micros::ZERO,
             unconfirmed: VecDeque::new(),
             is_begun: false,
             is_end_told: false,
@@ -122,12 +124,14 @@ impl UnitJob {
         pass: u8,
         received: u64,
         until: u64,
+        now: Micros,
     ) -> Result<(), CreditError> {
         if pass != self.pass {
             return Ok(());
         }
         self.feeding.credit(received, until)?;
         self.capacity = self.capacity.max(until.saturating_sub(received));
+        self.credited_at = now;
         self.forget_confirmed();
         Ok(())
     }
@@ -137,8 +141,9 @@ impl UnitJob {
         self.capacity
     }
 
-    /// What a bus is told of it, but for what leaves the unit: room is what there is credit for.
-    pub(super) fn demand(&self, drain: f64, waker: &Waker) -> Unit {
+    /// What a bus is told of it: room is what there is credit for. `drain`: bits that leave the unit in
+    /// a second.
+    pub(super) fn demand(&self, drain: f64, now: Micros, waker: &Waker) -> Unit {
         let is_again = self.furthest_kept() > self.feeding.next();
         let has_source = self.source.as_ref().is_some_and(|source| {
             if source.level() == 0 && !source.is_ready() {
@@ -147,13 +152,17 @@ impl UnitJob {
             source.level() > 0
         });
         let room = self.feeding.sendable().min(self.capacity);
-        // While a program is only looked at, its machine stands.
-        let is_check = self.job.check && self.pass == 0;
-        let drain = if is_check { 0.0 } else { drain };
+        // While a program is only looked at, or paused, its machine stands.
+        let stands = self.is_paused || self.job.check && self.pass == 0;
+        let drain = if stands { 0.0 } else { drain };
+        let capacity = 8.0 * self.capacity as f64;
+        let untold = drain * (now - self.credited_at).as_secs_f64();
         Unit {
             level: 8.0 * (self.capacity - room) as f64,
-            capacity: 8.0 * self.capacity as f64,
+            gone: untold.min(capacity / CREDIT_PARTS as f64),
+            capacity,
             drain,
+            has_begun: self.feeding.furthest() > 0,
             has_data: room > 0 && !self.is_end_told && (is_again || has_source),
         }
     }

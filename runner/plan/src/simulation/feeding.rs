@@ -159,6 +159,13 @@ impl Feeding {
         self.begins = self.now;
     }
 
+    /// It has nothing yet.
+    pub(super) fn empty(&mut self) {
+        (self.unit.level, self.control.level) = (0.0, 0.0);
+        self.outcome.levels.clear();
+        self.keep_level();
+    }
+
     /// The machine begins, and finds the worst that a fill can leave.
     pub(super) fn begin_at_worst(&mut self) {
         self.begin();

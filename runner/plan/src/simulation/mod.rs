@@ -46,6 +46,9 @@ pub enum Start {
     /// All buffers are full, and each machine begins at its own time, in seconds. Those for which
     /// there is no time begin at once.
     At(Vec<f64>),
+    /// All buffers are empty, and each machine begins when its first fill ends: a shop that is switched
+    /// on in the morning.
+    Empty,
     /// Each machine begins when its first fill ends, with a full unit and an empty control: the
     /// worst that a fill can leave behind. Not for [`Discipline::Scheduled`], which takes it as
     /// [`Start::Full`].
@@ -116,10 +119,14 @@ impl<'a> Bus<'a> {
             let begins = match &options.start {
                 Start::Full => 0.0,
                 Start::At(times) => times.get(index).copied().unwrap_or(0.0),
-                Start::Worst => f64::INFINITY,
+                Start::Empty | Start::Worst => f64::INFINITY,
             };
             let buffer = service.buffers.get(index).copied().unwrap_or(0.0);
-            Feeding::new(name, machine, buffer, begins, options.keeps_levels)
+            let mut feeding = Feeding::new(name, machine, buffer, begins, options.keeps_levels);
+            if options.start == Start::Empty {
+                feeding.empty();
+            }
+            feeding
         };
         Self {
             feedings: shop.each().enumerate().map(feeding).collect(),
@@ -187,6 +194,9 @@ impl<'a> Bus<'a> {
         feeding.begin_fill(inflow, self.options.feeds_while_filled);
         feeding.go_to(end.min(last));
         feeding.end_fill();
+        if self.options.start == Start::Empty && feeding.has_not_begun() {
+            feeding.begin();
+        }
         self.now = end;
         self.services += 1;
     }
@@ -211,6 +221,6 @@ impl Feeding {
     /// As a scheduler is told of it.
     fn as_unit(&self) -> Unit {
         let (level, capacity) = (self.unit(), self.unit_size());
-        Unit { level, capacity, drain: self.drain(), has_data: true }
+        Unit { level, has_begun: !self.has_not_begun(), ..Unit::working(capacity, self.drain()) }
     }
 }

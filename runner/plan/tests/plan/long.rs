@@ -1,6 +1,8 @@
 //! Ten hours at the largest shop that is feasible, and what happens with one machine more.
 
-use softplug_plan::{Bus, Discipline, Machine, Options, Service, Shop, plan, simulate};
+use softplug_plan::{
+    Bus, Discipline, Machine, MachineOutcome, Options, Service, Shop, Start, plan, simulate,
+};
 
 use crate::shops::{CAN, mills, shop};
 
@@ -74,6 +76,23 @@ fn one_more_equal_machine_runs_dry_whatever_the_buffers_are() {
                 assert!(runs_dry, "{kilobits} kbit, {discipline:?}");
             }
         }
+    }
+}
+
+/// In the morning all are empty, and a machine that has not begun is not fed at the cost of one that
+/// works.
+#[test]
+fn a_shop_that_is_switched_on_runs_dry_nowhere() {
+    let hall = Bus { rate: 2_000_000.0, efficiency: 0.5, switch: 0.01, margin: 0.01 };
+    let lathes = Machine { consumes: 14_400.0, buffer: 512, rate: 19_200.0, ..mills(66) };
+    let hall = Shop::new(hall, vec![lathes]).unwrap();
+    for shop in [shop(vec![mills(16)]), unequal(5), hall] {
+        assert!(plan(&shop).feasible);
+        let options = Options { start: Start::Empty, keeps_levels: true, ..Options::default() };
+        let outcome = simulate(&shop, &planned(&shop), Discipline::Scheduled, &options);
+        assert_eq!(outcome.machines.iter().map(|machine| machine.times_dry).sum::<u64>(), 0);
+        let is_fed = |machine: &MachineOutcome| machine.levels.iter().any(|at| at.control > 0.0);
+        assert!(outcome.machines.iter().all(is_fed));
     }
 }
 

@@ -59,7 +59,7 @@ pub enum Step {
 /// use softplug_unit_bus::{Bus, BusRates, Grant, Step, Unit};
 ///
 /// let mut bus = Bus::new(BusRates { rate: 250_000.0, efficiency: 0.4, switch: 0.002 }, 0.0);
-/// let unit = |level| Unit { level, capacity: 10_000.0, drain: 5_000.0, has_data: true };
+/// let unit = |level| Unit { level, ..Unit::working(10_000.0, 5_000.0) };
 /// let units = [unit(2_000.0), unit(4_000.0)];
 ///
 /// let send = Step::Send(Grant { unit: 0, bits: 8_000.0 });
@@ -216,7 +216,7 @@ mod tests {
     const RATES: BusRates = BusRates { rate: 1e6, efficiency: 0.1, switch: 0.01 };
 
     fn unit(level: f64) -> Unit {
-        Unit { level, capacity: 10_000.0, drain: 1_000.0, has_data: true }
+        Unit { level, ..Unit::working(10_000.0, 1_000.0) }
     }
 
     fn send(unit: usize, bits: f64) -> Step {

@@ -1,17 +1,21 @@
 //! Which unit the bus serves next, and with how many bits.
 //!
 //! No I/O, no clock, no allocation, and nothing of `std`: whoever drives a bus, in virtual time or
-//! a live one, tells what the levels are and is told what to do. Units are served in turn; one
-//! that would run dry before it could be served after the one in turn goes first. A unit that has
-//! room for less than a quarter of its buffer is passed over, so that the bus does not spend its
-//! time switching; one whose machine stands is served when no other is worth it. A larger part would not do: on a bus that is loaded to the full, time in which
-//! it rests is lost, and while all others are served a unit loses up to e times what it had lost.
+//! a live one, tells what the levels are and is told what to do. Units are served in turn, as long
+//! as all others could still be served in time after the one in turn, whoever is dry first before
+//! the rest; if not, the one that is dry first goes first. A machine that has not begun never runs
+//! dry: it waits until those that work leave it the time.
+//!
+//! A unit that has room for less than a quarter of its buffer is passed over, so that the bus does
+//! not spend its time switching. A larger part would not do: on a bus that is loaded to the full,
+//! time in which it rests is lost, and while all others are served a unit loses up to e times what
+//! it had lost. One whose machine stands is served when no other is worth it.
 //!
 //! ```
 //! use softplug_unit_bus::{Decision, Grant, Line, Scheduler, Unit};
 //!
 //! let bus = Line { bits_per_second: 100_000.0, switch_seconds: 0.002 };
-//! let unit = |level| Unit { level, capacity: 10_000.0, drain: 5_000.0, has_data: true };
+//! let unit = |level| Unit { level, ..Unit::working(10_000.0, 5_000.0) };
 //! let mut scheduler = Scheduler::new();
 //!
 //! // All is well: in turn.
@@ -25,17 +29,23 @@
 //! assert_eq!(third, Decision::Rest { seconds: 0.2 });
 //! ```
 
+use core::cmp::Ordering;
+
 /// What the scheduler is told of a unit.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Unit {
-    /// Bits in its buffer now.
+    /// Bits in its buffer when it was last told, and those sent since.
     pub level: f64,
+    /// Bits that are likely to have left it since then. There is room for them only when it is told.
+    pub gone: f64,
     /// Bits that its buffer holds.
     pub capacity: f64,
     /// Bits per second that leave it at most while it waits; 0 if its machine stands.
     pub drain: f64,
     /// There is something that could be sent to it now.
     pub has_data: bool,
+    /// Its machine has begun, and would stop without data.
+    pub has_begun: bool,
 }
 
 /// A unit is worth a switch from this part of its buffer on.
@@ -43,7 +53,13 @@ const WORTH: f64 = 0.25;
 
 impl Unit {
     /// One for which there is nothing.
-    pub const ABSENT: Self = Self { level: 0.0, capacity: 0.0, drain: 0.0, has_data: false };
+    pub const ABSENT: Self = Self { has_data: false, ..Self::working(0.0, 0.0) };
+
+    /// One with an empty buffer of so many bits, whose machine has begun and takes so many per
+    /// second.
+    pub const fn working(capacity: f64, drain: f64) -> Self {
+        Self { level: 0.0, gone: 0.0, capacity, drain, has_data: true, has_begun: true }
+    }
 
     /// Bits that it has room for.
     pub(crate) fn room(&self) -> f64 {
@@ -56,7 +72,16 @@ impl Unit {
 
     /// Seconds until it is dry.
     fn lasts(&self) -> f64 {
-        if self.drain > 0.0 { self.level / self.drain } else { f64::INFINITY }
+        if self.has_begun && self.drain > 0.0 {
+            (self.level - self.gone).max(0.0) / self.drain
+        } else {
+            f64::INFINITY
+        }
+    }
+
+    /// Bits that it will have room for after so many seconds.
+    fn room_after(&self, seconds: f64) -> f64 {
+        (self.room() + self.drain * seconds).min(self.capacity)
     }
 
     /// Seconds until it is worth a switch.
@@ -109,17 +134,17 @@ impl Scheduler {
         Self { turn: 0 }
     }
 
-    /// What to do now that no unit is being served. `units` are always the same, in one order;
-    /// each decision looks at each of them twice.
+    /// What to do now that no unit is being served. `units` are always the same, in one order. The
+    /// time that it takes grows with the square of how many there are.
     pub fn decide(&mut self, units: &[Unit], bus: &Line) -> Decision {
         let Some((in_turn, waits)) = next_in_turn(units, self.turn) else {
             let rests = units.iter().map(Unit::rests);
             return Decision::Rest { seconds: rests.fold(f64::INFINITY, f64::min) };
         };
-        // Whoever is not served now is served after this, and after two switches.
-        let service = waits.room() / bus.bits_per_second + 2.0 * bus.switch_seconds;
         let chosen = match most_urgent(units) {
-            Some((urgent, unit)) if unit.lasts() < service && unit.lasts() < waits.lasts() => {
+            Some((urgent, unit))
+                if unit.lasts() < waits.lasts() && !leaves_time(units, in_turn, bus) =>
+            {
                 urgent
             }
             _ => in_turn,
@@ -148,6 +173,35 @@ fn most_urgent(units: &[Unit]) -> Option<(usize, &Unit)> {
     with_room.min_by(|(_, one), (_, other)| one.lasts().total_cmp(&other.lasts()))
 }
 
+/// Whether, after this one, all others can be served before they are dry, each in the order in
+/// which they will be.
+fn leaves_time(units: &[Unit], first: usize, bus: &Line) -> bool {
+    let takes = |bits: f64| bits / bus.bits_per_second + bus.switch_seconds;
+    let all: f64 = units.iter().map(|unit| takes(unit.capacity)).sum();
+    let mut begins = takes(units[first].room()) + bus.switch_seconds;
+    let mut before = (f64::NEG_INFINITY, 0);
+    loop {
+        let later = |(index, unit): (usize, &Unit)| {
+            let due = (unit.lasts(), index);
+            (unit.has_data && index != first && due > before).then_some(due)
+        };
+        let next = units.iter().enumerate().filter_map(later);
+        let Some(due) = next.min_by(|one, other| one.partial_cmp(other).unwrap_or(Ordering::Equal))
+        else {
+            return true;
+        };
+        let (lasts, index) = due;
+        if lasts < begins {
+            return false;
+        }
+        if lasts >= all {
+            return true;
+        }
+        begins += takes(units[index].room_after(begins));
+        before = due;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -155,7 +209,7 @@ mod tests {
     const BUS: Line = Line { bits_per_second: 1e5, switch_seconds: 1e-3 };
 
     fn unit(level: f64) -> Unit {
-        Unit { level, capacity: 1_000.0, drain: 100.0, has_data: true }
+        Unit { level, ..Unit::working(1_000.0, 100.0) }
     }
 
     fn served(decision: Decision) -> Option<usize> {
@@ -183,6 +237,35 @@ mod tests {
         let units = [unit(300.0), unit(400.0), unit(1_000.0), unit(999.0)];
         assert_eq!(served(scheduler.decide(&units, &BUS)), Some(0));
         assert_eq!(served(scheduler.decide(&units, &BUS)), Some(1));
+    }
+
+    #[test]
+    fn a_machine_that_has_not_begun_waits_until_those_that_work_leave_it_the_time() {
+        let mut scheduler = Scheduler::new();
+        let new = Unit { has_begun: false, ..unit(0.0) };
+        // Its fill takes 11 ms and a switch; 0.01 s is what unit 2 has left.
+        let units = [new, unit(400.0), unit(1.0)];
+        assert_eq!(served(scheduler.decide(&units, &BUS)), Some(2));
+        let units = [new, unit(400.0), unit(999.0)];
+        assert_eq!(served(scheduler.decide(&units, &BUS)), Some(0));
+    }
+
+    #[test]
+    fn all_that_are_nearly_dry_are_looked_at_and_not_the_first_alone() {
+        let mut scheduler = Scheduler::new();
+        let new = Unit { has_begun: false, ..unit(0.0) };
+        // One of them could wait for the new one, both cannot.
+        let units = [new, unit(1.5), unit(1.6)];
+        assert_eq!(served(scheduler.decide(&units, &BUS)), Some(1));
+        assert_eq!(served(scheduler.decide(&[new, unit(1.5), unit(500.0)], &BUS)), Some(0));
+    }
+
+    #[test]
+    fn what_is_likely_to_have_left_counts_and_is_no_room_yet() {
+        let mut scheduler = Scheduler::new();
+        let units = [unit(300.0), Unit { gone: 60.0, ..unit(60.5) }, unit(40.0)];
+        let decision = scheduler.decide(&units, &BUS);
+        assert_eq!(decision, Decision::Serve(Grant { unit: 1, bits: 939.5 }));
     }
 
     #[test]

@@ -5,6 +5,10 @@
 
 use thiserror::Error;
 
+/// A unit gives credit anew whenever this part of its buffer is free: in between, the server does
+/// not know how much of it has left.
+pub const CREDIT_PARTS: u64 = 16;
+
 /// Positions that do not fit together: somebody is at fault, and the job cannot go on.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Error)]
 pub enum CreditError {

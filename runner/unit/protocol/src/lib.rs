@@ -18,7 +18,7 @@ mod frame;
 mod message;
 mod session;
 
-pub use credit::{CreditError, Fed, Feeding};
+pub use credit::{CREDIT_PARTS, CreditError, Fed, Feeding};
 pub use frame::{
     Frame, FrameError, FrameKind, HEADER, LONGEST, PAYLOAD, TRAILER, VERSION, length_of_frame,
 };

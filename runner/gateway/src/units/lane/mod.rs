@@ -333,8 +333,9 @@ impl UnitLane {
                 self.down(reason, detail, retry_in, around.thread);
             }
             ToServer::Credit { job, pass, received, until, .. } => {
+                let now = around.thread.clock.now();
                 let credited =
-                    self.unit_job(job).map(|active| active.credit(pass, received, until));
+                    self.unit_job(job).map(|active| active.credit(pass, received, until, now));
                 let capacity = self.unit_job(job).map(|active| active.capacity());
                 self.capacity = capacity.unwrap_or(self.capacity);
                 if let Some(Err(error)) = credited {
@@ -455,7 +456,7 @@ impl UnitLane {
     pub(super) fn demand(&self, fair: f64, around: &Around<'_>) -> Unit {
         let Some(job) = self.job.as_ref().filter(|job| job.may_send()) else { return Unit::ABSENT };
         let drain = self.consumption.latest().unwrap_or(fair);
-        let demand = job.demand(drain, &around.thread.waker);
+        let demand = job.demand(drain, around.thread.clock.now(), &around.thread.waker);
         let has_room = around.outbox.len() < MOST_WAITING && self.number.is_some();
         Unit { has_data: demand.has_data && around.is_up && has_room, ..demand }
     }

@@ -4,14 +4,12 @@ use softplug_abi::{Failure, Micros};
 use softplug_gateway::reactor::{Command, Feed, JobEnd, JobOutcome, LaneFigures, LaneId};
 use softplug_gateway::reservoir::{ReservoirWriter, reservoir};
 use softplug_link::Job;
-use softplug_unit_protocol::{Fed, Outcome, ToServer, ToUnit};
+use softplug_unit_protocol::{CREDIT_PARTS, Fed, Outcome, ToServer, ToUnit};
 
 use super::{Surroundings, short};
 
 /// How often the server is told how far a job is.
 const PROGRESS: Micros = Micros::from_millis(250);
-/// Credit is given in such parts of the buffer: the server plans with what it knows of the room.
-const CREDIT_STEP: usize = 16;
 
 pub(super) struct Jobs {
     link: u8,
@@ -339,7 +337,7 @@ impl Jobs {
             return;
         };
         let room = buffer - writer.level();
-        let step = (buffer / CREDIT_STEP).max(1);
+        let step = (buffer / CREDIT_PARTS as usize).max(1);
         let is_worth_it = active.fed.received() + room as u64 >= active.fed.until() + step as u64;
         if at_any_rate || is_worth_it {
             active.fed.give(room as u64);
