@@ -19,6 +19,7 @@ const LIBRARIES: &[&str] = &[
     "softplug-report",
     "softplug-explore",
     "softplug-conformance",
+    "softplug-catalogue",
     "softplug-plan",
     "softplug-shop",
     "softplug-unit-bus",

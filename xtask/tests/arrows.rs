@@ -54,6 +54,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
     ("softplug-report", &[]),
     ("softplug-playground", &["softplug-conformance", "softplug-host", "softplug-trace"]),
+    ("softplug-catalogue", &[]),
     ("softplug-plan", &["softplug-unit-bus"]),
     (
         "softplug-gateway",
@@ -93,6 +94,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         &[
             "softplug-abi",
             "softplug-build",
+            "softplug-catalogue",
             "softplug-conformance",
             "softplug-explore",
             "softplug-fixtures",

@@ -3,16 +3,21 @@
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
-use softplug_abi::manifest::{Manifest, SettingValues};
+use softplug_abi::manifest::{Manifest, Preset, SettingValues};
 use softplug_abi::{LineParameters, Parity};
 use softplug_gateway::port::{line_mismatch, line_text, parse_line};
 use softplug_gateway::{Flow, PortOptions, PortSpec};
 
-use crate::plugin::Library;
+use crate::failure::Failure;
+use crate::machine::MachineArguments;
+use crate::plugin::{Chosen, Library};
+use softplug_catalogue::Machine;
 
 /// How to speak on a line, apart from its port.
 #[derive(Debug, Args)]
 pub(crate) struct LinkArguments {
+    #[command(flatten)]
+    pub(crate) machine: MachineArguments,
     /// The line: baud rate and form of a character, such as "4800 7E2" [default: the plug-in's, or
     /// 9600 8N1]
     #[arg(long, value_name = "LINE")]
@@ -21,8 +26,8 @@ pub(crate) struct LinkArguments {
     #[arg(long, value_enum, default_value_t, value_name = "WHO")]
     pub(crate) flow: FlowBy,
     /// The plug-in: a .wasm file, a name to look up, or native:NAME
-    #[arg(long, short = 'x', value_name = "PLUGIN")]
-    pub(crate) plugin: String,
+    #[arg(long, short = 'x', value_name = "PLUGIN", required_unless_present = "machine")]
+    pub(crate) plugin: Option<String>,
     #[command(flatten)]
     pub(crate) library: Library,
     /// A setting of the plug-in; preset=NAME takes a preset; may be repeated
@@ -34,6 +39,51 @@ pub(crate) struct LinkArguments {
 }
 
 impl LinkArguments {
+    /// Loads the plug-in and finds its settings. What the machine's entry in the catalogue says is
+    /// taken where nothing else was asked for.
+    pub(crate) fn load(&mut self) -> Result<(Chosen, SettingValues), Failure> {
+        let machine = self.machine.find()?;
+        let of_machine = machine.as_ref().map(|machine| &machine.plugin);
+        let Some(plugin) = self.plugin.as_ref().or(of_machine) else {
+            return Err(Failure::internal("neither a plug-in nor a machine was demanded"));
+        };
+        let plugin = self.library.load(plugin)?;
+        if let Some(machine) = machine {
+            self.take(machine, plugin.manifest())?;
+        }
+        let settings = plugin.settings(&self.settings)?;
+        Ok((plugin, settings))
+    }
+
+    fn take(&mut self, machine: Machine, manifest: &Manifest) -> Result<(), Failure> {
+        let Machine { name, plugin, line, settings, .. } = machine;
+        if plugin != manifest.name {
+            return Err(Failure::usage(format_args!(
+                "the machine {name} is spoken to with {plugin}, and --plugin is {}",
+                manifest.name
+            ))
+            .hint("leave out --plugin, or --machine"));
+        }
+        let broken = |error: String| {
+            Failure::usage(format_args!("the line of the machine {name} is none: {error}"))
+        };
+        if self.line.is_none() {
+            self.line = line.map(|line| line.parse().map_err(broken)).transpose()?;
+        }
+        // What a preset sets that was asked for stands above the machine's settings.
+        let asked = std::mem::take(&mut self.settings);
+        let is_asked = |preset: &&Preset| {
+            asked.iter().any(|asked| asked.name == PRESET && asked.value == preset.name)
+        };
+        let presets: Vec<_> = manifest.presets.iter().filter(is_asked).collect();
+        let is_set =
+            |setting: &str| presets.iter().any(|preset| preset.values.contains_key(setting));
+        let own = settings.into_iter().filter(|(name, _)| !is_set(name));
+        let own = own.map(|(name, value)| Assignment { name, value });
+        self.settings = own.chain(asked.iter().cloned()).collect();
+        Ok(())
+    }
+
     /// The line to speak on with this plug-in.
     pub(crate) fn line(&self, manifest: &Manifest, values: &SettingValues) -> ChosenLine {
         ChosenLine::of(self.line.as_ref(), manifest, &self.settings, values)
@@ -48,6 +98,9 @@ impl LinkArguments {
         PortOptions { flow, ..PortOptions::new(line) }
     }
 }
+
+/// What takes a preset of the plug-in.
+const PRESET: &str = "preset";
 
 /// The line where nobody names one.
 pub(crate) const USUAL_LINE: LineParameters = LineParameters::new(9_600);

@@ -17,6 +17,7 @@ mod live;
 #[cfg(not(target_os = "linux"))]
 #[path = "elsewhere.rs"]
 mod live;
+mod machine;
 mod numbers;
 mod picture;
 mod plugin;

@@ -5,6 +5,7 @@ pub(crate) mod build;
 mod calls;
 pub(crate) mod cases;
 pub(crate) mod certify;
+pub(crate) mod check;
 pub(crate) mod completions;
 pub(crate) mod demo;
 pub(crate) mod dev;
@@ -16,6 +17,7 @@ pub(crate) mod gateway;
 pub(crate) mod inspect;
 pub(crate) mod job;
 pub(crate) mod link;
+pub(crate) mod machine;
 pub(crate) mod man;
 pub(crate) mod new;
 pub(crate) mod pack;
@@ -31,6 +33,7 @@ pub(crate) mod send;
 pub(crate) mod simulate;
 mod step;
 pub(crate) mod trace;
+mod trial;
 pub(crate) mod unit;
 pub(crate) mod verify;
 mod willing;
@@ -48,11 +51,13 @@ pub(crate) fn run(command: Command, global: &Global, screen: &Screen) -> Result<
         Command::New(arguments) => new::run(&arguments, screen),
         Command::Build(arguments) => build::run(&arguments, screen),
         Command::Dev(arguments) => live::dev(&arguments, screen),
+        Command::Machine(arguments) => machine::run(&arguments, screen),
+        Command::Check(arguments) => check::run(*arguments, screen),
         Command::Ports(_) => live::ports(screen),
         Command::Inspect(arguments) => inspect::run(&arguments, screen),
         Command::Pack(arguments) => pack::run(&arguments, screen),
-        Command::Send(arguments) => send::run(&arguments, screen),
-        Command::Receive(arguments) => receive::run(&arguments, screen),
+        Command::Send(arguments) => send::run(*arguments, screen),
+        Command::Receive(arguments) => receive::run(*arguments, screen),
         Command::Record(arguments) => record::run(&arguments, screen),
         Command::Replay(arguments) => replay::run(&arguments, screen),
         Command::Certify(arguments) => certify::run(&arguments, screen),

@@ -33,6 +33,7 @@ use crate::screen::Screen;
 #[command(
     group(ArgGroup::new("where").args(["out", "dir"]).required(true)),
     after_help = "Examples:
+  softplug receive --port /dev/ttyUSB0 --machine haas-vf --out O0001.nc
   softplug receive --port /dev/ttyUSB0 --line \"4800 7E2\" --plugin xon-xoff --out O0001.nc
   softplug receive --port /dev/ttyUSB0 --plugin xon-xoff --set preset=tape --out O0001.nc
   softplug receive --port pty: --plugin xon-xoff --wait 60 --out O0001.nc
@@ -72,6 +73,13 @@ pub(crate) struct Prepared {
     pub(crate) settings: SettingValues,
 }
 
+impl Prepared {
+    fn new(link: &mut LinkArguments) -> Result<Self, Failure> {
+        let (plugin, settings) = link.load()?;
+        Ok(Self { plugin, settings })
+    }
+}
+
 /// Folders that were found to be there.
 pub(crate) struct Folders {
     pub(crate) inbox: Inbox,
@@ -108,15 +116,11 @@ pub(crate) struct Document<'a> {
     pub(crate) notes: Vec<NoteDocument>,
 }
 
-pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
-    let prepare = || {
-        let plugin = arguments.link.library.load(&arguments.link.plugin)?;
-        let settings = plugin.settings(&arguments.link.settings)?;
-        Ok::<_, Failure>(Prepared { plugin, settings })
-    };
+pub(crate) fn run(mut arguments: Arguments, screen: &Screen) -> Result<Exit, Failure> {
     if let Some(out) = &arguments.out {
         Partial::check(out, arguments.force)?;
-        return live::receive(arguments, out, prepare()?, screen);
+        let prepared = Prepared::new(&mut arguments.link)?;
+        return live::receive(&arguments, out, prepared, screen);
     }
     let Some(dir) = &arguments.dir else {
         return Err(Failure::internal("neither a file nor a folder was demanded"));
@@ -127,7 +131,8 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         .as_ref()
         .map(|programs| Shelf::new(programs).map_err(|error| no_folder(programs, &error)));
     let folders = Folders { inbox, shelf: shelf.transpose()? };
-    live::serve(arguments, folders, prepare()?, screen)
+    let prepared = Prepared::new(&mut arguments.link)?;
+    live::serve(&arguments, folders, prepared, screen)
 }
 
 pub(crate) fn no_folder(path: &Path, error: &io::Error) -> Failure {

@@ -32,6 +32,7 @@ pub(crate) const SEND: &str = "send";
 /// protocol has for that. A second Ctrl-C ends at once.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
+  softplug send --port /dev/ttyUSB0 --machine haas-vf O0001.nc
   softplug send --port /dev/ttyUSB0 --line \"4800 7E2\" --plugin xon-xoff O0001.nc
   softplug send --port tcp://10.0.0.7:4001 --plugin xon-xoff --set wait_for_xon=on O0001.nc
   softplug send --port /dev/ttyUSB0 --plugin r3964 --keep from-partner telegram.bin
@@ -187,7 +188,7 @@ pub(crate) struct NoteDocument {
     pub(crate) text: String,
 }
 
-pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
+pub(crate) fn run(mut arguments: Arguments, screen: &Screen) -> Result<Exit, Failure> {
     // Whatever can be found out before the port is touched is.
     let program = match &arguments.file {
         Some(file) => Program::open(file)?,
@@ -202,8 +203,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     if let Some(keep) = &arguments.keep {
         Inbox::new(keep).map_err(|error| no_folder(keep, &error))?;
     }
-    let plugin = arguments.link.library.load(&arguments.link.plugin)?;
-    let settings = plugin.settings(&arguments.link.settings)?;
+    let (plugin, settings) = arguments.link.load()?;
     let manifest = plugin.manifest();
     let job_kind = match &arguments.job {
         Some(job) => kind_of(manifest, job)?,
@@ -213,8 +213,8 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let check = manifest.needs.check_pass;
     let prepared = Prepared { program, plugin, settings, job_kind, fields, check };
     match &arguments.port {
-        Some(port) if !arguments.dry_run => live::send(arguments, port, prepared, screen),
-        _ => dry_run::run(arguments, prepared, screen),
+        Some(port) if !arguments.dry_run => live::send(&arguments, port, prepared, screen),
+        _ => dry_run::run(&arguments, prepared, screen),
     }
 }
 
@@ -249,7 +249,7 @@ fn jobs(manifest: &Manifest) -> String {
 }
 
 /// The fields as value records, checked against the manifest.
-fn fields(kind: &Kind, asked: &[Assignment]) -> Result<Vec<u8>, Failure> {
+pub(crate) fn fields(kind: &Kind, asked: &[Assignment]) -> Result<Vec<u8>, Failure> {
     let records = kind.records(asked.iter().map(Assignment::as_pair)).and_then(|records| {
         kind.require(&records)?;
         Ok(records)

@@ -79,7 +79,9 @@ fn switch_on(between: f64) -> (usize, u64) {
             bus.sent(now, bits);
             mills[grant.unit].comes(now, bits);
         }
-        mills.iter_mut().for_each(|mill| mill.go_on(now));
+        for mill in &mut mills {
+            mill.go_on(now);
+        }
         now += STEP;
     }
     let begun = mills.iter().filter(|mill| mill.begun_at.is_some()).count();

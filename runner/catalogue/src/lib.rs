@@ -1,0 +1,25 @@
+//! What is known of machines: how each is spoken to over a serial line.
+//!
+//! A [`Machine`] names a plug-in with its settings, the line, what a person sets at the control, and
+//! where each fact is from. Some are [known](Catalogue::known); a folder of files of the same form
+//! [adds](Catalogue::add_folder) others, or takes the place of one.
+//!
+//! ```
+//! use softplug_catalogue::Catalogue;
+//!
+//! let catalogue = Catalogue::known();
+//! let machine = catalogue.find("haas-vf").expect("it is known");
+//! assert_eq!((&*machine.plugin, machine.line.as_deref()), ("xon-xoff", Some("9600 7E1")));
+//! assert!(!machine.sources.is_empty());
+//! ```
+
+mod catalogue;
+mod error;
+mod known;
+mod machine;
+
+pub use catalogue::Catalogue;
+pub use error::{FolderError, MachineError};
+pub use machine::{
+    AtControl, Flow, MOST_FILE_BYTES, MOST_TEXT, Machine, ProgramNames, Remark, Source,
+};

@@ -1,0 +1,131 @@
+//! What becomes of a character on its way: each is tried in a small program, through the plug-in
+//! itself, and what is on the wire is compared with that of others.
+
+use std::collections::HashMap;
+
+use softplug_abi::Failure as Why;
+
+use super::characters::Written;
+use crate::commands::trial::{End, Trial};
+use crate::failure::Failure;
+use crate::files::Program;
+
+/// What becomes of a character.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub(super) enum Fate {
+    /// It arrives.
+    Passes,
+    /// Nothing of it is sent.
+    Dropped,
+    /// This one is sent in its place.
+    Replaced(char),
+    /// These bytes are sent for it, which controls do not take for one character.
+    Foreign(Vec<u8>),
+    /// It has more bits than a character of the line.
+    Cut,
+    /// The plug-in fails the job; or it waits for something that only a real partner sends.
+    Refused(Option<Refusal>),
+}
+
+/// Why, and the protocol's own code of it.
+pub(super) type Refusal = (Why, u16);
+
+/// Finds out the fate of characters.
+pub(super) struct Probe<'a> {
+    trial: &'a Trial<'a>,
+    /// What is on the wire without the character.
+    without: Vec<u8>,
+    /// The characters that can be seen, by what is on the wire with each.
+    seen: HashMap<Vec<u8>, Vec<char>>,
+}
+
+impl<'a> Probe<'a> {
+    /// None: the plug-in does not send a small program, so that nothing can be tried.
+    pub(super) fn new(trial: &'a Trial<'a>) -> Result<Option<Self>, Failure> {
+        let Ok(without) = tried(trial, &[])? else { return Ok(None) };
+        let mut seen: HashMap<_, Vec<char>> = HashMap::new();
+        for byte in b' '..=b'~' {
+            if let Ok(wire) = tried(trial, &[byte])? {
+                seen.entry(wire).or_default().push(char::from(byte));
+            }
+        }
+        Ok(Some(Self { trial, without, seen }))
+    }
+
+    pub(super) fn fate(&self, written: Written) -> Result<Fate, Failure> {
+        // Ends of lines and of the tape are no characters that could be put anywhere.
+        if matches!(written, Written::Character('\n' | '\r' | '%')) {
+            return Ok(Fate::Passes);
+        }
+        let bytes = written.bytes();
+        let wire = match tried(self.trial, &bytes)? {
+            Ok(wire) => wire,
+            Err(refusal) => return Ok(Fate::Refused(refusal)),
+        };
+        if wire == self.without {
+            return Ok(Fate::Dropped);
+        }
+        let sent = inserted(&self.without, &wire);
+        if let Some(alike) = self.seen.get(&wire) {
+            let real = real(alike, sent);
+            let is_real = written == Written::Character(real);
+            return Ok(if is_real { Fate::Passes } else { Fate::Replaced(real) });
+        }
+        if bytes.is_ascii() {
+            return Ok(Fate::Passes);
+        }
+        let is_cut = self.trial.line.data_bits < 8 && sent.iter().any(|byte| *byte > 0x7F);
+        Ok(if is_cut { Fate::Cut } else { Fate::Foreign(sent.to_vec()) })
+    }
+}
+
+/// What is on the wire for a block with these bytes at its end, or why it is refused.
+fn tried(trial: &Trial<'_>, bytes: &[u8]) -> Result<Result<Vec<u8>, Option<Refusal>>, Failure> {
+    let text = [b"N1X1", bytes, b"\nM30\n"].concat();
+    let tried = trial.run(Program::of(&text)?)?;
+    Ok(match tried.end {
+        Some(End::Done) => Ok(tried.wire),
+        Some(End::Failed(why, status) | End::CheckFailed(why, status, ..)) => {
+            Err(Some((why, status)))
+        }
+        None => Err(None),
+    })
+}
+
+/// What `with` has between what it begins and ends with as `without` does.
+fn inserted<'a>(without: &[u8], with: &'a [u8]) -> &'a [u8] {
+    let begin = without.iter().zip(with).take_while(|(one, other)| one == other).count();
+    let rest = without.len().min(with.len()) - begin;
+    let behind = without.iter().rev().zip(with.iter().rev());
+    let end = behind.take(rest).take_while(|(one, other)| one == other).count();
+    &with[begin..with.len() - end]
+}
+
+/// Of characters that are sent alike, the one that is sent: whose code it is but for a parity bit;
+/// in another code, the first.
+fn real(alike: &[char], sent: &[u8]) -> char {
+    let is_sent =
+        |character: &&char| sent.iter().any(|byte| char::from(byte & 0x7F) == **character);
+    *alike.iter().find(is_sent).unwrap_or(&alike[0])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_put_in_is_found_between_what_is_alike() {
+        assert_eq!(inserted(b"N1X1\r\n", b"N1X1a\r\n"), b"a");
+        assert_eq!(inserted(b"X11", b"X111"), b"1");
+        assert_eq!(inserted(b"ab", b"ab"), b"");
+        // A sum behind it goes with it.
+        assert_eq!(inserted(b"\x02AB\x10\x03\x11", b"\x02ABC\x10\x03\x52"), b"C\x10\x03\x52");
+    }
+
+    #[test]
+    fn of_characters_that_are_sent_alike_the_sent_one_is_real() {
+        assert_eq!(real(&['A', 'a'], b"A"), 'A');
+        assert_eq!(real(&['A', 'a'], &[b'a' | 0x80]), 'a');
+        assert_eq!(real(&[' ', '$'], &[0x10]), ' ');
+    }
+}
