@@ -26,6 +26,31 @@ fn texts(jobs: &Jobs) -> Vec<String> {
     entries.into_iter().rev().map(|entry| entry.note.text).collect()
 }
 
+/// A plug-in, or a unit of which it is said, may be done while there is more.
+#[test]
+fn what_was_not_taken_of_a_job_that_is_done_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let jobs = open(folder.path());
+    for taken in [0, 600, 1_000] {
+        let id = send(&jobs, "lathe", 0);
+        jobs.begin(id).unwrap();
+        let extent = Extent { surely: taken, maybe: taken };
+        let job = jobs.end(id, Ending::Done, Some(Left { extent, taken, sent: taken })).unwrap();
+        assert_eq!((job.state, job.extent), (State::Done, extent));
+        let is_had = jobs.reader().last_sent("lathe", "O1").unwrap().is_some();
+        assert_eq!(is_had, taken == 1_000, "{taken}");
+    }
+    let told: Vec<_> = texts(&jobs).into_iter().filter(|text| text.contains("is done")).collect();
+    assert_eq!(
+        told,
+        [
+            "job 1 is done; nothing has left",
+            "job 2 is done; 600 of 1,000 bytes have left, 60 %",
+            "job 3 is done",
+        ]
+    );
+}
+
 #[test]
 fn a_job_goes_its_way_and_the_journal_tells_it() {
     let folder = tempfile::tempdir().unwrap();

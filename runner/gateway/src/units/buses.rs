@@ -38,8 +38,8 @@ impl Buses {
         for setup in setups {
             let known = self.driven.iter_mut().find(|driven| driven.setup.name == setup.name);
             if let Some(driven) = known {
-                driven.bus.set_rates(setup.rates);
-                (driven.setup, driven.is_wanted) = (setup, true);
+                driven.bus.set_rates(now.as_secs_f64(), setup.rates);
+                (driven.setup, driven.is_wanted, driven.due) = (setup, true, Some(now));
             } else {
                 let bus = Bus::new(setup.rates, now.as_secs_f64());
                 let places = Vec::new();

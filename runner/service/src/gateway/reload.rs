@@ -1,6 +1,8 @@
 //! A new configuration: what changed in it is applied, other links are not touched.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
+
+use softplug_gateway::units::BusSetup;
 
 use super::control::{Control, Shared};
 use super::lanes::limits;
@@ -96,11 +98,21 @@ fn problem(link: &LinkConfig, error: &Unloadable) -> ConfigFinding {
     ConfigFinding { place: place.clone(), message, hint }
 }
 
+/// Names of buses that are not the same in both.
+fn differing(old: &[BusSetup], new: &[BusSetup]) -> Vec<String> {
+    let lacks = |all: &[BusSetup], bus: &BusSetup| !all.contains(bus);
+    let names = old.iter().filter(|bus| lacks(new, bus));
+    let names = names.chain(new.iter().filter(|bus| lacks(old, bus)));
+    let names: BTreeSet<_> = names.map(|bus| bus.name.clone()).collect();
+    names.into_iter().collect()
+}
+
 impl Control {
     /// Applies a configuration.
     pub(super) fn apply(&mut self, ready: Ready) -> ReloadView {
         let Ready { config, mut plugins } = ready;
         let mut view = ReloadView { needs_restart: self.fixed(&config), ..ReloadView::default() };
+        view.buses = differing(&self.config.buses, &config.buses);
         self.drivers.set_buses(config.buses.clone());
         let names: HashSet<&str> = config.links.iter().map(|link| link.name.as_str()).collect();
         let gone: Vec<String> =
@@ -248,6 +260,7 @@ impl Control {
         part("added", view.added.iter().map(String::as_str).collect());
         part("removed", view.removed.iter().map(String::as_str).collect());
         part("changed", view.changed.iter().map(|link| link.name.as_str()).collect());
+        part("buses:", view.buses.iter().map(String::as_str).collect());
         part("only after a new start:", view.needs_restart.iter().map(String::as_str).collect());
         let text = if parts.is_empty() {
             "the configuration was read again; nothing changed".to_owned()

@@ -300,8 +300,11 @@ impl Jobs {
             job.extent = narrowed(job.extent, left.extent);
         }
         if state == State::Done {
-            // Of data from a connection the size is known now.
-            let all = job.spec.data.map_or(job.taken, |data| data.size);
+            // All that was taken; a plug-in may be done before that is all there is.
+            let all = match (left, job.spec.data) {
+                (None, Some(data)) => data.size,
+                _ => job.taken,
+            };
             job.extent = Extent { surely: all, maybe: all };
         }
         let notes = vec![ended_note(&job)];
@@ -477,8 +480,9 @@ fn narrowed(known: Extent, left: Extent) -> Extent {
 
 /// Only a whole program is what the machine has.
 fn sent(job: &Job) -> Option<(String, String, Sent)> {
-    let is_whole = job.state == State::Done && job.spec.kind == Kind::Send && job.spec.from == 0;
     let (program, data) = (job.spec.program.clone()?, job.spec.data?);
+    let is_all = job.spec.from == 0 && job.extent.surely >= data.size;
+    let is_whole = job.state == State::Done && job.spec.kind == Kind::Send && is_all;
     let name = plain_name(&program).to_owned();
     is_whole.then(|| (job.spec.link.clone(), name, Sent { job: job.id, data }))
 }

@@ -35,10 +35,13 @@ pub(super) fn ended_note(job: &Job) -> Note {
     if let Some(reason) = &job.reason {
         let _ = write!(text, ": {}", reason.text);
     }
-    if job.state != State::Done && job.spec.kind == Kind::Send {
+    let is_short =
+        job.state == State::Done && job.spec.data.is_some_and(|data| job.extent.surely < data.size);
+    if (job.state != State::Done || is_short) && job.spec.kind == Kind::Send {
         let _ = write!(text, "; {}", job.progress(None).text);
     }
     let weight = match job.state {
+        _ if is_short => Weight::Warning,
         State::Failed | State::Interrupted => Weight::Warning,
         _ => Weight::Normal,
     };

@@ -53,6 +53,9 @@ pub struct ReloadView {
     pub removed: Vec<String>,
     /// Links that were changed, and what of them.
     pub changed: Vec<RemadeLink>,
+    /// Buses that are new, gone or changed.
+    #[serde(default)]
+    pub buses: Vec<String>,
     /// How many links were not touched.
     pub untouched: u32,
     /// Keys that take effect only when the gateway is started anew.

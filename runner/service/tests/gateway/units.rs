@@ -211,6 +211,12 @@ fn units_on_a_bus_are_fed_in_turn_and_shown() {
         let running: Vec<_> = unit.slots.iter().filter(|slot| slot.runs).collect();
         assert!(matches!(running[..], [slot] if slot.digest.is_some()), "{unit:?}");
     }
+
+    shop.configure(|text| text.replace("rate = 320_000", "rate = 640_000"));
+    let view = gateway.reload().unwrap();
+    assert_eq!((view.buses, view.untouched), (vec!["hall".to_owned()], 2));
+    wait_for("the journal", || journal_says(gateway, "was read again; buses: hall"));
+    wait_for("the bus", || shown()[0].rate == 640_000.0);
 }
 
 #[test]

@@ -117,8 +117,11 @@ impl Bus {
         &self.rates
     }
 
-    /// It is planned to carry something else from now on.
-    pub const fn set_rates(&mut self, rates: BusRates) {
+    /// It is planned to carry something else from now on. What is on its way leaves at the new rate,
+    /// too: a rate that was wrong for a moment must not hold the bus for hours.
+    pub fn set_rates(&mut self, now: f64, rates: BusRates) {
+        let waits = (self.free_at - now).max(0.0);
+        self.free_at = self.free_at.min(now) + waits * self.rates.payload() / rates.payload();
         self.rates = rates;
     }
 
@@ -278,6 +281,20 @@ mod tests {
         assert!(matches!(bus.poll(0.12, &[]), Step::Wait { .. }));
         waits(bus.poll(0.2, &[]), 0.21);
         assert_eq!(bus.poll(0.2101, &[]), Step::Rest { until: f64::INFINITY });
+    }
+
+    #[test]
+    fn a_rate_that_was_wrong_for_a_moment_does_not_hold_the_bus() {
+        let mut bus = Bus::new(RATES, 0.0);
+        let units = [unit(0.0), unit(0.0)];
+        bus.set_rates(0.0, BusRates { rate: 1.0, ..RATES });
+        assert_eq!(bus.poll(0.0, &units), send(0, 10_000.0));
+        bus.sent(0.0, 8_000.0);
+        waits(bus.poll(0.0, &units), 80_000.0);
+        // A tenth of it has left when somebody repairs the rate.
+        bus.set_rates(8_000.0, RATES);
+        waits(bus.poll(8_000.0, &units), 8_000.072);
+        assert_eq!(bus.poll(8_000.073, &units), send(0, 2_000.0));
     }
 
     #[test]
