@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use mio::net::TcpListener;
 use mio::{Events, Interest, Poll, Token};
-use softplug_abi::{Failure, Micros};
+use softplug_abi::{Failure, LinkDownReason, Micros};
 use softplug_gateway::clock::Clock;
 use softplug_gateway::reactor::{Backoff, Feed, JobEnd, JobOutcome, LaneId, Report};
 use softplug_gateway::reservoir::reservoir;
@@ -255,6 +255,32 @@ fn a_unit_that_sends_more_than_it_may_is_sent_away() {
         _ => None,
     });
     assert!(detail.contains("the unit at 127.0.0.1"), "{detail}");
+}
+
+#[test]
+fn a_unit_whose_port_comes_and_goes_without_end_is_sent_away() {
+    let played = Played::with(|message, outbox| {
+        honest(message, outbox, "mill");
+        if let ToUnit::Open { .. } = message {
+            for _ in 0..100 {
+                outbox.push(&ToServer::Up { link: 0 }, false);
+                let (reason, retry_in, detail) = (LinkDownReason::Failed, 0, "gone");
+                outbox.push(&ToServer::Down { link: 0, reason, retry_in, detail }, false);
+            }
+        }
+    });
+    let (mut told, is_sent_away) = (0, |detail: &str| detail.contains("the unit at 127.0.0.1"));
+    loop {
+        let down = played.until(|report| match report {
+            Report::Down { detail, .. } => Some(detail.clone()),
+            _ => None,
+        });
+        if is_sent_away(&down) {
+            break;
+        }
+        told += 1;
+    }
+    assert!(told < 20, "{told}");
 }
 
 /// A module whose bytes show their place.

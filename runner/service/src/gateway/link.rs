@@ -14,7 +14,7 @@ use softplug_host::Digest;
 
 use super::loading::Prepared;
 use super::simulated::Simulated;
-use crate::config::LinkConfig;
+use crate::config::{LinkConfig, PortConfig};
 use crate::jobs::{Extent, Job, LaneProgress};
 use crate::supervise::{Follow, State, Supervisor};
 use crate::view::{FaultView, LinkState, SwapState, SwapView, TimeMs, UnappliedView, now_ms};
@@ -307,6 +307,7 @@ impl Link {
     /// A failure in the words of the protocol, where the manifest knows them.
     pub(crate) fn words(&self, failure: Failure, status: u16) -> String {
         match (status, self.plugin.plugin.manifest().status(status)) {
+            _ if failure == Failure::Interrupted => self.interrupted().to_owned(),
             (0, _) => failure.text().to_owned(),
             // The plug-in says itself what is wrong with the job, and knows better.
             (_, Some(known)) if failure == Failure::BadJob => {
@@ -314,6 +315,14 @@ impl Link {
             }
             (_, Some(known)) => format!("{} ({}: {})", failure.text(), known.name, known.text),
             (_, None) => format!("{} (status {status:04X})", failure.text()),
+        }
+    }
+
+    /// What only a host reports, and no plug-in.
+    pub(crate) fn interrupted(&self) -> &'static str {
+        match self.config.port {
+            PortConfig::Unit(_) => "the unit, or its plug-in, ended in the middle of it",
+            _ => "the plug-in ended in the middle of it",
         }
     }
 }

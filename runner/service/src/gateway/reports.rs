@@ -144,6 +144,9 @@ impl Control {
             (JobOutcome::Failed { failure: Failure::LinkDown, .. }, _) => {
                 Ending::Interrupted("the port was lost in the middle of it".to_owned())
             }
+            (JobOutcome::Failed { failure: Failure::Interrupted, .. }, _) => {
+                Ending::Interrupted(link.interrupted().to_owned())
+            }
             (JobOutcome::Failed { failure, status }, _) => Ending::Failed(reason(failure, status)),
             (JobOutcome::CheckFailed { failure, status, line, column }, _) => {
                 let check = Some(CheckFault { line, column });

@@ -22,7 +22,9 @@ struct TestUnit {
     port: String,
     stop: Stop,
     thread: Option<JoinHandle<()>>,
-    _folder: TempDir,
+    folder: TempDir,
+    /// How often it was started.
+    starts: u64,
 }
 
 impl TestUnit {
@@ -32,12 +34,32 @@ impl TestUnit {
             "name = \"unit-1\"\nlisten = \"127.0.0.1:0\"\nstate = \"state\"\n[signature]\nunsigned = true\n\
              [[link]]\nname = \"mill\"\nport = \"{port}\"\nline = \"{line}\"\nmemory_size = \"256KiB\"\n"
         );
-        let file = folder.path().join("unit.toml");
-        fs::write(&file, text).unwrap();
-        let unit = Unit::start(UnitConfig::read(&file).unwrap(), 1 << 40).unwrap();
+        fs::write(folder.path().join("unit.toml"), text).unwrap();
+        Self::start(folder, 1)
+    }
+
+    fn start(folder: TempDir, starts: u64) -> Self {
+        let config = UnitConfig::read(&folder.path().join("unit.toml")).unwrap();
+        let unit = Unit::start(config, starts << 40).unwrap();
         let (port, stop) = (format!("unit://{}/mill", unit.address()), unit.stop());
         let thread = Some(thread::spawn(move || unit.run().unwrap()));
-        Self { port, stop, thread, _folder: folder }
+        Self { port, stop, thread, folder, starts }
+    }
+
+    /// The same unit, which has lost all that it had not put away.
+    fn started_anew(self) -> Self {
+        let address = self.port.trim_start_matches("unit://").trim_end_matches("/mill");
+        let file = self.folder.path().join("unit.toml");
+        let text = fs::read_to_string(&file).unwrap().replace("127.0.0.1:0", address);
+        fs::write(&file, text).unwrap();
+        self.stopped()
+    }
+
+    fn stopped(mut self) -> Self {
+        self.stop.ask();
+        self.thread.take().unwrap().join().unwrap();
+        let folder = std::mem::replace(&mut self.folder, tempfile::tempdir().unwrap());
+        Self::start(folder, self.starts + 1)
     }
 
     /// With the slave of a pty, whose master is the machine.
@@ -95,6 +117,24 @@ fn a_job_is_held_paused_resumed_and_aborted() {
     shop.read(0, 1_000);
     gateway.abort(job.id).unwrap();
     shop.drain(0, || gateway.job(job.id).unwrap().state == JobState::Aborted);
+}
+
+#[test]
+fn of_a_unit_that_was_started_anew_no_job_is_shown_and_the_unit_is_to_blame() {
+    let (unit, pty) = TestUnit::with_pty();
+    let shop = shop(&unit, "xon-xoff", vec![pty]);
+    let (gateway, link) = (shop.gateway(), Shop::name(0));
+    shop.program("long.nc", 400_000);
+    let job = gateway.submit(&link, &send("long.nc")).unwrap();
+    shop.read(0, 5_000);
+    shop.hold(0);
+    wait_for("the hold", || gateway.link(&link).unwrap().is_held);
+    let _unit = unit.started_anew();
+    wait_for("the job's end", || gateway.job(job.id).unwrap().state == JobState::Interrupted);
+    let message = gateway.job(job.id).unwrap().message.unwrap();
+    assert_eq!(message, "the unit, or its plug-in, ended in the middle of it");
+    let shown = || gateway.link(&link).unwrap();
+    wait_for("the link", || shown().state == LinkState::Idle && !shown().is_held);
 }
 
 #[test]

@@ -31,8 +31,7 @@ impl UnitLane {
             if end.bytes_maybe_left == 0 && end.maybe_left == 0 && !active.is_aborted {
                 active.never_came();
             } else {
-                self.job = None;
-                self.report(Report::JobEnded(end), around);
+                self.let_go(end, around);
             }
             return;
         }
@@ -80,8 +79,7 @@ impl UnitLane {
         active.is_aborted = true;
         if !active.is_begun {
             let end = active.interrupted();
-            self.job = None;
-            self.report(Report::JobEnded(end), around);
+            self.let_go(end, around);
         } else if let Some(link) = number {
             around.say(&ToUnit::Abort { link, job: active.number });
         }
@@ -141,8 +139,14 @@ impl UnitLane {
         }
         let Some(active) = self.unit_job(number) else { return };
         let end = active.ended(end_of(active.job.id, message));
+        self.let_go(end, around);
+    }
+
+    /// The job has ended so.
+    pub(super) fn let_go(&mut self, end: JobEnd, around: &Around<'_>) {
         self.job = None;
         self.consumption.ended();
+        // Nothing of it must be shown any more, nor that it is held.
         self.status.store_unit_job(&UnitFigures::default());
         self.report(Report::JobEnded(end), around);
     }

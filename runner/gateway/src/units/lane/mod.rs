@@ -33,6 +33,8 @@ pub(super) fn longest_fields(outbox: &Outbox) -> usize {
 const MOST_REQUESTS: usize = 256;
 /// Notes and states a second, and at once, as of a lane of this computer.
 const WORDS_A_SECOND: i64 = 20;
+/// More than a port does that is tried again four times a second.
+const CHANGES_A_SECOND: i64 = 10;
 /// How long the end of a job is waited for when the link is closed.
 const CLOSING: Micros = Micros::from_millis(1_000);
 /// After a refusal the unit is asked again in this span.
@@ -82,6 +84,8 @@ pub(super) struct UnitLane {
     /// Those of an earlier session that the unit has not named again.
     doubtful_requests: BTreeSet<u32>,
     words: Allowance,
+    /// How often its port may come and go: each time stands in the journal.
+    changes: Allowance,
     is_port_up: bool,
     closing_until: Option<Micros>,
     is_closed: bool,
@@ -108,6 +112,7 @@ impl UnitLane {
             requests: BTreeSet::new(),
             doubtful_requests: BTreeSet::new(),
             words: Allowance::new(WORDS_A_SECOND),
+            changes: Allowance::new(CHANGES_A_SECOND),
             is_port_up: false,
             closing_until: None,
             is_closed: false,
@@ -266,8 +271,8 @@ impl UnitLane {
         if self.is_closed {
             return;
         }
-        if let Some(job) = self.job.take() {
-            self.report(Report::JobEnded(job.interrupted()), around);
+        if let Some(end) = self.job.as_ref().map(UnitJob::interrupted) {
+            self.let_go(end, around);
         }
         for report in self.arrivals.interrupted() {
             self.report(report, around);
@@ -322,6 +327,11 @@ impl UnitLane {
             ToServer::Downloaded { until, .. } => self.downloaded(until, around),
             ToServer::Installed { slot, .. } => self.installed(slot, around),
             ToServer::NotInstalled { why, .. } => self.not_taken(&plain_text(why), around),
+            ToServer::Up { .. } | ToServer::Down { .. }
+                if !self.changes.take(around.thread.clock.now()) =>
+            {
+                return Err(Flood);
+            }
             ToServer::Up { .. } => {
                 if self.change.is_none() || self.runs == self.setup.plugin.digest {
                     self.up(around);
@@ -438,9 +448,8 @@ impl UnitLane {
                 let Some(active) = self.unit_job(number) else { return };
                 let outcome = JobOutcome::Failed { failure: Failure::BadJob, status: 0 };
                 let end = JobEnd { outcome, ..active.left.clone() };
-                self.job = None;
                 tracing::warn!(why, "the unit refuses a job");
-                self.report(Report::JobEnded(end), around);
+                self.let_go(end, around);
             }
             _ => tracing::warn!(message, why, "the unit refuses"),
         }
@@ -504,8 +513,7 @@ impl UnitLane {
         if !job.is_begun && is_ready && job.job.fields.len() > longest_fields(around.outbox) {
             let outcome = JobOutcome::Failed { failure: Failure::BadJob, status: 0 };
             let end = JobEnd::unbegun(job.job.id, outcome, 0);
-            self.job = None;
-            self.report(Report::JobEnded(end), around);
+            self.let_go(end, around);
             return;
         }
         if !job.is_begun && is_ready {
