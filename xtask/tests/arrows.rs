@@ -82,6 +82,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         "softplug-service",
         &[
             "softplug-abi",
+            "softplug-catalogue",
             "softplug-gateway",
             "softplug-host",
             "softplug-link",

@@ -97,6 +97,41 @@ fn all_of_it_is_understood() {
 }
 
 #[test]
+fn a_machine_stands_in_for_what_a_link_does_not_say() {
+    let link = "[[link]]\nname = \"a\"\nport = \"/dev/ttyS0\"\nmachine = \"haas-vf\"\n";
+    let of = |more: &str| {
+        let config = parse(&format!("{link}{more}")).unwrap();
+        let link = &config.links[0];
+        let settings: Vec<_> =
+            link.settings.iter().map(|(name, value)| format!("{name}={value}")).collect();
+        (link.plugin.clone(), link.line_text(), settings.join(" "))
+    };
+    let is = |plugin: &str, line: &str, settings: &str| {
+        (plugin.to_owned(), line.to_owned(), settings.to_owned())
+    };
+    assert_eq!(of(""), is("xon-xoff", "9600 7E2", "send_line_end=crlf"));
+    assert_eq!(
+        of("plugin = \"xon-xoff@0.1\"\nline = \"19200 7E1\"\n\
+            settings = { send-line-end = \"lf\", xon_at_open = true }\n"),
+        is("xon-xoff@0.1", "19200 7E1", "send_line_end=lf xon_at_open=on")
+    );
+    let defaults = "[defaults]\nplugin = \"r3964\"\nline = \"8E1\"\nsettings = { priority = 1 }\n";
+    assert_eq!(of(defaults), is("xon-xoff", "9600 7E2", "send_line_end=crlf"));
+
+    let told = |from: &str, to: &str| problems(&link.replace(from, to)).join("|");
+    assert_eq!(
+        told("haas-vf", "hass-vf"),
+        "4:11: there is no machine \"hass-vf\"; did you mean \"haas-vf\"?"
+    );
+    assert_eq!(
+        told("machine", "plugin = \"r3964\"\nmachine"),
+        "4:10: the machine haas-vf is spoken to with xon-xoff; leave out `plugin`, or `machine`"
+    );
+    let told = problems(&format!("[gateway]\nmachines = \"nowhere\"\n{link}")).join("|");
+    assert!(told.starts_with("2:12: shop/nowhere cannot be read: "), "{told}");
+}
+
+#[test]
 fn an_empty_file_is_a_gateway_without_links() {
     let config = parse("").unwrap();
     assert!(config.links.is_empty() && config.http.is_none() && config.gateway.watch);

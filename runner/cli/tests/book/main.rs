@@ -44,6 +44,7 @@ pages! {
     PLAIN_PAGES;
     contents: "README.md",
     quick_start: "quick-start.md",
+    machines: "machines.md",
     troubleshooting: "troubleshooting.md",
     tutorial: "tutorial.md",
     write: "write.md",

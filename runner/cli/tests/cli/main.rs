@@ -23,6 +23,7 @@ mod kit;
 mod languages;
 #[cfg(target_os = "linux")]
 mod library;
+mod machines;
 mod pack;
 mod plan;
 mod plugins;

@@ -6,6 +6,7 @@ use std::net::SocketAddr;
 use std::ops::Range;
 
 use softplug_abi::LineParameters;
+use softplug_catalogue::Catalogue;
 use softplug_gateway::endpoint::{EndpointKind, EndpointSetup, Framing, LineAnswer};
 use softplug_gateway::port::parse_line;
 use softplug_gateway::units::{BusSetup, UnitAddress, UnitPlace};
@@ -27,6 +28,7 @@ pub(super) fn all(
     written: Vec<Spanned<written::Link>>,
     defaults: &written::Link,
     buses: &[BusSetup],
+    catalogue: &Catalogue,
     problems: &mut ConfigFindings<'_>,
 ) -> Vec<LinkConfig> {
     for (key, text) in
@@ -49,7 +51,7 @@ pub(super) fn all(
     let mut taken = Taken::default();
     for link in written.into_iter().take(MOST_LINKS) {
         let at = header(link.span());
-        let link = link.into_inner().or(defaults);
+        let link = link.into_inner().or_machine(defaults, catalogue, problems).or(defaults);
         if let Some(link) = one(link, at, buses, &mut taken, problems) {
             links.push(link);
         }

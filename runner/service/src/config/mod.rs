@@ -8,6 +8,7 @@ mod finding;
 mod hint;
 mod link;
 mod links;
+mod machine;
 mod service;
 mod watch;
 mod written;
@@ -75,7 +76,8 @@ impl Config {
         let http = written.http.as_ref().map(|http| service::http(http, folder, &mut problems));
         let supervision = service::supervision(&written.supervision, &mut problems);
         let buses = buses::all(&written.bus, &mut problems);
-        let links = links::all(written.link, &written.defaults, &buses, &mut problems);
+        let catalogue = machine::catalogue(&written.gateway, folder, &mut problems);
+        let links = links::all(written.link, &written.defaults, &buses, &catalogue, &mut problems);
         problems.end()?;
         Ok(Self { file: file.to_owned(), gateway, http, supervision, buses, links })
     }

@@ -35,6 +35,7 @@ pub(super) struct Gateway {
     pub(super) stop: Option<Text>,
     pub(super) stop_patience: Option<Text>,
     pub(super) watch: Option<bool>,
+    pub(super) machines: Option<Text>,
     pub(super) journal: Option<Spanned<u64>>,
     pub(super) free_space: Option<Spanned<Value>>,
 }
@@ -83,6 +84,7 @@ pub(super) struct Link {
     pub(super) exclusive: Option<bool>,
     pub(super) connect: Option<Text>,
     pub(super) reopen: Option<Reopen>,
+    pub(super) machine: Option<Text>,
     pub(super) plugin: Option<Text>,
     pub(super) settings: Option<BTreeMap<Text, Spanned<Value>>>,
     pub(super) depth: Option<Spanned<u32>>,
@@ -156,10 +158,8 @@ impl Link {
             // Settings belong to a plug-in: another one has others.
             (Some(_), own) if self.plugin.is_some() => own,
             (Some(mut common), Some(own)) => {
-                for (name, value) in own {
-                    common.remove(&name);
-                    common.insert(name, value);
-                }
+                common.retain(|name, _| !own.keys().any(|own| is_alike(own, name)));
+                common.extend(own);
                 Some(common)
             }
             (common, own) => own.or(common),
@@ -174,6 +174,7 @@ impl Link {
             exclusive: self.exclusive.or(defaults.exclusive),
             connect: self.connect.or(defaults.connect),
             reopen: self.reopen.or(defaults.reopen),
+            machine: self.machine.or(defaults.machine),
             plugin: self.plugin.or(defaults.plugin),
             settings,
             depth: self.depth.or(defaults.depth),
@@ -189,4 +190,10 @@ impl Link {
             recorder: self.recorder.or(defaults.recorder),
         }
     }
+}
+
+/// Whether two settings are one: hyphens stand for underscores.
+fn is_alike(one: &Text, other: &Text) -> bool {
+    let plain = |name: &Text| name.get_ref().replace('-', "_");
+    plain(one) == plain(other)
 }
