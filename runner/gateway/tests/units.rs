@@ -140,7 +140,10 @@ impl Played {
         let address = UnitAddress { unit, link: Some("mill".into()) };
         let plugin = plugin(module);
         let reopen = Backoff { first: Micros::from_millis(50), longest: Micros::from_secs(1) };
-        units.add(LANE, UnitSetup { address, plugin, delivery_room: 4_096, reopen, bus: None });
+        units.add(
+            LANE,
+            UnitSetup { address, plugin, delivery_room: 4_096, reopen, bus: None, tls: None },
+        );
         Self { units: Some(units), reports, thread }
     }
 
@@ -321,7 +324,7 @@ fn a_unit_that_takes_short_frames_is_given_its_plug_in_and_its_job() {
 #[test]
 fn a_unit_that_takes_short_frames_is_given_a_plug_in_by_hand() {
     let (unit, thread) = listening::<512>(empty);
-    let mut client = UnitClient::connect(&unit, 1, PATIENCE / 2).unwrap();
+    let mut client = UnitClient::connect(&unit, None, 1, PATIENCE / 2).unwrap();
     let mut last = 0;
     assert!(client.flash(None, &plugin(&module()), |until| last = until).unwrap());
     assert_eq!(last, 3_000);
@@ -332,7 +335,7 @@ fn a_unit_that_takes_short_frames_is_given_a_plug_in_by_hand() {
 #[test]
 fn settings_that_are_longer_than_a_unit_takes_are_told() {
     let (unit, thread) = listening::<128>(empty);
-    let mut client = UnitClient::connect(&unit, 1, PATIENCE / 2).unwrap();
+    let mut client = UnitClient::connect(&unit, None, 1, PATIENCE / 2).unwrap();
     let settings = vec![("title".to_owned(), "x".repeat(100))];
     let plugin = UnitPlugin { settings, ..plugin(&module()) };
     let refused = client.flash(None, &plugin, |_| {}).unwrap_err().to_string();

@@ -9,6 +9,7 @@ mod hint;
 mod link;
 mod links;
 mod service;
+mod tls;
 mod watch;
 mod written;
 
@@ -75,7 +76,8 @@ impl Config {
         let http = written.http.as_ref().map(|http| service::http(http, folder, &mut problems));
         let supervision = service::supervision(&written.supervision, &mut problems);
         let buses = buses::all(&written.bus, &mut problems);
-        let links = links::all(written.link, &written.defaults, &buses, &mut problems);
+        let key = tls::GatewayKey::read(written.gateway.key.as_ref(), folder, &mut problems);
+        let links = links::all(written.link, &written.defaults, &buses, &key, &mut problems);
         problems.end()?;
         Ok(Self { file: file.to_owned(), gateway, http, supervision, buses, links })
     }

@@ -53,6 +53,7 @@ impl Floor {
                     longest: Micros::from_millis(500),
                 },
                 bus: Some("hall".to_owned()),
+                tls: None,
             };
             units.add(LaneId(number), setup);
         }

@@ -56,6 +56,8 @@ impl Faults {
 }
 
 struct Shared {
+    /// What passes is no frames that could be told apart: all of it, as it is on the wire.
+    wire: Option<Mutex<Vec<u8>>>,
     faults: Mutex<Option<Faults>>,
     unit: Mutex<SocketAddr>,
     open: Mutex<Vec<TcpStream>>,
@@ -65,9 +67,19 @@ struct Shared {
 
 impl Cable {
     pub(crate) fn new(unit: SocketAddr) -> Self {
+        Self::with(unit, None)
+    }
+
+    /// Passes on whatever comes, and keeps it.
+    pub(crate) fn tapped(unit: SocketAddr) -> Self {
+        Self::with(unit, Some(Mutex::default()))
+    }
+
+    fn with(unit: SocketAddr, wire: Option<Mutex<Vec<u8>>>) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
         let shared = Arc::new(Shared {
+            wire,
             faults: Mutex::new(None),
             unit: Mutex::new(unit),
             open: Mutex::default(),
@@ -94,6 +106,11 @@ impl Cable {
             }
         });
         Self { address, shared }
+    }
+
+    /// What has passed both ways.
+    pub(crate) fn wire(&self) -> Vec<u8> {
+        self.shared.wire.as_ref().unwrap().lock().unwrap().clone()
     }
 
     pub(crate) fn address(&self) -> SocketAddr {
@@ -144,6 +161,9 @@ impl Drop for Cable {
 fn pass(shared: &Arc<Shared>, mut from: TcpStream, mut to: TcpStream) {
     let shared = Arc::clone(shared);
     thread::spawn(move || {
+        if let Some(wire) = &shared.wire {
+            pass_all(wire, &mut from, &mut to);
+        }
         let mut late = Vec::new();
         while let Some(mut frame) = next_frame(&mut from) {
             let fate = shared.faults.lock().unwrap().as_mut().map_or(Fate::Passes, Faults::fate);
@@ -171,6 +191,16 @@ fn pass(shared: &Arc<Shared>, mut from: TcpStream, mut to: TcpStream) {
         let _ = from.shutdown(Shutdown::Both);
         let _ = to.shutdown(Shutdown::Both);
     });
+}
+
+fn pass_all(wire: &Mutex<Vec<u8>>, from: &mut TcpStream, to: &mut TcpStream) {
+    let mut bytes = [0; 4_096];
+    while let Ok(count @ 1..) = from.read(&mut bytes) {
+        wire.lock().unwrap().extend_from_slice(&bytes[..count]);
+        if to.write_all(&bytes[..count]).is_err() {
+            return;
+        }
+    }
 }
 
 fn next_frame(from: &mut TcpStream) -> Option<Vec<u8>> {
