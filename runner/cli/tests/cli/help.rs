@@ -42,6 +42,7 @@ const VERBS: &[&[&str]] = &[
     &["unit", "list"],
     &["unit", "flash"],
     &["unit", "sign"],
+    &["unit", "key"],
     &["link"],
     &["link", "list"],
     &["link", "show"],

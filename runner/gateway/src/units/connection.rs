@@ -210,7 +210,8 @@ impl Connection {
             Err(closed) => {
                 self.uplink = Some(uplink);
                 // A unit sends away whoever comes while it is driven.
-                let is_sent_away = closed.is_by_peer() && !self.session.is_up();
+                let has_left = closed.is_by_peer() || matches!(closed, Closed::Tls(TlsError::Left));
+                let is_sent_away = has_left && !self.session.is_up();
                 let also = if is_sent_away { "; another gateway may drive it" } else { "" };
                 self.lost(&format!("{closed}{also}"), thread);
             }

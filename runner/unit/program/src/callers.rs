@@ -74,7 +74,11 @@ impl Callers {
         let mut at = 0;
         while let Some(caller) = self.waiting.get_mut(at) {
             let why = match caller.uplink.shake_hands() {
-                Ok(true) => return self.waiting.remove(at).map(|caller| caller.uplink),
+                Ok(true) => {
+                    let key = caller.uplink.peer_key().map(|key| key.to_string());
+                    tracing::info!(peer = %caller.peer, key, "a gateway has shown its key");
+                    return self.waiting.remove(at).map(|caller| caller.uplink);
+                }
                 Ok(false) if now < caller.until => {
                     at += 1;
                     continue;

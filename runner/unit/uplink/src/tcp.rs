@@ -9,6 +9,7 @@ use mio::{Interest, Registry, Token};
 use softplug_unit_protocol::{LONGEST, length_of_frame};
 
 use crate::closed::Closed;
+use crate::keys::TlsPublicKey;
 use crate::tls::{TlsError, TlsKeys, TlsStream, is_for_later, is_tls};
 
 /// Bytes that wait to be sent, past which there is no room for more frames.
@@ -110,6 +111,14 @@ impl TcpUplink {
     /// Whether the connection is there, and the handshake of TLS is not done.
     pub fn is_handshaking(&self) -> bool {
         self.is_connected && matches!(&self.stream, Stream::Tls(tls) if tls.is_handshaking())
+    }
+
+    /// The key that the other side has shown in the handshake of TLS.
+    pub fn peer_key(&self) -> Option<TlsPublicKey> {
+        match &self.stream {
+            Stream::Clear(_) => None,
+            Stream::Tls(tls) => tls.other(),
+        }
     }
 
     /// Who is at the other end, if that is known.

@@ -175,6 +175,12 @@ impl TlsStream {
         self.connection.is_handshaking()
     }
 
+    /// The key that the other side has shown.
+    pub(crate) fn other(&self) -> Option<TlsPublicKey> {
+        let shown = self.connection.peer_certificates()?.first()?;
+        TlsPublicKey::from_der(shown)
+    }
+
     pub(crate) fn stream(&self) -> &TcpStream {
         &self.stream
     }

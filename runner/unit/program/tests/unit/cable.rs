@@ -62,6 +62,8 @@ struct Shared {
     unit: Mutex<SocketAddr>,
     open: Mutex<Vec<TcpStream>>,
     is_held: AtomicBool,
+    /// A byte of what passes next is altered.
+    alters: AtomicBool,
     is_gone: AtomicBool,
 }
 
@@ -84,6 +86,7 @@ impl Cable {
             unit: Mutex::new(unit),
             open: Mutex::default(),
             is_held: AtomicBool::new(false),
+            alters: AtomicBool::new(false),
             is_gone: AtomicBool::new(false),
         });
         let its = Arc::clone(&shared);
@@ -106,6 +109,11 @@ impl Cable {
             }
         });
         Self { address, shared }
+    }
+
+    /// Alters a byte of what passes next; once that has come about, `false`.
+    pub(crate) fn alter(&self, alters: bool) -> bool {
+        self.shared.alters.fetch_or(alters, Ordering::SeqCst)
     }
 
     /// What has passed both ways.
@@ -162,7 +170,7 @@ fn pass(shared: &Arc<Shared>, mut from: TcpStream, mut to: TcpStream) {
     let shared = Arc::clone(shared);
     thread::spawn(move || {
         if let Some(wire) = &shared.wire {
-            pass_all(wire, &mut from, &mut to);
+            pass_all(wire, &shared.alters, &mut from, &mut to);
         }
         let mut late = Vec::new();
         while let Some(mut frame) = next_frame(&mut from) {
@@ -193,10 +201,13 @@ fn pass(shared: &Arc<Shared>, mut from: TcpStream, mut to: TcpStream) {
     });
 }
 
-fn pass_all(wire: &Mutex<Vec<u8>>, from: &mut TcpStream, to: &mut TcpStream) {
+fn pass_all(wire: &Mutex<Vec<u8>>, alters: &AtomicBool, from: &mut TcpStream, to: &mut TcpStream) {
     let mut bytes = [0; 4_096];
     while let Ok(count @ 1..) = from.read(&mut bytes) {
         wire.lock().unwrap().extend_from_slice(&bytes[..count]);
+        if alters.swap(false, Ordering::SeqCst) {
+            bytes[count - 1] ^= 1;
+        }
         if to.write_all(&bytes[..count]).is_err() {
             return;
         }
