@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use softplug_gateway::units::TlsPublicKey;
 
 /// Front-end units: small computers at machines, each with the plug-in that its machine needs.
 #[derive(Debug, Args)]
@@ -81,7 +80,7 @@ pub(crate) struct Keys {
     pub(crate) key: Option<PathBuf>,
     /// The unit's public key; of several units, each in an option of its own
     #[arg(long = "unit-key", value_name = "KEY", requires = "key")]
-    pub(crate) unit_keys: Vec<TlsPublicKey>,
+    pub(crate) unit_keys: Vec<String>,
 }
 
 /// Signs a plug-in for units that know the key

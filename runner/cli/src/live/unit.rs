@@ -13,8 +13,8 @@ use serde::Serialize;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use softplug_gateway::units::{
-    CanAddress, TlsKeys, TlsPrivateKey, UnitAddress, UnitClient, UnitClientError, UnitLinkSurvey,
-    UnitPlace, UnitPlugin, UnitSlotSurvey, units_on_can,
+    CanAddress, NoTlsKey, TlsKeys, TlsPrivateKey, UnitAddress, UnitClient, UnitClientError,
+    UnitLinkSurvey, UnitPlace, UnitPlugin, UnitSlotSurvey, units_on_can,
 };
 use softplug_host::{Digest, lint};
 use softplug_service::config::LogFormat;
@@ -229,7 +229,12 @@ fn list(asked: &List, screen: &Screen) -> Result<Exit, Failure> {
 fn tls(keys: &Keys) -> Result<Option<TlsKeys>, Failure> {
     let Some(file) = &keys.key else { return Ok(None) };
     let own = TlsPrivateKey::read(file).map_err(Failure::usage)?;
-    Ok(Some(TlsKeys::of_gateway(&own, &keys.unit_keys)))
+    let units = keys.unit_keys.iter().map(|text| {
+        let wrong = format_args!("`--unit-key {}` is no public key", text.escape_debug());
+        text.parse().map_err(|NoTlsKey| Failure::usage(wrong).hint(NoTlsKey::WRITE))
+    });
+    let units = units.collect::<Result<Vec<_>, _>>()?;
+    Ok(Some(TlsKeys::of_gateway(&own, &units)))
 }
 
 fn for_place<'a>(

@@ -216,6 +216,8 @@ fn a_unit_with_tls_is_for_who_has_a_key_that_it_knows() {
     let ran = list(&[]).with_code(6);
     assert!(ran.err.contains("speaks TLS, and no key is configured"), "{ran}");
     list(&["--key", "none.key", "--unit-key", &other]).with_code(2);
+    let ran = list(&["--key", "gateway.key", "--unit-key", "unit.key"]).with_code(2);
+    assert!(ran.err.contains("`--unit-key unit.key` is no public key"), "{ran}");
     let ran = bench.run(&[&["unit", "list", "can0/17"], &with("gateway.key")[..]].concat());
     assert!(ran.with_code(2).err.contains("TLS goes over TCP only"));
 }

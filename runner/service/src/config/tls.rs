@@ -56,13 +56,10 @@ impl GatewayKey {
             problems.add(text.span(), message, hint);
             return None;
         }
-        let unit: TlsPublicKey = match text.get_ref().parse() {
-            Ok(key) => key,
-            Err(NoTlsKey) => {
-                let message = format!("\"{}\" is no public key", text.get_ref().escape_debug());
-                problems.add(text.span(), message, NoTlsKey::WRITE);
-                return None;
-            }
+        let Ok(unit) = text.get_ref().parse::<TlsPublicKey>() else {
+            let message = format!("\"{}\" is no public key", text.get_ref().escape_debug());
+            problems.add(text.span(), message, NoTlsKey::WRITE);
+            return None;
         };
         match self {
             Self::Is(own) if own.public() == unit => {

@@ -25,6 +25,10 @@ use thiserror::Error;
 use crate::closed::Closed;
 use crate::keys::{TlsPrivateKey, TlsPublicKey};
 
+/// Bytes of a record, at most. It is of use only when all of it has come: on a slow network no frame is to
+/// wait for many that are behind it.
+const RECORD: usize = 4_096;
+
 /// Of one end: its own key, and those of which the other side must have one.
 ///
 /// ```
@@ -61,6 +65,7 @@ impl TlsKeys {
             .with_custom_certificate_verifier(Arc::clone(&pinned) as Arc<dyn ServerCertVerifier>)
             .with_client_cert_resolver(Arc::new(AlwaysResolvesClientRawPublicKeys::new(raw(own))));
         config.resumption = Resumption::disabled();
+        config.max_fragment_size = Some(RECORD);
         config.enable_sni = false;
         Self { pinned, end: End::Gateway(Arc::new(config)) }
     }
@@ -75,6 +80,7 @@ impl TlsKeys {
             .with_cert_resolver(Arc::new(AlwaysResolvesServerRawPublicKeys::new(raw(own))));
         config.session_storage = Arc::new(NoServerSessionStorage {});
         config.send_tls13_tickets = 0;
+        config.max_fragment_size = Some(RECORD);
         Self { pinned, end: End::Unit(Arc::new(config)) }
     }
 
@@ -219,14 +225,19 @@ impl TlsStream {
             Err(error) if is_for_later(&error) => return Ok(false),
             Err(error) => return Err(self.broken(error)),
         }
+        self.process()?;
+        self.flush()?;
+        Ok(true)
+    }
+
+    fn process(&mut self) -> Result<(), Closed> {
         if let Err(error) = self.connection.process_new_packets() {
             self.has_failed = true;
             // What is wrong is told to the other side, if it listens.
             let _ = self.connection.write_tls(&mut self.stream);
             return Err(self.pinned.blame(error).into());
         }
-        self.flush()?;
-        Ok(true)
+        Ok(())
     }
 
     /// Encrypts as much as fits, all of it in as few records as can be, and sends it. How much of it was
@@ -257,10 +268,18 @@ impl TlsStream {
         if self.is_handshaking() { TlsError::Left.into() } else { Closed::ByPeer }
     }
 
-    fn broken(&self, error: io::Error) -> Closed {
-        let is_end =
-            matches!(error.kind(), io::ErrorKind::ConnectionReset | io::ErrorKind::BrokenPipe);
-        if is_end { self.left() } else { error.into() }
+    fn broken(&mut self, error: io::Error) -> Closed {
+        use io::ErrorKind::{BrokenPipe, ConnectionReset};
+        if !matches!(error.kind(), ConnectionReset | BrokenPipe) {
+            return error.into();
+        }
+        // What it said before it went, and nobody has read yet, says more.
+        if let Ok(1..) = self.connection.read_tls(&mut self.stream)
+            && let Err(closed) = self.process()
+        {
+            return closed;
+        }
+        self.left()
     }
 }
 

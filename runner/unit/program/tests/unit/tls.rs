@@ -32,13 +32,13 @@ impl Keys {
         table(&self.folder.path().join("unit.key"), self.gateway.public())
     }
 
-    fn of_gateway(&self) -> Option<TlsKeys> {
-        Some(TlsKeys::of_gateway(&self.gateway, &[self.unit.public()]))
+    fn of_gateway(&self) -> TlsKeys {
+        TlsKeys::of_gateway(&self.gateway, &[self.unit.public()])
     }
 
     /// Each has the other's.
     fn shop(&self, machine: Machine) -> Shop {
-        Shop::with_tls(machine, &self.of_unit(), self.of_gateway())
+        Shop::with_tls(machine, &self.of_unit(), Some(self.of_gateway()))
     }
 }
 
@@ -153,7 +153,7 @@ fn a_gateway_without_tls_is_told_that_the_unit_wants_it() {
 #[test]
 fn a_unit_without_tls_is_not_spoken_to_in_the_clear() {
     let keys = Keys::new();
-    let mut shop = Shop::with_tls(Machine::fast(), "", keys.of_gateway());
+    let mut shop = Shop::with_tls(Machine::fast(), "", Some(keys.of_gateway()));
     let why = shop.until_report(down);
     assert!(
         why.contains("in the handshake of TLS: it may know no TLS; another gateway may drive it"),
