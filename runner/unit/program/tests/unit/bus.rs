@@ -64,6 +64,10 @@ impl Floor {
                 up.insert(lane);
             }
         }
+        // What is shown is a moment old.
+        while floor.units.buses().is_empty() {
+            std::thread::yield_now();
+        }
         floor
     }
 
