@@ -1,5 +1,6 @@
 //! What a unit says that is not so: one is played here, over loopback.
 
+use std::io::{Read, Write};
 use std::sync::mpsc::{Receiver, channel};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
@@ -11,7 +12,8 @@ use softplug_gateway::clock::Clock;
 use softplug_gateway::reactor::{Backoff, Feed, JobEnd, JobOutcome, LaneId, Report};
 use softplug_gateway::reservoir::reservoir;
 use softplug_gateway::units::{
-    UnitAddress, UnitClient, UnitCommand, UnitPlace, UnitPlugin, UnitSetup, Units,
+    TlsKeys, TlsPrivateKey, UnitAddress, UnitClient, UnitClientError, UnitCommand, UnitPlace,
+    UnitPlugin, UnitSetup, Units,
 };
 use softplug_link::Job;
 use softplug_unit_protocol::{
@@ -140,7 +142,10 @@ impl Played {
         let address = UnitAddress { unit, link: Some("mill".into()) };
         let plugin = plugin(module);
         let reopen = Backoff { first: Micros::from_millis(50), longest: Micros::from_secs(1) };
-        units.add(LANE, UnitSetup { address, plugin, delivery_room: 4_096, reopen, bus: None });
+        units.add(
+            LANE,
+            UnitSetup { address, plugin, delivery_room: 4_096, reopen, bus: None, tls: None },
+        );
         Self { units: Some(units), reports, thread }
     }
 
@@ -347,7 +352,7 @@ fn a_unit_that_takes_short_frames_is_given_its_plug_in_and_its_job() {
 #[test]
 fn a_unit_that_takes_short_frames_is_given_a_plug_in_by_hand() {
     let (unit, thread) = listening::<512>(empty);
-    let mut client = UnitClient::connect(&unit, 1, PATIENCE / 2).unwrap();
+    let mut client = UnitClient::connect(&unit, None, 1, PATIENCE / 2).unwrap();
     let mut last = 0;
     assert!(client.flash(None, &plugin(&module()), |until| last = until).unwrap());
     assert_eq!(last, 3_000);
@@ -358,11 +363,61 @@ fn a_unit_that_takes_short_frames_is_given_a_plug_in_by_hand() {
 #[test]
 fn settings_that_are_longer_than_a_unit_takes_are_told() {
     let (unit, thread) = listening::<128>(empty);
-    let mut client = UnitClient::connect(&unit, 1, PATIENCE / 2).unwrap();
+    let mut client = UnitClient::connect(&unit, None, 1, PATIENCE / 2).unwrap();
     let settings = vec![("title".to_owned(), "x".repeat(100))];
     let plugin = UnitPlugin { settings, ..plugin(&module()) };
     let refused = client.flash(None, &plugin, |_| {}).unwrap_err().to_string();
     assert!(refused.contains("its settings have 107 bytes; 64 are the most"), "{refused}");
     drop(client);
     thread.join().unwrap();
+}
+
+/// Somebody who says this to each who comes, and hears them to their end; a link with TLS that leads there, and
+/// what it is told as down for.
+fn down_with_tls(says: &'static [u8]) -> (UnitPlace, TlsKeys, String) {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let unit = listener.local_addr().unwrap().to_string().parse::<UnitPlace>().unwrap();
+    thread::spawn(move || {
+        for stream in listener.incoming() {
+            thread::spawn(move || {
+                let mut stream = stream.unwrap();
+                let _ = stream.write_all(says);
+                let _ = stream.read_to_end(&mut Vec::new());
+            });
+        }
+    });
+    let folder = tempfile::tempdir().unwrap();
+    let [own, other] =
+        ["a", "b"].map(|name| TlsPrivateKey::make(&folder.path().join(name)).unwrap());
+    let keys = TlsKeys::of_gateway(&own, &[other.public()]);
+    let (tell, reports) = channel();
+    let units = Units::start(1, move |_, report| {
+        let _ = tell.send(report);
+    })
+    .unwrap();
+    let (address, tls) = (UnitAddress { unit: unit.clone(), link: None }, Some(keys.clone()));
+    let reopen = Backoff { first: Micros::from_secs(60), longest: Micros::from_secs(60) };
+    let (plugin, delivery_room) = (plugin(b"wasm"), 4_096);
+    units.add(LANE, UnitSetup { address, tls, plugin, delivery_room, reopen, bus: None });
+    loop {
+        if let Report::Down { detail, .. } = reports.recv_timeout(PATIENCE).expect("it is told") {
+            return (unit, keys, detail);
+        }
+    }
+}
+
+#[test]
+fn who_does_not_answer_in_the_handshake_of_tls_is_left() {
+    let (unit, keys, detail) = down_with_tls(b"");
+    assert!(detail.contains("the handshake of TLS has not come to an end in time"), "{detail}");
+    let error = UnitClient::connect(&unit, Some(&keys), 1, Duration::from_secs(1)).unwrap_err();
+    assert!(matches!(error, UnitClientError::Closed { .. }), "{error}");
+}
+
+#[test]
+fn who_answers_the_handshake_of_tls_with_something_else_is_told_so() {
+    let (unit, keys, detail) = down_with_tls(b"\x01\x02\x00\x00\x00\x00\x00\x00\x00\x00");
+    assert!(detail.contains("the other side speaks without TLS"), "{detail}");
+    let error = UnitClient::connect(&unit, Some(&keys), 1, PATIENCE).unwrap_err();
+    assert!(error.to_string().contains("the other side speaks without TLS"), "{error}");
 }

@@ -1,11 +1,13 @@
 //! `gateway.toml`: what may stand in it, and what is said of what may not.
 #![cfg(target_os = "linux")]
 
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 use std::time::Duration;
 
 use softplug_abi::Micros;
 use softplug_gateway::endpoint::{EndpointKind, Framing};
+use softplug_gateway::units::TlsPrivateKey;
 use softplug_gateway::{Flow, PortSpec};
 use softplug_service::config::{Config, ConfigError, LogFormat, PortConfig, SwapPolicy};
 
@@ -225,6 +227,64 @@ fn files_that_cannot_be_read_are_named() {
     assert!(error.to_string().starts_with(&format!("{} cannot be read", missing.display())));
     std::fs::write(&missing, [0xFF, 0xFE, b'a']).unwrap();
     assert!(matches!(Config::read(&missing), Err(ConfigError::Unreadable { .. })));
+}
+
+#[test]
+fn what_is_wrong_with_keys_of_units_is_told_in_one_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let key = folder.path().join("gateway.key");
+    let own = TlsPrivateKey::make(&key).unwrap().public().to_string();
+    let unit = "MCowBQYDK2VwAyEAGb9ECWmEzf6FQbrBZ9w7lshQhqowtrbLDFw4rXAxZuE=";
+    let head = format!("[gateway]\nkey = \"{}\"\n", key.display());
+    let link = |name: &str, port: &str, key: &str| {
+        let key = if key.is_empty() { String::new() } else { format!("unit-key = \"{key}\"\n") };
+        format!("[[link]]\nname = \"{name}\"\nplugin = \"xon-xoff\"\nport = \"{port}\"\n{key}")
+    };
+    let (mill, saw) = ("unit://10.0.0.17:7640/mill", "unit://10.0.0.17:7640/saw");
+    let right = [head.clone(), link("a", mill, unit), link("b", saw, unit)].concat();
+    let config = parse(&right).unwrap();
+    assert!(config.links.iter().all(|link| link.tls.is_some()));
+    assert_eq!(config, parse(&right).unwrap());
+    let cases = [
+        (
+            link("a", mill, unit),
+            "the link \"a\" has a unit-key, and the gateway has no key; make one",
+        ),
+        (
+            head.clone() + &link("a", mill, "unit.key"),
+            "\"unit.key\" is no public key; write the text",
+        ),
+        (head.clone() + &link("a", mill, &own), "is the gateway's own key; name the unit's"),
+        (
+            head.clone() + &link("a", "unit://can0/17", unit),
+            "\"a\" is not of a unit over TCP, and has",
+        ),
+        (
+            head.clone() + &link("a", "pty:", unit),
+            "\"a\" is not of a unit over TCP, and has a unit-key",
+        ),
+        (
+            head.clone() + &link("a", mill, unit) + &link("b", saw, ""),
+            "the links \"a\" and \"b\" are of the unit 10.0.0.17:7640, and have not the same unit-key",
+        ),
+        (
+            format!("{head}[defaults]\nunit-key = \"{unit}\"\n") + &link("a", mill, unit),
+            "unit-key cannot be the same for all links",
+        ),
+        (
+            head.replace("gateway.key", "none.key") + &link("a", mill, unit),
+            "none.key cannot be read; No such file",
+        ),
+    ];
+    for (text, wanted) in cases {
+        let told = problems(&text).join("|");
+        assert!(told.contains(wanted) && !told.contains('|'), "{told}\n{wanted}");
+    }
+    std::fs::set_permissions(&key, std::fs::Permissions::from_mode(0o644)).unwrap();
+    let told = problems(&right).join("|");
+    let wanted =
+        "gateway.key can be read or written by others than its owner (mode 644); `chmod 600";
+    assert!(told.contains(wanted) && !told.contains('|'), "{told}");
 }
 
 proptest::proptest! {

@@ -11,6 +11,8 @@ use clap::{Args, Subcommand};
   softplug unit run unit.toml
   softplug unit list 10.0.0.17:7640 10.0.0.18:7640
   softplug unit list can0
+  softplug unit key unit.key
+  softplug unit list 10.0.0.17:7640 --key gateway.key --unit-key MCowBQYDK2VwAyEAGb9E…
   softplug unit sign xon-xoff.wasm --key works.pem --output xon-xoff.sig
   softplug unit flash unit://10.0.0.17:7640/mill-7 xon-xoff.wasm --signature xon-xoff.sig
 
@@ -30,6 +32,7 @@ pub(crate) enum Verb {
     List(List),
     Flash(Flash),
     Sign(Sign),
+    Key(Key),
 }
 
 // The configuration; the verb says what for.
@@ -46,6 +49,8 @@ pub(crate) struct List {
     /// Where they listen, their numbers on a CAN bus (can0/17), or a bus for all on it (can0)
     #[arg(value_name = "UNIT", required = true)]
     pub(crate) units: Vec<String>,
+    #[command(flatten)]
+    pub(crate) keys: Keys,
 }
 
 /// Downloads a plug-in into a unit, and has it run there
@@ -63,6 +68,19 @@ pub(crate) struct Flash {
     /// A setting of the plug-in
     #[arg(long = "set", value_name = "NAME=VALUE")]
     pub(crate) settings: Vec<String>,
+    #[command(flatten)]
+    pub(crate) keys: Keys,
+}
+
+// Keys for units that want TLS.
+#[derive(Debug, Args)]
+pub(crate) struct Keys {
+    /// The private key of this side, which the unit has among its `gateways`: then TLS it is
+    #[arg(long, value_name = "FILE", requires = "unit_keys")]
+    pub(crate) key: Option<PathBuf>,
+    /// The unit's public key; of several units, each in an option of its own
+    #[arg(long = "unit-key", value_name = "KEY", requires = "key")]
+    pub(crate) unit_keys: Vec<String>,
 }
 
 /// Signs a plug-in for units that know the key
@@ -80,6 +98,17 @@ pub(crate) struct Sign {
     /// A gateway's library that holds the plug-in: the signature is kept there, too
     #[arg(long, value_name = "FOLDER")]
     pub(crate) library: Option<PathBuf>,
+}
+
+/// Makes a private key for TLS between gateway and unit, and prints its public key
+#[derive(Debug, Args)]
+pub(crate) struct Key {
+    /// The file with the private key; it must not be there yet
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    /// Make none: print the public key of this one
+    #[arg(long)]
+    pub(crate) show: bool,
 }
 
 impl Arguments {

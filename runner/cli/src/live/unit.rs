@@ -13,8 +13,8 @@ use serde::Serialize;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use softplug_gateway::units::{
-    CanAddress, UnitAddress, UnitClient, UnitClientError, UnitLinkSurvey, UnitPlace, UnitPlugin,
-    UnitSlotSurvey, units_on_can,
+    CanAddress, NoTlsKey, TlsKeys, TlsPrivateKey, UnitAddress, UnitClient, UnitClientError,
+    UnitLinkSurvey, UnitPlace, UnitPlugin, UnitSlotSurvey, units_on_can,
 };
 use softplug_host::{Digest, lint};
 use softplug_service::config::LogFormat;
@@ -25,7 +25,7 @@ use softplug_unit_protocol::SlotState;
 use softplug_unit_slots::{ToBeSigned, key_id};
 
 use crate::arguments::Global;
-use crate::commands::unit::{Arguments, Configured, Flash, List, Sign, Verb};
+use crate::commands::unit::{Arguments, Configured, Flash, Key, Keys, List, Sign, Verb};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::numbers;
@@ -47,6 +47,7 @@ pub(crate) fn unit(
         Verb::List(asked) => list(asked, screen),
         Verb::Flash(asked) => flash(asked, screen),
         Verb::Sign(asked) => sign(asked, screen),
+        Verb::Key(asked) => key(asked, screen),
     }
 }
 
@@ -64,6 +65,8 @@ struct Checked<'a> {
     name: &'a str,
     serial: u64,
     links: Vec<&'a str>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    remarks: Vec<String>,
 }
 
 #[derive(Serialize)]
@@ -117,8 +120,12 @@ fn check(configured: &Configured, screen: &Screen) -> Result<Exit, Failure> {
         configured.file.display(),
         config.name
     ));
+    let remarks = config.remarks();
+    for remark in &remarks {
+        screen.note(format_args!("note: {remark}"));
+    }
     let (name, serial) = (&*config.name, config.serial);
-    screen.document(&Checked { result: "right", name, serial, links });
+    screen.document(&Checked { result: "right", name, serial, links, remarks });
     Ok(Exit::Done)
 }
 
@@ -130,6 +137,9 @@ fn run(configured: &Configured, global: &Global, screen: &Screen) -> Result<Exit
     let mut signals = Signals::new([SIGTERM, SIGINT]).map_err(|error| {
         Failure::internal(format_args!("failed to listen for signals: {error}"))
     })?;
+    for remark in config.remarks() {
+        tracing::warn!("{remark}");
+    }
     let names: Vec<String> = config.links.iter().map(|link| link.name.clone()).collect();
     let unit = Unit::start(config, random()?).map_err(|error| unit_failure(&error))?;
     let (address, stop) = (unit.address().to_string(), unit.stop());
@@ -174,11 +184,13 @@ fn random() -> Result<u64, Failure> {
 fn list(asked: &List, screen: &Screen) -> Result<Exit, Failure> {
     let mut exit = Exit::Done;
     let mut units = Vec::new();
+    let tls = tls(&asked.keys)?;
     for unit in places(&asked.units, screen)? {
+        let tls = for_place(tls.as_ref(), &unit)?;
         let address = unit.to_string();
         let identity = random()?;
-        let survey =
-            UnitClient::connect(&unit, identity, PATIENCE).and_then(|mut client| client.survey());
+        let survey = UnitClient::connect(&unit, tls, identity, PATIENCE)
+            .and_then(|mut client| client.survey());
         match survey {
             Ok(survey) => {
                 screen.say(format_args!("{} at {address}", survey.name));
@@ -211,6 +223,31 @@ fn list(asked: &List, screen: &Screen) -> Result<Exit, Failure> {
     }
     screen.document(&Listed { units });
     Ok(exit)
+}
+
+/// What a unit that wants TLS is shown, and what it must show.
+fn tls(keys: &Keys) -> Result<Option<TlsKeys>, Failure> {
+    let Some(file) = &keys.key else { return Ok(None) };
+    let own = TlsPrivateKey::read(file).map_err(Failure::usage)?;
+    let units = keys.unit_keys.iter().map(|text| {
+        let wrong = format_args!("`--unit-key {}` is no public key", text.escape_debug());
+        text.parse().map_err(|NoTlsKey| Failure::usage(wrong).hint(NoTlsKey::WRITE))
+    });
+    let units = units.collect::<Result<Vec<_>, _>>()?;
+    Ok(Some(TlsKeys::of_gateway(&own, &units)))
+}
+
+fn for_place<'a>(
+    tls: Option<&'a TlsKeys>,
+    place: &UnitPlace,
+) -> Result<Option<&'a TlsKeys>, Failure> {
+    match place {
+        UnitPlace::Can(address) if tls.is_some() => Err(Failure::usage(format_args!(
+            "{address} is on a CAN bus, and TLS goes over TCP only"
+        ))
+        .hint("leave --key and --unit-key out")),
+        _ => Ok(tls),
+    }
 }
 
 /// Units as they were asked for; of a CAN interface, all that answer.
@@ -299,6 +336,8 @@ fn flash(asked: &Flash, screen: &Screen) -> Result<Exit, Failure> {
         Failure::usage(format_args!("`{}` is no link of a unit", asked.unit.escape_debug()))
             .hint("write it as unit://10.0.0.17:7640/mill-7 or unit://can0/17/mill-7")
     })?;
+    let tls = tls(&asked.keys)?;
+    let tls = for_place(tls.as_ref(), &address.unit)?;
     let module = read_plugin(&asked.plugin)?;
     let signature = asked.signature.as_deref().map(read_signature).transpose()?;
     let settings = asked.settings.iter().map(|text| {
@@ -319,7 +358,8 @@ fn flash(asked: &Flash, screen: &Screen) -> Result<Exit, Failure> {
     };
     let link = address.link.as_deref();
     let name = link.map_or_else(|| address.to_string(), str::to_owned);
-    let flashed = UnitClient::connect(&address.unit, random()?, PATIENCE).and_then(|mut client| {
+    let connected = UnitClient::connect(&address.unit, tls, random()?, PATIENCE);
+    let flashed = connected.and_then(|mut client| {
         client.flash(link, &plugin, |until| bar.set_position(u64::from(until)))
     });
     bar.finish_and_clear();
@@ -396,5 +436,20 @@ fn sign(asked: &Sign, screen: &Screen) -> Result<Exit, Failure> {
         screen.say(format_args!("the library {} has the signature", folder.display()));
     }
     screen.document(&Signed { sha256: digest.to_string(), key: hex(&id) });
+    Ok(Exit::Done)
+}
+
+#[derive(Serialize)]
+struct Shown<'a> {
+    file: String,
+    public: &'a str,
+}
+
+fn key(asked: &Key, screen: &Screen) -> Result<Exit, Failure> {
+    let file = &asked.file;
+    let key = if asked.show { TlsPrivateKey::read(file) } else { TlsPrivateKey::make(file) };
+    let public = key.map_err(Failure::usage)?.public().to_string();
+    screen.say(&public);
+    screen.document(&Shown { file: file.display().to_string(), public: &public });
     Ok(Exit::Done)
 }

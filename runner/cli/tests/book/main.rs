@@ -95,6 +95,7 @@ pages! {
     decision_0012: "decisions/0012-readers-have-no-part-in-the-writers-turns.md",
     decision_0013: "decisions/0013-weighed-then-compiled-apart.md",
     decision_0014: "decisions/0014-an-interpreter-that-translates-nothing.md",
+    decision_0015: "decisions/0015-units-know-keys-not-certificates.md",
     decisions_dependencies: "decisions/dependencies.md",
 }
 

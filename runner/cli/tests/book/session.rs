@@ -77,11 +77,12 @@ impl Session {
         }
     }
 
-    /// Puts a block into a file, or behind what is in it.
+    /// Puts a block into a file, or behind what is in it. A word that ends in `…` stands for what was
+    /// shown, as in a command.
     pub(crate) fn write(&mut self, name: &str, text: &str, append: bool) {
         let path = self.folder.path().join(name);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
-        let text = self.with_addresses(text);
+        let text = self.filled(text).unwrap_or_else(|error| panic!("{name}: {error}"));
         let mut file =
             File::options().create(true).append(append).truncate(!append).write(true).open(&path);
         file.as_mut().unwrap().write_all(text.as_bytes()).unwrap();

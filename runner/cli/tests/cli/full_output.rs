@@ -41,6 +41,8 @@ const RUNS: &[(&str, i32)] = &[
     ("demo --plugins nowhere --json", 2),
     ("gateway check nowhere.toml --json", 2),
     ("unit check nowhere.toml --json", 2),
+    ("unit key unit.key", 2),
+    ("unit key --show nowhere.key --json", 2),
     ("unit list 127.0.0.1:1 --json", 6),
     ("link list --gateway http://127.0.0.1:1 --json", 6),
     ("job list --gateway http://127.0.0.1:1 --json", 6),

@@ -46,6 +46,7 @@ const VERBS: &[&[&str]] = &[
     &["unit", "list"],
     &["unit", "flash"],
     &["unit", "sign"],
+    &["unit", "key"],
     &["link"],
     &["link", "list"],
     &["link", "show"],

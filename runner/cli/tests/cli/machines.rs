@@ -1,5 +1,6 @@
 //! The catalogue of machines, and what a program cannot say to one.
 
+use std::fmt::Write as _;
 use std::fs;
 
 use crate::bench::{Bench, program, snapshot};
@@ -86,7 +87,7 @@ fn what_does_not_pass_is_told_with_count_place_and_what_to_write() {
     let mut all = String::new();
     let mut told = |file: &str, words: &[&str], code| {
         let ran = bench.run(&[&["check", file][..], words].concat()).with_code(code);
-        all += &format!("$ check {file} {}\n{}{}", words.join(" "), ran.out, ran.err);
+        write!(all, "$ check {file} {}\n{}{}", words.join(" "), ran.out, ran.err).unwrap();
     };
     told("O1.nc", &["--machine", "fanuc-0m"], 1);
     told("O1.nc", &["--machine", "fanuc-0m", "--set", "unsupported=space"], 0);

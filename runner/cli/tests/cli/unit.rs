@@ -167,3 +167,68 @@ fn a_key_that_is_none_signs_nothing() {
     }
     assert_eq!(bench.names(), Vec::<String>::new());
 }
+
+/// A key of this name; its public one.
+fn key(bench: &Bench, name: &str) -> String {
+    bench.run(&["unit", "key", name]).with_code(0).out.trim_end().to_owned()
+}
+
+#[test]
+fn a_key_is_made_once_for_its_owner_alone_and_shown() {
+    let bench = Bench::new();
+    let public = key(&bench, "unit.key");
+    let text = bench.read("unit.key");
+    assert!(text.starts_with(b"-----BEGIN PRIVATE KEY-----\n"));
+    let ran = bench.run(&["unit", "key", "unit.key"]).with_code(2);
+    assert!(ran.err.contains("unit.key is there already"), "{ran}");
+    assert_eq!(bench.read("unit.key"), text);
+    let shown = bench.run(&["unit", "key", "--show", "unit.key", "--json"]).with_code(0).json();
+    assert_eq!((&shown["file"], &shown["public"]), (&"unit.key".into(), &public.into()));
+    bench.write("open.key", text);
+    let ran = bench.run(&["unit", "key", "--show", "open.key"]).with_code(2);
+    assert!(ran.err.contains("can be read or written by others than its owner"), "{ran}");
+    bench.run(&["unit", "key", "--show", "none.key"]).with_code(2);
+    bench.run(&["unit", "key", "nowhere/unit.key"]).with_code(2);
+    assert_eq!(bench.names(), ["open.key", "unit.key"]);
+}
+
+#[test]
+fn a_unit_with_tls_is_for_who_has_a_key_that_it_knows() {
+    let bench = bench("unsigned = true");
+    let (unit_key, ours, other) =
+        (key(&bench, "unit.key"), key(&bench, "gateway.key"), key(&bench, "other.key"));
+    let text = String::from_utf8(bench.read("unit.toml")).unwrap();
+    let tls = format!("[tls]\nkey = \"unit.key\"\ngateways = [\"{ours}\"]\n[signature]");
+    bench.write("unit.toml", text.replace("[signature]", &tls));
+    let unit = Unit::start(&bench);
+    let with = |key: &'static str| vec!["--key", key, "--unit-key", &unit_key];
+    let flashed = unit.flash(&bench, &[with("gateway.key"), vec!["--json"]].concat()).with_code(0);
+    assert_eq!(flashed.json()["downloaded"], true);
+    let list = |more: &[&str]| bench.run(&[&["unit", "list", &unit.address], more].concat());
+    assert!(list(&with("gateway.key")).with_code(0).out.contains("mill: up"));
+    // Of several keys any will do.
+    let several = ["--key", "gateway.key", "--unit-key", &other, "--unit-key", &unit_key];
+    list(&several).with_code(0);
+    let ran = list(&["--key", "gateway.key", "--unit-key", &other]).with_code(6);
+    assert!(ran.err.contains(&format!("has the key {unit_key}, and not {other}")), "{ran}");
+    let ran = list(&with("other.key")).with_code(6);
+    assert!(ran.err.contains(&format!("does not know this side's key {other}")), "{ran}");
+    let ran = list(&[]).with_code(6);
+    assert!(ran.err.contains("speaks TLS, and no key is configured"), "{ran}");
+    list(&["--key", "none.key", "--unit-key", &other]).with_code(2);
+    let ran = list(&["--key", "gateway.key", "--unit-key", "unit.key"]).with_code(2);
+    assert!(ran.err.contains("`--unit-key unit.key` is no public key"), "{ran}");
+    let ran = bench.run(&[&["unit", "list", "can0/17"], &with("gateway.key")[..]].concat());
+    assert!(ran.with_code(2).err.contains("TLS goes over TCP only"));
+}
+
+#[test]
+fn a_unit_that_others_reach_is_remarked_on() {
+    let bench = bench("unsigned = true");
+    let text = String::from_utf8(bench.read("unit.toml")).unwrap();
+    bench.write("unit.toml", text.replace("127.0.0.1:0", "0.0.0.0:7640"));
+    let ran = bench.run(&["unit", "check", "unit.toml"]).with_code(0);
+    assert!(ran.err.contains("note: whoever reaches 0.0.0.0:7640 can feed the machines"), "{ran}");
+    let checked = bench.run(&["unit", "check", "unit.toml", "--json"]).with_code(0).json();
+    assert_eq!(checked["remarks"].as_array().map(Vec::len), Some(1), "{checked}");
+}

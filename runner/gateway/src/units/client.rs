@@ -9,7 +9,9 @@ use softplug_unit_protocol::{
     Digest, Encode, Identity, Messages, RefuseReason, Role, Session, SessionEvent, SlotState,
     ToServer, ToUnit,
 };
-use softplug_unit_uplink::{CanEnd, CanUplink, Closed, Outbox, TcpUplink, Uplink, plain_text};
+use softplug_unit_uplink::{
+    CanEnd, CanUplink, Closed, Outbox, TcpUplink, TlsError, TlsKeys, Uplink, plain_text,
+};
 use thiserror::Error;
 
 use super::connection::ServerSession;
@@ -138,7 +140,7 @@ const EMPTY: UnitSlotSurvey =
 /// use softplug_gateway::units::UnitClient;
 /// use std::time::Duration;
 ///
-/// let mut client = UnitClient::connect(&"10.0.0.17:7640".parse()?, 0x1234, Duration::from_secs(5))?;
+/// let mut client = UnitClient::connect(&"10.0.0.17:7640".parse()?, None, 0x1234, Duration::from_secs(5))?;
 /// for link in client.survey()?.links {
 ///     println!("{}: {}", link.name, if link.is_up { "up" } else { "down" });
 /// }
@@ -158,20 +160,24 @@ pub struct UnitClient {
 }
 
 impl UnitClient {
-    /// Connects to a unit and begins a session. `identity` is a random number; nothing is waited for
-    /// longer than `patience`.
+    /// Connects to a unit, over TCP with TLS where there are keys, and begins a session. `identity` is a
+    /// random number; nothing is waited for longer than `patience`.
     ///
     /// # Errors
     /// It is not there, or somebody else drives it.
     pub fn connect(
         place: &UnitPlace,
+        tls: Option<&TlsKeys>,
         identity: u64,
         patience: Duration,
     ) -> Result<Self, UnitClientError> {
         let unit = place.to_string();
         let failed = |source| UnitClientError::Io { unit: unit.clone(), source };
         let poll = Poll::new().map_err(failed)?;
-        let mut uplink = open(place).map_err(failed)?;
+        let mut uplink = open(place, tls).map_err(|closed| match closed {
+            Closed::Io(source) => failed(source),
+            source => UnitClientError::Closed { unit: unit.clone(), source },
+        })?;
         let both = Interest::READABLE | Interest::WRITABLE;
         poll.registry().register(&mut uplink, Token(0), both).map_err(failed)?;
         let clock = Clock::start();
@@ -343,6 +349,10 @@ impl UnitClient {
             let now = Instant::now();
             if now >= until {
                 let unit = self.unit.clone();
+                if self.uplink.is_handshaking() {
+                    let source = Closed::Tls(TlsError::Slow);
+                    return Err(UnitClientError::Closed { unit, source });
+                }
                 return Err(match self.busy_since {
                     Some(_) if !self.session.is_up() => UnitClientError::Busy { unit },
                     _ => UnitClientError::Silent { unit },
@@ -395,13 +405,14 @@ impl UnitClient {
     }
 }
 
-fn open(unit: &UnitPlace) -> io::Result<Uplink> {
+fn open(unit: &UnitPlace, tls: Option<&TlsKeys>) -> Result<Uplink, Closed> {
     let (host, port) = match unit {
         UnitPlace::Tcp { host, port } => (host.as_str(), *port),
         UnitPlace::Can(address) => {
-            return CanUplink::open(address, CanEnd::Gateway).map(Uplink::Can);
+            return Ok(Uplink::Can(CanUplink::open(address, CanEnd::Gateway)?));
         }
     };
-    let address = (host, port).to_socket_addrs()?.next().ok_or(io::ErrorKind::NotFound)?;
-    TcpUplink::connect(address).map(Uplink::Tcp)
+    let found = (host, port).to_socket_addrs()?.next();
+    let address = found.ok_or_else(|| io::Error::from(io::ErrorKind::NotFound))?;
+    TcpUplink::connect(address, tls).map(Uplink::Tcp)
 }

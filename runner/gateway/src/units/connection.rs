@@ -7,11 +7,13 @@ use mio::{Interest, Token};
 use softplug_abi::Micros;
 use softplug_unit_bus::Unit;
 use softplug_unit_protocol::{Identity, Messages, Role, Session, SessionEvent, ToServer, ToUnit};
-use softplug_unit_uplink::{CanEnd, CanUplink, Closed, Outbox, TcpUplink, Uplink, plain_text};
+use softplug_unit_uplink::{
+    CanEnd, CanUplink, Closed, Outbox, TcpUplink, TlsError, TlsKeys, Uplink, plain_text,
+};
 
 use super::lane::{Around, UnitLane};
 use super::thread::{Thread, ThreadCommand};
-use super::{UnitCommand, UnitPlace};
+use super::{UnitCommand, UnitPlace, UnitSetup};
 use crate::reactor::{Backoff, LaneId};
 
 pub(super) type ServerSession = Session<16, 1024>;
@@ -22,6 +24,7 @@ const CONNECTING: Micros = Micros::from_millis(5_000);
 pub(super) struct Connection {
     number: usize,
     unit: UnitPlace,
+    tls: Option<TlsKeys>,
     reopen: Backoff,
     failures: u32,
     uplink: Option<Uplink>,
@@ -40,11 +43,12 @@ pub(super) struct Connection {
 }
 
 impl Connection {
-    pub(super) fn new(number: usize, unit: UnitPlace, reopen: Backoff, thread: &Thread) -> Self {
+    pub(super) fn new(number: usize, setup: &UnitSetup, thread: &Thread) -> Self {
         let mut connection = Self {
             number,
-            unit,
-            reopen,
+            unit: setup.address.unit.clone(),
+            tls: setup.tls.clone(),
+            reopen: setup.reopen,
             failures: 0,
             uplink: None,
             session: Box::new(Session::new(Role::Server, Identity(thread.identity))),
@@ -59,8 +63,9 @@ impl Connection {
         connection
     }
 
-    pub(super) fn is_to(&self, unit: &UnitPlace) -> bool {
-        self.unit == *unit
+    /// Whether it leads to the unit of this link, as the unit is to be reached.
+    pub(super) fn is_to(&self, setup: &UnitSetup) -> bool {
+        self.unit == setup.address.unit && self.tls == setup.tls
     }
 
     pub(super) fn is_empty(&self) -> bool {
@@ -106,9 +111,13 @@ impl Connection {
         self.hear(thread);
         if self.at.is_some_and(|at| at <= now) {
             self.at = None;
-            if self.uplink.is_some() {
-                let error = io::Error::from(io::ErrorKind::TimedOut);
-                self.lost(&Closed::Io(error).to_string(), thread);
+            if let Some(uplink) = &self.uplink {
+                let closed = if uplink.is_handshaking() {
+                    Closed::Tls(TlsError::Slow)
+                } else {
+                    Closed::Io(io::ErrorKind::TimedOut.into())
+                };
+                self.lost(&closed.to_string(), thread);
             } else {
                 self.connect(thread);
             }
@@ -124,7 +133,7 @@ impl Connection {
             UnitPlace::Tcp { host, port } => (host.clone(), *port),
             UnitPlace::Can(address) => {
                 let opened = CanUplink::open(address, CanEnd::Gateway);
-                self.call(opened.map(Uplink::Can), thread);
+                self.call(opened.map(Uplink::Can).map_err(Closed::Io), thread);
                 return;
             }
         };
@@ -149,10 +158,14 @@ impl Connection {
     }
 
     pub(super) fn found(&mut self, found: io::Result<SocketAddr>, thread: &Thread) {
-        self.call(found.and_then(TcpUplink::connect).map(Uplink::Tcp), thread);
+        let connected = match found {
+            Ok(address) => TcpUplink::connect(address, self.tls.as_ref()),
+            Err(error) => Err(error.into()),
+        };
+        self.call(connected.map(Uplink::Tcp), thread);
     }
 
-    fn call(&mut self, uplink: io::Result<Uplink>, thread: &Thread) {
+    fn call(&mut self, uplink: Result<Uplink, Closed>, thread: &Thread) {
         let both = Interest::READABLE | Interest::WRITABLE;
         let waited = uplink.and_then(|mut uplink| {
             thread.poll.registry().register(&mut uplink, Token(self.number), both)?;
@@ -197,7 +210,8 @@ impl Connection {
             Err(closed) => {
                 self.uplink = Some(uplink);
                 // A unit sends away whoever comes while it is driven.
-                let is_sent_away = closed.is_by_peer() && !self.session.is_up();
+                let has_left = closed.is_by_peer() || matches!(closed, Closed::Tls(TlsError::Left));
+                let is_sent_away = has_left && !self.session.is_up();
                 let also = if is_sent_away { "; another gateway may drive it" } else { "" };
                 self.lost(&format!("{closed}{also}"), thread);
             }

@@ -23,8 +23,10 @@ pub use client::{UnitClient, UnitClientError, UnitLinkSurvey, UnitSlotSurvey, Un
 pub use find::units_on_can;
 pub use softplug_unit_bus::{BusFigures, BusRates};
 pub use softplug_unit_protocol::SlotState;
-pub use softplug_unit_uplink::CanAddress;
 use softplug_unit_uplink::Outbox;
+pub use softplug_unit_uplink::{
+    CanAddress, NoTlsKey, TlsError, TlsKeyError, TlsKeys, TlsPrivateKey, TlsPublicKey,
+};
 
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -65,6 +67,8 @@ pub struct UnitPlugin {
 pub struct UnitSetup {
     /// Which.
     pub address: UnitAddress,
+    /// The gateway's key and the unit's, over TCP; `None`: without TLS.
+    pub tls: Option<TlsKeys>,
     /// The plug-in that it is to run.
     pub plugin: UnitPlugin,
     /// Bytes of deliveries that may wait to be put away.

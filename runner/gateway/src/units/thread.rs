@@ -169,7 +169,7 @@ impl Driver {
     fn add(&mut self, id: LaneId, mut setup: UnitSetup, status: Arc<LaneStatus>) {
         setup.bus = setup.bus.filter(|bus| self.buses.join(bus, id));
         let goes_to = |connection: &Option<Connection>| {
-            connection.as_ref().is_some_and(|connection| connection.is_to(&setup.address.unit))
+            connection.as_ref().is_some_and(|connection| connection.is_to(&setup))
         };
         let known = self.connections.iter().position(goes_to);
         let number = known.unwrap_or_else(|| self.add_connection(&setup));
@@ -185,9 +185,7 @@ impl Driver {
         if free.is_none() {
             self.connections.push(None);
         }
-        let connection =
-            Connection::new(number, setup.address.unit.clone(), setup.reopen, &self.thread);
-        self.connections[number] = Some(connection);
+        self.connections[number] = Some(Connection::new(number, setup, &self.thread));
         number
     }
 

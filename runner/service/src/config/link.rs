@@ -7,7 +7,7 @@ use std::time::Duration;
 use softplug_abi::{LineParameters, Micros};
 use softplug_gateway::endpoint::EndpointSetup;
 use softplug_gateway::port::{line_mismatch, line_text, parse_line};
-use softplug_gateway::units::UnitAddress;
+use softplug_gateway::units::{TlsKeys, UnitAddress};
 use softplug_gateway::{Flow, PortSpec};
 
 use super::finding::{ConfigFinding, Place};
@@ -21,6 +21,8 @@ pub struct LinkConfig {
     pub name: String,
     /// Its port.
     pub port: PortConfig,
+    /// The gateway's key and that of its unit, which is reached with TLS then.
+    pub tls: Option<TlsKeys>,
     /// The bus that its unit hangs on.
     pub bus: Option<String>,
     /// The line. What is not written of it is the plug-in's, once that is known.
@@ -182,6 +184,7 @@ impl LinkConfig {
     pub fn changed_keys(&self, other: &Self) -> Vec<&'static str> {
         let keys = [
             ("port", self.port == other.port),
+            ("unit-key", self.tls == other.tls),
             ("bus", self.bus == other.bus),
             ("line", self.line == other.line),
             ("flow", self.flow == other.flow),

@@ -9,7 +9,7 @@ use softplug_abi::LineParameters;
 use softplug_catalogue::Catalogue;
 use softplug_gateway::endpoint::{EndpointKind, EndpointSetup, Framing, LineAnswer};
 use softplug_gateway::port::parse_line;
-use softplug_gateway::units::{BusSetup, UnitAddress, UnitPlace};
+use softplug_gateway::units::{BusSetup, TlsKeys, UnitAddress, UnitPlace};
 use softplug_gateway::{BadSpec, Flow, PortSpec};
 use toml::{Spanned, Value};
 
@@ -19,21 +19,32 @@ use super::link::{
     is_name, micros,
 };
 use super::service::{address, bytes, choice, optional_span, span};
+use super::tls::GatewayKey;
 use super::written::{self, Text};
 use super::{MOST_LINKS, of_names};
 use crate::programs::Quota;
 
+/// What the rest of the file says to all links.
+pub(super) struct Common<'a> {
+    pub(super) defaults: &'a written::Link,
+    pub(super) buses: &'a [BusSetup],
+    pub(super) catalogue: &'a Catalogue,
+    pub(super) key: &'a GatewayKey,
+}
+
 /// All links, each with what it does not say taken from the defaults.
 pub(super) fn all(
     written: Vec<Spanned<written::Link>>,
-    defaults: &written::Link,
-    buses: &[BusSetup],
-    catalogue: &Catalogue,
+    common: &Common<'_>,
     problems: &mut ConfigFindings<'_>,
 ) -> Vec<LinkConfig> {
-    for (key, text) in
-        [("name", &defaults.name), ("port", &defaults.port), ("receive", &defaults.receive)]
-    {
+    let Common { defaults, catalogue, .. } = *common;
+    for (key, text) in [
+        ("name", &defaults.name),
+        ("port", &defaults.port),
+        ("unit-key", &defaults.unit_key),
+        ("receive", &defaults.receive),
+    ] {
         if let Some(text) = text {
             let message = format!("{key} cannot be the same for all links");
             problems.add(text.span(), message, "move it to the links");
@@ -52,7 +63,7 @@ pub(super) fn all(
     for link in written.into_iter().take(MOST_LINKS) {
         let at = header(link.span());
         let link = link.into_inner().or_machine(defaults, catalogue, problems).or(defaults);
-        if let Some(link) = one(link, at, buses, &mut taken, problems) {
+        if let Some(link) = one(link, at, common, &mut taken, problems) {
             links.push(link);
         }
     }
@@ -71,18 +82,22 @@ struct Taken {
     ports: HashMap<String, String>,
     addresses: HashMap<SocketAddr, String>,
     folders: HashMap<String, String>,
+    /// Of each unit the link that named it first, and how it is reached.
+    units: HashMap<UnitPlace, (String, Option<TlsKeys>)>,
 }
 
 fn one(
     link: written::Link,
     at: Range<usize>,
-    buses: &[BusSetup],
+    common: &Common<'_>,
     taken: &mut Taken,
     problems: &mut ConfigFindings<'_>,
 ) -> Option<LinkConfig> {
     let name = name(link.name.as_ref(), &at, taken, problems)?;
     let port = port(link.port.as_ref(), &name, &at, taken, problems);
-    let bus = bus(link.bus.as_ref(), &name, port.as_ref(), buses, problems);
+    let bus = bus(link.bus.as_ref(), &name, port.as_ref(), common.buses, problems);
+    let tls = common.key.with(link.unit_key.as_ref(), &name, port.as_ref(), problems);
+    same_unit_same_key(port.as_ref(), tls.as_ref(), &name, &at, taken, problems);
     let line_place = problems.place(link.line.as_ref().map_or_else(|| at.clone(), Spanned::span));
     let line = line(link.line.as_ref(), problems);
     let plugin = plugin(link.plugin.as_ref(), &name, &at, problems);
@@ -154,6 +169,7 @@ fn one(
         name,
         bus,
         port: port?,
+        tls,
         line,
         reopen,
         plugin: plugin?,
@@ -253,6 +269,27 @@ fn port(
         problems.add(text.span(), message, "a port belongs to one link");
     }
     Some(port)
+}
+
+/// A unit has one key, and one connection for all its links.
+fn same_unit_same_key(
+    port: Option<&PortConfig>,
+    tls: Option<&TlsKeys>,
+    name: &str,
+    at: &Range<usize>,
+    taken: &mut Taken,
+    problems: &mut ConfigFindings<'_>,
+) {
+    let Some(PortConfig::Unit(address)) = port else { return };
+    let known = taken.units.entry(address.unit.clone());
+    let (other, others) = known.or_insert_with(|| (name.to_owned(), tls.cloned()));
+    if others.as_ref() != tls {
+        let message = format!(
+            "the links \"{other}\" and \"{name}\" are of the unit {}, and have not the same unit-key",
+            address.unit
+        );
+        problems.add(at.clone(), message, "give both the same, or none");
+    }
 }
 
 /// The bus that a link names, or that of its unit's CAN interface.

@@ -10,6 +10,7 @@ mod link;
 mod links;
 mod machine;
 mod service;
+mod tls;
 mod watch;
 mod written;
 
@@ -77,7 +78,14 @@ impl Config {
         let supervision = service::supervision(&written.supervision, &mut problems);
         let buses = buses::all(&written.bus, &mut problems);
         let catalogue = machine::catalogue(&written.gateway, folder, &mut problems);
-        let links = links::all(written.link, &written.defaults, &buses, &catalogue, &mut problems);
+        let key = tls::GatewayKey::read(written.gateway.key.as_ref(), folder, &mut problems);
+        let common = links::Common {
+            defaults: &written.defaults,
+            buses: &buses,
+            catalogue: &catalogue,
+            key: &key,
+        };
+        let links = links::all(written.link, &common, &mut problems);
         problems.end()?;
         Ok(Self { file: file.to_owned(), gateway, http, supervision, buses, links })
     }

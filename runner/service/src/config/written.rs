@@ -38,6 +38,7 @@ pub(super) struct Gateway {
     pub(super) machines: Option<Text>,
     pub(super) journal: Option<Spanned<u64>>,
     pub(super) free_space: Option<Spanned<Value>>,
+    pub(super) key: Option<Text>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -78,6 +79,7 @@ pub(super) struct Bus {
 pub(super) struct Link {
     pub(super) name: Option<Text>,
     pub(super) port: Option<Text>,
+    pub(super) unit_key: Option<Text>,
     pub(super) bus: Option<Text>,
     pub(super) line: Option<Text>,
     pub(super) flow: Option<Text>,
@@ -167,6 +169,7 @@ impl Link {
         Self {
             name: self.name,
             port: self.port,
+            unit_key: self.unit_key,
             endpoint: self.endpoint,
             bus: self.bus.or(defaults.bus),
             line: self.line.or(defaults.line),

@@ -77,6 +77,7 @@ impl Control {
         if let PortConfig::Unit(address) = &link.config.port {
             let setup = UnitSetup {
                 address: address.clone(),
+                tls: link.config.tls.clone(),
                 plugin: link.plugin.for_unit(),
                 delivery_room: link.config.delivery_room,
                 reopen: backoff(&link.config),

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::thread::{self, JoinHandle};
 
 use softplug_gateway::pty::PtyPair;
+use softplug_gateway::units::TlsPrivateKey;
 use softplug_machines::fanuc::Press;
 use softplug_machines::kept::Received;
 use softplug_service::view::{
@@ -29,9 +30,12 @@ struct TestUnit {
 
 impl TestUnit {
     fn with(port: &str, line: &str) -> Self {
-        let folder = tempfile::tempdir().unwrap();
+        Self::in_folder(tempfile::tempdir().unwrap(), port, line, "")
+    }
+
+    fn in_folder(folder: TempDir, port: &str, line: &str, tls: &str) -> Self {
         let text = format!(
-            "name = \"unit-1\"\nlisten = \"127.0.0.1:0\"\nstate = \"state\"\n[signature]\nunsigned = true\n\
+            "name = \"unit-1\"\nlisten = \"127.0.0.1:0\"\nstate = \"state\"\n[signature]\nunsigned = true\n{tls}\
              [[link]]\nname = \"mill\"\nport = \"{port}\"\nline = \"{line}\"\nmemory_size = \"256KiB\"\n"
         );
         fs::write(folder.path().join("unit.toml"), text).unwrap();
@@ -257,6 +261,47 @@ fn units_on_a_bus_are_fed_in_turn_and_shown() {
     assert_eq!((view.buses, view.untouched), (vec!["hall".to_owned()], 2));
     wait_for("the journal", || journal_says(gateway, "was read again; buses: hall"));
     wait_for("the bus", || shown()[0].rate > 600_000.0);
+}
+
+#[test]
+fn a_unit_is_reached_with_tls_and_keys_change_by_a_reload() {
+    let (keys, folder) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let file = |name: &str| keys.path().join(name);
+    let make = |name: &str| TlsPrivateKey::make(&file(name)).unwrap().public();
+    let (ours, later) = (make("gateway.key"), make("later.key"));
+    let unit_key = TlsPrivateKey::make(&folder.path().join("unit.key")).unwrap().public();
+    let pty = PtyPair::open().unwrap();
+    let tls = format!("[tls]\nkey = \"unit.key\"\ngateways = [\"{ours}\", \"{later}\"]\n");
+    let port = pty.slave_path().display().to_string();
+    let unit = TestUnit::in_folder(folder, &port, "921600 8N1", &tls);
+    let key = format!("key = \"{}\"\n", file("gateway.key").display());
+    let lines = format!("plugin = \"xon-xoff\"\nunit-key = \"{unit_key}\"\n");
+    let shop = Shop::of_links(&key, &[(&unit.port, &lines)], vec![pty]);
+    let (gateway, link) = (shop.gateway(), Shop::name(0));
+    let send_one = || {
+        let program = shop.program("O1.nc", 20_000);
+        let job = gateway.submit(&link, &send("O1.nc")).unwrap();
+        assert_eq!(shop.read(0, program.len()), program);
+        wait_for("the job's end", || gateway.job(job.id).unwrap().state == JobState::Done);
+    };
+    send_one();
+    let changed = |from: &str, to: &str| {
+        shop.configure(|text| text.replace(from, to));
+        let view = gateway.reload().unwrap();
+        assert_eq!(view.changed[0].keys, ["unit-key"]);
+        assert!(view.needs_restart.is_empty());
+    };
+    // A key that the unit has not, and that of the unit again.
+    let (right, wrong) = (unit_key.to_string(), later.to_string());
+    changed(&right, &wrong);
+    let says = format!("has the key {right}, and not {wrong}");
+    wait_for("the refusal", || journal_says(gateway, &says));
+    changed(&wrong, &right);
+    wait_for("the unit", || gateway.link(&link).unwrap().state == LinkState::Idle);
+    // Another key of the gateway, which the unit has too.
+    changed("gateway.key", "later.key");
+    wait_for("the unit", || gateway.link(&link).unwrap().state == LinkState::Idle);
+    send_one();
 }
 
 #[test]

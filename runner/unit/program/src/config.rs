@@ -13,7 +13,7 @@ use sha2::{Digest, Sha256};
 use softplug_abi::LineParameters;
 use softplug_gateway::port::parse_line;
 use softplug_gateway::{PortSpec, quantity};
-use softplug_unit_uplink::CanAddress;
+use softplug_unit_uplink::{CanAddress, TlsKeys, TlsPrivateKey, TlsPublicKey};
 use thiserror::Error;
 
 /// The largest `unit.toml`, in bytes.
@@ -39,6 +39,8 @@ pub struct UnitConfig {
     pub serial: u64,
     /// Where its gateway reaches it.
     pub reach: Reach,
+    /// Its key and those of its gateways; `None`: whoever reaches it may drive it.
+    pub tls: Option<TlsKeys>,
     /// Whose plug-ins it takes.
     pub signature: SignatureConfig,
     /// Its links, in the order of the file. Their names are distinct.
@@ -134,10 +136,18 @@ struct WrittenUnit {
     can: Option<String>,
     #[serde(default = "default_state")]
     state: PathBuf,
+    tls: Option<WrittenTls>,
     #[serde(default)]
     signature: WrittenSignature,
     #[serde(default)]
     link: Vec<WrittenLink>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenTls {
+    key: PathBuf,
+    gateways: Vec<String>,
 }
 
 #[derive(Default, Deserialize)]
@@ -249,11 +259,35 @@ impl UnitConfig {
             .map_err(|reason| ConfigError::Wrong { file: file.to_owned(), reason })
     }
 
+    /// What should not stay as it is, a sentence each.
+    pub fn remarks(&self) -> Vec<String> {
+        let mut remarks = Vec::new();
+        if let Reach::Tcp(address) = &self.reach
+            && self.tls.is_none()
+            && !address.ip().is_loopback()
+        {
+            remarks.push(format!(
+                "whoever reaches {address} can feed the machines, and nothing is encrypted: give the unit \
+                 [tls] with a key, or a network that nobody else is on"
+            ));
+        }
+        remarks
+    }
+
     fn parse(text: &str, folder: &Path) -> Result<Self, String> {
         let written: WrittenUnit = toml::from_str(text).map_err(|error| error.to_string())?;
         let name = written.name.unwrap_or_else(host_name);
         named("the unit", &name)?;
         let reach = reach(written.listen, written.can.as_deref())?;
+        let tls = match (written.tls, &reach) {
+            (Some(tls), Reach::Tcp(_)) => Some(tls.checked(folder)?),
+            (Some(_), Reach::Can(_)) => {
+                return Err(
+                    "there are [tls] and `can`: TLS goes over TCP only, take one out".to_owned()
+                );
+            }
+            (None, _) => None,
+        };
         let keys = written.signature.keys.iter().map(|file| key(&folder.join(file)));
         let keys = keys.collect::<Result<Vec<_>, _>>()?;
         let unsigned = written.signature.unsigned;
@@ -280,7 +314,32 @@ impl UnitConfig {
         distinct("port", ports.map(|link| link.port.to_string()))?;
         let serial = written.serial.unwrap_or_else(|| serial_of(&name));
         let signature = SignatureConfig { keys, unsigned };
-        Ok(Self { name, serial, reach, signature, links })
+        Ok(Self { name, serial, reach, tls, signature, links })
+    }
+}
+
+impl WrittenTls {
+    fn checked(self, folder: &Path) -> Result<TlsKeys, String> {
+        let key = TlsPrivateKey::read(&folder.join(self.key)).map_err(|error| error.to_string())?;
+        if self.gateways.is_empty() {
+            return Err(
+                "no gateway could ever reach the unit: name its public key in `gateways` of [tls]"
+                    .to_owned(),
+            );
+        }
+        let gateways = self.gateways.iter().map(|text| {
+            let wrong =
+                |error| format!("`gateways` of [tls], \"{}\": {error}", text.escape_debug());
+            text.parse::<TlsPublicKey>().map_err(wrong)
+        });
+        let gateways = gateways.collect::<Result<Vec<_>, _>>()?;
+        if gateways.contains(&key.public()) {
+            return Err(format!(
+                "{} in `gateways` of [tls] is the unit's own key: name those of its gateways",
+                key.public()
+            ));
+        }
+        Ok(TlsKeys::of_unit(&key, &gateways))
     }
 }
 
@@ -400,6 +459,8 @@ fn serial_of(name: &str) -> u64 {
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::PermissionsExt as _;
+
     use super::*;
 
     const LEAST: &str = "listen = \"127.0.0.1:7640\"\n[signature]\nunsigned = true\n\
@@ -415,6 +476,40 @@ mod tests {
         let link = &config.links[0];
         assert_eq!(link.memory.path, Path::new("/var/lib/softplug-unit/mill.slots"));
         assert_eq!((link.buffer, link.memory.size), (65_536, 1 << 20));
+    }
+
+    #[test]
+    fn keys_for_tls_that_cannot_be_are_said_in_a_sentence() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("unit.key");
+        let own = TlsPrivateKey::make(&file).unwrap().public();
+        let with =
+            |gateways: &str| format!("{LEAST}[tls]\nkey = \"unit.key\"\ngateways = [{gateways}]\n");
+        let refused =
+            |gateways: &str| UnitConfig::parse(&with(gateways), folder.path()).unwrap_err();
+        assert!(refused("").contains("no gateway could ever reach the unit"));
+        assert!(refused("\"gateway.pub\"").contains("\"gateway.pub\": this is no public key"));
+        assert!(refused(&format!("\"{own}\"")).contains("is the unit's own key"));
+        let other = "\"MCowBQYDK2VwAyEAGb9ECWmEzf6FQbrBZ9w7lshQhqowtrbLDFw4rXAxZuE=\"";
+        let config = UnitConfig::parse(&with(other), folder.path()).unwrap();
+        assert_eq!(config.tls.unwrap().own(), own);
+        fs::set_permissions(&file, fs::Permissions::from_mode(0o640)).unwrap();
+        let said = refused(other);
+        assert!(
+            said.contains("can be read or written by others than its owner (mode 640)"),
+            "{said}"
+        );
+    }
+
+    #[test]
+    fn whoever_may_reach_the_unit_is_remarked_on_where_nothing_keeps_them_out() {
+        let of = |text: &str| UnitConfig::parse(text, Path::new("/etc/unit")).unwrap().remarks();
+        assert!(of(LEAST).is_empty());
+        let open = of(&LEAST.replace("127.0.0.1:7640", "0.0.0.0:7640"));
+        assert!(
+            open[0].starts_with("whoever reaches 0.0.0.0:7640 can feed the machines"),
+            "{open:?}"
+        );
     }
 
     #[test]
@@ -442,6 +537,16 @@ mod tests {
                 "two links have the port",
             ),
             (LEAST.replace("unsigned = true", "keys = [\"none.pem\"]"), "none.pem"),
+            (
+                format!("{LEAST}[tls]\nkey = \"none.key\"\ngateways = []\n"),
+                "none.key cannot be read",
+            ),
+            (format!("{LEAST}[tls]\nkey = \"none.key\"\n"), "missing field `gateways`"),
+            (
+                LEAST.replace("listen = \"127.0.0.1:7640\"", "can = \"can0/17\"")
+                    + "[tls]\nkey = \"none.key\"\ngateways = []\n",
+                "TLS goes over TCP only",
+            ),
             (LEAST.split_once("[[link]]").unwrap().0.to_owned(), "there is no [[link]]"),
         ];
         for (text, part) in cases {

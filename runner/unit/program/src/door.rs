@@ -1,15 +1,18 @@
 //! Where a gateway comes in.
 
-use mio::net::TcpListener;
+use std::net::SocketAddr;
+
+use mio::net::{TcpListener, TcpStream};
 use mio::{Interest, Registry, Token};
 use softplug_abi::Micros;
-use softplug_unit_uplink::{CanAddress, CanEnd, CanUplink, TcpUplink, Uplink};
+use softplug_unit_uplink::{CanAddress, CanEnd, CanUplink, TcpUplink, TlsKeys, Uplink};
 
+use crate::callers::Callers;
 use crate::config::Reach;
 use crate::error::UnitError;
 
 const LISTENER: Token = Token(1);
-const UPLINK: Token = Token(2);
+pub(crate) const UPLINK: Token = Token(2);
 /// An interface that is down or not there is tried again after this span.
 const AGAIN: Micros = Micros::from_millis(500);
 
@@ -17,6 +20,8 @@ const AGAIN: Micros = Micros::from_millis(500);
 pub(crate) enum Door {
     /// Each gateway makes a connection.
     Tcp(TcpListener),
+    /// Each gateway makes a connection, and has to show that it has a key that is known here.
+    Tls(TcpListener, Callers),
     /// All hear each other as soon as the interface is up.
     Can {
         address: CanAddress,
@@ -28,13 +33,20 @@ pub(crate) enum Door {
 }
 
 impl Door {
-    pub(crate) fn open(reach: &Reach, registry: &Registry) -> Result<Self, UnitError> {
+    pub(crate) fn open(
+        reach: &Reach,
+        tls: Option<&TlsKeys>,
+        registry: &Registry,
+    ) -> Result<Self, UnitError> {
         match reach {
             Reach::Tcp(address) => {
                 let failed = |source| UnitError::Listen { address: *address, source };
                 let mut listener = TcpListener::bind(*address).map_err(failed)?;
                 registry.register(&mut listener, LISTENER, Interest::READABLE).map_err(failed)?;
-                Ok(Self::Tcp(listener))
+                Ok(match tls {
+                    Some(keys) => Self::Tls(listener, Callers::new(keys.clone())),
+                    None => Self::Tcp(listener),
+                })
             }
             Reach::Can(address) => Ok(Self::Can {
                 address: address.clone(),
@@ -46,7 +58,9 @@ impl Door {
 
     pub(crate) fn address(&self) -> Option<Reach> {
         match self {
-            Self::Tcp(listener) => listener.local_addr().ok().map(Reach::Tcp),
+            Self::Tcp(listener) | Self::Tls(listener, _) => {
+                listener.local_addr().ok().map(Reach::Tcp)
+            }
             Self::Can { address, .. } => Some(Reach::Can(address.clone())),
         }
     }
@@ -55,6 +69,7 @@ impl Door {
     pub(crate) fn again_at(&self) -> Option<Micros> {
         match self {
             Self::Tcp(_) => None,
+            Self::Tls(_, callers) => callers.due(),
             Self::Can { again_at, .. } => *again_at,
         }
     }
@@ -67,14 +82,19 @@ impl Door {
         now: Micros,
     ) -> Option<Uplink> {
         let mut uplink = match self {
-            Self::Tcp(listener) => loop {
-                let (stream, peer) = listener.accept().ok()?;
-                if !is_driven {
-                    break Uplink::Tcp(TcpUplink::new(stream));
+            Self::Tcp(listener) => {
+                let (stream, _) = next_caller(listener, is_driven)?;
+                Uplink::Tcp(TcpUplink::new(stream))
+            }
+            Self::Tls(listener, callers) => {
+                while let Some((stream, peer)) = next_caller(listener, is_driven) {
+                    callers.add(stream, peer, registry, now);
                 }
-                // Its server calls again; if the one that is there is gone, its silence ends it.
-                tracing::debug!(%peer, "a second server is sent away");
-            },
+                if is_driven {
+                    callers.send_away();
+                }
+                return callers.next(now).map(Uplink::Tcp);
+            }
             Self::Can { address, again_at, is_said } => {
                 again_at.take_if(|at| *at <= now)?;
                 match CanUplink::open(address, CanEnd::Unit) {
@@ -103,5 +123,17 @@ impl Door {
         if let Self::Can { again_at, .. } = self {
             *again_at = Some(now + AGAIN);
         }
+    }
+}
+
+/// Whoever has called; with `is_driven` all are sent away.
+fn next_caller(listener: &TcpListener, is_driven: bool) -> Option<(TcpStream, SocketAddr)> {
+    loop {
+        let (stream, peer) = listener.accept().ok()?;
+        if !is_driven {
+            return Some((stream, peer));
+        }
+        // Its server calls again; if the one that is there is gone, its silence ends it.
+        tracing::debug!(%peer, "a second server is sent away");
     }
 }

@@ -93,7 +93,7 @@ impl Unit {
             Ok(Link::new(number, link.clone(), memory))
         });
         let links = links.collect::<Result<Vec<_>, UnitError>>()?;
-        let door = Door::open(&config.reach, poll.registry())?;
+        let door = Door::open(&config.reach, config.tls.as_ref(), poll.registry())?;
         let (tell, reports) = channel();
         let told = waker.clone();
         let reactor = Reactor::start(ReactorOptions::default(), move |lane, report| {
@@ -197,6 +197,8 @@ impl Unit {
     fn lost(&mut self, closed: &Closed) {
         if self.session.is_up() {
             tracing::info!(%closed, "the uplink is lost");
+        } else if let (Closed::Tls(why), Some(uplink)) = (closed, &self.uplink) {
+            tracing::warn!(peer = ?uplink.peer(), %why, "a caller is turned away");
         } else {
             tracing::debug!(%closed, "the uplink is of no use");
         }

@@ -5,6 +5,8 @@ use std::io;
 use softplug_unit_protocol::FrameError;
 use thiserror::Error;
 
+use crate::tls::TlsError;
+
 /// The connection is of no more use.
 #[derive(Debug, Error)]
 pub enum Closed {
@@ -17,6 +19,9 @@ pub enum Closed {
     /// What comes is not the unit protocol, or another version of it.
     #[error("what comes over the connection is not the unit protocol: {0}")]
     NoFrame(#[from] FrameError),
+    /// Both sides were to show their keys first.
+    #[error(transparent)]
+    Tls(#[from] TlsError),
 }
 
 impl Closed {
@@ -25,7 +30,7 @@ impl Closed {
         match self {
             Self::ByPeer => true,
             Self::Io(error) => error.kind() == io::ErrorKind::ConnectionReset,
-            Self::NoFrame(_) => false,
+            Self::NoFrame(_) | Self::Tls(_) => false,
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Frames over a TCP connection, one behind the other.
+//! Frames over a TCP connection, one behind the other, in the clear or with TLS.
 
 use std::io::{self, Read, Write};
 use std::net::SocketAddr;
@@ -9,6 +9,9 @@ use mio::{Interest, Registry, Token};
 use softplug_unit_protocol::{LONGEST, length_of_frame};
 
 use crate::closed::Closed;
+use crate::keys::TlsPublicKey;
+use crate::pinned::TlsKeys;
+use crate::tls::{TlsError, TlsStream, is_for_later, is_tls};
 
 /// Bytes that wait to be sent, past which there is no room for more frames.
 const WAITING: usize = 64 * LONGEST;
@@ -21,7 +24,7 @@ const WAITING: usize = 64 * LONGEST;
 /// use softplug_unit_protocol::{Frame, FrameKind};
 ///
 /// let listener = TcpListener::bind("127.0.0.1:0".parse()?)?;
-/// let mut near = TcpUplink::connect(listener.local_addr()?)?;
+/// let mut near = TcpUplink::connect(listener.local_addr()?, None)?;
 /// let mut far = loop {
 ///     if let Ok((far, _)) = listener.accept() {
 ///         break TcpUplink::new(far);
@@ -42,7 +45,7 @@ const WAITING: usize = 64 * LONGEST;
 /// ```
 #[derive(Debug)]
 pub struct TcpUplink {
-    stream: TcpStream,
+    stream: Stream,
     is_connected: bool,
     /// What came: from `begin` on, not taken yet.
     came: Vec<u8>,
@@ -53,21 +56,89 @@ pub struct TcpUplink {
     bits: u64,
 }
 
+#[derive(Debug)]
+enum Stream {
+    Clear(TcpStream),
+    Tls(TlsStream),
+}
+
 impl TcpUplink {
     /// A connection that is open.
     pub fn new(stream: TcpStream) -> Self {
         let _ = stream.set_nodelay(true);
+        Self::over(Stream::Clear(stream))
+    }
+
+    /// A connection that is open, with TLS: no frame passes before each side has shown that it has a key
+    /// that the other knows.
+    ///
+    /// # Errors
+    /// TLS does not even begin.
+    pub fn with_tls(stream: TcpStream, keys: &TlsKeys) -> Result<Self, Closed> {
+        let _ = stream.set_nodelay(true);
+        Ok(Self::over(Stream::Tls(TlsStream::new(stream, keys)?)))
+    }
+
+    /// A connection that is being made, with TLS where there are keys: it is writable when it is there.
+    ///
+    /// # Errors
+    /// It cannot even be begun.
+    pub fn connect(address: SocketAddr, keys: Option<&TlsKeys>) -> Result<Self, Closed> {
+        let stream = TcpStream::connect(address)?;
+        let uplink = match keys {
+            Some(keys) => Self::with_tls(stream, keys)?,
+            None => Self::new(stream),
+        };
+        Ok(Self { is_connected: false, ..uplink })
+    }
+
+    fn over(stream: Stream) -> Self {
         let (came, leaves) = (Vec::new(), Vec::new());
         Self { stream, is_connected: true, came, begin: 0, given: 0, leaves, bits: 0 }
     }
 
-    /// A connection that is being made: it is writable when it is there.
+    /// Goes on with the handshake of TLS; frames that come behind it are kept. Whether it is done, as it
+    /// always is in the clear.
     ///
     /// # Errors
-    /// It cannot even be begun.
-    pub fn connect(address: SocketAddr) -> io::Result<Self> {
-        let stream = TcpStream::connect(address)?;
-        Ok(Self { is_connected: false, ..Self::new(stream) })
+    /// The connection has ended, or the other side is not who it should be.
+    pub fn shake_hands(&mut self) -> Result<bool, Closed> {
+        match &mut self.stream {
+            Stream::Clear(_) => Ok(true),
+            Stream::Tls(tls) => tls.shake_hands(),
+        }
+    }
+
+    /// Whether the connection is there, and the handshake of TLS is not done.
+    pub fn is_handshaking(&self) -> bool {
+        self.is_connected && matches!(&self.stream, Stream::Tls(tls) if tls.is_handshaking())
+    }
+
+    /// The key that the other side has shown in the handshake of TLS.
+    pub fn peer_key(&self) -> Option<TlsPublicKey> {
+        match &self.stream {
+            Stream::Clear(_) => None,
+            Stream::Tls(tls) => tls.other(),
+        }
+    }
+
+    /// Who is at the other end, if that is known.
+    pub fn peer(&self) -> Option<SocketAddr> {
+        self.tcp().peer_addr().ok()
+    }
+
+    fn tcp(&self) -> &TcpStream {
+        match &self.stream {
+            Stream::Clear(stream) => stream,
+            Stream::Tls(tls) => tls.stream(),
+        }
+    }
+
+    fn tcp_mut(&mut self) -> &mut TcpStream {
+        match &mut self.stream {
+            Stream::Clear(stream) => stream,
+            Stream::Tls(tls) => tls.stream_mut(),
+        }
     }
 
     /// Whether the connection is there.
@@ -76,13 +147,13 @@ impl TcpUplink {
     /// It could not be made.
     pub fn is_connected(&mut self) -> Result<bool, Closed> {
         if !self.is_connected {
-            if let Some(error) = self.stream.take_error()? {
+            if let Some(error) = self.tcp().take_error()? {
                 return Err(error.into());
             }
-            match self.stream.peer_addr() {
+            match self.tcp().peer_addr() {
                 Ok(_) => {
                     self.is_connected = true;
-                    let _ = self.stream.set_nodelay(true);
+                    let _ = self.tcp().set_nodelay(true);
                 }
                 Err(error) if error.kind() == io::ErrorKind::NotConnected => {}
                 Err(error) => return Err(error.into()),
@@ -99,6 +170,9 @@ impl TcpUplink {
         self.begin = self.given;
         loop {
             let rest = &self.came[self.begin..];
+            if is_tls(rest) && matches!(self.stream, Stream::Clear(_)) {
+                return Err(TlsError::Wanted.into());
+            }
             if let Some(length) = length_of_frame(rest)?
                 && rest.len() >= length
             {
@@ -118,13 +192,9 @@ impl TcpUplink {
         let had = self.came.len();
         self.came.resize(had + LONGEST, 0);
         let read = self.stream.read(&mut self.came[had..]);
-        self.came.truncate(had + read.as_ref().map_or(0, |count| *count));
-        match read {
-            Ok(0) => Err(Closed::ByPeer),
-            Ok(_) => Ok(true),
-            Err(error) if is_for_later(&error) => Ok(false),
-            Err(error) => Err(error.into()),
-        }
+        let count = read.as_ref().map_or(0, |read| read.unwrap_or(0));
+        self.came.truncate(had + count);
+        read.map(|read| read.is_some())
     }
 
     /// Bits of all frames that were sent or have come since it was asked last; what TCP/IP and the
@@ -143,10 +213,16 @@ impl TcpUplink {
     /// # Errors
     /// The connection has ended.
     pub fn send(&mut self, frame: &[u8]) -> Result<(), Closed> {
-        self.bits += 8 * frame.len() as u64;
-        self.leaves.extend_from_slice(frame);
+        self.keep(frame);
         self.flush()?;
         Ok(())
+    }
+
+    /// Keeps a frame until [`flush`](Self::flush): what leaves at once costs one system call and, with TLS,
+    /// one record.
+    pub fn keep(&mut self, frame: &[u8]) {
+        self.bits += 8 * frame.len() as u64;
+        self.leaves.extend_from_slice(frame);
     }
 
     /// Sends what waits. `false`: some of it still does; again when the source is writable.
@@ -154,23 +230,52 @@ impl TcpUplink {
     /// # Errors
     /// The connection has ended.
     pub fn flush(&mut self) -> Result<bool, Closed> {
+        if !self.is_connected()? {
+            return Ok(self.leaves.is_empty());
+        }
         while !self.leaves.is_empty() {
-            if !self.is_connected()? {
-                return Ok(false);
-            }
-            match self.stream.write(&self.leaves) {
-                Ok(0) => return Err(Closed::ByPeer),
-                Ok(count) => drop(self.leaves.drain(..count)),
-                Err(error) if is_for_later(&error) => return Ok(false),
-                Err(error) => return Err(error.into()),
+            match self.stream.write(&self.leaves)? {
+                0 => return Ok(false),
+                count => drop(self.leaves.drain(..count)),
             }
         }
-        Ok(true)
+        self.stream.flush()
     }
 }
 
-fn is_for_later(error: &io::Error) -> bool {
-    matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted)
+impl Stream {
+    /// `None`: not before it is readable again.
+    fn read(&mut self, to: &mut [u8]) -> Result<Option<usize>, Closed> {
+        match self {
+            Self::Clear(stream) => match stream.read(to) {
+                Ok(0) => Err(Closed::ByPeer),
+                Ok(count) => Ok(Some(count)),
+                Err(error) if is_for_later(&error) => Ok(None),
+                Err(error) => Err(error.into()),
+            },
+            Self::Tls(tls) => tls.read(to),
+        }
+    }
+
+    /// 0: no more before it is writable again.
+    fn write(&mut self, bytes: &[u8]) -> Result<usize, Closed> {
+        match self {
+            Self::Clear(stream) => match stream.write(bytes) {
+                Ok(0) => Err(Closed::ByPeer),
+                Ok(count) => Ok(count),
+                Err(error) if is_for_later(&error) => Ok(0),
+                Err(error) => Err(error.into()),
+            },
+            Self::Tls(tls) => tls.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> Result<bool, Closed> {
+        match self {
+            Self::Clear(_) => Ok(true),
+            Self::Tls(tls) => tls.flush(),
+        }
+    }
 }
 
 /// Edge-triggered: after it was told readable, [`TcpUplink::receive`] until `None`.
@@ -181,7 +286,7 @@ impl Source for TcpUplink {
         token: Token,
         interests: Interest,
     ) -> io::Result<()> {
-        self.stream.register(registry, token, interests)
+        self.tcp_mut().register(registry, token, interests)
     }
 
     fn reregister(
@@ -190,10 +295,10 @@ impl Source for TcpUplink {
         token: Token,
         interests: Interest,
     ) -> io::Result<()> {
-        self.stream.reregister(registry, token, interests)
+        self.tcp_mut().reregister(registry, token, interests)
     }
 
     fn deregister(&mut self, registry: &Registry) -> io::Result<()> {
-        self.stream.deregister(registry)
+        self.tcp_mut().deregister(registry)
     }
 }

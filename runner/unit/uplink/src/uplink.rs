@@ -1,6 +1,7 @@
 //! An uplink of whatever kind, and what a session says over it.
 
 use std::io;
+use std::net::SocketAddr;
 
 use mio::event::Source;
 use mio::{Interest, Registry, Token};
@@ -90,10 +91,33 @@ impl Uplink {
         while self.has_room()
             && let Some(length) = session.poll_transmit(now, &mut frame)
         {
-            self.send(&frame[..length])?;
+            match self {
+                Self::Tcp(uplink) => uplink.keep(&frame[..length]),
+                Self::Can(uplink) => uplink.send(&frame[..length])?,
+            }
             outbox.pump(session);
+            if !self.has_room() {
+                self.flush()?;
+            }
         }
+        self.flush()?;
         Ok(())
+    }
+
+    /// Whether the handshake of TLS is under way.
+    pub fn is_handshaking(&self) -> bool {
+        match self {
+            Self::Tcp(uplink) => uplink.is_handshaking(),
+            Self::Can(_) => false,
+        }
+    }
+
+    /// Who is at the other end of a TCP connection, if that is known.
+    pub fn peer(&self) -> Option<SocketAddr> {
+        match self {
+            Self::Tcp(uplink) => uplink.peer(),
+            Self::Can(_) => None,
+        }
     }
 
     fn source(&mut self) -> &mut dyn Source {

@@ -17,8 +17,8 @@ pub(super) enum Fate {
     Passes,
     /// Nothing of it is sent.
     Dropped,
-    /// This one is sent in its place.
-    Replaced(char),
+    /// This is sent in its place.
+    Replaced(String),
     /// These bytes are sent for it, which controls do not take for one character.
     Foreign(Vec<u8>),
     /// It has more bits than a character of the line.
@@ -37,6 +37,8 @@ pub(super) struct Probe<'a> {
     without: Vec<u8>,
     /// The characters that can be seen, by what is on the wire with each.
     seen: HashMap<Vec<u8>, Vec<char>>,
+    /// Whether characters are sent as they are, but for a parity bit.
+    is_plain: bool,
 }
 
 impl<'a> Probe<'a> {
@@ -44,12 +46,15 @@ impl<'a> Probe<'a> {
     pub(super) fn new(trial: &'a Trial<'a>) -> Result<Option<Self>, Failure> {
         let Ok(without) = tried(trial, &[])? else { return Ok(None) };
         let mut seen: HashMap<_, Vec<char>> = HashMap::new();
+        let mut is_plain = true;
         for byte in b' '..=b'~' {
             if let Ok(wire) = tried(trial, &[byte])? {
+                let is_itself = inserted(&without, &wire).first().map(|sent| sent & 0x7F);
+                is_plain &= !byte.is_ascii_digit() || is_itself == Some(byte);
                 seen.entry(wire).or_default().push(char::from(byte));
             }
         }
-        Ok(Some(Self { trial, without, seen }))
+        Ok(Some(Self { trial, without, seen, is_plain }))
     }
 
     pub(super) fn fate(&self, written: Written) -> Result<Fate, Failure> {
@@ -67,15 +72,31 @@ impl<'a> Probe<'a> {
         }
         let sent = inserted(&self.without, &wire);
         if let Some(alike) = self.seen.get(&wire) {
-            let real = real(alike, sent);
+            let real = self.real(alike, sent);
             let is_real = written == Written::Character(real);
-            return Ok(if is_real { Fate::Passes } else { Fate::Replaced(real) });
+            return Ok(if is_real { Fate::Passes } else { Fate::Replaced(real.to_string()) });
         }
         if bytes.is_ascii() {
             return Ok(Fate::Passes);
         }
-        let is_cut = self.trial.line.data_bits < 8 && sent.iter().any(|byte| *byte > 0x7F);
-        Ok(if is_cut { Fate::Cut } else { Fate::Foreign(sent.to_vec()) })
+        if self.trial.line.data_bits < 8 && sent.iter().any(|byte| *byte > 0x7F) {
+            return Ok(Fate::Cut);
+        }
+        // What comes behind it, such as a sum, may be another one for it.
+        let sent = if sent.starts_with(&bytes) { &bytes } else { sent };
+        let text: String = sent.iter().map(|byte| char::from(byte & 0x7F)).collect();
+        let is_text =
+            self.is_plain && sent != bytes && text.chars().all(|c| (' '..='~').contains(&c));
+        Ok(if is_text { Fate::Replaced(text) } else { Fate::Foreign(sent.to_vec()) })
+    }
+
+    /// Of characters that are sent alike, the one that is sent: whose code it is, where characters
+    /// are sent as they are; in another code, the first.
+    fn real(&self, alike: &[char], sent: &[u8]) -> char {
+        let is_sent = |character: &&char| {
+            self.is_plain && sent.iter().any(|byte| char::from(byte & 0x7F) == **character)
+        };
+        *alike.iter().find(is_sent).unwrap_or(&alike[0])
     }
 }
 
@@ -101,14 +122,6 @@ fn inserted<'a>(without: &[u8], with: &'a [u8]) -> &'a [u8] {
     &with[begin..with.len() - end]
 }
 
-/// Of characters that are sent alike, the one that is sent: whose code it is but for a parity bit;
-/// in another code, the first.
-fn real(alike: &[char], sent: &[u8]) -> char {
-    let is_sent =
-        |character: &&char| sent.iter().any(|byte| char::from(byte & 0x7F) == **character);
-    *alike.iter().find(is_sent).unwrap_or(&alike[0])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -120,12 +133,5 @@ mod tests {
         assert_eq!(inserted(b"ab", b"ab"), b"");
         // A sum behind it goes with it.
         assert_eq!(inserted(b"\x02AB\x10\x03\x11", b"\x02ABC\x10\x03\x52"), b"C\x10\x03\x52");
-    }
-
-    #[test]
-    fn of_characters_that_are_sent_alike_the_sent_one_is_real() {
-        assert_eq!(real(&['A', 'a'], b"A"), 'A');
-        assert_eq!(real(&['A', 'a'], &[b'a' | 0x80]), 'a');
-        assert_eq!(real(&[' ', '$'], &[0x10]), ' ');
     }
 }

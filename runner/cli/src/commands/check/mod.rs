@@ -156,8 +156,11 @@ fn row(found: &Found, fate: &Fate, manifest: &Manifest) -> Option<Row> {
     let (fate, what) = match fate {
         Fate::Passes => return None,
         Fate::Dropped => ("dropped", "left out".to_owned()),
-        Fate::Replaced(' ') => ("replaced", "sent as a space".to_owned()),
-        Fate::Replaced(other) => ("replaced", format!("sent as {other}")),
+        Fate::Replaced(text) if text == " " => ("replaced", "sent as a space".to_owned()),
+        Fate::Replaced(text) if text.trim().is_empty() => {
+            ("replaced", format!("sent as {} spaces", text.len()))
+        }
+        Fate::Replaced(text) => ("replaced", format!("sent as {text}")),
         Fate::Foreign(bytes) => {
             ("foreign", format!("sent as {}, which few controls know", hex(bytes)))
         }

@@ -53,6 +53,7 @@ impl Floor {
                     longest: Micros::from_millis(500),
                 },
                 bus: Some("hall".to_owned()),
+                tls: None,
             };
             units.add(LaneId(number), setup);
         }
@@ -62,6 +63,10 @@ impl Floor {
             if let (lane, Report::Up) = floor.next() {
                 up.insert(lane);
             }
+        }
+        // What is shown is a moment old.
+        while floor.units.buses().is_empty() {
+            std::thread::yield_now();
         }
         floor
     }

@@ -56,22 +56,37 @@ impl Faults {
 }
 
 struct Shared {
+    /// What passes is no frames that could be told apart: all of it, as it is on the wire.
+    wire: Option<Mutex<Vec<u8>>>,
     faults: Mutex<Option<Faults>>,
     unit: Mutex<SocketAddr>,
     open: Mutex<Vec<TcpStream>>,
     is_held: AtomicBool,
+    /// A byte of what passes next is altered.
+    alters: AtomicBool,
     is_gone: AtomicBool,
 }
 
 impl Cable {
     pub(crate) fn new(unit: SocketAddr) -> Self {
+        Self::with(unit, None)
+    }
+
+    /// Passes on whatever comes, and keeps it.
+    pub(crate) fn tapped(unit: SocketAddr) -> Self {
+        Self::with(unit, Some(Mutex::default()))
+    }
+
+    fn with(unit: SocketAddr, wire: Option<Mutex<Vec<u8>>>) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
         let shared = Arc::new(Shared {
+            wire,
             faults: Mutex::new(None),
             unit: Mutex::new(unit),
             open: Mutex::default(),
             is_held: AtomicBool::new(false),
+            alters: AtomicBool::new(false),
             is_gone: AtomicBool::new(false),
         });
         let its = Arc::clone(&shared);
@@ -94,6 +109,16 @@ impl Cable {
             }
         });
         Self { address, shared }
+    }
+
+    /// Alters a byte of what passes next; once that has come about, `false`.
+    pub(crate) fn alter(&self, alters: bool) -> bool {
+        self.shared.alters.fetch_or(alters, Ordering::SeqCst)
+    }
+
+    /// What has passed both ways.
+    pub(crate) fn wire(&self) -> Vec<u8> {
+        self.shared.wire.as_ref().unwrap().lock().unwrap().clone()
     }
 
     pub(crate) fn address(&self) -> SocketAddr {
@@ -144,6 +169,9 @@ impl Drop for Cable {
 fn pass(shared: &Arc<Shared>, mut from: TcpStream, mut to: TcpStream) {
     let shared = Arc::clone(shared);
     thread::spawn(move || {
+        if let Some(wire) = &shared.wire {
+            pass_all(wire, &shared.alters, &mut from, &mut to);
+        }
         let mut late = Vec::new();
         while let Some(mut frame) = next_frame(&mut from) {
             let fate = shared.faults.lock().unwrap().as_mut().map_or(Fate::Passes, Faults::fate);
@@ -171,6 +199,19 @@ fn pass(shared: &Arc<Shared>, mut from: TcpStream, mut to: TcpStream) {
         let _ = from.shutdown(Shutdown::Both);
         let _ = to.shutdown(Shutdown::Both);
     });
+}
+
+fn pass_all(wire: &Mutex<Vec<u8>>, alters: &AtomicBool, from: &mut TcpStream, to: &mut TcpStream) {
+    let mut bytes = [0; 4_096];
+    while let Ok(count @ 1..) = from.read(&mut bytes) {
+        wire.lock().unwrap().extend_from_slice(&bytes[..count]);
+        if alters.swap(false, Ordering::SeqCst) {
+            bytes[count - 1] ^= 1;
+        }
+        if to.write_all(&bytes[..count]).is_err() {
+            return;
+        }
+    }
 }
 
 fn next_frame(from: &mut TcpStream) -> Option<Vec<u8>> {

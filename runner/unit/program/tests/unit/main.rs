@@ -6,6 +6,7 @@ mod cable;
 mod machine;
 mod raw_server;
 mod shop;
+mod tls;
 
 use machine::Machine;
 use raw_server::RawServer;

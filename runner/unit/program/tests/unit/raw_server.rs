@@ -27,7 +27,7 @@ impl RawServer {
     /// A session with a unit.
     pub(crate) fn connect(unit: SocketAddr) -> Self {
         let poll = Poll::new().unwrap();
-        let mut uplink = Uplink::Tcp(TcpUplink::connect(unit).unwrap());
+        let mut uplink = Uplink::Tcp(TcpUplink::connect(unit, None).unwrap());
         let both = Interest::READABLE | Interest::WRITABLE;
         poll.registry().register(&mut uplink, Token(0), both).unwrap();
         let clock = Clock::start();

@@ -10,7 +10,9 @@ use std::time::{Duration, Instant};
 use softplug_abi::Micros;
 use softplug_gateway::reactor::{Backoff, Feed, JobEnd, LaneId, Report, SwapReport};
 use softplug_gateway::reservoir::{Drawn, ReservoirReader, reservoir};
-use softplug_gateway::units::{UnitAddress, UnitCommand, UnitPlace, UnitPlugin, UnitSetup, Units};
+use softplug_gateway::units::{
+    TlsKeys, UnitAddress, UnitCommand, UnitPlace, UnitPlugin, UnitSetup, Units,
+};
 use softplug_host::Digest;
 use softplug_link::Job;
 use softplug_machines::kept::Received;
@@ -50,11 +52,20 @@ pub(crate) struct Shop {
     lane: LaneId,
     identities: u64,
     folder: TempDir,
+    /// The gateway's, and the unit's that it expects.
+    tls: Option<TlsKeys>,
 }
 
 impl Shop {
     pub(crate) fn new(machine: Machine) -> Self {
         Self::with(machine, "unsigned = true")
+    }
+
+    /// `unit`: the table [tls] of the unit, or nothing; `gateway`: what the gateway has.
+    pub(crate) fn with_tls(machine: Machine, unit: &str, gateway: Option<TlsKeys>) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        write_unit(&folder, &machine, &format!("unsigned = true\n{unit}"));
+        Self::of(machine, folder, Cable::tapped, gateway)
     }
 
     pub(crate) fn that_wants_signatures(machine: Machine) -> Self {
@@ -69,11 +80,20 @@ impl Shop {
     fn with(machine: Machine, signature: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         write_unit(&folder, &machine, signature);
+        Self::of(machine, folder, Cable::new, None)
+    }
+
+    fn of(
+        machine: Machine,
+        folder: TempDir,
+        cable: fn(SocketAddr) -> Cable,
+        tls: Option<TlsKeys>,
+    ) -> Self {
         let (unit, address) = start_unit(&folder, 1);
         let (_, reports) = channel();
         let mut shop = Self {
             machine,
-            cable: Cable::new(address),
+            cable: cable(address),
             units: None,
             unit: Some(unit),
             reports,
@@ -82,6 +102,7 @@ impl Shop {
             lane: LaneId(0),
             identities: 1,
             folder,
+            tls,
         };
         shop.start_gateway();
         shop
@@ -101,7 +122,8 @@ impl Shop {
         let address = UnitAddress { unit, link: Some("mill".to_owned()) };
         let plugin = Self::first_plugin();
         let reopen = Backoff { first: Micros::from_millis(50), longest: Micros::from_millis(500) };
-        let setup = UnitSetup { address, plugin, delivery_room: 16_384, reopen, bus: None };
+        let tls = self.tls.clone();
+        let setup = UnitSetup { address, tls, plugin, delivery_room: 16_384, reopen, bus: None };
         units.add(self.lane, setup);
         self.units = Some(units);
     }

@@ -40,7 +40,10 @@ impl Gateway {
         let settings = Vec::new();
         let plugin = UnitPlugin { module: module.into(), digest, signature: None, settings };
         let reopen = Backoff { first: Micros::from_millis(50), longest: Micros::from_millis(500) };
-        units.add(LANE, UnitSetup { address, plugin, delivery_room: 16_384, reopen, bus: None });
+        units.add(
+            LANE,
+            UnitSetup { address, plugin, delivery_room: 16_384, reopen, bus: None, tls: None },
+        );
         Self { units, reports, seen: Vec::new(), deliveries: Vec::new() }
     }
 
