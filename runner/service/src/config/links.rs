@@ -100,7 +100,11 @@ fn one(
     same_unit_same_key(port.as_ref(), tls.as_ref(), &name, &at, taken, problems);
     let line_place = problems.place(link.line.as_ref().map_or_else(|| at.clone(), Spanned::span));
     let line = line(link.line.as_ref(), problems);
-    let plugin = plugin(link.plugin.as_ref(), &name, &at, problems);
+    let plugin = match (&link.plugin, &link.machine) {
+        // Of its machine it was said that there is none.
+        (None, Some(_)) => None,
+        (written, _) => plugin(written.as_ref(), &name, &at, problems),
+    };
     let (settings, setting_places) = settings(link.settings.unwrap_or_default(), problems);
     let plugin_place = problems.place(link.plugin.as_ref().map_or(at, Spanned::span));
     let receive = folder(link.receive.as_ref(), problems).unwrap_or_else(|| name.clone());
