@@ -13,17 +13,19 @@ use softplug_abi::limits::FUEL_PER_EVENT;
 use softplug_abi::manifest::Manifest;
 use softplug_host::{EngineKind, Host, HostOptions, Plugin, SessionFault, lint};
 
-/// The name of the run under the second engine.
-pub(super) const SECOND_ENGINE: &str = "wasmi";
+/// The name of the run under the engine that has no more memory than is said.
+const BOUNDED: &str = "interpreter";
 
 /// The budget is the first engine's. The second one counts in other units; its own bound ends
 /// what never ends.
 const SECOND_FUEL: u64 = 10 * FUEL_PER_EVENT;
 
-/// The first engine judges and counts fuel; the second must show the same.
+/// The first engine judges and counts fuel; the second must show the same. A module that says how
+/// much memory it uses has as its second one that has no more.
 pub(super) struct Engines {
     first: Host,
     second: Host,
+    bounded: Host,
 }
 
 /// A module as far as it could be loaded.
@@ -37,6 +39,8 @@ pub(super) struct Judged {
 pub(super) struct Subjects {
     pub(super) first: Sandboxed,
     pub(super) second: Sandboxed,
+    /// The name of the run under the second engine.
+    pub(super) second_run: &'static str,
     /// Of the engines.
     pub(super) names: [String; 2],
 }
@@ -50,6 +54,7 @@ impl Engines {
         Ok(Self {
             first: host(EngineKind::Wasmtime, FUEL_PER_EVENT)?,
             second: host(EngineKind::Wasmi, SECOND_FUEL)?,
+            bounded: host(EngineKind::Interpreter, SECOND_FUEL)?,
         })
     }
 
@@ -79,16 +84,20 @@ impl Engines {
             return unfit(Some(manifest), reason);
         }
         // What only one of them takes can be shown by one of them only.
-        let second = match self.second.load_bytes(module) {
+        let (host, second_run) = match manifest.memory_bytes {
+            Some(_) => (&self.bounded, BOUNDED),
+            None => (&self.second, "wasmi"),
+        };
+        let second = match host.load_bytes(module) {
             Ok(second) => second,
             Err(error) => {
-                let reason = format!("{} does not take the module: {error}", self.second());
+                let reason = format!("{} does not take the module: {error}", host.engine());
                 return unfit(Some(manifest), reason);
             }
         };
         let (first, second) = (Sandboxed::new(plugin), Sandboxed::new(second));
-        let names = [self.first(), self.second()];
-        let subjects = Some(Subjects { first, second, names });
+        let names = [self.first(), host.engine().to_string()];
+        let subjects = Some(Subjects { first, second, second_run, names });
         Judged { manifest: Some(manifest), subjects, unfit: Vec::new() }
     }
 }
@@ -109,6 +118,11 @@ impl Judged {
         self.manifest.as_ref()
     }
 
+    /// Name and version of the engine that is compared with; none where it cannot be judged.
+    pub(super) fn second(&self) -> Option<&str> {
+        self.subjects.as_ref().map(|subjects| &*subjects.names[1])
+    }
+
     /// None where it cannot be judged.
     pub(super) fn subjects(&self) -> Option<&Subjects> {
         self.subjects.as_ref()
@@ -127,7 +141,9 @@ impl Subjects {
         let is_same = first.seen == second.seen && class(first) == class(&second);
         // Each engine has its own stack and its own fuel.
         let is_own = [first, &second].into_iter().any(|outcome| met_limit(class(outcome)));
-        (is_same || is_own).then_some(second)
+        // Where it is given less memory, a fault there is the plug-in's.
+        let lacks_memory = self.second_run == BOUNDED && second.fault.is_some();
+        (is_same || is_own || lacks_memory).then_some(second)
     }
 }
 

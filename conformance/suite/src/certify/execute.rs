@@ -1,6 +1,6 @@
 //! Runs the cases of a plan, spread over threads.
 
-use super::engines::{SECOND_ENGINE, Subjects, met_limit};
+use super::engines::{Subjects, met_limit};
 use super::error::CertifyError;
 use super::options::{CertifyOptions, Progress};
 use super::plan::{Fate, Plan};
@@ -168,14 +168,15 @@ impl Shared<'_> {
             ran.add(failure.map(|failure| failed_run(listed, case, &name, failure)));
             if permutation == Permutation::Uncut {
                 let failure = self.second(listed, case, &start.uncut)?;
-                ran.add(failure.map(|failure| failed_run(listed, case, SECOND_ENGINE, failure)));
+                let second = self.subjects.second_run;
+                ran.add(failure.map(|failure| failed_run(listed, case, second, failure)));
             }
         }
         Ok(Some(ran))
     }
 
     fn script(&self, listed: &Listed<'_>, script: &Script) -> Result<Option<Ran>, CertifyError> {
-        let Subjects { first, second, .. } = self.subjects;
+        let Subjects { first, second, second_run, .. } = self.subjects;
         let run = Judge::run_script(first, script);
         let again = Judge::run_script(second, script);
         let class = |run: &ScriptRun| run.failure.as_ref().map(|failure| failure.class);
@@ -186,7 +187,7 @@ impl Shared<'_> {
         let verdict = class(&run).map_or("passed", Class::text);
         let pure = format!("{}\n{verdict}\n{}\n", script.id, run.log.join("\n"));
         let mut ran = Ran { fuel: run.fuel, bytes: run.bytes, pure, ..Ran::default() };
-        for (name, run) in [("uncut", run), (SECOND_ENGINE, again)] {
+        for (name, run) in [("uncut", run), (*second_run, again)] {
             let ScriptRun { log, failure, .. } = run;
             ran.add(failure.map(|failure| failed_script(listed, name, &log, failure)));
         }

@@ -1,6 +1,6 @@
 //! What a plug-in was seen to do in single runs, as traces.
 
-use super::engines::{Engines, SECOND_ENGINE};
+use super::engines::Engines;
 use super::error::CertifyError;
 use super::options::CertifyOptions;
 use crate::corpus::{Corpus, Source};
@@ -57,7 +57,7 @@ pub fn observe<'a>(
         let (id, name) = run.rsplit_once('/')?;
         let listed = list.iter().find(|listed| listed.id == id)?;
         let (subject, name) = match name {
-            SECOND_ENGINE => (&subjects.second, "uncut"),
+            name if name == subjects.second_run => (&subjects.second, "uncut"),
             name => (&subjects.first, name),
         };
         let text = match listed.source {

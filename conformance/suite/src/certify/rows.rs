@@ -83,12 +83,13 @@ impl Results<'_> {
     }
 
     fn suite(&self) -> SuiteInfo {
+        let second = self.judged.second();
         SuiteInfo {
             name: "softplug".to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             corpus: self.corpus.digest.clone(),
             engine: self.engines.first(),
-            second_engine: self.engines.second(),
+            second_engine: second.map_or_else(|| self.engines.second(), ToOwned::to_owned),
         }
     }
 

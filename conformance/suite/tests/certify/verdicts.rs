@@ -23,6 +23,33 @@ fn all_passed_is_conformant() {
     assert!(report.suite.second_engine.starts_with("wasmi "), "{}", report.suite.second_engine);
 }
 
+/// The manifest's claims make room for the key; what follows closes the list.
+fn using(bytes: u32) -> Vec<u8> {
+    let claims = format!(
+        r#"{{"name":"xon-xoff","features":["transparent"]}}],"memory_bytes":{bytes},"line_when":["#
+    );
+    let module = claiming(&claims);
+    let abi = b"\"abi\":\"1.0\"";
+    let at = module.windows(abi.len()).position(|window| window == abi).expect("it has an ABI");
+    patched(&module, at, abi.len(), "\"abi\":\"1.1\"")
+}
+
+#[test]
+fn a_plug_in_that_says_how_much_memory_it_uses_gets_no_more() {
+    let of = |bytes| judge(&using(bytes), &small(&[GOOD]), &options()).expect("the engines work");
+    let report = of(65_536);
+    assert_eq!(report.verdict, VerdictKind::Conformant, "{}", report.reason);
+    assert!(report.suite.second_engine.starts_with("softplug"), "{}", report.suite.second_engine);
+    // The mailbox ends behind 35,840, and the data before 26,624.
+    let report = of(30_720);
+    assert_eq!(report.verdict, VerdictKind::NotConformant, "{}", report.reason);
+    assert_eq!(report.cases[0].failures[0].run, "xon-xoff.a.good/interpreter");
+    let observed =
+        observe(&using(30_720), &small(&[GOOD]), ["xon-xoff.a.good/interpreter"], &options());
+    assert_eq!(observed.expect("the engines work").len(), 1);
+    assert_eq!(of(20_480).verdict, VerdictKind::NotJudged);
+}
+
 #[test]
 fn a_failure_says_all_that_there_is_to_say() {
     let corpus = small(&[GOOD, BAD]);
