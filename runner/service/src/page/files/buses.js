@@ -8,6 +8,16 @@ const percent = (part) => part === null ? '–' : `${(100 * part).toFixed(1)} %`
 const millis = (seconds) => seconds === null ? '–' : `${(1000 * seconds).toFixed(1)} ms`;
 const payload = (bus) => `${text.count(Math.round(bus.rate * bus.efficiency))} bit/s`;
 
+/** The part of its time in which a bus is to carry what its machines take at most, and to switch. */
+function needed(bus) {
+  const known = bus.units.filter((unit) => unit.consumes !== null && unit.buffer);
+  if (!known.length) return null;
+  const taken = known.reduce((sum, unit) => sum + unit.consumes, 0) / (bus.rate * bus.efficiency);
+  // Each unit's buffer is filled once while its machine takes it.
+  const switches = known.reduce((sum, unit) => sum + unit.consumes / (8 * unit.buffer), 0);
+  return taken + switches * bus.switch_seconds;
+}
+
 /** A row of what is planned and what was measured. */
 function row(title, planned, measured) {
   const cells = [h('td'), h('td')];
@@ -50,20 +60,24 @@ const heads = (titles) => h('thead', {}, h('tr', {}, titles.map((title) => h('th
 
 function item(bus) {
   const rows = [
-    row('Load', () => '', (measured) => percent(measured.load)),
+    row('Load', (of) => percent(needed(of)), (measured) => percent(measured.load)),
     row('Data of all bits', (of) => percent(of.efficiency), (measured) => percent(measured.efficiency)),
     row('Time to switch', (of) => millis(of.switch_seconds), (measured) => millis(measured.switch_seconds)),
   ];
   const facts = h('p', { class: 'facts' });
   const units = h('tbody');
+  const empty = h('p', { class: 'empty' }, 'No link is on this bus.');
+  const all = h('div', { class: 'scroll' }, h('table', { class: 'stack' }, heads(['Unit', 'Buffer', 'Turn', 'Takes at most', 'Slots']), units));
   const node = h('li', { class: 'panel' }, h('h2', {}, bus.name), facts,
     h('table', { class: 'measured' }, heads(['', 'Planned', 'Measured']), h('tbody', {}, rows.map((one) => one.node))),
-    h('div', { class: 'scroll' }, h('table', { class: 'stack' }, heads(['Unit', 'Buffer', 'Turn', 'Takes at most', 'Slots']), units)));
+    all, empty);
   return {
     node,
     update(now) {
       say(facts, `${text.count(now.rate)} bit/s, of which ${payload(now)} are data`);
       for (const one of rows) one.update(now);
+      show(all, now.units.length);
+      show(empty, !now.units.length);
       keyed(units, now.units.map((of) => ({ ...of, isServed: of.link === now.serves })), (of) => of.link, unit);
     },
   };
