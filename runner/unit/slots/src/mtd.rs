@@ -6,6 +6,7 @@
 #![allow(unsafe_code)]
 
 use crate::device::{Device, Geometry, LARGEST_GRANULE};
+use crate::file::lock;
 use rustix::ioctl::{Getter, Opcode, Setter, ioctl, opcode};
 use std::fs::{File, OpenOptions};
 use std::io::{self, ErrorKind};
@@ -63,7 +64,8 @@ impl MtdDevice {
     /// Opens a device and asks for its sizes.
     ///
     /// # Errors
-    /// It cannot be opened, is no MTD device, cannot be written, or is of a kind that cannot hold slots.
+    /// It cannot be opened, is no MTD device, cannot be written, or is of a kind that cannot hold slots;
+    /// with [`ErrorKind::ResourceBusy`], somebody else has it by the same name.
     pub fn open(path: &Path) -> io::Result<Self> {
         let file = OpenOptions::new().read(true).write(true).open(path)?;
         // SAFETY: MEMGETINFO writes one mtd_info_user.
@@ -75,6 +77,7 @@ impl MtdDevice {
         if info.flags & WRITEABLE == 0 {
             return unsupported("this memory cannot be written");
         }
+        lock(&file)?;
         let geometry = Geometry { size: info.size, erase: info.erase, granule: info.write };
         if !geometry.is_sound() || info.write > LARGEST_GRANULE {
             return unsupported("memories with such blocks or granules cannot hold slots");

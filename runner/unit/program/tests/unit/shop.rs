@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
@@ -145,7 +145,7 @@ impl Shop {
     /// Something is done to its memory meanwhile.
     pub(crate) fn restart_unit_with(&mut self, act: impl FnOnce(&mut Slots<'_, FileDevice>)) {
         self.unit = None;
-        act(&mut self.slots());
+        act(&mut slots_in(&self.folder.path().join("state/mill.slots")));
         self.identities += 1;
         let (unit, address) = start_unit(&self.folder, self.identities);
         self.unit = Some(unit);
@@ -204,16 +204,11 @@ impl Shop {
 
     /// How often the slots were erased.
     pub(crate) fn erases(&self) -> [u32; 2] {
-        let slots = self.slots();
+        // The unit has the file itself.
+        let copy = self.folder.path().join("copy.slots");
+        fs::copy(self.folder.path().join("state/mill.slots"), &copy).unwrap();
+        let slots = slots_in(&copy);
         Slot::BOTH.map(|slot| slots.erases(slot))
-    }
-
-    fn slots(&self) -> Slots<'static, FileDevice> {
-        let geometry = Geometry { size: 256 << 10, erase: 4_096, granule: 4 };
-        let file = self.folder.path().join("state/mill.slots");
-        let trust = Trust::unsigned_too(&[]);
-        let options = Options { trust, attempts: 3, most_erases: 10_000 };
-        Slots::open(FileDevice::open(&file, geometry).unwrap(), options).unwrap()
     }
 
     pub(crate) fn until(&mut self, is_so: impl Fn(&mut Self) -> bool) {
@@ -260,6 +255,13 @@ impl Shop {
             }
         }
     }
+}
+
+fn slots_in(file: &Path) -> Slots<'static, FileDevice> {
+    let geometry = Geometry { size: 256 << 10, erase: 4_096, granule: 4 };
+    let trust = Trust::unsigned_too(&[]);
+    let options = Options { trust, attempts: 3, most_erases: 10_000 };
+    Slots::open(FileDevice::open(file, geometry).unwrap(), options).unwrap()
 }
 
 /// A unit of 8 KiB at this machine.

@@ -3,6 +3,7 @@
 mod bench;
 mod content;
 mod downloads;
+mod files;
 mod flash;
 mod geometries;
 mod golden;
