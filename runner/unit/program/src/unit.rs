@@ -11,7 +11,9 @@ use softplug_abi::Micros;
 use softplug_gateway::clock::Clock;
 use softplug_gateway::reactor::{LaneId, Reactor, ReactorOptions, Report};
 use softplug_host::{Host, HostOptions};
-use softplug_unit_protocol::{Identity, Messages, Role, Session, SessionEvent, ToServer, ToUnit};
+use softplug_unit_protocol::{
+    FrameError, Identity, LONGEST, Messages, Role, Session, SessionEvent, ToServer, ToUnit,
+};
 use softplug_unit_uplink::{Closed, Outbox, Uplink, waker_of};
 
 use crate::config::{Reach, UnitConfig};
@@ -190,6 +192,9 @@ impl Unit {
         let heard = self.hear_frames(&mut uplink);
         self.uplink = Some(uplink);
         if let Err(closed) = heard {
+            if let Closed::NoFrame(FrameError::Version(version)) = closed {
+                self.refuse_version(version);
+            }
             self.lost(&closed);
         }
     }
@@ -205,6 +210,19 @@ impl Unit {
         self.drop_uplink();
         self.session.uplink_lost();
         self.session_news();
+    }
+
+    /// Where the next frame begins is not known, but for the answer that is all there is to say.
+    fn refuse_version(&mut self, version: u8) {
+        let Some(uplink) = &mut self.uplink else { return };
+        let now = self.clock.now();
+        let mut frame = [0; LONGEST];
+        // The session has the answer ready; it is no error any more that it is to be given.
+        let _ = self.session.receive(now, &[version]);
+        let Some(length) = self.session.poll_transmit(now, &mut frame) else { return };
+        if let Err(error) = uplink.send_last(&frame[..length]) {
+            tracing::debug!(%error, "another version is not told so");
+        }
     }
 
     fn hear_frames(&mut self, uplink: &mut Uplink) -> Result<(), Closed> {

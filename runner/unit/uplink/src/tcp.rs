@@ -1,7 +1,7 @@
 //! Frames over a TCP connection, one behind the other, in the clear or with TLS.
 
 use std::io::{self, Read, Write};
-use std::net::SocketAddr;
+use std::net::{Shutdown, SocketAddr};
 
 use mio::event::Source;
 use mio::net::TcpStream;
@@ -15,6 +15,8 @@ use crate::tls::{TlsError, TlsStream, is_for_later, is_tls};
 
 /// Bytes that wait to be sent, past which there is no room for more frames.
 const WAITING: usize = 64 * LONGEST;
+/// Reads of what is thrown away, at most, before a connection is closed.
+const MOST_THROWN: usize = 64;
 
 /// A TCP connection that carries frames.
 ///
@@ -240,6 +242,21 @@ impl TcpUplink {
             }
         }
         self.stream.flush()
+    }
+
+    /// Nothing is sent any more. What has come and is not read is thrown away: with it in the way,
+    /// the system would throw away what was sent.
+    pub(crate) fn finish(&mut self) -> Result<(), Closed> {
+        self.tcp().shutdown(Shutdown::Write)?;
+        let mut thrown = [0; LONGEST];
+        for _ in 0..MOST_THROWN {
+            match self.stream.read(&mut thrown) {
+                Ok(Some(_)) => {}
+                Ok(None) | Err(Closed::ByPeer) => break,
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
     }
 }
 

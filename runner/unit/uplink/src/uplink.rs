@@ -63,6 +63,18 @@ impl Uplink {
         }
     }
 
+    /// Sends a frame behind which nothing follows, to somebody whose frames are none.
+    ///
+    /// # Errors
+    /// The uplink is of no more use.
+    pub fn send_last(&mut self, frame: &[u8]) -> Result<(), Closed> {
+        self.send(frame)?;
+        match self {
+            Self::Tcp(uplink) => uplink.finish(),
+            Self::Can(_) => Ok(()),
+        }
+    }
+
     /// Sends what waits. `false`: some of it still does; again when the source is writable.
     ///
     /// # Errors
