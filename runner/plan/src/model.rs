@@ -26,6 +26,10 @@
 
 use crate::shop::{Machine, Shop};
 
+/// A part of a round that is no wait: so much is lost in reckoning with 53 bits. A switch of the
+/// bus is longer.
+const LEAST_WAIT: f64 = 1e-12;
+
 /// Machines that are alike, in seconds.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Group {
@@ -70,8 +74,11 @@ impl Group {
 
     /// What the line must carry where a unit does not feed its control while it is filled: all
     /// that the control takes in a round, in what is left of it.
-    pub(crate) fn line_needed(&self, fill: f64, round: f64) -> f64 {
-        self.takes * round / (round - fill)
+    ///
+    /// `None` where the unit is filled all the time, but for what is lost in reckoning.
+    pub(crate) fn line_needed(&self, fill: f64, round: f64) -> Option<f64> {
+        let wait = round - fill;
+        (wait > LEAST_WAIT * round).then(|| self.takes * round / wait)
     }
 }
 

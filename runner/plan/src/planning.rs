@@ -179,9 +179,9 @@ fn machines(shop: &Shop, model: &Model, chosen: Option<&Chosen>) -> Vec<MachineP
         plan.unit_buffer_max_bits = Some(model.payload * model.most_fill(group));
         plan.unit_buffer_bits = Some(model.payload * fill);
         plan.fill_seconds = Some(fill);
-        plan.wait_seconds = Some(round - fill);
-        plan.line_needed_bits_per_second = Some(needed).filter(|needed| needed.is_finite());
-        plan.must_feed_while_filled = Some(needed > machine.line());
+        plan.wait_seconds = Some(if needed.is_some() { round - fill } else { 0.0 });
+        plan.line_needed_bits_per_second = needed;
+        plan.must_feed_while_filled = Some(needed.is_none_or(|needed| needed > machine.line()));
         plan
     };
     let groups: Vec<_> = shop.machines().iter().enumerate().map(of_group).collect();

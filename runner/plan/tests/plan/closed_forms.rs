@@ -136,3 +136,24 @@ fn a_margin_is_what_each_machine_could_take_more() {
         1e-5,
     );
 }
+
+/// What is lost in reckoning is no wait: its line would have to carry more than there is.
+#[test]
+fn a_machine_alone_on_a_bus_that_does_not_switch_never_waits() {
+    for efficiency in [0.612_283_487_339_991, 0.5, 0.3, 0.9, 0.123_456_789] {
+        let bus = Bus { rate: 250_000.0, efficiency, switch: 0.0, margin: 0.05 };
+        let machine = Machine {
+            name: "mill".to_owned(),
+            rate: 38_400.0,
+            efficiency: 0.5,
+            consumes: 4_303.0,
+            buffer: 1_024,
+            count: 1,
+        };
+        let plan = plan(&Shop::new(bus, vec![machine]).unwrap());
+        let first = &plan.machines[0];
+        assert!(plan.feasible);
+        assert_eq!(first.line_needed_bits_per_second, None, "{efficiency}");
+        assert_eq!((first.wait_seconds, first.must_feed_while_filled), (Some(0.0), Some(true)));
+    }
+}
