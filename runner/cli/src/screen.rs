@@ -11,6 +11,7 @@ use std::sync::OnceLock;
 
 use anstyle::{AnsiColor, Style};
 use serde::Serialize;
+use softplug_gateway::plain_text;
 use tracing_subscriber::EnvFilter;
 
 use crate::arguments::{Color, Global};
@@ -161,10 +162,18 @@ pub(crate) fn conclude(exit: Exit) -> Exit {
 }
 
 fn say_failure(failure: &Failure) {
-    forgive(writeln!(anstream::stderr(), "{ERROR}error:{ERROR:#} {}", failure.message));
+    let message = plain_lines(&failure.message);
+    forgive(writeln!(anstream::stderr(), "{ERROR}error:{ERROR:#} {message}"));
     if let Some(hint) = &failure.hint {
+        let hint = plain_lines(hint);
         forgive(writeln!(anstream::stderr(), "{HINT}hint:{HINT:#} {hint}"));
     }
+}
+
+/// A text of several lines, whose words may be others': names of files, answers, what was typed.
+fn plain_lines(text: &str) -> String {
+    let lines: Vec<String> = text.split('\n').map(plain_text).collect();
+    lines.join("\n")
 }
 
 /// Part of a result was written, or was not. Who closes a pipe has read enough: that is no error.

@@ -37,6 +37,7 @@ pub mod quantity;
 pub mod recorder;
 pub mod store;
 pub mod suggest;
+mod text;
 
 #[cfg(target_os = "linux")]
 pub mod channel;
@@ -76,3 +77,4 @@ pub use pacer::Pacer;
 pub use port::{Flow, PortOptions, PortSpec, SettingDifference};
 #[cfg(target_os = "linux")]
 pub use port::{Input, Port, ReadOutcome};
+pub use text::{is_plain, plain_text};

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use clap::{ArgGroup, Args};
 use serde::Serialize;
+use softplug_gateway::plain_text;
 use softplug_plan::{
     DEFAULT_MARGIN, Discipline, MOST_FILE_BYTES, MachinePlan, Options, Outcome, Plan, Shop,
     ShopError, Taken, Wrong, picture, picture_of, plan, simulate,
@@ -126,7 +127,7 @@ struct SimulatedPlugin {
 pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
     let shop = read(&arguments.shop)?;
     if let Some(file) = arguments.svg.as_ref().filter(|file| is_same_file(file, &arguments.shop)) {
-        let file = file.display();
+        let file = shown(file);
         return Err(Failure::usage(format_args!(
             "{file} is the file of the shop itself, which the picture would overwrite; give --svg \
              another one"
@@ -147,7 +148,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let simulation = arguments.simulate.map(|hours| tried.simulation(hours)).transpose()?;
     if let Some(file) = &arguments.svg {
         fs::write(file, tried.picture()?)
-            .map_err(|error| Failure::usage(format_args!("{}: {error}", file.display())))?;
+            .map_err(|error| Failure::usage(format_args!("{}: {error}", shown(file))))?;
     }
     let (of_gateway, simulated) = (taken.as_deref(), simulation.as_ref());
     screen.document(&Document { plan: &plan, taken: of_gateway, simulation: simulated });
@@ -161,14 +162,18 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
             row(screen, "measured", taken);
         }
         if taken.is_empty() {
-            row(screen, "measured", format_args!("nothing yet at {url}: all is as in the file"));
+            row(
+                screen,
+                "measured",
+                format_args!("nothing yet at {}: all is as in the file", plain_text(url)),
+            );
         }
     }
     if let (Some(simulation), Some(hours)) = (&simulation, arguments.simulate) {
         show_simulation(simulation, hours, screen);
     }
     if let Some(file) = &arguments.svg {
-        row(screen, "picture", file.display());
+        row(screen, "picture", shown(file));
     }
     let tried = match (simulation.is_some(), arguments.svg.is_some()) {
         _ if plan.feasible => None,
@@ -208,6 +213,11 @@ fn with_measured(
     })
 }
 
+/// A file's name as it can be shown.
+fn shown(file: &Path) -> String {
+    plain_text(&file.display().to_string())
+}
+
 fn hours(text: &str) -> Result<u16, &'static str> {
     let hours = text.parse().ok().filter(|hours| (1..=1_000).contains(hours));
     hours.ok_or("give whole hours from 1 to 1000")
@@ -233,11 +243,11 @@ fn is_same_file(one: &Path, other: &Path) -> bool {
 
 fn read(path: &Path) -> Result<Shop, Failure> {
     let failure = |error: &dyn std::fmt::Display| {
-        Failure::usage(format_args!("{} cannot be read: {error}", path.display()))
+        Failure::usage(format_args!("{} cannot be read: {error}", shown(path)))
     };
     let meant = |error: ShopError| {
         let gap = if error.place.is_some() { "" } else { " " };
-        Failure::usage(format_args!("{}:{gap}{error}", path.display()))
+        Failure::usage(format_args!("{}:{gap}{error}", shown(path)))
     };
     let file = File::open(path).map_err(|error| failure(&error))?;
     let mut bytes = Vec::new();

@@ -73,7 +73,7 @@ fn a_refusal_is_told_in_the_gateways_words_and_by_its_kind() {
         let (address, thread) = one_answer(problem(status, "so it \\u001b[2Jis"));
         let gateway = format!("http://{address}/");
         let ran = bench.run(&["job", "abort", "7", "--gateway", &gateway]).with_code(code);
-        assert!(ran.err.contains("so it \u{fffd}[2Jis"), "{status}: {ran}");
+        assert!(ran.err.contains("so it \\u{1b}[2Jis"), "{status}: {ran}");
         assert!(thread.join().unwrap().starts_with("POST /api/v1/jobs/7/abort HTTP/1.1\r\n"));
     }
 }

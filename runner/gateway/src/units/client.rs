@@ -10,7 +10,7 @@ use softplug_unit_protocol::{
     ToServer, ToUnit,
 };
 use softplug_unit_uplink::{
-    CanEnd, CanUplink, Closed, Outbox, TcpUplink, TlsError, TlsKeys, Uplink, plain_text,
+    CanEnd, CanUplink, Closed, Outbox, TcpUplink, TlsError, TlsKeys, Uplink,
 };
 use thiserror::Error;
 
@@ -18,6 +18,7 @@ use super::connection::ServerSession;
 use super::lane::longest_fields;
 use super::{UnitPlace, UnitPlugin, piece};
 use crate::clock::Clock;
+use crate::text::plain_text;
 
 /// Why a unit cannot be asked, or does not do it.
 #[derive(Debug, Error)]
@@ -171,7 +172,7 @@ impl UnitClient {
         identity: u64,
         patience: Duration,
     ) -> Result<Self, UnitClientError> {
-        let unit = place.to_string();
+        let unit = plain_text(&place.to_string());
         let failed = |source| UnitClientError::Io { unit: unit.clone(), source };
         let poll = Poll::new().map_err(failed)?;
         let mut uplink = open(place, tls).map_err(|closed| match closed {
@@ -203,7 +204,7 @@ impl UnitClient {
             match *message? {
                 ToServer::Unit { links, serial, name } => {
                     (survey.serial, count) = (serial, Some(usize::from(links)));
-                    name.clone_into(&mut survey.name);
+                    survey.name = plain_text(name);
                 }
                 ToServer::Slot { link, slot, state, length, digest, erased, erasable } => {
                     if let Some(place) = slots[usize::from(link)].get_mut(usize::from(slot)) {
@@ -212,7 +213,7 @@ impl UnitClient {
                 }
                 ToServer::Link { link, is_up, digest, job, name, .. } => {
                     survey.links.push(UnitLinkSurvey {
-                        name: name.to_owned(),
+                        name: plain_text(name),
                         is_up,
                         runs: (digest != [0; 32]).then_some(digest),
                         has_job: job != 0,

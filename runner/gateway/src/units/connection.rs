@@ -8,13 +8,14 @@ use softplug_abi::Micros;
 use softplug_unit_bus::Unit;
 use softplug_unit_protocol::{Identity, Messages, Role, Session, SessionEvent, ToServer, ToUnit};
 use softplug_unit_uplink::{
-    CanEnd, CanUplink, Closed, Outbox, TcpUplink, TlsError, TlsKeys, Uplink, plain_text,
+    CanEnd, CanUplink, Closed, Outbox, TcpUplink, TlsError, TlsKeys, Uplink,
 };
 
 use super::lane::{Around, UnitLane};
 use super::thread::{Thread, ThreadCommand};
 use super::{UnitCommand, UnitPlace, UnitSetup};
 use crate::reactor::{Backoff, LaneId};
+use crate::text::plain_text;
 
 pub(super) type ServerSession = Session<16, 1024>;
 

@@ -1,6 +1,7 @@
 //! The journal: what happened, when, to which link and job.
 
 use serde::{Deserialize, Serialize};
+use softplug_gateway::is_plain;
 
 pub use crate::view::JournalKind as Subject;
 
@@ -66,8 +67,8 @@ impl Note {
             end -= 1;
         }
         self.text.truncate(end);
-        if self.text.contains(char::is_control) {
-            let plain = |c: char| if c.is_control() { '\u{fffd}' } else { c };
+        if !self.text.chars().all(is_plain) {
+            let plain = |c: char| if is_plain(c) { c } else { '\u{fffd}' };
             self.text = self.text.chars().map(plain).collect();
         }
         self
@@ -137,7 +138,8 @@ mod tests {
 
     #[test]
     fn what_comes_from_outside_is_bounded_and_plain() {
-        let note = Note::new(Subject::Fault, format!("a\u{1b}[2J\n{}", "ä".repeat(2_000))).tamed();
+        let note =
+            Note::new(Subject::Fault, format!("a\u{1b}[2J\u{202e}{}", "ä".repeat(2_000))).tamed();
         assert!(note.text.starts_with("a\u{fffd}[2J\u{fffd}ä"));
         assert!(note.text.len() <= TEXT_BYTES + 4, "{}", note.text.len());
     }

@@ -7,10 +7,11 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use serde::Serialize;
+use softplug_gateway::plain_text;
 use softplug_service::view::{JobOrder, JobState, JobView};
 use ureq::SendBody;
 
-use super::{Client, pairs, printable, segment, show};
+use super::{Client, pairs, segment, show};
 use crate::commands::job::{Arguments, Feed, List, Submit, Verb};
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -82,10 +83,10 @@ fn list(client: &Client, of: &List, screen: &Screen) -> Result<Exit, Failure> {
         table.row([
             job.id.to_string(),
             job.link.clone(),
-            printable(job.program.as_ref().unwrap_or(&job.kind)),
+            plain_text(job.program.as_ref().unwrap_or(&job.kind)),
             job.state.name().to_owned(),
-            printable(&job.progress.text),
-            printable(job.message.as_deref().unwrap_or_default()),
+            plain_text(&job.progress.text),
+            plain_text(job.message.as_deref().unwrap_or_default()),
         ]);
     }
     screen.say(table);

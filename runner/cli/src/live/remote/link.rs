@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
+use softplug_gateway::plain_text;
 use softplug_service::view::{
     LinkView, PluginView, ReceptionView, Seen, SwapOrder, SwapState, SwapView, SwapWhen,
 };
 
-use super::{Client, pairs, printable, segment, show};
+use super::{Client, pairs, segment, show};
 use crate::commands::link::{Arguments, Received, Swap, Verb, Watch, When};
 use crate::commands::remote::Remote;
 use crate::exit::Exit;
@@ -40,7 +41,7 @@ fn list(client: &Client, screen: &Screen) -> Result<Exit, Failure> {
     let mut table = Table::new(["link", "state", "plug-in", "job", "buffer", "trouble"]);
     for link in &links {
         table.row([
-            link.name.clone(),
+            plain_text(&link.name),
             show::state(link),
             show::plugin(link.plugin.as_ref()),
             show::doing(link),
@@ -56,7 +57,7 @@ fn list(client: &Client, screen: &Screen) -> Result<Exit, Failure> {
 fn order(client: &Client, link: &str, verb: &str, screen: &Screen) -> Result<Exit, Failure> {
     let path = format!("/links/{}/{verb}", segment(link));
     let link: LinkView = client.post(&path, None::<&()>)?;
-    screen.say(format_args!("{}: {}", link.name, show::state(&link)));
+    screen.say(format_args!("{}: {}", plain_text(&link.name), show::state(&link)));
     screen.document(&link);
     Ok(Exit::Done)
 }
@@ -68,15 +69,15 @@ fn tell(link: &LinkView, screen: &Screen) {
     let number = numbers::count;
     let mut table = Table::new(["link", ""]);
     let rows = [
-        ("name", link.name.clone()),
+        ("name", plain_text(&link.name)),
         ("state", show::state(link)),
         (
             "port",
-            printable(&format!("{} {} flow {}", link.port.spec, link.port.line, link.port.flow)),
+            plain_text(&format!("{} {} flow {}", link.port.spec, link.port.line, link.port.flow)),
         ),
-        ("other side", printable(link.port.other_side.as_deref().unwrap_or_default())),
+        ("other side", plain_text(link.port.other_side.as_deref().unwrap_or_default())),
         ("plug-in", show::plugin(link.plugin.as_ref())),
-        ("says", printable(link.condition.as_deref().unwrap_or_default())),
+        ("says", plain_text(link.condition.as_deref().unwrap_or_default())),
         ("job", show::doing(link)),
         ("trouble", show::trouble(link)),
         ("buffer", format!("{} of {} bytes", number(buffer.level), number(buffer.size))),
@@ -174,7 +175,7 @@ fn received(client: &Client, of: &Received, screen: &Screen) -> Result<Exit, Fai
     if let Some(file) = &of.file {
         let out = of.out.clone().unwrap_or_else(|| Path::new(file).to_owned());
         if of.out.is_none() && out.components().count() != 1 {
-            return Err(Failure::usage(format_args!("\"{}\" is no file's name", printable(file))));
+            return Err(Failure::usage(format_args!("\"{}\" is no file's name", plain_text(file))));
         }
         let kept = client.fetch(&format!("{path}/{}", segment(file)), &out, of.force)?;
         screen.say(format_args!("{}", kept.display()));
@@ -187,10 +188,10 @@ fn received(client: &Client, of: &Received, screen: &Screen) -> Result<Exit, Fai
             if compared.is_same { "same as sent" } else { "differs from what was sent" }
         });
         table.row([
-            printable(&of.file),
+            plain_text(&of.file),
             numbers::count(of.bytes),
             compared.to_owned(),
-            printable(of.failure.as_deref().unwrap_or_default()),
+            plain_text(of.failure.as_deref().unwrap_or_default()),
         ]);
     }
     screen.say(table);

@@ -1,16 +1,17 @@
 //! What a gateway has measured on a bus, for the planner.
 
+use softplug_gateway::plain_text;
 use softplug_plan::Measured;
 use softplug_service::view::BusView;
 
-use super::{Client, printable};
+use super::Client;
 use crate::commands::remote::Remote;
 use crate::failure::Failure;
 
 /// Of the bus with this name, or of the only one.
 pub(crate) fn measured(remote: &Remote, name: Option<&str>) -> Result<Measured, Failure> {
     let buses: Vec<BusView> = Client::new(remote)?.get("/buses")?;
-    let names: Vec<_> = buses.iter().map(|bus| printable(&bus.name)).collect();
+    let names: Vec<_> = buses.iter().map(|bus| plain_text(&bus.name)).collect();
     let names = names.join(", ");
     let bus = match (name, &buses[..]) {
         (Some(name), _) => buses.iter().find(|bus| bus.name == name).ok_or_else(|| {

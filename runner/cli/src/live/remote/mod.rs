@@ -20,6 +20,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use softplug_gateway::plain_text;
 use softplug_service::http::Problem;
 use ureq::http::{Request, Response, StatusCode};
 use ureq::tls::{Certificate, RootCerts, TlsConfig};
@@ -209,7 +210,7 @@ impl Client {
         let problem: Option<Problem> = body.with_config().limit(DOCUMENT_BYTES).read_json().ok();
         let sentence = problem.map_or_else(
             || format!("{} answered {status}", self.address),
-            |problem| printable(&problem.detail),
+            |problem| plain_text(&problem.detail),
         );
         let failure = Failure::new(exit_of(status), sentence);
         match status {
@@ -236,11 +237,6 @@ fn pairs(assignments: &[Assignment]) -> BTreeMap<String, String> {
     assignments.iter().map(|of| (of.name.clone(), of.value.clone())).collect()
 }
 
-/// A text from elsewhere, so that it cannot steer the terminal.
-fn printable(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
-}
-
 /// One segment of a path, or a value of a query.
 fn segment(text: &str) -> String {
     let mut escaped = String::new();
@@ -265,10 +261,5 @@ mod tests {
         assert_eq!(segment("lathes/O1 ä.nc"), "lathes%2FO1%20%C3%A4.nc");
         assert_eq!(segment(".."), "%2E%2E");
         assert_eq!(segment("a?b#c"), "a%3Fb%23c");
-    }
-
-    #[test]
-    fn texts_cannot_steer_the_terminal() {
-        assert_eq!(printable("a\u{1b}[2Jb\n"), "a\u{fffd}[2Jb\u{fffd}");
     }
 }

@@ -3,9 +3,10 @@
 use std::fs::File;
 use std::path::Path;
 
+use softplug_gateway::plain_text;
 use softplug_service::view::ProgramView;
 
-use super::{Client, printable, segment};
+use super::{Client, segment};
 use crate::commands::program::{Arguments, Download, Upload, Verb};
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -21,7 +22,7 @@ pub(crate) fn program(arguments: &Arguments, screen: &Screen) -> Result<Exit, Fa
         Verb::Download(of) => download(&client, of, screen),
         Verb::Delete(of) => {
             client.delete(&format!("/programs/{}", segment(&of.name)))?;
-            screen.say(format_args!("deleted {}", printable(&of.name)));
+            screen.say(format_args!("deleted {}", plain_text(&of.name)));
             Ok(Exit::Done)
         }
     }
@@ -31,7 +32,7 @@ fn list(client: &Client, screen: &Screen) -> Result<Exit, Failure> {
     let programs: Vec<ProgramView> = client.get("/programs")?;
     let mut table = Table::new(["program", "bytes"]);
     for program in &programs {
-        table.row([printable(&program.name), numbers::count(program.bytes)]);
+        table.row([plain_text(&program.name), numbers::count(program.bytes)]);
     }
     screen.say(table);
     screen.document(&programs);
@@ -52,7 +53,7 @@ fn upload(client: &Client, of: &Upload, screen: &Screen) -> Result<Exit, Failure
         let to = format!("/programs/{}?overwrite={}", segment(&name), of.overwrite);
         let program: ProgramView = client.send("PUT", &to, file)?;
         let bytes = numbers::count(program.bytes);
-        screen.say(format_args!("{}: {bytes} bytes", printable(&program.name)));
+        screen.say(format_args!("{}: {bytes} bytes", plain_text(&program.name)));
         stored.push(program);
     }
     screen.document(&stored);

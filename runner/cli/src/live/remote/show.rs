@@ -2,15 +2,15 @@
 
 use std::fmt::Write as _;
 
+use softplug_gateway::plain_text;
 use softplug_service::view::{
     JobBrief, JobState, JobView, LinkView, PluginRef, Seen, SeenWhat, SwapView,
 };
 
-use super::printable;
 use crate::numbers;
 
 pub(super) fn plugin(plugin: Option<&PluginRef>) -> String {
-    plugin.map_or_else(|| "-".to_owned(), |of| printable(&format!("{} {}", of.name, of.version)))
+    plugin.map_or_else(|| "-".to_owned(), |of| plain_text(&format!("{} {}", of.name, of.version)))
 }
 
 /// What the link is doing, with the machine's hold.
@@ -38,7 +38,7 @@ pub(super) fn doing(link: &LinkView) -> String {
     }
     if let Some(receiving) = &link.receiving {
         let name = receiving.name.as_deref().unwrap_or("unnamed");
-        parts.push(format!("receives {} {}", printable(name), numbers::count(receiving.bytes)));
+        parts.push(format!("receives {} {}", plain_text(name), numbers::count(receiving.bytes)));
     }
     if link.queued > 0 {
         parts.push(format!("{} waiting", link.queued));
@@ -48,13 +48,13 @@ pub(super) fn doing(link: &LinkView) -> String {
 
 /// What is wrong with the link; empty if nothing is.
 pub(super) fn trouble(link: &LinkView) -> String {
-    let parts: Vec<String> = link.trouble.iter().map(|text| printable(text)).collect();
+    let parts: Vec<String> = link.trouble.iter().map(|text| plain_text(text)).collect();
     parts.join("; ")
 }
 
 /// A job by its number and program, with its state unless it runs.
 fn named(job: &JobBrief) -> String {
-    let what = printable(job.program.as_ref().unwrap_or(&job.kind));
+    let what = plain_text(job.program.as_ref().unwrap_or(&job.kind));
     let mut text = format!("{}: {what}", job.id);
     if job.state != JobState::Running {
         let _ = write!(text, " {}", job.state.name());
@@ -66,7 +66,7 @@ fn named(job: &JobBrief) -> String {
 fn brief(job: &JobBrief) -> String {
     let mut text = named(job);
     if !job.progress.text.is_empty() {
-        let _ = write!(text, ", {}", printable(&job.progress.text));
+        let _ = write!(text, ", {}", plain_text(&job.progress.text));
     }
     text
 }
@@ -75,12 +75,12 @@ fn brief(job: &JobBrief) -> String {
 pub(super) fn job(job: &JobView) -> String {
     let what = job.program.as_ref().unwrap_or(&job.kind);
     let mut text =
-        format!("job {}: {} on {}, {}", job.id, printable(what), job.link, job.state.name());
+        format!("job {}: {} on {}, {}", job.id, plain_text(what), job.link, job.state.name());
     if !job.progress.text.is_empty() {
-        let _ = write!(text, ", {}", printable(&job.progress.text));
+        let _ = write!(text, ", {}", plain_text(&job.progress.text));
     }
     if let Some(message) = &job.message {
-        let _ = write!(text, ": {}", printable(message));
+        let _ = write!(text, ": {}", plain_text(message));
     }
     text
 }
@@ -93,7 +93,7 @@ pub(super) fn swap(swap: &SwapView) -> String {
         let _ = write!(text, ", the link stood still for {pause} µs");
     }
     if let Some(message) = &swap.message {
-        let _ = write!(text, ": {}", printable(message));
+        let _ = write!(text, ": {}", plain_text(message));
     }
     text
 }
@@ -104,14 +104,14 @@ pub(super) fn seen(seen: &Seen) -> String {
         SeenWhat::Received { hex } => format!("<- {}", bytes(hex)),
         SeenWhat::Sent { hex } => format!("-> {}", bytes(hex)),
         SeenWhat::LineError { kind, hex } => {
-            format!("!! {} {}", printable(kind), printable(hex.as_deref().unwrap_or_default()))
+            format!("!! {} {}", plain_text(kind), plain_text(hex.as_deref().unwrap_or_default()))
         }
         SeenWhat::Held { is_held: true } => "   held".to_owned(),
         SeenWhat::Held { is_held: false } => "   let go".to_owned(),
-        SeenWhat::ModemLines { on } => format!("   modem lines {}", printable(&on.join(" "))),
-        SeenWhat::State { name } => format!("   state {}", printable(name)),
-        SeenWhat::Note { level, text } => format!("   {}: {}", printable(level), printable(text)),
-        SeenWhat::Other { text } => format!("   {}", printable(text)),
+        SeenWhat::ModemLines { on } => format!("   modem lines {}", plain_text(&on.join(" "))),
+        SeenWhat::State { name } => format!("   state {}", plain_text(name)),
+        SeenWhat::Note { level, text } => format!("   {}: {}", plain_text(level), plain_text(text)),
+        SeenWhat::Other { text } => format!("   {}", plain_text(text)),
     };
     format!("{:>12.6} {}", seen.at_us as f64 / 1e6, what.trim_end())
 }

@@ -5,6 +5,7 @@ use softplug_unit_protocol::{Outcome, ToServer, ToUnit};
 
 use super::{Around, UnitLane};
 use crate::reactor::{JobEnd, JobOutcome, Report, UnitFigures};
+use crate::text::plain_text;
 use crate::units::job::UnitJob;
 
 impl UnitLane {
@@ -176,7 +177,7 @@ fn end_of(job: u32, message: &ToServer<'_>) -> JobEnd {
         Outcome::Done => JobOutcome::Done,
         Outcome::Failed => JobOutcome::Failed { failure, status },
         Outcome::CheckFailed => JobOutcome::CheckFailed { failure, status, line, column },
-        Outcome::SourceFailed => JobOutcome::SourceFailed(why.to_owned()),
+        Outcome::SourceFailed => JobOutcome::SourceFailed(plain_text(why)),
     };
     JobEnd {
         job,

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use softplug_abi::{Failure, LinkDownReason, Micros};
 use softplug_unit_bus::{Consumption, Unit};
 use softplug_unit_protocol::{Digest, SlotState, ToServer, ToUnit};
-use softplug_unit_uplink::{Outbox, plain_text};
+use softplug_unit_uplink::Outbox;
 
 use super::delivery::{Arrivals, Flood};
 use super::job::UnitJob;
@@ -19,6 +19,7 @@ use super::thread::Thread;
 use super::{UnitCommand, UnitLinkFigures, UnitPlugin, UnitSetup, UnitSlotFigures, piece};
 use crate::allowance::Allowance;
 use crate::reactor::{Condition, JobEnd, JobOutcome, LaneId, LaneStatus, Report};
+use crate::text::plain_text;
 use plugin::{Change, fault};
 
 /// The longest fields of a job, and settings, in bytes: they must fit into a message.

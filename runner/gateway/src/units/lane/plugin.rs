@@ -2,11 +2,11 @@
 
 use softplug_abi::{LinkDownReason, Micros};
 use softplug_unit_protocol::{Digest, SlotState, SwapOutcome, ToUnit, WhenCode};
-use softplug_unit_uplink::plain_text;
 
 use super::{AGAIN, Around, UnitLane, longest_fields};
 use crate::reactor::{LaneFault, Probation, Report, SwapReport, When};
 use crate::recorder::Recording;
+use crate::text::plain_text;
 use crate::units::{UnitPlugin, piece};
 
 /// A plug-in on its way into the unit.

@@ -11,10 +11,11 @@ use std::sync::mpsc::Sender;
 use std::task::Waker;
 
 use softplug_abi::{Failure, Micros};
+use softplug_gateway::plain_text;
 use softplug_gateway::reactor::{Command, LaneFigures, LaneId, Probation, Reactor, Report, When};
 use softplug_host::{Host, Session};
 use softplug_unit_protocol::{Digest, ToServer, ToUnit, WhenCode};
-use softplug_unit_uplink::{Outbox, plain_text};
+use softplug_unit_uplink::Outbox;
 
 use crate::config::LinkConfig;
 use crate::memory::{Download, Memory};
