@@ -1,5 +1,7 @@
 //! Planning a bus.
 
+use std::net::TcpListener;
+
 use crate::bench::{Bench, snapshot};
 
 /// A file of the page, which has them all.
@@ -269,4 +271,18 @@ fn a_gateway_whose_bus_is_not_clear_is_told() {
         asked.join().unwrap();
         assert!(ran.err.contains(wanted), "{ran}");
     }
+}
+
+#[test]
+fn a_gateway_that_never_answers_is_not_waited_for_without_end() {
+    let bench = bench();
+    // It takes the connection, and says nothing.
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let url = format!("http://{}", listener.local_addr().unwrap());
+    let ran = bench.run(&["plan", "shop.toml", "--from", &url]).with_code(6);
+    assert!(ran.err.contains("did not answer in time") && ran.err.contains("--from says"), "{ran}");
+    drop(listener);
+    let ran = bench.run(&["plan", "shop.toml", "--from", &url]).with_code(6);
+    assert!(ran.err.contains("cannot be reached") && ran.err.contains("--from says"), "{ran}");
+    assert!(!ran.err.contains("--gateway"), "{ran}");
 }

@@ -10,7 +10,8 @@ use crate::failure::Failure;
 
 /// Of the bus with this name, or of the only one.
 pub(crate) fn measured(remote: &Remote, name: Option<&str>) -> Result<Measured, Failure> {
-    let buses: Vec<BusView> = Client::new(remote)?.get("/buses")?;
+    let client = Client { named_by: "--from", ..Client::new(remote)? };
+    let buses: Vec<BusView> = client.get("/buses")?;
     let names: Vec<_> = buses.iter().map(|bus| plain_text(&bus.name)).collect();
     let names = names.join(", ");
     let bus = match (name, &buses[..]) {

@@ -34,6 +34,10 @@ use crate::line::Assignment;
 
 const ADDRESS: &str = "http://127.0.0.1:8117";
 const CONNECT: Duration = Duration::from_secs(10);
+/// How long the whole answer to a question may take.
+const ANSWER: Duration = Duration::from_secs(15);
+/// How long an order may take, or the begin of a long answer: a plug-in may be compiled first.
+const ORDER: Duration = Duration::from_mins(5);
 /// Largest document that is read, in bytes.
 const DOCUMENT_BYTES: u64 = 64 * 1024 * 1024;
 
@@ -42,6 +46,8 @@ const DOCUMENT_BYTES: u64 = 64 * 1024 * 1024;
 struct Client {
     agent: Agent,
     address: String,
+    /// Options that say where it is.
+    named_by: &'static str,
     token: Option<String>,
 }
 
@@ -64,7 +70,8 @@ impl Client {
             .max_redirects(0)
             // A token is for the gateway alone.
             .proxy(None)
-            .timeout_connect(Some(CONNECT));
+            .timeout_connect(Some(CONNECT))
+            .timeout_recv_response(Some(ORDER));
         if let Some(file) = &remote.ca {
             let pem = files::read(file)?;
             let certificate = Certificate::from_pem(&pem).map_err(|error| {
@@ -76,11 +83,12 @@ impl Client {
                 configuration.tls_config(TlsConfig::builder().root_certs(roots).build());
         }
         let address = address.trim_end_matches('/').to_owned();
-        Ok(Self { agent: configuration.build().into(), address, token })
+        let named_by = "--gateway or SOFTPLUG_GATEWAY";
+        Ok(Self { agent: configuration.build().into(), address, named_by, token })
     }
 
     fn get<T: DeserializeOwned>(&self, path: &str) -> Result<T, Failure> {
-        self.ask("GET", path, None, ()).and_then(|answer| self.read(answer))
+        self.ask("GET", path, None, (), Some(ANSWER)).and_then(|answer| self.read(answer))
     }
 
     fn post<T: DeserializeOwned>(
@@ -102,10 +110,10 @@ impl Client {
         order: Option<&impl Serialize>,
     ) -> Result<T, Failure> {
         let answer = match order {
-            None => self.ask(method, path, None, ()),
+            None => self.ask(method, path, None, (), Some(ORDER)),
             Some(order) => {
                 let text = serde_json::to_vec(order).map_err(Failure::internal)?;
-                self.ask(method, path, Some("application/json"), text)
+                self.ask(method, path, Some("application/json"), text, Some(ORDER))
             }
         };
         self.read(answer?)
@@ -118,18 +126,18 @@ impl Client {
         path: &str,
         body: impl AsSendBody,
     ) -> Result<T, Failure> {
-        let answer = self.ask(method, path, Some("application/octet-stream"), body)?;
+        let answer = self.ask(method, path, Some("application/octet-stream"), body, None)?;
         self.read(answer)
     }
 
     fn delete(&self, path: &str) -> Result<(), Failure> {
-        self.ask("DELETE", path, None, ()).map(drop)
+        self.ask("DELETE", path, None, (), Some(ORDER)).map(drop)
     }
 
     /// Fetches a file, which gets its name when it is complete.
     fn fetch(&self, path: &str, out: &Path, force: bool) -> Result<PathBuf, Failure> {
         Partial::check(out, force)?;
-        let answer = self.ask("GET", path, None, ())?;
+        let answer = self.ask("GET", path, None, (), None)?;
         let mut partial = Partial::create(out, force)?;
         let mut source = answer.into_body().into_reader();
         if let Err(error) = io::copy(&mut source, &mut partial.file) {
@@ -146,7 +154,7 @@ impl Client {
         path: &str,
         mut each: impl FnMut(&str, &str) -> Result<bool, Failure>,
     ) -> Result<(), Failure> {
-        let answer = self.ask("GET", path, None, ())?;
+        let answer = self.ask("GET", path, None, (), None)?;
         let mut lines = BufReader::new(answer.into_body().into_reader());
         let (mut name, mut line) = (String::new(), String::new());
         loop {
@@ -173,6 +181,7 @@ impl Client {
         path: &str,
         kind: Option<&str>,
         body: impl AsSendBody,
+        within: Option<Duration>,
     ) -> Result<Response<Body>, Failure> {
         let mut request =
             Request::builder().method(method).uri(format!("{}/api/v1{path}", self.address));
@@ -185,6 +194,7 @@ impl Client {
         let request = request.body(body).map_err(|error| {
             Failure::usage(format_args!("{} cannot be asked: {error}", self.address))
         })?;
+        let request = self.agent.configure_request(request).timeout_global(within).build();
         let answer = self.agent.run(request).map_err(|error| self.unreachable(&error))?;
         if answer.status().is_success() { Ok(answer) } else { Err(self.refusal(answer)) }
     }
@@ -192,16 +202,27 @@ impl Client {
     fn read<T: DeserializeOwned>(&self, answer: Response<Body>) -> Result<T, Failure> {
         let mut body = answer.into_body();
         body.with_config().limit(DOCUMENT_BYTES).read_json().map_err(|error| {
+            if let ureq::Error::Timeout(_) = error {
+                return self.unreachable(&error);
+            }
             let what = format_args!("{} answered with something else: {error}", self.address);
             Failure::new(Exit::Port, what).hint("is it a Softplug gateway of this version?")
         })
     }
 
     fn unreachable(&self, error: &ureq::Error) -> Failure {
-        let what = format_args!("the gateway at {} cannot be reached: {error}", self.address);
-        Failure::new(Exit::Port, what).hint(
-            "`softplug gateway run` starts one; --gateway or SOFTPLUG_GATEWAY says where it is",
-        )
+        let address = &self.address;
+        if let ureq::Error::Timeout(_) = error {
+            let what = format_args!("{address} did not answer in time ({error})");
+            return Failure::new(Exit::Port, what).hint(format_args!(
+                "is it a Softplug gateway? {} says where it is",
+                self.named_by
+            ));
+        }
+        let what = format_args!("the gateway at {address} cannot be reached: {error}");
+        let named_by = self.named_by;
+        Failure::new(Exit::Port, what)
+            .hint(format_args!("`softplug gateway run` starts one; {named_by} says where it is"))
     }
 
     fn refusal(&self, answer: Response<Body>) -> Failure {
