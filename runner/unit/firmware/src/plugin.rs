@@ -12,7 +12,7 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use softplug_abi::manifest::Manifest;
 use softplug_abi::{Failure, LineParameters, MANIFEST_SECTION};
-use softplug_unit_protocol::{Digest, Outcome, SwapOutcome, ToServer, ToUnit};
+use softplug_unit_protocol::{Digest, KEPT_SETTINGS, Outcome, SwapOutcome, ToServer, ToUnit};
 
 impl<B: Board> Unit<B> {
     /// The plug-in has ended by a fault: whatever ran before it on trial takes its place.
@@ -49,6 +49,7 @@ impl<B: Board> Unit<B> {
     }
 
     pub(crate) fn open(&mut self, digest: Digest, settings: &[u8]) {
+        let settings = self.settings_of(settings);
         let is_there = self.running == Some(digest) && self.settings == settings;
         if is_there && self.lane.is_some() {
             self.tell_link();
@@ -56,7 +57,7 @@ impl<B: Board> Unit<B> {
             self.refuse(ToUnit::OPEN, 0, "a job is under way");
         } else {
             match self.memory.change_to(digest) {
-                Ok(bootable) => self.run(bootable, settings.to_vec()),
+                Ok(bootable) => self.run(bootable, settings),
                 Err(why) => self.refuse(ToUnit::OPEN, 0, &why),
             }
         }
@@ -72,7 +73,7 @@ impl<B: Board> Unit<B> {
         };
         let (outcome, why) = match swapped {
             Ok(bootable) => {
-                self.run(bootable, settings.to_vec());
+                self.run(bootable, self.settings_of(settings));
                 let runs = self.running == Some(digest) && self.lane.is_some();
                 (if runs { SwapOutcome::Done } else { SwapOutcome::Reverted }, String::new())
             }
@@ -81,6 +82,11 @@ impl<B: Board> Unit<B> {
         let pause = (self.board.now() - begin).0.max(0) as u64;
         let why = crate::host::short(&why);
         self.host.outbox.say(&ToServer::Swapped { link: 0, outcome, pause, why });
+    }
+
+    /// Those that a message has.
+    fn settings_of(&self, settings: &[u8]) -> Vec<u8> {
+        if settings == KEPT_SETTINGS { self.settings.clone() } else { settings.to_vec() }
     }
 
     /// Runs a plug-in in the place of the one that runs. First that one goes: there is room for one only.

@@ -11,6 +11,7 @@ mod callers;
 mod config;
 mod door;
 mod error;
+mod holder;
 mod link;
 mod memory;
 mod unit;

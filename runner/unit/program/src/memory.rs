@@ -11,6 +11,7 @@ use softplug_unit_slots::{
 };
 
 use crate::config::{MemoryConfig, SignatureConfig};
+use crate::holder;
 
 /// Times that a plug-in on trial may be started.
 const ATTEMPTS: u8 = 3;
@@ -77,24 +78,40 @@ pub(crate) enum Download {
 pub(crate) struct Memory {
     slots: Slots<'static, AnyDevice>,
     most_erases: u32,
+    /// Why the last boot did not run what the slots hold.
+    passed_over: [Option<PassedOver>; 2],
 }
 
 impl Memory {
     pub(crate) fn open(config: &MemoryConfig, trusted: &SignatureConfig) -> Result<Self, String> {
-        let device = device(config).map_err(|error| error.to_string())?;
+        let device = device(config).map_err(|error| match error.kind() {
+            io::ErrorKind::ResourceBusy => holder::of(&config.path),
+            _ => error.to_string(),
+        })?;
         // There are as many memories as links, and they last as long as the process.
         let keys: &'static [[u8; 32]] = Box::leak(trusted.keys.clone().into_boxed_slice());
         let trust = if trusted.unsigned { Trust::unsigned_too(keys) } else { Trust::signed(keys) };
         let most_erases = config.most_erases;
         let options = Options { trust, attempts: ATTEMPTS, most_erases };
         let slots = Slots::open(device, options).map_err(|error| error.to_string())?;
-        Ok(Self { slots, most_erases })
+        Ok(Self { slots, most_erases, passed_over: [None; 2] })
     }
 
     /// What is to run. An attempt of a trial is counted.
     pub(crate) fn boot(&mut self) -> Result<Option<Bootable>, String> {
         let boot = self.slots.boot();
+        self.passed_over = boot.passed_over;
         self.bootable(&boot)
+    }
+
+    /// Why what the slots hold does not run, if they hold anything.
+    pub(crate) fn passed_over(&self) -> Option<String> {
+        let reasons = Slot::BOTH.into_iter().zip(self.passed_over).filter_map(|(slot, reason)| {
+            let reason = reason.filter(|reason| *reason != PassedOver::NoModule)?;
+            Some(format!("slot {slot} is not run: {reason}"))
+        });
+        let reasons: Vec<String> = reasons.chain(self.foreign()).collect();
+        (!reasons.is_empty()).then(|| reasons.join("; "))
     }
 
     fn bootable(&mut self, boot: &Boot) -> Result<Option<Bootable>, String> {

@@ -23,7 +23,7 @@ pub use frame::{
     Frame, FrameError, FrameKind, HEADER, LONGEST, PAYLOAD, TRAILER, VERSION, length_of_frame,
 };
 pub use message::{
-    Decode, Digest, Encode, Encoded, MessageError, Messages, Outcome, SlotState, SwapOutcome,
-    ToServer, ToUnit, WhenCode,
+    Decode, Digest, Encode, Encoded, KEPT_SETTINGS, MessageError, Messages, Outcome, SlotState,
+    SwapOutcome, ToServer, ToUnit, WhenCode,
 };
 pub use session::{EndReason, Identity, RefuseReason, Role, Session, SessionError, SessionEvent};

@@ -22,7 +22,7 @@ use crate::memory::{Download, Memory};
 use delivery::Deliveries;
 use job::Jobs;
 use plugin::{Purpose, Running};
-use settings::Settings;
+use settings::Given;
 
 pub(crate) use plugin::Compiled;
 
@@ -75,7 +75,9 @@ pub(crate) struct Link {
     /// Its digest is being compiled.
     awaited: Option<Digest>,
     /// Settings with which that is wanted in the end.
-    wanted: Option<Settings>,
+    wanted: Option<Given>,
+    /// Settings that held before those of what is on trial.
+    before: Option<Given>,
     /// The fault that comes was asked for.
     is_halted: bool,
     next: Option<Box<Running>>,
@@ -89,6 +91,8 @@ pub(crate) struct Link {
     down: Option<(softplug_abi::LinkDownReason, Micros, String)>,
     state: String,
     fault: Option<String>,
+    /// Why nothing runs, if that is known.
+    trouble: Option<String>,
     /// An answer that is not whole yet: to which request, and what has come of it.
     answer: (u32, Vec<u8>),
     counted: Option<LaneFigures>,
@@ -116,6 +120,7 @@ impl Link {
             former: None,
             awaited: None,
             wanted: None,
+            before: None,
             is_halted: false,
             next: None,
             is_on_trial: false,
@@ -125,6 +130,7 @@ impl Link {
             down: None,
             state: String::new(),
             fault: None,
+            trouble: None,
             answer: (0, Vec::new()),
             counted: None,
         }
@@ -143,11 +149,16 @@ impl Link {
         if let Some(foreign) = self.memory.foreign() {
             tracing::warn!(link = self.config.name, "{foreign}");
         }
-        let settings = self.kept_settings().unwrap_or_else(|| self.config.settings.clone());
         match self.memory.boot() {
-            Ok(Some(bootable)) => self.compile(bootable, settings, Purpose::Run, around),
-            Ok(None) => tracing::info!(link = self.config.name, "nothing in its memory can run"),
-            Err(error) => tracing::error!(link = self.config.name, error, "its plug-in cannot run"),
+            Ok(Some(bootable)) => self.compile(bootable, self.settings(), Purpose::Run, around),
+            Ok(None) => {
+                tracing::info!(link = self.config.name, "nothing in its memory can run");
+                self.trouble = self.memory.passed_over();
+            }
+            Err(error) => {
+                tracing::error!(link = self.config.name, error, "its plug-in cannot run");
+                self.trouble = Some(error);
+            }
         }
     }
 

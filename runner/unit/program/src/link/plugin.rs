@@ -3,7 +3,7 @@
 use std::thread;
 
 use softplug_abi::manifest::SettingValues;
-use softplug_abi::{LineParameters, Micros};
+use softplug_abi::{LineParameters, Micros, NoteLevel};
 use softplug_gateway::PortOptions;
 use softplug_gateway::channel::StationOptions;
 use softplug_gateway::port::parse_line;
@@ -14,7 +14,7 @@ use softplug_host::Plugin;
 use softplug_link::{Spare, Successor};
 use softplug_unit_protocol::{Digest, SwapOutcome, ToServer, ToUnit};
 
-use super::settings::{Settings, pairs};
+use super::settings::Given;
 use super::{Link, Surroundings, short};
 use crate::memory::Bootable;
 
@@ -30,7 +30,7 @@ pub(crate) struct Compiled {
     pub(crate) link: u8,
     plugin: Result<Plugin, String>,
     digest: Digest,
-    settings: Settings,
+    given: Given,
     purpose: Purpose,
 }
 
@@ -47,7 +47,7 @@ pub(super) enum Purpose {
 pub(super) struct Running {
     pub(super) digest: Digest,
     pub(super) plugin: Plugin,
-    pub(super) settings: Settings,
+    pub(super) given: Given,
     pub(super) values: SettingValues,
 }
 
@@ -56,7 +56,7 @@ impl Link {
     pub(super) fn compile(
         &mut self,
         bootable: Bootable,
-        settings: Settings,
+        given: Given,
         purpose: Purpose,
         around: &mut Surroundings<'_>,
     ) {
@@ -68,7 +68,7 @@ impl Link {
         let link = self.number;
         let load = move || {
             let plugin = host.load_bytes(&bytes).map_err(|error| error.to_string());
-            if compiled.send(Compiled { link, plugin, digest, settings, purpose }).is_ok() {
+            if compiled.send(Compiled { link, plugin, digest, given, purpose }).is_ok() {
                 waker.wake();
             }
         };
@@ -86,13 +86,20 @@ impl Link {
             return;
         }
         self.awaited = None;
-        let Compiled { plugin, digest, settings, purpose, .. } = compiled;
-        let settings = self.wanted.take().unwrap_or(settings);
+        let Compiled { plugin, digest, given, purpose, .. } = compiled;
+        let given = self.wanted.take().unwrap_or(given);
         let running = plugin.and_then(|plugin| {
-            let given = settings.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+            let named = given.settings.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+            let values = plugin.manifest().resolve_settings(named);
             let values =
-                plugin.manifest().resolve_settings(given).map_err(|error| error.to_string())?;
-            Ok(Running { digest, plugin, settings, values })
+                values.map_err(|error| format!("it does not take its settings: {error}"))?;
+            // Before anything is changed: what cannot be kept does not run.
+            let is_swap = matches!(purpose, Purpose::Swap { .. }) && self.lane.is_some();
+            self.before = Some(self.settings());
+            if !is_swap {
+                self.keep_settings(&given).map_err(|error| error.to_string())?;
+            }
+            Ok(Running { digest, plugin, given, values })
         });
         match (running, purpose) {
             (Ok(running), Purpose::Swap { when, probation }) if self.lane.is_some() => {
@@ -101,6 +108,7 @@ impl Link {
             (Ok(running), _) => self.run(running, around),
             (Err(why), purpose) => {
                 tracing::error!(link = self.config.name, why, "a plug-in is not taken");
+                self.trouble = Some(why.clone());
                 match purpose {
                     Purpose::Run => self.refuse(ToUnit::OPEN, 0, &why, around),
                     Purpose::Swap { .. } => self.tell_swap(SwapOutcome::Refused, 0, &why, around),
@@ -131,11 +139,13 @@ impl Link {
             Ok(instance) => instance,
             Err(error) => {
                 self.refuse(ToUnit::OPEN, 0, &error.to_string(), around);
+                self.trouble = Some(error.to_string());
                 self.not_run(around);
                 return;
             }
         };
-        let given = running.settings.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+        let given = running.given.settings.iter();
+        let given = given.map(|(name, value)| (name.as_str(), value.as_str()));
         let named = running.plugin.manifest().line_for(given, &running.values);
         let base = named.map_or(LineParameters::new(0), |named| named.parameters);
         let text = self.config.line.as_deref().unwrap_or_default();
@@ -161,9 +171,8 @@ impl Link {
             },
         );
         self.lane = Some(lane);
-        self.keep_settings(&running.settings);
         self.running = Some(running);
-        self.fault = None;
+        (self.fault, self.trouble) = (None, None);
         self.tell_link(around);
     }
 
@@ -208,7 +217,7 @@ impl Link {
             SwapReport::Waiting => (SwapOutcome::Waiting, 0, String::new()),
             SwapReport::Done { pause, with_state, on_probation } => {
                 if let Some(successor) = self.successor.take() {
-                    self.keep_settings(&successor.settings);
+                    self.keep_or_tell(&successor.given, around);
                     let former = self.running.replace(successor);
                     self.former = former.filter(|_| on_probation);
                 }
@@ -234,10 +243,8 @@ impl Link {
             }
             SwapReport::Reverted(fault) => {
                 self.running = self.former.take();
-                if let Some(settings) =
-                    self.running.as_ref().map(|running| running.settings.clone())
-                {
-                    self.keep_settings(&settings);
+                if let Some(given) = self.running.as_ref().map(|running| running.given.clone()) {
+                    self.keep_or_tell(&given, around);
                 }
                 self.give_up_trial();
                 (SwapOutcome::Reverted, 0, fault.sentence)
@@ -261,8 +268,18 @@ impl Link {
     /// What is on trial does not do, and nothing else runs: the plug-in before it takes its place.
     pub(super) fn give_way(&mut self, around: &mut Surroundings<'_>) {
         if let Some(bootable) = self.give_up_trial() {
-            let settings = self.kept_settings().unwrap_or_else(|| self.config.settings.clone());
-            self.compile(bootable, settings, Purpose::Run, around);
+            let before = self.before.take().unwrap_or_else(|| self.settings());
+            self.compile(bootable, before, Purpose::Run, around);
+        }
+    }
+
+    /// What runs already goes on, also where its settings cannot be kept.
+    fn keep_or_tell(&self, given: &Given, around: &mut Surroundings<'_>) {
+        if let Err(error) = self.keep_settings(given) {
+            let text = format!("{error}: after a start the settings are old");
+            tracing::error!(link = self.config.name, "{text}");
+            let (link, level) = (self.number, NoteLevel::Error);
+            around.say(&ToServer::Note { link, level, code: 0, text: short(&text) });
         }
     }
 
@@ -278,14 +295,16 @@ impl Link {
     }
 
     pub(super) fn open(&mut self, digest: Digest, settings: &[u8], around: &mut Surroundings<'_>) {
+        let given = self.settings_of(settings);
         let is_there = self.running.as_ref().is_some_and(|running| {
-            running.digest == digest && Some(&running.settings) == pairs(settings).as_ref()
+            let given = given.as_ref().map(|given| &given.settings);
+            running.digest == digest && Some(&running.given.settings) == given
         });
         if is_there && self.lane.is_some() && self.fault.is_none() {
             self.tell_link(around);
-        } else if self.awaited == Some(digest) && pairs(settings).is_some() {
+        } else if self.awaited == Some(digest) && given.is_some() {
             // It is on its way, after a start for instance.
-            self.wanted = pairs(settings);
+            self.wanted = given;
         } else if self.jobs.is_under_way() {
             self.refuse(ToUnit::OPEN, 0, "a job is under way", around);
         } else {
@@ -302,7 +321,7 @@ impl Link {
         message: u8,
         around: &mut Surroundings<'_>,
     ) {
-        let Some(settings) = pairs(settings) else {
+        let Some(given) = self.settings_of(settings) else {
             self.refuse(message, 0, "the settings are not pairs of texts", around);
             return;
         };
@@ -311,7 +330,7 @@ impl Link {
             return;
         }
         match self.memory.change_to(digest) {
-            Ok(bootable) => self.compile(bootable, settings, purpose, around),
+            Ok(bootable) => self.compile(bootable, given, purpose, around),
             Err(why) => self.refuse(message, 0, &why, around),
         }
     }

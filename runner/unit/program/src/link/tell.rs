@@ -1,5 +1,6 @@
 //! What a server is told of a link as a whole.
 
+use softplug_abi::NoteLevel;
 use softplug_gateway::reactor::LaneFigures;
 use softplug_unit_protocol::ToServer;
 
@@ -33,6 +34,10 @@ impl Link {
         }
         if let Some(fault) = &self.fault {
             around.say(&ToServer::Fault { link, what: short(fault) });
+        }
+        if let Some(trouble) = self.trouble.as_ref().filter(|_| self.running.is_none()) {
+            let (level, code) = (NoteLevel::Error, 0);
+            around.say(&ToServer::Note { link, level, code, text: short(trouble) });
         }
         self.answer = (0, Vec::new());
         self.jobs.tell_all(around);

@@ -22,6 +22,9 @@ const HEAD: usize = 3;
 /// SHA-256 of a module.
 pub type Digest = [u8; 32];
 
+/// In the place of settings: those that the link has.
+pub const KEPT_SETTINGS: &[u8] = &[0];
+
 /// A message that can be written.
 pub trait Encode {
     /// Writes it to the start of `buffer`, and returns its length in bytes, the head included.

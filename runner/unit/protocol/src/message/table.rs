@@ -99,7 +99,8 @@ messages! {
             link: u8,
             /// Which plug-in; it is in one of the slots.
             digest: Digest,
-            /// Its settings: name and value, each ended by a byte 00.
+            /// Its settings: name and value, each ended by a byte 00; or
+            /// [`KEPT_SETTINGS`](crate::KEPT_SETTINGS).
             settings: &'a [u8],
         }
         /// Let what the port has been given leave, then close the link.
@@ -224,7 +225,8 @@ messages! {
             events: u64,
             /// … and for so many µs, until both have passed.
             span: u64,
-            /// Its settings: name and value, each ended by a byte 00.
+            /// Its settings: name and value, each ended by a byte 00; or
+            /// [`KEPT_SETTINGS`](crate::KEPT_SETTINGS).
             settings: &'a [u8],
         }
         /// Give up a swap that waits.
@@ -537,7 +539,7 @@ messages! {
             /// Which request.
             request: u32,
         }
-        /// The plug-in says something.
+        /// The plug-in says something; where none runs, the unit says why.
         18 Note {
             /// The link.
             link: u8,
