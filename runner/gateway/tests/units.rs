@@ -17,7 +17,7 @@ use softplug_gateway::units::{
 };
 use softplug_link::Job;
 use softplug_unit_protocol::{
-    Identity, Messages, Outcome, Role, Session, SlotState, ToServer, ToUnit,
+    Encoded, Identity, Messages, Outcome, Role, Session, SlotState, ToServer, ToUnit,
 };
 use softplug_unit_uplink::{Outbox, TcpUplink, Uplink};
 
@@ -420,4 +420,85 @@ fn who_answers_the_handshake_of_tls_with_something_else_is_told_so() {
     assert!(detail.contains("the other side speaks without TLS"), "{detail}");
     let error = UnitClient::connect(&unit, Some(&keys), 1, PATIENCE).unwrap_err();
     assert!(error.to_string().contains("the other side speaks without TLS"), "{error}");
+}
+
+#[test]
+fn names_that_would_steer_a_terminal_are_made_plain() {
+    let (unit, thread) = listening::<1024>(|message, outbox| {
+        honest(message, outbox, "mi\u{1b}[2J\u{9b}\r\u{202e}\u{2066}ll");
+    });
+    let mut client = UnitClient::connect(&unit, None, 1, PATIENCE / 2).unwrap();
+    let survey = client.survey().unwrap();
+    assert_eq!(survey.links[0].name, "mi\\u{1b}[2J\\u{9b}\\r\\u{202e}\\u{2066}ll");
+    let refused = client.flash(Some("mill"), &plugin(&module()), |_| {}).unwrap_err().to_string();
+    assert!(refused.ends_with(&survey.links[0].name), "{refused}");
+    drop(client);
+    thread.join().unwrap();
+}
+
+#[test]
+fn a_download_that_goes_no_further_ends() {
+    let (unit, thread) = listening::<1024>(|message, outbox| match message {
+        ToUnit::Piece { link, .. } => {
+            outbox.push(&ToServer::Downloaded { link: *link, until: 0 }, false);
+        }
+        message => empty(message, outbox),
+    });
+    let mut client = UnitClient::connect(&unit, None, 1, PATIENCE / 2).unwrap();
+    let mut told = 0;
+    let error = client.flash(None, &plugin(&module()), |_| told += 1).unwrap_err();
+    assert!(matches!(error, UnitClientError::Stuck { .. }), "{error}");
+    assert_eq!(told, 17);
+    drop(client);
+    thread.join().unwrap();
+}
+
+#[test]
+fn an_answer_that_is_no_message_is_the_units_fault() {
+    let (unit, thread) = listening::<1024>(|message, outbox| {
+        if let ToUnit::Query {} = message {
+            outbox.push(&Encoded(&[200, 0, 0]), false);
+        }
+    });
+    let mut client = UnitClient::connect(&unit, None, 1, PATIENCE / 2).unwrap();
+    let error = client.survey().unwrap_err();
+    assert!(matches!(error, UnitClientError::NoMessage { .. }), "{error}");
+    drop(client);
+    thread.join().unwrap();
+}
+
+#[test]
+fn a_plug_in_that_ends_at_once_does_not_pass_for_one_that_runs() {
+    let (unit, thread) = listening::<1024>(|message, outbox| match message {
+        ToUnit::Open { link, digest, .. } => {
+            let (link, digest) = (*link, *digest);
+            let (job, pass, received, is_whole, name) = (0, 0, 0, false, "mill");
+            let is_up = false;
+            let told = ToServer::Link { link, is_up, digest, job, pass, received, is_whole, name };
+            outbox.push(&told, false);
+            outbox.push(&ToServer::Fault { link, what: "it\u{1b}[2J trapped" }, false);
+        }
+        message => empty(message, outbox),
+    });
+    let mut client = UnitClient::connect(&unit, None, 1, PATIENCE / 2).unwrap();
+    let error = client.flash(None, &plugin(&module()), |_| {}).unwrap_err();
+    assert!(matches!(error, UnitClientError::NotRun { .. }), "{error}");
+    assert!(error.to_string().ends_with("by a fault: it\\u{1b}[2J trapped"), "{error}");
+    drop(client);
+    thread.join().unwrap();
+}
+
+#[test]
+fn a_gateways_download_that_goes_no_further_is_told() {
+    let played = Played::that_takes::<1024>(&module(), |message, outbox| match message {
+        ToUnit::Piece { link, .. } => {
+            outbox.push(&ToServer::Downloaded { link: *link, until: 0 }, false);
+        }
+        message => empty(message, outbox),
+    });
+    let detail = played.until(|report| match report {
+        Report::Down { detail, .. } => Some(detail.clone()),
+        _ => None,
+    });
+    assert!(detail.contains("goes no further"), "{detail}");
 }

@@ -1,13 +1,14 @@
 //! A unit that is asked and given a plug-in by hand: one connection that waits.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::net::ToSocketAddrs;
 use std::time::{Duration, Instant};
 
 use mio::{Events, Interest, Poll, Token};
 use softplug_unit_protocol::{
-    Digest, Encode, Identity, Messages, RefuseReason, Role, Session, SessionEvent, SlotState,
-    ToServer, ToUnit,
+    Digest, Encode, Identity, KEPT_SETTINGS, MessageError, Messages, RefuseReason, Role, Session,
+    SessionEvent, SlotState, ToServer, ToUnit,
 };
 use softplug_unit_uplink::{
     CanEnd, CanUplink, Closed, Outbox, TcpUplink, TlsError, TlsKeys, Uplink,
@@ -15,6 +16,7 @@ use softplug_unit_uplink::{
 use thiserror::Error;
 
 use super::connection::ServerSession;
+use super::headway::Headway;
 use super::lane::longest_fields;
 use super::{UnitPlace, UnitPlugin, piece};
 use crate::clock::Clock;
@@ -53,6 +55,24 @@ pub enum UnitClientError {
         /// The unit.
         unit: String,
     },
+    /// What it answers is no message.
+    #[error(
+        "{unit} answers with what is no message of the unit protocol, and is at fault: {reason}"
+    )]
+    NoMessage {
+        /// The unit.
+        unit: String,
+        /// What is wrong with it.
+        reason: MessageError,
+    },
+    /// It answers, and what it is asked for makes no headway.
+    #[error("{unit} answers and goes no further with {what}: it is at fault, or its memory is")]
+    Stuck {
+        /// The unit.
+        unit: String,
+        /// What it was asked for.
+        what: &'static str,
+    },
     /// It speaks another version of the protocol.
     #[error("{unit} speaks another version of the unit protocol")]
     Version {
@@ -85,11 +105,21 @@ pub enum UnitClientError {
         /// Why, as it says.
         why: String,
     },
+    /// It has the plug-in, and does not run it.
+    #[error("{unit} has the plug-in and does not run it: {why}")]
+    NotRun {
+        /// The unit.
+        unit: String,
+        /// Why, as it says.
+        why: String,
+    },
 }
 
 /// Nothing over CAN says that a session is over: a unit that is driven may be free after this span,
 /// in which nobody was heard.
 const OVER: Duration = Duration::from_secs(4);
+/// How long is waited for what becomes of a plug-in that has begun to run.
+const SETTLING: Duration = Duration::from_secs(3);
 
 /// What a unit is and has.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
@@ -115,6 +145,8 @@ pub struct UnitLinkSurvey {
     pub has_job: bool,
     /// Its slots, A and B.
     pub slots: [UnitSlotSurvey; 2],
+    /// Why its plug-in does not run, or why there is none, as the unit says.
+    pub trouble: Option<String>,
 }
 
 /// A slot of a link.
@@ -134,6 +166,18 @@ pub struct UnitSlotSurvey {
 
 const EMPTY: UnitSlotSurvey =
     UnitSlotSurvey { state: SlotState::Empty, length: 0, digest: [0; 32], erased: 0, erasable: 0 };
+
+/// What was made of a message.
+enum Heard<T> {
+    /// It is what was waited for.
+    Found(T),
+    /// What is waited for comes nearer.
+    Headway,
+    /// It says nothing of it.
+    Nothing,
+    /// It was said too often.
+    Enough,
+}
 
 /// A session with a unit that nobody else drives.
 ///
@@ -187,7 +231,9 @@ impl UnitClient {
         let outbox = Outbox::default();
         let mut client =
             Self { unit, poll, uplink, session, outbox, clock, patience, busy_since: None };
-        client.wait(|client, _| client.session.is_up().then_some(()))?;
+        client.wait("a session", |client, _| {
+            if client.session.is_up() { Heard::Found(()) } else { Heard::Nothing }
+        })?;
         client.outbox.begin(client.session.longest_message());
         Ok(client)
     }
@@ -200,38 +246,64 @@ impl UnitClient {
         self.outbox.push(&ToUnit::Query {}, false);
         let mut survey = UnitSurvey::default();
         let (mut slots, mut count) = (vec![[EMPTY; 2]; 256], None);
-        self.wait(|_, message| {
-            match *message? {
-                ToServer::Unit { links, serial, name } => {
-                    (survey.serial, count) = (serial, Some(usize::from(links)));
-                    survey.name = plain_text(name);
+        let mut links: BTreeMap<u8, UnitLinkSurvey> = BTreeMap::new();
+        let mut told = BTreeSet::new();
+        self.wait("saying what it is", |_, message| {
+            let is_news = match message {
+                Some(&ToServer::Unit { links, serial, name }) => {
+                    (survey.serial, survey.name) = (serial, plain_text(name));
+                    count.replace(usize::from(links)).is_none()
                 }
-                ToServer::Slot { link, slot, state, length, digest, erased, erasable } => {
+                Some(&ToServer::Slot { link, slot, state, length, digest, erased, erasable }) => {
                     if let Some(place) = slots[usize::from(link)].get_mut(usize::from(slot)) {
                         *place = UnitSlotSurvey { state, length, digest, erased, erasable };
                     }
+                    false
                 }
-                ToServer::Link { link, is_up, digest, job, name, .. } => {
-                    survey.links.push(UnitLinkSurvey {
+                Some(&ToServer::Link { link, is_up, digest, job, name, .. }) => {
+                    let found = UnitLinkSurvey {
                         name: plain_text(name),
                         is_up,
                         runs: (digest != [0; 32]).then_some(digest),
                         has_job: job != 0,
                         slots: slots[usize::from(link)],
-                    });
+                        trouble: None,
+                    };
+                    links.insert(link, found).is_none()
                 }
-                _ => {}
+                Some(&ToServer::Fault { link, what }) => {
+                    if let Some(link) = links.get_mut(&link) {
+                        link.trouble = Some(plain_text(what));
+                    }
+                    false
+                }
+                // What a plug-in says is no trouble of its own.
+                Some(&ToServer::Note { link, text, .. }) => {
+                    if let Some(link) = links.get_mut(&link).filter(|link| link.runs.is_none()) {
+                        link.trouble = Some(plain_text(text));
+                    }
+                    false
+                }
+                Some(&ToServer::Told { link }) => told.insert(link),
+                _ => false,
+            };
+            let is_whole = count == Some(told.len()) && count == Some(links.len());
+            match (is_whole, is_news) {
+                (true, _) => Heard::Found(()),
+                (false, true) => Heard::Headway,
+                (false, false) => Heard::Nothing,
             }
-            (count == Some(survey.links.len())).then_some(())
         })?;
+        survey.links = links.into_values().collect();
         Ok(survey)
     }
 
-    /// Downloads a plug-in for a link, if it is not there, and has it run. `progress` is told how
+    /// Downloads a plug-in for a link, if it is not there, and has it run; without settings, with those
+    /// that the link has. `progress` is told how
     /// many bytes are in the unit's memory. Returns whether anything was downloaded.
     ///
     /// # Errors
-    /// There is no such link, or the unit does not take the plug-in.
+    /// There is no such link, or the unit does not take the plug-in, or does not run it.
     pub fn flash(
         &mut self,
         link: Option<&str>,
@@ -269,8 +341,13 @@ impl UnitClient {
             return Err(self.not_taken("it takes no message as long as a signature".to_owned()));
         }
         self.outbox.push(&ToUnit::Download { link, length, digest: *digest, signature }, false);
-        let whole = self.wait(|client, message| match *message? {
-            ToServer::Downloaded { until, .. } => {
+        let mut headway = Headway::default();
+        let whole = self.wait("the download", |client, message| match message {
+            Some(&ToServer::Downloaded { until, .. }) => {
+                headway.take(until);
+                if headway.is_none() {
+                    return Heard::Enough;
+                }
                 progress(until);
                 let rest = module.get(until as usize..).unwrap_or_default();
                 let next: &dyn Encode = if rest.is_empty() {
@@ -280,14 +357,15 @@ impl UnitClient {
                     &ToUnit::Piece { link, at: until, bytes }
                 };
                 client.outbox.push(&next, false);
-                None
+                if headway.is_some() { Heard::Headway } else { Heard::Nothing }
             }
-            ToServer::Installed { .. } => Some(Ok(())),
-            ToServer::NotInstalled { why, .. } => Some(Err(plain_text(why))),
-            _ => None,
+            Some(&ToServer::Installed { .. }) => Heard::Found(Ok(())),
+            Some(&ToServer::NotInstalled { why, .. }) => Heard::Found(Err(plain_text(why))),
+            _ => Heard::Nothing,
         })?;
         whole.map_err(|why| self.not_taken(why))?;
-        self.open(link, plugin)?.map_err(|why| self.not_taken(why))?;
+        let opened = self.open(link, plugin)?;
+        opened.map_err(|why| UnitClientError::NotRun { unit: self.unit.clone(), why })?;
         Ok(true)
     }
 
@@ -297,7 +375,10 @@ impl UnitClient {
         link: u8,
         plugin: &UnitPlugin,
     ) -> Result<Result<(), String>, UnitClientError> {
-        let settings = super::lane::pairs(&plugin.settings);
+        let settings = match &plugin.settings[..] {
+            [] => KEPT_SETTINGS.to_vec(),
+            settings => super::lane::pairs(settings),
+        };
         let most = longest_fields(&self.outbox);
         if settings.len() > most {
             return Ok(Err(format!(
@@ -307,12 +388,28 @@ impl UnitClient {
         }
         let wanted = plugin.digest;
         self.outbox.push(&ToUnit::Open { link, digest: wanted, settings: &settings }, false);
-        self.wait(|_, message| match *message? {
-            ToServer::Link { link: of, digest, .. } if of == link && digest == wanted => {
-                Some(Ok(()))
+        let mut began: Option<Instant> = None;
+        self.wait("running the plug-in", |_, message| match message {
+            Some(&ToServer::Link { link: of, digest, is_up, .. })
+                if of == link && digest == wanted =>
+            {
+                began.get_or_insert_with(Instant::now);
+                if is_up { Heard::Found(Ok(())) } else { Heard::Headway }
             }
-            ToServer::Refused { why, .. } => Some(Err(plain_text(why))),
-            _ => None,
+            Some(&ToServer::Refused { message: ToUnit::OPEN, link: of, why, .. }) if of == link => {
+                Heard::Found(Err(plain_text(why)))
+            }
+            Some(&ToServer::Fault { link: of, what }) if of == link && began.is_some() => {
+                Heard::Found(Err(format!("it has ended by a fault: {}", plain_text(what))))
+            }
+            // Its port is the unit's matter: the plug-in runs as soon as that opens.
+            Some(&(ToServer::Up { link: of } | ToServer::Down { link: of, .. }))
+                if of == link && began.is_some() =>
+            {
+                Heard::Found(Ok(()))
+            }
+            _ if began.is_some_and(|began| began.elapsed() >= SETTLING) => Heard::Found(Ok(())),
+            _ => Heard::Nothing,
         })
     }
 
@@ -321,29 +418,46 @@ impl UnitClient {
     }
 
     /// Works until `find` finds something, which is called for each message and whenever the
-    /// session has changed. Patience begins anew with each message.
+    /// session has changed. Patience begins anew with each message that is headway.
     fn wait<T>(
         &mut self,
-        mut find: impl FnMut(&mut Self, Option<&ToServer<'_>>) -> Option<T>,
+        what: &'static str,
+        mut find: impl FnMut(&mut Self, Option<&ToServer<'_>>) -> Heard<T>,
     ) -> Result<T, UnitClientError> {
         let mut events = Events::with_capacity(4);
         let mut until = Instant::now() + self.patience;
+        let mut answers = false;
         loop {
             while let Some(frame) = self.next_frame()? {
                 let Ok(Some(payload)) = self.session.receive(self.clock.now(), &frame) else {
                     continue;
                 };
-                for message in Messages::<ToServer<'_>>::new(payload).map_while(Result::ok) {
-                    until = Instant::now() + self.patience;
-                    if let Some(found) = find(self, Some(&message)) {
-                        self.speak()?;
-                        return Ok(found);
+                for message in Messages::<ToServer<'_>>::new(payload) {
+                    let message = message.map_err(|reason| UnitClientError::NoMessage {
+                        unit: self.unit.clone(),
+                        reason,
+                    })?;
+                    answers = true;
+                    match find(self, Some(&message)) {
+                        Heard::Found(found) => {
+                            self.speak()?;
+                            return Ok(found);
+                        }
+                        Heard::Headway => until = Instant::now() + self.patience,
+                        Heard::Nothing => {}
+                        Heard::Enough => {
+                            return Err(UnitClientError::Stuck { unit: self.unit.clone(), what });
+                        }
                     }
+                }
+                // Somebody who never pauses is not heard for ever.
+                if Instant::now() >= until {
+                    break;
                 }
             }
             self.session.handle_timeout(self.clock.now());
             self.look_at_session()?;
-            if let Some(found) = find(self, None) {
+            if let Heard::Found(found) = find(self, None) {
                 return Ok(found);
             }
             self.speak()?;
@@ -356,6 +470,7 @@ impl UnitClient {
                 }
                 return Err(match self.busy_since {
                     Some(_) if !self.session.is_up() => UnitClientError::Busy { unit },
+                    _ if answers => UnitClientError::Stuck { unit, what },
                     _ => UnitClientError::Silent { unit },
                 });
             }

@@ -14,6 +14,7 @@ mod client;
 mod connection;
 mod delivery;
 mod find;
+mod headway;
 mod job;
 mod lane;
 mod thread;

@@ -7,6 +7,7 @@ use super::{AGAIN, Around, UnitLane, longest_fields};
 use crate::reactor::{LaneFault, Probation, Report, SwapReport, When};
 use crate::recorder::Recording;
 use crate::text::plain_text;
+use crate::units::headway::Headway;
 use crate::units::{UnitPlugin, piece};
 
 /// A plug-in on its way into the unit.
@@ -15,6 +16,7 @@ pub(super) struct Change {
     /// `None`: it is the link's first one, or has other settings.
     pub(super) swap: Option<(When, Probation)>,
     pub(super) is_ordered: bool,
+    pub(super) headway: Headway,
 }
 
 impl UnitLane {
@@ -33,7 +35,7 @@ impl UnitLane {
         let slots = self.slots;
         let runs = self.runs;
         let Some(change) = self.change.as_mut().filter(|change| !change.is_ordered) else { return };
-        change.is_ordered = true;
+        (change.is_ordered, change.headway) = (true, Headway::default());
         let UnitPlugin { ref module, digest, ref signature, ref settings } = change.plugin;
         let is_there = digest == runs
             || slots.iter().any(|(state, there)| {
@@ -75,7 +77,12 @@ impl UnitLane {
     }
 
     pub(super) fn downloaded(&mut self, until: u32, around: &mut Around<'_>) {
-        let (Some(link), Some(change)) = (self.number, &self.change) else { return };
+        let (Some(link), Some(change)) = (self.number, &mut self.change) else { return };
+        change.headway.take(until);
+        if change.headway.is_none() {
+            self.not_taken("it answers, and the download goes no further", around);
+            return;
+        }
         let module = &change.plugin.module;
         let rest = module.get(until as usize..).unwrap_or_default();
         if rest.is_empty() {
