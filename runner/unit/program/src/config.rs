@@ -1,8 +1,9 @@
 //! `unit.toml`.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::BTreeMap;
 use std::fmt;
-use std::fs;
+use std::fs::{self, File};
+use std::io::{self, Read};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
@@ -12,12 +13,19 @@ use serde::Deserialize;
 use sha2::{Digest, Sha256};
 use softplug_abi::LineParameters;
 use softplug_gateway::port::parse_line;
-use softplug_gateway::{PortSpec, quantity};
+use softplug_gateway::{PortSpec, plain_text, quantity};
 use softplug_unit_uplink::{CanAddress, TlsKeys, TlsPrivateKey, TlsPublicKey};
 use thiserror::Error;
+use toml::{Spanned, Value};
+
+use crate::error::UnitError;
+use crate::mistake::Mistake;
+use crate::paths;
 
 /// The largest `unit.toml`, in bytes.
 const LARGEST_FILE: u64 = 1 << 20;
+/// The largest file with a public key, in bytes.
+const LARGEST_KEY: u64 = 64 << 10;
 /// Most links of a unit: their numbers have a byte in a message, and 255 means none.
 const MOST_LINKS: usize = 64;
 /// Bytes of a link's buffer.
@@ -43,7 +51,7 @@ pub struct UnitConfig {
     pub tls: Option<TlsKeys>,
     /// Whose plug-ins it takes.
     pub signature: SignatureConfig,
-    /// Its links, in the order of the file. Their names are distinct.
+    /// Its links, in the order of the file. Their names are distinct, and so are their memories.
     pub links: Vec<LinkConfig>,
 }
 
@@ -110,7 +118,7 @@ pub struct MemoryConfig {
 #[derive(Debug, Error)]
 pub enum ConfigError {
     /// The file cannot be read.
-    #[error("{}: {reason}", file.display())]
+    #[error("{} cannot be read: {reason}", shown(file))]
     Unreadable {
         /// The file.
         file: PathBuf,
@@ -118,29 +126,37 @@ pub enum ConfigError {
         reason: String,
     },
     /// It says what cannot be.
-    #[error("{}: {reason}", file.display())]
+    #[error("{}:{line}:{column}: {reason}", shown(file))]
     Wrong {
         /// The file.
         file: PathBuf,
-        /// What and where, for people.
+        /// Line, counted from 1.
+        line: usize,
+        /// Column in characters, counted from 1.
+        column: usize,
+        /// What, and what to do, in one line.
         reason: String,
     },
+}
+
+fn shown(file: &Path) -> String {
+    plain_text(&file.display().to_string())
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct WrittenUnit {
-    name: Option<String>,
+    name: Option<Spanned<String>>,
     serial: Option<u64>,
     listen: Option<SocketAddr>,
-    can: Option<String>,
+    can: Option<Spanned<String>>,
     #[serde(default = "default_state")]
     state: PathBuf,
-    tls: Option<WrittenTls>,
+    tls: Option<Spanned<WrittenTls>>,
     #[serde(default)]
     signature: WrittenSignature,
     #[serde(default)]
-    link: Vec<WrittenLink>,
+    link: Vec<Spanned<WrittenLink>>,
 }
 
 #[derive(Deserialize)]
@@ -154,7 +170,7 @@ struct WrittenTls {
 #[serde(deny_unknown_fields)]
 struct WrittenSignature {
     #[serde(default)]
-    keys: Vec<PathBuf>,
+    keys: Vec<Spanned<PathBuf>>,
     #[serde(default)]
     unsigned: bool,
 }
@@ -221,23 +237,18 @@ impl TryFrom<String> for Line {
 }
 
 #[derive(Copy, Clone, Deserialize)]
-#[serde(try_from = "WrittenBytes")]
+#[serde(try_from = "Value")]
 struct Bytes(u64);
 
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum WrittenBytes {
-    Number(u64),
-    Text(String),
-}
-
-impl TryFrom<WrittenBytes> for Bytes {
+impl TryFrom<Value> for Bytes {
     type Error = &'static str;
 
-    fn try_from(written: WrittenBytes) -> Result<Self, &'static str> {
+    fn try_from(written: Value) -> Result<Self, &'static str> {
+        const FORM: &str = "write a number of bytes: 512, \"16KiB\" or \"64MiB\"";
         match written {
-            WrittenBytes::Number(number) => Ok(Self(number)),
-            WrittenBytes::Text(text) => quantity::bytes(&text).map(Self),
+            Value::Integer(number) => number.try_into().map(Self).map_err(|_| FORM),
+            Value::String(text) => quantity::bytes(&text).map(Self).map_err(|_| FORM),
+            _ => Err(FORM),
         }
     }
 }
@@ -248,15 +259,15 @@ impl UnitConfig {
     /// # Errors
     /// It cannot be read, or says what cannot be.
     pub fn read(file: &Path) -> Result<Self, ConfigError> {
-        let unreadable = |reason: String| ConfigError::Unreadable { file: file.to_owned(), reason };
-        let size = fs::metadata(file).map_err(|error| unreadable(error.to_string()))?.len();
-        if size > LARGEST_FILE {
-            return Err(unreadable(format!("it is larger than {LARGEST_FILE} bytes")));
-        }
-        let text = fs::read_to_string(file).map_err(|error| unreadable(error.to_string()))?;
+        let text = read_text(file, LARGEST_FILE).map_err(|error| ConfigError::Unreadable {
+            file: file.to_owned(),
+            reason: error.to_string(),
+        })?;
         let folder = file.parent().unwrap_or(Path::new("."));
-        Self::parse(&text, folder)
-            .map_err(|reason| ConfigError::Wrong { file: file.to_owned(), reason })
+        Self::parse(&text, folder).map_err(|mistake| {
+            let (line, column) = mistake.place(&text);
+            ConfigError::Wrong { file: file.to_owned(), line, column, reason: mistake.sentence }
+        })
     }
 
     /// What should not stay as it is, a sentence each.
@@ -274,44 +285,81 @@ impl UnitConfig {
         remarks
     }
 
-    fn parse(text: &str, folder: &Path) -> Result<Self, String> {
-        let written: WrittenUnit = toml::from_str(text).map_err(|error| error.to_string())?;
-        let name = written.name.unwrap_or_else(host_name);
-        named("the unit", &name)?;
-        let reach = reach(written.listen, written.can.as_deref())?;
+    /// Whether memories and settings can be where they are to be, as far as that can be found out
+    /// without writing.
+    ///
+    /// # Errors
+    /// The first that cannot.
+    pub fn look(&self) -> Result<(), UnitError> {
+        for link in &self.links {
+            let wrong = |path: &Path, error: paths::NoPlace| UnitError::Memory {
+                link: link.name.clone(),
+                path: path.to_owned(),
+                reason: error.to_string(),
+            };
+            let memory = &link.memory;
+            paths::hold_memory(memory).map_err(|error| wrong(&memory.path, error))?;
+            let state = link.state.parent().unwrap_or(Path::new("."));
+            paths::hold_files(state).map_err(|error| UnitError::State {
+                path: state.to_owned(),
+                reason: error.to_string(),
+            })?;
+        }
+        Ok(())
+    }
+
+    fn parse(text: &str, folder: &Path) -> Result<Self, Mistake> {
+        let written: WrittenUnit = toml::from_str(text).map_err(|error| Mistake::of(&error))?;
+        let name = match written.name {
+            Some(name) => {
+                named("the unit", name.as_ref()).map_err(Mistake::at(name.span()))?;
+                name.into_inner()
+            }
+            None => host_name(),
+        };
+        let span = written.can.as_ref().map_or(0..0, Spanned::span);
+        let can = written.can.as_ref().map(|can| can.as_ref().as_str());
+        let reach = reach(written.listen, can).map_err(Mistake::at(span))?;
         let tls = match (written.tls, &reach) {
-            (Some(tls), Reach::Tcp(_)) => Some(tls.checked(folder)?),
-            (Some(_), Reach::Can(_)) => {
-                return Err(
-                    "there are [tls] and `can`: TLS goes over TCP only, take one out".to_owned()
-                );
+            (Some(tls), Reach::Tcp(_)) => {
+                let span = tls.span();
+                Some(tls.into_inner().checked(folder).map_err(Mistake::at(span))?)
+            }
+            (Some(tls), Reach::Can(_)) => {
+                let sentence = "there are [tls] and `can`: TLS goes over TCP only, take one out";
+                return Err(Mistake::at(tls.span())(sentence.to_owned()));
             }
             (None, _) => None,
         };
-        let keys = written.signature.keys.iter().map(|file| key(&folder.join(file)));
+        let keys = written
+            .signature
+            .keys
+            .iter()
+            .map(|file| key(&folder.join(file.as_ref())).map_err(Mistake::at(file.span())));
         let keys = keys.collect::<Result<Vec<_>, _>>()?;
         let unsigned = written.signature.unsigned;
         if keys.is_empty() && !unsigned {
             return Err("no plug-in could ever be taken: name a public key in `keys` of [signature], or set \
                         `unsigned = true` there for a bus that nobody else reaches"
-                .to_owned());
+                .to_owned()
+                .into());
         }
         if written.link.is_empty() {
-            return Err("there is no [[link]]: name at least one port".to_owned());
+            return Err("there is no [[link]]: name at least one port".to_owned().into());
         }
         if written.link.len() > MOST_LINKS {
-            return Err(format!("{} links; {MOST_LINKS} are the most", written.link.len()));
+            let count = written.link.len();
+            return Err(format!("{count} links; {MOST_LINKS} are the most").into());
         }
         let state = folder.join(written.state);
-        let links: Vec<LinkConfig> = written
-            .link
-            .into_iter()
-            .map(|link| link.checked(folder, &state))
-            .collect::<Result<_, _>>()?;
-        distinct("name", links.iter().map(|link| link.name.to_lowercase()))?;
-        distinct("memory", links.iter().map(|link| link.memory.path.display().to_string()))?;
-        let ports = links.iter().filter(|link| link.port.is_exclusive());
-        distinct("port", ports.map(|link| link.port.to_string()))?;
+        let mut links: Vec<LinkConfig> = Vec::new();
+        for link in written.link {
+            let span = link.span();
+            let link = link.into_inner().checked(folder, &state);
+            let link = link.map_err(Mistake::at(span.clone()))?;
+            links.iter().try_for_each(|other| apart(&link, other)).map_err(Mistake::at(span))?;
+            links.push(link);
+        }
         let serial = written.serial.unwrap_or_else(|| serial_of(&name));
         let signature = SignatureConfig { keys, unsigned };
         Ok(Self { name, serial, reach, tls, signature, links })
@@ -424,19 +472,46 @@ fn named(what: &str, name: &str) -> Result<(), String> {
     ))
 }
 
-fn distinct(what: &str, all: impl Iterator<Item = String>) -> Result<(), String> {
-    let mut seen = HashSet::new();
-    for one in all {
-        if !seen.insert(one.clone()) {
-            return Err(format!("two links have the {what} \"{one}\""));
+/// Whether two links have nothing in common that each must have to itself.
+fn apart(one: &LinkConfig, other: &LinkConfig) -> Result<(), String> {
+    let twice = |what: &str, of: &dyn fmt::Display| {
+        let of = plain_text(&of.to_string());
+        Err(format!("two links have the {what} \"{of}\": give each its own"))
+    };
+    if one.name.eq_ignore_ascii_case(&other.name) {
+        return twice("name", &one.name);
+    }
+    if paths::is_same(&one.memory.path, &other.memory.path) {
+        return twice("memory", &one.memory.path.display());
+    }
+    for (memory, settings) in [(one, other), (other, one), (one, one), (other, other)] {
+        if paths::is_same(&memory.memory.path, &settings.state) {
+            return twice("file", &settings.state.display());
         }
+    }
+    let is_one_port = match (&one.port, &other.port) {
+        (PortSpec::Device(one), PortSpec::Device(other)) => paths::is_same(one, other),
+        (port, other) => port.is_exclusive() && port == other,
+    };
+    if is_one_port {
+        return twice("port", &one.port);
     }
     Ok(())
 }
 
+/// All of a file that is no longer than this.
+fn read_text(file: &Path, most: u64) -> io::Result<String> {
+    let mut text = String::new();
+    File::open(file)?.take(most + 1).read_to_string(&mut text)?;
+    if text.len() as u64 > most {
+        return Err(io::Error::other(format!("it is larger than {most} bytes")));
+    }
+    Ok(text)
+}
+
 fn key(file: &Path) -> Result<[u8; 32], String> {
-    let shown = file.display();
-    let text = fs::read_to_string(file).map_err(|error| format!("the key {shown}: {error}"))?;
+    let shown = shown(file);
+    let text = read_text(file, LARGEST_KEY).map_err(|error| format!("the key {shown}: {error}"))?;
     let key = VerifyingKey::from_public_key_pem(&text).map_err(|error| {
         format!("{shown} is no Ed25519 public key, as `openssl pkey -pubout` writes it: {error}")
     })?;
@@ -467,7 +542,7 @@ mod tests {
                          [[link]]\nname = \"mill\"\nport = \"/dev/ttyS0\"\nline = \"19200 8N1\"\n";
 
     fn refused(text: &str) -> String {
-        UnitConfig::parse(text, Path::new("/etc/unit")).expect_err("it is wrong")
+        UnitConfig::parse(text, Path::new("/etc/unit")).expect_err("it is wrong").sentence
     }
 
     #[test]
@@ -485,8 +560,9 @@ mod tests {
         let own = TlsPrivateKey::make(&file).unwrap().public();
         let with =
             |gateways: &str| format!("{LEAST}[tls]\nkey = \"unit.key\"\ngateways = [{gateways}]\n");
-        let refused =
-            |gateways: &str| UnitConfig::parse(&with(gateways), folder.path()).unwrap_err();
+        let refused = |gateways: &str| {
+            UnitConfig::parse(&with(gateways), folder.path()).unwrap_err().sentence
+        };
         assert!(refused("").contains("no gateway could ever reach the unit"));
         assert!(refused("\"gateway.pub\"").contains("\"gateway.pub\": this is no public key"));
         assert!(refused(&format!("\"{own}\"")).contains("is the unit's own key"));

@@ -2,9 +2,9 @@
 
 use std::io;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use softplug_gateway::PortError;
+use softplug_gateway::{PortError, plain_text};
 use softplug_host::LoadError;
 use thiserror::Error;
 
@@ -20,11 +20,19 @@ pub enum UnitError {
         source: io::Error,
     },
     /// The memory of a link is no memory.
-    #[error("the memory {} of link \"{link}\": {reason}", path.display())]
+    #[error("the memory {} of link \"{link}\": {reason}", shown(path))]
     Memory {
         /// The link.
         link: String,
         /// Where.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// Settings cannot be kept in the folder of the unit's state.
+    #[error("the state folder {}: {reason}", shown(path))]
+    State {
+        /// The folder.
         path: PathBuf,
         /// Why.
         reason: String,
@@ -43,4 +51,8 @@ pub enum UnitError {
     /// The sandbox cannot be set up.
     #[error(transparent)]
     Host(#[from] LoadError),
+}
+
+fn shown(path: &Path) -> String {
+    plain_text(&path.display().to_string())
 }

@@ -14,6 +14,8 @@ mod error;
 mod holder;
 mod link;
 mod memory;
+mod mistake;
+mod paths;
 mod unit;
 
 pub use config::{ConfigError, LinkConfig, MemoryConfig, Reach, SignatureConfig, UnitConfig};
