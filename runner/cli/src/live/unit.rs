@@ -10,13 +10,14 @@ use ed25519_dalek::pkcs8::DecodePrivateKey;
 use ed25519_dalek::{Signer, SigningKey};
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde::Serialize;
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
+use softplug_gateway::plain_text;
 use softplug_gateway::units::{
     CanAddress, NoTlsKey, TlsKeys, TlsPrivateKey, UnitAddress, UnitClient, UnitClientError,
     UnitLinkSurvey, UnitPlace, UnitPlugin, UnitSlotSurvey, units_on_can,
 };
-use softplug_host::{Digest, lint};
+use softplug_host::{Digest, LoadError, lint, read_module};
 use softplug_service::config::LogFormat;
 use softplug_service::library::{Library, SIGNATURE_BYTES};
 use softplug_service::{logs, systemd};
@@ -28,6 +29,7 @@ use crate::arguments::Global;
 use crate::commands::unit::{Arguments, Configured, Flash, Key, Keys, List, Sign, Verb};
 use crate::exit::Exit;
 use crate::failure::Failure;
+use crate::files;
 use crate::numbers;
 use crate::screen::{self, Screen};
 
@@ -93,6 +95,8 @@ struct ListedLink {
     has_job: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
     runs: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    trouble: Option<String>,
     slots: Vec<ListedSlot>,
 }
 
@@ -111,13 +115,19 @@ fn read_config(file: &Path) -> Result<UnitConfig, Failure> {
     UnitConfig::read(file).map_err(Failure::usage)
 }
 
+/// A file's name as it can be shown.
+fn shown(file: &Path) -> String {
+    plain_text(&file.display().to_string())
+}
+
 fn check(configured: &Configured, screen: &Screen) -> Result<Exit, Failure> {
     let config = read_config(&configured.file)?;
+    config.look().map_err(|error| unit_failure(&error))?;
     let links: Vec<&str> = config.links.iter().map(|link| &*link.name).collect();
     let count = numbers::things(links.len() as u64, "link");
     screen.say(format_args!(
         "{} is right: the unit {}, {count}",
-        configured.file.display(),
+        shown(&configured.file),
         config.name
     ));
     let remarks = config.remarks();
@@ -134,7 +144,7 @@ fn run(configured: &Configured, global: &Global, screen: &Screen) -> Result<Exit
     let format = if screen.is_json() { LogFormat::Json } else { LogFormat::Human };
     logs::start(format, &screen::log_filter(global, "info"), screen::log_colours(global));
     // Before the first thread: a signal that comes early is not lost.
-    let mut signals = Signals::new([SIGTERM, SIGINT]).map_err(|error| {
+    let mut signals = Signals::new([SIGTERM, SIGINT, SIGHUP]).map_err(|error| {
         Failure::internal(format_args!("failed to listen for signals: {error}"))
     })?;
     for remark in config.remarks() {
@@ -146,8 +156,14 @@ fn run(configured: &Configured, global: &Global, screen: &Screen) -> Result<Exit
     thread::Builder::new()
         .name("signals".to_owned())
         .spawn(move || {
-            for _ in signals.forever() {
-                stop.ask();
+            for signal in signals.forever() {
+                if signal == SIGHUP {
+                    tracing::info!(
+                        "SIGHUP is passed over: a unit reads its configuration at its start"
+                    );
+                } else {
+                    stop.ask();
+                }
             }
         })
         .map_err(|error| Failure::internal(format_args!("failed to start a thread: {error}")))?;
@@ -163,7 +179,7 @@ fn run(configured: &Configured, global: &Global, screen: &Screen) -> Result<Exit
 
 fn unit_failure(error: &UnitError) -> Failure {
     match error {
-        UnitError::Memory { .. } => Failure::usage(error),
+        UnitError::Memory { .. } | UnitError::State { .. } => Failure::usage(error),
         UnitError::Listen { .. } | UnitError::Port(_) => Failure::new(Exit::Port, error),
         UnitError::Host(_) => Failure::plug_in(error),
         UnitError::System { .. } => Failure::internal(error),
@@ -187,7 +203,7 @@ fn list(asked: &List, screen: &Screen) -> Result<Exit, Failure> {
     let tls = tls(&asked.keys)?;
     for unit in places(&asked.units, screen)? {
         let tls = for_place(tls.as_ref(), &unit)?;
-        let address = unit.to_string();
+        let address = plain_text(&unit.to_string());
         let identity = random()?;
         let survey = UnitClient::connect(&unit, tls, identity, PATIENCE)
             .and_then(|mut client| client.survey());
@@ -275,7 +291,7 @@ fn places(asked: &[String], screen: &Screen) -> Result<Vec<UnitPlace>, Failure> 
 }
 
 fn link_line(link: &UnitLinkSurvey) -> String {
-    let UnitLinkSurvey { name, is_up, runs, has_job, .. } = link;
+    let UnitLinkSurvey { name, is_up, runs, has_job, trouble, .. } = link;
     let mut line = format!("{name}: {}", if *is_up { "up" } else { "down" });
     match runs {
         Some(digest) => {
@@ -285,6 +301,9 @@ fn link_line(link: &UnitLinkSurvey) -> String {
     }
     if *has_job {
         line.push_str(", a job is under way");
+    }
+    if let Some(trouble) = trouble {
+        let _ = write!(line, ": {trouble}");
     }
     line
 }
@@ -312,6 +331,7 @@ fn listed(link: &UnitLinkSurvey) -> ListedLink {
         is_up: link.is_up,
         has_job: link.has_job,
         runs: link.runs.as_ref().map(hex),
+        trouble: link.trouble.clone(),
         slots: slots.collect(),
     }
 }
@@ -357,7 +377,7 @@ fn flash(asked: &Flash, screen: &Screen) -> Result<Exit, Failure> {
         ProgressBar::hidden()
     };
     let link = address.link.as_deref();
-    let name = link.map_or_else(|| address.to_string(), str::to_owned);
+    let name = link.map_or_else(|| plain_text(&address.to_string()), str::to_owned);
     let connected = UnitClient::connect(&address.unit, tls, random()?, PATIENCE);
     let flashed = connected.and_then(|mut client| {
         client.flash(link, &plugin, |until| bar.set_position(u64::from(until)))
@@ -365,6 +385,7 @@ fn flash(asked: &Flash, screen: &Screen) -> Result<Exit, Failure> {
     bar.finish_and_clear();
     let was_downloaded = flashed.map_err(|error| match error {
         UnitClientError::NotTaken { .. } => Failure::plug_in(&error),
+        UnitClientError::NotRun { .. } => Failure::new(Exit::Failed, &error),
         UnitClientError::NoLink { .. } | UnitClientError::WhichLink { .. } => {
             Failure::usage(&error)
         }
@@ -390,21 +411,20 @@ struct Signed {
 }
 
 fn read_plugin(file: &Path) -> Result<Vec<u8>, Failure> {
-    let wrong = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
-    let module = fs::read(file).map_err(|error| Failure::usage(wrong(&error)))?;
-    lint(&module).map_err(|error| Failure::plug_in(wrong(&error)))?;
+    let module = read_module(file).map_err(|error| match error {
+        LoadError::TooLarge { .. } => Failure::plug_in(error),
+        _ => Failure::usage(error),
+    })?;
+    lint(&module).map_err(|error| Failure::plug_in(format_args!("{}: {error}", shown(file))))?;
     Ok(module)
 }
 
 fn read_signature(file: &Path) -> Result<Box<[u8]>, Failure> {
-    let bytes = fs::read(file)
-        .map_err(|error| Failure::usage(format_args!("{}: {error}", file.display())))?;
+    let bytes = files::read(file)?;
     if bytes.len() != SIGNATURE_BYTES {
-        let count = bytes.len();
-        let text = format!(
-            "{} is no signature: it has {count} bytes, not {SIGNATURE_BYTES}",
-            file.display()
-        );
+        let (shown, count) = (shown(file), bytes.len());
+        let text =
+            format_args!("{shown} is no signature: it has {count} bytes, not {SIGNATURE_BYTES}");
         return Err(Failure::usage(text).hint("make one with `softplug unit sign`"));
     }
     Ok(bytes.into())
@@ -412,11 +432,9 @@ fn read_signature(file: &Path) -> Result<Box<[u8]>, Failure> {
 
 fn sign(asked: &Sign, screen: &Screen) -> Result<Exit, Failure> {
     let module = read_plugin(&asked.plugin)?;
-    let shown = asked.key.display();
-    let pem = fs::read_to_string(&asked.key)
-        .map_err(|error| Failure::usage(format_args!("{shown}: {error}")))?;
+    let pem = files::read_text(&asked.key)?;
     let key = SigningKey::from_pkcs8_pem(&pem).map_err(|error| {
-        Failure::usage(format_args!("{shown} is no private Ed25519 key: {error}"))
+        Failure::usage(format_args!("{} is no private Ed25519 key: {error}", shown(&asked.key)))
             .hint("make one with `openssl genpkey -algorithm ed25519`")
     })?;
     let digest = Digest::of(&module);
@@ -425,15 +443,14 @@ fn sign(asked: &Sign, screen: &Screen) -> Result<Exit, Failure> {
     let mut signature = id.to_vec();
     signature.extend_from_slice(&key.sign(to_be_signed.as_bytes()).to_bytes());
     if let Some(output) = &asked.output {
-        fs::write(output, &signature)
-            .map_err(|error| Failure::usage(format_args!("{}: {error}", output.display())))?;
-        screen.say(format_args!("{} signs {digest:.12}", output.display()));
+        fs::write(output, &signature).map_err(|error| files::unwritable(output, &error))?;
+        screen.say(format_args!("{} signs {digest:.12}", shown(output)));
     }
     if let Some(folder) = &asked.library {
         Library::existing(folder)
             .and_then(|library| library.keep_signature(digest, &signature))
             .map_err(Failure::usage)?;
-        screen.say(format_args!("the library {} has the signature", folder.display()));
+        screen.say(format_args!("the library {} has the signature", shown(folder)));
     }
     screen.document(&Signed { sha256: digest.to_string(), key: hex(&id) });
     Ok(Exit::Done)

@@ -100,13 +100,18 @@ fn trapping() -> Vec<u8> {
     module
 }
 
-/// A host must end an instance that traps, and hear its last words.
-fn hears_last_words(mut host: impl FnMut() -> Command) {
-    let bench = Bench::new();
+/// Writes `m.wasm`, a plug-in that traps at its first event.
+pub(crate) fn write_trapping(bench: &Bench) {
     bench.write("m.wasm", trapping());
     let jobs = "\"jobs\": [{\"name\": \"send\", \"text\": \"traps\"}], \"protocol\"";
     bench.write("m.json", MANIFEST.replace("\"protocol\"", jobs));
     bench.run(&["pack", "m.wasm", "--manifest", "m.json"]).with_code(0);
+}
+
+/// A host must end an instance that traps, and hear its last words.
+fn hears_last_words(mut host: impl FnMut() -> Command) {
+    let bench = Bench::new();
+    write_trapping(&bench);
     bench.write("xon-xoff/xon-xoff.tx.first.spt", TRACE);
     bench.run(&["replay", "m.wasm", "xon-xoff", "--calls", "calls.jsonl"]).with_code(1);
     let mut calls = String::from_utf8(bench.read("calls.jsonl")).unwrap();

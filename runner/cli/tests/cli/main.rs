@@ -38,4 +38,9 @@ mod replay;
 mod step;
 #[cfg(target_os = "linux")]
 mod transfers;
+#[cfg(target_os = "linux")]
 mod unit;
+#[cfg(target_os = "linux")]
+mod unit_settings;
+#[cfg(target_os = "linux")]
+mod unit_strangers;
