@@ -9,7 +9,8 @@ use softplug_gateway::units::TlsPrivateKey;
 use softplug_machines::fanuc::Press;
 use softplug_machines::kept::Received;
 use softplug_service::view::{
-    JobFilter, JobOrigin, JobState, LinkState, SwapOrder, SwapState, SwapWhen,
+    BusUnitView, JobFilter, JobOrigin, JobState, LinkState, SwapOrder, SwapState, SwapWhen,
+    UnitSlotView,
 };
 use softplug_unit::{Stop, Unit, UnitConfig};
 use tempfile::TempDir;
@@ -244,6 +245,9 @@ fn units_on_a_bus_are_fed_in_turn_and_shown() {
     }
     let shown = || gateway.buses().unwrap();
     wait_for("the units' buffers", || shown()[0].units.iter().all(|unit| unit.buffer > 0));
+    let is_confirmed = |slot: &UnitSlotView| slot.runs && slot.state == "confirmed";
+    let has_proved = |unit: &BusUnitView| unit.slots.iter().any(is_confirmed);
+    wait_for("the trials' end", || shown()[0].units.iter().all(has_proved));
     let [bus] = &shown()[..] else { panic!("{:?}", shown()) };
     assert_eq!((bus.name.as_str(), bus.rate, bus.efficiency), ("hall", 320_000.0, 0.5));
     assert!(bus.measured.load.is_some_and(|load| load > 0.0 && load < 1.1), "{bus:?}");

@@ -107,6 +107,7 @@ impl<B: Board> Unit<B> {
                     self.fault = None;
                     if core::mem::take(&mut self.is_on_trial) {
                         self.memory.confirm();
+                        self.tell_slots();
                     }
                     self.tell_link();
                     self.host.outbox.say(&ToServer::Up { link: 0 });
@@ -162,6 +163,7 @@ impl<B: Board> Unit<B> {
             return None;
         }
         self.memory.fail();
+        self.tell_slots();
         self.memory.boot()
     }
 

@@ -21,9 +21,7 @@ impl<B: Board> Unit<B> {
     pub(crate) fn tell_all(&mut self) {
         let (links, serial, name) = (1, self.options.serial, self.options.name);
         self.host.outbox.say(&ToServer::Unit { links, serial, name });
-        for slot in self.memory.tell() {
-            self.host.outbox.say(&slot);
-        }
+        self.tell_slots();
         self.tell_link();
         let (link, host) = (0, &mut self.host);
         if self.lane.is_some() {
@@ -43,6 +41,13 @@ impl<B: Board> Unit<B> {
         }
         host.outbox.say(&ToServer::Told { link });
         self.counted = None;
+    }
+
+    /// Also when what is on trial has proved itself, or has not.
+    pub(crate) fn tell_slots(&mut self) {
+        for slot in self.memory.tell() {
+            self.host.outbox.say(&slot);
+        }
     }
 
     pub(crate) fn tell_link(&mut self) {

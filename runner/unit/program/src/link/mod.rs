@@ -269,6 +269,7 @@ impl Link {
                 self.down = None;
                 if self.former.is_none() && std::mem::take(&mut self.is_on_trial) {
                     self.memory.confirm();
+                    self.tell_slots(around);
                 }
                 self.tell_port(around);
             }

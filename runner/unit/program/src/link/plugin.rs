@@ -291,6 +291,7 @@ impl Link {
         around: &mut Surroundings<'_>,
     ) {
         let why = short(why);
+        self.tell_slots(around);
         around.say(&ToServer::Swapped { link: self.number, outcome, pause, why });
     }
 

@@ -23,9 +23,7 @@ impl Link {
 
     /// What a new server has to know.
     pub(super) fn tell_all(&mut self, around: &mut Surroundings<'_>) {
-        for slot in self.memory.tell(self.number) {
-            around.say(&slot);
-        }
+        self.tell_slots(around);
         self.tell_link(around);
         self.tell_port(around);
         let link = self.number;
@@ -47,6 +45,13 @@ impl Link {
         }
         around.say(&ToServer::Told { link });
         self.counted = None;
+    }
+
+    /// Also when what is on trial has proved itself, or has not.
+    pub(super) fn tell_slots(&mut self, around: &mut Surroundings<'_>) {
+        for slot in self.memory.tell(self.number) {
+            around.say(&slot);
+        }
     }
 
     pub(super) fn tell_link(&mut self, around: &mut Surroundings<'_>) {

@@ -339,7 +339,7 @@ messages! {
             /// Its name.
             name: &'a str,
         }
-        /// What is in a link's slot.
+        /// What is in a link's slot; also when what runs on trial has proved itself, or has not.
         2 Slot {
             /// The link.
             link: u8,
