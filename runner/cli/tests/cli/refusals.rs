@@ -45,7 +45,7 @@ fn bad_arguments() {
     assert_eq!(json["error"]["message"], "unrecognized subcommand 'sent'");
     let json = bench.run(&["send", "--json"]).with_code(2).json();
     let message = json["error"]["message"].as_str().unwrap();
-    assert!(message.ends_with("--plugin <PLUGIN> --port <PORT> <FILE>"), "{message}");
+    assert!(message.ends_with("--port <PORT> --plugin <PLUGIN> <FILE>"), "{message}");
 }
 
 #[test]
