@@ -9,7 +9,7 @@
 //!
 //! let catalogue = Catalogue::known();
 //! let machine = catalogue.find("haas-vf").expect("it is known");
-//! assert_eq!((&*machine.plugin, machine.line.as_deref()), ("xon-xoff", Some("9600 7E1")));
+//! assert_eq!((&*machine.plugin, machine.line.as_deref()), ("xon-xoff", Some("9600 7E2")));
 //! assert!(!machine.sources.is_empty());
 //! ```
 
