@@ -19,6 +19,7 @@
 //! - [`ports`] and [`doctor`]: which ports there are and what ails one.
 //! - [`awaited`]: what a job waits for, and what the operator has to do.
 //! - [`guess`]: what was meant, where a name is not known.
+//! - [`place`]: where something stands in a text.
 //! - [`quantity`]: spans and numbers of bytes as people write them.
 //! - [`suggest`]: baud and parity from what was heard.
 //!
@@ -32,6 +33,7 @@ pub mod due;
 pub mod error;
 pub mod guess;
 pub mod pacer;
+pub mod place;
 pub mod port;
 pub mod quantity;
 pub mod recorder;

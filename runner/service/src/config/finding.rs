@@ -5,9 +5,9 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
+use softplug_gateway::guess;
+use softplug_gateway::place::line_and_column;
 use thiserror::Error;
-
-use super::hint;
 
 /// A place in a file.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
@@ -100,7 +100,8 @@ impl<'a> ConfigFindings<'a> {
     /// What the parser found.
     pub(super) fn syntax(&mut self, error: &toml::de::Error) {
         let message = error.message().lines().next().unwrap_or_default();
-        let hint = hint::of_parser(message);
+        let hint = guess::of_parser(message);
+        let hint = hint.as_deref().unwrap_or("see docs/gateway/config.md for what may stand here");
         self.add(error.span().unwrap_or(0..0), message, hint);
     }
 
@@ -113,29 +114,5 @@ impl<'a> ConfigFindings<'a> {
         // What the defaults have wrong is found at each link.
         self.found.dedup();
         Err(ConfigError::Wrong(self.found))
-    }
-}
-
-fn line_and_column(text: &str, at: usize) -> (usize, usize) {
-    let mut at = at.min(text.len());
-    while !text.is_char_boundary(at) {
-        at -= 1;
-    }
-    let before = &text[..at];
-    let begin = before.rfind('\n').map_or(0, |newline| newline + 1);
-    (before.matches('\n').count() + 1, before[begin..].chars().count() + 1)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn places_count_lines_and_characters() {
-        let text = "a = 1\nüb = 2\n";
-        assert_eq!(line_and_column(text, 0), (1, 1));
-        assert_eq!(line_and_column(text, text.find('2').unwrap()), (2, 6));
-        assert_eq!(line_and_column(text, 999), (3, 1));
-        assert_eq!(line_and_column(text, 7), (2, 1), "in the middle of a character");
     }
 }

@@ -5,7 +5,6 @@
 
 mod buses;
 mod finding;
-mod hint;
 mod link;
 mod links;
 mod machine;
@@ -15,10 +14,10 @@ mod watch;
 mod written;
 
 pub use finding::{ConfigError, ConfigFinding, Place};
-pub(crate) use hint::of_names;
 pub(crate) use link::micros;
 pub use link::{Buffer, LinkConfig, PortConfig, Probation, Reopen, SwapPolicy, Watchdogs};
 pub use service::{GatewayConfig, LogFormat, Supervision};
+pub(crate) use softplug_gateway::guess::of_names;
 pub use watch::FileWatch;
 
 use std::fs;

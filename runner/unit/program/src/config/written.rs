@@ -1,9 +1,8 @@
-//! `unit.toml`.
+//! `unit.toml` as it is written, and what of it cannot be.
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::fs::{self, File};
-use std::io::{self, Read};
+use std::fs;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
@@ -14,16 +13,13 @@ use sha2::{Digest, Sha256};
 use softplug_abi::LineParameters;
 use softplug_gateway::port::parse_line;
 use softplug_gateway::{PortSpec, plain_text, quantity};
-use softplug_unit_uplink::{CanAddress, TlsKeys, TlsPrivateKey, TlsPublicKey};
-use thiserror::Error;
+use softplug_unit_uplink::{TlsKeys, TlsPrivateKey, TlsPublicKey};
 use toml::{Spanned, Value};
 
-use crate::error::UnitError;
+use super::{LinkConfig, MemoryConfig, Reach, SignatureConfig, UnitConfig, read_text, shown};
 use crate::mistake::Mistake;
 use crate::paths;
 
-/// The largest `unit.toml`, in bytes.
-const LARGEST_FILE: u64 = 1 << 20;
 /// The largest file with a public key, in bytes.
 const LARGEST_KEY: u64 = 64 << 10;
 /// Most links of a unit: their numbers have a byte in a message, and 255 means none.
@@ -38,109 +34,64 @@ const DEPTHS: std::ops::RangeInclusive<u32> = 1..=4_096;
 /// The longest name of a unit or a link, in bytes.
 const LONGEST_NAME: usize = 64;
 
-/// What a unit is to do.
-#[derive(Clone, Debug)]
-pub struct UnitConfig {
-    /// Its name.
-    pub name: String,
-    /// A number that stays the same; of the computer if none is written.
-    pub serial: u64,
-    /// Where its gateway reaches it.
-    pub reach: Reach,
-    /// Its key and those of its gateways; `None`: whoever reaches it may drive it.
-    pub tls: Option<TlsKeys>,
-    /// Whose plug-ins it takes.
-    pub signature: SignatureConfig,
-    /// Its links, in the order of the file. Their names are distinct, and so are their memories.
-    pub links: Vec<LinkConfig>,
-}
-
-/// Where a gateway reaches a unit.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub enum Reach {
-    /// It listens there.
-    Tcp(SocketAddr),
-    /// It has this number on a CAN bus.
-    Can(CanAddress),
-}
-
-impl fmt::Display for Reach {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Tcp(address) => address.fmt(f),
-            Self::Can(address) => address.fmt(f),
+impl UnitConfig {
+    /// Relative paths are those of the folder.
+    pub(super) fn parse(text: &str, folder: &Path) -> Result<Self, Mistake> {
+        let written: WrittenUnit = toml::from_str(text).map_err(|error| Mistake::of(&error))?;
+        let name = match written.name {
+            Some(name) => {
+                named("the unit", name.as_ref()).map_err(Mistake::at(name.span()))?;
+                name.into_inner()
+            }
+            None => host_name(),
+        };
+        let span = written.can.as_ref().map_or(0..0, Spanned::span);
+        let can = written.can.as_ref().map(|can| can.as_ref().as_str());
+        let reach = reach(written.listen, can).map_err(Mistake::at(span))?;
+        let tls = match (written.tls, &reach) {
+            (Some(tls), Reach::Tcp(_)) => {
+                let span = tls.span();
+                Some(tls.into_inner().checked(folder).map_err(Mistake::at(span))?)
+            }
+            (Some(tls), Reach::Can(_)) => {
+                let sentence = "there are [tls] and `can`: TLS goes over TCP only, take one out";
+                return Err(Mistake::at(tls.span())(sentence.to_owned()));
+            }
+            (None, _) => None,
+        };
+        let keys = written
+            .signature
+            .keys
+            .iter()
+            .map(|file| key(&folder.join(file.as_ref())).map_err(Mistake::at(file.span())));
+        let keys = keys.collect::<Result<Vec<_>, _>>()?;
+        let unsigned = written.signature.unsigned;
+        if keys.is_empty() && !unsigned {
+            return Err("no plug-in could ever be taken: name a public key in `keys` of [signature], or set \
+                        `unsigned = true` there for a bus that nobody else reaches"
+                .to_owned()
+                .into());
         }
+        if written.link.is_empty() {
+            return Err("there is no [[link]]: name at least one port".to_owned().into());
+        }
+        if written.link.len() > MOST_LINKS {
+            let count = written.link.len();
+            return Err(format!("{count} links; {MOST_LINKS} are the most").into());
+        }
+        let state = folder.join(written.state);
+        let mut links: Vec<LinkConfig> = Vec::new();
+        for link in written.link {
+            let span = link.span();
+            let link = link.into_inner().checked(folder, &state);
+            let link = link.map_err(Mistake::at(span.clone()))?;
+            links.iter().try_for_each(|other| apart(&link, other)).map_err(Mistake::at(span))?;
+            links.push(link);
+        }
+        let serial = written.serial.unwrap_or_else(|| serial_of(&name));
+        let signature = SignatureConfig { keys, unsigned };
+        Ok(Self { name, serial, reach, tls, signature, links })
     }
-}
-
-/// Whose plug-ins a unit takes.
-#[derive(Clone, Debug, Default)]
-pub struct SignatureConfig {
-    /// Ed25519 public keys.
-    pub keys: Vec<[u8; 32]>,
-    /// Plug-ins without a signature are taken too.
-    pub unsigned: bool,
-}
-
-/// A link of a unit.
-#[derive(Clone, Debug)]
-pub struct LinkConfig {
-    /// Its name.
-    pub name: String,
-    /// Its port.
-    pub port: PortSpec,
-    /// The line as it is written; what that does not say is the plug-in's.
-    pub line: Option<String>,
-    /// The memory of its plug-in.
-    pub memory: MemoryConfig,
-    /// Settings that hold until a gateway sends others, as `--set` takes them.
-    pub settings: BTreeMap<String, String>,
-    /// Bytes between the bus and the machine.
-    pub buffer: usize,
-    /// Characters that may be in flight on the line; by its rate if `None`.
-    pub depth: Option<u32>,
-    /// Where what must outlive a start is kept, beside the memory.
-    pub state: PathBuf,
-}
-
-/// Where a link's two slots are.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct MemoryConfig {
-    /// A character device of MTD, or a file.
-    pub path: PathBuf,
-    /// Bytes of a file that is made; of a device it is what the device has.
-    pub size: u32,
-    /// Erasures of a slot after which it takes no more.
-    pub most_erases: u32,
-}
-
-/// Why a unit is not started: its set-up.
-#[derive(Debug, Error)]
-pub enum ConfigError {
-    /// The file cannot be read.
-    #[error("{} cannot be read: {reason}", shown(file))]
-    Unreadable {
-        /// The file.
-        file: PathBuf,
-        /// Why.
-        reason: String,
-    },
-    /// It says what cannot be.
-    #[error("{}:{line}:{column}: {reason}", shown(file))]
-    Wrong {
-        /// The file.
-        file: PathBuf,
-        /// Line, counted from 1.
-        line: usize,
-        /// Column in characters, counted from 1.
-        column: usize,
-        /// What, and what to do, in one line.
-        reason: String,
-    },
-}
-
-fn shown(file: &Path) -> String {
-    plain_text(&file.display().to_string())
 }
 
 #[derive(Deserialize)]
@@ -250,119 +201,6 @@ impl TryFrom<Value> for Bytes {
             Value::String(text) => quantity::bytes(&text).map(Self).map_err(|_| FORM),
             _ => Err(FORM),
         }
-    }
-}
-
-impl UnitConfig {
-    /// Reads and checks a file. Paths in it are relative to its folder.
-    ///
-    /// # Errors
-    /// It cannot be read, or says what cannot be.
-    pub fn read(file: &Path) -> Result<Self, ConfigError> {
-        let text = read_text(file, LARGEST_FILE).map_err(|error| ConfigError::Unreadable {
-            file: file.to_owned(),
-            reason: error.to_string(),
-        })?;
-        let folder = file.parent().unwrap_or(Path::new("."));
-        Self::parse(&text, folder).map_err(|mistake| {
-            let (line, column) = mistake.place(&text);
-            ConfigError::Wrong { file: file.to_owned(), line, column, reason: mistake.sentence }
-        })
-    }
-
-    /// What should not stay as it is, a sentence each.
-    pub fn remarks(&self) -> Vec<String> {
-        let mut remarks = Vec::new();
-        if let Reach::Tcp(address) = &self.reach
-            && self.tls.is_none()
-            && !address.ip().is_loopback()
-        {
-            remarks.push(format!(
-                "whoever reaches {address} can feed the machines, and nothing is encrypted: give the unit \
-                 [tls] with a key, or a network that nobody else is on"
-            ));
-        }
-        remarks
-    }
-
-    /// Whether memories and settings can be where they are to be, as far as that can be found out
-    /// without writing.
-    ///
-    /// # Errors
-    /// The first that cannot.
-    pub fn look(&self) -> Result<(), UnitError> {
-        for link in &self.links {
-            let wrong = |path: &Path, error: paths::NoPlace| UnitError::Memory {
-                link: link.name.clone(),
-                path: path.to_owned(),
-                reason: error.to_string(),
-            };
-            let memory = &link.memory;
-            paths::hold_memory(memory).map_err(|error| wrong(&memory.path, error))?;
-            let state = link.state.parent().unwrap_or(Path::new("."));
-            paths::hold_files(state).map_err(|error| UnitError::State {
-                path: state.to_owned(),
-                reason: error.to_string(),
-            })?;
-        }
-        Ok(())
-    }
-
-    fn parse(text: &str, folder: &Path) -> Result<Self, Mistake> {
-        let written: WrittenUnit = toml::from_str(text).map_err(|error| Mistake::of(&error))?;
-        let name = match written.name {
-            Some(name) => {
-                named("the unit", name.as_ref()).map_err(Mistake::at(name.span()))?;
-                name.into_inner()
-            }
-            None => host_name(),
-        };
-        let span = written.can.as_ref().map_or(0..0, Spanned::span);
-        let can = written.can.as_ref().map(|can| can.as_ref().as_str());
-        let reach = reach(written.listen, can).map_err(Mistake::at(span))?;
-        let tls = match (written.tls, &reach) {
-            (Some(tls), Reach::Tcp(_)) => {
-                let span = tls.span();
-                Some(tls.into_inner().checked(folder).map_err(Mistake::at(span))?)
-            }
-            (Some(tls), Reach::Can(_)) => {
-                let sentence = "there are [tls] and `can`: TLS goes over TCP only, take one out";
-                return Err(Mistake::at(tls.span())(sentence.to_owned()));
-            }
-            (None, _) => None,
-        };
-        let keys = written
-            .signature
-            .keys
-            .iter()
-            .map(|file| key(&folder.join(file.as_ref())).map_err(Mistake::at(file.span())));
-        let keys = keys.collect::<Result<Vec<_>, _>>()?;
-        let unsigned = written.signature.unsigned;
-        if keys.is_empty() && !unsigned {
-            return Err("no plug-in could ever be taken: name a public key in `keys` of [signature], or set \
-                        `unsigned = true` there for a bus that nobody else reaches"
-                .to_owned()
-                .into());
-        }
-        if written.link.is_empty() {
-            return Err("there is no [[link]]: name at least one port".to_owned().into());
-        }
-        if written.link.len() > MOST_LINKS {
-            let count = written.link.len();
-            return Err(format!("{count} links; {MOST_LINKS} are the most").into());
-        }
-        let state = folder.join(written.state);
-        let mut links: Vec<LinkConfig> = Vec::new();
-        for link in written.link {
-            let span = link.span();
-            let link = link.into_inner().checked(folder, &state);
-            let link = link.map_err(Mistake::at(span.clone()))?;
-            links.iter().try_for_each(|other| apart(&link, other)).map_err(Mistake::at(span))?;
-            links.push(link);
-        }
-        let serial = written.serial.unwrap_or_else(|| serial_of(&name));
-        let signature = SignatureConfig { keys, unsigned };
-        Ok(Self { name, serial, reach, tls, signature, links })
     }
 }
 
@@ -497,16 +335,6 @@ fn apart(one: &LinkConfig, other: &LinkConfig) -> Result<(), String> {
         return twice("port", &one.port);
     }
     Ok(())
-}
-
-/// All of a file that is no longer than this.
-fn read_text(file: &Path, most: u64) -> io::Result<String> {
-    let mut text = String::new();
-    File::open(file)?.take(most + 1).read_to_string(&mut text)?;
-    if text.len() as u64 > most {
-        return Err(io::Error::other(format!("it is larger than {most} bytes")));
-    }
-    Ok(text)
 }
 
 fn key(file: &Path) -> Result<[u8; 32], String> {
