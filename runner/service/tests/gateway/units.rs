@@ -51,16 +51,12 @@ impl TestUnit {
         Self { port, stop, thread, folder, starts }
     }
 
-    /// The same unit, which has lost all that it had not put away.
-    fn started_anew(self) -> Self {
+    /// Stopped and started at its address: what it had not put away is lost.
+    fn started_anew(mut self) -> Self {
         let address = self.port.trim_start_matches("unit://").trim_end_matches("/mill");
         let file = self.folder.path().join("unit.toml");
         let text = fs::read_to_string(&file).unwrap().replace("127.0.0.1:0", address);
         fs::write(&file, text).unwrap();
-        self.stopped()
-    }
-
-    fn stopped(mut self) -> Self {
         self.stop.ask();
         self.thread.take().unwrap().join().unwrap();
         let folder = std::mem::replace(&mut self.folder, tempfile::tempdir().unwrap());
