@@ -216,10 +216,11 @@ fn is_name(text: &str) -> bool {
     (1..=MOST_NAME).contains(&text.len()) && text.chars().all(is_plain) && !text.starts_with('-')
 }
 
-/// What moves the cursor, or turns the direction of writing.
+/// What moves the cursor, turns the direction of writing, or is not seen: what the standard library
+/// escapes behind another character, but for quotes and backslashes.
 fn is_hidden(c: char) -> bool {
-    c.is_control()
-        || matches!(c, '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
+    !matches!(c, '"' | '\'' | '\\')
+        && ['x', c].iter().collect::<String>().escape_debug().count() > 2
 }
 
 fn shortened(text: &str) -> String {
