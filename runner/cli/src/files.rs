@@ -53,6 +53,16 @@ impl Program {
         }
         Ok(Self { file, size, name })
     }
+
+    /// All of it; it stands at its beginning again.
+    pub(crate) fn read(&mut self) -> Result<Vec<u8>, Failure> {
+        let mut bytes = Vec::new();
+        let file = &mut self.file;
+        let read = file.take(LARGEST + 1).read_to_end(&mut bytes).and_then(|_| file.rewind());
+        read.map_err(|error| unreadable(Path::new(&self.name), &error))?;
+        within_bounds(&bytes, Path::new(&self.name))?;
+        Ok(bytes)
+    }
 }
 
 fn open(path: &Path) -> Result<File, Failure> {
@@ -90,13 +100,18 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>, Failure> {
     File::open(path)
         .and_then(|file| file.take(LARGEST + 1).read_to_end(&mut bytes))
         .map_err(|error| unreadable(path, &error))?;
+    within_bounds(&bytes, path)?;
+    Ok(bytes)
+}
+
+fn within_bounds(bytes: &[u8], path: &Path) -> Result<(), Failure> {
     if bytes.len() as u64 > LARGEST {
         return Err(Failure::usage(format_args!(
             "{} has more than {LARGEST} bytes: nothing that is read here is as large",
             path.display()
         )));
     }
-    Ok(bytes)
+    Ok(())
 }
 
 /// All of a file that is text.

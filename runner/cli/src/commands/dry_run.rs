@@ -6,7 +6,7 @@ use softplug_gateway::pacer::default_depth;
 use softplug_gateway::port::line_text;
 
 use super::send::{Arguments, Document, Piece, Prepared, StatusDocument, check_message, reason};
-use super::trial::{End, Trial, Tried};
+use super::trial::{End, Trial, Tried, WAITS};
 use super::willing::Side;
 use crate::dump::{Dump, hex};
 use crate::exit::Exit;
@@ -48,10 +48,7 @@ pub(super) fn run(
             let message = check_message(manifest, &name, why, status, row, column);
             (Exit::Failed, "check-failed", Some(why), Some(message))
         }
-        None => {
-            let message = "the plug-in waits for something that only a real partner sends";
-            (Exit::Incomplete, "incomplete", None, Some(message.to_owned()))
-        }
+        None => (Exit::Incomplete, "incomplete", None, Some(WAITS.to_owned())),
     };
     show(arguments, screen, &wire, &dialogue, line, took);
     if let Some(message) = &message {

@@ -15,6 +15,9 @@ use crate::files::Program;
 use crate::line::Assignment;
 use crate::plugin::Chosen;
 
+/// Of a job that does not end.
+pub(super) const WAITS: &str = "the plug-in waits for something that only a real partner sends";
+
 const JOB: u32 = 1;
 /// A plug-in that sends nothing for so long waits for a partner that is not there.
 const PATIENCE: Micros = Micros::from_secs(3_600);

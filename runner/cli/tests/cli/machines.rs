@@ -2,8 +2,10 @@
 
 use std::fmt::Write as _;
 use std::fs;
+use std::io::Write as _;
+use std::process::Stdio;
 
-use crate::bench::{Bench, program, snapshot};
+use crate::bench::{Bench, Ran, program, snapshot};
 
 /// Not one of them may be there that cannot be spoken to as it says.
 #[test]
@@ -114,4 +116,21 @@ fn a_program_that_passes_passes() {
     assert_eq!(ran["result"], "refused");
     assert_eq!(ran["characters"][0]["character"], "byte 13");
     assert_eq!(ran["characters"].as_array().unwrap().len(), 1, "{ran}");
+}
+
+#[test]
+fn a_program_may_come_from_standard_input() {
+    let bench = Bench::new();
+    let words = ["check", "-", "--machine", "fanuc-0m", "--json"];
+    let mut child = bench
+        .command(&words)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    child.stdin.take().unwrap().write_all(b"%\nO1\ng1\n%\n").unwrap();
+    let ran = Ran::from(child.wait_with_output().unwrap()).with_code(0).json();
+    assert_eq!((&ran["bytes"], &ran["result"]), (&10.into(), &"altered".into()));
+    assert_eq!(ran["characters"][0]["what"], "sent as G");
 }

@@ -2,6 +2,8 @@
 
 use std::collections::HashMap;
 
+use softplug_gateway::is_plain;
+
 /// A character, or a byte that is none in UTF-8.
 #[derive(Copy, Clone, PartialEq, Eq, Hash, Debug)]
 pub(super) enum Written {
@@ -56,7 +58,9 @@ impl Written {
         match self {
             Self::Character('\t') => "TAB".to_owned(),
             Self::Character(' ') => "SPACE".to_owned(),
-            Self::Character(character) if is_seen(character) => character.to_string(),
+            Self::Character(character) if is_plain(character) && !character.is_whitespace() => {
+                character.to_string()
+            }
             Self::Character(character) if character.is_ascii() => {
                 format!("byte {:02x}", character as u32)
             }
@@ -92,12 +96,6 @@ impl Written {
             _ => return None,
         })
     }
-}
-
-fn is_seen(character: char) -> bool {
-    !character.is_control()
-        && !character.is_whitespace()
-        && !matches!(character, '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
 }
 
 #[cfg(test)]

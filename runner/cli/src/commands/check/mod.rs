@@ -14,11 +14,11 @@ use softplug_gateway::port::line_text;
 use self::characters::{Found, characters};
 use self::fate::{Fate, Probe};
 use super::send::{check_message, fields, job_kind, reason};
-use super::trial::{End, Trial};
+use super::trial::{End, Trial, WAITS};
 use crate::dump::hex;
 use crate::exit::Exit;
 use crate::failure::Failure;
-use crate::files::{Program, read};
+use crate::files::Program;
 use crate::line::{Assignment, LinkArguments, field};
 use crate::numbers;
 use crate::screen::Screen;
@@ -35,7 +35,7 @@ use crate::table::Table;
   softplug check O0001.nc --plugin fanuc-rs232 --set code=eia
   softplug check O0001.nc --machine fanuc-0m --strict --json")]
 pub(crate) struct Arguments {
-    /// The program
+    /// The program; - is standard input
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]
@@ -47,8 +47,6 @@ pub(crate) struct Arguments {
     #[arg(long)]
     strict: bool,
 }
-
-const WAITS: &str = "the plug-in waits for something that only a real partner sends";
 
 /// What machines get.
 #[derive(Serialize)]
@@ -82,8 +80,8 @@ struct Row {
 }
 
 pub(crate) fn run(mut arguments: Arguments, screen: &Screen) -> Result<Exit, Failure> {
-    let program = Program::open(&arguments.file)?;
-    let text = read(&arguments.file)?;
+    let mut program = Program::open(&arguments.file)?;
+    let text = program.read()?;
     let (plugin, settings) = arguments.link.load()?;
     let manifest = plugin.manifest();
     let line = arguments.link.line(manifest, &settings).line;
