@@ -14,7 +14,6 @@ use softplug_unit_protocol::{Digest, SlotState, ToServer, ToUnit};
 use softplug_unit_uplink::Outbox;
 
 use super::delivery::{Arrivals, Flood};
-use super::headway::Headway;
 use super::job::UnitJob;
 use super::thread::Thread;
 use super::{UnitCommand, UnitLinkFigures, UnitPlugin, UnitSetup, UnitSlotFigures, piece};
@@ -186,8 +185,7 @@ impl UnitLane {
             change.is_ordered = false;
         } else if self.job.as_ref().is_none_or(|job| !job.is_begun) {
             let plugin = self.setup.plugin.clone();
-            self.change =
-                Some(Change { plugin, swap: None, is_ordered: false, headway: Headway::default() });
+            self.change = Some(Change::to(plugin, None));
         }
         self.order(around);
     }
@@ -214,18 +212,12 @@ impl UnitLane {
             UnitCommand::Answer { request, answer } => self.answer(request, answer, around),
             UnitCommand::Swap { plugin, when, probation } => {
                 let swap = Some((when, probation));
-                self.change =
-                    Some(Change { plugin, swap, is_ordered: false, headway: Headway::default() });
+                self.change = Some(Change::to(plugin, swap));
                 self.order(around);
             }
             UnitCommand::Replace(plugin) => {
                 self.setup.plugin = plugin.clone();
-                self.change = Some(Change {
-                    plugin,
-                    swap: None,
-                    is_ordered: false,
-                    headway: Headway::default(),
-                });
+                self.change = Some(Change::to(plugin, None));
                 self.order(around);
             }
             UnitCommand::Halt(why) => {

@@ -19,6 +19,12 @@ pub(super) struct Change {
     pub(super) headway: Headway,
 }
 
+impl Change {
+    pub(super) fn to(plugin: UnitPlugin, swap: Option<(When, Probation)>) -> Self {
+        Self { plugin, swap, is_ordered: false, headway: Headway::default() }
+    }
+}
+
 impl UnitLane {
     pub(in crate::units) fn slot(&mut self, link: u8, slot: u8, state: SlotState, digest: Digest) {
         // The link itself follows, and says by its name which one it is.
