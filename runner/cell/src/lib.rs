@@ -1,0 +1,30 @@
+//! Coordinates machines that work together.
+//!
+//! A *channel* runs one NC program at a time. Channels keep in step by words in their programs: they
+//! meet at *marks*, load and start each other's programs, and hand *axes* over: a bar feeder, a
+//! gantry, a robot, anything of which there is one. `docs/cells.md` says what each word does.
+//!
+//! [`Cell`] is a state machine without I/O and clock: it takes [`Event`]s and answers with
+//! [`Change`]s. It is saved and restored between any two events. Who cannot go on, whatever the
+//! others do, is told at once.
+//!
+//! | module | subject |
+//! |---|---|
+//! | `setup` | channels, axes and groups, by name |
+//! | `word` | what programs say to other channels |
+//! | `event` | what a cell is told, and what comes of it |
+//! | `cell` | the state machine |
+//! | `stuck` | who waits for whom for ever |
+#![forbid(unsafe_code)]
+
+mod cell;
+mod event;
+mod setup;
+mod stuck;
+mod word;
+
+pub use cell::{Cell, ChannelView, RestoreError, Saved};
+pub use event::{AfterCrash, Change, End, Event, Mode, Refused};
+pub use setup::{AxisId, ChannelId, ChannelSet, GroupId, MOST, Setup, SetupError};
+pub use stuck::Stuck;
+pub use word::Word;
