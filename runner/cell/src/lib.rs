@@ -12,6 +12,7 @@
 //! |---|---|
 //! | `setup` | channels, axes and groups, by name |
 //! | `word` | what programs say to other channels |
+//! | `notation` | how they are written |
 //! | `event` | what a cell is told, and what comes of it |
 //! | `cell` | the state machine |
 //! | `stuck` | who waits for whom for ever |
@@ -19,12 +20,14 @@
 
 mod cell;
 mod event;
+mod notation;
 mod setup;
 mod stuck;
 mod word;
 
 pub use cell::{Cell, ChannelView, RestoreError, Saved};
 pub use event::{AfterCrash, Change, End, Event, Mode, Refused};
+pub use notation::{MOST_WORDS, NoNotation, Notation, Program, Stop, WordError};
 pub use setup::{AxisId, ChannelId, ChannelSet, GroupId, MOST, Setup, SetupError};
 pub use stuck::Stuck;
 pub use word::Word;

@@ -1,0 +1,44 @@
+//! `(SOFTPLUG WAIT 10 LATHE-1 LATHE-2)`, or behind a semicolon.
+
+use super::{Names, Read, program_name};
+use crate::word::Word;
+
+const NAME: &str = "SOFTPLUG";
+
+/// All words in the comments of a block.
+pub(super) fn words(text: &str, names: Names<'_>) -> Read<Vec<Word>> {
+    let mut words = Vec::new();
+    let mut rest = text;
+    while let Some(begin) = rest.find(['(', ';']) {
+        let is_bracket = rest[begin..].starts_with('(');
+        let inside = &rest[begin + 1..];
+        let end = if is_bracket { inside.find(')') } else { None };
+        let comment = &inside[..end.unwrap_or(inside.len())];
+        let mut parts = comment.split_whitespace();
+        if parts.next().is_some_and(|first| first.eq_ignore_ascii_case(NAME)) {
+            words.push(word(comment, &parts.collect::<Vec<&str>>(), names)?);
+        }
+        let Some(end) = end else { break };
+        rest = &inside[end + 1..];
+    }
+    Ok(words)
+}
+
+fn word(comment: &str, parts: &[&str], names: Names<'_>) -> Read<Word> {
+    let verb = parts.first().map(|verb| verb.to_ascii_uppercase()).unwrap_or_default();
+    match (&*verb, &parts[parts.len().min(1)..]) {
+        ("WAIT", [mark, with @ ..]) => names.meeting(mark, with.iter().copied()),
+        ("LOAD", [channel, program]) => {
+            Ok(Word::Load { channel: names.channel(channel)?, program: program_name(program)? })
+        }
+        ("START", [channel]) => Ok(Word::Start { channel: names.channel(channel)? }),
+        ("GET", [axis]) => Ok(Word::Get { axis: names.axis(axis)?, forced: false }),
+        ("TAKE", [axis]) => Ok(Word::Get { axis: names.axis(axis)?, forced: true }),
+        ("RELEASE", [axis]) => Ok(Word::Release { axis: names.axis(axis)? }),
+        _ => Err(format!(
+            "\"{}\" cannot be understood: write (SOFTPLUG WAIT mark channels), LOAD channel \
+             program, START channel, GET axis, TAKE axis or RELEASE axis",
+            comment.trim().escape_debug()
+        )),
+    }
+}

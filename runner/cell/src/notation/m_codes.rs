@@ -1,0 +1,49 @@
+//! Waiting M codes, as on controls with several paths: `M101 P12` waits in paths 1 and 2.
+
+use std::ops::RangeInclusive;
+
+use super::{Names, Read, without_number};
+use crate::word::Word;
+
+pub(super) fn words(text: &str, codes: RangeInclusive<u32>, names: Names<'_>) -> Read<Vec<Word>> {
+    let block: String = without_number(text).split_whitespace().collect();
+    let Some(codes) = addresses(&block).map(|addresses| {
+        let is_wait = |(letter, value): &(char, &str)| {
+            *letter == 'M' && value.parse().is_ok_and(|code| codes.contains(&code))
+        };
+        let waits = addresses.iter().any(is_wait);
+        if waits { addresses } else { Vec::new() }
+    }) else {
+        return Ok(Vec::new());
+    };
+    match codes[..] {
+        [] => Ok(Vec::new()),
+        [('M', mark)] => Ok(vec![names.meeting(mark, std::iter::empty())?]),
+        [('M', mark), ('P', paths)] | [('P', paths), ('M', mark)] => {
+            let digits = paths.char_indices().map(|(at, _)| &paths[at..=at]);
+            Ok(vec![names.meeting(mark, digits)?])
+        }
+        _ => Err(format!(
+            "\"{}\": a waiting M code has to stand alone in its block, with P and the numbers of \
+             the channels that wait, or without for all",
+            text.trim().escape_debug()
+        )),
+    }
+}
+
+/// Letters, each with its value; none where the block is something else.
+fn addresses(block: &str) -> Option<Vec<(char, &str)>> {
+    let mut addresses = Vec::new();
+    let mut rest = block;
+    while let Some(letter) = rest.chars().next() {
+        if !letter.is_ascii_alphabetic() {
+            return None;
+        }
+        let value = &rest[1..];
+        let end =
+            value.find(|c: char| !c.is_ascii_digit() && !"+-.".contains(c)).unwrap_or(value.len());
+        addresses.push((letter.to_ascii_uppercase(), &value[..end]));
+        rest = &value[end..];
+    }
+    Some(addresses)
+}

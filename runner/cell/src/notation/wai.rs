@@ -1,0 +1,28 @@
+//! `WAI 10 LATHE-1 LATHE-2`, `LAD LATHE-2 O1234`, `EXE LATHE-2`.
+
+use super::{Names, Read, program_name, without_number};
+use crate::word::Word;
+
+pub(super) fn words(text: &str, names: Names<'_>) -> Read<Vec<Word>> {
+    let parts: Vec<&str> = without_number(text)
+        .split(|c: char| c.is_whitespace() || c == ',')
+        .filter(|part| !part.is_empty())
+        .collect();
+    let verb = parts.first().map(|verb| verb.to_ascii_uppercase()).unwrap_or_default();
+    let word = match (&*verb, &parts[parts.len().min(1)..]) {
+        ("WAI", [mark, with @ ..]) => names.meeting(mark, with.iter().copied())?,
+        ("LAD", [channel, program]) => {
+            Word::Load { channel: names.channel(channel)?, program: program_name(program)? }
+        }
+        ("EXE", [channel]) => Word::Start { channel: names.channel(channel)? },
+        ("WAI" | "LAD" | "EXE", _) => {
+            return Err(format!(
+                "\"{}\" cannot be understood: write WAI mark channels, LAD channel program or EXE \
+                 channel",
+                text.trim().escape_debug()
+            ));
+        }
+        _ => return Ok(Vec::new()),
+    };
+    Ok(vec![word])
+}
