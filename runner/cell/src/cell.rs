@@ -140,6 +140,14 @@ impl Cell {
         Self { setup, state }
     }
 
+    /// As [`new`](Self::new), and nothing begins before it is [cleared](Event::Clear): it is not known how
+    /// its machines stand.
+    pub fn stopped(setup: Setup) -> Self {
+        let mut cell = Self::new(setup);
+        cell.state.is_stopped = true;
+        cell
+    }
+
     /// Its channels, axes and groups.
     pub fn setup(&self) -> &Setup {
         &self.setup
@@ -311,9 +319,9 @@ impl Cell {
                 Ok(())
             }
             Event::Ended { channel, .. } => self.check_runs(*channel),
-            Event::Paused { channel, .. } | Event::Lost { channel, .. } => {
-                self.check_channel(*channel)
-            }
+            Event::Unloaded { channel }
+            | Event::Paused { channel, .. }
+            | Event::Lost { channel, .. } => self.check_channel(*channel),
             Event::Mode { group, mode } => self.check_mode(*group, *mode),
             Event::Force { axis, channel } => {
                 self.check_axis(*axis)?;
@@ -394,6 +402,11 @@ impl Cell {
             Event::Begin { channel, program, .. } => self.begin(channel, program, None, changes),
             Event::Reached { channel, word } => self.reached(now, channel, word, changes),
             Event::Ended { channel, end } => self.end(channel, end, changes),
+            Event::Unloaded { channel } => {
+                if self.of_mut(channel).loaded.take().is_some() {
+                    changes.push(Change::Unloaded { channel });
+                }
+            }
             Event::Paused { channel, is } => self.of_mut(channel).is_paused = is,
             Event::Lost { channel, is } => self.of_mut(channel).is_lost = is,
             Event::Mode { group, mode } => {

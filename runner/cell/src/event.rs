@@ -71,6 +71,11 @@ pub enum Event {
         /// How.
         end: End,
     },
+    /// What is loaded there was taken away by somebody.
+    Unloaded {
+        /// Where.
+        channel: ChannelId,
+    },
     /// Somebody has a program pause, or go on.
     Paused {
         /// Whose.
@@ -150,6 +155,11 @@ pub enum Change {
         program: String,
         /// By whom.
         by: ChannelId,
+    },
+    /// What was loaded there is loaded no more.
+    Unloaded {
+        /// Where.
+        channel: ChannelId,
     },
     /// An axis has an owner.
     Owned {
@@ -307,7 +317,9 @@ impl Change {
                 format!("{} starts {} in {}", name(by), program.escape_debug(), name(channel))
             }
             Self::Waits { channel, word } => match word {
-                Word::Wait { .. } => format!("{} {}", name(channel), word.told(*channel, setup)),
+                Word::Wait { .. } | Word::Release { .. } => {
+                    format!("{} {}", name(channel), word.told(*channel, setup))
+                }
                 Word::Get { axis, .. } => {
                     format!("{} waits for {}", name(channel), setup.axis_name(*axis))
                 }
@@ -318,7 +330,6 @@ impl Change {
                 Word::Start { channel: other } => {
                     format!("{} waits to start {}", name(channel), name(other))
                 }
-                Word::Release { .. } => format!("{} {}", name(channel), word.told(*channel, setup)),
             },
             Self::Met { mark, with } => {
                 format!("mark {mark}: {} are there and go on", setup.names(*with))
@@ -326,6 +337,7 @@ impl Change {
             Self::Loaded { channel, program, by } => {
                 format!("{} loads {} into {}", name(by), program.escape_debug(), name(channel))
             }
+            Self::Unloaded { channel } => format!("nothing is loaded in {}", name(channel)),
             Self::Owned { axis, channel, from: None } => {
                 format!("{} has {}", name(channel), setup.axis_name(*axis))
             }

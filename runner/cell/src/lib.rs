@@ -15,10 +15,12 @@
 //! | `notation` | how they are written |
 //! | `event` | what a cell is told, and what comes of it |
 //! | `cell` | the state machine |
+//! | `chart` | who did what over time |
 //! | `stuck` | who waits for whom for ever |
 #![forbid(unsafe_code)]
 
 mod cell;
+mod chart;
 mod event;
 mod notation;
 mod setup;
@@ -26,6 +28,7 @@ mod stuck;
 mod word;
 
 pub use cell::{Cell, ChannelView, RestoreError, Saved};
+pub use chart::{Chart, Doing, Span};
 pub use event::{AfterCrash, Change, End, Event, Mode, Refused};
 pub use notation::{MOST_WORDS, NoNotation, Notation, Program, Stop, WordError};
 pub use setup::{AxisId, ChannelId, ChannelSet, GroupId, MOST, Setup, SetupError};

@@ -7,6 +7,8 @@
 //! able to say any word. A pause, a lost port and a mode are somebody's to end, and hinder nobody
 //! here.
 
+use std::fmt::Write as _;
+
 use crate::cell::Cell;
 use crate::event::Change;
 use crate::setup::{AxisId, ChannelId, ChannelSet};
@@ -208,11 +210,10 @@ impl Cell {
             Some((Word::Release { .. }, _)) | None => "is interrupted".to_owned(),
         };
         for axis in &self.of(channel).deprived {
-            what.push_str(&format!("; {} was taken from it", self.owned(*axis)));
+            let _ = write!(what, "; {} was taken from it", self.owned(*axis));
             helps.push(self.help_with(*axis));
         }
-        let idle: Vec<&str> =
-            waits_for.iter().filter(|one| !self.runs(*one)).map(|one| name(one)).collect();
+        let idle: Vec<&str> = waits_for.iter().filter(|one| !self.runs(*one)).map(name).collect();
         if idle.is_empty() {
             helps.push(format!("end the program of {}", name(channel)));
         } else {

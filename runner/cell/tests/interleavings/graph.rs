@@ -71,6 +71,9 @@ pub fn events(cell: &Cell, alphabet: &Alphabet) -> Vec<Event> {
             events.push(Event::Ended { channel, end: End::Done });
         }
         events.push(Event::Ended { channel, end: End::Failed });
+        if alphabet.loads {
+            events.push(Event::Unloaded { channel });
+        }
     }
     if !alphabet.turns {
         return events;

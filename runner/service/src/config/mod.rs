@@ -4,6 +4,7 @@
 //! whether plug-ins exist and take their settings is checked with the library.
 
 mod buses;
+mod cells;
 mod finding;
 mod link;
 mod links;
@@ -13,6 +14,7 @@ mod tls;
 mod watch;
 mod written;
 
+pub use cells::CellConfig;
 pub use finding::{ConfigError, ConfigFinding, Place};
 pub(crate) use link::micros;
 pub use link::{Buffer, LinkConfig, PortConfig, Probation, Reopen, SwapPolicy, Watchdogs};
@@ -47,6 +49,8 @@ pub struct Config {
     pub supervision: Supervision,
     /// Buses over which units are fed; names are distinct.
     pub buses: Vec<BusSetup>,
+    /// Cells of links that work together; names are distinct, and no link is in two.
+    pub cells: Vec<CellConfig>,
     /// The links, in the order of the file; names and ports are distinct.
     pub links: Vec<LinkConfig>,
 }
@@ -85,8 +89,9 @@ impl Config {
             key: &key,
         };
         let links = links::all(written.link, &common, &mut problems);
+        let cells = cells::all(&written.cell, &links, &mut problems);
         problems.end()?;
-        Ok(Self { file: file.to_owned(), gateway, http, supervision, buses, links })
+        Ok(Self { file: file.to_owned(), gateway, http, supervision, buses, cells, links })
     }
 }
 

@@ -15,6 +15,7 @@ pub(super) struct File {
     pub(super) http: Option<Spanned<Http>>,
     pub(super) supervision: Supervision,
     pub(super) bus: Vec<Spanned<Bus>>,
+    pub(super) cell: Vec<Spanned<Cell>>,
     /// What links have in common.
     pub(super) defaults: Link,
     pub(super) link: Vec<Spanned<Link>>,
@@ -72,6 +73,18 @@ pub(super) struct Bus {
     pub(super) rate: Option<Spanned<Value>>,
     pub(super) efficiency: Option<Spanned<Value>>,
     pub(super) switch: Option<Text>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
+pub(super) struct Cell {
+    pub(super) name: Option<Text>,
+    pub(super) channels: Option<Texts>,
+    pub(super) axes: Vec<Text>,
+    pub(super) groups: BTreeMap<Text, Vec<Text>>,
+    pub(super) words: Option<Text>,
+    pub(super) notations: BTreeMap<Text, Text>,
+    pub(super) after_crash: Option<Text>,
 }
 
 #[derive(Clone, Debug, Default, Deserialize)]

@@ -32,6 +32,8 @@ use progress::Progress;
 
 /// How often progress is looked at.
 const LOOK: Duration = Duration::from_millis(250);
+/// How often it is looked whether all before a gate has left.
+const LOOK_AT_GATES: Duration = Duration::from_millis(20);
 /// When writing down failed, it is tried again after this.
 const AGAIN: Duration = Duration::from_millis(500);
 
@@ -44,6 +46,8 @@ pub struct Feeding {
     pub data: Data,
     /// The first byte to send.
     pub from: u64,
+    /// No byte from this one on is given before the gate is [moved](Feeder::move_gate).
+    pub gate: Option<u64>,
     /// Where to.
     pub to: ReservoirWriter,
     /// How fast.
@@ -61,6 +65,13 @@ pub enum FeederNews {
     Stalled(String),
     /// It can be written down again.
     GoesOn,
+    /// All that lies before a job's gate has surely left.
+    AtGate {
+        /// The job.
+        job: u32,
+        /// Its gate.
+        gate: u64,
+    },
 }
 
 /// The thread, until it is dropped.
@@ -74,6 +85,7 @@ pub struct Feeder {
 enum Request {
     Feed(Box<Feeding>),
     Forget(u32),
+    Gate(u32, Option<u64>),
 }
 
 impl Feeder {
@@ -117,6 +129,11 @@ impl Feeder {
         self.request(Request::Forget(job));
     }
 
+    /// A job goes on, up to this byte; without one to its end.
+    pub fn move_gate(&self, job: u32, gate: Option<u64>) {
+        self.request(Request::Gate(job, gate));
+    }
+
     fn request(&self, request: Request) {
         if let (Some(requests), Some(thread)) = (&self.requests, &self.thread) {
             // It has panicked if not; then each buffer has failed, and says so.
@@ -147,6 +164,10 @@ struct Feed {
     /// The next byte to give.
     at: u64,
     end: u64,
+    /// Nothing behind it is given yet.
+    gate: Option<u64>,
+    /// It was told that all before its gate has left.
+    is_gate_told: bool,
     /// None from this byte on may be given yet.
     granted: u64,
     schedule: pace::Schedule,
@@ -177,6 +198,7 @@ impl<T: FnMut(FeederNews)> Worker<T> {
                 match requests.try_recv() {
                     Ok(Request::Feed(feeding)) => ready.extend(self.take_on(*feeding)),
                     Ok(Request::Forget(job)) => self.forget(job),
+                    Ok(Request::Gate(job, gate)) => ready.extend(self.move_gate(job, gate)),
                     Err(TryRecvError::Empty) => break,
                     Err(TryRecvError::Disconnected) => return,
                 }
@@ -198,6 +220,9 @@ impl<T: FnMut(FeederNews)> Worker<T> {
             if !ready.is_empty() {
                 self.serve(&mut ready, now);
             }
+            if self.look_at_gates() {
+                self.next_look = self.next_look.min(now + LOOK_AT_GATES);
+            }
             let next = self.due.peek().map(|Reverse((due, _))| *due);
             let until = next.map_or(self.next_look, |due| due.min(self.next_look));
             thread::park_timeout(until.saturating_duration_since(Instant::now()));
@@ -205,7 +230,7 @@ impl<T: FnMut(FeederNews)> Worker<T> {
     }
 
     fn take_on(&mut self, feeding: Feeding) -> Option<usize> {
-        let Feeding { job, data, from, mut to, pace, is_check, status } = feeding;
+        let Feeding { job, data, from, gate, mut to, pace, is_check, status } = feeding;
         let file = match self.snapshots.open(data) {
             Ok(file) => file,
             Err(error) => {
@@ -233,6 +258,9 @@ impl<T: FnMut(FeederNews)> Worker<T> {
             high,
             at: from,
             end: data.size,
+            // What is only looked at is looked at as a whole.
+            gate: gate.filter(|_| !is_check),
+            is_gate_told: false,
             granted: if is_check { u64::MAX } else { from },
             schedule: pace::Schedule::new(&Pace { packet, ..pace }, Instant::now()),
             is_filled: false,
@@ -243,6 +271,32 @@ impl<T: FnMut(FeederNews)> Worker<T> {
         }
         self.feeds[slot] = Some(feed);
         Some(slot)
+    }
+
+    fn move_gate(&mut self, job: u32, gate: Option<u64>) -> Option<usize> {
+        let is_its = |feed: &Option<Feed>| feed.as_ref().is_some_and(|feed| feed.job == job);
+        let slot = self.feeds.iter().position(is_its)?;
+        let feed = self.feeds[slot].as_mut()?;
+        feed.gate = gate;
+        feed.is_gate_told = false;
+        Some(slot)
+    }
+
+    /// Tells whose gate all has left before; whether there are others that stand at theirs.
+    fn look_at_gates(&mut self) -> bool {
+        let mut waits = false;
+        for feed in self.feeds.iter_mut().flatten() {
+            let Some(gate) = feed.gate.filter(|gate| feed.at >= *gate && !feed.is_gate_told) else {
+                continue;
+            };
+            let left = feed.progress.as_ref().and_then(Progress::surely_left);
+            feed.is_gate_told = left.is_some_and(|left| left >= gate);
+            waits |= !feed.is_gate_told;
+            if feed.is_gate_told {
+                (self.tell)(FeederNews::AtGate { job: feed.job, gate });
+            }
+        }
+        waits
     }
 
     fn forget(&mut self, job: u32) {
@@ -327,9 +381,10 @@ enum Next {
 }
 
 impl Feed {
-    /// The next packet, or what is left.
+    /// The next packet, or what is left of the program or up to the gate.
     fn next_packet(&self) -> usize {
-        (self.end.saturating_sub(self.at)).min(self.packet as u64) as usize
+        let end = self.gate.map_or(self.end, |gate| gate.min(self.end));
+        (end.saturating_sub(self.at)).min(self.packet as u64) as usize
     }
 
     /// What must be written down before the next packet can go.
@@ -338,7 +393,8 @@ impl Feed {
         let next = self.at + self.next_packet() as u64;
         let is_due = !self.is_filled || self.schedule.due() <= now;
         // A buffer's worth: so often, and no oftener, something is written.
-        let grant = (self.at + self.high as u64).min(self.end);
+        let end = self.gate.map_or(self.end, |gate| gate.min(self.end));
+        let grant = (self.at + self.high as u64).min(end);
         let advance = Advance { id: self.job, grant: Some(grant), surely: None };
         (is_due && next > self.granted && self.has_room()).then_some(advance)
     }
@@ -350,12 +406,19 @@ impl Feed {
     /// Gives what may be given now.
     fn give(&mut self, buffer: &mut Vec<u8>) -> Next {
         loop {
+            let packet = self.next_packet();
             let Some(to) = &mut self.to else { return Next::Woken };
             if to.is_abandoned() {
                 self.to = None;
                 return Next::Woken;
             }
-            let packet = (self.end.saturating_sub(self.at)).min(self.packet as u64) as usize;
+            if packet == 0 && self.at < self.end {
+                return Next::Woken;
+            }
+            if packet == 0 && self.gate.is_some_and(|gate| gate <= self.at) {
+                // Its end is behind the gate, too.
+                return Next::Woken;
+            }
             if packet == 0 {
                 to.finish();
                 self.to = None;

@@ -24,6 +24,12 @@ impl Progress {
         Self { status, job, from, written: from, next: None, was_held: false }
     }
 
+    /// What has surely left by now; none while the lane does something else.
+    pub(super) fn surely_left(&self) -> Option<u64> {
+        let figures = self.status.read();
+        (figures.job == self.job).then_some(self.from + figures.job_bytes_surely_left)
+    }
+
     /// What has surely left, if that is to be written down now.
     pub(super) fn look(&mut self, now: Instant) -> Option<u64> {
         let figures = self.status.read();

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
 use std::time::Duration;
 
+use softplug_cell::Stop;
 use softplug_gateway::reactor::Command;
 use softplug_host::Plugin;
 use tokio::sync::broadcast;
@@ -153,10 +154,13 @@ impl Gateway {
         let _hold = self.shared.parts.snapshots.hold();
         let job = self::order(link, order, &plugin)?;
         let has_field = finds_blocks(&plugin, &job.job_kind);
+        let mut stops = Vec::new();
         let job = match (&order.program, order.from_block) {
             (Some(program), from) => {
                 let parts = &self.shared.parts;
                 let data = parts.programs.snapshot(&program.parse()?, &parts.snapshots)?;
+                let (data, found) = self.words_of(link, data)?;
+                stops = found;
                 let job = JobSpec { data: Some(data), ..job };
                 let at = from.map_or(BeginAt::Start, BeginAt::Block);
                 if at == BeginAt::Start {
@@ -170,14 +174,15 @@ impl Gateway {
             }
             (None, None) => job,
         };
-        self.put(job)
+        self.put(job, stops)
     }
 
     /// A job whose data is all that comes from `source`. The order's program is only a name.
     ///
     /// It is given to the machine as it comes, and refused if the link is busy; a source that
     /// fails is no whole program, and neither is the job. But a plug-in that looks at a program
-    /// before it sends it gets it as a whole: it is kept first, and waits for its turn then.
+    /// before it sends it gets it as a whole: it is kept first, and waits for its turn then. So is
+    /// one for a channel of a cell, whose words must be known before it begins.
     pub fn feed(
         &self,
         link: &str,
@@ -191,13 +196,14 @@ impl Gateway {
             return Err(Refusal::invalid("from_block", "only an uploaded program has blocks"));
         }
         let job = self::order(link, order, &plugin)?;
-        if plugin.manifest().needs.check_pass {
+        if plugin.manifest().needs.check_pass || self.channel_of(link)?.is_some() {
             let snapshots = &self.shared.parts.snapshots;
             let _hold = snapshots.hold();
             let name = job.program.as_deref().unwrap_or("the data");
             let mut source = self.shared.parts.quotas.within(source);
             let data = snapshots.take_all(&mut source, name, self.shared.upload_bytes)?;
-            return self.put(JobSpec { data: Some(data), ..job });
+            let (data, stops) = self.words_of(link, data)?;
+            return self.put(JobSpec { data: Some(data), ..job }, stops);
         }
         let link = link.to_owned();
         let (id, mut feeding) = self.shared.ask(move |control| control.feed(&link, job, size))?;
@@ -210,8 +216,8 @@ impl Gateway {
     }
 
     /// Puts a job into its link's queue.
-    fn put(&self, order: JobSpec) -> Result<JobView, Refusal> {
-        let job = self.shared.parts.jobs.submit(order)?;
+    fn put(&self, order: JobSpec, stops: Vec<Stop>) -> Result<JobView, Refusal> {
+        let job = self.shared.parts.jobs.submit_with(order, stops)?;
         self.shared.ask(move |control| {
             control.show_job(&job);
             control.begin_next(&job.spec.link);

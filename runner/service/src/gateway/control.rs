@@ -16,6 +16,7 @@ use std::time::{Duration, Instant};
 use softplug_gateway::reactor::{LaneId, Report};
 use tokio::sync::broadcast;
 
+use super::cells::Cells;
 use super::drivers::Drivers;
 use super::journal_writer::JournalWriter;
 use super::link::Link;
@@ -88,6 +89,7 @@ pub(crate) struct Control {
     pub(super) reception_writer: ReceptionWriter,
     pub(super) links: BTreeMap<String, Link>,
     pub(super) lanes: HashMap<LaneId, String>,
+    pub(super) cells: Cells,
     pub(super) audiences: Audiences,
     /// Links as they were last shown.
     pub(super) shown: HashMap<String, LinkView>,
@@ -203,6 +205,7 @@ impl Control {
     /// What nobody tells.
     fn tick(&mut self) {
         self.tend_changes();
+        self.tend_cells();
         self.begin_where_possible();
         self.tend_stop();
         if Instant::now() >= self.next_sweep {
@@ -245,6 +248,9 @@ impl Control {
     /// Shows a job to whoever listens.
     pub(super) fn show_job(&mut self, job: &Job) {
         self.results.take(job);
+        if job.state.is_final() {
+            self.left_cell(job);
+        }
         let view = self.job_view(job);
         self.shared.changed(Change::Job(Box::new(view)));
         self.shared.parts.journal_writer.look();

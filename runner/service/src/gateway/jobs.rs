@@ -40,8 +40,14 @@ impl Control {
     pub(super) fn begin_next(&mut self, name: &str) {
         while self.stopping.is_none() && self.links.get(name).is_some_and(Link::takes_jobs) {
             let Some(job) = self.shared.parts.jobs.next(name) else { return };
+            if self.keeps_waiting(name, &job) {
+                return;
+            }
             // Written down before it takes effect: after a crash it is known to have begun.
-            let begun = self.shared.parts.jobs.begin(job.id);
+            let begun = match self.begin_in_cell(name, &job) {
+                Some(begun) => begun,
+                None => self.shared.parts.jobs.begin(job.id),
+            };
             let Some(job) = self.wrote(begun) else { return };
             self.show_job(&job);
             let needs_check = self.links.get(name).is_some_and(|link| {
@@ -89,6 +95,7 @@ impl Control {
             answers: 0,
             ended: None,
             is_check: check,
+            is_held_by_cell: false,
         });
         let lane_job = LaneJob { id: job.id, kind, size, fields, check };
         let lane = link.lane_id();
@@ -115,6 +122,7 @@ impl Control {
             job: job.id,
             data,
             from: job.spec.from,
+            gate: self.gate(name, job.id),
             to: writer,
             pace: Pace { packet: buffer.packet as usize, characters_a_second },
             is_check,
@@ -172,6 +180,7 @@ impl Control {
     /// What the feeder tells: the disk, or what is written on it.
     pub(super) fn feeder_news(&mut self, news: FeederNews) {
         match news {
+            FeederNews::AtGate { job, gate } => self.at_gate(job, gate),
             FeederNews::Stalled(why) => {
                 let text = format!("no job is fed further: {why}");
                 tracing::error!("{text}");
@@ -233,6 +242,8 @@ impl Control {
             running.job = job.clone();
             let command = match command {
                 JobCommand::Pause => Some(Command::Pause(id)),
+                // Its cell lets it go on when that is free to do so.
+                JobCommand::Resume if running.is_held_by_cell => None,
                 JobCommand::Resume => Some(Command::Resume(id)),
                 JobCommand::Abort => {
                     running.ends_as = EndsAs::Aborted;
@@ -245,6 +256,7 @@ impl Control {
                 self.drivers.tell(lane, command);
             }
         }
+        self.steered_in_cell(&job);
         self.show_job(&job);
         self.begin_next(&name);
         Ok(self.job_view(&job))

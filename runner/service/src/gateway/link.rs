@@ -100,6 +100,8 @@ pub(crate) struct Running {
     pub(crate) ended: Option<JobEnd>,
     /// The program is looked at; nothing of it is sent yet.
     pub(crate) is_check: bool,
+    /// Its cell lets nothing more of it leave.
+    pub(crate) is_held_by_cell: bool,
 }
 
 impl Running {

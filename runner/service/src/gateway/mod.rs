@@ -7,6 +7,7 @@
 
 mod buses;
 mod calls;
+mod cells;
 mod control;
 mod drivers;
 mod evidence;

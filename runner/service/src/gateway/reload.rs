@@ -147,6 +147,7 @@ impl Control {
             let keys = keys.into_iter().map(ToOwned::to_owned).collect();
             view.changed.push(RemadeLink { name: link.name.clone(), keys, waits });
         }
+        view.needs_restart.extend(self.set_cells(&config.cells));
         let quotas = config.links.iter().map(|link| (link.name.clone(), link.quota)).collect();
         self.shared.parts.quotas.set(quotas);
         let limits = limits(&config.supervision);

@@ -28,6 +28,7 @@ impl Control {
                 if let Some(link) = self.links.get_mut(&name) {
                     link.port.is_up = true;
                 }
+                self.tend_cells();
                 self.begin_next(&name);
             }
             Report::HandedOver(kept) => self.shared.kept().push(kept),

@@ -211,12 +211,24 @@ fn program(
         tracing::warn!(%error, link, "a program that was asked for cannot be read");
         Failure::NotFound
     })?;
+    let channel = shared.ask({
+        let link = link.to_owned();
+        move |control| Ok(control.channel_of(&link))
+    });
+    let read = channel.and_then(|channel| match channel {
+        Some(channel) => channel.read(shared, data),
+        None => Ok((data, Vec::new())),
+    });
+    let (data, stops) = read.map_err(|error| {
+        tracing::warn!(%error, link, "a program that was asked for cannot be sent in a cell");
+        Failure::BadJob
+    })?;
     let order = JobSpec {
         priority: PANEL,
         origin: Origin::Panel,
         ..JobSpec::send(link, program.as_str(), data)
     };
-    let submitted = shared.parts.jobs.submit(order);
+    let submitted = shared.parts.jobs.submit_with(order, stops);
     submitted.map(|job| Answer::Job(Box::new(job))).map_err(|error| {
         tracing::error!(%error, link, "a program that was asked for cannot be sent");
         Failure::Busy

@@ -18,6 +18,7 @@ use thiserror::Error;
 use tokio::sync::broadcast;
 
 use super::Gateway;
+use super::cells::Cells;
 use super::control::{Control, Message, Parts, SWEEP, Shared};
 use super::drivers::Drivers;
 use super::journal_writer::JournalWriter;
@@ -219,6 +220,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
         reception_writer,
         links: BTreeMap::new(),
         lanes: HashMap::new(),
+        cells: Cells::default(),
         audiences: HashMap::new(),
         shown: HashMap::new(),
         shown_jobs: HashMap::new(),

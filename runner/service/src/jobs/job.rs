@@ -63,6 +63,19 @@ pub struct JobSpec {
     /// The job that this one does again, or goes on with.
     #[serde(default)]
     pub restarts: Option<u32>,
+    /// Loaded by another channel of its cell, and begun when one starts it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<Start>,
+}
+
+/// Whether a job that was loaded by a program has been started.
+#[derive(Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Start {
+    /// It waits until a program starts it.
+    Awaited,
+    /// It was started: it goes before all others.
+    Given,
 }
 
 impl JobSpec {
@@ -86,8 +99,14 @@ impl JobSpec {
             priority: 0,
             origin: Origin::default(),
             restarts: None,
+            start: None,
         }
     }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+fn is_zero(number: &u32) -> bool {
+    *number == 0
 }
 
 fn first_block() -> u64 {
@@ -180,6 +199,9 @@ pub struct Job {
     /// Bytes that left for it, as the plug-in counts; known when the job has ended.
     #[serde(default)]
     pub sent: u64,
+    /// Words of coordination in its program that are behind it.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub passed: u32,
     /// Why it did not end well.
     #[serde(default)]
     pub reason: Option<Reason>,
@@ -232,7 +254,8 @@ pub(super) fn next<'a>(jobs: impl Iterator<Item = &'a Job> + Clone) -> Option<&'
         return None;
     }
     let queued = jobs.filter(|job| job.state == State::Queued);
-    queued.max_by_key(|job| (job.spec.priority, std::cmp::Reverse(job.id)))
+    let ready = queued.filter(|job| job.spec.start != Some(Start::Awaited));
+    ready.max_by_key(|job| (job.spec.start, job.spec.priority, std::cmp::Reverse(job.id)))
 }
 
 #[cfg(test)]
@@ -248,6 +271,7 @@ mod tests {
             extent: Extent::default(),
             taken: 0,
             sent: 0,
+            passed: 0,
             reason: None,
             reception: None,
             is_unseen: false,
@@ -266,6 +290,19 @@ mod tests {
         assert_eq!(next(jobs.iter()).map(|job| job.id), Some(2));
         jobs.push(job(6, 0, State::Paused, true, Kind::Send));
         assert_eq!(next(jobs.iter()), None);
+    }
+
+    #[test]
+    fn what_was_loaded_waits_for_its_start_and_goes_first_then() {
+        let queued = |id, priority, start| {
+            let mut job = job(id, priority, State::Queued, false, Kind::Send);
+            job.spec.start = start;
+            job
+        };
+        let jobs = [queued(1, 0, None), queued(2, 9, Some(Start::Awaited))];
+        assert_eq!(next(jobs.iter()).map(|job| job.id), Some(1));
+        let jobs = [queued(1, 9, None), queued(2, 0, Some(Start::Given))];
+        assert_eq!(next(jobs.iter()).map(|job| job.id), Some(2));
     }
 
     proptest! {

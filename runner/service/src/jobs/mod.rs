@@ -7,6 +7,7 @@
 mod ballast;
 mod begin;
 pub mod blocks;
+mod cell;
 mod error;
 mod job;
 mod journal;
@@ -22,9 +23,11 @@ mod turns;
 
 pub use begin::{BeginAt, beginning_at};
 pub use blocks::{Between, Block};
+pub use cell::CellStep;
 pub use error::{JobsError, StoreError};
 pub use job::{
     CheckFault, Comparison, Data, Extent, Job, JobSpec, Kind, Left, Origin, Reason, Reception,
+    Start,
 };
 pub use journal::{Entry, EntryFilter, Keep, Note, Subject, Weight};
 pub use progress::LaneProgress;
@@ -38,6 +41,7 @@ use std::sync::{Arc, RwLock};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use redb::Database;
+use softplug_cell::Stop;
 
 use crate::disk::make_folder;
 use crate::programs::Snapshots;
@@ -193,6 +197,14 @@ impl Jobs {
     /// # Errors
     /// It cannot be written down, or too many wait. It is not taken then.
     pub fn submit(&self, spec: JobSpec) -> Result<Job, JobsError> {
+        self.submit_with(spec, Vec::new())
+    }
+
+    /// As [`submit`](Self::submit), for a program whose feed stops at these places.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn submit_with(&self, spec: JobSpec, stops: Vec<Stop>) -> Result<Job, JobsError> {
         let mut store = self.store.take(Who::Other);
         if spec.from > spec.data.map_or(0, |data| data.size) {
             return Err(JobsError::Spec("the job would begin behind the program's end".to_owned()));
@@ -205,8 +217,11 @@ impl Jobs {
         // New work is taken only with the reserve in place.
         store.load_ballast()?;
         let job = created(store.next_job(), spec, State::Queued);
-        let note = note(&job, format!("job {} is queued: {}", job.id, what(&job)));
-        put(&mut store, job, vec![note])
+        let notes = vec![queued_note(&job)];
+        let stops = if stops.is_empty() { Vec::new() } else { vec![(job.id, stops)] };
+        let change = Change { jobs: vec![job.clone()], notes, stops, ..Change::default() };
+        store.write(&change, now())?;
+        Ok(job)
     }
 
     /// The job whose turn it is on a link, if the link is not busy.
@@ -220,11 +235,7 @@ impl Jobs {
     /// # Errors
     /// It cannot be written down, or does not wait. It must not be given away then.
     pub fn begin(&self, id: u32) -> Result<Job, JobsError> {
-        self.step(id, Step::Begin, |job, now| {
-            job.began = Some(now);
-            job.extent = Extent { surely: job.spec.from, maybe: job.spec.from };
-            Some(format!("job {} begins: {}", job.id, what(job)))
-        })
+        self.step(id, Step::Begin, |job, now| Some(begun(job, now)))
     }
 
     /// The job shall pause. If it has begun, the plug-in must be told.
@@ -309,7 +320,7 @@ impl Jobs {
         }
         let notes = vec![ended_note(&job)];
         let sent = sent(&job);
-        let change = Change { jobs: vec![job.clone()], notes, sent, came: None };
+        let change = Change { jobs: vec![job.clone()], notes, sent, ..Change::default() };
         store.write(&change, now())?;
         Ok(job)
     }
@@ -382,13 +393,13 @@ impl Jobs {
                 job.state.name()
             )));
         }
-        let spec = JobSpec { restarts: Some(id), origin: Origin::Order, ..job.spec };
+        let spec = JobSpec { restarts: Some(id), origin: Origin::Order, start: None, ..job.spec };
         if spec.kind == Kind::Receive || (spec.kind == Kind::Send && spec.data.is_none()) {
             return Err(JobsError::Spec(format!(
                 "job {id} cannot be restarted: the gateway has no data to send"
             )));
         }
-        self.submit(beginning_at(spec, at, field, snapshots)?)
+        self.submit_with(beginning_at(spec, at, field, snapshots)?, self.reader.stops(id)?)
     }
 
     fn step(
@@ -435,6 +446,17 @@ pub fn now() -> u64 {
     since.map_or(0, |since| since.as_millis() as u64)
 }
 
+/// What the journal says of a job that begins.
+fn begun(job: &mut Job, now: u64) -> String {
+    job.began = Some(now);
+    job.extent = Extent { surely: job.spec.from, maybe: job.spec.from };
+    format!("job {} begins: {}", job.id, what(job))
+}
+
+fn queued_note(job: &Job) -> Note {
+    note(job, format!("job {} is queued: {}", job.id, what(job)))
+}
+
 fn created(id: u32, spec: JobSpec, state: State) -> Job {
     Job {
         id,
@@ -443,6 +465,7 @@ fn created(id: u32, spec: JobSpec, state: State) -> Job {
         extent: Extent::default(),
         taken: 0,
         sent: 0,
+        passed: 0,
         reason: None,
         reception: None,
         is_unseen: false,

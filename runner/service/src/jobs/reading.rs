@@ -8,12 +8,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::{Arc, PoisonError, RwLock};
 
-use redb::{Database, ReadTransaction, ReadableDatabase, ReadableTable};
+use redb::{Database, ReadTransaction, ReadableDatabase, ReadableTable, TableError};
+use softplug_cell::Stop;
 use softplug_host::Digest;
 
 use super::error::StoreError;
 use super::store::Sent;
-use super::tables::{BY_LINK, BY_STATE, JOBS, JOURNAL, RECEIVED, SENT, STATES, code, decoded};
+use super::tables::{
+    BY_LINK, BY_STATE, CELLS, JOBS, JOURNAL, RECEIVED, SENT, STATES, STOPS, code, decoded,
+};
 use super::{Data, Entry, EntryFilter, Job, JobFilter, JobsError, plain_name};
 
 /// The database while it is open.
@@ -102,6 +105,32 @@ impl JobsReader {
             Ok(entries)
         };
         self.tell(page())
+    }
+
+    /// A cell as it was left, encoded; none if there was never one of this name.
+    ///
+    /// # Errors
+    /// The database cannot be read.
+    pub(crate) fn cell(&self, name: &str) -> Result<Option<Vec<u8>>, JobsError> {
+        let look = || match self.opened.snapshot()?.open_table(CELLS) {
+            Ok(table) => Ok(table.get(name)?.map(|value| value.value().to_vec())),
+            Err(TableError::TableDoesNotExist(_)) => Ok(None),
+            Err(error) => Err(error.into()),
+        };
+        self.tell(look())
+    }
+
+    /// Where the feed of a job stops.
+    ///
+    /// # Errors
+    /// The database cannot be read.
+    pub fn stops(&self, id: u32) -> Result<Vec<Stop>, JobsError> {
+        let look = || match self.opened.snapshot()?.open_table(STOPS) {
+            Ok(table) => Ok(table.get(id)?.and_then(|value| decoded(value.value()))),
+            Err(TableError::TableDoesNotExist(_)) => Ok(None),
+            Err(error) => Err(error.into()),
+        };
+        Ok(self.tell(look())?.unwrap_or_default())
     }
 
     /// What was sent last to a link under this name, as a whole.

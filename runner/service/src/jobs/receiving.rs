@@ -50,7 +50,8 @@ impl Jobs {
             job.ended = Some(now());
             job.is_unseen = job.has_ended_badly();
         }
-        let change = Change { jobs: vec![job.clone()], notes: vec![note], came, sent: None };
+        let change =
+            Change { jobs: vec![job.clone()], notes: vec![note], came, ..Change::default() };
         store.write(&change, now())?;
         Ok(job)
     }
@@ -93,7 +94,7 @@ impl Jobs {
         let notes = vec![received_note(&job, None, &reception, Some(&reason))];
         let came = Some((job.spec.link.clone(), 0, bytes));
         job.reception = Some(reception);
-        let change = Change { jobs: vec![job], notes, came, sent: None };
+        let change = Change { jobs: vec![job], notes, came, ..Change::default() };
         Ok(store.write(&change, now())?)
     }
 }

@@ -8,12 +8,13 @@ use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 
 use redb::{Database, ReadableDatabase, ReadableTable};
 use serde::{Deserialize, Serialize};
+use softplug_cell::Stop;
 use softplug_gateway::store::sync_folder;
 
 use super::ballast::Ballast;
 use super::error::StoreError;
 use super::reading::{JobsReader, Opened};
-use super::tables::{JOBS, JOURNAL, JobTables, NUMBERS, SENT, TODAY, decoded, encoded};
+use super::tables::{CELLS, JOBS, JOURNAL, JobTables, NUMBERS, SENT, TODAY, decoded, encoded};
 use super::{Data, Entry, Job, Keep, Note};
 
 const NEXT_JOB: &str = "next-job";
@@ -68,6 +69,10 @@ pub(super) struct Change {
     pub(super) sent: Option<(String, String, Sent)>,
     /// Link, receptions that began and bytes of those that ended.
     pub(super) came: Option<(String, u64, u64)>,
+    /// A cell as it is now, encoded.
+    pub(super) cell: Option<(String, Vec<u8>)>,
+    /// Where the feeds of these jobs stop.
+    pub(super) stops: Vec<(u32, Vec<Stop>)>,
 }
 
 /// What everybody may look at without a turn: locked for as long as memory takes, never while
@@ -197,6 +202,12 @@ impl JobStore {
                 let known = |id: u32| self.known().live.get(&id).map(|job| job.state);
                 for job in &change.jobs {
                     jobs.put(job, known(job.id))?;
+                }
+                for (id, stops) in &change.stops {
+                    jobs.put_stops(*id, stops)?;
+                }
+                if let Some((name, cell)) = &change.cell {
+                    writing.open_table(CELLS)?.insert(&**name, &**cell)?;
                 }
                 if change.jobs.iter().any(|job| job.state.is_final()) {
                     // Those that have not ended do not count.

@@ -6,6 +6,7 @@ use redb::{
 };
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use softplug_cell::Stop;
 
 use super::{Job, State};
 
@@ -23,6 +24,11 @@ pub(super) const SENT: TableDefinition<(&str, &str), &[u8]> = TableDefinition::n
 pub(super) const NUMBERS: TableDefinition<&str, u64> = TableDefinition::new("numbers");
 /// What a link has received on a day: the day's number, receptions, bytes.
 pub(super) const TODAY: TableDefinition<&str, (u64, u64, u64)> = TableDefinition::new("today");
+
+/// Cells, by name, as they were left.
+pub(super) const CELLS: TableDefinition<&str, &[u8]> = TableDefinition::new("cells");
+/// Where the feed of a job stops, of those in whose program words of coordination stand.
+pub(super) const STOPS: TableDefinition<u32, &[u8]> = TableDefinition::new("stops");
 
 /// Jobs that go with one change at most: a change must not take long.
 const PRUNED_AT_ONCE: usize = 8;
@@ -59,6 +65,7 @@ pub(super) struct JobTables<'txn> {
     by_state: Table<'txn, (u8, u32), ()>,
     by_link: Table<'txn, (&'static str, u8, u32), ()>,
     received: Table<'txn, (&'static str, &'static str), u32>,
+    stops: Table<'txn, u32, Bytes>,
 }
 
 impl<'txn> JobTables<'txn> {
@@ -68,6 +75,7 @@ impl<'txn> JobTables<'txn> {
             by_state: writing.open_table(BY_STATE)?,
             by_link: writing.open_table(BY_LINK)?,
             received: writing.open_table(RECEIVED)?,
+            stops: writing.open_table(STOPS)?,
         })
     }
 
@@ -90,6 +98,12 @@ impl<'txn> JobTables<'txn> {
             self.received.insert((link, file), job.id)?;
         }
         self.jobs.insert(job.id, &*encoded(job))?;
+        Ok(())
+    }
+
+    /// Writes where the feed of a job stops.
+    pub(super) fn put_stops(&mut self, id: u32, stops: &[Stop]) -> Result<(), redb::Error> {
+        self.stops.insert(id, &*encoded(&stops))?;
         Ok(())
     }
 
@@ -143,6 +157,7 @@ impl<'txn> JobTables<'txn> {
     fn remove(&mut self, id: u32) -> Result<(), redb::Error> {
         let job = self.job(id)?;
         self.jobs.remove(id)?;
+        self.stops.remove(id)?;
         let Some(job) = job else { return Ok(()) };
         let link = &*job.spec.link;
         self.by_state.remove((code(job.state), id))?;

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::{JobView, JournalEntry, LinkView};
+use super::{CellView, JobView, JournalEntry, LinkView};
 
 /// Something has changed.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, ToSchema)]
@@ -18,6 +18,8 @@ pub enum Change {
     },
     /// A job.
     Job(Box<JobView>),
+    /// A cell: somebody in it goes on, waits, or has an axis.
+    Cell(Box<CellView>),
     /// A new entry of the journal.
     Journal(JournalEntry),
     /// The programs: list them again.

@@ -32,6 +32,8 @@ pub enum JournalKind {
     Port,
     /// A job changed its state.
     Job,
+    /// Channels of a cell went on, waited for each other or handed an axis over.
+    Cell,
     /// Something was received.
     Reception,
     /// A machine asked for something.

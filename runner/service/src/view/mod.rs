@@ -5,6 +5,7 @@
 //! field's name says which (`_ms` is a time of day, `_us` a span).
 
 mod bus;
+mod cell;
 mod change;
 mod health;
 mod job;
@@ -15,6 +16,10 @@ mod program;
 mod swap;
 
 pub use bus::{BusMeasuredView, BusUnitView, BusView, UnitSlotView};
+pub use cell::{
+    CellAxisView, CellChannelState, CellChannelView, CellGroupView, CellMode, CellSpanView,
+    CellStuckView, CellView, ForceOrder, ModeOrder,
+};
 pub use change::{Change, Seen, SeenWhat};
 pub use health::{HealthView, LinkCounts, ReadyView, ReloadView, RemadeLink, StopHow};
 pub use job::{

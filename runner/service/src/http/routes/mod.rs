@@ -1,6 +1,7 @@
 //! What can be asked for, and the document that says so.
 
 mod buses;
+mod cells;
 mod download;
 mod jobs;
 mod library;
@@ -108,6 +109,7 @@ impl AppState {
         (name = "receptions", description = "What was received"),
         (name = "plug-ins", description = "The library, and swapping"),
         (name = "buses", description = "What feeds front-end units"),
+        (name = "cells", description = "Links that work together"),
         (name = "gateway", description = "The gateway itself"),
     )
 )]
@@ -156,6 +158,12 @@ fn known_only() -> OpenApiRouter<Arc<AppState>> {
         .routes(routes!(library::remove))
         .routes(routes!(library::collect_garbage))
         .routes(routes!(buses::list))
+        .routes(routes!(cells::list))
+        .routes(routes!(cells::show))
+        .routes(routes!(cells::force))
+        .routes(routes!(cells::release))
+        .routes(routes!(cells::mode))
+        .routes(routes!(cells::clear))
         .routes(routes!(system::me))
         .routes(routes!(system::health))
         .routes(routes!(system::journal))

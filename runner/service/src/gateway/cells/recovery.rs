@@ -1,0 +1,172 @@
+//! Cells as the configuration names them, and as the last gateway left them.
+
+use std::collections::VecDeque;
+
+use softplug_cell::{AfterCrash, Cell, ChannelSet, Chart, End, Event, Stop};
+
+use super::{CellState, Control, SPANS, SavedCell};
+use crate::config::CellConfig;
+use crate::jobs::{CellStep, Job, JobSpec, Note, Start, State as JobState, Subject, Weight};
+use crate::view::now_ms;
+
+impl Control {
+    /// Takes the cells of a configuration; those that are changed only by a new start.
+    pub(in super::super) fn set_cells(&mut self, configs: &[CellConfig]) -> Vec<String> {
+        let (mut waiting, mut returned) = (Vec::new(), Vec::new());
+        let is_start = self.cells.by_name.is_empty();
+        let gone: Vec<String> = self
+            .cells
+            .by_name
+            .iter()
+            .filter(|(name, _)| !configs.iter().any(|config| config.name == **name))
+            .map(|(name, _)| name.clone())
+            .collect();
+        for name in gone {
+            if self.is_at_work(&name) {
+                waiting.push(format!("cell.{name}"));
+            } else {
+                self.cells.by_name.remove(&name);
+            }
+        }
+        for config in configs {
+            let is_at_work = self.is_at_work(&config.name);
+            match self.cells.by_name.get_mut(&config.name) {
+                Some(state) if state.config.setup == config.setup => state.config = config.clone(),
+                Some(_) if is_at_work => {
+                    waiting.push(format!("cell.{}", config.name));
+                }
+                Some(_) => self.add_cell(config, Cell::new(config.setup.clone())),
+                None => {
+                    let jobs = self.bring_back(config);
+                    returned.extend(jobs.map(|jobs| (config, jobs)));
+                }
+            }
+        }
+        let channels = self.cells.by_name.iter().flat_map(|(name, state)| {
+            let setup = &state.config.setup;
+            let of = |channel| (setup.channel_name(channel).to_owned(), (name.clone(), channel));
+            setup.channels().map(of)
+        });
+        self.cells.of_link = channels.collect();
+        for (config, jobs) in returned {
+            if is_start {
+                self.after_crash(config, &jobs);
+            }
+        }
+        waiting
+    }
+
+    fn is_at_work(&self, name: &str) -> bool {
+        self.cells.by_name.get(name).is_some_and(|state| {
+            let setup = &state.config.setup;
+            setup.channels().any(|channel| state.cell.runs(channel))
+                || setup.axes().any(|axis| state.cell.axis(axis).0.is_some())
+        })
+    }
+
+    fn add_cell(&mut self, config: &CellConfig, cell: Cell) {
+        let jobs = vec![None; config.setup.channels().count()];
+        let mut chart = Chart::new(SPANS);
+        chart.look(now_ms(), &cell);
+        let pending = VecDeque::new();
+        let state = CellState { config: config.clone(), cell, chart, jobs, pending };
+        self.cells.by_name.insert(config.name.clone(), state);
+    }
+
+    /// A cell as it was before the gateway was ended, if it was; with the jobs of its channels.
+    fn bring_back(&mut self, config: &CellConfig) -> Option<Vec<Option<u32>>> {
+        let read = self.shared.parts.jobs.reader().cell(&config.name);
+        let Some(saved) = self.wrote(read).flatten() else {
+            self.add_cell(config, Cell::new(config.setup.clone()));
+            return None;
+        };
+        let saved: Option<SavedCell> = serde_json::from_slice(&saved).ok();
+        let restored = saved.map(|SavedCell { cell, jobs }| {
+            Cell::restore(config.setup.clone(), cell).map(|cell| (cell, jobs))
+        });
+        match restored {
+            Some(Ok((cell, jobs))) => {
+                self.add_cell(config, cell);
+                return Some(jobs);
+            }
+            Some(Err(error)) => self.begin_stopped(config, &error.to_string()),
+            None => self.begin_stopped(config, "what was saved of the cell is damaged"),
+        }
+        None
+    }
+
+    /// It is not known how it was: somebody has to look before anything begins.
+    fn begin_stopped(&mut self, config: &CellConfig, why: &str) {
+        let text = format!("{}: {why}; it is stopped until somebody clears it", config.name);
+        let note = Note::new(Subject::Cell, text).weighing(Weight::Alarm);
+        self.shared.parts.journal_writer.note(note);
+        self.add_cell(config, Cell::stopped(config.setup.clone()));
+    }
+
+    fn after_crash(&mut self, config: &CellConfig, jobs: &[Option<u32>]) {
+        let (name, setup) = (&config.name, &config.setup);
+        let (mut cut_off, mut resumed) = (ChannelSet::default(), Vec::new());
+        for (channel, id) in setup.channels().zip(jobs) {
+            let Some(state) = self.cells.by_name.get(name) else { return };
+            if !state.cell.runs(channel) {
+                continue;
+            }
+            let job = id.and_then(|id| self.shared.parts.jobs.reader().job(id).ok());
+            match job {
+                // Its end was written down, and not what came of it.
+                Some(job) if job.state == JobState::Done => {
+                    self.happened(name, Event::Ended { channel, end: End::Done });
+                }
+                Some(job) if state.cell.waits(channel) => match self.goes_on(&job) {
+                    Some(goes_on) => resumed.push(goes_on),
+                    None => cut_off.insert(channel),
+                },
+                // Started, and still in the queue.
+                None if self.starts(setup.channel_name(channel)) => {}
+                _ => cut_off.insert(channel),
+            }
+        }
+        let policy = config.after_crash;
+        if policy == AfterCrash::Resume && !resumed.is_empty() {
+            let Some(unchanged) = self.unchanged(name) else { return };
+            let step = CellStep { loaded: resumed, ..unchanged };
+            let written = self.shared.parts.jobs.step_cell(step);
+            for job in self.wrote(written).unwrap_or_default() {
+                self.show_job(&job);
+            }
+        }
+        let is_at_work = setup.channels().any(|channel| {
+            self.cells.by_name.get(name).is_some_and(|state| state.cell.runs(channel))
+        });
+        if is_at_work {
+            self.happened(name, Event::Restarted { cut_off, policy });
+        }
+        self.load_again(config);
+    }
+
+    /// The job that goes on with one that stands behind a block.
+    fn goes_on(&self, job: &Job) -> Option<(JobSpec, Vec<Stop>)> {
+        let stops = self.shared.parts.jobs.reader().stops(job.id).ok()?;
+        let from = stops.get(job.passed as usize)?.at;
+        let (restarts, start) = (Some(job.id), Some(Start::Given));
+        Some((JobSpec { from, restarts, start, ..job.spec.clone() }, stops))
+    }
+
+    /// Whether a program that was started there is in the queue.
+    fn starts(&self, link: &str) -> bool {
+        let live = self.shared.parts.jobs.live();
+        live.iter().any(|job| job.spec.link == link && job.spec.start == Some(Start::Given))
+    }
+
+    /// What was loaded when the gateway was ended, and is in no queue.
+    fn load_again(&self, config: &CellConfig) {
+        for channel in config.setup.channels() {
+            let Some(state) = self.cells.by_name.get(&config.name) else { return };
+            let loaded = state.cell.channel(channel).loaded.map(ToOwned::to_owned);
+            let Some(program) = loaded else { continue };
+            if self.loaded_job(config.setup.channel_name(channel)).is_none() {
+                self.load(&config.name, channel, &program);
+            }
+        }
+    }
+}

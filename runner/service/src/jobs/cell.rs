@@ -1,0 +1,69 @@
+//! What a step of a cell writes down: the cell, what it does to jobs, and what the journal says of it,
+//! all at once or not at all.
+
+use softplug_cell::Stop;
+
+use super::store::Change;
+use super::{Job, JobSpec, Jobs, JobsError, Note, Start, State, Step};
+use super::{after, begun, created, live, note, now, queued_note};
+
+/// A step of a cell.
+#[derive(Clone, Debug, Default)]
+pub struct CellStep {
+    /// The cell's name.
+    pub cell: String,
+    /// The cell as it is behind the step, encoded.
+    pub saved: Vec<u8>,
+    /// Jobs that have passed so many of their words.
+    pub passed: Vec<(u32, u32)>,
+    /// A job that begins with it.
+    pub begins: Option<u32>,
+    /// Jobs that were loaded, and are started now.
+    pub started: Vec<u32>,
+    /// Programs that were loaded, with the places where their feed stops.
+    pub loaded: Vec<(JobSpec, Vec<Stop>)>,
+    /// What the journal says.
+    pub notes: Vec<Note>,
+}
+
+impl Jobs {
+    /// Carries out a step of a cell; the jobs that it changed.
+    ///
+    /// # Errors
+    /// It cannot be written down, or a job is in another state. Nothing has happened then.
+    pub fn step_cell(&self, step: CellStep) -> Result<Vec<Job>, JobsError> {
+        let mut store = self.store();
+        let time = now();
+        let mut change = Change { cell: Some((step.cell, step.saved)), ..Change::default() };
+        change.notes = step.notes.into_iter().map(Note::tamed).collect();
+        for (id, passed) in step.passed {
+            let Some(job) = store.known().live.get(&id).cloned() else { continue };
+            change.jobs.push(Job { passed, ..job });
+        }
+        for id in step.started {
+            let mut job = live(&store, id, Step::Begin)?;
+            job.spec.start = Some(Start::Given);
+            change.notes.push(note(&job, format!("job {id} is started by its cell")));
+            change.jobs.push(job);
+        }
+        if let Some(id) = step.begins {
+            let mut job = live(&store, id, Step::Begin)?;
+            job.state = after(job.state, job.has_begun(), Step::Begin).ok_or(JobsError::State {
+                id,
+                state: job.state,
+                step: Step::Begin,
+            })?;
+            let text = begun(&mut job, time);
+            change.notes.push(note(&job, text));
+            change.jobs.push(job);
+        }
+        for (at, (spec, stops)) in step.loaded.into_iter().enumerate() {
+            let job = created(store.next_job() + at as u32, spec, State::Queued);
+            change.notes.push(queued_note(&job));
+            change.stops.push((job.id, stops));
+            change.jobs.push(job);
+        }
+        store.write(&change, time)?;
+        Ok(change.jobs)
+    }
+}
