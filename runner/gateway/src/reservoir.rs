@@ -41,6 +41,7 @@ pub fn reservoir(size: usize, low: usize, high: usize) -> (ReservoirWriter, Rese
         failure: OnceLock::new(),
         reader_waits: AtomicBool::new(false),
         reader_is_gone: AtomicBool::new(false),
+        is_stopped: AtomicBool::new(false),
         wake_writer_at: AtomicUsize::new(NEVER),
         reader_waker: Mutex::new(None),
         writer_waker: Mutex::new(None),
@@ -72,6 +73,8 @@ struct Shared {
     /// The reader found it empty and wants to be woken.
     reader_waits: AtomicBool,
     reader_is_gone: AtomicBool,
+    /// Nothing comes for now, and that is meant.
+    is_stopped: AtomicBool,
     /// The writer wants to be woken once no more than this is left.
     wake_writer_at: AtomicUsize,
     // Locked when a side is set up and when it is woken, never for each byte.
@@ -130,6 +133,11 @@ pub struct ReservoirWriter {
 }
 
 impl ReservoirWriter {
+    /// Nothing more comes for now, and that is meant; or it goes on.
+    pub fn stop(&self, is_stopped: bool) {
+        self.shared.is_stopped.store(is_stopped, Ordering::Relaxed);
+    }
+
     /// Writes what there is room for and gives how much that was.
     pub fn write(&mut self, bytes: &[u8]) -> usize {
         if bytes.is_empty() {
@@ -241,6 +249,11 @@ pub struct ReservoirReader {
 }
 
 impl ReservoirReader {
+    /// Whether nothing comes for now because the writer means it.
+    pub fn is_stopped(&self) -> bool {
+        self.shared.is_stopped.load(Ordering::Relaxed)
+    }
+
     /// Reads what is there into `buffer`, which must not be empty.
     pub fn read(&mut self, buffer: &mut [u8]) -> Drawn {
         match self.draw(buffer) {

@@ -134,8 +134,16 @@ fn run(shop: &Shop, feeder: &Feeder, id: u32, data: Data) {
     shop.jobs.begin(id).unwrap();
     let (writer, mut reader) = reservoir(8_192, 2_048, 6_000);
     let pace = Pace { packet: 512, characters_a_second: None };
-    let feeding =
-        Feeding { job: id, data, from: 0, to: writer, pace, is_check: false, status: None };
+    let feeding = Feeding {
+        job: id,
+        data,
+        from: 0,
+        gate: None,
+        to: writer,
+        pace,
+        is_check: false,
+        status: None,
+    };
     feeder.feed(feeding);
     let line = OpenOptions::new().write(true).create_new(true).open(shop.line(id));
     let mut line = line.expect("no job is sent twice");

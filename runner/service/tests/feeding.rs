@@ -85,7 +85,7 @@ fn feeding(
     to: softplug_gateway::reservoir::ReservoirWriter,
 ) -> Feeding {
     let pace = Pace { packet: 512, characters_a_second: None };
-    Feeding { job, data, from, to, pace, is_check: false, status: None }
+    Feeding { job, data, from, gate: None, to, pace, is_check: false, status: None }
 }
 
 #[test]

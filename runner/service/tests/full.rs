@@ -118,7 +118,16 @@ fn while_the_disk_is_full_nothing_is_lost_and_with_room_it_goes_on() {
     let (to, mut reader) = reservoir(8_192, 2_048, 6_000);
     let pace = Pace { packet: 512, characters_a_second: None };
     limit(Some(1));
-    feeder.feed(Feeding { job: id, data, from: 0, to, pace, is_check: false, status: None });
+    feeder.feed(Feeding {
+        job: id,
+        data,
+        from: 0,
+        gate: None,
+        to,
+        pace,
+        is_check: false,
+        status: None,
+    });
     let stalled = next(&news);
     let mut buffer = [0; 1_000];
     let drawn = reader.read(&mut buffer);

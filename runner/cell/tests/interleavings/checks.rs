@@ -6,7 +6,7 @@ use softplug_cell::{Cell, Change, ChannelId, ChannelSet, End, Event, Word};
 
 use crate::graph::Graph;
 
-pub fn transition(before: &Cell, event: &Event, changes: &[Change], after: &Cell) {
+pub(crate) fn transition(before: &Cell, event: &Event, changes: &[Change], after: &Cell) {
     let told = || format!("{event:?}\nbefore {before:#?}\nafter {after:#?}\n{changes:#?}");
     saved_is_restored(after);
     for channel in after.setup().channels() {
@@ -50,7 +50,7 @@ pub fn transition(before: &Cell, event: &Event, changes: &[Change], after: &Cell
 }
 
 /// Whoever is stuck stays so, whatever channels do.
-pub fn who_is_stuck_stays_stuck(before: &Cell, event: &Event, after: &Cell) {
+pub(crate) fn who_is_stuck_stays_stuck(before: &Cell, event: &Event, after: &Cell) {
     for channel in stuck(before).iter() {
         assert!(stuck(after).has(channel), "{event:?} frees {channel}\n{before:#?}");
     }
@@ -58,7 +58,7 @@ pub fn who_is_stuck_stays_stuck(before: &Cell, event: &Event, after: &Cell) {
 
 /// Looks from the states in which a channel is free back along all that channels do: it must be
 /// told stuck in the others in which it runs, and only there.
-pub fn stuck_is_what_no_course_frees(graph: &Graph) {
+pub(crate) fn stuck_is_what_no_course_frees(graph: &Graph) {
     let mut backward: Vec<Vec<u32>> = vec![Vec::new(); graph.states.len()];
     for (from, to) in &graph.inside {
         backward[*to as usize].push(*from);

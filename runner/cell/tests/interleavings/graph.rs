@@ -7,24 +7,24 @@ use softplug_cell::{
 };
 
 /// What a cell has, and what is said in it.
-pub struct Alphabet {
-    pub channels: u8,
-    pub marks: u32,
-    pub axes: u8,
+pub(crate) struct Alphabet {
+    pub(crate) channels: u8,
+    pub(crate) marks: u32,
+    pub(crate) axes: u8,
     /// LAD and EXE are said, too.
-    pub loads: bool,
+    pub(crate) loads: bool,
     /// Somebody gives and frees axes, and the gateway is ended.
-    pub turns: bool,
+    pub(crate) turns: bool,
 }
 
-pub struct Graph {
-    pub states: Vec<Cell>,
+pub(crate) struct Graph {
+    pub(crate) states: Vec<Cell>,
     /// From, to; by what channels do themselves.
-    pub inside: Vec<(u32, u32)>,
+    pub(crate) inside: Vec<(u32, u32)>,
 }
 
 impl Alphabet {
-    pub fn cell(&self) -> Cell {
+    pub(crate) fn cell(&self) -> Cell {
         let channels: Vec<String> = (0..self.channels).map(|at| format!("C{at}")).collect();
         let axes: Vec<String> = (0..self.axes).map(|at| format!("A{at}")).collect();
         let channels: Vec<&str> = channels.iter().map(String::as_str).collect();
@@ -56,7 +56,7 @@ impl Alphabet {
 }
 
 /// All that can happen to a cell, also what it refuses.
-pub fn events(cell: &Cell, alphabet: &Alphabet) -> Vec<Event> {
+pub(crate) fn events(cell: &Cell, alphabet: &Alphabet) -> Vec<Event> {
     let mut events = Vec::new();
     let channels = || (0..alphabet.channels).map(ChannelId);
     for channel in channels() {
@@ -95,7 +95,7 @@ pub fn events(cell: &Cell, alphabet: &Alphabet) -> Vec<Event> {
 
 /// Whether channels do it by themselves. `before`: where it happened. Where LAD and EXE are not
 /// said, a beginning stands for both: some channel that runs says them.
-pub fn is_inside(before: &Cell, event: &Event, alphabet: &Alphabet) -> bool {
+pub(crate) fn is_inside(before: &Cell, event: &Event, alphabet: &Alphabet) -> bool {
     match event {
         Event::Reached { .. } => true,
         Event::Begin { .. } => {
@@ -107,7 +107,7 @@ pub fn is_inside(before: &Cell, event: &Event, alphabet: &Alphabet) -> bool {
 }
 
 impl Graph {
-    pub fn of(alphabet: &Alphabet, check: impl Fn(&Cell, &Event, &[Change], &Cell)) -> Self {
+    pub(crate) fn of(alphabet: &Alphabet, check: impl Fn(&Cell, &Event, &[Change], &Cell)) -> Self {
         let first = alphabet.cell();
         let mut known = HashMap::from([(first.clone(), 0)]);
         let mut graph = Self { states: vec![first], inside: Vec::new() };
@@ -134,11 +134,11 @@ impl Graph {
         graph
     }
 
-    pub fn deadlocks(&self) -> usize {
+    pub(crate) fn deadlocks(&self) -> usize {
         self.states.iter().filter(|cell| !cell.deadlocked().is_empty()).count()
     }
 
-    pub fn forsaken(&self) -> usize {
+    pub(crate) fn forsaken(&self) -> usize {
         self.states.iter().filter(|cell| !cell.forsaken().is_empty()).count()
     }
 }

@@ -8,7 +8,7 @@ use crate::graph::Alphabet;
 
 /// A state without names: the least of the forms that it has under all orders of channels and axes,
 /// marks being numbered as they come.
-pub fn key(cell: &Cell, alphabet: &Alphabet) -> u128 {
+pub(crate) fn key(cell: &Cell, alphabet: &Alphabet) -> u128 {
     let mut least: Option<Vec<u16>> = None;
     for axes in orders(alphabet.axes) {
         let mut channels: Vec<(Vec<u16>, u8)> =

@@ -295,6 +295,11 @@ impl Active {
             is_aborted: false,
         }
     }
+
+    /// Whether nothing comes for now, and that is meant.
+    pub(super) fn is_source_stopped(&self) -> bool {
+        matches!(&self.source, Source::Reservoir(source) if source.is_stopped())
+    }
 }
 
 impl Delivery {

@@ -147,6 +147,8 @@ figures! {
     /// Bytes of its data that surely have: no more than either of two counts, as a
     /// plug-in adds characters to them.
     job_bytes_surely_left: AtomicU64 u64,
+    /// Bytes of its data that the plug-in had taken when all that it had made of them had left.
+    job_drained: AtomicU64 u64,
     /// Bytes in the buffer between the job's source and the plug-in.
     level: AtomicU64 u64,
 }
@@ -173,6 +175,7 @@ pub(super) struct JobFigures {
     pub(super) maybe_left: u64,
     pub(super) surely_left: u64,
     pub(super) bytes_surely_left: u64,
+    pub(super) drained: u64,
     pub(super) level: u64,
 }
 
@@ -199,7 +202,21 @@ pub(crate) struct UnitFigures {
     pub(crate) is_starved: bool,
 }
 
+impl UnitFigures {
+    /// The unit waits for data, and nothing is on its way.
+    fn is_drained(&self) -> bool {
+        self.is_starved && self.maybe_left == self.surely_left && self.level == 0
+    }
+}
+
 impl LaneStatus {
+    /// How many bytes of this job's data the plug-in had taken when all that it had made of them had left;
+    /// none while the lane does something else.
+    pub fn drained(&self, job: u32) -> Option<u64> {
+        let is_its = self.job.load(Ordering::Acquire) == job;
+        is_its.then(|| self.job_drained.load(Ordering::Relaxed))
+    }
+
     pub(crate) fn store_unit_job(&self, figures: &UnitFigures) {
         self.store_job(&JobFigures {
             job: figures.job,
@@ -207,6 +224,7 @@ impl LaneStatus {
             maybe_left: figures.maybe_left,
             surely_left: figures.surely_left,
             bytes_surely_left: figures.bytes_left,
+            drained: if figures.is_drained() { figures.taken } else { 0 },
             level: figures.level,
         });
         self.is_held.store(figures.is_held, Ordering::Relaxed);
@@ -283,7 +301,9 @@ impl LaneStatus {
     }
 
     pub(super) fn store_job(&self, job: &JobFigures) {
-        self.job.store(job.job, Ordering::Relaxed);
+        // First: who sees the job must not see another one's.
+        self.job_drained.store(job.drained, Ordering::Relaxed);
+        self.job.store(job.job, Ordering::Release);
         self.job_taken.store(job.taken, Ordering::Relaxed);
         self.job_maybe_left.store(job.maybe_left, Ordering::Relaxed);
         self.job_surely_left.store(job.surely_left, Ordering::Relaxed);

@@ -289,8 +289,8 @@ impl<T: FnMut(FeederNews)> Worker<T> {
             let Some(gate) = feed.gate.filter(|gate| feed.at >= *gate && !feed.is_gate_told) else {
                 continue;
             };
-            let left = feed.progress.as_ref().and_then(Progress::surely_left);
-            feed.is_gate_told = left.is_some_and(|left| left >= gate);
+            let drained = feed.progress.as_ref().and_then(Progress::drained);
+            feed.is_gate_told = drained.is_some_and(|drained| drained >= gate);
             waits |= !feed.is_gate_told;
             if feed.is_gate_told {
                 (self.tell)(FeederNews::AtGate { job: feed.job, gate });
@@ -412,11 +412,10 @@ impl Feed {
                 self.to = None;
                 return Next::Woken;
             }
-            if packet == 0 && self.at < self.end {
-                return Next::Woken;
-            }
-            if packet == 0 && self.gate.is_some_and(|gate| gate <= self.at) {
-                // Its end is behind the gate, too.
+            // Its end is behind the gate, too.
+            let is_at_gate = self.gate.is_some_and(|gate| gate <= self.at);
+            to.stop(is_at_gate);
+            if is_at_gate {
                 return Next::Woken;
             }
             if packet == 0 {

@@ -24,10 +24,10 @@ impl Progress {
         Self { status, job, from, written: from, next: None, was_held: false }
     }
 
-    /// What has surely left by now; none while the lane does something else.
-    pub(super) fn surely_left(&self) -> Option<u64> {
-        let figures = self.status.read();
-        (figures.job == self.job).then_some(self.from + figures.job_bytes_surely_left)
+    /// The byte before which all has left, at a moment when nothing was on its way; none while the
+    /// lane does something else.
+    pub(super) fn drained(&self) -> Option<u64> {
+        Some(self.from + self.status.drained(self.job)?)
     }
 
     /// What has surely left, if that is to be written down now.

@@ -2,6 +2,7 @@
 //! journal; machines are simulated partners or a pty's master.
 #![cfg(target_os = "linux")]
 
+mod cells;
 #[path = "../common/plugins.rs"]
 mod echo;
 mod feeds;

@@ -167,6 +167,16 @@ impl Shop {
         bytes
     }
 
+    /// What a machine has got by now.
+    pub(crate) fn take_now(&self, link: usize) -> Vec<u8> {
+        self.take(link)
+    }
+
+    /// How many bytes a machine has got by now, which are lost.
+    pub(crate) fn waiting(&self, link: usize) -> usize {
+        self.take(link).len()
+    }
+
     fn take(&self, link: usize) -> Vec<u8> {
         let mut buffer = [0; 4_096];
         let mut bytes = Vec::new();

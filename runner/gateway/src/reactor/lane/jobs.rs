@@ -170,7 +170,10 @@ impl<I: LaneInstance> Lane<I> {
     /// stand idle.
     pub(super) fn is_about_to_starve(&self) -> bool {
         let is_hungry = self.host.job.as_ref().is_some_and(|active| {
-            active.is_hungry && active.taken > 0 && active.id < ENDPOINT_JOBS
+            active.is_hungry
+                && active.taken > 0
+                && active.id < ENDPOINT_JOBS
+                && !active.is_source_stopped()
         });
         let is_free = |channel: &crate::channel::Channel<Recorded<I>>| {
             channel.gone().is_none() && channel.link().hold() == HoldState::Free

@@ -358,12 +358,14 @@ impl<I: LaneInstance> Lane<I> {
         if let Some(active) = &self.host.job {
             self.shown_at = now;
             let left = channel.left_lately(now, active.from);
+            let is_drained = active.is_hungry && waiting == 0 && left.maybe == left.surely;
             figures = JobFigures {
                 job: active.id,
                 taken: active.taken,
                 maybe_left: left.maybe,
                 surely_left: left.surely,
                 bytes_surely_left: 0,
+                drained: if is_drained { active.taken } else { 0 },
                 level: self.host.level(),
             };
             figures.count_bytes(waiting);
