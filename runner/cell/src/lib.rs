@@ -16,6 +16,8 @@
 //! | `event` | what a cell is told, and what comes of it |
 //! | `cell` | the state machine |
 //! | `chart` | who did what over time |
+//! | `rehearsal` | programs without machines |
+//! | `timing` | how long blocks take |
 //! | `stuck` | who waits for whom for ever |
 #![forbid(unsafe_code)]
 
@@ -23,14 +25,18 @@ mod cell;
 mod chart;
 mod event;
 mod notation;
+mod rehearsal;
 mod setup;
 mod stuck;
+mod timing;
 mod word;
 
 pub use cell::{Cell, ChannelView, RestoreError, Saved};
 pub use chart::{Chart, Doing, Span};
 pub use event::{AfterCrash, Change, End, Event, Mode, Refused};
 pub use notation::{MOST_WORDS, NoNotation, Notation, Program, Stop, WordError};
+pub use rehearsal::{Course, Outcome, Rehearsal, rehearse};
 pub use setup::{AxisId, ChannelId, ChannelSet, GroupId, MOST, Setup, SetupError};
 pub use stuck::Stuck;
+pub use timing::{BlockTimes, Machine};
 pub use word::Word;

@@ -4,6 +4,7 @@ mod bless;
 pub(crate) mod build;
 mod calls;
 pub(crate) mod cases;
+pub(crate) mod cell;
 pub(crate) mod certify;
 pub(crate) mod check;
 pub(crate) mod completions;
@@ -72,6 +73,7 @@ pub(crate) fn run(command: Command, global: &Global, screen: &Screen) -> Result<
         Command::Demo(arguments) => live::demo(&arguments, screen),
         Command::Gateway(arguments) => live::gateway(&arguments, global, screen),
         Command::Unit(arguments) => live::unit(&arguments, global, screen),
+        Command::Cell(arguments) => live::cell(&arguments, screen),
         Command::Link(arguments) => live::link(&arguments, screen),
         Command::Job(arguments) => live::job(&arguments, screen),
         Command::Program(arguments) => live::program(&arguments, screen),

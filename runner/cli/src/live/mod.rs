@@ -24,7 +24,7 @@ pub(crate) use plugin::plugin;
 pub(crate) use ports::ports;
 pub(crate) use receive::receive;
 pub(crate) use record::record;
-pub(crate) use remote::{job, link, measured, program};
+pub(crate) use remote::{cell, job, link, measured, program};
 pub(crate) use send::send;
 pub(crate) use serve::serve;
 pub(crate) use simulate::simulate;

@@ -35,6 +35,7 @@ pub(crate) const FILES: &[File] = &[
     script!("api.js"),
     script!("app.js"),
     script!("buses.js"),
+    script!("cells.js"),
     script!("chart.js"),
     script!("dom.js"),
     script!("jobs.js"),

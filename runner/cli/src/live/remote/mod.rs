@@ -1,11 +1,13 @@
 //! The verbs that speak with a running gateway, over its HTTP API.
 
+mod cell;
 mod job;
 mod link;
 mod measured;
 mod program;
 mod show;
 
+pub(crate) use cell::cell;
 pub(crate) use job::job;
 pub(crate) use link::link;
 pub(super) use link::swap_in;

@@ -5,6 +5,7 @@ import { field, h, say, show } from './dom.js';
 import { tell, whenStranger } from './message.js';
 import * as store from './store.js';
 import * as buses from './buses.js';
+import * as cells from './cells.js';
 import * as journal from './journal.js';
 import * as jobs from './jobs.js';
 import * as link from './link.js';
@@ -18,7 +19,7 @@ const connection = document.getElementById('connection');
 const leave = document.getElementById('leave');
 
 const pages = {
-  links: links.page, buses: buses.page, jobs: jobs.page, programs: programs.page, plugins: plugins.page, journal: journal.page,
+  links: links.page, buses: buses.page, cells: cells.page, jobs: jobs.page, programs: programs.page, plugins: plugins.page, journal: journal.page,
   link: (name) => link.page(name),
 };
 
