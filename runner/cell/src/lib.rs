@@ -16,6 +16,7 @@
 //! | `event` | what a cell is told, and what comes of it |
 //! | `cell` | the state machine |
 //! | `chart` | who did what over time |
+//! | `picture` | a chart as SVG |
 //! | `rehearsal` | programs without machines |
 //! | `timing` | how long blocks take |
 //! | `stuck` | who waits for whom for ever |
@@ -25,6 +26,7 @@ mod cell;
 mod chart;
 mod event;
 mod notation;
+mod picture;
 mod rehearsal;
 mod setup;
 mod stuck;
@@ -35,6 +37,7 @@ pub use cell::{Cell, ChannelView, RestoreError, Saved};
 pub use chart::{Chart, Doing, Span};
 pub use event::{AfterCrash, Change, End, Event, Mode, Refused};
 pub use notation::{MOST_WORDS, NoNotation, Notation, Program, Stop, WordError};
+pub use picture::draw;
 pub use rehearsal::{Course, Outcome, Rehearsal, rehearse};
 pub use setup::{AxisId, ChannelId, ChannelSet, GroupId, MOST, Setup, SetupError};
 pub use stuck::Stuck;

@@ -168,15 +168,13 @@ impl<L: FnMut(ChannelId, &str) -> Option<Course>> Stage<L> {
         if running.left > 0 || running.has_arrived || !self.cell.may_be_fed(channel) {
             return;
         }
-        match running.course.parts.get(running.part).and_then(|(_, word)| word.clone()) {
-            Some(word) => {
-                running.has_arrived = true;
-                self.tell(Event::Reached { channel, word });
-            }
-            None => {
-                self.running[place] = None;
-                self.tell(Event::Ended { channel, end: End::Done });
-            }
+        let part = running.course.parts.get(running.part);
+        if let Some(word) = part.and_then(|(_, word)| word.clone()) {
+            running.has_arrived = true;
+            self.tell(Event::Reached { channel, word });
+        } else {
+            self.running[place] = None;
+            self.tell(Event::Ended { channel, end: End::Done });
         }
     }
 

@@ -23,6 +23,7 @@ pub(crate) mod man;
 pub(crate) mod new;
 pub(crate) mod pack;
 pub(crate) mod plan;
+mod plan_cell;
 pub(crate) mod plugin;
 pub(crate) mod ports;
 pub(crate) mod program;

@@ -13,6 +13,7 @@ use softplug_plan::{
     ShopError, Taken, Wrong, picture, picture_of, plan, simulate,
 };
 
+use super::plan_cell::{self, CellArguments};
 use super::with_plugin;
 use crate::commands::remote::Remote;
 use crate::exit::Exit;
@@ -33,6 +34,9 @@ const ROUNDS: f64 = 3.0;
 /// Each machine has a unit that takes data from the bus and gives it to the control over a serial
 /// line. The file has the bus and the machines. If no buffers will do, it is said which constraint
 /// of which machine fails, and which change would mend it.
+///
+/// With --cell it replays programs of machines that work together, without machines: how long they
+/// take together, where each waits, and deadlocks before anything is cut.
 #[derive(Debug, Args)]
 #[command(group = ArgGroup::new("tried").multiple(true))]
 #[command(after_help = "Examples:
@@ -41,6 +45,7 @@ const ROUNDS: f64 = 3.0;
   softplug plan shop.toml --simulate 10 --json
   softplug plan shop.toml --simulate 1 --plugin xon-xoff
   softplug plan shop.toml --from http://gateway:8117
+  softplug plan gateway.toml --cell shafts --program lathe-1=O1.nc --program lathe-2=O2.nc
 
 The file:
   [bus]
@@ -78,6 +83,8 @@ pub(crate) struct Arguments {
     plugin: Option<String>,
     #[command(flatten)]
     library: Library,
+    #[command(flatten)]
+    cell: CellArguments,
     /// Plan with what this gateway has measured: efficiency and switch of its bus, and what
     /// machines consume that are called as its links
     #[arg(long, value_name = "URL")]
@@ -125,6 +132,9 @@ struct SimulatedPlugin {
 }
 
 pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
+    if let Some(cell) = &arguments.cell.cell {
+        return plan_cell::run(&arguments.shop, cell, &arguments.cell, screen);
+    }
     let shop = read(&arguments.shop)?;
     if let Some(file) = arguments.svg.as_ref().filter(|file| is_same_file(file, &arguments.shop)) {
         let file = shown(file);
