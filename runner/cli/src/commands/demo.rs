@@ -8,8 +8,8 @@ use crate::plugin::Library;
 ///
 /// Simulated machines sit on pseudo-terminals. A program goes to a control that holds the line with
 /// XOFF, and comes back; blocks go both ways over a faulty line by 3964R and by simplified 3964R; a
-/// FANUC control is drip-fed, punches, and asks for a program from its panel. All is compared; then
-/// the recorded traces are replayed.
+/// FANUC control is drip-fed, punches, and asks for a program from its panel. All is compared. Two
+/// lathes and a loader wait for each other; then the recorded traces are replayed.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   softplug demo

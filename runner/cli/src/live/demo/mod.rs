@@ -1,5 +1,6 @@
 //! `softplug demo`: each plug-in against a simulated machine, in this process.
 
+mod cell;
 mod context;
 mod fanuc;
 mod pulse;
@@ -72,7 +73,23 @@ pub(crate) fn demo(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failu
         }
     }
 
-    screen.say(format_args!("{HEADING}5. The traces{HEADING:#}"));
+    match cell::show(&context)? {
+        Shown::Good(value) => {
+            document.parts.insert("cell".to_owned(), value);
+        }
+        Shown::Aborted => {
+            screen.document(&Document { result: "aborted", ..document });
+            screen.error("aborted");
+            return Ok(Exit::Incomplete);
+        }
+        Shown::Failed(why) => {
+            screen.document(&document);
+            screen.error(format_args!("cell: {why}"));
+            return Ok(Exit::Failed);
+        }
+    }
+
+    screen.say(format_args!("{HEADING}6. The traces{HEADING:#}"));
     if arguments.traces.exists() {
         let mut replayed = Replayed::default();
         let mut first = None;
