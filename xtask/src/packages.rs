@@ -20,6 +20,7 @@ const LIBRARIES: &[&str] = &[
     "softplug-explore",
     "softplug-conformance",
     "softplug-catalogue",
+    "softplug-cell",
     "softplug-plan",
     "softplug-shop",
     "softplug-unit-bus",

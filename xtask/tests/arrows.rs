@@ -55,6 +55,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("softplug-report", &[]),
     ("softplug-playground", &["softplug-conformance", "softplug-host", "softplug-trace"]),
     ("softplug-catalogue", &[]),
+    ("softplug-cell", &[]),
     ("softplug-plan", &["softplug-unit-bus"]),
     (
         "softplug-gateway",
@@ -83,6 +84,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         &[
             "softplug-abi",
             "softplug-catalogue",
+            "softplug-cell",
             "softplug-gateway",
             "softplug-host",
             "softplug-link",
@@ -96,6 +98,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-abi",
             "softplug-build",
             "softplug-catalogue",
+            "softplug-cell",
             "softplug-conformance",
             "softplug-explore",
             "softplug-fixtures",

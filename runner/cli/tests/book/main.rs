@@ -58,6 +58,7 @@ pages! {
     playground: "playground/README.md",
     gateway: "gateway/README.md",
     gateway_config: "gateway/config.md",
+    gateway_cells: "gateway/cells.md",
     gateway_operate: "gateway/operate.md",
     gateway_ports: "gateway/ports.md",
     gateway_library: "gateway/library.md",

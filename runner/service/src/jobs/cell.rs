@@ -4,7 +4,7 @@
 use softplug_cell::Stop;
 
 use super::store::Change;
-use super::{Job, JobSpec, Jobs, JobsError, Note, Start, State, Step};
+use super::{Extent, Job, JobSpec, Jobs, JobsError, Note, Start, State, Step};
 use super::{after, begun, created, live, note, now, queued_note};
 
 /// A step of a cell.
@@ -14,8 +14,8 @@ pub struct CellStep {
     pub cell: String,
     /// The cell as it is behind the step, encoded.
     pub saved: Vec<u8>,
-    /// Jobs that have passed so many of their words.
-    pub passed: Vec<(u32, u32)>,
+    /// Jobs that came to a word.
+    pub arrived: Vec<Arrived>,
     /// A job that begins with it.
     pub begins: Option<u32>,
     /// Jobs that were loaded, and are started now.
@@ -24,6 +24,17 @@ pub struct CellStep {
     pub loaded: Vec<(JobSpec, Vec<Stop>)>,
     /// What the journal says.
     pub notes: Vec<Note>,
+}
+
+/// A job that came to a word, or went past it.
+#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+pub struct Arrived {
+    /// The job.
+    pub id: u32,
+    /// Words that are behind it.
+    pub passed: u32,
+    /// All before this byte has left.
+    pub left: u64,
 }
 
 impl Jobs {
@@ -36,9 +47,11 @@ impl Jobs {
         let time = now();
         let mut change = Change { cell: Some((step.cell, step.saved)), ..Change::default() };
         change.notes = step.notes.into_iter().map(Note::tamed).collect();
-        for (id, passed) in step.passed {
+        for Arrived { id, passed, left } in step.arrived {
             let Some(job) = store.known().live.get(&id).cloned() else { continue };
-            change.jobs.push(Job { passed, ..job });
+            let surely = job.extent.surely.max(left);
+            let extent = Extent { surely, maybe: job.extent.maybe.max(surely) };
+            change.jobs.push(Job { passed, extent, ..job });
         }
         for id in step.started {
             let mut job = live(&store, id, Step::Begin)?;

@@ -23,7 +23,7 @@ mod turns;
 
 pub use begin::{BeginAt, beginning_at};
 pub use blocks::{Between, Block};
-pub use cell::CellStep;
+pub use cell::{Arrived, CellStep};
 pub use error::{JobsError, StoreError};
 pub use job::{
     CheckFault, Comparison, Data, Extent, Job, JobSpec, Kind, Left, Origin, Reason, Reception,

@@ -3,6 +3,7 @@
 #![cfg(target_os = "linux")]
 
 mod cells;
+mod cells_crash;
 #[path = "../common/plugins.rs"]
 mod echo;
 mod feeds;

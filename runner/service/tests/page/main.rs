@@ -131,8 +131,16 @@ mod needs_chromium {
         sign_in(&mut browser, &bench, &bench.admin);
         for scheme in ["light", "dark"] {
             browser.prefer(scheme);
-            for page in ["links", "link/lathe-1", "buses", "cells", "jobs", "programs", "plugins", "journal"]
-            {
+            for page in [
+                "links",
+                "link/lathe-1",
+                "buses",
+                "cells",
+                "jobs",
+                "programs",
+                "plugins",
+                "journal",
+            ] {
                 browser.value(&format!("location.hash = '#/{page}'"));
                 browser.until("document.querySelector('main h1')");
                 browser.value("new Promise((go) => setTimeout(go, 300))");

@@ -23,7 +23,8 @@ use super::link::Running;
 use crate::Refusal;
 use crate::config::CellConfig;
 use crate::jobs::{
-    CellStep, Data, Job, JobSpec, JobsError, Kind, Note, Start, State as JobState, Subject, Weight,
+    Arrived, CellStep, Data, Job, JobSpec, JobsError, Kind, Note, Start, State as JobState,
+    Subject, Weight,
 };
 use crate::supervise::State as Supervised;
 use crate::view::{Change as Shown, now_ms};
@@ -123,9 +124,12 @@ impl Control {
             Ok(stops) => stops,
             Err(error) => return Some(Err(error)),
         };
+        let stood = self.stood_at(job, &stops);
         let state = self.cells.by_name.get_mut(&name)?;
         let is_started = job.spec.start == Some(Start::Given) && state.cell.runs(channel);
         let (passed, reached) = place(&state.cell, channel, &stops, job.spec.from);
+        let (passed, reached) =
+            stood.map_or((passed, reached), |stood| (stood, reached.max(stood)));
         let before = state.jobs[usize::from(channel.0)].replace(ChannelJob {
             id: job.id,
             stops,
@@ -144,6 +148,16 @@ impl Control {
                 }))
             }
         }
+    }
+
+    /// The word at which the job stood that this one goes on with, if it begins there: it is not behind
+    /// it.
+    fn stood_at(&self, job: &Job, stops: &[Stop]) -> Option<usize> {
+        let before = self.shared.parts.jobs.reader().job(job.spec.restarts?).ok()?;
+        let passed = before.passed as usize;
+        let is_same = before.spec.data == job.spec.data;
+        let begins_there = stops.get(passed).is_some_and(|stop| stop.at == job.spec.from);
+        (is_same && begins_there).then_some(passed)
     }
 
     /// The byte of a job behind which nothing is given yet.
@@ -263,6 +277,10 @@ impl Control {
     ) -> Result<(), NotTaken> {
         let Some(state) = self.cells.by_name.get(name) else { return Ok(()) };
         let now = now_ms();
+        let arrives = match &event {
+            Some(Event::Reached { channel, .. }) => Some(*channel),
+            _ => None,
+        };
         let mut cell = state.cell.clone();
         let changes = match event {
             Some(event) => cell.handle(now, event).map_err(NotTaken::Refused)?,
@@ -273,11 +291,14 @@ impl Control {
         let setup = &state.config.setup;
         let mut jobs = state.jobs.clone();
         for (channel, of) in setup.channels().zip(&mut jobs) {
-            let Some(of) = of else { continue };
-            if of.reached > of.passed && !cell.waits(channel) {
+            let Some(of) = of.as_mut().filter(|of| of.reached > of.passed) else { continue };
+            let left = of.stops[of.passed].at;
+            if !cell.waits(channel) {
                 of.passed = of.reached;
-                step.passed.push((of.id, of.passed as u32));
+            } else if arrives != Some(channel) {
+                continue;
             }
+            step.arrived.push(Arrived { id: of.id, passed: of.passed as u32, left });
         }
         for change in &changes {
             if let Change::Began { channel, by: Some(_), .. } = change {

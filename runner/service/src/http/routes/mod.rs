@@ -283,6 +283,6 @@ mod tests {
                 count += 1;
             }
         }
-        assert_eq!(count, 37);
+        assert_eq!(count, 43);
     }
 }

@@ -1,0 +1,241 @@
+//! A gateway that is killed at any moment while a cell of three works: nobody is ahead of a mark that
+//! another has not reached. The gateway is this test itself, started again as a child.
+//! `SOFTPLUG_CELL_KILLS=N` kills it more often.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs;
+use std::io::{BufRead as _, BufReader, Lines};
+use std::path::Path;
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use softplug_gateway::port::ReadOutcome;
+use softplug_gateway::pty::PtyPair;
+use softplug_service::config::Config;
+use softplug_service::gateway::{Gateway, start};
+use softplug_service::library::Library;
+use softplug_service::view::{JobFilter, JobOrder, JobState};
+
+use crate::shop::{HANG, plugins, wait_for};
+
+const FOLDER: &str = "SOFTPLUG_CELL_FOLDER";
+const CHANNELS: usize = 3;
+/// Parts of a program, with a mark between any two.
+const PARTS: usize = 6;
+/// Blocks of a part of the first channel; others have more.
+const BLOCKS: usize = 12;
+
+#[test]
+fn after_a_kill_a_cell_that_stops_lets_nobody_run_ahead() {
+    kill_again_and_again("stop", "after_a_kill_a_cell_that_stops_lets_nobody_run_ahead");
+}
+
+#[test]
+fn after_a_kill_a_cell_that_resumes_lets_nobody_run_ahead() {
+    kill_again_and_again("resume", "after_a_kill_a_cell_that_resumes_lets_nobody_run_ahead");
+}
+
+/// What a machine got: lines, of which the last may not be whole.
+#[derive(Default)]
+struct Machine {
+    bytes: Vec<u8>,
+}
+
+fn kill_again_and_again(policy: &str, test: &str) {
+    if let Some(folder) = std::env::var_os(FOLDER) {
+        work(Path::new(&folder));
+    }
+    let kills: u32 = std::env::var("SOFTPLUG_CELL_KILLS").map_or(4, |text| text.parse().unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    let ptys: Vec<PtyPair> = (0..CHANNELS).map(|_| PtyPair::open().unwrap()).collect();
+    configure(folder.path(), &ptys, policy);
+    let mut machines: Vec<Machine> = (0..CHANNELS).map(|_| Machine::default()).collect();
+    // Not random: each time at another moment of the work, in µs.
+    let mut moment = 150_000_u64;
+    for kill in 0..kills {
+        let child = Killed::start(folder.path(), test);
+        moment = (moment * 1_103 + 77_777) % 900_000;
+        let until = Instant::now() + Duration::from_micros(moment);
+        while Instant::now() < until {
+            read(&ptys, &mut machines);
+            sleep(Duration::from_millis(1));
+        }
+        drop(child);
+        read(&ptys, &mut machines);
+        nobody_is_ahead(&machines, kill);
+    }
+    // What is left is done without a kill: all of a cycle comes everywhere.
+    let whole =
+        |machines: &[Machine]| machines.iter().map(|machine| machine.cycles()).min().unwrap();
+    let before = whole(&machines);
+    let child = Killed::start(folder.path(), test);
+    let begin = Instant::now();
+    while whole(&machines) < before + 2 {
+        read(&ptys, &mut machines);
+        sleep(Duration::from_millis(1));
+        assert!(begin.elapsed() < HANG, "the cell does not go on after {kills} kills");
+    }
+    drop(child);
+    nobody_is_ahead(&machines, kills);
+}
+
+fn configure(folder: &Path, ptys: &[PtyPair], policy: &str) {
+    let library = Library::open(&folder.join("state/plugins")).unwrap();
+    library.add_file(&plugins().join("xon-xoff.wasm")).unwrap();
+    let mut text =
+        "[gateway]\nwatch = false\n[defaults]\nplugin = \"xon-xoff\"\nline = \"38400 8N1\"\n"
+            .to_owned();
+    for (at, pty) in ptys.iter().enumerate() {
+        let port = pty.slave_path().display();
+        let _ = writeln!(text, "[[link]]\nname = \"C{at}\"\nport = \"{port}\"");
+    }
+    let _ = writeln!(
+        text,
+        "[[cell]]\nname = \"cell\"\nchannels = [\"C0\", \"C1\", \"C2\"]\nafter-crash = \"{policy}\""
+    );
+    fs::write(folder.join("gateway.toml"), text).unwrap();
+    fs::create_dir_all(folder.join("programs")).unwrap();
+}
+
+/// The gateway and its operator, until they are killed.
+fn work(folder: &Path) -> ! {
+    let running = start(Config::read(&folder.join("gateway.toml")).unwrap()).unwrap();
+    let gateway = running.gateway();
+    if gateway.cell("cell").unwrap().is_stopped {
+        gateway.clear_cell("cell").unwrap();
+    }
+    // Whose program was cut off begins again behind what has surely left.
+    for at in 0..CHANNELS {
+        let Some((id, JobState::Interrupted)) = last(gateway, at) else { continue };
+        let from = gateway.job(id).unwrap().last_block.map_or(1, |block| block + 1);
+        gateway.restart(id, Some(from)).unwrap();
+    }
+    println!("begun");
+    loop {
+        let is_over = (0..CHANNELS)
+            .all(|at| last(gateway, at).is_none_or(|(_, state)| state == JobState::Done));
+        if is_over {
+            begin_cycle(folder, gateway);
+        }
+        sleep(Duration::from_millis(5));
+    }
+}
+
+/// The newest job of a channel.
+fn last(gateway: &Gateway, at: usize) -> Option<(u32, JobState)> {
+    let filter = JobFilter { link: Some(format!("C{at}")), ..JobFilter::default() };
+    let jobs = gateway.jobs(&filter).unwrap();
+    jobs.iter().max_by_key(|job| job.id).map(|job| (job.id, job.state))
+}
+
+fn begin_cycle(folder: &Path, gateway: &Gateway) {
+    let newest = (0..CHANNELS).filter_map(|at| last(gateway, at)).map(|(id, _)| id).max();
+    let cycle = newest.unwrap_or(0) + 1;
+    for at in 0..CHANNELS {
+        let mut text = String::new();
+        for part in 0..PARTS {
+            for block in 0..BLOCKS * (1 + (at + part) % 3) {
+                let _ = writeln!(text, "(C{cycle} P{part} B{block})");
+            }
+            let _ =
+                writeln!(text, "(SOFTPLUG WAIT {} C0 C1 C2)", u64::from(cycle) * 100 + part as u64);
+        }
+        let name = format!("{cycle}-{at}");
+        fs::write(folder.join("programs").join(&name), text).unwrap();
+    }
+    for at in 0..CHANNELS {
+        let order = JobOrder { program: Some(format!("{cycle}-{at}")), ..JobOrder::default() };
+        gateway.submit(&format!("C{at}"), &order).unwrap();
+    }
+}
+
+/// A gateway that is killed when it is dropped.
+struct Killed {
+    child: Child,
+    /// Whoever writes into a pipe that nobody reads ends.
+    _said: Lines<BufReader<ChildStdout>>,
+}
+
+impl Killed {
+    fn start(folder: &Path, test: &str) -> Self {
+        let mut command = Command::new(std::env::current_exe().unwrap());
+        command.args(["--exact", &format!("cells_crash::{test}"), "--nocapture"]);
+        let mut child = command.env(FOLDER, folder).stdout(Stdio::piped()).spawn().unwrap();
+        let mut said = BufReader::new(child.stdout.take().unwrap()).lines();
+        wait_for("a gateway that has begun", || {
+            said.next().is_some_and(|line| line.unwrap() == "begun")
+        });
+        Self { child, _said: said }
+    }
+}
+
+impl Drop for Killed {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn read(ptys: &[PtyPair], machines: &mut [Machine]) {
+    let mut buffer = [0; 4_096];
+    for (pty, machine) in ptys.iter().zip(machines) {
+        while let Ok(ReadOutcome::Read(count)) = pty.read(&mut buffer) {
+            let data = buffer[..count].iter().filter(|byte| !matches!(byte, 0x11..=0x14));
+            machine.bytes.extend(data);
+        }
+    }
+}
+
+impl Machine {
+    /// The furthest part of each cycle of which anything came, and the last mark that came whole.
+    fn reached(&self) -> BTreeMap<u32, (usize, Option<usize>)> {
+        let text = String::from_utf8_lossy(&self.bytes);
+        let mut reached: BTreeMap<u32, (usize, Option<usize>)> = BTreeMap::new();
+        for line in text.split_inclusive('\n') {
+            // A program that begins again may have cut a block off.
+            let line = line.rsplit_once('(').map_or(line, |(_, line)| line);
+            if let Some(mark) =
+                line.strip_prefix("SOFTPLUG WAIT ").filter(|_| line.ends_with(")\n"))
+            {
+                let number: u64 = mark.split(' ').next().unwrap().parse().unwrap();
+                let entry = reached.entry((number / 100) as u32).or_default();
+                entry.1 = entry.1.max(Some((number % 100) as usize));
+            } else if let Some((cycle, part)) = block(line) {
+                let entry = reached.entry(cycle).or_default();
+                entry.0 = entry.0.max(part);
+            }
+        }
+        reached
+    }
+
+    /// Cycles of which the last mark has come.
+    fn cycles(&self) -> usize {
+        let reached = self.reached();
+        reached.values().filter(|(_, mark)| *mark == Some(PARTS - 1)).count()
+    }
+}
+
+fn block(line: &str) -> Option<(u32, usize)> {
+    let mut words = line.trim_end_matches([')', '\n']).split(' ');
+    let cycle = words.next()?.strip_prefix('C')?.parse().ok()?;
+    let part = words.next()?.strip_prefix('P')?.parse().ok()?;
+    words.next()?.strip_prefix('B')?;
+    Some((cycle, part))
+}
+
+fn nobody_is_ahead(machines: &[Machine], kill: u32) {
+    let all: Vec<_> = machines.iter().map(Machine::reached).collect();
+    for (ahead, reached) in all.iter().enumerate() {
+        for (cycle, (part, _)) in reached.iter().filter(|(_, (part, _))| *part > 0) {
+            for (behind, other) in all.iter().enumerate() {
+                let mark = other.get(cycle).and_then(|(_, mark)| *mark);
+                assert!(
+                    mark >= Some(part - 1),
+                    "kill {kill}: C{ahead} is in part {part} of cycle {cycle}, C{behind} came to mark {mark:?}"
+                );
+            }
+        }
+    }
+}
