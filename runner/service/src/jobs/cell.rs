@@ -16,8 +16,8 @@ pub struct CellStep {
     pub saved: Vec<u8>,
     /// Jobs that came to a word.
     pub arrived: Vec<Arrived>,
-    /// A job that begins with it.
-    pub begins: Option<u32>,
+    /// A job that begins with it, with so many words behind it.
+    pub begins: Option<(u32, u32)>,
     /// Jobs that were loaded, and are started now.
     pub started: Vec<u32>,
     /// Programs that were loaded, with the places where their feed stops.
@@ -59,13 +59,14 @@ impl Jobs {
             change.notes.push(note(&job, format!("job {id} is started by its cell")));
             change.jobs.push(job);
         }
-        if let Some(id) = step.begins {
+        if let Some((id, passed)) = step.begins {
             let mut job = live(&store, id, Step::Begin)?;
             job.state = after(job.state, job.has_begun(), Step::Begin).ok_or(JobsError::State {
                 id,
                 state: job.state,
                 step: Step::Begin,
             })?;
+            job.passed = passed;
             let text = begun(&mut job, time);
             change.notes.push(note(&job, text));
             change.jobs.push(job);

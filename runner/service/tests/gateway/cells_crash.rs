@@ -109,8 +109,10 @@ fn work(folder: &Path) -> ! {
     // Whose program was cut off begins again behind what has surely left.
     for at in 0..CHANNELS {
         let Some((id, JobState::Interrupted)) = last(gateway, at) else { continue };
-        let from = gateway.job(id).unwrap().last_block.map_or(1, |block| block + 1);
-        gateway.restart(id, Some(from)).unwrap();
+        let last = gateway.job(id).unwrap().last_block.unwrap_or(0);
+        // All may have left: then its last block does no harm.
+        let restarted = gateway.restart(id, Some(last + 1));
+        restarted.or_else(|_| gateway.restart(id, Some(last))).unwrap();
     }
     println!("begun");
     loop {
@@ -142,6 +144,7 @@ fn begin_cycle(folder: &Path, gateway: &Gateway) {
             let _ =
                 writeln!(text, "(SOFTPLUG WAIT {} C0 C1 C2)", u64::from(cycle) * 100 + part as u64);
         }
+        text.push_str("(END)\n");
         let name = format!("{cycle}-{at}");
         fs::write(folder.join("programs").join(&name), text).unwrap();
     }

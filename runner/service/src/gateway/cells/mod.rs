@@ -137,7 +137,7 @@ impl Control {
             passed,
         });
         let event = (!is_started).then(|| begins(channel, job));
-        match self.step(&name, event, Some(job.id)) {
+        match self.step(&name, event, Some((job.id, passed as u32))) {
             Ok(()) => Some(self.shared.parts.jobs.reader().job(job.id)),
             Err(not_taken) => {
                 let state = self.cells.by_name.get_mut(&name)?;
@@ -273,7 +273,7 @@ impl Control {
         &mut self,
         name: &str,
         event: Option<Event>,
-        begins: Option<u32>,
+        begins: Option<(u32, u32)>,
     ) -> Result<(), NotTaken> {
         let Some(state) = self.cells.by_name.get(name) else { return Ok(()) };
         let now = now_ms();
