@@ -244,7 +244,7 @@ impl Departures {
         self.look.out.saturating_add(since.max(given)).min(self.taken)
     }
 
-    fn place_surely(&mut self, now: Micros) -> u64 {
+    pub(super) fn place_surely(&mut self, now: Micros) -> u64 {
         let limit = self.settle(now);
         let begun = self.runs.front().map_or(0, |run| {
             (0..run.count).take_while(|index| run.surely_left(*index) <= now).count() as u64

@@ -354,6 +354,11 @@ impl<I: Instance> Channel<I> {
                 || unsent())
     }
 
+    /// Whether all that was ever given out has surely left.
+    pub(crate) fn is_drained(&mut self, now: Micros) -> bool {
+        !self.is_sending(now) && self.departures.place_surely(now) >= self.link.characters()
+    }
+
     /// Whether something is still to leave, or the link is still to hear what has left: a job may
     /// end with that.
     pub fn is_settling(&self, now: Micros) -> bool {

@@ -18,10 +18,12 @@ use softplug_service::gateway::{Gateway, start};
 use softplug_service::library::Library;
 use softplug_service::view::{JobFilter, JobOrder, JobState};
 
-use crate::shop::{HANG, plugins, wait_for};
+use crate::shop::{plugins, wait_for};
 
 const FOLDER: &str = "SOFTPLUG_CELL_FOLDER";
 const CHANNELS: usize = 3;
+/// Longer than two cycles take.
+const PATIENCE: Duration = Duration::from_secs(40);
 /// Parts of a program, with a mark between any two.
 const PARTS: usize = 6;
 /// Blocks of a part of the first channel; others have more.
@@ -75,7 +77,11 @@ fn kill_again_and_again(policy: &str, test: &str) {
     while whole(&machines) < before + 2 {
         read(&ptys, &mut machines);
         sleep(Duration::from_millis(1));
-        assert!(begin.elapsed() < HANG, "the cell does not go on after {kills} kills");
+        assert!(
+            begin.elapsed() < PATIENCE,
+            "the cell does not go on after {kills} kills: {}",
+            fs::read_to_string(folder.path().join("seen")).unwrap_or_default()
+        );
     }
     drop(child);
     nobody_is_ahead(&machines, kills);
@@ -121,8 +127,31 @@ fn work(folder: &Path) -> ! {
         if is_over {
             begin_cycle(folder, gateway);
         }
+        fs::write(folder.join("seen"), seen(gateway)).unwrap();
         sleep(Duration::from_millis(5));
     }
+}
+
+/// For whoever looks why it does not go on.
+fn seen(gateway: &Gateway) -> String {
+    let cell = gateway.cell("cell").unwrap();
+    let mut seen = String::new();
+    for channel in cell.channels {
+        let _ = writeln!(
+            seen,
+            "{}: {}, job {:?}, {} of {} words",
+            channel.link, channel.text, channel.job, channel.words_passed, channel.words
+        );
+    }
+    for job in gateway.jobs(&JobFilter { limit: Some(9), ..JobFilter::default() }).unwrap() {
+        let of = job.restart_of;
+        let _ = writeln!(
+            seen,
+            "{} {} {:?} of {of:?} from {}: {}",
+            job.id, job.link, job.state, job.start_byte, job.progress.text
+        );
+    }
+    seen
 }
 
 /// The newest job of a channel.

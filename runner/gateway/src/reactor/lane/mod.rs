@@ -358,7 +358,7 @@ impl<I: LaneInstance> Lane<I> {
         if let Some(active) = &self.host.job {
             self.shown_at = now;
             let left = channel.left_lately(now, active.from);
-            let is_drained = active.is_hungry && waiting == 0 && left.maybe == left.surely;
+            let is_drained = active.is_hungry && channel.is_drained(now);
             figures = JobFigures {
                 job: active.id,
                 taken: active.taken,

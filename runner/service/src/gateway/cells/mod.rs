@@ -127,9 +127,10 @@ impl Control {
         let stood = self.stood_at(job, &stops);
         let state = self.cells.by_name.get_mut(&name)?;
         let is_started = job.spec.start == Some(Start::Given) && state.cell.runs(channel);
-        let (passed, reached) = place(&state.cell, channel, &stops, job.spec.from);
-        let (passed, reached) =
-            stood.map_or((passed, reached), |stood| (stood, reached.max(stood)));
+        let (passed, reached) = match stood {
+            Some(stood) if !state.cell.waits(channel) => (stood, stood),
+            _ => place(&state.cell, channel, &stops, job.spec.from),
+        };
         let before = state.jobs[usize::from(channel.0)].replace(ChannelJob {
             id: job.id,
             stops,
