@@ -101,6 +101,20 @@ impl Bench {
         Self::with_links(&format!("{bus}{}", (1..=3).map(unit).collect::<String>()))
     }
 
+    /// One with two lathes and a loader in a cell.
+    pub(crate) fn with_cell() -> Self {
+        let link = |name: &str| {
+            format!(
+                "[[link]]\nname = \"{name}\"\nport = \"simulate:xon-xoff\"\n\
+                 plugin = \"xon-xoff\"\nline = \"9600 8N1\"\n"
+            )
+        };
+        let links: String = ["loader", "lathe-1", "lathe-2"].map(link).concat();
+        let cell = "[[cell]]\nname = \"shafts\"\nchannels = [\"loader\", \"lathe-1\", \"lathe-2\"]\n\
+                    axes = [\"GANTRY\"]\ngroups = { LATHES = [\"lathe-1\", \"lathe-2\"] }\n";
+        Self::with_links(&format!("{links}{cell}"))
+    }
+
     /// One into whose folder something was put before it starts.
     pub(crate) fn prepared(change: impl FnOnce(&mut Options), prepare: impl FnOnce(&Path)) -> Self {
         Self::made_of(CONFIGURATION, change, prepare)

@@ -179,6 +179,53 @@ mod needs_chromium {
     }
 
     #[test]
+    fn a_cell_is_shown_with_who_waits_and_can_be_helped() {
+        let bench = Bench::with_cell();
+        let cut = "G1 X10 Z-20 F200\n".repeat(60);
+        bench.upload(
+            "loader.nc",
+            format!("(SOFTPLUG GET GANTRY)\n{cut}(SOFTPLUG WAIT 1 lathe-1)\n").as_bytes(),
+        );
+        bench.upload(
+            "one.nc",
+            format!("{cut}(SOFTPLUG GET GANTRY)\n(SOFTPLUG WAIT 1 loader)\n").as_bytes(),
+        );
+        bench.upload("two.nc", cut.as_bytes());
+        for link in ["loader", "lathe-1", "lathe-2"] {
+            bench.until_link(link, "idle");
+        }
+        let mut browser = Browser::open();
+        browser.size(1280, 900);
+        sign_in(&mut browser, &bench, &bench.operator);
+        for (link, program) in
+            [("lathe-2", "two.nc"), ("loader", "loader.nc"), ("lathe-1", "one.nc")]
+        {
+            let order = serde_json::json!({ "program": program });
+            bench.post(&format!("/links/{link}/jobs"), &order).with(201);
+        }
+        browser.click("nav a", "Cells");
+        browser.until("document.querySelector('main h2')?.textContent === 'shafts'");
+        browser.sees("runs two.nc");
+        // The loader has what the lathe wants, and waits for it.
+        browser.sees("Deadlock: lathe-1 waits for GANTRY, which loader has: release GANTRY");
+        browser.sees("waits at mark 1 for lathe-1");
+        browser.until("document.querySelectorAll('svg.spans rect.runs').length >= 3");
+        browser.until("document.querySelectorAll('svg.spans rect.waits').length >= 2");
+        if let Some(folder) = std::env::var_os("SOFTPLUG_PICTURES") {
+            std::fs::write(std::path::Path::new(&folder).join("cell.png"), browser.screenshot())
+                .unwrap();
+        }
+        browser.click("button", "Release");
+        browser.click("button", "Release: sure?");
+        browser.until("!document.querySelector('ul.stuck li')");
+        bench.until("/cells/shafts", |cell| {
+            cell["channels"].as_array().unwrap().iter().all(|channel| channel["state"] == "idle")
+        });
+        browser.sees("no program");
+        assert_eq!(browser.complaints, Vec::<String>::new());
+    }
+
+    #[test]
     fn texts_from_outside_are_only_texts() {
         let bench = Bench::new();
         bench.until_link("press-3", "idle");

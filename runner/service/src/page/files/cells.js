@@ -5,8 +5,8 @@ import { h, keyed, s, say, show, sureButton } from './dom.js';
 import { act } from './message.js';
 import * as text from './text.js';
 
-/** Seconds that the chart shows. */
-const WINDOWS = [60, 600, 3600];
+/** What the chart can show, in seconds. */
+const WINDOWS = [[60, 'last minute'], [600, 'last 10 minutes'], [3600, 'last hour']];
 const WIDTH = 600;
 const ROW = 28;
 const MODES = { auto: 'AUTO', 'jog-in-auto': 'JOG in AUTO', mda: 'MDA', jog: 'JOG' };
@@ -117,14 +117,15 @@ function item(cell) {
   const groups = h('tbody');
   const stuck = h('ul', { class: 'stuck', role: 'alert' });
   const window = h('select', { 'aria-label': `Time that the chart of ${cell.name} shows` },
-    WINDOWS.map((seconds) => h('option', { value: seconds }, `last ${text.span(seconds * 1_000_000)}`)));
+    WINDOWS.map(([seconds, name]) => h('option', { value: seconds }, name)));
   const stopped = h('p', { class: 'wrong', role: 'alert' },
     'Stopped: the gateway was ended in the middle of its work. Look at the machines, then ',
     sureButton('Let programs begin again', () => act(() => api.post(`${path}/clear`))));
   const allAxes = table(['Axis', 'Has it', 'Wait for it', ''], axes);
   const node = h('li', { class: 'panel' }, h('h2', {}, cell.name), stopped, stuck,
     h('p', { class: 'legend' }, h('span', { class: 'runs' }, 'runs'), h('span', { class: 'waits' }, 'waits'), h('span', { class: 'stands' }, 'stands'), window),
-    drawn.node, table(['Channel', 'Does', 'For', 'Words', 'Next'], channels), allAxes, table(['Group', 'Channels', 'Mode'], groups));
+    h('div', { class: 'timeline' }, h('div', { class: 'names', 'aria-hidden': 'true' }, cell.channels.map((of) => h('span', {}, of.link))), drawn.node),
+    table(['Channel', 'Does', 'For', 'Words', 'Next'], channels), allAxes, table(['Group', 'Channels', 'Mode'], groups));
   return {
     node,
     update(now) {
