@@ -1,7 +1,7 @@
 //! Runs the property tests with many random cases: the tests of the suite whose
 //! name ends in `_fuzz`. With `--long` also what searches for hours: a partner
-//! that answers at once, a bad bus between a gateway and a unit, and modules that
-//! take long to compile.
+//! that answers at once, a bad bus between a gateway and a unit, channels of a cell in every order,
+//! and modules that take long to compile.
 
 use std::process::{Command, ExitCode};
 
@@ -19,6 +19,9 @@ const PROMPT_BLOCKS: u32 = 20_000;
 /// A bad bus between a gateway and a unit: its faults.
 const BUS: &str = "bus";
 const BUS_FAULTS: u32 = 10_000;
+/// A cell: all interleavings of four channels, and a gateway that is killed in the middle.
+const CELL: &str = "cell";
+const CELL_KILLS: u32 = 100;
 /// The search for modules that take long to compile, and its seconds.
 const BOMBS: &str = "bombs";
 const BOMBS_SECONDS: u32 = 600;
@@ -39,14 +42,21 @@ pub(crate) fn run(
     seed: Option<u64>,
     filter: Option<&str>,
 ) -> Result<ExitCode, Error> {
-    let names_a_search = filter.is_some_and(|filter| [PROMPT, BUS, BOMBS].contains(&filter));
+    let names_a_search = filter.is_some_and(|filter| [PROMPT, BUS, CELL, BOMBS].contains(&filter));
     if !names_a_search {
         let code = property_tests(workspace, long, seed, filter)?;
         if !long || filter.is_some() || code != ExitCode::SUCCESS {
             return Ok(code);
         }
     }
-    for (name, mut command) in [(PROMPT, prompt()), (BUS, bus()), (BOMBS, bombs(seed))] {
+    let searches = [
+        (PROMPT, prompt()),
+        (BUS, bus()),
+        (CELL, interleavings()),
+        (CELL, kills()),
+        (BOMBS, bombs(seed)),
+    ];
+    for (name, mut command) in searches {
         let is_asked_for = filter.is_none_or(|filter| filter == name);
         if is_asked_for && !status(command.current_dir(workspace.root()))?.success() {
             return Ok(ExitCode::FAILURE);
@@ -75,6 +85,21 @@ fn bus() -> Command {
         "--",
         "--nocapture",
     ]);
+    command
+}
+
+fn interleavings() -> Command {
+    let mut command = cargo();
+    command.env("SOFTPLUG_CELL_LONG", "1");
+    command.args(["test", "--release", "-p", "softplug-cell", "--test", "interleavings"]);
+    command.args(["--", "--nocapture"]);
+    command
+}
+
+fn kills() -> Command {
+    let mut command = cargo();
+    command.env("SOFTPLUG_CELL_KILLS", CELL_KILLS.to_string());
+    command.args(["test", "--workspace", "--test", "gateway", "cells_crash", "--", "--nocapture"]);
     command
 }
 
