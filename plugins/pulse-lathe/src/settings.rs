@@ -25,20 +25,20 @@ settings! {
         echo_time: i64 = 10000 in 10..=600000 "ms", "Time for S, T or M.";
         ahead: i64 = 100 in 4..=250 "ms", "Pulses that wait in the queue.";
         underrun: Underrun = "note", "A queue that ran empty inside a cut: tell it, or stop, too.";
-        x_offset_1: i64 = 0 in -100000..=100000 "pulses", "Offset of tool 1 in x.";
-        z_offset_1: i64 = 0 in -100000..=100000 "pulses", "Offset of tool 1 in z.";
-        x_offset_2: i64 = 0 in -100000..=100000 "pulses", "Offset of tool 2 in x.";
-        z_offset_2: i64 = 0 in -100000..=100000 "pulses", "Offset of tool 2 in z.";
-        x_offset_3: i64 = 0 in -100000..=100000 "pulses", "Offset of tool 3 in x.";
-        z_offset_3: i64 = 0 in -100000..=100000 "pulses", "Offset of tool 3 in z.";
-        x_offset_4: i64 = 0 in -100000..=100000 "pulses", "Offset of tool 4 in x.";
-        z_offset_4: i64 = 0 in -100000..=100000 "pulses", "Offset of tool 4 in z.";
-        x_offset_5: i64 = 0 in -100000..=100000 "pulses", "Offset of tool 5 in x.";
-        z_offset_5: i64 = 0 in -100000..=100000 "pulses", "Offset of tool 5 in z.";
-        x_offset_6: i64 = 0 in -100000..=100000 "pulses", "Offset of tool 6 in x.";
-        z_offset_6: i64 = 0 in -100000..=100000 "pulses", "Offset of tool 6 in z.";
-        x_offset_7: i64 = 0 in -100000..=100000 "pulses", "Offset of tool 7 in x.";
-        z_offset_7: i64 = 0 in -100000..=100000 "pulses", "Offset of tool 7 in z.";
+        x_offset_1: i64 = 0 in -100000..=100000 "pulses", "Tool 1: offset in x.";
+        z_offset_1: i64 = 0 in -100000..=100000 "pulses", "Tool 1: offset in z.";
+        x_offset_2: i64 = 0 in -100000..=100000 "pulses", "Tool 2: offset in x.";
+        z_offset_2: i64 = 0 in -100000..=100000 "pulses", "Tool 2: offset in z.";
+        x_offset_3: i64 = 0 in -100000..=100000 "pulses", "Tool 3: offset in x.";
+        z_offset_3: i64 = 0 in -100000..=100000 "pulses", "Tool 3: offset in z.";
+        x_offset_4: i64 = 0 in -100000..=100000 "pulses", "Tool 4: offset in x.";
+        z_offset_4: i64 = 0 in -100000..=100000 "pulses", "Tool 4: offset in z.";
+        x_offset_5: i64 = 0 in -100000..=100000 "pulses", "Tool 5: offset in x.";
+        z_offset_5: i64 = 0 in -100000..=100000 "pulses", "Tool 5: offset in z.";
+        x_offset_6: i64 = 0 in -100000..=100000 "pulses", "Tool 6: offset in x.";
+        z_offset_6: i64 = 0 in -100000..=100000 "pulses", "Tool 6: offset in z.";
+        x_offset_7: i64 = 0 in -100000..=100000 "pulses", "Tool 7: offset in x.";
+        z_offset_7: i64 = 0 in -100000..=100000 "pulses", "Tool 7: offset in z.";
     }
 }
 

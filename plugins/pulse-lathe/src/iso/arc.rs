@@ -71,13 +71,19 @@ fn by_centre(i: Option<(i64, u32)>, k: Option<(i64, u32)>) -> Point {
     Point { z: value(k), x: value(i) }
 }
 
-/// The centre is beside the middle of the chord. Root and halves are rounded down in size.
+/// The centre is beside the middle of the chord, by `chord · √(4r² − chord²) / (2 · chord)`. Both
+/// roots are of the same multiple, as large as there is room for.
 fn by_radius(chord: Point, clockwise: bool, radius: i64) -> Option<Point> {
-    let square = u128::try_from(chord.square()).ok().filter(|square| *square > 0)?;
-    let beyond = (4 * u128::from(radius.unsigned_abs()).pow(2)).checked_sub(square)?;
+    let square = chord.square().cast_unsigned();
+    let beyond = (4 * radius * radius).cast_unsigned().checked_sub(square)?;
+    if square == 0 {
+        return None;
+    }
+    let shift = (beyond | square).leading_zeros() / 2 * 2;
+    let (beyond, length) = (root(beyond << shift), root(square << shift));
     let aside = |chord: i64| {
-        let size = u128::from(chord.unsigned_abs()).pow(2) * beyond / square;
-        (root(size) / 2) as i64 * chord.signum()
+        let size = chord.unsigned_abs() * beyond / (2 * length);
+        size.cast_signed() * chord.signum()
     };
     let (z, x) = (aside(chord.z), aside(chord.x));
     // Left of the way, counter-clockwise and the shorter way.
@@ -87,9 +93,8 @@ fn by_radius(chord: Point, clockwise: bool, radius: i64) -> Option<Point> {
 
 /// Whether the end is at most a step nearer or farther than the beginning.
 fn is_on_circle(begin: Point, end: Point) -> bool {
-    let (a, b) = (i128::from(begin.square()), i128::from(end.square()));
-    let sum = a + b - i128::from(STEP * STEP);
-    sum <= 0 || sum * sum <= 4 * a * b
+    let distance = |point: Point| root(point.square().cast_unsigned());
+    distance(begin).abs_diff(distance(end)) <= STEP.cast_unsigned()
 }
 
 fn between(clockwise: bool, from: Place, to: Place, begin: Point, end: Point) -> Arc {

@@ -12,7 +12,8 @@ use crate::line::Line;
 use crate::settings::{PERIODS_A_MILLI, Settings};
 use crate::status;
 use crate::thread::Thread;
-use number::{nearest, root, scaled};
+use core::cell::Cell;
+use number::{nearest, root, rounded};
 use softplug_plugin::{StateError, StateReader, StateWriter, copy};
 use words::{ONE, Refused, Words};
 
@@ -20,8 +21,8 @@ use words::{ONE, Refused, Words};
 pub(crate) const TEXT: usize = 1_024;
 /// Characters of a line at most, its end aside.
 const LINE: usize = 200;
-/// Periods of a minute.
-const PERIODS_A_MINUTE: u64 = 240_000;
+/// Parts of a step a period in one step a minute, as a fraction: 2²⁰ / 240,000.
+const PARTS: (u64, u64) = (8_192, 1_875);
 /// A pulse of z, in 0.1 µm; one of x is half of that, and as much in diameter.
 const PULSE: i64 = 100;
 
@@ -138,10 +139,18 @@ impl Iso {
         self.line += 1;
         let read = self.translate(end, settings);
         let taken = (end + 1).min(self.length);
-        self.text.copy_within(taken..self.length, 0);
-        self.length -= taken;
+        self.drop_first(taken);
         let line = self.line;
         read.map_err(|(status, column)| Bad { status, line, column })
+    }
+
+    /// Moves the text to the front; the first bytes fall away.
+    fn drop_first(&mut self, count: usize) {
+        let cells = Cell::from_mut(self.text.as_mut_slice()).as_slice_of_cells();
+        for (to, from) in cells.iter().zip(cells.get(count..self.length).unwrap_or_default()) {
+            to.set(from.get());
+        }
+        self.length -= count;
     }
 
     fn translate(&mut self, end: usize, settings: &Settings) -> Result<Next, Refused> {
@@ -242,16 +251,19 @@ impl Iso {
     }
 
     fn zero(&mut self, words: &mut Words) -> Result<Motion, Refused> {
-        let mut axes = [false, false];
-        for (letter, axis) in [(b'X', 0), (b'U', 0), (b'Z', 1), (b'W', 1)] {
+        let (mut x, mut z) = (false, false);
+        for letter in *b"XUZW" {
             if let Some((value, column)) = words.take(letter) {
                 if value != 0 {
                     return Err((status::OUT_OF_RANGE, column));
                 }
-                axes[axis] = true;
+                let axis = if matches!(letter, b'X' | b'U') { &mut x } else { &mut z };
+                *axis = true;
             }
         }
-        let [x, z] = if axes == [false, false] { [true, true] } else { axes };
+        if !x && !z {
+            (x, z) = (true, true);
+        }
         if x {
             self.place.x = 0;
         }
@@ -304,9 +316,8 @@ impl Iso {
             Mode::Feed => {
                 block.motion = line(x, z);
                 let longer = x.unsigned_abs().max(z.unsigned_abs());
-                let (x, z) =
-                    (u128::from(x.unsigned_abs()) * 50, u128::from(z.unsigned_abs()) * 100);
-                block.feed = self.rate(longer, root(x * x + z * z))?;
+                let (x, z) = (u64::from(x.unsigned_abs()) * 50, u64::from(z.unsigned_abs()) * 100);
+                block.feed = self.rate(longer, root(x * x + z * z).max(1))?;
             }
             Mode::Arc { clockwise } => {
                 let arc = arc::read(words, clockwise, self.place, target)?;
@@ -335,9 +346,10 @@ impl Iso {
         if self.feed == 0 {
             return Err((status::NO_FEED, 1));
         }
-        let steps = u64::from(steps) * u64::from(FASTEST);
-        let rate = scaled(steps, u64::from(self.feed), length.max(1) * PERIODS_A_MINUTE);
-        Ok(rate.clamp(1, u128::from(FASTEST)) as u32)
+        // Steps are fewer than 2²², a feed is less than 2²⁷: this is less than 2⁶².
+        let steps = u64::from(steps) * u64::from(self.feed) * PARTS.0;
+        let rate = rounded(steps, length * PARTS.1);
+        Ok(rate.clamp(1, u64::from(FASTEST)) as u32)
     }
 
     pub(crate) fn save(&self, state: &mut StateWriter<'_>) {

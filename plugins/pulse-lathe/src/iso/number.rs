@@ -1,27 +1,28 @@
-//! Whole numbers of 128 bits, for what is exact.
+//! What is exact in whole numbers.
 
 /// The largest whole number whose square is at most `value`.
-pub(crate) fn root(value: u128) -> u64 {
-    let (mut root, mut rest) = (0_u128, value);
-    let mut bit = 1_u128 << 126;
+#[inline(never)]
+pub(crate) fn root(value: u64) -> u64 {
+    let (mut root, mut rest, mut bit) = (0, value, 1_u64 << 62);
     while bit > 0 {
-        if rest >= root + bit {
-            rest -= root + bit;
-            root = (root >> 1) + bit;
-        } else {
-            root >>= 1;
+        let tried = root + bit;
+        root >>= 1;
+        if rest >= tried {
+            rest -= tried;
+            root += bit;
         }
         bit >>= 2;
     }
-    root as u64
+    root
 }
 
-/// `a · b / c`, rounded half up; `c` is not 0.
-pub(crate) fn scaled(a: u64, b: u64, c: u64) -> u128 {
-    (2 * u128::from(a) * u128::from(b) + u128::from(c)) / (2 * u128::from(c))
+/// `a / b`, rounded half up.
+pub(crate) fn rounded(a: u64, b: u64) -> u64 {
+    (2 * a + b) / (2 * b.max(1))
 }
 
 /// To the nearest multiple of `unit`, half away from 0, in units.
+#[inline(never)]
 pub(crate) fn nearest(value: i64, unit: i64) -> i64 {
     (value.abs() + unit / 2) / unit * value.signum()
 }

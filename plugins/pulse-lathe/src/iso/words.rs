@@ -17,8 +17,9 @@ pub(crate) type Refused = (u16, u32);
 /// The words of a line.
 #[derive(Copy, Clone, Debug, Default)]
 pub(crate) struct Words {
-    /// Value and column of each letter.
-    values: [Option<(i64, u32)>; LETTERS.len()],
+    values: [i64; LETTERS.len()],
+    /// Of each letter; 0: it is not there, or was used.
+    columns: [u32; LETTERS.len()],
     codes: [(i64, u32); CODES],
     count: usize,
     /// Whether there is any word, N aside.
@@ -54,14 +55,19 @@ impl Words {
             self.count += 1;
             return Ok(());
         }
-        let place = LETTERS.iter().position(|own| *own == letter);
-        let value = place.and_then(|place| self.values.get_mut(place));
-        let Some(value) = value else { return Err((status::UNKNOWN, column)) };
-        if value.is_some() {
+        let Some((value, own)) = self.of(letter) else { return Err((status::UNKNOWN, column)) };
+        if *own != 0 {
             return Err((status::CONFLICT, column));
         }
-        *value = Some((number, column));
+        (*value, *own) = (number, column);
         Ok(())
+    }
+
+    /// Value and column of a letter.
+    #[inline(never)]
+    fn of(&mut self, letter: u8) -> Option<(&mut i64, &mut u32)> {
+        let place = LETTERS.iter().position(|own| *own == letter)?;
+        Some((self.values.get_mut(place)?, self.columns.get_mut(place)?))
     }
 
     /// The G codes and their columns.
@@ -70,9 +76,11 @@ impl Words {
     }
 
     /// The number of a letter and its column. It then counts as used.
+    #[inline(never)]
     pub(crate) fn take(&mut self, letter: u8) -> Option<(i64, u32)> {
-        let place = LETTERS.iter().position(|own| *own == letter)?;
-        self.values.get_mut(place)?.take()
+        let (value, column) = self.of(letter)?;
+        let column = core::mem::take(column);
+        (column != 0).then_some((*value, column))
     }
 
     /// A whole number of a letter, of at most `most`. It then counts as used.
@@ -87,14 +95,13 @@ impl Words {
     }
 
     /// Whether the letter is there and not used.
-    pub(crate) fn has(&self, letter: u8) -> bool {
-        let mut copy = *self;
-        copy.take(letter).is_some()
+    pub(crate) fn has(&mut self, letter: u8) -> bool {
+        self.of(letter).is_some_and(|(_, column)| *column != 0)
     }
 
     /// Refuses what nobody has used, from the left.
     pub(crate) fn none_left(&self) -> Result<(), Refused> {
-        let columns = self.values.iter().flatten().map(|(_, column)| *column);
+        let columns = self.columns.iter().copied().filter(|column| *column != 0);
         columns.min().map_or(Ok(()), |column| Err((status::CONFLICT, column)))
     }
 }
@@ -113,6 +120,7 @@ impl Text<'_> {
     }
 
     /// The next letter, past blanks and comments; `None`: the line is over.
+    #[inline(never)]
     fn letter(&mut self) -> Result<Option<u8>, Refused> {
         while let Some(byte) = self.next() {
             match byte.to_ascii_uppercase() {
@@ -130,6 +138,7 @@ impl Text<'_> {
     }
 
     /// A number of 0.0001.
+    #[inline(never)]
     fn number(&mut self) -> Result<i64, u16> {
         let is_minus = self.line.get(self.at) == Some(&b'-');
         if is_minus || self.line.get(self.at) == Some(&b'+') {
