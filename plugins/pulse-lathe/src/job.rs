@@ -32,7 +32,8 @@ impl Lathe {
 
     /// Nothing of a job before is left, but where the axes stand.
     fn prepare(&mut self) {
-        self.queued.count = 0;
+        (self.queued.count, self.left) = (0, 0);
+        (self.seen, self.mark_before) = (self.mark, self.mark);
         self.step = 0;
         (self.speed, self.tool, self.offset) = (None, None, (0, 0));
         (self.cut, self.dwell, self.block) = (None, 0, crate::block::Block::default());

@@ -13,8 +13,14 @@ use softplug_plugin::{Context, Failure, MarkState, Micros, StateError, StateRead
 
 /// Bytes that are queued at a time.
 const PIECE: usize = 256;
+/// Marks under way at most: a power of two.
+const MARKS: usize = 16;
+/// Beyond so many, bytes are queued without one.
+const MARKS_OF_PIECES: u32 = 8;
+/// A byte each.
+const PERIOD: Micros = Micros(250);
 /// Pulses of a thread that may wait in the queue.
-const THREAD_WAITS: u32 = 64;
+const THREAD_WAITS: u32 = 32;
 /// Blocks at a time of which nothing was sent.
 const BLOCKS_AT_A_TIME: u32 = 64;
 /// Steps of arcs at a time in the blocks before the first one, and what one of these costs.
@@ -37,8 +43,14 @@ pub(crate) struct Lathe {
     pub(crate) wanted: u32,
     /// Bytes that the queue holds.
     capacity: u32,
-    /// The mark behind all that was queued.
-    mark: u32,
+    /// The mark that was set last, the last one that was told of, and the last one before the job.
+    pub(crate) mark: u32,
+    pub(crate) seen: u32,
+    pub(crate) mark_before: u32,
+    /// How many bytes of the job stand before each of the marks under way.
+    before: [u64; MARKS],
+    /// Bytes of the job that may have left.
+    pub(crate) left: u64,
     pub(crate) block: Block,
     /// What of the block comes next.
     pub(crate) step: u8,
@@ -46,6 +58,8 @@ pub(crate) struct Lathe {
     /// Periods of a dwell to go.
     pub(crate) dwell: u32,
     thread: Thread,
+    /// When the pulses of the thread so far will have left.
+    until: Micros,
     /// In force at the machine.
     pub(crate) speed: Option<u8>,
     pub(crate) tool: Option<u8>,
@@ -86,11 +100,16 @@ impl Lathe {
             wanted: 0,
             capacity: 0,
             mark: 0,
+            seen: 0,
+            mark_before: 0,
+            before: [0; MARKS],
+            left: 0,
             block: Block::default(),
             step: 0,
             cut: None,
             dwell: 0,
             thread: Thread::new(false, 0, 1, 1),
+            until: Micros::ZERO,
             speed: None,
             tool: None,
             offset: (0, 0),
@@ -135,9 +154,29 @@ impl Lathe {
         self.timers.get_mut(usize::from(id)).is_some_and(|timer| timer.take().is_some())
     }
 
-    /// Bytes that wait in the queue.
+    /// Bytes that wait in the queue, as far as marks and room tell.
     fn waiting(&self, link: &Context<'_>) -> u32 {
-        self.capacity.saturating_sub(link.transmit_room())
+        let behind = self.queued.count.saturating_sub(self.left);
+        let taken = self.capacity.saturating_sub(link.transmit_room());
+        behind.min(u64::from(taken)) as u32
+    }
+
+    /// Queues bytes that are counted already. A mark tells when they have left.
+    fn send(&mut self, link: &mut Context<'_>, bytes: &[u8], must_mark: bool) {
+        if must_mark || self.mark.wrapping_sub(self.seen) < MARKS_OF_PIECES {
+            self.mark = self.mark.wrapping_add(1).max(1);
+            if let Some(before) = self.before.get_mut(self.mark as usize % MARKS) {
+                *before = self.queued.count;
+            }
+            link.transmit_marked(self.mark, bytes);
+        } else {
+            link.transmit(bytes);
+        }
+    }
+
+    /// How many bytes stand before a mark under way.
+    fn before(&self, mark: u32) -> u64 {
+        self.before.get(mark as usize % MARKS).copied().unwrap_or_default()
     }
 
     /// Does what can be done now.
@@ -149,12 +188,11 @@ impl Lathe {
             self.rebuild(link);
         }
         let most = self.settings.bytes_ahead().min(self.capacity);
-        while self.stage == Stage::Running && self.waiting(link) <= most / 2 {
-            let free = most - self.waiting(link);
-            if !self.fill(link, (free as usize).min(PIECE)) {
-                break;
-            }
-        }
+        let piece = (most / 4).max(1);
+        while self.stage == Stage::Running
+            && most.saturating_sub(self.waiting(link)).min(link.transmit_room()) >= piece
+            && self.fill(link, (piece as usize).min(PIECE))
+        {}
     }
 
     /// Queues up to `most` bytes. Returns whether it can go on at once.
@@ -187,9 +225,9 @@ impl Lathe {
             }
         };
         let bytes = piece.get(..filled).unwrap_or_default();
-        if filled > 0 || matches!(then, Then::Enter(_)) {
-            self.mark = self.mark.wrapping_add(1).max(1);
-            link.transmit_marked(self.mark, bytes);
+        let is_entered = matches!(then, Then::Enter(_));
+        if filled > 0 || is_entered {
+            self.send(link, bytes, is_entered);
         }
         match then {
             Then::GoOn => true,
@@ -382,9 +420,21 @@ impl Lathe {
 
     /// News of a marked byte: of the last one that was queued.
     pub(crate) fn marked(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
-        if mark != self.mark || state == MarkState::Dropped {
+        if state == MarkState::Dropped || mark <= self.mark_before || !self.stage.is_under_way() {
             return;
         }
+        self.seen = mark;
+        self.left = self.left.max(self.before(mark));
+        if self.left == self.queued.count {
+            self.all_left(link, state);
+        } else if mark == self.mark {
+            self.send(link, &[], true);
+        }
+        self.work(link);
+    }
+
+    /// All that was queued may have left, or has.
+    fn all_left(&mut self, link: &mut Context<'_>, state: MarkState) {
         let surely = state == MarkState::SurelyLeft;
         match &mut self.stage {
             Stage::Echo { may_have_left, .. } => {
@@ -404,7 +454,6 @@ impl Lathe {
             }
             _ => {}
         }
-        self.work(link);
     }
 
     /// Characters of the machine.
@@ -437,6 +486,7 @@ impl Lathe {
         match self.stage {
             Stage::Index { has_left: true } if turn & codes::INDEX != 0 && !self.is_holding => {
                 self.stage = Stage::Thread;
+                self.until = Micros::ZERO;
                 0
             }
             Stage::Thread => self.thread.turned(u32::from(turn & codes::INCREMENTS)),
@@ -445,8 +495,10 @@ impl Lathe {
     }
 
     fn queue_thread(&mut self, link: &mut Context<'_>, pulses: u32) {
-        let free = THREAD_WAITS.min(self.capacity).saturating_sub(self.waiting(link));
-        if pulses > free {
+        // Nothing else is in the queue: how much of it has left is a matter of time.
+        let begin = self.until.max(link.now());
+        let waits = (begin - link.now()).0.unsigned_abs().div_ceil(PERIOD.0.unsigned_abs());
+        if pulses > THREAD_WAITS.saturating_sub(waits as u32).min(link.transmit_room()) {
             self.stop(link, Failure::Overrun, status::FAST_SPINDLE);
             return;
         }
@@ -454,7 +506,8 @@ impl Lathe {
         for byte in bytes.iter().take(pulses as usize) {
             self.queued.put(*byte);
         }
-        link.transmit(bytes.get(..pulses as usize).unwrap_or_default());
+        self.until = begin + Micros(PERIOD.0 * i64::from(pulses));
+        self.send(link, bytes.get(..pulses as usize).unwrap_or_default(), false);
         if self.thread.is_over() {
             self.stage = Stage::Running;
         }
@@ -503,6 +556,13 @@ impl Lathe {
             cut.save(state);
         }
         self.thread.save(state);
+        state.micros(self.until);
+        state.u32(self.seen);
+        state.u32(self.mark_before);
+        for before in self.before {
+            state.u64(before);
+        }
+        state.u64(self.left);
         save_option(state, self.speed);
         save_option(state, self.tool);
         state.u32(self.offset.0.cast_unsigned());
@@ -531,6 +591,11 @@ impl Lathe {
         self.step = state.u8();
         self.cut = if state.bool() { Some(Cut::restore(state)?) } else { None };
         self.thread = Thread::restore(state);
+        self.until = state.micros();
+        self.seen = state.u32();
+        self.mark_before = state.u32();
+        self.before = [0; MARKS].map(|_: u64| state.u64());
+        self.left = state.u64();
         self.speed = restore_option(state);
         self.tool = restore_option(state);
         self.offset = (state.u32().cast_signed(), state.u32().cast_signed());

@@ -25,20 +25,20 @@ settings! {
         echo_time: i64 = 10000 in 10..=600000 "ms", "Time for S, T or M.";
         ahead: i64 = 100 in 4..=250 "ms", "Pulses that wait in the queue.";
         underrun: Underrun = "note", "A queue that ran empty inside a cut: tell it, or stop, too.";
-        x_offset_1: i64 = 0 in -100000..=100000 "pulses", "Tool 1: offset in x.";
-        z_offset_1: i64 = 0 in -100000..=100000 "pulses", "Tool 1: offset in z.";
-        x_offset_2: i64 = 0 in -100000..=100000 "pulses", "Tool 2: offset in x.";
-        z_offset_2: i64 = 0 in -100000..=100000 "pulses", "Tool 2: offset in z.";
-        x_offset_3: i64 = 0 in -100000..=100000 "pulses", "Tool 3: offset in x.";
-        z_offset_3: i64 = 0 in -100000..=100000 "pulses", "Tool 3: offset in z.";
-        x_offset_4: i64 = 0 in -100000..=100000 "pulses", "Tool 4: offset in x.";
-        z_offset_4: i64 = 0 in -100000..=100000 "pulses", "Tool 4: offset in z.";
-        x_offset_5: i64 = 0 in -100000..=100000 "pulses", "Tool 5: offset in x.";
-        z_offset_5: i64 = 0 in -100000..=100000 "pulses", "Tool 5: offset in z.";
-        x_offset_6: i64 = 0 in -100000..=100000 "pulses", "Tool 6: offset in x.";
-        z_offset_6: i64 = 0 in -100000..=100000 "pulses", "Tool 6: offset in z.";
-        x_offset_7: i64 = 0 in -100000..=100000 "pulses", "Tool 7: offset in x.";
-        z_offset_7: i64 = 0 in -100000..=100000 "pulses", "Tool 7: offset in z.";
+        x_offset_1: i64 = 0 in -100000..=100000 "", "Tool 1: offset in x, in pulses.";
+        z_offset_1: i64 = 0 in -100000..=100000 "", "Tool 1: offset in z, in pulses.";
+        x_offset_2: i64 = 0 in -100000..=100000 "", "Tool 2: offset in x, in pulses.";
+        z_offset_2: i64 = 0 in -100000..=100000 "", "Tool 2: offset in z, in pulses.";
+        x_offset_3: i64 = 0 in -100000..=100000 "", "Tool 3: offset in x, in pulses.";
+        z_offset_3: i64 = 0 in -100000..=100000 "", "Tool 3: offset in z, in pulses.";
+        x_offset_4: i64 = 0 in -100000..=100000 "", "Tool 4: offset in x, in pulses.";
+        z_offset_4: i64 = 0 in -100000..=100000 "", "Tool 4: offset in z, in pulses.";
+        x_offset_5: i64 = 0 in -100000..=100000 "", "Tool 5: offset in x, in pulses.";
+        z_offset_5: i64 = 0 in -100000..=100000 "", "Tool 5: offset in z, in pulses.";
+        x_offset_6: i64 = 0 in -100000..=100000 "", "Tool 6: offset in x, in pulses.";
+        z_offset_6: i64 = 0 in -100000..=100000 "", "Tool 6: offset in z, in pulses.";
+        x_offset_7: i64 = 0 in -100000..=100000 "", "Tool 7: offset in x, in pulses.";
+        z_offset_7: i64 = 0 in -100000..=100000 "", "Tool 7: offset in z, in pulses.";
     }
 }
 

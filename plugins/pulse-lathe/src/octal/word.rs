@@ -67,6 +67,9 @@ impl WordReader {
             b' ' | b'\t' | b'\r' | b'\n' | b';' | b',' | b'%' => self.end(),
             b'(' => {
                 self.in_comment = true;
+                if self.digits == 0 {
+                    self.begin();
+                }
                 self.end()
             }
             _ => {
