@@ -26,6 +26,7 @@ impl Lathe {
             if self.program.is_streamed() {
                 self.start();
             }
+            self.update_hold(link);
         }
         self.ask(link);
     }
@@ -37,7 +38,7 @@ impl Lathe {
         self.step = 0;
         (self.speed, self.tool, self.offset) = (None, None, (0, 0));
         (self.cut, self.dwell, self.block) = (None, 0, crate::block::Block::default());
-        (self.is_paused, self.is_held, self.underruns) = (false, false, 0);
+        self.underruns = 0;
     }
 
     fn start(&mut self) {
@@ -100,7 +101,7 @@ impl Lathe {
             if self.stage == Stage::Checking {
                 let failure = Failure::BadJob;
                 link.check_failed_with(self.job, failure, bad.status, bad.line, bad.column);
-                self.stage = Stage::Idle;
+                self.finish(link);
             } else {
                 self.stop(link, Failure::BadJob, bad.status);
             }
@@ -117,7 +118,7 @@ impl Lathe {
             Stage::Idle | Stage::Stopping(..) => {}
             Stage::Checking | Stage::Loading => {
                 link.job_failed(self.job, failure, status, 0);
-                self.stage = Stage::Idle;
+                self.finish(link);
             }
             _ => {
                 link.discard();
@@ -133,8 +134,9 @@ impl Lathe {
         self.queued.drop_last(bytes);
         link.job_failed(self.job, failure, status, self.queued.count);
         self.finish(link);
-        if failure != Failure::LinkDown && link.transmit_room() > 0 {
-            link.transmit(&[codes::STOP]);
+        if failure != Failure::LinkDown {
+            // Not of the queue: what is dropped of it belongs to jobs alone.
+            link.transmit_urgent(&[codes::STOP]);
         }
     }
 

@@ -531,7 +531,8 @@ impl Lathe {
 
     /// Holds the queue, or lets it go on. A thread cannot stand still.
     pub(crate) fn update_hold(&mut self, link: &mut Context<'_>) {
-        let is_holding = (self.is_paused || self.is_held) && self.stage != Stage::Thread;
+        let may_hold = !matches!(self.stage, Stage::Idle | Stage::Thread | Stage::Stopping(..));
+        let is_holding = (self.is_paused || self.is_held) && may_hold;
         if is_holding == self.is_holding {
             return;
         }

@@ -133,8 +133,11 @@ impl Converter for PulseLathe {
         self.name_state(link);
     }
 
-    fn abort(&mut self, link: &mut Context<'_>, _job: u32) {
-        self.lathe.stop(link, Failure::Aborted, 0);
+    fn abort(&mut self, link: &mut Context<'_>, job: u32) {
+        // 0 is a delivery, of which there is none here.
+        if job != 0 {
+            self.lathe.stop(link, Failure::Aborted, 0);
+        }
         self.name_state(link);
     }
 
