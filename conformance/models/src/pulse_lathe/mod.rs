@@ -31,28 +31,40 @@ pub(crate) const PROFILE: Profile = Profile {
     clauses: &[
         "pulse-lathe.cut.arc",
         "pulse-lathe.cut.arc-pulses",
+        "pulse-lathe.cut.direction",
         "pulse-lathe.cut.feed",
         "pulse-lathe.cut.index",
+        "pulse-lathe.cut.quadrant",
         "pulse-lathe.cut.taper",
         "pulse-lathe.cut.thread",
         "pulse-lathe.cut.thread-fast",
         "pulse-lathe.iso.arc",
+        "pulse-lathe.iso.feed",
         "pulse-lathe.iso.line",
+        "pulse-lathe.iso.other",
+        "pulse-lathe.iso.position",
         "pulse-lathe.iso.refused",
+        "pulse-lathe.line.byte",
         "pulse-lathe.line.command",
         "pulse-lathe.line.echo",
         "pulse-lathe.line.echo-time",
         "pulse-lathe.line.end",
+        "pulse-lathe.line.follows",
         "pulse-lathe.link.close",
         "pulse-lathe.link.down",
+        "pulse-lathe.link.swap",
         "pulse-lathe.run.hold",
         "pulse-lathe.run.limit",
         "pulse-lathe.run.one-job",
+        "pulse-lathe.run.position",
         "pulse-lathe.run.single-block",
         "pulse-lathe.run.start-block",
         "pulse-lathe.run.stop",
+        "pulse-lathe.words.as-before",
         "pulse-lathe.words.decode",
         "pulse-lathe.words.dwell",
+        "pulse-lathe.words.loop",
+        "pulse-lathe.words.memory",
         "pulse-lathe.words.offset",
         "pulse-lathe.words.refused",
         "pulse-lathe.words.zero",
@@ -111,6 +123,8 @@ struct Lathe {
     jobs: u32,
     /// Characters of an earlier job that are still in the port.
     stale: usize,
+    /// Characters are being heard: what has left is told behind all of them.
+    is_hearing: bool,
     /// Nothing is judged any more.
     is_blind: bool,
 }
@@ -122,6 +136,7 @@ impl Model for Lathe {
 
     fn line(&mut self, at: Micros, input: &LineInput) {
         self.now = at;
+        self.is_hearing = true;
         match input {
             LineInput::Bytes(bytes) => bytes.iter().for_each(|byte| self.hears(*byte)),
             LineInput::Damaged { .. } | LineInput::ModemLines(..) => {}
@@ -157,6 +172,10 @@ impl Model for Lathe {
 
     fn due(&mut self, at: Micros) {
         self.now = at;
+        self.is_hearing = false;
+        if let Some(job) = &mut self.job {
+            job.is_news = false;
+        }
         if self.job.as_ref().and_then(Job::deadline).is_some_and(|deadline| deadline <= at) {
             self.stops(Failure::NoAnswer, 0, "pulse-lathe.line.echo-time");
         }
@@ -231,6 +250,7 @@ impl Lathe {
             job: None,
             jobs: 0,
             stale: 0,
+            is_hearing: false,
             is_blind: false,
         }
     }

@@ -40,8 +40,15 @@ pub(super) struct Block {
 pub(super) enum Motion {
     Nothing,
     Steps(Vec<Step>, &'static str),
-    Thread { sign: i64, pulses: u64, pitch: u64 },
-    Zero { x: bool, z: bool },
+    Thread {
+        sign: i64,
+        pulses: u64,
+        pitch: u64,
+    },
+    Zero {
+        x: bool,
+        z: bool,
+    },
     /// More pulses than the model goes through.
     Huge,
 }

@@ -88,8 +88,11 @@ fn small(dice: &mut Dice) -> u16 {
 fn octal(model: &Lathe, dice: &mut Dice) -> Vec<u8> {
     let mut words: Vec<u16> = Vec::new();
     let mut begins: Vec<u16> = Vec::new();
-    let blocks =
-        dice.between(1, 8).max(if dice.one_in(30) { 0 } else { model.rules.start_block.min(8) as i64 });
+    let blocks = dice.between(1, 8).max(if dice.one_in(30) {
+        0
+    } else {
+        model.rules.start_block.min(8) as i64
+    });
     let mut entry = 0_usize;
     for nth in 0..blocks {
         let begin = words.len() as u16;
@@ -155,8 +158,11 @@ fn mm(value: i64) -> String {
 
 fn iso(model: &Lathe, dice: &mut Dice) -> Vec<u8> {
     let mut text = String::new();
-    let blocks =
-        dice.between(1, 8).max(if dice.one_in(30) { 0 } else { model.rules.start_block.min(8) as i64 });
+    let blocks = dice.between(1, 8).max(if dice.one_in(30) {
+        0
+    } else {
+        model.rules.start_block.min(8) as i64
+    });
     for nth in 0..blocks {
         if nth == 0 {
             text += "F";

@@ -48,6 +48,8 @@ pub(super) struct Job {
     left: usize,
     /// Characters that are none of the job's and stand before the end of a block.
     pub(super) foreign: usize,
+    /// The block has ended among characters that are being heard.
+    pub(super) is_news: bool,
     is_paused: bool,
     is_held: bool,
     pub(super) is_holding: bool,
@@ -63,6 +65,7 @@ impl Job {
             begun: 0,
             left: 0,
             foreign: 0,
+            is_news: false,
             is_paused: false,
             is_held: false,
             is_holding: false,
@@ -82,7 +85,7 @@ impl Job {
 
     /// Whether a block and all before it has left.
     fn is_over(&self) -> bool {
-        self.all_left() && self.foreign == 0
+        self.all_left() && self.foreign == 0 && !self.is_news
     }
 }
 
@@ -109,6 +112,7 @@ impl Lathe {
         let foreign = self.port.inside_of(&[0xE0, 0xE1]) + self.port.urgent() + self.stale;
         while let Some(job) = &mut self.job {
             job.foreign = foreign;
+            job.is_news = self.is_hearing;
             if job.stage != Stage::Sending {
                 return;
             }
