@@ -24,7 +24,7 @@ const THREAD_WAITS: u32 = 32;
 /// Blocks at a time of which nothing was sent.
 const BLOCKS_AT_A_TIME: u32 = 64;
 /// Steps of arcs at a time in the blocks before the first one, and what one of these costs.
-const STEPS_AT_A_TIME: u32 = 4_000;
+const STEPS_AT_A_TIME: u32 = 1_000;
 const STEPS_A_BLOCK: u32 = 50;
 /// After so much else has had its turn.
 const PAUSE: Micros = Micros::from_millis(1);

@@ -173,7 +173,7 @@ pub(super) fn read(text: &[u8], rules: &Rules, place: (i64, i64)) -> Result<Vec<
             before = Some(Block { function, ..block });
         }
         is_unknown =
-            course.is_too_long() || blocks > MOST_BLOCKS as u64 || before.is_some() && blocks > 60;
+            course.is_too_long() || blocks > MOST_BLOCKS as u64 || before.is_some() && blocks > 15;
     }
     if blocks < rules.start_block {
         return Err((11, 0, 0));

@@ -22,7 +22,7 @@ const X_MAIN: [u16; 4] = [0o3200, 0o1200, 0o0200, 0o2200];
 const SIGNS: [(i64, i64); 4] = [(1, 1), (1, -1), (-1, -1), (-1, 1)];
 const MEMORY: usize = 2_816;
 /// Steps of arcs, and blocks times 50, that are gone through before the first block at once.
-const AT_ONCE: u64 = 4_000;
+const AT_ONCE: u64 = 1_000;
 
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 enum Kind {
