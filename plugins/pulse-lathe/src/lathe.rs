@@ -51,6 +51,8 @@ pub(crate) struct Lathe {
     before: [u64; MARKS],
     /// Bytes of the job that may have left.
     pub(crate) left: u64,
+    /// When bytes were queued last, and how many were there before that instant. Not saved.
+    queued_at: (Micros, u64),
     pub(crate) block: Block,
     /// What of the block comes next.
     pub(crate) step: u8,
@@ -104,6 +106,7 @@ impl Lathe {
             mark_before: 0,
             before: [0; MARKS],
             left: 0,
+            queued_at: (Micros::ZERO, 0),
             block: Block::default(),
             step: 0,
             cut: None,
@@ -163,6 +166,9 @@ impl Lathe {
 
     /// Queues bytes that are counted already. A mark tells when they have left.
     fn send(&mut self, link: &mut Context<'_>, bytes: &[u8], must_mark: bool) {
+        if self.queued_at.0 != link.now() {
+            self.queued_at = (link.now(), self.queued.count - bytes.len() as u64);
+        }
         if must_mark || self.mark.wrapping_sub(self.seen) < MARKS_OF_PIECES {
             self.mark = self.mark.wrapping_add(1).max(1);
             if let Some(before) = self.before.get_mut(self.mark as usize % MARKS) {
@@ -425,12 +431,31 @@ impl Lathe {
         }
         self.seen = mark;
         self.left = self.left.max(self.before(mark));
+        if state == MarkState::SurelyLeft && self.ran_empty(link.now(), self.before(mark)) {
+            self.underrun(link);
+            if self.settings.underrun == Underrun::Stop {
+                self.stop(link, Failure::Overrun, status::UNDERRUN);
+                return;
+            }
+        }
         if self.left == self.queued.count {
             self.all_left(link, state);
         } else if mark == self.mark {
             self.send(link, &[], true);
         }
         self.work(link);
+    }
+
+    /// Whether all that was queued before this instant has left, and another byte had to follow:
+    /// what was queued in this instant comes too late. Once for each place.
+    fn ran_empty(&mut self, now: Micros, left: u64) -> bool {
+        let has_new = self.queued_at.0 == now;
+        let end = if has_new { self.queued_at.1 } else { self.queued.count };
+        let is_empty = left == end && self.queued.follows(end);
+        if is_empty {
+            self.queued_at = (now, u64::MAX);
+        }
+        is_empty
     }
 
     /// All that was queued may have left, or has.
@@ -446,12 +471,6 @@ impl Lathe {
             }
             Stage::Single { has_left } | Stage::Index { has_left } => *has_left |= surely,
             Stage::Ending if surely => self.done(link),
-            Stage::Running if surely && self.queued.is_in_cut() => {
-                self.underrun(link);
-                if self.settings.underrun == Underrun::Stop {
-                    self.stop(link, Failure::Overrun, status::UNDERRUN);
-                }
-            }
             _ => {}
         }
     }

@@ -48,9 +48,9 @@ impl Queued {
         }
     }
 
-    /// Whether the last byte says that another one follows.
-    pub(crate) fn is_in_cut(&self) -> bool {
-        let last = self.count.checked_sub(1).map(Self::place);
+    /// Whether the last of the first `count` bytes says that another one follows.
+    pub(crate) fn follows(&self, count: u64) -> bool {
+        let last = count.checked_sub(1).map(Self::place);
         last.and_then(|place| self.bytes.get(place))
             .is_some_and(|byte| byte & 0x80 == 0 && byte & codes::FOLLOWS != 0)
     }
