@@ -172,7 +172,7 @@ impl Arc {
 
 /// Counter-clockwise in I and III, and clockwise in II and IV, z goes inward and x outward.
 pub(crate) fn inward_is_z(clockwise: bool, quadrant: u8) -> bool {
-    (quadrant % 2 == 0) != clockwise
+    quadrant.is_multiple_of(2) != clockwise
 }
 
 /// The quadrant behind so many changes.

@@ -72,11 +72,10 @@ impl Program {
         loop {
             match program.next(settings)? {
                 Next::Block(_) | Next::Nothing => {}
-                Next::Text => return Ok(()),
                 Next::End if i64::from(program.blocks()) < settings.start_block => {
                     return Err(Bad { status: status::NO_SUCH_BLOCK, line: 0, column: 0 });
                 }
-                Next::End => return Ok(()),
+                Next::Text | Next::End => return Ok(()),
             }
         }
     }

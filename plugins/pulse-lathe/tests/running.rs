@@ -253,7 +253,7 @@ fn a_thread_follows_the_spindle_from_its_index_mark() {
     bench.receive(&[50, 10]);
     bench.run_for_millis(20);
     assert_eq!(place(&bench.sent()), (0, 0));
-    bench.receive(&[0x40 | 40]);
+    bench.receive(&[0x40 | 0x28]);
     let mut turned = 0;
     while turned < 270 {
         bench.receive(&[3]);

@@ -66,7 +66,7 @@ fn the_spindle_tells_every_increment_and_each_turn_its_mark() {
     let options = LatheOptions { increments: 100, ..LatheOptions::default() };
     let mut lathe = Lathe::new(options).unwrap();
     // Step 12: 600 turns a minute, ten a second.
-    lathe.receive(Micros(250), 0x80 | 12);
+    lathe.receive(Micros(250), 0x8C);
     let said = said(&mut lathe, Micros(1_006_000));
     assert_eq!(said[0], 0x8C);
     let (mut angle, mut turns) = (0, 0);

@@ -7,6 +7,8 @@ use std::collections::BTreeMap;
 
 /// A number in 0.0001, and its column.
 type Number = (i64, u32);
+/// A letter with its number.
+type Named = (u8, Number);
 /// One of a number.
 const ONE: i64 = 10_000;
 /// The page's unit of an arc's coordinates is as fine as half of 0.1 µm: a step has 200.
@@ -44,7 +46,7 @@ fn root(value: i128) -> i128 {
 }
 
 /// The letters of a line with their numbers; `None`: it is no block.
-fn letters(text: &[u8]) -> Result<Option<Vec<(u8, Number)>>, (u16, u32)> {
+fn letters(text: &[u8]) -> Result<Option<Vec<Named>>, (u16, u32)> {
     if text.len() > 200 {
         return Err((18, 201));
     }
@@ -346,7 +348,8 @@ fn motion(
     let has =
         |letters: &Letters, names: &[u8]| names.iter().any(|name| letters.0.contains_key(name));
     let is_arc = state.mode == 2 || state.mode == 3;
-    if !has(letters, b"XZUW") && !(is_arc && has(letters, b"IK")) {
+    let moves = has(letters, b"XZUW") || is_arc && has(letters, b"IK");
+    if !moves {
         return Ok(());
     }
     let scale = if rules.is_diameter { 1 } else { 2 };
@@ -418,11 +421,11 @@ fn around(
 ) -> Result<Vec<super::pulses::Step>, (u16, u32)> {
     let clockwise = state.mode == 2;
     let chord = (2 * i128::from(z_to - state.z), i128::from(x_to - state.x));
-    let (i, k, r) = (letters.take(b'I'), letters.take(b'K'), letters.take(b'R'));
-    let (centre, column) = match r {
+    let (i, k, radius) = (letters.take(b'I'), letters.take(b'K'), letters.take(b'R'));
+    let (centre, column) = match radius {
         Some((_, column)) if i.is_some() || k.is_some() => return Err((17, column)),
-        Some((r, column)) => {
-            (beside(chord, 2 * i128::from(r), clockwise).ok_or((16, column))?, column)
+        Some((radius, column)) => {
+            (beside(chord, 2 * i128::from(radius), clockwise).ok_or((16, column))?, column)
         }
         None => {
             let value = |word: Option<Number>| 2 * i128::from(word.map_or(0, |(value, _)| value));
@@ -431,7 +434,7 @@ fn around(
     };
     let begin = (-centre.0, -centre.1);
     let end = (chord.0 - centre.0, chord.1 - centre.1);
-    let square = |(z, x): Point| z * z + x * x;
+    let square = |point: Point| point.0 * point.0 + point.1 * point.1;
     let off = (root(square(begin)) - root(square(end))).abs();
     if square(begin) < 4 * STEP * STEP || off > STEP {
         return Err((16, column));

@@ -161,10 +161,9 @@ impl<'a> Course<'a> {
             self.offset = wanted;
         }
         match &block.motion {
-            Motion::Nothing | Motion::Zero { .. } => {}
+            Motion::Nothing | Motion::Zero { .. } | Motion::Thread { pulses: 0, .. } => {}
             Motion::Huge => self.give_up(),
             Motion::Steps(steps, clause) => self.cut(steps, block.feed, clause),
-            Motion::Thread { pulses: 0, .. } => {}
             Motion::Thread { sign, pulses, pitch } => {
                 self.place.1 += sign * *pulses as i64;
                 self.bytes += *pulses as usize;

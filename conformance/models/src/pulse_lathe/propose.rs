@@ -201,14 +201,14 @@ fn arc(model: &Lathe, dice: &mut Dice) -> String {
     let side = |dice: &mut Dice| dice.between(-1_500, 1_500) / unit * unit;
     let (i, k) = (side(dice), side(dice));
     let scale = if model.rules.is_diameter { 2 } else { 1 };
-    // From the centre the beginning is (−k, −i).
-    let (z, x) = *dice.pick(&[(i, -k), (-i, k), (k, i), (k, -i), (-k, i), (-k, -i)]);
-    let (w, u) = (z + k, x + i);
     if dice.one_in(4) && i == 0 {
         let size = k.abs();
-        let (w, u) = *dice.pick(&[(size, size), (-size, size), (size, -size), (2 * size, 0)]);
+        let (along, up) = *dice.pick(&[(size, size), (-size, size), (size, -size), (2 * size, 0)]);
         let sign = if dice.one_in(2) { "-" } else { "" };
-        return format!("{code} W{} U{} R{sign}{}", mm(w), mm(u * scale), mm(size));
+        return format!("{code} W{} U{} R{sign}{}", mm(along), mm(up * scale), mm(size));
     }
-    format!("{code} W{} U{} I{} K{}", mm(w), mm(u * scale), mm(i), mm(k))
+    // From the centre the beginning is (−k, −i).
+    let ends = [(i, -k), (-i, k), (k, i), (k, -i), (-k, i), (-k, -i)];
+    let (along, up) = *dice.pick(&ends);
+    format!("{code} W{} U{} I{} K{}", mm(along + k), mm((up + i) * scale), mm(i), mm(k))
 }

@@ -206,17 +206,17 @@ impl Lathe {
         let Some(job) = &mut self.job else { return };
         let increments = u64::from(byte % 64);
         match job.stage {
-            Stage::Index { sign, pulses, pitch } => {
-                if byte >= 0x40 && job.is_over() && !job.is_holding {
-                    job.stage = Stage::Thread {
-                        sign,
-                        left: pulses,
-                        pitch,
-                        turned: 0,
-                        done: 0,
-                        until: Micros::ZERO,
-                    };
-                }
+            Stage::Index { sign, pulses, pitch }
+                if byte >= 0x40 && job.is_over() && !job.is_holding =>
+            {
+                job.stage = Stage::Thread {
+                    sign,
+                    left: pulses,
+                    pitch,
+                    turned: 0,
+                    done: 0,
+                    until: Micros::ZERO,
+                };
             }
             Stage::Thread { sign, left, pitch, turned, done, until } => {
                 let turned = turned + increments;

@@ -236,7 +236,7 @@ fn lines_end_on_the_commanded_pulse_and_increments_do_not_add_up_their_rounding(
             let (u, w) =
                 (chance.below(30_000) as i64 - 14_000, chance.below(30_000) as i64 - 15_500);
             (x, z) = (x + u * scale, z + w);
-            text += &format!("G01 X{} Z{}\n", mm(u), mm(w));
+            text.push_str(&["G01 X", &mm(u), " Z", &mm(w), "\n"].concat());
             expected.push((nearest(x, 100), nearest(z, 100)));
         }
         let blocks = blocks(&text, &settings(diameter)).expect("it is good");
@@ -279,7 +279,7 @@ fn feeds_are_those_of_the_path() {
             _ if text.contains("F9999") => 99_990_000,
             _ => 10,
         };
-        let exact = (steps * feed << 21) / (length * 240_000);
+        let exact = ((steps * feed) << 21) / (length * 240_000);
         let rounded = exact.div_ceil(2).clamp(1, 1 << 20) as u32;
         assert_eq!(block.feed, rounded, "{text}");
     }
