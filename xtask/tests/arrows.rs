@@ -20,6 +20,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("softplug-r3964-simplified", &["softplug-plugin", "softplug-procedure-3964"]),
     ("softplug-fanuc-rs232", &["softplug-plugin"]),
     ("softplug-heidenhain-fe", &["softplug-plugin"]),
+    ("softplug-pulse-lathe", &["softplug-plugin"]),
     (
         "softplug-native",
         &[
@@ -27,6 +28,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-fanuc-rs232",
             "softplug-heidenhain-fe",
             "softplug-plugin",
+            "softplug-pulse-lathe",
             "softplug-r3964",
             "softplug-r3964-simplified",
             "softplug-xon-xoff",

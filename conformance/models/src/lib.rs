@@ -38,6 +38,7 @@ mod model;
 mod noise;
 mod port;
 mod propose;
+mod pulse_lathe;
 mod r3964;
 mod rk512;
 mod room;
@@ -60,6 +61,7 @@ pub use settings::Settings;
 pub const PROFILES: &[&Profile] = &[
     &fanuc_rs232::PROFILE,
     &heidenhain_fe::PROFILE,
+    &pulse_lathe::PROFILE,
     &r3964::PLAIN_3964,
     &r3964::R3964,
     &r3964::SIMPLIFIED,

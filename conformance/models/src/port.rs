@@ -98,6 +98,11 @@ impl Port {
         self.inside.len()
     }
 
+    /// Of the characters in the port, how many are one of these.
+    pub fn inside_of(&self, bytes: &[u8]) -> usize {
+        self.inside.iter().filter(|byte| bytes.contains(byte)).count()
+    }
+
     /// Whether nothing waits and nothing is on the wire.
     pub fn is_empty(&self) -> bool {
         self.inside.is_empty() && self.queue.is_empty() && self.urgent.is_empty()

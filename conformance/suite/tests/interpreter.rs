@@ -94,6 +94,11 @@ fn heidenhain() {
     does_the_same(&module("heidenhain-fe"));
 }
 
+#[test]
+fn pulse_lathe() {
+    does_the_same(&module("pulse-lathe"));
+}
+
 /// The module that a command writes to the path that is added to it, with its manifest.
 fn made_by(command: &mut Command, manifest: &str) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();

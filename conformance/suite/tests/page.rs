@@ -48,6 +48,15 @@ fn heidenhain_fe() {
     });
 }
 
+#[test]
+fn pulse_lathe() {
+    assert_sound(&Page {
+        file: "pulse-lathe.md",
+        plugins: &["pulse-lathe"],
+        profiles: &["pulse-lathe"],
+    });
+}
+
 fn assert_sound(page: &Page) {
     let path = root().join("docs/protocols").join(page.file);
     let text = std::fs::read_to_string(&path)

@@ -119,6 +119,9 @@ pub trait Converter: Sized {
     const MANIFEST: &'static str;
     /// Format of the state that [`save`](Self::save) writes; `None`: it saves nothing.
     const STATE_FORMAT: Option<u16> = None;
+    /// Largest state in bytes that can be restored; a plug-in's memory holds as much beside the
+    /// converter.
+    const STATE_CAPACITY: usize = 4_096;
 
     /// Looks at the settings before the link opens.
     ///

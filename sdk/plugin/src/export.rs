@@ -7,7 +7,7 @@
 #![allow(unsafe_code)]
 
 use crate::Converter;
-use crate::machine::{Machine, STATE_CAPACITY};
+use crate::machine::Machine;
 use core::cell::UnsafeCell;
 use softplug_abi::wire::copy;
 use softplug_abi::{MORE_OUTPUT, Micros, Refusal};
@@ -39,7 +39,8 @@ macro_rules! export {
             pub static SECTION: [u8; MANIFEST.len()] = bytes(MANIFEST);
 
             static CELL: Cell<$converter> = Cell::new();
-            static BUFFERS: Buffers = Buffers::new();
+            const STATE: usize = <$converter as Converter>::STATE_CAPACITY;
+            static BUFFERS: Buffers<STATE> = Buffers::new();
 
             #[unsafe(no_mangle)]
             extern "C" fn softplug_v1() -> i32 {
@@ -92,7 +93,13 @@ impl<C: Converter> Cell<C> {
 
     /// `softplug_v1_step`.
     #[inline]
-    pub fn step(&self, buffers: &Buffers, kind: i32, length: i32, now_us: i64) -> i32 {
+    pub fn step<const STATE: usize>(
+        &self,
+        buffers: &Buffers<STATE>,
+        kind: i32,
+        length: i32,
+        now_us: i64,
+    ) -> i32 {
         // SAFETY: no other reference into the cell or the buffers is alive, and
         // the buffers do not overlap.
         let (machine, input, output, words, state) = unsafe {
@@ -125,18 +132,18 @@ impl<C: Converter> Cell<C> {
 #[doc(hidden)]
 #[derive(Debug)]
 #[repr(C, align(8))]
-pub struct Buffers {
+pub struct Buffers<const STATE: usize> {
     input: UnsafeCell<[u8; INPUT]>,
     output: UnsafeCell<[u8; OUTPUT]>,
     words: UnsafeCell<[u8; WORDS]>,
-    state: UnsafeCell<[u8; STATE_CAPACITY]>,
+    state: UnsafeCell<[u8; STATE]>,
     descriptor: UnsafeCell<[u32; 6]>,
 }
 
 // SAFETY: as for `Cell`.
-unsafe impl Sync for Buffers {}
+unsafe impl<const STATE: usize> Sync for Buffers<STATE> {}
 
-impl Buffers {
+impl<const STATE: usize> Buffers<STATE> {
     /// Before the first call.
     #[allow(clippy::new_without_default, reason = "it must be const")]
     pub const fn new() -> Self {
@@ -144,7 +151,7 @@ impl Buffers {
             input: UnsafeCell::new([0; INPUT]),
             output: UnsafeCell::new([0; OUTPUT]),
             words: UnsafeCell::new([0; WORDS]),
-            state: UnsafeCell::new([0; STATE_CAPACITY]),
+            state: UnsafeCell::new([0; STATE]),
             descriptor: UnsafeCell::new([0; 6]),
         }
     }

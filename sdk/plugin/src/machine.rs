@@ -7,9 +7,6 @@ use softplug_abi::limits::STATE_BYTES;
 use softplug_abi::wire::copy;
 use softplug_abi::{Event, EventKind, Micros, Refusal, TakeEvent};
 
-/// Largest state in bytes that this machine can restore.
-pub(crate) const STATE_CAPACITY: usize = 4_096;
-
 const RECEIVED: i32 = EventKind::Received as i32;
 const JOB_DATA: i32 = EventKind::JobData as i32;
 

@@ -3,7 +3,7 @@
 
 use crate::Converter;
 use crate::export::{INPUT, OUTPUT};
-use crate::machine::{Machine, STATE_CAPACITY};
+use crate::machine::Machine;
 use softplug_abi::{Event, Instance, Micros, Output, Refusal};
 use std::fmt;
 
@@ -29,7 +29,7 @@ pub struct Native<C: Converter> {
     machine: Box<Machine<C>>,
     input: Box<[u8; INPUT]>,
     output: Box<[u8; OUTPUT]>,
-    state: Box<[u8; STATE_CAPACITY]>,
+    state: Box<[u8]>,
 }
 
 impl<C: Converter> Native<C> {
@@ -39,7 +39,7 @@ impl<C: Converter> Native<C> {
             machine: Box::new(Machine::new()),
             input: Box::new([0; INPUT]),
             output: Box::new([0; OUTPUT]),
-            state: Box::new([0; STATE_CAPACITY]),
+            state: vec![0; C::STATE_CAPACITY].into_boxed_slice(),
         }
     }
 }

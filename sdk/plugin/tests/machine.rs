@@ -143,7 +143,7 @@ fn restore(state: &[u8], format: u16, piece: usize) -> Result<Native<Probe>, Nat
 
 #[test]
 fn an_unknown_event_is_refused_as_unknown() {
-    let (cell, buffers) = (Cell::<Probe>::new(), Buffers::new());
+    let (cell, buffers) = (Cell::<Probe>::new(), Buffers::<4_096>::new());
     let unknown = -i32::from(Refusal::UnknownEvent.code());
     for kind in [0, 25, 26, 255, 65_536 + 4, -1, i32::MIN, i32::MAX] {
         assert_eq!(cell.step(&buffers, kind, 0, 0), unknown, "{kind}");

@@ -10,6 +10,7 @@ use softplug_abi::{LineErrorKind, LineParameters, Micros, ModemLines};
 use softplug_machines::fanuc::{
     CharacterSet, Control, Interface, Options as FanucOptions, Parity, Press, RemoteOptions,
 };
+use softplug_machines::pulse_lathe::{Lathe, LatheOptions};
 use softplug_machines::r3964::rk512::{Area, Computer, Options as Rk512Options};
 use softplug_machines::r3964::{Options as R3964Options, Priority, Station};
 use softplug_machines::{Partner, Signal};
@@ -94,6 +95,7 @@ enum Machine {
     Rk512(Box<Computer>),
     Remote(Box<Control>),
     Blockwise(Blockwise),
+    Lathe(Box<Lathe>),
 }
 
 impl Willing {
@@ -112,6 +114,8 @@ impl Willing {
             fanuc(&set, line)?
         } else if speaks("heidenhain-fe") {
             Machine::Blockwise(Blockwise::new(&set, line, fields))
+        } else if speaks("pulse-lathe") {
+            lathe(&set)?
         } else {
             match (set.bool("wait_for_xon"), set.int("xon")) {
                 (true, Some(xon)) => Machine::Ready(u8::try_from(xon).ok()),
@@ -127,7 +131,7 @@ impl Willing {
 
     /// Whether what it says belongs to what is to be seen: telegrams go both ways.
     pub(super) fn is_dialogue(&self) -> bool {
-        !matches!(self.machine, Machine::Nobody | Machine::Ready(_))
+        !matches!(self.machine, Machine::Nobody | Machine::Ready(_) | Machine::Lathe(_))
     }
 }
 
@@ -194,6 +198,16 @@ fn fanuc(set: &Set<'_>, line: LineParameters) -> Result<Machine, Failure> {
     Ok(Machine::Remote(Box::new(Control::new(options).map_err(Failure::usage)?)))
 }
 
+/// It does S, T and M, turns its spindle, and has no limits that a program reaches.
+fn lathe(set: &Set<'_>) -> Result<Machine, Failure> {
+    const FAR: (i64, i64) = (i64::MIN / 2, i64::MAX / 2);
+    let increments = set.int("spindle_increments").and_then(|own| u64::try_from(own).ok());
+    let default = LatheOptions::default();
+    let increments = increments.unwrap_or(default.increments);
+    let options = LatheOptions { increments, x_limits: FAR, z_limits: FAR, ..default };
+    Ok(Machine::Lathe(Box::new(Lathe::new(options).map_err(Failure::usage)?)))
+}
+
 /// Values of settings by name; what the plug-in does not have is off.
 struct Set<'a> {
     manifest: &'a Manifest,
@@ -236,6 +250,7 @@ impl Partner for Willing {
             Machine::Rk512(computer) => computer.receive(now, byte),
             Machine::Remote(control) => control.receive(now, byte),
             Machine::Blockwise(control) => control.receive(now, byte),
+            Machine::Lathe(lathe) => lathe.receive(now, byte),
         }
     }
 
@@ -253,6 +268,7 @@ impl Partner for Willing {
             Machine::Rk512(computer) => computer.next_event(),
             Machine::Remote(control) => control.next_event(),
             Machine::Blockwise(control) => control.leaving.front().map(|(at, _)| *at),
+            Machine::Lathe(lathe) => lathe.next_event(),
         }
     }
 
@@ -262,6 +278,7 @@ impl Partner for Willing {
             Machine::R3964(station) => station.advance(now),
             Machine::Rk512(computer) => computer.advance(now),
             Machine::Remote(control) => control.advance(now),
+            Machine::Lathe(lathe) => lathe.advance(now),
         }
     }
 
@@ -279,6 +296,7 @@ impl Partner for Willing {
             Machine::R3964(station) => station.poll_signal(now),
             Machine::Rk512(computer) => computer.poll_signal(now),
             Machine::Remote(control) => control.poll_signal(now),
+            Machine::Lathe(lathe) => lathe.poll_signal(now),
             Machine::Blockwise(control) => {
                 let next = control.leaving.pop_front_if(|(at, _)| *at <= now);
                 next.map(|(_, byte)| Signal::Character(byte))

@@ -34,6 +34,7 @@ const VERBS: &[&[&str]] = &[
     &["simulate", "r3964"],
     &["simulate", "r3964-simplified"],
     &["simulate", "fanuc-rs232"],
+    &["simulate", "pulse-lathe"],
     &["doctor"],
     &["demo"],
     &["gateway"],

@@ -9,7 +9,7 @@ use softplug_abi::{LineErrorKind, LineParameters, Micros};
 use softplug_gateway::poll::Waker;
 use softplug_gateway::simulator::Simulator;
 use softplug_machines::kept::Keep;
-use softplug_machines::{Partner, Signal, fanuc, r3964, xon_xoff};
+use softplug_machines::{Partner, Signal, fanuc, pulse_lathe, r3964, xon_xoff};
 
 /// A simulated machine on a pty; it ends when this is dropped.
 #[derive(Debug)]
@@ -82,6 +82,13 @@ fn machine(protocol: &str, line: LineParameters) -> Result<Machine, String> {
             let options = fanuc::Options { line, ..fanuc::Options::default() };
             let control = fanuc::Control::new(options).map_err(|error| error.to_string())?;
             Ok(Machine(Box::new(control)))
+        }
+        "pulse-lathe" => {
+            // A pty keeps no rate to the microsecond.
+            let jitter = Micros::from_millis(50);
+            let options = pulse_lathe::LatheOptions { jitter, ..Default::default() };
+            let lathe = pulse_lathe::Lathe::new(options).map_err(|error| error.to_string())?;
+            Ok(Machine(Box::new(lathe)))
         }
         other => Err(format!("there is no simulated machine \"{other}\"")),
     }

@@ -25,7 +25,7 @@ pub(super) struct Origin {
 
 const PROCEDURE: &[(&str, &str)] = &[("softplug-procedure-3964", "plugins/procedure-3964")];
 
-static ALL: [Origin; 6] = [
+static ALL: [Origin; 7] = [
     Origin {
         name: "xon-xoff",
         language: Language::Rust,
@@ -67,6 +67,14 @@ static ALL: [Origin; 6] = [
         plugin: "heidenhain-fe",
         profiles: &["heidenhain-fe"],
         sources: include_dir!("$CARGO_MANIFEST_DIR/templates/from/heidenhain-fe"),
+        crates: &[],
+    },
+    Origin {
+        name: "pulse-lathe",
+        language: Language::Rust,
+        plugin: "pulse-lathe",
+        profiles: &["pulse-lathe"],
+        sources: include_dir!("$CARGO_MANIFEST_DIR/templates/from/pulse-lathe"),
         crates: &[],
     },
     Origin {

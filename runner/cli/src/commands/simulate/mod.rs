@@ -2,10 +2,12 @@
 
 mod fanuc;
 mod faults;
+mod pulse_lathe;
 mod r3964;
 mod xon_xoff;
 
 pub(crate) use fanuc::FanucSimulation;
+pub(crate) use pulse_lathe::PulseLatheSimulation;
 pub(crate) use r3964::R3964Simulation;
 pub(crate) use xon_xoff::XonXoffSimulation;
 
@@ -36,6 +38,7 @@ enum Machine {
     R3964Simplified(Box<r3964::R3964Simplified>),
     #[command(name = "fanuc-rs232")]
     Fanuc(Box<fanuc::Fanuc>),
+    PulseLathe(Box<pulse_lathe::PulseLathe>),
 }
 
 /// What every simulation takes.
@@ -61,6 +64,7 @@ pub(crate) enum Simulation {
     XonXoff(Box<XonXoffSimulation>),
     R3964(Box<R3964Simulation>),
     Fanuc(Box<FanucSimulation>),
+    PulseLathe(Box<PulseLatheSimulation>),
 }
 
 /// What becomes of what the machine got, and when it ends.
@@ -89,6 +93,7 @@ pub(crate) fn run(arguments: Arguments, screen: &Screen) -> Result<Exit, Failure
         Machine::R3964(machine) => Simulation::R3964(Box::new(machine.prepare()?)),
         Machine::R3964Simplified(machine) => Simulation::R3964(Box::new(machine.prepare()?)),
         Machine::Fanuc(machine) => Simulation::Fanuc(Box::new(machine.prepare()?)),
+        Machine::PulseLathe(machine) => Simulation::PulseLathe(Box::new(machine.prepare()?)),
     };
     live::simulate(&simulation, screen)
 }

@@ -1,6 +1,7 @@
 //! `softplug simulate`.
 
 mod fanuc;
+mod pulse_lathe;
 mod r3964;
 mod xon_xoff;
 
@@ -26,6 +27,7 @@ pub(crate) fn simulate(simulation: &Simulation, screen: &Screen) -> Result<Exit,
         Simulation::XonXoff(simulation) => xon_xoff::run(simulation, screen),
         Simulation::R3964(simulation) => r3964::run(simulation, screen),
         Simulation::Fanuc(simulation) => fanuc::run(simulation, screen),
+        Simulation::PulseLathe(simulation) => pulse_lathe::run(simulation, screen),
     }
 }
 
