@@ -16,6 +16,7 @@
 //! | `planning` | the plan |
 //! | `change` | what would mend a shop that cannot be planned |
 //! | `simulation` | a shop in virtual time |
+//! | `pulses` | machines that take their feed pulses from one computer |
 //! | `picture` | levels over time as SVG |
 //!
 //! ```
@@ -56,6 +57,7 @@ mod model;
 mod picture;
 mod planning;
 mod programme;
+mod pulses;
 mod shop;
 mod simulation;
 mod span;
@@ -66,6 +68,7 @@ pub use file::MOST_FILE_BYTES;
 pub use measured::{Measured, Taken};
 pub use picture::{picture, picture_of};
 pub use planning::{BusPlan, MachinePlan, Plan, Service, plan};
+pub use pulses::{PulseBudget, Pulses};
 pub use shop::{
     Bus, DEFAULT_MARGIN, LEAST_RATE, MOST_BUFFER, MOST_MACHINES, MOST_MARGIN, MOST_NAME, MOST_RATE,
     MOST_SWITCH, Machine, Shop,

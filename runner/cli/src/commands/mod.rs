@@ -24,6 +24,7 @@ pub(crate) mod new;
 pub(crate) mod pack;
 pub(crate) mod plan;
 mod plan_cell;
+mod plan_pulses;
 pub(crate) mod plugin;
 pub(crate) mod ports;
 pub(crate) mod program;

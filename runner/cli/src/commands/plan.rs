@@ -14,6 +14,7 @@ use softplug_plan::{
 };
 
 use super::plan_cell::{self, CellArguments};
+use super::plan_pulses::{self, PulseArguments};
 use super::with_plugin;
 use crate::commands::remote::Remote;
 use crate::exit::Exit;
@@ -36,7 +37,8 @@ const ROUNDS: f64 = 3.0;
 /// of which machine fails, and which change would mend it.
 ///
 /// With --cell it replays programs of machines that work together, without machines: how long they
-/// take together, where each waits, and deadlocks before anything is cut.
+/// take together, where each waits, and deadlocks before anything is cut. With --pulses it says how
+/// many machines one computer can give their feed pulses.
 #[derive(Debug, Args)]
 #[command(group = ArgGroup::new("tried").multiple(true))]
 #[command(after_help = "Examples:
@@ -46,6 +48,7 @@ const ROUNDS: f64 = 3.0;
   softplug plan shop.toml --simulate 1 --plugin xon-xoff
   softplug plan shop.toml --from http://gateway:8117
   softplug plan gateway.toml --cell shafts --program lathe-1=O1.nc --program lathe-2=O2.nc
+  softplug plan --pulses 4000 --service 50us
 
 The file:
   [bus]
@@ -63,8 +66,8 @@ The file:
   count = 8             # optional: so many that are alike")]
 pub(crate) struct Arguments {
     /// The bus and its machines
-    #[arg(value_name = "SHOP.TOML")]
-    shop: PathBuf,
+    #[arg(value_name = "SHOP.TOML", required_unless_present = "pulses")]
+    shop: Option<PathBuf>,
     /// Draw the levels of the first rounds, as simulated, into this file
     #[arg(long, value_name = "FILE", group = "tried")]
     svg: Option<PathBuf>,
@@ -85,6 +88,8 @@ pub(crate) struct Arguments {
     library: Library,
     #[command(flatten)]
     cell: CellArguments,
+    #[command(flatten)]
+    pulses: PulseArguments,
     /// Plan with what this gateway has measured: efficiency and switch of its bus, and what
     /// machines consume that are called as its links
     #[arg(long, value_name = "URL")]
@@ -132,11 +137,15 @@ struct SimulatedPlugin {
 }
 
 pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
-    if let Some(cell) = &arguments.cell.cell {
-        return plan_cell::run(&arguments.shop, cell, &arguments.cell, screen);
+    if let Some(rate) = arguments.pulses.pulses {
+        return plan_pulses::run(rate, &arguments.pulses, screen);
     }
-    let shop = read(&arguments.shop)?;
-    if let Some(file) = arguments.svg.as_ref().filter(|file| is_same_file(file, &arguments.shop)) {
+    let file = arguments.shop.as_deref().unwrap_or(Path::new("shop.toml"));
+    if let Some(cell) = &arguments.cell.cell {
+        return plan_cell::run(file, cell, &arguments.cell, screen);
+    }
+    let shop = read(file)?;
+    if let Some(file) = arguments.svg.as_ref().filter(|svg| is_same_file(svg, file)) {
         let file = shown(file);
         return Err(Failure::usage(format_args!(
             "{file} is the file of the shop itself, which the picture would overwrite; give --svg \

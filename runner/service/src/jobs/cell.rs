@@ -51,7 +51,7 @@ impl Jobs {
             let Some(job) = store.known().live.get(&id).cloned() else { continue };
             let surely = job.extent.surely.max(left);
             let extent = Extent { surely, maybe: job.extent.maybe.max(surely) };
-            change.jobs.push(Job { passed, extent, ..job });
+            change.jobs.push(Job { extent, passed, ..job });
         }
         for id in step.started {
             let mut job = live(&store, id, Step::Begin)?;
