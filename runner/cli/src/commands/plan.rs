@@ -138,7 +138,7 @@ struct SimulatedPlugin {
 
 pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
     if let Some(rate) = arguments.pulses.pulses {
-        return plan_pulses::run(rate, &arguments.pulses, screen);
+        return Ok(plan_pulses::run(rate, &arguments.pulses, screen));
     }
     let file = arguments.shop.as_deref().unwrap_or(Path::new("shop.toml"));
     if let Some(cell) = &arguments.cell.cell {

@@ -5,7 +5,6 @@ use serde::Serialize;
 use softplug_plan::{PulseBudget, Pulses};
 
 use crate::exit::Exit;
-use crate::failure::Failure;
 use crate::numbers::count;
 use crate::screen::Screen;
 use crate::table::Table;
@@ -40,7 +39,7 @@ struct Document {
     batches: PulseBudget,
 }
 
-pub(super) fn run(rate: f64, arguments: &PulseArguments, screen: &Screen) -> Result<Exit, Failure> {
+pub(super) fn run(rate: f64, arguments: &PulseArguments, screen: &Screen) -> Exit {
     let PulseArguments { interrupt, write, batch, .. } = *arguments;
     let service = arguments.service.unwrap_or_default();
     let pulses = Pulses { rate, service, interrupt, write, batch };
@@ -75,7 +74,7 @@ pub(super) fn run(rate: f64, arguments: &PulseArguments, screen: &Screen) -> Res
         shown(pulses.batch_seconds())
     ));
     screen.document(&document);
-    Ok(Exit::Done)
+    Exit::Done
 }
 
 /// Three digits, with a unit.
