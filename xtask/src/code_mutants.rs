@@ -65,6 +65,7 @@ fn parts() -> Vec<Part> {
         plugin("r3964", &["procedure-3964", "r3964", "r3964-simplified"]),
         plugin("fanuc-rs232", &["fanuc-rs232"]),
         plugin("heidenhain-fe", &["heidenhain-fe"]),
+        plugin("xmodem", &["xmodem"]),
     ]
 }
 
@@ -220,7 +221,7 @@ mod tests {
         assert_eq!(
             error.to_string(),
             "there is no part \"all\" to break; there are trace, suite, xon-xoff, r3964, \
-             fanuc-rs232, heidenhain-fe"
+             fanuc-rs232, heidenhain-fe, xmodem"
         );
     }
 }

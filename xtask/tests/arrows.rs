@@ -20,6 +20,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("softplug-r3964-simplified", &["softplug-plugin", "softplug-procedure-3964"]),
     ("softplug-fanuc-rs232", &["softplug-plugin"]),
     ("softplug-heidenhain-fe", &["softplug-plugin"]),
+    ("softplug-xmodem", &["softplug-plugin"]),
     (
         "softplug-native",
         &[
@@ -29,6 +30,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-plugin",
             "softplug-r3964",
             "softplug-r3964-simplified",
+            "softplug-xmodem",
             "softplug-xon-xoff",
         ],
     ),

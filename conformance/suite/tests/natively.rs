@@ -33,6 +33,7 @@ passes_in_every_permutation! {
     r3964_simplified "r3964-simplified",
     fanuc_rs232 "fanuc-rs232",
     heidenhain_fe "heidenhain-fe",
+    xmodem "xmodem",
 }
 
 fn assert_passes(plugin: &str) {

@@ -48,6 +48,11 @@ fn heidenhain_fe() {
     });
 }
 
+#[test]
+fn xmodem() {
+    assert_sound(&Page { file: "xmodem.md", plugins: &["xmodem"], profiles: &["xmodem"] });
+}
+
 fn assert_sound(page: &Page) {
     let path = root().join("docs/protocols").join(page.file);
     let text = std::fs::read_to_string(&path)

@@ -48,6 +48,7 @@ profiles! {
     rk512_simplified: "rk512", "r3964-simplified", 45;
     fanuc_rs232: "fanuc-rs232", "fanuc-rs232", 20;
     heidenhain_fe: "heidenhain-fe", "heidenhain-fe", 60;
+    xmodem: "xmodem", "xmodem", 60;
 }
 
 fn traces() -> std::path::PathBuf {

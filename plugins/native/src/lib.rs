@@ -3,6 +3,7 @@
 
 use fanuc_rs232::FanucRs232;
 use heidenhain_fe::HeidenhainFe;
+use xmodem::Xmodem;
 use r3964::R3964;
 use r3964_simplified::R3964Simplified;
 use softplug_abi::{Event, Instance, Micros, Output};
@@ -83,6 +84,8 @@ plugins! {
     FanucRs232(FanucRs232) = "fanuc-rs232";
     /// Heidenhain blockwise transfer.
     HeidenhainFe(HeidenhainFe) = "heidenhain-fe";
+    /// XMODEM.
+    Xmodem(Xmodem) = "xmodem";
 }
 
 impl NativePlugin {

@@ -195,7 +195,7 @@ impl Converter for Xmodem {
     fn delivery_room(&mut self, link: &mut Context<'_>) {
         let is_first = !core::mem::replace(&mut self.takes, true);
         self.has_delivery_room(link);
-        if is_first && self.stage == Stage::Idle {
+        if is_first && self.stage == Stage::Idle && !self.line.is_set(Timer::Transfer) {
             self.begin_calling(link);
         }
         self.name_state(link);

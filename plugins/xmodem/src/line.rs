@@ -38,6 +38,10 @@ impl Line {
         self.set(link, timer, None);
     }
 
+    pub(crate) fn is_set(&self, timer: Timer) -> bool {
+        self.deadlines.get(timer as usize).is_some_and(Option::is_some)
+    }
+
     fn set(&mut self, link: &mut Context<'_>, timer: Timer, at: Option<Micros>) {
         let Some(known) = self.deadlines.get_mut(timer as usize) else { return };
         if *known == at {

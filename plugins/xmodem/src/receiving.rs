@@ -95,10 +95,7 @@ impl Xmodem {
     pub(crate) fn silence(&mut self, link: &mut Context<'_>) {
         match self.stage {
             Stage::Idle => self.begin_calling(link),
-            Stage::Calling => {
-                self.receiver.is_end_refused = false;
-                self.say_call(link);
-            }
+            Stage::Calling => self.say_call(link),
             Stage::Between => {
                 self.receiver.begin_run(0, Failure::NoAnswer);
                 self.refuse(link);
@@ -126,17 +123,24 @@ impl Xmodem {
         } else if !self.receiver.is_open && self.sender.is_waiting() {
             // Who calls cannot be called.
             self.stage = Stage::Idle;
-        } else if !self.receiver.is_open {
-            let call = self.receiver.same_call();
-            self.line.say(link, &[call]);
-            self.enter(link, Stage::Calling, self.settings.call_time);
-        } else if self.receiver.refuses(self.settings.repeats) {
-            self.line.say(link, &[NAK]);
-            self.enter(link, Stage::Between, self.settings.block_time);
+        } else if !self.receiver.is_open || self.receiver.refuses(self.settings.repeats) {
+            self.ask_again(link);
         } else {
             let why = self.receiver.why();
             self.end_reception(link, Some(why));
             self.line.say(link, CANCEL);
+        }
+    }
+
+    /// NAK; before the first good block it is the call.
+    fn ask_again(&mut self, link: &mut Context<'_>) {
+        if self.receiver.is_open {
+            self.line.say(link, &[NAK]);
+            self.enter(link, Stage::Between, self.settings.block_time);
+        } else {
+            let call = self.receiver.same_call();
+            self.line.say(link, &[call]);
+            self.enter(link, Stage::Calling, self.settings.call_time);
         }
     }
 
@@ -149,9 +153,7 @@ impl Xmodem {
             self.line.say(link, CANCEL);
         } else if self.settings.end_twice && !self.receiver.is_end_refused {
             self.receiver.is_end_refused = true;
-            self.line.say(link, &[NAK]);
-            let stage = if self.receiver.is_open { Stage::Between } else { Stage::Calling };
-            self.enter(link, stage, self.settings.block_time);
+            self.ask_again(link);
         } else {
             self.receiver.begin(link);
             self.end_reception(link, None);
@@ -191,6 +193,8 @@ impl Xmodem {
     }
 
     fn say_call(&mut self, link: &mut Context<'_>) {
+        self.receiver.is_end_refused = false;
+        self.receiver.is_missing = false;
         let call = self.receiver.call(&self.settings);
         self.line.say(link, &[call]);
         self.enter(link, Stage::Calling, self.settings.call_time);

@@ -208,6 +208,7 @@ sleeping! {
     asleep_rk512_passes: "r3964", "rk512";
     asleep_fanuc_rs232_passes: "fanuc-rs232", "fanuc-rs232";
     asleep_heidenhain_fe_passes: "heidenhain-fe", "heidenhain-fe";
+    asleep_xmodem_passes: "xmodem", "xmodem";
 }
 
 #[test]

@@ -168,6 +168,7 @@ fn replays_all(mut host: impl FnMut() -> Command) {
         ("r3964-simplified", "r3964-simplified.*"),
         ("fanuc-rs232", "fanuc-rs232.*"),
         ("heidenhain-fe", "heidenhain-fe.*"),
+        ("xmodem", "xmodem.*"),
     ] {
         let traces = pattern.split('.').next().unwrap();
         let traces = repository("fixtures/traces").join(traces);

@@ -25,7 +25,7 @@ pub(super) struct Origin {
 
 const PROCEDURE: &[(&str, &str)] = &[("softplug-procedure-3964", "plugins/procedure-3964")];
 
-static ALL: [Origin; 6] = [
+static ALL: [Origin; 7] = [
     Origin {
         name: "xon-xoff",
         language: Language::Rust,
@@ -68,6 +68,14 @@ static ALL: [Origin; 6] = [
         profiles: &["heidenhain-fe"],
         sources: include_dir!("$CARGO_MANIFEST_DIR/templates/from/heidenhain-fe"),
         crates: &[],
+    },
+    Origin {
+        name: "xmodem",
+        language: Language::Rust,
+        plugin: "xmodem",
+        profiles: &["xmodem"],
+        sources: include_dir!("$CARGO_MANIFEST_DIR/templates/from/xmodem"),
+        crates: &[("crc", "\"3.3\"")],
     },
     Origin {
         name: "xon-xoff",
