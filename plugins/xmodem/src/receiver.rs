@@ -21,7 +21,7 @@ pub(crate) struct Receiver {
     pub(crate) is_crc: bool,
     calls: u32,
     /// The number of the next block.
-    expected: u8,
+    pub(crate) expected: u8,
     /// How often in a row something was refused, and why the last time.
     refusals: u32,
     why: Option<Failure>,

@@ -34,7 +34,7 @@ pub(crate) struct Sender {
     wanted: u32,
     has_ended: bool,
     /// The number of the block under way.
-    number: u8,
+    pub(crate) number: u8,
     /// A block has been acknowledged.
     pub(crate) is_answered: bool,
     /// Characters of the block that the link has taken: its room may be smaller.
