@@ -3,11 +3,11 @@
 
 use fanuc_rs232::FanucRs232;
 use heidenhain_fe::HeidenhainFe;
-use xmodem::Xmodem;
 use r3964::R3964;
 use r3964_simplified::R3964Simplified;
 use softplug_abi::{Event, Instance, Micros, Output};
 use softplug_plugin::{Converter, Native, NativeFault};
+use xmodem::Xmodem;
 use xon_xoff::XonXoff;
 
 /// The registry from one table: each plug-in's variant, converter and name.
