@@ -43,6 +43,8 @@ pub struct Xmodem {
     takes: bool,
     /// A character of the line has fewer than eight bits.
     is_narrow: bool,
+    /// The port is gone.
+    is_down: bool,
     named: Option<&'static str>,
     unread: Unread,
 }
@@ -63,6 +65,7 @@ impl Converter for Xmodem {
             receiver: Receiver::new(),
             takes: true,
             is_narrow: false,
+            is_down: false,
             named: None,
             unread: Unread::new(),
         }
@@ -121,7 +124,7 @@ impl Converter for Xmodem {
     ) {
         link.note(NoteLevel::Warning, u16::from(kind.code()), kind.text());
         if self.stage.is_sending() {
-            self.sender.can_heard = false;
+            self.damaged_answer(link);
         } else {
             self.noise(link);
         }
@@ -132,9 +135,11 @@ impl Converter for Xmodem {
         if self.stage.is_sending() {
             self.stop(link, Failure::LinkDown);
         } else {
+            link.discard();
             self.receiver.end(link, Some(Failure::LinkDown));
             self.sender.fail(link, Failure::LinkDown);
         }
+        self.is_down = true;
         self.line.forget_owed();
         self.stage = Stage::Idle;
         self.line.cancel(link, Timer::Transfer);
@@ -143,6 +148,7 @@ impl Converter for Xmodem {
     }
 
     fn link_up(&mut self, link: &mut Context<'_>) {
+        self.is_down = false;
         self.begin_calling(link);
         self.name_state(link);
     }
@@ -255,6 +261,7 @@ impl Converter for Xmodem {
         self.sender.save(state);
         self.receiver.save(state);
         state.bool(self.takes);
+        state.bool(self.is_down);
     }
 
     fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
@@ -266,6 +273,7 @@ impl Converter for Xmodem {
         self.sender = Sender::restore(state)?;
         self.receiver = Receiver::restore(state)?;
         self.takes = state.bool();
+        self.is_down = state.bool();
         Ok(())
     }
 }

@@ -187,7 +187,8 @@ impl Xmodem {
     pub(crate) fn begin_calling(&mut self, link: &mut Context<'_>) {
         self.receiver.forget();
         self.line.cancel(link, Timer::Transfer);
-        if self.settings.call && self.takes && !self.is_narrow && !self.sender.is_waiting() {
+        let can_call = self.takes && !self.is_narrow && !self.is_down;
+        if self.settings.call && can_call && !self.sender.is_waiting() {
             self.say_call(link);
         }
     }

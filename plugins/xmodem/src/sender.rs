@@ -91,13 +91,13 @@ impl Sender {
         self.job != 0 && self.stopping.is_none()
     }
 
-    /// The receiver calls: whether we begin.
+    /// The receiver calls, with C or NAK: whether we begin.
     pub(crate) fn is_called(&mut self, settings: &Settings, byte: u8) -> bool {
         let is_crc = byte == CALL;
         let is_call = match settings.mode {
             Mode::Checksum => byte == NAK,
             Mode::Crc => is_crc,
-            Mode::Auto | Mode::Long => is_crc || byte == NAK,
+            Mode::Auto | Mode::Long => true,
         };
         self.is_crc = is_crc;
         self.is_long = is_crc && settings.mode == Mode::Long;

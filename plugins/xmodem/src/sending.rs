@@ -14,9 +14,7 @@ impl Xmodem {
             self.stop(link, Failure::Refused);
             return;
         }
-        if self.stage == Stage::Settling {
-            self.enter(link, Stage::Settling, self.settings.purge_time);
-        }
+        self.settle_anew(link);
         // An answer that comes before the block can have left is none.
         if !self.sender.has_left() || self.sender.is_aborted {
             return;
@@ -34,6 +32,18 @@ impl Xmodem {
                 self.again(link, Failure::AttemptsUsedUp);
             }
             _ => {}
+        }
+    }
+
+    /// A damaged character from the receiver: no answer, and no silence.
+    pub(crate) fn damaged_answer(&mut self, link: &mut Context<'_>) {
+        self.sender.can_heard = false;
+        self.settle_anew(link);
+    }
+
+    fn settle_anew(&mut self, link: &mut Context<'_>) {
+        if self.stage == Stage::Settling {
+            self.enter(link, Stage::Settling, self.settings.purge_time);
         }
     }
 
@@ -89,7 +99,6 @@ impl Xmodem {
     /// Time has run out while a job is on the line.
     pub(crate) fn no_answer(&mut self, link: &mut Context<'_>) {
         match self.stage {
-            _ if self.sender.is_aborted => self.stop(link, Failure::Aborted),
             Stage::Settling => self.acknowledged(link),
             Stage::Ending => self.again(link, Failure::NoAnswer),
             _ => self.stop(link, Failure::NoAnswer),
@@ -114,7 +123,6 @@ impl Xmodem {
         };
         if is_under_way {
             self.sender.is_aborted = true;
-            self.line.set_after(link, Timer::Transfer, self.settings.answer_time);
         } else {
             self.stop(link, Failure::Aborted);
         }
