@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`xon_xoff`] | a control that receives and sends programs with XON/XOFF |
 //! | [`fanuc`] | a FANUC control with reader, punch and remote buffer |
+//! | [`xmodem`] | a control that calls for files with XMODEM, or sends one |
 //! | [`r3964`] | a station that speaks 3964R, 3964 or simplified 3964R |
 //! | [`r3964::rk512`] | a computer that speaks RK512 on top of it |
 //!
@@ -45,6 +46,7 @@ pub mod kept;
 mod partner;
 pub mod r3964;
 pub mod uart;
+pub mod xmodem;
 pub mod xon_xoff;
 
 pub use partner::{Partner, Signal};

@@ -14,7 +14,8 @@ impl Xmodem {
                 self.line.say(link, &[ACK]);
                 self.rest(link);
             }
-            (Stage::Idle | Stage::NoRoom, _) => {}
+            // A call is that of somebody else who wants a file.
+            (Stage::Idle | Stage::NoRoom, _) | (Stage::Calling, CALL | NAK) => {}
             (Stage::Block, _) => self.hear_block(link, byte),
             (Stage::Calling | Stage::Between, SOH | STX) => {
                 self.receiver.reader.begin(byte, self.receiver.is_crc);
@@ -27,8 +28,6 @@ impl Xmodem {
                 self.enter(link, Stage::CanHeard, self.settings.purge_time);
             }
             (Stage::CanHeard, CAN) => self.end_reception(link, Some(Failure::NoEndMark)),
-            // Somebody else who wants a file.
-            (Stage::Calling, CALL | NAK) => {}
             (Stage::Purging, _) => {
                 self.receiver.add_to_run(1);
                 self.purge(link);

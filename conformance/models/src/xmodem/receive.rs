@@ -57,7 +57,8 @@ impl Xmodem {
                 let until = Some(self.now + self.rules.block_time);
                 self.state = State::Idle { until, lingers: true };
             }
-            (State::Idle { .. } | State::Sending(_), _) => {}
+            (State::Idle { .. } | State::Sending(_), _)
+            | (State::Calling { .. }, Some(C | NAK)) => {}
             (State::Block { characters, .. }, Some(byte)) => {
                 characters.push(byte);
                 let characters = characters.clone();
@@ -80,7 +81,6 @@ impl Xmodem {
             (State::CanHeard { .. }, Some(CAN)) => {
                 self.ends_file(Some(Failure::NoEndMark), "xmodem.rx.cancelled");
             }
-            (State::Calling { .. }, Some(C | NAK)) => {}
             (State::Purging { until, .. }, _) => {
                 *until = purge;
                 self.file.run += 1;

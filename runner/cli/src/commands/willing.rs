@@ -12,6 +12,8 @@ use softplug_machines::fanuc::{
 };
 use softplug_machines::r3964::rk512::{Area, Computer, Options as Rk512Options};
 use softplug_machines::r3964::{Options as R3964Options, Priority, Station};
+use softplug_machines::xmodem;
+use softplug_machines::xmodem;
 use softplug_machines::{Partner, Signal};
 
 use crate::failure::Failure;
@@ -94,6 +96,7 @@ enum Machine {
     Rk512(Box<Computer>),
     Remote(Box<Control>),
     Blockwise(Blockwise),
+    Xmodem(Box<xmodem::Control>),
 }
 
 impl Willing {
@@ -112,6 +115,10 @@ impl Willing {
             fanuc(&set, line)?
         } else if speaks("heidenhain-fe") {
             Machine::Blockwise(Blockwise::new(&set, line, fields))
+        } else if speaks("xmodem") {
+            let is_crc = set.choice("mode").as_deref() != Some("checksum");
+            let options = xmodem::Options { line, is_crc, begins: BEGIN, ..Default::default() };
+            Machine::Xmodem(Box::new(xmodem::Control::new(options)))
         } else {
             match (set.bool("wait_for_xon"), set.int("xon")) {
                 (true, Some(xon)) => Machine::Ready(u8::try_from(xon).ok()),
@@ -236,6 +243,7 @@ impl Partner for Willing {
             Machine::Rk512(computer) => computer.receive(now, byte),
             Machine::Remote(control) => control.receive(now, byte),
             Machine::Blockwise(control) => control.receive(now, byte),
+            Machine::Xmodem(control) => control.receive(now, byte),
         }
     }
 
@@ -253,6 +261,7 @@ impl Partner for Willing {
             Machine::Rk512(computer) => computer.next_event(),
             Machine::Remote(control) => control.next_event(),
             Machine::Blockwise(control) => control.leaving.front().map(|(at, _)| *at),
+            Machine::Xmodem(control) => control.next_event(),
         }
     }
 
@@ -262,6 +271,7 @@ impl Partner for Willing {
             Machine::R3964(station) => station.advance(now),
             Machine::Rk512(computer) => computer.advance(now),
             Machine::Remote(control) => control.advance(now),
+            Machine::Xmodem(control) => control.advance(now),
         }
     }
 
@@ -279,6 +289,7 @@ impl Partner for Willing {
             Machine::R3964(station) => station.poll_signal(now),
             Machine::Rk512(computer) => computer.poll_signal(now),
             Machine::Remote(control) => control.poll_signal(now),
+            Machine::Xmodem(control) => control.poll_signal(now),
             Machine::Blockwise(control) => {
                 let next = control.leaving.pop_front_if(|(at, _)| *at <= now);
                 next.map(|(_, byte)| Signal::Character(byte))
