@@ -12,9 +12,7 @@ use softplug_machines::fanuc::{
 };
 use softplug_machines::r3964::rk512::{Area, Computer, Options as Rk512Options};
 use softplug_machines::r3964::{Options as R3964Options, Priority, Station};
-use softplug_machines::xmodem;
-use softplug_machines::xmodem;
-use softplug_machines::{Partner, Signal};
+use softplug_machines::{Partner, Signal, xmodem};
 
 use crate::failure::Failure;
 use crate::line::Assignment;
