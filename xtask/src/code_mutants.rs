@@ -66,6 +66,7 @@ fn parts() -> Vec<Part> {
         plugin("fanuc-rs232", &["fanuc-rs232"]),
         plugin("heidenhain-fe", &["heidenhain-fe"]),
         plugin("pulse-lathe", &["pulse-lathe"]),
+        plugin("xmodem", &["xmodem"]),
     ]
 }
 
@@ -221,7 +222,7 @@ mod tests {
         assert_eq!(
             error.to_string(),
             "there is no part \"all\" to break; there are trace, suite, xon-xoff, r3964, \
-             fanuc-rs232, heidenhain-fe, pulse-lathe"
+             fanuc-rs232, heidenhain-fe, pulse-lathe, xmodem"
         );
     }
 }

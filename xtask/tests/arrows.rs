@@ -21,6 +21,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("softplug-fanuc-rs232", &["softplug-plugin"]),
     ("softplug-heidenhain-fe", &["softplug-plugin"]),
     ("softplug-pulse-lathe", &["softplug-plugin"]),
+    ("softplug-xmodem", &["softplug-plugin"]),
     (
         "softplug-native",
         &[
@@ -31,6 +32,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "softplug-pulse-lathe",
             "softplug-r3964",
             "softplug-r3964-simplified",
+            "softplug-xmodem",
             "softplug-xon-xoff",
         ],
     ),

@@ -46,6 +46,7 @@ mod session;
 mod settings;
 mod shrink;
 mod words;
+mod xmodem;
 mod xon_xoff;
 
 pub use dice::Dice;
@@ -66,6 +67,7 @@ pub const PROFILES: &[&Profile] = &[
     &r3964::R3964,
     &r3964::SIMPLIFIED,
     &rk512::PROFILE,
+    &xmodem::PROFILE,
     &xon_xoff::PROFILE,
 ];
 

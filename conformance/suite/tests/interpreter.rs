@@ -90,6 +90,11 @@ fn fanuc() {
 }
 
 #[test]
+fn xmodem() {
+    does_the_same(&module("xmodem"));
+}
+
+#[test]
 fn heidenhain() {
     does_the_same(&module("heidenhain-fe"));
 }

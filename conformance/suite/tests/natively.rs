@@ -34,6 +34,7 @@ passes_in_every_permutation! {
     fanuc_rs232 "fanuc-rs232",
     heidenhain_fe "heidenhain-fe",
     pulse_lathe "pulse-lathe",
+    xmodem "xmodem",
 }
 
 fn assert_passes(plugin: &str) {

@@ -57,6 +57,11 @@ fn pulse_lathe() {
     });
 }
 
+#[test]
+fn xmodem() {
+    assert_sound(&Page { file: "xmodem.md", plugins: &["xmodem"], profiles: &["xmodem"] });
+}
+
 fn assert_sound(page: &Page) {
     let path = root().join("docs/protocols").join(page.file);
     let text = std::fs::read_to_string(&path)

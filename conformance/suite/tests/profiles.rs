@@ -49,6 +49,7 @@ profiles! {
     fanuc_rs232: "fanuc-rs232", "fanuc-rs232", 20;
     heidenhain_fe: "heidenhain-fe", "heidenhain-fe", 60;
     pulse_lathe: "pulse-lathe", "pulse-lathe", 40;
+    xmodem: "xmodem", "xmodem", 60;
 }
 
 fn traces() -> std::path::PathBuf {

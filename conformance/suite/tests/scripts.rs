@@ -18,6 +18,7 @@ const PROFILES: &[(&str, &[&str])] = &[
     ("r3964", &["r3964"]),
     ("r3964-simplified", &["r3964-simplified"]),
     ("rk512", &["r3964", "r3964-simplified"]),
+    ("xmodem", &["xmodem"]),
     ("xon-xoff", &["xon-xoff"]),
 ];
 
@@ -65,6 +66,11 @@ fn fanuc() {
 #[test]
 fn xon_xoff() {
     passes("xon-xoff");
+}
+
+#[test]
+fn xmodem() {
+    passes("xmodem");
 }
 
 #[test]

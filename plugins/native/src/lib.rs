@@ -8,6 +8,7 @@ use r3964::R3964;
 use r3964_simplified::R3964Simplified;
 use softplug_abi::{Event, Instance, Micros, Output};
 use softplug_plugin::{Converter, Native, NativeFault};
+use xmodem::Xmodem;
 use xon_xoff::XonXoff;
 
 /// The registry from one table: each plug-in's variant, converter and name.
@@ -86,6 +87,8 @@ plugins! {
     HeidenhainFe(HeidenhainFe) = "heidenhain-fe";
     /// Pulses for lathes.
     PulseLathe(PulseLathe) = "pulse-lathe";
+    /// XMODEM.
+    Xmodem(Xmodem) = "xmodem";
 }
 
 impl NativePlugin {

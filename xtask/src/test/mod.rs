@@ -70,6 +70,11 @@ const TOOLS: &[Tool] = &[
         purpose: "device servers: our RFC 2217 against that of ser2net",
     },
     Tool {
+        program: "sx",
+        source: "Debian package lrzsz",
+        purpose: "files by XMODEM to and from another program (sx and rx)",
+    },
+    Tool {
         program: "tshark",
         source: "Debian package tshark",
         purpose: "captures and hex dumps in Wireshark's own tools (tshark and text2pcap)",

@@ -14,6 +14,7 @@ mod play;
 mod r3964;
 mod rk512;
 mod setup;
+mod xmodem;
 mod xon_xoff;
 
 pub use case::{Script, ScriptRun};
@@ -33,6 +34,7 @@ pub fn all() -> Vec<Script> {
     all.extend(fanuc::scripts());
     all.extend(r3964::scripts());
     all.extend(rk512::scripts());
+    all.extend(xmodem::scripts());
     all.extend(xon_xoff::scripts());
     all.sort_by(|a, b| a.id.cmp(&b.id));
     all

@@ -209,6 +209,7 @@ sleeping! {
     asleep_fanuc_rs232_passes: "fanuc-rs232", "fanuc-rs232";
     asleep_heidenhain_fe_passes: "heidenhain-fe", "heidenhain-fe";
     asleep_pulse_lathe_passes: "pulse-lathe", "pulse-lathe";
+    asleep_xmodem_passes: "xmodem", "xmodem";
 }
 
 #[test]

@@ -45,6 +45,7 @@ samples! {
     changes_of_fanuc_rs232_are_noticed: "fanuc-rs232";
     changes_of_heidenhain_fe_are_noticed: "heidenhain-fe";
     changes_of_pulse_lathe_are_noticed: "pulse-lathe";
+    changes_of_xmodem_are_noticed: "xmodem";
 }
 
 /// 60 changes, and few of the sessions of a verdict.

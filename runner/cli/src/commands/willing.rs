@@ -13,7 +13,7 @@ use softplug_machines::fanuc::{
 use softplug_machines::pulse_lathe::{Lathe, LatheOptions};
 use softplug_machines::r3964::rk512::{Area, Computer, Options as Rk512Options};
 use softplug_machines::r3964::{Options as R3964Options, Priority, Station};
-use softplug_machines::{Partner, Signal};
+use softplug_machines::{Partner, Signal, xmodem};
 
 use crate::failure::Failure;
 use crate::line::Assignment;
@@ -96,6 +96,7 @@ enum Machine {
     Remote(Box<Control>),
     Blockwise(Blockwise),
     Lathe(Box<Lathe>),
+    Xmodem(Box<xmodem::Control>),
 }
 
 impl Willing {
@@ -116,6 +117,10 @@ impl Willing {
             Machine::Blockwise(Blockwise::new(&set, line, fields))
         } else if speaks("pulse-lathe") {
             lathe(&set)?
+        } else if speaks("xmodem") {
+            let is_crc = set.choice("mode").as_deref() != Some("checksum");
+            let options = xmodem::Options { line, is_crc, begins: BEGIN, ..Default::default() };
+            Machine::Xmodem(Box::new(xmodem::Control::new(options)))
         } else {
             match (set.bool("wait_for_xon"), set.int("xon")) {
                 (true, Some(xon)) => Machine::Ready(u8::try_from(xon).ok()),
@@ -251,6 +256,7 @@ impl Partner for Willing {
             Machine::Remote(control) => control.receive(now, byte),
             Machine::Blockwise(control) => control.receive(now, byte),
             Machine::Lathe(lathe) => lathe.receive(now, byte),
+            Machine::Xmodem(control) => control.receive(now, byte),
         }
     }
 
@@ -269,6 +275,7 @@ impl Partner for Willing {
             Machine::Remote(control) => control.next_event(),
             Machine::Blockwise(control) => control.leaving.front().map(|(at, _)| *at),
             Machine::Lathe(lathe) => lathe.next_event(),
+            Machine::Xmodem(control) => control.next_event(),
         }
     }
 
@@ -279,6 +286,7 @@ impl Partner for Willing {
             Machine::Rk512(computer) => computer.advance(now),
             Machine::Remote(control) => control.advance(now),
             Machine::Lathe(lathe) => lathe.advance(now),
+            Machine::Xmodem(control) => control.advance(now),
         }
     }
 
@@ -297,6 +305,7 @@ impl Partner for Willing {
             Machine::Rk512(computer) => computer.poll_signal(now),
             Machine::Remote(control) => control.poll_signal(now),
             Machine::Lathe(lathe) => lathe.poll_signal(now),
+            Machine::Xmodem(control) => control.poll_signal(now),
             Machine::Blockwise(control) => {
                 let next = control.leaving.pop_front_if(|(at, _)| *at <= now);
                 next.map(|(_, byte)| Signal::Character(byte))

@@ -75,6 +75,7 @@ pages! {
     protocols_fanuc_rs232: "protocols/fanuc-rs232.md",
     protocols_heidenhain_fe: "protocols/heidenhain-fe.md",
     protocols_pulse_lathe: "protocols/pulse-lathe.md",
+    protocols_xmodem: "protocols/xmodem.md",
     unit_index: "unit/README.md",
     unit_firmware: "unit/firmware.md",
     unit_protocol: "unit/protocol.md",

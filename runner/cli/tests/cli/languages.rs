@@ -169,6 +169,7 @@ fn replays_all(mut host: impl FnMut() -> Command) {
         ("fanuc-rs232", "fanuc-rs232.*"),
         ("heidenhain-fe", "heidenhain-fe.*"),
         ("pulse-lathe", "pulse-lathe.words.*"),
+        ("xmodem", "xmodem.*"),
     ] {
         let traces = pattern.split('.').next().unwrap();
         let traces = repository("fixtures/traces").join(traces);

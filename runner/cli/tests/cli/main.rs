@@ -15,6 +15,8 @@ mod exchange;
 mod explore;
 mod files;
 #[cfg(target_os = "linux")]
+mod foreign;
+#[cfg(target_os = "linux")]
 mod full_output;
 #[cfg(target_os = "linux")]
 mod gateway;
@@ -44,3 +46,5 @@ mod unit;
 mod unit_settings;
 #[cfg(target_os = "linux")]
 mod unit_strangers;
+#[cfg(target_os = "linux")]
+mod xmodem;

@@ -25,7 +25,7 @@ pub(super) struct Origin {
 
 const PROCEDURE: &[(&str, &str)] = &[("softplug-procedure-3964", "plugins/procedure-3964")];
 
-static ALL: [Origin; 7] = [
+static ALL: [Origin; 8] = [
     Origin {
         name: "xon-xoff",
         language: Language::Rust,
@@ -76,6 +76,14 @@ static ALL: [Origin; 7] = [
         profiles: &["pulse-lathe"],
         sources: include_dir!("$CARGO_MANIFEST_DIR/templates/from/pulse-lathe"),
         crates: &[],
+    },
+    Origin {
+        name: "xmodem",
+        language: Language::Rust,
+        plugin: "xmodem",
+        profiles: &["xmodem"],
+        sources: include_dir!("$CARGO_MANIFEST_DIR/templates/from/xmodem"),
+        crates: &[("crc", "\"3.3\"")],
     },
     Origin {
         name: "xon-xoff",
