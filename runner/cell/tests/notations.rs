@@ -6,7 +6,10 @@ fn setup() -> Setup {
     Setup::new(&["LATHE-1", "LATHE-2", "LOADER"], &["GANTRY", "C2"], &[]).unwrap()
 }
 
-fn read(program: &str, notation: &str) -> Result<(String, Vec<(u64, u32, String)>), String> {
+/// Where a feed stops, in which block, and what that says.
+type Told = (u64, u32, String);
+
+fn read(program: &str, notation: &str) -> Result<(String, Vec<Told>), String> {
     let (setup, by) = (setup(), ChannelId(0));
     let notation: Notation = notation.parse().expect("a notation");
     let read =

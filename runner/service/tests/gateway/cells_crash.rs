@@ -69,8 +69,7 @@ fn kill_again_and_again(policy: &str, test: &str) {
         nobody_is_ahead(&machines, kill);
     }
     // What is left is done without a kill: all of a cycle comes everywhere.
-    let whole =
-        |machines: &[Machine]| machines.iter().map(|machine| machine.cycles()).min().unwrap();
+    let whole = |machines: &[Machine]| machines.iter().map(Machine::cycles).min().unwrap();
     let before = whole(&machines);
     let child = Killed::start(folder.path(), test);
     let begin = Instant::now();
