@@ -191,6 +191,16 @@ impl Cell {
             && self.mode_of(channel) != Mode::JogInAuto
     }
 
+    /// Whether other channels, its group's mode or a stop of the cell keep a channel from going on with
+    /// what it is in the middle of; not whether it waits behind a block.
+    pub fn is_held(&self, channel: ChannelId) -> bool {
+        let state = self.of(channel);
+        let is_hindered = !state.deprived.is_empty()
+            || self.state.is_stopped
+            || self.mode_of(channel) == Mode::JogInAuto;
+        self.runs(channel) && state.waits.is_none() && is_hindered
+    }
+
     /// Whether a channel runs a program.
     pub fn runs(&self, channel: ChannelId) -> bool {
         self.of(channel).program.is_some()

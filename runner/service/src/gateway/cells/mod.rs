@@ -201,7 +201,10 @@ impl Control {
             self.begin_waiting(&name);
         } else if job.spec.start == Some(Start::Awaited) {
             self.happened(&name, Event::Unloaded { channel });
-        } else if job.spec.start == Some(Start::Given) && !job.has_begun() {
+        } else if job.spec.start == Some(Start::Given) && !job.has_begun() && of.is_none() {
+            if !state.cell.runs(channel) {
+                return;
+            }
             self.happened(&name, Event::Ended { channel, end: End::Failed });
         }
     }
@@ -351,33 +354,30 @@ impl Control {
         }
     }
 
-    /// Moves a channel's gate, and holds or lets go what is on its way.
+    /// Moves a channel's gate, and holds or lets go what is on its way: nothing behind the gate leaves
+    /// while the cell holds the channel.
     fn let_go_or_hold(&mut self, name: &str, link: &str, channel: ChannelId) {
         let Some(state) = self.cells.by_name.get(name) else { return };
         let Some(of) = &state.jobs[usize::from(channel.0)] else { return };
-        let view = state.cell.channel(channel);
-        let holds = state.cell.runs(channel)
-            && !state.cell.may_be_fed(channel)
-            && view.waits.is_none()
-            && !view.is_paused
-            && !view.is_lost;
-        if of.reached == of.passed {
-            self.feeder.move_gate(of.id, of.stops.get(of.passed).map(|stop| stop.at));
+        let holds = state.cell.is_held(channel);
+        let gate = of.stops.get(of.passed).map(|stop| stop.at);
+        let (id, is_behind) = (of.id, of.reached == of.passed);
+        let held = self.links.get_mut(link).and_then(|link| {
+            let lane = link.lane_id();
+            let running = link.job.as_mut().filter(|running| running.job.id == id)?;
+            let was = std::mem::replace(&mut running.is_held_by_cell, holds);
+            // Who was paused by somebody stays so.
+            let is_paused = running.job.state == JobState::Paused;
+            (was != holds && !is_paused).then_some(lane)
+        });
+        if let Some(lane) = held.filter(|_| holds) {
+            self.drivers.tell(lane, Command::Pause(id));
         }
-        let id = of.id;
-        let Some(link) = self.links.get_mut(link) else { return };
-        let lane = link.lane_id();
-        let Some(running) = link.job.as_mut().filter(|running| running.job.id == id) else {
-            return;
-        };
-        if running.is_held_by_cell == holds {
-            return;
+        if is_behind && !holds {
+            self.feeder.move_gate(id, gate);
         }
-        running.is_held_by_cell = holds;
-        let is_paused = running.job.state == JobState::Paused;
-        let command = if holds { Command::Pause(id) } else { Command::Resume(id) };
-        if holds || !is_paused {
-            self.drivers.tell(lane, command);
+        if let Some(lane) = held.filter(|_| !holds) {
+            self.drivers.tell(lane, Command::Resume(id));
         }
     }
 
