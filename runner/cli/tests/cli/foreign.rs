@@ -1,8 +1,11 @@
-//! A line between the command and a foreign program: two ptys and a relay, which can flip,
-//! drop and double what passes.
+//! A line between the command and a foreign program: a pty for the command, pipes for the
+//! program, and a relay between them, which can flip, drop and double what passes.
+//!
+//! The program has no pty: it would flush its last answer when it ends, before a relay that has
+//! to wait for its turn has read it.
 
-use std::os::fd::OwnedFd;
-use std::process::{Child, Command, Stdio};
+use std::io::{Read, Write};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{JoinHandle, sleep};
@@ -22,8 +25,7 @@ pub(crate) struct Faults {
 
 /// The line, while it is there.
 pub(crate) struct Line {
-    ours: PtyPair,
-    theirs: PtyPair,
+    pty: Arc<PtyPair>,
     to_us: Faults,
     to_them: Faults,
 }
@@ -31,74 +33,75 @@ pub(crate) struct Line {
 /// The relay of a line, running.
 pub(crate) struct Relay {
     ends: Arc<AtomicBool>,
-    thread: JoinHandle<u64>,
+    to_us: JoinHandle<u64>,
+    to_them: JoinHandle<u64>,
 }
 
 impl Line {
     pub(crate) fn new(to_us: Faults, to_them: Faults) -> Self {
-        let pair = || PtyPair::open().unwrap();
-        Self { ours: pair(), theirs: pair(), to_us, to_them }
+        Self { pty: Arc::new(PtyPair::open().unwrap()), to_us, to_them }
     }
 
     /// The port for the command.
     pub(crate) fn port(&self) -> String {
-        self.ours.slave_path().display().to_string()
+        self.pty.slave_path().display().to_string()
     }
 
-    /// Starts a foreign program with the line as its standard input and output.
-    pub(crate) fn start(&self, command: &mut Command) -> Child {
-        let open = || {
-            let mut options = std::fs::OpenOptions::new();
-            OwnedFd::from(options.read(true).write(true).open(self.theirs.slave_path()).unwrap())
-        };
-        let child = command.stdin(open()).stdout(open()).stderr(Stdio::piped()).spawn();
-        child.unwrap_or_else(|error| panic!("{command:?}: {error}"))
-    }
-
-    pub(crate) fn relay(self) -> Relay {
+    /// Starts a foreign program at the other end.
+    pub(crate) fn start(self, command: &mut Command) -> (Child, Relay) {
+        let child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
+        let mut child = child.spawn().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+        let (stdin, stdout) = (child.stdin.take().unwrap(), child.stdout.take().unwrap());
         let ends = Arc::new(AtomicBool::new(false));
-        let is_over = Arc::clone(&ends);
-        let thread = std::thread::spawn(move || self.pass_on(&is_over));
-        Relay { ends, thread }
-    }
-
-    /// Passes on until it is told to end; returns the number of faults.
-    fn pass_on(self, is_over: &AtomicBool) -> u64 {
-        let mut chances = [self.to_us, self.to_them].map(Chance::new);
-        let [to_us, to_them] = &mut chances;
-        let mut is_last = false;
-        loop {
-            let has_passed = pass(&self.theirs, &self.ours, to_us);
-            let to_pass = read(&self.ours);
-            if !to_pass.is_empty() {
-                // The program empties its input behind each answer: on a wire nothing is as fast.
-                sleep(Duration::from_millis(1));
-                write(&self.theirs, &to_them.spoil(&to_pass));
-            }
-            if has_passed || !to_pass.is_empty() {
-                continue;
-            }
-            if is_last {
-                return chances.iter().map(|chance| chance.faults).sum();
-            }
-            is_last = is_over.load(Ordering::Relaxed);
-            sleep(Duration::from_micros(100));
-        }
+        let (pty, is_over) = (Arc::clone(&self.pty), Arc::clone(&ends));
+        let to_them =
+            std::thread::spawn(move || to_them(&pty, stdin, Chance::new(self.to_them), &is_over));
+        let to_us = std::thread::spawn(move || to_us(&self.pty, stdout, Chance::new(self.to_us)));
+        (child, Relay { ends, to_us, to_them })
     }
 }
 
 impl Relay {
-    /// Ends it, when all has been passed on; returns the number of faults.
+    /// Ends it, when the program has ended and all of it has been passed on; returns the number
+    /// of faults.
     pub(crate) fn end(self) -> u64 {
+        let to_us = self.to_us.join().unwrap();
         self.ends.store(true, Ordering::Relaxed);
-        self.thread.join().unwrap()
+        to_us + self.to_them.join().unwrap()
     }
 }
 
-fn pass(from: &PtyPair, to: &PtyPair, chance: &mut Chance) -> bool {
-    let bytes = read(from);
-    write(to, &chance.spoil(&bytes));
-    !bytes.is_empty()
+/// From the program to the command, until the program has ended.
+fn to_us(pty: &PtyPair, mut program: ChildStdout, mut chance: Chance) -> u64 {
+    let mut buffer = [0; 2_048];
+    loop {
+        let count = program.read(&mut buffer).unwrap();
+        if count == 0 {
+            return chance.faults;
+        }
+        write(pty, &chance.spoil(&buffer[..count]));
+    }
+}
+
+/// From the command to the program.
+fn to_them(
+    pty: &PtyPair,
+    mut program: ChildStdin,
+    mut chance: Chance,
+    is_over: &AtomicBool,
+) -> u64 {
+    while !is_over.load(Ordering::Relaxed) {
+        let bytes = read(pty);
+        if bytes.is_empty() {
+            sleep(Duration::from_micros(100));
+            continue;
+        }
+        // The program forgets its input behind each answer: on a wire nothing is as fast.
+        sleep(Duration::from_millis(1));
+        // One that has ended hears nothing any more.
+        let _ = program.write_all(&chance.spoil(&bytes));
+    }
+    chance.faults
 }
 
 fn read(pty: &PtyPair) -> Vec<u8> {

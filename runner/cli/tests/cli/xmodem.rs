@@ -33,8 +33,8 @@ mod needs_sx {
         let port = line.port();
         let arguments = format!("send --port {port} --plugin xmodem {FAST} {options} sent.bin");
         let command = bench.command(&words(&arguments)).spawn().unwrap();
-        let mut rx = line.start(Command::new("rx").arg("-q").args(rx).arg(bench.path("came.bin")));
-        let relay = line.relay();
+        let (mut rx, relay) =
+            line.start(Command::new("rx").arg("-q").args(rx).arg(bench.path("came.bin")));
         let ran = Ran::from(command.wait_with_output().unwrap());
         if ran.code != 0 {
             // What it waits for does not come any more.
@@ -55,8 +55,8 @@ mod needs_sx {
         let arguments = format!(
             "receive --port {port} --plugin xmodem {FAST} {options} --wait 60 --out came.bin"
         );
-        let mut sx = line.start(Command::new("sx").arg("-q").args(sx).arg(bench.path("sent.bin")));
-        let relay = line.relay();
+        let (mut sx, relay) =
+            line.start(Command::new("sx").arg("-q").args(sx).arg(bench.path("sent.bin")));
         let ran = bench.run(&words(&arguments));
         if ran.code != 0 {
             let _ = sx.kill();
