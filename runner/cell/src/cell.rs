@@ -323,6 +323,9 @@ impl Cell {
             Event::Reached { channel, word } => {
                 self.check_runs(*channel)?;
                 self.knows(word)?;
+                if !self.of(*channel).deprived.is_empty() {
+                    return Err(Refused::Interrupted(self.name(*channel)));
+                }
                 if self.waits(*channel) {
                     return Err(Refused::Waits(self.name(*channel)));
                 }
@@ -457,11 +460,13 @@ impl Cell {
                 with.insert(channel);
                 Word::Wait { mark, with }
             }
-            Word::Get { axis, forced: true } => return self.force(axis, channel, changes),
-            Word::Get { axis, forced: false } => {
+            // What a program that ended badly kept is somebody's to give.
+            Word::Get { axis, forced: true } if self.is_in_use(axis) => {
+                return self.force(axis, channel, changes);
+            }
+            Word::Get { axis, .. } => {
                 let state = &mut self.state.axes[usize::from(axis.0)];
-                // Who was deprived of it is in its queue already.
-                if state.owner == Some(channel) || state.queue.contains(&channel) {
+                if state.owner == Some(channel) {
                     return;
                 }
                 if state.owner.is_none() {
@@ -471,7 +476,7 @@ impl Cell {
                 let behind = state.queue.len();
                 state.queue.push_back(channel);
                 changes.push(Change::Queued { axis, channel, behind });
-                word
+                Word::Get { axis, forced: false }
             }
             Word::Release { axis } => return self.release(axis, channel, changes),
             Word::Load { .. } | Word::Start { .. } => word,
@@ -510,13 +515,19 @@ impl Cell {
             return;
         }
         state.queue.retain(|other| *other != channel);
-        let from = state.owner.replace(channel);
+        let before = state.owner.replace(channel);
+        let from = before.filter(|owner| self.runs(*owner));
         changes.push(Change::Owned { axis, channel, from });
         self.has_it_now(axis, channel);
-        let Some(from) = from.filter(|from| self.runs(*from)) else { return };
+        let Some(from) = from else { return };
         // It had the axis before any of those asked who wait.
         self.state.axes[usize::from(axis.0)].queue.push_front(from);
         self.of_mut(from).deprived.push(axis);
+    }
+
+    /// Whether an axis is neutral, or owned by a program that runs.
+    fn is_in_use(&self, axis: AxisId) -> bool {
+        self.state.axes[usize::from(axis.0)].owner.is_none_or(|owner| self.runs(owner))
     }
 
     /// A channel that may have waited for an axis has it.
@@ -534,10 +545,6 @@ impl Cell {
         if state.owner == Some(channel) {
             state.owner = None;
             changes.push(Change::Released { axis, by: Some(channel) });
-        } else if self.of(channel).deprived.contains(&axis) {
-            // It wants it back no more.
-            self.state.axes[usize::from(axis.0)].queue.retain(|other| *other != channel);
-            self.of_mut(channel).deprived.retain(|other| *other != axis);
         } else {
             changes.push(Change::NotOwned { axis, channel });
         }

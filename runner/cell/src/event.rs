@@ -15,7 +15,7 @@ pub enum Mode {
     Auto,
     /// AUTO, and somebody moves axes by hand meanwhile: programs stay where they are, and stand.
     JogInAuto,
-    /// Blocks that somebody types: only what a person begins runs, one thing at a time.
+    /// Blocks that somebody types: only what a person begins runs.
     Mda,
     /// Axes are moved by hand. Nothing begins.
     Jog,
@@ -57,7 +57,8 @@ pub enum Event {
         /// Somebody began it, not the queue.
         by_hand: bool,
     },
-    /// Everything up to the end of a block has left, and this word stands in the block.
+    /// Everything up to the end of a block has left, and this word stands in the block. Of a channel
+    /// from which an axis was taken it is told when it has the axis back.
     Reached {
         /// Whose.
         channel: ChannelId,
@@ -255,6 +256,9 @@ pub enum Refused {
     /// Nothing runs that could reach a block or end.
     #[error("{0} runs no program")]
     Idle(String),
+    /// What has been taken from it comes first.
+    #[error("{0} is interrupted until it has its axis back")]
+    Interrupted(String),
     /// A channel stands behind one block at a time.
     #[error("{0} stands behind a block already")]
     Waits(String),
@@ -376,7 +380,8 @@ impl Change {
                 format!("{} {waits} for a channel that runs no program", listed(&names))
             }
             Self::Free { channels } => {
-                format!("{} can go on again", setup.names(*channels))
+                let is = if channels.len() == 1 { "is" } else { "are" };
+                format!("{} {is} stuck no longer", setup.names(*channels))
             }
         }
     }

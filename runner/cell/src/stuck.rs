@@ -70,14 +70,17 @@ impl Cell {
 
     /// Looks who is stuck now, and tells what is new.
     pub(crate) fn find_stuck(&mut self, changes: &mut Vec<Change>) {
-        let able = self.able();
+        let nobody = ChannelSet::default();
+        let able = self.able(nobody);
         let stuck: ChannelSet = self
             .setup()
             .channels()
             .filter(|one| self.runs(*one) && !self.is_unhindered(*one) && !able.has(*one))
             .collect();
-        let forsaken: ChannelSet =
-            stuck.iter().filter(|one| self.leads_to_nobody(*one, stuck)).collect();
+        // Who would be free if programs began wherever none runs waits for these.
+        let idle: ChannelSet = self.setup().channels().filter(|one| !self.runs(*one)).collect();
+        let helped = self.able(idle);
+        let forsaken: ChannelSet = stuck.iter().filter(|one| helped.has(*one)).collect();
         let deadlocked: ChannelSet = stuck.iter().filter(|one| !forsaken.has(*one)).collect();
         let before = (self.state.deadlocked, self.state.forsaken);
         (self.state.deadlocked, self.state.forsaken) = (deadlocked, forsaken);
@@ -95,24 +98,10 @@ impl Cell {
         }
     }
 
-    /// Whether the chain of those it waits for ends at a channel that runs nothing.
-    fn leads_to_nobody(&self, channel: ChannelId, stuck: ChannelSet) -> bool {
-        let (mut seen, mut next) = (ChannelSet::default(), vec![channel]);
-        while let Some(one) = next.pop() {
-            if !stuck.has(one) {
-                return true;
-            }
-            if !seen.has(one) {
-                seen.insert(one);
-                next.extend(self.waits_for(one).iter());
-            }
-        }
-        false
-    }
-
-    fn able(&self) -> ChannelSet {
-        let mut able: ChannelSet =
-            self.setup().channels().filter(|one| self.is_unhindered(*one)).collect();
+    /// All that can go on; `begun`: channels that count as if a program ran there.
+    fn able(&self, begun: ChannelSet) -> ChannelSet {
+        let is_free = |one: &ChannelId| self.is_unhindered(*one) || begun.has(*one);
+        let mut able: ChannelSet = self.setup().channels().filter(is_free).collect();
         loop {
             let more: Vec<ChannelId> = self
                 .setup()
@@ -210,8 +199,10 @@ impl Cell {
             Some((Word::Release { .. }, _)) | None => "is interrupted".to_owned(),
         };
         for axis in &self.of(channel).deprived {
-            let _ = write!(what, "; {} was taken from it", self.owned(*axis));
-            helps.push(self.help_with(*axis));
+            let _ = write!(what, "; {} was taken from it", setup.axis_name(*axis));
+            if let (Some(owner), _) = self.axis(*axis) {
+                let _ = write!(what, ", {} has it", name(owner));
+            }
         }
         let idle: Vec<&str> = waits_for.iter().filter(|one| !self.runs(*one)).map(name).collect();
         if idle.is_empty() {

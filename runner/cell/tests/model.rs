@@ -131,6 +131,7 @@ impl Model {
                 unless(is_known, "Unknown");
                 unless(runs(channel), "Idle");
                 unless(self.word_of(*channel).is_none(), "Waits");
+                unless(!self.is_deprived(*channel), "Interrupted");
             }
             Event::Ended { channel, .. } => {
                 unless(knows(channel), "Unknown");
@@ -166,9 +167,16 @@ impl Model {
             Event::Begin { channel, program, .. } => self.begin(channel, program),
             Event::Reached { channel, word } => {
                 let word = as_said(channel, &word);
-                if let Word::Get { axis, .. } = word {
-                    self.draw(axis, channel, false);
-                }
+                let word = match word {
+                    Word::Get { axis, forced } => {
+                        // What a program that ended badly kept is not taken.
+                        let owner = self.owners.get(&axis);
+                        let is_kept = owner.is_some_and(|owner| !self.runs.contains_key(owner));
+                        self.draw(axis, channel, false);
+                        Word::Get { axis, forced: forced && !is_kept }
+                    }
+                    word => word,
+                };
                 self.stands.push((channel, word));
             }
             Event::Ended { channel, end } => self.end(channel, end),
@@ -268,16 +276,12 @@ impl Model {
                     if gets {
                         self.give(*axis, who);
                     }
-                    // It was taken from it, so that it stands until it has it back anyway.
-                    gets || self.deprived.contains(&(*axis, who))
+                    gets
                 }
                 Word::Release { axis } => {
                     if self.owners.get(axis) == Some(&who) {
                         self.owners.remove(axis);
                     }
-                    // It was taken from it, and it wants it back no more.
-                    self.deprived.remove(&(*axis, who));
-                    self.queues.retain(|(of, _), one| (*of, *one) != (*axis, who));
                     true
                 }
             };
@@ -367,13 +371,7 @@ fn one_step(cell: &mut Cell, model: &mut Model, now: u64, event: &Event) -> Test
     let stuck: BTreeSet<ChannelId> = deadlocked.union(&forsaken).copied().collect();
     let [fed, deadlocked, forsaken] = told(cell);
     let stuck_now: BTreeSet<ChannelId> = deadlocked.union(&forsaken).copied().collect();
-    // Its block may have left before an axis was taken from it: then one reaches its word who was
-    // thought to say nothing more.
-    let is_helped = match event {
-        Event::Reached { channel, .. } => stuck.contains(channel),
-        Event::Lost { .. } => false,
-        _ => true,
-    };
+    let is_helped = !matches!(event, Event::Reached { .. } | Event::Lost { .. });
     prop_assert!(is_helped || stuck_now.is_superset(&stuck), "{stuck:?} go on by themselves");
     prop_assert!(deadlocked.is_disjoint(&forsaken) && fed.is_disjoint(&stuck_now));
     let named: BTreeSet<ChannelId> = cell.stuck().iter().map(|one| one.channel).collect();

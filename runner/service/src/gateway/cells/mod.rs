@@ -177,7 +177,9 @@ impl Control {
                 jobs.find_map(|(at, of)| Some((at, of.as_mut().filter(|of| of.id == job)?)))?;
             // What was told before the gate was moved is late.
             let stop = of.stops.get(of.passed).filter(|stop| stop.at == gate)?;
-            if of.reached > of.passed {
+            // What was taken from it comes first; it is told again when the gate is moved then.
+            let is_deprived = !state.cell.channel(ChannelId(at)).deprived.is_empty();
+            if of.reached > of.passed || is_deprived {
                 return None;
             }
             of.reached = of.passed + 1;
