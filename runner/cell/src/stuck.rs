@@ -106,7 +106,7 @@ impl Cell {
             let more: Vec<ChannelId> = self
                 .setup()
                 .channels()
-                .filter(|one| !able.has(*one) && self.can_go_on(*one, able))
+                .filter(|one| !able.has(*one) && self.can_go_on(*one, able, begun))
                 .collect();
             if more.is_empty() {
                 return able;
@@ -117,7 +117,7 @@ impl Cell {
         }
     }
 
-    fn can_go_on(&self, channel: ChannelId, able: ChannelSet) -> bool {
+    fn can_go_on(&self, channel: ChannelId, able: ChannelSet, begun: ChannelSet) -> bool {
         if !self.runs(channel) {
             // Whoever is able can load a program here and start it.
             return !able.is_empty();
@@ -128,8 +128,8 @@ impl Cell {
                 with.iter().all(|one| self.is_at(one, *mark, *with) || able.has(one))
             }
             Word::Get { axis, .. } => self.can_get(channel, *axis, able),
-            Word::Load { channel: into, .. } => self.can_load(*into, able),
-            Word::Start { channel: other } => self.can_start(channel, *other, able),
+            Word::Load { channel: into, .. } => self.can_load(*into, able, begun),
+            Word::Start { channel: other } => self.can_start(channel, *other, able, begun),
             Word::Release { .. } => true,
         });
         word && state.deprived.iter().all(|axis| self.can_get(channel, *axis, able))
@@ -151,7 +151,7 @@ impl Cell {
     }
 
     /// Whether the program that is loaded there can be started, which makes room for the next.
-    fn can_load(&self, into: ChannelId, able: ChannelSet) -> bool {
+    fn can_load(&self, into: ChannelId, able: ChannelSet, begun: ChannelSet) -> bool {
         let is_idle = !self.runs(into);
         if !is_idle && !able.has(into) {
             return false;
@@ -160,17 +160,24 @@ impl Cell {
             let word = self.of(one).waits.as_ref().map(|waiting| &waiting.word);
             one != into && matches!(word, Some(Word::Start { channel }) if *channel == into)
         };
-        let is_running_and_able = |one: &ChannelId| able.has(*one) && self.runs(*one);
+        let is_running_and_able =
+            |one: &ChannelId| able.has(*one) && (self.runs(*one) || begun.has(*one));
         self.setup().channels().any(starts)
             || self.setup().channels().any(|one| one != into && is_running_and_able(&one))
             // It has one begin that starts it, once it has ended.
             || (is_running_and_able(&into) && self.setup().channels().any(|one| one != into && !self.runs(one)))
     }
 
-    fn can_start(&self, by: ChannelId, other: ChannelId, able: ChannelSet) -> bool {
+    fn can_start(
+        &self,
+        by: ChannelId,
+        other: ChannelId,
+        able: ChannelSet,
+        begun: ChannelSet,
+    ) -> bool {
         let can_end = !self.runs(other) || able.has(other);
-        let can_be_loaded =
-            self.of(other).loaded.is_some() || able.iter().any(|one| self.runs(one));
+        let can_be_loaded = self.of(other).loaded.is_some()
+            || able.iter().any(|one| self.runs(one) || begun.has(one));
         by != other && can_end && can_be_loaded
     }
 
