@@ -371,6 +371,9 @@ impl Change {
             }
             Self::Stopped => "the cell is stopped".to_owned(),
             Self::Cleared => "the cell is cleared".to_owned(),
+            Self::Deadlock { channels } if channels.len() == 1 => {
+                format!("deadlock: {} waits for itself", setup.names(*channels))
+            }
             Self::Deadlock { channels } => {
                 format!("deadlock: {} wait for each other", setup.names(*channels))
             }

@@ -212,11 +212,13 @@ impl Cell {
             }
         }
         let idle: Vec<&str> = waits_for.iter().filter(|one| !self.runs(*one)).map(name).collect();
-        if idle.is_empty() {
-            helps.push(format!("end the program of {}", name(channel)));
-        } else {
+        // Where nothing is loaded, a program that begins would have to load one.
+        let awaited = waiting.map(|(word, _)| word);
+        let is_empty = matches!(awaited, Some(Word::Start { channel: other }) if self.of(*other).loaded.is_none());
+        if self.state.forsaken.has(channel) && !idle.is_empty() && !is_empty {
             helps.push(format!("begin a program in {}", crate::setup::listed(&idle)));
         }
+        helps.push(format!("end the program of {}", name(channel)));
         helps.dedup();
         let text = format!("{} {what}: {}", name(channel), helps.join(", or "));
         Stuck { channel, waits_for, since: waiting.map(|(_, since)| since), text }

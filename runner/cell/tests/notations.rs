@@ -93,6 +93,24 @@ fn what_coordinates_and_cannot_be_understood_is_told_with_its_block() {
     assert!(refused("WAITE(2)", "siemens").contains("WAITE is not understood"));
     assert!(refused("GET(X1)", "siemens").contains("\"X1\" is no axis of the cell"));
     assert!(refused("G1 X1 M101", "M100-M199").contains("alone in its block"));
+    for (program, notation) in [
+        ("N10 G1 X1 WAI 1 LOADER", "wai"),
+        ("WAI1 LOADER", "wai"),
+        ("/WAI 1 LOADER", "wai"),
+        ("WAI 1 LOADER (SOFTPLUG GET C2)", "wai"),
+        ("(SOFTPLUG GET C2) M101 P2", "M100-M199"),
+        ("WAITM (1,1,2)", "siemens"),
+        ("/WAITM(1,1,2)", "siemens"),
+        ("/M101", "M100-M199"),
+        ("M101.5", "M100-M199"),
+        ("M101 P", "M100-M199"),
+        ("(SOFTPLUGWAIT 1 LOADER)", "comment"),
+        ("(SOFTPLUG: WAIT 1 LOADER)", "comment"),
+    ] {
+        assert!(!refused(program, notation).is_empty(), "{program}");
+    }
+    assert_eq!(read("(MSG (SOFTPLUG WAIT 1 LOADER))", "comment").unwrap().1.len(), 1);
+    assert_eq!(read("\u{feff}WAI 1 LOADER", "wai").unwrap().1.len(), 1);
 }
 
 #[test]

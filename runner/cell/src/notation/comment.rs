@@ -15,11 +15,13 @@ pub(super) fn words(text: &str, names: Names<'_>) -> Read<Vec<Word>> {
         let end = if is_bracket { inside.find(')') } else { None };
         let comment = &inside[..end.unwrap_or(inside.len())];
         let mut parts = comment.split_whitespace();
-        if parts.next().is_some_and(|first| first.eq_ignore_ascii_case(NAME)) {
-            words.push(word(comment, &parts.collect::<Vec<&str>>(), names)?);
+        let first = parts.next().unwrap_or_default().to_ascii_uppercase();
+        if first.starts_with(NAME) {
+            let parts: Vec<&str> = if first == NAME { parts.collect() } else { Vec::new() };
+            words.push(word(comment, &parts, names)?);
         }
-        let Some(end) = end else { break };
-        rest = &inside[end + 1..];
+        // One comment may stand in another.
+        rest = inside;
     }
     Ok(words)
 }

@@ -9,7 +9,8 @@ pub(super) fn words(text: &str, codes: RangeInclusive<u32>, names: Names<'_>) ->
     let block: String = without_number(text).split_whitespace().collect();
     let Some(codes) = addresses(&block).map(|addresses| {
         let is_wait = |(letter, value): &(char, &str)| {
-            *letter == 'M' && value.parse().is_ok_and(|code| codes.contains(&code))
+            let whole = value.split('.').next().unwrap_or_default();
+            *letter == 'M' && whole.parse().is_ok_and(|code| codes.contains(&code))
         };
         let waits = addresses.iter().any(is_wait);
         if waits { addresses } else { Vec::new() }
@@ -19,7 +20,7 @@ pub(super) fn words(text: &str, codes: RangeInclusive<u32>, names: Names<'_>) ->
     match codes[..] {
         [] => Ok(Vec::new()),
         [('M', mark)] => Ok(vec![names.meeting(mark, std::iter::empty())?]),
-        [('M', mark), ('P', paths)] | [('P', paths), ('M', mark)] => {
+        [('M', mark), ('P', paths)] | [('P', paths), ('M', mark)] if !paths.is_empty() => {
             let digits = paths.char_indices().map(|(at, _)| &paths[at..=at]);
             Ok(vec![names.meeting(mark, digits)?])
         }

@@ -161,18 +161,29 @@ impl Program<'_> {
 
 impl Notation {
     fn block(self, text: &str, names: Names<'_>) -> Read<Block> {
-        let said = comment::words(text, names)?;
-        if !said.is_empty() {
-            return Ok(Block::Sent(said));
-        }
-        let bare = without_comments(text);
+        let in_comments = comment::words(text, names)?;
+        let bare = without_comments(text.trim_start_matches('\u{feff}'));
+        let (bare, is_skipped) = match bare.trim_start().strip_prefix('/') {
+            Some(rest) => (rest.trim_start_matches(|c: char| c.is_ascii_digit()).to_owned(), true),
+            None => (bare, false),
+        };
         let said = match self {
             Self::Comment => Vec::new(),
             Self::Wai => wai::words(&bare, names)?,
             Self::Siemens => siemens::words(&bare, names)?,
             Self::MCodes { first, last } => m_codes::words(&bare, first..=last, names)?,
         };
-        Ok(if said.is_empty() { Block::Other } else { Block::LeftOut(said) })
+        match (in_comments.is_empty(), said.is_empty()) {
+            (true, true) => Ok(Block::Other),
+            (false, true) => Ok(Block::Sent(in_comments)),
+            (true, false) if is_skipped => {
+                Err("a word cannot be skipped by choice: take the / away".to_owned())
+            }
+            (true, false) => Ok(Block::LeftOut(said)),
+            (false, false) => {
+                Err("words in two notations stand here: give each a block of its own".to_owned())
+            }
+        }
     }
 }
 

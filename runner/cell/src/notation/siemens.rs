@@ -11,7 +11,12 @@ const UNKNOWN: [&str; 5] = ["WAITMC", "WAITE", "SETM", "CLEARM", "AXTOCHAN"];
 
 pub(super) fn words(text: &str, names: Names<'_>) -> Read<Vec<Word>> {
     let block = without_number(text).trim_end();
-    let Some((verb, rest)) = block.split_once('(') else { return Ok(Vec::new()) };
+    let Some((verb, rest)) = block.split_once('(') else {
+        // Behind a blank a bracket is a comment's.
+        let is_verb =
+            |word: &&&str| block.split_whitespace().any(|part| part.eq_ignore_ascii_case(word));
+        return VERBS.iter().find(is_verb).map_or(Ok(Vec::new()), |verb| Err(alone(verb)));
+    };
     let verb = verb.trim().to_ascii_uppercase();
     if UNKNOWN.contains(&&*verb) {
         let known = VERBS.join(", ");

@@ -3,6 +3,8 @@
 use super::{Names, Read, program_name, without_number};
 use crate::word::Word;
 
+const VERBS: [&str; 3] = ["WAI", "LAD", "EXE"];
+
 pub(super) fn words(text: &str, names: Names<'_>) -> Read<Vec<Word>> {
     let parts: Vec<&str> = without_number(text)
         .split(|c: char| c.is_whitespace() || c == ',')
@@ -22,7 +24,20 @@ pub(super) fn words(text: &str, names: Names<'_>) -> Read<Vec<Word>> {
                 text.trim().escape_debug()
             ));
         }
-        _ => return Ok(Vec::new()),
+        _ => {
+            let is_verb = |part: &&&str| {
+                let part = part.to_ascii_uppercase();
+                let mut rests = VERBS.iter().filter_map(|verb| part.strip_prefix(verb));
+                rests.any(|rest| rest.bytes().all(|byte| byte.is_ascii_digit()))
+            };
+            return match parts.iter().find(is_verb) {
+                Some(part) => Err(format!(
+                    "{} has to stand alone in its block, apart from what it names",
+                    part.escape_debug()
+                )),
+                None => Ok(Vec::new()),
+            };
+        }
     };
     Ok(vec![word])
 }

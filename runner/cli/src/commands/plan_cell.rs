@@ -111,6 +111,7 @@ pub(super) fn run(
         return Err(failure);
     }
     if let Some(file) = &arguments.chart {
+        keep_what_is_no_picture(file)?;
         let svg = draw(&cell.setup, &found.chart, found.at);
         fs::write(file, svg).map_err(|error| {
             let file = plain_text(&file.display().to_string());
@@ -121,6 +122,22 @@ pub(super) fn run(
     tell(&document, &found, screen);
     screen.document(&document);
     Ok(if document.ends { Exit::Done } else { Exit::Failed })
+}
+
+/// A picture may take the place of another one, and of nothing else.
+fn keep_what_is_no_picture(file: &Path) -> Result<(), Failure> {
+    if !file.is_file() {
+        return Ok(());
+    }
+    let is_kept =
+        fs::read(file).is_ok_and(|bytes| !bytes.is_empty() && !bytes.starts_with(b"<svg"));
+    if !is_kept {
+        return Ok(());
+    }
+    let file = plain_text(&file.display().to_string());
+    Err(Failure::usage(format_args!(
+        "{file} is there and is no picture, which the chart would overwrite; give --chart another one"
+    )))
 }
 
 fn channel(setup: &Setup, name: &str) -> Result<ChannelId, Failure> {

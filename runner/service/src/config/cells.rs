@@ -67,7 +67,11 @@ pub(super) fn all(
             if !links.iter().any(|link| link.name == text) {
                 let known = links.iter().map(|link| link.name.as_str());
                 let message = format!("there is no link \"{name}\"");
-                problems.add(channel.span(), message, of_names("channels are links:", text, known));
+                problems.add(channel.span(), message, of_names("the links", text, known));
+            } else if links.iter().any(|link| link.name == text && link.endpoint.is_some()) {
+                let message = format!("the link \"{name}\" has an endpoint and is a channel");
+                let hint = "take the endpoint away: what its client sends waits for nobody";
+                problems.add(channel.span(), message, hint);
             } else if !taken.insert(text) {
                 let message = format!("the link \"{name}\" is a channel already");
                 problems.add(channel.span(), message, "name it once: a link is in one cell");

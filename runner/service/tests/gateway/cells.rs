@@ -274,3 +274,36 @@ fn an_order_with_a_name_only_is_refused_like_any_other() {
     let refused = shop.gateway().submit("link-0", &JobOrder::default()).unwrap_err();
     assert!(matches!(refused, Refusal::Invalid { .. }), "{refused}");
 }
+
+#[test]
+fn a_cell_at_work_keeps_its_links_when_its_name_changes() {
+    let shop = cell(2, "");
+    let gateway = shop.gateway();
+    put(&shop, "A", "(SOFTPLUG WAIT 1)\nM30\n");
+    let one = gateway.submit("link-0", &send("A")).unwrap().id;
+    waits(&shop, 0);
+    shop.configure(|text| text.replace("name = \"shafts\"", "name = \"others\""));
+    let changed = gateway.reload().unwrap();
+    assert_eq!(changed.needs_restart, ["cell.shafts", "cell.others"]);
+    let names: Vec<String> = gateway.cells().unwrap().into_iter().map(|cell| cell.name).collect();
+    assert_eq!(names, ["shafts"]);
+    gateway.abort(one).unwrap();
+    wait_for("its end", || gateway.job(one).unwrap().ended_ms.is_some());
+    shop.configure(|text| text.replace("name = \"others\"", "name = \"shafts\""));
+    gateway.reload().unwrap();
+    let two = gateway.submit("link-1", &send("A")).unwrap().id;
+    waits(&shop, 1);
+    sleep(A_WHILE);
+    assert_eq!(gateway.job(two).unwrap().state, JobState::Running, "it waits for nobody");
+    assert_eq!(shop.read(1, 18), b"(SOFTPLUG WAIT 1)\n");
+    assert_eq!(shop.waiting(1), 0);
+}
+
+#[test]
+fn a_program_that_loads_one_with_a_wrong_word_is_refused() {
+    let shop = cell(2, "");
+    put(&shop, "BAD", "(SOFTPLUG WAIT 1 ZZ)\n");
+    put(&shop, "A", "G0\n(SOFTPLUG LOAD LINK-1 BAD)\n");
+    let refused = shop.gateway().submit("link-0", &send("A")).unwrap_err().to_string();
+    assert!(refused.contains("block 2: BAD cannot be loaded into link-1: block 1"), "{refused}");
+}

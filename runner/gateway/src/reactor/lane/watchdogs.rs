@@ -75,7 +75,9 @@ impl Dog {
 impl<I: LaneInstance> Lane<I> {
     pub(super) fn watch(&mut self, now: Micros, counters: &Counters) {
         let is_up = matches!(&self.phase, Phase::Open(channel) if channel.gone().is_none());
-        let progress = self.host.job.as_ref().map(|active| active.taken + counters.bytes_out);
+        // What is stopped on purpose need not get on.
+        let active = self.host.job.as_ref().filter(|active| !active.is_source_stopped());
+        let progress = active.map(|active| active.taken + counters.bytes_out);
         let seen = [
             (is_up, counters.bytes_in),
             (is_up && progress.is_some(), progress.unwrap_or(0)),

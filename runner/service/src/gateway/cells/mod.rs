@@ -39,6 +39,8 @@ const PENDING: usize = 1_000;
 pub(crate) struct Cells {
     by_name: BTreeMap<String, CellState>,
     of_link: HashMap<String, (String, ChannelId)>,
+    /// They were taken from a configuration once.
+    are_set: bool,
 }
 
 /// A cell that runs.
@@ -127,7 +129,9 @@ impl Control {
         let stood = self.stood_at(job, &stops);
         let state = self.cells.by_name.get_mut(&name)?;
         let is_started = job.spec.start == Some(Start::Given) && state.cell.runs(channel);
+        let its = state.jobs[usize::from(channel.0)].as_ref().filter(|of| of.id == job.id);
         let (passed, reached) = match stood {
+            _ if its.is_some() => its.map_or((0, 0), |of| (of.passed, of.reached)),
             Some(stood) if !state.cell.waits(channel) => (stood, stood),
             _ => place(&state.cell, channel, &stops, job.spec.from),
         };
@@ -137,7 +141,13 @@ impl Control {
             reached,
             passed,
         });
-        let event = (!is_started).then(|| begins(channel, job));
+        let is_paused = state.cell.channel(channel).is_paused;
+        let event = match (is_started, is_paused) {
+            (false, _) => Some(begins(channel, job)),
+            // Somebody ended its pause before it began.
+            (true, true) => Some(Event::Paused { channel, is: false }),
+            (true, false) => None,
+        };
         match self.step(&name, event, Some((job.id, passed as u32))) {
             Ok(()) => Some(self.shared.parts.jobs.reader().job(job.id)),
             Err(not_taken) => {

@@ -40,7 +40,7 @@ impl ChannelOf {
         let program = program.map_err(|error| Refusal::invalid("program", error))?;
         for stop in &program.stops {
             if let Word::Load { channel, program } = &stop.word {
-                self.find(shared, *channel, program).map_err(|error| {
+                self.check(shared, *channel, program).map_err(|error| {
                     Refusal::invalid("program", format!("block {}: {error}", stop.block))
                 })?;
             }
@@ -51,6 +51,24 @@ impl ChannelOf {
         let data =
             snapshots.take_all(&mut &*program.sent, "what is sent of the program", LARGEST)?;
         Ok((data, program.stops))
+    }
+
+    /// Whether a program can be loaded into a channel, as it is now.
+    fn check(&self, shared: &Shared, channel: ChannelId, name: &str) -> Result<(), Refusal> {
+        let found = self.find(shared, channel, name)?;
+        let (mut file, known) = shared.parts.programs.download(&found)?;
+        if known.size > LARGEST {
+            return Ok(());
+        }
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes).map_err(|error| Refusal::Unavailable(error.to_string()))?;
+        let notation = self.config.notation(channel);
+        let read = Program::read(&bytes, channel, &self.config.setup, notation);
+        let to = self.config.setup.channel_name(channel);
+        let name = name.escape_debug();
+        read.map(drop).map_err(|error| {
+            Refusal::Conflict(format!("{name} cannot be loaded into {to}: {error}"))
+        })
     }
 
     /// The program of this name that a channel would be given.

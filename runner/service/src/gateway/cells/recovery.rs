@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use softplug_cell::{AfterCrash, Cell, ChannelSet, Chart, End, Event, Stop};
 
-use super::{CellState, Control, SPANS, SavedCell};
+use super::{CellState, ChannelJob, Control, SPANS, SavedCell};
 use crate::config::CellConfig;
 use crate::jobs::{CellStep, Job, JobSpec, Note, Start, State as JobState, Subject, Weight};
 use crate::view::now_ms;
@@ -13,7 +13,8 @@ impl Control {
     /// Takes the cells of a configuration; those that are changed only by a new start.
     pub(in super::super) fn set_cells(&mut self, configs: &[CellConfig]) -> Vec<String> {
         let (mut waiting, mut returned) = (Vec::new(), Vec::new());
-        let is_start = self.cells.by_name.is_empty();
+        let is_start = !self.cells.are_set;
+        self.cells.are_set = true;
         let gone: Vec<String> = self
             .cells
             .by_name
@@ -30,12 +31,17 @@ impl Control {
         }
         for config in configs {
             let is_at_work = self.is_at_work(&config.name);
+            let is_elsewhere = self.is_channel_elsewhere(config);
             match self.cells.by_name.get_mut(&config.name) {
                 Some(state) if state.config.setup == config.setup => state.config = config.clone(),
                 Some(_) if is_at_work => {
                     waiting.push(format!("cell.{}", config.name));
                 }
                 Some(_) => self.add_cell(config, Cell::new(config.setup.clone())),
+                None if is_elsewhere => {
+                    waiting.push(format!("cell.{}", config.name));
+                }
+                None if !is_start => self.add_cell(config, Cell::new(config.setup.clone())),
                 None => {
                     let jobs = self.bring_back(config);
                     returned.extend(jobs.map(|jobs| (config, jobs)));
@@ -61,6 +67,15 @@ impl Control {
             let setup = &state.config.setup;
             setup.channels().any(|channel| state.cell.runs(channel))
                 || setup.axes().any(|axis| state.cell.axis(axis).0.is_some())
+        })
+    }
+
+    /// A link is in one cell: one that is still at work keeps it.
+    fn is_channel_elsewhere(&self, config: &CellConfig) -> bool {
+        self.cells.by_name.values().any(|state| {
+            let other = &state.config.setup;
+            let mut names = config.setup.channels().map(|one| config.setup.channel_name(one));
+            names.any(|name| other.channels().any(|one| other.channel_name(one) == name))
         })
     }
 
@@ -132,7 +147,7 @@ impl Control {
             let step = CellStep { loaded: resumed, ..unchanged };
             let written = self.shared.parts.jobs.step_cell(step);
             for job in self.wrote(written).unwrap_or_default() {
-                self.show_job(&job);
+                self.stands_again(name, &job);
             }
         }
         let is_at_work = setup.channels().any(|channel| {
@@ -142,6 +157,22 @@ impl Control {
             self.happened(name, Event::Restarted { cut_off, policy });
         }
         self.load_again(config);
+    }
+
+    /// A job that goes on with one that stands behind a block: it is the channel's from now on, and
+    /// paused if that was.
+    fn stands_again(&mut self, name: &str, job: &Job) {
+        let before = job.spec.restarts.and_then(|id| self.shared.parts.jobs.reader().job(id).ok());
+        let stops = self.shared.parts.jobs.reader().stops(job.id).unwrap_or_default();
+        let Some(state) = self.cells.by_name.get_mut(name) else { return };
+        let Some(channel) = state.config.setup.channel(&job.spec.link) else { return };
+        let passed = before.map_or(0, |before| before.passed as usize);
+        let is_paused = state.cell.channel(channel).is_paused;
+        state.jobs[usize::from(channel.0)] =
+            Some(ChannelJob { id: job.id, stops, reached: passed + 1, passed });
+        let paused = is_paused.then(|| self.shared.parts.jobs.pause(job.id));
+        let paused = paused.and_then(|paused| self.wrote(paused));
+        self.show_job(paused.as_ref().unwrap_or(job));
     }
 
     /// The job that goes on with one that stands behind a block.
