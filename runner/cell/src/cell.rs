@@ -3,14 +3,10 @@
 use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
 use crate::event::{AfterCrash, Change, End, Event, Mode, Refused};
 use crate::setup::{AxisId, ChannelId, ChannelSet, GroupId, Setup};
 use crate::word::Word;
-
-/// What is saved has this shape.
-const FORMAT: u8 = 1;
 
 /// Machines that work together: who runs what, who waits for whom, and who has which axis.
 ///
@@ -36,7 +32,7 @@ const FORMAT: u8 = 1;
 /// ```
 #[derive(Clone, PartialEq, Eq, Hash, Debug)]
 pub struct Cell {
-    setup: Setup,
+    pub(crate) setup: Setup,
     pub(crate) state: State,
 }
 
@@ -45,10 +41,10 @@ pub struct Cell {
 pub(crate) struct State {
     pub(crate) channels: Vec<Channel>,
     pub(crate) axes: Vec<Axis>,
-    modes: Vec<Mode>,
+    pub(crate) modes: Vec<Mode>,
     /// Who waits behind a block, in the order of arrival.
-    order: Vec<ChannelId>,
-    is_stopped: bool,
+    pub(crate) order: Vec<ChannelId>,
+    pub(crate) is_stopped: bool,
     pub(crate) deadlocked: ChannelSet,
     pub(crate) forsaken: ChannelSet,
 }
@@ -56,7 +52,7 @@ pub(crate) struct State {
 #[derive(Clone, PartialEq, Eq, Hash, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Channel {
     /// The program that runs.
-    program: Option<String>,
+    pub(crate) program: Option<String>,
     /// The one that is to run next, when it is started.
     pub(crate) loaded: Option<String>,
     /// What it stands for behind a block.
@@ -78,32 +74,6 @@ pub(crate) struct Waiting {
 pub(crate) struct Axis {
     pub(crate) owner: Option<ChannelId>,
     pub(crate) queue: VecDeque<ChannelId>,
-}
-
-/// A cell as it is saved.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub struct Saved {
-    format: u8,
-    channels: Vec<String>,
-    axes: Vec<String>,
-    groups: Vec<String>,
-    state: State,
-}
-
-/// Why what was saved is not taken.
-#[derive(Clone, PartialEq, Eq, Debug, Error)]
-pub enum RestoreError {
-    /// Another version wrote it.
-    #[error("the cell was saved in format {0}, and this version reads format {FORMAT}")]
-    Format(u8),
-    /// Channels, axes or groups are others now, and something was under way.
-    #[error(
-        "the cell's channels, axes or groups were changed while programs ran or axes were owned"
-    )]
-    OtherSetup,
-    /// It names what there is not, or contradicts itself.
-    #[error("what was saved of the cell is damaged")]
-    Damaged,
 }
 
 /// What a channel does, to be shown.
@@ -239,175 +209,6 @@ impl Cell {
     /// A group's mode.
     pub fn mode(&self, group: GroupId) -> Mode {
         self.state.modes[usize::from(group.0)]
-    }
-
-    /// As it is, to be written down.
-    pub fn save(&self) -> Saved {
-        let (channels, axes, groups) = self.names();
-        Saved { format: FORMAT, channels, axes, groups, state: self.state.clone() }
-    }
-
-    /// A cell as it was saved.
-    ///
-    /// # Errors
-    /// Another version saved it, it is damaged, or the setup is another one and something was
-    /// under way. If nothing was, the cell begins anew.
-    pub fn restore(setup: Setup, saved: Saved) -> Result<Self, RestoreError> {
-        if saved.format != FORMAT {
-            return Err(RestoreError::Format(saved.format));
-        }
-        let fresh = Self::new(setup);
-        if fresh.names() != (saved.channels, saved.axes, saved.groups) {
-            let is_idle = saved.state.channels.iter().all(|one| one.program.is_none())
-                && saved.state.axes.iter().all(|axis| axis.owner.is_none());
-            return if is_idle { Ok(fresh) } else { Err(RestoreError::OtherSetup) };
-        }
-        let cell = Self { state: saved.state, ..fresh };
-        if cell.is_sound() { Ok(cell) } else { Err(RestoreError::Damaged) }
-    }
-
-    fn names(&self) -> (Vec<String>, Vec<String>, Vec<String>) {
-        let setup = &self.setup;
-        (
-            setup.channels().map(|one| setup.channel_name(one).to_owned()).collect(),
-            setup.axes().map(|axis| setup.axis_name(axis).to_owned()).collect(),
-            setup.groups().map(|(_, name, set)| format!("{name}: {}", setup.names(set))).collect(),
-        )
-    }
-
-    /// What holds between any two events.
-    fn is_sound(&self) -> bool {
-        let (channels, axes) = (self.setup.channels().count(), self.setup.axes().count());
-        let state = &self.state;
-        let is_channel = |one: &ChannelId| usize::from(one.0) < channels;
-        let sizes = state.channels.len() == channels
-            && state.axes.len() == axes
-            && state.modes.len() == self.setup.groups().count();
-        if !sizes || !state.order.iter().all(is_channel) {
-            return false;
-        }
-        let words = state.channels.iter().filter_map(|one| one.waits.as_ref());
-        let words = words.map(|waiting| waiting.word.clone()).all(|word| self.knows(&word).is_ok());
-        let axes_are_known = state
-            .axes
-            .iter()
-            .all(|axis| axis.owner.iter().all(is_channel) && axis.queue.iter().all(is_channel));
-        if !words || !axes_are_known {
-            return false;
-        }
-        self.setup.channels().all(|one| {
-            let is_in_order = state.order.iter().filter(|other| **other == one).count();
-            let in_queues = self.setup.axes().filter(|axis| self.axis(*axis).1.contains(&one));
-            let wanted = self.setup.axes().filter(|axis| self.wants(one, *axis));
-            is_in_order == usize::from(self.waits(one))
-                && (self.runs(one) || (!self.waits(one) && self.of(one).deprived.is_empty()))
-                && in_queues.eq(wanted)
-        })
-    }
-
-    /// Whether a channel is in an axis' queue, by what it waits for.
-    fn wants(&self, channel: ChannelId, axis: AxisId) -> bool {
-        let state = self.of(channel);
-        let asked = state.waits.as_ref().map(|waiting| &waiting.word);
-        state.deprived.contains(&axis)
-            || matches!(asked, Some(Word::Get { axis: asked, .. }) if *asked == axis)
-    }
-
-    /// Whether an event fits.
-    fn check(&self, event: &Event) -> Result<(), Refused> {
-        match event {
-            Event::Begin { channel, by_hand, .. } => {
-                self.check_channel(*channel)?;
-                self.check_begin(*channel, *by_hand)
-            }
-            Event::Reached { channel, word } => {
-                self.check_runs(*channel)?;
-                self.knows(word)?;
-                if !self.of(*channel).deprived.is_empty() {
-                    return Err(Refused::Interrupted(self.name(*channel)));
-                }
-                if self.waits(*channel) {
-                    return Err(Refused::Waits(self.name(*channel)));
-                }
-                Ok(())
-            }
-            Event::Ended { channel, .. } => self.check_runs(*channel),
-            Event::Unloaded { channel }
-            | Event::Paused { channel, .. }
-            | Event::Lost { channel, .. } => self.check_channel(*channel),
-            Event::Mode { group, mode } => self.check_mode(*group, *mode),
-            Event::Force { axis, channel } => {
-                self.check_axis(*axis)?;
-                self.check_channel(*channel)?;
-                if self.runs(*channel) {
-                    return Ok(());
-                }
-                let axis = self.setup.axis_name(*axis).to_owned();
-                Err(Refused::NoUse { axis, channel: self.name(*channel) })
-            }
-            Event::Free { axis } => self.check_axis(*axis),
-            Event::Restarted { cut_off, .. } => {
-                cut_off.iter().try_for_each(|one| self.check_channel(one))
-            }
-            Event::Clear => Ok(()),
-        }
-    }
-
-    fn check_begin(&self, channel: ChannelId, by_hand: bool) -> Result<(), Refused> {
-        if self.state.is_stopped {
-            return Err(Refused::Stopped);
-        }
-        if let Some(program) = &self.of(channel).program {
-            let program = program.escape_debug().to_string();
-            return Err(Refused::Runs { channel: self.name(channel), program });
-        }
-        let group = self.setup.group_of(channel);
-        let mode = self.mode(group);
-        let hint = match (mode, by_hand) {
-            (Mode::Auto | Mode::JogInAuto, _) | (Mode::Mda, true) => return Ok(()),
-            (Mode::Mda, false) => "the queue waits until it is in AUTO",
-            (Mode::Jog, _) => "choose AUTO to begin a program",
-        };
-        let group = self.setup.group_name(group).to_owned();
-        Err(Refused::Mode { group, mode: mode.name(), hint })
-    }
-
-    fn check_mode(&self, group: GroupId, mode: Mode) -> Result<(), Refused> {
-        let Some((.., set)) = self.setup.groups().find(|(id, ..)| *id == group) else {
-            return Err(Refused::Unknown(format!("group {}", group.0 + 1)));
-        };
-        // JOG in AUTO counts as AUTO: programs stay where they are.
-        let is_auto = |mode: Mode| matches!(mode, Mode::Auto | Mode::JogInAuto);
-        let running: ChannelSet = set.iter().filter(|one| self.runs(*one)).collect();
-        let stays = mode == self.mode(group) || (is_auto(mode) && is_auto(self.mode(group)));
-        if stays || running.is_empty() {
-            return Ok(());
-        }
-        let group = self.setup.group_name(group).to_owned();
-        Err(Refused::GroupRuns { group, running: self.setup.names(running) })
-    }
-
-    fn check_runs(&self, channel: ChannelId) -> Result<(), Refused> {
-        self.check_channel(channel)?;
-        if self.runs(channel) { Ok(()) } else { Err(Refused::Idle(self.name(channel))) }
-    }
-
-    fn check_channel(&self, channel: ChannelId) -> Result<(), Refused> {
-        let is_there = usize::from(channel.0) < self.state.channels.len();
-        if is_there { Ok(()) } else { Err(Refused::Unknown(channel.to_string())) }
-    }
-
-    fn check_axis(&self, axis: AxisId) -> Result<(), Refused> {
-        let is_there = usize::from(axis.0) < self.state.axes.len();
-        if is_there { Ok(()) } else { Err(Refused::Unknown(format!("axis {}", axis.0 + 1))) }
-    }
-
-    fn knows(&self, word: &Word) -> Result<(), Refused> {
-        match word {
-            Word::Wait { with, .. } => with.iter().try_for_each(|one| self.check_channel(one)),
-            Word::Load { channel, .. } | Word::Start { channel } => self.check_channel(*channel),
-            Word::Get { axis, .. } | Word::Release { axis } => self.check_axis(*axis),
-        }
     }
 
     fn apply(&mut self, now: u64, event: Event, changes: &mut Vec<Change>) {
@@ -655,7 +456,7 @@ impl Cell {
         self.mode(self.setup.group_of(channel))
     }
 
-    fn name(&self, channel: ChannelId) -> String {
+    pub(crate) fn name(&self, channel: ChannelId) -> String {
         self.setup.channel_name(channel).to_owned()
     }
 }

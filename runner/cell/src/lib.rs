@@ -15,6 +15,8 @@
 //! | `notation` | how they are written |
 //! | `event` | what a cell is told, and what comes of it |
 //! | `cell` | the state machine |
+//! | `checking` | which events fit |
+//! | `saving` | a cell as it is written down |
 //! | `chart` | who did what over time |
 //! | `picture` | a chart as SVG |
 //! | `rehearsal` | programs without machines |
@@ -24,21 +26,24 @@
 
 mod cell;
 mod chart;
+mod checking;
 mod event;
 mod notation;
 mod picture;
 mod rehearsal;
+mod saving;
 mod setup;
 mod stuck;
 mod timing;
 mod word;
 
-pub use cell::{Cell, ChannelView, RestoreError, Saved};
+pub use cell::{Cell, ChannelView};
 pub use chart::{Chart, Doing, Span};
 pub use event::{AfterCrash, Change, End, Event, Mode, Refused};
 pub use notation::{MOST_WORDS, NoNotation, Notation, Program, Stop, WordError};
 pub use picture::draw;
 pub use rehearsal::{Course, Outcome, Rehearsal, rehearse};
+pub use saving::{RestoreError, Saved};
 pub use setup::{AxisId, ChannelId, ChannelSet, GroupId, MOST, Setup, SetupError};
 pub use stuck::Stuck;
 pub use timing::{BlockTimes, Machine};

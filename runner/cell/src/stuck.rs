@@ -23,7 +23,7 @@ pub struct Stuck {
     pub waits_for: ChannelSet,
     /// Since when it stands behind its block, in milliseconds; none if an axis was taken from it.
     pub since: Option<u64>,
-    /// The same in words, with what would free it.
+    /// In words, with what would free it.
     pub text: String,
 }
 
