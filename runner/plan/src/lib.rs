@@ -60,7 +60,7 @@ mod programme;
 mod pulses;
 mod shop;
 mod simulation;
-mod span;
+pub mod span;
 
 pub use change::{Change, Parameter};
 pub use error::{Place, ShopError, Wrong};

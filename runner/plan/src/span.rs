@@ -4,19 +4,29 @@
 //! gateway's configuration, and may have decimals.
 
 /// The form, as errors say it.
-pub(crate) const FORM: &str = "a number and a unit, such as \"250us\", \"2ms\" or \"0.5s\"";
+pub const FORM: &str = "a number and a unit, such as \"250us\", \"2ms\" or \"0.5s\"";
 
 /// Why a text is no span that can be meant.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum NoSpan {
+pub enum NoSpan {
     /// It has another form.
     Form,
     /// There is no number that is so large.
     Large,
 }
 
-/// `250us`, `2ms`, `1.5 ms` or `0.5s`, in seconds.
-pub(crate) fn seconds(text: &str) -> Result<f64, NoSpan> {
+/// `40ns`, `250us`, `2ms`, `1.5 ms` or `0.5s`, in seconds.
+///
+/// # Errors
+/// It has another form, or is too large.
+///
+/// ```
+/// use softplug_plan::span;
+///
+/// assert_eq!(span::seconds("2ms"), Ok(0.002));
+/// assert_eq!(span::shown(0.000_05), "50us");
+/// ```
+pub fn seconds(text: &str) -> Result<f64, NoSpan> {
     let end = text.find(|c: char| !c.is_ascii_digit() && c != '.').ok_or(NoSpan::Form)?;
     let (number, unit) = (&text[..end], text[end..].trim_start());
     let (whole, decimals) = number.split_once('.').unwrap_or((number, "0"));
@@ -27,6 +37,7 @@ pub(crate) fn seconds(text: &str) -> Result<f64, NoSpan> {
     }
     let number: f64 = number.parse().map_err(|_| NoSpan::Form)?;
     let seconds = match unit {
+        "ns" => number / 1e9,
         "us" | "µs" | "μs" => number / 1e6,
         "ms" => number / 1e3,
         "s" => number,
@@ -37,11 +48,12 @@ pub(crate) fn seconds(text: &str) -> Result<f64, NoSpan> {
 }
 
 /// A span in seconds, as people write it.
-pub(crate) fn shown(seconds: f64) -> String {
+pub fn shown(seconds: f64) -> String {
     let (number, unit) = match seconds {
         s if s >= 1.0 => (s, "s"),
         s if s >= 1e-3 || s == 0.0 => (s * 1e3, "ms"),
-        s => (s * 1e6, "us"),
+        s if s >= 1e-6 => (s * 1e6, "us"),
+        s => (s * 1e9, "ns"),
     };
     // Spans are given to the nanosecond at most, and what a multiplication adds is not shown.
     let text = format!("{number:.3}");
@@ -55,6 +67,7 @@ mod tests {
     #[test]
     fn spans_have_units() {
         let near = |text, is: f64| assert!((seconds(text).unwrap() - is).abs() < 1e-12, "{text}");
+        near("40ns", 40e-9);
         near("250us", 250e-6);
         near("250 µs", 250e-6);
         near("2ms", 2e-3);
@@ -75,6 +88,9 @@ mod tests {
 
     #[test]
     fn spans_are_shown_as_they_are_written() {
-        assert_eq!([0.0, 2.5e-4, 2e-3, 1.5].map(shown), ["0ms", "250us", "2ms", "1.5s"]);
+        assert_eq!(
+            [0.0, 4e-8, 2.5e-4, 2e-3, 1.5].map(shown),
+            ["0ms", "40ns", "250us", "2ms", "1.5s"]
+        );
     }
 }

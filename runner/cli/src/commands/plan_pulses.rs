@@ -2,6 +2,7 @@
 
 use clap::Args;
 use serde::Serialize;
+use softplug_plan::span::{self, shown};
 use softplug_plan::{PulseBudget, Pulses};
 
 use crate::exit::Exit;
@@ -77,33 +78,12 @@ pub(super) fn run(rate: f64, arguments: &PulseArguments, screen: &Screen) -> Exi
     Exit::Done
 }
 
-/// Three digits, with a unit.
-fn shown(seconds: f64) -> String {
-    let (value, unit) = match seconds {
-        s if s >= 1.0 => (s, "s"),
-        s if s >= 1e-3 => (s * 1e3, "ms"),
-        s if s >= 1e-6 => (s * 1e6, "µs"),
-        s => (s * 1e9, "ns"),
-    };
-    let text = format!("{value:.3}");
-    format!("{} {unit}", text.trim_end_matches('0').trim_end_matches('.'))
-}
-
 fn rate(text: &str) -> Result<f64, String> {
     let rate = text.parse::<f64>().ok().filter(|rate| (1.0..=1e9).contains(rate));
     rate.ok_or_else(|| "give periods a second from 1 to 1e9".to_owned())
 }
 
 fn time(text: &str) -> Result<f64, String> {
-    let split = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
-    let (number, unit) = text.split_at(split);
-    let scale = match unit.trim_start() {
-        "ns" => Some(1e-9),
-        "us" | "µs" => Some(1e-6),
-        "ms" => Some(1e-3),
-        _ => None,
-    };
-    let seconds = number.parse::<f64>().ok().zip(scale).map(|(number, scale)| number * scale);
-    let seconds = seconds.filter(|seconds| *seconds > 0.0 && *seconds <= 1.0);
+    let seconds = span::seconds(text).ok().filter(|seconds| *seconds > 0.0 && *seconds <= 1.0);
     seconds.ok_or_else(|| "give a number and a unit, such as 40ns, 50us or 1ms".to_owned())
 }
