@@ -92,7 +92,9 @@ pub(super) fn run(
             return Err(Failure::usage(format_args!("{name} is given two programs; give it one")));
         }
     }
-    let shelves = Programs::open(&config.gateway.programs).map_err(Failure::usage)?;
+    // What is not there is not made: nothing is done but planned.
+    let folders = config.gateway.programs.iter().filter(|folder| folder.is_dir()).cloned();
+    let shelves = Programs::open(&folders.collect::<Vec<_>>()).map_err(Failure::usage)?;
     let mut wrong = None;
     let found = rehearse(cell.setup.clone(), begin, |channel, program| {
         let link = link(&config, &cell.setup, channel)?;
