@@ -184,6 +184,15 @@ impl<I: LaneInstance> Lane<I> {
             && matches!(&self.phase, Phase::Open(channel) if is_free(channel))
     }
 
+    /// Whether the source has stopped on purpose, and it is not shown yet that all before that has left.
+    pub(super) fn is_stopped_and_not_drained(&self) -> bool {
+        self.host.job.as_ref().is_some_and(|active| {
+            active.is_hungry
+                && active.is_source_stopped()
+                && self.status.drained(active.id) != Some(active.taken)
+        })
+    }
+
     /// Counts the time for which a job waits for data while the line stands idle.
     pub(super) fn count_starved(&mut self, now: Micros) {
         let was_since = self.starved_since.take();

@@ -321,7 +321,9 @@ impl<I: LaneInstance> Lane<I> {
             if !self.is_faulted {
                 wants = channel.wants(now);
             }
-            let waits_for_the_line = self.is_about_to_starve() || self.closing_until.is_some();
+            let waits_for_the_line = self.is_about_to_starve()
+                || self.is_stopped_and_not_drained()
+                || self.closing_until.is_some();
             line_free = waits_for_the_line.then(|| channel.next_look_at_the_line(now)).flatten();
         }
         self.want_write(thread, wants.write);
