@@ -18,7 +18,9 @@ use super::swaps::Wanted;
 use super::{Gateway, Watching, show};
 use crate::Refusal;
 use crate::config::Config;
-use crate::jobs::{BeginAt, EntryFilter, Job, JobFilter as Filter, JobSpec, Kind, beginning_at};
+use crate::jobs::{
+    BeginAt, EntryFilter, Job, JobFilter as Filter, JobSpec, Kind, Words, beginning_at,
+};
 use crate::view::{
     Change, HealthView, JobFilter, JobOrder, JobView, JournalEntry, JournalFilter, KindView,
     LinkCounts, LinkState, LinkView, ReadyView, ReloadView, StopHow, SwapOrder, SwapView,
@@ -166,7 +168,8 @@ impl Gateway {
                 if at == BeginAt::Start {
                     job
                 } else {
-                    beginning_at(job, at, has_field, &parts.snapshots)?
+                    let words = Words { stops: &stops, stood: None };
+                    beginning_at(job, at, has_field, words, &parts.snapshots)?
                 }
             }
             (None, Some(_)) => {

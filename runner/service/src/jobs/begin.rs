@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use softplug_cell::Stop;
+
 use super::{JobSpec, JobsError, blocks};
 use crate::disk::DiskError;
 use crate::programs::Snapshots;
@@ -17,6 +19,26 @@ pub enum BeginAt {
     Byte(u64),
 }
 
+/// Words of coordination in a program.
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+pub struct Words<'a> {
+    /// Where its feed stops.
+    pub stops: &'a [Stop],
+    /// The word at which the job stood that this one goes on with.
+    pub stood: Option<u32>,
+}
+
+impl Words<'_> {
+    /// How many lie before this byte. Who stood at a word and begins there again is not behind it.
+    fn before(self, byte: u64) -> u32 {
+        let is_there = |word: &u32| {
+            self.stops.get(*word as usize).is_some_and(|stop| byte > 0 && stop.at == byte)
+        };
+        let behind = || self.stops.iter().filter(|stop| byte > 0 && stop.at <= byte).count();
+        self.stood.filter(is_there).unwrap_or_else(|| behind() as u32)
+    }
+}
+
 /// What a job is to do, beginning there. `field`: the field of the job's kind that takes the number of
 /// the first block, for a plug-in that finds blocks itself.
 ///
@@ -26,9 +48,10 @@ pub fn beginning_at(
     mut spec: JobSpec,
     at: BeginAt,
     field: Option<&str>,
+    words: Words<'_>,
     snapshots: &Snapshots,
 ) -> Result<JobSpec, JobsError> {
-    (spec.from, spec.from_block) = (0, 1);
+    (spec.from, spec.from_block, spec.words_before) = (0, 1, 0);
     if let Some(field) = field {
         spec.fields.retain(|(name, _)| name != field);
     }
@@ -40,7 +63,10 @@ pub fn beginning_at(
         }
     };
     match at {
-        BeginAt::Byte(byte) if byte < data.size => (spec.from, spec.from_block) = (byte, 0),
+        BeginAt::Byte(byte) if byte < data.size => {
+            (spec.from, spec.from_block) = (byte, 0);
+            spec.words_before = words.before(byte);
+        }
         BeginAt::Byte(byte) => {
             return Err(JobsError::Spec(format!(
                 "the program has no byte {byte}, it has {}",
@@ -54,6 +80,7 @@ pub fn beginning_at(
                 return Err(JobsError::Spec(format!("the program has no block {number}")));
             };
             spec.from_block = number;
+            spec.words_before = words.before(block.start);
             match field {
                 Some(field) => spec.fields.push((field.to_owned(), number.to_string())),
                 None => spec.from = block.start,

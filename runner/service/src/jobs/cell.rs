@@ -16,12 +16,12 @@ pub struct CellStep {
     pub saved: Vec<u8>,
     /// Jobs that came to a word.
     pub arrived: Vec<Arrived>,
-    /// A job that begins with it, with so many words behind it.
-    pub begins: Option<(u32, u32)>,
+    /// A job that begins with it.
+    pub begins: Option<u32>,
     /// Jobs that were loaded, and are started now.
     pub started: Vec<u32>,
-    /// Programs that were loaded, with the places where their feed stops.
-    pub loaded: Vec<(JobSpec, Vec<Stop>)>,
+    /// Jobs that go on behind a block at which another one stood.
+    pub resumed: Vec<Resumed>,
     /// What the journal says.
     pub notes: Vec<Note>,
 }
@@ -35,6 +35,17 @@ pub struct Arrived {
     pub passed: u32,
     /// All before this byte has left.
     pub left: u64,
+}
+
+/// A job that goes on with one that stood behind a block.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Resumed {
+    /// What it is to do.
+    pub spec: JobSpec,
+    /// Where its feed stops.
+    pub stops: Vec<Stop>,
+    /// Somebody had the other one pause.
+    pub is_paused: bool,
 }
 
 impl Jobs {
@@ -59,20 +70,20 @@ impl Jobs {
             change.notes.push(note(&job, format!("job {id} is started by its cell")));
             change.jobs.push(job);
         }
-        if let Some((id, passed)) = step.begins {
+        if let Some(id) = step.begins {
             let mut job = live(&store, id, Step::Begin)?;
             job.state = after(job.state, job.has_begun(), Step::Begin).ok_or(JobsError::State {
                 id,
                 state: job.state,
                 step: Step::Begin,
             })?;
-            job.passed = passed;
             let text = begun(&mut job, time);
             change.notes.push(note(&job, text));
             change.jobs.push(job);
         }
-        for (at, (spec, stops)) in step.loaded.into_iter().enumerate() {
-            let job = created(store.next_job() + at as u32, spec, State::Queued);
+        for (at, Resumed { spec, stops, is_paused }) in step.resumed.into_iter().enumerate() {
+            let state = if is_paused { State::Paused } else { State::Queued };
+            let job = created(store.next_job() + at as u32, spec, state);
             change.notes.push(queued_note(&job));
             change.stops.push((job.id, stops));
             change.jobs.push(job);

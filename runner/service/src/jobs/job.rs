@@ -63,6 +63,9 @@ pub struct JobSpec {
     /// The job that this one does again, or goes on with.
     #[serde(default)]
     pub restarts: Option<u32>,
+    /// Words of coordination in its program that lie before what it sends.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub words_before: u32,
     /// Loaded by another channel of its cell, and begun when one starts it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start: Option<Start>,
@@ -99,6 +102,7 @@ impl JobSpec {
             priority: 0,
             origin: Origin::default(),
             restarts: None,
+            words_before: 0,
             start: None,
         }
     }

@@ -21,9 +21,9 @@ mod tables;
 mod told;
 mod turns;
 
-pub use begin::{BeginAt, beginning_at};
+pub use begin::{BeginAt, Words, beginning_at};
 pub use blocks::{Between, Block};
-pub use cell::{Arrived, CellStep};
+pub use cell::{Arrived, CellStep, Resumed};
 pub use error::{JobsError, StoreError};
 pub use job::{
     CheckFault, Comparison, Data, Extent, Job, JobSpec, Kind, Left, Origin, Reason, Reception,
@@ -399,7 +399,9 @@ impl Jobs {
                 "job {id} cannot be restarted: the gateway has no data to send"
             )));
         }
-        self.submit_with(beginning_at(spec, at, field, snapshots)?, self.reader.stops(id)?)
+        let stops = self.reader.stops(id)?;
+        let words = Words { stops: &stops, stood: Some(job.passed) };
+        self.submit_with(beginning_at(spec, at, field, words, snapshots)?, stops)
     }
 
     fn step(
@@ -460,12 +462,12 @@ fn queued_note(job: &Job) -> Note {
 fn created(id: u32, spec: JobSpec, state: State) -> Job {
     Job {
         id,
+        passed: spec.words_before,
         spec,
         state,
         extent: Extent::default(),
         taken: 0,
         sent: 0,
-        passed: 0,
         reason: None,
         reception: None,
         is_unseen: false,

@@ -31,7 +31,7 @@ pub struct CellChannelView {
     pub link: String,
     /// What it does.
     pub state: CellChannelState,
-    /// The same in words.
+    /// What it does, in words.
     pub text: String,
     /// Since when.
     pub since_ms: TimeMs,

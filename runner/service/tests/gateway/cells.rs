@@ -307,3 +307,38 @@ fn a_program_that_loads_one_with_a_wrong_word_is_refused() {
     let refused = shop.gateway().submit("link-0", &send("A")).unwrap_err().to_string();
     assert!(refused.contains("block 2: BAD cannot be loaded into link-1: block 1"), "{refused}");
 }
+
+#[test]
+fn a_program_that_was_loaded_and_paused_begins_when_it_is_resumed() {
+    let shop = cell(2, "");
+    let gateway = shop.gateway();
+    put(&shop, "O77", "M30\n");
+    put(&shop, "A", "(SOFTPLUG LOAD LINK-1 O77)\n(SOFTPLUG WAIT 1)\n(SOFTPLUG START LINK-1)\n");
+    put(&shop, "B", "(SOFTPLUG WAIT 1)\n");
+    let one = gateway.submit("link-0", &send("A")).unwrap().id;
+    let filter = JobFilter { link: Some("link-1".to_owned()), ..JobFilter::default() };
+    wait_for("what is loaded", || !gateway.jobs(&filter).unwrap().is_empty());
+    let loaded = gateway.jobs(&filter).unwrap()[0].id;
+    gateway.pause(loaded).unwrap();
+    gateway.submit("link-1", &send("B")).unwrap();
+    shop.drain_all(|| gateway.job(one).unwrap().state == JobState::Done);
+    assert_eq!(gateway.job(loaded).unwrap().state, JobState::Paused);
+    gateway.resume(loaded).unwrap();
+    shop.drain_all(|| gateway.job(loaded).unwrap().state == JobState::Done);
+    wait_for("an idle cell", || state(&shop, 1) == CellChannelState::Idle);
+}
+
+#[test]
+fn a_plug_in_that_finds_blocks_itself_is_behind_the_words_before_its_first_block() {
+    let mut lines = vec!["plugin = \"fanuc-rs232\"\nline = \"9600 8N1\"\n".to_owned(); 2];
+    lines[1] += "[[cell]]\nname = \"shafts\"\nchannels = [\"link-0\", \"link-1\"]\n";
+    let shop = Shop::each("", &[&lines[0], &lines[1]]);
+    let gateway = shop.gateway();
+    put(&shop, "A", "O1\nN1 G0 X1\n(SOFTPLUG WAIT 1)\nN2 G0 X2\n(SOFTPLUG WAIT 2)\nM30\n");
+    let order = JobOrder { from_block: Some(4), ..send("A") };
+    gateway.submit("link-0", &order).unwrap();
+    // DC1: the control reads.
+    shop.write(0, &[0x11]);
+    shop.drain(0, || state(&shop, 0) == CellChannelState::Waits);
+    assert_eq!(view(&shop).channels[0].text, "waits at mark 2 for link-1");
+}

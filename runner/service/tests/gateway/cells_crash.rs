@@ -14,13 +14,15 @@ use std::time::{Duration, Instant};
 use softplug_gateway::port::ReadOutcome;
 use softplug_gateway::pty::PtyPair;
 use softplug_service::config::Config;
-use softplug_service::gateway::{Gateway, start};
+use softplug_service::gateway::{Gateway, Running, start};
 use softplug_service::library::Library;
-use softplug_service::view::{JobFilter, JobOrder, JobState};
+use softplug_service::view::{CellChannelState, JobFilter, JobOrder, JobState};
 
 use crate::shop::{plugins, wait_for};
 
 const FOLDER: &str = "SOFTPLUG_CELL_FOLDER";
+/// What the child does: `stand` sends a program up to its mark, `pause` has it pause then, `serve` only runs.
+const DOES: &str = "SOFTPLUG_CELL_DOES";
 const CHANNELS: usize = 3;
 /// Longer than two cycles take.
 const PATIENCE: Duration = Duration::from_secs(40);
@@ -37,6 +39,142 @@ fn after_a_kill_a_cell_that_stops_lets_nobody_run_ahead() {
 #[test]
 fn after_a_kill_a_cell_that_resumes_lets_nobody_run_ahead() {
     kill_again_and_again("resume", "after_a_kill_a_cell_that_resumes_lets_nobody_run_ahead");
+}
+
+const BEFORE: &str = "(SOFTPLUG GET G)\nG0 X1\n(SOFTPLUG WAIT 7 C1)\n";
+const BEHIND: &str = "G0 X2\nM30\n";
+/// Longer than it takes until something has left that should not.
+const A_WHILE: Duration = Duration::from_millis(300);
+
+/// A cell whose first channel stood at a mark when its gateway was killed, with `resume`.
+struct Stood {
+    folder: tempfile::TempDir,
+    ptys: Vec<PtyPair>,
+    test: &'static str,
+}
+
+impl Stood {
+    fn new(test: &'static str, does: &str) -> Self {
+        if let Some(folder) = std::env::var_os(FOLDER) {
+            stand(Path::new(&folder));
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let ptys: Vec<PtyPair> = (0..CHANNELS).map(|_| PtyPair::open().unwrap()).collect();
+        configure(folder.path(), &ptys, "resume");
+        let program = |name: &str, text: String| {
+            fs::write(folder.path().join("programs").join(name), text).unwrap();
+        };
+        program("A", format!("{BEFORE}{BEHIND}"));
+        program("B", "(SOFTPLUG WAIT 7 C0)\nM30\n".to_owned());
+        let stood = Self { folder, ptys, test };
+        stood.killed(does);
+        assert_eq!(stood.got(0), BEFORE);
+        stood
+    }
+
+    /// Another gateway does something, and is killed.
+    fn killed(&self, does: &str) {
+        drop(Killed::doing(self.folder.path(), self.test, does));
+    }
+
+    fn start(&self) -> Running {
+        start(Config::read(&self.folder.path().join("gateway.toml")).unwrap()).unwrap()
+    }
+
+    /// The first channel's cable is pulled, or is back.
+    fn cable(&self, is_there: bool) {
+        let file = self.folder.path().join("gateway.toml");
+        let port = self.ptys[0].slave_path().display().to_string();
+        let (from, to) = (port.as_str(), "/nonexistent/port");
+        let (from, to) = if is_there { (to, from) } else { (from, to) };
+        fs::write(&file, fs::read_to_string(&file).unwrap().replace(from, to)).unwrap();
+    }
+
+    fn got(&self, at: usize) -> String {
+        let mut machine = [Machine::default()];
+        read(&self.ptys[at..=at], &mut machine);
+        String::from_utf8_lossy(&machine[0].bytes).into_owned()
+    }
+
+    /// The second channel comes to the mark.
+    fn meet(&self, gateway: &Gateway) {
+        let order = JobOrder { program: Some("B".to_owned()), ..JobOrder::default() };
+        let job = gateway.submit("C1", &order).unwrap();
+        wait_for("the other channel's end", || {
+            self.got(1);
+            gateway.job(job.id).unwrap().state == JobState::Done
+        });
+    }
+
+    fn comes(&self, text: &str) {
+        let mut got = String::new();
+        wait_for("the rest of the program", || {
+            got += &self.got(0);
+            got.len() >= text.len()
+        });
+        sleep(A_WHILE);
+        assert_eq!(got + &self.got(0), text);
+    }
+}
+
+/// The gateway of [`Stood`], until it is killed.
+fn stand(folder: &Path) -> ! {
+    let running = start(Config::read(&folder.join("gateway.toml")).unwrap()).unwrap();
+    let (gateway, does) = (running.gateway(), std::env::var(DOES).unwrap());
+    if does != "serve" {
+        let order = JobOrder { program: Some("A".to_owned()), ..JobOrder::default() };
+        let job = gateway.submit("C0", &order).unwrap();
+        wait_for("a channel that waits", || {
+            gateway.cell("cell").unwrap().channels[0].state == CellChannelState::Waits
+        });
+        if does == "pause" {
+            gateway.pause(job.id).unwrap();
+        }
+    }
+    println!("begun");
+    loop {
+        sleep(Duration::from_secs(1));
+    }
+}
+
+#[test]
+fn a_pause_outlives_the_gateway() {
+    let stood = Stood::new("a_pause_outlives_the_gateway", "pause");
+    let running = stood.start();
+    let gateway = running.gateway();
+    wait_for("the job that goes on", || last(gateway, 0).unwrap().1 == JobState::Paused);
+    let (job, _) = last(gateway, 0).unwrap();
+    stood.meet(gateway);
+    sleep(A_WHILE);
+    assert_eq!(stood.got(0), "");
+    gateway.resume(job).unwrap();
+    stood.comes(BEHIND);
+    wait_for("its end", || gateway.job(job).unwrap().state == JobState::Done);
+}
+
+#[test]
+fn who_was_met_while_its_port_was_down_goes_on() {
+    let stood = Stood::new("who_was_met_while_its_port_was_down_goes_on", "stand");
+    stood.cable(false);
+    let running = stood.start();
+    stood.meet(running.gateway());
+    stood.cable(true);
+    running.gateway().reload().unwrap();
+    stood.comes(BEHIND);
+}
+
+#[test]
+fn who_stood_through_two_crashes_goes_on_where_it_stood() {
+    let stood = Stood::new("who_stood_through_two_crashes_goes_on_where_it_stood", "stand");
+    stood.cable(false);
+    stood.killed("serve");
+    stood.killed("serve");
+    stood.cable(true);
+    let running = stood.start();
+    sleep(A_WHILE);
+    assert_eq!(stood.got(0), "");
+    stood.meet(running.gateway());
+    stood.comes(BEHIND);
 }
 
 /// What a machine got: lines, of which the last may not be whole.
@@ -98,7 +236,7 @@ fn configure(folder: &Path, ptys: &[PtyPair], policy: &str) {
     }
     let _ = writeln!(
         text,
-        "[[cell]]\nname = \"cell\"\nchannels = [\"C0\", \"C1\", \"C2\"]\nafter-crash = \"{policy}\""
+        "[[cell]]\nname = \"cell\"\nchannels = [\"C0\", \"C1\", \"C2\"]\naxes = [\"G\"]\nafter-crash = \"{policy}\""
     );
     fs::write(folder.join("gateway.toml"), text).unwrap();
     fs::create_dir_all(folder.join("programs")).unwrap();
@@ -191,9 +329,14 @@ struct Killed {
 
 impl Killed {
     fn start(folder: &Path, test: &str) -> Self {
+        Self::doing(folder, test, "")
+    }
+
+    fn doing(folder: &Path, test: &str, what: &str) -> Self {
         let mut command = Command::new(std::env::current_exe().unwrap());
         command.args(["--exact", &format!("cells_crash::{test}"), "--nocapture"]);
-        let mut child = command.env(FOLDER, folder).stdout(Stdio::piped()).spawn().unwrap();
+        let command = command.env(FOLDER, folder).env(DOES, what);
+        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut said = BufReader::new(child.stdout.take().unwrap()).lines();
         wait_for("a gateway that has begun", || {
             said.next().is_some_and(|line| line.unwrap() == "begun")

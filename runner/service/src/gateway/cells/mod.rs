@@ -5,27 +5,27 @@
 //! again at the next tick.
 
 mod calls;
+mod loading;
+mod notes;
 mod program;
 mod recovery;
 mod show;
 
+use notes::notes;
 pub(crate) use program::ChannelOf;
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
-use softplug_cell::{Cell, Change, ChannelId, Chart, End, Event, Refused, Saved, Stop, Word};
+use softplug_cell::{Cell, Change, ChannelId, Chart, End, Event, Refused, Saved, Stop};
 use softplug_gateway::reactor::Command;
 
 use super::control::Control;
 use super::link::Running;
 use crate::Refusal;
 use crate::config::CellConfig;
-use crate::jobs::{
-    Arrived, CellStep, Data, Job, JobSpec, JobsError, Kind, Note, Start, State as JobState,
-    Subject, Weight,
-};
+use crate::jobs::{Arrived, CellStep, Job, JobsError, Kind, Start, State as JobState};
 use crate::supervise::State as Supervised;
 use crate::view::{Change as Shown, now_ms};
 
@@ -58,7 +58,7 @@ pub(super) struct CellState {
 #[derive(Clone, Debug)]
 struct ChannelJob {
     id: u32,
-    stops: Vec<Stop>,
+    stops: Arc<[Stop]>,
     /// Stops at which it has arrived.
     reached: usize,
     /// Stops that are behind it.
@@ -105,11 +105,11 @@ impl Control {
     pub(super) fn keeps_waiting(&self, link: &str, job: &Job) -> bool {
         let Some((name, channel)) = self.cells.of_link.get(link) else { return false };
         let Some(state) = self.cells.by_name.get(name) else { return false };
-        let mut cell = state.cell.clone();
+        let is_started = job.spec.start == Some(Start::Given) && state.cell.runs(*channel);
         !state.pending.is_empty()
             || (job.spec.kind == Kind::Send
-                && !(job.spec.start == Some(Start::Given) && cell.runs(*channel))
-                && cell.handle(0, begins(*channel, job)).is_err())
+                && !is_started
+                && state.cell.check(&begins(*channel, job)).is_err())
     }
 
     /// Begins a job that is a program of a channel; none if it is not.
@@ -123,24 +123,18 @@ impl Control {
         }
         let (name, channel) = self.cells.of_link.get(link)?.clone();
         let stops = match self.shared.parts.jobs.reader().stops(job.id) {
-            Ok(stops) => stops,
+            Ok(stops) => stops.into(),
             Err(error) => return Some(Err(error)),
         };
-        let stood = self.stood_at(job, &stops);
         let state = self.cells.by_name.get_mut(&name)?;
         let is_started = job.spec.start == Some(Start::Given) && state.cell.runs(channel);
-        let its = state.jobs[usize::from(channel.0)].as_ref().filter(|of| of.id == job.id);
-        let (passed, reached) = match stood {
-            _ if its.is_some() => its.map_or((0, 0), |of| (of.passed, of.reached)),
-            Some(stood) if !state.cell.waits(channel) => (stood, stood),
-            _ => place(&state.cell, channel, &stops, job.spec.from),
-        };
-        let before = state.jobs[usize::from(channel.0)].replace(ChannelJob {
-            id: job.id,
-            stops,
-            reached,
-            passed,
-        });
+        let of = &mut state.jobs[usize::from(channel.0)];
+        let before = of.clone();
+        // One that goes on behind a block has its place already.
+        if of.as_ref().is_none_or(|of| of.id != job.id) {
+            let passed = job.passed as usize;
+            *of = Some(ChannelJob { id: job.id, stops, reached: passed, passed });
+        }
         let is_paused = state.cell.channel(channel).is_paused;
         let event = match (is_started, is_paused) {
             (false, _) => Some(begins(channel, job)),
@@ -148,7 +142,7 @@ impl Control {
             (true, true) => Some(Event::Paused { channel, is: false }),
             (true, false) => None,
         };
-        match self.step(&name, event, Some((job.id, passed as u32))) {
+        match self.step(&name, event, Some(job.id)) {
             Ok(()) => Some(self.shared.parts.jobs.reader().job(job.id)),
             Err(not_taken) => {
                 let state = self.cells.by_name.get_mut(&name)?;
@@ -159,16 +153,6 @@ impl Control {
                 }))
             }
         }
-    }
-
-    /// The word at which the job stood that this one goes on with, if it begins there: it is not behind
-    /// it.
-    fn stood_at(&self, job: &Job, stops: &[Stop]) -> Option<usize> {
-        let before = self.shared.parts.jobs.reader().job(job.spec.restarts?).ok()?;
-        let passed = before.passed as usize;
-        let is_same = before.spec.data == job.spec.data;
-        let begins_there = stops.get(passed).is_some_and(|stop| stop.at == job.spec.from);
-        (is_same && begins_there).then_some(passed)
     }
 
     /// The byte of a job behind which nothing is given yet.
@@ -265,21 +249,22 @@ impl Control {
     }
 
     fn carry_out_pending(&mut self, name: &str) {
-        while let Some(event) =
-            self.cells.by_name.get(name).and_then(|state| state.pending.front().cloned())
-        {
+        loop {
+            let Some(state) = self.cells.by_name.get_mut(name) else { return };
+            // Taken out first: what comes of it may have something else happen.
+            let Some(event) = state.pending.pop_front() else { return };
             match self.step(name, Some(event.clone()), None) {
                 Ok(()) => {}
                 Err(NotTaken::Refused(refused)) => {
                     tracing::error!(cell = name, %refused, ?event, "a cell was told what cannot be");
                 }
                 Err(NotTaken::NotWritten(error)) => {
+                    if let Some(state) = self.cells.by_name.get_mut(name) {
+                        state.pending.push_front(event);
+                    }
                     let _: Option<()> = self.wrote(Err(error));
                     return;
                 }
-            }
-            if let Some(state) = self.cells.by_name.get_mut(name) {
-                state.pending.pop_front();
             }
         }
     }
@@ -289,7 +274,7 @@ impl Control {
         &mut self,
         name: &str,
         event: Option<Event>,
-        begins: Option<(u32, u32)>,
+        begins: Option<u32>,
     ) -> Result<(), NotTaken> {
         let Some(state) = self.cells.by_name.get(name) else { return Ok(()) };
         let now = now_ms();
@@ -398,89 +383,12 @@ impl Control {
         (running.job.id == job.id).then_some(running)
     }
 
-    /// The job of a program that was loaded there and is not started.
-    fn loaded_job(&self, link: &str) -> Option<u32> {
-        let live = self.shared.parts.jobs.live();
-        let mut loaded = live.iter().filter(|job| {
-            job.spec.link == link
-                && job.spec.start == Some(Start::Awaited)
-                && job.state == JobState::Queued
-        });
-        loaded.next().map(|job| job.id)
-    }
-
     /// Begins what waits in a cell's queues.
     fn begin_waiting(&mut self, name: &str) {
         let Some(state) = self.cells.by_name.get(name) else { return };
         let setup = state.config.setup.clone();
         for channel in setup.channels() {
             self.begin_next(setup.channel_name(channel));
-        }
-    }
-
-    /// Makes a job of a program that was loaded: it waits for its start.
-    fn load(&self, name: &str, channel: ChannelId, program: &str) {
-        let Some(state) = self.cells.by_name.get(name) else { return };
-        let Some(of) = self.channel_of(state.config.setup.channel_name(channel)) else { return };
-        let (name, program) = (name.to_owned(), program.to_owned());
-        let shared = Arc::clone(&self.shared);
-        self.shared.parts.requests.give(move || {
-            let _hold = shared.parts.snapshots.hold();
-            let link = of.config.setup.channel_name(channel).to_owned();
-            let taken = of.find(&shared, channel, &program).and_then(|found| {
-                let data = shared.parts.programs.snapshot(&found, &shared.parts.snapshots)?;
-                of.read(&shared, data)
-            });
-            let written = shared.ask(move |control| {
-                control.loaded(&name, channel, &link, &program, taken);
-                Ok(())
-            });
-            if let Err(error) = written {
-                tracing::error!(%error, "a program that was loaded is not in the queue");
-            }
-        });
-    }
-
-    /// A program that was to be loaded was read, or could not be.
-    fn loaded(
-        &mut self,
-        name: &str,
-        channel: ChannelId,
-        link: &str,
-        program: &str,
-        taken: Result<(Data, Vec<Stop>), Refusal>,
-    ) {
-        let Some(state) = self.cells.by_name.get(name) else { return };
-        let is_loaded = state.cell.channel(channel).loaded.is_some();
-        let is_started =
-            !is_loaded && state.cell.runs(channel) && state.jobs[usize::from(channel.0)].is_none();
-        if !is_loaded && !is_started {
-            // Somebody ended it meanwhile.
-            return;
-        }
-        let submitted = taken.and_then(|(data, stops)| {
-            let start = if is_started { Start::Given } else { Start::Awaited };
-            let spec = JobSpec { start: Some(start), ..JobSpec::send(link, program, data) };
-            Ok(self.shared.parts.jobs.submit_with(spec, stops)?)
-        });
-        match submitted {
-            Ok(job) => {
-                self.show_job(&job);
-                self.begin_next(link);
-            }
-            Err(refusal) => {
-                let text = format!("{name}: {program} cannot be loaded into {link}: {refusal}");
-                let note = Note::new(Subject::Cell, text).of_link(link).weighing(Weight::Alarm);
-                self.shared.parts.journal_writer.note(note);
-                self.happened(
-                    name,
-                    if is_started {
-                        Event::Ended { channel, end: End::Failed }
-                    } else {
-                        Event::Unloaded { channel }
-                    },
-                );
-            }
         }
     }
 }
@@ -497,63 +405,4 @@ fn begins(channel: ChannelId, job: &Job) -> Event {
         program: job.spec.program.clone().unwrap_or_else(|| format!("job {}", job.id)),
         by_hand: job.spec.start.is_none(),
     }
-}
-
-/// How many stops a job has behind it that begins at this byte, and at how many it stands or stood.
-fn place(cell: &Cell, channel: ChannelId, stops: &[Stop], from: u64) -> (usize, usize) {
-    let behind = stops.iter().filter(|stop| from > 0 && stop.at <= from).count();
-    let Some((word, _)) = cell.channel(channel).waits else { return (behind, behind) };
-    // It stood there when the gateway was ended, and stands there still.
-    let at = stops.iter().position(|stop| stop.at == from && says(&stop.word, word, channel));
-    at.map_or((behind, behind), |at| (at, at + 1))
-}
-
-/// Whether a word in a program is what a channel waits for.
-fn says(written: &Word, waits: &Word, channel: ChannelId) -> bool {
-    match (written, waits) {
-        (Word::Wait { mark, with }, Word::Wait { mark: at, with: who }) => {
-            let mut with = *with;
-            with.insert(channel);
-            mark == at && with == *who
-        }
-        (written, waits) => written == waits,
-    }
-}
-
-fn notes(name: &str, cell: &Cell, changes: &[Change]) -> Vec<Note> {
-    let setup = cell.setup();
-    let told = changes.iter().filter_map(|change| {
-        let (weight, channel) = match change {
-            // Each follows from another.
-            Change::Goes { .. } | Change::Stands { .. } => return None,
-            Change::Deadlock { .. } => (Weight::Alarm, None),
-            Change::NobodyComes { .. } | Change::Stopped => (Weight::Warning, None),
-            Change::NotOwned { channel, .. } => (Weight::Warning, Some(channel)),
-            Change::Waits { channel, .. }
-            | Change::Began { channel, .. }
-            | Change::Loaded { channel, .. }
-            | Change::Unloaded { channel }
-            | Change::Owned { channel, .. }
-            | Change::Queued { channel, .. }
-            | Change::Ended { channel, .. } => (Weight::Normal, Some(channel)),
-            Change::Met { .. }
-            | Change::Released { .. }
-            | Change::Mode { .. }
-            | Change::Cleared
-            | Change::Free { .. } => (Weight::Normal, None),
-        };
-        let mut text = format!("{name}: {}", change.told(setup));
-        if matches!(change, Change::Deadlock { .. } | Change::NobodyComes { .. }) {
-            for stuck in cell.stuck() {
-                text.push_str("; ");
-                text.push_str(&stuck.text);
-            }
-        }
-        let note = Note::new(Subject::Cell, text).weighing(weight);
-        Some(match channel {
-            Some(channel) => note.of_link(setup.channel_name(*channel)),
-            None => note,
-        })
-    });
-    told.collect()
 }

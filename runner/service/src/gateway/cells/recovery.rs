@@ -2,11 +2,13 @@
 
 use std::collections::VecDeque;
 
-use softplug_cell::{AfterCrash, Cell, ChannelSet, Chart, End, Event, Stop};
+use softplug_cell::{AfterCrash, Cell, ChannelSet, Chart, End, Event};
 
 use super::{CellState, ChannelJob, Control, SPANS, SavedCell};
 use crate::config::CellConfig;
-use crate::jobs::{CellStep, Job, JobSpec, Note, Start, State as JobState, Subject, Weight};
+use crate::jobs::{
+    CellStep, Job, JobSpec, Note, Resumed, Start, State as JobState, Subject, Weight,
+};
 use crate::view::now_ms;
 
 impl Control {
@@ -55,9 +57,7 @@ impl Control {
         });
         self.cells.of_link = channels.collect();
         for (config, jobs) in returned {
-            if is_start {
-                self.after_crash(config, &jobs);
-            }
+            self.after_crash(config, &jobs);
         }
         waiting
     }
@@ -120,34 +120,43 @@ impl Control {
 
     fn after_crash(&mut self, config: &CellConfig, jobs: &[Option<u32>]) {
         let (name, setup) = (&config.name, &config.setup);
+        let policy = config.after_crash;
         let (mut cut_off, mut resumed) = (ChannelSet::default(), Vec::new());
         for (channel, id) in setup.channels().zip(jobs) {
             let Some(state) = self.cells.by_name.get(name) else { return };
             if !state.cell.runs(channel) {
                 continue;
             }
+            let waits = state.cell.waits(channel);
+            let is_paused = state.cell.channel(channel).is_paused;
             let job = id.and_then(|id| self.shared.parts.jobs.reader().job(id).ok());
             match job {
                 // Its end was written down, and not what came of it.
                 Some(job) if job.state == JobState::Done => {
                     self.happened(name, Event::Ended { channel, end: End::Done });
                 }
-                Some(job) if state.cell.waits(channel) => match self.goes_on(&job) {
-                    Some(goes_on) => resumed.push(goes_on),
-                    None => cut_off.insert(channel),
-                },
+                // It went on behind a block already, and had not begun.
+                Some(job) if waits && policy == AfterCrash::Resume && !job.state.is_final() => {
+                    self.stands_again(name, &job);
+                }
+                Some(job) if waits && job.state == JobState::Interrupted => {
+                    match self.goes_on(&job, is_paused) {
+                        Some(goes_on) => resumed.push(goes_on),
+                        None => cut_off.insert(channel),
+                    }
+                }
                 // Started, and still in the queue.
                 None if self.starts(setup.channel_name(channel)) => {}
                 _ => cut_off.insert(channel),
             }
         }
-        let policy = config.after_crash;
         if policy == AfterCrash::Resume && !resumed.is_empty() {
             let Some(unchanged) = self.unchanged(name) else { return };
-            let step = CellStep { loaded: resumed, ..unchanged };
+            let step = CellStep { resumed, ..unchanged };
             let written = self.shared.parts.jobs.step_cell(step);
             for job in self.wrote(written).unwrap_or_default() {
                 self.stands_again(name, &job);
+                self.show_job(&job);
             }
         }
         let is_at_work = setup.channels().any(|channel| {
@@ -159,28 +168,31 @@ impl Control {
         self.load_again(config);
     }
 
-    /// A job that goes on with one that stands behind a block: it is the channel's from now on, and
-    /// paused if that was.
+    /// A job that goes on with one that stands behind a block is the channel's, before it begins.
     fn stands_again(&mut self, name: &str, job: &Job) {
-        let before = job.spec.restarts.and_then(|id| self.shared.parts.jobs.reader().job(id).ok());
-        let stops = self.shared.parts.jobs.reader().stops(job.id).unwrap_or_default();
+        let stops = self.shared.parts.jobs.reader().stops(job.id);
+        let Some(stops) = self.wrote(stops) else { return };
         let Some(state) = self.cells.by_name.get_mut(name) else { return };
         let Some(channel) = state.config.setup.channel(&job.spec.link) else { return };
-        let passed = before.map_or(0, |before| before.passed as usize);
-        let is_paused = state.cell.channel(channel).is_paused;
-        state.jobs[usize::from(channel.0)] =
-            Some(ChannelJob { id: job.id, stops, reached: passed + 1, passed });
-        let paused = is_paused.then(|| self.shared.parts.jobs.pause(job.id));
-        let paused = paused.and_then(|paused| self.wrote(paused));
-        self.show_job(paused.as_ref().unwrap_or(job));
+        let passed = job.passed as usize;
+        if passed < stops.len() {
+            let stands =
+                ChannelJob { id: job.id, stops: stops.into(), reached: passed + 1, passed };
+            state.jobs[usize::from(channel.0)] = Some(stands);
+        }
     }
 
     /// The job that goes on with one that stands behind a block.
-    fn goes_on(&self, job: &Job) -> Option<(JobSpec, Vec<Stop>)> {
+    fn goes_on(&self, job: &Job, is_paused: bool) -> Option<Resumed> {
         let stops = self.shared.parts.jobs.reader().stops(job.id).ok()?;
-        let from = stops.get(job.passed as usize)?.at;
-        let (restarts, start) = (Some(job.id), Some(Start::Given));
-        Some((JobSpec { from, restarts, start, ..job.spec.clone() }, stops))
+        let spec = JobSpec {
+            from: stops.get(job.passed as usize)?.at,
+            words_before: job.passed,
+            restarts: Some(job.id),
+            start: Some(Start::Given),
+            ..job.spec.clone()
+        };
+        Some(Resumed { spec, stops, is_paused })
     }
 
     /// Whether a program that was started there is in the queue.
