@@ -9,7 +9,7 @@ use crate::timing::{BlockTimes, Machine};
 use crate::word::Word;
 
 /// Events after which a set of programs that starts itself again and again is left.
-const MOST_EVENTS: u64 = 1_000_000;
+const MOST_EVENTS: u64 = 200_000;
 /// Spans of each channel in the chart.
 const SPANS: usize = 100_000;
 

@@ -70,7 +70,7 @@ pub enum SetupError {
     TooMany(&'static str),
     /// It cannot stand in a program.
     #[error(
-        "\"{0}\" names no channel or axis: use 1 to 32 letters, digits, hyphens and underscores"
+        "\"{0}\" names no channel or axis: use 1 to 32 letters, digits, hyphens and underscores, a letter among them"
     )]
     Name(String),
     /// Channels and axes share one set of names; upper and lower case are one.
@@ -278,6 +278,8 @@ fn place(names: &[String], name: &str) -> Option<u8> {
 fn is_name(name: &str) -> bool {
     (1..=32).contains(&name.len())
         && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-_".contains(&byte))
+        // A number is a channel's place.
+        && name.bytes().any(|byte| byte.is_ascii_alphabetic())
 }
 
 /// `a`, `a and b`, `a, b and c`.
@@ -303,7 +305,10 @@ mod tests {
             refused(&["A", "B"], &["a"], &[]),
             "two of the cell's channels and axes are called \"a\""
         );
-        assert!(refused(&["A", "B 2"], &[], &[]).contains("\"B 2\" names no channel or axis"));
+        for name in ["B 2", "2", "", "-_"] {
+            let said = refused(&["A", name], &[], &[]);
+            assert!(said.contains(&format!("\"{name}\" names no channel or axis")), "{said}");
+        }
         assert_eq!(
             refused(&["A", "B"], &[], &[("G", &["A"]), ("H", &["A"])]),
             "the channel \"A\" is in two groups"

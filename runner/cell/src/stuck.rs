@@ -211,17 +211,37 @@ impl Cell {
                 let _ = write!(what, ", {} has it", name(owner));
             }
         }
-        let idle: Vec<&str> = waits_for.iter().filter(|one| !self.runs(*one)).map(name).collect();
-        // Where nothing is loaded, a program that begins would have to load one.
-        let awaited = waiting.map(|(word, _)| word);
-        let is_empty = matches!(awaited, Some(Word::Start { channel: other }) if self.of(*other).loaded.is_none());
-        if self.state.forsaken.has(channel) && !idle.is_empty() && !is_empty {
-            helps.push(format!("begin a program in {}", crate::setup::listed(&idle)));
+        let begin: Vec<&str> = self.would_help(channel).iter().map(name).collect();
+        if self.state.forsaken.has(channel) && !begin.is_empty() {
+            helps.push(format!("begin a program in {}", crate::setup::listed(&begin)));
         }
         helps.push(format!("end the program of {}", name(channel)));
         helps.dedup();
         let text = format!("{} {what}: {}", name(channel), helps.join(", or "));
         Stuck { channel, waits_for, since: waiting.map(|(_, since)| since), text }
+    }
+
+    /// Channels without a program at the end of the chain of those that a channel waits for, where a
+    /// program that begins could help. Where nothing is loaded it would have to load one.
+    fn would_help(&self, channel: ChannelId) -> ChannelSet {
+        let (mut seen, mut idle) = (ChannelSet::default(), ChannelSet::default());
+        let mut next = vec![channel];
+        while let Some(one) = next.pop() {
+            if seen.has(one) {
+                continue;
+            }
+            seen.insert(one);
+            let word = self.of(one).waits.as_ref().map(|waiting| &waiting.word);
+            for other in self.waits_for(one).iter() {
+                let starts = matches!(word, Some(Word::Start { channel }) if *channel == other);
+                if self.runs(other) {
+                    next.push(other);
+                } else if !starts || self.of(other).loaded.is_some() {
+                    idle.insert(other);
+                }
+            }
+        }
+        idle
     }
 
     fn owned(&self, axis: AxisId) -> String {
