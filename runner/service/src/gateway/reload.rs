@@ -2,8 +2,6 @@
 
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
-use softplug_gateway::units::BusSetup;
-
 use super::control::{Control, Shared};
 use super::lanes::limits;
 use super::link::{After, Lane};
@@ -98,12 +96,11 @@ fn problem(link: &LinkConfig, error: &Unloadable) -> ConfigFinding {
     ConfigFinding { place: place.clone(), message, hint }
 }
 
-/// Names of buses that are not the same in both.
-fn differing(old: &[BusSetup], new: &[BusSetup]) -> Vec<String> {
-    let lacks = |all: &[BusSetup], bus: &BusSetup| !all.contains(bus);
-    let names = old.iter().filter(|bus| lacks(new, bus));
-    let names = names.chain(new.iter().filter(|bus| lacks(old, bus)));
-    let names: BTreeSet<_> = names.map(|bus| bus.name.clone()).collect();
+/// Names of what is not the same in both.
+fn differing<'a, T: PartialEq>(old: &'a [T], new: &'a [T], name: fn(&T) -> &String) -> Vec<String> {
+    let gone = old.iter().filter(|one| !new.contains(one));
+    let came = new.iter().filter(|one| !old.contains(one));
+    let names: BTreeSet<_> = gone.chain(came).map(|one| name(one).clone()).collect();
     names.into_iter().collect()
 }
 
@@ -112,7 +109,8 @@ impl Control {
     pub(super) fn apply(&mut self, ready: Ready) -> ReloadView {
         let Ready { config, mut plugins } = ready;
         let mut view = ReloadView { needs_restart: self.fixed(&config), ..ReloadView::default() };
-        view.buses = differing(&self.config.buses, &config.buses);
+        view.buses = differing(&self.config.buses, &config.buses, |bus| &bus.name);
+        view.cells = differing(&self.config.cells, &config.cells, |cell| &cell.name);
         self.drivers.set_buses(config.buses.clone());
         let names: HashSet<&str> = config.links.iter().map(|link| link.name.as_str()).collect();
         let gone: Vec<String> =
@@ -261,6 +259,7 @@ impl Control {
         part("added", view.added.iter().map(String::as_str).collect());
         part("removed", view.removed.iter().map(String::as_str).collect());
         part("changed", view.changed.iter().map(|link| link.name.as_str()).collect());
+        part("cells:", view.cells.iter().map(String::as_str).collect());
         part("buses:", view.buses.iter().map(String::as_str).collect());
         part("only after a new start:", view.needs_restart.iter().map(String::as_str).collect());
         let text = if parts.is_empty() {

@@ -56,6 +56,9 @@ pub struct ReloadView {
     /// Buses that are new, gone or changed.
     #[serde(default)]
     pub buses: Vec<String>,
+    /// Cells that are new, gone or changed.
+    #[serde(default)]
+    pub cells: Vec<String>,
     /// How many links were not touched.
     pub untouched: u32,
     /// Keys that take effect only when the gateway is started anew.

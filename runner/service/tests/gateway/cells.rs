@@ -285,6 +285,7 @@ fn a_cell_at_work_keeps_its_links_when_its_name_changes() {
     shop.configure(|text| text.replace("name = \"shafts\"", "name = \"others\""));
     let changed = gateway.reload().unwrap();
     assert_eq!(changed.needs_restart, ["cell.shafts", "cell.others"]);
+    assert_eq!(changed.cells, ["others", "shafts"]);
     let names: Vec<String> = gateway.cells().unwrap().into_iter().map(|cell| cell.name).collect();
     assert_eq!(names, ["shafts"]);
     gateway.abort(one).unwrap();

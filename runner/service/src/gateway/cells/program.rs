@@ -45,6 +45,10 @@ impl ChannelOf {
                 })?;
             }
         }
+        if program.sent.is_empty() {
+            let text = "nothing of it is for the machine: write a block at least, or its words as comments";
+            return Err(Refusal::invalid("program", text));
+        }
         if program.left_out.is_empty() {
             return Ok((data, program.stops));
         }
