@@ -65,7 +65,7 @@ pub(crate) struct Choice {
     /// Name of the group; a channel without a group is one of its own
     pub(crate) group: String,
     /// The mode
-    #[arg(value_enum)]
+    #[arg(value_enum, ignore_case = true)]
     pub(crate) mode: GroupMode,
 }
 

@@ -1,5 +1,6 @@
 //! `softplug plan --cell`: the programs of a cell, without machines.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -82,6 +83,11 @@ pub(super) fn run(
     })?;
     let begin = arguments.programs.iter().map(|given| {
         let channel = channel(&cell.setup, &given.name)?;
+        if given.value.is_empty() {
+            let name = cell.setup.channel_name(channel);
+            let what = format!("--program {name}= names no file; write --program {name}=FILE");
+            return Err(Failure::usage(what));
+        }
         let path = Path::new(&given.value);
         Ok((channel, course(&config, cell, channel, path, arguments.rapid)?))
     });
@@ -96,7 +102,8 @@ pub(super) fn run(
     let folders = config.gateway.programs.iter().filter(|folder| folder.is_dir()).cloned();
     let shelves = Programs::open(&folders.collect::<Vec<_>>()).map_err(Failure::usage)?;
     let mut wrong = None;
-    let found = rehearse(cell.setup.clone(), begin, |channel, program| {
+    let mut read: BTreeMap<(ChannelId, String), Option<Course>> = BTreeMap::new();
+    let mut load = |channel: ChannelId, program: &str| {
         let link = link(&config, &cell.setup, channel)?;
         let name = shelves.search(&link.search, program).ok().flatten()?;
         let path = config.gateway.programs.iter().map(|folder| folder.join(name.as_str()));
@@ -108,6 +115,10 @@ pub(super) fn run(
                 None
             }
         }
+    };
+    let found = rehearse(cell.setup.clone(), begin, |channel, program| {
+        let known = read.entry((channel, program.to_owned()));
+        known.or_insert_with(|| load(channel, program)).clone()
     });
     if let Some(failure) = wrong {
         return Err(failure);

@@ -55,10 +55,15 @@ pub(crate) fn demo(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failu
     let [xon_xoff, r3964, simplified, fanuc] = plugins;
     let plugins = [xon_xoff?, r3964?, simplified?, fanuc?];
     let mut document = Document { result: "failed", parts: Map::new(), replay: None };
-    for (name, plugin) in PLUGINS.iter().zip(&plugins) {
-        match show(&context, name, plugin)? {
+    let parts = PLUGINS.iter().copied().zip(plugins.iter().map(Some)).chain([("cell", None)]);
+    for (name, plugin) in parts {
+        let shown = match plugin {
+            Some(plugin) => show(&context, name, plugin)?,
+            None => cell::show(&context)?,
+        };
+        match shown {
             Shown::Good(value) => {
-                document.parts.insert((*name).to_owned(), value);
+                document.parts.insert(name.to_owned(), value);
             }
             Shown::Aborted => {
                 screen.document(&Document { result: "aborted", ..document });
@@ -70,22 +75,6 @@ pub(crate) fn demo(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failu
                 screen.error(format_args!("{name}: {why}"));
                 return Ok(Exit::Failed);
             }
-        }
-    }
-
-    match cell::show(&context)? {
-        Shown::Good(value) => {
-            document.parts.insert("cell".to_owned(), value);
-        }
-        Shown::Aborted => {
-            screen.document(&Document { result: "aborted", ..document });
-            screen.error("aborted");
-            return Ok(Exit::Incomplete);
-        }
-        Shown::Failed(why) => {
-            screen.document(&document);
-            screen.error(format_args!("cell: {why}"));
-            return Ok(Exit::Failed);
         }
     }
 
