@@ -259,11 +259,7 @@ fn work(folder: &Path) -> ! {
     }
     println!("begun");
     loop {
-        let is_over = (0..CHANNELS)
-            .all(|at| last(gateway, at).is_none_or(|(_, state)| state == JobState::Done));
-        if is_over {
-            begin_cycle(folder, gateway);
-        }
+        go_on(folder, gateway);
         fs::write(folder.join("seen"), seen(gateway)).unwrap();
         sleep(Duration::from_millis(5));
     }
@@ -298,26 +294,43 @@ fn last(gateway: &Gateway, at: usize) -> Option<(u32, JobState)> {
     jobs.iter().max_by_key(|job| job.id).map(|job| (job.id, job.state))
 }
 
-fn begin_cycle(folder: &Path, gateway: &Gateway) {
-    let newest = (0..CHANNELS).filter_map(|at| last(gateway, at)).map(|(id, _)| id).max();
-    let cycle = newest.unwrap_or(0) + 1;
+/// Gives each channel its program of the cycle, and begins the next one when all are done. May be
+/// broken off at any point.
+fn go_on(folder: &Path, gateway: &Gateway) {
+    let file = folder.join("cycle");
+    let cycle = fs::read_to_string(&file).map_or(0, |text| text.parse().unwrap());
+    let mut is_over = true;
     for at in 0..CHANNELS {
-        let mut text = String::new();
-        for part in 0..PARTS {
-            for block in 0..BLOCKS * (1 + (at + part) % 3) {
-                let _ = writeln!(text, "(C{cycle} P{part} B{block})");
-            }
-            let _ =
-                writeln!(text, "(SOFTPLUG WAIT {} C0 C1 C2)", u64::from(cycle) * 100 + part as u64);
-        }
-        text.push_str("(END)\n");
         let name = format!("{cycle}-{at}");
-        fs::write(folder.join("programs").join(&name), text).unwrap();
+        let filter = JobFilter { link: Some(format!("C{at}")), ..JobFilter::default() };
+        let jobs = gateway.jobs(&filter).unwrap();
+        let newest = jobs.iter().max_by_key(|job| job.id);
+        let is_given = newest.is_some_and(|job| job.program.as_deref() == Some(&name));
+        is_over &= cycle == 0 || newest.is_some_and(|job| is_given && job.state == JobState::Done);
+        if cycle > 0 && !is_given {
+            fs::write(folder.join("programs").join(&name), program(cycle, at)).unwrap();
+            let order = JobOrder { program: Some(name), ..JobOrder::default() };
+            gateway.submit(&format!("C{at}"), &order).unwrap();
+        }
     }
-    for at in 0..CHANNELS {
-        let order = JobOrder { program: Some(format!("{cycle}-{at}")), ..JobOrder::default() };
-        gateway.submit(&format!("C{at}"), &order).unwrap();
+    if is_over {
+        let new = folder.join("cycle.new");
+        fs::write(&new, (cycle + 1).to_string()).unwrap();
+        fs::rename(new, file).unwrap();
     }
+}
+
+fn program(cycle: u32, at: usize) -> String {
+    let mut text = String::new();
+    for part in 0..PARTS {
+        for block in 0..BLOCKS * (1 + (at + part) % 3) {
+            let _ = writeln!(text, "(C{cycle} P{part} B{block})");
+        }
+        let mark = u64::from(cycle) * 100 + part as u64;
+        let _ = writeln!(text, "(SOFTPLUG WAIT {mark} C0 C1 C2)");
+    }
+    text.push_str("(END)\n");
+    text
 }
 
 /// A gateway that is killed when it is dropped.
