@@ -74,10 +74,10 @@ fn four_channels_up_to_their_names() {
             }
             if seen.insert(symmetry::key(&after, &alphabet)) {
                 next.push(after);
+                if is_long() && seen.len().is_multiple_of(100_000) {
+                    eprintln!("{} states, {transitions} transitions", seen.len());
+                }
             }
-        }
-        if is_long() && seen.len().is_multiple_of(100_000) {
-            eprintln!("{} states, {transitions} transitions", seen.len());
         }
     }
     eprintln!("{} states, {transitions} transitions, {deadlocks} with a deadlock", seen.len());
