@@ -134,9 +134,9 @@ impl Converter for Kermit {
             self.stop(link, Failure::LinkDown);
         } else {
             link.discard();
-            self.end_reception(link, Some(Failure::LinkDown));
             self.sender.fail(link, Failure::LinkDown);
         }
+        self.end_reception(link, Some(Failure::LinkDown));
         self.line.cancel(link, Timer::Begin);
         self.line.forget_owed();
         self.name_state(link);
@@ -275,10 +275,10 @@ impl Kermit {
             return;
         }
         let check = self.terms.check;
-        let ended = if self.stage.is_receiving() { 0 } else { self.receiver.ended_check };
+        let ended = self.receiver.ended.map_or(check, |(_, terms)| terms.check);
         let heard = self.reader.take(byte, |kind| match kind {
             b'S' | b'I' | b'R' | b'G' | b'C' | b'K' => 1,
-            b'B' if ended > 0 => ended,
+            b'B' => ended,
             _ => check,
         });
         match heard {

@@ -3,6 +3,7 @@
 use crate::coding::Coding;
 use crate::packet::Reader;
 use crate::settings::{Mode, Settings};
+use crate::terms::Terms;
 use softplug_plugin::{Context, Failure, StateError, StateReader, StateWriter, copy};
 
 /// Bytes delivered at a time.
@@ -29,9 +30,8 @@ pub(crate) struct Receiver {
     run: u8,
     /// CR has come, and may belong to LF.
     has_cr: bool,
-    /// The end of a transfer that is acknowledged again: its number, and its check; 0: none.
-    pub(crate) ended: u8,
-    pub(crate) ended_check: u8,
+    /// The end of a transfer that is acknowledged again: its number, and what was agreed on then.
+    pub(crate) ended: Option<(u8, Terms)>,
 }
 
 impl Receiver {
@@ -46,8 +46,7 @@ impl Receiver {
             at: 0,
             run: 0,
             has_cr: false,
-            ended: 0,
-            ended_check: 0,
+            ended: None,
         }
     }
 
@@ -88,11 +87,13 @@ impl Receiver {
                 };
                 let brings_cr = self.has_cr && byte != b'\n';
                 let keeps_cr = settings.mode == Mode::Text && byte == b'\r';
-                if count + usize::from(brings_cr) + usize::from(!keeps_cr) > room {
+                if count == room && (brings_cr || !keeps_cr) {
                     break;
                 }
                 if brings_cr {
                     put(&mut piece, &mut count, b'\r');
+                    self.has_cr = false;
+                    continue;
                 }
                 if !keeps_cr {
                     put(&mut piece, &mut count, byte);
@@ -156,32 +157,23 @@ impl Receiver {
         }
         state.bool(self.is_open);
         state.bool(self.has_cr);
-        state.bytes(&[self.expected, self.latest, self.run, self.ended, self.ended_check]);
+        state.bytes(&[self.expected, self.latest, self.run]);
         state.failure(self.why);
         state.u16(self.at);
+        state.bool(self.ended.is_some());
+        if let Some((number, terms)) = self.ended {
+            state.u8(number);
+            terms.save(state);
+        }
     }
 
     pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
         let [delivery, refusals] = core::array::from_fn(|_| state.u32());
         let [is_open, has_cr] = core::array::from_fn(|_| state.bool());
-        let [expected, latest, run, ended, ended_check] = core::array::from_fn(|_| state.u8());
+        let [expected, latest, run] = core::array::from_fn(|_| state.u8());
         let (why, at) = (state.failure(), state.u16());
-        if ended_check > 3 {
-            return Err(StateError);
-        }
-        Ok(Self {
-            delivery,
-            is_open,
-            expected,
-            latest,
-            refusals,
-            why,
-            at,
-            run,
-            has_cr,
-            ended,
-            ended_check,
-        })
+        let ended = if state.bool() { Some((state.u8(), Terms::restore(state)?)) } else { None };
+        Ok(Self { delivery, is_open, expected, latest, refusals, why, at, run, has_cr, ended })
     }
 }
 

@@ -25,7 +25,7 @@ impl Kermit {
             // Our own that come back, or answers to what is over.
             b'Y' | b'N' => self.watch(link),
             _ if is_receiving => self.next_packet(link, kind, number),
-            b'B' if number == self.receiver.ended && self.receiver.ended_check > 0 => {
+            b'B' if self.receiver.ended.is_some_and(|(ended, _)| ended == number) => {
                 self.ended_again(link);
             }
             b'I' => self.exchange(link, number),
@@ -95,9 +95,9 @@ impl Kermit {
             }
             (Stage::AwaitFile, b'B') => {
                 self.acknowledge(link, number);
-                let check = self.terms.check;
+                let terms = self.terms;
                 self.end_reception(link, None);
-                (self.receiver.ended, self.receiver.ended_check) = (number, check);
+                self.receiver.ended = Some((number, terms));
                 self.start_waiting(link);
             }
             (Stage::AwaitData, b'A') => self.accept(link, Stage::AwaitData),
@@ -156,9 +156,9 @@ impl Kermit {
 
     /// The end of the last transfer comes again.
     pub(crate) fn ended_again(&mut self, link: &mut Context<'_>) {
-        let (number, check) = (self.receiver.ended, self.receiver.ended_check);
-        if number == self.reader.number() && check > 0 {
-            let terms = Terms { check, ..self.terms };
+        if let Some((number, terms)) = self.receiver.ended
+            && number == self.reader.number()
+        {
             self.line.say(link, &terms, b'Y', number, b"");
         }
         self.watch(link);
@@ -189,6 +189,7 @@ impl Kermit {
     pub(crate) fn end_reception(&mut self, link: &mut Context<'_>, failure: Option<Failure>) {
         self.receiver.end_delivery(link, failure);
         self.receiver.forget();
+        self.terms = Terms::usual();
         self.stage = Stage::Idle;
         self.line.cancel(link, Timer::Transfer);
     }

@@ -12,6 +12,8 @@ use softplug_plugin::{
 
 /// Characters of a name that can be sent.
 const NAME: usize = 64;
+/// The name of a job that has none.
+const USUAL_NAME: &[u8] = b"PROGRAM";
 /// Characters given to the link at a time.
 const PIECE: usize = 64;
 /// What a long packet has besides data and check.
@@ -89,7 +91,7 @@ impl Sender {
     pub(crate) fn begin(&mut self, link: &mut Context<'_>, job: &JobStart<'_>) -> bool {
         let name = match job.fields.find(0) {
             Some(Value::Text(name)) => name.as_bytes(),
-            _ => b"",
+            _ => USUAL_NAME,
         };
         let is_sound = !name.is_empty()
             && name.len() <= NAME

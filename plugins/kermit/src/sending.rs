@@ -14,6 +14,7 @@ impl Kermit {
     pub(crate) fn begin_job(&mut self, link: &mut Context<'_>) {
         self.terms = Terms::usual();
         self.sender.restart();
+        self.withdraw(link);
         self.stage = Stage::Filling;
         self.line.cancel(link, Timer::Transfer);
         if self.settings.begin_time > 0 {
@@ -66,6 +67,7 @@ impl Kermit {
         match self.sender.kind {
             b'S' => {
                 self.line.cancel(link, Timer::Begin);
+                self.receiver.ended = None;
                 self.terms = Terms::agreed(&self.settings, self.is_narrow, self.reader.data());
                 if self.settings.crc_only && self.terms.check < 3 {
                     self.stop(link, Failure::NotSupported);
@@ -101,6 +103,7 @@ impl Kermit {
     /// The end of the transfer is acknowledged, or nobody answers it.
     fn end_job(&mut self, link: &mut Context<'_>) {
         self.stage = Stage::Idle;
+        self.terms = Terms::usual();
         self.line.cancel(link, Timer::Transfer);
         self.sender.fail(link, Failure::Refused);
     }
@@ -150,6 +153,7 @@ impl Kermit {
             Failure::BadJob => self.say(link, b'E', number, b"The name is too long"),
             _ => self.say(link, b'E', number, TOO_MANY),
         }
+        self.terms = Terms::usual();
     }
 
     /// The host aborts the job.

@@ -42,7 +42,7 @@ pub(crate) const MANIFEST: &str = softplug_plugin::manifest! {
         r#"{"name":"crc-only","text":"Only with CRC: check 1 misses one damage of 64.","values":{"crc_only":true}},"#,
         r#"{"name":"text","text":"Ends of lines are CR LF on the line and LF here.","values":{"mode":"text"}}],"#,
         r#""jobs":[{"name":"send","text":"Sends a file.","fields":["#,
-        r#"{"name":"name","type":"text","default":"PROGRAM","text":"Its name for the receiver."}]}],"#,
+        r#"{"name":"name","type":"text","text":"Its name for the receiver; PROGRAM without."}]}],"#,
         r#""requests":[{"name":"program","text":"The machine asks for a file.","fields":["#,
         r#"{"name":"name","type":"text","text":"Its name."}]}],"#,
         r#""profiles":[{"name":"kermit","features":[]}],"#,
