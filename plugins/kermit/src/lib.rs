@@ -94,6 +94,10 @@ impl Converter for Kermit {
         self.name_state(link);
     }
 
+    fn closed(&mut self, link: &mut Context<'_>) {
+        self.receiver.end_whole(link);
+    }
+
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         let mut rest = bytes;
         while let Some((byte, after)) = rest.split_first()

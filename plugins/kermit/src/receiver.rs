@@ -18,6 +18,8 @@ pub(crate) struct Receiver {
     delivery: u32,
     /// A delivery is under way.
     pub(crate) is_open: bool,
+    /// All of it has come and is acknowledged; it ends with what follows.
+    pub(crate) is_whole: bool,
     /// The number of the next packet.
     pub(crate) expected: u8,
     /// The type of the one before it.
@@ -39,6 +41,7 @@ impl Receiver {
         Self {
             delivery: 0,
             is_open: false,
+            is_whole: false,
             expected: 0,
             latest: 0,
             refusals: 0,
@@ -144,11 +147,20 @@ impl Receiver {
         i64::from(self.refusals) <= most
     }
 
+    /// Ends the delivery; one that is whole is complete, whatever has happened since.
     pub(crate) fn end_delivery(&mut self, link: &mut Context<'_>, failure: Option<Failure>) {
+        let failure = if self.is_whole { None } else { failure };
         if self.is_open {
             link.delivery_end(self.delivery, failure, 0);
         }
-        self.is_open = false;
+        (self.is_open, self.is_whole) = (false, false);
+    }
+
+    /// Something has come behind the end of a file.
+    pub(crate) fn end_whole(&mut self, link: &mut Context<'_>) {
+        if self.is_whole {
+            self.end_delivery(link, None);
+        }
     }
 
     pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
@@ -156,6 +168,7 @@ impl Receiver {
             state.u32(number);
         }
         state.bool(self.is_open);
+        state.bool(self.is_whole);
         state.bool(self.has_cr);
         state.bytes(&[self.expected, self.latest, self.run]);
         state.failure(self.why);
@@ -169,11 +182,23 @@ impl Receiver {
 
     pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
         let [delivery, refusals] = core::array::from_fn(|_| state.u32());
-        let [is_open, has_cr] = core::array::from_fn(|_| state.bool());
+        let [is_open, is_whole, has_cr] = core::array::from_fn(|_| state.bool());
         let [expected, latest, run] = core::array::from_fn(|_| state.u8());
         let (why, at) = (state.failure(), state.u16());
         let ended = if state.bool() { Some((state.u8(), Terms::restore(state)?)) } else { None };
-        Ok(Self { delivery, is_open, expected, latest, refusals, why, at, run, has_cr, ended })
+        Ok(Self {
+            delivery,
+            is_open,
+            is_whole,
+            expected,
+            latest,
+            refusals,
+            why,
+            at,
+            run,
+            has_cr,
+            ended,
+        })
     }
 }
 

@@ -89,6 +89,7 @@ impl Kermit {
         }
         match (self.stage, kind) {
             (Stage::AwaitFile, b'F') => {
+                self.receiver.end_whole(link);
                 let (name, length) = title(self.terms.theirs, self.reader.data());
                 self.receiver.begin(link, name.get(..length.min(TITLE)).unwrap_or_default());
                 self.accept(link, Stage::AwaitData);
@@ -131,7 +132,7 @@ impl Kermit {
             self.stage = Stage::NoRoom;
             self.line.cancel(link, Timer::Transfer);
         } else if is_end {
-            self.receiver.end_delivery(link, None);
+            self.receiver.is_whole = true;
             self.accept(link, Stage::AwaitFile);
         } else {
             self.accept(link, Stage::AwaitData);
@@ -167,6 +168,7 @@ impl Kermit {
     /// What came is no good packet, or nothing has come: the packet is asked for again.
     pub(crate) fn refuse(&mut self, link: &mut Context<'_>, why: Failure) {
         let number = self.receiver.expected;
+        self.receiver.end_whole(link);
         if self.receiver.refuses(self.settings.repeats, why) {
             self.say(link, b'N', number, b"");
             self.enter(link, self.stage);

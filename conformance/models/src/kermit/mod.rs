@@ -71,6 +71,7 @@ pub(crate) const PROFILE: Profile = Profile {
         "kermit.rx.attributes",
         "kermit.rx.bad",
         "kermit.rx.begin",
+        "kermit.rx.complete",
         "kermit.rx.discard",
         "kermit.rx.end-again",
         "kermit.rx.error",

@@ -13,6 +13,8 @@ pub(super) struct File {
     name: String,
     /// As it came, before ends of lines were looked at.
     bytes: Vec<u8>,
+    /// All of it has come.
+    is_whole: bool,
 }
 
 impl File {
@@ -98,8 +100,9 @@ impl Kermit {
         }
         match (&self.state, packet.kind) {
             (State::AwaitFile, b'F') => {
+                self.ends_whole_file();
                 let name = title(&packet.data, &self.agreed);
-                self.file = Some(File { name, bytes: Vec::new() });
+                self.file = Some(File { name, bytes: Vec::new(), is_whole: false });
                 self.accepts(packet, State::AwaitData);
             }
             (State::AwaitFile, b'B') => {
@@ -112,8 +115,11 @@ impl Kermit {
             (State::AwaitData, b'A') => self.accepts(packet, State::AwaitData),
             (State::AwaitData, b'D') => self.hears_data(packet),
             (State::AwaitData, b'Z') => {
-                let failure = (packet.data == b"D").then_some(Failure::NoEndMark);
-                self.ends_file(failure, "kermit.rx.file");
+                if packet.data == b"D" {
+                    self.ends_file(Some(Failure::NoEndMark), "kermit.rx.discard");
+                } else if let Some(file) = &mut self.file {
+                    file.is_whole = true;
+                }
                 self.accepts(packet, State::AwaitFile);
             }
             _ => {
@@ -177,6 +183,7 @@ impl Kermit {
     /// What was to come is asked for again, or it is over.
     pub(super) fn refuses(&mut self, why: Failure, clause: &'static str) {
         let number = self.expected_number;
+        self.ends_whole_file();
         self.refusals += 1;
         if self.refusals <= self.rules.repeats {
             self.says(b'N', number, b"", clause);
@@ -189,11 +196,19 @@ impl Kermit {
 
     fn ends_file(&mut self, failure: Option<Failure>, clause: &'static str) {
         let Some(file) = self.file.take() else { return };
+        let failure = failure.filter(|_| !file.is_whole);
         self.deliveries += 1;
         let bytes = file.delivered(self.rules.is_text, failure.is_none());
         let name = Some(file.name).filter(|name| !name.is_empty());
         let id = self.deliveries;
         self.expect(clause, Effect::Delivered { id, bytes, name, failure, status: 0 });
+    }
+
+    /// Something has come behind the end of the file.
+    fn ends_whole_file(&mut self) {
+        if self.file.as_ref().is_some_and(|file| file.is_whole) {
+            self.ends_file(None, "kermit.rx.complete");
+        }
     }
 
     /// Nothing is under way any more.
