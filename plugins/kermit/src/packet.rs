@@ -14,6 +14,8 @@ pub(crate) const MOST: usize = 1_000;
 pub(crate) const SHORT: usize = 94;
 /// What stands before the data of a long packet, with the mark.
 const LONG_HEADER: usize = 7;
+/// And without it.
+const LONG_LENGTH: usize = LONG_HEADER - 1;
 /// What stands before the data of a short one.
 const SHORT_HEADER: usize = 4;
 /// Characters behind the mark that we can hear: others may count their limit otherwise.
@@ -31,7 +33,7 @@ pub(crate) fn check(characters: &[u8], kind: u8) -> [u8; 3] {
     if kind == 2 {
         return [six(sum >> 6), six(sum), 0];
     }
-    [six(sum + ((sum & 0xC0) >> 6)), 0, 0]
+    [six((sum & 0xFF) + ((sum & 0xC0) >> 6)), 0, 0]
 }
 
 fn six(bits: u16) -> u8 {
@@ -136,12 +138,14 @@ pub(crate) struct Reader {
     place: Place,
     bytes: [u8; ROOM],
     length: u16,
+    /// Characters that it will have, as far as is known.
+    whole: u16,
     check_length: u8,
 }
 
 impl Reader {
     pub(crate) const fn new() -> Self {
-        Self { place: Place::Outside, bytes: [0; ROOM], length: 0, check_length: 1 }
+        Self { place: Place::Outside, bytes: [0; ROOM], length: 0, whole: 0, check_length: 1 }
     }
 
     pub(crate) fn is_inside(&self) -> bool {
@@ -183,21 +187,26 @@ impl Reader {
             *place = byte;
             self.length += 1;
         }
-        match self.whole() {
-            None => self.place = Place::Spoilt,
-            Some(whole) if whole == usize::from(self.length) => {
+        // The length stands in the first character, or in the whole header.
+        if matches!(usize::from(self.length), 1 | LONG_LENGTH) {
+            let Some(whole) = self.whole() else {
                 self.place = Place::Spoilt;
-                self.check_length = match (self.kind(), from_char(self.bytes[0])) {
-                    (b'N', length @ 3..=5) => length - 2,
-                    (kind, _) => check_of(kind),
-                };
-                if self.is_checked() {
-                    self.place = Place::Outside;
-                    return Heard::Good;
-                }
-            }
-            Some(_) => {}
+                return Heard::Part;
+            };
+            self.whole = whole as u16;
         }
+        if self.length != self.whole {
+            return Heard::Part;
+        }
+        self.check_length = match (self.kind(), from_char(self.bytes[0])) {
+            (b'N', length @ 3..=5) => length - 2,
+            (kind, _) => check_of(kind),
+        };
+        if self.is_checked() {
+            self.place = Place::Outside;
+            return Heard::Good;
+        }
+        self.place = Place::Spoilt;
         Heard::Part
     }
 
@@ -205,7 +214,7 @@ impl Reader {
     /// `None`: it is no packet.
     fn whole(&self) -> Option<usize> {
         let length = usize::from(from_char(self.bytes[0]));
-        let header = LONG_HEADER - 1;
+        let header = LONG_LENGTH;
         match length {
             _ if self.bytes[0] < 32 => None,
             0 if usize::from(self.length) < header => Some(header),
@@ -222,7 +231,7 @@ impl Reader {
     }
 
     fn header(&self) -> usize {
-        if self.bytes[0] == to_char(0) { LONG_HEADER - 1 } else { SHORT_HEADER - 1 }
+        if self.bytes[0] == to_char(0) { LONG_LENGTH } else { SHORT_HEADER - 1 }
     }
 
     fn is_checked(&self) -> bool {
@@ -259,6 +268,7 @@ impl Reader {
         state.u8(self.place as u8);
         state.u8(self.check_length);
         state.u16(self.length);
+        state.u16(self.whole);
         state.bytes(self.as_slice());
     }
 
@@ -269,8 +279,13 @@ impl Reader {
             2 => Place::Spoilt,
             _ => return Err(StateError),
         };
-        let mut reader =
-            Self { place, check_length: state.u8(), length: state.u16(), ..Self::new() };
+        let mut reader = Self {
+            place,
+            check_length: state.u8(),
+            length: state.u16(),
+            whole: state.u16(),
+            ..Self::new()
+        };
         let Some(own) = reader.bytes.get_mut(..usize::from(reader.length)) else {
             return Err(StateError);
         };

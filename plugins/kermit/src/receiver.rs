@@ -98,11 +98,16 @@ impl Receiver {
                     self.has_cr = false;
                     continue;
                 }
+                let mut taken = 1;
                 if !keeps_cr {
-                    put(&mut piece, &mut count, byte);
+                    taken = usize::from(run.saturating_sub(self.run)).clamp(1, room - count);
+                    if let Some(places) = piece.get_mut(count..count + taken) {
+                        places.fill(byte);
+                        count += taken;
+                    }
                 }
                 self.has_cr = keeps_cr;
-                self.run += 1;
+                self.run += taken as u8;
                 if self.run >= run {
                     self.run = 0;
                     self.at += used as u16;
