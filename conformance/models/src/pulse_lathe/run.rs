@@ -111,11 +111,11 @@ impl Lathe {
     pub(super) fn goes_on(&mut self) {
         let foreign = self.port.inside_of(&[0xE0, 0xE1]) + self.port.urgent() + self.stale;
         while let Some(job) = &mut self.job {
-            job.foreign = foreign;
-            job.is_news = self.is_hearing;
             if job.stage != Stage::Sending {
                 return;
             }
+            job.foreign = foreign;
+            job.is_news = self.is_hearing;
             match job.items.pop_front() {
                 Some(Item::Bytes(bytes)) => self.send(&bytes),
                 Some(Item::Command(code)) => {
