@@ -62,6 +62,8 @@ pub(super) fn run(
         seconds: took.as_secs_f64(),
         held_seconds: 0.0,
         holds: 0,
+        gaps: 0,
+        longest_gap_seconds: 0.0,
         answered: Some(answered).filter(|answered| *answered > 0),
         kept: Vec::new(),
         refused: 0,

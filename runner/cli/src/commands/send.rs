@@ -104,6 +104,9 @@ pub(crate) struct Document<'a> {
     pub(crate) seconds: f64,
     pub(crate) held_seconds: f64,
     pub(crate) holds: u64,
+    /// How often the line stood still for a character or longer although bytes waited.
+    pub(crate) gaps: u64,
+    pub(crate) longest_gap_seconds: f64,
     /// Bytes that answered the job.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) answered: Option<u64>,
