@@ -245,6 +245,18 @@ fn an_arc_by_its_radius_is_never_a_step_from_the_circle_of_that_radius() {
     }
 }
 
+/// As a program with four decimals has them.
+#[test]
+fn half_a_circle_whose_ends_were_rounded_apart_is_one() {
+    for text in ["G02 Z1.0001 R0.5 F9\n", "G03 X1 Z0.0002 R0.5 F9\n", "G02 Z-1.01 R0.5 F9\n"] {
+        let blocks = blocks(text, &settings(false)).expect("it is good");
+        let mut farthest = 0;
+        let ends = follow(&blocks, |_, x, z| farthest = farthest.max(x.abs() + z.abs()));
+        assert!(farthest > 120, "{text}");
+        assert!(ends[0].0.abs() + ends[0].1.abs() >= 100, "{text}");
+    }
+}
+
 #[test]
 fn lines_end_on_the_commanded_pulse_and_increments_do_not_add_up_their_rounding() {
     let mut chance = Chance(9);
@@ -326,6 +338,10 @@ fn what_cannot_be_is_refused_with_its_place() {
         ("S64\n", (14, 1, 1)),
         ("T8\n", (14, 1, 1)),
         ("M16\n", (14, 1, 1)),
+        ("G90 X1 G91\n", (17, 1, 8)),
+        ("G91 G91 X1\n", (17, 1, 5)),
+        // Half a circle whose ends are a hair too far apart is one; 0.0102 mm are none.
+        ("F9\nG02 Z1.0102 R0.5\n", (16, 2, 13)),
         ("M1.5\n", (14, 1, 1)),
         ("F1\nG02 Z1\n", (16, 2, 1)),
         ("F1\nG02 Z1 R0.4\n", (16, 2, 8)),

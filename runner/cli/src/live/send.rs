@@ -116,6 +116,7 @@ pub(crate) fn send(
         received: report.received,
         file: file.as_ref().map(|file| file.display().to_string()),
         answer,
+        lathe: None,
         failure: failure.map(Why::name),
         status: StatusDocument::new(manifest, status),
         message: message.clone(),
