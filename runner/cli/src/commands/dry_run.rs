@@ -152,7 +152,7 @@ fn show(
     if wire.is_empty() {
         return;
     }
-    if dialogue.is_empty() {
+    if dialogue.is_empty() && arguments.picture.is_none() {
         screen.say(Dump(wire));
     }
     for (side, bytes) in dialogue {

@@ -9,7 +9,7 @@ use softplug_abi::{LineErrorKind, LineParameters, Micros};
 use softplug_gateway::poll::Waker;
 use softplug_gateway::simulator::Simulator;
 use softplug_machines::kept::Keep;
-use softplug_machines::{Clocked, Partner, Signal, fanuc, pulse_lathe, r3964, xon_xoff};
+use softplug_machines::{Clocked, Partner, Signal, fanuc, pulse_lathe, r3964, xmodem, xon_xoff};
 
 use crate::view::LatheView;
 
@@ -146,6 +146,11 @@ fn machine(protocol: &str, line: LineParameters) -> Result<Machine, String> {
             let options = fanuc::Options { line, ..fanuc::Options::default() };
             let control = fanuc::Control::new(options).map_err(|error| error.to_string())?;
             Ok(Machine(Box::new(control)))
+        }
+        "xmodem" => {
+            let rest = Some(Micros::from_secs(3));
+            let options = xmodem::Options { line, rest, ..xmodem::Options::default() };
+            Ok(Machine(Box::new(xmodem::Control::new(options))))
         }
         other => Err(format!("there is no simulated machine \"{other}\"")),
     }
