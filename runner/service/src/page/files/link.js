@@ -21,9 +21,9 @@ export function page(name) {
   const came = received(name, path);
   const counted = counters();
   const cut = lathe(path);
-  const parts = [now, isolated, send, swap, cut, jobs, came, counted];
+  const parts = [now, isolated, cut, send, swap, jobs, came, counted];
   const line = sequence(path);
-  const body = h('div', {}, now.node, isolated.node, h('div', { class: 'columns' }, send.node, swap.node), cut.node, line.node,
+  const body = h('div', {}, now.node, isolated.node, cut.node, h('div', { class: 'columns' }, send.node, swap.node), line.node,
     jobs.node, came.node, counted.node);
   const node = h('section', {},
     h('p', { class: 'back' }, h('a', { href: '#/links' }, '← All links')), h('h1', {}, name), missing, body);

@@ -10,10 +10,7 @@ const RING: &[u8] = b"G91 S20 T1 M3\nG00 X-12 Z-5\nG01 X-4 Z-20 F900\nG02 X20 Z-
 
 #[test]
 fn what_a_simulated_lathe_cuts_is_drawn_while_it_works() {
-    let bench = Bench::with_links(
-        "[[link]]\nname = \"lathe-1\"\nport = \"simulate:pulse-lathe\"\nline = \"40000 8N1\"\n\
-         plugin = \"pulse-lathe\"\ndepth = 400\nsettings = { input = \"iso\" }\n",
-    );
+    let bench = Bench::with_lathe();
     bench.until_link("lathe-1", "idle");
     bench.upload("ring.nc", RING).with(201);
     let mut browser = Browser::open();
