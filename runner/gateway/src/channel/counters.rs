@@ -124,6 +124,18 @@ mod tests {
     }
 
     #[test]
+    fn less_than_a_character_is_no_gap() {
+        let mut counters = Counters::default();
+        for span in [0, 249, 250, 900, 300] {
+            counters.stood_still(Micros(span), Micros(250));
+        }
+        assert_eq!((counters.gaps, counters.longest_gap), (3, Micros(900)));
+        // Where the rate is unknown nothing is.
+        counters.stood_still(Micros::ZERO, Micros::ZERO);
+        assert_eq!(counters.gaps, 3);
+    }
+
+    #[test]
     fn a_hold_that_outlasts_a_pause_is_one_hold_and_counts_without_it() {
         let mut counters = Counters::default();
         counters.hold(Micros(10), 2);
