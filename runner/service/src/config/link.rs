@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use softplug_abi::{LineParameters, Micros};
@@ -56,6 +57,8 @@ pub struct LinkConfig {
     pub buffer: Buffer,
     /// The server endpoint.
     pub endpoint: Option<EndpointSetup>,
+    /// The folder whose files become jobs.
+    pub drop: Option<DropConfig>,
     /// When to bark.
     pub watchdogs: Watchdogs,
     /// What becomes of new versions in the library.
@@ -135,6 +138,19 @@ pub struct Buffer {
     pub packet: u32,
 }
 
+/// A folder whose files become jobs of a link.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct DropConfig {
+    /// Where it is.
+    pub folder: PathBuf,
+    /// For so long a file must not have changed.
+    pub settle: Duration,
+    /// So often it is looked into.
+    pub poll: Duration,
+    /// Bytes of the largest file that is taken.
+    pub largest: u64,
+}
+
 /// When a link's watchdogs bark; never if `None`.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
 pub struct Watchdogs {
@@ -202,6 +218,7 @@ impl LinkConfig {
             ("quota", self.quota == other.quota),
             ("buffer", self.buffer == other.buffer),
             ("endpoint", self.endpoint == other.endpoint),
+            ("drop", self.drop == other.drop),
             ("watchdog", self.watchdogs == other.watchdogs),
             ("swap", self.swap == other.swap),
             ("probation", self.probation == other.probation),

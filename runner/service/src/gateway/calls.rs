@@ -115,7 +115,7 @@ impl Gateway {
         })
     }
 
-    fn plugin_of(&self, link: &str) -> Result<Plugin, Refusal> {
+    pub(super) fn plugin_of(&self, link: &str) -> Result<Plugin, Refusal> {
         let link = link.to_owned();
         self.shared.ask(move |control| Ok(control.link(&link)?.plugin.plugin.clone()))
     }
@@ -372,7 +372,8 @@ impl Control {
         let mut queued = self.shared.parts.jobs.queued();
         let links = self.links.iter();
         let view = |(name, link): (&String, &Link)| {
-            show::link(name, link, queued.remove(name).unwrap_or(0), &self.results)
+            let queued = queued.remove(name).unwrap_or(0);
+            self.with_drop(show::link(name, link, queued, &self.results))
         };
         links.map(view).collect()
     }
@@ -380,7 +381,7 @@ impl Control {
     pub(super) fn link_view(&self, name: &str) -> Result<LinkView, Refusal> {
         let link = self.links.get(name).ok_or_else(|| Refusal::no_link(name))?;
         let queued = self.shared.parts.jobs.queued().remove(name).unwrap_or(0);
-        Ok(show::link(name, link, queued, &self.results))
+        Ok(self.with_drop(show::link(name, link, queued, &self.results)))
     }
 
     /// Shows the links that look otherwise than when they were last shown.
@@ -438,7 +439,7 @@ impl Control {
 }
 
 /// The order, with its kind and fields checked.
-fn order(link: &str, order: &JobOrder, plugin: &Plugin) -> Result<JobSpec, Refusal> {
+pub(super) fn order(link: &str, order: &JobOrder, plugin: &Plugin) -> Result<JobSpec, Refusal> {
     let manifest = plugin.manifest();
     let name = order.kind.as_deref().unwrap_or(SEND);
     let kind = manifest.jobs.iter().find(|kind| kind.name == name).ok_or_else(|| {

@@ -8,6 +8,7 @@ mod ballast;
 mod begin;
 pub mod blocks;
 mod cell;
+mod claims;
 mod error;
 mod job;
 mod journal;
@@ -24,6 +25,7 @@ mod turns;
 pub use begin::{BeginAt, Words, beginning_at};
 pub use blocks::{Between, Block};
 pub use cell::{Arrived, CellStep, Resumed};
+pub use claims::{Claim, Claimed};
 pub use error::{JobsError, StoreError};
 pub use job::{
     CheckFault, Comparison, Data, Extent, Job, JobSpec, Kind, Left, Origin, Reason, Reception,
@@ -31,6 +33,7 @@ pub use job::{
 };
 pub use journal::{Entry, EntryFilter, Keep, Note, Subject, Weight};
 pub use progress::LaneProgress;
+pub(crate) use progress::grouped;
 pub use reading::JobsReader;
 pub use state::{State, Step, after};
 pub use store::{Sent, Today};
@@ -205,7 +208,16 @@ impl Jobs {
     /// # Errors
     /// As there.
     pub fn submit_with(&self, spec: JobSpec, stops: Vec<Stop>) -> Result<Job, JobsError> {
-        let mut store = self.store.take(Who::Other);
+        Self::submit_as(&mut self.store.take(Who::Other), spec, stops, None)
+    }
+
+    /// `claim`: what the job is written down with, in one change.
+    fn submit_as(
+        store: &mut JobStore,
+        spec: JobSpec,
+        stops: Vec<Stop>,
+        claim: Option<&Claim>,
+    ) -> Result<Job, JobsError> {
         if spec.from > spec.data.map_or(0, |data| data.size) {
             return Err(JobsError::Spec("the job would begin behind the program's end".to_owned()));
         }
@@ -219,7 +231,9 @@ impl Jobs {
         let job = created(store.next_job(), spec, State::Queued);
         let notes = vec![queued_note(&job)];
         let stops = if stops.is_empty() { Vec::new() } else { vec![(job.id, stops)] };
-        let change = Change { jobs: vec![job.clone()], notes, stops, ..Change::default() };
+        let claimed = claim.map(|claim| (claim.name.clone(), Some((job.id, claim.size))));
+        let jobs = vec![job.clone()];
+        let change = Change { jobs, notes, stops, claimed, ..Change::default() };
         store.write(&change, now())?;
         Ok(job)
     }

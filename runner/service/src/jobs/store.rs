@@ -14,11 +14,14 @@ use softplug_gateway::store::sync_folder;
 use super::ballast::Ballast;
 use super::error::StoreError;
 use super::reading::{JobsReader, Opened};
-use super::tables::{CELLS, JOBS, JOURNAL, JobTables, NUMBERS, SENT, TODAY, decoded, encoded};
+use super::tables::{
+    CELLS, CLAIMS, JOBS, JOURNAL, JobTables, NUMBERS, SENT, TODAY, decoded, encoded,
+};
 use super::{Data, Entry, Job, Keep, Note};
 
 const NEXT_JOB: &str = "next-job";
 const NEXT_ENTRY: &str = "next-entry";
+pub(super) const OWNER: &str = "owner";
 
 /// Enough for the pages that are in use all the time.
 const CACHE_BYTES: usize = 4 << 20;
@@ -73,6 +76,10 @@ pub(super) struct Change {
     pub(super) cell: Option<(String, Vec<u8>)>,
     /// Where the feeds of these jobs stop.
     pub(super) stops: Vec<(u32, Vec<Stop>)>,
+    /// A claim with its job and the bytes of its file; none: it is settled, and forgotten.
+    pub(super) claimed: Option<(String, Option<(u32, u64)>)>,
+    /// Who has these jobs, as drop folders know it.
+    pub(super) owner: Option<u64>,
 }
 
 /// What everybody may look at without a turn: locked for as long as memory takes, never while
@@ -231,7 +238,17 @@ impl JobStore {
                 if !change.notes.is_empty() {
                     prune_journal(&mut journal, next_entry, keep, now)?;
                 }
+                if let Some((claim, job)) = &change.claimed {
+                    let mut claims = writing.open_table(CLAIMS)?;
+                    match job {
+                        Some(job) => drop(claims.insert(&**claim, job)?),
+                        None => drop(claims.remove(&**claim)?),
+                    }
+                }
                 let mut numbers = writing.open_table(NUMBERS)?;
+                if let Some(owner) = change.owner {
+                    numbers.insert(OWNER, owner)?;
+                }
                 numbers.insert(NEXT_JOB, u64::from(next_job))?;
                 numbers.insert(NEXT_ENTRY, next_entry)?;
             }

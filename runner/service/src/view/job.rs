@@ -152,6 +152,8 @@ pub enum JobOrigin {
     Endpoint,
     /// The machine, which sends of its own accord.
     Machine,
+    /// Somebody who put a file into the link's drop folder.
+    Drop,
 }
 
 /// A fault that a check found in a program.
