@@ -74,13 +74,35 @@ pub(super) enum Whose {
     Theirs(String),
 }
 
+/// What is found under the name of a drop folder.
+#[derive(Debug)]
+pub(super) enum Found {
+    /// The folder.
+    Place(Place),
+    /// Another one than before, as where a share is not mounted: nothing of ours is in it.
+    Other,
+}
+
 impl Place {
-    /// Opens the folder, and makes what belongs into it. The folder itself is never made: where a
-    /// share is not mounted, nothing must begin in its place.
-    pub(super) fn open(folder: &Path) -> io::Result<Self> {
+    /// Opens the folder, and makes what belongs into it, unless it `is_known`: then it has that. The
+    /// folder itself is never made. Where a share is not mounted, nothing must begin in its place.
+    pub(super) fn open(folder: &Path, is_known: bool) -> io::Result<Found> {
         let folder = openat(CWD, folder, OFlags::DIRECTORY | OFlags::CLOEXEC, Mode::empty())?;
-        let work = below(folder.as_fd(), "work")?;
-        Ok(Self { folder, work })
+        let work = if is_known {
+            match child(folder.as_fd(), "work") {
+                Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Found::Other),
+                work => work?,
+            }
+        } else {
+            below(folder.as_fd(), "work")?
+        };
+        if is_known {
+            match statat(&work, OWNER, AtFlags::SYMLINK_NOFOLLOW) {
+                Err(Errno::NOENT) => return Ok(Found::Other),
+                found => found?,
+            };
+        }
+        Ok(Found::Place(Self { folder, work }))
     }
 
     /// Whose it is; ours from now on if it was nobody's.
@@ -375,11 +397,18 @@ mod tests {
         names
     }
 
+    fn opened(folder: &Path) -> Place {
+        match Place::open(folder, false).unwrap() {
+            Found::Place(place) => place,
+            Found::Other => panic!("it is new"),
+        }
+    }
+
     #[test]
     fn a_file_is_claimed_and_put_away_beside_its_result_and_nothing_is_overwritten() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
-        let place = Place::open(folder.path()).unwrap();
+        let place = opened(folder.path());
         assert!(matches!(place.whose("me").unwrap(), Whose::Ours));
         assert!(matches!(place.whose("me").unwrap(), Whose::Ours));
         assert_eq!(place.whose("you").unwrap(), Whose::Theirs("me".to_owned()));
@@ -402,7 +431,7 @@ mod tests {
     fn what_was_broken_off_between_result_and_file_has_one_result() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
-        let place = Place::open(folder.path()).unwrap();
+        let place = opened(folder.path());
         fs::write(at("O1.nc"), "G1").unwrap();
         place.claim(OsStr::new("O1.nc"), ONE).unwrap();
         fs::create_dir(at("done")).unwrap();
@@ -418,9 +447,9 @@ mod tests {
         let (folder, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
         let at = |name: &str| folder.path().join(name);
         symlink(other.path(), at("work")).unwrap();
-        assert!(Place::open(folder.path()).is_err());
+        assert!(Place::open(folder.path(), false).is_err());
         fs::remove_file(at("work")).unwrap();
-        let place = Place::open(folder.path()).unwrap();
+        let place = opened(folder.path());
         symlink(other.path(), at("done")).unwrap();
         fs::write(at("O1.nc"), "G1").unwrap();
         place.claim(OsStr::new("O1.nc"), ONE).unwrap();
@@ -442,8 +471,16 @@ mod tests {
     #[test]
     fn the_folder_itself_is_never_made() {
         let folder = tempfile::tempdir().unwrap();
-        let error = Place::open(&folder.path().join("share")).unwrap_err();
+        let error = Place::open(&folder.path().join("share"), false).unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::NotFound);
         assert_eq!(names_in(folder.path()), [""; 0]);
+        // Nor is anything in a folder that is not the one that is known.
+        let other = || matches!(Place::open(folder.path(), true).unwrap(), Found::Other);
+        assert!(other());
+        assert_eq!(names_in(folder.path()), [""; 0]);
+        fs::create_dir(folder.path().join("work")).unwrap();
+        assert!(other());
+        fs::write(folder.path().join("work/.owner"), "").unwrap();
+        assert!(!other());
     }
 }

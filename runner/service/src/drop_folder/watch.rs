@@ -5,6 +5,7 @@ use std::ffi::{OsStr, OsString};
 use std::fs::File;
 use std::hash::{BuildHasher as _, Hasher as _, RandomState};
 use std::io;
+use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
@@ -13,7 +14,7 @@ use std::time::{Duration, Instant};
 use softplug_gateway::store::is_open_for_writing;
 
 use super::names::shown;
-use super::place::{Place, Shelf, Whose, state_of};
+use super::place::{Found, Place, Shelf, Whose, state_of};
 use super::result;
 use super::settling::{FileState, Settling};
 use crate::config::DropConfig;
@@ -21,8 +22,10 @@ use crate::disk::is_full;
 use crate::jobs::{Claim, Claimed, Job, JobsError, Weight};
 use crate::view::{DropView, now_ms};
 
-/// Of what cannot be taken, so many names are told, until some of them go.
+/// Of what cannot be taken, so many names are told in [`ODD_AGAIN`].
 const ODD_TOLD: usize = 100;
+/// After so long a name is told again.
+const ODD_AGAIN: Duration = Duration::from_hours(1);
 
 /// A file that is to become a job.
 #[derive(Debug)]
@@ -54,6 +57,10 @@ pub(crate) trait Queue: Send {
     fn room(&self) -> usize;
     /// What the folder says of whose it is.
     fn owner(&self) -> Result<String, JobsError>;
+    /// Whether this folder was looked after before.
+    fn is_known(&self, folder: &Path) -> Result<bool, JobsError>;
+    /// It is looked after from now on.
+    fn know(&self, folder: &Path) -> Result<(), JobsError>;
     /// The job of a claim, if there is one.
     fn claimed(&self, claim: &str) -> Result<Option<Claimed>, JobsError>;
     /// A job.
@@ -88,7 +95,7 @@ impl DropFolder {
             queue,
             view: Arc::clone(&view),
             settling: Settling::default(),
-            odd: BTreeMap::new(),
+            told: BTreeMap::new(),
             began: Instant::now(),
         };
         thread::Builder::new().name("softplug-drop".to_owned()).spawn(move || {
@@ -119,8 +126,8 @@ struct Watch<Q> {
     queue: Q,
     view: Arc<Mutex<DropView>>,
     settling: Settling,
-    /// What cannot be taken, and was told.
-    odd: BTreeMap<OsString, String>,
+    /// What could not be taken, and when it was told.
+    told: BTreeMap<OsString, Duration>,
     began: Instant,
 }
 
@@ -162,12 +169,21 @@ impl<Q: Queue> Watch<Q> {
         let is_stopped =
             || !matches!(stopped.try_recv(), Err(std::sync::mpsc::TryRecvError::Empty));
         let folder = self.config.folder.display();
-        let place = Place::open(&self.config.folder).map_err(|error| match error.kind() {
-            io::ErrorKind::NotFound => {
-                format!("the drop folder {folder} is not there: make it, or mount its share")
-            }
-            _ => format!("the drop folder {folder} cannot be used: {}", told(&error)),
-        })?;
+        let is_known =
+            self.queue.is_known(&self.config.folder).map_err(|error| error.to_string())?;
+        let found =
+            Place::open(&self.config.folder, is_known).map_err(|error| match error.kind() {
+                io::ErrorKind::NotFound => {
+                    format!("the drop folder {folder} is not there: make it, or mount its share")
+                }
+                _ => format!("the drop folder {folder} cannot be used: {}", told(&error)),
+            })?;
+        let Found::Place(place) = found else {
+            return Err(format!(
+                "the drop folder {folder} is not the one that it was, it has no work/.owner: mount its \
+                 share; if it was emptied on purpose, make an empty file work/.owner in it"
+            ));
+        };
         let cannot =
             |error: io::Error| format!("the drop folder {folder} cannot be used: {}", told(&error));
         let owner = self.queue.owner().map_err(|error| error.to_string())?;
@@ -178,6 +194,10 @@ impl<Q: Queue> Watch<Q> {
                  a folder of its own; if that one is gone, see what is left in work, and remove \
                  work/.owner"
             ));
+        }
+        if !is_known {
+            let known = self.queue.know(&self.config.folder);
+            known.map_err(|error| error.to_string())?;
         }
         for claim in place.claims().map_err(cannot)? {
             if is_stopped() {
@@ -304,14 +324,16 @@ impl<Q: Queue> Watch<Q> {
         if trouble.is_some() {
             return;
         }
-        self.odd.retain(|name, _| odd.contains_key(name));
+        let now = self.began.elapsed();
+        // What is there stays told; what is gone may come back as often as somebody likes.
+        self.told.retain(|name, at| odd.contains_key(name) || now.saturating_sub(*at) < ODD_AGAIN);
         for (name, what) in odd {
-            if self.odd.contains_key(&name) || self.odd.len() >= ODD_TOLD {
+            if self.told.contains_key(&name) || self.told.len() >= ODD_TOLD {
                 continue;
             }
             let text = format!("{} in the drop folder {what}: it stays where it is", shown(&name));
             self.queue.tell(Weight::Warning, text);
-            self.odd.insert(name, what);
+            self.told.insert(name, now);
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::io::{self, Read};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -95,6 +96,14 @@ impl Queue for LinkQueue {
     fn owner(&self) -> Result<String, JobsError> {
         let owner = self.shared().parts.jobs.owner()?;
         Ok(format!("the link \"{}\" of the gateway {owner:016x}\n", self.link))
+    }
+
+    fn is_known(&self, folder: &Path) -> Result<bool, JobsError> {
+        self.shared().parts.jobs.reader().knows_drop_folder(&folder.to_string_lossy())
+    }
+
+    fn know(&self, folder: &Path) -> Result<(), JobsError> {
+        self.shared().parts.jobs.know_drop_folder(&folder.to_string_lossy())
     }
 
     fn claimed(&self, claim: &str) -> Result<Option<Claimed>, JobsError> {

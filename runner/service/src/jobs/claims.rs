@@ -10,7 +10,7 @@ use redb::TableError;
 use softplug_cell::Stop;
 
 use super::store::{Change, OWNER};
-use super::tables::{CLAIMS, NUMBERS};
+use super::tables::{CLAIMS, DROP_FOLDERS, NUMBERS};
 use super::turns::Who;
 use super::{Job, JobSpec, Jobs, JobsError, JobsReader, StoreError, now};
 
@@ -76,6 +76,15 @@ impl Jobs {
         Ok(self.store.take(Who::Other).write(&change, now())?)
     }
 
+    /// A folder is looked after from now on: what stands in its place without its mark is another.
+    ///
+    /// # Errors
+    /// It cannot be written down.
+    pub fn know_drop_folder(&self, folder: &str) -> Result<(), JobsError> {
+        let change = Change { drop_folder: Some(folder.to_owned()), ..Change::default() };
+        Ok(self.store.take(Who::Other).write(&change, now())?)
+    }
+
     /// A number by which a drop folder knows whose it is: that of these jobs, and of no others.
     ///
     /// # Errors
@@ -109,6 +118,19 @@ impl JobsReader {
                 Claimed { job, size }
             })),
             Err(TableError::TableDoesNotExist(_)) => Ok(None),
+            Err(error) => Err(error.into()),
+        };
+        self.tell(look())
+    }
+
+    /// Whether a folder was looked after before.
+    ///
+    /// # Errors
+    /// The database cannot be read.
+    pub fn knows_drop_folder(&self, folder: &str) -> Result<bool, JobsError> {
+        let look = || match self.opened.snapshot()?.open_table(DROP_FOLDERS) {
+            Ok(table) => Ok(table.get(folder)?.is_some()),
+            Err(TableError::TableDoesNotExist(_)) => Ok(false),
             Err(error) => Err(error.into()),
         };
         self.tell(look())

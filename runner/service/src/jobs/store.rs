@@ -15,7 +15,7 @@ use super::ballast::Ballast;
 use super::error::StoreError;
 use super::reading::{JobsReader, Opened};
 use super::tables::{
-    CELLS, CLAIMS, JOBS, JOURNAL, JobTables, NUMBERS, SENT, TODAY, decoded, encoded,
+    CELLS, CLAIMS, DROP_FOLDERS, JOBS, JOURNAL, JobTables, NUMBERS, SENT, TODAY, decoded, encoded,
 };
 use super::{Data, Entry, Job, Keep, Note};
 
@@ -78,6 +78,8 @@ pub(super) struct Change {
     pub(super) stops: Vec<(u32, Vec<Stop>)>,
     /// A claim with its job and the bytes of its file; none: it is settled, and forgotten.
     pub(super) claimed: Option<(String, Option<(u32, u64)>)>,
+    /// A drop folder that is looked after from now on.
+    pub(super) drop_folder: Option<String>,
     /// Who has these jobs, as drop folders know it.
     pub(super) owner: Option<u64>,
 }
@@ -244,6 +246,9 @@ impl JobStore {
                         Some(job) => drop(claims.insert(&**claim, job)?),
                         None => drop(claims.remove(&**claim)?),
                     }
+                }
+                if let Some(folder) = &change.drop_folder {
+                    writing.open_table(DROP_FOLDERS)?.insert(&**folder, ())?;
                 }
                 let mut numbers = writing.open_table(NUMBERS)?;
                 if let Some(owner) = change.owner {
