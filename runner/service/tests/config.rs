@@ -421,3 +421,26 @@ fn a_drop_folder_is_one_links_and_no_other_folder() {
         ["2:8: a drop folder cannot be the same for all links; move it to the links"]
     );
 }
+
+#[test]
+fn a_link_has_the_notations_of_its_machine_or_its_own_before_the_known_ones() {
+    let link = |more: &str| {
+        let text = format!("[[link]]\nname = \"a\"\nport = \"/dev/a\"\n{more}\n");
+        parse(&text).unwrap().links[0].names.clone()
+    };
+    let own = link("plugin = \"xon-xoff\"\nnames = [\"({name})\"]");
+    assert_eq!(own.name_in(b"%\n(PART A)\nO1\n").as_deref(), Some("PART A"));
+    assert_eq!(own.name_in(b"%\nO1\n").as_deref(), Some("O1"));
+    let machine = link("machine = \"siemens-840d\"");
+    assert_eq!(machine.name_in(b"%_N_L1_SPF\n").as_deref(), Some("L1_SPF"));
+    assert_eq!(link("plugin = \"xon-xoff\"").name_in(b"(PART A)\n"), None);
+    let found = problems(
+        "[[link]]\nname = \"a\"\nport = \"/dev/a\"\nplugin = \"xon-xoff\"\nnames = [\"O1234\"]\n",
+    );
+    assert_eq!(
+        found,
+        [
+            "5:10: \"O1234\" is no notation of a name; write one {number} or {name} into it, as in O{number} or <{name}>"
+        ]
+    );
+}

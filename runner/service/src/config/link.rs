@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use softplug_abi::{LineParameters, Micros};
+use softplug_catalogue::Notations;
 use softplug_gateway::endpoint::EndpointSetup;
 use softplug_gateway::port::{line_mismatch, line_text, parse_line};
 use softplug_gateway::units::{TlsKeys, UnitAddress};
@@ -49,6 +50,8 @@ pub struct LinkConfig {
     /// Folders below the programs' folders in which requests from the panel find
     /// programs, in this order; empty: the programs' folders themselves.
     pub search: Vec<String>,
+    /// How its programs say their names.
+    pub names: Notations,
     /// Folder of its receptions, below that of all.
     pub receive: String,
     /// What it may receive.
@@ -214,6 +217,7 @@ impl LinkConfig {
             ("transmit-room", self.transmit_room == other.transmit_room),
             ("delivery-room", self.delivery_room == other.delivery_room),
             ("search", self.search == other.search),
+            ("names", self.names == other.names),
             ("receive", self.receive == other.receive),
             ("quota", self.quota == other.quota),
             ("buffer", self.buffer == other.buffer),

@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use softplug_abi::LineParameters;
-use softplug_catalogue::Catalogue;
+use softplug_catalogue::{Catalogue, Notation, NotationError, Notations};
 use softplug_gateway::endpoint::{EndpointKind, EndpointSetup, Framing, LineAnswer};
 use softplug_gateway::port::parse_line;
 use softplug_gateway::units::{BusSetup, TlsKeys, UnitAddress, UnitPlace};
@@ -125,6 +125,7 @@ fn one(
     }
     let search = link.search.map(Spanned::into_inner).unwrap_or_default();
     let search = search.iter().filter_map(|text| folder(Some(text), problems)).collect();
+    let names = names(link.names, problems);
     let mut room = |value: Option<&Spanned<Value>>, default: u32| {
         value
             .map_or(default, |value| bytes(value, 64, 1 << 24, problems).unwrap_or_default() as u32)
@@ -195,6 +196,7 @@ fn one(
         transmit_room,
         delivery_room,
         search,
+        names,
         receive,
         quota,
         buffer,
@@ -389,6 +391,22 @@ fn plugin(
             None
         }
     }
+}
+
+/// How programs say their names: so first, then as is known.
+fn names(written: Option<Spanned<Vec<Text>>>, problems: &mut ConfigFindings<'_>) -> Notations {
+    let mut notations: Vec<Notation> = Vec::new();
+    for form in written.map(Spanned::into_inner).unwrap_or_default() {
+        match form.get_ref().parse() {
+            Ok(notation) => notations.push(notation),
+            Err(error) => {
+                let text = NotationError::to_string(&error);
+                let (message, hint) = text.rsplit_once(": ").unwrap_or((&text, ""));
+                problems.add(form.span(), message, hint);
+            }
+        }
+    }
+    Notations::before_known(notations)
 }
 
 /// Settings as text, as people give them to the command.

@@ -346,7 +346,7 @@ fn claim_one(place: &Place, name: &OsStr, state: FileState, looked: &mut Looked)
         Ok(_) => return None,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return None,
         Err(error) => {
-            looked.odd.insert(name.to_owned(), format!("cannot be read ({})", told(&error)));
+            looked.odd.insert(name.to_owned(), format!("cannot be read ({error})"));
             return None;
         }
     }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
 use std::time::Duration;
 
+use softplug_catalogue::Notations;
 use softplug_cell::Stop;
 use softplug_gateway::reactor::Command;
 use softplug_host::Plugin;
@@ -115,6 +116,11 @@ impl Gateway {
         })
     }
 
+    pub(super) fn names_of(&self, link: &str) -> Result<Notations, Refusal> {
+        let link = link.to_owned();
+        self.shared.ask(move |control| Ok(control.link(&link)?.config.names.clone()))
+    }
+
     pub(super) fn plugin_of(&self, link: &str) -> Result<Plugin, Refusal> {
         let link = link.to_owned();
         self.shared.ask(move |control| Ok(control.link(&link)?.plugin.plugin.clone()))
@@ -161,9 +167,10 @@ impl Gateway {
             (Some(program), from) => {
                 let parts = &self.shared.parts;
                 let data = parts.programs.snapshot(&program.parse()?, &parts.snapshots)?;
+                let named = parts.snapshots.name_of(data, &self.names_of(link)?);
                 let (data, found) = self.words_of(link, data)?;
                 stops = found;
-                let job = JobSpec { data: Some(data), ..job };
+                let job = JobSpec { data: Some(data), named, ..job };
                 let at = from.map_or(BeginAt::Start, BeginAt::Block);
                 if at == BeginAt::Start {
                     job
@@ -205,8 +212,9 @@ impl Gateway {
             let name = job.program.as_deref().unwrap_or("the data");
             let mut source = self.shared.parts.quotas.within(source);
             let data = snapshots.take_all(&mut source, name, self.shared.upload_bytes)?;
+            let named = snapshots.name_of(data, &self.names_of(link)?);
             let (data, stops) = self.words_of(link, data)?;
-            return self.put(JobSpec { data: Some(data), ..job }, stops);
+            return self.put(JobSpec { data: Some(data), named, ..job }, stops);
         }
         let link = link.to_owned();
         let (id, mut feeding) = self.shared.ask(move |control| control.feed(&link, job, size))?;

@@ -121,8 +121,10 @@ impl Queue for LinkQueue {
         let job = calls::order(&self.link, &order, &plugin).map_err(never)?;
         let _hold = shared.parts.snapshots.hold();
         let data = self.copied(dropped)?;
+        let names = self.gateway.names_of(&self.link).map_err(|refusal| later(&refusal))?;
+        let named = shared.parts.snapshots.name_of(data, &names);
         let (data, stops) = self.gateway.words_of(&self.link, data).map_err(never)?;
-        let job = JobSpec { data: Some(data), origin: Origin::Drop, ..job };
+        let job = JobSpec { data: Some(data), named, origin: Origin::Drop, ..job };
         let submitted = shared.parts.jobs.submit_claimed(job, stops, &dropped.claim);
         let job = submitted.map_err(|error| match error {
             JobsError::Spec(text) => NotTaken::Never(text),

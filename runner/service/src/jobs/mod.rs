@@ -518,12 +518,15 @@ fn narrowed(known: Extent, left: Extent) -> Extent {
 }
 
 /// Only a whole program is what the machine has.
-fn sent(job: &Job) -> Option<(String, String, Sent)> {
-    let (program, data) = (job.spec.program.clone()?, job.spec.data?);
+fn sent(job: &Job) -> Vec<(String, String, Sent)> {
+    let (Some(program), Some(data)) = (&job.spec.program, job.spec.data) else { return Vec::new() };
     let is_all = job.spec.from == 0 && job.extent.surely >= data.size;
     let is_whole = job.state == State::Done && job.spec.kind == Kind::Send && is_all;
-    let name = plain_name(&program).to_owned();
-    is_whole.then(|| (job.spec.link.clone(), name, Sent { job: job.id, data }))
+    // The machine sends it back under the name that it says of itself.
+    let names = std::iter::once(plain_name(program)).chain(job.spec.named.as_deref());
+    let rows =
+        names.map(|name| (job.spec.link.clone(), name.to_owned(), Sent { job: job.id, data }));
+    if is_whole { rows.collect() } else { Vec::new() }
 }
 
 /// As a machine would call it: without folders and extension.

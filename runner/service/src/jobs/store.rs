@@ -69,7 +69,7 @@ pub(super) struct Change {
     pub(super) jobs: Vec<Job>,
     pub(super) notes: Vec<Note>,
     /// Link, program and what was sent.
-    pub(super) sent: Option<(String, String, Sent)>,
+    pub(super) sent: Vec<(String, String, Sent)>,
     /// Link, receptions that began and bytes of those that ended.
     pub(super) came: Option<(String, u64, u64)>,
     /// A cell as it is now, encoded.
@@ -223,7 +223,7 @@ impl JobStore {
                     let live = self.known().live.len();
                     jobs.prune(keep.jobs + live)?;
                 }
-                if let Some((link, program, sent)) = &change.sent {
+                for (link, program, sent) in &change.sent {
                     let mut table = writing.open_table(SENT)?;
                     table.insert((&**link, &**program), &*encoded(sent))?;
                 }
