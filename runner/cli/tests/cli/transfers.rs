@@ -564,6 +564,42 @@ fn fewer_deliveries_than_were_asked_for_are_not_done() {
 }
 
 #[test]
+fn what_comes_without_a_name_gets_the_one_that_stands_in_it() {
+    let _alone = alone();
+    let bench = Bench::new();
+    std::fs::create_dir(bench.path("in")).unwrap();
+    bench.write("in/SHAFT 7", "theirs");
+    let pty = PtyPair::open().unwrap();
+    let receive = ["receive", "--port", &slave(&pty), "--plugin", "xon-xoff", "--dir", "in"];
+    let more = ["--count", "1", "--set", "quiet_time=200", "--json"];
+    let child = bench.command(&[&receive[..], &more].concat()).spawn().unwrap();
+    pty.write(b"%\nO<SHAFT 7>\nM30\n%\n").unwrap();
+    let ran = ended(child).with_code(0);
+    let delivery = lines(&ran).into_iter().find(|line| line["event"] == "delivery").unwrap();
+    assert_eq!((&delivery["file"], &delivery["name"]), (&"in/SHAFT 7-2".into(), &"SHAFT 7".into()));
+    assert_eq!(bench.read("in/SHAFT 7-2"), b"%\nO<SHAFT 7>\nM30\n%\n");
+}
+
+#[test]
+fn an_operator_gets_the_program_whose_text_says_the_name() {
+    let _alone = alone();
+    let bench = Bench::new();
+    bench.write("programs/flange.nc", "%\nO1234 (FLANGE)\nG1 X1\nM30\n%\n");
+    std::fs::create_dir(bench.path("in")).unwrap();
+    let press = ["--press", "0.3:request=1234", "--once", "--quiet-time", "1.5"];
+    let expect = ["--baud", "9600", "--expect", "programs/flange.nc"];
+    let simulation = Simulation::of("fanuc-rs232", &bench, &[&press[..], &expect].concat());
+    let receive = ["receive", "--port", &simulation.port, "--plugin", "fanuc-rs232"];
+    let folders = ["--dir", "in", "--programs", "programs", "--wait", "3", "--json"];
+    let ran = bench.run(&[&receive[..], &["--line", "9600 8N2"], &folders].concat());
+    let jobs: Vec<_> = lines(&ran).into_iter().filter(|line| line["event"] == "job").collect();
+    assert_eq!(jobs.len(), 1, "{ran}");
+    assert_eq!(jobs[0]["result"], "done", "{ran}");
+    let (code, report) = simulation.end();
+    assert_eq!((code, &report["as_expected"]), (0, &true.into()), "{report}");
+}
+
+#[test]
 fn characters_that_begin_no_program_are_told() {
     let bench = Bench::new();
     let pty = PtyPair::open().unwrap();

@@ -82,6 +82,7 @@ pub(super) fn link(name: &str, link: &Link, queued: u32, results: &Results) -> L
         },
         is_change_waiting: link.has_change_waiting(),
         unapplied: link.unapplied.clone(),
+        drop: None,
         trouble: Vec::new(),
     };
     view.trouble = trouble(&view);

@@ -56,6 +56,8 @@ pub struct LinkView {
     pub is_change_waiting: bool,
     /// A plug-in that the configuration asks for and that was not taken.
     pub unapplied: Option<UnappliedView>,
+    /// The folder whose files become jobs of the link, if it has one.
+    pub drop: Option<DropView>,
     /// What is wrong with it, in sentences, the gravest first; empty if nothing is.
     pub trouble: Vec<String>,
 }
@@ -248,6 +250,21 @@ pub struct UnappliedView {
     pub text: String,
     /// Since when.
     pub since_ms: TimeMs,
+}
+
+/// A link's drop folder.
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize, ToSchema)]
+pub struct DropView {
+    /// Where it is.
+    pub folder: String,
+    /// Files that have not become jobs yet.
+    pub waiting: u64,
+    /// Files whose jobs have not ended yet.
+    pub under_way: u64,
+    /// What cannot be taken, as it is no file or may not be read.
+    pub left_lying: u64,
+    /// Why nothing is taken, or put away, in a sentence.
+    pub trouble: Option<String>,
 }
 
 /// A fault of a plug-in.

@@ -132,10 +132,17 @@ function overview(name, path) {
         ['Plug-in', text.plugin(link.plugin)],
         ['Says', link.condition],
         ['Endpoint', link.endpoint && `${link.endpoint.kind} at ${link.endpoint.listen}${link.endpoint.client ? `, ${link.endpoint.client}` : ''}${link.endpoint.failure ? `: ${link.endpoint.failure}` : ''}`],
+        ['Drop folder', link.drop && dropFolder(link.drop)],
         ['Change waits', link.is_change_waiting && 'until the link is idle'],
       ]);
     },
   };
+}
+
+/** A drop folder and what is in it. */
+function dropFolder(drop) {
+  const parts = [[drop.waiting, 'waiting'], [drop.under_way, 'under way'], [drop.left_lying, 'not taken: see the journal']];
+  return [drop.folder, ...parts.filter(([count]) => count).map(([count, what]) => `${text.count(count)} ${what}`)].join(', ');
 }
 
 /** A list of names and values; empty values are left out. */
