@@ -109,7 +109,8 @@ impl Lathe {
 
     /// Queues all up to the next thing that has to be waited for.
     pub(super) fn goes_on(&mut self) {
-        let foreign = self.port.inside_of(&[0xE0, 0xE1]) + self.port.urgent() + self.stale;
+        // What is urgent and not in the port yet leaves before the block's own, or behind its end.
+        let foreign = self.port.inside_of(&[0xE0, 0xE1]) + self.stale;
         while let Some(job) = &mut self.job {
             if job.stage != Stage::Sending {
                 return;

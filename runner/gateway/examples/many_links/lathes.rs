@@ -68,10 +68,8 @@ fn program(passes: u64) -> String {
             value.abs() % 100
         )
     };
-    for _ in 0..passes {
-        for (x, z) in PASS {
-            text += &format!("G01 X{} Z{}\n", hundredths(x), hundredths(z));
-        }
+    for (x, z) in (0..passes).flat_map(|_| PASS) {
+        text.extend(["G01 X", &hundredths(x), " Z", &hundredths(z), "\n"]);
     }
     text + "M30\n"
 }
@@ -114,7 +112,7 @@ impl Running {
         let (x_limits, z_limits) = ((-far, far), (-far, far));
         let lathe = Lathe::new(LatheOptions { x_limits, z_limits, ..LatheOptions::default() })?;
         let port = Clocked::new(lathe, PERIOD);
-        let compared = Compared { port, expected: Box::new(bytes(passes)), wrong: 0, compared: 0 };
+        let compared = Compared { port, expected: Box::new(bytes(passes)), wrong: 0, count: 0 };
         let mut simulator = Simulator::new(compared)?;
         let path = simulator.path().to_owned();
         let has_ended = Arc::new(AtomicBool::new(false));
@@ -139,7 +137,7 @@ struct Compared {
     port: Clocked<Lathe>,
     expected: Box<dyn Iterator<Item = u8> + Send>,
     wrong: u64,
-    compared: u64,
+    count: u64,
 }
 
 impl Compared {
@@ -147,7 +145,7 @@ impl Compared {
         let lathe = self.port.machine();
         let report = lathe.report();
         json!({
-            "bytes": self.compared,
+            "bytes": self.count,
             "wrong_bytes": self.wrong,
             "missing_bytes": self.expected.by_ref().count(),
             "pulses": report.x_pulses + report.z_pulses,
@@ -162,7 +160,7 @@ impl Compared {
 
 impl Partner for Compared {
     fn receive(&mut self, now: Micros, byte: u8) {
-        self.compared += 1;
+        self.count += 1;
         self.wrong += u64::from(self.expected.next() != Some(byte));
         self.port.receive(now, byte);
     }
