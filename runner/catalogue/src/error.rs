@@ -33,12 +33,25 @@ pub enum MachineError {
         /// The key.
         key: &'static str,
     },
+    /// Programs are named in a way that is none.
+    #[error("`names`: {0}")]
+    Notation(#[from] NotationError),
     /// The plug-in is named by what is no name.
     #[error("`plugin` is {name}; give the name of a plug-in, such as \"xon-xoff\", and no path")]
     Plugin {
         /// As it stands there, escaped.
         name: String,
     },
+}
+
+/// A form that is no notation of a name. Prints as one sentence.
+#[derive(Clone, PartialEq, Eq, Debug, Error)]
+#[error(
+    "{form:?} is no notation of a name: write one {{number}} or {{name}} into it, as in O{{number}} or <{{name}}>"
+)]
+pub struct NotationError {
+    /// The form, or its beginning.
+    pub form: String,
 }
 
 /// A folder whose files are no machines.

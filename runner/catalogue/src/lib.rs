@@ -12,14 +12,19 @@
 //! assert_eq!((&*machine.plugin, machine.line.as_deref()), ("xon-xoff", Some("9600 7E2")));
 //! assert!(!machine.sources.is_empty());
 //! ```
+//!
+//! A [`Notation`] is a way in which a program says its name in its text; [`Notations`] are those of a
+//! machine, or all that are known.
 
 mod catalogue;
 mod error;
 mod known;
 mod machine;
+mod names;
 
 pub use catalogue::Catalogue;
-pub use error::{FolderError, MachineError};
+pub use error::{FolderError, MachineError, NotationError};
 pub use machine::{
     AtControl, Flow, MOST_FILE_BYTES, MOST_TEXT, Machine, ProgramNames, Remark, Source,
 };
+pub use names::{HEAD_BYTES, KNOWN_NOTATIONS, Notation, Notations, is_same_program};

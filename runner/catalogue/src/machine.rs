@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 use crate::error::MachineError;
+use crate::names::{Notation, Notations};
 
 /// Most bytes of a file that are read. Longer ones are refused before they are parsed.
 pub const MOST_FILE_BYTES: usize = 64 << 10;
@@ -93,6 +94,9 @@ pub enum Flow {
 pub struct ProgramNames {
     /// Such as `O{number}`, `:{number}`, `<{name}>` or `%_N_{name}_MPF`.
     pub form: String,
+    /// Others in which the control sends programs, or takes them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub also: Vec<String>,
     /// Digits that a number has.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub digits: Option<u8>,
@@ -176,7 +180,28 @@ impl Machine {
                 return Err(MachineError::Text { key });
             }
         }
+        for form in self.forms() {
+            form.parse::<Notation>()?;
+        }
         Ok(())
+    }
+
+    fn forms(&self) -> impl Iterator<Item = &String> {
+        self.names.iter().flat_map(|names| std::iter::once(&names.form).chain(&names.also))
+    }
+
+    /// How its programs say their names: in its own notations, then in those that are known.
+    ///
+    /// ```
+    /// use softplug_catalogue::Catalogue;
+    ///
+    /// let catalogue = Catalogue::known();
+    /// let machine = catalogue.find("okuma-osp").expect("it is known");
+    /// assert_eq!(machine.notations().name_in(b"$SHAFT-1.MIN%\n").as_deref(), Some("SHAFT-1"));
+    /// ```
+    pub fn notations(&self) -> Notations {
+        // A test reads those of the machines that come with us; others were checked.
+        Notations::before_known(self.forms().filter_map(|form| form.parse().ok()).collect())
     }
 
     /// All that is shown, by its key.
@@ -192,6 +217,7 @@ impl Machine {
         }
         if let Some(names) = &self.names {
             texts.push(("names.form", &names.form));
+            texts.extend(names.also.iter().map(|form| ("names.also", &**form)));
             texts.extend(names.characters.iter().map(|text| ("names.characters", &**text)));
         }
         for set in &self.at_control {

@@ -11,7 +11,7 @@ use softplug_gateway::{Flow, PortOptions, PortSpec};
 use crate::failure::Failure;
 use crate::machine::MachineArguments;
 use crate::plugin::{Chosen, Library};
-use softplug_catalogue::Machine;
+use softplug_catalogue::{Machine, Notations};
 
 /// How to speak on a line, apart from its port.
 #[derive(Debug, Args)]
@@ -39,6 +39,11 @@ pub(crate) struct LinkArguments {
 }
 
 impl LinkArguments {
+    /// How programs of the machine say their names.
+    pub(crate) fn notations(&self) -> Result<Notations, Failure> {
+        Ok(self.machine.find()?.map_or_else(Notations::known, |machine| machine.notations()))
+    }
+
     /// Loads the plug-in and finds its settings. What the machine's entry in the catalogue says is
     /// taken where nothing else was asked for.
     pub(crate) fn load(&mut self) -> Result<(Chosen, SettingValues), Failure> {

@@ -8,6 +8,7 @@
 
 pub mod config;
 pub mod disk;
+mod drop_folder;
 pub mod feeder;
 pub mod gateway;
 pub mod http;

@@ -354,3 +354,93 @@ fn what_a_bus_cannot_have_is_told_in_one_sentence() {
     let told = problems(&format!("{BUS}{local}bus = \"can0\"\n")).join("|");
     assert!(told.contains("the link \"a\" is no unit's, and on no bus; take `bus` away"), "{told}");
 }
+
+#[test]
+fn a_drop_folder_is_one_links_and_no_other_folder() {
+    let link = |name: &str, drop: &str| {
+        format!(
+            "[[link]]\nname = \"{name}\"\nport = \"/dev/{name}\"\nplugin = \"xon-xoff\"\ndrop = {drop}\n"
+        )
+    };
+    let config = parse(
+        &(link("a", "{ folder = \"in/a\" }")
+            + &link(
+                "b",
+                "{ folder = \"./x/../in/b\", settle = \"0s\", look = \"1m\", largest = \"2 MiB\" }",
+            )),
+    )
+    .unwrap();
+    let drops: Vec<_> = config.links.iter().map(|link| link.drop.clone().unwrap()).collect();
+    assert_eq!(drops[0].folder, Path::new("shop/in/a"));
+    assert_eq!((drops[0].settle, drops[0].poll), (Duration::from_secs(5), Duration::from_secs(2)));
+    assert_eq!(drops[0].largest, 64 << 20);
+    assert_eq!(drops[1].folder, Path::new("shop/in/b"));
+    assert_eq!((drops[1].settle, drops[1].poll), (Duration::ZERO, Duration::from_mins(1)));
+
+    let place = "give each drop folder a place of its own, within no other and around none";
+    let cases = [
+        ("{}", "the drop folder is not named; add folder = \"drop/lathe-1\"".to_owned()),
+        ("{ folder = \" \" }", "this cannot name a folder; name one: \"drop/lathe-1\"".to_owned()),
+        (
+            "{ folder = \"in\" }",
+            format!("the folder shop/in/a is the drop folder of \"a\" already; {place}"),
+        ),
+        (
+            "{ folder = \"in/a\" }",
+            format!("the folder shop/in/a is the drop folder of \"a\" already; {place}"),
+        ),
+        (
+            "{ folder = \"programs/b\" }",
+            format!("the folder shop/programs is a folder of programs already; {place}"),
+        ),
+        (
+            "{ folder = \"state/x/../b\" }",
+            format!("the folder shop/state is the gateway's state already; {place}"),
+        ),
+        (
+            "{ folder = \"b\", settle = \"25h\" }",
+            "a file would settle for more than a day; give at most 24h".to_owned(),
+        ),
+        (
+            "{ folder = \"b\", look = \"1ms\" }",
+            "a folder is not looked into so often; give 100ms to 1h".to_owned(),
+        ),
+        (
+            "{ folder = \"b\", largest = 0 }",
+            "0 bytes do not do here; give 1 to 1099511627776 bytes".to_owned(),
+        ),
+    ];
+    for (drop, problem) in cases {
+        let found = problems(&(link("a", "{ folder = \"in/a\" }") + &link("b", drop)));
+        let [found] = &found[..] else { panic!("{drop}: {found:?}") };
+        assert!(found.ends_with(&format!(": {problem}")), "{drop}: {found}");
+    }
+    let defaults = problems("[defaults]\ndrop = { folder = \"in\" }\n");
+    assert_eq!(
+        defaults,
+        ["2:8: a drop folder cannot be the same for all links; move it to the links"]
+    );
+}
+
+#[test]
+fn a_link_has_the_notations_of_its_machine_or_its_own_before_the_known_ones() {
+    let link = |more: &str| {
+        let text = format!("[[link]]\nname = \"a\"\nport = \"/dev/a\"\n{more}\n");
+        parse(&text).unwrap().links[0].names.clone()
+    };
+    let own = link("plugin = \"xon-xoff\"\nnames = [\"({name})\"]");
+    assert_eq!(own.name_in(b"%\n(PART A)\nO1\n").as_deref(), Some("PART A"));
+    assert_eq!(own.name_in(b"%\nO1\n").as_deref(), Some("O1"));
+    let machine = link("machine = \"siemens-840d\"");
+    assert_eq!(machine.name_in(b"%_N_L1_SPF\n").as_deref(), Some("L1_SPF"));
+    assert_eq!(link("plugin = \"xon-xoff\"").name_in(b"(PART A)\n"), None);
+    let found = problems(
+        "[[link]]\nname = \"a\"\nport = \"/dev/a\"\nplugin = \"xon-xoff\"\nnames = [\"O1234\"]\n",
+    );
+    assert_eq!(
+        found,
+        [
+            "5:10: \"O1234\" is no notation of a name; write one {number} or {name} into it, as in O{number} or <{name}>"
+        ]
+    );
+}

@@ -435,3 +435,29 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn what_was_sent_is_known_by_its_file_and_by_the_name_that_it_says_of_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let jobs = open(folder.path());
+    let named = Some("O4711".to_owned());
+    let spec = JobSpec { named, ..JobSpec::send("lathe", "parts/flange.nc", DATA()) };
+    let job = jobs.submit(spec).unwrap();
+    assert_eq!(job.other_name(), Some("O4711"));
+    jobs.begin(job.id).unwrap();
+    jobs.end(job.id, Ending::Done, None).unwrap();
+    for name in ["flange", "O4711"] {
+        assert_eq!(
+            jobs.reader().last_sent("lathe", name).unwrap().map(|sent| sent.job),
+            Some(job.id)
+        );
+    }
+    assert!(
+        texts(&jobs)[0].ends_with("sends parts/flange.nc (O4711), 1000 bytes"),
+        "{:?}",
+        texts(&jobs)
+    );
+    let named = Some("O0012".to_owned());
+    let same = jobs.submit(JobSpec { named, ..JobSpec::send("lathe", "12.nc", DATA()) }).unwrap();
+    assert_eq!(same.other_name(), None);
+}

@@ -137,6 +137,9 @@ fn held_by(flow: Flow) -> &'static str {
 
 fn described(names: &ProgramNames) -> String {
     let mut text = names.form.clone();
+    for form in &names.also {
+        let _ = write!(text, " or {form}");
+    }
     if let Some(digits) = names.digits {
         let _ = write!(text, ", {digits} digits");
     }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::{ArgGroup, Args};
 use serde::Serialize;
 use softplug_abi::manifest::SettingValues;
+use softplug_catalogue::Notations;
 use softplug_gateway::PortSpec;
 use softplug_gateway::store::{Inbox, Shelf};
 
@@ -26,9 +27,9 @@ use crate::screen::Screen;
 /// program of one punch, becomes a file of its own in the same folder.
 ///
 /// With --dir it goes on until Ctrl-C: each delivery becomes a file of its own, under the name that
-/// the machine gave, made safe, or under a number. Nothing is overwritten: O1234 is followed by
+/// the machine gave or that stands in its text, made safe, or under a number. Nothing is overwritten: O1234 is followed by
 /// O1234-2. Failed ones end in .failed. With --programs, a machine that asks for a program is sent
-/// it.
+/// the file that is called so, or the one whose text says that name.
 #[derive(Debug, Args)]
 #[command(
     group(ArgGroup::new("where").args(["out", "dir"]).required(true)),
@@ -84,6 +85,8 @@ impl Prepared {
 pub(crate) struct Folders {
     pub(crate) inbox: Inbox,
     pub(crate) shelf: Option<Shelf>,
+    /// How programs say their names.
+    pub(crate) notations: Notations,
 }
 
 /// What machines get.
@@ -130,7 +133,8 @@ pub(crate) fn run(mut arguments: Arguments, screen: &Screen) -> Result<Exit, Fai
         .programs
         .as_ref()
         .map(|programs| Shelf::new(programs).map_err(|error| no_folder(programs, &error)));
-    let folders = Folders { inbox, shelf: shelf.transpose()? };
+    let notations = arguments.link.notations()?;
+    let folders = Folders { inbox, shelf: shelf.transpose()?, notations };
     let prepared = Prepared::new(&mut arguments.link)?;
     live::serve(&arguments, folders, prepared, screen)
 }

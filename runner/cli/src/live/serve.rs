@@ -3,11 +3,13 @@
 
 use std::fs::File;
 use std::io;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use serde::Serialize;
 use softplug_abi::Failure as Why;
 use softplug_abi::manifest::{Kind, Manifest};
+use softplug_catalogue::{HEAD_BYTES, Notations, is_same_program};
 use softplug_gateway::store::{Inbox, Mark, Shelf};
 use softplug_gateway::transfer::{
     self, Delivered, JobReport, News, Program, Reply, Request, SendOutcome, ServeEnd, ServeHandler,
@@ -85,10 +87,18 @@ pub(crate) fn serve(
     let Prepared { plugin, settings } = prepared;
     let stop = stop::on_signals()?;
     let mut station = station(&arguments.port, &arguments.link, &plugin, settings, true, screen)?;
-    let Folders { inbox, shelf } = folders;
+    let Folders { inbox, shelf, notations } = folders;
     screen.note(AWAITED);
     let bar = Bar::new(None, screen);
-    let mut counter = Counter { inbox, shelf, manifest: plugin.manifest(), bar: &bar, screen };
+    let mut counter = Counter {
+        inbox,
+        shelf,
+        notations,
+        head: Vec::new(),
+        manifest: plugin.manifest(),
+        bar: &bar,
+        screen,
+    };
     let options = ServeOptions {
         give_up_after: arguments.wait.map(|seconds| Duration::from_secs(u64::from(seconds))),
         deliveries: arguments.count,
@@ -149,6 +159,10 @@ fn summary(report: &ServeReport) -> String {
 struct Counter<'a> {
     inbox: Inbox,
     shelf: Option<Shelf>,
+    /// How programs say their names.
+    notations: Notations,
+    /// The beginning of what comes.
+    head: Vec<u8>,
     manifest: &'a Manifest,
     bar: &'a Bar<'a>,
     screen: &'a Screen,
@@ -165,8 +179,11 @@ impl Counter<'_> {
         let (kind, shelf) = kind.zip(self.shelf.as_ref()).ok_or(Why::NotSupported)?;
         let fields = kind.assignments(&request.fields);
         let name = fields.iter().find(|(field, _)| field == NAME).map(|(_, name)| name.as_str());
-        let path = shelf.find(name.ok_or(Why::NotFound)?).map_err(|error| refusal(&error))?;
-        let path = path.ok_or(Why::NotFound)?;
+        let name = name.ok_or(Why::NotFound)?;
+        let path = match shelf.find(name).map_err(|error| refusal(&error))? {
+            Some(path) => path,
+            None => self.find_by_text(shelf, name)?,
+        };
         let file = File::open(&path).map_err(|error| refusal(&error))?;
         let size = file.metadata().map_err(|error| refusal(&error))?.len();
         let job_kind = self.manifest.job_kind("send").ok_or(Why::NotSupported)?;
@@ -174,6 +191,26 @@ impl Counter<'_> {
         program.size = Some(size);
         program.check = self.manifest.needs.check_pass;
         Ok(program)
+    }
+
+    /// The program that says in its text that it is called so; none if two do.
+    fn find_by_text(&self, shelf: &Shelf, name: &str) -> Result<PathBuf, Why> {
+        let mut is_it = |head: &[u8]| {
+            self.notations.name_in(head).is_some_and(|said| is_same_program(&said, name))
+        };
+        let found = shelf.find_by_text(HEAD_BYTES, &mut is_it);
+        let mut found = found.map_err(|error| refusal(&error))?;
+        if let [one, other, ..] = &found[..] {
+            self.error(format_args!(
+                "more than one program is called {} in its text: {} and {}; rename the file of the \
+                 right one so, or take the others away",
+                name.escape_debug(),
+                one.display(),
+                other.display()
+            ));
+            return Err(Why::NotFound);
+        }
+        found.pop().ok_or(Why::NotFound)
     }
 
     fn say(&self, text: impl std::fmt::Display) {
@@ -246,16 +283,21 @@ fn refusal(error: &io::Error) -> Why {
 
 impl ServeHandler for Counter<'_> {
     fn begin(&mut self) -> io::Result<()> {
+        self.head.clear();
         self.inbox.begin()
     }
 
     fn deliver(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.inbox.write(bytes)
+        self.inbox.write(bytes)?;
+        let room = HEAD_BYTES - self.head.len();
+        self.head.extend_from_slice(&bytes[..bytes.len().min(room)]);
+        Ok(())
     }
 
     fn end(&mut self, delivered: &Delivered) -> io::Result<()> {
         let mark = if delivered.failure.is_none() { Mark::Complete } else { Mark::Failed };
-        let name = delivered.name.as_deref();
+        let said = delivered.name.clone().or_else(|| self.notations.name_in(&self.head));
+        let name = said.as_deref();
         let kept = self.inbox.end(name, mark)?;
         let came = numbers::bytes(kept.bytes);
         let file = kept.path.map(|path| path.display().to_string());

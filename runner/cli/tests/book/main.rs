@@ -62,6 +62,7 @@ pages! {
     gateway_operate: "gateway/operate.md",
     gateway_ports: "gateway/ports.md",
     gateway_library: "gateway/library.md",
+    gateway_drop: "gateway/drop.md",
     gateway_jobs: "gateway/jobs.md",
     gateway_swap: "gateway/swap.md",
     gateway_page: "gateway/page.md",

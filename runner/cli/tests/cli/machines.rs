@@ -119,6 +119,26 @@ fn a_program_that_passes_passes() {
 }
 
 #[test]
+fn a_program_that_does_not_say_its_name_as_the_machine_wants_it_is_remarked_on() {
+    let bench = Bench::new();
+    let told = |text: &str, machine: &str| {
+        bench.write("P.nc", text);
+        bench.run(&["check", "P.nc", "--machine", machine]).with_code(0).err
+    };
+    assert_eq!(told("%\nO12 (X)\nM30\n%\n", "fanuc-0m"), "");
+    assert_eq!(
+        told("%\nN1 G0\nM30\n%\n", "fanuc-0m"),
+        "P.nc does not say its name as fanuc-0m wants it: O{number}\n"
+    );
+    assert_eq!(
+        told("%\nO12345\nM30\n%\n", "fanuc-0m"),
+        "P.nc is called O12345, and a number has 4 digits on fanuc-0m\n"
+    );
+    assert_eq!(told("%\nO12345\nM30\n%\n", "haas-vf"), "");
+    assert_eq!(told("G0 X1\nM30\n", "heidenhain-tnc"), "");
+}
+
+#[test]
 fn a_program_may_come_from_standard_input() {
     let bench = Bench::new();
     let words = ["check", "-", "--machine", "fanuc-0m", "--json"];

@@ -93,6 +93,51 @@ fn ended(child: Child) -> Ran {
 const LINE: [&str; 2] = ["--line", "921600 8N1"];
 
 #[test]
+fn a_simulated_lathe_cuts_what_is_sent() {
+    let _alone = alone();
+    let bench = Bench::new();
+    bench.write("cut.nc", "G91 S20 T1 M3\nG01 X-2 Z-20 F2000\nM30\n");
+    let simulation = Simulation::of("pulse-lathe", &bench, &["--once", "--picture", "part.svg"]);
+    let send = ["send", "--port", &simulation.port, "--plugin", "pulse-lathe", "--json", "cut.nc"];
+    let line = ["--line", "40000 8N1", "--depth", "1000", "--set", "input=iso"];
+    let sent = bench.run(&[&send[..], &line].concat()).with_code(0).json();
+    assert_eq!(sent["result"], "done");
+    let (_, report) = simulation.end();
+    // Time is real here: a gap is not the program's.
+    assert_eq!((&report["x_pulses"], &report["z_pulses"]), (&200.into(), &2_000.into()));
+    assert_eq!((&report["programs"], &report["lost_pulses"]), (&1.into(), &0.into()));
+    assert!(String::from_utf8(bench.read("part.svg")).unwrap().contains("id=\"part\""));
+}
+
+#[test]
+fn a_simulated_control_speaks_xmodem_both_ways() {
+    let _alone = alone();
+    let bench = Bench::new();
+    bench.write("O1.nc", program("surfacing.nc"));
+    let fast = ["--baud", "115200", "--once"];
+    let simulation = Simulation::of(
+        "xmodem",
+        &bench,
+        &[&fast[..], &["--damage", "3", "--out", "got.nc"]].concat(),
+    );
+    let line = ["--line", "115200 8N1"];
+    let send = ["send", "--port", &simulation.port, "--plugin", "xmodem", "--json", "O1.nc"];
+    assert_eq!(bench.run(&[&send[..], &line].concat()).with_code(0).json()["result"], "done");
+    let (code, report) = simulation.end();
+    assert_eq!((code, &report["done"], &report["failed"]), (0, &1.into(), &0.into()), "{report}");
+    let (sent, got) = (bench.read("O1.nc"), bench.read("got.nc"));
+    assert_eq!(got[..sent.len()], sent);
+    assert!(got[sent.len()..].iter().all(|byte| *byte == 0x1A));
+
+    let simulation =
+        Simulation::of("xmodem", &bench, &[&fast[..], &["--file", "O1.nc", "--long"]].concat());
+    let receive = ["receive", "--port", &simulation.port, "--plugin", "xmodem", "--out", "back.nc"];
+    bench.run(&[&receive[..], &line].concat()).with_code(0);
+    assert_eq!(bench.read("back.nc"), sent);
+    assert_eq!(simulation.end().0, 0);
+}
+
+#[test]
 fn a_program_goes_to_a_control_that_holds_and_comes_back() {
     let _alone = alone();
     let bench = Bench::new();
@@ -516,6 +561,42 @@ fn fewer_deliveries_than_were_asked_for_are_not_done() {
     let end = lines(&ran).pop().unwrap();
     assert_eq!((&end["result"], &end["complete"]), (&"incomplete".into(), &1.into()), "{ran}");
     assert_eq!(end["heard"], 5);
+}
+
+#[test]
+fn what_comes_without_a_name_gets_the_one_that_stands_in_it() {
+    let _alone = alone();
+    let bench = Bench::new();
+    std::fs::create_dir(bench.path("in")).unwrap();
+    bench.write("in/SHAFT 7", "theirs");
+    let pty = PtyPair::open().unwrap();
+    let receive = ["receive", "--port", &slave(&pty), "--plugin", "xon-xoff", "--dir", "in"];
+    let more = ["--count", "1", "--set", "quiet_time=200", "--json"];
+    let child = bench.command(&[&receive[..], &more].concat()).spawn().unwrap();
+    pty.write(b"%\nO<SHAFT 7>\nM30\n%\n").unwrap();
+    let ran = ended(child).with_code(0);
+    let delivery = lines(&ran).into_iter().find(|line| line["event"] == "delivery").unwrap();
+    assert_eq!((&delivery["file"], &delivery["name"]), (&"in/SHAFT 7-2".into(), &"SHAFT 7".into()));
+    assert_eq!(bench.read("in/SHAFT 7-2"), b"%\nO<SHAFT 7>\nM30\n%\n");
+}
+
+#[test]
+fn an_operator_gets_the_program_whose_text_says_the_name() {
+    let _alone = alone();
+    let bench = Bench::new();
+    bench.write("programs/flange.nc", "%\nO1234 (FLANGE)\nG1 X1\nM30\n%\n");
+    std::fs::create_dir(bench.path("in")).unwrap();
+    let press = ["--press", "0.3:request=1234", "--once", "--quiet-time", "1.5"];
+    let expect = ["--baud", "9600", "--expect", "programs/flange.nc"];
+    let simulation = Simulation::of("fanuc-rs232", &bench, &[&press[..], &expect].concat());
+    let receive = ["receive", "--port", &simulation.port, "--plugin", "fanuc-rs232"];
+    let folders = ["--dir", "in", "--programs", "programs", "--wait", "3", "--json"];
+    let ran = bench.run(&[&receive[..], &["--line", "9600 8N2"], &folders].concat());
+    let jobs: Vec<_> = lines(&ran).into_iter().filter(|line| line["event"] == "job").collect();
+    assert_eq!(jobs.len(), 1, "{ran}");
+    assert_eq!(jobs[0]["result"], "done", "{ran}");
+    let (code, report) = simulation.end();
+    assert_eq!((code, &report["as_expected"]), (0, &true.into()), "{report}");
 }
 
 #[test]

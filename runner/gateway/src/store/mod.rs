@@ -4,10 +4,12 @@
 mod inbox;
 mod names;
 mod shelf;
+mod writers;
 
 pub use inbox::{Inbox, Kept, Mark};
 pub use names::{numbered, safe_name};
 pub use shelf::Shelf;
+pub use writers::is_open_for_writing;
 
 use std::fs::{self, File};
 use std::io;

@@ -1,13 +1,16 @@
 //! A folder with programs that machines may ask for by name.
 
 use std::fs;
-use std::io;
+use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
 /// Ends that a program's file may have beyond the name asked for, the most
 /// likely first.
 const EXTENSIONS: [&str; 12] =
     ["nc", "txt", "cnc", "tap", "min", "mpf", "eia", "iso", "din", "prg", "ptp", "ncp"];
+
+/// Files that are opened for their text at one request.
+const OPENED: usize = 2_000;
 
 /// Finds programs by the names that machines ask for.
 ///
@@ -50,6 +53,39 @@ impl Shelf {
             }
         }
         Ok(best.map(|(_, path)| path))
+    }
+
+    /// Files whose beginning is such as `is_it` wants, by name: at most two, as more than one says
+    /// enough. No more than 2,000 files are opened, those that come first by name.
+    ///
+    /// # Errors
+    /// The folder cannot be read.
+    pub fn find_by_text(
+        &self,
+        head: usize,
+        is_it: &mut dyn FnMut(&[u8]) -> bool,
+    ) -> io::Result<Vec<PathBuf>> {
+        let entries = fs::read_dir(&self.folder)?;
+        let names = entries.map(|entry| Ok(entry?.file_name()));
+        let mut names = names.collect::<io::Result<Vec<_>>>()?;
+        names.retain(|name| name.to_str().is_some_and(|name| !name.starts_with('.')));
+        names.sort_unstable();
+        let (mut found, mut bytes) = (Vec::new(), Vec::new());
+        for path in names.into_iter().take(OPENED).map(|name| self.folder.join(name)) {
+            if !self.is_program(&path) {
+                continue;
+            }
+            let Ok(file) = fs::File::open(&path) else { continue };
+            bytes.clear();
+            let is_read = file.take(head as u64).read_to_end(&mut bytes).is_ok();
+            if is_read && is_it(&bytes) {
+                found.push(path);
+            }
+            if found.len() == 2 {
+                break;
+            }
+        }
+        Ok(found)
     }
 
     /// A file with something in it; a link only if it stays in the folder.
@@ -116,6 +152,24 @@ mod tests {
         for name in ["part", "O123", "PART.doc", "", "O1234.", "99999999999999999999"] {
             assert_eq!(found(&shelf, name), None, "{name:?}");
         }
+    }
+
+    #[test]
+    fn a_program_is_found_by_its_text_and_two_are_enough_to_know_better() {
+        let (folder, shelf) = shelf(&["a.nc", "b.nc", "c.nc", "d.nc"]);
+        let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+        write("b.nc", "O12\n");
+        write("empty.nc", "");
+        write(".hidden", "O12\n");
+        fs::create_dir(folder.path().join("sub")).unwrap();
+        let find = |text: &[u8]| {
+            let found = shelf.find_by_text(4, &mut |head| head == text).unwrap();
+            let names = found.iter().map(|path| path.file_name().unwrap().to_str().unwrap());
+            names.map(ToOwned::to_owned).collect::<Vec<_>>()
+        };
+        assert_eq!(find(b"O12\n"), ["b.nc"]);
+        assert_eq!(find(b"%\nM3"), ["a.nc", "c.nc"]);
+        assert_eq!(find(b"O13\n"), [""; 0]);
     }
 
     #[test]

@@ -2,9 +2,11 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use softplug_abi::{LineParameters, Micros};
+use softplug_catalogue::Notations;
 use softplug_gateway::endpoint::EndpointSetup;
 use softplug_gateway::port::{line_mismatch, line_text, parse_line};
 use softplug_gateway::units::{TlsKeys, UnitAddress};
@@ -48,6 +50,8 @@ pub struct LinkConfig {
     /// Folders below the programs' folders in which requests from the panel find
     /// programs, in this order; empty: the programs' folders themselves.
     pub search: Vec<String>,
+    /// How its programs say their names.
+    pub names: Notations,
     /// Folder of its receptions, below that of all.
     pub receive: String,
     /// What it may receive.
@@ -56,6 +60,8 @@ pub struct LinkConfig {
     pub buffer: Buffer,
     /// The server endpoint.
     pub endpoint: Option<EndpointSetup>,
+    /// The folder whose files become jobs.
+    pub drop: Option<DropConfig>,
     /// When to bark.
     pub watchdogs: Watchdogs,
     /// What becomes of new versions in the library.
@@ -110,8 +116,8 @@ impl fmt::Display for PortConfig {
 }
 
 /// Machines that can be simulated.
-pub(crate) const MACHINES: [&str; 5] =
-    ["xon-xoff", "r3964", "r3964-simplified", "fanuc-rs232", "pulse-lathe"];
+pub(crate) const MACHINES: [&str; 6] =
+    ["xon-xoff", "r3964", "r3964-simplified", "fanuc-rs232", "pulse-lathe", "xmodem"];
 
 /// Opening a port again after it went.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -133,6 +139,19 @@ pub struct Buffer {
     pub high: u32,
     /// How much is given to it at once.
     pub packet: u32,
+}
+
+/// A folder whose files become jobs of a link.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct DropConfig {
+    /// Where it is.
+    pub folder: PathBuf,
+    /// For so long a file must not have changed.
+    pub settle: Duration,
+    /// So often it is looked into.
+    pub poll: Duration,
+    /// Bytes of the largest file that is taken.
+    pub largest: u64,
 }
 
 /// When a link's watchdogs bark; never if `None`.
@@ -198,10 +217,12 @@ impl LinkConfig {
             ("transmit-room", self.transmit_room == other.transmit_room),
             ("delivery-room", self.delivery_room == other.delivery_room),
             ("search", self.search == other.search),
+            ("names", self.names == other.names),
             ("receive", self.receive == other.receive),
             ("quota", self.quota == other.quota),
             ("buffer", self.buffer == other.buffer),
             ("endpoint", self.endpoint == other.endpoint),
+            ("drop", self.drop == other.drop),
             ("watchdog", self.watchdogs == other.watchdogs),
             ("swap", self.swap == other.swap),
             ("probation", self.probation == other.probation),

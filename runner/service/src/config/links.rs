@@ -4,9 +4,10 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt;
 use std::net::SocketAddr;
 use std::ops::Range;
+use std::path::{Path, PathBuf};
 
 use softplug_abi::LineParameters;
-use softplug_catalogue::Catalogue;
+use softplug_catalogue::{Catalogue, Notation, NotationError, Notations};
 use softplug_gateway::endpoint::{EndpointKind, EndpointSetup, Framing, LineAnswer};
 use softplug_gateway::port::parse_line;
 use softplug_gateway::units::{BusSetup, TlsKeys, UnitAddress, UnitPlace};
@@ -18,7 +19,7 @@ use super::link::{
     Buffer, LinkConfig, MACHINES, Places, PortConfig, Probation, Reopen, SwapPolicy, Watchdogs,
     is_name, micros,
 };
-use super::service::{address, bytes, choice, optional_span, span};
+use super::service::{GatewayConfig, address, bytes, choice, optional_span, span};
 use super::tls::GatewayKey;
 use super::written::{self, Text};
 use super::{MOST_LINKS, of_names};
@@ -30,6 +31,9 @@ pub(super) struct Common<'a> {
     pub(super) buses: &'a [BusSetup],
     pub(super) catalogue: &'a Catalogue,
     pub(super) key: &'a GatewayKey,
+    pub(super) gateway: &'a GatewayConfig,
+    /// What paths are relative to.
+    pub(super) folder: &'a Path,
 }
 
 /// All links, each with what it does not say taken from the defaults.
@@ -54,12 +58,17 @@ pub(super) fn all(
         let message = "an endpoint cannot be the same for all links";
         problems.add(endpoint.span(), message, "move it to the links");
     }
+    if let Some(written) = &defaults.drop {
+        let message = "a drop folder cannot be the same for all links";
+        problems.add(written.span(), message, "move it to the links");
+    }
     if let Some(link) = written.get(MOST_LINKS) {
         let message = format!("there are more than {MOST_LINKS} links");
         problems.add(link.span(), message, "run a second gateway for the rest");
     }
     let mut links: Vec<LinkConfig> = Vec::new();
-    let mut taken = Taken::default();
+    let drops = super::drops::taken(common.gateway);
+    let mut taken = Taken { drops, ..Taken::default() };
     for link in written.into_iter().take(MOST_LINKS) {
         let at = header(link.span());
         let link = link.into_inner().or_machine(defaults, catalogue, problems).or(defaults);
@@ -82,6 +91,7 @@ struct Taken {
     ports: HashMap<String, String>,
     addresses: HashMap<SocketAddr, String>,
     folders: HashMap<String, String>,
+    drops: HashMap<PathBuf, String>,
     /// Of each unit the link that named it first, and how it is reached.
     units: HashMap<UnitPlace, (String, Option<TlsKeys>)>,
 }
@@ -115,6 +125,7 @@ fn one(
     }
     let search = link.search.map(Spanned::into_inner).unwrap_or_default();
     let search = search.iter().filter_map(|text| folder(Some(text), problems)).collect();
+    let names = names(link.names, problems);
     let mut room = |value: Option<&Spanned<Value>>, default: u32| {
         value
             .map_or(default, |value| bytes(value, 64, 1 << 24, problems).unwrap_or_default() as u32)
@@ -159,6 +170,9 @@ fn one(
         );
     }
     let endpoint = link.endpoint.and_then(|written| endpoint(&written, &name, taken, problems));
+    let drop = link.drop.and_then(|written| {
+        super::drops::one(&written, &name, common.folder, &mut taken.drops, problems)
+    });
     let flows = [("host", Flow::Host), ("device", Flow::Device)];
     let policies = [
         ("manual", SwapPolicy::Manual),
@@ -182,10 +196,12 @@ fn one(
         transmit_room,
         delivery_room,
         search,
+        names,
         receive,
         quota,
         buffer,
         endpoint,
+        drop,
         watchdogs,
         probation,
         recorder,
@@ -375,6 +391,22 @@ fn plugin(
             None
         }
     }
+}
+
+/// How programs say their names: so first, then as is known.
+fn names(written: Option<Spanned<Vec<Text>>>, problems: &mut ConfigFindings<'_>) -> Notations {
+    let mut notations: Vec<Notation> = Vec::new();
+    for form in written.map(Spanned::into_inner).unwrap_or_default() {
+        match form.get_ref().parse() {
+            Ok(notation) => notations.push(notation),
+            Err(error) => {
+                let text = NotationError::to_string(&error);
+                let (message, hint) = text.rsplit_once(": ").unwrap_or((&text, ""));
+                problems.add(form.span(), message, hint);
+            }
+        }
+    }
+    Notations::before_known(notations)
 }
 
 /// Settings as text, as people give them to the command.

@@ -69,6 +69,10 @@ fn written(machine: &Machine, at: &Text) -> Link {
         plugin: Some(text(&machine.plugin)),
         line: machine.line.as_deref().map(text),
         settings: Some(settings.collect()),
+        names: machine.names.as_ref().map(|names| {
+            let forms = std::iter::once(&names.form).chain(&names.also);
+            Spanned::new(at.span(), forms.map(|form| text(form)).collect())
+        }),
         ..Link::default()
     }
 }

@@ -5,6 +5,7 @@
 
 mod buses;
 mod cells;
+mod drops;
 mod finding;
 mod link;
 mod links;
@@ -17,7 +18,9 @@ mod written;
 pub use cells::CellConfig;
 pub use finding::{ConfigError, ConfigFinding, Place};
 pub(crate) use link::micros;
-pub use link::{Buffer, LinkConfig, PortConfig, Probation, Reopen, SwapPolicy, Watchdogs};
+pub use link::{
+    Buffer, DropConfig, LinkConfig, PortConfig, Probation, Reopen, SwapPolicy, Watchdogs,
+};
 pub use service::{GatewayConfig, LogFormat, Supervision};
 pub(crate) use softplug_gateway::guess::of_names;
 pub use watch::FileWatch;
@@ -87,6 +90,8 @@ impl Config {
             buses: &buses,
             catalogue: &catalogue,
             key: &key,
+            gateway: &gateway,
+            folder,
         };
         let links = links::all(written.link, &common, &mut problems);
         let cells = cells::all(&written.cell, &links, &mut problems);

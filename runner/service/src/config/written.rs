@@ -106,10 +106,12 @@ pub(super) struct Link {
     pub(super) transmit_room: Option<Spanned<Value>>,
     pub(super) delivery_room: Option<Spanned<Value>>,
     pub(super) search: Option<Texts>,
+    pub(super) names: Option<Texts>,
     pub(super) receive: Option<Text>,
     pub(super) quota: Option<Spanned<Quota>>,
     pub(super) buffer: Option<Spanned<Buffer>>,
     pub(super) endpoint: Option<Spanned<Endpoint>>,
+    pub(super) drop: Option<Spanned<Drop>>,
     pub(super) watchdog: Option<Watchdog>,
     pub(super) swap: Option<Text>,
     pub(super) probation: Option<Probation>,
@@ -152,6 +154,15 @@ pub(super) struct Endpoint {
 
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
+pub(super) struct Drop {
+    pub(super) folder: Option<Text>,
+    pub(super) settle: Option<Text>,
+    pub(super) look: Option<Text>,
+    pub(super) largest: Option<Spanned<Value>>,
+}
+
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub(super) struct Watchdog {
     pub(super) no_bytes: Option<Text>,
     pub(super) no_progress: Option<Text>,
@@ -184,6 +195,7 @@ impl Link {
             port: self.port,
             unit_key: self.unit_key,
             endpoint: self.endpoint,
+            drop: self.drop,
             bus: self.bus.or(defaults.bus),
             line: self.line.or(defaults.line),
             flow: self.flow.or(defaults.flow),
@@ -197,6 +209,7 @@ impl Link {
             transmit_room: self.transmit_room.or(defaults.transmit_room),
             delivery_room: self.delivery_room.or(defaults.delivery_room),
             search: self.search.or(defaults.search),
+            names: self.names.or(defaults.names),
             receive: self.receive,
             quota: self.quota.or(defaults.quota),
             buffer: self.buffer.or(defaults.buffer),

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
 use std::time::Duration;
 
+use softplug_catalogue::Notations;
 use softplug_cell::Stop;
 use softplug_gateway::reactor::Command;
 use softplug_host::Plugin;
@@ -14,6 +15,7 @@ use tokio::sync::broadcast;
 use super::control::Control;
 use super::jobs::JobCommand;
 use super::link::Link;
+use super::simulated::Simulated;
 use super::swaps::Wanted;
 use super::{Gateway, Watching, show};
 use crate::Refusal;
@@ -23,7 +25,8 @@ use crate::jobs::{
 };
 use crate::view::{
     Change, HealthView, JobFilter, JobOrder, JobView, JournalEntry, JournalFilter, KindView,
-    LinkCounts, LinkState, LinkView, ReadyView, ReloadView, StopHow, SwapOrder, SwapView,
+    LatheView, LinkCounts, LinkState, LinkView, ReadyView, ReloadView, StopHow, SwapOrder,
+    SwapView,
 };
 
 /// How long a swap is waited for that does not have to wait for the link.
@@ -49,6 +52,18 @@ impl Gateway {
     /// The kinds of job that a link's plug-in takes.
     pub fn job_kinds(&self, link: &str) -> Result<Vec<KindView>, Refusal> {
         Ok(show::kinds(&self.plugin_of(link)?.manifest().jobs))
+    }
+
+    /// What the simulated lathe of a link has cut so far.
+    pub fn lathe(&self, link: &str) -> Result<LatheView, Refusal> {
+        let name = link.to_owned();
+        let lathe = self.shared.ask(move |control| {
+            let machine = &control.link(&name)?.machine;
+            Ok(machine.as_ref().and_then(Simulated::lathe))
+        })?;
+        let no_lathe =
+            || Refusal::NotFound(format!("the port of link {link} is no simulated lathe"));
+        lathe.map(|lathe| lathe.view()).ok_or_else(no_lathe)
     }
 
     /// Closes a link's port and opens it again.
@@ -115,7 +130,12 @@ impl Gateway {
         })
     }
 
-    fn plugin_of(&self, link: &str) -> Result<Plugin, Refusal> {
+    pub(super) fn names_of(&self, link: &str) -> Result<Notations, Refusal> {
+        let link = link.to_owned();
+        self.shared.ask(move |control| Ok(control.link(&link)?.config.names.clone()))
+    }
+
+    pub(super) fn plugin_of(&self, link: &str) -> Result<Plugin, Refusal> {
         let link = link.to_owned();
         self.shared.ask(move |control| Ok(control.link(&link)?.plugin.plugin.clone()))
     }
@@ -161,9 +181,10 @@ impl Gateway {
             (Some(program), from) => {
                 let parts = &self.shared.parts;
                 let data = parts.programs.snapshot(&program.parse()?, &parts.snapshots)?;
+                let named = parts.snapshots.name_of(data, &self.names_of(link)?);
                 let (data, found) = self.words_of(link, data)?;
                 stops = found;
-                let job = JobSpec { data: Some(data), ..job };
+                let job = JobSpec { data: Some(data), named, ..job };
                 let at = from.map_or(BeginAt::Start, BeginAt::Block);
                 if at == BeginAt::Start {
                     job
@@ -205,8 +226,9 @@ impl Gateway {
             let name = job.program.as_deref().unwrap_or("the data");
             let mut source = self.shared.parts.quotas.within(source);
             let data = snapshots.take_all(&mut source, name, self.shared.upload_bytes)?;
+            let named = snapshots.name_of(data, &self.names_of(link)?);
             let (data, stops) = self.words_of(link, data)?;
-            return self.put(JobSpec { data: Some(data), ..job }, stops);
+            return self.put(JobSpec { data: Some(data), named, ..job }, stops);
         }
         let link = link.to_owned();
         let (id, mut feeding) = self.shared.ask(move |control| control.feed(&link, job, size))?;
@@ -372,7 +394,8 @@ impl Control {
         let mut queued = self.shared.parts.jobs.queued();
         let links = self.links.iter();
         let view = |(name, link): (&String, &Link)| {
-            show::link(name, link, queued.remove(name).unwrap_or(0), &self.results)
+            let queued = queued.remove(name).unwrap_or(0);
+            self.with_drop(show::link(name, link, queued, &self.results))
         };
         links.map(view).collect()
     }
@@ -380,7 +403,7 @@ impl Control {
     pub(super) fn link_view(&self, name: &str) -> Result<LinkView, Refusal> {
         let link = self.links.get(name).ok_or_else(|| Refusal::no_link(name))?;
         let queued = self.shared.parts.jobs.queued().remove(name).unwrap_or(0);
-        Ok(show::link(name, link, queued, &self.results))
+        Ok(self.with_drop(show::link(name, link, queued, &self.results)))
     }
 
     /// Shows the links that look otherwise than when they were last shown.
@@ -438,7 +461,7 @@ impl Control {
 }
 
 /// The order, with its kind and fields checked.
-fn order(link: &str, order: &JobOrder, plugin: &Plugin) -> Result<JobSpec, Refusal> {
+pub(super) fn order(link: &str, order: &JobOrder, plugin: &Plugin) -> Result<JobSpec, Refusal> {
     let manifest = plugin.manifest();
     let name = order.kind.as_deref().unwrap_or(SEND);
     let kind = manifest.jobs.iter().find(|kind| kind.name == name).ok_or_else(|| {

@@ -18,6 +18,7 @@ use tokio::sync::broadcast;
 
 use super::cells::Cells;
 use super::drivers::Drivers;
+use super::drops::Drops;
 use super::journal_writer::JournalWriter;
 use super::link::Link;
 use super::loading::Loader;
@@ -90,6 +91,7 @@ pub(crate) struct Control {
     pub(super) links: BTreeMap<String, Link>,
     pub(super) lanes: HashMap<LaneId, String>,
     pub(super) cells: Cells,
+    pub(super) drops: Drops,
     pub(super) audiences: Audiences,
     /// Links as they were last shown.
     pub(super) shown: HashMap<String, LinkView>,

@@ -63,7 +63,7 @@ impl Shared {
 }
 
 /// The day of a time, as YYYY-MM-DD (UTC).
-fn day(at: TimeMs) -> String {
+pub(crate) fn day(at: TimeMs) -> String {
     // Days since 0000-03-01, in eras of 400 years of 146,097 days.
     let days = at / DAY + 719_468;
     let (era, of_era) = (days / 146_097, days % 146_097);

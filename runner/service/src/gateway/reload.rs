@@ -12,7 +12,7 @@ use crate::jobs::{Note, Subject, Weight};
 use crate::view::{ReloadView, RemadeLink, SwapWhen};
 
 /// Keys that say what the loop does with a link, and nothing of its lane.
-const AT_ONCE: [&str; 5] = ["search", "receive", "quota", "swap", "probation"];
+const AT_ONCE: [&str; 7] = ["search", "names", "receive", "quota", "swap", "probation", "drop"];
 /// Keys for which a swap does.
 const BY_SWAP: [&str; 2] = ["plugin", "settings"];
 
@@ -152,6 +152,9 @@ impl Control {
         for link in self.links.values_mut() {
             link.supervisor.limit(limits);
         }
+        let names = config.links.iter().map(|link| (link.receive.clone(), link.names.clone()));
+        self.shared.parts.receptions.set_names(names.collect());
+        self.set_drops(&config.links);
         self.config = config;
         view
     }

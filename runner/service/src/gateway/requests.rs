@@ -1,12 +1,13 @@
 //! What machines ask for: programs by name from the panel, words of a memory.
 
 use softplug_abi::Failure;
+use softplug_catalogue::Notations;
 use softplug_gateway::reactor::Command;
 use softplug_gateway::store::Mark;
 
 use super::control::{Control, Shared};
 use super::link::{EndsAs, Link};
-use crate::jobs::{self, Job, JobSpec, Origin, Reception, Subject, Weight};
+use crate::jobs::{self, Data, Job, JobSpec, Origin, Reception, Subject, Weight};
 use crate::programs::ProgramName;
 use std::io::{Read, Seek, SeekFrom};
 
@@ -29,6 +30,19 @@ enum Answer {
     /// Granted; this job sends it.
     Job(Box<Job>),
     Refused(Failure),
+}
+
+/// Where it is looked for, and where it is put.
+struct WhereFrom {
+    search: Vec<String>,
+    names: Notations,
+    place: String,
+}
+
+impl WhereFrom {
+    fn name_of(&self, shared: &Shared, data: Data) -> Option<String> {
+        shared.parts.snapshots.name_of(data, &self.names)
+    }
 }
 
 impl Asked {
@@ -91,10 +105,14 @@ impl Control {
         if search.is_empty() {
             search.push(String::new());
         }
-        let place = link.config.receive.clone();
+        let where_from = WhereFrom {
+            search,
+            names: link.config.names.clone(),
+            place: link.config.receive.clone(),
+        };
         let (shared, name) = (std::sync::Arc::clone(&self.shared), name.to_owned());
         self.shared.parts.requests.give(move || {
-            let answer = answer(&shared, &name, &asked, &search, &place);
+            let answer = answer(&shared, &name, &asked, &where_from);
             let control = std::sync::Arc::clone(&shared);
             control.tell(move |control| control.answer(&name, &asked, answer));
         });
@@ -177,11 +195,11 @@ impl Control {
 }
 
 /// Finds what is asked for; takes as long as a disk does.
-fn answer(shared: &Shared, link: &str, asked: &Asked, search: &[String], place: &str) -> Answer {
+fn answer(shared: &Shared, link: &str, asked: &Asked, from: &WhereFrom) -> Answer {
     let answered = match asked.kind.as_str() {
-        "program" => program(shared, link, asked, search),
-        "read" => read(shared, asked, search),
-        "write" => write(shared, link, asked, place),
+        "program" => program(shared, link, asked, from),
+        "read" => read(shared, asked, &from.search),
+        "write" => write(shared, link, asked, &from.place),
         _ => Err(Failure::NotSupported),
     };
     answered.unwrap_or_else(Answer::Refused)
@@ -197,15 +215,42 @@ fn find(shared: &Shared, search: &[String], name: &str) -> Result<ProgramName, F
     }
 }
 
+/// The program that says in its text that it is called so; none if two do.
+fn find_by_text(
+    shared: &Shared,
+    link: &str,
+    name: &str,
+    from: &WhereFrom,
+) -> Result<ProgramName, Failure> {
+    let found = shared.parts.programs.search_text(&from.search, name, &from.names);
+    let mut found = found.map_err(|error| {
+        tracing::warn!(%error, "programs cannot be searched");
+        Failure::NotFound
+    })?;
+    if let [one, other, ..] = &found[..] {
+        let text = format!(
+            "{} is asked for, and more than one program is called so in its text: {one} and {other}; \
+             none is sent: rename the file of the right one so, or take the others away",
+            name.escape_debug()
+        );
+        shared.parts.journal_writer.link(Subject::Request, Weight::Warning, link, text);
+        return Err(Failure::NotFound);
+    }
+    found.pop().ok_or(Failure::NotFound)
+}
+
 fn program(
     shared: &Shared,
     link: &str,
     asked: &Asked,
-    search: &[String],
+    from: &WhereFrom,
 ) -> Result<Answer, Failure> {
     let name = asked.field("name").or_else(|| asked.field("number")).ok_or(Failure::NotFound)?;
     let _hold = shared.parts.snapshots.hold();
-    let program = find(shared, search, name)?;
+    let program = match find(shared, &from.search, name) {
+        Err(Failure::NotFound) => find_by_text(shared, link, name, from)?,
+        found => found?,
+    };
     let data = shared.parts.programs.snapshot(&program, &shared.parts.snapshots);
     let data = data.map_err(|error| {
         tracing::warn!(%error, link, "a program that was asked for cannot be read");
@@ -226,6 +271,7 @@ fn program(
     let order = JobSpec {
         priority: PANEL,
         origin: Origin::Panel,
+        named: from.name_of(shared, data),
         ..JobSpec::send(link, program.as_str(), data)
     };
     let submitted = shared.parts.jobs.submit_with(order, stops);

@@ -21,6 +21,7 @@ use super::Gateway;
 use super::cells::Cells;
 use super::control::{Control, Message, Parts, SWEEP, Shared};
 use super::drivers::Drivers;
+use super::drops::Drops;
 use super::journal_writer::JournalWriter;
 use super::loading::Loader;
 use super::reload::prepare;
@@ -221,6 +222,7 @@ pub fn start(config: Config) -> Result<Running, StartError> {
         links: BTreeMap::new(),
         lanes: HashMap::new(),
         cells: Cells::default(),
+        drops: Drops::default(),
         audiences: HashMap::new(),
         shown: HashMap::new(),
         shown_jobs: HashMap::new(),

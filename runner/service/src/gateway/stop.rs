@@ -117,6 +117,7 @@ impl Control {
         for name in left {
             self.break_off(&name, PARKED);
         }
+        self.drops.end();
         self.shared.parts.loader.stop();
         self.shared
             .parts

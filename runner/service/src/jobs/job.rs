@@ -1,6 +1,7 @@
 //! A job as it is written down.
 
 use serde::{Deserialize, Serialize};
+use softplug_catalogue::is_same_program;
 use softplug_host::Digest;
 
 use super::State;
@@ -44,6 +45,9 @@ pub struct JobSpec {
     /// The program's name.
     #[serde(default)]
     pub program: Option<String>,
+    /// The name that the program says of itself in its text, as far as that is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub named: Option<String>,
     /// The snapshot that is sent; none for a job without data, and for one whose data come
     /// from a connection.
     #[serde(default)]
@@ -96,6 +100,7 @@ impl JobSpec {
             job_kind: job_kind.into(),
             fields: Vec::new(),
             program: None,
+            named: None,
             data: None,
             from: 0,
             from_block: 1,
@@ -244,6 +249,13 @@ impl Job {
     /// The file of its reception, if it has one.
     pub fn file(&self) -> Option<&str> {
         self.reception.as_ref()?.file.as_deref()
+    }
+
+    /// The name that the program says of itself, where it is another than its file's.
+    pub fn other_name(&self) -> Option<&str> {
+        let file = super::plain_name(self.spec.program.as_deref()?);
+        let named = self.spec.named.as_deref()?;
+        (!is_same_program(file, named)).then_some(named)
     }
 
     /// Bytes of the snapshot, 0 without.

@@ -8,6 +8,7 @@ mod ballast;
 mod begin;
 pub mod blocks;
 mod cell;
+mod claims;
 mod error;
 mod job;
 mod journal;
@@ -24,6 +25,7 @@ mod turns;
 pub use begin::{BeginAt, Words, beginning_at};
 pub use blocks::{Between, Block};
 pub use cell::{Arrived, CellStep, Resumed};
+pub use claims::{Claim, Claimed};
 pub use error::{JobsError, StoreError};
 pub use job::{
     CheckFault, Comparison, Data, Extent, Job, JobSpec, Kind, Left, Origin, Reason, Reception,
@@ -31,6 +33,7 @@ pub use job::{
 };
 pub use journal::{Entry, EntryFilter, Keep, Note, Subject, Weight};
 pub use progress::LaneProgress;
+pub(crate) use progress::grouped;
 pub use reading::JobsReader;
 pub use state::{State, Step, after};
 pub use store::{Sent, Today};
@@ -205,7 +208,16 @@ impl Jobs {
     /// # Errors
     /// As there.
     pub fn submit_with(&self, spec: JobSpec, stops: Vec<Stop>) -> Result<Job, JobsError> {
-        let mut store = self.store.take(Who::Other);
+        Self::submit_as(&mut self.store.take(Who::Other), spec, stops, None)
+    }
+
+    /// `claim`: what the job is written down with, in one change.
+    fn submit_as(
+        store: &mut JobStore,
+        spec: JobSpec,
+        stops: Vec<Stop>,
+        claim: Option<&Claim>,
+    ) -> Result<Job, JobsError> {
         if spec.from > spec.data.map_or(0, |data| data.size) {
             return Err(JobsError::Spec("the job would begin behind the program's end".to_owned()));
         }
@@ -219,7 +231,9 @@ impl Jobs {
         let job = created(store.next_job(), spec, State::Queued);
         let notes = vec![queued_note(&job)];
         let stops = if stops.is_empty() { Vec::new() } else { vec![(job.id, stops)] };
-        let change = Change { jobs: vec![job.clone()], notes, stops, ..Change::default() };
+        let claimed = claim.map(|claim| (claim.name.clone(), Some((job.id, claim.size))));
+        let jobs = vec![job.clone()];
+        let change = Change { jobs, notes, stops, claimed, ..Change::default() };
         store.write(&change, now())?;
         Ok(job)
     }
@@ -504,12 +518,15 @@ fn narrowed(known: Extent, left: Extent) -> Extent {
 }
 
 /// Only a whole program is what the machine has.
-fn sent(job: &Job) -> Option<(String, String, Sent)> {
-    let (program, data) = (job.spec.program.clone()?, job.spec.data?);
+fn sent(job: &Job) -> Vec<(String, String, Sent)> {
+    let (Some(program), Some(data)) = (&job.spec.program, job.spec.data) else { return Vec::new() };
     let is_all = job.spec.from == 0 && job.extent.surely >= data.size;
     let is_whole = job.state == State::Done && job.spec.kind == Kind::Send && is_all;
-    let name = plain_name(&program).to_owned();
-    is_whole.then(|| (job.spec.link.clone(), name, Sent { job: job.id, data }))
+    // The machine sends it back under the name that it says of itself.
+    let names = std::iter::once(plain_name(program)).chain(job.spec.named.as_deref());
+    let rows =
+        names.map(|name| (job.spec.link.clone(), name.to_owned(), Sent { job: job.id, data }));
+    if is_whole { rows.collect() } else { Vec::new() }
 }
 
 /// As a machine would call it: without folders and extension.

@@ -210,7 +210,7 @@ impl JobsReader {
         self.tell(look())
     }
 
-    fn tell<T>(&self, read: Result<T, redb::Error>) -> Result<T, JobsError> {
+    pub(super) fn tell<T>(&self, read: Result<T, redb::Error>) -> Result<T, JobsError> {
         read.map_err(|error| self.opened.blame(error).into())
     }
 

@@ -10,6 +10,7 @@ impl Job {
     /// As it is shown. `lately`: what its lane knows, while it is under way.
     pub fn view(&self, lane_progress: Option<&LaneProgress>) -> JobView {
         let JobSpec { link, job_kind, fields, program, .. } = self.spec.clone();
+        let named = self.other_name().map(ToOwned::to_owned);
         JobView {
             id: self.id,
             link,
@@ -17,6 +18,7 @@ impl Job {
             state: self.state,
             origin: self.spec.origin,
             program,
+            named,
             fields: fields.into_iter().collect(),
             priority: self.spec.priority,
             progress: self.progress(lane_progress),

@@ -14,11 +14,14 @@ use softplug_gateway::store::sync_folder;
 use super::ballast::Ballast;
 use super::error::StoreError;
 use super::reading::{JobsReader, Opened};
-use super::tables::{CELLS, JOBS, JOURNAL, JobTables, NUMBERS, SENT, TODAY, decoded, encoded};
+use super::tables::{
+    CELLS, CLAIMS, DROP_FOLDERS, JOBS, JOURNAL, JobTables, NUMBERS, SENT, TODAY, decoded, encoded,
+};
 use super::{Data, Entry, Job, Keep, Note};
 
 const NEXT_JOB: &str = "next-job";
 const NEXT_ENTRY: &str = "next-entry";
+pub(super) const OWNER: &str = "owner";
 
 /// Enough for the pages that are in use all the time.
 const CACHE_BYTES: usize = 4 << 20;
@@ -66,13 +69,19 @@ pub(super) struct Change {
     pub(super) jobs: Vec<Job>,
     pub(super) notes: Vec<Note>,
     /// Link, program and what was sent.
-    pub(super) sent: Option<(String, String, Sent)>,
+    pub(super) sent: Vec<(String, String, Sent)>,
     /// Link, receptions that began and bytes of those that ended.
     pub(super) came: Option<(String, u64, u64)>,
     /// A cell as it is now, encoded.
     pub(super) cell: Option<(String, Vec<u8>)>,
     /// Where the feeds of these jobs stop.
     pub(super) stops: Vec<(u32, Vec<Stop>)>,
+    /// A claim with its job and the bytes of its file; none: it is settled, and forgotten.
+    pub(super) claimed: Option<(String, Option<(u32, u64)>)>,
+    /// A drop folder that is looked after from now on.
+    pub(super) drop_folder: Option<String>,
+    /// Who has these jobs, as drop folders know it.
+    pub(super) owner: Option<u64>,
 }
 
 /// What everybody may look at without a turn: locked for as long as memory takes, never while
@@ -214,7 +223,7 @@ impl JobStore {
                     let live = self.known().live.len();
                     jobs.prune(keep.jobs + live)?;
                 }
-                if let Some((link, program, sent)) = &change.sent {
+                for (link, program, sent) in &change.sent {
                     let mut table = writing.open_table(SENT)?;
                     table.insert((&**link, &**program), &*encoded(sent))?;
                 }
@@ -231,7 +240,20 @@ impl JobStore {
                 if !change.notes.is_empty() {
                     prune_journal(&mut journal, next_entry, keep, now)?;
                 }
+                if let Some((claim, job)) = &change.claimed {
+                    let mut claims = writing.open_table(CLAIMS)?;
+                    match job {
+                        Some(job) => drop(claims.insert(&**claim, job)?),
+                        None => drop(claims.remove(&**claim)?),
+                    }
+                }
+                if let Some(folder) = &change.drop_folder {
+                    writing.open_table(DROP_FOLDERS)?.insert(&**folder, ())?;
+                }
                 let mut numbers = writing.open_table(NUMBERS)?;
+                if let Some(owner) = change.owner {
+                    numbers.insert(OWNER, owner)?;
+                }
                 numbers.insert(NEXT_JOB, u64::from(next_job))?;
                 numbers.insert(NEXT_ENTRY, next_entry)?;
             }

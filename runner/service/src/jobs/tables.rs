@@ -27,6 +27,10 @@ pub(super) const TODAY: TableDefinition<&str, (u64, u64, u64)> = TableDefinition
 
 /// Cells, by name, as they were left.
 pub(super) const CELLS: TableDefinition<&str, &[u8]> = TableDefinition::new("cells");
+/// The job of a file that was taken from a drop folder, and the file's size, until that is put away.
+pub(super) const CLAIMS: TableDefinition<&str, (u32, u64)> = TableDefinition::new("claims");
+/// Drop folders that were looked after.
+pub(super) const DROP_FOLDERS: TableDefinition<&str, ()> = TableDefinition::new("drop-folders");
 /// Where the feed of a job stops, of those in whose program words of coordination stand.
 pub(super) const STOPS: TableDefinition<u32, &[u8]> = TableDefinition::new("stops");
 

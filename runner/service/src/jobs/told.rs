@@ -17,6 +17,9 @@ pub(super) fn what(job: &Job) -> String {
     .to_owned();
     if let Some(program) = &job.spec.program {
         let _ = write!(text, " {program}");
+        if let Some(named) = job.other_name() {
+            let _ = write!(text, " ({})", named.escape_debug());
+        }
     }
     if let Some(data) = job.spec.data {
         let _ = write!(text, ", {} bytes", data.size - job.spec.from);

@@ -8,6 +8,7 @@ use std::str::FromStr;
 use std::time::UNIX_EPOCH;
 
 use serde::{Deserialize, Serialize};
+use softplug_catalogue::{HEAD_BYTES, Notations, is_same_program};
 use softplug_gateway::store::{Shelf, safe_name, sync_folder};
 
 use super::{ProgramError, Snapshots};
@@ -191,6 +192,32 @@ impl Programs {
         folders: &[String],
         asked: &str,
     ) -> Result<Option<ProgramName>, DiskError> {
+        let found =
+            self.search_with(folders, &mut |shelf| Ok(shelf.find(asked)?.into_iter().collect()))?;
+        Ok(found.into_iter().next())
+    }
+
+    /// The programs whose text says that they are called `asked`, in the first of these folders
+    /// that has one: two at most, as one of two is a guess.
+    ///
+    /// # Errors
+    /// A folder cannot be read.
+    pub fn search_text(
+        &self,
+        folders: &[String],
+        asked: &str,
+        notations: &Notations,
+    ) -> Result<Vec<ProgramName>, DiskError> {
+        let mut is_it =
+            |head: &[u8]| notations.name_in(head).is_some_and(|name| is_same_program(&name, asked));
+        self.search_with(folders, &mut |shelf| shelf.find_by_text(HEAD_BYTES, &mut is_it))
+    }
+
+    fn search_with(
+        &self,
+        folders: &[String],
+        find: &mut dyn FnMut(&Shelf) -> io::Result<Vec<PathBuf>>,
+    ) -> Result<Vec<ProgramName>, DiskError> {
         for folder in folders {
             let folder = folder.trim_matches('/');
             if !folder.is_empty() && folder.parse::<ProgramName>().is_err() {
@@ -202,20 +229,19 @@ impl Programs {
                     continue;
                 }
                 let Ok(shelf) = Shelf::new(&path) else { continue };
-                let found = shelf.find(asked).map_err(DiskError::when("read the folder", &path))?;
-                let name =
-                    found.as_deref().and_then(Path::file_name).and_then(|name| name.to_str());
-                if let Some(name) = name {
-                    let name = if folder.is_empty() {
-                        name.to_owned()
-                    } else {
-                        format!("{folder}/{name}")
-                    };
-                    return Ok(name.parse().ok());
+                let found = find(&shelf).map_err(DiskError::when("read the folder", &path))?;
+                if found.is_empty() {
+                    continue;
                 }
+                let names = found.iter().filter_map(|path| path.file_name()?.to_str());
+                let below = |name: &str| match folder {
+                    "" => name.to_owned(),
+                    folder => format!("{folder}/{name}"),
+                };
+                return Ok(names.filter_map(|name| below(name).parse().ok()).collect());
             }
         }
-        Ok(None)
+        Ok(Vec::new())
     }
 
     fn find(&self, name: &ProgramName) -> Result<PathBuf, ProgramError> {

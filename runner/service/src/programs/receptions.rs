@@ -1,19 +1,20 @@
 //! What machines have sent: a folder for each link. Nothing is overwritten, what is not
 //! whole is marked, and what is said to be there is on the disk.
 
+use std::collections::HashMap;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, PoisonError, RwLock};
 use std::time::UNIX_EPOCH;
 
 use serde::{Deserialize, Serialize};
+use softplug_catalogue::{HEAD_BYTES, Notations};
 use softplug_gateway::store::{Inbox, Mark, safe_name};
 
 use super::ProgramError;
 use crate::disk::{self, DiskError, make_folder};
 
-/// A program says its name near its beginning.
-const HEAD_BYTES: usize = 2_048;
 /// The end of a failed one's name.
 const FAILED: &str = ".failed";
 
@@ -21,6 +22,8 @@ const FAILED: &str = ".failed";
 #[derive(Clone, Debug)]
 pub struct Receptions {
     folder: PathBuf,
+    /// How programs say their names, by place.
+    names: Arc<RwLock<HashMap<String, Notations>>>,
 }
 
 /// A reception in a folder.
@@ -42,6 +45,7 @@ pub struct Arrival {
     inbox: Inbox,
     folder: PathBuf,
     head: Vec<u8>,
+    names: Notations,
 }
 
 /// One that is on the disk.
@@ -80,7 +84,12 @@ impl Receptions {
     /// It cannot be made.
     pub fn open(folder: &Path) -> Result<Self, DiskError> {
         make_folder(folder)?;
-        Ok(Self { folder: folder.to_owned() })
+        Ok(Self { folder: folder.to_owned(), names: Arc::default() })
+    }
+
+    /// From now on programs say their names so, by place; elsewhere as is known.
+    pub fn set_names(&self, names: HashMap<String, Notations>) {
+        *self.names.write().unwrap_or_else(PoisonError::into_inner) = names;
     }
 
     /// A reception begins. `place` is the link's name or what the configuration says.
@@ -92,7 +101,9 @@ impl Receptions {
         make_folder(&folder)?;
         let mut inbox = Inbox::new(&folder).map_err(DiskError::when("write into", &folder))?;
         inbox.begin_as(&format!("job-{job}")).map_err(DiskError::when("write into", &folder))?;
-        Ok(Arrival { inbox, folder, head: Vec::new() })
+        let names = self.names.read().unwrap_or_else(PoisonError::into_inner);
+        let names = names.get(place).cloned().unwrap_or_default();
+        Ok(Arrival { inbox, folder, head: Vec::new(), names })
     }
 
     /// Keeps as failed what a gateway that was killed left behind.
@@ -205,38 +216,11 @@ impl Arrival {
     /// # Errors
     /// It cannot be brought onto the disk; what came stays under its temporary name.
     pub fn end(mut self, name: Option<&str>, mark: Mark) -> Result<Arrived, DiskError> {
-        let name = name.map(ToOwned::to_owned).or_else(|| name_in(&self.head));
+        let name = name.map(ToOwned::to_owned).or_else(|| self.names.name_in(&self.head));
         let kept = self.inbox.end(name.as_deref(), mark);
         let kept = kept.map_err(DiskError::when("keep what came in", &self.folder))?;
         Ok(Arrived { path: kept.path, name, bytes: kept.bytes })
     }
-}
-
-/// The name that a program gives itself: `O1234` and `:1234`, Siemens' `%_N_PART_MPF`,
-/// Heidenhain's `0 BEGIN PGM PART MM`.
-fn name_in(head: &[u8]) -> Option<String> {
-    let text: String = head.iter().map(|byte| (byte & 0x7f) as char).collect();
-    let lines = text.lines().map(|line| line.trim_matches(|c: char| c.is_control() || c == ' '));
-    lines.filter(|line| !line.is_empty()).take(10).find_map(name_of)
-}
-
-fn name_of(line: &str) -> Option<String> {
-    let word = |rest: &str| {
-        let end = rest.find(|c: char| !c.is_ascii_alphanumeric() && c != '_' && c != '-');
-        let word = &rest[..end.unwrap_or(rest.len())];
-        (!word.is_empty()).then(|| word.to_owned())
-    };
-    if let Some(rest) = line.strip_prefix("%_N_") {
-        return word(rest);
-    }
-    if let Some((_, rest)) = line.split_once("BEGIN PGM ") {
-        return word(rest.trim_start());
-    }
-    let number = line.strip_prefix('%').unwrap_or(line).trim_start();
-    let digits = number.strip_prefix(['O', ':'])?;
-    let count = digits.bytes().take_while(u8::is_ascii_digit).count();
-    let is_word = digits[count..].starts_with(|c: char| c.is_ascii_alphanumeric());
-    ((1..=8).contains(&count) && !is_word).then(|| format!("O{}", &digits[..count]))
 }
 
 fn modified(metadata: &fs::Metadata) -> u64 {
@@ -249,20 +233,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_program_says_its_name() {
-        for (head, name) in [
-            ("%\nO1234 (PART A)\nN10", Some("O1234")),
-            ("\0\0\r\n%\r\n:0007\r\nN10", Some("O0007")),
-            ("%O12\n", Some("O12")),
-            ("%_N_WELLE_12_MPF\n", Some("WELLE_12_MPF")),
-            ("0 BEGIN PGM FLANSCH MM\n", Some("FLANSCH")),
-            ("%\nN10 G1 X10\nN20 O\n", None),
-            ("O123456789\n", None),
-            ("OXYGEN\nO12B\n", None),
-            ("", None),
-        ] {
-            assert_eq!(name_in(head.as_bytes()).as_deref(), name, "{head:?}");
-        }
+    fn each_place_has_its_notations() {
+        let folder = tempfile::tempdir().unwrap();
+        let receptions = Receptions::open(folder.path()).unwrap();
+        let own = Notations::before_known(vec!["({name})".parse().unwrap()]);
+        receptions.set_names(HashMap::from([("deckel".to_owned(), own)]));
+        let receive = |place, text: &str| {
+            let mut arrival = receptions.begin(place, 1).unwrap();
+            arrival.write(text.as_bytes()).unwrap();
+            arrival.end(None, Mark::Complete).unwrap().file().unwrap()
+        };
+        assert_eq!(receive("deckel", "%\n(PART A)\nM30"), "PART A");
+        assert_eq!(receive("deckel", "%\n(../../etc/passwd\u{202e})\n"), "_.._etc_passwd_");
+        assert_eq!(receive("deckel", "%\n(NUL)\n"), "_NUL");
+        assert_eq!(receive("lathe", "%\n(PART A)\nM30"), "000001");
+        assert_eq!(receive("lathe", "%\nO<PART A>\nM30"), "PART A");
+        assert_eq!(receive("lathe", "%_N_WELLE_12_MPF\n"), "WELLE_12_MPF");
     }
 
     #[test]

@@ -7,6 +7,7 @@ use std::path::Path;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, TryLockError};
 use std::time::SystemTime;
 
+use softplug_catalogue::{HEAD_BYTES, Notations};
 use softplug_host::Digest;
 
 use super::ProgramError;
@@ -90,6 +91,13 @@ impl Snapshots {
     /// It is not there.
     pub fn open(&self, data: Data) -> Result<File, DiskError> {
         self.objects.open_object(data.digest)
+    }
+
+    /// The name that the program says of itself near its beginning, if it does.
+    pub fn name_of(&self, data: Data, notations: &Notations) -> Option<String> {
+        let mut head = Vec::new();
+        self.open(data).ok()?.take(HEAD_BYTES as u64).read_to_end(&mut head).ok()?;
+        notations.name_in(&head)
     }
 
     /// Between which blocks of its program a job stopped; nothing if it has none.

@@ -22,6 +22,10 @@ pub struct JobView {
     pub origin: JobOrigin,
     /// The program.
     pub program: Option<String>,
+    /// The name that the program says of itself in its text, such as `O1234`, where it is another
+    /// than its file's.
+    #[serde(default)]
+    pub named: Option<String>,
     /// Its fields.
     pub fields: BTreeMap<String, String>,
     /// Jobs of a higher priority come first.
@@ -152,6 +156,8 @@ pub enum JobOrigin {
     Endpoint,
     /// The machine, which sends of its own accord.
     Machine,
+    /// Somebody who put a file into the link's drop folder.
+    Drop,
 }
 
 /// A fault that a check found in a program.

@@ -56,6 +56,8 @@ pub struct LinkView {
     pub is_change_waiting: bool,
     /// A plug-in that the configuration asks for and that was not taken.
     pub unapplied: Option<UnappliedView>,
+    /// The folder whose files become jobs of the link, if it has one.
+    pub drop: Option<DropView>,
     /// What is wrong with it, in sentences, the gravest first; empty if nothing is.
     pub trouble: Vec<String>,
 }
@@ -116,6 +118,25 @@ pub struct PortView {
     pub other_side: Option<String>,
 }
 
+/// A simulated lathe without a control.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, ToSchema)]
+pub struct LatheView {
+    /// The way of the tool and what is left of the blank, as an SVG document.
+    pub picture: String,
+    /// Where x stands, in mm of radius from where it began.
+    pub x_mm: f64,
+    /// Where z stands, in mm from where it began.
+    pub z_mm: f64,
+    /// Pulses that came, of both axes.
+    pub pulses: u64,
+    /// How often a period was missing inside a cut.
+    pub gaps: u64,
+    /// Pulses that were lost at a limit switch.
+    pub lost_pulses: u64,
+    /// Programs that have ended.
+    pub programs: u32,
+}
+
 /// A link's server endpoint.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize, ToSchema)]
 pub struct EndpointView {
@@ -153,6 +174,10 @@ pub struct CountersView {
     pub holds: u64,
     /// For how long in all.
     pub held_us: u64,
+    /// How often the line stood still for a character or longer although bytes waited.
+    pub gaps: u64,
+    /// The longest of these times.
+    pub longest_gap_us: u64,
     /// Characters that left after the machine had said stop.
     pub after_stop: u64,
     /// How often the buffer ran empty in the middle of a job.
@@ -225,6 +250,21 @@ pub struct UnappliedView {
     pub text: String,
     /// Since when.
     pub since_ms: TimeMs,
+}
+
+/// A link's drop folder.
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize, ToSchema)]
+pub struct DropView {
+    /// Where it is.
+    pub folder: String,
+    /// Files that have not become jobs yet.
+    pub waiting: u64,
+    /// Files whose jobs have not ended yet.
+    pub under_way: u64,
+    /// What cannot be taken, as it is no file or may not be read.
+    pub left_lying: u64,
+    /// Why nothing is taken, or put away, in a sentence.
+    pub trouble: Option<String>,
 }
 
 /// A fault of a plug-in.

@@ -4,6 +4,8 @@
 
 mod cells;
 mod cells_crash;
+mod drops;
+mod drops_crash;
 #[path = "../common/plugins.rs"]
 mod echo;
 mod feeds;

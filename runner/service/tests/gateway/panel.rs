@@ -86,3 +86,36 @@ fn no_name_from_the_panel_leads_out_of_its_folder() {
     assert!(!requests(gateway)[0].contains("refused"), "{:?}", requests(gateway));
     until_panel_has(&panel, &program);
 }
+
+#[test]
+fn the_panel_gets_the_program_whose_text_says_the_name_and_none_if_two_do() {
+    let panel = Machine::fanuc();
+    let shop = Shop::of_machine(&panel, LINES);
+    let gateway = shop.gateway();
+    fs::create_dir_all(shop.path("programs/b")).unwrap();
+    let program = "%\nO4711 (FLANGE)\nG0 X1\nM30\n%\n";
+    fs::write(shop.path("programs/b/flange.nc"), program).unwrap();
+    press(&panel, Press::Request("4711".to_owned()));
+    until_panel_has(&panel, program.as_bytes());
+    let sent = || {
+        let jobs = gateway.jobs(&JobFilter::default()).unwrap();
+        jobs.into_iter().find(|job| job.origin == JobOrigin::Panel)
+    };
+    wait_for("the job", || sent().is_some_and(|job| job.state == JobState::Done));
+    let job = sent().unwrap();
+    assert_eq!(
+        (job.program.as_deref(), job.named.as_deref()),
+        (Some("b/flange.nc"), Some("O4711"))
+    );
+
+    fs::write(shop.path("programs/b/old-flange.nc"), program.replace("X1", "X2")).unwrap();
+    press(&panel, Press::Reset);
+    wait_for("the control's rest", || panel.tell(|_, control| control.is_idle()));
+    press(&panel, Press::Request("O4711".to_owned()));
+    let said = "O4711 is asked for, and more than one program is called so in its text: \
+                b/flange.nc and b/old-flange.nc; none is sent";
+    wait_for("the reason", || requests(gateway).iter().any(|text| text.starts_with(said)));
+    wait_for("the refusal", || requests(gateway).iter().any(|text| text.contains("; refused: ")));
+    let jobs = gateway.jobs(&JobFilter::default()).unwrap();
+    assert_eq!(jobs.iter().filter(|job| job.origin == JobOrigin::Panel).count(), 1);
+}

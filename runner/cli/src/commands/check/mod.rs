@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 use softplug_abi::manifest::Manifest;
+use softplug_catalogue::{Machine, Notation};
 use softplug_gateway::pacer::default_depth;
 use softplug_gateway::port::line_text;
 
@@ -142,11 +143,34 @@ pub(crate) fn run(mut arguments: Arguments, screen: &Screen) -> Result<Exit, Fai
         screen.say(format_args!("{name}: {count} of {all} do not pass as they are written {on}"));
         screen.say(table(&rows));
     }
+    if let Some(text) = arguments.link.machine.find()?.and_then(|machine| unnamed(&machine, &text))
+    {
+        screen.note(format_args!("{name} {text}"));
+    }
     if let Some(message) = &message {
         screen.error(message);
     }
     let is_bad = message.is_some() || arguments.strict && !rows.is_empty();
     Ok(if is_bad { Exit::Failed } else { Exit::Done })
+}
+
+/// What is to be known of how the program says its name to this machine; None if all is well.
+fn unnamed(machine: &Machine, text: &[u8]) -> Option<String> {
+    let names = machine.names.as_ref()?;
+    let forms = || std::iter::once(&names.form).chain(&names.also);
+    // What does not stand in the text cannot be missed there.
+    if names.form.starts_with('{') {
+        return None;
+    }
+    let own = forms().filter_map(|form| form.parse::<Notation>().ok());
+    let Some(said) = own.into_iter().find_map(|notation| notation.read(text)) else {
+        return Some(format!("does not say its name as {} wants it: {}", machine.name, names.form));
+    };
+    let count = said.chars().filter(char::is_ascii_digit).count();
+    let digits = usize::from(names.digits.filter(|_| names.form.contains("{number}"))?);
+    let is_long = count > digits;
+    is_long
+        .then(|| format!("is called {said}, and a number has {digits} digits on {}", machine.name))
 }
 
 /// A character that does not pass; None if it does.

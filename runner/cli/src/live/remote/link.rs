@@ -79,6 +79,7 @@ fn tell(link: &LinkView, screen: &Screen) {
         ("plug-in", show::plugin(link.plugin.as_ref())),
         ("says", plain_text(link.condition.as_deref().unwrap_or_default())),
         ("job", show::doing(link)),
+        ("drop", link.drop.as_ref().map(show::drop).unwrap_or_default()),
         ("trouble", show::trouble(link)),
         ("buffer", format!("{} of {} bytes", number(buffer.level), number(buffer.size))),
         ("received", format!("{} bytes, {} damaged", number(counters.bytes_in), number(errors))),

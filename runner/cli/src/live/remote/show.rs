@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use softplug_gateway::plain_text;
 use softplug_service::view::{
-    JobBrief, JobState, JobView, LinkView, PluginRef, Seen, SeenWhat, SwapView,
+    DropView, JobBrief, JobState, JobView, LinkView, PluginRef, Seen, SeenWhat, SwapView,
 };
 
 use crate::numbers;
@@ -50,6 +50,21 @@ pub(super) fn doing(link: &LinkView) -> String {
 pub(super) fn trouble(link: &LinkView) -> String {
     let parts: Vec<String> = link.trouble.iter().map(|text| plain_text(text)).collect();
     parts.join("; ")
+}
+
+/// A drop folder and what is in it.
+pub(super) fn drop(drop: &DropView) -> String {
+    let number = numbers::count;
+    let mut text = plain_text(&drop.folder);
+    let parts = [
+        (drop.waiting, "waiting"),
+        (drop.under_way, "under way"),
+        (drop.left_lying, "not taken: see the journal"),
+    ];
+    for (count, what) in parts.into_iter().filter(|(count, _)| *count > 0) {
+        let _ = write!(text, ", {} {what}", number(count));
+    }
+    text
 }
 
 /// A job by its number and program, with its state unless it runs.

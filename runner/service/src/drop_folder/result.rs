@@ -1,0 +1,99 @@
+//! What stands beside a file that was put away: what became of it, in plain sentences.
+
+use std::fmt::Write as _;
+
+use softplug_gateway::plain_text;
+
+use super::place::Shelf;
+use crate::gateway::evidence::day;
+use crate::jobs::{Claimed, Job, State, grouped};
+use crate::view::TimeMs;
+
+/// A job has ended: where its file goes, and what is said. `size`: that of the file now.
+pub(super) fn of_job(job: &Job, claimed: Claimed, size: u64) -> (Shelf, String) {
+    let (id, link) = (job.id, &job.spec.link);
+    let bytes = grouped(claimed.size);
+    let is_all = job.state == State::Done && job.extent.surely >= job.size();
+    let mut text = if is_all {
+        format!("Job {id} is done: all of this program, {bytes} bytes, has left for \"{link}\".\n")
+    } else {
+        let state = job.state.name();
+        let why = job.reason.as_ref().map(|reason| format!(": {}", plain_text(&reason.text)));
+        let how = job.progress(None).text;
+        format!(
+            "Job {id} is {state}{}.\nOf this program, {bytes} bytes, for \"{link}\": {}.\n",
+            why.unwrap_or_default(),
+            if how.is_empty() { "nothing has left".to_owned() } else { how },
+        )
+    };
+    let _ = write!(text, "It was given at {}", time(job.created));
+    for (what, at) in [("began", job.began), ("ended", job.ended)] {
+        if let Some(at) = at {
+            let _ = write!(text, ", {what} at {}", time(at));
+        }
+    }
+    text.push_str(".\n");
+    if size != claimed.size {
+        let size = grouped(size);
+        let _ = writeln!(
+            text,
+            "The file has been written to after it was taken: it has {size} bytes now, {bytes} were \
+             taken. Copy under another name, and rename the file when it is whole."
+        );
+    }
+    if !is_all {
+        let _ = writeln!(
+            text,
+            "What to do: put the file into the folder again to send all of it, or restart the job, \
+             from a block if need be: softplug job restart {id} --from-block N"
+        );
+    }
+    (if is_all { Shelf::Done } else { Shelf::Failed }, text)
+}
+
+/// The job is too old: nobody knows any more how it ended.
+pub(super) fn of_forgotten(claimed: Claimed) -> String {
+    format!(
+        "Job {} was made of this file, {} bytes, and has ended. The gateway no longer knows how.\n\
+         What to do: look at the machine, and put the file into the folder again if it lacks it.\n",
+        claimed.job,
+        grouped(claimed.size)
+    )
+}
+
+/// It never became a job.
+pub(super) fn of_refused(why: &str) -> String {
+    format!(
+        "This file has not become a job, nothing of it was sent: {}.\n\
+         What to do: mend that, and put the file into the folder again.\n",
+        plain_text(why.trim_end_matches('.'))
+    )
+}
+
+/// As `2026-11-27 21:05:12 UTC`.
+fn time(at: TimeMs) -> String {
+    let seconds = at / 1_000;
+    let (hours, minutes) = (seconds / 3_600 % 24, seconds / 60 % 60);
+    format!("{} {hours:02}:{minutes:02}:{:02} UTC", day(at), seconds % 60)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_those_of_the_clock() {
+        assert_eq!(time(1_795_813_512_345), "2026-11-27 21:05:12 UTC");
+        assert_eq!(time(0), "1970-01-01 00:00:00 UTC");
+    }
+
+    #[test]
+    fn a_refusal_says_what_to_do() {
+        assert_eq!(
+            of_refused("the program is larger than 9 bytes, which is the most that is taken"),
+            "This file has not become a job, nothing of it was sent: the program is larger than 9 \
+             bytes, which is the most that is taken.\n\
+             What to do: mend that, and put the file into the folder again.\n"
+        );
+    }
+}
