@@ -22,7 +22,7 @@ pub(crate) struct LinkArguments {
     /// 9600 8N1]
     #[arg(long, value_name = "LINE")]
     pub(crate) line: Option<AskedLine>,
-    /// Who reacts to XON and XOFF: the plug-in (host) or the port's driver (device)
+    /// What the port does by itself
     #[arg(long, value_enum, default_value_t, value_name = "WHO")]
     pub(crate) flow: FlowBy,
     /// The plug-in: a .wasm file, a name to look up, or native:NAME
@@ -96,10 +96,7 @@ impl LinkArguments {
 
     /// How to open the port.
     pub(crate) fn port_options(&self, line: LineParameters) -> PortOptions {
-        let flow = match self.flow {
-            FlowBy::Host => Flow::Host,
-            FlowBy::Device => Flow::Device,
-        };
+        let flow = self.flow.flow();
         PortOptions { flow, ..PortOptions::new(line) }
     }
 }
@@ -201,12 +198,34 @@ impl ChosenLine {
     }
 }
 
-/// Who reacts to XON and XOFF.
+/// What the port does by itself.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default, ValueEnum)]
 pub(crate) enum FlowBy {
+    /// Nothing: the plug-in reacts to XON and XOFF
     #[default]
     Host,
+    /// Driver, adapter or device server react to XON and XOFF
     Device,
+    /// The machine stops the port with CTS, the port the machine with RTS
+    RtsCts,
+    /// As RTS/CTS, by DSR and DTR; only of a device server
+    DsrDtr,
+    /// The driver turns a half-duplex line around with RTS
+    #[value(name = "rs-485")]
+    Rs485,
+}
+
+impl FlowBy {
+    /// As ports know it.
+    pub(crate) fn flow(self) -> Flow {
+        match self {
+            Self::Host => Flow::Host,
+            Self::Device => Flow::Device,
+            Self::RtsCts => Flow::RtsCts,
+            Self::DsrDtr => Flow::DsrDtr,
+            Self::Rs485 => Flow::Rs485,
+        }
+    }
 }
 
 /// A setting as it was asked for.

@@ -13,7 +13,7 @@ use crate::error::{Holder, PortError};
 use crate::poll::{Interest, Poller};
 use crate::port::holders::{group_name, holders, is_pty, is_terminal};
 use crate::port::{
-    Input, LineCounters, PortOptions, ReadOutcome, SettingDifference, TtyPort, line_text,
+    Flow, Input, LineCounters, PortOptions, ReadOutcome, SettingDifference, TtyPort, line_text,
 };
 use crate::ports::link;
 use crate::suggest::Sample;
@@ -239,6 +239,9 @@ fn look_inside(report: &mut Report, options: &PortOptions) {
     report.add(Severity::Good, format!("it was set to {}", line_text(&before)));
     report.modem_lines = port.modem_lines();
     report.add(Severity::Good, lines_text(report.modem_lines));
+    if let Some(text) = stopped_text(options.flow, report.modem_lines) {
+        report.add(Severity::Problem, text);
+    }
     report.counters = port.counters();
     if let Some(counters) = report.counters {
         let LineCounters { framing, parity, breaks, overruns } = counters;
@@ -254,6 +257,17 @@ fn look_inside(report: &mut Report, options: &PortOptions) {
     for difference in report.differences.clone() {
         report.add(Severity::Note, difference.to_string());
     }
+}
+
+/// What keeps everything from leaving, where the partner stops the port with a line.
+fn stopped_text(flow: Flow, lines: Option<(ModemLines, ModemLines)>) -> Option<String> {
+    let (known, on) = lines?;
+    let is_stopped = known.contains(ModemLines::CTS) && !on.contains(ModemLines::CTS);
+    (flow == Flow::RtsCts && is_stopped).then(|| {
+        "CTS is off, and with RTS/CTS nothing leaves while it is: the machine stops us, is off, or its \
+         cable has no wire to our CTS"
+            .to_owned()
+    })
 }
 
 /// The modem lines in one sentence.
@@ -346,6 +360,17 @@ mod tests {
             .unwrap();
         symlink("/bus/pnp/drivers/serial", sys.join("devices/pnp0/00:00/driver")).unwrap();
         assert_eq!(driver(&sys, "ttyS0").as_deref(), Some("serial"));
+    }
+
+    #[test]
+    fn a_line_that_cts_stops_is_told_where_it_counts() {
+        let lines = |on| Some((ModemLines::CTS.union(ModemLines::RTS), on));
+        let off = lines(ModemLines::RTS);
+        let text = stopped_text(Flow::RtsCts, off).unwrap();
+        assert!(text.starts_with("CTS is off, and with RTS/CTS nothing leaves"), "{text}");
+        assert_eq!(stopped_text(Flow::RtsCts, lines(ModemLines::CTS)), None);
+        assert_eq!(stopped_text(Flow::Host, off), None);
+        assert_eq!(stopped_text(Flow::RtsCts, None), None);
     }
 
     #[test]

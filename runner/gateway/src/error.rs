@@ -99,6 +99,14 @@ pub enum PortError {
         /// Completes "this port cannot …".
         what: &'static str,
     },
+    /// The port cannot be stopped, or turned around, by these lines.
+    #[error("this port has no {what}; {instead}")]
+    NoFlow {
+        /// Completes "this port has no …".
+        what: &'static str,
+        /// What to do.
+        instead: &'static str,
+    },
     /// Threads that drive links may not run at real-time priority.
     #[error(
         "the I/O threads may not have real-time priority {priority}: {reason}; allow it to this user (LimitRTPRIO={priority} in the service's unit, `ulimit -r {priority}`), or leave it out"
@@ -132,6 +140,7 @@ impl PortError {
             | Self::NotRfc2217 { .. }
             | Self::NotTaken { .. }
             | Self::RealTime { .. }
+            | Self::NoFlow { .. }
             | Self::Unsupported { .. } => Blame::Setup,
             Self::Connect { .. } | Self::Gone(_) => Blame::Line,
             Self::Io { .. } => Blame::System,

@@ -19,7 +19,8 @@ use rfc2217::{DataBits, FlowControl, Parity, PortSettings, Purge, Server, StopBi
 use softplug_abi::{LineErrorKind, LinkDownReason, Micros, ModemLines};
 use softplug_gateway::device_server::{DeviceServer, Seen};
 use softplug_gateway::port::line_text;
-use softplug_gateway::{Blame, Input, Port, PortError, PortOptions, ReadOutcome};
+use softplug_gateway::pty::PtyPair;
+use softplug_gateway::{Blame, Flow, Input, Port, PortError, PortOptions, ReadOutcome};
 use softplug_machines::Signal;
 
 fn any_port() -> SocketAddr {
@@ -205,6 +206,72 @@ fn the_servers_own_flow_control_reaches_back_and_loses_nothing() {
     let total = written + rest.len();
     machine.wait_until(|state| state.received.len() >= total);
     assert!(machine.state().received == all[..total], "bytes were lost, doubled or reordered");
+}
+
+#[test]
+fn a_server_that_a_wire_stops_holds_what_it_has_and_loses_nothing() {
+    for (flow, control, wire) in [
+        (Flow::RtsCts, FlowControl::RtsCts, ModemLines::CTS),
+        (Flow::DsrDtr, FlowControl::Dsr, ModemLines::DSR),
+    ] {
+        let machine = Machine::default();
+        let server = start(&machine);
+        let asked = PortOptions { flow, ..options("921600") };
+        let mut port = Port::open(&rfc2217(server.address()), &asked).unwrap();
+        assert!(port.is_stoppable() && port.differences().is_empty(), "{:?}", port.differences());
+        let is_set = |seen: &Seen| matches!(seen, Seen::Settings(settings) if settings.flow_control == control);
+        assert!(server.seen().iter().any(is_set), "{:?}", server.seen());
+        let mut heard = Heard::default();
+        write_all(&mut port, &mut heard, b"one");
+        machine.wait_until(|state| state.received == b"one");
+
+        server.inject(Signal::ModemLines { lines: wire, on: ModemLines::default() });
+        serve(&mut port, &mut heard, |port, _| {
+            port.modem_lines().is_some_and(|(known, on)| known.contains(wire) && !on.contains(wire))
+        });
+        // XOFF is a character like any other now.
+        server.inject(Signal::Character(0x13));
+        write_all(&mut port, &mut heard, b"two");
+        serve(&mut port, &mut heard, |_, heard| heard.bytes.contains(&0x13));
+        assert_eq!(machine.state().received, b"one");
+        server.inject(Signal::ModemLines { lines: wire, on: wire });
+        machine.wait_until(|state| state.received == b"onetwo");
+    }
+}
+
+#[test]
+fn what_a_kind_of_port_cannot_do_is_one_sentence() {
+    let said = |port: &str, flow| {
+        let asked = PortOptions { flow, ..options("9600") };
+        Port::open(&port.parse().unwrap(), &asked).map(drop).unwrap_err().to_string()
+    };
+    let pty = PtyPair::open().unwrap();
+    let slave = pty.slave_path().display().to_string();
+    assert_eq!(
+        said("rfc2217://127.0.0.1:9", Flow::Rs485),
+        "this port has no way to turn a line around, which RFC 2217 does not know; set the device \
+         server to RS-485 itself, and take host"
+    );
+    assert_eq!(
+        said("tcp://127.0.0.1:9", Flow::RtsCts),
+        "this port has no modem lines, as a raw TCP connection; set the device server itself and \
+         take host, or use rfc2217://"
+    );
+    assert_eq!(said("pty:", Flow::RtsCts), "this port has no modem lines, as a pty; take host");
+    assert_eq!(
+        said(&slave, Flow::DsrDtr),
+        "this port has no DSR/DTR flow control, which the kernel does not know; lead the machine's \
+         DTR to our CTS and take rts-cts, or use a device server (rfc2217://)"
+    );
+    assert_eq!(
+        said(&slave, Flow::Rs485),
+        "this port has no driver that turns an RS-485 line around with RTS; use an adapter that does \
+         so by itself, and take host"
+    );
+    // Refused, and left as it was found.
+    let asked = PortOptions { flow: Flow::RtsCts, ..options("9600") };
+    let port = Port::open(&slave.parse().unwrap(), &asked).unwrap();
+    assert!(port.is_stoppable());
 }
 
 #[test]

@@ -444,3 +444,30 @@ fn a_link_has_the_notations_of_its_machine_or_its_own_before_the_known_ones() {
         ]
     );
 }
+
+#[test]
+fn what_a_port_does_by_itself_fits_its_kind() {
+    let link = |port: &str, flow: &str| {
+        format!(
+            "[[link]]\nname = \"a\"\nport = \"{port}\"\nplugin = \"xon-xoff\"\nline = \"9600 8N1\"\nflow = \"{flow}\"\n"
+        )
+    };
+    for (port, flow) in [
+        ("/dev/ttyS0", Flow::RtsCts),
+        ("/dev/ttyS0", Flow::Rs485),
+        ("rfc2217://moxa:4001", Flow::RtsCts),
+        ("rfc2217://moxa:4001", Flow::DsrDtr),
+        ("tcp://moxa:4001", Flow::Device),
+    ] {
+        assert_eq!(parse(&link(port, flow.name())).unwrap().links[0].flow, flow);
+    }
+    assert_eq!(
+        problems(&link("/dev/ttyS0", "dsr-dtr")),
+        ["6:8: this port has no DSR/DTR flow control, which the kernel does not know; lead the \
+          machine's DTR to our CTS and take rts-cts, or use a device server (rfc2217://)"]
+    );
+    assert_eq!(problems(&link("tcp://moxa:4001", "rts-cts")).len(), 1);
+    assert_eq!(problems(&link("rfc2217://moxa:4001", "rs-485")).len(), 1);
+    let unknown = problems(&link("/dev/ttyS0", "rts"));
+    assert!(unknown[0].contains("host, device, rts-cts, dsr-dtr, rs-485"), "{unknown:?}");
+}

@@ -58,7 +58,8 @@ struct Heard {
 
 pub(crate) fn doctor(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
     let baud = arguments.baud.first().copied().unwrap_or(COMMON_BAUDS[0]);
-    let options = PortOptions::new(LineParameters::new(baud));
+    let flow = arguments.flow.flow();
+    let options = PortOptions { flow, ..PortOptions::new(LineParameters::new(baud)) };
     let report = doctor::examine(&arguments.port, &options);
     for finding in &report.findings {
         let (style, mark) = match finding.severity {

@@ -38,6 +38,8 @@ pub(super) struct Uart<P> {
     free_since: Micros,
     /// The machine holds us, and the port obeys.
     is_held: bool,
+    /// Inputs that the machine has taken away.
+    off: ModemLines,
     heard: VecDeque<Heard>,
 }
 
@@ -51,6 +53,7 @@ impl<P: Partner> Uart<P> {
             shifting: None,
             free_since: Micros(0),
             is_held: false,
+            off: ModemLines::default(),
             heard: VecDeque::new(),
         }
     }
@@ -68,9 +71,7 @@ impl<P: Partner> Uart<P> {
     pub(super) fn set(&mut self, settings: PortSettings) {
         self.settings = settings;
         self.line = line_of(settings);
-        if settings.flow_control != FlowControl::XonXoff {
-            self.is_held = false;
-        }
+        self.hold(self.is_held && settings.flow_control == FlowControl::XonXoff);
     }
 
     /// Bytes that may be given to [`send`](Self::send).
@@ -160,8 +161,23 @@ impl<P: Partner> Uart<P> {
                 }
                 self.keep(Heard::Error(kind));
             }
-            Signal::ModemLines { lines, on } => self.keep(Heard::Lines(lines, on)),
+            Signal::ModemLines { lines, on } => {
+                self.off = ModemLines((self.off.0 & !lines.0) | (lines.0 & !on.0));
+                self.free_since = self.free_since.max(now);
+                self.hold(self.is_held && self.settings.flow_control == FlowControl::XonXoff);
+                self.keep(Heard::Lines(lines, on));
+            }
         }
+    }
+
+    /// Held by XOFF, or by the line that the port obeys.
+    fn hold(&mut self, by_code: bool) {
+        self.is_held = match self.settings.flow_control {
+            FlowControl::RtsCts => self.off.contains(ModemLines::CTS),
+            FlowControl::Dsr => self.off.contains(ModemLines::DSR),
+            FlowControl::Dcd => self.off.contains(ModemLines::DCD),
+            FlowControl::None | FlowControl::XonXoff => by_code,
+        };
     }
 
     fn keep(&mut self, heard: Heard) {

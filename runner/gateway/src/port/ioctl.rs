@@ -10,7 +10,7 @@
 use std::os::fd::{AsFd, AsRawFd};
 
 use rustix::io::{Errno, Result};
-use rustix::ioctl::{Getter, NoArg, Opcode, Setter, ioctl};
+use rustix::ioctl::{Getter, NoArg, Opcode, Setter, Updater, ioctl};
 use softplug_abi::ModemLines;
 
 use super::marks::LineCounters;
@@ -24,6 +24,13 @@ const BREAK_ON: Opcode = libc::TIOCSBRK as Opcode;
 const BREAK_OFF: Opcode = libc::TIOCCBRK as Opcode;
 const SERIAL_GET: Opcode = libc::TIOCGSERIAL as Opcode;
 const SERIAL_SET: Opcode = libc::TIOCSSERIAL as Opcode;
+/// Of `asm-generic/ioctls.h`.
+const RS485_GET: Opcode = 0x542E;
+const RS485_SET: Opcode = 0x542F;
+/// Of `linux/serial.h`.
+const RS485_ENABLED: u32 = 1;
+const RS485_RTS_ON_SEND: u32 = 1 << 1;
+const RS485_RTS_AFTER_SEND: u32 = 1 << 2;
 const LINE_STATUS: Opcode = libc::TIOCSERGETLSR as Opcode;
 
 /// `ASYNC_LOW_LATENCY` of `linux/tty_flags.h`.
@@ -53,6 +60,16 @@ struct SerialCounters {
     breaks: i32,
     buffer_overrun: i32,
     reserved: [i32; 9],
+}
+
+/// `struct serial_rs485` of `linux/serial.h`, of which only the flags are used here: the rest is
+/// delays and an address.
+#[repr(C)]
+#[derive(Copy, Clone)]
+struct Rs485 {
+    flags: u32,
+    delays: [u32; 2],
+    reserved: [u32; 5],
 }
 
 /// `struct serial_struct`.
@@ -102,6 +119,24 @@ pub(crate) fn set_modem_lines(fd: impl AsFd, mask: ModemLines, on: ModemLines) -
         unsafe { ioctl(&fd, Setter::<MODEM_OFF, i32>::new(clear))? };
     }
     Ok(())
+}
+
+/// Has the driver turn the line around with RTS, on while it sends, or no longer.
+pub(crate) fn set_rs485(fd: impl AsFd, is_on: bool) -> Result<()> {
+    // SAFETY: TIOCGRS485 writes one serial_rs485.
+    let before: Rs485 = unsafe { ioctl(&fd, Getter::<RS485_GET, Rs485>::new())? };
+    let by_rts = RS485_ENABLED | RS485_RTS_ON_SEND;
+    let flags = match (is_on, before.flags & RS485_ENABLED != 0) {
+        (true, _) => (before.flags & !RS485_RTS_AFTER_SEND) | by_rts,
+        (false, true) => before.flags & !RS485_ENABLED,
+        (false, false) => return Ok(()),
+    };
+    // SAFETY: TIOCSRS485 reads one serial_rs485, and writes back what the driver made of it.
+    unsafe { ioctl(&fd, Updater::<RS485_SET, Rs485>::new(&mut Rs485 { flags, ..before }))? };
+    // A driver takes what it can.
+    // SAFETY: as above.
+    let has: Rs485 = unsafe { ioctl(&fd, Getter::<RS485_GET, Rs485>::new())? };
+    if is_on && has.flags & by_rts != by_rts { Err(Errno::OPNOTSUPP) } else { Ok(()) }
 }
 
 /// The driver's counters of line errors.

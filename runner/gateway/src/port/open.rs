@@ -66,6 +66,7 @@ impl Port {
     /// [`PortError::NotTaken`]. Of a device server, looking up, connecting and setting its
     /// port blocks, at most for the time-out once the name is known.
     pub fn open(spec: &PortSpec, options: &PortOptions) -> Result<Self, PortError> {
+        options.flow.check(spec)?;
         Ok(match spec {
             PortSpec::Device(path) => Self::Tty(TtyPort::open(path, options)?),
             PortSpec::Tcp { host, port } => Self::Tcp(TcpPort::connect(host, *port, options)?),

@@ -35,8 +35,11 @@ pub(crate) fn settings_of(line: LineParameters, flow: Flow) -> PortSettings {
             _ => StopBits::One,
         },
         flow_control: match flow {
-            Flow::Host => FlowControl::None,
+            Flow::Host | Flow::Rs485 => FlowControl::None,
             Flow::Device => FlowControl::XonXoff,
+            // Of both directions: RFC 2217 has no way to set only one by wires.
+            Flow::RtsCts => FlowControl::RtsCts,
+            Flow::DsrDtr => FlowControl::Dsr,
         },
     }
 }

@@ -8,6 +8,7 @@ use rustix::termios::{
 use softplug_abi::{LineParameters, LinkDownReason, Parity};
 
 use super::difference::{DifferenceWeight, SettingDifference, weight_of_rate};
+use super::ioctl;
 use super::spec::{Flow, PortOptions};
 use super::tty::is_gone;
 use crate::error::PortError;
@@ -29,12 +30,29 @@ pub(super) fn apply(
         error if is_gone(error) => PortError::Gone(LinkDownReason::Unplugged),
         error => PortError::io("set the port", error),
     };
+    turn_around(&fd, options.flow)?;
     let mut wanted = before.clone();
     prepare(&mut wanted, options).map_err(failed)?;
     tcsetattr(&fd, OptionalActions::Now, &wanted).map_err(failed)?;
     // A port takes what it can and says nothing of the rest.
     let has = tcgetattr(&fd).map_err(failed)?;
     Ok((line_of(&has), differences(&wanted, &has, options.line)))
+}
+
+/// Has the driver turn a half-duplex line around, or no longer. Each driver has its own ways, and
+/// most have none.
+fn turn_around(fd: impl AsFd, flow: Flow) -> Result<(), PortError> {
+    let is_on = flow == Flow::Rs485;
+    match ioctl::set_rs485(fd, is_on) {
+        Ok(()) => Ok(()),
+        Err(error) if is_gone(error) => Err(PortError::Gone(LinkDownReason::Unplugged)),
+        Err(_) if is_on => Err(PortError::NoFlow {
+            what: "driver that turns an RS-485 line around with RTS",
+            instead: "use an adapter that does so by itself, and take host",
+        }),
+        // What is not there need not be taken away.
+        Err(_) => Ok(()),
+    }
 }
 
 fn prepare(termios: &mut Termios, options: &PortOptions) -> rustix::io::Result<()> {
@@ -75,6 +93,9 @@ fn prepare(termios: &mut Termios, options: &PortOptions) -> rustix::io::Result<(
             | ControlModes::CSTOPB
             | ControlModes::CRTSCTS,
     );
+    if options.flow == Flow::RtsCts {
+        termios.control_modes.insert(ControlModes::CRTSCTS);
+    }
     termios.control_modes.insert(match line.data_bits {
         5 => ControlModes::CS5,
         6 => ControlModes::CS6,
@@ -153,6 +174,11 @@ fn differences(wanted: &Termios, has: &Termios, asked: LineParameters) -> Vec<Se
         let (asked, has) = (text(wanted).to_owned(), text(has).to_owned());
         compare(setting, asked, has, DifferenceWeight::Refused);
     }
+    let by_wires = |termios: &Termios| {
+        let is_on = termios.control_modes.contains(ControlModes::CRTSCTS);
+        if is_on { "on" } else { "off" }.to_owned()
+    };
+    compare("RTS/CTS", by_wires(wanted), by_wires(has), DifferenceWeight::Refused);
     differences
 }
 
@@ -207,6 +233,30 @@ mod tests {
             differences.iter().any(SettingDifference::is_refused)
         );
         differences.iter().map(|one| (one.to_string(), one.is_refused())).collect()
+    }
+
+    #[test]
+    fn flow_by_wires_is_the_kernels_and_is_read_back() {
+        let pair = PtyPair::open().unwrap();
+        let before = tcgetattr(pair.as_fd()).unwrap();
+        let with = |flow| {
+            let options = PortOptions { flow, ..PortOptions::default() };
+            let mut termios = before.clone();
+            prepare(&mut termios, &options).unwrap();
+            termios
+        };
+        let is_on = |flow| with(flow).control_modes.contains(ControlModes::CRTSCTS);
+        assert_eq!(Flow::ALL.map(is_on), [false, false, true, false, false]);
+        let asked = LineParameters::new(9_600);
+        let texts = |wanted, has| -> Vec<_> {
+            let found = differences(&with(wanted), &with(has), asked);
+            found.iter().map(|one| (one.to_string(), one.is_refused())).collect()
+        };
+        assert_eq!(texts(Flow::RtsCts, Flow::RtsCts), []);
+        assert_eq!(
+            texts(Flow::RtsCts, Flow::Host),
+            [("RTS/CTS: asked for on, the port has off".to_owned(), true)]
+        );
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use softplug_abi::{LineParameters, Parity};
 
-use crate::error::BadSpec;
+use crate::error::{BadSpec, PortError};
 
 /// Which port to open.
 ///
@@ -133,7 +133,7 @@ pub(crate) fn host_and_port(address: &str) -> Option<(String, u16)> {
     good.then(|| (host.to_owned(), port))
 }
 
-/// Who reacts to XON/XOFF.
+/// What a port does by itself: who reacts to XON/XOFF, and what the modem lines are for.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
 pub enum Flow {
     /// The plug-in sees and sends the control codes; the gateway paces.
@@ -141,6 +141,69 @@ pub enum Flow {
     Host,
     /// Kernel or adapter reacts; the codes never reach the plug-in.
     Device,
+    /// The port stops while CTS is off, and takes RTS away while it has no room.
+    RtsCts,
+    /// The port stops while DSR is off, and takes DTR away while it has no room. Only device
+    /// servers can do so.
+    DsrDtr,
+    /// Of a half-duplex line (RS-485): RTS is on while the port sends, which turns the line around.
+    Rs485,
+}
+
+impl Flow {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Host, Self::Device, Self::RtsCts, Self::DsrDtr, Self::Rs485];
+
+    /// Its name, as in `gateway.toml`.
+    ///
+    /// ```
+    /// use softplug_gateway::Flow;
+    ///
+    /// assert_eq!(Flow::ALL.map(Flow::name), ["host", "device", "rts-cts", "dsr-dtr", "rs-485"]);
+    /// ```
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Host => "host",
+            Self::Device => "device",
+            Self::RtsCts => "rts-cts",
+            Self::DsrDtr => "dsr-dtr",
+            Self::Rs485 => "rs-485",
+        }
+    }
+
+    /// Whether the machine can stop the port, so that the port holds what it was given.
+    pub const fn is_stoppable(self) -> bool {
+        match self {
+            Self::Device | Self::RtsCts | Self::DsrDtr => true,
+            Self::Host | Self::Rs485 => false,
+        }
+    }
+
+    /// Whether a port of this kind can do so, as far as that is known before it is opened.
+    ///
+    /// # Errors
+    /// It cannot: says what to do.
+    pub fn check(self, port: &PortSpec) -> Result<(), PortError> {
+        let no = |what, instead| Err(PortError::NoFlow { what, instead });
+        match (self, port) {
+            (Self::Host | Self::Device, _)
+            | (Self::RtsCts | Self::Rs485, PortSpec::Device(_))
+            | (Self::RtsCts | Self::DsrDtr, PortSpec::Rfc2217 { .. }) => Ok(()),
+            (Self::DsrDtr, PortSpec::Device(_)) => no(
+                "DSR/DTR flow control, which the kernel does not know",
+                "lead the machine's DTR to our CTS and take rts-cts, or use a device server (rfc2217://)",
+            ),
+            (Self::Rs485, PortSpec::Rfc2217 { .. }) => no(
+                "way to turn a line around, which RFC 2217 does not know",
+                "set the device server to RS-485 itself, and take host",
+            ),
+            (_, PortSpec::Tcp { .. }) => no(
+                "modem lines, as a raw TCP connection",
+                "set the device server itself and take host, or use rfc2217://",
+            ),
+            (_, PortSpec::Pty) => no("modem lines, as a pty", "take host"),
+        }
+    }
 }
 
 /// How to open a port.

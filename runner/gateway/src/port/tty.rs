@@ -263,16 +263,16 @@ impl TtyPort {
         Backlog { bytes, is_empty }
     }
 
-    /// Whether the port obeys the partner's XON/XOFF.
+    /// Whether the partner can stop the port.
     pub(super) fn is_stoppable(&self) -> bool {
-        self.flow == Flow::Device
+        self.flow.is_stoppable()
     }
 
     /// Characters that leave although the partner has stopped the port, if it
     /// is the kernel that obeys: those that the UART had taken, and the one on
     /// the line.
     pub fn leaves_when_stopped(&self) -> Option<u32> {
-        self.uart.filter(|_| self.flow == Flow::Device).map(|fifo| fifo + 1)
+        self.uart.filter(|_| self.flow.is_stoppable()).map(|fifo| fifo + 1)
     }
 
     /// Whether the last bit of everything has left; `None` where the driver

@@ -173,14 +173,23 @@ fn one(
     let drop = link.drop.and_then(|written| {
         super::drops::one(&written, &name, common.folder, &mut taken.drops, problems)
     });
-    let flows = [("host", Flow::Host), ("device", Flow::Device)];
+    let flows = Flow::ALL.map(|flow| (flow.name(), flow));
+    let flow = choice(link.flow.as_ref(), &flows, problems);
+    let misfit = match &port {
+        Some(PortConfig::Port(spec)) => flow.check(spec).err(),
+        _ => None,
+    };
+    if let (Some(error), Some(text)) = (misfit, &link.flow) {
+        let (message, hint) = split(&error);
+        problems.add(text.span(), message, hint);
+    }
     let policies = [
         ("manual", SwapPolicy::Manual),
         ("follow", SwapPolicy::Follow),
         ("follow-when-idle", SwapPolicy::FollowWhenIdle),
     ];
     Some(LinkConfig {
-        flow: choice(link.flow.as_ref(), &flows, problems),
+        flow,
         exclusive: link.exclusive.unwrap_or(true),
         connect: span(link.connect.as_ref(), 5_000, problems),
         swap: choice(link.swap.as_ref(), &policies, problems),

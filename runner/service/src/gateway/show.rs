@@ -2,7 +2,6 @@
 
 use softplug_abi::LineErrorKind;
 use softplug_abi::manifest::{Kind, Manifest};
-use softplug_gateway::Flow;
 use softplug_gateway::endpoint::EndpointKind;
 use softplug_gateway::reactor::{AlarmKind, LaneFigures};
 use softplug_gateway::reservoir::Gauge;
@@ -31,11 +30,7 @@ pub(super) fn link(name: &str, link: &Link, queued: u32, results: &Results) -> L
         port: PortView {
             spec: config.port.to_string(),
             line: config.line_text(),
-            flow: match config.flow {
-                Flow::Host => "host",
-                Flow::Device => "device",
-            }
-            .to_owned(),
+            flow: config.flow.name().to_owned(),
             differences: link.port.differences.clone(),
             other_side: link.port.path.as_ref().map(|path| path.display().to_string()),
         },

@@ -110,7 +110,7 @@ pub struct PortView {
     pub spec: String,
     /// The line, such as `19200 7E2`.
     pub line: String,
-    /// Who reacts to XON and XOFF: `host` or `device`.
+    /// What the port does by itself: `host`, `device`, `rts-cts`, `dsr-dtr` or `rs-485`.
     pub flow: String,
     /// What the port has set otherwise than it was asked to.
     pub differences: Vec<String>,

@@ -10,6 +10,7 @@ mod receptions;
 mod station;
 mod unit;
 mod unplugged;
+mod wires;
 
 use softplug_emulated::{Machine, Wire};
 

@@ -183,9 +183,9 @@ impl Session {
         self.client.output().len() + own
     }
 
-    /// Whether the server was asked to obey the partner's XON/XOFF.
+    /// Whether the server was asked to let the partner stop it.
     pub(super) fn is_stoppable(&self) -> bool {
-        self.flow == Flow::Device
+        self.flow.is_stoppable()
     }
 
     /// Whether the server wants a pause.
@@ -293,10 +293,11 @@ impl Session {
         let has = told.flow_control;
         // A port that has nobody's flow control is what was asked for even if
         // the server will not say so.
-        if has != Some(asked) && (self.flow == Flow::Device || has.is_some()) {
+        if has != Some(asked) && (self.flow.is_stoppable() || has.is_some()) {
             // A server that obeys XON and XOFF unasked takes them out of the data; one
-            // that does not, though asked, lets the machine overflow. Wires only wait.
-            let matters = [Some(asked), has].contains(&Some(FlowControl::XonXoff));
+            // that does not obey what it was asked to lets the machine overflow. Wires that it
+            // obeys unasked only wait.
+            let matters = asked != FlowControl::None || has == Some(FlowControl::XonXoff);
             let weight = if matters { DifferenceWeight::Refused } else { DifferenceWeight::Note };
             let has = has.map(|flow| flow_text(flow).to_owned());
             add("flow control", flow_text(asked).to_owned(), has, weight);
