@@ -9,7 +9,8 @@
 //! | [`r3964`] | a station that speaks 3964R, 3964 or simplified 3964R |
 //! | [`r3964::rk512`] | a computer that speaks RK512 on top of it |
 //!
-//! [`uart`] is what they all send and receive with, [`kept`] what they keep of it.
+//! [`uart`] is what they all send and receive with, [`kept`] what they keep of it. [`Clocked`] is a port
+//! that clocks characters out, for a line that keeps no rate.
 //!
 //! Each is a [`Partner`]: it does no I/O and has no clock, its time is in whole µs.
 //! It is told what reached it and when, says when it wants to be called next, and
@@ -42,6 +43,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod clocked;
 pub mod fanuc;
 pub mod kept;
 mod partner;
@@ -51,4 +53,5 @@ pub mod uart;
 pub mod xmodem;
 pub mod xon_xoff;
 
+pub use clocked::Clocked;
 pub use partner::{Partner, Signal};

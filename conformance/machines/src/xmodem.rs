@@ -56,6 +56,8 @@ pub struct Options {
     pub damaged: Vec<u32>,
     /// Answers of its own, counted from 1, that never leave.
     pub lost: Vec<u32>,
+    /// So long behind a transfer it begins anew; never without.
+    pub rest: Option<Micros>,
 }
 
 impl Default for Options {
@@ -68,6 +70,7 @@ impl Default for Options {
             begins: Micros::ZERO,
             damaged: Vec::new(),
             lost: Vec::new(),
+            rest: None,
         }
     }
 }
@@ -81,12 +84,16 @@ impl Default for Options {
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Report {
-    /// The file that came, with its padding.
+    /// The file that came last, with its padding.
     pub came: Vec<u8>,
-    /// The transfer has ended well.
+    /// The last transfer has ended well.
     pub is_done: bool,
-    /// It has ended, well or not.
+    /// It has ended, well or not, and no other one has begun.
     pub is_over: bool,
+    /// Transfers that ended well.
+    pub done: u32,
+    /// Transfers that failed; calls to which nobody said anything are none.
+    pub failed: u32,
     /// Blocks that came or went, repeated ones included.
     pub blocks: u32,
 }
@@ -125,6 +132,8 @@ pub struct Control {
     doing: Doing,
     until: Option<Micros>,
     is_crc: bool,
+    /// No good block has come yet.
+    is_first: bool,
     /// The number of the block that comes, or goes.
     number: u8,
     tries: u32,
@@ -133,6 +142,8 @@ pub struct Control {
     done: usize,
     length: usize,
     can_heard: bool,
+    /// Somebody has said something since it began.
+    is_heard: bool,
     leaving: VecDeque<(Micros, u8)>,
     report: Report,
 }
@@ -145,12 +156,14 @@ impl Control {
             doing: if sends { Doing::Listens } else { Doing::Waits },
             until: if sends { None } else { Some(options.begins) },
             is_crc: options.is_crc,
+            is_first: true,
             number: 1,
             tries: 0,
             answers: 0,
             done: 0,
             length: 0,
             can_heard: false,
+            is_heard: false,
             leaving: VecDeque::new(),
             report: Report::default(),
             options,
@@ -162,8 +175,14 @@ impl Control {
         &self.report
     }
 
+    /// Somebody has said something, and the transfer has not ended.
+    pub fn is_under_way(&self) -> bool {
+        self.is_heard && !self.report.is_over
+    }
+
     /// A character has come: its last bit ended at `now`.
     pub fn receive(&mut self, now: Micros, byte: u8) {
+        self.is_heard |= self.doing != Doing::Nothing;
         let is_second_can = std::mem::replace(&mut self.can_heard, byte == CAN) && byte == CAN;
         match &mut self.doing {
             Doing::Nothing => {}
@@ -173,11 +192,14 @@ impl Control {
                 self.hears(now, block);
             }
             Doing::Clears => self.until = Some(now + SILENCE),
-            _ if is_second_can => self.ends(false),
+            _ if is_second_can => self.ends(now, false),
             Doing::Waits if byte == SOH || byte == STX => self.hears(now, vec![byte]),
             Doing::Waits if byte == EOT => {
+                if self.number == 1 && self.is_first {
+                    self.report.came.clear();
+                }
                 self.says(now, ACK);
-                self.ends(true);
+                self.ends(now, true);
             }
             Doing::Waits if byte == CAN => {}
             Doing::Waits => self.clears(now),
@@ -203,18 +225,21 @@ impl Control {
             return;
         }
         self.until = None;
+        if self.doing == Doing::Nothing {
+            return self.begins(now);
+        }
         self.tries += 1;
         match self.doing {
             _ if self.tries > TRIES => {
                 for _ in 0..2 {
                     self.says(now, CAN);
                 }
-                self.ends(false);
+                self.ends(now, false);
             }
             Doing::Asks => self.goes(now),
             Doing::Waits | Doing::Block(_) | Doing::Clears => {
                 let call = if self.is_crc { b'C' } else { NAK };
-                self.answers(now, if self.report.came.is_empty() { call } else { NAK });
+                self.answers(now, if self.is_first { call } else { NAK });
                 self.waits(now);
             }
             Doing::Listens | Doing::Nothing => {}
@@ -243,6 +268,9 @@ impl Control {
             return self.clears(now);
         }
         if block[1] == self.number {
+            if std::mem::take(&mut self.is_first) {
+                self.report.came.clear();
+            }
             self.report.came.extend(&block[3..3 + data]);
             self.number = self.number.wrapping_add(1);
         }
@@ -263,7 +291,7 @@ impl Control {
 
     fn is_answered(&mut self, now: Micros, byte: u8) {
         match byte {
-            ACK if self.length == 0 => self.ends(true),
+            ACK if self.length == 0 => self.ends(now, true),
             ACK => {
                 self.done += self.length;
                 self.number = self.number.wrapping_add(1);
@@ -303,10 +331,25 @@ impl Control {
         self.until = Some(left + PATIENCE + PATIENCE);
     }
 
-    fn ends(&mut self, is_done: bool) {
+    fn ends(&mut self, now: Micros, is_done: bool) {
         self.doing = Doing::Nothing;
-        self.until = None;
+        self.until = self.options.rest.map(|rest| now + rest);
         (self.report.is_over, self.report.is_done) = (true, is_done);
+        self.report.done += u32::from(is_done);
+        self.report.failed += u32::from(!is_done && self.is_heard);
+    }
+
+    /// The next transfer.
+    fn begins(&mut self, now: Micros) {
+        (self.number, self.tries, self.done, self.length) = (1, 0, 0, 0);
+        (self.is_first, self.is_heard, self.report.is_over) = (true, false, false);
+        self.is_crc = self.options.is_crc;
+        if self.options.file.is_some() {
+            self.doing = Doing::Listens;
+        } else {
+            self.doing = Doing::Waits;
+            self.until = Some(now);
+        }
     }
 
     /// An answer, unless it gets lost.
@@ -423,6 +466,31 @@ mod tests {
     }
 
     #[test]
+    fn behind_a_transfer_another_one_begins() {
+        let rest = Some(Micros::from_secs(3));
+        let mut receiver = Control::new(Options { rest, ..Options::default() });
+        let mut now = Micros::ZERO;
+        for file in [b"one".as_slice(), b"two"] {
+            let mut sender = Control::new(sending(file));
+            while !sender.report().is_over {
+                now =
+                    [&sender, &receiver].into_iter().filter_map(Control::next_event).min().unwrap();
+                sender.advance(now);
+                receiver.advance(now);
+                while let Some(byte) = sender.poll_transmit(now) {
+                    receiver.receive(now, byte);
+                }
+                while let Some(byte) = receiver.poll_transmit(now) {
+                    sender.receive(now, byte);
+                }
+            }
+            assert_eq!(receiver.report().came[..3], *file);
+        }
+        assert_eq!((receiver.report().done, receiver.report().failed), (2, 0));
+        assert!(now > Micros::from_secs(3));
+    }
+
+    #[test]
     fn nobody_there_is_given_up() {
         let mut control = Control::new(Options::default());
         while let Some(now) = control.next_event() {
@@ -430,5 +498,6 @@ mod tests {
             while control.poll_transmit(now).is_some() {}
         }
         assert!(control.report().is_over && !control.report().is_done);
+        assert_eq!(control.report().failed, 0, "nothing was begun");
     }
 }

@@ -114,7 +114,8 @@ impl Arc {
         match self.end {
             End::Place { changes: 0, outer, .. } if self.outer >= outer => true,
             End::Place { changes: 0, inner, .. } if self.inner <= inner => false,
-            _ => self.f >= 0,
+            // Ahead of the axis a step outward comes nearer to the centre before it leaves it.
+            _ => self.f >= self.outer.min(0).pow(2),
         }
     }
 

@@ -73,7 +73,9 @@ impl Program {
             match program.next(settings)? {
                 Next::Block(_) | Next::Nothing => {}
                 Next::End if i64::from(program.blocks()) < settings.start_block => {
-                    return Err(Bad { status: status::NO_SUCH_BLOCK, line: 0, column: 0 });
+                    let is_empty = program.blocks() == 0;
+                    let status = if is_empty { status::CUT_OFF } else { status::NO_SUCH_BLOCK };
+                    return Err(Bad { status, line: 0, column: 0 });
                 }
                 Next::Text | Next::End => return Ok(()),
             }

@@ -41,7 +41,7 @@ macro_rules! status_texts { () => { concat!(
     r#"{"code":11,"name":"no such block","text":"start_block is beyond the last block"},"#,
     r#"{"code":12,"name":"unreadable","text":"neither a letter with a number nor a comment"},"#,
     r#"{"code":13,"name":"unknown","text":"this word means nothing here; take it out"},"#,
-    r#"{"code":14,"name":"out of range","text":"the number is too large, or has more than four decimals"},"#,
+    r#"{"code":14,"name":"out of range","text":"the number is too small or too large here, or has more than four decimals"},"#,
     r#"{"code":15,"name":"no feed","text":"no feed or pitch up to here; write F"},"#,
     r#"{"code":16,"name":"no arc","text":"I and K, or R, do not fit: the end is not on the circle, or it is too small"},"#,
     r#"{"code":17,"name":"conflict","text":"this word does not go with another one of its line"},"#,

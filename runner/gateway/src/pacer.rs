@@ -124,6 +124,16 @@ impl Pacer {
         Micros(free.clamp(i128::from(i64::MIN), i128::from(i64::MAX)) as i64)
     }
 
+    /// For how long the line has sent nothing, by the model; zero where the rate is unknown, and before
+    /// the first byte.
+    pub fn idle(&self, now: Micros) -> Micros {
+        let idle = self.ticks(now) - self.free;
+        if self.line.baud == 0 || self.written == 0 || idle <= 0 {
+            return Micros::ZERO;
+        }
+        Micros((idle / self.ticks_per_micro()).min(i128::from(i64::MAX)) as i64)
+    }
+
     /// Bytes that may be written now; no bound where the rate is unknown.
     pub fn available(&self, now: Micros) -> usize {
         if self.line.baud == 0 {

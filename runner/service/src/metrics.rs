@@ -76,8 +76,9 @@ impl Snapshot {
 type Counted = fn(&CountersView) -> u64;
 
 /// Name, what it is, how it is had.
-const COUNTERS: [(&str, &str, Counted); 13] = [
+const COUNTERS: [(&str, &str, Counted); 14] = [
     ("holds", "How often the machine has held the line", |of| of.holds),
+    ("gaps", "How often the line stood still although bytes waited", |of| of.gaps),
     ("after_stop_characters", "Characters sent after the machine had said stop", |of| {
         of.after_stop
     }),

@@ -110,9 +110,10 @@ impl Lathe {
     fn pulses(&mut self, now: Micros, byte: u8) {
         if let Some(before) = self.follows {
             let late = now - before - PERIOD;
-            if late > self.options.jitter {
+            if late > Micros::ZERO {
                 self.report.gaps += 1;
-                self.report.missing_periods += (late.0 / PERIOD.0) as u64;
+                self.report.missing_periods +=
+                    late.0.unsigned_abs().div_ceil(PERIOD.0.unsigned_abs());
                 self.report.longest_gap = self.report.longest_gap.max(late);
             }
         }

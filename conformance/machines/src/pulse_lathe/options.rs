@@ -31,8 +31,6 @@ pub struct LatheOptions {
     pub turns_a_step: u64,
     /// How long S, T or M takes.
     pub work_time: Micros,
-    /// How late a byte may be before a gap is counted: 0 where time is exact.
-    pub jitter: Micros,
 }
 
 impl Default for LatheOptions {
@@ -48,7 +46,6 @@ impl Default for LatheOptions {
             increments: 1_024,
             turns_a_step: 50,
             work_time: Micros::from_millis(5),
-            jitter: Micros::ZERO,
         }
     }
 }

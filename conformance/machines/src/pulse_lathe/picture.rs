@@ -8,6 +8,10 @@ const MARGIN: f64 = 5.0;
 /// Pixels of a mm.
 const SCALE: f64 = 8.0;
 
+/// Places of the way that are drawn at most, and how near to each other they are not, in mm.
+const DRAWN: usize = 20_000;
+const NEAR: f64 = 0.03;
+
 /// A radius in mm.
 fn x_mm(pulses: i64) -> f64 {
     pulses as f64 / 200.0
@@ -64,7 +68,8 @@ pub(super) fn draw(options: &LatheOptions, contour: &[i64], places: &[(i64, i64)
         "<path id=\"axis\" d=\"M{left:.3} 0H{right:.3}\" stroke=\"#345\" stroke-width=\"0.1\" \
          stroke-dasharray=\"3 1 0.5 1\"/>"
     );
-    let points: Vec<String> = way.iter().map(|(z, x)| format!("{z:.2},{:.3}", -x)).collect();
+    let points: Vec<String> =
+        thinned(&way).iter().map(|(z, x)| format!("{z:.2},{:.3}", -x)).collect();
     let _ = writeln!(
         svg,
         "<polyline id=\"way\" points=\"{}\" fill=\"none\" stroke=\"#c00\" stroke-width=\"0.1\"/>",
@@ -72,6 +77,26 @@ pub(super) fn draw(options: &LatheOptions, contour: &[i64], places: &[(i64, i64)
     );
     svg.push_str("</svg>\n");
     svg
+}
+
+/// The way without places that are next to the one before: an arc is made of tiny steps. Of a very
+/// long one what is next to each other grows.
+fn thinned(way: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let mut near = NEAR;
+    loop {
+        let mut kept: Vec<(f64, f64)> = Vec::new();
+        for place in way {
+            let is_near = |last: &(f64, f64)| (place.0 - last.0).hypot(place.1 - last.1) < near;
+            if !kept.last().is_some_and(is_near) {
+                kept.push(*place);
+            }
+        }
+        kept.extend(way.last());
+        if kept.len() <= DRAWN {
+            return kept;
+        }
+        near *= 2.0;
+    }
 }
 
 /// The outline of what is left, both halves: corners where the radius changes.

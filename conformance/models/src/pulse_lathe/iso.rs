@@ -177,6 +177,9 @@ pub(super) fn read(text: &[u8], rules: &Rules, place: (i64, i64)) -> Result<Vec<
         is_unknown =
             course.is_too_long() || blocks > MOST_BLOCKS as u64 || before.is_some() && blocks > 15;
     }
+    if blocks == 0 {
+        return Err((10, 0, 0));
+    }
     if blocks < rules.start_block {
         return Err((11, 0, 0));
     }
@@ -208,6 +211,7 @@ impl Letters {
 fn block(words: &[(u8, Number)], state: &mut State, rules: &Rules) -> Result<Block, (u16, u32)> {
     let mut once = 0;
     let mut modes = 0;
+    let mut has_reference = false;
     for (_, (code, column)) in words.iter().filter(|(letter, _)| *letter == b'G') {
         match code / ONE {
             _ if code % ONE != 0 => return Err((13, *column)),
@@ -220,8 +224,11 @@ fn block(words: &[(u8, Number)], state: &mut State, rules: &Rules) -> Result<Blo
             }
             4 | 28 if once != 0 => return Err((17, *column)),
             code @ (4 | 28) => once = code,
-            90 => state.is_incremental = false,
-            91 => state.is_incremental = true,
+            90 | 91 if has_reference => return Err((17, *column)),
+            code @ (90 | 91) => {
+                has_reference = true;
+                state.is_incremental = code == 91;
+            }
             _ => return Err((13, *column)),
         }
     }
@@ -473,10 +480,11 @@ fn around(
 /// counter-clockwise.
 fn beside((z, x): Point, radius: i128, clockwise: bool) -> Option<Point> {
     let chord = z * z + x * x;
-    let rest = 4 * radius * radius - chord;
-    if chord == 0 || rest < 0 {
+    // Ends that are a step too far apart are those of half a circle.
+    if chord == 0 || chord > (2 * radius.abs() + STEP).pow(2) {
         return None;
     }
+    let rest = (4 * radius * radius - chord).max(0);
     // √(rest / chord) in so fine parts that what is proposed is exact.
     let part = 1_i128 << 40;
     let aside = |along: i128| {

@@ -139,7 +139,9 @@ pub(super) fn arc(
             changes_left -= 1;
             continue;
         }
-        let mut inward = z * z + x * x >= square;
+        // Ahead of the axis it is where the axis is crossed that counts.
+        let crossed = z * z + x * x - if outer < 0 { outer * outer } else { 0 };
+        let mut inward = crossed >= square;
         match end {
             End::Steps(steps) if done.len() as u64 == steps => return done,
             End::At { z: z_end, x: x_end, .. } if changes_left == 0 => {

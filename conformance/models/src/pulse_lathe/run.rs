@@ -109,13 +109,14 @@ impl Lathe {
 
     /// Queues all up to the next thing that has to be waited for.
     pub(super) fn goes_on(&mut self) {
-        let foreign = self.port.inside_of(&[0xE0, 0xE1]) + self.port.urgent() + self.stale;
+        // What is urgent and not in the port yet leaves before the block's own, or behind its end.
+        let foreign = self.port.inside_of(&[0xE0, 0xE1]) + self.stale;
         while let Some(job) = &mut self.job {
-            job.foreign = foreign;
-            job.is_news = self.is_hearing;
             if job.stage != Stage::Sending {
                 return;
             }
+            job.foreign = foreign;
+            job.is_news = self.is_hearing;
             match job.items.pop_front() {
                 Some(Item::Bytes(bytes)) => self.send(&bytes),
                 Some(Item::Command(code)) => {

@@ -75,10 +75,13 @@ fn by_centre(i: Option<(i64, u32)>, k: Option<(i64, u32)>) -> Point {
 /// roots are of the same multiple, as large as there is room for.
 fn by_radius(chord: Point, clockwise: bool, radius: i64) -> Option<Point> {
     let square = chord.square().cast_unsigned();
-    let beyond = (4 * radius * radius).cast_unsigned().checked_sub(square)?;
-    if square == 0 {
+    let across = (2 * radius).unsigned_abs();
+    let most = across + STEP.cast_unsigned();
+    if square == 0 || square > most * most {
         return None;
     }
+    // Half a circle whose ends were rounded apart is one about the middle between them.
+    let beyond = (across * across).saturating_sub(square);
     let shift = (beyond | square).leading_zeros() / 2 * 2;
     let (beyond, length) = (root(beyond << shift), root(square << shift));
     let aside = |chord: i64| {

@@ -201,7 +201,7 @@ impl Iso {
 
     /// What the G codes put in force; what one does once is returned.
     fn codes(&mut self, words: &Words) -> Result<Option<Once>, Refused> {
-        let (mut once, mut has_mode) = (None, false);
+        let (mut once, mut has_mode, mut has_reference) = (None, false, false);
         for (code, column) in words.codes() {
             let mode = match code / ONE {
                 _ if code % ONE != 0 => return Err((status::UNKNOWN, column)),
@@ -211,6 +211,10 @@ impl Iso {
                 3 => Mode::Arc { clockwise: false },
                 33 => Mode::Thread,
                 90 | 91 => {
+                    if has_reference {
+                        return Err((status::CONFLICT, column));
+                    }
+                    has_reference = true;
                     self.is_incremental = code == 91 * ONE;
                     continue;
                 }

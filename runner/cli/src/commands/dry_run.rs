@@ -1,16 +1,23 @@
 //! `softplug send --dry-run`: what would be on the wire, in virtual time, with a partner that wants
 //! it.
 
+use std::fs;
+use std::path::Path;
+
 use softplug_abi::{Failure as Why, LineParameters, Micros};
 use softplug_gateway::pacer::default_depth;
 use softplug_gateway::port::line_text;
+use softplug_machines::pulse_lathe::{Lathe, LatheReport};
 
-use super::send::{Arguments, Document, Piece, Prepared, StatusDocument, check_message, reason};
+use super::send::{
+    Arguments, Document, LatheDocument, Piece, Prepared, StatusDocument, check_message, reason,
+};
 use super::trial::{End, Trial, Tried, WAITS};
 use super::willing::Side;
 use crate::dump::{Dump, hex};
 use crate::exit::Exit;
 use crate::failure::Failure;
+use crate::files;
 use crate::numbers;
 use crate::screen::Screen;
 
@@ -33,7 +40,11 @@ pub(super) fn run(
         asked_fields: &arguments.fields,
         check,
     };
-    let Tried { end, supplied, wire, dialogue, answered, took, notes } = trial.run(program)?;
+    let tried = trial.run(program)?;
+    if let Some(picture) = &arguments.picture {
+        draw(tried.lathe.as_deref(), picture)?;
+    }
+    let Tried { end, supplied, wire, dialogue, answered, took, notes, lathe } = tried;
     let status = match end {
         Some(End::Failed(_, status) | End::CheckFailed(_, status, ..)) => status,
         Some(End::Done) | None => 0,
@@ -51,6 +62,9 @@ pub(super) fn run(
         None => (Exit::Incomplete, "incomplete", None, Some(WAITS.to_owned())),
     };
     show(arguments, screen, &wire, &dialogue, line, took);
+    if let Some(lathe) = &lathe {
+        screen.note(said(lathe.report()));
+    }
     if let Some(message) = &message {
         screen.error(message);
     }
@@ -62,12 +76,15 @@ pub(super) fn run(
         seconds: took.as_secs_f64(),
         held_seconds: 0.0,
         holds: 0,
+        gaps: 0,
+        longest_gap_seconds: 0.0,
         answered: Some(answered).filter(|answered| *answered > 0),
         kept: Vec::new(),
         refused: 0,
         received: 0,
         file: None,
         answer: None,
+        lathe: lathe.map(|lathe| LatheDocument::of(lathe.report())),
         failure: failure.map(Why::name),
         status: StatusDocument::new(manifest, status),
         message,
@@ -76,6 +93,39 @@ pub(super) fn run(
         notes,
     });
     Ok(exit)
+}
+
+fn draw(lathe: Option<&Lathe>, file: &Path) -> Result<(), Failure> {
+    let Some(lathe) = lathe else {
+        return Err(Failure::usage("--picture: this plug-in's programs are no feed pulses"));
+    };
+    fs::write(file, lathe.picture()).map_err(|error| files::unwritable(file, &error))
+}
+
+impl LatheDocument {
+    fn of(report: &LatheReport) -> Self {
+        Self {
+            x_millimetres: report.x_millimetres(),
+            z_millimetres: report.z_millimetres(),
+            x_pulses: report.x_pulses,
+            z_pulses: report.z_pulses,
+            cut_while_still: report.cut_while_still,
+        }
+    }
+}
+
+fn said(report: &LatheReport) -> String {
+    let mut text = format!(
+        "ends at x {:+.3} mm (radius), z {:+.2} mm from where it began: {} pulses of x, {} of z",
+        report.x_millimetres(),
+        report.z_millimetres(),
+        numbers::count(report.x_pulses),
+        numbers::count(report.z_pulses)
+    );
+    if report.cut_while_still > 0 {
+        text += "; it would cut while the spindle stands still: there is no S before";
+    }
+    text
 }
 
 /// A piece of the dialogue, for machines.
@@ -102,7 +152,7 @@ fn show(
     if wire.is_empty() {
         return;
     }
-    if dialogue.is_empty() {
+    if dialogue.is_empty() && arguments.picture.is_none() {
         screen.say(Dump(wire));
     }
     for (side, bytes) in dialogue {

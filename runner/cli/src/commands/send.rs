@@ -37,6 +37,7 @@ pub(crate) const SEND: &str = "send";
   softplug send --port tcp://10.0.0.7:4001 --plugin xon-xoff --set wait_for_xon=on O0001.nc
   softplug send --port /dev/ttyUSB0 --plugin r3964 --keep from-partner telegram.bin
   softplug send --dry-run --plugin r3964 telegram.bin
+  softplug send --dry-run --plugin pulse-lathe --set input=iso --picture part.svg O0001.nc
   softplug send --dry-run --plugin xon-xoff --set feed_start=\"12\" O0001.nc
   softplug send --port /dev/ttyUSB0 --line \"4800 7E2\" --plugin fanuc-rs232 --field from_block=120 O0001.nc
   softplug send --port /dev/ttyUSB0 --plugin r3964 --set preset=buderus telegram.bin
@@ -74,6 +75,10 @@ pub(crate) struct Arguments {
     /// With --dry-run: write the bytes to standard output as they are
     #[arg(long, requires = "dry_run", conflicts_with = "json")]
     pub(crate) raw: bool,
+    /// With --dry-run of a program of feed pulses: draw the way of the tool and the turned part, as
+    /// SVG
+    #[arg(long, value_name = "FILE", requires = "dry_run", conflicts_with = "raw")]
+    pub(crate) picture: Option<PathBuf>,
     /// The program to send, or the data of the job; - is standard input
     #[arg(value_name = "FILE", required_unless_present = "job")]
     pub(crate) file: Option<PathBuf>,
@@ -90,6 +95,18 @@ pub(crate) struct Prepared {
     pub(crate) check: bool,
 }
 
+/// Where a program of feed pulses brings a lathe.
+#[derive(Serialize)]
+pub(crate) struct LatheDocument {
+    /// Where x stands, in mm of radius from where it began.
+    pub(crate) x_millimetres: f64,
+    pub(crate) z_millimetres: f64,
+    pub(crate) x_pulses: u64,
+    pub(crate) z_pulses: u64,
+    /// Pulses that would cut the default blank while the spindle stands still.
+    pub(crate) cut_while_still: u64,
+}
+
 /// What machines get.
 #[derive(Serialize)]
 pub(crate) struct Document<'a> {
@@ -104,6 +121,9 @@ pub(crate) struct Document<'a> {
     pub(crate) seconds: f64,
     pub(crate) held_seconds: f64,
     pub(crate) holds: u64,
+    /// How often the line stood still for a character or longer although bytes waited.
+    pub(crate) gaps: u64,
+    pub(crate) longest_gap_seconds: f64,
     /// Bytes that answered the job.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) answered: Option<u64>,
@@ -120,6 +140,9 @@ pub(crate) struct Document<'a> {
     /// The answer in hex, where no file was given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) answer: Option<String>,
+    /// What a dry run's lathe has done, for programs of feed pulses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) lathe: Option<LatheDocument>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) failure: Option<&'a str>,
     /// The protocol's own code of it.

@@ -6,6 +6,7 @@ use softplug_abi::manifest::SettingValues;
 use softplug_abi::{Action, Failure as Why, Instance, LineParameters, Micros};
 use softplug_conformance::closed_loop::ClosedLoop;
 use softplug_link::{Job, LinkFault, LinkHost, LinkOptions, Supply};
+use softplug_machines::pulse_lathe::Lathe;
 
 use super::send::NoteDocument;
 use super::willing::{Exchange, Side, Willing};
@@ -48,6 +49,8 @@ pub(super) struct Tried {
     pub(super) answered: u64,
     pub(super) took: Micros,
     pub(super) notes: Vec<NoteDocument>,
+    /// The lathe that took its pulses, if that is what the program is.
+    pub(super) lathe: Option<Box<Lathe>>,
 }
 
 /// How a job ended.
@@ -99,6 +102,7 @@ impl Trial<'_> {
             answered: paper.answered,
             took,
             notes: paper.notes,
+            lathe: both.partner.into_lathe(),
         })
     }
 }

@@ -134,6 +134,14 @@ impl Willing {
         self.exchange.clone()
     }
 
+    /// The lathe, if it is one.
+    pub(super) fn into_lathe(self) -> Option<Box<Lathe>> {
+        match self.machine {
+            Machine::Lathe(lathe) => Some(lathe),
+            _ => None,
+        }
+    }
+
     /// Whether what it says belongs to what is to be seen: telegrams go both ways.
     pub(super) fn is_dialogue(&self) -> bool {
         !matches!(self.machine, Machine::Nobody | Machine::Ready(_) | Machine::Lathe(_))

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use softplug_abi::Failure as Why;
 use softplug_gateway::PortSpec;
@@ -22,6 +23,9 @@ use crate::files::Partial;
 use crate::numbers;
 use crate::screen::Screen;
 use crate::stop;
+
+/// A line that stands still for longer, while bytes wait, is worth a word.
+const LONG_GAP: Duration = Duration::from_millis(4);
 
 pub(crate) fn send(
     arguments: &Arguments,
@@ -104,12 +108,15 @@ pub(crate) fn send(
         seconds: numbers::seconds(report.elapsed),
         held_seconds: numbers::seconds(report.held),
         holds: report.holds,
+        gaps: report.gaps,
+        longest_gap_seconds: numbers::seconds(report.longest_gap),
         answered: Some(report.answered).filter(|answered| *answered > 0),
         kept: kept_documents(&report.kept),
         refused: report.refused,
         received: report.received,
         file: file.as_ref().map(|file| file.display().to_string()),
         answer,
+        lathe: None,
         failure: failure.map(Why::name),
         status: StatusDocument::new(manifest, status),
         message: message.clone(),
@@ -214,6 +221,15 @@ fn done(report: &SendReport, file: Option<&Path>) -> String {
     if report.holds > 0 {
         let times = numbers::things(report.holds, "time");
         let _ = write!(text, "; held {times}, {} in all", numbers::span(report.held));
+    }
+    if report.longest_gap > LONG_GAP {
+        let times = numbers::things(report.gaps, "time");
+        let _ = write!(
+            text,
+            "; the line stood still {times} while bytes waited, {} at most: this computer was late, \
+             --depth says how much waits in the port",
+            numbers::span(report.longest_gap)
+        );
     }
     text
 }

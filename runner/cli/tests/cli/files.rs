@@ -74,6 +74,26 @@ fn a_dry_run_shows_the_wire() {
 }
 
 #[test]
+fn a_dry_run_of_pulses_draws_the_part_and_says_where_it_ends() {
+    let bench = Bench::new();
+    bench.write(
+        "ring.nc",
+        "G91 S20 T1 M3\nG00 X-12 Z-5\nG01 X-4 Z-20 F300\nG02 X10 Z-5 I5 F200\nM30\n",
+    );
+    let words = ["send", "--dry-run", "--plugin", "pulse-lathe", "--set", "input=iso", "ring.nc"];
+    let picture = ["--picture", "ring.svg"];
+    snapshot("dry-run-pulse-lathe", bench.run(&[&words[..], &picture].concat()).with_code(0));
+    let svg = String::from_utf8(bench.read("ring.svg")).unwrap();
+    assert!(svg.contains("id=\"way\"") && svg.contains("id=\"part\""), "{svg}");
+    let json = bench.run(&[&words[..], &["--json"]].concat()).with_code(0).json();
+    assert_eq!(json["lathe"]["x_millimetres"], -3.0);
+    assert_eq!(json["lathe"]["z_millimetres"], -30.0);
+    let none = ["send", "--dry-run", "--plugin", "xon-xoff", "ring.nc"];
+    let ran = bench.run(&[&none[..], &picture].concat()).with_code(2);
+    assert!(ran.err.contains("no feed pulses"), "{ran}");
+}
+
+#[test]
 fn a_dry_run_has_a_willing_partner() {
     let bench = Bench::new();
     bench.write("block.bin", b"AB\x10C");

@@ -35,6 +35,7 @@ const VERBS: &[&[&str]] = &[
     &["simulate", "r3964-simplified"],
     &["simulate", "fanuc-rs232"],
     &["simulate", "pulse-lathe"],
+    &["simulate", "xmodem"],
     &["doctor"],
     &["demo"],
     &["gateway"],

@@ -93,6 +93,51 @@ fn ended(child: Child) -> Ran {
 const LINE: [&str; 2] = ["--line", "921600 8N1"];
 
 #[test]
+fn a_simulated_lathe_cuts_what_is_sent() {
+    let _alone = alone();
+    let bench = Bench::new();
+    bench.write("cut.nc", "G91 S20 T1 M3\nG01 X-2 Z-20 F2000\nM30\n");
+    let simulation = Simulation::of("pulse-lathe", &bench, &["--once", "--picture", "part.svg"]);
+    let send = ["send", "--port", &simulation.port, "--plugin", "pulse-lathe", "--json", "cut.nc"];
+    let line = ["--line", "40000 8N1", "--depth", "1000", "--set", "input=iso"];
+    let sent = bench.run(&[&send[..], &line].concat()).with_code(0).json();
+    assert_eq!(sent["result"], "done");
+    let (_, report) = simulation.end();
+    // Time is real here: a gap is not the program's.
+    assert_eq!((&report["x_pulses"], &report["z_pulses"]), (&200.into(), &2_000.into()));
+    assert_eq!((&report["programs"], &report["lost_pulses"]), (&1.into(), &0.into()));
+    assert!(String::from_utf8(bench.read("part.svg")).unwrap().contains("id=\"part\""));
+}
+
+#[test]
+fn a_simulated_control_speaks_xmodem_both_ways() {
+    let _alone = alone();
+    let bench = Bench::new();
+    bench.write("O1.nc", program("surfacing.nc"));
+    let fast = ["--baud", "115200", "--once"];
+    let simulation = Simulation::of(
+        "xmodem",
+        &bench,
+        &[&fast[..], &["--damage", "3", "--out", "got.nc"]].concat(),
+    );
+    let line = ["--line", "115200 8N1"];
+    let send = ["send", "--port", &simulation.port, "--plugin", "xmodem", "--json", "O1.nc"];
+    assert_eq!(bench.run(&[&send[..], &line].concat()).with_code(0).json()["result"], "done");
+    let (code, report) = simulation.end();
+    assert_eq!((code, &report["done"], &report["failed"]), (0, &1.into(), &0.into()), "{report}");
+    let (sent, got) = (bench.read("O1.nc"), bench.read("got.nc"));
+    assert_eq!(got[..sent.len()], sent);
+    assert!(got[sent.len()..].iter().all(|byte| *byte == 0x1A));
+
+    let simulation =
+        Simulation::of("xmodem", &bench, &[&fast[..], &["--file", "O1.nc", "--long"]].concat());
+    let receive = ["receive", "--port", &simulation.port, "--plugin", "xmodem", "--out", "back.nc"];
+    bench.run(&[&receive[..], &line].concat()).with_code(0);
+    assert_eq!(bench.read("back.nc"), sent);
+    assert_eq!(simulation.end().0, 0);
+}
+
+#[test]
 fn a_program_goes_to_a_control_that_holds_and_comes_back() {
     let _alone = alone();
     let bench = Bench::new();

@@ -2,6 +2,9 @@
 
 mod needs_sx {
     use std::process::Command;
+    use std::time::Duration;
+
+    use rustix::process::{Pid, Signal, kill_process};
 
     use crate::bench::{Bench, Ran};
     use crate::foreign::{Faults, Line, file};
@@ -123,6 +126,40 @@ mod needs_sx {
     #[test]
     fn sx_sends_a_megabyte_in_long_blocks() {
         receives("--set padding=keep", &["-k"], NONE, NONE).went_well(1_024);
+    }
+
+    #[test]
+    fn sx_is_told_of_an_abort() {
+        let bench = Bench::new();
+        bench.write("sent.bin", file(LENGTH));
+        let line = Line::new(NONE, NONE);
+        let port = line.port();
+        let arguments = format!(
+            "receive --port {port} --plugin xmodem --line 9600~8N1 --wait 60 --out came.bin"
+        );
+        let command = bench.command(&words(&arguments)).spawn().unwrap();
+        let (mut sx, relay) = line.start(Command::new("sx").arg("-q").arg(bench.path("sent.bin")));
+        let came = || std::fs::metadata(bench.path("came.bin.partial")).map_or(0, |of| of.len());
+        for _ in 0..600 {
+            if came() > 500 {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        let id = Pid::from_child(&command);
+        kill_process(id, Signal::INT).unwrap();
+        assert_eq!(Ran::from(command.wait_with_output().unwrap()).code, 5);
+        // sx by itself would try for minutes.
+        let told = (0..200).any(|_| {
+            std::thread::sleep(Duration::from_millis(50));
+            sx.try_wait().unwrap().is_some()
+        });
+        if !told {
+            let _ = sx.kill();
+        }
+        let ended = sx.wait().unwrap();
+        relay.end();
+        assert!(told && !ended.success(), "nobody told it");
     }
 
     #[test]

@@ -7,12 +7,13 @@
 //! many_links ser2net CHARDELAY LINKS SECONDS
 //! many_links saturate PLUGIN.wasm LINKS SECONDS DEPTH
 //! many_links feed PLUGIN.wasm LINKS SECONDS DEPTH FANUC.wasm FANUC_DEPTH
+//! many_links lathes PLUGIN.wasm LINKS SECONDS DEPTH PULSE_LATHE.wasm LATHES LATHE_DEPTH
 //! ```
 //!
 //! `echo` and `ser2net` send 16 bytes over each link every 100 ms; `saturate`
 //! fills lines of 9,600 baud both ways and looks at each byte; `feed` drip-feeds a
-//! control at 19,200 baud beside that. Each prints one line of JSON. What is
-//! measured is another process, so that the clients' and machines' own work does
+//! control at 19,200 baud beside that, `lathes` has lathes take 4,000 pulses a second
+//! each. Each prints one line of JSON. What is measured is another process, so that the clients' and machines' own work does
 //! not count.
 //!
 //! With `--real-time` the gateway's I/O threads, or ser2net, have real-time
@@ -26,6 +27,7 @@ mod control;
 mod echo;
 mod feed;
 mod gateway;
+mod lathes;
 mod placement;
 mod saturate;
 mod subject;
@@ -34,6 +36,7 @@ mod used;
 use std::error::Error;
 use std::time::Duration;
 
+use lathes::Wish;
 use placement::Placement;
 use softplug_gateway::pty::PtyPair;
 use subject::{Subject, Wanted};
@@ -78,6 +81,12 @@ fn main() -> Outcome {
             let mut subject = Subject::gateway(placement, &[of(1)?, of(5)?])?;
             subject.add(&wanted(saturate::BAUD, of(4)?.parse()?)?)?;
             feed::run(&mut subject, &machines, of(5)?, of(6)?.parse()?, seconds)?
+        }
+        "lathes" => {
+            let mut subject = Subject::gateway(placement, &[of(1)?, of(5)?])?;
+            subject.add(&wanted(saturate::BAUD, of(4)?.parse()?)?)?;
+            let (plugin, count, depth) = (of(5)?, of(6)?.parse()?, of(7)?.parse()?);
+            lathes::run(&mut subject, &machines, &Wish { plugin, count, depth, seconds })?
         }
         _ => return Err("no such measurement".into()),
     };

@@ -22,6 +22,11 @@ pub struct Counters {
     pub after_hold: u64,
     /// The most at one time.
     pub after_hold_most: u64,
+    /// How often the line stood still for a character or longer although bytes waited: what gives them
+    /// to the port was late by more than the port had.
+    pub gaps: u64,
+    /// The longest of these times.
+    pub longest_gap: Micros,
     /// Since when the partner has held it.
     held_since: Option<Micros>,
     /// Whether it stands, whoever wants that.
@@ -53,6 +58,14 @@ impl Counters {
             Input::LineError { kind, .. } => {
                 self.line_errors[usize::from(kind.code()) - 1] += 1;
             }
+        }
+    }
+
+    /// The line stood still for so long although bytes waited; a character takes `character`.
+    pub(crate) fn stood_still(&mut self, span: Micros, character: Micros) {
+        if span >= character && span > Micros::ZERO {
+            self.gaps += 1;
+            self.longest_gap = self.longest_gap.max(span);
         }
     }
 
@@ -108,6 +121,18 @@ mod tests {
         counters.pause(Micros(5), false);
         assert_eq!((counters.holds, counters.at(Micros(9)).held), (0, Micros::ZERO));
         assert_eq!(counters.after_hold, 0);
+    }
+
+    #[test]
+    fn less_than_a_character_is_no_gap() {
+        let mut counters = Counters::default();
+        for span in [0, 249, 250, 900, 300] {
+            counters.stood_still(Micros(span), Micros(250));
+        }
+        assert_eq!((counters.gaps, counters.longest_gap), (3, Micros(900)));
+        // Where the rate is unknown nothing is.
+        counters.stood_still(Micros::ZERO, Micros::ZERO);
+        assert_eq!(counters.gaps, 3);
     }
 
     #[test]

@@ -36,9 +36,11 @@ impl<I: Instance> Channel<I> {
             return Ok(false);
         }
         if self.pending_from == self.pending_to && !self.link.has_to_send() {
+            self.has_more = false;
             return Ok(false);
         }
         self.look_below(now);
+        let idle = self.pacer.idle(now);
         let available = self.pacer.available(now);
         if self.pending_from == self.pending_to {
             let most = available.min(CHUNK);
@@ -68,6 +70,10 @@ impl<I: Instance> Channel<I> {
             self.counters.bytes_out += written as u64;
             let run = self.pacer.took_between(now, after, written);
             self.departures.took(now, run);
+            if self.has_more {
+                self.counters.stood_still(idle, self.pacer.line().characters(1));
+            }
+            self.has_more = self.pending_from < self.pending_to || self.link.has_to_send();
         }
         Ok(written > 0)
     }

@@ -110,6 +110,10 @@ figures! {
     after_hold: AtomicU64 u64,
     /// The most at one time.
     after_hold_most: AtomicU64 u64,
+    /// How often the line stood still for a character or longer although bytes waited.
+    gaps: AtomicU64 u64,
+    /// The longest of these times, in µs.
+    longest_gap_micros: AtomicU64 u64,
     /// How often a job waited for data while the line stood idle.
     starvations: AtomicU64 u64,
     /// For how long in all, in µs.
@@ -273,6 +277,8 @@ impl LaneStatus {
         self.after_hold.store(counters.after_hold, Ordering::Relaxed);
         self.after_hold_most.store(counters.after_hold_most, Ordering::Relaxed);
         self.held_micros.store(counters.held.0.max(0) as u64, Ordering::Relaxed);
+        self.gaps.store(counters.gaps, Ordering::Relaxed);
+        self.longest_gap_micros.store(counters.longest_gap.0.max(0) as u64, Ordering::Relaxed);
         self.is_held.store(counters.is_held(), Ordering::Relaxed);
         for (shown, count) in self.line_errors.iter().zip(counters.line_errors) {
             shown.store(count, Ordering::Relaxed);

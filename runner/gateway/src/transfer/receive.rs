@@ -53,6 +53,9 @@ pub struct ReceiveReport {
     pub notes: Vec<Note>,
 }
 
+/// For so long a plug-in may wait with its last words.
+const LAST_WORDS: Micros = Micros::from_secs(5);
+
 /// Receives one delivery into `out`. `stop` ends it: what came by then is in
 /// `out`, and a partner that we hold is let go. Requests of the partner are refused. A delivery
 /// that has begun when the first one ends, such as the next program of one punch, goes into
@@ -77,7 +80,11 @@ pub fn receive<I: Instance>(
     while catch.outcome.is_none() {
         let now = station.now();
         if stop.load(Ordering::Relaxed) || catch.error.is_some() {
+            let was_under_way = station.link().has_delivery();
             station.abort(0, &mut catch)?;
+            if was_under_way {
+                tell_the_partner(station, &mut catch)?;
+            }
             catch.outcome.get_or_insert(ReceiveOutcome::Aborted);
             break;
         }
@@ -139,6 +146,26 @@ pub fn receive<I: Instance>(
         heard,
         notes: catch.notes,
     })
+}
+
+/// What a protocol says to its partner behind an abort may have to wait until the line is clear: the
+/// plug-in has a timer then.
+fn tell_the_partner<I: Instance>(
+    station: &mut Station<I>,
+    host: &mut dyn LinkHost,
+) -> Result<(), TransferError<I::Fault>> {
+    let until = station.now() + LAST_WORDS;
+    let before = station.counters().bytes_out;
+    while station.now() < until
+        && station.counters().bytes_out == before
+        && station.link().next_timer().is_some()
+    {
+        let turn = station.turn((station.now() + TICK).min(until), host)?;
+        if let Turn::Gone(_) = turn {
+            break;
+        }
+    }
+    Ok(())
 }
 
 /// The host's side of the delivery.

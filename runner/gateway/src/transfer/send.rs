@@ -86,6 +86,10 @@ pub struct SendReport {
     pub held: Duration,
     /// How often it did.
     pub holds: u64,
+    /// How often the line stood still for a character or longer although bytes waited.
+    pub gaps: u64,
+    /// The longest of these times.
+    pub longest_gap: Duration,
     /// Bytes of the answer to the job, for kinds of job that have one.
     pub answered: u64,
     /// Deliveries that came meanwhile, are no answer, and were kept.
@@ -209,6 +213,8 @@ pub fn ask<I: Instance>(
         elapsed,
         held: duration(counters.held),
         holds: counters.holds,
+        gaps: counters.gaps,
+        longest_gap: duration(counters.longest_gap),
         answered: feed.answered,
         kept: feed.unasked.kept,
         refused: feed.unasked.refused,

@@ -15,6 +15,7 @@ use tokio::sync::broadcast;
 use super::control::Control;
 use super::jobs::JobCommand;
 use super::link::Link;
+use super::simulated::Simulated;
 use super::swaps::Wanted;
 use super::{Gateway, Watching, show};
 use crate::Refusal;
@@ -24,7 +25,8 @@ use crate::jobs::{
 };
 use crate::view::{
     Change, HealthView, JobFilter, JobOrder, JobView, JournalEntry, JournalFilter, KindView,
-    LinkCounts, LinkState, LinkView, ReadyView, ReloadView, StopHow, SwapOrder, SwapView,
+    LatheView, LinkCounts, LinkState, LinkView, ReadyView, ReloadView, StopHow, SwapOrder,
+    SwapView,
 };
 
 /// How long a swap is waited for that does not have to wait for the link.
@@ -50,6 +52,18 @@ impl Gateway {
     /// The kinds of job that a link's plug-in takes.
     pub fn job_kinds(&self, link: &str) -> Result<Vec<KindView>, Refusal> {
         Ok(show::kinds(&self.plugin_of(link)?.manifest().jobs))
+    }
+
+    /// What the simulated lathe of a link has cut so far.
+    pub fn lathe(&self, link: &str) -> Result<LatheView, Refusal> {
+        let name = link.to_owned();
+        let lathe = self.shared.ask(move |control| {
+            let machine = &control.link(&name)?.machine;
+            Ok(machine.as_ref().and_then(Simulated::lathe))
+        })?;
+        let no_lathe =
+            || Refusal::NotFound(format!("the port of link {link} is no simulated lathe"));
+        lathe.map(|lathe| lathe.view()).ok_or_else(no_lathe)
     }
 
     /// Closes a link's port and opens it again.

@@ -163,6 +163,8 @@ impl Before {
         before.bytes_out += figures.bytes_out;
         before.holds += figures.holds;
         before.held_micros += figures.held_micros;
+        before.gaps += figures.gaps;
+        before.longest_gap_micros = before.longest_gap_micros.max(figures.longest_gap_micros);
         before.after_hold += figures.after_hold;
         before.starvations += figures.starvations;
         before.starved_micros += figures.starved_micros;

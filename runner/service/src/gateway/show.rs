@@ -102,6 +102,7 @@ fn trouble(view: &LinkView) -> Vec<String> {
 fn counters(link: &Link, figures: &LaneFigures) -> CountersView {
     let before = link.before.0.as_ref();
     let sum = |of: fn(&LaneFigures) -> u64| of(figures) + before.map_or(0, of);
+    let longest = |of: fn(&LaneFigures) -> u64| of(figures).max(before.map_or(0, of));
     let line_errors = LineErrorKind::ALL.iter().enumerate().map(|(at, kind)| {
         let count = figures.line_errors[at] + before.map_or(0, |before| before.line_errors[at]);
         (kind.name().to_owned(), count)
@@ -112,6 +113,8 @@ fn counters(link: &Link, figures: &LaneFigures) -> CountersView {
         line_errors: line_errors.collect(),
         holds: sum(|figures| figures.holds),
         held_us: sum(|figures| figures.held_micros),
+        gaps: sum(|figures| figures.gaps),
+        longest_gap_us: longest(|figures| figures.longest_gap_micros),
         after_stop: sum(|figures| figures.after_hold),
         starved: sum(|figures| figures.starvations),
         starved_us: sum(|figures| figures.starved_micros),

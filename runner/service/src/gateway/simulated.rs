@@ -1,15 +1,17 @@
 //! Simulated machines, so that a set-up can be tried without one.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 
 use softplug_abi::{LineErrorKind, LineParameters, Micros};
 use softplug_gateway::poll::Waker;
 use softplug_gateway::simulator::Simulator;
 use softplug_machines::kept::Keep;
-use softplug_machines::{Partner, Signal, fanuc, pulse_lathe, r3964, xon_xoff};
+use softplug_machines::{Clocked, Partner, Signal, fanuc, pulse_lathe, r3964, xmodem, xon_xoff};
+
+use crate::view::LatheView;
 
 /// A simulated machine on a pty; it ends when this is dropped.
 #[derive(Debug)]
@@ -18,12 +20,17 @@ pub(crate) struct Simulated {
     stop: Arc<AtomicBool>,
     waker: Waker,
     thread: Option<JoinHandle<()>>,
+    lathe: Option<SimulatedLathe>,
 }
 
 impl Simulated {
     /// A machine that speaks `protocol` at this line's rate.
     pub(crate) fn start(protocol: &str, line: LineParameters) -> Result<Self, String> {
-        let machine = machine(protocol, line)?;
+        let lathe = (protocol == LATHE).then(SimulatedLathe::new).transpose()?;
+        let machine = match &lathe {
+            Some(lathe) => Machine(Box::new(lathe.clone())),
+            None => machine(protocol, line)?,
+        };
         let mut simulator: Simulator<Machine> =
             Simulator::new(machine).map_err(|error| error.to_string())?;
         let (path, waker) = (simulator.path().to_owned(), simulator.waker());
@@ -41,12 +48,17 @@ impl Simulated {
                 }
             })
             .map_err(|error| error.to_string())?;
-        Ok(Self { path, stop, waker, thread: Some(thread) })
+        Ok(Self { path, stop, waker, thread: Some(thread), lathe })
     }
 
     /// Where it is to be reached.
     pub(crate) fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// The lathe, if it is one: what it has cut can be seen.
+    pub(crate) fn lathe(&self) -> Option<SimulatedLathe> {
+        self.lathe.clone()
     }
 }
 
@@ -57,6 +69,58 @@ impl Drop for Simulated {
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
+    }
+}
+
+const LATHE: &str = "pulse-lathe";
+
+/// A lathe behind its port, which its own thread drives and others look at.
+#[derive(Clone, Debug)]
+pub(crate) struct SimulatedLathe(Arc<Mutex<Clocked<pulse_lathe::Lathe>>>);
+
+impl SimulatedLathe {
+    fn new() -> Result<Self, String> {
+        let lathe = pulse_lathe::Lathe::new(pulse_lathe::LatheOptions::default())
+            .map_err(|error| error.to_string())?;
+        Ok(Self(Arc::new(Mutex::new(Clocked::new(lathe, pulse_lathe::PERIOD)))))
+    }
+
+    fn port(&self) -> MutexGuard<'_, Clocked<pulse_lathe::Lathe>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What it has cut so far, and where it stands.
+    pub(crate) fn view(&self) -> LatheView {
+        let port = self.port();
+        let lathe = port.machine();
+        let report = lathe.report();
+        LatheView {
+            picture: lathe.picture(),
+            x_mm: report.x_millimetres(),
+            z_mm: report.z_millimetres(),
+            pulses: report.x_pulses + report.z_pulses,
+            gaps: report.gaps,
+            lost_pulses: report.lost_pulses,
+            programs: report.programs,
+        }
+    }
+}
+
+impl Partner for SimulatedLathe {
+    fn receive(&mut self, now: Micros, byte: u8) {
+        self.port().receive(now, byte);
+    }
+
+    fn next_event(&self) -> Option<Micros> {
+        self.port().next_event()
+    }
+
+    fn advance(&mut self, now: Micros) {
+        self.port().advance(now);
+    }
+
+    fn poll_transmit(&mut self, now: Micros) -> Option<u8> {
+        self.port().poll_transmit(now)
     }
 }
 
@@ -83,12 +147,10 @@ fn machine(protocol: &str, line: LineParameters) -> Result<Machine, String> {
             let control = fanuc::Control::new(options).map_err(|error| error.to_string())?;
             Ok(Machine(Box::new(control)))
         }
-        "pulse-lathe" => {
-            // A pty keeps no rate to the microsecond.
-            let jitter = Micros::from_millis(50);
-            let options = pulse_lathe::LatheOptions { jitter, ..Default::default() };
-            let lathe = pulse_lathe::Lathe::new(options).map_err(|error| error.to_string())?;
-            Ok(Machine(Box::new(lathe)))
+        "xmodem" => {
+            let rest = Some(Micros::from_secs(3));
+            let options = xmodem::Options { line, rest, ..xmodem::Options::default() };
+            Ok(Machine(Box::new(xmodem::Control::new(options))))
         }
         other => Err(format!("there is no simulated machine \"{other}\"")),
     }

@@ -118,6 +118,25 @@ pub struct PortView {
     pub other_side: Option<String>,
 }
 
+/// A simulated lathe without a control.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, ToSchema)]
+pub struct LatheView {
+    /// The way of the tool and what is left of the blank, as an SVG document.
+    pub picture: String,
+    /// Where x stands, in mm of radius from where it began.
+    pub x_mm: f64,
+    /// Where z stands, in mm from where it began.
+    pub z_mm: f64,
+    /// Pulses that came, of both axes.
+    pub pulses: u64,
+    /// How often a period was missing inside a cut.
+    pub gaps: u64,
+    /// Pulses that were lost at a limit switch.
+    pub lost_pulses: u64,
+    /// Programs that have ended.
+    pub programs: u32,
+}
+
 /// A link's server endpoint.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize, ToSchema)]
 pub struct EndpointView {
@@ -155,6 +174,10 @@ pub struct CountersView {
     pub holds: u64,
     /// For how long in all.
     pub held_us: u64,
+    /// How often the line stood still for a character or longer although bytes waited.
+    pub gaps: u64,
+    /// The longest of these times.
+    pub longest_gap_us: u64,
     /// Characters that left after the machine had said stop.
     pub after_stop: u64,
     /// How often the buffer ran empty in the middle of a job.

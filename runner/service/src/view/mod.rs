@@ -27,8 +27,8 @@ pub use job::{
 };
 pub use journal::{JournalEntry, JournalFilter, JournalKind};
 pub use link::{
-    AlarmView, BufferView, CountersView, DownView, DropView, EndpointView, FaultView, LinkState,
-    LinkView, PortView, QuarantineView, ReceivingView, UnappliedView,
+    AlarmView, BufferView, CountersView, DownView, DropView, EndpointView, FaultView, LatheView,
+    LinkState, LinkView, PortView, QuarantineView, ReceivingView, UnappliedView,
 };
 pub use plugin::{FieldView, PluginRef, PluginView, SettingView};
 pub use program::{Compared, ProgramView, ReceptionView};

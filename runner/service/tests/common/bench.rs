@@ -78,6 +78,10 @@ impl Bench {
 
     /// One with these links instead of the usual ones.
     pub(crate) fn with_links(links: &str) -> Self {
+        Self::with_links_and(links, |_| {})
+    }
+
+    fn with_links_and(links: &str, prepare: impl FnOnce(&Path)) -> Self {
         let (head, _) = CONFIGURATION.split_once("[[link]]").unwrap();
         Self::made_of(
             &format!("{head}{links}"),
@@ -85,7 +89,7 @@ impl Bench {
                 options.limits.requests_per_second = 100_000;
                 options.limits.burst = 100_000;
             },
-            |_| {},
+            prepare,
         )
     }
 
@@ -113,6 +117,17 @@ impl Bench {
         let cell = "[[cell]]\nname = \"shafts\"\nchannels = [\"loader\", \"lathe-1\", \"lathe-2\"]\n\
                     axes = [\"GANTRY\"]\ngroups = { LATHES = [\"lathe-1\", \"lathe-2\"] }\n";
         Self::with_links(&format!("{links}{cell}"))
+    }
+
+    /// One with a simulated lathe that takes every feed pulse.
+    pub(crate) fn with_lathe() -> Self {
+        let link = "[[link]]\nname = \"lathe-1\"\nport = \"simulate:pulse-lathe\"\n\
+                    line = \"40000 8N1\"\nplugin = \"pulse-lathe\"\ndepth = 400\n\
+                    settings = { input = \"iso\" }\n";
+        Self::with_links_and(link, |folder| {
+            let library = Library::open(&folder.join("plugins")).unwrap();
+            library.add(&fs::read(plugins().join("pulse-lathe.wasm")).unwrap()).unwrap();
+        })
     }
 
     /// One into whose folder something was put before it starts.
@@ -360,6 +375,7 @@ fn build() -> PathBuf {
     let built = Command::new(env!("CARGO"))
         .args(["build", "--quiet", "--profile", "plugin", "--target", "wasm32v1-none"])
         .args(["--lib", "-p", "softplug-xon-xoff", "-p", "softplug-r3964"])
+        .args(["-p", "softplug-pulse-lathe"])
         .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../.."))
         .env("CARGO_TARGET_DIR", &target)
         .status()
@@ -367,8 +383,9 @@ fn build() -> PathBuf {
     assert!(built.success(), "the plug-in cannot be built: `rustup target add wasm32v1-none`");
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("plugins");
     fs::create_dir_all(&folder).unwrap();
-    for (built, name) in [("xon_xoff.wasm", "xon-xoff.wasm"), ("r3964.wasm", "r3964.wasm")] {
-        fs::copy(target.join("wasm32v1-none/plugin").join(built), folder.join(name)).unwrap();
+    for name in ["xon-xoff.wasm", "r3964.wasm", "pulse-lathe.wasm"] {
+        let built = target.join("wasm32v1-none/plugin").join(name.replace('-', "_"));
+        fs::copy(built, folder.join(name)).unwrap();
     }
     folder
 }

@@ -8,6 +8,7 @@ mod machine;
 mod picture;
 
 mod needs_chromium {
+    mod lathe;
     mod truth;
 
     use std::fmt::Write as _;

@@ -14,6 +14,9 @@ const CHUNK: usize = 16;
 const BLOCKS: u32 = 64;
 const BLOCK_BYTES: usize = 128;
 const PROGRAM_BYTES: usize = 8_192;
+/// 4,000 characters a second.
+const PULSE_BAUD: u32 = 40_000;
+const PASSES: usize = 6;
 /// Longer than any block takes.
 const WHILE: Micros = Micros::from_millis(40);
 
@@ -53,6 +56,8 @@ pub(crate) fn recordings() -> Vec<Recording> {
         feed(fanuc, "program sent in ISO", &[("code", "iso")], Some(0x11)),
         feed(fanuc, "program sent in EIA", &[("code", "eia")], Some(0x11)),
         capture(fanuc, "program received in ISO", &[], &program(), &[0x14]),
+        pulses("pulses of lines", "G91 F9999\n", "X-2 Z-40\nX2 Z40\n"),
+        pulses("pulses of arcs", "G91 F9999\n", "G02 X20 Z-10 I10\nG03 X-20 Z10 K10\n"),
     ]
 }
 
@@ -86,6 +91,18 @@ fn feed(
         bench.wait(WHILE);
     }
     bench.end(name, program.len())
+}
+
+/// Feed pulses, a byte each 250 µs: a block at the begin, and passes.
+fn pulses(name: &'static str, begin: &str, pass: &str) -> Recording {
+    let program = [begin, &pass.repeat(PASSES)].concat();
+    let mut bench = Bench::at(PULSE_BAUD, NativePlugin::PulseLathe, &[("input", "iso")]);
+    bench.begin(1, program.as_bytes());
+    while bench.far.done == 0 {
+        bench.wait(WHILE);
+    }
+    let sent = bench.far.sent;
+    bench.end(name, sent)
 }
 
 fn capture(
@@ -162,9 +179,13 @@ struct Bench {
 
 impl Bench {
     fn open(plugin: NativePlugin, settings: &[(&str, &str)]) -> Self {
+        Self::at(BAUD, plugin, settings)
+    }
+
+    fn at(baud: u32, plugin: NativePlugin, settings: &[(&str, &str)]) -> Self {
         let manifest = Manifest::parse(plugin.manifest().as_bytes()).expect("a manifest");
         let settings = manifest.resolve_settings(settings.iter().copied()).expect("settings");
-        let parameters = LineParameters::new(BAUD);
+        let parameters = LineParameters::new(baud);
         let options = LinkOptions { line: parameters, settings, ..LinkOptions::default() };
         let recorder = Recorder { inner: plugin.instantiate(), events: Vec::new() };
         let mut line = VirtualLine::new(recorder, options, CHUNK);
@@ -215,6 +236,7 @@ struct Far {
     done: u32,
     delivered: u32,
     drained: u32,
+    sent: usize,
 }
 
 impl LinkHost for Far {
@@ -247,6 +269,7 @@ impl LinkHost for Far {
     }
 
     fn off_wire(&mut self, _end: Micros, byte: u8) {
+        self.sent += 1;
         self.heard.push(byte);
     }
 }

@@ -4,11 +4,13 @@ mod fanuc;
 mod faults;
 mod pulse_lathe;
 mod r3964;
+mod xmodem;
 mod xon_xoff;
 
 pub(crate) use fanuc::FanucSimulation;
 pub(crate) use pulse_lathe::PulseLatheSimulation;
 pub(crate) use r3964::R3964Simulation;
+pub(crate) use xmodem::XmodemSimulation;
 pub(crate) use xon_xoff::XonXoffSimulation;
 
 use std::path::PathBuf;
@@ -39,6 +41,7 @@ enum Machine {
     #[command(name = "fanuc-rs232")]
     Fanuc(Box<fanuc::Fanuc>),
     PulseLathe(Box<pulse_lathe::PulseLathe>),
+    Xmodem(Box<xmodem::Xmodem>),
 }
 
 /// What every simulation takes.
@@ -65,6 +68,7 @@ pub(crate) enum Simulation {
     R3964(Box<R3964Simulation>),
     Fanuc(Box<FanucSimulation>),
     PulseLathe(Box<PulseLatheSimulation>),
+    Xmodem(Box<XmodemSimulation>),
 }
 
 /// What becomes of what the machine got, and when it ends.
@@ -94,6 +98,7 @@ pub(crate) fn run(arguments: Arguments, screen: &Screen) -> Result<Exit, Failure
         Machine::R3964Simplified(machine) => Simulation::R3964(Box::new(machine.prepare()?)),
         Machine::Fanuc(machine) => Simulation::Fanuc(Box::new(machine.prepare()?)),
         Machine::PulseLathe(machine) => Simulation::PulseLathe(Box::new(machine.prepare()?)),
+        Machine::Xmodem(machine) => Simulation::Xmodem(Box::new(machine.prepare()?)),
     };
     live::simulate(&simulation, screen)
 }

@@ -13,8 +13,9 @@ use crate::failure::Failure;
 ///
 /// Prints the path to connect to, runs until Ctrl-C, then reports: pulses, where the axes stand,
 /// gaps inside cuts, and what was lost at limit switches. Ends with 1 if there was a gap, a pulse
-/// was lost, or it did not get what was expected. A pseudo-terminal keeps no rate to the
-/// microsecond: a byte counts as late only after --jitter.
+/// was lost, or it did not get what was expected. A pseudo-terminal keeps no rate: what arrives
+/// waits as in a port, and leaves one byte each 250 µs. Send with a --depth that lasts for as long
+/// as the computer may be late, such as 250.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   softplug simulate pulse-lathe
@@ -48,9 +49,6 @@ pub(super) struct PulseLathe {
     /// How long S, T and M take
     #[arg(long, default_value_t = 5, value_name = "MILLISECONDS", value_parser = clap::value_parser!(i64).range(0..=60_000))]
     work_time: i64,
-    /// How late a byte may come before a gap is counted
-    #[arg(long, default_value_t = 50, value_name = "MILLISECONDS", value_parser = clap::value_parser!(i64).range(0..=60_000))]
-    jitter: i64,
     /// Draw the turned part and the way of the tool, as SVG
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
@@ -78,7 +76,6 @@ impl PulseLathe {
             increments: self.increments,
             turns_a_step: self.turns,
             work_time: Micros::from_millis(self.work_time),
-            jitter: Micros::from_millis(self.jitter),
         };
         options.check().map_err(Failure::usage)?;
         let ending = self.common.ending(false)?;

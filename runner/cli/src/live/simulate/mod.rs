@@ -3,6 +3,7 @@
 mod fanuc;
 mod pulse_lathe;
 mod r3964;
+mod xmodem;
 mod xon_xoff;
 
 pub(super) use fanuc::Fanuc;
@@ -28,6 +29,7 @@ pub(crate) fn simulate(simulation: &Simulation, screen: &Screen) -> Result<Exit,
         Simulation::R3964(simulation) => r3964::run(simulation, screen),
         Simulation::Fanuc(simulation) => fanuc::run(simulation, screen),
         Simulation::PulseLathe(simulation) => pulse_lathe::run(simulation, screen),
+        Simulation::Xmodem(simulation) => xmodem::run(simulation, screen),
     }
 }
 

@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 use softplug_abi::Micros;
-use softplug_machines::Partner;
-use softplug_machines::pulse_lathe::{Lathe, LatheReport};
+use softplug_machines::pulse_lathe::{Lathe, LatheReport, PERIOD};
+use softplug_machines::{Clocked, Partner};
 
 use super::{on_a_pty, put_away, say_expected, seconds};
 use crate::commands::simulate::PulseLatheSimulation;
@@ -34,29 +34,29 @@ struct Document {
     as_expected: Option<bool>,
 }
 
-/// A lathe, with all that it got.
+/// A lathe behind its port, with all that it got.
 #[derive(Debug)]
 struct PulseLathe {
-    lathe: Lathe,
+    port: Clocked<Lathe>,
     received: Vec<u8>,
 }
 
 impl Partner for PulseLathe {
     fn receive(&mut self, now: Micros, byte: u8) {
         self.received.push(byte);
-        self.lathe.receive(now, byte);
+        self.port.receive(now, byte);
     }
 
     fn next_event(&self) -> Option<Micros> {
-        self.lathe.next_event()
+        self.port.next_event()
     }
 
     fn advance(&mut self, now: Micros) {
-        self.lathe.advance(now);
+        self.port.advance(now);
     }
 
     fn poll_transmit(&mut self, now: Micros) -> Option<u8> {
-        self.lathe.poll_transmit(now)
+        self.port.poll_transmit(now)
     }
 }
 
@@ -64,7 +64,9 @@ impl Simulated for PulseLathe {
     fn tend(&mut self, _now: Micros) {}
 
     fn is_busy(&self) -> bool {
-        self.lathe.is_busy() || self.lathe.report().programs == 0 && self.lathe.report().stops == 0
+        let lathe = self.port.machine();
+        let report = lathe.report();
+        self.port.waiting() > 0 || lathe.is_busy() || report.programs == 0 && report.stops == 0
     }
 
     /// The spindle's characters are not what a transfer consists of.
@@ -75,9 +77,10 @@ impl Simulated for PulseLathe {
 
 pub(super) fn run(simulation: &PulseLatheSimulation, screen: &Screen) -> Result<Exit, Failure> {
     let lathe = Lathe::new(simulation.options.clone()).map_err(Failure::usage)?;
-    let partner = PulseLathe { lathe, received: Vec::new() };
+    let partner = PulseLathe { port: Clocked::new(lathe, PERIOD), received: Vec::new() };
     let machine = on_a_pty(partner, &simulation.ending, screen)?;
-    let PulseLathe { lathe, received } = machine.partner();
+    let PulseLathe { port, received } = machine.partner();
+    let lathe = port.machine();
     if let Some(picture) = &simulation.picture {
         std::fs::write(picture, lathe.picture())
             .map_err(|error| files::unwritable(picture, &error))?;

@@ -13,7 +13,7 @@ use super::super::stream::{self, Polled, Stream, Telling};
 use super::{Answer, At};
 use crate::Gateway;
 use crate::gateway::Next;
-use crate::view::{KindView, LinkView, Seen, SwapOrder, SwapView};
+use crate::view::{KindView, LatheView, LinkView, Seen, SwapOrder, SwapView};
 
 /// All links, in the order of their names
 #[utoipa::path(get, operation_id = "link_list", path = "/links",
@@ -45,6 +45,20 @@ pub(super) async fn kinds(
     Segments(link): Segments<String>,
 ) -> Answer<Json<Vec<KindView>>> {
     app.ask(move |gateway| gateway.job_kinds(&link)).await.map(Json)
+}
+
+/// What the simulated lathe of a link has cut
+///
+/// Of links whose port is `simulate:pulse-lathe`.
+#[utoipa::path(get, operation_id = "link_lathe", path = "/links/{link}/lathe",
+    tag = "links",
+    params(("link" = String, Path, description = "Name of the link")),
+    responses((status = OK, body = LatheView), Refused))]
+pub(super) async fn lathe(
+    State(app): At,
+    Segments(link): Segments<String>,
+) -> Answer<Json<LatheView>> {
+    app.look(move |gateway| gateway.lathe(&link)).await.map(Json)
 }
 
 /// Close a link's port and open it again

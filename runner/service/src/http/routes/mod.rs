@@ -133,6 +133,7 @@ fn known_only() -> OpenApiRouter<Arc<AppState>> {
         .routes(routes!(links::list))
         .routes(routes!(links::show))
         .routes(routes!(links::kinds))
+        .routes(routes!(links::lathe))
         .routes(routes!(links::reopen))
         .routes(routes!(links::force_resume))
         .routes(routes!(links::quarantine))
@@ -283,6 +284,6 @@ mod tests {
                 count += 1;
             }
         }
-        assert_eq!(count, 43);
+        assert_eq!(count, 44);
     }
 }

@@ -20,9 +20,10 @@ export function page(name) {
   const jobs = queue(name);
   const came = received(name, path);
   const counted = counters();
-  const parts = [now, isolated, send, swap, jobs, came, counted];
+  const cut = lathe(path);
+  const parts = [now, isolated, cut, send, swap, jobs, came, counted];
   const line = sequence(path);
-  const body = h('div', {}, now.node, isolated.node, h('div', { class: 'columns' }, send.node, swap.node), line.node,
+  const body = h('div', {}, now.node, isolated.node, cut.node, h('div', { class: 'columns' }, send.node, swap.node), line.node,
     jobs.node, came.node, counted.node);
   const node = h('section', {},
     h('p', { class: 'back' }, h('a', { href: '#/links' }, '← All links')), h('h1', {}, name), missing, body);
@@ -33,7 +34,48 @@ export function page(name) {
     if (link) for (const part of parts) part.update(link);
   };
   update();
-  return { node, update, end: line.end };
+  const end = () => {
+    line.end();
+    cut.end();
+  };
+  return { node, update, end };
+}
+
+/** What a simulated lathe has cut, once a second while it can be seen. */
+function lathe(path) {
+  const picture = h('div', { class: 'part', role: 'img', 'aria-label': 'The turned part and the way of the tool' });
+  const facts = h('p', { class: 'facts' });
+  const node = h('div', { class: 'panel' }, h('h2', {}, 'Lathe'), picture, facts);
+  let timer = null;
+  let asked = false;
+  const look = async () => {
+    if (asked || document.hidden) return;
+    asked = true;
+    try {
+      const of = await api.get(`${path}/lathe`);
+      const drawn = new DOMParser().parseFromString(of.picture, 'image/svg+xml').documentElement;
+      picture.replaceChildren(document.adoptNode(drawn));
+      say(facts, `x ${of.x_mm.toFixed(3)} mm, z ${of.z_mm.toFixed(2)} mm from where they began; ${text.count(of.pulses)} pulses, ${of.gaps ? `${text.count(of.gaps)} gaps inside cuts` : 'no gap'}${of.lost_pulses ? `, ${text.count(of.lost_pulses)} pulses lost at a limit switch` : ''}.`);
+    } catch (error) {
+      say(facts, error.message);
+    }
+    asked = false;
+  };
+  show(node, false);
+  return {
+    node,
+    update(link) {
+      const is = link.port.spec === 'simulate:pulse-lathe';
+      show(node, is);
+      if (is && timer === null) {
+        timer = setInterval(look, 1000);
+        look();
+      }
+    },
+    end() {
+      clearInterval(timer);
+    },
+  };
 }
 
 function overview(name, path) {
@@ -256,6 +298,7 @@ function counters() {
         ['To the machine', `${text.count(of.bytes_out)} bytes`],
         ['Line errors', Object.entries(of.line_errors).filter(([, n]) => n).map(([kind, n]) => `${kind} ${text.count(n)}`).join(', ') || 'none'],
         ['Held', `${text.count(of.holds)} times, ${text.span(of.held_us)}`],
+        ['Gaps while bytes waited', of.gaps ? `${text.count(of.gaps)}, ${text.span(of.longest_gap_us)} at most` : 'none'],
         ['Sent after stop', `${text.count(of.after_stop)} characters`],
         ['Starved', `${text.count(of.starved)} times, ${text.span(of.starved_us)}`],
         ['Buffer', `${text.count(buffer.smallest ?? 0)} to ${text.count(buffer.largest)} bytes`],

@@ -1,0 +1,97 @@
+//! `softplug simulate xmodem`.
+
+use serde::Serialize;
+use softplug_abi::Micros;
+use softplug_machines::Partner;
+use softplug_machines::xmodem::{Control, Options, Report};
+
+use super::{on_a_pty, put_away, say_expected};
+use crate::commands::simulate::XmodemSimulation;
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::live::machine::Simulated;
+use crate::numbers;
+use crate::screen::{BAD, Screen};
+
+/// Behind a transfer it begins anew after so long.
+const REST: Micros = Micros::from_secs(3);
+
+/// The last line for machines.
+#[derive(Serialize)]
+struct Document {
+    result: &'static str,
+    done: u32,
+    failed: u32,
+    blocks: u32,
+    received: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    as_expected: Option<bool>,
+}
+
+/// A control, one transfer behind the other.
+#[derive(Debug)]
+struct Xmodem(Control);
+
+impl Partner for Xmodem {
+    fn receive(&mut self, now: Micros, byte: u8) {
+        self.0.receive(now, byte);
+    }
+
+    fn next_event(&self) -> Option<Micros> {
+        self.0.next_event()
+    }
+
+    fn advance(&mut self, now: Micros) {
+        self.0.advance(now);
+    }
+
+    fn poll_transmit(&mut self, now: Micros) -> Option<u8> {
+        self.0.poll_transmit(now)
+    }
+}
+
+impl Simulated for Xmodem {
+    fn tend(&mut self, _now: Micros) {}
+
+    fn is_busy(&self) -> bool {
+        let report = self.0.report();
+        self.0.is_under_way() || report.done + report.failed == 0
+    }
+
+    /// Calls are none: they come for ever.
+    fn is_data(&self, _byte: u8) -> bool {
+        self.0.is_under_way() || self.0.report().is_over
+    }
+}
+
+pub(super) fn run(simulation: &XmodemSimulation, screen: &Screen) -> Result<Exit, Failure> {
+    let options = Options { rest: Some(REST), ..simulation.options.clone() };
+    let machine = on_a_pty(Xmodem(Control::new(options)), &simulation.ending, screen)?;
+    let control = &machine.partner().0;
+    let Report { came, done, failed, blocks, .. } = control.report();
+    // One that was broken off has failed.
+    let failed = failed + u32::from(control.is_under_way());
+    let as_expected = put_away(came, &simulation.ending)?;
+    let is_good = *done > 0 && failed == 0 && as_expected != Some(false);
+    let transfers = numbers::things(u64::from(*done), "transfer");
+    screen.say(format_args!(
+        "{transfers} done, {} in all",
+        numbers::things(u64::from(*blocks), "block")
+    ));
+    if failed > 0 {
+        screen.say(format_args!(
+            "{BAD}{} failed{BAD:#}",
+            numbers::things(u64::from(failed), "transfer")
+        ));
+    }
+    say_expected(came, &simulation.ending, screen);
+    screen.json_line(&Document {
+        result: if is_good { "done" } else { "failed" },
+        done: *done,
+        failed,
+        blocks: *blocks,
+        received: came.len(),
+        as_expected,
+    });
+    Ok(if is_good { Exit::Done } else { Exit::Failed })
+}
