@@ -67,6 +67,7 @@ fn parts() -> Vec<Part> {
         plugin("heidenhain-fe", &["heidenhain-fe"]),
         plugin("pulse-lathe", &["pulse-lathe"]),
         plugin("xmodem", &["xmodem"]),
+        plugin("kermit", &["kermit"]),
     ]
 }
 
@@ -222,7 +223,7 @@ mod tests {
         assert_eq!(
             error.to_string(),
             "there is no part \"all\" to break; there are trace, suite, xon-xoff, r3964, \
-             fanuc-rs232, heidenhain-fe, pulse-lathe, xmodem"
+             fanuc-rs232, heidenhain-fe, pulse-lathe, xmodem, kermit"
         );
     }
 }

@@ -22,12 +22,14 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("softplug-heidenhain-fe", &["softplug-plugin"]),
     ("softplug-pulse-lathe", &["softplug-plugin"]),
     ("softplug-xmodem", &["softplug-plugin"]),
+    ("softplug-kermit", &["softplug-plugin"]),
     (
         "softplug-native",
         &[
             "softplug-abi",
             "softplug-fanuc-rs232",
             "softplug-heidenhain-fe",
+            "softplug-kermit",
             "softplug-plugin",
             "softplug-pulse-lathe",
             "softplug-r3964",

@@ -5,6 +5,7 @@
 //! | [`xon_xoff`] | a control that receives and sends programs with XON/XOFF |
 //! | [`fanuc`] | a FANUC control with reader, punch and remote buffer |
 //! | [`pulse_lathe`] | a lathe without a control, which takes every feed pulse from its line |
+//! | [`kermit`] | a machine that takes, sends or asks for files with Kermit |
 //! | [`xmodem`] | a control that calls for files with XMODEM, or sends one |
 //! | [`r3964`] | a station that speaks 3964R, 3964 or simplified 3964R |
 //! | [`r3964::rk512`] | a computer that speaks RK512 on top of it |
@@ -46,6 +47,7 @@
 mod clocked;
 pub mod fanuc;
 pub mod kept;
+pub mod kermit;
 mod partner;
 pub mod pulse_lathe;
 pub mod r3964;

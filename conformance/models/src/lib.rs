@@ -33,6 +33,7 @@ mod drive;
 mod fanuc_rs232;
 mod fanuc_rs232_remote;
 mod heidenhain_fe;
+mod kermit;
 mod line_ends;
 mod model;
 mod noise;
@@ -62,6 +63,7 @@ pub use settings::Settings;
 pub const PROFILES: &[&Profile] = &[
     &fanuc_rs232::PROFILE,
     &heidenhain_fe::PROFILE,
+    &kermit::PROFILE,
     &pulse_lathe::PROFILE,
     &r3964::PLAIN_3964,
     &r3964::R3964,

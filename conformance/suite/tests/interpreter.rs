@@ -90,6 +90,11 @@ fn fanuc() {
 }
 
 #[test]
+fn kermit() {
+    does_the_same(&module("kermit"));
+}
+
+#[test]
 fn xmodem() {
     does_the_same(&module("xmodem"));
 }

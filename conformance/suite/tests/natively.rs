@@ -35,6 +35,7 @@ passes_in_every_permutation! {
     heidenhain_fe "heidenhain-fe",
     pulse_lathe "pulse-lathe",
     xmodem "xmodem",
+    kermit "kermit",
 }
 
 fn assert_passes(plugin: &str) {

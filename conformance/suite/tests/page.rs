@@ -58,6 +58,11 @@ fn pulse_lathe() {
 }
 
 #[test]
+fn kermit() {
+    assert_sound(&Page { file: "kermit.md", plugins: &["kermit"], profiles: &["kermit"] });
+}
+
+#[test]
 fn xmodem() {
     assert_sound(&Page { file: "xmodem.md", plugins: &["xmodem"], profiles: &["xmodem"] });
 }

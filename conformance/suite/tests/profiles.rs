@@ -50,6 +50,7 @@ profiles! {
     heidenhain_fe: "heidenhain-fe", "heidenhain-fe", 60;
     pulse_lathe: "pulse-lathe", "pulse-lathe", 40;
     xmodem: "xmodem", "xmodem", 60;
+    kermit: "kermit", "kermit", 60;
 }
 
 fn traces() -> std::path::PathBuf {

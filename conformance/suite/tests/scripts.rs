@@ -19,6 +19,7 @@ const PROFILES: &[(&str, &[&str])] = &[
     ("r3964-simplified", &["r3964-simplified"]),
     ("rk512", &["r3964", "r3964-simplified"]),
     ("xmodem", &["xmodem"]),
+    ("kermit", &["kermit"]),
     ("xon-xoff", &["xon-xoff"]),
 ];
 
@@ -66,6 +67,11 @@ fn fanuc() {
 #[test]
 fn xon_xoff() {
     passes("xon-xoff");
+}
+
+#[test]
+fn kermit() {
+    passes("kermit");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 
 use fanuc_rs232::FanucRs232;
 use heidenhain_fe::HeidenhainFe;
+use kermit::Kermit;
 use pulse_lathe::PulseLathe;
 use r3964::R3964;
 use r3964_simplified::R3964Simplified;
@@ -89,6 +90,8 @@ plugins! {
     PulseLathe(PulseLathe) = "pulse-lathe";
     /// XMODEM.
     Xmodem(Xmodem) = "xmodem";
+    /// Kermit.
+    Kermit(Kermit) = "kermit";
 }
 
 impl NativePlugin {

@@ -70,6 +70,11 @@ const TOOLS: &[Tool] = &[
         purpose: "device servers: our RFC 2217 against that of ser2net",
     },
     Tool {
+        program: "kermit",
+        source: "Debian package ckermit",
+        purpose: "files by Kermit to and from another program (C-Kermit)",
+    },
+    Tool {
         program: "sx",
         source: "Debian package lrzsz",
         purpose: "files by XMODEM to and from another program (sx and rx)",

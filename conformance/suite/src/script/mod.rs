@@ -10,6 +10,7 @@ mod case;
 mod context;
 mod failure;
 mod fanuc;
+mod kermit;
 mod play;
 mod r3964;
 mod rk512;
@@ -32,6 +33,7 @@ pub use failure::ScriptFailure;
 pub fn all() -> Vec<Script> {
     let mut all = abi::scripts();
     all.extend(fanuc::scripts());
+    all.extend(kermit::scripts());
     all.extend(r3964::scripts());
     all.extend(rk512::scripts());
     all.extend(xmodem::scripts());

@@ -210,6 +210,7 @@ sleeping! {
     asleep_heidenhain_fe_passes: "heidenhain-fe", "heidenhain-fe";
     asleep_pulse_lathe_passes: "pulse-lathe", "pulse-lathe";
     asleep_xmodem_passes: "xmodem", "xmodem";
+    asleep_kermit_passes: "kermit", "kermit";
 }
 
 #[test]

@@ -46,6 +46,7 @@ samples! {
     changes_of_heidenhain_fe_are_noticed: "heidenhain-fe";
     changes_of_pulse_lathe_are_noticed: "pulse-lathe";
     changes_of_xmodem_are_noticed: "xmodem";
+    changes_of_kermit_are_noticed: "kermit";
 }
 
 /// 60 changes, and few of the sessions of a verdict.

@@ -13,7 +13,7 @@ use softplug_machines::fanuc::{
 use softplug_machines::pulse_lathe::{Lathe, LatheOptions};
 use softplug_machines::r3964::rk512::{Area, Computer, Options as Rk512Options};
 use softplug_machines::r3964::{Options as R3964Options, Priority, Station};
-use softplug_machines::{Partner, Signal, xmodem};
+use softplug_machines::{Partner, Signal, kermit, xmodem};
 
 use crate::failure::Failure;
 use crate::line::Assignment;
@@ -97,6 +97,7 @@ enum Machine {
     Blockwise(Blockwise),
     Lathe(Box<Lathe>),
     Xmodem(Box<xmodem::Control>),
+    Kermit(Box<kermit::Machine>),
 }
 
 impl Willing {
@@ -121,6 +122,9 @@ impl Willing {
             let is_crc = set.choice("mode").as_deref() != Some("checksum");
             let options = xmodem::Options { line, is_crc, begins: BEGIN, ..Default::default() };
             Machine::Xmodem(Box::new(xmodem::Control::new(options)))
+        } else if speaks("kermit") {
+            let options = kermit::Options { line, long: Some(1_000), ..Default::default() };
+            Machine::Kermit(Box::new(kermit::Machine::new(options)))
         } else {
             match (set.bool("wait_for_xon"), set.int("xon")) {
                 (true, Some(xon)) => Machine::Ready(u8::try_from(xon).ok()),
@@ -265,6 +269,7 @@ impl Partner for Willing {
             Machine::Blockwise(control) => control.receive(now, byte),
             Machine::Lathe(lathe) => lathe.receive(now, byte),
             Machine::Xmodem(control) => control.receive(now, byte),
+            Machine::Kermit(machine) => machine.receive(now, byte),
         }
     }
 
@@ -284,6 +289,7 @@ impl Partner for Willing {
             Machine::Blockwise(control) => control.leaving.front().map(|(at, _)| *at),
             Machine::Lathe(lathe) => lathe.next_event(),
             Machine::Xmodem(control) => control.next_event(),
+            Machine::Kermit(machine) => machine.next_event(),
         }
     }
 
@@ -295,6 +301,7 @@ impl Partner for Willing {
             Machine::Remote(control) => control.advance(now),
             Machine::Lathe(lathe) => lathe.advance(now),
             Machine::Xmodem(control) => control.advance(now),
+            Machine::Kermit(machine) => machine.advance(now),
         }
     }
 
@@ -314,6 +321,7 @@ impl Partner for Willing {
             Machine::Remote(control) => control.poll_signal(now),
             Machine::Lathe(lathe) => lathe.poll_signal(now),
             Machine::Xmodem(control) => control.poll_signal(now),
+            Machine::Kermit(machine) => machine.poll_signal(now),
             Machine::Blockwise(control) => {
                 let next = control.leaving.pop_front_if(|(at, _)| *at <= now);
                 next.map(|(_, byte)| Signal::Character(byte))

@@ -77,6 +77,7 @@ pages! {
     protocols_heidenhain_fe: "protocols/heidenhain-fe.md",
     protocols_pulse_lathe: "protocols/pulse-lathe.md",
     protocols_xmodem: "protocols/xmodem.md",
+    protocols_kermit: "protocols/kermit.md",
     unit_index: "unit/README.md",
     unit_firmware: "unit/firmware.md",
     unit_protocol: "unit/protocol.md",

@@ -107,6 +107,7 @@ fn a_dry_run_has_a_willing_partner() {
     snapshot("dry-run-3964r", run("r3964 block.bin"));
     snapshot("dry-run-heidenhain-fe", run("heidenhain-fe 1.h"));
     snapshot("dry-run-xmodem", run("xmodem O1.nc"));
+    snapshot("dry-run-kermit", run("kermit O1.nc"));
     let exchange = |line: &str| {
         let json = run(&format!("{line} --json")).json();
         assert_eq!(json["result"], "done", "{line}");

@@ -2,7 +2,7 @@
 //! program, and a relay between them, which can flip, drop and double what passes.
 //!
 //! The program has no pty: it would flush its last answer when it ends, before a relay that has
-//! to wait for its turn has read it.
+//! to wait for its turn has read it. One that works with a port alone has a pty too ([`Line::ports`]).
 
 use std::io::{Read, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -61,6 +61,38 @@ impl Line {
     }
 }
 
+/// A line with a pty at each end, and its relay.
+pub(crate) struct Ports {
+    pub(crate) ours: String,
+    pub(crate) theirs: String,
+    ends: Arc<AtomicBool>,
+    relays: [JoinHandle<u64>; 2],
+}
+
+impl Line {
+    /// The line for a program that wants a port.
+    pub(crate) fn ports(self) -> Ports {
+        let theirs = Arc::new(PtyPair::open().unwrap());
+        let ends = Arc::new(AtomicBool::new(false));
+        let relay = |from: &Arc<PtyPair>, to: &Arc<PtyPair>, faults| {
+            let (from, to, is_over) = (Arc::clone(from), Arc::clone(to), Arc::clone(&ends));
+            std::thread::spawn(move || between(&from, &to, Chance::new(faults), &is_over))
+        };
+        let relays =
+            [relay(&theirs, &self.pty, self.to_us), relay(&self.pty, &theirs, self.to_them)];
+        let path = |pty: &PtyPair| pty.slave_path().display().to_string();
+        Ports { ours: path(&self.pty), theirs: path(&theirs), ends, relays }
+    }
+}
+
+impl Ports {
+    /// Ends the relay, when both ends are done; returns the number of faults.
+    pub(crate) fn end(self) -> u64 {
+        self.ends.store(true, Ordering::Relaxed);
+        self.relays.into_iter().map(|relay| relay.join().unwrap()).sum()
+    }
+}
+
 impl Relay {
     /// Ends it, when the program has ended and all of it has been passed on; returns the number
     /// of faults.
@@ -100,6 +132,19 @@ fn to_them(
         sleep(Duration::from_millis(1));
         // One that has ended hears nothing any more.
         let _ = program.write_all(&chance.spoil(&bytes));
+    }
+    chance.faults
+}
+
+/// From one pty to the other.
+fn between(from: &PtyPair, to: &PtyPair, mut chance: Chance, is_over: &AtomicBool) -> u64 {
+    while !is_over.load(Ordering::Relaxed) {
+        let bytes = read(from);
+        if bytes.is_empty() {
+            sleep(Duration::from_micros(100));
+        } else {
+            write(to, &chance.spoil(&bytes));
+        }
     }
     chance.faults
 }

@@ -170,6 +170,7 @@ fn replays_all(mut host: impl FnMut() -> Command) {
         ("heidenhain-fe", "heidenhain-fe.*"),
         ("pulse-lathe", "pulse-lathe.words.*"),
         ("xmodem", "xmodem.*"),
+        ("kermit", "kermit.*"),
     ] {
         let traces = pattern.split('.').next().unwrap();
         let traces = repository("fixtures/traces").join(traces);

@@ -21,6 +21,8 @@ mod full_output;
 #[cfg(target_os = "linux")]
 mod gateway;
 mod help;
+#[cfg(target_os = "linux")]
+mod kermit;
 mod kit;
 mod languages;
 #[cfg(target_os = "linux")]

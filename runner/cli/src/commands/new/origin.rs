@@ -25,7 +25,7 @@ pub(super) struct Origin {
 
 const PROCEDURE: &[(&str, &str)] = &[("softplug-procedure-3964", "plugins/procedure-3964")];
 
-static ALL: [Origin; 8] = [
+static ALL: [Origin; 9] = [
     Origin {
         name: "xon-xoff",
         language: Language::Rust,
@@ -76,6 +76,14 @@ static ALL: [Origin; 8] = [
         profiles: &["pulse-lathe"],
         sources: include_dir!("$CARGO_MANIFEST_DIR/templates/from/pulse-lathe"),
         crates: &[],
+    },
+    Origin {
+        name: "kermit",
+        language: Language::Rust,
+        plugin: "kermit",
+        profiles: &["kermit"],
+        sources: include_dir!("$CARGO_MANIFEST_DIR/templates/from/kermit"),
+        crates: &[("crc", "\"3.3\"")],
     },
     Origin {
         name: "xmodem",

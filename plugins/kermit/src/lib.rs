@@ -1,0 +1,376 @@
+//! Kermit: named files in numbered packets, each answered by ACK or NAK, of printable characters
+//! alone, so that they pass lines with seven bits too.
+//!
+//! The protocol's page is `docs/protocols/kermit.md`.
+#![cfg_attr(target_arch = "wasm32", no_std)]
+
+mod asking;
+mod coding;
+mod data;
+mod line;
+mod packet;
+mod receiver;
+mod receiving;
+mod sender;
+mod sending;
+mod settings;
+mod stage;
+mod terms;
+
+pub use settings::{EighthBit, Mode, Settings};
+
+use line::{Line, Timer};
+use packet::{Heard, Reader};
+use receiver::Receiver;
+use sender::Sender;
+use softplug_plugin::{
+    Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
+    NoteLevel, Opening, StateError, StateReader, StateWriter, Unread,
+};
+use stage::Stage;
+use terms::Terms;
+
+/// What one character can bring of actions: data that is delivered, a packet that is sent, their
+/// records, an end of a transfer, a note and a name.
+const OUTPUT_RESERVE: usize = 2_560;
+
+/// The converter.
+#[derive(Debug)]
+pub struct Kermit {
+    settings: Settings,
+    stage: Stage,
+    reader: Reader,
+    terms: Terms,
+    line: Line,
+    sender: Sender,
+    receiver: Receiver,
+    /// The latest request, and whether the host has not answered it.
+    request: u32,
+    is_asking: bool,
+    /// The host takes deliveries: it has told of room for them.
+    takes: bool,
+    /// A character of the line has fewer than eight bits.
+    is_narrow: bool,
+    named: Option<&'static str>,
+    unread: Unread,
+}
+
+softplug_plugin::export!(Kermit);
+
+impl Converter for Kermit {
+    type Settings = Settings;
+    const MANIFEST: &'static str = settings::MANIFEST;
+    const STATE_FORMAT: Option<u16> = Some(1);
+
+    fn new(settings: Settings) -> Self {
+        Self {
+            settings,
+            stage: Stage::default(),
+            reader: Reader::new(),
+            terms: Terms::usual(),
+            line: Line::new(),
+            sender: Sender::new(0),
+            receiver: Receiver::new(),
+            request: 0,
+            is_asking: false,
+            takes: true,
+            is_narrow: false,
+            named: None,
+            unread: Unread::new(),
+        }
+    }
+
+    fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
+        self.is_narrow = opening.line.data_bits < 8;
+        if opening.resumed {
+            self.takes |= opening.delivery_room > 0;
+            self.line.set_timers(link);
+            // Rooms are told anew: what has grown meanwhile is not told again.
+            self.has_transmit_room(link);
+            self.has_delivery_room(link);
+        } else {
+            self.takes = opening.delivery_room > 0;
+        }
+        self.name_state(link);
+    }
+
+    fn closed(&mut self, link: &mut Context<'_>) {
+        self.receiver.end_whole(link);
+    }
+
+    fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
+        let mut rest = bytes;
+        while let Some((byte, after)) = rest.split_first()
+            && link.output_room() >= OUTPUT_RESERVE
+            && !self.is_delivering(link)
+        {
+            self.character(link, *byte);
+            rest = after;
+        }
+        self.unread.keep(link, rest);
+        self.name_state(link);
+    }
+
+    fn more(&mut self, link: &mut Context<'_>) {
+        self.has_delivery_room(link);
+        let unread = self.unread;
+        self.received(link, unread.bytes());
+    }
+
+    fn line_error(
+        &mut self,
+        link: &mut Context<'_>,
+        kind: LineErrorKind,
+        _byte: Option<u8>,
+        _span: u32,
+    ) {
+        link.note(NoteLevel::Warning, u16::from(kind.code()), kind.text());
+        if self.stage != Stage::NoRoom {
+            self.reader.spoil();
+            self.watch_inside(link);
+        }
+    }
+
+    fn link_down(&mut self, link: &mut Context<'_>, _reason: LinkDownReason) {
+        self.reader.forget();
+        self.withdraw(link);
+        if self.stage.is_sending() {
+            self.stop(link, Failure::LinkDown);
+        } else {
+            link.discard();
+            self.sender.fail(link, Failure::LinkDown);
+        }
+        self.end_reception(link, Some(Failure::LinkDown));
+        self.line.cancel(link, Timer::Begin);
+        self.line.forget_owed();
+        self.name_state(link);
+    }
+
+    fn timer(&mut self, link: &mut Context<'_>, id: u8, _deadline: Micros) {
+        match Timer::from_id(id) {
+            Some(Timer::Transfer) => {
+                self.line.ran_out(Timer::Transfer);
+                self.silence(link);
+            }
+            Some(Timer::Begin) => {
+                self.line.ran_out(Timer::Begin);
+                self.too_late(link);
+            }
+            None => {}
+        }
+        self.name_state(link);
+    }
+
+    fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
+        if self.sender.left(mark, state)
+            && state == MarkState::SurelyLeft
+            && self.stage == Stage::Answer
+        {
+            self.watch(link);
+            self.watch_inside(link);
+        }
+        self.name_state(link);
+    }
+
+    fn transmit_room(&mut self, link: &mut Context<'_>) {
+        self.has_transmit_room(link);
+        self.name_state(link);
+    }
+
+    fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {
+        self.line.pay(link);
+        let Some(failure) = self.sender.stopping else { return };
+        self.sender.dropped(bytes);
+        self.sender.fail(link, failure);
+        self.name_state(link);
+    }
+
+    fn delivery_room(&mut self, link: &mut Context<'_>) {
+        self.takes = true;
+        self.has_delivery_room(link);
+        self.name_state(link);
+    }
+
+    fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
+        if self.sender.begin(link, &job) {
+            self.start_waiting(link);
+        }
+        self.name_state(link);
+    }
+
+    fn job_data(&mut self, link: &mut Context<'_>, _job: u32, bytes: &[u8]) {
+        self.sender.data(bytes, &self.settings);
+        self.go_on(link);
+        self.name_state(link);
+    }
+
+    fn job_end(&mut self, link: &mut Context<'_>, _job: u32) {
+        self.sender.data_ended();
+        self.go_on(link);
+        self.name_state(link);
+    }
+
+    fn pause(&mut self, link: &mut Context<'_>, _job: u32) {
+        self.sender.is_paused = true;
+        self.name_state(link);
+    }
+
+    fn resume(&mut self, link: &mut Context<'_>, _job: u32) {
+        self.sender.is_paused = false;
+        self.go_on(link);
+        self.name_state(link);
+    }
+
+    fn abort(&mut self, link: &mut Context<'_>, job: u32) {
+        if job == 0 {
+            self.cancel_reception(link);
+        } else {
+            self.abort_job(link);
+        }
+        self.name_state(link);
+    }
+
+    fn answer(
+        &mut self,
+        link: &mut Context<'_>,
+        request: u32,
+        answer: Result<&[u8], Failure>,
+        more: bool,
+    ) {
+        if request == self.request && self.is_asking && !more {
+            self.answer_to(link, answer.err());
+        }
+        self.name_state(link);
+    }
+
+    fn save(&self, state: &mut StateWriter<'_>) {
+        self.stage.save(state);
+        self.reader.save(state);
+        self.terms.save(state);
+        self.line.save(state);
+        self.sender.save(state);
+        self.receiver.save(state);
+        state.u32(self.request);
+        state.bool(self.is_asking);
+        state.bool(self.takes);
+    }
+
+    fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
+        if format != 1 {
+            return Err(StateError);
+        }
+        self.stage = Stage::restore(state)?;
+        self.reader = Reader::restore(state)?;
+        self.terms = Terms::restore(state)?;
+        self.line = Line::restore(state)?;
+        self.sender = Sender::restore(state)?;
+        self.receiver = Receiver::restore(state)?;
+        self.request = state.u32();
+        self.is_asking = state.bool();
+        self.takes = state.bool();
+        Ok(())
+    }
+}
+
+impl Kermit {
+    fn character(&mut self, link: &mut Context<'_>, byte: u8) {
+        // What waits for room is kept in the reader.
+        if self.stage == Stage::NoRoom {
+            return;
+        }
+        let check = self.terms.check;
+        let ended = self.receiver.ended.map_or(check, |(_, terms)| terms.check);
+        let heard = self.reader.take(byte, |kind| match kind {
+            b'S' | b'I' | b'R' | b'G' | b'C' | b'K' => 1,
+            b'B' => ended,
+            _ => check,
+        });
+        match heard {
+            Heard::Outside => {}
+            Heard::Part => self.watch_inside(link),
+            Heard::Good if self.stage.is_sending() => self.answered(link),
+            Heard::Good => self.hear(link),
+            Heard::Bad => self.damaged(link),
+        }
+    }
+
+    /// What was heard is no good packet.
+    fn damaged(&mut self, link: &mut Context<'_>) {
+        match self.stage {
+            Stage::AwaitFile | Stage::AwaitData => self.refuse(link, Failure::Checksum),
+            Stage::Answer if self.sender.has_left() => self.again(link, Failure::AttemptsUsedUp),
+            _ => {}
+        }
+    }
+
+    /// Time has run out.
+    fn silence(&mut self, link: &mut Context<'_>) {
+        if self.reader.is_inside() {
+            self.reader.forget();
+            self.damaged(link);
+            return;
+        }
+        match self.stage {
+            Stage::AwaitFile | Stage::AwaitData => self.refuse(link, Failure::NoAnswer),
+            Stage::Answer => self.again(link, Failure::NoAnswer),
+            _ => {}
+        }
+    }
+
+    /// Silence counts from here, outside a packet.
+    fn watch(&mut self, link: &mut Context<'_>) {
+        match self.stage {
+            Stage::AwaitFile | Stage::AwaitData => {
+                self.line.set_after(link, Timer::Transfer, self.settings.packet_time);
+            }
+            Stage::Answer if self.sender.has_left() => {
+                self.line.set_after(link, Timer::Transfer, self.settings.answer_time);
+            }
+            _ => self.line.cancel(link, Timer::Transfer),
+        }
+    }
+
+    /// And from here inside one.
+    fn watch_inside(&mut self, link: &mut Context<'_>) {
+        let is_timed = match self.stage {
+            Stage::AwaitFile | Stage::AwaitData => true,
+            Stage::Answer => self.sender.has_left(),
+            _ => false,
+        };
+        if is_timed && self.reader.is_inside() {
+            self.line.set_after(link, Timer::Transfer, self.settings.character_time);
+        }
+    }
+
+    /// Whether data is on its way to the host, for which it has room.
+    fn is_delivering(&self, link: &Context<'_>) -> bool {
+        self.stage == Stage::NoRoom && link.delivery_room() > 0
+    }
+
+    fn has_transmit_room(&mut self, link: &mut Context<'_>) {
+        self.line.pay(link);
+        self.go_on(link);
+    }
+
+    fn has_delivery_room(&mut self, link: &mut Context<'_>) {
+        if self.stage == Stage::NoRoom {
+            self.put_away(link);
+        }
+    }
+
+    fn name_state(&mut self, link: &mut Context<'_>) {
+        let state = match self.stage {
+            Stage::Filling if self.sender.is_paused => "paused",
+            stage if stage.is_sending() && self.sender.kind == b'S' => "waiting for the receiver",
+            stage if stage.is_sending() => "sending",
+            Stage::NoRoom => "receiving, no room",
+            stage if stage.is_receiving() => "receiving",
+            _ if self.is_asking => "asking for a program",
+            _ => "idle",
+        };
+        if self.named != Some(state) {
+            self.named = Some(state);
+            link.state(state);
+        }
+    }
+}

@@ -1,0 +1,412 @@
+//! The job: its data in packets, their marks and repeats.
+
+use crate::coding::RUN;
+use crate::data::{Data, ROOM};
+use crate::packet::Packet;
+use crate::settings::{Mode, Settings};
+use crate::stage::Stage;
+use crate::terms::{Terms, offer};
+use softplug_plugin::{
+    Context, Failure, JobStart, MarkState, StateError, StateReader, StateWriter, Value, copy,
+};
+
+/// Characters of a name that can be sent.
+const NAME: usize = 64;
+/// The name of a job that has none.
+const USUAL_NAME: &[u8] = b"PROGRAM";
+/// Characters given to the link at a time.
+const PIECE: usize = 64;
+/// What a long packet has besides data and check.
+const LONG_OVERHEAD: usize = 7;
+/// What the length of a short one counts besides data and check.
+const SHORT_OVERHEAD: usize = 2;
+
+/// What became of making a packet.
+enum Made {
+    Whole,
+    /// There is not enough data to know.
+    Part,
+    /// It cannot be sent.
+    Never(Failure),
+}
+
+#[derive(Copy, Clone, Debug)]
+pub(crate) struct Sender {
+    /// Id of the job; 0: none.
+    job: u32,
+    /// Why the job fails, once it is known how much of it has left.
+    pub(crate) stopping: Option<Failure>,
+    pub(crate) is_paused: bool,
+    /// The receiver wants no more of the file.
+    pub(crate) is_interrupted: bool,
+    name: [u8; NAME],
+    name_length: u8,
+    data: Data,
+    /// The latest byte of the job was CR.
+    is_after_cr: bool,
+    wanted: u32,
+    has_ended: bool,
+    /// Type and number of the packet under way; 0: none has begun.
+    pub(crate) kind: u8,
+    pub(crate) number: u8,
+    pub(crate) packet: Packet,
+    /// The packet is whole, and can go.
+    is_made: bool,
+    /// Characters of it that the link has taken: its room may be smaller.
+    given: u16,
+    pub(crate) repeats: u32,
+    /// The mark of what was given last; whether it can have left.
+    mark: u32,
+    has_left: bool,
+    /// Characters queued for the job.
+    queued: u64,
+}
+
+impl Sender {
+    pub(crate) const fn new(mark: u32) -> Self {
+        Self {
+            job: 0,
+            stopping: None,
+            is_paused: false,
+            is_interrupted: false,
+            name: [0; NAME],
+            name_length: 0,
+            data: Data::new(),
+            is_after_cr: false,
+            wanted: 0,
+            has_ended: false,
+            kind: 0,
+            number: 0,
+            packet: Packet::new(),
+            is_made: false,
+            given: 0,
+            repeats: 0,
+            mark,
+            has_left: false,
+            queued: 0,
+        }
+    }
+
+    /// A job; one that cannot be taken fails at once.
+    pub(crate) fn begin(&mut self, link: &mut Context<'_>, job: &JobStart<'_>) -> bool {
+        let name = match job.fields.find(0) {
+            Some(Value::Text(name)) => name.as_bytes(),
+            _ => USUAL_NAME,
+        };
+        let is_sound = !name.is_empty()
+            && name.len() <= NAME
+            && name.iter().all(|character| matches!(character, 0x20..=0x7E));
+        let why = match job.kind {
+            _ if self.job != 0 => Failure::Busy,
+            0 if is_sound => {
+                *self = Self::new(self.mark);
+                self.job = job.job;
+                self.name_length = name.len() as u8;
+                copy(&mut self.name, name);
+                return true;
+            }
+            _ => Failure::BadJob,
+        };
+        link.job_failed(job.job, why, 0, 0);
+        false
+    }
+
+    /// Whether there is a job to send.
+    pub(crate) fn is_waiting(&self) -> bool {
+        self.job != 0 && self.stopping.is_none()
+    }
+
+    pub(crate) fn data(&mut self, bytes: &[u8], settings: &Settings) {
+        self.wanted = self.wanted.saturating_sub(bytes.len() as u32);
+        if settings.mode == Mode::Binary {
+            self.data.push(bytes);
+            return;
+        }
+        for byte in bytes {
+            if *byte == b'\n' && !self.is_after_cr {
+                self.data.push(b"\r");
+            }
+            self.data.push(&[*byte]);
+            self.is_after_cr = *byte == b'\r';
+        }
+    }
+
+    pub(crate) fn data_ended(&mut self) {
+        self.has_ended = true;
+        self.wanted = 0;
+    }
+
+    /// The first packet is next, again.
+    pub(crate) fn restart(&mut self) {
+        (self.kind, self.number) = (b'S', 0);
+        (self.is_made, self.given, self.repeats) = (false, 0, 0);
+        self.packet.clear();
+    }
+
+    /// The packet under way is with the receiver: the next one is of this type.
+    pub(crate) fn goes_on_with(&mut self, kind: u8) {
+        self.kind = kind;
+        self.number = (self.number + 1) % 64;
+        (self.is_made, self.repeats) = (false, 0);
+        self.packet.clear();
+    }
+
+    /// Sends the packet that is next, or under way, if line, room and host allow it.
+    pub(crate) fn next(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        terms: &Terms,
+        is_narrow: bool,
+    ) -> Result<Stage, Failure> {
+        if !self.is_made {
+            match self.make(link, settings, terms, is_narrow) {
+                Made::Whole => self.is_made = true,
+                Made::Part => return Ok(Stage::Filling),
+                Made::Never(failure) => return Err(failure),
+            }
+        }
+        // A packet that has begun is not paused.
+        if self.is_paused && self.given == 0 {
+            return Ok(Stage::Filling);
+        }
+        Ok(if self.give(link, terms) { Stage::Answer } else { Stage::Filling })
+    }
+
+    fn make(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        terms: &Terms,
+        is_narrow: bool,
+    ) -> Made {
+        let short = usize::from(terms.short);
+        let most = self.most_data(terms);
+        match self.kind {
+            b'S' => self.packet.push(&offer(settings, is_narrow)),
+            b'F' => {
+                let (name, length) = (self.name, usize::from(self.name_length));
+                let used = self.encode(name.get(..length).unwrap_or_default(), terms, most);
+                if used < length {
+                    return Made::Never(Failure::BadJob);
+                }
+            }
+            b'D' => match self.fill(link, settings, terms, is_narrow) {
+                Made::Whole if self.packet.data_length() == 0 => self.kind = b'Z',
+                Made::Whole => {}
+                other => return other,
+            },
+            b'Z' if self.is_interrupted => self.packet.push(b"D"),
+            _ => {}
+        }
+        self.packet.finish(self.kind, self.number, terms.check, short);
+        Made::Whole
+    }
+
+    /// Characters of data that a packet can have.
+    fn most_data(&self, terms: &Terms) -> usize {
+        let check = usize::from(terms.check);
+        let short = usize::from(terms.short) - SHORT_OVERHEAD - check;
+        let long = usize::from(terms.long).saturating_sub(LONG_OVERHEAD + check);
+        // Names and the like are short.
+        if self.kind == b'D' { short.max(long) } else { short }
+    }
+
+    /// Puts data into the packet until there is no more, or no room.
+    fn fill(
+        &mut self,
+        link: &mut Context<'_>,
+        settings: &Settings,
+        terms: &Terms,
+        is_narrow: bool,
+    ) -> Made {
+        let most = self.most_data(terms);
+        loop {
+            let there = self.data.length();
+            // How long a run is must be known.
+            if there < RUN && !self.has_ended {
+                if self.wanted == 0 {
+                    let free = (ROOM - there) as u32;
+                    self.wanted = if settings.mode == Mode::Text { free / 2 } else { free };
+                    link.want(self.job, self.wanted);
+                }
+                return Made::Part;
+            }
+            if there == 0 {
+                return Made::Whole;
+            }
+            // Up to where runs are known.
+            let data = self.data;
+            let data = data.as_slice();
+            let mut used = 0;
+            let mut is_full = false;
+            while used < there && (self.has_ended || there - used >= RUN) {
+                let rest = data.get(used..).unwrap_or_default();
+                if is_narrow && terms.ours.eighth == 0 && rest[0] >= 0x80 {
+                    self.data.drop_first(used);
+                    return Made::Never(Failure::UnsupportedCharacter);
+                }
+                let taken = self.encode_one(rest, terms, most);
+                if taken == 0 {
+                    is_full = true;
+                    break;
+                }
+                used += taken;
+            }
+            self.data.drop_first(used);
+            if is_full {
+                return Made::Whole;
+            }
+        }
+    }
+
+    /// Puts these into the packet as far as they fit: how many.
+    fn encode(&mut self, bytes: &[u8], terms: &Terms, most: usize) -> usize {
+        let mut used = 0;
+        while let Some(rest) = bytes.get(used..)
+            && !rest.is_empty()
+        {
+            let taken = self.encode_one(rest, terms, most);
+            if taken == 0 {
+                break;
+            }
+            used += taken;
+        }
+        used
+    }
+
+    /// Puts the first byte, or the run at the beginning, into the packet: how many that were;
+    /// 0: it does not fit.
+    fn encode_one(&mut self, bytes: &[u8], terms: &Terms, most: usize) -> usize {
+        let Some(first) = bytes.first().copied() else { return 0 };
+        let run = bytes.iter().take(RUN).take_while(|byte| **byte == first).count();
+        let (unit, length, taken) = terms.ours.encode(first, run);
+        if self.packet.data_length() + length > most {
+            return 0;
+        }
+        self.packet.push(unit.get(..length).unwrap_or_default());
+        taken
+    }
+
+    /// Gives the link what it takes of the packet. Whether that was the last of it.
+    fn give(&mut self, link: &mut Context<'_>, terms: &Terms) -> bool {
+        let padding = usize::from(terms.padding);
+        let packet = self.packet.as_slice();
+        let total = padding + packet.len() + 1;
+        let mut given = usize::from(self.given);
+        while given < total {
+            let count = (total - given).min(PIECE).min(link.transmit_room() as usize);
+            if count == 0 {
+                break;
+            }
+            let mut piece = [terms.end; PIECE];
+            for (place, own) in (given..).zip(piece.iter_mut().take(count)) {
+                *own = match place.checked_sub(padding) {
+                    None => terms.pad,
+                    Some(place) => packet.get(place).copied().unwrap_or(terms.end),
+                };
+            }
+            link.transmit(piece.get(..count).unwrap_or_default());
+            given += count;
+            self.queued += count as u64;
+        }
+        self.given = given as u16;
+        let is_whole = given == total;
+        if is_whole {
+            self.given = 0;
+            self.mark = self.mark.wrapping_add(1).max(1);
+            self.has_left = false;
+            link.transmit_marked(self.mark, &[]);
+        }
+        is_whole
+    }
+
+    /// Whether the mark is that of what was given last.
+    pub(crate) fn left(&mut self, mark: u32, state: MarkState) -> bool {
+        let is_latest = mark == self.mark && state != MarkState::Dropped;
+        self.has_left |= is_latest;
+        is_latest
+    }
+
+    pub(crate) fn has_left(&self) -> bool {
+        self.has_left
+    }
+
+    /// Whether the packet may be sent once more.
+    pub(crate) fn repeats(&mut self, most: i64) -> bool {
+        self.repeats += 1;
+        i64::from(self.repeats) <= most
+    }
+
+    /// Whether the receiver has confirmed the whole file: the end of the transfer has begun.
+    pub(crate) fn is_confirmed(&self) -> bool {
+        self.kind == b'B' && !self.is_interrupted
+    }
+
+    pub(crate) fn dropped(&mut self, bytes: u32) {
+        self.queued = self.queued.saturating_sub(u64::from(bytes));
+    }
+
+    pub(crate) fn done(&mut self, link: &mut Context<'_>) {
+        link.job_done(self.job, self.queued);
+        *self = Self::new(self.mark);
+    }
+
+    /// The job has failed; but what the receiver has confirmed is done.
+    pub(crate) fn fail(&mut self, link: &mut Context<'_>, failure: Failure) {
+        if self.job != 0 && self.is_confirmed() {
+            self.done(link);
+        } else if self.job != 0 {
+            link.job_failed(self.job, failure, 0, self.queued);
+            *self = Self::new(self.mark);
+        }
+    }
+
+    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
+        state.u32(self.job);
+        state.failure(self.stopping);
+        for flag in [
+            self.is_paused,
+            self.is_interrupted,
+            self.is_after_cr,
+            self.has_ended,
+            self.is_made,
+            self.has_left,
+        ] {
+            state.bool(flag);
+        }
+        state.u8(self.name_length);
+        state.bytes(self.name.get(..usize::from(self.name_length)).unwrap_or_default());
+        self.data.save(state);
+        self.packet.save(state);
+        state.u8(self.kind);
+        state.u8(self.number);
+        state.u16(self.given);
+        for number in [self.wanted, self.repeats, self.mark] {
+            state.u32(number);
+        }
+        state.u64(self.queued);
+    }
+
+    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
+        let (job, stopping) = (state.u32(), state.failure());
+        let [is_paused, is_interrupted, is_after_cr, has_ended, is_made, has_left] =
+            core::array::from_fn(|_| state.bool());
+        let mut sender = Self { job, stopping, is_paused, is_interrupted, ..Self::new(0) };
+        (sender.is_after_cr, sender.has_ended) = (is_after_cr, has_ended);
+        (sender.is_made, sender.has_left) = (is_made, has_left);
+        sender.name_length = state.u8();
+        let Some(name) = sender.name.get_mut(..usize::from(sender.name_length)) else {
+            return Err(StateError);
+        };
+        copy(name, state.bytes(name.len()));
+        sender.data = Data::restore(state)?;
+        sender.packet = Packet::restore(state)?;
+        sender.kind = state.u8();
+        sender.number = state.u8();
+        sender.given = state.u16();
+        (sender.wanted, sender.repeats, sender.mark) = (state.u32(), state.u32(), state.u32());
+        sender.queued = state.u64();
+        Ok(sender)
+    }
+}
