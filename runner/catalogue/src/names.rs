@@ -3,7 +3,7 @@
 //! A name that is read here is what a program says of itself. It is from the line: whoever makes a
 //! file of it has to make it safe first.
 
-use std::fmt;
+use std::fmt::{self, Write as _};
 use std::str::FromStr;
 
 use crate::error::NotationError;
@@ -128,7 +128,7 @@ impl Notation {
                 Part::Number => {
                     let number = number(name)?;
                     let digits = digits.map_or(USUAL_DIGITS, usize::from);
-                    text.push_str(&format!("{number:0>digits$}"));
+                    let _ = write!(text, "{number:0>digits$}");
                 }
                 Part::Name => {
                     let end = self.ending(at);
@@ -349,7 +349,7 @@ fn behind<'a>(text: &'a str, literal: &str) -> Option<&'a str> {
     // A word that goes on is another one.
     let goes_on = literal.len() > 1
         && literal.ends_with(|c: char| c.is_ascii_alphabetic())
-        && literal.starts_with(|c: char| c == '_' || c == ' ')
+        && literal.starts_with(['_', ' '])
         && rest.starts_with(is_word);
     (!goes_on).then_some(rest)
 }

@@ -44,14 +44,13 @@ pub(super) fn apply(
 fn turn_around(fd: impl AsFd, flow: Flow) -> Result<(), PortError> {
     let is_on = flow == Flow::Rs485;
     match ioctl::set_rs485(fd, is_on) {
-        Ok(()) => Ok(()),
         Err(error) if is_gone(error) => Err(PortError::Gone(LinkDownReason::Unplugged)),
         Err(_) if is_on => Err(PortError::NoFlow {
             what: "driver that turns an RS-485 line around with RTS",
             instead: "use an adapter that does so by itself, and take host",
         }),
         // What is not there need not be taken away.
-        Err(_) => Ok(()),
+        Ok(()) | Err(_) => Ok(()),
     }
 }
 

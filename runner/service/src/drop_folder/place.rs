@@ -229,7 +229,7 @@ impl Place {
         )?);
         let written = file.write_all(text.as_bytes()).and_then(|()| file.sync_all());
         drop(file);
-        let placed = written.and_then(|()| self.place(&from, &to, &new, (name, tag, text)));
+        let placed = written.and_then(|()| place(&from, &to, &new, (name, tag, text)));
         if placed.is_err() {
             let _ = unlinkat(&to, &*new, AtFlags::empty());
         }
@@ -237,46 +237,6 @@ impl Place {
         sync(&to);
         self.forget(claim);
         Ok(placed)
-    }
-
-    fn place(
-        &self,
-        from: &OwnedFd,
-        to: &OwnedFd,
-        new: &OsStr,
-        (name, tag, text): (&OsStr, &str, &str),
-    ) -> io::Result<OsString> {
-        let mut last = Errno::EXIST;
-        for (file, result) in put_away(name, tag) {
-            if statat(to, &*file, AtFlags::SYMLINK_NOFOLLOW).is_ok() {
-                continue;
-            }
-            match rename_to_new(to, new, to, &result) {
-                Ok(()) => {}
-                // Written before a gateway was killed.
-                Err(Errno::EXIST) if has_text(to, &result, text) => {
-                    unlinkat(to, new, AtFlags::empty())?;
-                }
-                Err(error @ (Errno::EXIST | Errno::NAMETOOLONG)) => {
-                    last = error;
-                    continue;
-                }
-                Err(error) => return Err(error.into()),
-            }
-            sync(to);
-            match rename_to_new(from, name, to, &file) {
-                Ok(()) => return Ok(file),
-                Err(error @ (Errno::EXIST | Errno::NAMETOOLONG)) => {
-                    last = error;
-                    renameat(to, &*result, to, new)?;
-                }
-                Err(error) => {
-                    let _ = renameat(to, &*result, to, new);
-                    return Err(error.into());
-                }
-            }
-        }
-        Err(last.into())
     }
 
     /// Removes the folder of a claim, if nothing is in it.
@@ -290,6 +250,46 @@ impl Place {
         let folder = child(self.work.as_fd(), claim)?;
         Ok(statat(&folder, name, AtFlags::SYMLINK_NOFOLLOW)?.st_size as u64)
     }
+}
+
+/// Result first, then the file: a name whose result is there is this one's or taken.
+fn place(
+    from: &OwnedFd,
+    to: &OwnedFd,
+    new: &OsStr,
+    (name, tag, text): (&OsStr, &str, &str),
+) -> io::Result<OsString> {
+    let mut last = Errno::EXIST;
+    for (file, result) in put_away(name, tag) {
+        if statat(to, &*file, AtFlags::SYMLINK_NOFOLLOW).is_ok() {
+            continue;
+        }
+        match rename_to_new(to, new, to, &result) {
+            Ok(()) => {}
+            // Written before a gateway was killed.
+            Err(Errno::EXIST) if has_text(to, &result, text) => {
+                unlinkat(to, new, AtFlags::empty())?;
+            }
+            Err(error @ (Errno::EXIST | Errno::NAMETOOLONG)) => {
+                last = error;
+                continue;
+            }
+            Err(error) => return Err(error.into()),
+        }
+        sync(to);
+        match rename_to_new(from, name, to, &file) {
+            Ok(()) => return Ok(file),
+            Err(error @ (Errno::EXIST | Errno::NAMETOOLONG)) => {
+                last = error;
+                renameat(to, &*result, to, new)?;
+            }
+            Err(error) => {
+                let _ = renameat(to, &*result, to, new);
+                return Err(error.into());
+            }
+        }
+    }
+    Err(last.into())
 }
 
 pub(super) fn state_of(file: &File) -> io::Result<FileState> {

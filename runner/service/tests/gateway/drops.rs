@@ -297,10 +297,8 @@ fn a_reload_takes_a_drop_folder_and_gives_it_up() {
         shop.path("other/done/O1.nc.txt").exists()
     });
     shop.configure(|text| {
-        text.lines()
-            .filter(|line| !line.starts_with("drop"))
-            .map(|line| format!("{line}\n"))
-            .collect()
+        let lines: Vec<_> = text.lines().filter(|line| !line.starts_with("drop")).collect();
+        lines.join("\n")
     });
     shop.gateway().reload().unwrap();
     assert_eq!(shop.gateway().link("link-0").unwrap().drop, None);
