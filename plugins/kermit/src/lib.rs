@@ -100,12 +100,19 @@ impl Converter for Kermit {
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         let mut rest = bytes;
+        let mut is_part = false;
         while let Some((byte, after)) = rest.split_first()
             && link.output_room() >= OUTPUT_RESERVE
             && !self.is_delivering(link)
         {
-            self.character(link, *byte);
+            is_part = self.character(link, *byte);
             rest = after;
+            if is_part {
+                rest = self.reader.pass_over(rest);
+            }
+        }
+        if is_part {
+            self.watch_inside(link);
         }
         self.unread.keep(link, rest);
         self.name_state(link);
@@ -273,10 +280,11 @@ impl Converter for Kermit {
 }
 
 impl Kermit {
-    fn character(&mut self, link: &mut Context<'_>, byte: u8) {
+    /// Returns whether there is more to come of the packet that it belongs to.
+    fn character(&mut self, link: &mut Context<'_>, byte: u8) -> bool {
         // What waits for room is kept in the reader.
         if self.stage == Stage::NoRoom {
-            return;
+            return false;
         }
         let check = self.terms.check;
         let ended = self.receiver.ended.map_or(check, |(_, terms)| terms.check);
@@ -287,11 +295,12 @@ impl Kermit {
         });
         match heard {
             Heard::Outside => {}
-            Heard::Part => self.watch_inside(link),
+            Heard::Part => return true,
             Heard::Good if self.stage.is_sending() => self.answered(link),
             Heard::Good => self.hear(link),
             Heard::Bad => self.damaged(link),
         }
+        false
     }
 
     /// What was heard is no good packet.

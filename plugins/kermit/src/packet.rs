@@ -164,6 +164,16 @@ impl Reader {
         }
     }
 
+    /// What is left behind the characters that change nothing: of one that can be no packet any more, all
+    /// up to its end.
+    pub(crate) fn pass_over<'a>(&self, characters: &'a [u8]) -> &'a [u8] {
+        if self.place != Place::Spoilt {
+            return characters;
+        }
+        let at = characters.iter().position(|byte| matches!(*byte, MARK | END));
+        characters.get(at.unwrap_or(characters.len())..).unwrap_or_default()
+    }
+
     /// One character; `check_of` tells the check of a packet of this type.
     pub(crate) fn take(&mut self, byte: u8, check_of: impl Fn(u8) -> u8) -> Heard {
         match (self.place, byte) {
