@@ -33,6 +33,8 @@ use terms::Terms;
 /// What one character can bring of actions: data that is delivered, a packet that is sent, their
 /// records, an end of a transfer, a note and a name.
 const OUTPUT_RESERVE: usize = 2_560;
+/// Packets that are answered in one event; the others of it wait for another round.
+const PACKETS_AT_A_TIME: u32 = 16;
 
 /// The converter.
 #[derive(Debug)]
@@ -100,12 +102,15 @@ impl Converter for Kermit {
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
         let mut rest = bytes;
-        let mut is_part = false;
+        let (mut is_part, mut packets) = (false, 0);
         while let Some((byte, after)) = rest.split_first()
             && link.output_room() >= OUTPUT_RESERVE
             && !self.is_delivering(link)
+            && packets < PACKETS_AT_A_TIME
         {
+            let was_inside = self.reader.is_inside();
             is_part = self.character(link, *byte);
+            packets += u32::from(was_inside && !is_part);
             rest = after;
             if is_part {
                 rest = self.reader.pass_over(rest);
