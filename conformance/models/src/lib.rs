@@ -37,6 +37,7 @@ mod kermit;
 mod line_ends;
 mod model;
 mod noise;
+mod out;
 mod port;
 mod propose;
 mod pulse_lathe;

@@ -14,7 +14,6 @@ mod frame;
 mod host;
 mod judge;
 mod line;
-mod out;
 mod program;
 mod propose;
 mod receive;
@@ -26,12 +25,12 @@ mod times;
 
 use crate::dice::Dice;
 use crate::model::{Broken, Conditions, Effect, HostRequest, LineInput, Model, Profile, Proposal};
+use crate::out::Out;
 use frame::{ACK, DC1, DC3, EOT, ETB, ETX, Frame, NAK, SOH, STX};
 use judge::Expected;
-use out::Out;
 use receive::Reception;
 use room::Room;
-use rules::Rules;
+use rules::{Rules, even};
 use send::{Job, Sending};
 use softplug_abi::{LineParameters, Micros, ModemLines, Parity};
 use std::cell::Cell;
@@ -261,7 +260,8 @@ impl Fe {
     fn new(conditions: &Conditions) -> Option<Self> {
         let rules = Rules::new(conditions)?;
         Some(Self {
-            out: Out::new(conditions.depth, rules.makes_parity),
+            out: Out::new(conditions.depth, "heidenhain-fe.line.noise")
+                .made_by(if rules.makes_parity { even } else { |byte| byte }),
             rules,
             now: Micros::ZERO,
             room: Room::new(conditions.delivery_room),

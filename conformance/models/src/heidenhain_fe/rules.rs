@@ -75,3 +75,9 @@ impl Rules {
         self.line.baud == 0
     }
 }
+
+/// A character with its even parity as bit 8.
+pub(super) fn even(character: u8) -> u8 {
+    let is_odd = (character & 0x7F).count_ones() % 2 == 1;
+    character & 0x7F | u8::from(is_odd) << 7
+}

@@ -15,7 +15,6 @@ mod agree;
 mod code;
 mod host;
 mod judge;
-mod out;
 mod packet;
 mod propose;
 mod receive;
@@ -24,9 +23,9 @@ mod send;
 
 use crate::dice::Dice;
 use crate::model::{Broken, Conditions, Effect, LineInput, Model, Profile, Proposal};
+use crate::out::Out;
 use agree::Agreed;
 use judge::Expected;
-use out::Out;
 use packet::{CR, Heard, SOH, heard};
 use receive::File;
 use rules::Rules;
@@ -304,7 +303,7 @@ impl Kermit {
         Self {
             rules: Rules::new(conditions),
             now: Micros::ZERO,
-            out: Out::new(conditions.depth),
+            out: Out::new(conditions.depth, "kermit.rx.idle"),
             room: Room { capacity, kept: 0, fresh: 0, keeps: false },
             state: State::Idle,
             agreed: Agreed::nothing(),

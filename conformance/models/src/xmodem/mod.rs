@@ -12,7 +12,6 @@
 mod block;
 mod host;
 mod judge;
-mod out;
 mod propose;
 mod receive;
 mod rules;
@@ -20,9 +19,9 @@ mod send;
 
 use crate::dice::Dice;
 use crate::model::{Broken, Conditions, Effect, HostRequest, LineInput, Model, Profile, Proposal};
+use crate::out::Out;
 use block::{ACK, C, CAN, EOT, NAK, SOH, STX};
 use judge::Expected;
-use out::Out;
 use receive::File;
 use rules::Rules;
 use send::{Job, Sending, Stage};
@@ -274,7 +273,7 @@ impl Xmodem {
         Self {
             rules: Rules::new(conditions),
             now: Micros::ZERO,
-            out: Out::new(conditions.depth),
+            out: Out::new(conditions.depth, "xmodem.rx.no-call"),
             room: Room { capacity, kept: 0, fresh: 0, keeps: false },
             state: State::Idle { until: None, lingers: false },
             file: File::default(),

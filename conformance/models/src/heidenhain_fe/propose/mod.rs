@@ -7,7 +7,7 @@ mod receiving;
 mod sending;
 
 use super::frame::{ACK, DC1, DC3, EOT, SOH, STX, framed};
-use super::out::even;
+use super::rules::even;
 use super::{Fe, State, text};
 use crate::dice::Dice;
 use crate::model::{Given, HostRequest, LineInput, Proposal};
