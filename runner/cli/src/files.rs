@@ -4,6 +4,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
+use softplug_gateway::plain_text;
 use softplug_gateway::store::{numbered, rename_to_free, rename_to_new, sync_folder};
 
 use crate::failure::Failure;
@@ -128,6 +129,26 @@ pub(crate) fn unreadable(path: &Path, error: &io::Error) -> Failure {
 
 pub(crate) fn unwritable(path: &Path, error: &io::Error) -> Failure {
     Failure::usage(format_args!("cannot write {}: {error}", path.display()))
+}
+
+/// Writes an SVG picture. It may take the place of another one, and of nothing else: a program that
+/// is named by mistake stays. `option` is what names the file.
+pub(crate) fn write_picture(path: &Path, svg: &str, option: &str) -> Result<(), Failure> {
+    check_picture(path, option)?;
+    fs::write(path, svg).map_err(|error| unwritable(path, &error))
+}
+
+/// Whether a picture may be written there.
+pub(crate) fn check_picture(path: &Path, option: &str) -> Result<(), Failure> {
+    let is_kept = path.is_file()
+        && fs::read(path).is_ok_and(|bytes| !bytes.is_empty() && !bytes.starts_with(b"<svg"));
+    if !is_kept {
+        return Ok(());
+    }
+    let file = plain_text(&path.display().to_string());
+    Err(Failure::usage(format_args!(
+        "{file} is there and is no picture, which {option} would overwrite; give {option} another one"
+    )))
 }
 
 /// Files below `paths` that end in `.extension`, sorted; files are taken as they

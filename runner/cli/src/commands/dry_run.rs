@@ -1,7 +1,6 @@
 //! `softplug send --dry-run`: what would be on the wire, in virtual time, with a partner that wants
 //! it.
 
-use std::fs;
 use std::path::Path;
 
 use softplug_abi::{Failure as Why, LineParameters, Micros};
@@ -99,7 +98,7 @@ fn draw(lathe: Option<&Lathe>, file: &Path) -> Result<(), Failure> {
     let Some(lathe) = lathe else {
         return Err(Failure::usage("--picture: this plug-in's programs are no feed pulses"));
     };
-    fs::write(file, lathe.picture()).map_err(|error| files::unwritable(file, &error))
+    files::write_picture(file, &lathe.picture(), "--picture")
 }
 
 impl LatheDocument {

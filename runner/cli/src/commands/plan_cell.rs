@@ -16,6 +16,7 @@ use softplug_service::programs::Programs;
 
 use crate::exit::Exit;
 use crate::failure::Failure;
+use crate::files;
 use crate::line::Assignment;
 use crate::numbers::span;
 use crate::screen::{BAD, GOOD, Screen};
@@ -124,33 +125,12 @@ pub(super) fn run(
         return Err(failure);
     }
     if let Some(file) = &arguments.chart {
-        keep_what_is_no_picture(file)?;
-        let svg = draw(&cell.setup, &found.chart, found.at);
-        fs::write(file, svg).map_err(|error| {
-            let file = plain_text(&file.display().to_string());
-            Failure::usage(format_args!("{file} cannot be written: {error}"))
-        })?;
+        files::write_picture(file, &draw(&cell.setup, &found.chart, found.at), "--chart")?;
     }
     let document = document(&cell.setup, &found);
     tell(&document, &found, screen);
     screen.document(&document);
     Ok(if document.ends { Exit::Done } else { Exit::Failed })
-}
-
-/// A picture may take the place of another one, and of nothing else.
-fn keep_what_is_no_picture(file: &Path) -> Result<(), Failure> {
-    if !file.is_file() {
-        return Ok(());
-    }
-    let is_kept =
-        fs::read(file).is_ok_and(|bytes| !bytes.is_empty() && !bytes.starts_with(b"<svg"));
-    if !is_kept {
-        return Ok(());
-    }
-    let file = plain_text(&file.display().to_string());
-    Err(Failure::usage(format_args!(
-        "{file} is there and is no picture, which the chart would overwrite; give --chart another one"
-    )))
 }
 
 fn channel(setup: &Setup, name: &str) -> Result<ChannelId, Failure> {

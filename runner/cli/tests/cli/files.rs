@@ -88,6 +88,13 @@ fn a_dry_run_of_pulses_draws_the_part_and_says_where_it_ends() {
     let json = bench.run(&[&words[..], &["--json"]].concat()).with_code(0).json();
     assert_eq!(json["lathe"]["x_millimetres"], -3.0);
     assert_eq!(json["lathe"]["z_millimetres"], -30.0);
+    // The program itself is no place for it.
+    let before = bench.read("ring.nc");
+    let over = bench.run(&[&words[..], &["--picture", "ring.nc"]].concat()).with_code(2);
+    assert!(over.err.contains("is no picture"), "{over}");
+    let simulated = bench.run(&["simulate", "pulse-lathe", "--once", "--picture", "ring.nc"]);
+    assert!(simulated.with_code(2).err.contains("is no picture"));
+    assert_eq!(bench.read("ring.nc"), before);
     let none = ["send", "--dry-run", "--plugin", "xon-xoff", "ring.nc"];
     let ran = bench.run(&[&none[..], &picture].concat()).with_code(2);
     assert!(ran.err.contains("no feed pulses"), "{ran}");

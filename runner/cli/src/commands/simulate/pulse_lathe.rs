@@ -8,6 +8,7 @@ use softplug_machines::pulse_lathe::LatheOptions;
 
 use super::{Common, Ending};
 use crate::failure::Failure;
+use crate::files;
 
 /// A lathe without a control, which takes every feed pulse from its line.
 ///
@@ -78,6 +79,9 @@ impl PulseLathe {
             work_time: Micros::from_millis(self.work_time),
         };
         options.check().map_err(Failure::usage)?;
+        if let Some(picture) = &self.picture {
+            files::check_picture(picture, "--picture")?;
+        }
         let ending = self.common.ending(false)?;
         Ok(PulseLatheSimulation { options, picture: self.picture, ending })
     }

@@ -82,8 +82,7 @@ pub(super) fn run(simulation: &PulseLatheSimulation, screen: &Screen) -> Result<
     let PulseLathe { port, received } = machine.partner();
     let lathe = port.machine();
     if let Some(picture) = &simulation.picture {
-        std::fs::write(picture, lathe.picture())
-            .map_err(|error| files::unwritable(picture, &error))?;
+        files::write_picture(picture, &lathe.picture(), "--picture")?;
     }
     let report = lathe.report();
     let as_expected = put_away(received, &simulation.ending)?;
