@@ -27,6 +27,8 @@ pub struct Counters {
     pub gaps: u64,
     /// The longest of these times.
     pub longest_gap: Micros,
+    /// The latest write left bytes behind that may leave, and nothing has stopped them since.
+    leaves_some: bool,
     /// Since when the partner has held it.
     held_since: Option<Micros>,
     /// Whether it stands, whoever wants that.
@@ -61,12 +63,20 @@ impl Counters {
         }
     }
 
-    /// The line stood still for so long although bytes waited; a character takes `character`.
-    pub(crate) fn stood_still(&mut self, span: Micros, character: Micros) {
-        if span >= character && span > Micros::ZERO {
+    /// Nothing waits that may leave: whatever comes now does not come late.
+    pub(crate) fn nothing_to_send(&mut self) {
+        self.leaves_some = false;
+    }
+
+    /// Bytes were given to a line that had stood still for `idle`; a character takes `character`.
+    /// More of them wait, or not.
+    pub(crate) fn wrote(&mut self, count: usize, idle: Micros, character: Micros, has_more: bool) {
+        self.bytes_out += count as u64;
+        if self.leaves_some && idle >= character && idle > Micros::ZERO {
             self.gaps += 1;
-            self.longest_gap = self.longest_gap.max(span);
+            self.longest_gap = self.longest_gap.max(idle);
         }
+        self.leaves_some = has_more;
     }
 
     pub(crate) fn hold(&mut self, now: Micros, in_flight: u64) {
@@ -123,16 +133,34 @@ mod tests {
         assert_eq!(counters.after_hold, 0);
     }
 
+    /// 16 bytes, behind this time.
+    fn wrote(counters: &mut Counters, idle: i64, has_more: bool) {
+        counters.wrote(16, Micros(idle), Micros(250), has_more);
+    }
+
     #[test]
     fn less_than_a_character_is_no_gap() {
         let mut counters = Counters::default();
-        for span in [0, 249, 250, 900, 300] {
-            counters.stood_still(Micros(span), Micros(250));
+        wrote(&mut counters, 5_000, true);
+        for idle in [0, 249, 250, 900, 300] {
+            wrote(&mut counters, idle, true);
         }
         assert_eq!((counters.gaps, counters.longest_gap), (3, Micros(900)));
         // Where the rate is unknown nothing is.
-        counters.stood_still(Micros::ZERO, Micros::ZERO);
-        assert_eq!(counters.gaps, 3);
+        counters.wrote(1, Micros::ZERO, Micros::ZERO, true);
+        assert_eq!((counters.gaps, counters.bytes_out), (3, 97));
+    }
+
+    #[test]
+    fn a_line_for_which_nothing_waited_or_that_was_held_has_no_gap() {
+        let mut counters = Counters::default();
+        wrote(&mut counters, 5_000, false);
+        wrote(&mut counters, 5_000, true);
+        counters.nothing_to_send();
+        wrote(&mut counters, 5_000, true);
+        assert_eq!(counters.gaps, 0);
+        wrote(&mut counters, 5_000, true);
+        assert_eq!(counters.gaps, 1);
     }
 
     #[test]

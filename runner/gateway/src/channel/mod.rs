@@ -141,8 +141,6 @@ pub struct Channel<I: Instance> {
     /// When modem lines are looked at next.
     modem_lines_at: Micros,
     counters: Counters,
-    /// The last write left bytes behind that may leave, and nothing has stopped them since.
-    has_more: bool,
     /// The port may have something to read.
     readable: bool,
     gone: Option<LinkDownReason>,
@@ -185,7 +183,6 @@ impl<I: Instance> Channel<I> {
             modem_lines,
             modem_lines_at: Micros::ZERO,
             counters: Counters::default(),
-            has_more: false,
             readable: true,
             gone: None,
             depth: options.depth,

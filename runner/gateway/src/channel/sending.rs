@@ -36,7 +36,7 @@ impl<I: Instance> Channel<I> {
             return Ok(false);
         }
         if self.pending_from == self.pending_to && !self.link.has_to_send() {
-            self.has_more = false;
+            self.counters.nothing_to_send();
             return Ok(false);
         }
         self.look_below(now);
@@ -67,13 +67,11 @@ impl<I: Instance> Channel<I> {
         if written > 0 {
             host.wrote(now, &self.pending[self.pending_from..self.pending_from + written]);
             self.pending_from += written;
-            self.counters.bytes_out += written as u64;
             let run = self.pacer.took_between(now, after, written);
             self.departures.took(now, run);
-            if self.has_more {
-                self.counters.stood_still(idle, self.pacer.line().characters(1));
-            }
-            self.has_more = self.pending_from < self.pending_to || self.link.has_to_send();
+            let has_more = self.pending_from < self.pending_to || self.link.has_to_send();
+            let character = self.pacer.line().characters(1);
+            self.counters.wrote(written, idle, character, has_more);
         }
         Ok(written > 0)
     }
