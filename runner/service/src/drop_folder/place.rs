@@ -14,6 +14,7 @@
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
+use std::hash::{BuildHasher as _, Hasher as _, RandomState};
 use std::io::{self, Read as _, Write as _};
 use std::os::fd::{AsFd as _, BorrowedFd, OwnedFd};
 use std::os::unix::ffi::OsStringExt as _;
@@ -105,32 +106,62 @@ impl Place {
         Ok(Found::Place(Self { folder, work }))
     }
 
-    /// Whose it is; ours from now on if it was nobody's.
+    /// Whose it is; ours from now on if it was nobody's. It gets its owner in one step: of two who
+    /// come at once, one is the owner, and the other one is told.
     pub(super) fn whose(&self, owner: &str) -> io::Result<Whose> {
-        let flags = OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL | OFlags::NOFOLLOW;
-        match openat(&self.work, OWNER, flags | OFlags::CLOEXEC, mode(0o644)) {
-            Ok(file) => {
-                let mut file = File::from(file);
-                file.write_all(owner.as_bytes())?;
-                file.sync_all()?;
+        loop {
+            match self.said(OsStr::new(OWNER))? {
+                Some(text) if text == owner => return Ok(Whose::Ours),
+                Some(text) if text.is_empty() => self.remove_nobody()?,
+                Some(text) => return Ok(Whose::Theirs(text)),
+                None => self.take_over(owner)?,
             }
-            Err(Errno::EXIST) => {
-                let mut text = String::new();
-                read(self.work.as_fd(), OsStr::new(OWNER))?
-                    .take(OWNER_BYTES)
-                    .read_to_string(&mut text)?;
-                // Whoever made it was killed, or had no room, before it said who it was.
-                if !text.is_empty() && text != owner {
-                    return Ok(Whose::Theirs(text));
-                }
-                if text.is_empty() {
-                    unlinkat(&self.work, OWNER, AtFlags::empty())?;
-                    return self.whose(owner);
-                }
-            }
-            Err(error) => return Err(error.into()),
         }
-        Ok(Whose::Ours)
+    }
+
+    /// What the owner says of itself in this file; none if there is none.
+    fn said(&self, file: &OsStr) -> io::Result<Option<String>> {
+        let mut text = String::new();
+        match read(self.work.as_fd(), file) {
+            Ok(file) => file.take(OWNER_BYTES).read_to_string(&mut text)?,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(error),
+        };
+        Ok(Some(text))
+    }
+
+    /// An empty file is nobody. If it is not empty any more, as another one was quicker, it goes back.
+    fn remove_nobody(&self) -> io::Result<()> {
+        let aside = beside_owner();
+        match renameat(&self.work, OWNER, &self.work, &*aside) {
+            Err(Errno::NOENT) => return Ok(()),
+            moved => moved?,
+        }
+        if self.said(&aside)?.is_some_and(|text| !text.is_empty()) {
+            match rename_to_new(&self.work, &aside, &self.work, OsStr::new(OWNER)) {
+                // It is there again.
+                Err(Errno::EXIST) => {}
+                moved => return Ok(moved?),
+            }
+        }
+        Ok(unlinkat(&self.work, &*aside, AtFlags::empty())?)
+    }
+
+    /// Makes it ours, unless somebody else was quicker.
+    fn take_over(&self, owner: &str) -> io::Result<()> {
+        let new = beside_owner();
+        let written = write_new(&self.work, &new, owner);
+        let placed = written.and_then(|()| {
+            match rename_to_new(&self.work, &new, &self.work, OsStr::new(OWNER)) {
+                Ok(()) => Ok(()),
+                Err(Errno::EXIST) => Ok(unlinkat(&self.work, &*new, AtFlags::empty())?),
+                Err(error) => Err(error.into()),
+            }
+        });
+        if placed.is_err() {
+            let _ = unlinkat(&self.work, &*new, AtFlags::empty());
+        }
+        placed
     }
 
     /// What stands in the folder.
@@ -221,14 +252,7 @@ impl Place {
         let to = below(self.folder.as_fd(), shelf.name())?;
         // Hidden, until all of it is there.
         let new = OsString::from(format!(".{claim}"));
-        let mut file = File::from(openat(
-            &to,
-            &*new,
-            OFlags::WRONLY | OFlags::CREATE | OFlags::TRUNC | OFlags::NOFOLLOW | OFlags::CLOEXEC,
-            mode(0o666),
-        )?);
-        let written = file.write_all(text.as_bytes()).and_then(|()| file.sync_all());
-        drop(file);
+        let written = write_new(&to, &new, text);
         let placed = written.and_then(|()| place(&from, &to, &new, (name, tag, text)));
         if placed.is_err() {
             let _ = unlinkat(&to, &*new, AtFlags::empty());
@@ -344,6 +368,19 @@ fn names(folder: BorrowedFd<'_>) -> io::Result<Vec<OsString>> {
     Ok(names)
 }
 
+/// A name that nobody else uses.
+fn beside_owner() -> OsString {
+    format!("{OWNER}-{:016x}", RandomState::new().build_hasher().finish()).into()
+}
+
+/// Writes a file that only we know, until all of it is there.
+fn write_new(folder: &OwnedFd, name: &OsStr, text: &str) -> io::Result<()> {
+    let flags =
+        OFlags::WRONLY | OFlags::CREATE | OFlags::TRUNC | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+    let mut file = File::from(openat(folder, name, flags, mode(0o666))?);
+    file.write_all(text.as_bytes()).and_then(|()| file.sync_all())
+}
+
 /// Never overwrites. Some shares have no such rename: there it is looked first.
 fn rename_to_new(from: &OwnedFd, name: &OsStr, to: &OwnedFd, new: &OsStr) -> Result<(), Errno> {
     match renameat_with(from, name, to, new, RenameFlags::NOREPLACE) {
@@ -401,6 +438,30 @@ mod tests {
         match Place::open(folder, false).unwrap() {
             Found::Place(place) => place,
             Found::Other => panic!("it is new"),
+        }
+    }
+
+    #[test]
+    fn of_many_who_come_at_once_one_is_the_owner() {
+        // Nobody was there, or somebody has said that nobody is.
+        for (before, names) in [(None, &["a", "b", "c", "d"][..]), (Some(""), &["a", "b"])] {
+            let folder = tempfile::tempdir().unwrap();
+            let place = opened(folder.path());
+            for _ in 0..50 {
+                let owner = folder.path().join("work/.owner");
+                let _ = fs::remove_file(&owner);
+                if let Some(text) = before {
+                    fs::write(&owner, text).unwrap();
+                }
+                let come = |name: &'static str| place.whose(name).unwrap() == Whose::Ours;
+                let owners = std::thread::scope(|scope| {
+                    let who: Vec<_> =
+                        names.iter().map(|name| scope.spawn(move || come(name))).collect();
+                    who.into_iter().map(|one| u32::from(one.join().unwrap())).sum::<u32>()
+                });
+                assert_eq!(owners, 1, "{before:?}");
+            }
+            assert_eq!(names_in(&folder.path().join("work")), [".owner"]);
         }
     }
 
