@@ -63,6 +63,15 @@ pub struct JournalFilter {
     /// Of this job only.
     #[param(format = "uint32", maximum = 4_294_967_295_u32)]
     pub job: Option<u32>,
+    /// Only entries that have this in their text or their link's name; capital letters count as
+    /// small ones.
+    pub find: Option<String>,
+    /// Written at this time or later.
+    #[param(format = "uint64")]
+    pub since_ms: Option<TimeMs>,
+    /// Written before this time.
+    #[param(format = "uint64")]
+    pub until_ms: Option<TimeMs>,
     /// Only entries with a lower number than this one: the next page.
     #[param(format = "uint64")]
     pub before: Option<u64>,

@@ -8,6 +8,7 @@ mod bus;
 mod cell;
 mod change;
 mod health;
+mod history;
 mod job;
 mod journal;
 mod link;
@@ -22,8 +23,9 @@ pub use cell::{
 };
 pub use change::{Change, Seen, SeenWhat};
 pub use health::{HealthView, LinkCounts, ReadyView, ReloadView, RemadeLink, StopHow};
+pub use history::{HistorySpan, HistoryView};
 pub use job::{
-    CheckFault, JobBrief, JobFilter, JobOrder, JobOrigin, JobProgress, JobState, JobView, KindView,
+    BlockView, CheckFault, JobBrief, JobFilter, JobOrder, JobOrigin, JobProgress, JobState, JobView, KindView,
 };
 pub use journal::{JournalEntry, JournalFilter, JournalKind};
 pub use link::{
