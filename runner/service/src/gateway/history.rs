@@ -54,7 +54,13 @@ pub(crate) struct History {
 
 impl History {
     /// A second has passed, or more: then nothing is known of the others.
-    fn take(&mut self, counters: &CountersView, buffer: &BufferView, missed: usize, now: TimeMs) {
+    fn take(
+        &mut self,
+        counters: &CountersView,
+        buffer: &BufferView,
+        counts_hold: bool,
+        (missed, now): (usize, TimeMs),
+    ) {
         let counted = Counted {
             sent: counters.bytes_out,
             received: counters.bytes_in,
@@ -68,7 +74,7 @@ impl History {
             level: short(buffer.level),
             sent: since(|counted| counted.sent),
             received: since(|counted| counted.received),
-            held_ms: since(|counted| counted.held_us) / 1_000,
+            held_ms: if counts_hold { since(|counted| counted.held_us) / 1_000 } else { 0 },
             line_errors: since(|counted| counted.line_errors),
         };
         self.end_ms = now;
@@ -144,7 +150,9 @@ impl Control {
         for (name, link) in &mut self.links {
             let figures: LaneFigures = link.status.read();
             let (counters, buffer) = (show::counters(link, &figures), show::buffer(link));
-            link.history.take(&counters, &buffer, missed, now_ms);
+            // What is awaited is not held, though the line stands.
+            let counts_hold = link.is_held(&figures) || !figures.is_held;
+            link.history.take(&counters, &buffer, counts_hold, (missed, now_ms));
             let Some(running) = &link.job else { continue };
             let (id, spec) = (running.job.id, running.job.spec.clone());
             let Some(progress) = link.lane_progress(id, &figures) else { continue };
@@ -184,7 +192,7 @@ mod tests {
                 ..CountersView::default()
             };
             let buffer = BufferView { level: second, ..BufferView::default() };
-            history.take(&counters, &buffer, missed, second * 1_000);
+            history.take(&counters, &buffer, true, (missed, second * 1_000));
         }
         history.view()
     }

@@ -151,6 +151,22 @@ mod tests {
     }
 
     #[test]
+    fn the_rest_is_known_while_something_moves() {
+        let now = |state, rate, is_held| {
+            let block = Some(BlockView { number: 7, text: "N7".to_owned() });
+            let extent = Extent { surely: 30_015, maybe: 30_500 };
+            let lane = LaneProgress { extent, is_held, rate, block, ..LaneProgress::default() };
+            let progress = job(state, 0, 0, 0).progress(Some(&lane));
+            (progress.rate, progress.remaining_us, progress.block.map(|block| block.number))
+        };
+        assert_eq!(now(State::Running, Some(960), false), (Some(960), Some(10_416_666), Some(7)));
+        // For how long a machine holds the line, or somebody pauses, nobody knows.
+        assert_eq!(now(State::Running, Some(960), true), (Some(960), None, Some(7)));
+        assert_eq!(now(State::Paused, Some(960), false), (None, None, Some(7)));
+        assert_eq!(now(State::Running, None, false), (None, None, Some(7)));
+    }
+
+    #[test]
     fn a_job_is_told_in_the_same_words_wherever_it_stands() {
         let text = |job: Job| job.progress(None).text;
         assert_eq!(text(job(State::Queued, 0, 0, 0)), "40,015 bytes; waits for its turn");

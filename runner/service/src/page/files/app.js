@@ -1,5 +1,6 @@
 // The page's frame: who is there, which part is shown.
 
+import * as address from './address.js';
 import * as api from './api.js';
 import { field, h, say, show } from './dom.js';
 import { tell, whenStranger } from './message.js';
@@ -12,6 +13,7 @@ import * as link from './link.js';
 import * as links from './links.js';
 import * as plugins from './plugins.js';
 import * as programs from './programs.js';
+import * as wall from './wall.js';
 
 const main = document.getElementById('main');
 const nav = document.getElementById('nav');
@@ -20,7 +22,7 @@ const leave = document.getElementById('leave');
 
 const pages = {
   links: links.page, buses: buses.page, cells: cells.page, jobs: jobs.page, programs: programs.page, plugins: plugins.page, journal: journal.page,
-  link: (name) => link.page(name),
+  link: link.page, wall: wall.page,
 };
 
 let shown = null;
@@ -28,14 +30,14 @@ let unfollow = null;
 
 function route() {
   if (!unfollow) return;
-  const [name, argument] = location.hash.replace(/^#\/?/, '').split('/', 2);
+  const { name, argument, query } = address.read();
   const make = pages[name] ?? pages.links;
   shown?.end?.();
-  shown = make(argument === undefined ? undefined : decodeURIComponent(argument));
+  shown = make(argument, query);
   main.replaceChildren(shown.node);
+  const page = { link: 'links', wall: 'links' }[name] ?? name;
   for (const one of nav.children) {
-    const isThis = one.hash === `#/${name === 'link' ? 'links' : name || 'links'}`;
-    if (isThis) one.setAttribute('aria-current', 'page');
+    if (one.hash === `#/${page}`) one.setAttribute('aria-current', 'page');
     else one.removeAttribute('aria-current');
   }
   document.title = `${shown.node.querySelector('h1')?.textContent ?? 'Softplug'} – Softplug`;
@@ -52,6 +54,9 @@ async function enter() {
     if (error instanceof api.Refused && error.status === 401) signOut('The gateway no longer knows this token.');
   });
   route();
+  performance.mark('links');
+  // The frame after the next one has shown them.
+  requestAnimationFrame(() => requestAnimationFrame(() => performance.mark('links-in-sight')));
 }
 
 function signOut(why) {
@@ -94,7 +99,13 @@ function askForToken(why) {
 window.addEventListener('hashchange', () => { route(); main.focus({ preventScroll: true }); });
 leave.addEventListener('click', () => signOut());
 whenStranger(() => unfollow && signOut('The gateway no longer knows this token.'));
-store.watch(() => shown?.update());
+store.watch((news) => {
+  for (const one of nav.children) {
+    const name = one.hash.slice(2);
+    if (name in store.has) show(one, store.has[name] || one.hasAttribute('aria-current'));
+  }
+  shown?.update(news);
+});
 
 if (api.hasToken()) {
   enter().catch((error) => {

@@ -42,7 +42,7 @@ export function page() {
     }) });
     const node = h('tr', {}, h('td', {}, name), size, when, h('td', { class: 'buttons' }, send,
       h('button', { class: 'quiet', 'aria-label': `Save ${name}`, onclick: () => act(() => api.save(`/programs/${api.part(name)}`, name.split('/').at(-1))) }, 'Save'),
-      store.role === 'admin' && sureButton('Delete', () => act(() => api.remove(`/programs/${api.part(name)}`)))));
+      store.isAdmin() && sureButton('Delete', () => act(() => api.remove(`/programs/${api.part(name)}`)))));
     return {
       node,
       update(now) {
@@ -53,6 +53,7 @@ export function page() {
         say(send, to);
         send.setAttribute('aria-label', `${to}: ${name}`);
         send.disabled = !link.value;
+        show(send, store.mayAct());
       },
     };
   }
@@ -64,9 +65,12 @@ export function page() {
     keyed(body, shown, ({ name }) => name, row);
     show(frame, shown.length);
     show(empty, !shown.length);
+    show(form, store.mayAct());
+    show(to, store.mayAct());
   }
+  const to = h('label', { class: 'inline' }, 'Send to ', link);
   update();
   const node = h('section', {}, h('h1', {}, 'Programs'), form,
-    h('div', { class: 'panel' }, h('div', { class: 'tools' }, search, h('label', { class: 'inline' }, 'Send to ', link)), frame, empty));
+    h('div', { class: 'panel' }, h('div', { class: 'tools' }, search, to), frame, empty));
   return { node, update };
 }
