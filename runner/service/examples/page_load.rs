@@ -19,8 +19,11 @@ use browser::Browser;
 use serde_json::{Value, json};
 
 /// What is looked at: the address, and what must be there of each link.
-const VIEWS: [(&str, &str); 3] =
-    [("links", ".dense .row"), ("links?show=working&sort=rest", ".dense .row"), ("wall", ".tiles li")];
+const VIEWS: [(&str, &str); 3] = [
+    ("links", ".dense .row"),
+    ("links?show=working&sort=rest", ".dense .row"),
+    ("wall", ".tiles li"),
+];
 
 fn main() {
     let mut numbers = std::env::args().skip(1).map(|text| text.parse().expect("a number"));
@@ -90,5 +93,7 @@ fn metrics(browser: &mut Browser) -> Value {
 
 fn value(metrics: &Value, name: &str) -> f64 {
     let mut all = metrics["metrics"].as_array().into_iter().flatten();
-    all.find(|metric| metric["name"] == name).and_then(|metric| metric["value"].as_f64()).unwrap_or(f64::NAN)
+    all.find(|metric| metric["name"] == name)
+        .and_then(|metric| metric["value"].as_f64())
+        .unwrap_or(f64::NAN)
 }

@@ -126,7 +126,8 @@ fn one(
         problems.add(span, message, "give each link a folder of its own with `receive`");
     }
     let search = link.search.map(Spanned::into_inner).unwrap_or_default();
-    let search = search.iter().filter_map(|text| plain_name(Some(text), "folder", problems)).collect();
+    let search =
+        search.iter().filter_map(|text| plain_name(Some(text), "folder", problems)).collect();
     let names = names(link.names, problems);
     let mut room = |value: Option<&Spanned<Value>>, default: u32| {
         value

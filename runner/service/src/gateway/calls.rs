@@ -24,9 +24,9 @@ use crate::jobs::{
     BeginAt, EntryFilter, Job, JobFilter as Filter, JobSpec, Kind, Words, beginning_at,
 };
 use crate::view::{
-    Change, HealthView, HistoryView, JobFilter, JobOrder, JobView, JournalEntry, JournalFilter, KindView,
-    LatheView, LinkCounts, LinkState, LinkView, ReadyView, ReloadView, StopHow, SwapOrder,
-    SwapView,
+    Change, HealthView, HistoryView, JobFilter, JobOrder, JobView, JournalEntry, JournalFilter,
+    KindView, LatheView, LinkCounts, LinkState, LinkView, ReadyView, ReloadView, StopHow,
+    SwapOrder, SwapView,
 };
 
 /// How long a swap is waited for that does not have to wait for the link.

@@ -64,7 +64,8 @@ mod tests {
 
     #[test]
     fn what_stands_has_none_and_begins_anew() {
-        let stood = |seconds: u64| (0..10).map(|second| second * 960).chain((0..seconds).map(|_| 8_640));
+        let stood =
+            |seconds: u64| (0..10).map(|second| second * 960).chain((0..seconds).map(|_| 8_640));
         assert!(after(stood(3)).bytes_a_second().is_some());
         assert_eq!(after(stood(6)).bytes_a_second(), None);
         let again = stood(60).chain((1..=4).map(|second| 8_640 + second * 480));

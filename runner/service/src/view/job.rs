@@ -222,12 +222,12 @@ pub struct JobFilter {
     pub kind: Option<String>,
     /// Only jobs whose program has this in its name; capital letters count as small ones.
     pub find: Option<String>,
-    /// Ordered at this time or later.
+    /// Ordered at this time or later, in milliseconds since 1970.
     #[param(format = "uint64")]
-    pub since_ms: Option<TimeMs>,
-    /// Ordered before this time.
+    pub since_ms: Option<u64>,
+    /// Ordered before this time, in milliseconds since 1970.
     #[param(format = "uint64")]
-    pub until_ms: Option<TimeMs>,
+    pub until_ms: Option<u64>,
     /// Only jobs with a lower number than this one: the next page.
     #[param(format = "uint32", maximum = 4_294_967_295_u32)]
     pub before: Option<u32>,

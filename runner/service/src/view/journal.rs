@@ -66,12 +66,12 @@ pub struct JournalFilter {
     /// Only entries that have this in their text or their link's name; capital letters count as
     /// small ones.
     pub find: Option<String>,
-    /// Written at this time or later.
+    /// Written at this time or later, in milliseconds since 1970.
     #[param(format = "uint64")]
-    pub since_ms: Option<TimeMs>,
-    /// Written before this time.
+    pub since_ms: Option<u64>,
+    /// Written before this time, in milliseconds since 1970.
     #[param(format = "uint64")]
-    pub until_ms: Option<TimeMs>,
+    pub until_ms: Option<u64>,
     /// Only entries with a lower number than this one: the next page.
     #[param(format = "uint64")]
     pub before: Option<u64>,

@@ -25,7 +25,8 @@ pub use change::{Change, Seen, SeenWhat};
 pub use health::{HealthView, LinkCounts, ReadyView, ReloadView, RemadeLink, StopHow};
 pub use history::{HistorySpan, HistoryView};
 pub use job::{
-    BlockView, CheckFault, JobBrief, JobFilter, JobOrder, JobOrigin, JobProgress, JobState, JobView, KindView,
+    BlockView, CheckFault, JobBrief, JobFilter, JobOrder, JobOrigin, JobProgress, JobState,
+    JobView, KindView,
 };
 pub use journal::{JournalEntry, JournalFilter, JournalKind};
 pub use link::{

@@ -66,7 +66,8 @@ fn what_a_link_did_is_kept_second_by_second() {
     bench.upload("O1.nc", program.as_bytes()).with(201);
     bench.until_link("lathe-1", "idle");
     bench.post("/links/lathe-1/jobs", &json!({ "program": "O1.nc" })).with(201);
-    let sum = |list: &Value| -> u64 { list.as_array().unwrap().iter().filter_map(Value::as_u64).sum() };
+    let sum =
+        |list: &Value| -> u64 { list.as_array().unwrap().iter().filter_map(Value::as_u64).sum() };
     let history = bench.until("/links/lathe-1/history", |history| {
         sum(&history["seconds"]["sent"]) > 3_000 && sum(&history["seconds"]["level"]) > 0
     });
@@ -106,6 +107,7 @@ fn a_group_changes_without_touching_the_link() {
     assert_eq!(view["changed"], json!([{ "name": "lathe-1", "keys": ["group"], "waits": false }]));
     let link = bench.get("/links/lathe-1").with(200).json();
     assert_eq!((&link["group"], &link["state"]), (&json!("Hall 1"), &json!("sending")));
-    fs::write(&file, text.replace("name = \"lathe-1\"", "name = \"lathe-1\"\ngroup = \"../x\"")).unwrap();
+    fs::write(&file, text.replace("name = \"lathe-1\"", "name = \"lathe-1\"\ngroup = \"../x\""))
+        .unwrap();
     bench.post("/reload", &json!({})).with(422);
 }

@@ -115,7 +115,8 @@ impl Bench {
                  plugin = \"{protocol}\"\nline = \"9600 8N1\"\n"
             )
         };
-        let links = [link("lathe-1", "xon-xoff"), link("lathe-2", "xon-xoff"), link("press-3", "r3964")];
+        let links =
+            [link("lathe-1", "xon-xoff"), link("lathe-2", "xon-xoff"), link("press-3", "r3964")];
         Self::with_links(&format!(
             "{}[[link]]\nname = \"mill-4\"\nport = \"unit://127.0.0.1:4/mill\"\nplugin = \"xon-xoff\"\n\
              bus = \"hall\"\n[[bus]]\nname = \"hall\"\nrate = 250_000\nefficiency = 0.4\nswitch = \"2ms\"\n\

@@ -217,8 +217,7 @@ impl Browser {
     /// Goes on with the Tab key until what has the focus has this text or name.
     #[track_caller]
     pub(crate) fn tab_to(&mut self, text: &str) {
-        let focused =
-            "((of) => (of?.tagName !== 'SELECT' && of?.innerText || of?.name || of?.ariaLabel || '').trim())\
+        let focused = "((of) => (of?.tagName !== 'SELECT' && of?.innerText || of?.name || of?.ariaLabel || '').trim())\
              (document.activeElement)";
         for _ in 0..100 {
             self.press("Tab");
@@ -252,8 +251,10 @@ impl Browser {
     pub(crate) fn pick(&mut self, name: &str, value: &str) {
         let select = format!("document.querySelector('select[name=\"{name}\"]')");
         let value = Value::from(value);
-        let find = format!("{select} && [...{select}.options].find((one) => one.value === {value} \
-             || one.textContent.startsWith({value}))");
+        let find = format!(
+            "{select} && [...{select}.options].find((one) => one.value === {value} \
+             || one.textContent.startsWith({value}))"
+        );
         self.until(&format!("{find} && {select}.checkVisibility()"));
         self.value(&format!(
             "(() => {{ const one = {find}; {select}.value = one.value; \

@@ -35,7 +35,8 @@ impl Picture {
             one.iter().zip(other).map(|(a, b)| i32::from(a.abs_diff(b)).pow(2)).sum::<i32>()
         };
         let nearest = |colour: &[u8; 3]| {
-            let found = palette.iter().enumerate().min_by_key(|(_, (_, of))| distance(*of, *colour));
+            let found =
+                palette.iter().enumerate().min_by_key(|(_, (_, of))| distance(*of, *colour));
             found.map_or(0, |(at, _)| at as u8)
         };
         let known: BTreeMap<[u8; 3], u8> =

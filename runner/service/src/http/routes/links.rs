@@ -159,6 +159,7 @@ pub(super) async fn watch(State(app): At, Segments(link): Segments<String>) -> A
         Next::Nothing => Polled::Nothing,
         Next::End => Polled::End,
     };
-    let telling = Telling { name: "seen", gather: GATHER, apart: GATHER, thin: |seen: Vec<Seen>| seen };
+    let telling =
+        Telling { name: "seen", gather: GATHER, apart: GATHER, thin: |seen: Vec<Seen>| seen };
     Ok(stream::of(source, telling, app.stopping.clone(), slot))
 }

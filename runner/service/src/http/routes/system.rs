@@ -68,7 +68,7 @@ pub(super) struct EventsWish {
     apart_ms: Option<u32>,
 }
 
-/// Changes are told as often at least, in milliseconds.
+/// From one event of changes to the next, at most.
 const MOST_APART_MS: u32 = 10_000;
 
 /// All that changes from now on
@@ -78,11 +78,14 @@ const MOST_APART_MS: u32 = 10_000;
 #[utoipa::path(get, operation_id = "gateway_events", path = "/events",
     tag = "gateway", params(EventsWish),
     responses((status = OK, body = Vec<Change>, content_type = "text/event-stream"), Refused))]
-pub(super) async fn events(
-    State(app): At,
-    Filter(wish): Filter<EventsWish>,
-) -> Answer<Stream> {
-    let apart = Duration::from_millis(wish.apart_ms.unwrap_or(0).min(MOST_APART_MS).into());
+pub(super) async fn events(State(app): At, Filter(wish): Filter<EventsWish>) -> Answer<Stream> {
+    let apart_ms = wish.apart_ms.unwrap_or(0);
+    if apart_ms > MOST_APART_MS {
+        let sentence = format!("changes are told at most {MOST_APART_MS} ms apart");
+        let problem = Problem::new(StatusCode::UNPROCESSABLE_ENTITY, sentence);
+        return Err(problem.of_field("apart_ms"));
+    }
+    let apart = Duration::from_millis(apart_ms.into());
     let slot = app.stream_slot()?;
     let mut changes = app.gateway.subscribe();
     let source = move || match changes.try_recv() {

@@ -20,6 +20,7 @@ export function card(link) {
   const node = h('li', { class: 'card' },
     h('p', { class: 'head' }, h('a', { class: 'cover', href: toLink(link.name) }, link.name), ' ', group),
     badge.node, what, bar, block, facts, picture.node, wrong, seen.node);
+  show(picture.node, false);
   const part = {
     node,
     isVisible: false,

@@ -27,7 +27,7 @@ export function history(path) {
   const faults = s('path', { class: 'faults' });
   const low = s('line', { class: 'mark', x1: 0, x2: WIDTH });
   const high = s('line', { class: 'mark', x1: 0, x2: WIDTH });
-  const picture = s('svg', { class: 'chart', viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: 'none', role: 'img' }, held, area, low, high, line, faults);
+  const picture = s('svg', { class: 'chart', viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: 'none', role: 'img', 'aria-label': 'Nothing is known yet' }, held, area, low, high, line, faults);
   const from = h('span');
   const legend = h('p', { class: 'facts' });
   const node = h('div', { class: 'panel history' },
@@ -87,10 +87,12 @@ export function history(path) {
     say(legend, parts.join('; '));
     picture.setAttribute('aria-label', `${parts.join('; ')}; ${text.span(samples.length * step * 1000)}`);
   }
-  begin();
   return {
     node,
-    update(link) { buffer = link.buffer; },
+    update(link) {
+      buffer = link.buffer;
+      if (timer === null) begin();
+    },
     end: () => clearInterval(timer),
   };
 }

@@ -8,8 +8,10 @@ use crate::bench::Bench;
 use crate::browser::Browser;
 
 /// Where the page's pinned tools are, as .ci/run puts them.
-const AXE: &str =
-    concat!(env!("CARGO_MANIFEST_DIR"), "/../../target/tools/page/node_modules/axe-core/axe.min.js");
+const AXE: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/../../target/tools/page/node_modules/axe-core/axe.min.js"
+);
 
 const VIEWS: [&str; 12] = [
     "links?view=cards",

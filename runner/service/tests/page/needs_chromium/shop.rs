@@ -60,6 +60,7 @@ impl Shop {
     /// Somebody sits down at the page.
     pub(super) fn sign_in(&mut self, token: &str, (width, height): (u32, u32)) {
         self.browser.size(width, height);
+        self.browser.value("location.hash = '#/links'");
         if self.browser.value("document.querySelector('#leave')?.checkVisibility()") == true {
             self.browser.click("#leave", "Sign out");
         } else {
