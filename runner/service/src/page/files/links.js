@@ -8,9 +8,12 @@ import { COLUMNS, heads, row } from './rows.js';
 import { sight } from './visible.js';
 import * as state from './state.js';
 import * as store from './store.js';
+import * as text from './text.js';
 
 /** More links than this are a table, if nothing is said. */
 const MOST_CARDS = 24;
+/** So many are made before the first picture; the others a moment later. */
+const FIRST = 60;
 /** What is sorted by what changes by itself is sorted anew as often, in milliseconds. */
 const CALM = 5000;
 
@@ -58,6 +61,7 @@ export function page(_, query) {
   let shown = [];
   let sortedAt = 0;
   let key = '';
+  let isWhole = false;
 
   /** Which links, in which order; whether that is another than before. */
   function choose() {
@@ -95,7 +99,8 @@ export function page(_, query) {
     if (isOther) {
       const [list, other] = isTable() ? [rows, cards] : [cards, rows];
       keyed(other, [], (link) => link.name, make);
-      keyed(list, shown, (link) => link.name, (link) => {
+      const first = isWhole ? shown : shown.slice(0, FIRST);
+      keyed(list, first, (link) => link.name, (link) => {
         const part = make(link);
         parts.set(link.name, part);
         return bring(part);
@@ -107,13 +112,20 @@ export function page(_, query) {
       if (part?.isVisible && link) part.update(link);
     }
     tell();
+    if (isWhole || shown.length <= FIRST) return;
+    requestAnimationFrame(() => setTimeout(() => {
+      if (isWhole) return;
+      isWhole = true;
+      key = '';
+      update();
+    }));
   }
 
   function tell() {
     const links = [...store.links.values()];
     for (const [name, chip] of chips) {
       const count = links.filter(TESTS[name]).length;
-      say(chip, `${name} ${count}`);
+      say(chip, count ? `${name} ${text.count(count)}` : name);
       chip.setAttribute('aria-pressed', name === (wish.show || 'all'));
       chip.classList.toggle('bad', name === 'trouble' && count > 0);
     }

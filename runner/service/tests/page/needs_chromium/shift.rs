@@ -166,7 +166,7 @@ fn swap_and_send_to_many(shop: &mut Shop) {
         shop.click("button", "Send O77.nc to 50 links");
         shop.browser.sees("50 of 50 links ordered");
     });
-    let sent = shop.bench.get("/jobs?find=o77&limit=1000").with(200).json();
+    let sent = shop.bench.get("/jobs?find=o77&kind=send&limit=1000").with(200).json();
     assert_eq!(sent.as_array().unwrap().len(), 51);
     shop.step("swapping many", |shop| {
         shop.find("Hall 4");
@@ -249,7 +249,9 @@ fn look_back(shop: &mut Shop) {
     shop.browser.until("document.querySelector('select[name=kind]')?.value === 'swap'");
     shop.browser.until("document.querySelectorAll('main tbody tr').length === 1");
     shop.browser.value("location.hash = '#/link/lathe-001'");
-    shop.browser.until("document.querySelector('.history .line')?.getAttribute('d').length > 200");
+    shop.browser.until(
+        "(document.querySelector('.history .line')?.getAttribute('d') ?? '').length > 200",
+    );
     shop.keep_picture("link");
 }
 
