@@ -1,11 +1,11 @@
 //! Simulated machines, so that a set-up can be tried without one.
 
-use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 
 use softplug_abi::{LineErrorKind, LineParameters, Micros};
+use softplug_gateway::PortSpec;
 use softplug_gateway::poll::Waker;
 use softplug_gateway::simulator::Simulator;
 use softplug_machines::kept::Keep;
@@ -16,7 +16,7 @@ use crate::view::LatheView;
 /// A simulated machine on a pty; it ends when this is dropped.
 #[derive(Debug)]
 pub(crate) struct Simulated {
-    path: PathBuf,
+    port: PortSpec,
     stop: Arc<AtomicBool>,
     waker: Waker,
     thread: Option<JoinHandle<()>>,
@@ -33,7 +33,7 @@ impl Simulated {
         };
         let mut simulator: Simulator<Machine> =
             Simulator::new(machine).map_err(|error| error.to_string())?;
-        let (path, waker) = (simulator.path().to_owned(), simulator.waker());
+        let (port, waker) = (simulator.port(), simulator.waker());
         let stop = Arc::new(AtomicBool::new(false));
         let is_stopped = Arc::clone(&stop);
         let thread = thread::Builder::new()
@@ -48,12 +48,12 @@ impl Simulated {
                 }
             })
             .map_err(|error| error.to_string())?;
-        Ok(Self { path, stop, waker, thread: Some(thread), lathe })
+        Ok(Self { port, stop, waker, thread: Some(thread), lathe })
     }
 
     /// Where it is to be reached.
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
+    pub(crate) fn port(&self) -> &PortSpec {
+        &self.port
     }
 
     /// The lathe, if it is one: what it has cut can be seen.

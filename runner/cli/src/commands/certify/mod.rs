@@ -102,7 +102,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
     // All that can be wrong is found before the work begins.
     let module = arguments.library.read(&arguments.plugin)?;
-    let corpus = arguments.corpus.load()?;
+    let corpus = arguments.corpus.load_for(&arguments.profile, screen)?;
     let baseline = arguments.baseline.as_deref().map(read_baseline).transpose()?;
     let key = arguments.key.as_deref().map(read_key).transpose()?;
     if arguments.explore.is_some() {
