@@ -47,7 +47,7 @@ fn a_shift_of_three_people_takes_three_clicks_a_step() {
 
 /// The machinist, on a phone at the machine.
 fn send_and_watch(shop: &mut Shop) {
-    shop.keep_picture("links-phone");
+    shop.keep_picture("gateway-links-phone");
     shop.step("finding a link", |shop| {
         shop.find("lathe");
         shop.browser.until("document.querySelectorAll('.dense .row').length === 1");
@@ -75,7 +75,7 @@ fn send_and_watch(shop: &mut Shop) {
         }
         shop.browser.until("/^[\\d,]+: N\\d+ G01/.test(document.querySelector('.numbers .block dd').textContent)");
         shop.browser.value("scrollTo(0, 0)");
-        shop.keep_picture("link-phone");
+        shop.keep_picture("gateway-link-phone");
     });
 }
 
@@ -92,7 +92,7 @@ fn hold_and_pause(shop: &mut Shop) {
         shop.go_to("lathe-001");
         shop.browser.sees("The machine has said stop");
         assert!(!shop.browser.shows("button", "Resume"), "it is not ours to resume");
-        shop.keep_picture("held");
+        shop.keep_picture("gateway-held");
         shop.click("button", "Override hold");
         shop.click("button", "Override hold: sure?");
         shop.lathe.has(before + 500);
@@ -162,7 +162,7 @@ fn swap_and_send_to_many(shop: &mut Shop) {
         shop.click("[aria-label^='Choose all']", "");
         shop.pick("bulk-program", "O77.nc");
         shop.browser.sees("begins at once");
-        shop.keep_picture("many");
+        shop.keep_picture("gateway-many");
         shop.click("button", "Send O77.nc to 50 links");
         shop.browser.sees("50 of 50 links ordered");
     });
@@ -180,7 +180,7 @@ fn swap_and_send_to_many(shop: &mut Shop) {
     let links = shop.bench.get("/links").with(200).json();
     let swapped = links.as_array().unwrap().iter();
     assert_eq!(swapped.filter(|link| link["plugin"]["version"] == "9.9.9").count(), 51);
-    shop.keep_picture("links");
+    shop.keep_picture("gateway-links");
 }
 
 fn quarantine_and_release(shop: &mut Shop) {
@@ -204,7 +204,7 @@ fn quarantine_and_release(shop: &mut Shop) {
         shop.go_to("press-002");
         shop.browser.sees("5 times");
         assert_eq!(shop.browser.value("document.querySelectorAll('.faults li').length"), 1);
-        shop.keep_picture("quarantine");
+        shop.keep_picture("gateway-quarantine");
         shop.click("button", "Back to fragile 1.0.0");
         shop.browser.sees("Runs fragile 1.0.0");
     });
@@ -241,7 +241,7 @@ fn look_back(shop: &mut Shop) {
             "document.querySelectorAll('main tbody tr').length > 5 && \
              [...document.querySelectorAll('main tbody tr td:nth-child(3)')].every((of) => of.textContent === 'press-002')",
         );
-        shop.keep_picture("journal");
+        shop.keep_picture("gateway-journal");
     });
     // It is there after a reload.
     shop.browser.value("location.hash = '#/journal?kind=swap&link=lathe-001'");
@@ -252,7 +252,7 @@ fn look_back(shop: &mut Shop) {
     shop.browser.until(
         "(document.querySelector('.history .line')?.getAttribute('d') ?? '').length > 200",
     );
-    shop.keep_picture("link");
+    shop.keep_picture("gateway-link");
 }
 
 /// A screen in the shop.
@@ -262,7 +262,7 @@ fn watch_the_wall(shop: &mut Shop) {
         shop.click("a", "Wall");
         shop.browser.until(&format!("document.querySelectorAll('.tiles li').length === {LINKS}"));
         shop.browser.until("document.documentElement.scrollHeight <= innerHeight");
-        shop.keep_picture("wall");
+        shop.keep_picture("gateway-wall");
     });
     shop.step("a link, as a viewer", |shop| {
         shop.go_to("lathe-001");
