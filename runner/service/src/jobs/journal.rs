@@ -3,23 +3,10 @@
 use serde::{Deserialize, Serialize};
 use softplug_gateway::is_plain;
 
-pub use crate::view::JournalKind as Subject;
+pub use crate::view::{JournalKind as Subject, JournalWeight as Weight};
 
 /// A text that comes from a machine or a plug-in is no longer than this here.
 const TEXT_BYTES: usize = 2_000;
-
-/// How much it matters.
-#[derive(Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Weight {
-    /// As it should be.
-    #[default]
-    Normal,
-    /// Somebody should look at it.
-    Warning,
-    /// Somebody must look at it.
-    Alarm,
-}
 
 /// What is to be written down.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]

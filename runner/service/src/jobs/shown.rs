@@ -59,8 +59,8 @@ pub(super) fn kind_name(kind: String) -> String {
 
 impl From<Entry> for JournalEntry {
     fn from(Entry { number, time, note }: Entry) -> Self {
-        let super::Note { subject, link, job, text, .. } = note;
-        Self { number, at_ms: time, kind: subject, link, job, text }
+        let super::Note { subject, weight, link, job, text } = note;
+        Self { number, at_ms: time, kind: subject, link, job, weight, text }
     }
 }
 

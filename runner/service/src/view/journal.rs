@@ -18,8 +18,26 @@ pub struct JournalEntry {
     pub link: Option<String>,
     /// The job.
     pub job: Option<u32>,
+    /// How much it matters.
+    #[serde(default)]
+    pub weight: JournalWeight,
     /// What happened, in a sentence.
     pub text: String,
+}
+
+/// How much an entry of the journal matters.
+#[derive(
+    Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize, ToSchema,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum JournalWeight {
+    /// As it should be.
+    #[default]
+    Normal,
+    /// Somebody should look at it.
+    Warning,
+    /// Somebody must look at it.
+    Alarm,
 }
 
 /// What an entry of the journal is about.

@@ -28,7 +28,7 @@ pub use job::{
     BlockView, CheckFault, JobBrief, JobFilter, JobOrder, JobOrigin, JobProgress, JobState,
     JobView, KindView,
 };
-pub use journal::{JournalEntry, JournalFilter, JournalKind};
+pub use journal::{JournalEntry, JournalFilter, JournalKind, JournalWeight};
 pub use link::{
     AlarmView, BufferView, CountersView, DownView, DropView, EndpointView, FaultView, LatheView,
     LinkState, LinkView, PortView, QuarantineView, ReceivingView, UnappliedView,

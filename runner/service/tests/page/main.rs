@@ -13,6 +13,7 @@ mod plugins;
 mod needs_chromium {
     mod access;
     mod lathe;
+    mod many;
     mod shift;
     mod shop;
     mod truth;

@@ -15,6 +15,9 @@ import * as plugins from './plugins.js';
 import * as programs from './programs.js';
 import * as wall from './wall.js';
 
+/** Pages of one thing, and the list that they belong to. */
+const LISTS = { link: 'links', wall: 'links' };
+
 const main = document.getElementById('main');
 const nav = document.getElementById('nav');
 const connection = document.getElementById('connection');
@@ -35,9 +38,9 @@ function route() {
   shown?.end?.();
   shown = make(argument, query);
   main.replaceChildren(shown.node);
-  const page = { link: 'links', wall: 'links' }[name] ?? name;
   for (const one of nav.children) {
-    if (one.hash === `#/${page}`) one.setAttribute('aria-current', 'page');
+    const isThis = one.hash === `#/${LISTS[name] ?? name}`;
+    if (isThis) one.setAttribute('aria-current', 'page');
     else one.removeAttribute('aria-current');
   }
   document.title = `${shown.node.querySelector('h1')?.textContent ?? 'Softplug'} – Softplug`;

@@ -61,7 +61,7 @@ function row(job, withLink) {
       show(resume, may && now.state === 'paused');
       show(abort, may && !ENDED.has(now.state));
       show(seen, may && now.is_unseen);
-      show(again, may && ENDED.has(now.state) && now.program);
+      show(again, may && ENDED.has(now.state) && now.program && now.kind !== 'receive');
       up.priority = now.priority;
       show(up, may && now.state === 'queued');
       from.block = (now.last_block ?? 0) + 1;

@@ -12,7 +12,7 @@ const fits = (entry, wish) => (!wish.link || entry.link === wish.link) && (!wish
   && isWithin(entry.at_ms, wish) && has(`${entry.text}\n${entry.link ?? ''}`, wish);
 
 function row(entry) {
-  const node = h('tr', { class: entry.kind === 'fault' || entry.kind === 'alarm' ? 'bad' : '' },
+  const node = h('tr', { class: { warning: 'warned', alarm: 'bad' }[entry.weight] ?? '' },
     h('td', {}, text.time(entry.at_ms)), h('td', {}, entry.kind),
     h('td', {}, entry.link ? h('a', { href: toLink(entry.link) }, entry.link) : ''),
     h('td', { class: 'text' }, entry.text));

@@ -181,15 +181,18 @@ function swapForm(path) {
       const isAdmin = store.isAdmin();
       const newer = isAdmin ? newest(link) : null;
       one.plugin = newer && text.pluginKey(newer);
-      say(one, newer ? `Swap to ${text.plugin(newer)}` : '');
-      show(one, newer);
+      const isNewer = newer && text.isNewer(newer, link.plugin);
+      say(one, newer ? `${isNewer ? 'Swap' : 'Back'} to ${text.plugin(newer)}` : '');
+      one.classList.toggle('main', Boolean(isNewer));
+      // In quarantine the way back stands there.
+      show(one, newer && newer.digest !== link.quarantine?.ran_well?.digest);
       show(more, isAdmin);
       show(forbidden, !isAdmin);
       options(choice, store.plugins.map((of) => [text.pluginKey(of), `${text.plugin(of)} (${of.digest.slice(0, 8)})${of.digest === link.plugin?.digest ? ', runs' : ''}`]));
       const { swap: view, probation } = link;
       say(last, [
         `Runs ${text.plugin(link.plugin)}.`,
-        view && `Last swap, ${text.time(view.at_ms)}: ${view.from ? `${text.plugin(view.from)} → ` : ''}${text.plugin(view.to)}, ${view.state}${view.pause_us === null ? '' : ` in ${text.span(view.pause_us)}`}${view.message ? `: ${view.message}` : ''}.`,
+        view && `Last swap, ${text.time(view.at_ms)}: ${view.from ? `${text.plugin(view.from)} → ` : ''}${text.plugin(view.to)}, ${view.state}${view.pause_us === null ? '' : `; the link stood still for ${text.span(view.pause_us)}`}${view.message ? `: ${view.message}` : ''}.`,
         probation && `On probation; returns to ${text.plugin(probation.returns_to)} if it fails.`,
       ].filter(Boolean).join(' '));
     },
@@ -199,8 +202,7 @@ function swapForm(path) {
 /** The last added plug-in of the same name that is another one than that which runs. */
 function newest(link) {
   const others = store.plugins.filter((of) => of.name === link.plugin?.name && of.digest !== link.plugin.digest);
-  const newer = (a, b) => a.version.localeCompare(b.version, 'en', { numeric: true });
-  return others.sort(newer).at(-1) ?? null;
+  return others.sort((a, b) => store.inOrder(a.version, b.version)).at(-1) ?? null;
 }
 
 function queue(name) {

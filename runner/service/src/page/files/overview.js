@@ -29,14 +29,14 @@ export function overview(name, path) {
   };
   const onLink = (verb) => () => act(async () => store.took(await api.post(`${path}/${verb}`)));
   const seen = state.seenButton();
-  const pause = h('button', { onclick: order('pause') }, 'Pause');
-  const resume = h('button', { class: 'main', onclick: order('resume') }, 'Resume');
+  const pause = h('button', { class: 'steady', onclick: order('pause') }, 'Pause');
+  const resume = h('button', { class: 'main steady', onclick: order('resume') }, 'Resume');
   const abort = sureButton('Abort', order('abort'));
   const override = sureButton('Override hold', onLink('force-resume'));
   const force = sureButton('Send without waiting', onLink('force-resume'));
   const reopen = h('button', { onclick: onLink('reopen') }, 'Open the port again');
   const buttons = h('div', { class: 'buttons' }, seen.node, resume, pause, abort, override, force, reopen);
-  const node = h('div', { class: 'panel' }, h('div', { class: 'row' }, badge.node, what), bar, wrong, means, buttons, numbers);
+  const node = h('div', { class: 'panel' }, h('div', { class: 'row' }, badge.node, what), bar, wrong, buttons, means, numbers);
   return {
     node,
     update(link) {

@@ -63,10 +63,10 @@ function item(path, { fault }) {
     node: h('li', {}, h('p', {}, h('strong', {}, fault.text)), often, words, save),
     update({ fault: now, count, first }) {
       const times = count === 1 ? `Once, ${text.time(now.at_ms)}` : `${count} times, from ${text.time(first)} to ${text.time(now.at_ms)}`;
-      const event = now.event === 'none' ? '' : `, at the event ${now.event}`;
+      const event = now.event === 'none' || now.text.includes(`"${now.event}"`) ? '' : `, at the event ${now.event}`;
       say(often, `${times}; ${text.plugin(now.plugin)}${event}`);
       say(words, now.last_words ?? '');
-      show(words, now.last_words);
+      show(words, now.last_words && !now.text.includes(now.last_words));
       save.trace = now.trace;
       show(save, now.trace);
       if (now.trace) save.title = now.trace;

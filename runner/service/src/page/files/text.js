@@ -67,6 +67,9 @@ export function job(of) {
   return parts.join('; ');
 }
 
+/** Whether one version of a plug-in comes after another. */
+export const isNewer = (one, other) => one.version.localeCompare(other.version, 'en', { numeric: true }) > 0;
+
 /** A plug-in's name and version. */
 export function plugin(of) {
   return of ? `${of.name} ${of.version}` : 'none';

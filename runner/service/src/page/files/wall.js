@@ -52,6 +52,7 @@ export function page(_, query) {
   document.addEventListener('keydown', onKey);
   window.addEventListener('resize', fit);
   let count = 0;
+  let longest = 8;
 
   /** As many columns as make all tiles fit. */
   function fit() {
@@ -64,7 +65,8 @@ export function page(_, query) {
     const size = Math.max(44, Math.floor(height / rows) - 6);
     tiles.style.setProperty('--columns', columns);
     tiles.style.setProperty('--height', `${size}px`);
-    tiles.style.setProperty('--letters', `${Math.max(11, Math.min(40, Math.floor(Math.min(width / columns / 9, size / 3.4))))}px`);
+    const letters = Math.min(width / columns / (0.68 * longest + 1.2), size / 3.1);
+    tiles.style.setProperty('--letters', `${Math.max(11, Math.min(40, Math.floor(letters)))}px`);
     tiles.classList.toggle('small', size < TALL);
   }
 
@@ -78,6 +80,7 @@ export function page(_, query) {
     say(clock, new Date().toLocaleTimeString('en-GB', { hour: '2-digit', minute: '2-digit' }));
     if (count !== shown.length) {
       count = shown.length;
+      longest = Math.max(8, ...shown.map((link) => link.name.length));
       requestAnimationFrame(fit);
     }
   }
