@@ -63,10 +63,10 @@ impl Text {
         let mut text = Self::default();
         let length = state.u16();
         if usize::from(length) > CAPACITY {
-            return Err(StateError);
+            return Err(StateError::DAMAGED);
         }
         state.bytes(usize::from(length)).iter().all(|byte| text.push(*byte));
-        if text.length == length { Ok(text) } else { Err(StateError) }
+        if text.length == length { Ok(text) } else { Err(StateError::DAMAGED) }
     }
 }
 
@@ -203,7 +203,7 @@ impl Reader {
             1 => Part::Text,
             2 => Part::Check,
             3 => Part::Invitation,
-            _ => return Err(StateError),
+            _ => return Err(StateError::DAMAGED),
         };
         Ok(Self {
             part,

@@ -304,7 +304,7 @@ impl Converter for HeidenhainFe {
 
     fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
         if !(1..=3).contains(&format) {
-            return Err(StateError);
+            return Err(StateError::DAMAGED);
         }
         let stopping;
         (self.stage, stopping) = Stage::restore(format, state)?;

@@ -141,7 +141,7 @@ impl Line {
         };
         let owed = if format < 3 { 0 } else { usize::from(state.u8()) };
         if owed > OWED {
-            return Err(StateError);
+            return Err(StateError::DAMAGED);
         }
         for byte in state.bytes(owed) {
             line.owe(*byte);

@@ -344,7 +344,7 @@ impl Sender {
             ..Self::default()
         };
         if usize::from(sender.pending_length) > PENDING {
-            return Err(StateError);
+            return Err(StateError::DAMAGED);
         }
         copy(&mut sender.pending, state.bytes(usize::from(sender.pending_length)));
         sender.wanted = state.u32();

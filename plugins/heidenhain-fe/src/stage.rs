@@ -65,7 +65,7 @@ impl Stage {
             6 if format < 3 => Self::Idle,
             7 => Self::Receiving,
             8 => Self::Waiting,
-            _ => return Err(StateError),
+            _ => return Err(StateError::DAMAGED),
         };
         Ok((stage, stopping))
     }

@@ -50,7 +50,7 @@ impl Data {
     pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
         let length = usize::from(state.u16());
         if length > ROOM {
-            return Err(StateError);
+            return Err(StateError::DAMAGED);
         }
         let mut data = Self::new();
         data.push(state.bytes(length));

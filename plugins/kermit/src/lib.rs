@@ -269,7 +269,7 @@ impl Converter for Kermit {
 
     fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
         if format != 1 {
-            return Err(StateError);
+            return Err(StateError::DAMAGED);
         }
         self.stage = Stage::restore(state)?;
         self.reader = Reader::restore(state)?;

@@ -104,7 +104,7 @@ impl Packet {
     pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
         let mut packet = Self { begin: state.u16(), end: state.u16(), ..Self::new() };
         let Some(own) = packet.bytes.get_mut(..usize::from(packet.end)) else {
-            return Err(StateError);
+            return Err(StateError::DAMAGED);
         };
         copy(own, state.bytes(own.len()));
         Ok(packet)
@@ -287,7 +287,7 @@ impl Reader {
             0 => Place::Outside,
             1 => Place::Inside,
             2 => Place::Spoilt,
-            _ => return Err(StateError),
+            _ => return Err(StateError::DAMAGED),
         };
         let mut reader = Self {
             place,
@@ -297,7 +297,7 @@ impl Reader {
             ..Self::new()
         };
         let Some(own) = reader.bytes.get_mut(..usize::from(reader.length)) else {
-            return Err(StateError);
+            return Err(StateError::DAMAGED);
         };
         copy(own, state.bytes(own.len()));
         Ok(reader)

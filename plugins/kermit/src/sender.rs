@@ -397,7 +397,7 @@ impl Sender {
         (sender.is_made, sender.has_left) = (is_made, has_left);
         sender.name_length = state.u8();
         let Some(name) = sender.name.get_mut(..usize::from(sender.name_length)) else {
-            return Err(StateError);
+            return Err(StateError::DAMAGED);
         };
         copy(name, state.bytes(name.len()));
         sender.data = Data::restore(state)?;

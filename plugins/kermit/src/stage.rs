@@ -39,6 +39,6 @@ impl Stage {
     }
 
     pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        ALL.get(usize::from(state.u8())).copied().ok_or(StateError)
+        ALL.get(usize::from(state.u8())).copied().ok_or(StateError::DAMAGED)
     }
 }

@@ -148,7 +148,7 @@ impl Terms {
             && usize::from(long) <= crate::packet::MOST
             && padding <= SHORT as u8;
         if !is_sound {
-            return Err(StateError);
+            return Err(StateError::DAMAGED);
         }
         Ok(Self { theirs, ours, check, short, long, padding, pad, end })
     }

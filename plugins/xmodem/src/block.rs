@@ -70,7 +70,7 @@ impl Data {
     pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
         let length = usize::from(state.u16());
         if length > LONG {
-            return Err(StateError);
+            return Err(StateError::DAMAGED);
         }
         let mut data = Self::new();
         data.push(state.bytes(length));

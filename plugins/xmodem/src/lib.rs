@@ -266,7 +266,7 @@ impl Converter for Xmodem {
 
     fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
         if format != 1 {
-            return Err(StateError);
+            return Err(StateError::DAMAGED);
         }
         self.stage = Stage::restore(state)?;
         self.line = Line::restore(state)?;

@@ -111,7 +111,7 @@ impl Line {
             Self { deadlines: core::array::from_fn(|_| state.deadline()), ..Self::default() };
         line.owed_length = state.u8();
         let Some(owed) = line.owed.get_mut(..usize::from(line.owed_length)) else {
-            return Err(StateError);
+            return Err(StateError::DAMAGED);
         };
         softplug_plugin::copy(owed, state.bytes(usize::from(line.owed_length)));
         Ok(line)

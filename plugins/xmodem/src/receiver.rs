@@ -201,7 +201,7 @@ impl Receiver {
         let (expected, why) = (state.u8(), state.failure());
         let [run, held, delivered] = core::array::from_fn(|_| state.u16());
         if usize::from(delivered) > usize::from(held) + reader.data.length() {
-            return Err(StateError);
+            return Err(StateError::DAMAGED);
         }
         Ok(Self {
             reader,

@@ -294,7 +294,7 @@ impl Sender {
         let number = state.u8();
         let [wanted, repeats, mark] = core::array::from_fn(|_| state.u32());
         if usize::from(at) > LONG || usize::from(length) > LONG {
-            return Err(StateError);
+            return Err(StateError::DAMAGED);
         }
         Ok(Self {
             job,
