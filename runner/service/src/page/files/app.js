@@ -11,7 +11,11 @@ import * as jobs from './jobs.js';
 import * as link from './link.js';
 import * as links from './links.js';
 import * as plugins from './plugins.js';
+import * as program from './program.js';
 import * as programs from './programs.js';
+
+/** Pages of one thing, and the list that they belong to. */
+const LISTS = { link: 'links', program: 'programs' };
 
 const main = document.getElementById('main');
 const nav = document.getElementById('nav');
@@ -20,7 +24,7 @@ const leave = document.getElementById('leave');
 
 const pages = {
   links: links.page, buses: buses.page, cells: cells.page, jobs: jobs.page, programs: programs.page, plugins: plugins.page, journal: journal.page,
-  link: (name) => link.page(name),
+  link: (name) => link.page(name), program: (name) => program.page(name),
 };
 
 let shown = null;
@@ -34,7 +38,7 @@ function route() {
   shown = make(argument === undefined ? undefined : decodeURIComponent(argument));
   main.replaceChildren(shown.node);
   for (const one of nav.children) {
-    const isThis = one.hash === `#/${name === 'link' ? 'links' : name || 'links'}`;
+    const isThis = one.hash === `#/${LISTS[name] ?? (name || 'links')}`;
     if (isThis) one.setAttribute('aria-current', 'page');
     else one.removeAttribute('aria-current');
   }
