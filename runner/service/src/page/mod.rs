@@ -42,6 +42,7 @@ pub(crate) const FILES: &[File] = &[
     script!("buses.js"),
     script!("cells.js"),
     script!("chart.js"),
+    script!("compare.js"),
     script!("differences.js"),
     script!("dom.js"),
     script!("gcode.js"),

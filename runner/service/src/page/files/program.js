@@ -79,7 +79,7 @@ export function page(name) {
   function describe() {
     const known = store.programs.find((of) => of.name === name);
     const values = read ? measures(read, how.rapid) : [];
-    values.push(['File', bytes && `${text.bytes(bytes.length)}, ${starts ? `${text.count(starts.length)} lines` : ''}`], ['Changed', known && text.time(known.changed_ms)]);
+    values.push(['File', bytes && `${text.bytes(bytes.length)}, ${starts ? `${text.count(starts.length)} ${starts.length === 1 ? 'line' : 'lines'}` : ''}`], ['Changed', known && text.time(known.changed_ms)]);
     keyed(facts, values.filter(([, value]) => value), ([title]) => title, ([title]) => {
       const value = h('dd');
       return { node: h('div', {}, h('dt', {}, title), value), update: ([, now]) => say(value, now) };
