@@ -50,7 +50,10 @@ impl Stream {
         let socket = SockRef::from(&stream);
         socket.set_send_buffer_size(SEND_BUFFER)?;
         let keepalive = TcpKeepalive::new().with_time(idle).with_interval(interval);
-        socket.set_tcp_keepalive(&keepalive.with_retries(count))?;
+        // Not every system has a number of its own for that.
+        if socket.set_tcp_keepalive(&keepalive.clone().with_retries(count)).is_err() {
+            socket.set_tcp_keepalive(&keepalive)?;
+        }
         Ok(Self(stream))
     }
 

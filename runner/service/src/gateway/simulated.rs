@@ -9,7 +9,9 @@ use softplug_gateway::PortSpec;
 use softplug_gateway::poll::Waker;
 use softplug_gateway::simulator::Simulator;
 use softplug_machines::kept::Keep;
-use softplug_machines::{Clocked, Partner, Signal, fanuc, pulse_lathe, r3964, xmodem, xon_xoff};
+use softplug_machines::{
+    Clocked, Partner, Signal, fanuc, kermit, pulse_lathe, r3964, xmodem, xon_xoff,
+};
 
 use crate::view::LatheView;
 
@@ -129,6 +131,8 @@ struct Machine(Box<dyn Partner + Send>);
 
 fn machine(protocol: &str, line: LineParameters) -> Result<Machine, String> {
     let line = if line.baud == 0 { LineParameters { baud: 9_600, ..line } } else { line };
+    // Whoever looks for the next program or sends the next one waits as long.
+    let rest = Some(Micros::from_secs(3));
     let r3964 = |options: r3964::Options| {
         let station = r3964::Station::new(r3964::Options { line, ..options });
         station.map(|station| Machine(Box::new(station))).map_err(|error| error.to_string())
@@ -147,8 +151,11 @@ fn machine(protocol: &str, line: LineParameters) -> Result<Machine, String> {
             let control = fanuc::Control::new(options).map_err(|error| error.to_string())?;
             Ok(Machine(Box::new(control)))
         }
+        "kermit" => {
+            let options = kermit::Options { line, rest, ..kermit::Options::default() };
+            Ok(Machine(Box::new(kermit::Machine::new(options))))
+        }
         "xmodem" => {
-            let rest = Some(Micros::from_secs(3));
             let options = xmodem::Options { line, rest, ..xmodem::Options::default() };
             Ok(Machine(Box::new(xmodem::Control::new(options))))
         }

@@ -12,8 +12,10 @@ mod plugins;
 
 mod needs_chromium {
     mod access;
+    mod gcode;
     mod lathe;
     mod many;
+    mod program;
     mod shift;
     mod shop;
     mod truth;

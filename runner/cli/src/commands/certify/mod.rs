@@ -6,6 +6,9 @@ pub(super) mod random;
 pub(super) mod score;
 mod show;
 
+#[cfg(target_os = "linux")]
+pub(crate) use show::place_text;
+
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 

@@ -2,6 +2,7 @@
 
 mod fanuc;
 mod faults;
+mod kermit;
 mod pulse_lathe;
 mod r3964;
 mod script;
@@ -9,6 +10,7 @@ mod xmodem;
 mod xon_xoff;
 
 pub(crate) use fanuc::FanucSimulation;
+pub(crate) use kermit::KermitSimulation;
 pub(crate) use pulse_lathe::PulseLatheSimulation;
 pub(crate) use r3964::R3964Simulation;
 pub(crate) use script::ScriptSimulation;
@@ -44,6 +46,7 @@ enum Machine {
     #[command(name = "fanuc-rs232")]
     Fanuc(Box<fanuc::Fanuc>),
     PulseLathe(Box<pulse_lathe::PulseLathe>),
+    Kermit(Box<kermit::Kermit>),
     Xmodem(Box<xmodem::Xmodem>),
     Script(Box<script::Script>),
 }
@@ -76,6 +79,7 @@ pub(crate) enum Simulation {
     R3964(Box<R3964Simulation>),
     Fanuc(Box<FanucSimulation>),
     PulseLathe(Box<PulseLatheSimulation>),
+    Kermit(Box<KermitSimulation>),
     Xmodem(Box<XmodemSimulation>),
     Script(Box<ScriptSimulation>),
 }
@@ -110,6 +114,7 @@ pub(crate) fn run(arguments: Arguments, screen: &Screen) -> Result<Exit, Failure
         Machine::R3964Simplified(machine) => Simulation::R3964(Box::new(machine.prepare()?)),
         Machine::Fanuc(machine) => Simulation::Fanuc(Box::new(machine.prepare()?)),
         Machine::PulseLathe(machine) => Simulation::PulseLathe(Box::new(machine.prepare()?)),
+        Machine::Kermit(machine) => Simulation::Kermit(Box::new(machine.prepare()?)),
         Machine::Xmodem(machine) => Simulation::Xmodem(Box::new(machine.prepare()?)),
         Machine::Script(script) => Simulation::Script(Box::new(script.prepare()?)),
     };

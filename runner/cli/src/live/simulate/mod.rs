@@ -1,6 +1,7 @@
 //! `softplug simulate`.
 
 mod fanuc;
+mod kermit;
 mod pulse_lathe;
 mod r3964;
 mod script;
@@ -33,6 +34,7 @@ pub(crate) fn simulate(simulation: &Simulation, screen: &Screen) -> Result<Exit,
         Simulation::R3964(simulation) => r3964::run(simulation, screen),
         Simulation::Fanuc(simulation) => fanuc::run(simulation, screen),
         Simulation::PulseLathe(simulation) => pulse_lathe::run(simulation, screen),
+        Simulation::Kermit(simulation) => kermit::run(simulation, screen),
         Simulation::Xmodem(simulation) => xmodem::run(simulation, screen),
         Simulation::Script(simulation) => script::run(simulation, screen),
     }

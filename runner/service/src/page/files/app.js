@@ -7,16 +7,18 @@ import { tell, whenStranger } from './message.js';
 import * as store from './store.js';
 import * as buses from './buses.js';
 import * as cells from './cells.js';
+import * as compare from './compare.js';
 import * as journal from './journal.js';
 import * as jobs from './jobs.js';
 import * as link from './link.js';
 import * as links from './links.js';
 import * as plugins from './plugins.js';
+import * as program from './program.js';
 import * as programs from './programs.js';
 import * as wall from './wall.js';
 
 /** Pages of one thing, and the list that they belong to. */
-const LISTS = { link: 'links', wall: 'links' };
+const LISTS = { link: 'links', wall: 'links', program: 'programs', compare: 'links' };
 
 const main = document.getElementById('main');
 const nav = document.getElementById('nav');
@@ -25,7 +27,7 @@ const leave = document.getElementById('leave');
 
 const pages = {
   links: links.page, buses: buses.page, cells: cells.page, jobs: jobs.page, programs: programs.page, plugins: plugins.page, journal: journal.page,
-  link: link.page, wall: wall.page,
+  link: link.page, wall: wall.page, program: program.page, compare: compare.page,
 };
 
 let shown = null;

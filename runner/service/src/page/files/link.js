@@ -223,17 +223,18 @@ function received(name, path) {
       const all = store.receptions.get(name) ?? [];
       show(empty, !all.length);
       show(frame, all.length);
-      keyed(body, all.slice(0, 100), (of) => of.file, (of) => ({ node: reception(path, of), update() {} }));
+      keyed(body, all.slice(0, 100), (of) => of.file, (of) => ({ node: reception(name, path, of), update() {} }));
     },
   };
 }
 
 /** Something that came: by the name that the machine gave it; the file's name beside it where that is another. */
-function reception(path, of) {
+function reception(name, path, of) {
   const title = of.name || 'unnamed';
   return h('tr', { class: of.failure ? 'bad' : '' },
     h('td', {}, title, of.file !== title && [h('br'), h('small', {}, of.file)]), h('td', {}, text.bytes(of.bytes)), h('td', {}, text.time(of.at_ms)), h('td', {}, compared(of)),
-    h('td', { class: 'buttons' }, h('button', { class: 'quiet', 'aria-label': `Save ${title}, ${of.file}`, onclick: () => act(() => api.save(`${path}/receptions/${api.part(of.file)}`, of.file)) }, 'Save')));
+    h('td', { class: 'buttons' }, h('a', { class: 'button quiet', href: `#/compare/${api.part(`${name}/${of.file}`)}`, 'aria-label': `Compare ${of.file}` }, 'Compare'),
+      h('button', { class: 'quiet', 'aria-label': `Save ${title}, ${of.file}`, onclick: () => act(() => api.save(`${path}/receptions/${api.part(of.file)}`, of.file)) }, 'Save')));
 }
 
 function compared(of) {

@@ -13,7 +13,7 @@ const AXE: &str = concat!(
     "/../../target/tools/page/node_modules/axe-core/axe.min.js"
 );
 
-const VIEWS: [&str; 12] = [
+const VIEWS: [&str; 13] = [
     "links?view=cards",
     "links?view=table",
     "links?show=trouble",
@@ -24,11 +24,12 @@ const VIEWS: [&str; 12] = [
     "cells",
     "jobs",
     "programs",
+    "program/O1.nc",
     "plugins",
     "journal",
 ];
 
-fn axe() -> String {
+pub(super) fn axe() -> String {
     assert!(
         Path::new(AXE).exists(),
         "axe-core is not there: `npm ci` in target/tools/page, with the package.json of runner/service/tests/page"
@@ -37,7 +38,7 @@ fn axe() -> String {
 }
 
 /// What is wrong with what is seen, in a line each.
-fn violations(browser: &mut Browser) -> Vec<String> {
+pub(super) fn violations(browser: &mut Browser) -> Vec<String> {
     let found = browser.value(
         "axe.run(document, { resultTypes: ['violations'] }).then(({ violations }) => violations\
          .flatMap(({ id, nodes }) => nodes.map(({ target, failureSummary }) => `${id}: ${target.join(' ')}: ${failureSummary}`)))",

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 
 use serde_json::json;
 
+use super::access::{axe, violations};
 use super::shop::{LINKS, Shop};
 use crate::plugins::fragile;
 
@@ -40,6 +41,12 @@ fn a_shift_of_three_people_takes_three_clicks_a_step() {
     swap_and_send_to_many(&mut shop);
     quarantine_and_release(&mut shop);
     look_back(&mut shop);
+    // The shop at work.
+    for number in 60..=100 {
+        let order = json!({ "program": "O1234.nc" });
+        shop.bench.post(&format!("/links/mill-{number:03}/jobs"), &order).with(201);
+    }
+    shop.bench.post("/links/mill-077/quarantine", &json!({})).with(200);
     shop.sign_in(&viewer, SCREEN);
     watch_the_wall(&mut shop);
     assert_eq!(shop.browser.complaints, Vec::<String>::new());
@@ -54,6 +61,12 @@ fn send_and_watch(shop: &mut Shop) {
         // A reload shows the same.
         let hash = shop.browser.value("location.hash");
         assert_eq!(hash, "#/links?find=lathe");
+    });
+    shop.step("checking a program", |shop| {
+        shop.click("nav a", "Programs");
+        shop.click("td a", "O1234.nc");
+        shop.browser.sees("1,504 lines");
+        shop.browser.sees("Everything in this program was understood.");
     });
     shop.step("sending a program", |shop| {
         shop.go_to("lathe-001");
@@ -145,6 +158,11 @@ fn compare(shop: &mut Shop) {
     shop.step("comparing what came with what was sent", |shop| {
         shop.go_to("lathe-001");
         shop.browser.sees("differs from what was sent");
+        shop.click("td a", "Compare");
+        shop.browser.sees("says something else");
+        shop.keep_picture("gateway-compare");
+        shop.browser.value(&axe());
+        assert_eq!(violations(&mut shop.browser), Vec::<String>::new());
     });
 }
 
@@ -156,6 +174,7 @@ fn swap_and_send_to_many(shop: &mut Shop) {
         shop.click("button", "Swap to xon-xoff 9.9.9");
         shop.browser.sees("Runs xon-xoff 9.9.9");
     });
+    shop.browser.value("document.getElementById('message').click()");
     shop.step("sending to many", |shop| {
         shop.find("Hall 3");
         shop.browser.until("document.querySelectorAll('.dense .row').length === 50");
@@ -177,10 +196,19 @@ fn swap_and_send_to_many(shop: &mut Shop) {
         shop.click("button", "Swap 50 links to xon-xoff 9.9.9");
         shop.browser.sees("50 of 50 links ordered");
     });
+    for number in (51..=100).step_by(3) {
+        let order = json!({ "program": "O1234.nc" });
+        shop.bench.post(&format!("/links/mill-{number:03}/jobs"), &order).with(201);
+    }
     let links = shop.bench.get("/links").with(200).json();
     let swapped = links.as_array().unwrap().iter();
     assert_eq!(swapped.filter(|link| link["plugin"]["version"] == "9.9.9").count(), 51);
-    shop.keep_picture("gateway-links");
+    shop.step("the shop at work", |shop| {
+        shop.find("Hall 2");
+        shop.browser.until("document.querySelectorAll('.dense .row').length === 50");
+        shop.click("button", "Program");
+        shop.keep_picture("gateway-links");
+    });
 }
 
 fn quarantine_and_release(shop: &mut Shop) {
@@ -249,9 +277,8 @@ fn look_back(shop: &mut Shop) {
     shop.browser.until("document.querySelector('select[name=kind]')?.value === 'swap'");
     shop.browser.until("document.querySelectorAll('main tbody tr').length === 1");
     shop.browser.value("location.hash = '#/link/lathe-001'");
-    shop.browser.until(
-        "(document.querySelector('.history .line')?.getAttribute('d') ?? '').length > 200",
-    );
+    shop.browser
+        .until("(document.querySelector('.history .line')?.getAttribute('d') ?? '').length > 200");
     shop.keep_picture("gateway-link");
 }
 
@@ -262,6 +289,8 @@ fn watch_the_wall(shop: &mut Shop) {
         shop.click("a", "Wall");
         shop.browser.until(&format!("document.querySelectorAll('.tiles li').length === {LINKS}"));
         shop.browser.until("document.documentElement.scrollHeight <= innerHeight");
+        shop.browser.until("document.querySelectorAll('.tiles .work').length >= 40");
+        shop.browser.until("document.querySelectorAll('.tiles .bad').length === 1");
         shop.keep_picture("gateway-wall");
     });
     shop.step("a link, as a viewer", |shop| {

@@ -44,7 +44,23 @@ pub(crate) fn build(workspace: &Workspace) -> Result<PathBuf, Error> {
             .env_remove("CARGO_ENCODED_RUSTFLAGS")
             .args(["build", "--package", "softplug", "--target", TARGET]),
     )?;
-    Ok(workspace.target().join(TARGET).join("debug").join("softplug.exe"))
+    let folder = workspace.target().join(TARGET).join("debug");
+    add_library(&folder)?;
+    Ok(folder.join("softplug.exe"))
+}
+
+/// Puts a library beside the command that Debian's wine does not have.
+fn add_library(folder: &Path) -> Result<(), Error> {
+    let source = folder.join("bcryptprimitives.c");
+    fs::write(&source, include_str!("bcryptprimitives.c"))
+        .map_err(|cause| WindowsError { path: source.clone(), cause })?;
+    succeed(
+        Command::new(LINKER)
+            .current_dir(folder)
+            .args(["-shared", "-O1", "-o", "bcryptprimitives.dll", "bcryptprimitives.c"])
+            .arg("-ladvapi32"),
+    )?;
+    Ok(())
 }
 
 /// A folder of wine's that is ready: what it makes at first takes a while, and tests share it.
