@@ -16,7 +16,8 @@ const SCREEN: (u32, u32) = (1920, 1080);
 fn program(name: &str, blocks: u32) -> String {
     let mut text = format!("%\n{name}\n");
     for n in 1..=blocks {
-        let _ = writeln!(text, "N{n} G01 X{n} Y-{n}");
+        let feed = if n == 1 { " F2000" } else { "" };
+        let _ = writeln!(text, "N{n} G01 X{n} Y-{n}{feed}");
     }
     text + "M30\n%\n"
 }
