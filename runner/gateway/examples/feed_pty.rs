@@ -71,7 +71,7 @@ fn run(
         ..ControlOptions::default()
     };
     let mut simulator = Simulator::new(Control::new(options)?)?;
-    let path = simulator.port();
+    let port = simulator.port();
     let done = Arc::new(AtomicBool::new(false));
     let ended = Arc::clone(&done);
     let machine = thread::spawn(move || {
@@ -88,7 +88,7 @@ fn run(
     let host = Host::new(HostOptions::default())?;
     let plugin = host.load(plugin)?;
     let settings = plugin.manifest().resolve_settings([])?;
-    let port = Port::open(&PortSpec::Device(path), &PortOptions::new(line))?;
+    let port = Port::open(&port, &PortOptions::new(line))?;
     let options = StationOptions { settings, ..StationOptions::default() };
     let mut station = Station::new(port, plugin.instantiate()?, options)?;
     let request = SendOptions {
