@@ -12,7 +12,7 @@ const PIECE: usize = 64;
 const SHORT_PIECE: usize = 32;
 /// Pieces of a frame with the link.
 const AHEAD: u8 = 2;
-/// Marks of a frame that are not settled: a link takes 64 of all kinds.
+/// Most marks that are not settled: a link takes 64 of all kinds.
 const UNSETTLED: u8 = 32;
 
 /// A job that goes in blocks, each answered by the partner: pulls the job's data from the host, gives a
@@ -223,6 +223,9 @@ impl<const DATA: usize> BlockSender<DATA> {
         length: usize,
         byte: impl Fn(usize) -> u8,
     ) -> bool {
+        if self.given == 0 && self.unsettled >= UNSETTLED {
+            return false;
+        }
         while usize::from(self.given) < length {
             let rest = length - usize::from(self.given);
             let count = rest.min(PIECE).min(link.transmit_room() as usize);
