@@ -242,8 +242,8 @@ impl Df1 {
         let can_go = !self.sender.is_paused() && self.answers.owes_nothing();
         if self.stage == Stage::Sending && can_go {
             let frame = &self.frame;
-            let (byte, unit) = (|at| frame.byte(at), |at| frame.unit(at));
-            if self.sender.give_units(link, frame.length(), byte, unit) {
+            let (byte, symbol) = (|at| frame.byte(at), |at| frame.symbol(at));
+            if self.sender.give_symbols(link, frame.length(), byte, symbol) {
                 self.stage = Stage::Answer;
             }
         }
@@ -295,7 +295,7 @@ impl Df1 {
         self.say(link, self.last);
     }
 
-    /// A symbol of two characters, between two units of a frame that is on its way. One that finds no room
+    /// A symbol of two characters, between two symbols of a frame that is on its way. One that finds no room
     /// even here is asked for again.
     fn say(&mut self, link: &mut Context<'_>, symbol: u8) {
         self.answers.say(link, &[DLE, symbol]);

@@ -17,8 +17,8 @@
 //! **Answers in the middle of a frame.** A protocol that puts a DLE before each DLE of its data, and
 //! answers by DLE ACK while its own frame is on the line, must never have an answer between a DLE
 //! and its twin. [`Context::transmit_urgent`](crate::Context::transmit_urgent) knows nothing of frames.
-//! [`BlockSender::give_units`] does: it gives the link short pieces of the frame, each of whole units, so
-//! that an answer that is appended to the queue always stands between two units, and waits for at most two
+//! [`BlockSender::give_symbols`] does: it gives the link short pieces of the frame, each of whole symbols, so
+//! that an answer that is appended to the queue always stands between two symbols, and waits for at most two
 //! pieces. Nothing has to be dropped when such a frame is [cut short](BlockSender::cut): the few
 //! bytes that the link has leave, and the answers with them.
 
