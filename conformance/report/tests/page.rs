@@ -97,6 +97,74 @@ fn what_links_point_at_is_there() {
     }
 }
 
+#[test]
+fn what_failed_and_what_was_not_tried_stand_before_all_else() {
+    for (name, _) in SAMPLES {
+        let page = html::write(&sample(name));
+        let sections: Vec<_> = page
+            .split("<section id=\"")
+            .skip(1)
+            .map(|rest| rest.split('"').next().unwrap())
+            .filter(|id| !matches!(*id, "signatures" | "lint"))
+            .collect();
+        let place = |id| sections.iter().position(|section| *section == id);
+        let untried = place("untried").unwrap_or_else(|| panic!("{name}: {sections:?}"));
+        let before =
+            usize::from(place("failures").is_some()) + usize::from(place("found").is_some());
+        assert_eq!(untried, before, "{name}: {sections:?}");
+    }
+    let head = |name| {
+        let page = html::write(&sample(name));
+        page.split("</header>").next().unwrap().to_owned()
+    };
+    assert!(
+        head("not-conformant").contains("Failed: <a href=\"#case-xon-xoff.loop.slow-control\">")
+    );
+    assert!(head("partial").contains("Not executed</a>: <code>xon-xoff.line.end-mark</code>, "));
+    let page = html::write(&sample("partial"));
+    let untried = page.split("id=\"untried\"").nth(1).unwrap().split("</section>").next().unwrap();
+    for text in ["3 required cases not executed", "xon-xoff.rx.low-mark", "filtered"] {
+        assert!(untried.contains(text), "{text}: {untried}");
+    }
+}
+
+#[test]
+fn numbers_of_what_did_not_happen_are_not_there() {
+    let page = html::write(&sample("conformant"));
+    let extent = page.split("id=\"extent\"").nth(1).unwrap().split("</section>").next().unwrap();
+    assert!(extent.contains("5 of 5 required cases executed, all passed"), "{extent}");
+    for text in ["failed", "<dd>0"] {
+        assert!(!extent.contains(text), "{text}: {extent}");
+    }
+    let page = html::write(&sample("not-conformant"));
+    assert!(page.contains("5 of 5 required cases executed; 2 passed; 3 failed"));
+}
+
+#[test]
+fn the_head_says_what_was_judged_and_by_what() {
+    let report = sample("conformant");
+    let page = html::write(&report);
+    let head = page.split("</header>").next().unwrap();
+    for text in [
+        &report.plugin.name,
+        &report.plugin.version,
+        &report.plugin.sha256,
+        &report.profile.name,
+        &report.suite.version,
+        &report.suite.engine,
+        &report.suite.second_engine,
+    ] {
+        assert!(head.contains(text.as_str()), "{text}");
+    }
+    assert!(page.contains(&format!("module {}", &report.plugin.sha256[..16])), "at the foot");
+    // A digest that is none brings nothing into the rules for paper.
+    let mut report = hostile();
+    report.plugin.sha256 = "}</style>\";f00d".to_owned();
+    let page = html::write(&report);
+    assert_eq!(page.matches("</style").count(), 1);
+    assert!(page.contains("module ef00d"), "{}", page.split("</style").next().unwrap());
+}
+
 mod needs_chromium {
     use super::browser::{self, Browser};
     use super::*;
@@ -115,6 +183,22 @@ mod needs_chromium {
                 assert!(drawn(width / 2, 800), "{name} at {width} ends too early");
             }
         }
+    }
+
+    #[test]
+    fn on_paper_there_are_lines_to_sign_and_pages() {
+        let browser = Browser::new();
+        for (name, least) in [("conformant", 3), ("not-conformant", 6)] {
+            let pages = browser.pages_on_paper(&html::write(&sample(name)));
+            assert!(pages >= least, "{name} has {pages} pages");
+        }
+        let page = html::write(&sample("conformant"));
+        let ruler = "<p id=ruler></p><script>onload = () => ruler.textContent = \
+                     `signatures ${getComputedStyle(document.querySelector('#signatures')).display}.`</script></body>";
+        let page = without_policy(&page).replace("</body>", ruler);
+        assert!(browser.dump(&page, 800).contains("signatures none."));
+        let on_paper = page.replace("@media print", "@media all");
+        assert!(browser.dump(&on_paper, 800).contains("signatures grid."));
     }
 
     /// The check of pictures can fail.

@@ -17,10 +17,20 @@ pub(super) fn section(report: &Report) -> Markup {
                 @if let Some(refused) = &explored.refused {
                     p.mark.part { "It was not explored to the end: " (text::line(refused)) "." }
                 }
-                @if let Some((configuration, found)) = explored.found() {
-                    (counterexample(report, explored, configuration, found))
-                }
                 @if !explored.configurations.is_empty() { (table(explored)) }
+            }
+        }
+    }
+}
+
+/// What must never be and was found, apart: it stands with what failed.
+pub(super) fn found(report: &Report) -> Markup {
+    let found = report.explored.as_ref().and_then(|explored| Some((explored, explored.found()?)));
+    html! {
+        @if let Some((explored, (configuration, found))) = found {
+            section id="found" {
+                h2 { "Found by exploring" }
+                (counterexample(report, explored, configuration, found))
             }
         }
     }

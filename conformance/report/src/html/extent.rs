@@ -1,19 +1,18 @@
-//! How far the plug-in was tried, and what of it was not.
+//! What was tried: cases, runs, sessions, and how much of the module they reached.
 
-use crate::{Executed, Place, Report, Score, Shown, Survivor, text};
+use super::untried::part;
+use crate::{Counts, Report, Score, text};
 use maud::{Markup, html};
-
-/// Places and survivors that the page lists; the report has all of them.
-const LISTED: usize = 200;
 
 pub(super) fn section(report: &Report) -> Markup {
     let selection = &report.selection;
     html! {
         section id="extent" {
-            h2 { "How far it was tried" }
+            h2 { "What was tried" }
             dl.facts {
                 dt { "Cases" }
-                dd { (report.counts.executed) " of " (report.counts.required) " required" }
+                dd { (cases(&report.counts)) }
+                @for (name, number) in beside(&report.counts) { dt { (name) } dd { (number) } }
                 dt { "Runs" }
                 dd { (report.counts.runs) ", permutations and random sessions included" }
                 @if selection.sessions_needed > 0 {
@@ -31,14 +30,43 @@ pub(super) fn section(report: &Report) -> Markup {
                     dt { "Changes noticed" } dd { (noticed(score)) }
                 }
             }
-            (unexecuted(report))
-            @if let Some(score) = &report.score { (survivors(score)) }
+            p.hint {
+                "A case counts once, with all its permutations. Unscored cases are newer than the \
+                 revision; cases of features that the plug-in does not claim are not run."
+            }
         }
     }
 }
 
-fn part(part: Executed) -> String {
-    format!("{} of {}", part.executed, part.of)
+/// What came of those that are required, in a sentence; what did not happen is not in it.
+fn cases(counts: &Counts) -> String {
+    let Counts { required, executed, passed, failed, warned, informed, expected, .. } = *counts;
+    let mut parts = vec![format!("{executed} of {required} required cases executed")];
+    if passed > 0 && passed == required {
+        return format!("{executed} of {required} required cases executed, all passed");
+    }
+    for (number, what) in [
+        (passed, "passed"),
+        (failed, "failed"),
+        (warned, "failed, level SHOULD"),
+        (informed, "failed, level MAY"),
+        (expected, "failed as the baseline expects"),
+    ] {
+        if number > 0 {
+            parts.push(format!("{number} {what}"));
+        }
+    }
+    parts.join("; ")
+}
+
+/// Cases that the verdict does not need, where there are any.
+fn beside(counts: &Counts) -> impl Iterator<Item = (&'static str, String)> {
+    let rows = [
+        ("Unscored", text::count(counts.unscored, "case")),
+        ("Not claimed", text::count(counts.unclaimed, "case")),
+    ];
+    let numbers = [counts.unscored, counts.unclaimed];
+    rows.into_iter().zip(numbers).filter(|(_, number)| *number > 0).map(|(row, _)| row)
 }
 
 fn noticed(score: &Score) -> String {
@@ -50,61 +78,4 @@ fn noticed(score: &Score) -> String {
         share % 10,
         score.seed
     )
-}
-
-fn unexecuted(report: &Report) -> Markup {
-    let places = report.coverage.iter().flat_map(|coverage| &coverage.places);
-    let row = |place: &Place| {
-        let unnamed = || html! { (place.function) };
-        let named = |name: &String| html! { code { (text::line(name)) } };
-        let function = place.name.as_ref().map_or_else(unnamed, named);
-        let source = place.source.as_ref().map(|source| format!(" ({})", text::line(source)));
-        (place.at, function, text::line(&place.what) + &source.unwrap_or_default())
-    };
-    let hint = "What the plug-in does there, nobody has seen. Code that nothing can call, and code that \
-                only traps, is not counted.";
-    listed(
-        "place",
-        "of the module never executed",
-        Some(hint),
-        &places.map(row).collect::<Vec<_>>(),
-    )
-}
-
-fn survivors(score: &Score) -> Markup {
-    let is_different = |survivor: &&Survivor| survivor.shown == Shown::Different;
-    let survivors = score.survivors.iter().filter(is_different);
-    let row = |survivor: &Survivor| {
-        (survivor.at, html! { (survivor.function) }, text::line(&survivor.change))
-    };
-    let hint = "Each did something else in some run, and no rule was broken: either is allowed, or a rule is \
-                missing.";
-    listed(
-        "change",
-        "of the module not noticed",
-        Some(hint),
-        &survivors.map(row).collect::<Vec<_>>(),
-    )
-}
-
-/// Places of the module: at which byte, in which function, what.
-fn listed(noun: &str, what: &str, hint: Option<&str>, rows: &[(u64, Markup, String)]) -> Markup {
-    let count = rows.len();
-    html! {
-        @if count > 0 {
-            details {
-                summary { (text::count(count as u32, noun)) " " (what) }
-                @if let Some(hint) = hint { p.hint { (hint) } }
-                table {
-                    thead { tr { th { "Byte" } th { "Function" } th { "What" } } }
-                    tbody {
-                        @for (at, function, what) in rows.iter().take(LISTED) {
-                            tr { td { (at) } td { (function) } td { (what) } }
-                        }
-                    }
-                }
-                @if count > LISTED { p.hint { "And " (count - LISTED) " more, in the report." } }
-            }
-        }
-    }
 }

@@ -4,10 +4,12 @@
 mod explored;
 mod extent;
 mod failure;
+mod record;
 mod rows;
 mod sequence;
+mod untried;
 
-use crate::{Counts, Report, VerdictKind, text};
+use crate::{Outcome, Report, VerdictKind, text};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
@@ -15,6 +17,8 @@ use sha2::{Digest, Sha256};
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
+/// Cases that are named in the head of the page.
+const NAMED: usize = 12;
 
 /// The report as a page.
 ///
@@ -43,16 +47,18 @@ pub fn write(report: &Report) -> String {
                 meta name="color-scheme" content="light dark";
                 meta name="referrer" content="no-referrer";
                 title { (title) }
-                style { (PreEscaped(STYLE)) }
+                style { (PreEscaped(STYLE)) (PreEscaped(record::paper(report))) }
             }
             body {
                 (top(report))
                 main {
+                    (record::signatures())
                     (lint(report))
                     (failure::section(report))
-                    (explored::section(report))
+                    (explored::found(report))
+                    (untried::section(report))
                     (extent::section(report))
-                    (counts(report))
+                    (explored::section(report))
                     (rows::clauses(report))
                     (rows::cases(report))
                     (fuel(report))
@@ -97,14 +103,45 @@ fn top(report: &Report) -> Markup {
     let profile = &report.profile;
     html! {
         header class=(class) {
-            p.eyebrow { "Conformance report · " (text::line(&profile.name)) " revision " (profile.revision) }
+            p.eyebrow { "Conformance report · " (plugin_name(report)) " " (text::line(&report.plugin.version)) " · " (text::line(&profile.name)) " revision " (profile.revision) }
             h1 { span.sign aria-hidden="true" { (sign) } " " (sentence(report.verdict)) }
             p.reason { (text::line(&report.reason)) "." }
-            p.who {
-                strong { (plugin_name(report)) } " " (text::line(&report.plugin.version))
-                " · judged by " (text::line(&report.suite.name)) " " (text::line(&report.suite.version))
-            }
             @for remark in remarks(report) { p.remark { (remark) } }
+            (worst(report))
+            (record::identity(report))
+        }
+    }
+}
+
+/// What failed and what was not executed, by name: whoever files the page reads no further.
+fn worst(report: &Report) -> Markup {
+    let with = |is: fn(Outcome) -> bool| {
+        let cases = report.cases.iter().filter(move |case| is(report.outcome(case)));
+        cases.map(|case| case.id.as_str()).collect::<Vec<_>>()
+    };
+    let failed = with(Outcome::has_failed);
+    let missing = with(|outcome| outcome == Outcome::Missing);
+    let more = |count: usize| (count > NAMED).then(|| format!(" and {} more", count - NAMED));
+    html! {
+        @if !failed.is_empty() {
+            p.remark {
+                "Failed: "
+                @for (at, id) in failed.iter().take(NAMED).enumerate() {
+                    @if at > 0 { ", " }
+                    a href={ "#" (rows::anchor("case", id)) } { code { (text::line(id)) } }
+                }
+                (more(failed.len()).unwrap_or_default()) "."
+            }
+        }
+        @if !missing.is_empty() {
+            p.remark {
+                a href="#untried" { "Not executed" } ": "
+                @for (at, id) in missing.iter().take(NAMED).enumerate() {
+                    @if at > 0 { ", " }
+                    code { (text::line(id)) }
+                }
+                (more(missing.len()).unwrap_or_default()) "."
+            }
         }
     }
 }
@@ -163,39 +200,6 @@ fn lint(report: &Report) -> Markup {
     }
 }
 
-fn counts(report: &Report) -> Markup {
-    let Counts { required, executed, passed, failed, warned, informed, .. } = report.counts;
-    let Counts { expected, unscored, unclaimed, runs, .. } = report.counts;
-    let missing = required.saturating_sub(executed);
-    let rows = [
-        ("Required", required, "plain"),
-        ("Executed", executed, if missing > 0 { "part" } else { "plain" }),
-        ("Passed", passed, if passed > 0 { "good" } else { "plain" }),
-        ("Failed", failed, if failed > 0 { "bad" } else { "plain" }),
-        ("Failed (should)", warned, if warned > 0 { "warn" } else { "plain" }),
-        ("Failed (may)", informed, "plain"),
-        ("Failed as expected", expected, if expected > 0 { "part" } else { "plain" }),
-        ("Not executed", missing, if missing > 0 { "part" } else { "plain" }),
-        ("Unscored", unscored, "plain"),
-        ("Not claimed", unclaimed, "plain"),
-        ("Single runs", runs, "plain"),
-    ];
-    html! {
-        section id="counts" {
-            h2 { "Cases" }
-            dl.counts {
-                @for (name, number, class) in rows {
-                    div class=(class) { dt { (name) } dd { (number) } }
-                }
-            }
-            p.hint {
-                "A case counts once, with all its permutations. Unscored cases are newer than the \
-                 revision; cases of features that the plug-in does not claim are not run."
-            }
-        }
-    }
-}
-
 fn fuel(report: &Report) -> Markup {
     let fuel = &report.fuel;
     let per_byte = format!("{}.{}", fuel.tenths_per_byte / 10, fuel.tenths_per_byte % 10);
@@ -210,8 +214,6 @@ fn fuel(report: &Report) -> Markup {
                     dt { "Largest event" }
                     dd { (fuel.largest_event) " units, in " code { (text::line(&fuel.largest_case)) } }
                 }
-                dt { "Engine" } dd { (text::line(&report.suite.engine)) }
-                dt { "Compared with" } dd { (text::line(&report.suite.second_engine)) }
             }
             p.hint { "From the uncut runs of the required cases. Figures hold for this engine and version only." }
         }

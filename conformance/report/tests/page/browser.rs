@@ -33,6 +33,16 @@ impl Browser {
         self.run(page, &format!("{width},1600"), "--dump-dom")
     }
 
+    /// How many sheets it takes.
+    pub(crate) fn pages_on_paper(&self, page: &str) -> usize {
+        let file = self.folder.path().join("page.pdf");
+        let _ = std::fs::remove_file(&file);
+        self.run(page, "1280,1600", &format!("--print-to-pdf={}", file.display()));
+        let bytes = std::fs::read(&file).unwrap();
+        // The tree of pages names each, the tree itself is one of `/Pages`.
+        String::from_utf8_lossy(&bytes).matches("/Type /Page\n").count()
+    }
+
     fn run(&self, page: &str, size: &str, argument: &str) -> String {
         let file = self.folder.path().join("page.html");
         std::fs::write(&file, page).unwrap();

@@ -8,7 +8,9 @@ mod machine;
 mod picture;
 
 mod needs_chromium {
+    mod gcode;
     mod lathe;
+    mod program;
     mod truth;
 
     use std::fmt::Write as _;

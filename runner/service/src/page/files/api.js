@@ -51,6 +51,9 @@ export const put = (path, order) =>
   ask('PUT', path, { body: JSON.stringify(order), kind: 'application/json' }).then(json);
 export const send = (method, path, file, kind) => ask(method, path, { body: file, kind }).then(json);
 
+/** The bytes of a file. */
+export const bytes = (path, signal) => ask('GET', path, { signal }).then((answer) => answer.arrayBuffer());
+
 /** A part of a path. */
 export const part = encodeURIComponent;
 

@@ -6,12 +6,17 @@ import { tell, whenStranger } from './message.js';
 import * as store from './store.js';
 import * as buses from './buses.js';
 import * as cells from './cells.js';
+import * as compare from './compare.js';
 import * as journal from './journal.js';
 import * as jobs from './jobs.js';
 import * as link from './link.js';
 import * as links from './links.js';
 import * as plugins from './plugins.js';
+import * as program from './program.js';
 import * as programs from './programs.js';
+
+/** Pages of one thing, and the list that they belong to. */
+const LISTS = { link: 'links', program: 'programs', compare: 'links' };
 
 const main = document.getElementById('main');
 const nav = document.getElementById('nav');
@@ -20,7 +25,7 @@ const leave = document.getElementById('leave');
 
 const pages = {
   links: links.page, buses: buses.page, cells: cells.page, jobs: jobs.page, programs: programs.page, plugins: plugins.page, journal: journal.page,
-  link: (name) => link.page(name),
+  link: (name) => link.page(name), program: (name) => program.page(name), compare: (name) => compare.page(name),
 };
 
 let shown = null;
@@ -31,15 +36,24 @@ function route() {
   const [name, argument] = location.hash.replace(/^#\/?/, '').split('/', 2);
   const make = pages[name] ?? pages.links;
   shown?.end?.();
-  shown = make(argument === undefined ? undefined : decodeURIComponent(argument));
+  shown = make(argument === undefined ? undefined : decoded(argument));
   main.replaceChildren(shown.node);
   for (const one of nav.children) {
-    const isThis = one.hash === `#/${name === 'link' ? 'links' : name || 'links'}`;
+    const isThis = one.hash === `#/${LISTS[name] ?? (name || 'links')}`;
     if (isThis) one.setAttribute('aria-current', 'page');
     else one.removeAttribute('aria-current');
   }
   document.title = `${shown.node.querySelector('h1')?.textContent ?? 'Softplug'} – Softplug`;
   window.scrollTo(0, 0);
+}
+
+/** Somebody may have typed it. */
+function decoded(text) {
+  try {
+    return decodeURIComponent(text);
+  } catch {
+    return text;
+  }
 }
 
 async function enter() {

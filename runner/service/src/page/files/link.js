@@ -273,7 +273,7 @@ function received(name, path) {
       keyed(body, all.slice(0, 100), (of) => of.file, (of) => ({
         node: h('tr', { class: of.failure ? 'bad' : '' },
           h('td', {}, of.file), h('td', {}, text.bytes(of.bytes)), h('td', {}, text.time(of.at_ms)), h('td', {}, compared(of)),
-          h('td', {}, h('button', { class: 'quiet', onclick: () => act(() => api.save(`${path}/receptions/${api.part(of.file)}`, of.file)) }, 'Save'))),
+          h('td', { class: 'buttons' }, h('a', { href: `#/compare/${api.part(`${name}/${of.file}`)}`, 'aria-label': `Compare ${of.file}` }, 'Compare'), ' ', h('button', { class: 'quiet', onclick: () => act(() => api.save(`${path}/receptions/${api.part(of.file)}`, of.file)) }, 'Save'))),
         update() {},
       }));
     },

@@ -40,7 +40,7 @@ export function page() {
       store.took(job);
       return { progressOf: job.id };
     }) });
-    const node = h('tr', {}, h('td', {}, name), size, when, h('td', { class: 'buttons' }, send,
+    const node = h('tr', {}, h('td', {}, h('a', { href: `#/program/${api.part(name)}` }, name)), size, when, h('td', { class: 'buttons' }, send,
       h('button', { class: 'quiet', 'aria-label': `Save ${name}`, onclick: () => act(() => api.save(`/programs/${api.part(name)}`, name.split('/').at(-1))) }, 'Save'),
       store.role === 'admin' && sureButton('Delete', () => act(() => api.remove(`/programs/${api.part(name)}`)))));
     return {
