@@ -16,6 +16,7 @@ mod plugins;
 mod run;
 mod test;
 mod toolchain;
+mod windows;
 mod workspace;
 
 use std::path::PathBuf;
@@ -62,8 +63,12 @@ enum Task {
         all: bool,
         /// Only the tests on an emulated computer with real serial drivers: minutes. They are a
         /// part of --all.
-        #[arg(long)]
+        #[arg(long, conflicts_with = "windows")]
         emulated: bool,
+        /// Only the tests of the command for Windows, run by wine: minutes. They are a part of
+        /// --all.
+        #[arg(long)]
+        windows: bool,
     },
     /// Hunts the plug-ins' mutants and writes the kill matrix.
     Mutants {
@@ -163,8 +168,8 @@ fn perform(task: Task) -> Result<ExitCode, Error> {
             plugins::build(&workspace, plugins::Report::Table)?;
             playground::build(&workspace)?;
         }
-        Task::Test { all, emulated } => {
-            return test::run(&Workspace::read()?, test::Extent::new(all, emulated));
+        Task::Test { all, emulated, windows } => {
+            return test::run(&Workspace::read()?, test::Extent::new(all, emulated, windows));
         }
         Task::Mutants { module: true, long, filter, .. } => {
             return mutants::module::run(&Workspace::read()?, long, filter.as_deref());
@@ -210,6 +215,8 @@ enum Error {
     Test(#[from] test::TestError),
     #[error(transparent)]
     Emulated(#[from] emulated::EmulatedError),
+    #[error(transparent)]
+    Windows(#[from] windows::WindowsError),
     #[error(transparent)]
     CodeMutants(#[from] code_mutants::CodeMutantsError),
     #[error(transparent)]

@@ -9,6 +9,7 @@
 //! | [`xmodem`] | a control that calls for files with XMODEM, or sends one |
 //! | [`r3964`] | a station that speaks 3964R, 3964 or simplified 3964R |
 //! | [`r3964::rk512`] | a computer that speaks RK512 on top of it |
+//! | [`script`] | a partner of any protocol, whose lines are written down |
 //!
 //! [`uart`] is what they all send and receive with, [`kept`] what they keep of it. [`Clocked`] is a port
 //! that clocks characters out, for a line that keeps no rate.
@@ -51,6 +52,7 @@ pub mod kermit;
 mod partner;
 pub mod pulse_lathe;
 pub mod r3964;
+pub mod script;
 pub mod uart;
 pub mod xmodem;
 pub mod xon_xoff;

@@ -47,7 +47,9 @@ pub use explored::{
 pub use given::disturb::{Disturbed, Noise, disturb};
 pub use given::file_error::FileError;
 pub use given::ledger;
-pub use given::lines::{bad_kind, damage, line_error, line_error_name, modem_lines};
+pub use given::lines::{
+    bad_kind, damage, line_error, line_error_name, line_parameters, modem_lines,
+};
 pub use given::load::{Case, LoadError, load};
 pub use given::timeline::TimelineError;
 pub use judge::divergence::{Divergence, Side};

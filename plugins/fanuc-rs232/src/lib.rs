@@ -283,10 +283,10 @@ impl Converter for FanucRs232 {
 
     fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
         if Some(format) != Self::STATE_FORMAT {
-            return Err(StateError);
+            return Err(StateError::DAMAGED);
         }
         let bytes = state.bytes(size_of::<Kept>());
-        self.kept = Kept::try_read_from_bytes(bytes).map_err(|_| StateError)?;
+        self.kept = Kept::try_read_from_bytes(bytes).map_err(|_| StateError::DAMAGED)?;
         self.was_sending = self.kept.feed.is_sending();
         Ok(())
     }

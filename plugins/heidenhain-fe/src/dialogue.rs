@@ -1,9 +1,8 @@
 //! The dialogue with the control: what it says, and what it is answered.
 
 use crate::frame::{ACK, DC1, DC3, EOT, ETX, Frame, Heard, NAK, SOH};
-use crate::line::Timer;
 use crate::stage::Stage;
-use crate::{HeidenhainFe, NAME};
+use crate::{HeidenhainFe, NAME, Timer};
 use softplug_plugin::{Context, Failure, NoteLevel, ValueWriter, Values};
 
 /// The field of a request with the program's kind.
@@ -16,9 +15,9 @@ impl HeidenhainFe {
             Heard::Inside | Heard::Alone(_) if self.reader.is_inside() => {}
             Heard::Whole(frame) => self.frame(link, frame),
             Heard::Alone(DC3) => {
-                self.line.hold(link);
+                self.hold(link);
             }
-            Heard::Alone(DC1) => self.line.release(link),
+            Heard::Alone(DC1) => self.release(link),
             Heard::Alone(ACK) => self.acknowledged(link),
             Heard::Alone(NAK) => self.refused(link),
             // A control that does not wait for its answer has not ended its program.
@@ -30,7 +29,7 @@ impl HeidenhainFe {
 
     /// A header or block has come, or what is left of one.
     pub(crate) fn frame(&mut self, link: &mut Context<'_>, frame: Frame) {
-        self.line.cancel(link, Timer::Character);
+        self.timers.cancel(link, Timer::Character);
         if frame.begin == SOH {
             if frame.is_good {
                 self.header(link);
@@ -110,7 +109,7 @@ impl HeidenhainFe {
             self.refuse(link);
             return;
         }
-        self.line.cancel(link, Timer::Job);
+        self.timers.cancel(link, Timer::Job);
         self.say(link, ACK);
         self.stage = Stage::Filling;
         self.go_on(link);
@@ -130,9 +129,9 @@ impl HeidenhainFe {
     pub(crate) fn await_control(&mut self, link: &mut Context<'_>) {
         let is_timed = self.settings.request_time > 0;
         if self.sender.is_waiting() && is_timed {
-            self.line.set_after(link, Timer::Job, self.settings.request_time);
+            self.timers.set_after(link, Timer::Job, self.settings.request_time);
         } else {
-            self.line.cancel(link, Timer::Job);
+            self.timers.cancel(link, Timer::Job);
         }
     }
 
@@ -149,7 +148,7 @@ impl HeidenhainFe {
     fn withdraw(&mut self, link: &mut Context<'_>) {
         match self.stage {
             Stage::Asking => link.withdraw(self.request),
-            Stage::Granted => self.line.cancel(link, Timer::Job),
+            Stage::Granted => self.timers.cancel(link, Timer::Job),
             _ => return,
         }
         self.stage = Stage::Idle;
@@ -165,7 +164,7 @@ impl HeidenhainFe {
     fn acknowledged(&mut self, link: &mut Context<'_>) {
         // An answer that comes before the block can have left is none.
         if self.stage == Stage::Answer && self.sender.has_left() {
-            self.line.cancel(link, Timer::Answer);
+            self.timers.cancel(link, Timer::Answer);
             self.sender.acknowledged();
             self.stage = Stage::Filling;
             self.go_on(link);
@@ -176,7 +175,7 @@ impl HeidenhainFe {
         if self.stage != Stage::Answer || !self.sender.has_left() {
             return;
         }
-        self.line.cancel(link, Timer::Answer);
+        self.timers.cancel(link, Timer::Answer);
         if self.sender.repeats(self.settings.repeats) {
             self.stage = Stage::Filling;
             self.go_on(link);
@@ -203,7 +202,7 @@ impl HeidenhainFe {
         if !self.stage.is_sending() {
             return;
         }
-        self.line.cancel(link, Timer::Answer);
+        self.timers.cancel(link, Timer::Answer);
         link.discard();
         self.line.forget_owed();
         self.sender.stopping = Some(failure);
@@ -218,7 +217,7 @@ impl HeidenhainFe {
         self.end_reception(link, Some(failure));
         self.withdraw(link);
         self.stop(link, failure);
-        self.line.cancel(link, Timer::Job);
+        self.timers.cancel(link, Timer::Job);
     }
 
     /// A good block is put away and acknowledged, or waits until there is room.
@@ -264,9 +263,9 @@ impl HeidenhainFe {
     /// Silence in a frame, and between two blocks, counts from here.
     pub(crate) fn watch(&mut self, link: &mut Context<'_>) {
         if self.reader.is_inside() {
-            self.line.set_after(link, Timer::Character, self.settings.character_time);
+            self.timers.set_after(link, Timer::Character, self.settings.character_time);
         } else if self.is_timed() {
-            self.line.set_after(link, Timer::Block, self.settings.block_time);
+            self.timers.set_after(link, Timer::Block, self.settings.block_time);
         }
         self.end_watch(link);
     }
@@ -274,10 +273,10 @@ impl HeidenhainFe {
     /// Ends the times that count no more. The others run on: nothing has come.
     pub(crate) fn end_watch(&mut self, link: &mut Context<'_>) {
         if !self.reader.is_inside() {
-            self.line.cancel(link, Timer::Character);
+            self.timers.cancel(link, Timer::Character);
         }
         if self.reader.is_inside() || !self.is_timed() {
-            self.line.cancel(link, Timer::Block);
+            self.timers.cancel(link, Timer::Block);
         }
     }
 
@@ -289,22 +288,17 @@ impl HeidenhainFe {
         self.line.say(link, &self.settings, byte);
     }
 
-    pub(crate) fn name_state(&mut self, link: &mut Context<'_>) {
-        let state = match self.stage {
-            Stage::Filling | Stage::Answer | Stage::Ending if self.line.is_held() => "held",
-            Stage::Filling if self.sender.is_paused => "paused",
-            Stage::Filling | Stage::Answer | Stage::Ending => "sending",
-            Stage::Receiving => "receiving",
-            Stage::Waiting => "receiving, no room",
-            Stage::Asking => "asking for a program",
-            Stage::Granted => "waiting for the program",
-            Stage::Idle if self.sender.is_checking() => "checking",
-            Stage::Idle if self.sender.is_waiting() => "waiting for the control",
-            Stage::Idle => "idle",
-        };
-        if self.named != Some(state) {
-            self.named = Some(state);
-            link.state(state);
+    pub(crate) fn hold(&mut self, link: &mut Context<'_>) {
+        if !self.is_held {
+            self.is_held = true;
+            link.hold();
+        }
+    }
+
+    pub(crate) fn release(&mut self, link: &mut Context<'_>) {
+        if self.is_held {
+            self.is_held = false;
+            link.release();
         }
     }
 }

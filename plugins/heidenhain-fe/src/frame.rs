@@ -1,6 +1,7 @@
 //! Headers and blocks on the wire: their characters, their check, one at a time.
 
-use softplug_plugin::{StateError, StateReader, StateWriter};
+use softplug_plugin::State;
+use softplug_plugin::parts::Block;
 
 pub(crate) const SOH: u8 = 0x01;
 pub(crate) const STX: u8 = 0x02;
@@ -18,57 +19,7 @@ pub(crate) const LINE: u32 = 240;
 const CAPACITY: usize = LINE as usize + 2;
 
 /// A header or a line, as it came or goes.
-#[derive(Copy, Clone, Debug)]
-pub(crate) struct Text {
-    bytes: [u8; CAPACITY],
-    length: u16,
-}
-
-impl Default for Text {
-    fn default() -> Self {
-        Self { bytes: [0; CAPACITY], length: 0 }
-    }
-}
-
-impl Text {
-    pub(crate) fn as_slice(&self) -> &[u8] {
-        self.bytes.get(..usize::from(self.length)).unwrap_or_default()
-    }
-
-    pub(crate) fn clear(&mut self) {
-        self.length = 0;
-    }
-
-    /// Whether it fitted.
-    pub(crate) fn push(&mut self, byte: u8) -> bool {
-        let place = self.bytes.get_mut(usize::from(self.length));
-        let fits = place.is_some();
-        if let Some(place) = place {
-            *place = byte;
-            self.length += 1;
-        }
-        fits
-    }
-
-    pub(crate) fn pop(&mut self) {
-        self.length = self.length.saturating_sub(1);
-    }
-
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u16(self.length);
-        state.bytes(self.as_slice());
-    }
-
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let mut text = Self::default();
-        let length = state.u16();
-        if usize::from(length) > CAPACITY {
-            return Err(StateError);
-        }
-        state.bytes(usize::from(length)).iter().all(|byte| text.push(*byte));
-        if text.length == length { Ok(text) } else { Err(StateError) }
-    }
-}
+pub(crate) type Text = Block<CAPACITY>;
 
 /// The check character: even longitudinal parity over seven bits, from SOH or STX
 /// through ETB.
@@ -91,7 +42,7 @@ pub(crate) struct Frame {
 }
 
 /// Where in a frame the reader is.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default, State)]
 enum Part {
     #[default]
     Outside,
@@ -113,7 +64,7 @@ pub(crate) enum Heard {
 }
 
 /// Reads frames over any cut.
-#[derive(Copy, Clone, Debug, Default)]
+#[derive(Copy, Clone, Debug, Default, State)]
 pub(crate) struct Reader {
     part: Part,
     begin: u8,
@@ -184,34 +135,9 @@ impl Reader {
         let is_good = has_end && !self.is_damaged && self.check == expected;
         let has_space = self.text.as_slice().last() == Some(&b' ');
         if spaced && has_space && is_control(expected ^ b' ') {
-            self.text.pop();
+            self.text.drop_last();
         }
         Frame { begin: self.begin, is_good }
-    }
-
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u8(self.part as u8);
-        state.u8(self.begin);
-        state.bool(self.is_damaged);
-        state.u8(self.check);
-        self.text.save(state);
-    }
-
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let part = match state.u8() {
-            0 => Part::Outside,
-            1 => Part::Text,
-            2 => Part::Check,
-            3 => Part::Invitation,
-            _ => return Err(StateError),
-        };
-        Ok(Self {
-            part,
-            begin: state.u8(),
-            is_damaged: state.bool(),
-            check: state.u8(),
-            text: Text::restore(state)?,
-        })
     }
 }
 

@@ -16,12 +16,13 @@ pub use settings::{LineEnd, Parity, Settings};
 
 use dialogue::partner_knows;
 use frame::{EOT, Reader, Text};
-use line::{Line, Timer, heard};
+use line::{Line, heard};
 use receiver::Receiver;
 use sender::Sender;
+use softplug_plugin::parts::{Part, PartEvent, StateName, TimerName, Timers};
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    NoteLevel, Opening, StateError, StateReader, StateWriter, Unread, Value, Values,
+    NoteLevel, Opening, State, StateError, StateReader, StateWriter, Unread, Value, Values, timers,
 };
 use stage::Stage;
 
@@ -31,12 +32,29 @@ const NAME: u16 = 0;
 /// of a reception and of a job, a note, and a request with its name or a line that is delivered.
 const OUTPUT_RESERVE: usize = 1_024;
 
+timers! {
+    /// What time is kept for.
+    pub(crate) enum Timer {
+        /// Silence inside a frame.
+        Character,
+        /// The answer to a block.
+        Answer,
+        /// The next block.
+        Block,
+        /// The job for a request, or the request for a job.
+        Job,
+    }
+}
+
 /// The converter.
 #[derive(Debug)]
 pub struct HeidenhainFe {
     settings: Settings,
     stage: Stage,
     reader: Reader,
+    /// The control holds the line.
+    is_held: bool,
+    timers: Timers<Timer, 4>,
     line: Line,
     sender: Sender,
     receiver: Receiver,
@@ -46,7 +64,7 @@ pub struct HeidenhainFe {
     takes: bool,
     /// The name that the control asks for.
     asked: Text,
-    named: Option<&'static str>,
+    name: StateName,
     unread: Unread,
 }
 
@@ -62,28 +80,32 @@ impl Converter for HeidenhainFe {
             settings,
             stage: Stage::default(),
             reader: Reader::default(),
+            is_held: false,
+            timers: Timers::new(),
             line: Line::default(),
             sender: Sender::default(),
             receiver: Receiver::default(),
             request: 0,
             takes: true,
             asked: Text::default(),
-            named: None,
+            name: StateName::new(),
             unread: Unread::new(),
         }
+    }
+
+    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
+        self.timers.hear(link, event);
     }
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
         if opening.resumed {
             self.takes |= opening.delivery_room > 0;
-            self.line.set_timers(link);
             // Rooms are told anew: what has grown meanwhile is not told again.
             self.has_transmit_room(link);
             self.has_delivery_room(link);
         } else {
             self.takes = opening.delivery_room > 0;
         }
-        self.name_state(link);
     }
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
@@ -99,7 +121,6 @@ impl Converter for HeidenhainFe {
         }
         self.unread.keep(link, rest);
         self.watch(link);
-        self.name_state(link);
     }
 
     fn more(&mut self, link: &mut Context<'_>) {
@@ -128,46 +149,39 @@ impl Converter for HeidenhainFe {
             self.sender.fail(link, Failure::LinkDown);
         }
         self.end_watch(link);
-        self.name_state(link);
     }
 
     fn link_up(&mut self, link: &mut Context<'_>) {
-        self.line.release(link);
-        self.name_state(link);
+        self.release(link);
     }
 
     fn timer(&mut self, link: &mut Context<'_>, id: u8, _deadline: Micros) {
         match Timer::from_id(id) {
             Some(Timer::Character) => {
-                self.line.ran_out(Timer::Character);
                 let frame = self.reader.cut_off();
                 self.frame(link, frame);
                 self.watch(link);
             }
             Some(Timer::Answer) => {
-                self.line.ran_out(Timer::Answer);
                 self.stop(link, Failure::NoAnswer);
             }
             Some(Timer::Block) => {
-                self.line.ran_out(Timer::Block);
                 self.end_reception(link, Some(Failure::NoAnswer));
                 self.say(link, EOT);
             }
             Some(Timer::Job) => {
-                self.line.ran_out(Timer::Job);
                 self.too_late(link);
             }
             None => {}
         }
         self.end_watch(link);
-        self.name_state(link);
     }
 
     fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
         if self.sender.left(mark, state) && state == MarkState::SurelyLeft {
             match self.stage {
                 Stage::Answer => {
-                    self.line.set_after(link, Timer::Answer, self.settings.answer_time);
+                    self.timers.set_after(link, Timer::Answer, self.settings.answer_time);
                 }
                 Stage::Ending => {
                     self.stage = Stage::Idle;
@@ -176,12 +190,10 @@ impl Converter for HeidenhainFe {
                 _ => {}
             }
         }
-        self.name_state(link);
     }
 
     fn transmit_room(&mut self, link: &mut Context<'_>) {
         self.has_transmit_room(link);
-        self.name_state(link);
     }
 
     fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {
@@ -189,13 +201,11 @@ impl Converter for HeidenhainFe {
         let Some(failure) = self.sender.stopping else { return };
         self.sender.dropped(bytes);
         self.sender.fail(link, failure);
-        self.name_state(link);
     }
 
     fn delivery_room(&mut self, link: &mut Context<'_>) {
         self.takes = true;
         self.has_delivery_room(link);
-        self.name_state(link);
     }
 
     fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
@@ -209,7 +219,6 @@ impl Converter for HeidenhainFe {
         } else {
             self.await_control(link);
         }
-        self.name_state(link);
     }
 
     fn job_data(&mut self, link: &mut Context<'_>, _job: u32, bytes: &[u8]) {
@@ -219,7 +228,6 @@ impl Converter for HeidenhainFe {
             self.sender.data(bytes);
             self.go_on(link);
         }
-        self.name_state(link);
     }
 
     fn job_end(&mut self, link: &mut Context<'_>, _job: u32) {
@@ -229,18 +237,15 @@ impl Converter for HeidenhainFe {
             self.sender.data_ended();
             self.go_on(link);
         }
-        self.name_state(link);
     }
 
-    fn pause(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn pause(&mut self, _link: &mut Context<'_>, _job: u32) {
         self.sender.is_paused = true;
-        self.name_state(link);
     }
 
     fn resume(&mut self, link: &mut Context<'_>, _job: u32) {
         self.sender.is_paused = false;
         self.go_on(link);
-        self.name_state(link);
     }
 
     fn abort(&mut self, link: &mut Context<'_>, job: u32) {
@@ -254,17 +259,15 @@ impl Converter for HeidenhainFe {
         } else {
             // A grant waits on for another job.
             if self.stage != Stage::Granted {
-                self.line.cancel(link, Timer::Job);
+                self.timers.cancel(link, Timer::Job);
             }
             self.sender.fail(link, Failure::Aborted);
         }
         self.end_watch(link);
-        self.name_state(link);
     }
 
     fn force_resume(&mut self, link: &mut Context<'_>) {
-        self.line.release(link);
-        self.name_state(link);
+        self.release(link);
     }
 
     fn answer(
@@ -281,40 +284,70 @@ impl Converter for HeidenhainFe {
             Ok(_) if self.sender.is_waiting() => self.supply(link),
             Ok(_) => {
                 self.stage = Stage::Granted;
-                self.line.set_after(link, Timer::Job, self.settings.job_time);
+                self.timers.set_after(link, Timer::Job, self.settings.job_time);
             }
             Err(failure) => {
                 link.note(NoteLevel::Warning, failure.code(), "the program was refused");
                 self.refuse(link);
             }
         }
-        self.name_state(link);
+    }
+
+    fn after(&mut self, link: &mut Context<'_>) {
+        let name = match self.stage {
+            Stage::Filling | Stage::Answer | Stage::Ending if self.is_held => "held",
+            Stage::Filling if self.sender.is_paused => "paused",
+            Stage::Filling | Stage::Answer | Stage::Ending => "sending",
+            Stage::Receiving => "receiving",
+            Stage::Waiting => "receiving, no room",
+            Stage::Asking => "asking for a program",
+            Stage::Granted => "waiting for the program",
+            Stage::Idle if self.sender.is_checking() => "checking",
+            Stage::Idle if self.sender.is_waiting() => "waiting for the control",
+            Stage::Idle => "idle",
+        };
+        self.name.tell(link, name);
     }
 
     fn save(&self, state: &mut StateWriter<'_>) {
         self.stage.save(state, self.sender.stopping);
         self.reader.save(state);
+        self.is_held.save(state);
+        self.timers.save(state);
         self.line.save(state);
         self.sender.save(state);
         self.receiver.save(state);
-        state.u32(self.request);
+        self.request.save(state);
         self.asked.save(state);
-        state.bool(self.takes);
+        self.takes.save(state);
     }
 
     fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
         if !(1..=3).contains(&format) {
-            return Err(StateError);
+            return Err(StateError::FORMAT);
         }
-        let stopping;
-        (self.stage, stopping) = Stage::restore(format, state)?;
-        self.reader = Reader::restore(state)?;
-        self.line = Line::restore(format, state)?;
-        self.sender = Sender::restore(format, state)?;
+        state.field(&"HeidenhainFe.stage");
+        let stopping = self.stage.restore(state);
+        self.reader.restore(state);
+        state.field(&"HeidenhainFe.is_held");
+        self.is_held.restore(state);
+        state.field(&"HeidenhainFe.timers");
+        self.timers.restore(state);
+        if format >= 3 {
+            state.field(&"HeidenhainFe.line");
+            self.line.restore(state);
+        }
+        self.sender.restore(state);
         self.sender.stopping = stopping;
-        self.receiver = Receiver::restore(format, state, self.reader.text())?;
-        self.request = state.u32();
-        self.asked = Text::restore(state)?;
+        self.receiver.restore(state);
+        if format < 2 {
+            self.receiver.waiting = self.reader.text();
+        }
+        state.field(&"HeidenhainFe.request");
+        self.request.restore(state);
+        state.field(&"HeidenhainFe.asked");
+        self.asked.restore(state);
+        state.field(&"HeidenhainFe.takes");
         let is_set = state.bool();
         if format < 3 {
             // EOT followed only when it was known how much had left.

@@ -2,17 +2,18 @@
 
 use crate::frame::Text;
 use crate::settings::{LineEnd, Settings};
-use softplug_plugin::{Context, Failure, StateError, StateReader, StateWriter};
+use softplug_plugin::{Context, Failure, State};
 
-#[derive(Copy, Clone, Debug, Default)]
+#[derive(Copy, Clone, Debug, Default, State)]
 pub(crate) struct Receiver {
     delivery: u32,
     /// How often the block under way has been refused.
     refusals: u32,
     /// ETX has come.
     at_end: bool,
-    /// A good line for which there was no room.
-    waiting: Text,
+    /// A good line for which there was no room; before format 2 it was the reader's.
+    #[state(since = 2)]
+    pub(crate) waiting: Text,
 }
 
 impl Receiver {
@@ -67,26 +68,5 @@ impl Receiver {
 
     pub(crate) fn end(&mut self, link: &mut Context<'_>, failure: Option<Failure>) {
         link.delivery_end(self.delivery, failure, 0);
-    }
-
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u32(self.delivery);
-        state.u32(self.refusals);
-        state.bool(self.at_end);
-        self.waiting.save(state);
-    }
-
-    /// Before format 2 the line that waits was the reader's.
-    pub(crate) fn restore(
-        format: u16,
-        state: &mut StateReader<'_>,
-        heard: Text,
-    ) -> Result<Self, StateError> {
-        Ok(Self {
-            delivery: state.u32(),
-            refusals: state.u32(),
-            at_end: state.bool(),
-            waiting: if format < 2 { heard } else { Text::restore(state)? },
-        })
     }
 }

@@ -5,33 +5,33 @@ use crate::line::spoken;
 use crate::name_of;
 use crate::settings::Settings;
 use crate::stage::Stage;
-use softplug_plugin::{
-    Context, Failure, JobStart, MarkState, Pass, StateError, StateReader, StateWriter, copy,
-};
+use softplug_plugin::parts::Block;
+use softplug_plugin::{Context, Failure, JobStart, MarkState, Pass, State};
 
 /// Data that may wait here.
 const PENDING: usize = 256;
 
-#[derive(Copy, Clone, Debug)]
+#[derive(Copy, Clone, Debug, State)]
 pub(crate) struct Sender {
     /// Id of the job; 0: none.
     job: u32,
     is_checking: bool,
-    /// Why the job fails, once it is known how much of it has left.
+    /// Why the job fails, once it is known how much of it has left; saved with the stage.
+    #[state(skip)]
     pub(crate) stopping: Option<Failure>,
     pub(crate) is_paused: bool,
     /// The name that the control must ask for.
     name: Text,
     has_name: bool,
     /// Data that belongs to later lines.
-    pending: [u8; PENDING],
-    pending_length: u16,
+    pending: Block<PENDING>,
     wanted: u32,
     has_ended: bool,
     /// The line of the block under way, and whether it is whole.
     text: Text,
     is_whole: bool,
     /// Characters of the block that the link has taken: its room may be smaller.
+    #[state(since = 2)]
     given: u16,
     repeats: u32,
     /// The mark of the latest block; whether it can have left.
@@ -54,8 +54,7 @@ impl Default for Sender {
             is_paused: false,
             name: Text::default(),
             has_name: false,
-            pending: [0; PENDING],
-            pending_length: 0,
+            pending: Block::new(),
             wanted: 0,
             has_ended: false,
             text: Text::default(),
@@ -161,10 +160,7 @@ impl Sender {
 
     pub(crate) fn data(&mut self, bytes: &[u8]) {
         self.wanted = self.wanted.saturating_sub(bytes.len() as u32);
-        let free = self.pending.get_mut(usize::from(self.pending_length)..).unwrap_or_default();
-        let count = bytes.len().min(free.len());
-        copy(free, bytes);
-        self.pending_length += count as u16;
+        self.pending.extend(bytes);
     }
 
     pub(crate) fn data_ended(&mut self) {
@@ -200,7 +196,7 @@ impl Sender {
     /// Takes data up to the end of a line. What stands behind the last one is a line too.
     fn gather(&mut self) {
         let mut taken = 0;
-        for byte in self.pending.iter().take(usize::from(self.pending_length)) {
+        for byte in self.pending.as_slice() {
             taken += 1;
             if *byte == b'\n' {
                 self.is_whole = true;
@@ -208,14 +204,12 @@ impl Sender {
             }
             self.text.push(*byte);
         }
-        let end = usize::from(self.pending_length);
-        self.pending.copy_within(taken.min(end)..end, 0);
-        self.pending_length -= taken as u16;
-        if self.has_ended && self.pending_length == 0 && !self.text.as_slice().is_empty() {
+        self.pending.drop_first(taken);
+        if self.has_ended && self.pending.is_empty() && !self.text.is_empty() {
             self.is_whole = true;
         }
         if self.is_whole && self.text.as_slice().last() == Some(&b'\r') {
-            self.text.pop();
+            self.text.drop_last();
         }
     }
 
@@ -308,57 +302,5 @@ impl Sender {
     /// What belonged to the job alone ends with it.
     fn over(&mut self) {
         *self = Self { mark: self.mark, ..Self::default() };
-    }
-
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u32(self.job);
-        state.bool(self.is_checking);
-        state.bool(self.is_paused);
-        self.name.save(state);
-        state.bool(self.has_name);
-        state.u16(self.pending_length);
-        state.bytes(self.pending.get(..usize::from(self.pending_length)).unwrap_or_default());
-        state.u32(self.wanted);
-        state.bool(self.has_ended);
-        self.text.save(state);
-        state.bool(self.is_whole);
-        state.u16(self.given);
-        state.u32(self.repeats);
-        state.u32(self.mark);
-        state.bool(self.has_left);
-        state.u64(self.queued);
-        state.u32(self.line);
-        state.u32(self.column);
-        state.bool(self.after_cr);
-    }
-
-    /// Before format 2 a block was given as a whole.
-    pub(crate) fn restore(format: u16, state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let mut sender = Self {
-            job: state.u32(),
-            is_checking: state.bool(),
-            is_paused: state.bool(),
-            name: Text::restore(state)?,
-            has_name: state.bool(),
-            pending_length: state.u16(),
-            ..Self::default()
-        };
-        if usize::from(sender.pending_length) > PENDING {
-            return Err(StateError);
-        }
-        copy(&mut sender.pending, state.bytes(usize::from(sender.pending_length)));
-        sender.wanted = state.u32();
-        sender.has_ended = state.bool();
-        sender.text = Text::restore(state)?;
-        sender.is_whole = state.bool();
-        sender.given = if format < 2 { 0 } else { state.u16() };
-        sender.repeats = state.u32();
-        sender.mark = state.u32();
-        sender.has_left = state.bool();
-        sender.queued = state.u64();
-        sender.line = state.u32();
-        sender.column = state.u32();
-        sender.after_cr = state.bool();
-        Ok(sender)
     }
 }

@@ -1,6 +1,6 @@
 //! What the converter is at.
 
-use softplug_plugin::{Failure, StateError, StateReader, StateWriter};
+use softplug_plugin::{Failure, StateReader, StateWriter};
 
 /// One of these at a time; the transfers never overlap.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
@@ -49,12 +49,10 @@ impl Stage {
         state.failure(stopping);
     }
 
-    pub(crate) fn restore(
-        format: u16,
-        state: &mut StateReader<'_>,
-    ) -> Result<(Self, Option<Failure>), StateError> {
+    /// Why a job fails stands behind it.
+    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Option<Failure> {
         let (code, stopping) = (state.u8(), state.failure());
-        let stage = match code {
+        *self = match code {
             0 => Self::Idle,
             1 => Self::Asking,
             2 => Self::Granted,
@@ -62,11 +60,14 @@ impl Stage {
             4 => Self::Answer,
             5 => Self::Ending,
             // It was a stage of its own.
-            6 if format < 3 => Self::Idle,
+            6 if state.format() < 3 => Self::Idle,
             7 => Self::Receiving,
             8 => Self::Waiting,
-            _ => return Err(StateError),
+            _ => {
+                state.refuse();
+                Self::Idle
+            }
         };
-        Ok((stage, stopping))
+        stopping
     }
 }

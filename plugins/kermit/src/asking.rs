@@ -1,7 +1,7 @@
 //! A machine asks for a file, and the host sends it by a job or will not.
 
 use crate::Kermit;
-use crate::line::Timer;
+use crate::Timer;
 use crate::receiver::title;
 use crate::stage::Stage;
 use softplug_plugin::{Context, Failure, ValueWriter, Values};
@@ -12,7 +12,7 @@ const FIELD: usize = 112;
 impl Kermit {
     /// R: the machine asks for a file. What it asks again meanwhile is the same.
     pub(crate) fn asked(&mut self, link: &mut Context<'_>, number: u8) {
-        if self.is_asking || self.line.is_set(Timer::Begin) {
+        if self.is_asking || self.timers.is_set(Timer::Begin) {
             return;
         }
         let (name, length) = title(self.terms.theirs, self.reader.data());
@@ -38,7 +38,7 @@ impl Kermit {
         if refused.is_some() {
             self.say_plainly(link, 0, b"There is no such file");
         } else {
-            self.line.set_after(link, Timer::Begin, self.settings.job_time);
+            self.timers.set_after(link, Timer::Begin, self.settings.job_time);
         }
     }
 
@@ -49,7 +49,7 @@ impl Kermit {
             link.withdraw(self.request);
         }
         if !self.sender.is_waiting() {
-            self.line.cancel(link, Timer::Begin);
+            self.timers.cancel(link, Timer::Begin);
         }
     }
 

@@ -1,6 +1,8 @@
 //! How bytes become printable characters: prefixes for control characters, for the eighth bit
 //! and for runs.
 
+use softplug_plugin::State;
+
 /// The prefix of control characters that we use.
 pub(crate) const QUOTE: u8 = b'#';
 /// The prefix of bytes above 127 that we ask for.
@@ -28,7 +30,7 @@ pub(crate) fn is_prefix(character: u8) -> bool {
 }
 
 /// The prefixes of a transfer; 0: none.
-#[derive(Copy, Clone, Debug)]
+#[derive(Copy, Clone, Debug, State)]
 pub(crate) struct Coding {
     pub(crate) quote: u8,
     pub(crate) eighth: u8,

@@ -4,10 +4,9 @@
 //! The protocol's page is `docs/protocols/kermit.md`.
 #![cfg_attr(target_arch = "wasm32", no_std)]
 
+mod answers;
 mod asking;
 mod coding;
-mod data;
-mod line;
 mod packet;
 mod receiver;
 mod receiving;
@@ -19,13 +18,13 @@ mod terms;
 
 pub use settings::{EighthBit, Mode, Settings};
 
-use line::{Line, Timer};
 use packet::{Heard, Reader};
 use receiver::Receiver;
 use sender::Sender;
+use softplug_plugin::parts::{Answers, Part, PartEvent, StateName, TimerName, Timers};
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    NoteLevel, Opening, StateError, StateReader, StateWriter, Unread,
+    NoteLevel, Opening, State, Unread, state_format, timers,
 };
 use stage::Stage;
 use terms::Terms;
@@ -36,14 +35,29 @@ const OUTPUT_RESERVE: usize = 2_560;
 /// Packets that are answered in one event; the others of it wait for another round.
 const PACKETS_AT_A_TIME: u32 = 16;
 
+/// Characters of answers that may wait for room.
+const OWED: usize = 160;
+
+timers! {
+    /// What time is kept for.
+    pub(crate) enum Timer {
+        /// The transfer: the next packet, character or answer.
+        Transfer,
+        /// The answer to the first packet of a job, or the job that was granted.
+        Begin,
+    }
+}
+
 /// The converter.
-#[derive(Debug)]
+#[derive(Debug, State)]
 pub struct Kermit {
+    #[state(skip)]
     settings: Settings,
     stage: Stage,
     reader: Reader,
     terms: Terms,
-    line: Line,
+    timers: Timers<Timer, 2>,
+    answers: Answers<OWED>,
     sender: Sender,
     receiver: Receiver,
     /// The latest request, and whether the host has not answered it.
@@ -52,8 +66,11 @@ pub struct Kermit {
     /// The host takes deliveries: it has told of room for them.
     takes: bool,
     /// A character of the line has fewer than eight bits.
+    #[state(skip)]
     is_narrow: bool,
-    named: Option<&'static str>,
+    #[state(skip)]
+    name: StateName,
+    #[state(skip)]
     unread: Unread,
 }
 
@@ -62,7 +79,6 @@ softplug_plugin::export!(Kermit);
 impl Converter for Kermit {
     type Settings = Settings;
     const MANIFEST: &'static str = settings::MANIFEST;
-    const STATE_FORMAT: Option<u16> = Some(1);
 
     fn new(settings: Settings) -> Self {
         Self {
@@ -70,30 +86,34 @@ impl Converter for Kermit {
             stage: Stage::default(),
             reader: Reader::new(),
             terms: Terms::usual(),
-            line: Line::new(),
+            timers: Timers::new(),
+            answers: Answers::new(),
             sender: Sender::new(0),
             receiver: Receiver::new(),
             request: 0,
             is_asking: false,
             takes: true,
             is_narrow: false,
-            named: None,
+            name: StateName::new(),
             unread: Unread::new(),
         }
+    }
+
+    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
+        self.timers.hear(link, event);
+        self.answers.hear(link, event);
     }
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
         self.is_narrow = opening.line.data_bits < 8;
         if opening.resumed {
             self.takes |= opening.delivery_room > 0;
-            self.line.set_timers(link);
             // Rooms are told anew: what has grown meanwhile is not told again.
-            self.has_transmit_room(link);
+            self.go_on(link);
             self.has_delivery_room(link);
         } else {
             self.takes = opening.delivery_room > 0;
         }
-        self.name_state(link);
     }
 
     fn closed(&mut self, link: &mut Context<'_>) {
@@ -120,7 +140,6 @@ impl Converter for Kermit {
             self.watch_inside(link);
         }
         self.unread.keep(link, rest);
-        self.name_state(link);
     }
 
     fn more(&mut self, link: &mut Context<'_>) {
@@ -153,24 +172,20 @@ impl Converter for Kermit {
             self.sender.fail(link, Failure::LinkDown);
         }
         self.end_reception(link, Some(Failure::LinkDown));
-        self.line.cancel(link, Timer::Begin);
-        self.line.forget_owed();
-        self.name_state(link);
+        self.timers.cancel(link, Timer::Begin);
+        self.answers.forget();
     }
 
     fn timer(&mut self, link: &mut Context<'_>, id: u8, _deadline: Micros) {
         match Timer::from_id(id) {
             Some(Timer::Transfer) => {
-                self.line.ran_out(Timer::Transfer);
                 self.silence(link);
             }
             Some(Timer::Begin) => {
-                self.line.ran_out(Timer::Begin);
                 self.too_late(link);
             }
             None => {}
         }
-        self.name_state(link);
     }
 
     fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
@@ -181,56 +196,46 @@ impl Converter for Kermit {
             self.watch(link);
             self.watch_inside(link);
         }
-        self.name_state(link);
     }
 
     fn transmit_room(&mut self, link: &mut Context<'_>) {
-        self.has_transmit_room(link);
-        self.name_state(link);
+        self.go_on(link);
     }
 
     fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {
-        self.line.pay(link);
         let Some(failure) = self.sender.stopping else { return };
         self.sender.dropped(bytes);
         self.sender.fail(link, failure);
-        self.name_state(link);
     }
 
     fn delivery_room(&mut self, link: &mut Context<'_>) {
         self.takes = true;
         self.has_delivery_room(link);
-        self.name_state(link);
     }
 
     fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
         if self.sender.begin(link, &job) {
             self.start_waiting(link);
         }
-        self.name_state(link);
     }
 
     fn job_data(&mut self, link: &mut Context<'_>, _job: u32, bytes: &[u8]) {
         self.sender.data(bytes, &self.settings);
         self.go_on(link);
-        self.name_state(link);
     }
 
     fn job_end(&mut self, link: &mut Context<'_>, _job: u32) {
         self.sender.data_ended();
         self.go_on(link);
-        self.name_state(link);
     }
 
-    fn pause(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn pause(&mut self, _link: &mut Context<'_>, _job: u32) {
         self.sender.is_paused = true;
-        self.name_state(link);
     }
 
     fn resume(&mut self, link: &mut Context<'_>, _job: u32) {
         self.sender.is_paused = false;
         self.go_on(link);
-        self.name_state(link);
     }
 
     fn abort(&mut self, link: &mut Context<'_>, job: u32) {
@@ -239,7 +244,6 @@ impl Converter for Kermit {
         } else {
             self.abort_job(link);
         }
-        self.name_state(link);
     }
 
     fn answer(
@@ -252,36 +256,22 @@ impl Converter for Kermit {
         if request == self.request && self.is_asking && !more {
             self.answer_to(link, answer.err());
         }
-        self.name_state(link);
     }
 
-    fn save(&self, state: &mut StateWriter<'_>) {
-        self.stage.save(state);
-        self.reader.save(state);
-        self.terms.save(state);
-        self.line.save(state);
-        self.sender.save(state);
-        self.receiver.save(state);
-        state.u32(self.request);
-        state.bool(self.is_asking);
-        state.bool(self.takes);
+    fn after(&mut self, link: &mut Context<'_>) {
+        let name = match self.stage {
+            Stage::Filling if self.sender.is_paused => "paused",
+            stage if stage.is_sending() && self.sender.kind == b'S' => "waiting for the receiver",
+            stage if stage.is_sending() => "sending",
+            Stage::NoRoom => "receiving, no room",
+            stage if stage.is_receiving() => "receiving",
+            _ if self.is_asking => "asking for a program",
+            _ => "idle",
+        };
+        self.name.tell(link, name);
     }
 
-    fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
-        if format != 1 {
-            return Err(StateError);
-        }
-        self.stage = Stage::restore(state)?;
-        self.reader = Reader::restore(state)?;
-        self.terms = Terms::restore(state)?;
-        self.line = Line::restore(state)?;
-        self.sender = Sender::restore(state)?;
-        self.receiver = Receiver::restore(state)?;
-        self.request = state.u32();
-        self.is_asking = state.bool();
-        self.takes = state.bool();
-        Ok(())
-    }
+    state_format!(1);
 }
 
 impl Kermit {
@@ -292,7 +282,7 @@ impl Kermit {
             return false;
         }
         let check = self.terms.check;
-        let ended = self.receiver.ended.map_or(check, |(_, terms)| terms.check);
+        let ended = self.receiver.ended.0.map_or(check, |(_, terms)| terms.check);
         let heard = self.reader.take(byte, |kind| match kind {
             b'S' | b'I' | b'R' | b'G' | b'C' | b'K' => 1,
             b'B' => ended,
@@ -335,12 +325,12 @@ impl Kermit {
     fn watch(&mut self, link: &mut Context<'_>) {
         match self.stage {
             Stage::AwaitFile | Stage::AwaitData => {
-                self.line.set_after(link, Timer::Transfer, self.settings.packet_time);
+                self.timers.set_after(link, Timer::Transfer, self.settings.packet_time);
             }
             Stage::Answer if self.sender.has_left() => {
-                self.line.set_after(link, Timer::Transfer, self.settings.answer_time);
+                self.timers.set_after(link, Timer::Transfer, self.settings.answer_time);
             }
-            _ => self.line.cancel(link, Timer::Transfer),
+            _ => self.timers.cancel(link, Timer::Transfer),
         }
     }
 
@@ -352,7 +342,7 @@ impl Kermit {
             _ => false,
         };
         if is_timed && self.reader.is_inside() {
-            self.line.set_after(link, Timer::Transfer, self.settings.character_time);
+            self.timers.set_after(link, Timer::Transfer, self.settings.character_time);
         }
     }
 
@@ -361,30 +351,9 @@ impl Kermit {
         self.stage == Stage::NoRoom && link.delivery_room() > 0
     }
 
-    fn has_transmit_room(&mut self, link: &mut Context<'_>) {
-        self.line.pay(link);
-        self.go_on(link);
-    }
-
     fn has_delivery_room(&mut self, link: &mut Context<'_>) {
         if self.stage == Stage::NoRoom {
             self.put_away(link);
-        }
-    }
-
-    fn name_state(&mut self, link: &mut Context<'_>) {
-        let state = match self.stage {
-            Stage::Filling if self.sender.is_paused => "paused",
-            stage if stage.is_sending() && self.sender.kind == b'S' => "waiting for the receiver",
-            stage if stage.is_sending() => "sending",
-            Stage::NoRoom => "receiving, no room",
-            stage if stage.is_receiving() => "receiving",
-            _ if self.is_asking => "asking for a program",
-            _ => "idle",
-        };
-        if self.named != Some(state) {
-            self.named = Some(state);
-            link.state(state);
         }
     }
 }

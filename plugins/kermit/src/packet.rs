@@ -1,8 +1,8 @@
 //! Packets as they stand on the line: their lengths, their checks.
 
 use crate::coding::{from_char, to_char};
-use crc::{CRC_16_KERMIT, Crc, Table};
-use softplug_plugin::{StateError, StateReader, StateWriter, copy};
+use softplug_plugin::parts::checks;
+use softplug_plugin::{State, StateReader, StateWriter, copy};
 
 /// What begins a packet.
 pub(crate) const MARK: u8 = 0x01;
@@ -21,12 +21,10 @@ const SHORT_HEADER: usize = 4;
 /// Characters behind the mark that we can hear: others may count their limit otherwise.
 const ROOM: usize = MOST + 16;
 
-static CRC: Crc<u16, Table<1>> = Crc::<u16, Table<1>>::new(&CRC_16_KERMIT);
-
 /// The check of these characters, of so many characters itself.
 pub(crate) fn check(characters: &[u8], kind: u8) -> [u8; 3] {
     if kind == 3 {
-        let crc = CRC.checksum(characters);
+        let crc = checks::crc16_kermit(&[characters]);
         return [to_char((crc >> 12) as u8), six(crc >> 6), six(crc)];
     }
     let sum = characters.iter().fold(0_u16, |sum, byte| sum.wrapping_add(u16::from(*byte)));
@@ -94,20 +92,21 @@ impl Packet {
         let tail = check(self.as_slice().get(1..).unwrap_or_default(), check_kind);
         self.push(tail.get(..check_length).unwrap_or_default());
     }
+}
 
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
+impl State for Packet {
+    fn save(&self, state: &mut StateWriter<'_>) {
         state.u16(self.begin);
         state.u16(self.end);
         state.bytes(self.bytes.get(..usize::from(self.end)).unwrap_or_default());
     }
 
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let mut packet = Self { begin: state.u16(), end: state.u16(), ..Self::new() };
-        let Some(own) = packet.bytes.get_mut(..usize::from(packet.end)) else {
-            return Err(StateError);
-        };
-        copy(own, state.bytes(own.len()));
-        Ok(packet)
+    fn restore(&mut self, state: &mut StateReader<'_>) {
+        (self.begin, self.end) = (state.u16(), state.u16());
+        match self.bytes.get_mut(..usize::from(self.end)) {
+            Some(own) => copy(own, state.bytes(own.len())),
+            None => state.refuse(),
+        }
     }
 }
 
@@ -124,7 +123,7 @@ pub(crate) enum Heard {
     Bad,
 }
 
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, State)]
 enum Place {
     Outside,
     Inside,
@@ -273,33 +272,24 @@ impl Reader {
         let end = usize::from(self.length).saturating_sub(usize::from(self.check_length));
         self.bytes.get(self.header()..end).unwrap_or_default()
     }
+}
 
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u8(self.place as u8);
+impl State for Reader {
+    fn save(&self, state: &mut StateWriter<'_>) {
+        self.place.save(state);
         state.u8(self.check_length);
         state.u16(self.length);
         state.u16(self.whole);
         state.bytes(self.as_slice());
     }
 
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let place = match state.u8() {
-            0 => Place::Outside,
-            1 => Place::Inside,
-            2 => Place::Spoilt,
-            _ => return Err(StateError),
-        };
-        let mut reader = Self {
-            place,
-            check_length: state.u8(),
-            length: state.u16(),
-            whole: state.u16(),
-            ..Self::new()
-        };
-        let Some(own) = reader.bytes.get_mut(..usize::from(reader.length)) else {
-            return Err(StateError);
-        };
-        copy(own, state.bytes(own.len()));
-        Ok(reader)
+    fn restore(&mut self, state: &mut StateReader<'_>) {
+        self.place.restore(state);
+        self.check_length = state.u8();
+        (self.length, self.whole) = (state.u16(), state.u16());
+        match self.bytes.get_mut(..usize::from(self.length)) {
+            Some(own) => copy(own, state.bytes(own.len())),
+            None => state.refuse(),
+        }
     }
 }

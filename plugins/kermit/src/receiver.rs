@@ -4,7 +4,7 @@ use crate::coding::Coding;
 use crate::packet::Reader;
 use crate::settings::{Mode, Settings};
 use crate::terms::Terms;
-use softplug_plugin::{Context, Failure, StateError, StateReader, StateWriter, copy};
+use softplug_plugin::{Context, Failure, State, StateReader, StateWriter, copy};
 
 /// Bytes delivered at a time.
 const PIECE: usize = 128;
@@ -13,27 +13,27 @@ const OUTPUT: usize = 1_024;
 /// Characters of a name that are kept.
 pub(crate) const TITLE: usize = 94;
 
-#[derive(Copy, Clone, Debug)]
+#[derive(Copy, Clone, Debug, State)]
 pub(crate) struct Receiver {
     delivery: u32,
+    /// How often in a row something was refused.
+    refusals: u32,
     /// A delivery is under way.
     pub(crate) is_open: bool,
     /// All of it has come and is acknowledged; it ends with what follows.
     pub(crate) is_whole: bool,
+    /// CR has come, and may belong to LF.
+    has_cr: bool,
     /// The number of the next packet.
     pub(crate) expected: u8,
     /// The type of the one before it.
     pub(crate) latest: u8,
-    /// How often in a row something was refused, and why the last time.
-    refusals: u32,
-    why: Option<Failure>,
     /// How much of the data has been delivered: characters, and bytes of the run behind them.
-    at: u16,
     run: u8,
-    /// CR has come, and may belong to LF.
-    has_cr: bool,
-    /// The end of a transfer that is acknowledged again: its number, and what was agreed on then.
-    pub(crate) ended: Option<(u8, Terms)>,
+    /// Why something was refused the last time.
+    why: Option<Failure>,
+    at: u16,
+    pub(crate) ended: Ended,
 }
 
 impl Receiver {
@@ -49,7 +49,7 @@ impl Receiver {
             at: 0,
             run: 0,
             has_cr: false,
-            ended: None,
+            ended: Ended(None),
         }
     }
 
@@ -167,43 +167,27 @@ impl Receiver {
             self.end_delivery(link, None);
         }
     }
+}
 
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        for number in [self.delivery, self.refusals] {
-            state.u32(number);
-        }
-        state.bool(self.is_open);
-        state.bool(self.is_whole);
-        state.bool(self.has_cr);
-        state.bytes(&[self.expected, self.latest, self.run]);
-        state.failure(self.why);
-        state.u16(self.at);
-        state.bool(self.ended.is_some());
-        if let Some((number, terms)) = self.ended {
+/// The end of a transfer that is acknowledged again: its number, and what was agreed on then.
+#[derive(Copy, Clone, Debug)]
+pub(crate) struct Ended(pub(crate) Option<(u8, Terms)>);
+
+impl State for Ended {
+    fn save(&self, state: &mut StateWriter<'_>) {
+        state.bool(self.0.is_some());
+        if let Some((number, terms)) = self.0 {
             state.u8(number);
             terms.save(state);
         }
     }
 
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let [delivery, refusals] = core::array::from_fn(|_| state.u32());
-        let [is_open, is_whole, has_cr] = core::array::from_fn(|_| state.bool());
-        let [expected, latest, run] = core::array::from_fn(|_| state.u8());
-        let (why, at) = (state.failure(), state.u16());
-        let ended = if state.bool() { Some((state.u8(), Terms::restore(state)?)) } else { None };
-        Ok(Self {
-            delivery,
-            is_open,
-            is_whole,
-            expected,
-            latest,
-            refusals,
-            why,
-            at,
-            run,
-            has_cr,
-            ended,
-        })
+    fn restore(&mut self, state: &mut StateReader<'_>) {
+        self.0 = state.bool().then(|| {
+            let (number, mut terms) = (state.u8(), Terms::usual());
+            terms.restore(state);
+            (number, terms)
+        });
     }
 }
 

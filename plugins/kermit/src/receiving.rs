@@ -1,7 +1,7 @@
 //! Files come: what a sender says, and what it is answered.
 
 use crate::Kermit;
-use crate::line::Timer;
+use crate::Timer;
 use crate::receiver::{TITLE, title};
 use crate::stage::Stage;
 use crate::terms::{FIELDS, Terms};
@@ -25,7 +25,7 @@ impl Kermit {
             // Our own that come back, or answers to what is over.
             b'Y' | b'N' => self.watch(link),
             _ if is_receiving => self.next_packet(link, kind, number),
-            b'B' if self.receiver.ended.is_some_and(|(ended, _)| ended == number) => {
+            b'B' if self.receiver.ended.0.is_some_and(|(ended, _)| ended == number) => {
                 self.ended_again(link);
             }
             b'I' => self.exchange(link, number),
@@ -40,7 +40,7 @@ impl Kermit {
         self.receiver.end_delivery(link, Some(Failure::PartnerReset));
         self.withdraw(link);
         self.receiver.forget();
-        self.line.cancel(link, Timer::Transfer);
+        self.timers.cancel(link, Timer::Transfer);
         self.stage = Stage::Idle;
         let (terms, reply) = self.reply();
         if !self.takes {
@@ -98,7 +98,7 @@ impl Kermit {
                 self.acknowledge(link, number);
                 let terms = self.terms;
                 self.end_reception(link, None);
-                self.receiver.ended = Some((number, terms));
+                self.receiver.ended.0 = Some((number, terms));
                 self.start_waiting(link);
             }
             (Stage::AwaitData, b'A') => self.accept(link, Stage::AwaitData),
@@ -130,7 +130,7 @@ impl Kermit {
         };
         if !is_whole {
             self.stage = Stage::NoRoom;
-            self.line.cancel(link, Timer::Transfer);
+            self.timers.cancel(link, Timer::Transfer);
         } else if is_end {
             self.receiver.is_whole = true;
             self.accept(link, Stage::AwaitFile);
@@ -157,10 +157,10 @@ impl Kermit {
 
     /// The end of the last transfer comes again.
     pub(crate) fn ended_again(&mut self, link: &mut Context<'_>) {
-        if let Some((number, terms)) = self.receiver.ended
+        if let Some((number, terms)) = self.receiver.ended.0
             && number == self.reader.number()
         {
-            self.line.say(link, &terms, b'Y', number, b"");
+            self.say_with(link, &terms, b'Y', number, b"");
         }
         self.watch(link);
     }
@@ -193,7 +193,7 @@ impl Kermit {
         self.receiver.forget();
         self.terms = Terms::usual();
         self.stage = Stage::Idle;
-        self.line.cancel(link, Timer::Transfer);
+        self.timers.cancel(link, Timer::Transfer);
     }
 
     /// A job that had to wait begins.
@@ -214,13 +214,14 @@ impl Kermit {
     }
 
     pub(crate) fn say(&mut self, link: &mut Context<'_>, kind: u8, number: u8, data: &[u8]) {
-        self.line.say(link, &self.terms, kind, number, data);
+        let terms = self.terms;
+        self.say_with(link, &terms, kind, number, data);
     }
 
     /// An error in answer to a packet that has check 1 in any case.
     pub(crate) fn say_plainly(&mut self, link: &mut Context<'_>, number: u8, text: &[u8]) {
         let terms = Terms { check: 1, ..self.terms };
-        self.line.say(link, &terms, b'E', number, text);
+        self.say_with(link, &terms, b'E', number, text);
     }
 
     /// From here on, until something comes.

@@ -1,17 +1,19 @@
 //! The job: its data in packets, their marks and repeats.
 
 use crate::coding::RUN;
-use crate::data::{Data, ROOM};
 use crate::packet::Packet;
 use crate::settings::{Mode, Settings};
 use crate::stage::Stage;
 use crate::terms::{Terms, offer};
+use softplug_plugin::parts::Block;
 use softplug_plugin::{
-    Context, Failure, JobStart, MarkState, StateError, StateReader, StateWriter, Value, copy,
+    Context, Failure, JobStart, MarkState, State, StateReader, StateWriter, Value, copy,
 };
 
 /// Characters of a name that can be sent.
 const NAME: usize = 64;
+/// Bytes of the job that are not in a packet yet.
+const ROOM: usize = 512;
 /// The name of a job that has none.
 const USUAL_NAME: &[u8] = b"PROGRAM";
 /// Characters given to the link at a time.
@@ -30,7 +32,29 @@ enum Made {
     Never(Failure),
 }
 
+/// What the file is called.
 #[derive(Copy, Clone, Debug)]
+struct Name {
+    bytes: [u8; NAME],
+    length: u8,
+}
+
+impl State for Name {
+    fn save(&self, state: &mut StateWriter<'_>) {
+        state.u8(self.length);
+        state.bytes(self.bytes.get(..usize::from(self.length)).unwrap_or_default());
+    }
+
+    fn restore(&mut self, state: &mut StateReader<'_>) {
+        self.length = state.u8();
+        match self.bytes.get_mut(..usize::from(self.length)) {
+            Some(own) => copy(own, state.bytes(own.len())),
+            None => state.refuse(),
+        }
+    }
+}
+
+#[derive(Copy, Clone, Debug, State)]
 pub(crate) struct Sender {
     /// Id of the job; 0: none.
     job: u32,
@@ -39,25 +63,25 @@ pub(crate) struct Sender {
     pub(crate) is_paused: bool,
     /// The receiver wants no more of the file.
     pub(crate) is_interrupted: bool,
-    name: [u8; NAME],
-    name_length: u8,
-    data: Data,
     /// The latest byte of the job was CR.
     is_after_cr: bool,
-    wanted: u32,
     has_ended: bool,
+    /// The packet is whole, and can go.
+    is_made: bool,
+    /// What was given last can have left.
+    has_left: bool,
+    name: Name,
+    data: Block<ROOM>,
+    pub(crate) packet: Packet,
     /// Type and number of the packet under way; 0: none has begun.
     pub(crate) kind: u8,
     pub(crate) number: u8,
-    pub(crate) packet: Packet,
-    /// The packet is whole, and can go.
-    is_made: bool,
     /// Characters of it that the link has taken: its room may be smaller.
     given: u16,
+    wanted: u32,
     pub(crate) repeats: u32,
-    /// The mark of what was given last; whether it can have left.
+    /// The mark of what was given last.
     mark: u32,
-    has_left: bool,
     /// Characters queued for the job.
     queued: u64,
 }
@@ -69,20 +93,19 @@ impl Sender {
             stopping: None,
             is_paused: false,
             is_interrupted: false,
-            name: [0; NAME],
-            name_length: 0,
-            data: Data::new(),
             is_after_cr: false,
-            wanted: 0,
             has_ended: false,
+            is_made: false,
+            has_left: false,
+            name: Name { bytes: [0; NAME], length: 0 },
+            data: Block::new(),
+            packet: Packet::new(),
             kind: 0,
             number: 0,
-            packet: Packet::new(),
-            is_made: false,
             given: 0,
+            wanted: 0,
             repeats: 0,
             mark,
-            has_left: false,
             queued: 0,
         }
     }
@@ -101,8 +124,8 @@ impl Sender {
             0 if is_sound => {
                 *self = Self::new(self.mark);
                 self.job = job.job;
-                self.name_length = name.len() as u8;
-                copy(&mut self.name, name);
+                self.name.length = name.len() as u8;
+                copy(&mut self.name.bytes, name);
                 return true;
             }
             _ => Failure::BadJob,
@@ -119,14 +142,14 @@ impl Sender {
     pub(crate) fn data(&mut self, bytes: &[u8], settings: &Settings) {
         self.wanted = self.wanted.saturating_sub(bytes.len() as u32);
         if settings.mode == Mode::Binary {
-            self.data.push(bytes);
+            self.data.extend(bytes);
             return;
         }
         for byte in bytes {
             if *byte == b'\n' && !self.is_after_cr {
-                self.data.push(b"\r");
+                self.data.extend(b"\r");
             }
-            self.data.push(&[*byte]);
+            self.data.extend(&[*byte]);
             self.is_after_cr = *byte == b'\r';
         }
     }
@@ -185,7 +208,7 @@ impl Sender {
         match self.kind {
             b'S' => self.packet.push(&offer(settings, is_narrow)),
             b'F' => {
-                let (name, length) = (self.name, usize::from(self.name_length));
+                let (name, length) = (self.name.bytes, usize::from(self.name.length));
                 let used = self.encode(name.get(..length).unwrap_or_default(), terms, most);
                 if used < length {
                     return Made::Never(Failure::BadJob);
@@ -222,7 +245,7 @@ impl Sender {
     ) -> Made {
         let most = self.most_data(terms);
         loop {
-            let there = self.data.length();
+            let there = self.data.len();
             // How long a run is must be known.
             if there < RUN && !self.has_ended {
                 if self.wanted == 0 {
@@ -360,53 +383,5 @@ impl Sender {
             link.job_failed(self.job, failure, 0, self.queued);
             *self = Self::new(self.mark);
         }
-    }
-
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u32(self.job);
-        state.failure(self.stopping);
-        for flag in [
-            self.is_paused,
-            self.is_interrupted,
-            self.is_after_cr,
-            self.has_ended,
-            self.is_made,
-            self.has_left,
-        ] {
-            state.bool(flag);
-        }
-        state.u8(self.name_length);
-        state.bytes(self.name.get(..usize::from(self.name_length)).unwrap_or_default());
-        self.data.save(state);
-        self.packet.save(state);
-        state.u8(self.kind);
-        state.u8(self.number);
-        state.u16(self.given);
-        for number in [self.wanted, self.repeats, self.mark] {
-            state.u32(number);
-        }
-        state.u64(self.queued);
-    }
-
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let (job, stopping) = (state.u32(), state.failure());
-        let [is_paused, is_interrupted, is_after_cr, has_ended, is_made, has_left] =
-            core::array::from_fn(|_| state.bool());
-        let mut sender = Self { job, stopping, is_paused, is_interrupted, ..Self::new(0) };
-        (sender.is_after_cr, sender.has_ended) = (is_after_cr, has_ended);
-        (sender.is_made, sender.has_left) = (is_made, has_left);
-        sender.name_length = state.u8();
-        let Some(name) = sender.name.get_mut(..usize::from(sender.name_length)) else {
-            return Err(StateError);
-        };
-        copy(name, state.bytes(name.len()));
-        sender.data = Data::restore(state)?;
-        sender.packet = Packet::restore(state)?;
-        sender.kind = state.u8();
-        sender.number = state.u8();
-        sender.given = state.u16();
-        (sender.wanted, sender.repeats, sender.mark) = (state.u32(), state.u32(), state.u32());
-        sender.queued = state.u64();
-        Ok(sender)
     }
 }

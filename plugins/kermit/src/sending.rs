@@ -1,7 +1,7 @@
 //! A job goes: what a receiver says, and what it is answered.
 
 use crate::Kermit;
-use crate::line::Timer;
+use crate::Timer;
 use crate::stage::Stage;
 use crate::terms::Terms;
 use softplug_plugin::{Context, Failure};
@@ -16,11 +16,11 @@ impl Kermit {
         self.sender.restart();
         self.withdraw(link);
         self.stage = Stage::Filling;
-        self.line.cancel(link, Timer::Transfer);
+        self.timers.cancel(link, Timer::Transfer);
         if self.settings.begin_time > 0 {
-            self.line.set_after(link, Timer::Begin, self.settings.begin_time);
+            self.timers.set_after(link, Timer::Begin, self.settings.begin_time);
         } else {
-            self.line.cancel(link, Timer::Begin);
+            self.timers.cancel(link, Timer::Begin);
         }
         self.go_on(link);
     }
@@ -49,7 +49,7 @@ impl Kermit {
             b'N' if number == (own + 1) % 64 => self.goes_on(link),
             // The same packet is our own that came back.
             b'S' if is_first && self.reader.as_slice() != self.own_packet() => {
-                self.line.cancel(link, Timer::Begin);
+                self.timers.cancel(link, Timer::Begin);
                 self.first_packet(link);
             }
             b'B' if is_first => self.ended_again(link),
@@ -66,8 +66,8 @@ impl Kermit {
     fn acknowledged(&mut self, link: &mut Context<'_>) {
         match self.sender.kind {
             b'S' => {
-                self.line.cancel(link, Timer::Begin);
-                self.receiver.ended = None;
+                self.timers.cancel(link, Timer::Begin);
+                self.receiver.ended.0 = None;
                 self.terms = Terms::agreed(&self.settings, self.is_narrow, self.reader.data());
                 if self.settings.crc_only && self.terms.check < 3 {
                     self.stop(link, Failure::NotSupported);
@@ -84,7 +84,7 @@ impl Kermit {
 
     /// The packet under way is with the receiver.
     fn goes_on(&mut self, link: &mut Context<'_>) {
-        self.line.cancel(link, Timer::Transfer);
+        self.timers.cancel(link, Timer::Transfer);
         let next = match self.sender.kind {
             b'S' => b'F',
             b'D' if self.sender.is_interrupted => b'Z',
@@ -104,13 +104,13 @@ impl Kermit {
     fn end_job(&mut self, link: &mut Context<'_>) {
         self.stage = Stage::Idle;
         self.terms = Terms::usual();
-        self.line.cancel(link, Timer::Transfer);
+        self.timers.cancel(link, Timer::Transfer);
         self.sender.fail(link, Failure::Refused);
     }
 
     /// The packet goes once more, if it may.
     pub(crate) fn again(&mut self, link: &mut Context<'_>, failure: Failure) {
-        self.line.cancel(link, Timer::Transfer);
+        self.timers.cancel(link, Timer::Transfer);
         // The first one goes until the time for it has run out.
         let is_first = self.sender.kind == b'S';
         if is_first || self.sender.repeats(self.settings.repeats) {
@@ -125,7 +125,7 @@ impl Kermit {
 
     /// Sends what comes next, as far as there is all that it needs.
     pub(crate) fn go_on(&mut self, link: &mut Context<'_>) {
-        if self.stage == Stage::Filling && self.line.owes_nothing() {
+        if self.stage == Stage::Filling && self.answers.owes_nothing() {
             match self.sender.next(link, &self.settings, &self.terms, self.is_narrow) {
                 Ok(stage) => self.stage = stage,
                 Err(failure) => self.stop(link, failure),
@@ -136,9 +136,9 @@ impl Kermit {
     /// Ends the job on the line as soon as it is known how much of it has left.
     pub(crate) fn stop(&mut self, link: &mut Context<'_>, failure: Failure) {
         link.discard();
-        self.line.forget_owed();
-        self.line.cancel(link, Timer::Transfer);
-        self.line.cancel(link, Timer::Begin);
+        self.answers.forget();
+        self.timers.cancel(link, Timer::Transfer);
+        self.timers.cancel(link, Timer::Begin);
         self.stage = Stage::Idle;
         self.sender.stopping = Some(failure);
         let number = self.sender.number;

@@ -1,9 +1,9 @@
 //! What the converter is at.
 
-use softplug_plugin::{StateError, StateReader, StateWriter};
+use softplug_plugin::State;
 
 /// One of these at a time; the transfers never overlap.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default, State)]
 pub(crate) enum Stage {
     /// Nothing.
     #[default]
@@ -20,9 +20,6 @@ pub(crate) enum Stage {
     Answer,
 }
 
-const ALL: [Stage; 6] =
-    [Stage::Idle, Stage::AwaitFile, Stage::AwaitData, Stage::NoRoom, Stage::Filling, Stage::Answer];
-
 impl Stage {
     /// Whether a job is on the line.
     pub(crate) fn is_sending(self) -> bool {
@@ -32,13 +29,5 @@ impl Stage {
     /// Whether somebody sends files.
     pub(crate) fn is_receiving(self) -> bool {
         matches!(self, Self::AwaitFile | Self::AwaitData | Self::NoRoom)
-    }
-
-    pub(crate) fn save(self, state: &mut StateWriter<'_>) {
-        state.u8(self as u8);
-    }
-
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        ALL.get(usize::from(state.u8())).copied().ok_or(StateError)
     }
 }

@@ -3,7 +3,7 @@
 use crate::coding::{Coding, EIGHTH, QUOTE, REPEAT, from_char, is_prefix, to_char};
 use crate::packet::{END, SHORT};
 use crate::settings::{EighthBit, Settings};
-use softplug_plugin::{StateError, StateReader, StateWriter};
+use softplug_plugin::State;
 
 /// Fields that we send.
 pub(crate) const FIELDS: usize = 13;
@@ -17,7 +17,8 @@ const USUAL_LONG: usize = 500;
 const LEAST: u8 = 20;
 
 /// What has been agreed.
-#[derive(Copy, Clone, Debug)]
+#[derive(Copy, Clone, Debug, State)]
+#[state(check = Self::is_sound)]
 pub(crate) struct Terms {
     /// How the other side encodes.
     pub(crate) theirs: Coding,
@@ -26,12 +27,12 @@ pub(crate) struct Terms {
     pub(crate) check: u8,
     /// The greatest length of a short packet.
     pub(crate) short: u8,
-    /// The greatest of a whole long one; 0: none are sent.
-    pub(crate) long: u16,
     /// So many of these go before each packet, and this one behind it.
     pub(crate) padding: u8,
     pub(crate) pad: u8,
     pub(crate) end: u8,
+    /// The greatest of a whole long one; 0: none are sent.
+    pub(crate) long: u16,
 }
 
 impl Terms {
@@ -127,30 +128,11 @@ impl Terms {
         }
     }
 
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        for coding in [self.theirs, self.ours] {
-            state.bytes(&[coding.quote, coding.eighth, coding.repeat]);
-        }
-        state.bytes(&[self.check, self.short, self.padding, self.pad, self.end]);
-        state.u16(self.long);
-    }
-
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let [theirs, ours] = core::array::from_fn(|_| Coding {
-            quote: state.u8(),
-            eighth: state.u8(),
-            repeat: state.u8(),
-        });
-        let [check, short, padding, pad, end] = core::array::from_fn(|_| state.u8());
-        let long = state.u16();
-        let is_sound = (1..=3).contains(&check)
-            && (LEAST..=SHORT as u8).contains(&short)
-            && usize::from(long) <= crate::packet::MOST
-            && padding <= SHORT as u8;
-        if !is_sound {
-            return Err(StateError);
-        }
-        Ok(Self { theirs, ours, check, short, long, padding, pad, end })
+    fn is_sound(&self) -> bool {
+        (1..=3).contains(&self.check)
+            && (LEAST..=SHORT as u8).contains(&self.short)
+            && usize::from(self.long) <= crate::packet::MOST
+            && self.padding <= SHORT as u8
     }
 }
 

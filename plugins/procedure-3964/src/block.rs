@@ -62,7 +62,7 @@ impl<const N: usize> Block<N> {
     pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
         let length = usize::from(state.u16());
         self.clear();
-        if self.extend(state.bytes(length)) { Ok(()) } else { Err(StateError) }
+        if self.extend(state.bytes(length)) { Ok(()) } else { Err(StateError::DAMAGED) }
     }
 }
 

@@ -88,7 +88,7 @@ impl Departure {
             1 => Stage::Wanted,
             2 => Stage::Marked,
             3 => Stage::MaybeLeft,
-            _ => return Err(StateError),
+            _ => return Err(StateError::DAMAGED),
         };
         Ok(Self { stage, mark: state.u32(), outstanding: state.u8() })
     }

@@ -38,7 +38,7 @@ impl Part {
             2 => Ok(Self::Etx),
             3 => Ok(Self::Bcc),
             4 => Ok(Self::End),
-            _ => Err(StateError),
+            _ => Err(StateError::DAMAGED),
         }
     }
 }

@@ -109,7 +109,7 @@ impl Job {
             3 => Stage::Begun,
             4 => Stage::Awaiting,
             5 => Stage::Failing,
-            _ => return Err(StateError),
+            _ => return Err(StateError::DAMAGED),
         };
         self.id = state.u32();
         self.kind = state.u16();

@@ -60,7 +60,7 @@ impl Phase {
             6 => Ok(Self::Sending),
             7 => Ok(Self::Disturbed),
             8 => Ok(Self::AcknowledgementWait),
-            _ => Err(StateError),
+            _ => Err(StateError::DAMAGED),
         }
     }
 }

@@ -144,7 +144,7 @@ impl<V: Variant> Converter for Procedure<V> {
 
     fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
         if !(1..=2).contains(&format) {
-            return Err(StateError);
+            return Err(StateError::DAMAGED);
         }
         self.machine.restore(format, state)
     }

@@ -221,9 +221,9 @@ impl Runs {
     pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
         self.clear();
         for _ in 0..state.u16() {
-            let run = Run::from_bytes(state.u32().to_le_bytes()).ok_or(StateError)?;
+            let run = Run::from_bytes(state.u32().to_le_bytes()).ok_or(StateError::DAMAGED)?;
             if !self.push(run) {
-                return Err(StateError);
+                return Err(StateError::DAMAGED);
             }
         }
         Ok(())

@@ -2,7 +2,7 @@
 
 use crate::cut::Path;
 use crate::thread::Thread;
-use softplug_plugin::{StateError, StateReader, StateWriter};
+use softplug_plugin::{StateReader, StateWriter};
 
 /// What a block moves.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
@@ -99,8 +99,8 @@ impl Block {
         }
     }
 
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        Ok(Self {
+    pub(crate) fn restore(state: &mut StateReader<'_>) -> Self {
+        Self {
             speed: restore_option(state),
             tool: restore_option(state),
             function: state.u8(),
@@ -110,12 +110,15 @@ impl Block {
             dwell: state.u32(),
             motion: match state.u8() {
                 0 => Motion::Nothing,
-                1 => Motion::Cut(crate::cut::Cut::restore(state)?.path()),
+                1 => Motion::Cut(crate::cut::Cut::restore(state).path()),
                 2 => Motion::Thread(Thread::restore(state)),
                 3 => Motion::Way { x: state.u32().cast_signed(), z: state.u32().cast_signed() },
                 axes @ 4..8 => Motion::Zero { x: axes & 1 != 0, z: axes & 2 != 0 },
-                _ => return Err(StateError),
+                _ => {
+                    state.refuse();
+                    Motion::Nothing
+                }
             },
-        })
+        }
     }
 }

@@ -3,7 +3,7 @@
 use crate::arc::Arc;
 use crate::codes;
 use crate::line::Line;
-use softplug_plugin::{StateError, StateReader, StateWriter};
+use softplug_plugin::{StateReader, StateWriter};
 
 /// A feed of one step a period: the modulus of the feed's sum. A smaller feed is a part of it.
 pub const FASTEST: u32 = 1 << 20;
@@ -156,7 +156,7 @@ impl Cut {
         state.u8(self.second);
     }
 
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
+    pub(crate) fn restore(state: &mut StateReader<'_>) -> Self {
         let path = match state.u8() {
             0 => Path::Line(Line::restore(state)),
             1 => {
@@ -164,9 +164,12 @@ impl Cut {
                 Path::Arc(arc, (state.u32().cast_signed(), state.u32().cast_signed()))
             }
             2 => Path::Steps(Arc::restore(state)),
-            _ => return Err(StateError),
+            _ => {
+                state.refuse();
+                Path::Line(Line::restore(state))
+            }
         };
-        Ok(Self { path, feed: state.u32(), sum: state.u32(), second: state.u8() })
+        Self { path, feed: state.u32(), sum: state.u32(), second: state.u8() }
     }
 }
 

@@ -9,7 +9,7 @@ use crate::settings::{Settings, Underrun};
 use crate::stage::Stage;
 use crate::thread::Thread;
 use crate::{ECHO, TICK, codes, status};
-use softplug_plugin::{Context, Failure, MarkState, Micros, StateError, StateReader, StateWriter};
+use softplug_plugin::{Context, Failure, MarkState, Micros, StateReader, StateWriter};
 
 /// Bytes that are queued at a time.
 const PIECE: usize = 256;
@@ -599,17 +599,17 @@ impl Lathe {
         self.program.save(state);
     }
 
-    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
-        self.stage = Stage::restore(state)?;
+    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) {
+        self.stage = Stage::restore(state);
         self.job = state.u32();
         self.wanted = state.u32();
         self.capacity = state.u32();
         self.mark = state.u32();
         self.dwell = state.u32();
         self.underruns = state.u32();
-        self.block = Block::restore(state)?;
+        self.block = Block::restore(state);
         self.step = state.u8();
-        self.cut = if state.bool() { Some(Cut::restore(state)?) } else { None };
+        self.cut = state.bool().then(|| Cut::restore(state));
         self.thread = Thread::restore(state);
         self.until = state.micros();
         self.seen = state.u32();
@@ -625,7 +625,7 @@ impl Lathe {
         self.rebuilt = (state.u64().cast_signed(), state.u64().cast_signed());
         self.timers = [state.deadline(), state.deadline()];
         self.queued.restore(state);
-        self.program.restore(state)
+        self.program.restore(state);
     }
 }
 

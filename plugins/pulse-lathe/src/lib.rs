@@ -153,9 +153,10 @@ impl Converter for PulseLathe {
 
     fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
         if Some(format) != Self::STATE_FORMAT {
-            return Err(StateError);
+            return Err(StateError::FORMAT);
         }
-        self.lathe.restore(state)
+        self.lathe.restore(state);
+        Ok(())
     }
 }
 

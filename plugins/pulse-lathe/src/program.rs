@@ -5,7 +5,7 @@ use crate::iso::Iso;
 use crate::octal::Octal;
 use crate::settings::{Input, Settings};
 use crate::status;
-use softplug_plugin::{StateError, StateReader, StateWriter};
+use softplug_plugin::{StateReader, StateWriter};
 
 /// Bytes of text that are taken at a time.
 const PIECE: usize = 512;
@@ -117,7 +117,7 @@ impl Program {
         }
     }
 
-    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
+    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) {
         match self {
             Self::Octal(program) => program.restore(state),
             Self::Iso(program) => program.restore(state),

@@ -1,6 +1,6 @@
 //! What the plug-in is at.
 
-use softplug_plugin::{Failure, StateError, StateReader, StateWriter};
+use softplug_plugin::{Failure, StateReader, StateWriter};
 
 /// What it is at.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
@@ -74,9 +74,9 @@ impl Stage {
         state.failure(failure);
     }
 
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
+    pub(crate) fn restore(state: &mut StateReader<'_>) -> Self {
         let (number, more, flag) = (state.u8(), state.u16(), state.bool());
-        Ok(match (number, state.failure()) {
+        match (number, state.failure()) {
             (0, None) => Self::Idle,
             (1, None) => Self::Checking,
             (2, None) => Self::Loading,
@@ -88,7 +88,10 @@ impl Stage {
             (8, None) => Self::Thread,
             (9, None) => Self::Ending,
             (10, Some(failure)) => Self::Stopping(failure, more),
-            _ => return Err(StateError),
-        })
+            _ => {
+                state.refuse();
+                Self::Idle
+            }
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Blocks as they stand on the line: what begins them, their numbers, their checks.
 
-use crc::{CRC_16_XMODEM, Crc, Table};
-use softplug_plugin::{StateError, StateReader, StateWriter, copy};
+use softplug_plugin::State;
+use softplug_plugin::parts::{Block, checks};
 
 pub(crate) const SOH: u8 = 0x01;
 pub(crate) const STX: u8 = 0x02;
@@ -19,64 +19,17 @@ pub(crate) const LONG: usize = 1_024;
 /// What stands before the data: SOH or STX, number, complement.
 pub(crate) const HEADER: usize = 3;
 
-static CRC: Crc<u16, Table<1>> = Crc::<u16, Table<1>>::new(&CRC_16_XMODEM);
-
 /// The check behind a block's data, and its length.
 pub(crate) fn check(data: &[u8], is_crc: bool) -> ([u8; 2], usize) {
     if is_crc {
-        return (CRC.checksum(data).to_be_bytes(), 2);
+        return (checks::crc16_xmodem(&[data]).to_be_bytes(), 2);
     }
-    let sum = data.iter().fold(0_u8, |sum, byte| sum.wrapping_add(*byte));
+    let sum = checks::sum(&[data]);
     ([sum, 0], 1)
 }
 
 /// Bytes of one block, of which the first ones are there.
-#[derive(Copy, Clone, Debug)]
-pub(crate) struct Data {
-    bytes: [u8; LONG],
-    length: u16,
-}
-
-impl Data {
-    pub(crate) const fn new() -> Self {
-        Self { bytes: [0; LONG], length: 0 }
-    }
-
-    pub(crate) fn as_slice(&self) -> &[u8] {
-        self.bytes.get(..self.length()).unwrap_or_default()
-    }
-
-    pub(crate) fn length(&self) -> usize {
-        usize::from(self.length)
-    }
-
-    pub(crate) fn clear(&mut self) {
-        self.length = 0;
-    }
-
-    /// Takes what fits.
-    pub(crate) fn push(&mut self, bytes: &[u8]) {
-        let free = self.bytes.get_mut(usize::from(self.length)..).unwrap_or_default();
-        let count = bytes.len().min(free.len());
-        copy(free, bytes.get(..count).unwrap_or_default());
-        self.length += count as u16;
-    }
-
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u16(self.length);
-        state.bytes(self.as_slice());
-    }
-
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let length = usize::from(state.u16());
-        if length > LONG {
-            return Err(StateError);
-        }
-        let mut data = Self::new();
-        data.push(state.bytes(length));
-        Ok(data)
-    }
-}
+pub(crate) type Data = Block<LONG>;
 
 /// What a character made of the block.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
@@ -90,7 +43,7 @@ pub(crate) enum Heard {
 }
 
 /// The block that is being heard.
-#[derive(Copy, Clone, Debug)]
+#[derive(Copy, Clone, Debug, State)]
 pub(crate) struct Reader {
     is_long: bool,
     is_crc: bool,
@@ -122,7 +75,7 @@ impl Reader {
             1 => self.number = byte,
             2 if self.number != !byte => return Heard::Bad,
             2 => {}
-            place if place < HEADER + length => self.data.push(&[byte]),
+            place if place < HEADER + length => _ = self.data.push(byte),
             place => return self.take_check(byte, place == HEADER + length),
         }
         Heard::Part
@@ -136,25 +89,5 @@ impl Reader {
         let heard = if self.is_crc { [self.high, byte] } else { [byte, 0] };
         let (expected, _) = check(self.data.as_slice(), self.is_crc);
         if heard == expected { Heard::Good } else { Heard::Bad }
-    }
-
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.bool(self.is_long);
-        state.bool(self.is_crc);
-        state.u8(self.number);
-        state.u16(self.count);
-        self.data.save(state);
-        state.u8(self.high);
-    }
-
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        Ok(Self {
-            is_long: state.bool(),
-            is_crc: state.bool(),
-            number: state.u8(),
-            count: state.u16(),
-            data: Data::restore(state)?,
-            high: state.u8(),
-        })
     }
 }

@@ -5,7 +5,6 @@
 #![cfg_attr(target_arch = "wasm32", no_std)]
 
 mod block;
-mod line;
 mod receiver;
 mod receiving;
 mod sender;
@@ -16,12 +15,12 @@ mod stage;
 pub use settings::{Mode, Padding, Settings};
 
 use block::{CALL, CAN, LONG, NAK};
-use line::{Line, Timer};
 use receiver::Receiver;
 use sender::Sender;
+use softplug_plugin::parts::{Answers, Part, PartEvent, StateName, TimerName, Timers};
 use softplug_plugin::{
     Context, Converter, Failure, JobStart, LineErrorKind, LinkDownReason, MarkState, Micros,
-    NoteLevel, Opening, StateError, StateReader, StateWriter, Unread,
+    NoteLevel, Opening, State, Unread, state_format, timers,
 };
 use stage::Stage;
 
@@ -31,21 +30,36 @@ const CANCEL: &[u8] = &[CAN; 8];
 /// one before, or a block that is sent; their records; an end of a transfer and a name.
 const OUTPUT_RESERVE: usize = 3 * LONG;
 
+timers! {
+    /// What time is kept for.
+    pub(crate) enum Timer {
+        /// The transfer: the next call, block, character or answer, or a clear line.
+        Transfer,
+        /// The call for a job.
+        Request,
+    }
+}
+
 /// The converter.
-#[derive(Debug)]
+#[derive(Debug, State)]
 pub struct Xmodem {
+    #[state(skip)]
     settings: Settings,
     stage: Stage,
-    line: Line,
+    timers: Timers<Timer, 2>,
+    answers: Answers<16>,
     sender: Sender,
     receiver: Receiver,
     /// The host takes deliveries: it has told of room for them.
     takes: bool,
-    /// A character of the line has fewer than eight bits.
-    is_narrow: bool,
     /// The port is gone.
     is_down: bool,
-    named: Option<&'static str>,
+    /// A character of the line has fewer than eight bits.
+    #[state(skip)]
+    is_narrow: bool,
+    #[state(skip)]
+    name: StateName,
+    #[state(skip)]
     unread: Unread,
 }
 
@@ -54,30 +68,34 @@ softplug_plugin::export!(Xmodem);
 impl Converter for Xmodem {
     type Settings = Settings;
     const MANIFEST: &'static str = settings::MANIFEST;
-    const STATE_FORMAT: Option<u16> = Some(1);
 
     fn new(settings: Settings) -> Self {
         Self {
             settings,
             stage: Stage::default(),
-            line: Line::default(),
+            timers: Timers::new(),
+            answers: Answers::new(),
             sender: Sender::new(0),
             receiver: Receiver::new(),
             takes: true,
-            is_narrow: false,
             is_down: false,
-            named: None,
+            is_narrow: false,
+            name: StateName::new(),
             unread: Unread::new(),
         }
+    }
+
+    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
+        self.timers.hear(link, event);
+        self.answers.hear(link, event);
     }
 
     fn opened(&mut self, link: &mut Context<'_>, opening: &Opening) {
         self.is_narrow = opening.line.data_bits < 8;
         if opening.resumed {
             self.takes |= opening.delivery_room > 0;
-            self.line.set_timers(link);
             // Rooms are told anew: what has grown meanwhile is not told again.
-            self.has_transmit_room(link);
+            self.go_on(link);
             self.has_delivery_room(link);
         } else {
             self.takes = opening.delivery_room > 0;
@@ -86,7 +104,6 @@ impl Converter for Xmodem {
             }
             self.begin_calling(link);
         }
-        self.name_state(link);
     }
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
@@ -107,7 +124,6 @@ impl Converter for Xmodem {
             rest = after;
         }
         self.unread.keep(link, rest);
-        self.name_state(link);
     }
 
     fn more(&mut self, link: &mut Context<'_>) {
@@ -128,7 +144,6 @@ impl Converter for Xmodem {
         } else {
             self.noise(link);
         }
-        self.name_state(link);
     }
 
     fn link_down(&mut self, link: &mut Context<'_>, _reason: LinkDownReason) {
@@ -140,23 +155,20 @@ impl Converter for Xmodem {
             self.sender.fail(link, Failure::LinkDown);
         }
         self.is_down = true;
-        self.line.forget_owed();
+        self.answers.forget();
         self.stage = Stage::Idle;
-        self.line.cancel(link, Timer::Transfer);
-        self.line.cancel(link, Timer::Request);
-        self.name_state(link);
+        self.timers.cancel(link, Timer::Transfer);
+        self.timers.cancel(link, Timer::Request);
     }
 
     fn link_up(&mut self, link: &mut Context<'_>) {
         self.is_down = false;
         self.begin_calling(link);
-        self.name_state(link);
     }
 
     fn timer(&mut self, link: &mut Context<'_>, id: u8, _deadline: Micros) {
         match Timer::from_id(id) {
             Some(Timer::Transfer) => {
-                self.line.ran_out(Timer::Transfer);
                 if self.stage.is_sending() {
                     self.no_answer(link);
                 } else {
@@ -164,7 +176,6 @@ impl Converter for Xmodem {
                 }
             }
             Some(Timer::Request) => {
-                self.line.ran_out(Timer::Request);
                 self.sender.fail(link, Failure::NoAnswer);
                 if self.stage == Stage::Idle {
                     self.rest(link);
@@ -172,7 +183,6 @@ impl Converter for Xmodem {
             }
             None => {}
         }
-        self.name_state(link);
     }
 
     fn mark(&mut self, link: &mut Context<'_>, mark: u32, state: MarkState) {
@@ -182,29 +192,24 @@ impl Converter for Xmodem {
         {
             self.has_left(link);
         }
-        self.name_state(link);
     }
 
     fn transmit_room(&mut self, link: &mut Context<'_>) {
-        self.has_transmit_room(link);
-        self.name_state(link);
+        self.go_on(link);
     }
 
     fn discarded(&mut self, link: &mut Context<'_>, bytes: u32) {
-        self.line.pay(link);
         let Some(failure) = self.sender.stopping else { return };
         self.sender.dropped(bytes);
         self.sender.fail(link, failure);
-        self.name_state(link);
     }
 
     fn delivery_room(&mut self, link: &mut Context<'_>) {
         let is_first = !core::mem::replace(&mut self.takes, true);
         self.has_delivery_room(link);
-        if is_first && self.stage == Stage::Idle && !self.line.is_set(Timer::Transfer) {
+        if is_first && self.stage == Stage::Idle && !self.timers.is_set(Timer::Transfer) {
             self.begin_calling(link);
         }
-        self.name_state(link);
     }
 
     fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
@@ -214,36 +219,31 @@ impl Converter for Xmodem {
             // Who calls cannot be called.
             if self.stage == Stage::Calling {
                 self.stage = Stage::Idle;
-                self.line.cancel(link, Timer::Transfer);
+                self.timers.cancel(link, Timer::Transfer);
             }
             if self.settings.request_time > 0 {
-                self.line.set_after(link, Timer::Request, self.settings.request_time);
+                self.timers.set_after(link, Timer::Request, self.settings.request_time);
             }
         }
-        self.name_state(link);
     }
 
     fn job_data(&mut self, link: &mut Context<'_>, _job: u32, bytes: &[u8]) {
         self.sender.data(bytes);
         self.go_on(link);
-        self.name_state(link);
     }
 
     fn job_end(&mut self, link: &mut Context<'_>, _job: u32) {
         self.sender.data_ended();
         self.go_on(link);
-        self.name_state(link);
     }
 
-    fn pause(&mut self, link: &mut Context<'_>, _job: u32) {
+    fn pause(&mut self, _link: &mut Context<'_>, _job: u32) {
         self.sender.is_paused = true;
-        self.name_state(link);
     }
 
     fn resume(&mut self, link: &mut Context<'_>, _job: u32) {
         self.sender.is_paused = false;
         self.go_on(link);
-        self.name_state(link);
     }
 
     fn abort(&mut self, link: &mut Context<'_>, job: u32) {
@@ -252,46 +252,10 @@ impl Converter for Xmodem {
         } else {
             self.abort_job(link);
         }
-        self.name_state(link);
     }
 
-    fn save(&self, state: &mut StateWriter<'_>) {
-        self.stage.save(state);
-        self.line.save(state);
-        self.sender.save(state);
-        self.receiver.save(state);
-        state.bool(self.takes);
-        state.bool(self.is_down);
-    }
-
-    fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
-        if format != 1 {
-            return Err(StateError);
-        }
-        self.stage = Stage::restore(state)?;
-        self.line = Line::restore(state)?;
-        self.sender = Sender::restore(state)?;
-        self.receiver = Receiver::restore(state)?;
-        self.takes = state.bool();
-        self.is_down = state.bool();
-        Ok(())
-    }
-}
-
-impl Xmodem {
-    fn has_transmit_room(&mut self, link: &mut Context<'_>) {
-        self.line.pay(link);
-        self.go_on(link);
-    }
-
-    fn has_delivery_room(&mut self, link: &mut Context<'_>) {
-        if self.stage == Stage::NoRoom {
-            self.put_away(link);
-        }
-    }
-
-    fn name_state(&mut self, link: &mut Context<'_>) {
-        let state = match self.stage {
+    fn after(&mut self, link: &mut Context<'_>) {
+        let name = match self.stage {
             Stage::Filling if self.sender.is_paused => "paused",
             stage if stage.is_sending() => "sending",
             Stage::NoRoom => "receiving, no room",
@@ -300,9 +264,23 @@ impl Xmodem {
             _ if self.sender.is_waiting() => "waiting for the receiver",
             _ => "idle",
         };
-        if self.named != Some(state) {
-            self.named = Some(state);
-            link.state(state);
+        self.name.tell(link, name);
+    }
+
+    state_format!(1);
+}
+
+impl Xmodem {
+    fn has_delivery_room(&mut self, link: &mut Context<'_>) {
+        if self.stage == Stage::NoRoom {
+            self.put_away(link);
+        }
+    }
+
+    /// One character after the other: what finds no room, not even to wait, is left out.
+    fn say_cancel(&mut self, link: &mut Context<'_>) {
+        for byte in CANCEL {
+            self.answers.say(link, &[*byte]);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::block::{CALL, NAK, Reader};
 use crate::settings::{Mode, Padding, Settings};
-use softplug_plugin::{Context, Failure, StateError, StateReader, StateWriter};
+use softplug_plugin::{Context, Failure, State};
 
 /// So many calls with C come before one with NAK.
 const CALLS: u32 = 4;
@@ -11,22 +11,18 @@ const MAY_BE_BLOCK: u16 = 64;
 /// Padding delivered at a time.
 const PIECE: usize = 64;
 
-#[derive(Copy, Clone, Debug)]
+#[derive(Copy, Clone, Debug, State)]
+#[state(check = Self::is_sound)]
 pub(crate) struct Receiver {
     pub(crate) reader: Reader,
     delivery: u32,
+    calls: u32,
+    /// How often in a row something was refused.
+    refusals: u32,
     /// A delivery is under way: a block was good.
     pub(crate) is_open: bool,
     /// The call that was said last asked for CRC.
     pub(crate) is_crc: bool,
-    calls: u32,
-    /// The number of the next block.
-    pub(crate) expected: u8,
-    /// How often in a row something was refused, and why the last time.
-    refusals: u32,
-    why: Option<Failure>,
-    /// Characters of what was no good block.
-    run: u16,
     /// What was no good block may have been one, and it has not come again.
     pub(crate) is_missing: bool,
     /// An EOT has been answered by NAK.
@@ -35,6 +31,12 @@ pub(crate) struct Receiver {
     pub(crate) is_cancelling: bool,
     /// An EOT that comes again is acknowledged.
     pub(crate) lingers: bool,
+    /// The number of the next block.
+    pub(crate) expected: u8,
+    /// Why something was refused the last time.
+    why: Option<Failure>,
+    /// Characters of what was no good block.
+    run: u16,
     /// Padding at the end of the block before, which is data if another block comes.
     held: u16,
     /// How much of `held` and then of the block has been delivered.
@@ -171,54 +173,7 @@ impl Receiver {
         self.forget();
     }
 
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        self.reader.save(state);
-        for number in [self.delivery, self.calls, self.refusals] {
-            state.u32(number);
-        }
-        for flag in [
-            self.is_open,
-            self.is_crc,
-            self.is_missing,
-            self.is_end_refused,
-            self.is_cancelling,
-            self.lingers,
-        ] {
-            state.bool(flag);
-        }
-        state.u8(self.expected);
-        state.failure(self.why);
-        for number in [self.run, self.held, self.delivered] {
-            state.u16(number);
-        }
-    }
-
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let reader = Reader::restore(state)?;
-        let [delivery, calls, refusals] = core::array::from_fn(|_| state.u32());
-        let [is_open, is_crc, is_missing, is_end_refused, is_cancelling, lingers] =
-            core::array::from_fn(|_| state.bool());
-        let (expected, why) = (state.u8(), state.failure());
-        let [run, held, delivered] = core::array::from_fn(|_| state.u16());
-        if usize::from(delivered) > usize::from(held) + reader.data.length() {
-            return Err(StateError);
-        }
-        Ok(Self {
-            reader,
-            delivery,
-            is_open,
-            is_crc,
-            calls,
-            expected,
-            refusals,
-            why,
-            run,
-            is_missing,
-            is_end_refused,
-            is_cancelling,
-            lingers,
-            held,
-            delivered,
-        })
+    fn is_sound(&self) -> bool {
+        usize::from(self.delivered) <= usize::from(self.held) + self.reader.data.len()
     }
 }

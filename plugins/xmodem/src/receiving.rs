@@ -1,9 +1,9 @@
 //! A file comes: what a sender says, and what it is answered.
 
+use crate::Timer;
+use crate::Xmodem;
 use crate::block::{ACK, CALL, CAN, EOT, Heard, NAK, SOH, STX};
-use crate::line::Timer;
 use crate::stage::Stage;
-use crate::{CANCEL, Xmodem};
 use softplug_plugin::{Context, Failure};
 
 impl Xmodem {
@@ -11,7 +11,7 @@ impl Xmodem {
     pub(crate) fn hear(&mut self, link: &mut Context<'_>, byte: u8) {
         match (self.stage, byte) {
             (Stage::Idle, EOT) if self.receiver.lingers => {
-                self.line.say(link, &[ACK]);
+                self.answers.say(link, &[ACK]);
                 self.rest(link);
             }
             // A call is that of somebody else who wants a file.
@@ -70,7 +70,7 @@ impl Xmodem {
             self.acknowledge(link);
         } else {
             self.end_reception(link, Some(Failure::Protocol));
-            self.line.say(link, CANCEL);
+            self.say_cancel(link);
         }
     }
 
@@ -80,13 +80,13 @@ impl Xmodem {
             self.acknowledge(link);
         } else {
             self.stage = Stage::NoRoom;
-            self.line.cancel(link, Timer::Transfer);
+            self.timers.cancel(link, Timer::Transfer);
         }
     }
 
     fn acknowledge(&mut self, link: &mut Context<'_>) {
         self.receiver.went_well();
-        self.line.say(link, &[ACK]);
+        self.answers.say(link, &[ACK]);
         self.enter(link, Stage::Between, self.settings.block_time);
     }
 
@@ -118,7 +118,7 @@ impl Xmodem {
     fn refuse(&mut self, link: &mut Context<'_>) {
         if self.receiver.is_cancelling {
             self.rest(link);
-            self.line.say(link, CANCEL);
+            self.say_cancel(link);
         } else if !self.receiver.is_open && self.sender.is_waiting() {
             // Who calls cannot be called.
             self.stage = Stage::Idle;
@@ -127,18 +127,18 @@ impl Xmodem {
         } else {
             let why = self.receiver.why();
             self.end_reception(link, Some(why));
-            self.line.say(link, CANCEL);
+            self.say_cancel(link);
         }
     }
 
     /// NAK; before the first good block it is the call.
     fn ask_again(&mut self, link: &mut Context<'_>) {
         if self.receiver.is_open {
-            self.line.say(link, &[NAK]);
+            self.answers.say(link, &[NAK]);
             self.enter(link, Stage::Between, self.settings.block_time);
         } else {
             let call = self.receiver.same_call();
-            self.line.say(link, &[call]);
+            self.answers.say(link, &[call]);
             self.enter(link, Stage::Calling, self.settings.call_time);
         }
     }
@@ -149,7 +149,7 @@ impl Xmodem {
             self.stage = Stage::Idle;
         } else if self.receiver.is_missing {
             self.end_reception(link, Some(Failure::Protocol));
-            self.line.say(link, CANCEL);
+            self.say_cancel(link);
         } else if self.settings.end_twice && !self.receiver.is_end_refused {
             self.receiver.is_end_refused = true;
             self.ask_again(link);
@@ -157,7 +157,7 @@ impl Xmodem {
             self.receiver.begin(link);
             self.end_reception(link, None);
             self.receiver.lingers = true;
-            self.line.say(link, &[ACK]);
+            self.answers.say(link, &[ACK]);
         }
     }
 
@@ -185,7 +185,7 @@ impl Xmodem {
     /// Calls for a file, if nothing else is to be done.
     pub(crate) fn begin_calling(&mut self, link: &mut Context<'_>) {
         self.receiver.forget();
-        self.line.cancel(link, Timer::Transfer);
+        self.timers.cancel(link, Timer::Transfer);
         let can_call = self.takes && !self.is_narrow && !self.is_down;
         if self.settings.call && can_call && !self.sender.is_waiting() {
             self.say_call(link);
@@ -196,7 +196,7 @@ impl Xmodem {
         self.receiver.is_end_refused = false;
         self.receiver.is_missing = false;
         let call = self.receiver.call(&self.settings);
-        self.line.say(link, &[call]);
+        self.answers.say(link, &[call]);
         self.enter(link, Stage::Calling, self.settings.call_time);
     }
 
@@ -207,6 +207,6 @@ impl Xmodem {
     /// From here on, and for so long from now.
     pub(crate) fn enter(&mut self, link: &mut Context<'_>, stage: Stage, millis: i64) {
         self.stage = stage;
-        self.line.set_after(link, Timer::Transfer, millis);
+        self.timers.set_after(link, Timer::Transfer, millis);
     }
 }

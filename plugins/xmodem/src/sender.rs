@@ -3,9 +3,7 @@
 use crate::block::{CALL, Data, EOT, HEADER, LONG, NAK, SHORT, SOH, STX, check};
 use crate::settings::{Mode, Settings};
 use crate::stage::Stage;
-use softplug_plugin::{
-    Context, Failure, JobStart, MarkState, StateError, StateReader, StateWriter, copy,
-};
+use softplug_plugin::{Context, Failure, JobStart, MarkState, State, copy};
 
 /// A rest of so many bytes, or fewer, goes in short blocks.
 const SHORT_REST: usize = LONG - SHORT;
@@ -14,7 +12,7 @@ const TOO_LONG: u32 = 2;
 /// Bytes given to the link at a time.
 const PIECE: usize = 64;
 
-#[derive(Copy, Clone, Debug)]
+#[derive(Copy, Clone, Debug, State)]
 pub(crate) struct Sender {
     /// Id of the job; 0: none.
     job: u32,
@@ -26,27 +24,30 @@ pub(crate) struct Sender {
     is_crc: bool,
     /// Blocks are long as far as there is enough for them.
     is_long: bool,
+    has_ended: bool,
+    /// A block has been acknowledged.
+    pub(crate) is_answered: bool,
+    /// What was given last can have left.
+    has_left: bool,
+    /// The latest character was CAN.
+    pub(crate) can_heard: bool,
     /// Data that is not acknowledged.
     data: Data,
     /// Where the block under way begins in it, and how many bytes of a block it is; 0: none yet.
+    #[state(within = 0..=LONG as u16)]
     at: u16,
+    #[state(within = 0..=LONG as u16)]
     length: u16,
-    wanted: u32,
-    has_ended: bool,
-    /// The number of the block under way.
-    pub(crate) number: u8,
-    /// A block has been acknowledged.
-    pub(crate) is_answered: bool,
     /// Characters of the block that the link has taken: its room may be smaller.
     given: u16,
+    /// The number of the block under way.
+    pub(crate) number: u8,
+    wanted: u32,
     pub(crate) repeats: u32,
-    /// The mark of what was given last; whether it can have left.
+    /// The mark of what was given last.
     mark: u32,
-    has_left: bool,
     /// Bytes queued for the job.
     queued: u64,
-    /// The latest character was CAN.
-    pub(crate) can_heard: bool,
 }
 
 impl Sender {
@@ -111,7 +112,7 @@ impl Sender {
 
     pub(crate) fn data(&mut self, bytes: &[u8]) {
         self.wanted = self.wanted.saturating_sub(bytes.len() as u32);
-        self.data.push(bytes);
+        self.data.extend(bytes);
     }
 
     pub(crate) fn data_ended(&mut self) {
@@ -137,7 +138,7 @@ impl Sender {
 
     /// Chooses what goes next: a block, or EOT. `false`: there is not enough data to know.
     fn choose(&mut self, link: &mut Context<'_>) -> bool {
-        let rest = self.data.length().saturating_sub(usize::from(self.at));
+        let rest = self.data.len().saturating_sub(usize::from(self.at));
         if rest == 0 {
             self.data.clear();
             self.at = 0;
@@ -257,65 +258,5 @@ impl Sender {
             link.job_failed(self.job, failure, 0, self.queued);
             *self = Self::new(self.mark);
         }
-    }
-
-    pub(crate) fn save(&self, state: &mut StateWriter<'_>) {
-        state.u32(self.job);
-        state.failure(self.stopping);
-        for flag in [
-            self.is_aborted,
-            self.is_paused,
-            self.is_crc,
-            self.is_long,
-            self.has_ended,
-            self.is_answered,
-            self.has_left,
-            self.can_heard,
-        ] {
-            state.bool(flag);
-        }
-        self.data.save(state);
-        for number in [self.at, self.length, self.given] {
-            state.u16(number);
-        }
-        state.u8(self.number);
-        for number in [self.wanted, self.repeats, self.mark] {
-            state.u32(number);
-        }
-        state.u64(self.queued);
-    }
-
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        let (job, stopping) = (state.u32(), state.failure());
-        let [is_aborted, is_paused, is_crc, is_long, has_ended, is_answered, has_left, can_heard] =
-            core::array::from_fn(|_| state.bool());
-        let data = Data::restore(state)?;
-        let [at, length, given] = core::array::from_fn(|_| state.u16());
-        let number = state.u8();
-        let [wanted, repeats, mark] = core::array::from_fn(|_| state.u32());
-        if usize::from(at) > LONG || usize::from(length) > LONG {
-            return Err(StateError);
-        }
-        Ok(Self {
-            job,
-            stopping,
-            is_aborted,
-            is_paused,
-            is_crc,
-            is_long,
-            data,
-            at,
-            length,
-            wanted,
-            has_ended,
-            number,
-            is_answered,
-            given,
-            repeats,
-            mark,
-            has_left,
-            queued: state.u64(),
-            can_heard,
-        })
     }
 }

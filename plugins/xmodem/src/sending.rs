@@ -1,9 +1,9 @@
 //! A job goes: what a receiver says, and what it is answered.
 
+use crate::Timer;
+use crate::Xmodem;
 use crate::block::{ACK, CAN};
-use crate::line::Timer;
 use crate::stage::Stage;
-use crate::{CANCEL, Xmodem};
 use softplug_plugin::{Context, Failure};
 
 impl Xmodem {
@@ -51,15 +51,15 @@ impl Xmodem {
     pub(crate) fn called(&mut self, link: &mut Context<'_>, byte: u8) {
         if self.sender.is_called(&self.settings, byte) {
             self.receiver.forget();
-            self.line.cancel(link, Timer::Request);
-            self.line.cancel(link, Timer::Transfer);
+            self.timers.cancel(link, Timer::Request);
+            self.timers.cancel(link, Timer::Transfer);
             self.stage = Stage::Filling;
             self.go_on(link);
         }
     }
 
     fn acknowledged(&mut self, link: &mut Context<'_>) {
-        self.line.cancel(link, Timer::Transfer);
+        self.timers.cancel(link, Timer::Transfer);
         self.sender.acknowledged();
         self.stage = Stage::Filling;
         self.go_on(link);
@@ -67,7 +67,7 @@ impl Xmodem {
 
     /// Block or EOT goes once more, if it may.
     fn again(&mut self, link: &mut Context<'_>, failure: Failure) {
-        self.line.cancel(link, Timer::Transfer);
+        self.timers.cancel(link, Timer::Transfer);
         if self.sender.repeats(self.settings.repeats) {
             self.stage = Stage::Filling;
             self.go_on(link);
@@ -78,7 +78,7 @@ impl Xmodem {
 
     /// Sends what comes next, as far as there is all that it needs.
     pub(crate) fn go_on(&mut self, link: &mut Context<'_>) {
-        if self.stage == Stage::Filling && self.line.owes_nothing() {
+        if self.stage == Stage::Filling && self.answers.owes_nothing() {
             self.stage = self.sender.next(link, &self.settings);
         }
     }
@@ -113,7 +113,7 @@ impl Xmodem {
             Stage::Answer => !self.sender.has_left(),
             Stage::Settling | Stage::Ending => false,
             _ => {
-                self.line.cancel(link, Timer::Request);
+                self.timers.cancel(link, Timer::Request);
                 self.sender.fail(link, Failure::Aborted);
                 if self.stage == Stage::Idle {
                     self.rest(link);
@@ -131,11 +131,11 @@ impl Xmodem {
     /// Ends the job on the line as soon as it is known how much of it has left.
     pub(crate) fn stop(&mut self, link: &mut Context<'_>, failure: Failure) {
         link.discard();
-        self.line.forget_owed();
+        self.answers.forget();
         self.sender.stopping = Some(failure);
         self.rest(link);
         if !matches!(failure, Failure::Refused | Failure::LinkDown) {
-            self.line.say(link, CANCEL);
+            self.say_cancel(link);
         }
     }
 }

@@ -1,9 +1,9 @@
 //! What the converter is at.
 
-use softplug_plugin::{StateError, StateReader, StateWriter};
+use softplug_plugin::State;
 
 /// One of these at a time; the transfers never overlap.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
+#[derive(Copy, Clone, PartialEq, Eq, Debug, Default, State)]
 pub(crate) enum Stage {
     /// Nothing; a job may wait for a call.
     #[default]
@@ -32,21 +32,6 @@ pub(crate) enum Stage {
     Ending,
 }
 
-const ALL: [Stage; 12] = [
-    Stage::Idle,
-    Stage::Calling,
-    Stage::Between,
-    Stage::Block,
-    Stage::Purging,
-    Stage::CanHeard,
-    Stage::EndHeard,
-    Stage::NoRoom,
-    Stage::Filling,
-    Stage::Answer,
-    Stage::Settling,
-    Stage::Ending,
-];
-
 impl Stage {
     /// Whether a job is on the line.
     pub(crate) fn is_sending(self) -> bool {
@@ -56,13 +41,5 @@ impl Stage {
     /// Whether something has come that may be a file.
     pub(crate) fn is_receiving(self) -> bool {
         !self.is_sending() && !matches!(self, Self::Idle | Self::Calling)
-    }
-
-    pub(crate) fn save(self, state: &mut StateWriter<'_>) {
-        state.u8(self as u8);
-    }
-
-    pub(crate) fn restore(state: &mut StateReader<'_>) -> Result<Self, StateError> {
-        ALL.get(usize::from(state.u8())).copied().ok_or(StateError)
     }
 }

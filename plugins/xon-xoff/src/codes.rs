@@ -32,7 +32,7 @@ impl Control {
             0 => Ok(None),
             1 => Ok(Some(Self::Xon)),
             2 => Ok(Some(Self::Xoff)),
-            _ => Err(StateError),
+            _ => Err(StateError::DAMAGED),
         }
     }
 }

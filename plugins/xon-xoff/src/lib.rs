@@ -206,7 +206,7 @@ impl Converter for XonXoff {
 
     fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
         if Some(format) != Self::STATE_FORMAT {
-            return Err(StateError);
+            return Err(StateError::DAMAGED);
         }
         self.sender = Sender::restore(state)?;
         self.receiver = Receiver::restore(state)?;

@@ -54,7 +54,7 @@ impl Lines {
             1 => Ok(Self::AfterCr),
             2 => Ok(Self::AfterLf),
             3 => Ok(Self::AfterLfCr),
-            _ => Err(StateError),
+            _ => Err(StateError::DAMAGED),
         }
     }
 }

@@ -385,7 +385,7 @@ impl Sender {
             (2, None) => Stage::Feeding,
             (3, None) => Stage::Draining,
             (4, Some(failure)) => Stage::Stopping(failure),
-            _ => return Err(StateError),
+            _ => return Err(StateError::DAMAGED),
         };
         Ok(Self {
             stage,

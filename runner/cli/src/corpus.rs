@@ -1,25 +1,54 @@
 //! The corpus that verbs work with: the one in the command, or a folder.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use softplug_conformance::Corpus;
 
 use crate::failure::Failure;
+use crate::screen::Screen;
+
+/// Where a project has the ledger of a profile.
+pub(crate) const REQUIREMENTS: &str = "requirements";
 
 /// Which corpus.
 #[derive(Debug, Args)]
 pub(crate) struct Source {
     /// Folder with requirements, traces and mutants, instead of the corpus in this command
+    /// [default: the working folder, for a profile that only its requirements have]
     #[arg(long, value_name = "DIR")]
     corpus: Option<PathBuf>,
 }
 
 impl Source {
+    /// The corpus that was named, else the one in the command.
     pub(crate) fn load(&self) -> Result<Corpus, Failure> {
         match &self.corpus {
             Some(folder) => Corpus::read(folder).map_err(Failure::usage),
             None => Ok(Corpus::embedded()),
         }
     }
+
+    /// The folder that was named, or the working folder if that is a corpus.
+    pub(crate) fn own_folder(&self) -> Option<&Path> {
+        let here = Path::new(".");
+        self.corpus.as_deref().or_else(|| here.join(REQUIREMENTS).is_dir().then_some(here))
+    }
+
+    /// The corpus that was named, else the one in the command, or that of the working folder if
+    /// only it has the profile.
+    pub(crate) fn load_for(&self, profile: &str, screen: &Screen) -> Result<Corpus, Failure> {
+        let corpus = self.load()?;
+        if self.corpus.is_some() || corpus.ledger(profile).is_some() || !is_here(profile) {
+            return Ok(corpus);
+        }
+        screen.note("note: the corpus is this folder; --corpus names another one");
+        Corpus::read(Path::new(".")).map_err(Failure::usage)
+    }
+}
+
+/// Whether the working folder has a ledger of this profile.
+fn is_here(profile: &str) -> bool {
+    let is_name = profile.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
+    is_name && Path::new(REQUIREMENTS).join(format!("{profile}.toml")).is_file()
 }

@@ -3,9 +3,7 @@
 use std::fmt::Display;
 
 use serde::Serialize;
-use softplug_gateway::BadSpec;
-#[cfg(target_os = "linux")]
-use softplug_gateway::{PortError, SettingDifference};
+use softplug_gateway::{BadSpec, PortError, SettingDifference};
 
 use crate::exit::Exit;
 
@@ -87,7 +85,6 @@ impl From<BadSpec> for Failure {
     }
 }
 
-#[cfg(target_os = "linux")]
 impl From<PortError> for Failure {
     fn from(error: PortError) -> Self {
         let failure = match &error {
@@ -106,7 +103,9 @@ impl From<PortError> for Failure {
             PortError::NotFound { .. } | PortError::NoHardware { .. } => {
                 failure.hint("`softplug ports` lists the ports that there are")
             }
-            PortError::Permission { path, .. } | PortError::NotATerminal { path } => {
+            PortError::Permission { path, .. } | PortError::NotATerminal { path }
+                if cfg!(target_os = "linux") =>
+            {
                 failure.hint(format_args!("`softplug doctor {}` tells more", path.display()))
             }
             _ => failure,

@@ -205,6 +205,7 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
         return replace(path, bytes);
     }
     let written = (|| {
+        #[cfg_attr(not(unix), expect(unused_mut))]
         let mut builder = tempfile::Builder::new();
         #[cfg(unix)]
         {

@@ -12,10 +12,6 @@ mod exit;
 mod failure;
 mod files;
 mod line;
-#[cfg(target_os = "linux")]
-mod live;
-#[cfg(not(target_os = "linux"))]
-#[path = "elsewhere.rs"]
 mod live;
 mod machine;
 mod numbers;

@@ -39,6 +39,11 @@ pub(crate) fn span(time: Duration) -> String {
     }
 }
 
+/// As [`span`], in milliseconds below a second.
+pub(crate) fn short_span(time: Duration) -> String {
+    if time < Duration::from_secs(1) { format!("{} ms", time.as_millis()) } else { span(time) }
+}
+
 /// Seconds for machines, to the microsecond.
 pub(crate) fn seconds(time: Duration) -> f64 {
     time.as_micros() as f64 / 1e6

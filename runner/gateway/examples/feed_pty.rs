@@ -71,7 +71,7 @@ fn run(
         ..ControlOptions::default()
     };
     let mut simulator = Simulator::new(Control::new(options)?)?;
-    let path = simulator.path().to_owned();
+    let path = simulator.port();
     let done = Arc::new(AtomicBool::new(false));
     let ended = Arc::clone(&done);
     let machine = thread::spawn(move || {

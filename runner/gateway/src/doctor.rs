@@ -175,7 +175,7 @@ fn listen_once(
     let span = Micros(i64::try_from(each.as_micros()).unwrap_or(i64::MAX));
     let end = poller.clock().now() + span;
     loop {
-        let ready = poller.wait(Some(port.fd()), Interest::READ, Some(end))?;
+        let ready = poller.wait(Some(&port.fd()), Interest::READ, Some(end))?;
         if ready.readable || ready.hangup {
             let outcome = port.read(usize::MAX, &mut |input| sample.hear(&input))?;
             if let ReadOutcome::Gone(reason) = outcome {

@@ -117,6 +117,17 @@ pub enum PortError {
         /// What the system said.
         reason: String,
     },
+    /// There are no ptys on this system.
+    #[error("this system has no ptys; give a serial port, tcp://host:port or rfc2217://host:port")]
+    NoPty,
+    /// The address is not to be had.
+    #[error("{address} cannot be listened on: {source}; choose another address or port")]
+    Listen {
+        /// What was asked for.
+        address: String,
+        /// Why not.
+        source: io::Error,
+    },
     /// The system refused.
     #[error("failed to {what}: {source}")]
     Io {
@@ -141,6 +152,8 @@ impl PortError {
             | Self::NotTaken { .. }
             | Self::RealTime { .. }
             | Self::NoFlow { .. }
+            | Self::Listen { .. }
+            | Self::NoPty
             | Self::Unsupported { .. } => Blame::Setup,
             Self::Connect { .. } | Self::Gone(_) => Blame::Line,
             Self::Io { .. } => Blame::System,
@@ -155,7 +168,6 @@ impl PortError {
         }
     }
 
-    #[cfg(target_os = "linux")]
     /// An error of the system while doing `what` ("read from the port").
     pub(crate) fn io(what: &'static str, source: impl Into<io::Error>) -> Self {
         Self::Io { what, source: source.into() }

@@ -1,4 +1,4 @@
-//! Serial lines on Linux: ports that never block, pacing at the line's rate,
+//! Serial lines: ports that never block, pacing at the line's rate,
 //! and the answers to "why does nothing arrive?".
 //!
 //! - [`port`]: a terminal, a TCP connection, a device server of RFC 2217 or a
@@ -23,28 +23,39 @@
 //! - [`quantity`]: spans and numbers of bytes as people write them.
 //! - [`suggest`]: baud and parity from what was heard.
 //!
-//! What needs Linux is compiled there only; settings, pacing and the pure
-//! decoders are everywhere.
+//! The reactor with its gateway, units, `doctor` and ptys need Linux and are compiled there only.
+//! Elsewhere a [`station`] and a [`tap`] drive a serial port, TCP and RFC 2217, and look every
+//! millisecond whether something has come.
 
-#[cfg(target_os = "linux")]
-mod allowance;
+// Elsewhere what only the reactor needs is not called.
+#![cfg_attr(not(target_os = "linux"), allow(dead_code))]
+
 pub mod awaited;
+pub mod channel;
+pub mod clock;
 pub mod due;
 pub mod error;
 pub mod guess;
 pub mod pacer;
 pub mod place;
+pub mod poll;
 pub mod port;
+pub mod ports;
+pub mod pty;
 pub mod quantity;
 pub mod recorder;
+pub mod reservoir;
+#[cfg(feature = "simulate")]
+pub mod simulator;
+pub mod station;
 pub mod store;
 pub mod suggest;
+pub mod tap;
 mod text;
+pub mod transfer;
 
 #[cfg(target_os = "linux")]
-pub mod channel;
-#[cfg(target_os = "linux")]
-pub mod clock;
+mod allowance;
 #[cfg(all(target_os = "linux", feature = "simulate"))]
 pub mod device_server;
 #[cfg(target_os = "linux")]
@@ -52,24 +63,9 @@ pub mod doctor;
 #[cfg(target_os = "linux")]
 pub mod endpoint;
 #[cfg(target_os = "linux")]
-pub mod poll;
-#[cfg(target_os = "linux")]
-pub mod ports;
-#[cfg(target_os = "linux")]
-pub mod pty;
-#[cfg(target_os = "linux")]
 pub mod reactor;
-pub mod reservoir;
-#[cfg(all(target_os = "linux", feature = "simulate"))]
-pub mod simulator;
-#[cfg(target_os = "linux")]
-pub mod station;
-#[cfg(target_os = "linux")]
-pub mod tap;
 #[cfg(target_os = "linux")]
 pub mod timer;
-#[cfg(target_os = "linux")]
-pub mod transfer;
 #[cfg(target_os = "linux")]
 pub mod units;
 
@@ -77,6 +73,5 @@ pub use due::Due;
 pub use error::{BadSpec, Blame, Holder, PortError};
 pub use pacer::Pacer;
 pub use port::{Flow, PortOptions, PortSpec, SettingDifference};
-#[cfg(target_os = "linux")]
 pub use port::{Input, Port, ReadOutcome};
 pub use text::{is_plain, plain_text};

@@ -39,7 +39,7 @@ fn read_bytes(port: &mut Port, count: usize) -> Vec<u8> {
     let mut poller = Poller::new(Clock::start()).unwrap();
     let mut got = Vec::new();
     while got.len() < count {
-        let ready = poller.wait(Some(port.fd()), Interest::READ, Some(NEVER)).unwrap();
+        let ready = poller.wait(Some(&port.fd()), Interest::READ, Some(NEVER)).unwrap();
         assert!(!ready.timer, "nothing follows {got:?}");
         let outcome = port.read(usize::MAX, &mut |input| match input {
             Input::Bytes(bytes) => got.extend_from_slice(bytes),
@@ -55,7 +55,7 @@ fn read_bytes(port: &mut Port, count: usize) -> Vec<u8> {
 fn wait_gone(port: &mut Port) -> LinkDownReason {
     let mut poller = Poller::new(Clock::start()).unwrap();
     loop {
-        let ready = poller.wait(Some(port.fd()), Interest::READ, Some(NEVER)).unwrap();
+        let ready = poller.wait(Some(&port.fd()), Interest::READ, Some(NEVER)).unwrap();
         assert!(!ready.timer, "the port stays");
         if let ReadOutcome::Gone(reason) = port.read(usize::MAX, &mut |_| {}).unwrap() {
             return reason;
@@ -86,7 +86,7 @@ fn bytes_that_came_before_opening_are_not_lost() {
     let flags = OFlags::RDONLY | OFlags::NOCTTY | OFlags::CLOEXEC;
     let watch = open(pair.slave_path(), flags, Mode::empty()).unwrap();
     let mut poller = Poller::new(Clock::start()).unwrap();
-    assert!(poller.wait(Some(watch.as_fd()), Interest::READ, Some(NEVER)).unwrap().readable);
+    assert!(poller.wait(Some(&watch.as_fd()), Interest::READ, Some(NEVER)).unwrap().readable);
     let mut port = open_slave(&pair);
     pair.write(&[0xFF]).unwrap();
     assert_eq!(read_bytes(&mut port, 6), [&early[..], &[0xFF]].concat());
@@ -98,7 +98,7 @@ fn a_closed_master_is_an_unplugged_port() {
     let mut port = open_slave(&pair);
     let mut poller = Poller::new(Clock::start()).unwrap();
     drop(pair);
-    assert!(poller.wait(Some(port.fd()), Interest::READ, Some(NEVER)).unwrap().hangup);
+    assert!(poller.wait(Some(&port.fd()), Interest::READ, Some(NEVER)).unwrap().hangup);
     assert_eq!(wait_gone(&mut port), LinkDownReason::Unplugged);
     let error = port.write(b"G0").unwrap_err();
     assert!(matches!(error, PortError::Gone(LinkDownReason::Unplugged)), "{error}");
@@ -135,7 +135,7 @@ fn a_full_port_takes_nothing_and_never_blocks() {
     while port.write(&block).unwrap() > 0 {}
     drop(port);
     let mut poller = Poller::new(Clock::start()).unwrap();
-    assert!(poller.wait(Some(pair.as_fd()), Interest::READ, Some(NEVER)).unwrap().readable);
+    assert!(poller.wait(Some(&pair.as_fd()), Interest::READ, Some(NEVER)).unwrap().readable);
     assert!(matches!(pair.read(&mut [0; 16]).unwrap(), ReadOutcome::Read(_)));
 }
 
@@ -312,12 +312,12 @@ fn a_deadline_passes_while_a_port_is_silent() {
     let port = open_slave(&pair);
     let clock = Clock::start();
     let mut poller = Poller::new(clock).unwrap();
-    let ready = poller.wait(Some(port.fd()), Interest::READ, Some(clock.now() + Micros(500)));
+    let ready = poller.wait(Some(&port.fd()), Interest::READ, Some(clock.now() + Micros(500)));
     let ready = ready.unwrap();
     assert!(ready.timer && !ready.readable && !ready.hangup);
-    assert!(poller.wait(Some(port.fd()), Interest::BOTH, None).unwrap().writable);
+    assert!(poller.wait(Some(&port.fd()), Interest::BOTH, None).unwrap().writable);
     pair.write(b"N").unwrap();
-    assert!(poller.wait(Some(port.fd()), Interest::READ, Some(NEVER)).unwrap().readable);
+    assert!(poller.wait(Some(&port.fd()), Interest::READ, Some(NEVER)).unwrap().readable);
 }
 
 #[test]

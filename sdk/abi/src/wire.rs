@@ -253,6 +253,11 @@ impl<'a> Reader<'a> {
         if self.is_sound() { Ok(()) } else { Err(self.reason()) }
     }
 
+    /// Whether something was read that was not there or cannot be.
+    pub fn has_failed(&self) -> bool {
+        self.fault.is_some()
+    }
+
     #[inline(never)]
     pub(crate) fn is_sound(&self) -> bool {
         self.fault.is_none() && self.rest.is_empty()

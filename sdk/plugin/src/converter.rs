@@ -2,7 +2,7 @@
 
 use crate::{
     Context, Failure, LineErrorKind, LineParameters, LinkDownReason, MarkState, Micros, ModemLines,
-    Pass, SettingSet, StateError, StateReader, StateWriter, Values,
+    PartEvent, Pass, SettingSet, StateError, StateReader, StateWriter, Values,
 };
 
 /// The link at its opening.
@@ -194,6 +194,14 @@ pub trait Converter: Sized {
     /// Write what did not fit; called after [`Context::again`], at the same time.
     fn more(&mut self, link: &mut Context<'_>) {}
 
+    /// An event of which [parts](crate::parts) have to hear, before its own method is called. Pass
+    /// it on to each part with [`Part::hear`](crate::parts::Part::hear).
+    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {}
+    /// An event was handled: the place to go on with what it made possible, and to tell the
+    /// state's name. Called after every method above but [`closed`](Self::closed), also where the
+    /// method is not implemented.
+    fn after(&mut self, link: &mut Context<'_>) {}
+
     /// Writes the state. Called more than once for one save: it must write the
     /// same each time.
     fn save(&self, state: &mut StateWriter<'_>) {}
@@ -202,6 +210,6 @@ pub trait Converter: Sized {
     /// # Errors
     /// The format or the content cannot be taken.
     fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
-        Err(StateError)
+        Err(StateError::FORMAT)
     }
 }

@@ -119,7 +119,11 @@ impl<C: Converter> Cell<C> {
             Ok((written, false)) => written as i32,
             Ok((written, true)) => written as i32 | MORE_OUTPUT,
             Err((refusal, text)) => {
-                Words::begin(words).push(text.as_bytes());
+                let mut words = Words::begin(words);
+                words.push(text.as_bytes());
+                if let Some(error) = machine.wrong() {
+                    words.push(error.place().as_bytes());
+                }
                 -i32::from(refusal.code())
             }
         }

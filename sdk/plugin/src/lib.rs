@@ -30,6 +30,9 @@
 //! ```
 #![cfg_attr(not(any(test, feature = "bench")), no_std)]
 
+// What `#[derive(State)]` writes names this crate.
+extern crate self as softplug_plugin;
+
 #[cfg(feature = "bench")]
 pub mod bench;
 mod context;
@@ -39,6 +42,8 @@ mod machine;
 pub mod manifest;
 #[cfg(feature = "bench")]
 mod native;
+pub mod parts;
+mod saved;
 mod settings;
 mod state;
 mod unread;
@@ -47,11 +52,14 @@ pub use context::Context;
 pub use converter::{Converter, JobStart, Opening};
 #[cfg(feature = "bench")]
 pub use native::{Native, NativeFault};
+pub use parts::PartEvent;
+pub use saved::State;
 pub use settings::{Bytes, Choice, SettingSet, SettingType, Text};
 pub use softplug_abi::wire::copy;
 pub use softplug_abi::{
     Failure, LineErrorKind, LineParameters, LinkDownReason, MarkState, Micros, ModemLines,
     NoteLevel, Parity, Pass, RawValue, Value, ValueWriter, Values,
 };
+pub use softplug_plugin_derive::State;
 pub use state::{StateError, StateReader, StateWriter};
 pub use unread::Unread;

@@ -2,7 +2,7 @@
 
 use crate::context::{Context, Rooms};
 use crate::state::{StateReader, emit, measure};
-use crate::{Converter, JobStart, Opening, SettingSet};
+use crate::{Converter, JobStart, Opening, PartEvent, SettingSet, StateError};
 use softplug_abi::limits::STATE_BYTES;
 use softplug_abi::wire::copy;
 use softplug_abi::{Event, EventKind, Micros, Refusal, TakeEvent};
@@ -11,7 +11,7 @@ const RECEIVED: i32 = EventKind::Received as i32;
 const JOB_DATA: i32 = EventKind::JobData as i32;
 
 /// What a step gave: length of the output and whether more is to come, or why
-/// the event was not taken.
+/// the event was not taken. Behind that stands [`Machine::wrong`].
 pub(crate) type Stepped = Result<(usize, bool), (Refusal, &'static str)>;
 
 /// As an `Option`, but all zeros where it is empty: such a static takes no space
@@ -35,6 +35,11 @@ impl<C: Converter> Machine<C> {
         Self { core: Core::new(), rooms: Rooms { transmit: 0, delivery: 0 } }
     }
 
+    /// Why a state was refused; it follows the text.
+    pub(crate) fn wrong(&self) -> Option<StateError> {
+        self.core.wrong
+    }
+
     /// One event. `code` and `payload` are what the host gave; `state` gathers
     /// the pieces of a state to restore.
     ///
@@ -54,6 +59,7 @@ impl<C: Converter> Machine<C> {
                 self.core.saving = None;
                 let mut link = Context::new(output, now, &mut self.rooms);
                 converter.received(&mut link, payload);
+                converter.after(&mut link);
                 return Ok(link.finish());
             }
             if code == JOB_DATA
@@ -63,7 +69,9 @@ impl<C: Converter> Machine<C> {
             {
                 self.core.saving = None;
                 let mut link = Context::new(output, now, &mut self.rooms);
+                converter.parts(&mut link, &PartEvent::JobData(bytes));
                 converter.job_data(&mut link, u32::from_le_bytes(*job), bytes);
+                converter.after(&mut link);
                 return Ok(link.finish());
             }
         }
@@ -111,6 +119,8 @@ struct Core<C: Converter> {
     /// Where the next piece of a save begins.
     saving: Option<usize>,
     restored_length: usize,
+    /// Why a state was refused.
+    wrong: Option<StateError>,
 }
 
 impl<C: Converter> Core<C> {
@@ -121,6 +131,7 @@ impl<C: Converter> Core<C> {
             next_setting: 0,
             saving: None,
             restored_length: 0,
+            wrong: None,
         }
     }
 
@@ -195,11 +206,12 @@ impl<C: Converter> Core<C> {
             return Ok(());
         }
         let converter = self.begin()?;
-        let mut reader = StateReader::new(state.get(..end).unwrap_or_default());
+        let mut reader = StateReader::new(format, state.get(..end).unwrap_or_default());
         let taken = converter.restore(format, &mut reader).and_then(|()| reader.end());
-        if taken.is_err() {
+        if let Err(error) = taken {
             self.converter = Slot::Empty;
-            return refused("the state is of another format or damaged");
+            self.wrong = Some(error);
+            return refused(StateError::TEXT);
         }
         Ok(())
     }
@@ -246,24 +258,36 @@ impl<'a, C: Converter> TakeEvent<'a> for Step<'_, '_, C> {
         match event {
             Event::Open { resumed, line, transmit_room, delivery_room } => {
                 link.set_rooms(transmit_room, delivery_room);
+                if resumed {
+                    converter.parts(link, &PartEvent::Resumed);
+                }
                 converter.opened(link, &Opening { resumed, line, delivery_room });
             }
             Event::Close => {
                 converter.closed(link);
                 core.converter = Slot::Empty;
+                return Ok(());
             }
             Event::LineError { kind, byte, span } => converter.line_error(link, kind, byte, span),
             Event::ModemLines { known, on } => converter.modem_lines(link, known, on),
             Event::LinkDown(reason) => converter.link_down(link, reason),
             Event::LinkUp => converter.link_up(link),
-            Event::Timer { id, deadline } => converter.timer(link, id, deadline),
-            Event::Mark { mark, state } => converter.mark(link, mark, state),
+            Event::Timer { id, deadline } => {
+                converter.parts(link, &PartEvent::Timer { id });
+                converter.timer(link, id, deadline);
+            }
+            Event::Mark { mark, state } => {
+                converter.parts(link, &PartEvent::Mark { mark, state });
+                converter.mark(link, mark, state);
+            }
             Event::TransmitRoom { grown } => {
                 link.grow_transmit_room(grown);
+                converter.parts(link, &PartEvent::TransmitRoom);
                 converter.transmit_room(link);
             }
             Event::Discarded { bytes } => {
                 link.grow_transmit_room(bytes);
+                converter.parts(link, &PartEvent::Discarded { bytes });
                 converter.discarded(link, bytes);
             }
             Event::DeliveryRoom { grown } => {
@@ -273,17 +297,29 @@ impl<'a, C: Converter> TakeEvent<'a> for Step<'_, '_, C> {
             Event::JobBegin { job, kind, pass, size, fields } => {
                 converter.job_begin(link, JobStart { job, kind, pass, size, fields });
             }
-            Event::JobEnd { job } => converter.job_end(link, job),
-            Event::Pause { job } => converter.pause(link, job),
-            Event::Resume { job } => converter.resume(link, job),
+            Event::JobEnd { job } => {
+                converter.parts(link, &PartEvent::JobEnd);
+                converter.job_end(link, job);
+            }
+            Event::Pause { job } => {
+                converter.parts(link, &PartEvent::Paused(true));
+                converter.pause(link, job);
+            }
+            Event::Resume { job } => {
+                converter.parts(link, &PartEvent::Paused(false));
+                converter.resume(link, job);
+            }
             Event::Abort { job } => converter.abort(link, job),
             Event::ForceResume => converter.force_resume(link),
             Event::Answer { request, refused, more, bytes } => {
                 converter.answer(link, request, refused.map_or(Ok(bytes), Err), more);
             }
-            Event::Save => core.saving = Some(0),
+            Event::Save => {
+                core.saving = Some(0);
+                return Ok(());
+            }
             // Of a save, if one is under way: the caller writes the rest.
-            Event::Continue if core.saving.is_some() => {}
+            Event::Continue if core.saving.is_some() => return Ok(()),
             Event::Continue => converter.more(link),
             // The first two above; the others by `Machine::step`, if there is a converter.
             Event::Settings { .. }
@@ -291,6 +327,7 @@ impl<'a, C: Converter> TakeEvent<'a> for Step<'_, '_, C> {
             | Event::Received(_)
             | Event::JobData { .. } => {}
         }
+        converter.after(link);
         Ok(())
     }
 }

@@ -1,9 +1,9 @@
 //! A converter as native code behind the same encoded events and actions as in
 //! the sandbox.
 
-use crate::Converter;
 use crate::export::{INPUT, OUTPUT};
 use crate::machine::Machine;
+use crate::{Converter, StateError};
 use softplug_abi::{Event, Instance, Micros, Output, Refusal};
 use std::fmt;
 
@@ -73,12 +73,14 @@ pub struct NativeFault {
     pub refusal: Refusal,
     /// In the converter's words.
     pub words: &'static str,
+    /// What stands behind them: where a saved state cannot be taken.
+    pub place: &'static str,
 }
 
 impl fmt::Display for NativeFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "refused: {}", self.refusal.text())?;
-        if self.words.is_empty() { Ok(()) } else { write!(f, " ({})", self.words) }
+        if self.words.is_empty() { Ok(()) } else { write!(f, " ({}{})", self.words, self.place) }
     }
 }
 
@@ -95,6 +97,7 @@ impl<C: Converter> Instance for Native<C> {
         let too_long = NativeFault {
             refusal: Refusal::MalformedEvent,
             words: "the event is longer than the input buffer",
+            place: "",
         };
         let length = event.encode(&mut self.input[..]).map_err(|_| too_long)?;
         let code = i32::from(event.kind().code());
@@ -105,7 +108,10 @@ impl<C: Converter> Instance for Native<C> {
             &mut self.output[..],
             &mut self.state[..],
         );
-        let (length, more) = stepped.map_err(|(refusal, words)| NativeFault { refusal, words })?;
+        let (length, more) = stepped.map_err(|(refusal, words)| {
+            let place = self.machine.wrong().map_or("", StateError::place);
+            NativeFault { refusal, words, place }
+        })?;
         Ok(Output { actions: &self.output[..length], more })
     }
 }

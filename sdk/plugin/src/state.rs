@@ -5,18 +5,49 @@ use core::fmt;
 use softplug_abi::wire::{Reader, copy};
 use softplug_abi::{Action, Failure, Micros};
 
-/// A saved state that cannot be taken.
+/// Why a saved state cannot be taken: the field that is wrong, or what else.
 ///
 /// ```
-/// let error = softplug_plugin::StateError;
-/// assert_eq!(error.to_string(), "the saved state is of another format or damaged");
+/// use softplug_plugin::StateError;
+///
+/// let error = StateError::at(&"Sender.given");
+/// assert_eq!(error.to_string(), "the saved state cannot be taken: Sender.given");
+/// assert_eq!(error.place(), "Sender.given");
 /// ```
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub struct StateError;
+// One thin pointer: it is in the result of everything that restores, and a plug-in is small.
+#[derive(Copy, Clone, PartialEq, Eq)]
+pub struct StateError(&'static &'static str);
+
+impl StateError {
+    /// It was saved in a format that is not taken.
+    pub const FORMAT: Self = Self(&"its format");
+    /// It is damaged, and nobody said where.
+    pub const DAMAGED: Self = Self(&"damaged");
+    /// What stands in front of the place, for people.
+    pub(crate) const TEXT: &'static str = "the saved state cannot be taken: ";
+
+    /// This field cannot be what it is, or is not there as a whole.
+    pub const fn at(field: &'static &'static str) -> Self {
+        Self(field)
+    }
+
+    /// The field that is wrong, with the name of its structure in front; `its format`, `its end` or
+    /// `damaged` if it is none.
+    pub const fn place(self) -> &'static str {
+        self.0
+    }
+}
 
 impl fmt::Display for StateError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("the saved state is of another format or damaged")
+        f.write_str(Self::TEXT)?;
+        f.write_str(self.0)
+    }
+}
+
+impl fmt::Debug for StateError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "StateError({})", self.0)
     }
 }
 
@@ -142,17 +173,48 @@ pub(crate) fn emit(
 /// /// The other way round, in the same order; what cannot be is refused.
 /// fn restore(state: &mut StateReader<'_>) -> Result<(u32, bool), StateError> {
 ///     let (count, is_held) = (state.u32(), state.bool());
-///     if count > 1_000 { Err(StateError) } else { Ok((count, is_held)) }
+///     if count > 1_000 { Err(StateError::at(&"count")) } else { Ok((count, is_held)) }
 /// }
 /// ```
 #[derive(Debug)]
 pub struct StateReader<'a> {
     reader: Reader<'a>,
+    format: u16,
+    /// What is being read.
+    field: StateError,
+    /// The first that was wrong.
+    wrong: Option<StateError>,
 }
 
 impl<'a> StateReader<'a> {
-    pub(crate) fn new(bytes: &'a [u8]) -> Self {
-        Self { reader: Reader::new(bytes) }
+    pub(crate) fn new(format: u16, bytes: &'a [u8]) -> Self {
+        Self { reader: Reader::new(bytes), format, field: StateError::DAMAGED, wrong: None }
+    }
+
+    /// The format in which the state was saved.
+    pub fn format(&self) -> u16 {
+        self.format
+    }
+
+    /// What is read from here on is this field: an error tells its name.
+    #[inline(never)]
+    pub fn field(&mut self, name: &'static &'static str) {
+        self.look();
+        self.field = StateError::at(name);
+    }
+
+    /// What was read last cannot be: the whole restore fails, and tells the field. Only the first
+    /// refusal counts.
+    #[inline(never)]
+    pub fn refuse(&mut self) {
+        self.wrong = self.wrong.or(Some(self.field));
+    }
+
+    /// Refuses the field if the state has ended in it.
+    fn look(&mut self) {
+        if self.reader.has_failed() {
+            self.refuse();
+        }
     }
 
     /// Reads `count` bytes.
@@ -202,8 +264,11 @@ impl<'a> StateReader<'a> {
         Failure::from_code(self.u16())
     }
 
-    /// Succeeds if all was there, and all was read.
+    /// Succeeds if all was there, nothing was refused, and all was read.
     pub(crate) fn end(&self) -> Result<(), StateError> {
-        self.reader.end().map_err(|_| StateError)
+        match (self.wrong, self.reader.end()) {
+            (None, Ok(())) => Ok(()),
+            (wrong, _) => Err(wrong.unwrap_or(self.field)),
+        }
     }
 }

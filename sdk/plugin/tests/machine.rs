@@ -78,7 +78,7 @@ impl Converter for Probe {
 
     fn restore(&mut self, format: u16, state: &mut StateReader<'_>) -> Result<(), StateError> {
         if format != 3 {
-            return Err(StateError);
+            return Err(StateError::FORMAT);
         }
         let length = state.u32() as usize;
         self.state = state.bytes(length).to_vec();
@@ -240,11 +240,14 @@ fn a_state_that_does_not_fit_is_refused() {
         assert_eq!(fault.refusal, Refusal::State);
         fault.words
     };
-    let damaged = "the state is of another format or damaged";
-    assert_eq!(words(restore(&state, 2, 5).unwrap_err()), damaged);
-    assert_eq!(words(restore(&state[..11], 3, 5).unwrap_err()), damaged);
+    let place = |fault: NativeFault| {
+        assert_eq!(words(fault), "the saved state cannot be taken: ");
+        fault.place
+    };
+    assert_eq!(place(restore(&state, 2, 5).unwrap_err()), "its format");
+    assert_eq!(place(restore(&state[..11], 3, 5).unwrap_err()), "damaged");
     let trailing = [state.as_slice(), &[9]].concat();
-    assert_eq!(words(restore(&trailing, 3, 5).unwrap_err()), damaged);
+    assert_eq!(place(restore(&trailing, 3, 5).unwrap_err()), "damaged");
     let long = vec![0; 4_097];
     let too_long = "the state is too long";
     assert_eq!(words(restore(&long, 3, 1_000).unwrap_err()), too_long);

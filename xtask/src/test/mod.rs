@@ -11,11 +11,11 @@ use std::process::{Command, ExitCode};
 pub(crate) use self::counts::Counts;
 use crate::run::{self, cargo, overhear};
 use crate::workspace::Workspace;
-use crate::{Error, emulated, firmware, mutants, playground, plugins};
+use crate::{Error, emulated, firmware, mutants, playground, plugins, windows};
 
-/// With `--all`, all that is needed must be there.
+/// What is asked for by name must be there.
 #[derive(Debug, thiserror::Error)]
-#[error("--all demands {}: install what is missing and run this again", .0.join(" and "))]
+#[error("what is asked for needs {}: install what is missing and run this again", .0.join(" and "))]
 pub(crate) struct TestError(Vec<String>);
 
 /// A program that some tests need.
@@ -46,6 +46,13 @@ const BOARD: Tool = Tool {
     program: "qemu-system-arm",
     source: "Debian package qemu-system-arm",
     purpose: "the unit without an operating system, on an emulated Cortex-M4",
+};
+
+/// Its tests need the target for Windows as well, and take minutes to build.
+const WINDOWS: Tool = Tool {
+    program: windows::WINE,
+    source: "Debian packages wine64 and wine",
+    purpose: "the command for Windows, run by wine",
 };
 
 const TOOLS: &[Tool] = &[
@@ -118,6 +125,7 @@ const TOOLS: &[Tool] = &[
     },
     EMULATOR,
     BOARD,
+    WINDOWS,
     Tool {
         program: "schemathesis",
         source: "runner/service/tests/api/requirements.txt, from PyPI",
@@ -128,21 +136,29 @@ const TOOLS: &[Tool] = &[
 /// Which tests to run.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]
 pub(crate) enum Extent {
-    /// What is there, but for the emulated computer.
+    /// What is there, but for the emulated computer and Windows.
     Usual,
     /// Everything; what is missing is an error.
     All,
     /// The emulated computer alone.
     Emulated,
+    /// The command for Windows alone.
+    Windows,
 }
 
 impl Extent {
-    pub(crate) fn new(all: bool, emulated: bool) -> Self {
-        match (all, emulated) {
-            (_, true) => Self::Emulated,
-            (true, false) => Self::All,
-            (false, false) => Self::Usual,
+    pub(crate) fn new(all: bool, emulated: bool, windows: bool) -> Self {
+        match (all, emulated, windows) {
+            (_, true, _) => Self::Emulated,
+            (_, _, true) => Self::Windows,
+            (true, false, false) => Self::All,
+            (false, false, false) => Self::Usual,
         }
+    }
+
+    /// Whether it is more than one part alone.
+    fn is_general(self) -> bool {
+        matches!(self, Self::Usual | Self::All)
     }
 }
 
@@ -154,35 +170,34 @@ pub(crate) fn run(workspace: &Workspace, extent: Extent) -> Result<ExitCode, Err
         return Err(TestError(names.collect()).into());
     }
     let mut left_out = Vec::new();
-    let emulated = match emulated_obstacle(extent) {
-        None => true,
-        Some(why) if extent == Extent::All => return Err(TestError(vec![why]).into()),
+    let mut part = |tool: &Tool, is_wanted: bool, obstacle: Option<String>| match obstacle {
+        _ if !is_wanted => Ok(false),
+        None => Ok(true),
+        Some(why) if extent != Extent::Usual => Err(TestError(vec![why])),
         Some(why) => {
-            left_out.push((EMULATOR.purpose, why));
-            false
+            left_out.push((tool.purpose, why));
+            Ok(false)
         }
     };
-    let board = match board_obstacle(extent) {
-        None => run::find(BOARD.program).is_some(),
-        Some(why) if extent == Extent::All => return Err(TestError(vec![why]).into()),
-        Some(why) => {
-            left_out.push((BOARD.purpose, why));
-            false
-        }
-    };
+    let is_general = extent.is_general();
+    let is_emulated = is_general || extent == Extent::Emulated;
+    let emulated = part(&EMULATOR, is_emulated, emulated_obstacle(extent))?;
+    let board = part(&BOARD, is_general && run::find(BOARD.program).is_some(), board_obstacle())?;
+    let is_windows = is_general || extent == Extent::Windows;
+    let windows = part(&WINDOWS, is_windows, windows_obstacle(extent))?;
     plugins::build(workspace, plugins::Report::Table)?;
     let mut steps = Vec::new();
-    if extent != Extent::Emulated {
+    if is_general {
         mutants::build(workspace)?;
         playground::build(workspace)?;
         let firmware = board.then(|| firmware::build(workspace)).transpose()?;
-        let others = missing.iter().filter(|tool| tool.program != EMULATOR.program);
-        for tool in others {
+        let parts = [EMULATOR.program, WINDOWS.program];
+        for tool in missing.iter().filter(|tool| !parts.contains(&tool.program)) {
             let why = format!("`{}` is missing ({})", tool.program, tool.source);
             left_out.push((tool.purpose, why));
         }
         let mut skips: Vec<_> = missing.iter().map(|tool| tool.module()).collect();
-        skips.push(EMULATOR.module());
+        skips.extend([EMULATOR.module(), WINDOWS.module()]);
         if !board {
             skips.push(BOARD.module());
         }
@@ -199,9 +214,18 @@ pub(crate) fn run(workspace: &Workspace, extent: Extent) -> Result<ExitCode, Err
         let command =
             if extent == Extent::All { built } else { plugins::build_command(workspace, true)? };
         let images = emulated::make(workspace, &command)?;
-        let mut tests = emulated_tests();
+        let mut tests = tests_of("softplug-emulated", None);
         tests.env("SOFTPLUG_EMULATED", images);
         steps.push(step(workspace, "the emulated computer", tests)?);
+    }
+    if windows {
+        let built = windows::build(workspace)?;
+        let prefix = windows::prefix(workspace)?;
+        let mut tests = tests_of("softplug", Some("windows"));
+        tests.env("SOFTPLUG_WINDOWS", built).env("WINEPREFIX", &prefix);
+        let step = step(workspace, "Windows", tests);
+        windows::end(&prefix)?;
+        steps.push(step?);
     }
     Ok(conclude(&steps, &left_out))
 }
@@ -218,9 +242,16 @@ fn emulated_obstacle(extent: Extent) -> Option<String> {
 }
 
 /// Why the emulated board is left out although its program is there, if it is.
-fn board_obstacle(extent: Extent) -> Option<String> {
-    let is_wanted = extent != Extent::Emulated && run::find(BOARD.program).is_some();
-    is_wanted.then(firmware::obstacle).flatten()
+fn board_obstacle() -> Option<String> {
+    run::find(BOARD.program).and_then(|_| firmware::obstacle())
+}
+
+/// Why the command for Windows is left out, if it is.
+fn windows_obstacle(extent: Extent) -> Option<String> {
+    if extent == Extent::Usual {
+        return Some("it takes minutes (cargo xtask test --windows)".to_owned());
+    }
+    windows::obstacle()
 }
 
 fn step(workspace: &Workspace, name: &'static str, mut command: Command) -> Result<Step, Error> {
@@ -275,14 +306,21 @@ fn steps_of(skips: &[String]) -> [(&'static str, Command); 2] {
     [(if nextest { "cargo nextest" } else { "cargo test" }, tests), ("the doc tests", examples)]
 }
 
-fn emulated_tests() -> Command {
+/// The tests of one package, or of one of its test programs.
+fn tests_of(package: &str, program: Option<&str>) -> Command {
     let mut tests = cargo();
-    let package = ["-p", "softplug-emulated", "--no-fail-fast"];
-    if run::find("cargo-nextest").is_some() {
-        tests.args(["nextest", "run"]).args(package);
+    let nextest = run::find("cargo-nextest").is_some();
+    if nextest {
+        tests.args(["nextest", "run"]);
     } else {
-        tests.arg("test").args(package).args(["--lib", "--tests"]);
+        tests.arg("test");
     }
+    tests.args(["-p", package, "--no-fail-fast"]);
+    match program {
+        Some(program) => tests.args(["--test", program]),
+        None if nextest => &mut tests,
+        None => tests.args(["--lib", "--tests"]),
+    };
     tests
 }
 
@@ -324,11 +362,13 @@ mod tests {
     }
 
     #[test]
-    fn the_emulated_computer_is_a_part_of_all_and_not_of_the_usual() {
-        assert_eq!(Extent::new(false, false), Extent::Usual);
-        assert_eq!(Extent::new(true, false), Extent::All);
-        assert_eq!(Extent::new(true, true), Extent::Emulated);
+    fn what_takes_minutes_is_a_part_of_all_and_not_of_the_usual() {
+        assert_eq!(Extent::new(false, false, false), Extent::Usual);
+        assert_eq!(Extent::new(true, false, false), Extent::All);
+        assert_eq!(Extent::new(true, true, false), Extent::Emulated);
+        assert_eq!(Extent::new(false, false, true), Extent::Windows);
         assert!(emulated_obstacle(Extent::Usual).is_some());
+        assert!(windows_obstacle(Extent::Usual).is_some());
         assert_eq!(EMULATOR.module(), "needs_qemu_system_x86_64");
     }
 
@@ -338,7 +378,7 @@ mod tests {
             TestError(vec!["`a` (Debian package b)".into(), "`c` (Debian package d)".into()]);
         assert_eq!(
             error.to_string(),
-            "--all demands `a` (Debian package b) and `c` (Debian package d): install what is \
+            "what is asked for needs `a` (Debian package b) and `c` (Debian package d): install what is \
              missing and run this again"
         );
     }

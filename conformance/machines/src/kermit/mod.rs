@@ -27,6 +27,8 @@ const CR: u8 = 0x0D;
 
 /// How long it waits for a packet, or for the answer to one.
 const PATIENCE: Micros = Micros::from_secs(7);
+/// The longest packet that there is.
+const PACKET: usize = 9_100;
 /// How often it tries.
 const TRIES: u32 = 10;
 
@@ -62,6 +64,8 @@ pub struct Options {
     pub lost: Vec<u32>,
     /// It wants no more of a file behind so many packets of data.
     pub interrupts: Option<u32>,
+    /// Behind a transfer it begins anew after so long; without, it does not.
+    pub rest: Option<Micros>,
 }
 
 impl Default for Options {
@@ -78,7 +82,14 @@ impl Default for Options {
             damaged: Vec::new(),
             lost: Vec::new(),
             interrupts: None,
+            rest: None,
         }
+    }
+}
+
+impl Options {
+    fn begins_by_itself(&self) -> bool {
+        self.file.is_some() || self.wanted.is_some()
     }
 }
 
@@ -105,6 +116,10 @@ pub struct Report {
     pub error: String,
     /// Packets that came or went, repeated ones included.
     pub packets: u32,
+    /// Transfers that have ended well.
+    pub done: u32,
+    /// Transfers that have not.
+    pub failed: u32,
 }
 
 /// The machine.
@@ -139,15 +154,16 @@ pub struct Machine {
     done: usize,
     length: usize,
     leaving: VecDeque<(Micros, u8)>,
+    /// When the next transfer may begin.
+    anew: Option<Micros>,
     report: Report,
 }
 
 impl Machine {
     /// A machine with these settings.
     pub fn new(options: Options) -> Self {
-        let begins = options.file.is_some() || options.wanted.is_some();
         Self {
-            until: begins.then_some(options.begins),
+            until: options.begins_by_itself().then_some(options.begins),
             agreed: Parameters::default(),
             heard: None,
             number: 0,
@@ -159,6 +175,7 @@ impl Machine {
             done: 0,
             length: 0,
             leaving: VecDeque::new(),
+            anew: None,
             report: Report::default(),
             options,
         }
@@ -167,6 +184,19 @@ impl Machine {
     /// What it has seen so far.
     pub fn report(&self) -> &Report {
         &self.report
+    }
+
+    /// Whether a transfer has begun and not ended.
+    ///
+    /// ```
+    /// use softplug_machines::kermit::{Machine, Options};
+    ///
+    /// assert!(!Machine::new(Options::default()).is_under_way());
+    /// ```
+    pub fn is_under_way(&self) -> bool {
+        // One that begins by itself has not, before it was answered.
+        let is_heard = self.number > 0 || !self.options.begins_by_itself();
+        self.kind != 0 && is_heard && !self.report.is_over
     }
 
     /// A character has come: its last bit ended at `now`.
@@ -178,7 +208,8 @@ impl Machine {
                 self.heard = None;
                 self.hears(now, &heard);
             }
-            (Some(heard), _) => heard.push(byte),
+            (Some(heard), _) if heard.len() < PACKET => heard.push(byte),
+            (Some(_), _) => self.heard = None,
             (None, _) => {}
         }
     }
@@ -186,11 +217,15 @@ impl Machine {
     /// When it wants to be called next.
     pub fn next_event(&self) -> Option<Micros> {
         let leaves = self.leaving.front().map(|(at, _)| *at);
-        [leaves, self.until].into_iter().flatten().min()
+        [leaves, self.until, self.anew].into_iter().flatten().min()
     }
 
     /// Does what is due.
     pub fn advance(&mut self, now: Micros) {
+        if self.anew.is_some_and(|anew| anew <= now) {
+            self.begins_anew();
+            self.until = self.options.begins_by_itself().then_some(now);
+        }
         if self.until.is_none_or(|until| until > now) {
             return;
         }
@@ -201,7 +236,7 @@ impl Machine {
         self.tries += 1;
         if self.tries > TRIES {
             self.goes_alone(now, b'E', b"Nobody answers");
-            self.ends(false);
+            self.ends(now, false);
         } else if self.is_sender() {
             self.goes_again(now);
         } else {
@@ -237,6 +272,9 @@ impl Machine {
             *last ^= 1;
         }
         let frame = Frame::read(&heard, self.agreed.check);
+        if self.anew.is_some() && frame.as_ref().is_some_and(|frame| frame.kind == b'S') {
+            self.begins_anew();
+        }
         if self.report.is_over {
             // Only the end of a transfer is acknowledged again.
             if let Some(frame) = frame.filter(|frame| frame.kind == b'B' && self.report.is_done) {
@@ -251,7 +289,7 @@ impl Machine {
             None => self.answers(now, b'N', self.number, b""),
             Some(frame) if frame.kind == b'E' => {
                 self.report.error = String::from_utf8_lossy(&frame.data).into_owned();
-                self.ends(false);
+                self.ends(now, false);
             }
             Some(frame) if self.options.file.is_some() => self.is_answered(now, &frame),
             Some(frame) => self.takes(now, &frame),
@@ -301,7 +339,7 @@ impl Machine {
         self.answers(now, b'Y', frame.number, answer);
         self.number = (self.number + 1) % 64;
         if frame.kind == b'B' {
-            self.ends(true);
+            self.ends(now, true);
         }
     }
 
@@ -339,7 +377,7 @@ impl Machine {
             }
             b'F' | b'D' => self.goes(now, b'Z', b""),
             b'Z' => self.goes(now, b'B', b""),
-            _ => self.ends(true),
+            _ => self.ends(now, true),
         }
     }
 
@@ -366,9 +404,22 @@ impl Machine {
         self.says(now, &packet);
     }
 
-    fn ends(&mut self, is_done: bool) {
+    fn ends(&mut self, now: Micros, is_done: bool) {
         self.until = None;
+        self.anew = self.options.rest.map(|rest| now + rest);
         (self.report.is_over, self.report.is_done) = (true, is_done);
+        let count = if is_done { &mut self.report.done } else { &mut self.report.failed };
+        *count += 1;
+    }
+
+    /// The next transfer: what came in the one before is kept until another file comes.
+    fn begins_anew(&mut self) {
+        self.report.is_over = false;
+        self.report.is_done = false;
+        let begun = Self::new(self.options.clone());
+        let before = std::mem::replace(self, begun);
+        self.until = None;
+        (self.report, self.leaving, self.answers) = (before.report, before.leaving, before.answers);
     }
 
     /// An answer, unless it gets lost.

@@ -97,6 +97,14 @@ pub enum Finding {
         /// The hash of the sentence as it stands.
         expected: String,
     },
+    /// A clause without a hash.
+    #[error("{clause}: its sentence has no hash; write sha256 = \"{expected}\"")]
+    NoHash {
+        /// The clause.
+        clause: String,
+        /// The hash of the sentence.
+        expected: String,
+    },
     /// A MUST that no MUST case shows.
     #[error(
         "{clause}: it binds, and no case of level must cites it; write one, or say under excluded why there is none"
@@ -215,7 +223,9 @@ fn of_ledger(ledger: &Ledger, cases: &[Listed<'_>]) -> Vec<Finding> {
     for clause in &ledger.clauses {
         let id = || clause.id.clone();
         let expected = fingerprint(&clause.sentence);
-        if clause.sha256 != expected {
+        if clause.sha256.is_empty() {
+            findings.push(Finding::NoHash { clause: id(), expected });
+        } else if clause.sha256 != expected {
             findings.push(Finding::ChangedSentence { clause: id(), expected });
         }
         // Sessions may pass a clause by: it needs a case that shows it each time.

@@ -25,6 +25,7 @@
 //! ```
 
 pub use super::file_error::FileError as LedgerError;
+pub use super::hashes::{Hashed, hashed};
 
 use super::file_error::read_toml;
 use serde::Deserialize;
@@ -135,6 +136,8 @@ pub struct Clause {
     /// What it demands, in the exact words of the protocol's page.
     pub sentence: String,
     /// [`fingerprint`] of the sentence: whoever changes the words must look at the cases too.
+    /// Empty: none was written yet.
+    #[serde(default)]
     pub sha256: String,
     /// The revision that brought it.
     pub since: u32,

@@ -6,7 +6,20 @@ use softplug_trace::{
     ModemLine, Payload, SourceLine, Time, What, When,
 };
 
-pub(crate) fn line_parameters(line: &LineSettings) -> LineParameters {
+/// The characters on the line of a trace.
+///
+/// ```
+/// use softplug_abi::LineParameters;
+/// use softplug_conformance::line_parameters;
+/// use softplug_trace::FrontMatter;
+///
+/// let front = "id: a.b\ntitle: A\nprofile: a\nclauses: a.b\nlevel: must\nline: 9600 8N1\nsince: 1\n\
+///              origin: hand-written\n";
+/// let front = FrontMatter::parse(front)?;
+/// assert_eq!(line_parameters(&front.line), LineParameters::new(9_600));
+/// # Ok::<(), softplug_trace::ParseError>(())
+/// ```
+pub fn line_parameters(line: &LineSettings) -> LineParameters {
     let parity = match line.parity {
         trace::Parity::None => Parity::None,
         trace::Parity::Even => Parity::Even,

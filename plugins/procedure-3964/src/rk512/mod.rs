@@ -134,7 +134,7 @@ impl Rk512 {
             0 => Turn::Acknowledged,
             1 => Turn::Ours,
             2 => Turn::Unsure,
-            _ => return Err(StateError),
+            _ => return Err(StateError::DAMAGED),
         };
         self.last_request = state.u32();
         self.answer_until = state.micros();

@@ -14,7 +14,7 @@ use crate::status;
 use crate::thread::Thread;
 use core::cell::Cell;
 use number::{nearest, root, rounded};
-use softplug_plugin::{StateError, StateReader, StateWriter, copy};
+use softplug_plugin::{StateReader, StateWriter, copy};
 use words::{ONE, Refused, Words};
 
 /// Text that waits, in bytes.
@@ -379,10 +379,10 @@ impl Iso {
         state.u32(self.pitch);
     }
 
-    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
+    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) {
         self.length = usize::from(state.u16());
         if self.length > TEXT {
-            return Err(StateError);
+            return state.refuse();
         }
         copy(&mut self.text, state.bytes(self.length));
         self.has_ended = state.bool();
@@ -395,7 +395,7 @@ impl Iso {
             2 => Mode::Arc { clockwise: true },
             3 => Mode::Arc { clockwise: false },
             33 => Mode::Thread,
-            _ => return Err(StateError),
+            _ => return state.refuse(),
         };
         self.is_incremental = state.bool();
         self.place = Place { x: state.u64().cast_signed(), z: state.u64().cast_signed() };
@@ -403,7 +403,6 @@ impl Iso {
         self.tool = Some(state.u8()).filter(|value| *value != u8::MAX);
         self.feed = state.u32();
         self.pitch = state.u32();
-        Ok(())
     }
 }
 

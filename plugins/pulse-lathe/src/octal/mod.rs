@@ -12,7 +12,7 @@ use crate::settings::Settings;
 use crate::status;
 use crate::thread::{Thread, Z_PULSE};
 use form::Form;
-use softplug_plugin::{StateError, StateReader, StateWriter, copy};
+use softplug_plugin::{StateReader, StateWriter, copy};
 use word::{Read, WordReader};
 
 /// Words of a part program at most: 22 pages of 128.
@@ -283,10 +283,10 @@ impl Octal {
         }
     }
 
-    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
+    pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) {
         self.count = state.u16();
         if usize::from(self.count) > WORDS {
-            return Err(StateError);
+            return state.refuse();
         }
         copy(&mut self.memory, state.bytes(2 * usize::from(self.count)));
         copy(&mut self.entries, state.bytes((usize::from(self.count) / 8 + 1).min(ENTRIES)));
@@ -298,7 +298,9 @@ impl Octal {
         self.at = state.u16();
         self.stm = state.u16();
         self.feed = state.u16();
-        if self.begin > self.count || self.at > self.count { Err(StateError) } else { Ok(()) }
+        if self.begin > self.count || self.at > self.count {
+            state.refuse();
+        }
     }
 }
 

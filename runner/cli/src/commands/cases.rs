@@ -1,14 +1,18 @@
 //! `softplug cases`: lists the cases of the corpus, or checks its ledgers.
 
+use std::fs;
+use std::path::Path;
+
 use clap::Args;
 use serde::Serialize;
 use softplug_conformance::certify::matches;
-use softplug_conformance::{Corpus, Listed, lint};
+use softplug_conformance::{Corpus, Listed, ledger, lint};
 use softplug_report::{CaseKind, Level};
 
-use crate::corpus::Source;
+use crate::corpus::{REQUIREMENTS, Source};
 use crate::exit::Exit;
 use crate::failure::Failure;
+use crate::files;
 use crate::guess::nearest;
 use crate::numbers;
 use crate::screen::{BAD, GOOD, Screen};
@@ -19,7 +23,8 @@ use crate::table::Table;
 #[command(after_help = "Examples:
   softplug cases --profile r3964
   softplug cases \"*.late-*\" --json
-  softplug cases --lint --corpus fixtures")]
+  softplug cases --lint --corpus fixtures
+  softplug cases --lint --fix")]
 pub(crate) struct Arguments {
     /// Only cases whose id matches one of these; * and ? stand for anything
     #[arg(value_name = "GLOB")]
@@ -27,9 +32,14 @@ pub(crate) struct Arguments {
     /// Only cases of this profile
     #[arg(long, value_name = "PROFILE")]
     profile: Option<String>,
-    /// Check the ledgers against the cases instead: clauses without a case, cases without a clause
+    /// Check the ledgers against the cases instead: clauses without a case, cases without a clause.
+    /// In a project's folder, those of the project
     #[arg(long, conflicts_with_all = ["globs", "profile"])]
     lint: bool,
+    /// Write the hash of each sentence that has none or another one into its ledger, before
+    /// checking; look at the cases of those that it names
+    #[arg(long, requires = "lint")]
+    fix: bool,
     #[command(flatten)]
     corpus: Source,
 }
@@ -62,14 +72,19 @@ struct Listing<'a> {
 #[derive(Serialize)]
 struct Findings<'a> {
     corpus: &'a str,
+    /// Clauses whose hash was written.
+    fixed: &'a [String],
     findings: Vec<String>,
 }
 
 pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
-    let corpus = arguments.corpus.load()?;
     if arguments.lint {
-        return Ok(lint(&corpus, screen));
+        return lint(arguments, screen);
     }
+    let corpus = match &arguments.profile {
+        Some(profile) => arguments.corpus.load_for(profile, screen)?,
+        None => arguments.corpus.load()?,
+    };
     if let Some(profile) = &arguments.profile
         && corpus.ledger(profile).is_none()
     {
@@ -109,8 +124,21 @@ pub(super) fn no_profile(corpus: &Corpus, profile: &str) -> Failure {
     }
 }
 
-fn lint(corpus: &Corpus, screen: &Screen) -> Exit {
-    let findings = lint::lint(&corpus.ledgers, corpus);
+fn lint(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
+    let folder = arguments.corpus.own_folder();
+    let fixed = match folder {
+        Some(folder) if arguments.fix => fix(folder, screen)?,
+        None if arguments.fix => {
+            return Err(Failure::usage("the ledgers in this command cannot be changed")
+                .hint("give the folder that has yours: --corpus DIR"));
+        }
+        Some(_) | None => Vec::new(),
+    };
+    let corpus = match folder {
+        Some(folder) => Corpus::read(folder).map_err(Failure::usage)?,
+        None => Corpus::embedded(),
+    };
+    let findings = lint::lint(&corpus.ledgers, &corpus);
     let findings: Vec<_> = findings.iter().map(ToString::to_string).collect();
     for finding in &findings {
         screen.say(finding);
@@ -125,6 +153,33 @@ fn lint(corpus: &Corpus, screen: &Screen) -> Exit {
         numbers::things(findings.len() as u64, "finding"),
     ));
     let exit = if findings.is_empty() { Exit::Done } else { Exit::Failed };
-    screen.document(&Findings { corpus: &corpus.digest, findings });
-    exit
+    screen.document(&Findings { corpus: &corpus.digest, fixed: &fixed, findings });
+    Ok(exit)
+}
+
+/// Writes the hashes into the ledgers of a folder; the clauses that have another one now.
+fn fix(folder: &Path, screen: &Screen) -> Result<Vec<String>, Failure> {
+    let ledgers = folder.join(REQUIREMENTS);
+    let unreadable =
+        |error| Failure::usage(format_args!("{} cannot be read: {error}", ledgers.display()));
+    let mut paths = Vec::new();
+    for entry in fs::read_dir(&ledgers).map_err(unreadable)? {
+        paths.push(entry.map_err(unreadable)?.path());
+    }
+    paths.retain(|path| path.extension().is_some_and(|end| end == "toml"));
+    paths.sort();
+    let mut fixed = Vec::new();
+    for path in paths {
+        let text = files::read_text(&path)?;
+        let hashed = ledger::hashed(&path, &text).map_err(Failure::usage)?;
+        if hashed.clauses.is_empty() {
+            continue;
+        }
+        files::replace(&path, hashed.text.as_bytes())?;
+        for clause in &hashed.clauses {
+            screen.say(format_args!("{}: hash of {clause} written", path.display()));
+        }
+        fixed.extend(hashed.clauses);
+    }
+    Ok(fixed)
 }

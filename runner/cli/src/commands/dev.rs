@@ -12,7 +12,9 @@ use crate::line::{AskedLine, Assignment, port};
 ///
 /// The first trace that it does not fulfil is shown. A plug-in that does not build, or does
 /// something else than its traces demand, stays out, and the one before goes on. The new one takes
-/// over in the middle of a job, with the state, if the formats match, else as new. Ctrl-C ends it.
+/// over in the middle of a job, with the state, if the formats match, else as new. Then it is held
+/// against the ABI's own cases and its profiles, what no case executes is told, and a profile that
+/// can be explored is, for five seconds; the next save breaks that off. Ctrl-C ends it.
 ///
 /// With --port the link runs in this process, on a port or on the pty of `softplug simulate`; with
 /// --link it is one of a running gateway, whose library gets the plug-in.

@@ -49,8 +49,9 @@ struct Wording<'a> {
 }
 
 pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
-    let corpus = arguments.corpus.load()?;
     let id = arguments.case.split('/').next().unwrap_or_default();
+    let profile = id.split('.').next().unwrap_or_default();
+    let corpus = arguments.corpus.load_for(profile, screen)?;
     let cases = corpus.list();
     let Some(case) = cases.iter().find(|case| case.id == id) else {
         let failure = Failure::usage(format_args!("there is no case \"{id}\""));

@@ -23,7 +23,7 @@ pub(crate) mod man;
 pub(crate) mod new;
 pub(crate) mod pack;
 pub(crate) mod plan;
-mod plan_cell;
+pub(crate) mod plan_cell;
 mod plan_pulses;
 pub(crate) mod plugin;
 pub(crate) mod ports;

@@ -13,7 +13,7 @@ use softplug_plan::{
     ShopError, Taken, Wrong, picture, picture_of, plan, simulate,
 };
 
-use super::plan_cell::{self, CellArguments};
+use super::plan_cell::CellArguments;
 use super::plan_pulses::{self, PulseArguments};
 use super::with_plugin;
 use crate::commands::remote::Remote;
@@ -142,7 +142,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     }
     let file = arguments.shop.as_deref().unwrap_or(Path::new("shop.toml"));
     if let Some(cell) = &arguments.cell.cell {
-        return plan_cell::run(file, cell, &arguments.cell, screen);
+        return live::plan_cell(file, cell, &arguments.cell, screen);
     }
     let shop = read(file)?;
     if let Some(file) = arguments.svg.as_ref().filter(|svg| is_same_file(svg, file)) {

@@ -76,7 +76,7 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let report = json::read(&arguments.report, &text).map_err(Failure::usage)?;
     let signed = arguments.key.as_deref().map(|key| signed(arguments, key, &text)).transpose()?;
     let module = arguments.library.read(&arguments.plugin)?;
-    let corpus = arguments.corpus.load()?;
+    let corpus = arguments.corpus.load_for(&report.profile.name, screen)?;
     let baseline = arguments.baseline.as_deref().map(read_baseline).transpose()?;
     if report.selection.baseline.is_some() && baseline.is_none() {
         return Err(Failure::usage("the report was made with a baseline, and none is given")

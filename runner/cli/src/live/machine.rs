@@ -1,11 +1,11 @@
-//! A simulated machine on a pty, driven until its work has ended.
+//! A simulated machine, driven until its work has ended.
 
-use std::path::Path;
+use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use softplug_abi::{LineErrorKind, Micros};
-use softplug_gateway::PortError;
 use softplug_gateway::simulator::Simulator;
+use softplug_gateway::{PortError, PortSpec};
 use softplug_machines::{Partner, Signal};
 
 /// How often a stop is looked for.
@@ -13,6 +13,11 @@ const TICK: Micros = Micros::from_millis(50);
 
 /// A machine with what it does by itself.
 pub(super) trait Simulated: Partner {
+    /// Somebody is connected; said at every turn.
+    fn connected(&mut self, now: Micros) {
+        let _ = now;
+    }
+
     /// Does what is due beside what the line asks for.
     fn tend(&mut self, now: Micros);
 
@@ -40,9 +45,19 @@ impl<P: Simulated> Machine<P> {
         Ok(Self { simulator, quiet_time })
     }
 
-    /// The path to connect to.
-    pub(super) fn path(&self) -> &Path {
-        self.simulator.path()
+    /// Behind a TCP port.
+    pub(super) fn listen(
+        address: SocketAddr,
+        partner: P,
+        quiet_time: Option<Micros>,
+    ) -> Result<Self, PortError> {
+        let simulator = Simulator::listen(address, Watched { partner, moved_at: None })?;
+        Ok(Self { simulator, quiet_time })
+    }
+
+    /// The port to open.
+    pub(super) fn port(&self) -> PortSpec {
+        self.simulator.port()
     }
 
     /// The machine, to look at.
@@ -57,7 +72,11 @@ impl<P: Simulated> Machine<P> {
             let now = self.simulator.now();
             self.simulator.turn(now + TICK)?;
             let now = self.simulator.now();
+            let is_connected = self.simulator.is_connected();
             let watched = &mut self.simulator.partner;
+            if is_connected {
+                watched.partner.connected(now);
+            }
             watched.partner.tend(now);
             let quiet = self.quiet_time.zip(watched.moved_at);
             if quiet.is_some_and(|(time, at)| now - at >= time) && !watched.partner.is_busy() {

@@ -1,33 +1,58 @@
-//! The verbs that need ports.
+//! The verbs that need ports, or what else not every system has.
 
-mod demo;
-mod dev;
-mod doctor;
-mod gateway;
 mod machine;
-mod plugin;
 mod ports;
 mod progress;
 mod receive;
 mod record;
-mod remote;
 mod send;
 mod serve;
 mod simulate;
+
+#[cfg(target_os = "linux")]
+mod demo;
+#[cfg(target_os = "linux")]
+mod dev;
+#[cfg(target_os = "linux")]
+mod doctor;
+#[cfg(not(target_os = "linux"))]
+mod elsewhere;
+#[cfg(target_os = "linux")]
+mod gateway;
+#[cfg(target_os = "linux")]
+mod plan_cell;
+#[cfg(target_os = "linux")]
+mod plugin;
+#[cfg(target_os = "linux")]
+mod remote;
+#[cfg(target_os = "linux")]
 mod unit;
 
+#[cfg(target_os = "linux")]
 pub(crate) use demo::demo;
+#[cfg(target_os = "linux")]
 pub(crate) use dev::dev;
+#[cfg(target_os = "linux")]
 pub(crate) use doctor::doctor;
+#[cfg(not(target_os = "linux"))]
+pub(crate) use elsewhere::{
+    cell, demo, dev, doctor, gateway, job, link, measured, plan_cell, plugin, program, unit,
+};
+#[cfg(target_os = "linux")]
 pub(crate) use gateway::gateway;
+#[cfg(target_os = "linux")]
+pub(crate) use plan_cell::plan_cell;
+#[cfg(target_os = "linux")]
 pub(crate) use plugin::plugin;
 pub(crate) use ports::ports;
 pub(crate) use receive::receive;
 pub(crate) use record::record;
+#[cfg(target_os = "linux")]
 pub(crate) use remote::{cell, job, link, measured, program};
 pub(crate) use send::send;
 pub(crate) use serve::serve;
 pub(crate) use simulate::simulate;
+#[cfg(target_os = "linux")]
 pub(crate) use unit::unit;
 
 use softplug_abi::NoteLevel;

@@ -228,7 +228,7 @@ fn done(report: &SendReport, file: Option<&Path>) -> String {
             text,
             "; the line stood still {times} while bytes waited, {} at most: this computer was late, \
              --depth says how much waits in the port",
-            numbers::span(report.longest_gap)
+            numbers::short_span(report.longest_gap)
         );
     }
     text

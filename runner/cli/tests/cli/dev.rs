@@ -30,8 +30,17 @@ impl Dev {
         Self { child, out }
     }
 
-    /// What came of the next save.
+    /// What came of the next save; what was looked at further of the one before is passed over.
     fn round(&mut self) -> Value {
+        loop {
+            let line = self.line();
+            if line["result"] != "looked-further" {
+                return line;
+            }
+        }
+    }
+
+    fn line(&mut self) -> Value {
         let mut line = String::new();
         self.out.read_line(&mut line).unwrap();
         serde_json::from_str(&line).unwrap_or_else(|_| {

@@ -1,7 +1,6 @@
 //! The thread of a simulated device server.
 
 use std::net::{TcpListener, TcpStream};
-use std::os::fd::AsFd;
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
@@ -14,7 +13,7 @@ use softplug_machines::{Partner, Signal};
 use super::uart::{Heard, TRANSMIT, Uart};
 use super::{Log, Seen};
 use crate::error::PortError;
-use crate::poll::{Interest, Poller};
+use crate::poll::{Interest, Poller, Source};
 use crate::port::ReadOutcome;
 use crate::port::rfc2217_values::{line_state, modem_state};
 use crate::port::stream::Stream;
@@ -143,10 +142,10 @@ impl<P: Partner> Worker<P> {
     }
 
     fn wait(&mut self, uart: &Uart<P>) -> Result<(), PortError> {
-        let listener = Some((self.listener.as_fd(), Interest::READ));
+        let listener = Some((&self.listener as &dyn Source, Interest::READ));
         let client = self.client.as_ref().filter(|_| !self.hangs).map(|client| {
             let read = uart.room() > 0 && client.input.is_empty();
-            (client.stream.fd(), Interest { read, write: client.server.has_output() })
+            (&client.stream as &dyn Source, Interest { read, write: client.server.has_output() })
         });
         self.poller.wait_both([listener, client], uart.next())
     }

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use softplug_abi::{LineParameters, Parity};
+
 /// How far a rate may be from the one that was asked for, in thousandths. Dividers
 /// of UARTs are whole numbers, so that few rates are met exactly; two ends that
 /// are both as far off in opposite directions still read the last bit of a
@@ -51,6 +53,56 @@ pub(super) fn weight_of_rate(asked: u32, has: u32) -> DifferenceWeight {
         DifferenceWeight::Note
     } else {
         DifferenceWeight::Refused
+    }
+}
+
+/// What a line has otherwise than it was asked for.
+pub(super) fn line_differences(
+    asked: LineParameters,
+    has: LineParameters,
+) -> Vec<SettingDifference> {
+    let pairs = setting_texts(asked).into_iter().zip(setting_texts(has));
+    let differing = pairs.filter(|((_, asked), (_, has))| asked != has);
+    differing
+        .filter_map(|((setting, asked_text), (_, has_text))| {
+            let weight = match setting {
+                // Without a rate, it is left to the other side.
+                BAUD_RATE if asked.baud == 0 => return None,
+                BAUD_RATE => weight_of_rate(asked.baud, has.baud),
+                _ => DifferenceWeight::Refused,
+            };
+            Some(SettingDifference { setting, asked: asked_text, has: has_text, weight })
+        })
+        .collect()
+}
+
+/// Name of the first of [`setting_texts`].
+pub(super) const BAUD_RATE: &str = "baud rate";
+
+/// The settings of a line by name, as people write them.
+pub(super) fn setting_texts(line: LineParameters) -> [(&'static str, String); 4] {
+    [
+        (BAUD_RATE, line.baud.to_string()),
+        ("data bits", line.data_bits.to_string()),
+        ("parity", parity_name(line.parity).to_owned()),
+        ("stop bits", stop_text(line.stop_half_bits)),
+    ]
+}
+
+fn stop_text(half_bits: u8) -> String {
+    match half_bits {
+        3 => "1.5".to_owned(),
+        half_bits => (half_bits / 2).to_string(),
+    }
+}
+
+fn parity_name(parity: Parity) -> &'static str {
+    match parity {
+        Parity::None => "none",
+        Parity::Odd => "odd",
+        Parity::Even => "even",
+        Parity::Mark => "mark",
+        Parity::Space => "space",
     }
 }
 

@@ -1,6 +1,5 @@
 //! One type for every kind of port.
 
-use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
 
 use softplug_abi::{LineParameters, LinkDownReason, Micros, ModemLines, Parity};
@@ -13,7 +12,7 @@ use super::spec::{PortOptions, PortSpec};
 use super::tcp::TcpPort;
 use super::tty::TtyPort;
 use crate::error::PortError;
-use crate::pty::{FRESH_BAUD, PtyPair, PtyPort};
+use crate::pty::{FRESH_BAUD, PtyPort};
 
 /// An open port. Nothing here blocks.
 #[derive(Debug)]
@@ -73,30 +72,8 @@ impl Port {
             PortSpec::Rfc2217 { host, port } => {
                 Self::Rfc2217(Box::new(Rfc2217Port::connect(host, *port, options)?))
             }
-            PortSpec::Pty => Self::Pty(PtyPort::new(PtyPair::open()?, options.line)),
+            PortSpec::Pty => Self::Pty(PtyPort::open(options.line)?),
         })
-    }
-
-    /// A descriptor that keeps a device open, as it is, until another process has opened it; see
-    /// [`TtyPort::hand_over`]. `None`: there is nothing to keep.
-    pub fn hand_over(&mut self) -> Option<OwnedFd> {
-        match self {
-            Self::Tty(port) => port
-                .hand_over()
-                .map_err(|error| tracing::warn!(%error, "a port is closed for a moment"))
-                .ok(),
-            Self::Tcp(_) | Self::Rfc2217(_) | Self::Pty(_) => None,
-        }
-    }
-
-    /// The descriptor to wait for.
-    pub fn fd(&self) -> BorrowedFd<'_> {
-        match self {
-            Self::Tty(port) => port.fd(),
-            Self::Tcp(port) => port.fd(),
-            Self::Rfc2217(port) => port.fd(),
-            Self::Pty(port) => port.fd(),
-        }
     }
 
     /// The path that the other side opens, of a pty made here.
@@ -385,11 +362,5 @@ impl Port {
             Self::Rfc2217(port) => port.set_break(on),
             Self::Tcp(_) | Self::Pty(_) => Err(PortError::Unsupported { what: "send a break" }),
         }
-    }
-}
-
-impl AsFd for Port {
-    fn as_fd(&self) -> BorrowedFd<'_> {
-        self.fd()
     }
 }

@@ -7,7 +7,7 @@ use rustix::termios::{
 };
 use softplug_abi::{LineParameters, LinkDownReason, Parity};
 
-use super::difference::{DifferenceWeight, SettingDifference, weight_of_rate};
+use super::difference::{DifferenceWeight, SettingDifference, line_differences};
 use super::ioctl;
 use super::spec::{Flow, PortOptions};
 use super::tty::is_gone;
@@ -144,23 +144,12 @@ pub(super) fn line_of(termios: &Termios) -> LineParameters {
 
 /// What a terminal has otherwise than it was wanted.
 fn differences(wanted: &Termios, has: &Termios, asked: LineParameters) -> Vec<SettingDifference> {
-    let mut differences = Vec::new();
+    let mut differences = line_differences(asked, line_of(has));
     let mut compare = |setting, asked: String, has: String, weight| {
         if asked != has {
             differences.push(SettingDifference { setting, asked, has, weight });
         }
     };
-    let line = line_of(has);
-    let (asked_texts, has_texts) = (setting_texts(asked), setting_texts(line));
-    for ((setting, asked_text), (_, has_text)) in asked_texts.into_iter().zip(has_texts) {
-        let weight = match setting {
-            // Without a rate, it is left to the other side.
-            BAUD_RATE if asked.baud == 0 => continue,
-            BAUD_RATE => weight_of_rate(asked.baud, line.baud),
-            _ => DifferenceWeight::Refused,
-        };
-        compare(setting, asked_text, has_text, weight);
-    }
     let flags = [
         ("parity checking", InputModes::INPCK),
         ("marks of damaged characters", InputModes::PARMRK),
@@ -179,36 +168,6 @@ fn differences(wanted: &Termios, has: &Termios, asked: LineParameters) -> Vec<Se
     };
     compare("RTS/CTS", by_wires(wanted), by_wires(has), DifferenceWeight::Refused);
     differences
-}
-
-/// Name of the first of [`setting_texts`].
-pub(super) const BAUD_RATE: &str = "baud rate";
-
-/// The settings of a line by name, as people write them.
-pub(super) fn setting_texts(line: LineParameters) -> [(&'static str, String); 4] {
-    [
-        (BAUD_RATE, line.baud.to_string()),
-        ("data bits", line.data_bits.to_string()),
-        ("parity", parity_name(line.parity).to_owned()),
-        ("stop bits", stop_text(line.stop_half_bits)),
-    ]
-}
-
-fn parity_name(parity: Parity) -> &'static str {
-    match parity {
-        Parity::None => "none",
-        Parity::Odd => "odd",
-        Parity::Even => "even",
-        Parity::Mark => "mark",
-        Parity::Space => "space",
-    }
-}
-
-fn stop_text(half_bits: u8) -> String {
-    match half_bits {
-        3 => "1.5".to_owned(),
-        half_bits => (half_bits / 2).to_string(),
-    }
 }
 
 #[cfg(test)]

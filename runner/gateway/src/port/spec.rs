@@ -89,7 +89,7 @@ impl FromStr for PortSpec {
                 return Ok(spec(host, port));
             }
         }
-        if text.contains('/') && !text.contains("://") && !text.contains('\0') {
+        if is_device(text) {
             return Ok(Self::Device(PathBuf::from(text)));
         }
         Err(BadSpec::Form(text.to_owned()))
@@ -105,6 +105,16 @@ impl fmt::Display for PortSpec {
             Self::Pty => f.write_str("pty:"),
         }
     }
+}
+
+/// Whether this is how the system names a device.
+fn is_device(text: &str) -> bool {
+    if cfg!(windows) {
+        let name = text.strip_prefix(r"\\.\").unwrap_or(text).to_ascii_uppercase();
+        let number = name.strip_prefix("COM").unwrap_or_default();
+        return (1..=3).contains(&number.len()) && number.bytes().all(|byte| byte.is_ascii_digit());
+    }
+    text.contains('/') && !text.contains("://") && !text.contains('\0')
 }
 
 type MakeSpec = fn(String, u16) -> PortSpec;

@@ -1,14 +1,15 @@
 //! A TCP connection that never blocks, and whether its other side still lives.
 
-use std::io;
+use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
+#[cfg(target_os = "linux")]
 use std::os::fd::{AsFd, BorrowedFd};
 use std::time::{Duration, Instant};
 
-use rustix::io::{Errno, read, retry_on_intr};
-use rustix::net::{SendFlags, send, sockopt};
+use socket2::{SockRef, TcpKeepalive};
 use softplug_abi::LinkDownReason;
 
+#[cfg(target_os = "linux")]
 use super::ioctl;
 use super::open::ReadOutcome;
 use crate::error::PortError;
@@ -20,8 +21,10 @@ const KEEPALIVE: (Duration, Duration, u32) = (Duration::from_secs(10), Duration:
 /// as much as 921,600 baud needs over a round trip of 40 ms, twice.
 const SEND_BUFFER: usize = 8_192;
 /// Bytes sent again so often without an answer have nobody to answer: 25 s.
+#[cfg(target_os = "linux")]
 const RETRANSMITS: u8 = 7;
 /// Questions whether a full peer has room again that have nobody to answer: 25 s.
+#[cfg(target_os = "linux")]
 const PROBES: u8 = 6;
 
 /// A connection, non-blocking. The other side holds us by the TCP window as
@@ -44,15 +47,18 @@ impl Stream {
         let (idle, interval, count) = KEEPALIVE;
         stream.set_nonblocking(true)?;
         stream.set_nodelay(true)?;
-        sockopt::set_socket_send_buffer_size(&stream, SEND_BUFFER)?;
-        sockopt::set_socket_keepalive(&stream, true)?;
-        sockopt::set_tcp_keepidle(&stream, idle)?;
-        sockopt::set_tcp_keepintvl(&stream, interval)?;
-        sockopt::set_tcp_keepcnt(&stream, count)?;
+        let socket = SockRef::from(&stream);
+        socket.set_send_buffer_size(SEND_BUFFER)?;
+        let keepalive = TcpKeepalive::new().with_time(idle).with_interval(interval);
+        // Not every system has a number of its own for that.
+        if socket.set_tcp_keepalive(&keepalive.clone().with_retries(count)).is_err() {
+            socket.set_tcp_keepalive(&keepalive)?;
+        }
         Ok(Self(stream))
     }
 
     /// The descriptor to wait for.
+    #[cfg(target_os = "linux")]
     pub(crate) fn fd(&self) -> BorrowedFd<'_> {
         self.0.as_fd()
     }
@@ -69,11 +75,11 @@ impl Stream {
 
     /// Reads, and tells an orderly end from a connection that was lost.
     pub(crate) fn receive(&self, buffer: &mut [u8]) -> Result<Received, PortError> {
-        match retry_on_intr(|| read(&self.0, &mut *buffer)) {
+        match uninterrupted(|| (&self.0).read(buffer)) {
             Ok(0) => Ok(Received::End),
             Ok(count) => Ok(Received::Bytes(count)),
-            Err(Errno::AGAIN) => Ok(Received::Nothing),
-            Err(error) => match reason(error) {
+            Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(Received::Nothing),
+            Err(error) => match reason(&error) {
                 Some(reason) => Ok(Received::Lost(reason)),
                 None => Err(PortError::io("read from the connection", error)),
             },
@@ -85,26 +91,50 @@ impl Stream {
         if bytes.is_empty() {
             return Ok(0);
         }
-        match retry_on_intr(|| send(&self.0, bytes, SendFlags::NOSIGNAL)) {
+        match uninterrupted(|| (&self.0).write(bytes)) {
             Ok(count) => Ok(count),
-            Err(Errno::AGAIN) => Ok(0),
-            Err(error) => Err(match reason(error) {
+            Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(0),
+            Err(error) => Err(match reason(&error) {
                 Some(reason) => PortError::Gone(reason),
                 None => PortError::io("write to the connection", error),
             }),
         }
     }
 
-    /// Bytes that the other side has not acknowledged.
+    /// Bytes that the other side has not acknowledged; 0 where the system does not tell.
     pub(crate) fn unsent(&self) -> usize {
-        ioctl::output_queue(&self.0).unwrap_or(0)
+        #[cfg(target_os = "linux")]
+        let unsent = ioctl::output_queue(&self.0).unwrap_or(0);
+        #[cfg(not(target_os = "linux"))]
+        let unsent = 0;
+        unsent
     }
 
     /// Whether the other side has stopped answering altogether. One that is
-    /// full and says so lives, for however long.
+    /// full and says so lives, for however long. Where the system does not tell, a read or a
+    /// write finds out.
     pub(crate) fn is_dead(&self) -> bool {
-        let unanswered = ioctl::unanswered(&self.0);
-        unanswered.is_ok_and(|(again, probes)| again >= RETRANSMITS || probes >= PROBES)
+        #[cfg(target_os = "linux")]
+        let is_dead = ioctl::unanswered(&self.0)
+            .is_ok_and(|(again, probes)| again >= RETRANSMITS || probes >= PROBES);
+        #[cfg(not(target_os = "linux"))]
+        let is_dead = false;
+        is_dead
+    }
+}
+
+#[cfg(target_os = "linux")]
+impl AsFd for Stream {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.fd()
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+impl crate::poll::Source for Stream {
+    fn is_readable(&self) -> bool {
+        let looked = self.0.peek(&mut [0]);
+        looked.map_or_else(|error| error.kind() != ErrorKind::WouldBlock, |_| true)
     }
 }
 
@@ -132,13 +162,26 @@ fn connect_any(addresses: &[SocketAddr], timeout: Duration) -> io::Result<TcpStr
     Err(last)
 }
 
-/// Why the connection is gone, if this error says that it is.
-fn reason(error: Errno) -> Option<LinkDownReason> {
-    match error {
-        Errno::CONNRESET | Errno::PIPE | Errno::CONNABORTED => Some(LinkDownReason::Disconnected),
-        Errno::TIMEDOUT | Errno::HOSTUNREACH | Errno::NETUNREACH | Errno::NETDOWN => {
-            Some(LinkDownReason::Failed)
+/// Does it again as long as a signal comes between.
+fn uninterrupted<R>(mut act: impl FnMut() -> io::Result<R>) -> io::Result<R> {
+    loop {
+        match act() {
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            done => return done,
         }
+    }
+}
+
+/// Why the connection is gone, if this error says that it is.
+fn reason(error: &io::Error) -> Option<LinkDownReason> {
+    match error.kind() {
+        ErrorKind::ConnectionReset | ErrorKind::BrokenPipe | ErrorKind::ConnectionAborted => {
+            Some(LinkDownReason::Disconnected)
+        }
+        ErrorKind::TimedOut
+        | ErrorKind::HostUnreachable
+        | ErrorKind::NetworkUnreachable
+        | ErrorKind::NetworkDown => Some(LinkDownReason::Failed),
         _ => None,
     }
 }

@@ -1,5 +1,6 @@
 //! A raw TCP connection to a device server as a port.
 
+#[cfg(target_os = "linux")]
 use std::os::fd::BorrowedFd;
 
 use softplug_abi::{LineParameters, LinkDownReason, Micros};
@@ -31,8 +32,14 @@ impl TcpPort {
     }
 
     /// The descriptor to wait for.
+    #[cfg(target_os = "linux")]
     pub fn fd(&self) -> BorrowedFd<'_> {
         self.stream.fd()
+    }
+
+    #[cfg(not(target_os = "linux"))]
+    pub(super) fn stream(&self) -> &Stream {
+        &self.stream
     }
 
     /// The characters on the line behind the server, as they were given.

@@ -8,7 +8,7 @@ use softplug_link::{Job, Link, LinkFault, LinkHost, Successor, Supply, SwapError
 use crate::channel::{Channel, ChannelHost, Left, Place, Wants, Work};
 use crate::clock::Clock;
 use crate::error::PortError;
-use crate::poll::{Interest, Poller};
+use crate::poll::{Interest, Poller, Source};
 use crate::port::Port;
 
 /// What a turn left behind.
@@ -188,7 +188,7 @@ impl<I: Instance> Station<I> {
         let Wants { read, write, deadline, write_on } = self.channel.wants(self.now());
         let write_on = write_on.map(|due| due.at);
         let deadline = [deadline, write_on].into_iter().flatten().fold(until, Micros::min);
-        let port = self.channel.port().map(Port::fd);
+        let port = self.channel.port().map(|port| port as &dyn Source);
         self.poller.wait(port, Interest { read, write }, Some(deadline))?;
         Ok(())
     }

@@ -16,7 +16,7 @@ use softplug_abi::{LinkDownReason, Micros, ModemLines};
 use crate::clock::Clock;
 use crate::error::PortError;
 use crate::pacer::default_depth;
-use crate::poll::{Interest, Poller, Waker};
+use crate::poll::{Interest, Poller, Source, Waker};
 use crate::port::{Input, Port};
 use lines::Lines;
 use way::{Read, Way};
@@ -293,7 +293,7 @@ impl Tap {
             let interest = interests[side.index()];
             let is_open = gone.is_none_or(|(gone, _)| gone != side);
             let is_wanted = is_open && (interest.read || interest.write);
-            is_wanted.then(|| (ports[side.index()].fd(), interest))
+            is_wanted.then(|| (&ports[side.index()] as &dyn Source, interest))
         });
         self.poller.wait_both(fds, Some(deadline))
     }

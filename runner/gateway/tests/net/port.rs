@@ -71,7 +71,7 @@ pub(crate) fn serve_or_lose(
             return Ok(());
         }
         let interest = Interest { read: true, write: port.has_output() };
-        let ready = poller.wait(Some(port.fd()), interest, Some(NEVER)).unwrap();
+        let ready = poller.wait(Some(&port.fd()), interest, Some(NEVER)).unwrap();
         assert!(!ready.timer, "nothing follows {heard:?}");
         if ready.writable {
             port.attend(Micros(0)).unwrap();
@@ -87,7 +87,7 @@ pub(crate) fn write_all(port: &mut Port, heard: &mut Heard, mut bytes: &[u8]) {
         bytes = &bytes[count..];
         if count == 0 {
             let interest = Interest { read: true, write: !port.is_suspended() };
-            let ready = poller.wait(Some(port.fd()), interest, Some(NEVER)).unwrap();
+            let ready = poller.wait(Some(&port.fd()), interest, Some(NEVER)).unwrap();
             assert!(!ready.timer, "{} bytes find no room", bytes.len());
         }
         port.read(usize::MAX, &mut |input| heard.add(&input)).unwrap();

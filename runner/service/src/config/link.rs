@@ -116,8 +116,8 @@ impl fmt::Display for PortConfig {
 }
 
 /// Machines that can be simulated.
-pub(crate) const MACHINES: [&str; 6] =
-    ["xon-xoff", "r3964", "r3964-simplified", "fanuc-rs232", "pulse-lathe", "xmodem"];
+pub(crate) const MACHINES: [&str; 7] =
+    ["xon-xoff", "r3964", "r3964-simplified", "fanuc-rs232", "kermit", "pulse-lathe", "xmodem"];
 
 /// Opening a port again after it went.
 #[derive(Copy, Clone, PartialEq, Eq, Debug)]

@@ -4,13 +4,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use softplug_abi::Micros;
+use softplug_gateway::PortOptions;
 use softplug_gateway::channel::StationOptions;
 use softplug_gateway::endpoint::ServerEndpoint;
 use softplug_gateway::reactor::{
     Backoff, Command, LaneEndpoint, LaneId, LaneSetup, LaneStatus, Watchdogs,
 };
 use softplug_gateway::units::UnitSetup;
-use softplug_gateway::{PortOptions, PortSpec};
 use softplug_host::Session;
 
 use super::control::Control;
@@ -191,7 +191,7 @@ fn setup(link: &mut Link) -> Result<LaneSetup<Session>, String> {
         PortConfig::Port(spec) => spec.clone(),
         PortConfig::Simulated(machine) => {
             let simulated = Simulated::start(machine, config.line)?;
-            let port = PortSpec::Device(simulated.path().to_owned());
+            let port = simulated.port().clone();
             link.machine = Some(simulated);
             port
         }

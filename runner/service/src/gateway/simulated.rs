@@ -1,22 +1,24 @@
 //! Simulated machines, so that a set-up can be tried without one.
 
-use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 
 use softplug_abi::{LineErrorKind, LineParameters, Micros};
+use softplug_gateway::PortSpec;
 use softplug_gateway::poll::Waker;
 use softplug_gateway::simulator::Simulator;
 use softplug_machines::kept::Keep;
-use softplug_machines::{Clocked, Partner, Signal, fanuc, pulse_lathe, r3964, xmodem, xon_xoff};
+use softplug_machines::{
+    Clocked, Partner, Signal, fanuc, kermit, pulse_lathe, r3964, xmodem, xon_xoff,
+};
 
 use crate::view::LatheView;
 
 /// A simulated machine on a pty; it ends when this is dropped.
 #[derive(Debug)]
 pub(crate) struct Simulated {
-    path: PathBuf,
+    port: PortSpec,
     stop: Arc<AtomicBool>,
     waker: Waker,
     thread: Option<JoinHandle<()>>,
@@ -33,7 +35,7 @@ impl Simulated {
         };
         let mut simulator: Simulator<Machine> =
             Simulator::new(machine).map_err(|error| error.to_string())?;
-        let (path, waker) = (simulator.path().to_owned(), simulator.waker());
+        let (port, waker) = (simulator.port(), simulator.waker());
         let stop = Arc::new(AtomicBool::new(false));
         let is_stopped = Arc::clone(&stop);
         let thread = thread::Builder::new()
@@ -48,12 +50,12 @@ impl Simulated {
                 }
             })
             .map_err(|error| error.to_string())?;
-        Ok(Self { path, stop, waker, thread: Some(thread), lathe })
+        Ok(Self { port, stop, waker, thread: Some(thread), lathe })
     }
 
     /// Where it is to be reached.
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
+    pub(crate) fn port(&self) -> &PortSpec {
+        &self.port
     }
 
     /// The lathe, if it is one: what it has cut can be seen.
@@ -129,6 +131,8 @@ struct Machine(Box<dyn Partner + Send>);
 
 fn machine(protocol: &str, line: LineParameters) -> Result<Machine, String> {
     let line = if line.baud == 0 { LineParameters { baud: 9_600, ..line } } else { line };
+    // Whoever looks for the next program or sends the next one waits as long.
+    let rest = Some(Micros::from_secs(3));
     let r3964 = |options: r3964::Options| {
         let station = r3964::Station::new(r3964::Options { line, ..options });
         station.map(|station| Machine(Box::new(station))).map_err(|error| error.to_string())
@@ -147,8 +151,11 @@ fn machine(protocol: &str, line: LineParameters) -> Result<Machine, String> {
             let control = fanuc::Control::new(options).map_err(|error| error.to_string())?;
             Ok(Machine(Box::new(control)))
         }
+        "kermit" => {
+            let options = kermit::Options { line, rest, ..kermit::Options::default() };
+            Ok(Machine(Box::new(kermit::Machine::new(options))))
+        }
         "xmodem" => {
-            let rest = Some(Micros::from_secs(3));
             let options = xmodem::Options { line, rest, ..xmodem::Options::default() };
             Ok(Machine(Box::new(xmodem::Control::new(options))))
         }

@@ -42,7 +42,7 @@ impl Machine<Computer> {
 impl<P: Partner + Send + 'static> Machine<P> {
     fn start(partner: P) -> Self {
         let mut simulator = Simulator::new(partner).unwrap();
-        let (port, waker) = (simulator.path().display().to_string(), simulator.waker());
+        let (port, waker) = (simulator.port().to_string(), simulator.waker());
         let (commands, taken) = channel();
         let thread = thread::spawn(move || run(&mut simulator, &taken));
         Self { port, commands: Some(commands), waker, thread: Some(thread) }

@@ -210,7 +210,7 @@ impl Cutting {
             ..ControlOptions::default()
         };
         let mut simulator = Simulator::new(Control::new(options)?)?;
-        let port = simulator.path().display().to_string();
+        let port = simulator.port().to_string();
         let is_stopped = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&is_stopped);
         let thread = thread::spawn(move || {

@@ -1,6 +1,7 @@
 //! The side that compiles: it limits itself, reads a module, writes its code, and ends.
 
 use std::io::{self, Read, Write};
+#[cfg(unix)]
 use std::time::Duration;
 
 use softplug_abi::limits::MODULE_BYTES;

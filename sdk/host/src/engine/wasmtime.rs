@@ -224,6 +224,9 @@ struct Ready {
 impl Compiled for Ready {
     fn instantiate(&self) -> Result<Box<dyn Running>, StartError> {
         let mut store = Store::new(self.pre.module().engine(), ());
+        // A plug-in has no start function. Where memory cannot be mapped as an image, its data is
+        // put there by code that the engine makes, which takes fuel; its length bounds it.
+        store.set_fuel(u64::MAX).expect("the engine consumes fuel");
         let instance = self.pre.instantiate(&mut store).map_err(|error| {
             if error.is::<PoolConcurrencyLimitError>() {
                 return StartError::PoolExhausted { limit: self.instances };

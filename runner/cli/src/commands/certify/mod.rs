@@ -6,6 +6,9 @@ pub(super) mod random;
 pub(super) mod score;
 mod show;
 
+#[cfg(target_os = "linux")]
+pub(crate) use show::place_text;
+
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -102,7 +105,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
     // All that can be wrong is found before the work begins.
     let module = arguments.library.read(&arguments.plugin)?;
-    let corpus = arguments.corpus.load()?;
+    let corpus = arguments.corpus.load_for(&arguments.profile, screen)?;
     let baseline = arguments.baseline.as_deref().map(read_baseline).transpose()?;
     let key = arguments.key.as_deref().map(read_key).transpose()?;
     if arguments.explore.is_some() {

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use softplug_report::{
-    Coverage, Executed, Explored, Noticed, Report, Score, Shown, VerdictKind, explain,
+    Coverage, Executed, Explored, Noticed, Place, Report, Score, Shown, VerdictKind, explain,
 };
 
 use super::files::{Folder, REPORT, failure_file};
@@ -112,14 +112,19 @@ fn executed(coverage: &Coverage) -> String {
         part(coverage.branches, "ways of branches")
     );
     for place in coverage.places.iter().take(PLACES) {
-        let name = place.name.clone().unwrap_or_else(|| format!("function {}", place.function));
-        let source = place.source.as_ref().map(|source| format!(" ({source})")).unwrap_or_default();
-        let _ = write!(text, "\n           byte {}, in {name}{source}: {}", place.at, place.what);
+        let _ = write!(text, "\n           {}", place_text(place));
     }
     if coverage.places.len() > PLACES {
         let _ = write!(text, "\n           and {} more", coverage.places.len() - PLACES);
     }
     text
+}
+
+/// A place that no case executes.
+pub(crate) fn place_text(place: &Place) -> String {
+    let name = place.name.clone().unwrap_or_else(|| format!("function {}", place.function));
+    let source = place.source.as_ref().map(|source| format!(" ({source})")).unwrap_or_default();
+    format!("byte {}, in {name}{source}: {}", place.at, place.what)
 }
 
 fn text_of_explored(explored: &Explored) -> String {

@@ -83,7 +83,7 @@ static ALL: [Origin; 9] = [
         plugin: "kermit",
         profiles: &["kermit"],
         sources: include_dir!("$CARGO_MANIFEST_DIR/templates/from/kermit"),
-        crates: &[("crc", "\"3.3\"")],
+        crates: &[],
     },
     Origin {
         name: "xmodem",
@@ -91,7 +91,7 @@ static ALL: [Origin; 9] = [
         plugin: "xmodem",
         profiles: &["xmodem"],
         sources: include_dir!("$CARGO_MANIFEST_DIR/templates/from/xmodem"),
-        crates: &[("crc", "\"3.3\"")],
+        crates: &[],
     },
     Origin {
         name: "xon-xoff",

@@ -10,7 +10,7 @@ use softplug_machines::fanuc::{
     RemoteOptions, TvCheck, eight_none_two, seven_even_two,
 };
 
-use super::{Common, Ending, seconds};
+use super::{Common, RunOptions, seconds};
 use crate::failure::Failure;
 use crate::files;
 
@@ -210,7 +210,7 @@ pub(crate) struct FanucSimulation {
     pub(crate) options: Options,
     /// When the operator does the last thing.
     pub(crate) last_press: Micros,
-    pub(crate) ending: Ending,
+    pub(crate) run: RunOptions,
 }
 
 impl Fanuc {
@@ -286,9 +286,9 @@ impl Fanuc {
             ..Options::default()
         };
         options.check().map_err(Failure::usage)?;
-        let mut ending = self.common.ending(sends)?;
-        ending.expect = ending.expect.as_deref().map(text_of);
-        Ok(FanucSimulation { options, last_press, ending })
+        let mut run = self.common.run_options(sends)?;
+        run.expect = run.expect.as_deref().map(text_of);
+        Ok(FanucSimulation { options, last_press, run })
     }
 
     fn panel(&self) -> Result<Vec<(Micros, Press)>, Failure> {

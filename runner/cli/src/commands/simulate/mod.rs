@@ -2,17 +2,22 @@
 
 mod fanuc;
 mod faults;
+mod kermit;
 mod pulse_lathe;
 mod r3964;
+mod script;
 mod xmodem;
 mod xon_xoff;
 
 pub(crate) use fanuc::FanucSimulation;
+pub(crate) use kermit::KermitSimulation;
 pub(crate) use pulse_lathe::PulseLatheSimulation;
 pub(crate) use r3964::R3964Simulation;
+pub(crate) use script::ScriptSimulation;
 pub(crate) use xmodem::XmodemSimulation;
 pub(crate) use xon_xoff::XonXoffSimulation;
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
@@ -24,7 +29,7 @@ use crate::files;
 use crate::live;
 use crate::screen::Screen;
 
-/// Simulates a machine on a pseudo-terminal, in real time.
+/// Simulates a machine on a pseudo-terminal or a TCP port, in real time.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
@@ -41,12 +46,18 @@ enum Machine {
     #[command(name = "fanuc-rs232")]
     Fanuc(Box<fanuc::Fanuc>),
     PulseLathe(Box<pulse_lathe::PulseLathe>),
+    Kermit(Box<kermit::Kermit>),
     Xmodem(Box<xmodem::Xmodem>),
+    Script(Box<script::Script>),
 }
 
 /// What every simulation takes.
 #[derive(Debug, Args)]
 struct Common {
+    /// Wait for a connection at this TCP address instead of on a pseudo-terminal, one at a time;
+    /// with port 0 the system chooses one
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    listen: Option<SocketAddr>,
     /// Compare what was received with this file
     #[arg(long, value_name = "FILE")]
     expect: Option<PathBuf>,
@@ -68,12 +79,16 @@ pub(crate) enum Simulation {
     R3964(Box<R3964Simulation>),
     Fanuc(Box<FanucSimulation>),
     PulseLathe(Box<PulseLatheSimulation>),
+    Kermit(Box<KermitSimulation>),
     Xmodem(Box<XmodemSimulation>),
+    Script(Box<ScriptSimulation>),
 }
 
-/// What becomes of what the machine got, and when it ends.
+/// Where the machine is reached, what becomes of what it got, and when it ends.
 #[derive(Default)]
-pub(crate) struct Ending {
+pub(crate) struct RunOptions {
+    /// A TCP port; `None`: a pty.
+    pub(crate) listen: Option<SocketAddr>,
     pub(crate) expect: Option<Vec<u8>>,
     pub(crate) out: Option<PathBuf>,
     /// End when nothing has moved for so long.
@@ -81,9 +96,10 @@ pub(crate) struct Ending {
 }
 
 impl Common {
-    fn ending(self, sends: bool) -> Result<Ending, Failure> {
+    fn run_options(self, sends: bool) -> Result<RunOptions, Failure> {
         let quiet_time = self.quiet_time.unwrap_or(if sends { 5.0 } else { 2.0 });
-        Ok(Ending {
+        Ok(RunOptions {
+            listen: self.listen,
             expect: self.expect.as_deref().map(files::read).transpose()?,
             out: self.out,
             quiet_time: self.once.then(|| micros(quiet_time)),
@@ -98,7 +114,9 @@ pub(crate) fn run(arguments: Arguments, screen: &Screen) -> Result<Exit, Failure
         Machine::R3964Simplified(machine) => Simulation::R3964(Box::new(machine.prepare()?)),
         Machine::Fanuc(machine) => Simulation::Fanuc(Box::new(machine.prepare()?)),
         Machine::PulseLathe(machine) => Simulation::PulseLathe(Box::new(machine.prepare()?)),
+        Machine::Kermit(machine) => Simulation::Kermit(Box::new(machine.prepare()?)),
         Machine::Xmodem(machine) => Simulation::Xmodem(Box::new(machine.prepare()?)),
+        Machine::Script(script) => Simulation::Script(Box::new(script.prepare()?)),
     };
     live::simulate(&simulation, screen)
 }

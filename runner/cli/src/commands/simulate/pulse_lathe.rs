@@ -6,7 +6,7 @@ use clap::Args;
 use softplug_abi::Micros;
 use softplug_machines::pulse_lathe::LatheOptions;
 
-use super::{Common, Ending};
+use super::{Common, RunOptions};
 use crate::failure::Failure;
 use crate::files;
 
@@ -61,7 +61,7 @@ pub(super) struct PulseLathe {
 pub(crate) struct PulseLatheSimulation {
     pub(crate) options: LatheOptions,
     pub(crate) picture: Option<PathBuf>,
-    pub(crate) ending: Ending,
+    pub(crate) run: RunOptions,
 }
 
 impl PulseLathe {
@@ -82,8 +82,8 @@ impl PulseLathe {
         if let Some(picture) = &self.picture {
             files::check_picture(picture, "--picture")?;
         }
-        let ending = self.common.ending(false)?;
-        Ok(PulseLatheSimulation { options, picture: self.picture, ending })
+        let run = self.common.run_options(false)?;
+        Ok(PulseLatheSimulation { options, picture: self.picture, run })
     }
 }
 

@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use softplug_abi::{LineParameters, Micros};
 use softplug_machines::r3964::{Fault, Faults, Noise, Options, Priority, When, rk512};
 
-use super::{Common, Ending, faults, micros, seconds};
+use super::{Common, RunOptions, faults, micros, seconds};
 use crate::failure::Failure;
 use crate::files;
 
@@ -147,7 +147,7 @@ pub(crate) struct R3964Simulation {
     pub(crate) every: Micros,
     /// RK512 with these areas.
     pub(crate) memory: Option<Vec<(rk512::Area, Vec<u8>)>>,
-    pub(crate) ending: Ending,
+    pub(crate) run: RunOptions,
 }
 
 impl R3964 {
@@ -213,7 +213,7 @@ impl Station {
             send_after: micros(self.send_after),
             every: micros(self.every),
             memory: None,
-            ending: self.common.ending(self.send.is_some())?,
+            run: self.common.run_options(self.send.is_some())?,
         })
     }
 }

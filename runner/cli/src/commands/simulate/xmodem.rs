@@ -6,7 +6,7 @@ use clap::Args;
 use softplug_abi::LineParameters;
 use softplug_machines::xmodem::Options;
 
-use super::{Common, Ending};
+use super::{Common, RunOptions};
 use crate::failure::Failure;
 use crate::files;
 
@@ -47,7 +47,7 @@ pub(super) struct Xmodem {
 /// A simulation that was checked.
 pub(crate) struct XmodemSimulation {
     pub(crate) options: Options,
-    pub(crate) ending: Ending,
+    pub(crate) run: RunOptions,
 }
 
 impl Xmodem {
@@ -63,6 +63,6 @@ impl Xmodem {
             lost: self.lose,
             ..Options::default()
         };
-        Ok(XmodemSimulation { options, ending: self.common.ending(sends)? })
+        Ok(XmodemSimulation { options, run: self.common.run_options(sends)? })
     }
 }

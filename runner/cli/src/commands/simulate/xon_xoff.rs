@@ -6,7 +6,7 @@ use clap::Args;
 use softplug_abi::{LineParameters, Micros};
 use softplug_machines::xon_xoff::ControlOptions;
 
-use super::{Common, Ending, micros, seconds};
+use super::{Common, RunOptions, micros, seconds};
 use crate::failure::Failure;
 use crate::files;
 
@@ -66,7 +66,7 @@ pub(crate) struct XonXoffSimulation {
     pub(crate) control: ControlOptions,
     pub(crate) punch: Option<Vec<u8>>,
     pub(crate) punch_after: Micros,
-    pub(crate) ending: Ending,
+    pub(crate) run: RunOptions,
 }
 
 impl XonXoff {
@@ -89,7 +89,7 @@ impl XonXoff {
             control,
             punch: self.punch.as_deref().map(files::read).transpose()?,
             punch_after: micros(self.punch_after),
-            ending: self.common.ending(self.punch.is_some())?,
+            run: self.common.run_options(self.punch.is_some())?,
         })
     }
 }

@@ -9,6 +9,7 @@ use std::io;
 use std::time::Duration;
 
 use crossterm::event::{self, Event, KeyEventKind};
+#[cfg(target_os = "linux")]
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use softplug_conformance::{Case, Permutation, Stepper};
 
@@ -71,11 +72,18 @@ fn next_event() -> io::Result<Event> {
     }
 }
 
+#[cfg(target_os = "linux")]
 fn is_gone() -> bool {
     let stdin = io::stdin();
     let mut stdin = [PollFd::new(&stdin, PollFlags::IN)];
     let at_once = Timespec { tv_sec: 0, tv_nsec: 0 };
     poll(&mut stdin, Some(&at_once)).is_ok() && stdin[0].revents().contains(PollFlags::HUP)
+}
+
+/// A console that goes ends the process by itself.
+#[cfg(not(target_os = "linux"))]
+fn is_gone() -> bool {
+    false
 }
 
 fn stepper(plugin: &Chosen, case: &Case, permutation: &Permutation) -> Result<Stepper, Failure> {

@@ -5,6 +5,7 @@ mod diff;
 mod export;
 mod fmt;
 mod import;
+mod new;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
@@ -24,6 +25,7 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
+    New(new::Arguments),
     Fmt(fmt::Arguments),
     Case(case::Arguments),
     Import(import::Arguments),
@@ -33,6 +35,7 @@ enum Verb {
 
 pub(crate) fn run(arguments: Arguments, screen: &Screen) -> Result<Exit, Failure> {
     match arguments.verb {
+        Verb::New(arguments) => new::run(&arguments, screen),
         Verb::Fmt(arguments) => fmt::run(&arguments, screen),
         Verb::Case(arguments) => case::run(&arguments, screen),
         Verb::Import(arguments) => import::run(&arguments, screen),

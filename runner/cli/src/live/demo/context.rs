@@ -11,7 +11,7 @@ use serde_json::Value;
 use softplug_abi::LineParameters;
 use softplug_gateway::station::{Station, StationOptions};
 use softplug_gateway::transfer::{self, SendOptions, SendOutcome, SendReport};
-use softplug_gateway::{Port, PortError, PortOptions, PortSpec};
+use softplug_gateway::{Port, PortError, PortOptions};
 
 use super::pulse::Pulse;
 use crate::commands::demo::Arguments;
@@ -86,8 +86,7 @@ pub(super) fn station<P: Simulated>(
         .iter()
         .map(|(name, value)| Assignment { name: (*name).to_owned(), value: (*value).to_owned() });
     let settings = plugin.settings(&asked.collect::<Vec<_>>())?;
-    let spec = PortSpec::Device(machine.path().to_owned());
-    let port = Port::open(&spec, &PortOptions::new(line))?;
+    let port = Port::open(&machine.port(), &PortOptions::new(line))?;
     let options = StationOptions { settings, ..StationOptions::default() };
     Ok(Station::new(port, plugin.instantiate()?, options)?)
 }

@@ -12,7 +12,7 @@ use softplug_machines::fanuc::{Feeding, Options, Press, Report, eight_none_two};
 
 use super::context::{DemoContext, Shown, Worker, program, station, why};
 use crate::commands::send::job_kind;
-use crate::commands::simulate::{Ending, FanucSimulation};
+use crate::commands::simulate::{FanucSimulation, RunOptions};
 use crate::failure::Failure;
 use crate::live::machine::Machine;
 use crate::live::simulate::Fanuc;
@@ -143,7 +143,7 @@ fn control() -> Options {
 
 fn machine(options: Options) -> Result<Machine<Fanuc>, Failure> {
     let last_press = options.panel.last().map_or(Micros::ZERO, |(at, _)| *at);
-    let simulation = FanucSimulation { options, last_press, ending: Ending::default() };
+    let simulation = FanucSimulation { options, last_press, run: RunOptions::default() };
     Ok(Machine::new(Fanuc::new(&simulation)?, Some(Micros::from_millis(1_000)))?)
 }
 

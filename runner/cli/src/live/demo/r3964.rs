@@ -11,7 +11,7 @@ use softplug_gateway::transfer::{
 use softplug_machines::r3964::{Fault, Faults, Noise, Options, Report, Station as Partner, When};
 
 use super::context::{DemoContext, Shown, Worker, station, why};
-use crate::commands::simulate::{Ending, R3964Simulation};
+use crate::commands::simulate::{R3964Simulation, RunOptions};
 use crate::failure::Failure;
 use crate::live::machine::Machine;
 use crate::live::simulate::R3964;
@@ -160,7 +160,7 @@ fn machine(
         send_after: Micros::from_millis(200),
         every: Micros::ZERO,
         memory: None,
-        ending: Ending::default(),
+        run: RunOptions::default(),
     };
     let partner = Partner::new(simulation.options.clone()).map_err(Failure::usage)?;
     Ok(Machine::new(R3964::new(&simulation, partner), quiet_time)?)

@@ -8,7 +8,7 @@ use softplug_gateway::transfer::{self, ReceiveOutcome, ReceiveReport, SendOutcom
 use softplug_machines::xon_xoff::{ControlOptions, ControlReport};
 
 use super::context::{DemoContext, Shown, Worker, program, station, why};
-use crate::commands::simulate::{Ending, XonXoffSimulation};
+use crate::commands::simulate::{RunOptions, XonXoffSimulation};
 use crate::failure::Failure;
 use crate::live::machine::Machine;
 use crate::live::progress::Bar;
@@ -132,6 +132,6 @@ fn machine(control: ControlOptions, punch: Option<Vec<u8>>) -> Result<Machine<Xo
     // A control that goes away when it has sent all would be a lost port.
     let quiet_time = punch.is_none().then_some(Micros::from_millis(500));
     let punch_after = Micros::from_millis(200);
-    let simulation = XonXoffSimulation { control, punch, punch_after, ending: Ending::default() };
+    let simulation = XonXoffSimulation { control, punch, punch_after, run: RunOptions::default() };
     Ok(Machine::new(XonXoff::new(&simulation)?, quiet_time)?)
 }

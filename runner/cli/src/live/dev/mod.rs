@@ -1,5 +1,6 @@
 //! `softplug dev`.
 
+mod further;
 mod line;
 mod watch;
 
@@ -63,6 +64,7 @@ pub(crate) fn dev(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     let inbox = inbox.transpose()?;
     let stop = stop::on_signals()?;
     let (to, ready) = channel();
+    let broken_off = changes.news();
     thread::scope(|scope| {
         let session = Session { arguments, project: &project, screen, stop: &stop, to };
         scope.spawn(move || session.run(&changes));
@@ -70,6 +72,7 @@ pub(crate) fn dev(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
             Some(port) => Line::new(port, arguments, data, inbox, screen).run(&ready, &stop),
             None => wait(&stop),
         }
+        broken_off.store(true, Ordering::Relaxed);
     });
     Ok(Exit::Done)
 }
@@ -105,11 +108,15 @@ impl Session<'_> {
     /// Once at the start, then after each save.
     fn run(&self, changes: &Changes) {
         let mut since = Instant::now();
+        let news = changes.news();
         loop {
-            let mut round = self.round(since);
+            let (mut round, built) = self.round(since);
             if let Some(round) = &mut round {
                 round.seconds = since.elapsed().as_secs_f64();
                 self.screen.json_line(round);
+            }
+            if let Some(built) = built {
+                further::look(&built, self.project.root(), &news, self.screen);
             }
             match changes.next(self.stop) {
                 Some(at) => since = at,
@@ -118,11 +125,13 @@ impl Session<'_> {
         }
     }
 
-    /// Builds, replays and swaps; none where the link in this process tells the rest.
-    fn round(&self, since: Instant) -> Option<Round> {
+    /// Builds, replays and swaps; no round where the link in this process tells the rest. What was
+    /// built, if it does what its traces demand.
+    fn round(&self, since: Instant) -> (Option<Round>, Option<Built>) {
         let failed = |result, failure: Failure| {
             self.screen.report_failure(&failure);
-            Some(Round { result, message: Some(failure.message), ..Round::default() })
+            let message = Some(failure.message);
+            (Some(Round { result, message, ..Round::default() }), None)
         };
         let built = match build(self.project, None) {
             Ok(built) => built,
@@ -146,13 +155,14 @@ impl Session<'_> {
         if round.failed > 0 {
             round.result = "diverged";
             if !self.arguments.anyway {
-                return Some(round);
+                return (Some(round), None);
             }
         }
         if self.arguments.port.is_some() {
             // It ends only with this sender.
+            let is_good = round.failed == 0;
             let _ = self.to.send(Ready { plugin, round, since });
-            return None;
+            return (None, is_good.then_some(built));
         }
         if let Some(link) = &self.arguments.link {
             match self.swap_into(link, &built) {
@@ -169,7 +179,8 @@ impl Session<'_> {
                 }
             }
         }
-        Some(round)
+        let is_good = round.failed == 0;
+        (Some(round), is_good.then_some(built))
     }
 
     /// The first divergence, and how many there are.

@@ -1,7 +1,8 @@
 //! Notices when a file of a project is saved.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
@@ -19,6 +20,8 @@ const STEPS: usize = 20;
 /// Watches a project until it is dropped.
 pub(super) struct Changes {
     changes: Receiver<Instant>,
+    /// Something was saved, and [`next`](Self::next) has not told it yet.
+    news: Arc<AtomicBool>,
     _watcher: RecommendedWatcher,
 }
 
@@ -33,10 +36,13 @@ impl Changes {
         let parts: Vec<PathBuf> = project.sources().map(|name| root.join(name)).collect();
         let folders: Vec<_> = parts.iter().filter(|part| part.is_dir()).cloned().collect();
         let (to, changes) = channel();
+        let news = Arc::new(AtomicBool::new(false));
+        let has_come = Arc::clone(&news);
         let mut watcher = notify::recommended_watcher(move |event: notify::Result<Event>| {
             let Ok(event) = event else { return };
             let is_change = !matches!(event.kind, EventKind::Access(_));
             if is_change && event.paths.iter().any(|path| is_source(&parts, path)) {
+                has_come.store(true, Ordering::Relaxed);
                 // Nobody listens any more: it is ending.
                 let _ = to.send(Instant::now());
             }
@@ -47,7 +53,12 @@ impl Changes {
         let below = folders.iter().map(|folder| watcher.watch(folder, RecursiveMode::Recursive));
         let watched = std::iter::once(top).chain(below).collect::<Result<(), _>>();
         watched.map_err(|error| fail(&error))?;
-        Ok(Self { changes, _watcher: watcher })
+        Ok(Self { changes, news, _watcher: watcher })
+    }
+
+    /// True as soon as something is saved; whoever sets it breaks off what waits for that.
+    pub(super) fn news(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.news)
     }
 
     /// When the next save began; none when it is time to end.
@@ -55,6 +66,9 @@ impl Changes {
         let first = next(&self.changes, stop)?;
         let mut steps = 0..STEPS;
         while steps.next().is_some() && self.changes.recv_timeout(SETTLED).is_ok() {}
+        if !stop.load(Ordering::Relaxed) {
+            self.news.store(false, Ordering::Relaxed);
+        }
         Some(first)
     }
 }

@@ -6,7 +6,7 @@ use softplug_machines::fanuc::{AlarmKind, Control, Report};
 use softplug_machines::kept::Received;
 use softplug_machines::{Partner, Signal};
 
-use super::{Distribution, on_a_pty, put_away, say_expected, seconds};
+use super::{Distribution, put_away, run_machine, say_expected, seconds};
 use crate::commands::simulate::FanucSimulation;
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -116,18 +116,18 @@ impl Simulated for Fanuc {
 }
 
 pub(super) fn run(simulation: &FanucSimulation, screen: &Screen) -> Result<Exit, Failure> {
-    let machine = on_a_pty(Fanuc::new(simulation)?, &simulation.ending, screen)?;
+    let machine = run_machine(Fanuc::new(simulation)?, &simulation.run, screen)?;
     let report = machine.partner().control.report();
     let received = match &report.received {
         Received::Bytes(bytes) => bytes.as_slice(),
         // Only where the options say that no bytes are kept.
         Received::Digest { .. } => &[],
     };
-    let as_expected = put_away(received, &simulation.ending)?;
+    let as_expected = put_away(received, &simulation.run)?;
     let has_faults = !report.remote.faults.is_empty();
     let is_good = report.alarms.is_empty() && !has_faults && as_expected != Some(false);
     screen.say(text(&report));
-    say_expected(received, &simulation.ending, screen);
+    say_expected(received, &simulation.run, screen);
     screen.json_line(&document(&report, as_expected, is_good));
     Ok(if is_good { Exit::Done } else { Exit::Failed })
 }

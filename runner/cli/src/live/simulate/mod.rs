@@ -1,13 +1,18 @@
 //! `softplug simulate`.
 
 mod fanuc;
+mod kermit;
 mod pulse_lathe;
 mod r3964;
+mod script;
 mod xmodem;
 mod xon_xoff;
 
+#[cfg(target_os = "linux")]
 pub(super) use fanuc::Fanuc;
+#[cfg(target_os = "linux")]
 pub(super) use r3964::R3964;
+#[cfg(target_os = "linux")]
 pub(super) use xon_xoff::XonXoff;
 
 use serde::Serialize;
@@ -15,7 +20,7 @@ use softplug_abi::Micros;
 use softplug_machines::kept::Counts;
 
 use super::machine::{Machine, Simulated};
-use crate::commands::simulate::{Ending, Simulation};
+use crate::commands::simulate::{RunOptions, Simulation};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::files;
@@ -29,7 +34,9 @@ pub(crate) fn simulate(simulation: &Simulation, screen: &Screen) -> Result<Exit,
         Simulation::R3964(simulation) => r3964::run(simulation, screen),
         Simulation::Fanuc(simulation) => fanuc::run(simulation, screen),
         Simulation::PulseLathe(simulation) => pulse_lathe::run(simulation, screen),
+        Simulation::Kermit(simulation) => kermit::run(simulation, screen),
         Simulation::Xmodem(simulation) => xmodem::run(simulation, screen),
+        Simulation::Script(simulation) => script::run(simulation, screen),
     }
 }
 
@@ -53,14 +60,17 @@ impl From<&Counts> for Distribution {
 }
 
 /// Says where the machine is to be found, and lets it work to its end.
-fn on_a_pty<P: Simulated>(
+fn run_machine<P: Simulated>(
     partner: P,
-    ending: &Ending,
+    options: &RunOptions,
     screen: &Screen,
 ) -> Result<Machine<P>, Failure> {
     let stop = stop::on_signals()?;
-    let mut machine = Machine::new(partner, ending.quiet_time)?;
-    let port = machine.path().display().to_string();
+    let mut machine = match options.listen {
+        Some(address) => Machine::listen(address, partner, options.quiet_time)?,
+        None => Machine::new(partner, options.quiet_time)?,
+    };
+    let port = machine.port().to_string();
     screen.say(&port);
     screen.json_line(&Ready { port });
     machine.run(&stop)?;
@@ -68,15 +78,15 @@ fn on_a_pty<P: Simulated>(
 }
 
 /// Writes what was received where it is wanted; whether it is what was expected.
-fn put_away(received: &[u8], ending: &Ending) -> Result<Option<bool>, Failure> {
-    if let Some(out) = &ending.out {
+fn put_away(received: &[u8], options: &RunOptions) -> Result<Option<bool>, Failure> {
+    if let Some(out) = &options.out {
         std::fs::write(out, received).map_err(|error| files::unwritable(out, &error))?;
     }
-    Ok(ending.expect.as_ref().map(|expected| expected == received))
+    Ok(options.expect.as_ref().map(|expected| expected == received))
 }
 
-fn say_expected(received: &[u8], ending: &Ending, screen: &Screen) {
-    match &ending.expect {
+fn say_expected(received: &[u8], options: &RunOptions, screen: &Screen) {
+    match &options.expect {
         None => {}
         Some(expected) if expected == received => {
             screen.say(format_args!("{GOOD}as expected{GOOD:#}"));

@@ -5,7 +5,7 @@ use softplug_abi::Micros;
 use softplug_machines::pulse_lathe::{Lathe, LatheReport, PERIOD};
 use softplug_machines::{Clocked, Partner};
 
-use super::{on_a_pty, put_away, say_expected, seconds};
+use super::{put_away, run_machine, say_expected, seconds};
 use crate::commands::simulate::PulseLatheSimulation;
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -78,16 +78,16 @@ impl Simulated for PulseLathe {
 pub(super) fn run(simulation: &PulseLatheSimulation, screen: &Screen) -> Result<Exit, Failure> {
     let lathe = Lathe::new(simulation.options.clone()).map_err(Failure::usage)?;
     let partner = PulseLathe { port: Clocked::new(lathe, PERIOD), received: Vec::new() };
-    let machine = on_a_pty(partner, &simulation.ending, screen)?;
+    let machine = run_machine(partner, &simulation.run, screen)?;
     let PulseLathe { port, received } = machine.partner();
     let lathe = port.machine();
     if let Some(picture) = &simulation.picture {
         files::write_picture(picture, &lathe.picture(), "--picture")?;
     }
     let report = lathe.report();
-    let as_expected = put_away(received, &simulation.ending)?;
+    let as_expected = put_away(received, &simulation.run)?;
     say(report, screen);
-    say_expected(received, &simulation.ending, screen);
+    say_expected(received, &simulation.run, screen);
     let is_good = report.gaps == 0 && report.lost_pulses == 0 && as_expected != Some(false);
     screen.json_line(&Document {
         result: if is_good { "good" } else { "bad" },

@@ -8,7 +8,7 @@ use softplug_machines::r3964::rk512::{self, Computer};
 use softplug_machines::r3964::{Noisy, Report, Station};
 use softplug_machines::{Partner, Signal};
 
-use super::{on_a_pty, put_away, say_expected, seconds};
+use super::{put_away, run_machine, say_expected, seconds};
 use crate::commands::simulate::R3964Simulation;
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -143,10 +143,9 @@ impl<P: Procedure> Simulated for R3964<P> {
 }
 
 pub(super) fn run(simulation: &R3964Simulation, screen: &Screen) -> Result<Exit, Failure> {
-    let ending = &simulation.ending;
     let Some(memory) = &simulation.memory else {
         let station = Station::new(simulation.options.clone()).map_err(Failure::usage)?;
-        let machine = on_a_pty(R3964::new(simulation, station), ending, screen)?;
+        let machine = run_machine(R3964::new(simulation, station), &simulation.run, screen)?;
         return conclude(machine.partner(), None, simulation, screen);
     };
     let options = rk512::Options { procedure: simulation.options.clone(), ..Default::default() };
@@ -154,7 +153,7 @@ pub(super) fn run(simulation: &R3964Simulation, screen: &Screen) -> Result<Exit,
     for (area, bytes) in memory {
         computer.memory.set(*area, bytes.clone());
     }
-    let machine = on_a_pty(R3964::new(simulation, computer), ending, screen)?;
+    let machine = run_machine(R3964::new(simulation, computer), &simulation.run, screen)?;
     let served = machine.partner().noisy.inner.served.clone();
     conclude(machine.partner(), Some(&served), simulation, screen)
 }
@@ -168,7 +167,7 @@ fn conclude<P: Procedure>(
     let report = machine.report();
     let received: Vec<u8> =
         report.received.iter().flat_map(|block| block.data.iter().copied()).collect();
-    let as_expected = put_away(&received, &simulation.ending)?;
+    let as_expected = put_away(&received, &simulation.run)?;
     let failed = report.sent.iter().filter(|block| block.result.is_err()).count();
     let is_good = failed == 0 && as_expected != Some(false);
     let repetitions: u32 = report.sent.iter().map(|block| block.blocks.saturating_sub(1)).sum();
@@ -198,7 +197,7 @@ fn conclude<P: Procedure>(
         as_expected,
     };
     screen.say(text(&document));
-    say_expected(&received, &simulation.ending, screen);
+    say_expected(&received, &simulation.run, screen);
     screen.json_line(&document);
     Ok(if is_good { Exit::Done } else { Exit::Failed })
 }

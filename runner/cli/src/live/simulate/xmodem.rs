@@ -5,7 +5,7 @@ use softplug_abi::Micros;
 use softplug_machines::Partner;
 use softplug_machines::xmodem::{Control, Options, Report};
 
-use super::{on_a_pty, put_away, say_expected};
+use super::{put_away, run_machine, say_expected};
 use crate::commands::simulate::XmodemSimulation;
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -66,12 +66,12 @@ impl Simulated for Xmodem {
 
 pub(super) fn run(simulation: &XmodemSimulation, screen: &Screen) -> Result<Exit, Failure> {
     let options = Options { rest: Some(REST), ..simulation.options.clone() };
-    let machine = on_a_pty(Xmodem(Control::new(options)), &simulation.ending, screen)?;
+    let machine = run_machine(Xmodem(Control::new(options)), &simulation.run, screen)?;
     let control = &machine.partner().0;
     let Report { came, done, failed, blocks, .. } = control.report();
     // One that was broken off has failed.
     let failed = failed + u32::from(control.is_under_way());
-    let as_expected = put_away(came, &simulation.ending)?;
+    let as_expected = put_away(came, &simulation.run)?;
     let is_good = *done > 0 && failed == 0 && as_expected != Some(false);
     let transfers = numbers::things(u64::from(*done), "transfer");
     screen.say(format_args!(
@@ -84,7 +84,7 @@ pub(super) fn run(simulation: &XmodemSimulation, screen: &Screen) -> Result<Exit
             numbers::things(u64::from(failed), "transfer")
         ));
     }
-    say_expected(came, &simulation.ending, screen);
+    say_expected(came, &simulation.run, screen);
     screen.json_line(&Document {
         result: if is_good { "done" } else { "failed" },
         done: *done,

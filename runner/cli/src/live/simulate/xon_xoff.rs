@@ -6,7 +6,7 @@ use softplug_machines::Partner;
 use softplug_machines::kept::Received;
 use softplug_machines::xon_xoff::{AlarmKind, Control, ControlReport};
 
-use super::{Distribution, on_a_pty, put_away, say_expected, seconds};
+use super::{Distribution, put_away, run_machine, say_expected, seconds};
 use crate::commands::simulate::XonXoffSimulation;
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -105,17 +105,17 @@ impl Simulated for XonXoff {
 }
 
 pub(super) fn run(simulation: &XonXoffSimulation, screen: &Screen) -> Result<Exit, Failure> {
-    let machine = on_a_pty(XonXoff::new(simulation)?, &simulation.ending, screen)?;
+    let machine = run_machine(XonXoff::new(simulation)?, &simulation.run, screen)?;
     let report = machine.partner().control.report();
     let received = match &report.received {
         Received::Bytes(bytes) => bytes.as_slice(),
         // Only where the options say that no bytes are kept.
         Received::Digest { .. } => &[],
     };
-    let as_expected = put_away(received, &simulation.ending)?;
+    let as_expected = put_away(received, &simulation.run)?;
     let is_good = report.alarms.is_empty() && as_expected != Some(false);
     screen.say(text(&report));
-    say_expected(received, &simulation.ending, screen);
+    say_expected(received, &simulation.run, screen);
     screen.json_line(&document(&report, as_expected, is_good));
     Ok(if is_good { Exit::Done } else { Exit::Failed })
 }

@@ -55,7 +55,7 @@ impl Buffer {
     pub(crate) fn restore(&mut self, state: &mut StateReader<'_>) -> Result<(), StateError> {
         let length = usize::from(state.u16());
         if length > LINE {
-            return Err(StateError);
+            return Err(StateError::DAMAGED);
         }
         self.clear();
         for byte in state.bytes(length) {

@@ -97,7 +97,7 @@ impl Receiver {
         if self.waiting <= ANSWERS {
             Ok(())
         } else {
-            Err(StateError)
+            Err(StateError::DAMAGED)
         }
     }
 }

@@ -270,7 +270,7 @@ impl Sender {
             (3, None) => Stage::Leaving,
             (4, None) => Stage::Answer,
             (5, Some(failure)) => Stage::Stopping(failure),
-            _ => return Err(StateError),
+            _ => return Err(StateError::DAMAGED),
         };
         self.job = state.u32();
         self.text.restore(state)?;
@@ -284,6 +284,6 @@ impl Sender {
         self.sent = state.u64();
         let is_sound = self.asked <= self.text.room()
             && self.transmitted <= self.line_length().unwrap_or_default();
-        if is_sound { Ok(()) } else { Err(StateError) }
+        if is_sound { Ok(()) } else { Err(StateError::DAMAGED) }
     }
 }

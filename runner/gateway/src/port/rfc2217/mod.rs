@@ -5,11 +5,10 @@ mod liveness;
 mod session;
 
 use std::io;
+#[cfg(target_os = "linux")]
 use std::os::fd::BorrowedFd;
 use std::time::{Duration, Instant};
 
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::io::Errno;
 use softplug_abi::{LineParameters, LinkDownReason, Micros, ModemLines};
 
 use self::liveness::Liveness;
@@ -21,7 +20,9 @@ use super::open::ReadOutcome;
 use super::scratch::with_scratch;
 use super::spec::{PortOptions, address_text};
 use super::stream::Stream;
+use crate::clock::Clock;
 use crate::error::PortError;
+use crate::poll::{Interest, Poller};
 
 /// Once the server has agreed to be set, each setting is answered within a round
 /// trip, or never.
@@ -79,8 +80,14 @@ impl Rfc2217Port {
     }
 
     /// The descriptor to wait for.
+    #[cfg(target_os = "linux")]
     pub fn fd(&self) -> BorrowedFd<'_> {
         self.stream.fd()
+    }
+
+    #[cfg(not(target_os = "linux"))]
+    pub(super) fn stream(&self) -> &Stream {
+        &self.stream
     }
 
     /// The rate as the server tells it, the rest as it was asked for.
@@ -273,6 +280,7 @@ impl Rfc2217Port {
 
     fn negotiate(&mut self, mut end: Instant) -> Result<(), Failed> {
         let mut is_settling = false;
+        let mut poller = Poller::new(Clock::start()).map_err(Failed::Port)?;
         loop {
             self.exchange()?;
             match self.session.opening() {
@@ -290,7 +298,7 @@ impl Rfc2217Port {
                     Opening::Setting | Opening::Done => Ok(()),
                 };
             }
-            self.wait(end)?;
+            self.wait(&mut poller, end)?;
         }
     }
 
@@ -326,15 +334,13 @@ impl Rfc2217Port {
         }
     }
 
-    fn wait(&self, end: Instant) -> Result<(), Failed> {
-        let left = end.saturating_duration_since(Instant::now()) + Duration::from_millis(1);
-        let timeout = Timespec::try_from(left).map_err(|_| Failed::Peer("it takes too long"))?;
-        let mut wanted = PollFlags::IN;
-        wanted.set(PollFlags::OUT, self.has_output());
-        match poll(&mut [PollFd::from_borrowed_fd(self.fd(), wanted)], Some(&timeout)) {
-            Ok(_) | Err(Errno::INTR) => Ok(()),
-            Err(error) => Err(Failed::Port(PortError::io("wait for the device server", error))),
-        }
+    fn wait(&self, poller: &mut Poller, end: Instant) -> Result<(), Failed> {
+        let left = end.saturating_duration_since(Instant::now());
+        let left = Micros(i64::try_from(left.as_micros()).unwrap_or(i64::MAX));
+        let interest = Interest { read: true, write: self.has_output() };
+        let deadline = poller.clock().now() + left;
+        poller.wait(Some(&self.stream), interest, Some(deadline)).map_err(Failed::Port)?;
+        Ok(())
     }
 }
 

@@ -56,7 +56,7 @@ impl Machine<Computer> {
 impl<P: Partner + Send + 'static> Machine<P> {
     fn start(partner: P, baud: u32) -> Self {
         let mut simulator = Simulator::new(partner).unwrap();
-        let (port, waker) = (simulator.path().display().to_string(), simulator.waker());
+        let (port, waker) = (simulator.port().to_string(), simulator.waker());
         let (commands, taken) = channel::<Command<P>>();
         let thread = thread::spawn(move || {
             loop {

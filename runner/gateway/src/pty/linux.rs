@@ -1,4 +1,4 @@
-//! Ptys: a pair for simulators, and its master as a port.
+//! Ptys of Linux.
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
@@ -9,13 +9,11 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
 use softplug_abi::{LineParameters, LinkDownReason};
 
+use super::FRESH_BAUD;
 use crate::error::PortError;
 use crate::port::input_sink::InputSink;
 use crate::port::scratch::with_scratch;
 use crate::port::{Backlog, Input, ReadOutcome};
-
-/// The rate that Linux gives a new terminal.
-pub(crate) const FRESH_BAUD: u32 = 38_400;
 
 /// A pty: we have the master, somebody opens the slave.
 ///
@@ -117,6 +115,11 @@ pub struct PtyPort {
 }
 
 impl PtyPort {
+    /// The master of a new pty as a port.
+    pub(crate) fn open(line: LineParameters) -> Result<Self, PortError> {
+        Ok(Self::new(PtyPair::open()?, line))
+    }
+
     /// A port over the master; `line` is what the far end is to believe in.
     pub fn new(pair: PtyPair, line: LineParameters) -> Self {
         Self { pair, line }

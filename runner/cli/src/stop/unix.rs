@@ -1,5 +1,4 @@
-//! Ctrl-C, SIGTERM and SIGHUP: the first asks for a clean end, a second Ctrl-C or SIGTERM ends at
-//! once.
+//! Signals of Unix: nothing is waited for at the second.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;

@@ -1,4 +1,4 @@
-//! Whether somebody has a file open for writing, as far as the kernel tells.
+//! Whether somebody has a file open for writing, by a lease.
 //!
 //! Unsafe, because rustix has no function for leases. What keeps it sound: `fcntl` is called with a
 //! descriptor that is borrowed, and with whole numbers only.
@@ -14,25 +14,7 @@ const LOCAL: [u32; 5] = [0xEF53, 0x5846_5342, 0x9123_683E, 0xF2F5_2010, 0x0102_1
 /// From Linux's `asm-generic/fcntl.h`.
 const SET_SIGNAL: i32 = 10;
 
-/// Whether somebody has this file, which is open for reading, open for writing. `None`: it cannot be
-/// known, as the file is on a share, or another user's.
-///
-/// A lease for reading is taken and given back at once: the kernel grants none on a file that
-/// somebody may write to. Whoever opens it just then waits for that moment.
-///
-/// ```
-/// # let folder = tempfile::tempdir()?;
-/// use softplug_gateway::store::is_open_for_writing;
-/// use std::fs::File;
-///
-/// let path = folder.path().join("O1.nc");
-/// let writer = File::create(&path)?;
-/// assert_ne!(is_open_for_writing(&File::open(&path)?), Some(false));
-/// drop(writer);
-/// assert_ne!(is_open_for_writing(&File::open(&path)?), Some(true));
-/// # Ok::<_, std::io::Error>(())
-/// ```
-pub fn is_open_for_writing(file: &File) -> Option<bool> {
+pub(super) fn is_open_for_writing(file: &File) -> Option<bool> {
     let kind = rustix::fs::fstatfs(file).ok()?.f_type;
     if !LOCAL.contains(&(kind as u32)) {
         return None;

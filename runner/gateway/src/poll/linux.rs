@@ -1,4 +1,4 @@
-//! Waiting for a port, a deadline and a wake-up from another thread.
+//! Waiting by poll(2), with a timerfd and an eventfd.
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::sync::Arc;
@@ -7,40 +7,15 @@ use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
 use rustix::io::{Errno, read, write};
 use softplug_abi::Micros;
 
+use super::{Interest, Ready};
 use crate::clock::Clock;
 use crate::error::PortError;
 use crate::timer::Timer;
 
-/// What to wait for on a port. Hang-ups are always told.
-#[derive(Copy, Clone, PartialEq, Eq, Debug)]
-pub struct Interest {
-    /// Bytes to read.
-    pub read: bool,
-    /// Room to write.
-    pub write: bool,
-}
+/// What can be waited for: whatever has a descriptor.
+pub trait Source: AsFd {}
 
-impl Interest {
-    /// Bytes to read only.
-    pub const READ: Self = Self { read: true, write: false };
-    /// Bytes to read or room to write.
-    pub const BOTH: Self = Self { read: true, write: true };
-}
-
-/// Why waiting ended; at least one is set, or a signal came.
-#[derive(Copy, Clone, PartialEq, Eq, Debug, Default)]
-pub struct Ready {
-    /// The port can be read.
-    pub readable: bool,
-    /// The port takes bytes.
-    pub writable: bool,
-    /// The port has hung up: reading tells why.
-    pub hangup: bool,
-    /// The deadline has passed.
-    pub timer: bool,
-    /// Somebody woke us.
-    pub woken: bool,
-}
+impl<T: AsFd + ?Sized> Source for T {}
 
 /// A timer and a waker to wait for beside a port.
 #[derive(Debug)]
@@ -69,7 +44,7 @@ impl Poller {
     /// us or a signal comes. Without a port, for the other two.
     pub fn wait(
         &mut self,
-        port: Option<BorrowedFd<'_>>,
+        port: Option<&dyn Source>,
         interest: Interest,
         deadline: Option<Micros>,
     ) -> Result<Ready, PortError> {
@@ -80,7 +55,7 @@ impl Poller {
         let timer = PollFd::new(&self.timer, PollFlags::IN);
         let waker = PollFd::new(&self.waker, PollFlags::IN);
         let (timer_events, waker_events, port_events) = if let Some(port) = port {
-            let mut fds = [timer, waker, PollFd::from_borrowed_fd(port, wanted)];
+            let mut fds = [timer, waker, PollFd::from_borrowed_fd(port.as_fd(), wanted)];
             wait_for(&mut fds)?;
             (fds[0].revents(), fds[1].revents(), fds[2].revents())
         } else {
@@ -102,7 +77,7 @@ impl Poller {
     /// ended the wait, whoever reads and writes finds out.
     pub fn wait_both(
         &mut self,
-        ports: [Option<(BorrowedFd<'_>, Interest)>; 2],
+        ports: [Option<(&dyn Source, Interest)>; 2],
         deadline: Option<Micros>,
     ) -> Result<(), PortError> {
         self.timer.set(deadline)?;
@@ -112,7 +87,7 @@ impl Poller {
             let mut wanted = PollFlags::empty();
             wanted.set(PollFlags::IN, interest.read);
             wanted.set(PollFlags::OUT, interest.write);
-            fds.push(PollFd::from_borrowed_fd(port, wanted));
+            fds.push(PollFd::from_borrowed_fd(port.as_fd(), wanted));
         }
         wait_for(&mut fds)?;
         let is_in = |fd: &PollFd<'_>| fd.revents().contains(PollFlags::IN);

@@ -1,0 +1,112 @@
+//! `softplug simulate script`.
+
+use serde::Serialize;
+use softplug_abi::Micros;
+use softplug_machines::script::{Report, Script};
+use softplug_machines::{Partner, Signal};
+
+use super::run_machine;
+use crate::commands::simulate::ScriptSimulation;
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::live::machine::Simulated;
+use crate::numbers;
+use crate::screen::{BAD, GOOD, Screen};
+
+/// The last line for machines.
+#[derive(Serialize)]
+struct Document {
+    result: &'static str,
+    came: usize,
+    expected: usize,
+    said: usize,
+    lines: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    message: Option<String>,
+}
+
+#[derive(Debug)]
+struct Playing(Script);
+
+impl Partner for Playing {
+    fn receive(&mut self, now: Micros, byte: u8) {
+        self.0.receive(now, byte);
+    }
+
+    fn next_event(&self) -> Option<Micros> {
+        self.0.next_event()
+    }
+
+    fn advance(&mut self, now: Micros) {
+        self.0.advance(now);
+    }
+
+    fn poll_transmit(&mut self, now: Micros) -> Option<u8> {
+        self.0.poll_transmit(now)
+    }
+
+    fn poll_signal(&mut self, now: Micros) -> Option<Signal> {
+        self.0.poll_signal(now)
+    }
+}
+
+impl Simulated for Playing {
+    fn connected(&mut self, now: Micros) {
+        self.0.begin(now);
+    }
+
+    fn tend(&mut self, _now: Micros) {}
+
+    fn is_busy(&self) -> bool {
+        let report = self.0.report();
+        report.differs.is_none() && !report.is_over && self.0.next_event().is_some()
+    }
+}
+
+pub(super) fn run(simulation: &ScriptSimulation, screen: &Screen) -> Result<Exit, Failure> {
+    let bytes = simulation.expected.iter().map(|(byte, _)| *byte).collect();
+    let script = Script::new(bytes, simulation.lines.clone());
+    let machine = run_machine(Playing(script), &simulation.run, screen)?;
+    let report = machine.partner().0.report();
+    let message = difference(simulation, report);
+    let (came, expected) = (report.came, simulation.expected.len());
+    screen.say(format_args!(
+        "{} of {} came, {} of {} said",
+        numbers::count(came as u64),
+        numbers::things(expected as u64, "byte"),
+        report.said,
+        numbers::things(simulation.lines.len() as u64, "line")
+    ));
+    match &message {
+        None => screen.say(format_args!("{GOOD}as in the trace{GOOD:#}")),
+        Some(message) => screen.say(format_args!("{BAD}not as in the trace{BAD:#}: {message}")),
+    }
+    let is_good = message.is_none();
+    screen.json_line(&Document {
+        result: if is_good { "done" } else { "failed" },
+        came,
+        expected,
+        said: report.said,
+        lines: simulation.lines.len(),
+        message,
+    });
+    Ok(if is_good { Exit::Done } else { Exit::Failed })
+}
+
+/// What is not as it was to be.
+fn difference(simulation: &ScriptSimulation, report: &Report) -> Option<String> {
+    if report.is_over {
+        return None;
+    }
+    let next = simulation.expected.get(report.came);
+    Some(match (report.other, next) {
+        (Some(other), Some((expected, line))) => {
+            format!("line {line}: {expected:02X} is expected, {other:02X} came")
+        }
+        (Some(other), None) => format!("{other:02X} came behind the end"),
+        (None, Some((expected, line))) => {
+            format!("line {line}: {expected:02X} is expected, and nothing came")
+        }
+        (None, None) => "not all was said".to_owned(),
+    })
+}

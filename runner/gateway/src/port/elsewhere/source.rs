@@ -1,0 +1,15 @@
+//! Whether a port has something to read.
+
+use crate::poll::Source;
+use crate::port::Port;
+
+impl Source for Port {
+    fn is_readable(&self) -> bool {
+        match self {
+            Self::Tty(port) => port.is_readable(),
+            Self::Tcp(port) => port.stream().is_readable(),
+            Self::Rfc2217(port) => port.stream().is_readable(),
+            Self::Pty(port) => match *port {},
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! The state of a structure: its fields, one after the other.
+
+use proc_macro2::TokenStream;
+use quote::{format_ident, quote};
+use syn::{DeriveInput, Fields, Index, Member, Result};
+
+use crate::attributes::{self, OfField};
+
+pub(crate) fn implement(input: &DeriveInput, fields: &Fields) -> Result<TokenStream> {
+    let name = &input.ident;
+    let (generics, arguments, bounds) = input.generics.split_for_impl();
+    let mut saves = Vec::new();
+    let mut restores = Vec::new();
+    for (place, field) in fields.iter().enumerate() {
+        let own = OfField::read(&field.attrs)?;
+        if own.skip {
+            continue;
+        }
+        let member = match &field.ident {
+            Some(name) => Member::Named(name.clone()),
+            None => Member::Unnamed(Index::from(place)),
+        };
+        let text = match &field.ident {
+            Some(field) => format!("{name}.{}", format_ident!("{field}")),
+            None => format!("{name}.{place}"),
+        };
+        saves.push(quote! {
+            ::softplug_plugin::State::save(&self.#member, state);
+        });
+        let range = own.within.map(|range| {
+            quote! {
+                if !(#range).contains(&self.#member) {
+                    state.refuse();
+                }
+            }
+        });
+        let restore = quote! {
+            state.field(&#text);
+            ::softplug_plugin::State::restore(&mut self.#member, state);
+            #range
+        };
+        restores.push(match own.since {
+            Some(format) => quote! { if state.format() >= #format { #restore } },
+            None => restore,
+        });
+    }
+    let check = attributes::check(&input.attrs)?.map(|check| {
+        let text = name.to_string();
+        quote! {
+            state.field(&#text);
+            if !#check(self) {
+                state.refuse();
+            }
+        }
+    });
+    Ok(quote! {
+        impl #generics ::softplug_plugin::State for #name #arguments #bounds {
+            fn save(&self, state: &mut ::softplug_plugin::StateWriter<'_>) {
+                #(#saves)*
+            }
+
+            fn restore(&mut self, state: &mut ::softplug_plugin::StateReader<'_>) {
+                #(#restores)*
+                #check
+            }
+        }
+    })
+}

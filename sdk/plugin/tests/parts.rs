@@ -1,0 +1,274 @@
+//! Parts of protocols: what is gathered, what waits, and what leaves.
+
+use proptest::prelude::*;
+use softplug_link::Observed;
+use softplug_plugin::bench::Bench;
+use softplug_plugin::parts::{Answers, Block, BlockSender, Part, PartEvent};
+use softplug_plugin::{
+    Context, Converter, Failure, JobStart, LineParameters, Micros, State, state_format,
+};
+
+const DLE: u8 = 0x10;
+const STX: u8 = 0x02;
+const ETX: u8 = 0x03;
+const ACK: u8 = 0x06;
+const ENQ: u8 = 0x05;
+/// Bytes of the job in a frame.
+const DATA: usize = 64;
+
+/// Sends the job in frames with DLE STX and DLE ETX, each DLE of it twice, one after the other; answers each
+/// ENQ at once by DLE ACK.
+#[derive(State)]
+struct Frames {
+    sender: BlockSender<DATA>,
+    answers: Answers<250>,
+    frame: Block<{ 2 * DATA + 4 }>,
+}
+
+impl Converter for Frames {
+    type Settings = ();
+    const MANIFEST: &'static str = r#"{"abi": "1.0", "name": "frames", "version": "1", "licence": "MIT",
+        "protocol": "p", "description": "d", "jobs": [{"name": "send", "text": "t"}],
+        "state": {"saves": 1, "accepts": [1]}}"#;
+
+    fn new((): ()) -> Self {
+        Self { sender: BlockSender::new(), answers: Answers::new(), frame: Block::new() }
+    }
+
+    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
+        self.answers.hear(link, event);
+        self.sender.hear(link, event);
+    }
+
+    fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
+        self.sender.begin(link, job.job);
+    }
+
+    fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
+        for byte in bytes {
+            if *byte == ENQ {
+                assert!(self.answers.say(link, &[DLE, ACK]));
+            }
+        }
+    }
+
+    fn abort(&mut self, link: &mut Context<'_>, _job: u32) {
+        self.sender.cut(link, Failure::Aborted);
+    }
+
+    fn after(&mut self, link: &mut Context<'_>) {
+        while self.sender.is_active() && self.answers.owes_nothing() {
+            let data = *self.sender.data();
+            if self.frame.is_empty() {
+                if data.room() > 0 && !self.sender.has_ended() {
+                    return self.sender.want(link, data.room());
+                }
+                if data.is_empty() {
+                    return self.sender.done(link);
+                }
+                self.frame.extend(&[DLE, STX]);
+                for byte in data.as_slice() {
+                    let twin: &[u8] = if *byte == DLE { &[DLE] } else { &[] };
+                    self.frame.extend(&[*byte]);
+                    self.frame.extend(twin);
+                }
+                self.frame.extend(&[DLE, ETX]);
+            }
+            let frame = self.frame;
+            let byte = |at: usize| frame.as_slice()[at];
+            let unit = |at: usize| if byte(at) == DLE { 2 } else { 1 };
+            if !self.sender.give_units(link, frame.len(), byte, unit) {
+                return;
+            }
+            self.frame.clear();
+            self.sender.acknowledged(data.len());
+        }
+    }
+
+    state_format!(1);
+}
+
+/// What stands on the line: the data of whole frames, the bytes of one that is not, and how many answers. Fails for
+/// anything else.
+fn read(line: &[u8]) -> (Vec<u8>, usize, usize) {
+    let (mut data, mut part, mut answers) = (Vec::new(), None::<Vec<u8>>, 0);
+    let mut rest = line.iter();
+    while let Some(byte) = rest.next() {
+        if *byte != DLE {
+            part.as_mut().expect("inside").push(*byte);
+            continue;
+        }
+        match *rest.next().expect("a DLE does not stand alone") {
+            ACK => answers += 1,
+            STX => assert!(part.replace(Vec::new()).is_none()),
+            ETX => data.extend(part.take().expect("inside")),
+            DLE => part.as_mut().expect("inside").push(DLE),
+            other => panic!("DLE {other:02X} in {line:02X?}"),
+        }
+    }
+    (data, part.map_or(0, |part| part.len()), answers)
+}
+
+fn job_end(bench: &Bench<Frames>) -> Option<Observed> {
+    let end = |seen: &Observed| matches!(seen, Observed::Done { .. } | Observed::Failed { .. });
+    bench.observed().iter().map(|(_, seen)| seen.clone()).find(end)
+}
+
+fn bytes() -> impl Strategy<Value = Vec<u8>> {
+    let byte = prop_oneof![Just(DLE), Just(ACK), Just(STX), any::<u8>()];
+    proptest::collection::vec(byte, 0..300)
+}
+
+fn bench(baud: u32, depth: usize, room: u32) -> Bench<Frames> {
+    Bench::new().line(LineParameters::new(baud)).depth(depth).room(room, 64).open()
+}
+
+proptest! {
+    #[test]
+    fn an_answer_stands_between_two_units(
+        data in bytes(),
+        pauses in proptest::collection::vec(1..60_i64, 0..20),
+        depth in 1..40_usize,
+        room in 64..300_u32,
+    ) {
+        let mut bench = bench(9_600, depth, room);
+        bench.send(&data);
+        for pause in &pauses {
+            bench.run_for_millis(*pause);
+            bench.receive(&[ENQ]);
+            bench.swap();
+        }
+        bench.run_for_millis(2_000);
+        let line = bench.sent();
+        let (whole, part, answers) = read(&line);
+        prop_assert_eq!((whole, part, answers), (data, 0, pauses.len()));
+        let sent = (line.len() - 2 * answers) as u64;
+        prop_assert_eq!(job_end(&bench), Some(Observed::Done { job: 1, sent }));
+    }
+
+    #[test]
+    fn an_answer_waits_for_two_pieces_at_most(data in bytes(), pause in 1..60_i64) {
+        // Between line and link: the transmitter's own characters.
+        let depth = 4;
+        let mut bench = bench(9_600, depth, 300);
+        bench.send(&data);
+        bench.run_for_millis(pause);
+        let before = bench.sent().len();
+        bench.receive(&[ENQ]);
+        bench.run_for_millis(2_000);
+        let line = bench.sent();
+        let units: Vec<usize> = (before.saturating_sub(1)..line.len() - 1)
+            .filter(|at| line[*at..*at + 2] == [DLE, ACK])
+            .collect();
+        let first = units.first().copied();
+        prop_assert!(first.is_some_and(|at| at <= before + depth + 64 + 1), "{first:?} {before}");
+    }
+
+    #[test]
+    fn what_is_cut_ends_between_two_units_and_spares_answers(
+        data in bytes(),
+        pause in 1..100_i64,
+        asked in 0..5_usize,
+    ) {
+        let mut bench = bench(9_600, 16, 128);
+        bench.send(&data);
+        bench.run_for_millis(pause);
+        bench.receive(&vec![ENQ; asked]);
+        bench.host(|link, now, host| link.abort(now, 1, host));
+        bench.run_for_millis(2_000);
+        let line = bench.sent();
+        // It can be read, whatever was cut.
+        let (_, _, answers) = read(&line);
+        prop_assert_eq!(answers, asked);
+        let sent = (line.len() - 2 * answers) as u64;
+        let end = job_end(&bench);
+        let aborted = Observed::Failed { job: 1, failure: Failure::Aborted, status: 0, sent };
+        prop_assert!(end == Some(aborted) || end == Some(Observed::Done { job: 1, sent }), "{end:?} {sent}");
+    }
+
+    #[test]
+    fn a_block_is_a_short_vector(steps in proptest::collection::vec((0..5_u8, bytes()), 0..40)) {
+        let (mut block, mut model) = (Block::<100>::new(), Vec::new());
+        for (step, bytes) in steps {
+            match step {
+                0 => {
+                    let fits = bytes.len().min(100 - model.len());
+                    prop_assert_eq!(block.extend(&bytes), fits);
+                    model.extend(&bytes[..fits]);
+                }
+                1 => {
+                    prop_assert_eq!(block.push(7), model.len() < 100);
+                    if model.len() < 100 {
+                        model.push(7);
+                    }
+                }
+                2 => {
+                    block.drop_first(bytes.len());
+                    model.drain(..bytes.len().min(model.len()));
+                }
+                3 => {
+                    block.drop_last();
+                    model.pop();
+                }
+                _ if bytes.len() < 30 => {
+                    block.clear();
+                    model.clear();
+                }
+                _ => {}
+            }
+            prop_assert_eq!(block.as_slice(), &model[..]);
+            prop_assert_eq!((block.len(), block.room()), (model.len(), 100 - model.len()));
+        }
+    }
+}
+
+/// Says what comes, as an answer each, while there is room for it here.
+struct Parrot {
+    answers: Answers<6>,
+    lost: usize,
+}
+
+impl Converter for Parrot {
+    type Settings = ();
+    const MANIFEST: &'static str = r#"{"abi": "1.0", "name": "parrot", "version": "1", "licence": "MIT",
+        "protocol": "p", "description": "d"}"#;
+
+    fn new((): ()) -> Self {
+        Self { answers: Answers::new(), lost: 0 }
+    }
+
+    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
+        self.answers.hear(link, event);
+    }
+
+    fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
+        self.lost += usize::from(!self.answers.say(link, bytes));
+    }
+
+    fn after(&mut self, link: &mut Context<'_>) {
+        link.state(if self.lost > 0 { "lost" } else { "well" });
+    }
+}
+
+#[test]
+fn an_answer_that_cannot_wait_as_a_whole_is_not_sent() {
+    let mut bench = Bench::<Parrot>::new().room(4, 64).depth(1).open();
+    for answer in ["abcdef", "ghi", "jkl", "m"] {
+        bench.receive(answer.as_bytes());
+    }
+    let lost = Observed::State("lost".into());
+    let seen: Vec<bool> = bench.observed().iter().map(|(_, seen)| *seen == lost).collect();
+    // Once for the opening, and twice for the room.
+    assert_eq!(seen, [false, false, false, false, false, true, true]);
+    bench.run_for_millis(100);
+    assert_eq!(bench.sent(), b"abcdefghim");
+}
+
+#[test]
+fn jobs_go_one_after_the_other() {
+    let mut bench = bench(9_600, 16, 128);
+    bench.send(b"one");
+    bench.send(b"two");
+    bench.run_until(Micros::from_secs(1));
+    assert_eq!(read(&bench.sent()).0, b"onetwo");
+}
