@@ -192,22 +192,22 @@ function sender(name) {
     say(send, link.value ? `Send to ${link.value}` : 'Send');
     send.disabled = !link.value;
   }
-  return { node: h('span', { class: 'buttons' }, h('label', { class: 'inline' }, 'Send to ', link), send), update, get link() { return link.value; } };
+  return { node: h('div', { class: 'buttons' }, h('label', { class: 'inline' }, 'Send to ', link), send), update, get link() { return link.value; } };
 }
 
 /** How numbers are read; and how fast rapids are, which no program says. */
 function reading(changed, rapidChanged) {
-  const kept = JSON.parse(localStorage.getItem(FORM_KEY) ?? '{}');
+  const kept = new URLSearchParams(localStorage.getItem(FORM_KEY) ?? '');
   const machine = h('select', { onchange: keep }, h('option', { value: 'mill' }, 'Mill'), h('option', { value: 'lathe' }, 'Lathe: X is a diameter, U and W are steps, feed for a turn'));
   const whole = h('select', { onchange: keep }, h('option', { value: 'whole' }, '10 is 10 mm (10 inch)'), h('option', { value: 'thousandths' }, '10 is 0.01 mm (0.001 inch)'));
   const rapid = h('input', { type: 'number', min: '0.1', max: '200', step: '0.1', value: localStorage.getItem(RAPID_KEY) ?? '10', oninput: () => {
     localStorage.setItem(RAPID_KEY, rapid.value);
     rapidChanged();
   } });
-  machine.value = kept.machine === 'lathe' ? 'lathe' : 'mill';
-  whole.value = kept.whole === 'thousandths' ? 'thousandths' : 'whole';
+  machine.value = kept.get('machine') === 'lathe' ? 'lathe' : 'mill';
+  whole.value = kept.get('whole') === 'thousandths' ? 'thousandths' : 'whole';
   function keep() {
-    localStorage.setItem(FORM_KEY, JSON.stringify({ machine: machine.value, whole: whole.value }));
+    localStorage.setItem(FORM_KEY, new URLSearchParams({ machine: machine.value, whole: whole.value }));
     changed();
   }
   return {
