@@ -62,4 +62,5 @@ pub(crate) const FILES: &[File] = &[
     script!("store.js"),
     script!("text.js"),
     script!("toolpath.js"),
+    script!("way.js"),
 ];

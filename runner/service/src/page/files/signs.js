@@ -1,11 +1,10 @@
 // The signs of a program that not every line and control can say: each with how often and where first.
 
-import { lineOf, visible } from './lines.js';
+import { NAMES, lineOf, visible } from './lines.js';
 
 /** What every control takes that reads ISO code. */
 const PLAIN = new Set([...'0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ %()+-.,/:=*#[]\r\n'].map((sign) => sign.charCodeAt(0)));
 const MOST = 60;
-const NAMES = ['NUL', 'SOH', 'STX', 'ETX', 'EOT', 'ENQ', 'ACK', 'BEL', 'BS', 'TAB', 'LF', 'VT', 'FF', 'CR', 'SO', 'SI', 'DLE', 'DC1', 'DC2', 'DC3', 'DC4', 'NAK', 'SYN', 'ETB', 'CAN', 'EM', 'SUB', 'ESC', 'FS', 'GS', 'RS', 'US'];
 /** What a person would write in its place, as `softplug check` says too. */
 const INSTEAD = {
   '\t': 'a space', '\u00a0': 'a space', ä: 'AE', Ä: 'AE', ö: 'OE', Ö: 'OE', ü: 'UE', Ü: 'UE', ß: 'SS', '–': '-', '—': '-', '−': '-', '×': 'X', '°': 'DEG',

@@ -1,7 +1,7 @@
 // The way of a tool as a picture: seen along an axis or aslant, to be moved and enlarged by mouse, touch and keys.
 
 import { h, say } from './dom.js';
-import { JUMP, RAPID } from './gcode.js';
+import { JUMP, RAPID } from './way.js';
 
 const [S2, S6] = [Math.SQRT1_2, 1 / Math.sqrt(6)];
 /** What goes to the right and what goes up, of x, y and z. */

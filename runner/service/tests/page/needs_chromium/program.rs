@@ -249,7 +249,7 @@ fn hostile_programs_are_only_shown() {
     bench.upload("empty.nc", b"\n").with(201);
     let mut browser = open(&bench, "program/hostile.nc");
     browser.sees(mark);
-    browser.sees("⟨U+202E⟩G1␀␇");
+    browser.sees("⟨U+202E⟩G1⟨NUL⟩⟨BEL⟩");
     browser.sees("899,600 more bytes");
     browser.sees("Nothing to draw");
     assert_eq!(browser.value("document.querySelectorAll('main img').length"), 0);
