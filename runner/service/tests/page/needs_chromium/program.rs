@@ -185,7 +185,7 @@ fn the_line_that_leaves_is_shown_in_text_and_way() {
     let line = browser.value(now).as_u64().unwrap();
     let view = bench.get(&format!("/jobs/{}", job["id"])).with(200).json();
     let left = view["surely_left"].as_u64().unwrap() as usize;
-    let lines = blocks.as_bytes()[..left].iter().filter(|byte| **byte == b'\n').count() as u64;
+    let lines = blocks[..left].matches('\n').count() as u64;
     assert!(line <= lines + 1, "line {line} is marked, {lines} have left");
     browser.until("document.querySelector('.listing .left .sign').textContent === '✓'");
     browser.until("document.querySelector('.runs code').textContent.startsWith('N')");
