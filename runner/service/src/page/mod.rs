@@ -58,7 +58,9 @@ pub(crate) const FILES: &[File] = &[
     script!("programs.js"),
     script!("reading.js"),
     script!("sequence.js"),
+    script!("signs.js"),
     script!("store.js"),
     script!("text.js"),
     script!("toolpath.js"),
+    script!("way.js"),
 ];

@@ -25,7 +25,7 @@ const leave = document.getElementById('leave');
 
 const pages = {
   links: links.page, buses: buses.page, cells: cells.page, jobs: jobs.page, programs: programs.page, plugins: plugins.page, journal: journal.page,
-  link: (name) => link.page(name), program: (name) => program.page(name), compare: (name) => compare.page(name),
+  link: (name) => link.page(name), program: (name) => (name ? program.page(name) : programs.page()), compare: (name) => (name ? compare.page(name) : links.page()),
 };
 
 let shown = null;

@@ -30,7 +30,7 @@ export function page() {
   const link = h('select', { 'aria-label': 'Link to send to', onchange: update });
   const body = h('tbody');
   const empty = h('p', { class: 'empty' }, 'No programs.');
-  const frame = h('div', { class: 'scroll' }, h('table', { class: 'stack' }, h('thead', {}, h('tr', {}, ['Program', 'Size', 'Changed', ''].map((title) => h('th', {}, title)))), body));
+  const frame = h('div', { class: 'scroll' }, h('table', { class: 'stack' }, h('thead', {}, h('tr', {}, ['Program', 'Size', 'Changed'].map((title) => h('th', {}, title)), h('th', {}, h('span', { class: 'hidden-words' }, 'What to do')))), body));
 
   function row({ name }) {
     const size = h('td');
