@@ -59,6 +59,8 @@ pub(crate) struct Token {
 /// What the holder of a token may do.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default, ValueEnum)]
 pub(crate) enum Role {
+    /// See everything, change nothing: for a screen in the shop
+    Viewer,
     /// See everything, send and receive programs
     #[default]
     Operator,

@@ -5,7 +5,7 @@ import { act } from './message.js';
 import { field, h, keyed, options, say, show } from './dom.js';
 import { lineOf, lineText } from './lines.js';
 import { listing } from './listing.js';
-import { badge } from './links.js';
+import { badge } from './state.js';
 import { toolpath } from './toolpath.js';
 import * as store from './store.js';
 import * as text from './text.js';
@@ -192,7 +192,9 @@ function sender(name) {
     say(send, link.value ? `Send to ${link.value}` : 'Send');
     send.disabled = !link.value;
   }
-  return { node: h('div', { class: 'buttons' }, h('label', { class: 'inline' }, 'Send to ', link), send), update, get link() { return link.value; } };
+  const node = h('span', { class: 'buttons' }, h('label', { class: 'inline' }, 'Send to ', link), send);
+  show(node, store.mayAct());
+  return { node, update, get link() { return link.value; } };
 }
 
 /** How numbers are read; and how fast rapids are, which no program says. */
