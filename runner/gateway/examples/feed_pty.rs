@@ -16,7 +16,7 @@ use softplug_abi::{LineParameters, Micros};
 use softplug_gateway::simulator::Simulator;
 use softplug_gateway::station::{Station, StationOptions};
 use softplug_gateway::transfer::{SendOptions, SendOutcome, SendReport, send};
-use softplug_gateway::{Port, PortOptions, PortSpec};
+use softplug_gateway::{Port, PortOptions};
 use softplug_host::{Host, HostOptions};
 use softplug_machines::xon_xoff::{Control, ControlOptions, ControlReport};
 

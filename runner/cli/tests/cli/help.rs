@@ -119,7 +119,10 @@ fn every_verb_has_an_example() {
         let help = bench.run(&[verb, &["--help"][..]].concat()).with_code(0).out;
         let has_verbs = help.lines().any(|line| line == "Commands:");
         let line = format!("  softplug {}", verb.join(" "));
-        assert!(has_verbs || help.lines().any(|words| words.contains(line.trim_start())), "{verb:?}");
+        assert!(
+            has_verbs || help.lines().any(|words| words.contains(line.trim_start())),
+            "{verb:?}"
+        );
         assert!(has_verbs || help.contains("\nExample"), "{verb:?}");
     }
 }

@@ -40,7 +40,10 @@ fn hashes_are_written_and_nothing_else() {
     let line = ledger.lines().find(|line| line.starts_with("sha256 = ")).unwrap().to_owned();
     edit(&bench, LEDGER, &format!("{line}\n"), "");
     let lint = run(&bench, &["cases", "--lint"]).with_code(1);
-    assert!(lint.out.contains(&format!("{clause}: its sentence has no hash; write {line}")), "{lint}");
+    assert!(
+        lint.out.contains(&format!("{clause}: its sentence has no hash; write {line}")),
+        "{lint}"
+    );
     run(&bench, &["cases", "--lint", "--fix"]).with_code(0);
 }
 
@@ -69,7 +72,8 @@ fn the_corpus_of_the_folder_is_found_for_what_only_it_has() {
 
     // A new case stands in its place, and is one once something is given there.
     let id = format!("{NAME}.tx.fresh");
-    let words = ["trace", "new", &id, "--clause", &clause, "--like", &case, "--title", "A fresh one"];
+    let words =
+        ["trace", "new", &id, "--clause", &clause, "--like", &case, "--title", "A fresh one"];
     let made = run(&bench, &words).with_code(0);
     let file = made.out.trim_end().to_owned();
     assert!(file.ends_with(&format!("traces/{NAME}/{id}.spt")), "{made}");
