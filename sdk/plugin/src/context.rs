@@ -113,6 +113,24 @@ impl<'a> Context<'a> {
         self.writer.room()
     }
 
+    /// Gives each byte to `take`, while `reserve` bytes of [output](Self::output_room) are left, as many as one
+    /// byte can bring; returns those that are left over, for [`Unread`](crate::Unread).
+    pub fn each_byte<'b>(
+        &mut self,
+        bytes: &'b [u8],
+        reserve: usize,
+        mut take: impl FnMut(&mut Self, u8),
+    ) -> &'b [u8] {
+        let mut rest = bytes;
+        while let Some((byte, after)) = rest.split_first()
+            && self.output_room() >= reserve
+        {
+            take(self, *byte);
+            rest = after;
+        }
+        rest
+    }
+
     /// Asks to be called again at the same time, in [`Converter::more`](crate::Converter::more).
     pub fn again(&mut self) {
         self.again = true;

@@ -255,12 +255,11 @@ impl<'a, C: Converter> TakeEvent<'a> for Step<'_, '_, C> {
         let Slot::Full(converter) = &mut core.converter else {
             return Err((Refusal::MalformedEvent, "the link is not open"));
         };
+        if let Some(heard) = heard_by_parts(link, &event) {
+            converter.parts(link, &heard);
+        }
         match event {
-            Event::Open { resumed, line, transmit_room, delivery_room } => {
-                link.set_rooms(transmit_room, delivery_room);
-                if resumed {
-                    converter.parts(link, &PartEvent::Resumed);
-                }
+            Event::Open { resumed, line, delivery_room, .. } => {
                 converter.opened(link, &Opening { resumed, line, delivery_room });
             }
             Event::Close => {
@@ -273,21 +272,15 @@ impl<'a, C: Converter> TakeEvent<'a> for Step<'_, '_, C> {
             Event::LinkDown(reason) => converter.link_down(link, reason),
             Event::LinkUp => converter.link_up(link),
             Event::Timer { id, deadline } => {
-                converter.parts(link, &PartEvent::Timer { id });
                 converter.timer(link, id, deadline);
             }
             Event::Mark { mark, state } => {
-                converter.parts(link, &PartEvent::Mark { mark, state });
                 converter.mark(link, mark, state);
             }
-            Event::TransmitRoom { grown } => {
-                link.grow_transmit_room(grown);
-                converter.parts(link, &PartEvent::TransmitRoom);
+            Event::TransmitRoom { .. } => {
                 converter.transmit_room(link);
             }
             Event::Discarded { bytes } => {
-                link.grow_transmit_room(bytes);
-                converter.parts(link, &PartEvent::Discarded { bytes });
                 converter.discarded(link, bytes);
             }
             Event::DeliveryRoom { grown } => {
@@ -298,15 +291,12 @@ impl<'a, C: Converter> TakeEvent<'a> for Step<'_, '_, C> {
                 converter.job_begin(link, JobStart { job, kind, pass, size, fields });
             }
             Event::JobEnd { job } => {
-                converter.parts(link, &PartEvent::JobEnd);
                 converter.job_end(link, job);
             }
             Event::Pause { job } => {
-                converter.parts(link, &PartEvent::Paused(true));
                 converter.pause(link, job);
             }
             Event::Resume { job } => {
-                converter.parts(link, &PartEvent::Paused(false));
                 converter.resume(link, job);
             }
             Event::Abort { job } => converter.abort(link, job),
@@ -330,4 +320,29 @@ impl<'a, C: Converter> TakeEvent<'a> for Step<'_, '_, C> {
         converter.after(link);
         Ok(())
     }
+}
+
+/// What parts hear of an event. They find the room to transmit as it is now.
+#[cfg_attr(target_arch = "wasm32", inline(always))]
+fn heard_by_parts<'a>(link: &mut Context<'_>, event: &Event<'a>) -> Option<PartEvent<'a>> {
+    Some(match *event {
+        Event::Open { resumed, transmit_room, delivery_room, .. } => {
+            link.set_rooms(transmit_room, delivery_room);
+            return resumed.then_some(PartEvent::Resumed);
+        }
+        Event::Timer { id, .. } => PartEvent::Timer { id },
+        Event::Mark { mark, state } => PartEvent::Mark { mark, state },
+        Event::TransmitRoom { grown } => {
+            link.grow_transmit_room(grown);
+            PartEvent::TransmitRoom
+        }
+        Event::Discarded { bytes } => {
+            link.grow_transmit_room(bytes);
+            PartEvent::Discarded { bytes }
+        }
+        Event::JobEnd { .. } => PartEvent::JobEnd,
+        Event::Pause { .. } => PartEvent::Paused(true),
+        Event::Resume { .. } => PartEvent::Paused(false),
+        _ => return None,
+    })
 }

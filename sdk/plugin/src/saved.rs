@@ -24,7 +24,7 @@ use crate::{Failure, Micros, StateReader, StateWriter};
 /// |---|---|
 /// | `bool`, `u8`, an enum | 1 |
 /// | `u16` | 2 |
-/// | `u32` | 4 |
+/// | `u32`, `usize` | 4 |
 /// | `u64`, [`Micros`] | 8 |
 /// | `Option<Micros>` | 9 |
 /// | `Option<Failure>` | 2 |
@@ -161,6 +161,17 @@ plain! {
     u64: u64,
     Micros: micros,
     Option<Micros>: deadline,
+}
+
+/// A count of bytes: plug-ins have less than 4 GB.
+impl State for usize {
+    fn save(&self, state: &mut StateWriter<'_>) {
+        state.u32(*self as u32);
+    }
+
+    fn restore(&mut self, state: &mut StateReader<'_>) {
+        *self = state.u32() as usize;
+    }
 }
 
 impl State for Option<Failure> {

@@ -30,15 +30,11 @@ use softplug_abi::wire::copy;
 ///     }
 ///
 ///     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
-///         let mut rest = bytes;
-///         while let Some((byte, after)) = rest.split_first()
-///             && link.output_room() >= RESERVE
-///         {
-///             if *byte == 0x07 {
+///         let rest = link.each_byte(bytes, RESERVE, |link, byte| {
+///             if byte == 0x07 {
 ///                 link.note(NoteLevel::Info, 0, "the control rings");
 ///             }
-///             rest = after;
-///         }
+///         });
 ///         self.unread.keep(link, rest);
 ///     }
 ///

@@ -76,8 +76,8 @@ impl Converter for Frames {
             }
             let frame = self.frame;
             let byte = |at: usize| frame.as_slice()[at];
-            let unit = |at: usize| if byte(at) == DLE { 2 } else { 1 };
-            if !self.sender.give_units(link, frame.len(), byte, unit) {
+            let symbol = |at: usize| if byte(at) == DLE { 2 } else { 1 };
+            if !self.sender.give_symbols(link, frame.len(), byte, symbol) {
                 return;
             }
             self.frame.clear();
@@ -157,10 +157,10 @@ proptest! {
         bench.receive(&[ENQ]);
         bench.run_for_millis(2_000);
         let line = bench.sent();
-        let units: Vec<usize> = (before.saturating_sub(1)..line.len() - 1)
+        let symbols: Vec<usize> = (before.saturating_sub(1)..line.len() - 1)
             .filter(|at| line[*at..*at + 2] == [DLE, ACK])
             .collect();
-        let first = units.first().copied();
+        let first = symbols.first().copied();
         prop_assert!(first.is_some_and(|at| at <= before + depth + 64 + 1), "{first:?} {before}");
     }
 

@@ -98,7 +98,7 @@ fn each_save_goes_into_a_gateways_link_in_the_middle_of_a_job() {
     let sent = submit.envs(environment).output().unwrap();
     assert!(sent.status.success(), "{sent:?}");
     reads(&pty, "one\n");
-    edit(&bench, "kit-dev/src/receiver.rs", "does not wait for answers", "is in a hurry");
+    edit(&bench, "kit-dev/src/lib.rs", "each answered with ACK or NAK.\"", "each answered.\"");
     let second = dev.round();
     assert_eq!(second["result"], "swapped", "{second}");
     assert_ne!(second["sha256"], first["sha256"]);
@@ -106,17 +106,17 @@ fn each_save_goes_into_a_gateways_link_in_the_middle_of_a_job() {
     reads(&pty, "two\n");
 
     // What does not build, or does something else, is told; the one before goes on.
-    edit(&bench, "kit-dev/src/receiver.rs", "is_bad = true;", "is_bad = truth;");
+    edit(&bench, "kit-dev/src/lib.rs", "is_bad = true;", "is_bad = truth;");
     let broken = dev.round();
     assert_eq!(broken["result"], "not-built", "{broken}");
-    assert!(broken["message"].as_str().unwrap().contains("src/receiver.rs"), "{broken}");
-    edit(&bench, "kit-dev/src/receiver.rs", "is_bad = truth;", "is_bad = false;");
+    assert!(broken["message"].as_str().unwrap().contains("src/lib.rs"), "{broken}");
+    edit(&bench, "kit-dev/src/lib.rs", "is_bad = truth;", "is_bad = false;");
     let diverged = dev.round();
     assert_eq!(diverged["result"], "diverged", "{diverged}");
     assert!(diverged["failed"].as_u64() > Some(0), "{diverged}");
     pty.write(ACK).unwrap();
     reads(&pty, "three\n");
-    edit(&bench, "kit-dev/src/receiver.rs", "is_bad = false;", "is_bad = true;");
+    edit(&bench, "kit-dev/src/lib.rs", "is_bad = false;", "is_bad = true;");
     assert_eq!(dev.round()["result"], "swapped");
     dev.end();
     gateway.signal(Signal::TERM);

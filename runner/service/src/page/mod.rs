@@ -66,10 +66,12 @@ pub(crate) const FILES: &[File] = &[
     script!("reading.js"),
     script!("rows.js"),
     script!("sequence.js"),
+    script!("signs.js"),
     script!("state.js"),
     script!("store.js"),
     script!("text.js"),
     script!("toolpath.js"),
     script!("visible.js"),
     script!("wall.js"),
+    script!("way.js"),
 ];

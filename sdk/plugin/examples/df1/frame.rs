@@ -41,9 +41,9 @@ impl Frame {
         self.characters.clear();
         self.characters.extend(&[DLE, STX]);
         for byte in text {
-            let unit = [*byte, DLE];
+            let symbol = [*byte, DLE];
             let length = if *byte == DLE { 2 } else { 1 };
-            self.characters.extend(unit.get(..length).unwrap_or_default());
+            self.characters.extend(symbol.get(..length).unwrap_or_default());
         }
         self.end = self.characters.len() as u16;
         self.characters.extend(&[DLE, ETX]);
@@ -60,7 +60,7 @@ impl Frame {
     }
 
     /// How many characters stay together: a symbol, and the end with its check.
-    pub(super) fn unit(&self, at: usize) -> usize {
+    pub(super) fn symbol(&self, at: usize) -> usize {
         match self.byte(at) {
             _ if at >= usize::from(self.end) => self.length() - at,
             DLE => 2,

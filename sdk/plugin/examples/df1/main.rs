@@ -125,21 +125,7 @@ impl Converter for Df1 {
     }
 
     fn received(&mut self, link: &mut Context<'_>, bytes: &[u8]) {
-        let mut rest = bytes;
-        while let Some((byte, after)) = rest.split_first()
-            && link.output_room() >= OUTPUT_RESERVE
-        {
-            match self.reader.take(*byte, self.settings.check) {
-                Heard::Nothing => {}
-                Heard::Ack => self.acknowledged(link),
-                Heard::Nak => self.refused(link),
-                Heard::Enquiry => self.say(link, self.last),
-                Heard::Message { is_good } => self.message(link, is_good),
-                // An answer that is asked for now must not be that to an earlier message.
-                Heard::Stray => self.last = NAK,
-            }
-            rest = after;
-        }
+        let rest = link.each_byte(bytes, OUTPUT_RESERVE, |link, byte| self.hear(link, byte));
         self.unread.keep(link, rest);
     }
 
@@ -221,6 +207,18 @@ impl Converter for Df1 {
 }
 
 impl Df1 {
+    fn hear(&mut self, link: &mut Context<'_>, byte: u8) {
+        match self.reader.take(byte, self.settings.check) {
+            Heard::Nothing => {}
+            Heard::Ack => self.acknowledged(link),
+            Heard::Nak => self.refused(link),
+            Heard::Enquiry => self.say(link, self.last),
+            Heard::Message { is_good } => self.message(link, is_good),
+            // An answer that is asked for now must not be that to an earlier message.
+            Heard::Stray => self.last = NAK,
+        }
+    }
+
     /// Gathers the message, and gives its frame to the link.
     fn go_on(&mut self, link: &mut Context<'_>) {
         if !self.sender.is_active() {
@@ -244,8 +242,8 @@ impl Df1 {
         let can_go = !self.sender.is_paused() && self.answers.owes_nothing();
         if self.stage == Stage::Sending && can_go {
             let frame = &self.frame;
-            let (byte, unit) = (|at| frame.byte(at), |at| frame.unit(at));
-            if self.sender.give_units(link, frame.length(), byte, unit) {
+            let (byte, symbol) = (|at| frame.byte(at), |at| frame.symbol(at));
+            if self.sender.give_symbols(link, frame.length(), byte, symbol) {
                 self.stage = Stage::Answer;
             }
         }
@@ -297,7 +295,7 @@ impl Df1 {
         self.say(link, self.last);
     }
 
-    /// A symbol of two characters, between two units of a frame that is on its way. One that finds no room
+    /// A symbol of two characters, between two symbols of a frame that is on its way. One that finds no room
     /// even here is asked for again.
     fn say(&mut self, link: &mut Context<'_>, symbol: u8) {
         self.answers.say(link, &[DLE, symbol]);

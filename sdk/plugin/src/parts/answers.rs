@@ -1,6 +1,6 @@
 //! Answers that wait for room.
 
-use super::{Part, PartEvent};
+use super::{Part, PartEvent, move_to_front};
 use crate::{Context, State, StateReader, StateWriter};
 use softplug_abi::wire::copy;
 
@@ -97,7 +97,7 @@ impl<const N: usize> Answers<N> {
         let count = used.min(link.transmit_room() as usize);
         if count > 0 {
             link.transmit(self.waiting.get(..count).unwrap_or_default());
-            self.waiting.copy_within(count..used, 0);
+            move_to_front(&mut self.waiting, count, used);
             self.length -= count as u8;
         }
     }

@@ -1,5 +1,6 @@
 //! Bytes that are gathered.
 
+use super::move_to_front;
 use crate::{State, StateReader, StateWriter};
 use softplug_abi::wire::copy;
 
@@ -72,9 +73,8 @@ impl<const N: usize> Block<N> {
 
     /// Drops the first bytes: all, if there are fewer.
     pub fn drop_first(&mut self, count: usize) {
-        let length = self.len();
-        let count = count.min(length);
-        self.bytes.copy_within(count..length, 0);
+        let count = count.min(self.len());
+        move_to_front(&mut self.bytes, count, usize::from(self.length));
         self.length -= count as u16;
     }
 

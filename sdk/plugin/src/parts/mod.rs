@@ -17,8 +17,8 @@
 //! **Answers in the middle of a frame.** A protocol that puts a DLE before each DLE of its data, and
 //! answers by DLE ACK while its own frame is on the line, must never have an answer between a DLE
 //! and its twin. [`Context::transmit_urgent`](crate::Context::transmit_urgent) knows nothing of frames.
-//! [`BlockSender::give_units`] does: it gives the link short pieces of the frame, each of whole units, so
-//! that an answer that is appended to the queue always stands between two units, and waits for at most two
+//! [`BlockSender::give_symbols`] does: it gives the link short pieces of the frame, each of whole symbols, so
+//! that an answer that is appended to the queue always stands between two symbols, and waits for at most two
 //! pieces. Nothing has to be dropped when such a frame is [cut short](BlockSender::cut): the few
 //! bytes that the link has leave, and the answers with them.
 
@@ -36,6 +36,7 @@ pub use sender::{BlockSender, OWN_MARKS};
 pub use timers::{TimerName, Timers};
 
 use crate::{Context, MarkState};
+use softplug_abi::wire::copy;
 
 /// Something that hears of events before the converter's own methods.
 ///
@@ -91,4 +92,17 @@ pub enum PartEvent<'a> {
     JobEnd,
     /// The job pauses, or goes on.
     Paused(bool),
+}
+
+/// Moves what stands behind the first `count` of `length` bytes to the front. Without the texts of panics
+/// and the `memmove` that `copy_within` brings: 4 KB of a module.
+fn move_to_front(bytes: &mut [u8], count: usize, length: usize) {
+    let mut to = 0;
+    while count > 0 && to + count < length {
+        let from = to + count;
+        let Some((front, rest)) = bytes.split_at_mut_checked(from) else { return };
+        let most = count.min(length - from);
+        copy(front.get_mut(to..).unwrap_or_default(), rest.get(..most).unwrap_or_default());
+        to += count;
+    }
 }

@@ -12,7 +12,7 @@ const PIECE: usize = 64;
 const SHORT_PIECE: usize = 32;
 /// Pieces of a frame with the link.
 const AHEAD: u8 = 2;
-/// Marks of a frame that are not settled: a link takes 64 of all kinds.
+/// Most marks that are not settled: a link takes 64 of all kinds.
 const UNSETTLED: u8 = 32;
 
 /// A job that goes in blocks, each answered by the partner: pulls the job's data from the host, gives a
@@ -223,6 +223,9 @@ impl<const DATA: usize> BlockSender<DATA> {
         length: usize,
         byte: impl Fn(usize) -> u8,
     ) -> bool {
+        if self.given == 0 && self.unsettled >= UNSETTLED {
+            return false;
+        }
         while usize::from(self.given) < length {
             let rest = length - usize::from(self.given);
             let count = rest.min(PIECE).min(link.transmit_room() as usize);
@@ -240,17 +243,17 @@ impl<const DATA: usize> BlockSender<DATA> {
     }
 
     /// Gives the link a frame of `length` bytes, at most 65,535, in short pieces that end between two
-    /// units: `unit` tells how many bytes from a place on must stay together, 1 to 32. An answer that is
-    /// [said](super::Answers::say) meanwhile stands between two units, behind at most two pieces, 64 bytes.
+    /// symbols: `symbol` tells how many bytes from a place on must stay together, 1 to 32. An answer that is
+    /// [said](super::Answers::say) meanwhile stands between two symbols, behind at most two pieces, 64 bytes.
     /// Whether that was the last of it.
     ///
     /// Not while answers [wait](super::Answers::owes_nothing).
-    pub fn give_units(
+    pub fn give_symbols(
         &mut self,
         link: &mut Context<'_>,
         length: usize,
         byte: impl Fn(usize) -> u8,
-        unit: impl Fn(usize) -> usize,
+        symbol: impl Fn(usize) -> usize,
     ) -> bool {
         while usize::from(self.given) < length {
             if self.ahead >= AHEAD || self.unsettled >= UNSETTLED {
@@ -260,7 +263,7 @@ impl<const DATA: usize> BlockSender<DATA> {
             let most = SHORT_PIECE.min(link.transmit_room() as usize).min(length - begin);
             let mut count = 0;
             while count < most {
-                let whole = unit(begin + count).clamp(1, SHORT_PIECE).min(length - begin - count);
+                let whole = symbol(begin + count).clamp(1, SHORT_PIECE).min(length - begin - count);
                 if count + whole > most {
                     break;
                 }
@@ -335,8 +338,8 @@ impl<const DATA: usize> BlockSender<DATA> {
         }
     }
 
-    /// Gives nothing more. What the link has of a frame that was [given in units](Self::give_units) leaves, and so do
-    /// answers; the frame ends between two units. The job fails when all has left.
+    /// Gives nothing more. What the link has of a frame that was [given in symbols](Self::give_symbols) leaves, and so do
+    /// answers; the frame ends between two symbols. The job fails when all has left.
     pub fn cut(&mut self, link: &mut Context<'_>, failure: Failure) {
         if self.is_active() {
             self.stopping = Some(failure);

@@ -1,6 +1,7 @@
 //! `softplug new`: a plug-in's project, which builds and passes at once.
 
 mod files;
+mod like;
 mod name;
 mod origin;
 mod sdk;
@@ -12,7 +13,8 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use self::files::{Plan, ProjectFile};
+use self::files::{Beginning, Plan, ProjectFile};
+use self::like::Like;
 use self::name::Name;
 use self::origin::Origin;
 use self::sdk::Sdk;
@@ -23,15 +25,17 @@ use crate::screen::Screen;
 
 /// Makes a project for a plug-in: a converter that works, its requirements, traces and tests.
 ///
-/// The converter speaks a small protocol of lines with ACK and NAK, to be replaced by yours. The
-/// folder is a corpus of its own: requirements/NAME.toml says what the protocol demands, and
-/// traces/NAME shows it.
+/// The converter speaks a small protocol, to be replaced by yours; --like says which kind is nearest
+/// to it. The folder is a corpus of its own: requirements/NAME.toml says what the protocol demands,
+/// and traces/NAME shows it.
 ///
 /// With --from it begins as a copy of a profile's reference plug-in, with the ledger and the
 /// traces of that profile, for a machine that speaks nearly the same.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   softplug new my-machine
+  softplug new my-machine --like block
+  softplug new my-machine --like request-reply
   softplug new my-machine --lang c
   softplug new my-machine --from xon-xoff
   softplug new my-machine --sdk ~/softplug
@@ -47,6 +51,9 @@ pub(crate) struct Arguments {
     /// The language
     #[arg(long, value_enum, default_value_t)]
     lang: Language,
+    /// Kind of protocol to begin like; in C: line [default: line]
+    #[arg(long, value_enum, value_name = "KIND", conflicts_with = "from")]
+    like: Option<Like>,
     /// Profile whose reference plug-in to begin from; in C: xon-xoff
     #[arg(long, value_name = "PROFILE")]
     from: Option<String>,
@@ -81,16 +88,24 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
         // The header comes along.
         Language::C => None,
     };
-    let origin = match &arguments.from {
-        Some(profile) => Some((Origin::of(profile, arguments.lang)?, profile.as_str())),
-        None => None,
+    let beginning = match (&arguments.from, arguments.lang) {
+        (Some(profile), language) => {
+            let (origin, profile) = Origin::of(profile, language)?;
+            Beginning::From(origin, profile)
+        }
+        (None, Language::Rust) => Beginning::Rust(arguments.like.unwrap_or_default()),
+        (None, Language::C) if arguments.like.is_none_or(|like| like == Like::Line) => Beginning::C,
+        (None, Language::C) => {
+            return Err(Failure::usage("in C a project begins like a line protocol alone")
+                .hint("leave --like out, or write it in Rust"));
+        }
     };
     let folder = Path::new(name.as_str());
     if fs::symlink_metadata(folder).is_ok() {
         return Err(Failure::usage(format_args!("{} is there already", folder.display()))
             .hint("choose another name; nothing was touched"));
     }
-    let plan = Plan { name: &name, language: arguments.lang, sdk: sdk.as_ref(), origin };
+    let plan = Plan { name: &name, sdk: sdk.as_ref(), beginning };
     let files = plan.files();
     make(folder, &files)?;
 
@@ -98,7 +113,10 @@ pub(crate) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failur
     if let Some(sdk) = &sdk_text {
         screen.note(format_args!("the SDK is {sdk}"));
     }
-    let profile = origin.map_or(name.as_str(), |(_, profile)| profile);
+    let profile = match beginning {
+        Beginning::From(_, profile) => profile,
+        Beginning::Rust(_) | Beginning::C => name.as_str(),
+    };
     screen.say(format_args!("{name}: {} files; next:\n{}", files.len(), next(&name, profile)));
     screen.document(&Document {
         name: name.as_str(),

@@ -104,11 +104,16 @@ static ALL: [Origin; 9] = [
 ];
 
 impl Origin {
-    /// The reference plug-in of a profile.
-    pub(super) fn of(profile: &str, language: Language) -> Result<&'static Self, Failure> {
-        let fits =
-            |origin: &&Origin| origin.language == language && origin.profiles.contains(&profile);
-        ALL.iter().find(fits).ok_or_else(|| {
+    /// The reference plug-in of a profile, and the profile's name.
+    pub(super) fn of(
+        profile: &str,
+        language: Language,
+    ) -> Result<(&'static Self, &'static str), Failure> {
+        let find = |origin: &'static Origin| {
+            let own = origin.profiles.iter().find(|own| **own == profile)?;
+            (origin.language == language).then_some((origin, *own))
+        };
+        ALL.iter().find_map(find).ok_or_else(|| {
             let there = ALL.iter().filter(|origin| origin.language == language);
             let there: Vec<_> = there.flat_map(|origin| origin.profiles).copied().collect();
             Failure::usage(format_args!(
@@ -142,7 +147,8 @@ impl Origin {
     }
 }
 
-fn files_below(folder: &'static Dir<'static>) -> Vec<&'static File<'static>> {
+/// All files of a folder and of those in it.
+pub(super) fn files_below(folder: &'static Dir<'static>) -> Vec<&'static File<'static>> {
     let mut files: Vec<_> = folder.files().collect();
     files.extend(folder.dirs().flat_map(files_below));
     files

@@ -27,7 +27,7 @@ const leave = document.getElementById('leave');
 
 const pages = {
   links: links.page, buses: buses.page, cells: cells.page, jobs: jobs.page, programs: programs.page, plugins: plugins.page, journal: journal.page,
-  link: link.page, wall: wall.page, program: program.page, compare: compare.page,
+  link: link.page, wall: wall.page, program: (name) => (name ? program.page(name) : programs.page()), compare: (name) => (name ? compare.page(name) : links.page()),
 };
 
 let shown = null;
