@@ -14,6 +14,8 @@
 //! | [`annotations`] | workflow commands of GitHub Actions |
 //! | [`attest`] | `attestation.json`: the result, signed |
 //!
+//! The features `junit` and `attest`, both on by default, bring the modules of these names.
+//!
 //! [`explain()`] puts a failed case into words; [`compare()`] tells two reports apart; [`check()`] tells whether one of them
 //! follows from its own rows. Skipped is never green: no form of an incomplete
 //! run can be taken for a conformant plug-in.

@@ -104,7 +104,7 @@ export function page(name) {
     odd.update(store.links.get(sendTo.link));
   }
 
-  const sendTo = sender(name);
+  const sendTo = sender(name, () => update());
   show(wrong, false);
   const node = h('section', { class: 'program' },
     h('p', { class: 'back' }, h('a', { href: '#/programs' }, '← All programs')), h('h1', {}, name), wrong,
@@ -180,8 +180,9 @@ function running(name, changed) {
   };
 }
 
-function sender(name) {
-  const link = h('select', { 'aria-label': 'Link to send to', onchange: () => update() });
+/** `changed` is told when another link is chosen. */
+function sender(name, changed) {
+  const link = h('select', { 'aria-label': 'Link to send to', onchange: changed });
   const send = h('button', { class: 'main', onclick: () => act(async () => {
     const job = await api.post(`/links/${api.part(link.value)}/jobs`, { program: name });
     store.took(job);
@@ -192,7 +193,7 @@ function sender(name) {
     say(send, link.value ? `Send to ${link.value}` : 'Send');
     send.disabled = !link.value;
   }
-  const node = h('span', { class: 'buttons' }, h('label', { class: 'inline' }, 'Send to ', link), send);
+  const node = h('div', { class: 'buttons' }, h('label', { class: 'inline' }, 'Send to ', link), send);
   show(node, store.mayAct());
   return { node, update, get link() { return link.value; } };
 }

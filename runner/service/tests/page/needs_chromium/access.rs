@@ -13,7 +13,7 @@ const AXE: &str = concat!(
     "/../../target/tools/page/node_modules/axe-core/axe.min.js"
 );
 
-const VIEWS: [&str; 13] = [
+const VIEWS: [&str; 14] = [
     "links?view=cards",
     "links?view=table",
     "links?show=trouble",
@@ -25,6 +25,7 @@ const VIEWS: [&str; 13] = [
     "jobs",
     "programs",
     "program/O1.nc",
+    "compare/lathe-1%2FO1",
     "plugins",
     "journal",
 ];
@@ -53,6 +54,10 @@ fn no_view_has_a_fault_that_axe_finds() {
     let bench = Bench::with_bus_and_cell();
     let long: String = (1..=5_000).map(|n| format!("N{n} G01 X{n}\n")).collect();
     bench.upload("O1.nc", long.as_bytes()).with(201);
+    let folder = bench.path("state/receptions/lathe-1");
+    std::fs::create_dir_all(&folder).unwrap();
+    let received = long.replace("N7 G01 X7\n", "N7 G01 X8\n").replace("N9 ", "n9  ");
+    std::fs::write(folder.join("O1"), received).unwrap();
     bench.until_link("lathe-1", "idle");
     bench.until_link("press-3", "idle");
     bench.post("/links/lathe-1/jobs", &json!({ "program": "O1.nc" })).with(201);
