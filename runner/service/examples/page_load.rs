@@ -14,7 +14,7 @@ use std::fmt::Write as _;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use bench::Bench;
+use bench::{Bench, blocks};
 use browser::Browser;
 use serde_json::{Value, json};
 
@@ -40,7 +40,7 @@ fn main() {
         );
     }
     let bench = Bench::with_links(&written);
-    let program: String = (1..=5_000).map(|n| format!("N{n} G01 X{n} Y-{n}\n")).collect();
+    let program = blocks(5_000);
     bench.upload("O1.nc", program.as_bytes()).with(201);
     for number in 1..=jobs {
         let path = format!("/links/mill-{number:04}/jobs");

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 /// What left longer ago says nothing of how fast it leaves now.
 const WINDOW: Duration = Duration::from_secs(15);
-/// Under this, what left says more of blocks than of a rate.
-const LEAST: Duration = Duration::from_secs(2);
+/// Under this, what left says more of blocks, and of how it began, than of a rate.
+const LEAST: Duration = Duration::from_secs(5);
 /// What has not moved for so long has no rate.
 const STILL: Duration = Duration::from_secs(5);
 
@@ -31,7 +31,10 @@ impl Rate {
 
     /// Bytes in a second over the last seconds; none while nothing moves, or nobody knows yet.
     pub(crate) fn bytes_a_second(&self) -> Option<u64> {
-        let ((first, before), (last, now)) = (self.0.front()?, self.0.back()?);
+        let (_, before) = self.0.front()?;
+        // From the moment on at which it began to move.
+        let ((first, _), (last, now)) =
+            (self.0.iter().rfind(|(_, left)| left == before)?, self.0.back()?);
         let span = last.saturating_sub(*first);
         if span < LEAST || now == before {
             return None;
@@ -55,7 +58,9 @@ mod tests {
 
     #[test]
     fn it_is_what_left_over_the_last_seconds() {
-        assert_eq!(after([0, 960]).bytes_a_second(), None, "too early to tell");
+        assert_eq!(after([0, 960, 1_920]).bytes_a_second(), None, "too early to tell");
+        let waited = [0, 0, 0, 960, 1_920, 2_880, 3_840, 4_800];
+        assert_eq!(after(waited).bytes_a_second(), Some(960), "what went before is no part of it");
         assert_eq!(after((0..60).map(|second| second * 960)).bytes_a_second(), Some(960));
         // It has become slower: the first minute is forgotten.
         let slower = (0..60).map(|second| if second < 30 { second * 960 } else { 28_800 + second });
@@ -68,9 +73,9 @@ mod tests {
             |seconds: u64| (0..10).map(|second| second * 960).chain((0..seconds).map(|_| 8_640));
         assert!(after(stood(3)).bytes_a_second().is_some());
         assert_eq!(after(stood(6)).bytes_a_second(), None);
-        let again = stood(60).chain((1..=4).map(|second| 8_640 + second * 480));
+        let again = stood(60).chain((1..=8).map(|second| 8_640 + second * 480));
         let rate = after(again).bytes_a_second().unwrap();
-        assert!((200..=480).contains(&rate), "{rate}");
+        assert_eq!(rate, 480);
         assert_eq!(after([5_000, 6_000, 7_000, 100]).bytes_a_second(), None, "another job");
     }
 }

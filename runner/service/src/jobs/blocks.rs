@@ -108,12 +108,11 @@ impl BlockCursor {
         program: &mut (impl Read + Seek),
         byte: u64,
     ) -> io::Result<Option<Block>> {
-        let end_mark = match self.end_mark {
-            Some(end_mark) => end_mark,
-            None => {
-                program.rewind()?;
-                *self.end_mark.insert(end_mark(&mut head_of(&mut *program))?)
-            }
+        let end_mark = if let Some(end_mark) = self.end_mark {
+            end_mark
+        } else {
+            program.rewind()?;
+            *self.end_mark.insert(end_mark(&mut head_of(&mut *program))?)
         };
         if byte < self.start {
             (self.number, self.start) = (0, 0);

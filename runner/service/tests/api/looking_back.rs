@@ -4,7 +4,7 @@ use std::fs;
 
 use serde_json::{Value, json};
 
-use crate::bench::Bench;
+use crate::bench::{Bench, blocks};
 
 /// Numbers in a list, by this field.
 fn numbers(list: &Value, field: &str) -> Vec<u64> {
@@ -62,7 +62,7 @@ fn the_journal_is_found_by_text_and_time_a_page_at_a_time() {
 #[test]
 fn what_a_link_did_is_kept_second_by_second() {
     let bench = Bench::new();
-    let program: String = (1..=2_000).map(|n| format!("N{n} G01 X{n}\n")).collect();
+    let program = blocks(2_000);
     bench.upload("O1.nc", program.as_bytes()).with(201);
     bench.until_link("lathe-1", "idle");
     bench.post("/links/lathe-1/jobs", &json!({ "program": "O1.nc" })).with(201);
@@ -95,8 +95,7 @@ fn a_group_changes_without_touching_the_link() {
     let bench = Bench::new();
     bench.until_link("lathe-1", "idle");
     assert_eq!(bench.get("/links/lathe-1").with(200).json()["group"], Value::Null);
-    let program = [b'0'; 20_000];
-    bench.upload("O1.nc", &program).with(201);
+    bench.upload("O1.nc", blocks(2_000).as_bytes()).with(201);
     bench.post("/links/lathe-1/jobs", &json!({ "program": "O1.nc" })).with(201);
     bench.until_link("lathe-1", "sending");
     let file = bench.path("gateway.toml");

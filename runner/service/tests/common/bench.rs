@@ -1,6 +1,7 @@
 //! A gateway with simulated machines, and its API.
 #![allow(dead_code, reason = "shared by several tests")]
 
+use std::fmt::Write as _;
 use std::fs;
 use std::io::{Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpStream};
@@ -381,6 +382,14 @@ port = "simulate:r3964"
 line = "9600 8N1"
 plugin = "r3964"
 "#;
+
+/// A program of so many blocks.
+pub(crate) fn blocks(count: u32) -> String {
+    (1..=count).fold(String::new(), |mut text, n| {
+        let _ = writeln!(text, "N{n} G01 X{n}");
+        text
+    })
+}
 
 /// The folder with the plug-ins: the one that SOFTPLUG_PLUGINS names, or one that is built here, so
 /// that they are never older than their source.

@@ -9,6 +9,8 @@ import * as text from './text.js';
 
 /** Width to height of a tile. */
 const SHAPE = 1.7;
+/** So many are made before the first picture; the others a moment later. */
+const FIRST = 200;
 /** Under this height, in pixels, a tile has no program. */
 const TALL = 92;
 
@@ -53,6 +55,7 @@ export function page(_, query) {
   window.addEventListener('resize', fit);
   let count = 0;
   let longest = 8;
+  let isWhole = false;
 
   /** As many columns as make all tiles fit. */
   function fit() {
@@ -72,7 +75,11 @@ export function page(_, query) {
 
   function update() {
     const shown = store.sorted().filter(fits);
-    keyed(tiles, shown, (link) => link.name, tile);
+    keyed(tiles, isWhole ? shown : shown.slice(0, FIRST), (link) => link.name, tile);
+    if (!isWhole) {
+      isWhole = true;
+      if (shown.length > FIRST) requestAnimationFrame(() => setTimeout(update));
+    }
     const trouble = shown.filter(state.inTrouble).length;
     const working = shown.filter(state.isWorking).length;
     say(counts, [`${text.count(shown.length)} links`, `${text.count(working)} working`, trouble ? `${text.count(trouble)} in trouble` : ''].filter(Boolean).join(' · '));

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::bench::Bench;
+use crate::bench::{Bench, blocks};
 use crate::browser::Browser;
 
 /// Where the page's pinned tools are, as .ci/run puts them.
@@ -52,7 +52,7 @@ pub(super) fn violations(browser: &mut Browser) -> Vec<String> {
 fn no_view_has_a_fault_that_axe_finds() {
     let axe = axe();
     let bench = Bench::with_bus_and_cell();
-    let long: String = (1..=5_000).map(|n| format!("N{n} G01 X{n}\n")).collect();
+    let long = blocks(5_000);
     bench.upload("O1.nc", long.as_bytes()).with(201);
     let folder = bench.path("state/receptions/lathe-1");
     std::fs::create_dir_all(&folder).unwrap();

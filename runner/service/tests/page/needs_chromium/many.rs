@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 
 use super::shop::Shop;
+use crate::bench::blocks;
 
 /// Counts, for each row that is changed, whether it was near the window.
 const OBSERVE: &str = "(() => { window.touched = new Set(); window.far = 0; \
@@ -21,7 +22,7 @@ const REQUESTS: &str = "performance.getEntriesByType('resource').length";
 #[test]
 fn only_what_is_in_sight_is_brought_up_to_date_and_nothing_is_asked_for() {
     let mut shop = Shop::open();
-    let program: String = (1..=3_000).map(|n| format!("N{n} G01 X{n}\n")).collect();
+    let program = blocks(3_000);
     shop.bench.upload("O1.nc", program.as_bytes()).with(201);
     for number in (4..=200).step_by(2) {
         let order = json!({ "program": "O1.nc" });

@@ -279,8 +279,8 @@ fn look_back(shop: &mut Shop) {
         shop.keep_picture("gateway-journal");
     });
     // It is there after a reload.
-    shop.browser.value("location.hash = '#/journal?kind=swap&link=lathe-001'");
-    shop.browser.value("location.reload()");
+    let page = shop.bench.url("/?again#/journal?kind=swap&link=lathe-001");
+    shop.browser.go(&page);
     shop.browser.until("document.querySelector('select[name=kind]')?.value === 'swap'");
     shop.browser.until("document.querySelectorAll('main tbody tr').length === 1");
     shop.browser.value("location.hash = '#/link/lathe-001'");
