@@ -114,13 +114,16 @@ pub(crate) fn build_command(workspace: &Workspace, dev: bool) -> Result<PathBuf,
         command.arg("--release");
     }
     succeed(&mut command)?;
-    let built = workspace
-        .target()
-        .join(if dev { "debug" } else { "release" })
-        .join(format!("softplug{}", std::env::consts::EXE_SUFFIX));
+    let built = built_command(workspace, dev);
     let bytes = fs::metadata(&built).map_err(|cause| file_error(&built, cause))?.len();
     eprintln!("{}: {bytes} bytes", built.display());
     Ok(built)
+}
+
+/// Where it builds the command.
+pub(crate) fn built_command(workspace: &Workspace, dev: bool) -> PathBuf {
+    let folder = if dev { "debug" } else { "release" };
+    workspace.target().join(folder).join(format!("softplug{}", std::env::consts::EXE_SUFFIX))
 }
 
 /// Flags from the environment would replace those that bound the memory.
