@@ -273,7 +273,8 @@ fn the_source_line_is_known_but_does_not_count() {
 fn the_example_of_the_documentation_is_canonical() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/trace-format.md");
     let document = std::fs::read_to_string(path).unwrap();
-    let (_, example) = document.split("```").nth(1).unwrap().split_once('\n').unwrap();
+    let whole = document.split("```").find(|block| block.starts_with("spt,file="));
+    let (_, example) = whole.unwrap().split_once('\n').unwrap();
     let trace = Trace::parse(example).unwrap_or_else(|error| panic!("{}", error.report(path)));
     assert_eq!(trace.format(), example);
 }

@@ -20,8 +20,8 @@ pub(crate) fn check(block: &Block) -> Result<(), String> {
         "yaml" => parsed(serde_saphyr::from_str::<serde_json::Value>(&block.text)),
         "wat" => parsed(wat::parse_str(&block.text)),
         "spt" => trace(&block.text),
-        // Compiled by the commands of the page that it stands on.
-        "rust" if block.value("file").or(block.value("append")).is_some() => Ok(()),
+        // Compiled, or applied, by the commands of the page that it stands on.
+        "rust" | "diff" if block.value("file").or(block.value("append")).is_some() => Ok(()),
         // Pictures: `cargo xtask book` draws them. Text: layouts, grammars, wiring.
         "mermaid" | "text" => Ok(()),
         other => Err(format!("nobody checks blocks of the language \"{other}\"")),
