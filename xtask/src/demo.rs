@@ -8,8 +8,15 @@ use crate::{Error, plugins};
 
 /// Ends with the exit code of `softplug demo`.
 pub(crate) fn run(workspace: &Workspace, arguments: &[String]) -> Result<ExitCode, Error> {
+    // Optimised it would take more than twice as long to build, and show the same.
+    if !plugins::built_command(workspace, true).exists() {
+        eprintln!(
+            "the first build takes 5 to 8 minutes on two cores, later ones seconds; the \
+             demonstration then takes a minute"
+        );
+    }
     plugins::build(workspace, plugins::Report::Table)?;
-    let softplug = plugins::build_command(workspace, false)?;
+    let softplug = plugins::build_command(workspace, true)?;
     let mut command = Command::new(softplug);
     command
         .current_dir(workspace.root())

@@ -10,12 +10,31 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 
 use crate::Error;
-use crate::run::{self, cargo, succeed};
+use crate::run::{cargo, succeed};
 use crate::toolchain::{PAGE_TARGET, ensure_target};
 use crate::workspace::Workspace;
 
 /// Where the page's sources are.
 const SOURCES: &str = "docs/playground";
+
+/// Its engine is built as for development, so that macros and what builds them are there already;
+/// but without names and checks of overflow. What runs plug-ins and cases is optimised as far as
+/// somebody who looks at steps notices.
+const PROFILE: &[&str] = &[
+    "debug=false",
+    "strip=true",
+    "debug-assertions=false",
+    "overflow-checks=false",
+    "incremental=false",
+    "package.softplug-abi.opt-level=1",
+    "package.softplug-conformance.opt-level=1",
+    "package.softplug-host.opt-level=1",
+    "package.softplug-link.opt-level=1",
+    "package.softplug-machines.opt-level=1",
+    "package.softplug-models.opt-level=1",
+    "package.softplug-trace.opt-level=1",
+    "package.wasmparser.opt-level=1",
+];
 
 /// The page cannot be put together.
 #[derive(Debug, thiserror::Error)]
@@ -35,11 +54,14 @@ pub(crate) fn build(workspace: &Workspace) -> Result<(), Error> {
     succeed(
         cargo()
             .current_dir(workspace.root())
-            .args(["build", "--release", "--package", "softplug-playground", "--lib"])
-            .args(["--target", PAGE_TARGET]),
+            .args(["build", "--package", "softplug-playground", "--lib"])
+            .args(["--target", PAGE_TARGET])
+            .args(
+                PROFILE.iter().flat_map(|of| ["--config".to_owned(), format!("profile.dev.{of}")]),
+            ),
     )?;
-    let built = workspace.target().join(PAGE_TARGET).join("release/softplug_playground.wasm");
-    let engine = smaller(&built)?;
+    let built = workspace.target().join(PAGE_TARGET).join("debug/softplug_playground.wasm");
+    let engine = read(&built)?;
     let mut modules = BTreeMap::new();
     for plugin in workspace.plugins() {
         let file = workspace.plugin_folder().join(format!("{}.wasm", plugin.name));
@@ -57,19 +79,6 @@ pub(crate) fn build(workspace: &Workspace) -> Result<(), Error> {
     fs::write(&out, &page).map_err(|cause| PlaygroundError::File { path: out.clone(), cause })?;
     eprintln!("{} has {} bytes", out.display(), page.len());
     Ok(())
-}
-
-/// By Binaryen where it is installed.
-fn smaller(built: &Path) -> Result<Vec<u8>, Error> {
-    if run::find("wasm-opt").is_none() {
-        return Ok(read(built)?);
-    }
-    let out = built.with_extension("small.wasm");
-    let mut command = std::process::Command::new("wasm-opt");
-    // Higher levels take ten times as long for 4 % of the size.
-    command.args(["-O1", "--all-features", "--strip-debug"]);
-    succeed(command.arg(built).arg("-o").arg(&out))?;
-    Ok(read(&out)?)
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, PlaygroundError> {

@@ -19,6 +19,7 @@
 //! run can be taken for a conformant plug-in.
 
 pub mod annotations;
+#[cfg(feature = "attest")]
 pub mod attest;
 pub mod badge;
 mod check;
@@ -29,6 +30,7 @@ mod explored;
 mod hex;
 pub mod html;
 pub mod json;
+#[cfg(feature = "junit")]
 pub mod junit;
 mod model;
 mod outcome;

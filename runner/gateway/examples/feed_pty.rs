@@ -16,7 +16,7 @@ use softplug_abi::{LineParameters, Micros};
 use softplug_gateway::simulator::Simulator;
 use softplug_gateway::station::{Station, StationOptions};
 use softplug_gateway::transfer::{SendOptions, SendOutcome, SendReport, send};
-use softplug_gateway::{Port, PortOptions, PortSpec};
+use softplug_gateway::{Port, PortOptions};
 use softplug_host::{Host, HostOptions};
 use softplug_machines::xon_xoff::{Control, ControlOptions, ControlReport};
 
@@ -71,7 +71,7 @@ fn run(
         ..ControlOptions::default()
     };
     let mut simulator = Simulator::new(Control::new(options)?)?;
-    let path = simulator.port();
+    let port = simulator.port();
     let done = Arc::new(AtomicBool::new(false));
     let ended = Arc::clone(&done);
     let machine = thread::spawn(move || {
@@ -88,7 +88,7 @@ fn run(
     let host = Host::new(HostOptions::default())?;
     let plugin = host.load(plugin)?;
     let settings = plugin.manifest().resolve_settings([])?;
-    let port = Port::open(&PortSpec::Device(path), &PortOptions::new(line))?;
+    let port = Port::open(&port, &PortOptions::new(line))?;
     let options = StationOptions { settings, ..StationOptions::default() };
     let mut station = Station::new(port, plugin.instantiate()?, options)?;
     let request = SendOptions {

@@ -147,6 +147,7 @@ fn whoever_reads_is_answered_while_a_change_stands_still_on_the_disk() {
             state: Some(State::Aborted),
             before: Some(100),
             most: 7,
+            ..JobFilter::default()
         };
         let page: Vec<_> = reader.list(&of_mill).unwrap().iter().map(|job| job.id).collect();
         let journal = EntryFilter { most: 10, ..EntryFilter::default() };

@@ -2,13 +2,15 @@
 
 #[cfg(feature = "wasmtime")]
 use crate::compiler::CompilerProcess;
+#[cfg(feature = "wasmtime")]
+use crate::engine::EngineError;
 #[cfg(feature = "interpreter")]
 use crate::engine::Interpreter;
 #[cfg(feature = "wasmi")]
 use crate::engine::Wasmi;
 #[cfg(feature = "wasmtime")]
 use crate::engine::Wasmtime;
-use crate::engine::{Engine, EngineError, EngineKind, NotLoaded};
+use crate::engine::{Engine, EngineKind, NotLoaded};
 use crate::plugin::Plugin;
 use crate::{Digest, EngineInfo, LoadError, files, lint};
 use softplug_abi::limits::{FUEL_PER_EVENT, MODULE_BYTES};

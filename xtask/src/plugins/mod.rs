@@ -1,11 +1,14 @@
 //! Builds the plug-ins and the command, and holds the plug-ins to their limits.
 
+mod made;
+
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use softplug_build::{Optimizer, ShrinkError, Size, memory, shrink};
 
+use self::made::Made;
 use crate::Error;
 use crate::run::{cargo, succeed};
 use crate::toolchain::{WASM_TARGET, ensure_target};
@@ -63,10 +66,18 @@ pub(crate) fn build(workspace: &Workspace, report: Report) -> Result<Vec<Size>, 
     for plugin in &plugins {
         let built = workspace.target().join(WASM_TARGET).join("plugin").join(&plugin.file);
         let out = folder.join(format!("{}.wasm", plugin.name));
-        let module = fs::read(&built).map_err(|cause| file_error(&built, cause))?;
-        let module = shrink(&module, optimizer.as_ref())
-            .map_err(|cause| PluginError::Shrink { path: built, cause })?;
-        replace(&out, &module).map_err(|cause| file_error(&out, cause))?;
+        let made = Made::of(&built, &out, optimizer.as_ref());
+        let made = made.map_err(|cause| file_error(&built, cause))?;
+        let module = if made.is_current() {
+            fs::read(&out).map_err(|cause| file_error(&out, cause))?
+        } else {
+            let module = fs::read(&built).map_err(|cause| file_error(&built, cause))?;
+            let module = shrink(&module, optimizer.as_ref())
+                .map_err(|cause| PluginError::Shrink { path: built, cause })?;
+            replace(&out, &module).map_err(|cause| file_error(&out, cause))?;
+            made.note().map_err(|cause| file_error(&out, cause))?;
+            module
+        };
         sizes.push(Size::of(&plugin.name, &module));
         verdicts.push(check(&plugin.name, &module, most));
     }
@@ -103,13 +114,16 @@ pub(crate) fn build_command(workspace: &Workspace, dev: bool) -> Result<PathBuf,
         command.arg("--release");
     }
     succeed(&mut command)?;
-    let built = workspace
-        .target()
-        .join(if dev { "debug" } else { "release" })
-        .join(format!("softplug{}", std::env::consts::EXE_SUFFIX));
+    let built = built_command(workspace, dev);
     let bytes = fs::metadata(&built).map_err(|cause| file_error(&built, cause))?.len();
     eprintln!("{}: {bytes} bytes", built.display());
     Ok(built)
+}
+
+/// Where it builds the command.
+pub(crate) fn built_command(workspace: &Workspace, dev: bool) -> PathBuf {
+    let folder = if dev { "debug" } else { "release" };
+    workspace.target().join(folder).join(format!("softplug{}", std::env::consts::EXE_SUFFIX))
 }
 
 /// Flags from the environment would replace those that bound the memory.

@@ -8,8 +8,11 @@ use crate::run::class::Class;
 use crate::run::fault::FaultClass;
 use crate::run::subject::{Fuel, Meter, Subject, Watched};
 use sha2::{Digest as _, Sha256};
+#[cfg(feature = "wasmtime")]
 use softplug_abi::Micros;
-use softplug_models::{Effect, Finding, Profile, Ran, Session};
+#[cfg(feature = "wasmtime")]
+use softplug_models::Effect;
+use softplug_models::{Finding, Profile, Ran, Session};
 use softplug_report::Level;
 use softplug_trace::Trace;
 use std::rc::Rc;
@@ -107,6 +110,7 @@ pub(crate) struct SessionRun {
 
 impl SessionRun {
     /// All that the plug-in did.
+    #[cfg(feature = "wasmtime")]
     pub(crate) fn effects(&self) -> &[(Micros, Effect)] {
         &self.ran.effects
     }

@@ -20,13 +20,26 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
     /// Lists the cells: who runs, who waits, what is stuck
+    #[command(after_help = "Example:
+  softplug cell list")]
     List,
     /// Shows a cell: its channels, axes, groups, and what would free who is stuck
+    #[command(after_help = "Examples:
+  softplug cell show shafts
+  softplug cell show shafts --json")]
     Show(Named),
+    #[command(after_help = "Example:
+  softplug cell release shafts gantry")]
     Release(Release),
+    #[command(after_help = "Example:
+  softplug cell force shafts gantry lathe-2")]
     Force(Force),
+    #[command(after_help = "Example:
+  softplug cell mode shafts turning jog")]
     Mode(Choice),
     /// Lets programs begin again after the gateway was ended in the middle of the cell's work
+    #[command(after_help = "Example:
+  softplug cell clear shafts")]
     Clear(Named),
 }
 

@@ -22,9 +22,17 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
     /// Runs the gateway until it is told to stop
+    #[command(after_help = "Example:
+  softplug gateway run gateway.toml")]
     Run(Configured),
     /// Checks a configuration, with its plug-ins and their settings
+    #[command(after_help = "Examples:
+  softplug gateway check gateway.toml
+  softplug gateway check gateway.toml --json")]
     Check(Configured),
+    #[command(after_help = "Examples:
+  softplug gateway token --name anna >> tokens.toml
+  softplug gateway token --name backup --role admin >> tokens.toml")]
     Token(Token),
 }
 
@@ -51,6 +59,8 @@ pub(crate) struct Token {
 /// What the holder of a token may do.
 #[derive(Copy, Clone, PartialEq, Eq, Debug, Default, ValueEnum)]
 pub(crate) enum Role {
+    /// See everything, change nothing: for a screen in the shop
+    Viewer,
     /// See everything, send and receive programs
     #[default]
     Operator,

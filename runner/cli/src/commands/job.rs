@@ -18,22 +18,44 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
+    #[command(after_help = "Examples:
+  softplug job list
+  softplug job list --link lathe-1 --state failed --limit 10")]
     List(List),
     /// Shows all that is known of a job
+    #[command(after_help = "Example:
+  softplug job show 42")]
     Show(Numbered),
     Submit(Submit),
+    #[command(after_help = "Examples:
+  softplug job feed lathe-1 O1234.nc
+  postprocessor part.cl | softplug job feed lathe-1 -")]
     Feed(Feed),
     /// Waits until a job has ended; the exit code tells how
+    #[command(after_help = "Example:
+  softplug job wait 42")]
     Wait(Numbered),
     /// Pauses a job
+    #[command(after_help = "Example:
+  softplug job pause 42")]
     Pause(Numbered),
     /// Ends a job's pause
+    #[command(after_help = "Example:
+  softplug job resume 42")]
     Resume(Numbered),
     /// Aborts a job, or takes it out of the queue
+    #[command(after_help = "Example:
+  softplug job abort 42")]
     Abort(Numbered),
     /// Says that somebody has seen how a job ended, and those of its link before it
+    #[command(after_help = "Example:
+  softplug job acknowledge 42")]
     Acknowledge(Numbered),
+    #[command(after_help = "Example:
+  softplug job restart 42 --from-block 120")]
     Restart(Restart),
+    #[command(after_help = "Example:
+  softplug job priority 42 5")]
     Priority(Rank),
 }
 

@@ -19,19 +19,38 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
     /// Lists the links: state, job, buffer, what is wrong
+    #[command(after_help = "Examples:
+  softplug link list
+  softplug link list --json")]
     List,
     /// Shows all that is known of a link
+    #[command(after_help = "Example:
+  softplug link show lathe-1")]
     Show(Named),
     /// Closes a link's port and opens it again
+    #[command(after_help = "Example:
+  softplug link reopen lathe-1")]
     Reopen(Named),
     /// Goes on although the machine holds the line
+    #[command(after_help = "Example:
+  softplug link force-resume lathe-1")]
     ForceResume(Named),
     /// Stops a link's plug-in at once, whatever it is doing; an admin's
+    #[command(after_help = "Example:
+  softplug link quarantine lathe-1")]
     Quarantine(Named),
     /// Lets a link out of quarantine: its plug-in is started again
+    #[command(after_help = "Example:
+  softplug link release lathe-1")]
     Release(Named),
     Swap(Swap),
+    #[command(after_help = "Examples:
+  softplug link watch lathe-1
+  softplug link watch lathe-1 --count 100")]
     Watch(Watch),
+    #[command(after_help = "Examples:
+  softplug link received lathe-1
+  softplug link received lathe-1 O1234.nc --out back.nc")]
     Received(Received),
 }
 

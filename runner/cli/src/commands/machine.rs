@@ -28,7 +28,13 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
+    #[command(after_help = "Examples:
+  softplug machine list
+  softplug machine list --machines my-machines --json")]
     List(List),
+    #[command(after_help = "Examples:
+  softplug machine show haas-vf
+  softplug machine show fanuc-0m --json")]
     Show(Show),
 }
 

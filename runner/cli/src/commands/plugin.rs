@@ -26,10 +26,21 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
+    #[command(after_help = "Example:
+  softplug plugin add target/plugins/xon-xoff.wasm")]
     Add(Add),
+    #[command(after_help = "Examples:
+  softplug plugin list
+  softplug plugin list xon-xoff --all")]
     List(List),
+    #[command(after_help = "Example:
+  softplug plugin show xon-xoff@0.2")]
     Show(Show),
+    #[command(after_help = "Example:
+  softplug plugin remove xon-xoff@0.1")]
     Remove(Remove),
+    #[command(after_help = "Example:
+  softplug plugin gc --dry-run")]
     Gc(Gc),
 }
 

@@ -18,9 +18,19 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
     /// Lists the programs
+    #[command(after_help = "Example:
+  softplug program list")]
     List,
+    #[command(after_help = "Examples:
+  softplug program upload O1234.nc
+  softplug program upload *.nc --folder lathe-1 --overwrite")]
     Upload(Upload),
+    #[command(after_help = "Examples:
+  softplug program download O1234.nc
+  softplug program download O1234.nc --out was.nc --force")]
     Download(Download),
+    #[command(after_help = "Example:
+  softplug program delete O1234.nc")]
     Delete(Delete),
 }
 

@@ -26,12 +26,28 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
     /// Runs this computer as a unit until it is told to stop
+    #[command(after_help = "Example:
+  softplug unit run unit.toml")]
     Run(Configured),
     /// Checks a configuration
+    #[command(after_help = "Example:
+  softplug unit check unit.toml --json")]
     Check(Configured),
+    #[command(after_help = "Examples:
+  softplug unit list 10.0.0.7:7640
+  softplug unit list can0
+  softplug unit list can0/17 --json")]
     List(List),
+    #[command(after_help = "Examples:
+  softplug unit flash unit://10.0.0.7:7640/lathe fanuc-rs232.wasm --set code=eia
+  softplug unit flash unit://can0/17/lathe xon-xoff.wasm --signature xon-xoff.sig")]
     Flash(Flash),
+    #[command(after_help = "Example:
+  softplug unit sign xon-xoff.wasm --key key.pem --output xon-xoff.sig")]
     Sign(Sign),
+    #[command(after_help = "Examples:
+  softplug unit key unit.key
+  softplug unit key --show unit.key")]
     Key(Key),
 }
 

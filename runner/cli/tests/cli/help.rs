@@ -24,17 +24,21 @@ const VERBS: &[&[&str]] = &[
     &["cases"],
     &["explain"],
     &["trace"],
+    &["trace", "new"],
     &["trace", "fmt"],
     &["trace", "case"],
     &["trace", "import"],
     &["trace", "export"],
+    &["trace", "diff"],
     &["plan"],
     &["simulate"],
     &["simulate", "xon-xoff"],
     &["simulate", "r3964"],
     &["simulate", "r3964-simplified"],
     &["simulate", "fanuc-rs232"],
+    &["simulate", "kermit"],
     &["simulate", "pulse-lathe"],
+    &["simulate", "script"],
     &["simulate", "xmodem"],
     &["doctor"],
     &["demo"],
@@ -61,6 +65,7 @@ const VERBS: &[&[&str]] = &[
     &["link", "show"],
     &["link", "reopen"],
     &["link", "force-resume"],
+    &["link", "quarantine"],
     &["link", "release"],
     &["link", "swap"],
     &["link", "watch"],
@@ -104,6 +109,21 @@ fn every_verb_explains_itself() {
             &format!("help-{}", ["softplug", &verb.join("-")].join("-").trim_end_matches('-')),
             ran.out,
         );
+    }
+}
+
+#[test]
+fn every_verb_has_an_example() {
+    let bench = Bench::new();
+    for verb in VERBS {
+        let help = bench.run(&[verb, &["--help"][..]].concat()).with_code(0).out;
+        let has_verbs = help.lines().any(|line| line == "Commands:");
+        let line = format!("  softplug {}", verb.join(" "));
+        assert!(
+            has_verbs || help.lines().any(|words| words.contains(line.trim_start())),
+            "{verb:?}"
+        );
+        assert!(has_verbs || help.contains("\nExample"), "{verb:?}");
     }
 }
 

@@ -28,6 +28,7 @@ mod languages;
 #[cfg(target_os = "linux")]
 mod library;
 mod machines;
+mod own_corpus;
 mod pack;
 mod plan;
 mod plugins;

@@ -2,7 +2,7 @@
 
 use std::env;
 use std::fs;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
@@ -77,7 +77,7 @@ impl Machine {
     pub(crate) fn end(mut self) -> Ran {
         let out = self.out.by_ref().lines().map(|line| line.unwrap() + "\n").collect();
         let mut err = String::new();
-        std::io::Read::read_to_string(&mut self.child.stderr.take().unwrap(), &mut err).unwrap();
+        self.child.stderr.take().unwrap().read_to_string(&mut err).unwrap();
         Ran { code: self.child.wait().unwrap().code(), out, err }
     }
 }

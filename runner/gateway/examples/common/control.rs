@@ -71,7 +71,7 @@ impl Machine {
             ..Options::default()
         };
         let mut simulator = Simulator::new(Control::new(options)?)?;
-        let path = simulator.port();
+        let path = PathBuf::from(simulator.port().to_string());
         let has_ended = Arc::new(AtomicBool::new(false));
         let ended = Arc::clone(&has_ended);
         let thread = thread::spawn(move || {

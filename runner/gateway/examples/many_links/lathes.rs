@@ -114,7 +114,7 @@ impl Running {
         let port = Clocked::new(lathe, PERIOD);
         let compared = Compared { port, expected: Box::new(bytes(passes)), wrong: 0, count: 0 };
         let mut simulator = Simulator::new(compared)?;
-        let path = simulator.port();
+        let path = std::path::PathBuf::from(simulator.port().to_string());
         let has_ended = Arc::new(AtomicBool::new(false));
         let ended = Arc::clone(&has_ended);
         let thread = thread::spawn(move || {

@@ -6,7 +6,7 @@ use softplug_abi::manifest::Manifest;
 use softplug_abi::{Action, Failure, Micros, NoteLevel};
 use softplug_gateway::channel::{Channel, ChannelHost, StationOptions, Work};
 use softplug_gateway::clock::Clock;
-use softplug_gateway::poll::{Interest, Poller};
+use softplug_gateway::poll::{Interest, Poller, Source};
 use softplug_gateway::{Input, Port};
 use softplug_link::{Job, LinkHost, Supply};
 use softplug_native::{NativeInstance, NativePlugin};
@@ -204,7 +204,7 @@ impl Link {
         let bound = self.clock.now() + Micros::from_millis(100);
         let deadline = [wants.deadline, write_on].into_iter().flatten().fold(bound, Micros::min);
         let interest = Interest { read: wants.read, write: wants.write };
-        let port = self.channel.port().map(Port::fd);
+        let port = self.channel.port().map(|port| port as &dyn Source);
         let ready = self.poller.wait(port, interest, Some(deadline)).unwrap();
         let is_other = wants.deadline.is_some_and(|at| at <= self.clock.now());
         if ready.readable || ready.hangup {

@@ -21,6 +21,8 @@ use crate::view::ProbationOrder;
 pub struct LinkConfig {
     /// Its name, distinct from all others in whatever case.
     pub name: String,
+    /// Where it stands, such as a hall or a cell: links of one group are shown together.
+    pub group: Option<String>,
     /// Its port.
     pub port: PortConfig,
     /// The gateway's key and that of its unit, which is reached with TLS then.
@@ -203,6 +205,7 @@ impl LinkConfig {
     /// The keys in which two configurations of a link differ.
     pub fn changed_keys(&self, other: &Self) -> Vec<&'static str> {
         let keys = [
+            ("group", self.group == other.group),
             ("port", self.port == other.port),
             ("unit-key", self.tls == other.tls),
             ("bus", self.bus == other.bus),

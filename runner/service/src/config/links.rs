@@ -117,14 +117,17 @@ fn one(
     };
     let (settings, setting_places) = settings(link.settings.unwrap_or_default(), problems);
     let plugin_place = problems.place(link.plugin.as_ref().map_or(at, Spanned::span));
-    let receive = folder(link.receive.as_ref(), problems).unwrap_or_else(|| name.clone());
+    let group = plain_name(link.group.as_ref(), "group", problems);
+    let receive =
+        plain_name(link.receive.as_ref(), "folder", problems).unwrap_or_else(|| name.clone());
     if let Some(other) = taken.folders.insert(receive.to_lowercase(), name.clone()) {
         let span = link.receive.as_ref().or(link.name.as_ref()).map_or(0..0, Spanned::span);
         let message = format!("the link \"{other}\" receives into the same folder \"{receive}\"");
         problems.add(span, message, "give each link a folder of its own with `receive`");
     }
     let search = link.search.map(Spanned::into_inner).unwrap_or_default();
-    let search = search.iter().filter_map(|text| folder(Some(text), problems)).collect();
+    let search =
+        search.iter().filter_map(|text| plain_name(Some(text), "folder", problems)).collect();
     let names = names(link.names, problems);
     let mut room = |value: Option<&Spanned<Value>>, default: u32| {
         value
@@ -194,6 +197,7 @@ fn one(
         connect: span(link.connect.as_ref(), 5_000, problems),
         swap: choice(link.swap.as_ref(), &policies, problems),
         name,
+        group,
         bus,
         port: port?,
         tls,
@@ -250,13 +254,17 @@ fn name(
 const NAME_HINT: &str =
     "use 1 to 64 letters, digits, dots, spaces, hyphens and underscores, a letter or digit first";
 
-fn folder(text: Option<&Text>, problems: &mut ConfigFindings<'_>) -> Option<String> {
+fn plain_name(
+    text: Option<&Text>,
+    what: &str,
+    problems: &mut ConfigFindings<'_>,
+) -> Option<String> {
     let text = text?;
     if is_name(text.get_ref()) {
         return Some(text.get_ref().clone());
     }
     let given = text.get_ref().escape_debug();
-    problems.add(text.span(), format_args!("\"{given}\" cannot name a folder"), NAME_HINT);
+    problems.add(text.span(), format_args!("\"{given}\" cannot name a {what}"), NAME_HINT);
     None
 }
 

@@ -91,6 +91,7 @@ pub(super) struct Cell {
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub(super) struct Link {
     pub(super) name: Option<Text>,
+    pub(super) group: Option<Text>,
     pub(super) port: Option<Text>,
     pub(super) unit_key: Option<Text>,
     pub(super) bus: Option<Text>,
@@ -196,6 +197,7 @@ impl Link {
             unit_key: self.unit_key,
             endpoint: self.endpoint,
             drop: self.drop,
+            group: self.group.or(defaults.group),
             bus: self.bus.or(defaults.bus),
             line: self.line.or(defaults.line),
             flow: self.flow.or(defaults.flow),

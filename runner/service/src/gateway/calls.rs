@@ -24,9 +24,9 @@ use crate::jobs::{
     BeginAt, EntryFilter, Job, JobFilter as Filter, JobSpec, Kind, Words, beginning_at,
 };
 use crate::view::{
-    Change, HealthView, JobFilter, JobOrder, JobView, JournalEntry, JournalFilter, KindView,
-    LatheView, LinkCounts, LinkState, LinkView, ReadyView, ReloadView, StopHow, SwapOrder,
-    SwapView,
+    Change, HealthView, HistoryView, JobFilter, JobOrder, JobView, JournalEntry, JournalFilter,
+    KindView, LatheView, LinkCounts, LinkState, LinkView, ReadyView, ReloadView, StopHow,
+    SwapOrder, SwapView,
 };
 
 /// How long a swap is waited for that does not have to wait for the link.
@@ -64,6 +64,12 @@ impl Gateway {
         let no_lathe =
             || Refusal::NotFound(format!("the port of link {link} is no simulated lathe"));
         lathe.map(|lathe| lathe.view()).ok_or_else(no_lathe)
+    }
+
+    /// What a link did over the last day.
+    pub fn history(&self, link: &str) -> Result<HistoryView, Refusal> {
+        let name = link.to_owned();
+        self.shared.ask(move |control| control.history(&name))
     }
 
     /// Closes a link's port and opens it again.

@@ -16,6 +16,7 @@ use std::time::{Duration, Instant};
 use softplug_gateway::reactor::{LaneId, Report};
 use tokio::sync::broadcast;
 
+use super::block_finder::BlockFinder;
 use super::cells::Cells;
 use super::drivers::Drivers;
 use super::drops::Drops;
@@ -101,6 +102,8 @@ pub(crate) struct Control {
     pub(super) next_lane: u32,
     pub(super) began: Instant,
     pub(super) next_sweep: Instant,
+    pub(super) next_sample: Instant,
+    pub(super) block_finder: BlockFinder,
     pub(super) stopping: Option<Stopping>,
     /// What a disk or a database last refused.
     pub(super) trouble: Option<String>,
@@ -215,6 +218,7 @@ impl Control {
             let shared = Arc::clone(&self.shared);
             self.shared.parts.worker.give(move || shared.sweep());
         }
+        self.sample();
         if self.shared.changes.receiver_count() > 0 {
             self.show_links();
         }

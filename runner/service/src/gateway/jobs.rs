@@ -8,6 +8,7 @@ use softplug_link::Job as LaneJob;
 
 use super::control::Control;
 use super::link::{EndsAs, Link, Running};
+use super::rate::Rate;
 use crate::Refusal;
 use crate::config::PortConfig;
 use crate::feeder::{FeederNews, Feeding, Pace, Stream};
@@ -96,6 +97,8 @@ impl Control {
             ended: None,
             is_check: check,
             is_held_by_cell: false,
+            rate: Rate::default(),
+            block: None,
         });
         let lane_job = LaneJob { id: job.id, kind, size, fields, check };
         let lane = link.lane_id();

@@ -14,6 +14,7 @@ use softplug_gateway::units::UnitSetup;
 use softplug_host::Session;
 
 use super::control::Control;
+use super::history::History;
 use super::link::{After, Before, EndsAs, Lane, Link, PortFacts};
 use super::loading::Prepared;
 use super::simulated::Simulated;
@@ -50,6 +51,8 @@ impl Control {
             faults: std::collections::VecDeque::new(),
             gauge: None,
             before: Before::default(),
+            history: History::default(),
+            ran_well: None,
             machine: None,
             config,
             plugin,

@@ -12,12 +12,16 @@ use softplug_gateway::reactor::{AlarmKind, Condition, JobEnd, LaneFigures, LaneI
 use softplug_gateway::reservoir::Gauge;
 use softplug_host::Digest;
 
+use super::history::History;
 use super::loading::Prepared;
+use super::rate::Rate;
 use super::simulated::Simulated;
 use crate::config::{LinkConfig, PortConfig};
 use crate::jobs::{Extent, Job, LaneProgress};
 use crate::supervise::{Follow, State, Supervisor};
-use crate::view::{FaultView, LinkState, SwapState, SwapView, TimeMs, UnappliedView, now_ms};
+use crate::view::{
+    BlockView, FaultView, LinkState, PluginRef, SwapState, SwapView, TimeMs, UnappliedView, now_ms,
+};
 
 /// What is awaited for less than this is in the course of things: an answer to each block.
 const AWAITED: Duration = Duration::from_secs(1);
@@ -51,6 +55,10 @@ pub(crate) struct Link {
     pub(crate) gauge: Option<Gauge>,
     /// Counts of lanes that were closed.
     pub(crate) before: Before,
+    /// What it did over the last day.
+    pub(crate) history: History,
+    /// The plug-in that ran before this one without a fault.
+    pub(crate) ran_well: Option<PluginRef>,
     /// Ends with the lane.
     pub(crate) machine: Option<Simulated>,
 }
@@ -102,6 +110,10 @@ pub(crate) struct Running {
     pub(crate) is_check: bool,
     /// Its cell lets nothing more of it leave.
     pub(crate) is_held_by_cell: bool,
+    /// How fast it gets on.
+    pub(crate) rate: Rate,
+    /// The block that is being sent, as it was last looked up.
+    pub(crate) block: Option<BlockView>,
 }
 
 impl Running {
@@ -224,7 +236,15 @@ impl Link {
         let extent = Extent { surely, maybe: taken.max(surely) };
         let is_held = self.is_held(figures);
         let awaits = self.awaits().filter(|_| !running.is_check);
-        Some(LaneProgress { taken, extent, is_held, awaits, is_check: running.is_check })
+        Some(LaneProgress {
+            taken,
+            extent,
+            is_held,
+            awaits,
+            is_check: running.is_check,
+            rate: running.rate.bytes_a_second(),
+            block: running.block.clone(),
+        })
     }
 
     /// Whether the machine holds the line. What has not been let go yet for the first time is
@@ -299,6 +319,15 @@ impl Link {
                 && matches!(swap.view.state, SwapState::Ordered | SwapState::Waiting)
         });
         matches!(self.lane, Lane::Open(_)) && (self.next.is_some() || swap_waits)
+    }
+
+    /// Another plug-in takes the place of this one, which is known as one that runs well unless it
+    /// has failed.
+    pub(crate) fn remember_former(&mut self, former: &PluginRef) {
+        let has_failed = self.faults.iter().any(|fault| fault.plugin.digest == former.digest);
+        if !has_failed && self.plugin.which.digest != former.digest {
+            self.ran_well = Some(former.clone());
+        }
     }
 
     pub(crate) fn keep_fault(&mut self, fault: FaultView) {

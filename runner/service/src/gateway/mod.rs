@@ -5,6 +5,7 @@
 //! the stream of changes. Behind it one thread, the control loop, owns all
 //! that is decided; bytes pass on the reactor's threads and never wait for it.
 
+mod block_finder;
 mod buses;
 mod calls;
 mod cells;
@@ -13,11 +14,13 @@ mod drivers;
 mod drops;
 pub(crate) mod evidence;
 mod faults;
+mod history;
 mod jobs;
 mod journal_writer;
 mod lanes;
 mod link;
 mod loading;
+mod rate;
 mod reload;
 mod reports;
 mod requests;

@@ -25,6 +25,7 @@ pub(super) fn link(name: &str, link: &Link, queued: u32, results: &Results) -> L
     let (unseen, unseen_count) = results.unseen(name);
     let mut view = LinkView {
         name: name.to_owned(),
+        group: config.group.clone(),
         state: link.state(&figures),
         condition: link.condition.clone(),
         port: PortView {
@@ -72,6 +73,10 @@ pub(super) fn link(name: &str, link: &Link, queued: u32, results: &Results) -> L
             supervise::State::Quarantined { .. } => Some(QuarantineView {
                 since_ms: link.faults.back().map_or(0, |fault| fault.at_ms),
                 faults: link.faults.iter().cloned().collect(),
+                ran_well: link
+                    .ran_well
+                    .clone()
+                    .filter(|former| former.digest != link.plugin.which.digest),
             }),
             _ => None,
         },
@@ -99,7 +104,7 @@ fn trouble(view: &LinkView) -> Vec<String> {
     trouble
 }
 
-fn counters(link: &Link, figures: &LaneFigures) -> CountersView {
+pub(super) fn counters(link: &Link, figures: &LaneFigures) -> CountersView {
     let before = link.before.0.as_ref();
     let sum = |of: fn(&LaneFigures) -> u64| of(figures) + before.map_or(0, of);
     let longest = |of: fn(&LaneFigures) -> u64| of(figures).max(before.map_or(0, of));
@@ -129,7 +134,7 @@ fn counters(link: &Link, figures: &LaneFigures) -> CountersView {
     }
 }
 
-fn buffer(link: &Link) -> BufferView {
+pub(super) fn buffer(link: &Link) -> BufferView {
     let config = &link.config.buffer;
     let gauge = link.gauge.as_ref();
     let under_way = gauge.filter(|_| link.job.is_some());

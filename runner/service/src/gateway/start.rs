@@ -18,10 +18,12 @@ use thiserror::Error;
 use tokio::sync::broadcast;
 
 use super::Gateway;
+use super::block_finder::BlockFinder;
 use super::cells::Cells;
 use super::control::{Control, Message, Parts, SWEEP, Shared};
 use super::drivers::Drivers;
 use super::drops::Drops;
+use super::history::STEP;
 use super::journal_writer::JournalWriter;
 use super::loading::Loader;
 use super::reload::prepare;
@@ -230,6 +232,8 @@ pub fn start(config: Config) -> Result<Running, StartError> {
         next_lane: 1,
         began: Instant::now(),
         next_sweep: Instant::now() + SWEEP,
+        next_sample: Instant::now() + STEP,
+        block_finder: BlockFinder::default(),
         stopping: None,
         trouble: None,
         config_trouble: None,

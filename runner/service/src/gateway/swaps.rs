@@ -137,7 +137,7 @@ impl Control {
             _ => None,
         };
         swap.view.at_ms = now_ms();
-        let mut used = None;
+        let (mut used, mut former) = (None, None);
         let (weight, text) = match report {
             SwapReport::Waiting => {
                 swap.view.state = SwapState::Waiting;
@@ -150,6 +150,7 @@ impl Control {
                 link.follow.runs(link.plugin.digest());
                 link.supervisor.begin_anew();
                 used = Some((link.plugin.clone(), swap.former.clone().filter(|_| on_probation)));
+                former = swap.former.as_ref().map(|former| former.which.clone());
                 if !on_probation {
                     swap.former = None;
                 }
@@ -191,6 +192,9 @@ impl Control {
                 (Weight::Alarm, text)
             }
         };
+        if let Some((former, link)) = former.zip(self.links.get_mut(name)) {
+            link.remember_former(&former);
+        }
         if let Some(((plugin, why), link)) = not_taken.zip(self.links.get_mut(name)) {
             link.did_not_take(&plugin, &why);
         }

@@ -159,6 +159,10 @@ pub(super) async fn known(
     next: Next,
 ) -> Response {
     match access.role(request.headers()) {
+        Ok(Role::Viewer) if !request.method().is_safe() => {
+            let sentence = "a viewer's token only shows; an operator's may do this";
+            Problem::new(StatusCode::FORBIDDEN, sentence).into_response()
+        }
         Ok(role) => {
             request.extensions_mut().insert(role);
             next.run(request).await

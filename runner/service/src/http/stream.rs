@@ -6,13 +6,13 @@ use std::time::Duration;
 use axum::response::sse::{Event, KeepAlive, KeepAliveStream, Sse};
 use serde::Serialize;
 use tokio::sync::{OwnedSemaphorePermit, mpsc, watch};
-use tokio::time::{MissedTickBehavior, interval};
+use tokio::time::{Instant, MissedTickBehavior, interval};
 use tokio_stream::wrappers::ReceiverStream;
 
 use super::options::HEARTBEAT;
 
-/// Most news in one event.
-const BATCH: usize = 256;
+/// Most news at one look.
+const BATCH: usize = 4_096;
 /// Events that wait for a slow client; more wait at their source, where they are counted.
 const WAITING: usize = 4;
 
@@ -39,6 +39,8 @@ pub(super) struct Telling<T> {
     pub(super) name: &'static str,
     /// News are looked for as often.
     pub(super) gather: Duration,
+    /// They are told as often at most: what is superfluous by then is left out.
+    pub(super) apart: Duration,
     /// Takes out of a list what later news in it make superfluous.
     pub(super) thin: fn(Vec<T>) -> Vec<T>,
 }
@@ -60,6 +62,8 @@ where
         let _permit = permit;
         let mut ticks = interval(telling.gather);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut waiting: Vec<T> = Vec::new();
+        let mut next = Instant::now();
         loop {
             tokio::select! {
                 _ = ticks.tick() => {}
@@ -68,7 +72,15 @@ where
             }
             let gathered = gather(&mut source);
             let ended = gathered.ended;
-            for event in events(&telling, gathered) {
+            waiting.extend(gathered.news);
+            let is_time = ended || Instant::now() >= next;
+            let news = if is_time { std::mem::take(&mut waiting) } else { Vec::new() };
+            if is_time {
+                next = Instant::now() + telling.apart;
+            } else if waiting.len() > BATCH {
+                waiting = (telling.thin)(waiting);
+            }
+            for event in events(&telling, gathered.missed, news) {
                 if sender.send(Ok(event)).await.is_err() {
                     return;
                 }
@@ -103,12 +115,12 @@ fn gather<T>(source: &mut impl FnMut() -> Polled<T>) -> Gathered<T> {
     gathered
 }
 
-fn events<T: Serialize>(telling: &Telling<T>, gathered: Gathered<T>) -> Vec<Event> {
+fn events<T: Serialize>(telling: &Telling<T>, missed: u64, news: Vec<T>) -> Vec<Event> {
     let mut events = Vec::new();
-    if gathered.missed > 0 {
-        events.push(Event::default().event("missed").data(gathered.missed.to_string()));
+    if missed > 0 {
+        events.push(Event::default().event("missed").data(missed.to_string()));
     }
-    let news = (telling.thin)(gathered.news);
+    let news = (telling.thin)(news);
     if !news.is_empty() {
         // Views are plain data, which is always JSON.
         events.extend(Event::default().event(telling.name).json_data(news).ok());

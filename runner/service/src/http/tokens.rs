@@ -25,6 +25,8 @@ const PREFIX: &str = "softplug_";
 )]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
+    /// See everything and change nothing: for a screen in the shop.
+    Viewer,
     /// See everything; programs, jobs, and bringing a link back to work.
     Operator,
     /// Plug-ins, swaps, deleting and the configuration too.
@@ -34,6 +36,7 @@ pub enum Role {
 impl fmt::Display for Role {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
+            Self::Viewer => "viewer",
             Self::Operator => "operator",
             Self::Admin => "admin",
         })
@@ -163,7 +166,8 @@ impl Tokens {
         }
         match found {
             0 => None,
-            1 => Some(Role::Operator),
+            1 => Some(Role::Viewer),
+            2 => Some(Role::Operator),
             _ => Some(Role::Admin),
         }
     }

@@ -1,11 +1,15 @@
 //! Blocks of a program: where one begins, and which one a byte belongs to.
 
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 
 use serde::{Deserialize, Serialize};
 
 /// Of a block's text no more than this is shown.
 const SHOWN_BYTES: usize = 60;
+/// By so much of a program is told how its blocks end.
+const HEAD_BYTES: usize = 64 * 1024;
+/// A job gets on by less than this from one look to the next.
+const NEAR_BYTES: usize = 4 * 1024;
 
 /// A block of a program: a line.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -66,15 +70,96 @@ pub fn between(program: impl Read, surely: u64, maybe: u64) -> io::Result<Betwee
     Ok(between)
 }
 
-/// Shows each block until `go_on` says no. A block ends behind its line feed, or, in a
-/// program without any, behind its carriage return.
-fn walk(program: impl Read, mut go_on: impl FnMut(Block) -> bool) -> io::Result<()> {
-    let mut program = BufReader::with_capacity(64 * 1024, program);
+/// Where a look at a program ended: the next one goes on from there, and reads little.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct BlockCursor {
+    end_mark: Option<u8>,
+    /// Blocks before it.
+    number: u64,
+    /// Its first byte.
+    start: u64,
+}
+
+impl BlockCursor {
+    /// One that begins at this byte, which is the first of the block of this number.
+    pub fn beginning(number: u64, start: u64) -> Self {
+        match (number, start) {
+            (0, _) | (_, 0) => Self::default(),
+            (number, start) => Self { end_mark: None, number: number - 1, start },
+        }
+    }
+
+    /// The block in which this byte is, or the last one; `None` if the program has none.
+    ///
+    /// ```
+    /// use softplug_service::jobs::blocks::BlockCursor;
+    ///
+    /// let mut program = std::io::Cursor::new("N1 G0 X0\nN2 G1 X5\nM30\n");
+    /// let mut cursor = BlockCursor::default();
+    /// let block = cursor.block_at(&mut program, 9)?.expect("there is one");
+    /// assert_eq!((block.number, &*block.text), (2, "N2 G1 X5"));
+    /// # Ok::<(), std::io::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// The program cannot be read.
+    pub fn block_at(
+        &mut self,
+        program: &mut (impl Read + Seek),
+        byte: u64,
+    ) -> io::Result<Option<Block>> {
+        let end_mark = match self.end_mark {
+            Some(end_mark) => end_mark,
+            None => {
+                program.rewind()?;
+                *self.end_mark.insert(end_mark(&mut head_of(&mut *program))?)
+            }
+        };
+        if byte < self.start {
+            (self.number, self.start) = (0, 0);
+        }
+        program.seek(SeekFrom::Start(self.start))?;
+        let mut program = BufReader::with_capacity(NEAR_BYTES, program);
+        let mut found = None;
+        walk_on(&mut program, end_mark, (self.number, self.start), |block| {
+            let is_before = block.end <= byte;
+            found = Some(block);
+            is_before
+        })?;
+        if let Some(block) = &found {
+            (self.number, self.start) = (block.number - 1, block.start);
+        }
+        Ok(found)
+    }
+}
+
+/// The beginning of a program, from which is told how its blocks end.
+fn head_of<R: Read>(program: R) -> BufReader<R> {
+    BufReader::with_capacity(HEAD_BYTES, program)
+}
+
+/// A block ends behind its line feed, or, in a program without any, behind its carriage return.
+fn end_mark(program: &mut impl BufRead) -> io::Result<u8> {
     let first = program.fill_buf()?;
-    let end_mark = if first.contains(&b'\n') || !first.contains(&b'\r') { b'\n' } else { b'\r' };
-    let (mut number, mut start) = (0, 0);
+    Ok(if first.contains(&b'\n') || !first.contains(&b'\r') { b'\n' } else { b'\r' })
+}
+
+/// Shows each block until `go_on` says no.
+fn walk(program: impl Read, go_on: impl FnMut(Block) -> bool) -> io::Result<()> {
+    let mut program = head_of(program);
+    let end_mark = end_mark(&mut program)?;
+    walk_on(&mut program, end_mark, (0, 0), go_on)
+}
+
+/// Shows the blocks behind so many, which end before this byte.
+fn walk_on(
+    program: &mut impl BufRead,
+    end_mark: u8,
+    (mut number, mut start): (u64, u64),
+    mut go_on: impl FnMut(Block) -> bool,
+) -> io::Result<()> {
     loop {
-        let Some((length, text)) = line(&mut program, end_mark)? else { return Ok(()) };
+        let Some((length, text)) = line(program, end_mark)? else { return Ok(()) };
         number += 1;
         let end = start + length;
         if !go_on(Block { number, start, end, text }) {
@@ -146,6 +231,30 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn a_cursor_finds_what_a_look_from_the_beginning_finds(
+            program in proptest::collection::vec(proptest::sample::select(&b"N1\n\r\0\xff"[..]), 1..200),
+            bytes in proptest::collection::vec(0..220_u64, 1..8),
+        ) {
+            let mut blocks = Vec::new();
+            walk(&program[..], |block| {
+                blocks.push(block);
+                true
+            }).unwrap();
+            let mut cursor = BlockCursor::default();
+            let mut file = io::Cursor::new(&program);
+            for byte in bytes {
+                let found = cursor.block_at(&mut file, byte).unwrap();
+                let expected = blocks.iter().find(|block| block.end > byte).or(blocks.last());
+                prop_assert_eq!(found.as_ref(), expected);
+            }
+            let second = blocks.get(1).cloned();
+            if let Some(second) = second {
+                let mut cursor = BlockCursor::beginning(second.number, second.start);
+                prop_assert_eq!(cursor.block_at(&mut file, second.start).unwrap(), Some(second));
+            }
+        }
+
         #[test]
         fn every_byte_is_in_one_block(
             program in proptest::collection::vec(proptest::sample::select(&b"N1\n\r\0\xff"[..]), 0..300),

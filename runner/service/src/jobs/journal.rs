@@ -3,23 +3,10 @@
 use serde::{Deserialize, Serialize};
 use softplug_gateway::is_plain;
 
-pub use crate::view::JournalKind as Subject;
+pub use crate::view::{JournalKind as Subject, JournalWeight as Weight};
 
 /// A text that comes from a machine or a plug-in is no longer than this here.
 const TEXT_BYTES: usize = 2_000;
-
-/// How much it matters.
-#[derive(Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Weight {
-    /// As it should be.
-    #[default]
-    Normal,
-    /// Somebody should look at it.
-    Warning,
-    /// Somebody must look at it.
-    Alarm,
-}
 
 /// What is to be written down.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -99,6 +86,12 @@ pub struct EntryFilter {
     pub subject: Option<Subject>,
     /// That matter at least so much.
     pub at_least: Weight,
+    /// With this, in small letters, in the text or the link's name.
+    pub find: Option<String>,
+    /// Written at this time or later, in milliseconds since 1970.
+    pub since: Option<u64>,
+    /// Written before this time.
+    pub until: Option<u64>,
     /// Older than the entry of this number.
     pub before: Option<u64>,
     /// At most so many.
@@ -112,6 +105,12 @@ impl EntryFilter {
             && self.job.is_none_or(|job| note.job == Some(job))
             && self.subject.is_none_or(|subject| note.subject == subject)
             && note.weight >= self.at_least
+            && self.since.is_none_or(|since| entry.time >= since)
+            && self.until.is_none_or(|until| entry.time < until)
+            && self.find.as_ref().is_none_or(|find| {
+                let has = |text: &str| text.to_lowercase().contains(find);
+                has(&note.text) || note.link.as_deref().is_some_and(has)
+            })
     }
 }
 

@@ -86,10 +86,36 @@ pub struct JobFilter {
     pub link: Option<String>,
     /// In this state only.
     pub state: Option<State>,
+    /// Of this kind only, as it is shown.
+    pub kind: Option<String>,
+    /// With this, in small letters, in the program's name.
+    pub find: Option<String>,
+    /// Ordered at this time or later, in milliseconds since 1970.
+    pub since: Option<u64>,
+    /// Ordered before this time.
+    pub until: Option<u64>,
     /// Older than the job of this number.
     pub before: Option<u32>,
     /// At most so many, the newest first.
     pub most: usize,
+}
+
+impl JobFilter {
+    /// Whether it asks for what only the jobs themselves tell.
+    fn looks_into(&self) -> bool {
+        self.kind.is_some() || self.find.is_some() || self.since.is_some() || self.until.is_some()
+    }
+
+    /// Whether a job of the link and the state is as asked.
+    fn takes(&self, job: &Job) -> bool {
+        self.kind.as_ref().is_none_or(|kind| *kind == shown::kind_name(job.spec.job_kind.clone()))
+            && self.since.is_none_or(|since| job.created >= since)
+            && self.until.is_none_or(|until| job.created < until)
+            && self.find.as_ref().is_none_or(|find| {
+                let program = job.spec.program.as_ref();
+                program.is_some_and(|program| program.to_lowercase().contains(find))
+            })
+    }
 }
 
 /// How a job ends.

@@ -1,7 +1,7 @@
 //! How far a job is, in numbers and in words: made here, shown everywhere.
 
 use super::{Extent, Job, Kind, State};
-use crate::view::JobProgress;
+use crate::view::{BlockView, JobProgress};
 
 /// What the lane of a job that is under way knows of it now, counted from the beginning of the
 /// program.
@@ -17,6 +17,10 @@ pub struct LaneProgress {
     pub awaits: Option<String>,
     /// The program is looked at; nothing of it is sent yet.
     pub is_check: bool,
+    /// Bytes that left in a second, over the last seconds.
+    pub rate: Option<u64>,
+    /// The block that is being sent.
+    pub block: Option<BlockView>,
 }
 
 impl Job {
@@ -45,8 +49,24 @@ impl Job {
             is_held: lane_progress.is_some_and(|lane_progress| lane_progress.is_held)
                 && self.state == State::Running,
             awaits: lane_progress.and_then(|lane_progress| lane_progress.awaits.clone()),
+            rate: None,
+            remaining_us: None,
+            block: None,
             text: String::new(),
         };
+        if let Some(lane_progress) = lane_progress
+            && !lane_progress.is_check
+        {
+            progress.block.clone_from(&lane_progress.block);
+            let moves = self.state == State::Running && progress.awaits.is_none();
+            progress.rate = lane_progress.rate.filter(|rate| moves && *rate > 0);
+            let rest = size.map(|size| size.saturating_sub(extent.surely));
+            // Nobody knows for how long the machine holds it.
+            let rate = progress.rate.filter(|_| !progress.is_held);
+            progress.remaining_us = rest.zip(rate).map(|(rest, rate)| {
+                u64::try_from(u128::from(rest) * 1_000_000 / u128::from(rate)).unwrap_or(u64::MAX)
+            });
+        }
         progress.text = self
             .words(&progress, lane_progress.is_some_and(|lane_progress| lane_progress.is_check));
         progress
@@ -128,6 +148,22 @@ mod tests {
         job.began = (state != State::Queued).then_some(1);
         job.extent = Extent { surely, maybe };
         job
+    }
+
+    #[test]
+    fn the_rest_is_known_while_something_moves() {
+        let now = |state, rate, is_held| {
+            let block = Some(BlockView { number: 7, text: "N7".to_owned() });
+            let extent = Extent { surely: 30_015, maybe: 30_500 };
+            let lane = LaneProgress { extent, is_held, rate, block, ..LaneProgress::default() };
+            let progress = job(state, 0, 0, 0).progress(Some(&lane));
+            (progress.rate, progress.remaining_us, progress.block.map(|block| block.number))
+        };
+        assert_eq!(now(State::Running, Some(960), false), (Some(960), Some(10_416_666), Some(7)));
+        // For how long a machine holds the line, or somebody pauses, nobody knows.
+        assert_eq!(now(State::Running, Some(960), true), (Some(960), None, Some(7)));
+        assert_eq!(now(State::Paused, Some(960), false), (None, None, Some(7)));
+        assert_eq!(now(State::Running, None, false), (None, None, Some(7)));
     }
 
     #[test]

@@ -219,21 +219,27 @@ impl JobsReader {
         let before = filter.before.unwrap_or(u32::MAX);
         let jobs = snapshot.open_table(JOBS)?;
         let states = filter.state.map_or(STATES.to_vec(), |state| vec![state]);
+        // Of a page that is chosen by more than link and state, any may be left out.
+        let most_ids = if filter.looks_into() { usize::MAX } else { filter.most };
         let mut ids = Vec::new();
         match &filter.link {
             None if filter.state.is_none() => {
-                let rows = jobs.range(..before)?.rev().take(filter.most);
+                let rows = jobs.range(..before)?.rev().take(most_ids);
                 let job = |row: Result<(_, redb::AccessGuard<'_, &[u8]>), _>| match row {
                     Ok((_, value)) => decoded(value.value()).map(Ok),
                     Err(error) => Some(Err(redb::Error::from(error))),
                 };
-                return rows.filter_map(job).collect();
+                let is_asked = |job: &Result<Job, _>| match job {
+                    Ok(job) => filter.takes(job),
+                    Err(_) => true,
+                };
+                return rows.filter_map(job).filter(is_asked).take(filter.most).collect();
             }
             None => {
                 let table = snapshot.open_table(BY_STATE)?;
                 for code in states.into_iter().map(code) {
                     let rows = table.range((code, 0)..(code, before))?.rev();
-                    for row in rows.take(filter.most) {
+                    for row in rows.take(most_ids) {
                         ids.push(row?.0.value().1);
                     }
                 }
@@ -243,7 +249,7 @@ impl JobsReader {
                 let link = link.as_str();
                 for code in states.into_iter().map(code) {
                     let rows = table.range((link, code, 0)..(link, code, before))?.rev();
-                    for row in rows.take(filter.most) {
+                    for row in rows.take(most_ids) {
                         ids.push(row?.0.value().2);
                     }
                 }
@@ -251,10 +257,14 @@ impl JobsReader {
         }
         // At most a page of each state.
         ids.sort_unstable_by(|one, other| other.cmp(one));
-        ids.truncate(filter.most);
-        let mut found = Vec::with_capacity(ids.len());
+        ids.truncate(most_ids);
+        let mut found = Vec::with_capacity(ids.len().min(filter.most));
         for id in ids {
-            found.extend(jobs.get(id)?.and_then(|value| decoded::<Job>(value.value())));
+            if found.len() >= filter.most {
+                break;
+            }
+            let job = jobs.get(id)?.and_then(|value| decoded::<Job>(value.value()));
+            found.extend(job.filter(|job| filter.takes(job)));
         }
         Ok(found)
     }

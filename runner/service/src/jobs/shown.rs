@@ -53,29 +53,33 @@ impl Job {
 }
 
 /// What the machine sends of its own accord is of no kind of the plug-in's.
-fn kind_name(kind: String) -> String {
+pub(super) fn kind_name(kind: String) -> String {
     if kind.is_empty() { "receive".to_owned() } else { kind }
 }
 
 impl From<Entry> for JournalEntry {
     fn from(Entry { number, time, note }: Entry) -> Self {
-        let super::Note { subject, link, job, text, .. } = note;
-        Self { number, at_ms: time, kind: subject, link, job, text }
+        let super::Note { subject, weight, link, job, text } = note;
+        Self { number, at_ms: time, kind: subject, link, job, weight, text }
     }
 }
 
 impl From<view::JobFilter> for JobFilter {
     fn from(asked: view::JobFilter) -> Self {
-        let view::JobFilter { link, state, before, limit } = asked;
+        let view::JobFilter { link, state, kind, find, since_ms, until_ms, before, limit } = asked;
         let most = limit.unwrap_or(LISTED.0).min(LISTED.1) as usize;
-        Self { link, state, before, most }
+        let find = find.map(|find| find.to_lowercase());
+        Self { link, state, kind, find, since: since_ms, until: until_ms, before, most }
     }
 }
 
 impl From<view::JournalFilter> for EntryFilter {
     fn from(asked: view::JournalFilter) -> Self {
-        let view::JournalFilter { link, kind, job, before, limit } = asked;
+        let view::JournalFilter { link, kind, job, find, since_ms, until_ms, before, limit } =
+            asked;
         let most = limit.unwrap_or(LISTED.0).min(LISTED.1) as usize;
-        Self { link, job, subject: kind, before, most, ..Self::default() }
+        let find = find.map(|find| find.to_lowercase());
+        let (since, until) = (since_ms, until_ms);
+        Self { link, job, subject: kind, find, since, until, before, most, ..Self::default() }
     }
 }

@@ -79,7 +79,25 @@ pub struct JobProgress {
     pub is_held: bool,
     /// What the machine or its operator has to do before it goes on, in a sentence.
     pub awaits: Option<String>,
+    /// Bytes that left in a second, over the last seconds; none while nothing moves.
+    #[serde(default)]
+    pub rate: Option<u64>,
+    /// How long the rest takes at this rate, in microseconds; none while nobody knows.
+    #[serde(default)]
+    pub remaining_us: Option<u64>,
+    /// The block of which not all has surely left: the one that is being sent.
+    #[serde(default)]
+    pub block: Option<BlockView>,
     /// All of this for people.
+    pub text: String,
+}
+
+/// A block of a program: a line.
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize, ToSchema)]
+pub struct BlockView {
+    /// Its number, from 1.
+    pub number: u64,
+    /// How it begins.
     pub text: String,
 }
 
@@ -200,6 +218,16 @@ pub struct JobFilter {
     /// In this state only.
     #[param(inline)]
     pub state: Option<JobState>,
+    /// Of this kind only, such as `send` or `receive`.
+    pub kind: Option<String>,
+    /// Only jobs whose program has this in its name; capital letters count as small ones.
+    pub find: Option<String>,
+    /// Ordered at this time or later, in milliseconds since 1970.
+    #[param(format = "uint64")]
+    pub since_ms: Option<u64>,
+    /// Ordered before this time, in milliseconds since 1970.
+    #[param(format = "uint64")]
+    pub until_ms: Option<u64>,
     /// Only jobs with a lower number than this one: the next page.
     #[param(format = "uint32", maximum = 4_294_967_295_u32)]
     pub before: Option<u32>,

@@ -18,8 +18,26 @@ pub struct JournalEntry {
     pub link: Option<String>,
     /// The job.
     pub job: Option<u32>,
+    /// How much it matters.
+    #[serde(default)]
+    pub weight: JournalWeight,
     /// What happened, in a sentence.
     pub text: String,
+}
+
+/// How much an entry of the journal matters.
+#[derive(
+    Copy, Clone, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize, ToSchema,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum JournalWeight {
+    /// As it should be.
+    #[default]
+    Normal,
+    /// Somebody should look at it.
+    Warning,
+    /// Somebody must look at it.
+    Alarm,
 }
 
 /// What an entry of the journal is about.
@@ -63,6 +81,15 @@ pub struct JournalFilter {
     /// Of this job only.
     #[param(format = "uint32", maximum = 4_294_967_295_u32)]
     pub job: Option<u32>,
+    /// Only entries that have this in their text or their link's name; capital letters count as
+    /// small ones.
+    pub find: Option<String>,
+    /// Written at this time or later, in milliseconds since 1970.
+    #[param(format = "uint64")]
+    pub since_ms: Option<u64>,
+    /// Written before this time, in milliseconds since 1970.
+    #[param(format = "uint64")]
+    pub until_ms: Option<u64>,
     /// Only entries with a lower number than this one: the next page.
     #[param(format = "uint64")]
     pub before: Option<u64>,

@@ -11,6 +11,9 @@ use super::{JobBrief, PluginRef, ProbationView, SwapView, TimeMs};
 pub struct LinkView {
     /// Its name in `gateway.toml`.
     pub name: String,
+    /// Where it stands, such as a hall or a cell: links of one group are shown together.
+    #[serde(default)]
+    pub group: Option<String>,
     /// What it is doing.
     pub state: LinkState,
     /// The state that the plug-in says it is in.
@@ -291,4 +294,7 @@ pub struct QuarantineView {
     pub since_ms: TimeMs,
     /// The faults that led there, the last one last.
     pub faults: Vec<FaultView>,
+    /// The plug-in that ran before the one that failed, and ran well.
+    #[serde(default)]
+    pub ran_well: Option<PluginRef>,
 }

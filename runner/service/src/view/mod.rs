@@ -8,6 +8,7 @@ mod bus;
 mod cell;
 mod change;
 mod health;
+mod history;
 mod job;
 mod journal;
 mod link;
@@ -22,10 +23,12 @@ pub use cell::{
 };
 pub use change::{Change, Seen, SeenWhat};
 pub use health::{HealthView, LinkCounts, ReadyView, ReloadView, RemadeLink, StopHow};
+pub use history::{HistorySpan, HistoryView};
 pub use job::{
-    CheckFault, JobBrief, JobFilter, JobOrder, JobOrigin, JobProgress, JobState, JobView, KindView,
+    BlockView, CheckFault, JobBrief, JobFilter, JobOrder, JobOrigin, JobProgress, JobState,
+    JobView, KindView,
 };
-pub use journal::{JournalEntry, JournalFilter, JournalKind};
+pub use journal::{JournalEntry, JournalFilter, JournalKind, JournalWeight};
 pub use link::{
     AlarmView, BufferView, CountersView, DownView, DropView, EndpointView, FaultView, LatheView,
     LinkState, LinkView, PortView, QuarantineView, ReceivingView, UnappliedView,

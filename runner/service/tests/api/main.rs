@@ -6,6 +6,7 @@ mod bench;
 mod exchange;
 mod fuzzed;
 mod hostile;
+mod looking_back;
 mod many;
 mod streams;
 mod tls;

@@ -48,6 +48,34 @@ fn nobody_enters_without_a_token_that_is_known() {
 }
 
 #[test]
+fn a_viewer_sees_all_and_changes_nothing() {
+    let bench = Bench::new();
+    bench.upload("O1.nc", b"G0 X1\n").with(201);
+    assert_eq!(bench.ask("GET", "/me", &bench.viewer, b"").with(200).json()["role"], "viewer");
+    for path in ["/links", "/links/lathe-1/history", "/jobs", "/programs/O1.nc", "/journal"] {
+        bench.ask("GET", path, &bench.viewer, b"").with(200);
+    }
+    for (method, path) in [
+        ("POST", "/links/lathe-1/jobs"),
+        ("POST", "/links/lathe-1/feed"),
+        ("POST", "/links/lathe-1/reopen"),
+        ("POST", "/links/lathe-1/force-resume"),
+        ("POST", "/links/lathe-1/release"),
+        ("POST", "/links/lathe-1/swap"),
+        ("POST", "/jobs/1/abort"),
+        ("POST", "/jobs/1/acknowledge"),
+        ("PUT", "/jobs/1/priority"),
+        ("PUT", "/programs/O2.nc"),
+        ("DELETE", "/programs/O1.nc"),
+        ("POST", "/reload"),
+    ] {
+        bench.ask(method, path, &bench.viewer, b"{\"program\": \"O1.nc\"}").with(403);
+    }
+    assert_eq!(bench.get("/jobs").with(200).json(), serde_json::json!([]));
+    assert_eq!(bench.get("/programs").with(200).json().as_array().map(Vec::len), Some(1));
+}
+
+#[test]
 fn an_operator_does_not_do_what_is_an_admins() {
     let bench = Bench::new();
     for (method, path, is_admins) in OPERATIONS {

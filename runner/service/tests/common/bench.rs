@@ -29,6 +29,7 @@ pub(crate) struct Bench {
     pub(crate) server: Option<Server>,
     pub(crate) operator: String,
     pub(crate) admin: String,
+    pub(crate) viewer: String,
     running: Option<Running>,
     agent: Agent,
     folder: TempDir,
@@ -81,7 +82,8 @@ impl Bench {
         Self::with_links_and(links, |_| {})
     }
 
-    fn with_links_and(links: &str, prepare: impl FnOnce(&Path)) -> Self {
+    /// One with these links, and what `prepare` puts into its folder.
+    pub(crate) fn with_links_and(links: &str, prepare: impl FnOnce(&Path)) -> Self {
         let (head, _) = CONFIGURATION.split_once("[[link]]").unwrap();
         Self::made_of(
             &format!("{head}{links}"),
@@ -103,6 +105,25 @@ impl Bench {
         };
         let bus = "[[bus]]\nname = \"hall\"\nrate = 250_000\nefficiency = 0.4\nswitch = \"2ms\"\n";
         Self::with_links(&format!("{bus}{}", (1..=3).map(unit).collect::<String>()))
+    }
+
+    /// One with all that a gateway may have: a bus with a unit, a cell, and links of both protocols.
+    pub(crate) fn with_bus_and_cell() -> Self {
+        let link = |name: &str, protocol: &str| {
+            format!(
+                "[[link]]\nname = \"{name}\"\ngroup = \"Hall 1\"\nport = \"simulate:{protocol}\"\n\
+                 plugin = \"{protocol}\"\nline = \"9600 8N1\"\n"
+            )
+        };
+        let links =
+            [link("lathe-1", "xon-xoff"), link("lathe-2", "xon-xoff"), link("press-3", "r3964")];
+        Self::with_links(&format!(
+            "{}[[link]]\nname = \"mill-4\"\nport = \"unit://127.0.0.1:4/mill\"\nplugin = \"xon-xoff\"\n\
+             bus = \"hall\"\n[[bus]]\nname = \"hall\"\nrate = 250_000\nefficiency = 0.4\nswitch = \"2ms\"\n\
+             [[cell]]\nname = \"shafts\"\nchannels = [\"lathe-1\", \"lathe-2\"]\naxes = [\"GANTRY\"]\n\
+             groups = {{ LATHES = [\"lathe-1\", \"lathe-2\"] }}\n",
+            links.concat()
+        ))
     }
 
     /// One with two lathes and a loader in a cell.
@@ -151,7 +172,8 @@ impl Bench {
         fs::write(path("gateway.toml"), configuration).unwrap();
         let (operator, first) = http::new_token("operator", Role::Operator).unwrap();
         let (admin, second) = http::new_token("admin", Role::Admin).unwrap();
-        fs::write(path("tokens.toml"), first.text() + &second.text()).unwrap();
+        let (viewer, third) = http::new_token("screen", Role::Viewer).unwrap();
+        fs::write(path("tokens.toml"), first.text() + &second.text() + &third.text()).unwrap();
 
         let config = Config::read(&path("gateway.toml")).unwrap();
         let running = gateway::start(config).unwrap();
@@ -169,7 +191,7 @@ impl Bench {
             .build()
             .into();
         let running = Some(running);
-        Self { gateway, server: Some(server), operator, admin, running, agent, folder }
+        Self { gateway, server: Some(server), operator, admin, viewer, running, agent, folder }
     }
 
     /// The same plug-in under another version: its manifest says so.
@@ -370,8 +392,14 @@ pub(crate) fn plugins() -> &'static Path {
     })
 }
 
+/// An example has none of its own.
+const TEMPORARY: &str = match option_env!("CARGO_TARGET_TMPDIR") {
+    Some(folder) => folder,
+    None => concat!(env!("CARGO_MANIFEST_DIR"), "/../../target/tmp"),
+};
+
 fn build() -> PathBuf {
-    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("plugins-target");
+    let target = Path::new(TEMPORARY).join("plugins-target");
     let built = Command::new(env!("CARGO"))
         .args(["build", "--quiet", "--profile", "plugin", "--target", "wasm32v1-none"])
         .args(["--lib", "-p", "softplug-xon-xoff", "-p", "softplug-r3964"])
@@ -381,7 +409,7 @@ fn build() -> PathBuf {
         .status()
         .unwrap();
     assert!(built.success(), "the plug-in cannot be built: `rustup target add wasm32v1-none`");
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("plugins");
+    let folder = Path::new(TEMPORARY).join("plugins");
     fs::create_dir_all(&folder).unwrap();
     for name in ["xon-xoff.wasm", "r3964.wasm", "pulse-lathe.wasm"] {
         let built = target.join("wasm32v1-none/plugin").join(name.replace('-', "_"));

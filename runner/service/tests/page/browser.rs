@@ -178,17 +178,28 @@ impl Browser {
         }
     }
 
+    /// Whether such an element with this text is to be seen.
+    pub(crate) fn shows(&mut self, kind: &str, text: &str) -> bool {
+        let is = format!(
+            "[...document.querySelectorAll({})].some((of) => of.textContent.trim() === {} && of.checkVisibility())",
+            Value::from(kind),
+            Value::from(text)
+        );
+        self.value(&is) == true
+    }
+
     /// Types into what has the focus.
     pub(crate) fn type_text(&mut self, text: &str) {
         self.call("Input.insertText", json!({ "text": text }));
     }
 
-    /// Presses a key: Tab, Enter or Space.
+    /// Presses a key: Tab, Enter, Space or ArrowDown.
     pub(crate) fn press(&mut self, key: &str) {
         let (code, text) = match key {
             "Tab" => (9, None),
             "Enter" => (13, Some("\r")),
             "Space" => (32, Some(" ")),
+            "ArrowDown" => (40, None),
             other => panic!("no key {other}"),
         };
         let name = if key == "Space" { " " } else { key };
@@ -206,8 +217,8 @@ impl Browser {
     /// Goes on with the Tab key until what has the focus has this text or name.
     #[track_caller]
     pub(crate) fn tab_to(&mut self, text: &str) {
-        let focused =
-            "(document.activeElement?.innerText || document.activeElement?.name || '').trim()";
+        let focused = "((of) => (of?.tagName !== 'SELECT' && of?.innerText || of?.name || of?.ariaLabel || '').trim())\
+             (document.activeElement)";
         for _ in 0..100 {
             self.press("Tab");
             if self.value(focused) == text {
@@ -233,6 +244,22 @@ impl Browser {
     pub(crate) fn prefer(&mut self, scheme: &str) {
         let features = json!([{ "name": "prefers-color-scheme", "value": scheme }]);
         self.call("Emulation.setEmulatedMedia", json!({ "features": features }));
+    }
+
+    /// Chooses of the select of this name.
+    #[track_caller]
+    pub(crate) fn pick(&mut self, name: &str, value: &str) {
+        let select = format!("document.querySelector('select[name=\"{name}\"]')");
+        let value = Value::from(value);
+        let find = format!(
+            "{select} && [...{select}.options].find((one) => one.value === {value} \
+             || one.textContent.startsWith({value}))"
+        );
+        self.until(&format!("{find} && {select}.checkVisibility()"));
+        self.value(&format!(
+            "(() => {{ const one = {find}; {select}.value = one.value; \
+             {select}.dispatchEvent(new Event('change', {{ bubbles: true }})); }})()"
+        ));
     }
 
     /// What is seen, as a PNG file.

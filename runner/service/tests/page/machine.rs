@@ -69,6 +69,14 @@ impl Machine {
         assert_eq!(self.pty.write(&[XOFF]).unwrap(), 1);
     }
 
+    /// It sends of its own accord.
+    pub(crate) fn send(&self, mut bytes: &[u8]) {
+        while !bytes.is_empty() {
+            bytes = &bytes[self.pty.write(bytes).unwrap()..];
+            thread::sleep(Duration::from_millis(2));
+        }
+    }
+
     pub(crate) fn release(&self) {
         assert_eq!(self.pty.write(&[XON]).unwrap(), 1);
     }

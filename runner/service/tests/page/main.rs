@@ -6,11 +6,18 @@ mod bench;
 mod browser;
 mod machine;
 mod picture;
+#[allow(dead_code, reason = "shared with the tests of the gateway")]
+#[path = "../gateway/plugins.rs"]
+mod plugins;
 
 mod needs_chromium {
+    mod access;
     mod gcode;
     mod lathe;
+    mod many;
     mod program;
+    mod shift;
+    mod shop;
     mod truth;
 
     use std::fmt::Write as _;
@@ -65,7 +72,7 @@ mod needs_chromium {
         browser.click("form button", "Send");
         browser.sees("sending");
         browser.until("[...document.querySelectorAll('.sequence .out')].some((row) => row.innerText.includes('G01'))");
-        browser.until("document.querySelector('.chart .line').getAttribute('points').length > 0");
+        browser.until("document.querySelector('.history .line').getAttribute('d').length > 20");
 
         browser.click("button", "Swap to xon-xoff 9.9.9");
         browser.sees("Runs xon-xoff 9.9.9");
@@ -86,7 +93,7 @@ mod needs_chromium {
         browser.click("button", "Stop the plug-in: sure?");
         browser.sees("stopped by hand");
         bench.until_link("lathe-1", "quarantined");
-        browser.click("button", "Let it out");
+        browser.click("button", "Release");
         bench.until_link("lathe-1", "idle");
         assert_eq!(browser.complaints, Vec::<String>::new());
     }

@@ -256,6 +256,7 @@ fn token(asked: &Token, screen: &Screen) -> Result<Exit, Failure> {
         entry: &'a http::Entry,
     }
     let role = match asked.role {
+        AskedRole::Viewer => Role::Viewer,
         AskedRole::Operator => Role::Operator,
         AskedRole::Admin => Role::Admin,
     };

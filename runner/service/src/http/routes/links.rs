@@ -13,7 +13,7 @@ use super::super::stream::{self, Polled, Stream, Telling};
 use super::{Answer, At};
 use crate::Gateway;
 use crate::gateway::Next;
-use crate::view::{KindView, LatheView, LinkView, Seen, SwapOrder, SwapView};
+use crate::view::{HistoryView, KindView, LatheView, LinkView, Seen, SwapOrder, SwapView};
 
 /// All links, in the order of their names
 #[utoipa::path(get, operation_id = "link_list", path = "/links",
@@ -59,6 +59,20 @@ pub(super) async fn lathe(
     Segments(link): Segments<String>,
 ) -> Answer<Json<LatheView>> {
     app.look(move |gateway| gateway.lathe(&link)).await.map(Json)
+}
+
+/// What a link did over the last day
+///
+/// The last ten minutes by the second and the last day by the minute, since the gateway started.
+#[utoipa::path(get, operation_id = "link_history", path = "/links/{link}/history",
+    tag = "links",
+    params(("link" = String, Path, description = "Name of the link")),
+    responses((status = OK, body = HistoryView), Refused))]
+pub(super) async fn history(
+    State(app): At,
+    Segments(link): Segments<String>,
+) -> Answer<Json<HistoryView>> {
+    app.look(move |gateway| gateway.history(&link)).await.map(Json)
 }
 
 /// Close a link's port and open it again
@@ -145,6 +159,7 @@ pub(super) async fn watch(State(app): At, Segments(link): Segments<String>) -> A
         Next::Nothing => Polled::Nothing,
         Next::End => Polled::End,
     };
-    let telling = Telling { name: "seen", gather: GATHER, thin: |seen: Vec<Seen>| seen };
+    let telling =
+        Telling { name: "seen", gather: GATHER, apart: GATHER, thin: |seen: Vec<Seen>| seen };
     Ok(stream::of(source, telling, app.stopping.clone(), slot))
 }

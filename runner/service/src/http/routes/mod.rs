@@ -134,6 +134,7 @@ fn known_only() -> OpenApiRouter<Arc<AppState>> {
         .routes(routes!(links::show))
         .routes(routes!(links::kinds))
         .routes(routes!(links::lathe))
+        .routes(routes!(links::history))
         .routes(routes!(links::reopen))
         .routes(routes!(links::force_resume))
         .routes(routes!(links::quarantine))
@@ -284,6 +285,6 @@ mod tests {
                 count += 1;
             }
         }
-        assert_eq!(count, 44);
+        assert_eq!(count, 45);
     }
 }

@@ -2,6 +2,7 @@
 
 use std::collections::HashSet;
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::Json;
 use axum::extract::{Extension, State};
@@ -9,7 +10,7 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse as _, Response};
 use serde::{Deserialize, Serialize};
 use tokio::sync::broadcast::error::TryRecvError;
-use utoipa::ToSchema;
+use utoipa::{IntoParams, ToSchema};
 
 use super::super::access::Admin;
 use super::super::extract::Filter;
@@ -56,14 +57,35 @@ pub(super) async fn journal(
     app.look(move |gateway| gateway.journal(&filter)).await.map(Json)
 }
 
+/// How changes are told.
+#[derive(Debug, Default, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields, default)]
+#[into_params(parameter_in = Query)]
+pub(super) struct EventsWish {
+    /// As many milliseconds at least from one event to the next, 10,000 at most: of each link and
+    /// each job only the newest is told then. Who shows hundreds of links asks for a second.
+    #[param(format = "uint32", maximum = 10_000)]
+    apart_ms: Option<u32>,
+}
+
+/// From one event of changes to the next, at most.
+const MOST_APART_MS: u32 = 10_000;
+
 /// All that changes from now on
 ///
 /// Server-sent events: `changes` with a list of changes; `missed` with their number if the client was
 /// too slow for some.
 #[utoipa::path(get, operation_id = "gateway_events", path = "/events",
-    tag = "gateway",
+    tag = "gateway", params(EventsWish),
     responses((status = OK, body = Vec<Change>, content_type = "text/event-stream"), Refused))]
-pub(super) async fn events(State(app): At) -> Answer<Stream> {
+pub(super) async fn events(State(app): At, Filter(wish): Filter<EventsWish>) -> Answer<Stream> {
+    let apart_ms = wish.apart_ms.unwrap_or(0);
+    if apart_ms > MOST_APART_MS {
+        let sentence = format!("changes are told at most {MOST_APART_MS} ms apart");
+        let problem = Problem::new(StatusCode::UNPROCESSABLE_ENTITY, sentence);
+        return Err(problem.of_field("apart_ms"));
+    }
+    let apart = Duration::from_millis(apart_ms.into());
     let slot = app.stream_slot()?;
     let mut changes = app.gateway.subscribe();
     let source = move || match changes.try_recv() {
@@ -72,7 +94,7 @@ pub(super) async fn events(State(app): At) -> Answer<Stream> {
         Err(TryRecvError::Empty) => Polled::Nothing,
         Err(TryRecvError::Closed) => Polled::End,
     };
-    let telling = Telling { name: "changes", gather: GATHER_CHANGES, thin: newest };
+    let telling = Telling { name: "changes", gather: GATHER_CHANGES, apart, thin: newest };
     Ok(stream::of(source, telling, app.stopping.clone(), slot))
 }
 

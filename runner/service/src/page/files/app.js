@@ -1,5 +1,6 @@
 // The page's frame: who is there, which part is shown.
 
+import * as address from './address.js';
 import * as api from './api.js';
 import { field, h, say, show } from './dom.js';
 import { tell, whenStranger } from './message.js';
@@ -14,9 +15,10 @@ import * as links from './links.js';
 import * as plugins from './plugins.js';
 import * as program from './program.js';
 import * as programs from './programs.js';
+import * as wall from './wall.js';
 
 /** Pages of one thing, and the list that they belong to. */
-const LISTS = { link: 'links', program: 'programs', compare: 'links' };
+const LISTS = { link: 'links', wall: 'links', program: 'programs', compare: 'links' };
 
 const main = document.getElementById('main');
 const nav = document.getElementById('nav');
@@ -25,7 +27,7 @@ const leave = document.getElementById('leave');
 
 const pages = {
   links: links.page, buses: buses.page, cells: cells.page, jobs: jobs.page, programs: programs.page, plugins: plugins.page, journal: journal.page,
-  link: (name) => link.page(name), program: (name) => program.page(name), compare: (name) => compare.page(name),
+  link: link.page, wall: wall.page, program: (name) => (name ? program.page(name) : programs.page()), compare: (name) => (name ? compare.page(name) : links.page()),
 };
 
 let shown = null;
@@ -33,27 +35,18 @@ let unfollow = null;
 
 function route() {
   if (!unfollow) return;
-  const [name, argument] = location.hash.replace(/^#\/?/, '').split('/', 2);
+  const { name, argument, query } = address.read();
   const make = pages[name] ?? pages.links;
   shown?.end?.();
-  shown = make(argument === undefined ? undefined : decoded(argument));
+  shown = make(argument, query);
   main.replaceChildren(shown.node);
   for (const one of nav.children) {
-    const isThis = one.hash === `#/${LISTS[name] ?? (name || 'links')}`;
+    const isThis = one.hash === `#/${LISTS[name] ?? name}`;
     if (isThis) one.setAttribute('aria-current', 'page');
     else one.removeAttribute('aria-current');
   }
   document.title = `${shown.node.querySelector('h1')?.textContent ?? 'Softplug'} – Softplug`;
   window.scrollTo(0, 0);
-}
-
-/** Somebody may have typed it. */
-function decoded(text) {
-  try {
-    return decodeURIComponent(text);
-  } catch {
-    return text;
-  }
 }
 
 async function enter() {
@@ -66,6 +59,9 @@ async function enter() {
     if (error instanceof api.Refused && error.status === 401) signOut('The gateway no longer knows this token.');
   });
   route();
+  performance.mark('links');
+  // The frame after the next one has shown them.
+  requestAnimationFrame(() => requestAnimationFrame(() => performance.mark('links-in-sight')));
 }
 
 function signOut(why) {
@@ -108,7 +104,13 @@ function askForToken(why) {
 window.addEventListener('hashchange', () => { route(); main.focus({ preventScroll: true }); });
 leave.addEventListener('click', () => signOut());
 whenStranger(() => unfollow && signOut('The gateway no longer knows this token.'));
-store.watch(() => shown?.update());
+store.watch((news) => {
+  for (const one of nav.children) {
+    const name = one.hash.slice(2);
+    if (name in store.has) show(one, store.has[name] || one.hasAttribute('aria-current'));
+  }
+  shown?.update(news);
+});
 
 if (api.hasToken()) {
   enter().catch((error) => {

@@ -69,7 +69,7 @@ function item(bus) {
   const empty = h('p', { class: 'empty' }, 'No link is on this bus.');
   const all = h('div', { class: 'scroll' }, h('table', { class: 'stack' }, heads(['Unit', 'Buffer', 'Turn', 'Takes at most', 'Slots']), units));
   const node = h('li', { class: 'panel' }, h('h2', {}, bus.name), facts,
-    h('table', { class: 'measured' }, heads(['', 'Planned', 'Measured']), h('tbody', {}, rows.map((one) => one.node))),
+    h('table', { class: 'measured' }, heads(['What', 'Planned', 'Measured']), h('tbody', {}, rows.map((one) => one.node))),
     all, empty);
   return {
     node,

@@ -121,7 +121,7 @@ function item(cell) {
   const stopped = h('p', { class: 'wrong', role: 'alert' },
     'Stopped: the gateway was ended in the middle of its work. Look at the machines, then ',
     sureButton('Let programs begin again', () => act(() => api.post(`${path}/clear`))));
-  const allAxes = table(['Axis', 'Has it', 'Wait for it', ''], axes);
+  const allAxes = table(['Axis', 'Has it', 'Wait for it', 'Actions'], axes);
   const node = h('li', { class: 'panel' }, h('h2', {}, cell.name), stopped, stuck,
     h('p', { class: 'legend' }, h('span', { class: 'runs' }, 'runs'), h('span', { class: 'waits' }, 'waits'), h('span', { class: 'stands' }, 'stands'), window),
     h('div', { class: 'timeline' }, h('div', { class: 'names', 'aria-hidden': 'true' }, cell.channels.map((of) => h('span', {}, of.link))), drawn.node),

@@ -2,13 +2,12 @@
 
 import * as api from './api.js';
 import { field, h, options, say, show } from './dom.js';
-import { index, lineText } from './lines.js';
+import { NAMES, index, lineText } from './lines.js';
 import * as store from './store.js';
 import * as text from './text.js';
 
 /** Larger ones are not compared here. */
 const MOST_BYTES = 32 * 1024 * 1024;
-const CODES = { 0: 'NUL', 9: 'TAB', 17: 'DC1', 18: 'DC2', 19: 'DC3', 20: 'DC4', 26: 'SUB', 27: 'ESC', 127: 'DEL' };
 
 /** What is said of one line, and of many; what matters most comes first. */
 const WORDS = {
@@ -157,7 +156,7 @@ function mostly(ends) {
 }
 
 function listed(codes) {
-  return codes.map(([code, count]) => `${CODES[code] ?? `the code ${code}`}${count > 1 ? ` ${text.count(count)} times` : ''}`).join(', ');
+  return codes.map(([code, count]) => `${code === 127 ? 'DEL' : NAMES[code]}${count > 1 ? ` ${text.count(count)} times` : ''}`).join(', ');
 }
 
 function tableRow(row, sides, starts) {

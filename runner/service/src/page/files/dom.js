@@ -36,7 +36,7 @@ export function say(element, text) {
 
 /** Shows or hides. */
 export function show(element, is) {
-  if (element.hidden === Boolean(is)) element.hidden = !is;
+  if (element.hasAttribute('hidden') === Boolean(is)) element.toggleAttribute('hidden', !is);
 }
 
 /** Keeps the children of `parent` in step with `items`: each is made once, then updated. */

@@ -3,17 +3,19 @@
 import * as api from './api.js';
 import { act } from './message.js';
 import { h, keyed, say, show, sureButton } from './dom.js';
+import { toLink } from './address.js';
+import { filtered, has, isWithin } from './filters.js';
 import * as store from './store.js';
 import * as text from './text.js';
 
 const ENDED = new Set(['done', 'failed', 'aborted', 'interrupted']);
 
 /** A table of jobs. */
-export function table(list, withLink = true) {
+export function table(list, withLink = true, none = 'No jobs yet.') {
   const body = h('tbody');
-  const titles = ['Job', withLink && 'Link', 'Program', 'State', 'Progress', 'Ordered', ''].filter((title) => title !== false);
-  const frame = h('div', { class: 'scroll' }, h('table', { class: 'stack' }, h('thead', {}, h('tr', {}, titles.map((title) => h('th', {}, title)))), body));
-  const empty = h('p', { class: 'empty' }, 'No jobs yet.');
+  const titles = ['Job', withLink && 'Link', 'Program', 'State', 'Progress', 'Ordered', 'Actions'].filter((title) => title !== false);
+  const frame = h('div', { class: 'scroll' }, h('table', { class: 'stack' }, h('thead', {}, h('tr', {}, titles.map((title) => h('th', { scope: 'col' }, title)))), body));
+  const empty = h('p', { class: 'empty' }, none);
   const update = () => {
     const jobs = list();
     show(frame, jobs.length);
@@ -44,7 +46,7 @@ function row(job, withLink) {
   }, 'Earlier');
   const node = h('tr', {},
     h('td', {}, String(job.id)),
-    withLink && h('td', {}, h('a', { href: `#/link/${encodeURIComponent(job.link)}` }, job.link)),
+    withLink && h('td', {}, h('a', { href: toLink(job.link) }, job.link)),
     h('td', {}, job.program ?? job.kind), state, progress, h('td', {}, text.time(job.created_ms)),
     h('td', { class: 'buttons' }, pause, resume, up, abort, seen, from, again));
   for (const button of [pause, resume, abort, seen, again, up]) button.setAttribute('aria-label', `${button.textContent} job ${job.id}`);
@@ -54,16 +56,17 @@ function row(job, withLink) {
       node.className = now.state;
       say(state, now.message && ENDED.has(now.state) && now.state !== 'done' ? `${now.state}: ${now.message}` : now.state);
       say(progress, now.text);
-      show(pause, now.state === 'running');
-      show(resume, now.state === 'paused');
-      show(abort, !ENDED.has(now.state));
-      show(seen, now.is_unseen);
-      show(again, ENDED.has(now.state) && now.program);
+      const may = store.mayAct();
+      show(pause, may && now.state === 'running');
+      show(resume, may && now.state === 'paused');
+      show(abort, may && !ENDED.has(now.state));
+      show(seen, may && now.is_unseen);
+      show(again, may && ENDED.has(now.state) && now.program && now.kind !== 'receive');
       up.priority = now.priority;
-      show(up, now.state === 'queued');
+      show(up, may && now.state === 'queued');
       from.block = (now.last_block ?? 0) + 1;
       say(from, `From block ${from.block}`);
-      show(from, ENDED.has(now.state) && now.state !== 'done' && now.last_block);
+      show(from, may && ENDED.has(now.state) && now.state !== 'done' && now.last_block);
       if (asksForBlock && now.is_unseen && now.last_block === null && now.surely_left > now.start_byte) {
         // Where a restart can begin is in the program: the gateway looks there for one job at a time.
         asksForBlock = false;
@@ -73,8 +76,27 @@ function row(job, withLink) {
   };
 }
 
-export function page() {
-  const jobs = table(store.newestJobs);
-  jobs.update();
-  return { node: h('section', {}, h('h1', {}, 'Jobs'), h('div', { class: 'panel' }, jobs.node)), update: jobs.update };
+const STATES = ['queued', 'running', 'paused', 'done', 'failed', 'aborted', 'interrupted'];
+const KINDS = ['send', 'receive', 'read', 'write'];
+
+const fits = (job, wish) => (!wish.link || job.link === wish.link) && (!wish.state || job.state === wish.state)
+  && (!wish.kind || job.kind === wish.kind) && isWithin(job.created_ms, wish) && has(job.program ?? '', wish);
+
+export function page(_, query) {
+  const kinds = [...new Set([...KINDS, ...store.plugins.flatMap((of) => of.jobs.map((kind) => kind.name))])];
+  const found = filtered({
+    name: 'jobs', path: '/jobs', query, find: 'Find a program', numberOf: (job) => job.id,
+    choices: {
+      state: ['State', [['', 'all states'], ...STATES.map((state) => [state, state])]],
+      kind: ['Kind', [['', 'all kinds'], ...kinds.map((kind) => [kind, kind])]],
+    },
+    live: () => [...store.jobs.values()], fits,
+  });
+  const jobs = table(found.list, true, 'No job is like this.');
+  const update = () => {
+    found.update();
+    jobs.update();
+  };
+  update();
+  return { node: h('section', {}, h('h1', {}, 'Jobs'), h('div', { class: 'panel' }, found.tools, jobs.node, found.more)), update };
 }

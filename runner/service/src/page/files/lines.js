@@ -2,8 +2,11 @@
 
 /** Of a longer line only the beginning is shown. */
 const MOST_SHOWN = 400;
-/** Signs for control characters, as ISO 646 has them. */
-const SIGNS = 0x2400;
+/** Control characters, by code. */
+export const NAMES = [
+  'NUL', 'SOH', 'STX', 'ETX', 'EOT', 'ENQ', 'ACK', 'BEL', 'BS', 'TAB', 'LF', 'VT', 'FF', 'CR', 'SO', 'SI',
+  'DLE', 'DC1', 'DC2', 'DC3', 'DC4', 'NAK', 'SYN', 'ETB', 'CAN', 'EM', 'SUB', 'ESC', 'FS', 'GS', 'RS', 'US',
+];
 
 /**
  * Where each line begins. A line ends behind its line feed or, in a program without any in its first
@@ -39,7 +42,7 @@ export function lineOf(starts, byte) {
   return low - 1;
 }
 
-/** A line for people, without its end: control characters as their signs, what is no UTF-8 as �. */
+/** A line for people, without its end: control characters by their names, what is no UTF-8 as �. */
 export function lineText(bytes, starts, line) {
   const from = starts[line];
   let to = starts[line + 1] ?? bytes.length;
@@ -49,12 +52,12 @@ export function lineText(bytes, starts, line) {
   return visible(shown) + (rest > 0 ? ` … ${rest.toLocaleString('en')} more bytes` : '');
 }
 
-/** What cannot be seen gets a sign, and what turns the direction of a text too. */
+/** What cannot be seen is named, and what turns the direction of a text too. */
 export function visible(text) {
   return text.replace(/[\u0000-\u001f\u007f\u0080-\u009f\u00ad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]/g, (sign) => {
     const code = sign.charCodeAt(0);
     if (code === 9) return '→ ';
-    if (code < 0x20) return String.fromCharCode(SIGNS + code);
-    return code === 0x7f ? '␡' : `⟨U+${code.toString(16).toUpperCase().padStart(4, '0')}⟩`;
+    if (code < 0x20) return `⟨${NAMES[code]}⟩`;
+    return code === 0x7f ? '⟨DEL⟩' : `⟨U+${code.toString(16).toUpperCase().padStart(4, '0')}⟩`;
   });
 }

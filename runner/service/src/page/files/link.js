@@ -1,11 +1,14 @@
 // One link: what it does, its jobs, its plug-in, its line.
 
+import * as address from './address.js';
 import * as api from './api.js';
 import { act } from './message.js';
+import { whenSelect } from './bulk.js';
 import { field, h, keyed, options, say, show, sureButton } from './dom.js';
-import { badge, doing, seenButton, trouble } from './links.js';
-import { chart } from './chart.js';
+import { history } from './history.js';
 import { table as jobTable } from './jobs.js';
+import { overview } from './overview.js';
+import { quarantine } from './quarantine.js';
 import { sequence } from './sequence.js';
 import * as store from './store.js';
 import * as text from './text.js';
@@ -13,30 +16,37 @@ import * as text from './text.js';
 export function page(name) {
   const path = `/links/${api.part(name)}`;
   const missing = h('p', { class: 'empty' }, `There is no link ${name}.`);
+  const group = h('a', { class: 'group' });
   const now = overview(name, path);
   const isolated = quarantine(path);
+  const past = history(path);
   const send = sendForm(path);
   const swap = swapForm(path);
   const jobs = queue(name);
   const came = received(name, path);
+  const facts = connection(path);
   const counted = counters();
   const cut = lathe(path);
-  const parts = [now, isolated, cut, send, swap, jobs, came, counted];
+  const parts = [now, isolated, cut, send, swap, jobs, came, past, facts, counted];
   const line = sequence(path);
-  const body = h('div', {}, now.node, isolated.node, cut.node, h('div', { class: 'columns' }, send.node, swap.node), line.node,
-    jobs.node, came.node, counted.node);
+  const body = h('div', {}, isolated.node, now.node, cut.node, h('div', { class: 'columns' }, send.node, swap.node),
+    jobs.node, came.node, past.node, line.node, facts.node, counted.node);
   const node = h('section', {},
-    h('p', { class: 'back' }, h('a', { href: '#/links' }, '← All links')), h('h1', {}, name), missing, body);
+    h('p', { class: 'back' }, h('a', { href: '#/links' }, '← All links')), h('div', { class: 'title' }, h('h1', {}, name), group), missing, body);
   const update = () => {
     const link = store.links.get(name);
     show(missing, !link);
     show(body, link);
+    say(group, link?.group ?? '');
+    show(group, link?.group);
+    group.href = address.to('links', { group: link?.group });
     if (link) for (const part of parts) part.update(link);
   };
   update();
   const end = () => {
     line.end();
     cut.end();
+    past.end();
   };
   return { node, update, end };
 }
@@ -78,52 +88,20 @@ function lathe(path) {
   };
 }
 
-function overview(name, path) {
-  const state = badge();
-  const what = h('p', { class: 'what large' });
-  const bar = h('progress', { max: 100, 'aria-label': 'Progress' });
-  const wrong = h('p', { class: 'wrong' });
+/** The port, the line and the plug-in. */
+function connection(path) {
   const facts = h('dl', { class: 'pairs' });
-  const picture = chart();
-  const legend = h('p', { class: 'facts' });
-  const order = (verb) => async () => {
-    const link = store.links.get(name);
-    if (link?.job) await act(async () => {
-      const job = await api.post(`/jobs/${link.job.id}/${verb}`);
-      store.took(job);
-      return { progressOf: job.id };
-    });
-  };
   const onLink = (verb) => () => act(async () => store.took(await api.post(`${path}/${verb}`)));
-  const pause = h('button', { onclick: order('pause') }, 'Pause');
-  const resume = h('button', { onclick: order('resume') }, 'Resume');
-  const abort = sureButton('Abort', order('abort'));
-  const seen = seenButton();
-  const force = h('button', { onclick: onLink('force-resume') }, 'Go on although held');
-  const reopen = h('button', { onclick: onLink('reopen'), class: 'quiet' }, 'Reopen the port');
+  const reopen = h('button', { class: 'quiet', onclick: onLink('reopen') }, 'Open the port again');
   const halt = sureButton('Stop the plug-in', onLink('quarantine'));
-  const node = h('div', { class: 'panel' },
-    h('div', { class: 'row' }, state.node, what), bar, wrong,
-    h('div', { class: 'buttons' }, seen.node, pause, resume, abort, force, reopen, halt),
-    h('div', { class: 'wide' }, picture.node), legend, facts);
+  const buttons = h('div', { class: 'buttons' }, reopen, halt);
   return {
-    node,
+    node: h('div', { class: 'panel' }, h('h2', {}, 'Port and line'), facts, buttons),
     update(link) {
-      state.update(link);
-      say(what, doing(link));
-      show(bar, link.job?.size);
-      bar.value = link.job?.percent ?? 0;
-      seen.update(link);
-      say(wrong, trouble(link));
-      show(wrong, trouble(link));
-      show(pause, link.job?.state === 'running');
-      show(resume, link.job?.state === 'paused');
-      show(abort, link.job);
-      show(force, link.is_held || link.job?.awaits);
+      show(reopen, store.mayAct());
       // Whatever it does, at once: an admin's.
-      show(halt, store.role === 'admin' && !link.quarantine);
-      picture.update(link.buffer, store.levels.get(name));
-      say(legend, `Buffer: ${text.bytes(link.buffer.level)} of ${text.bytes(link.buffer.size)}; dashed: the marks, at ${text.bytes(link.buffer.low)} and ${text.bytes(link.buffer.high)}; shaded: held by the machine`);
+      show(halt, store.isAdmin() && !link.quarantine);
+      show(buttons, store.mayAct());
       pairs(facts, [
         ['Port', link.port.spec],
         ['Line', link.port.line],
@@ -170,11 +148,14 @@ function sendForm(path) {
         return { progressOf: job.id };
       });
     },
-  }, field('Program', program), field('Priority', priority), field('From block', block), h('button', { class: 'main' }, 'Send'));
+  }, field('Program', program), h('button', { class: 'main' }, 'Send'),
+  h('details', { class: 'whole' }, h('summary', {}, 'Begin at a block, or before others'), h('div', { class: 'fields' }, field('From block', block), field('Priority', priority))));
+  const node = h('div', { class: 'panel' }, h('h2', {}, 'Send'), form, none);
   return {
-    node: h('div', { class: 'panel' }, h('h2', {}, 'Send'), form, none),
+    node,
     update() {
       options(program, store.programs.map(({ name, bytes }) => [name, `${name} (${text.bytes(bytes)})`]), 'Which?');
+      show(node, store.mayAct());
       show(form, store.programs.length);
       show(none, !store.programs.length);
     },
@@ -183,10 +164,7 @@ function sendForm(path) {
 
 function swapForm(path) {
   const choice = h('select', { name: 'plugin', 'aria-label': 'Plug-in' });
-  const when = h('select', { name: 'when', 'aria-label': 'When' },
-    h('option', { value: 'now-or-idle' }, 'at once if the state fits, else when idle'),
-    h('option', { value: 'now' }, 'at once or not at all'),
-    h('option', { value: 'idle' }, 'when idle'));
+  const when = whenSelect();
   const swap = (plugin, moment) => act(async () => {
     const view = await api.post(`${path}/swap`, { plugin, when: moment });
     return `Swap to ${text.plugin(view.to)}: ${view.state}${view.message ? `, ${view.message}` : ''}`;
@@ -196,22 +174,25 @@ function swapForm(path) {
     field('Plug-in', choice), field('When', when), h('button', {}, 'Swap'));
   const last = h('p', { class: 'facts', role: 'status' });
   const forbidden = h('p', { class: 'facts' }, 'Only an admin may swap.');
-  const more = h('details', {}, h('summary', {}, 'Another plug-in or moment'), form);
+  const more = h('details', {}, h('summary', {}, 'Choose plug-in and time'), form);
   return {
     node: h('div', { class: 'panel' }, h('h2', {}, 'Plug-in'), one, more, forbidden, last),
     update(link) {
-      const isAdmin = store.role === 'admin';
+      const isAdmin = store.isAdmin();
       const newer = isAdmin ? newest(link) : null;
       one.plugin = newer && text.pluginKey(newer);
-      say(one, newer ? `Swap to ${text.plugin(newer)}` : '');
-      show(one, newer);
+      const isNewer = newer && text.isNewer(newer, link.plugin);
+      say(one, newer ? `${isNewer ? 'Swap' : 'Back'} to ${text.plugin(newer)}` : '');
+      one.classList.toggle('main', Boolean(isNewer));
+      // In quarantine the way back stands there.
+      show(one, newer && newer.digest !== link.quarantine?.ran_well?.digest);
       show(more, isAdmin);
       show(forbidden, !isAdmin);
       options(choice, store.plugins.map((of) => [text.pluginKey(of), `${text.plugin(of)} (${of.digest.slice(0, 8)})${of.digest === link.plugin?.digest ? ', runs' : ''}`]));
       const { swap: view, probation } = link;
       say(last, [
         `Runs ${text.plugin(link.plugin)}.`,
-        view && `Last swap, ${text.time(view.at_ms)}: ${view.from ? `${text.plugin(view.from)} → ` : ''}${text.plugin(view.to)}, ${view.state}${view.pause_us === null ? '' : ` in ${text.span(view.pause_us)}`}${view.message ? `: ${view.message}` : ''}.`,
+        view && `Last swap, ${text.time(view.at_ms)}: ${view.from ? `${text.plugin(view.from)} → ` : ''}${text.plugin(view.to)}, ${view.state}${view.pause_us === null ? '' : `; the link stood still for ${text.span(view.pause_us)}`}${view.message ? `: ${view.message}` : ''}.`,
         probation && `On probation; returns to ${text.plugin(probation.returns_to)} if it fails.`,
       ].filter(Boolean).join(' '));
     },
@@ -221,36 +202,7 @@ function swapForm(path) {
 /** The last added plug-in of the same name that is another one than that which runs. */
 function newest(link) {
   const others = store.plugins.filter((of) => of.name === link.plugin?.name && of.digest !== link.plugin.digest);
-  const newer = (a, b) => a.version.localeCompare(b.version, 'en', { numeric: true });
-  return others.sort(newer).at(-1) ?? null;
-}
-
-function quarantine(path) {
-  const list = h('ol', { class: 'faults' });
-  const since = h('p', { class: 'facts' });
-  const release = h('button', { class: 'main', onclick: () => act(async () => store.took(await api.post(`${path}/release`))) }, 'Let it out');
-  const node = h('div', { class: 'panel bad' }, h('h2', {}, 'Quarantine'), since, list, release);
-  return {
-    node,
-    update(link) {
-      show(node, link.quarantine);
-      if (!link.quarantine) return;
-      const why = link.quarantine.faults.at(-1)?.text ?? 'the plug-in failed too often';
-      say(since, `Since ${text.time(link.quarantine.since_ms)} the plug-in is not started again: ${why}. Its line is silent, others see nothing of it.`);
-      keyed(list, link.quarantine.faults, (fault) => fault.at_ms, (fault) => ({ node: faultItem(path, fault), update() {} }));
-    },
-  };
-}
-
-function faultItem(path, fault) {
-  return h('li', {},
-    h('p', {}, h('strong', {}, fault.text)),
-    h('p', { class: 'facts' }, `${text.time(fault.at_ms)}, ${text.plugin(fault.plugin)}, at the event ${fault.event}`),
-    fault.last_words && h('pre', {}, fault.last_words),
-    fault.trace && h('button', {
-      class: 'quiet',
-      onclick: () => act(() => api.save(`${path}/traces/${api.part(fault.trace)}`, fault.trace)),
-    }, `Save the trace ${fault.trace}`));
+  return others.sort((a, b) => store.inOrder(a.version, b.version)).at(-1) ?? null;
 }
 
 function queue(name) {
@@ -262,22 +214,27 @@ function received(name, path) {
   const body = h('tbody');
   const empty = h('p', { class: 'empty' }, 'Nothing was received yet.');
   if (store.links.has(name)) store.loadReceptions(name).catch(() => {});
-  const node = h('div', { class: 'panel' }, h('h2', {}, 'Received'),
-    h('div', { class: 'scroll' }, h('table', { class: 'stack' }, h('thead', {}, h('tr', {}, ['File', 'Size', 'When', 'Compared', ''].map((title) => h('th', {}, title)))), body)), empty);
+  const titles = ['Program', 'Size', 'When', 'Compared', 'Actions'].map((title) => h('th', { scope: 'col' }, title));
+  const frame = h('div', { class: 'scroll' }, h('table', { class: 'stack' }, h('thead', {}, h('tr', {}, titles)), body));
+  const node = h('div', { class: 'panel' }, h('h2', {}, 'Received'), frame, empty);
   return {
     node,
     update() {
       const all = store.receptions.get(name) ?? [];
       show(empty, !all.length);
-      show(body.parentNode, all.length);
-      keyed(body, all.slice(0, 100), (of) => of.file, (of) => ({
-        node: h('tr', { class: of.failure ? 'bad' : '' },
-          h('td', {}, of.file), h('td', {}, text.bytes(of.bytes)), h('td', {}, text.time(of.at_ms)), h('td', {}, compared(of)),
-          h('td', { class: 'buttons' }, h('a', { href: `#/compare/${api.part(`${name}/${of.file}`)}`, 'aria-label': `Compare ${of.file}` }, 'Compare'), ' ', h('button', { class: 'quiet', onclick: () => act(() => api.save(`${path}/receptions/${api.part(of.file)}`, of.file)) }, 'Save'))),
-        update() {},
-      }));
+      show(frame, all.length);
+      keyed(body, all.slice(0, 100), (of) => of.file, (of) => ({ node: reception(name, path, of), update() {} }));
     },
   };
+}
+
+/** Something that came: by the name that the machine gave it; the file's name beside it where that is another. */
+function reception(name, path, of) {
+  const title = of.name || 'unnamed';
+  return h('tr', { class: of.failure ? 'bad' : '' },
+    h('td', {}, title, of.file !== title && [h('br'), h('small', {}, of.file)]), h('td', {}, text.bytes(of.bytes)), h('td', {}, text.time(of.at_ms)), h('td', {}, compared(of)),
+    h('td', { class: 'buttons' }, h('a', { class: 'button quiet', href: `#/compare/${api.part(`${name}/${of.file}`)}`, 'aria-label': `Compare ${of.file}` }, 'Compare'),
+      h('button', { class: 'quiet', 'aria-label': `Save ${title}, ${of.file}`, onclick: () => act(() => api.save(`${path}/receptions/${api.part(of.file)}`, of.file)) }, 'Save')));
 }
 
 function compared(of) {

@@ -1,142 +1,153 @@
-// Links at a glance.
+// Links at a glance: as cards, or, of many, as a table. What is looked for stands in the address.
 
-import * as api from './api.js';
-import { act } from './message.js';
-import { h, keyed, say, show } from './dom.js';
-import { chart } from './chart.js';
+import * as address from './address.js';
+import { bulk } from './bulk.js';
+import { card } from './card.js';
+import { h, keyed, options, say, show } from './dom.js';
+import { COLUMNS, heads, row } from './rows.js';
+import { sight } from './visible.js';
+import * as state from './state.js';
 import * as store from './store.js';
 import * as text from './text.js';
 
-const SIGNS = {
-  opening: '…', idle: '○', sending: '▶', receiving: '◀', paused: '❚❚', down: '✕', restarting: '↻', quarantined: '⚠',
-  closing: '…',
-};
+/** More links than this are a table, if nothing is said. */
+const MOST_CARDS = 24;
+/** So many are made before the first picture; the others a moment later. */
+const FIRST = 60;
+/** What is sorted by what changes by itself is sorted anew as often, in milliseconds. */
+const CALM = 5000;
 
-const TROUBLE = new Set(['down', 'restarting', 'quarantined']);
-const WORK = new Set(['sending', 'receiving', 'paused']);
+const TESTS = { all: () => true, working: state.isWorking, trouble: state.inTrouble, idle: (link) => link.state === 'idle' };
+const CHANGES_BY_ITSELF = new Set(['state', 'program', 'done', 'rest']);
 
-export const inTrouble = (link) => TROUBLE.has(link.state) || link.trouble.length > 0;
-export const errors = (link) => Object.values(link.counters.line_errors).reduce((sum, count) => sum + count, 0);
-
-/** The state in a sign and a word; colour only adds to it. */
-export function badge() {
-  const sign = h('span', { 'aria-hidden': 'true', class: 'sign' });
-  const word = h('span');
-  const node = h('span', { class: 'badge' }, sign, word);
-  return {
-    node,
-    update(link) {
-      const isHeld = link.is_held && !TROUBLE.has(link.state);
-      say(sign, isHeld ? '■' : SIGNS[link.state] ?? '?');
-      const waits = link.job?.awaits;
-      say(word, `${link.state}${isHeld ? ', held by the machine' : waits ? ', waits for the machine' : ''}`);
-      const isOdd = link.alarms.length || isHeld || waits || link.state === 'paused';
-      const kind = TROUBLE.has(link.state) ? 'bad' : isOdd ? 'warn' : WORK.has(link.state) ? 'work' : 'calm';
-      node.className = `badge ${kind}`;
-    },
-  };
-}
-
-/** What is wrong with a link, in a sentence; empty if nothing is. */
-export function trouble(link) {
-  return link.trouble.join('; ');
-}
-
-/** Says that somebody has seen how the jobs of a link ended that did not end well. */
-export function seenButton() {
-  const button = h('button', {
-    class: 'seen',
-    onclick: () => act(async () => store.took(await api.post(`/jobs/${button.job}/acknowledge`))),
-  }, 'Seen');
-  return {
-    node: button,
-    update(link) {
-      const newest = link.unseen[0];
-      button.job = newest?.id;
-      button.setAttribute('aria-label', `I have seen how job ${newest?.id} ended`);
-      show(button, newest);
-    },
-  };
-}
-
-function card(link) {
-  const state = badge();
-  const picture = chart();
-  const what = h('p', { class: 'what' });
-  const bar = h('progress', { max: 100 });
-  const wrong = h('p', { class: 'wrong' });
-  const facts = h('p', { class: 'facts' });
-  const seen = seenButton();
-  const node = h('li', { class: 'card' },
-    h('a', { class: 'cover', href: `#/link/${encodeURIComponent(link.name)}` }, link.name),
-    state.node, what, bar, picture.node, facts, wrong, seen.node);
-  return {
-    node,
-    update(now) {
-      state.update(now);
-      const job = now.job;
-      say(what, doing(now));
-      show(bar, job?.size);
-      bar.value = job?.percent ?? 0;
-      node.classList.toggle('trouble', inTrouble(now));
-      seen.update(now);
-      bar.setAttribute('aria-label', `Progress of ${job?.program ?? 'the job'}`);
-      picture.update(now.buffer, store.levels.get(now.name));
-      const parts = [`buffer ${text.bytes(now.buffer.level)}`, `errors ${text.count(errors(now))}`];
-      if (now.counters.starved) parts.push(`starved ${text.count(now.counters.starved)}×`);
-      if (now.counters.restarts) parts.push(`restarts ${text.count(now.counters.restarts)}`);
-      say(facts, parts.join(' · '));
-      say(wrong, trouble(now));
-      show(wrong, trouble(now));
-    },
-  };
-}
-
-/** What a link does, in a few words. */
-export function doing(link) {
-  const waits = link.queued ? `, ${link.queued} waiting` : '';
-  if (link.job) return `${link.job.program ?? link.job.kind}: ${link.job.text}${waits}`;
-  if (link.receiving) return `from the machine: ${link.receiving.name ?? 'unnamed'} ${text.bytes(link.receiving.bytes)}`;
-  if (link.queued) return `${link.queued} waiting`;
-  // What nobody has seen stands among the trouble.
-  const isNews = link.last && link.last.id !== link.unseen[0]?.id;
-  if (isNews && link.state !== 'sending') return `last ${text.time(link.last.ended_ms)}: ${link.last.program ?? link.last.kind} ${link.last.state}; ${link.last.text}`;
-  return link.plugin ? text.plugin(link.plugin) : 'no plug-in';
+/** Links as the address asks for them. */
+export function chosenBy(query) {
+  const part = (query.get('find') ?? '').trim().toLowerCase();
+  const group = query.get('group') ?? '';
+  const test = TESTS[query.get('show')] ?? TESTS.all;
+  return (link) => test(link) && (!group || link.group === group)
+    && (!part || `${link.name} ${link.group ?? ''} ${state.program(link)} ${link.plugin?.name ?? ''} ${state.word(link)}`.toLowerCase().includes(part));
 }
 
 /** The page with all links. */
-export function page() {
-  const cards = h('ul', { class: 'cards' });
-  const search = h('input', { type: 'search', placeholder: 'Find a link', 'aria-label': 'Find a link', oninput: update });
-  let wanted = 'all';
-  const choice = (name) => h('button', {
-    class: 'chip', onclick: () => { wanted = name; update(); },
-  });
-  const chips = { all: choice('all'), working: choice('working'), trouble: choice('trouble') };
-  const tests = {
-    all: () => true,
-    working: (link) => WORK.has(link.state),
-    trouble: inTrouble,
+export function page(_, query) {
+  const wish = Object.fromEntries(query);
+  const chosen = new Set();
+  const seen = sight();
+  const ask = (changes) => {
+    Object.assign(wish, changes);
+    address.ask('links', wish);
+    sortedAt = 0;
+    update();
   };
-  const empty = h('p', { class: 'empty' });
+  const search = h('input', {
+    type: 'search', placeholder: 'Find a link or program', name: 'find', 'aria-label': 'Find a link or program', value: wish.find ?? '', oninput: () => ask({ find: search.value }),
+  });
+  const group = h('select', { 'aria-label': 'Group', onchange: () => ask({ group: group.value }) });
+  const chips = Object.keys(TESTS).map((name) => [name, h('button', { class: 'chip', onclick: () => ask({ show: name === 'all' ? '' : name }) })]);
+  const view = h('button', { class: 'quiet', onclick: () => ask({ view: isTable() ? 'cards' : 'table' }) });
+  const wall = h('a', { class: 'button quiet' }, 'Wall');
+  const isTable = () => (wish.view ? wish.view === 'table' : store.links.size > MOST_CARDS);
 
-  function update() {
-    const links = store.sorted();
-    for (const [name, chip] of Object.entries(chips)) {
-      say(chip, `${name} ${links.filter(tests[name]).length}`);
-      chip.setAttribute('aria-pressed', name === wanted);
-      chip.classList.toggle('bad', name === 'trouble' && links.some(inTrouble));
+  const cards = h('ul', { class: 'cards' });
+  const titles = heads(
+    (key) => ask({ sort: key, down: wish.sort === key && !wish.down ? '1' : '' }),
+    (is) => { for (const link of shown) chosen[is ? 'add' : 'delete'](link.name); update(); },
+  );
+  const rows = h('div', { role: 'rowgroup' });
+  const table = h('div', { role: 'table', class: 'dense panel', 'aria-label': 'Links' }, h('div', { role: 'rowgroup' }, titles.node), rows);
+  const many = bulk(chosen, () => update());
+  const empty = h('p', { class: 'empty' });
+  let shown = [];
+  let sortedAt = 0;
+  let key = '';
+  let isWhole = false;
+
+  /** Which links, in which order; whether that is another than before. */
+  function choose() {
+    const [name, , compare] = COLUMNS.find(([name]) => name === wish.sort) ?? COLUMNS[0];
+    const isCalm = CHANGES_BY_ITSELF.has(name) && Date.now() - sortedAt < CALM;
+    const fits = chosenBy(new URLSearchParams(wish));
+    const found = store.sorted().filter(fits);
+    if (isCalm) {
+      const names = new Set(found.map((link) => link.name));
+      const before = shown.filter((link) => names.delete(link.name)).map((link) => store.links.get(link.name));
+      shown = [...before, ...[...names].map((name) => store.links.get(name))];
+    } else {
+      if (name !== 'name') found.sort(compare);
+      if (wish.down) found.reverse();
+      shown = found;
+      sortedAt = Date.now();
     }
-    const part = search.value.trim().toLowerCase();
-    const shown = links.filter(tests[wanted]).filter((link) => link.name.toLowerCase().includes(part));
-    keyed(cards, shown, (link) => link.name, card);
+    const now = `${isTable()}\n${shown.map((link) => link.name).join('\n')}`;
+    const isOther = now !== key;
+    key = now;
+    return isOther;
+  }
+
+  const make = (link) => {
+    const part = isTable() ? row(link, chosen, () => update()) : card(link);
+    seen.add(part);
+    return part;
+  };
+  const bring = (part) => ({ ...part, update: (link) => { if (part.isVisible) part.update(link); } });
+  const parts = new Map();
+
+  /** All that was not told to have changed stays as it is. */
+  function update(news = null) {
+    const isOther = choose();
+    if (isOther) {
+      const [list, other] = isTable() ? [rows, cards] : [cards, rows];
+      keyed(other, [], (link) => link.name, make);
+      const first = isWhole ? shown : shown.slice(0, FIRST);
+      keyed(list, first, (link) => link.name, (link) => {
+        const part = make(link);
+        parts.set(link.name, part);
+        return bring(part);
+      });
+    }
+    for (const name of isOther || !news ? shown.map((link) => link.name) : news) {
+      const part = parts.get(name);
+      const link = store.links.get(name);
+      if (part?.isVisible && link) part.update(link);
+    }
+    tell();
+    if (isWhole || shown.length <= FIRST) return;
+    requestAnimationFrame(() => setTimeout(() => {
+      if (isWhole) return;
+      isWhole = true;
+      key = '';
+      update();
+    }));
+  }
+
+  function tell() {
+    const links = [...store.links.values()];
+    for (const [name, chip] of chips) {
+      const count = links.filter(TESTS[name]).length;
+      say(chip, count ? `${name} ${text.count(count)}` : name);
+      chip.setAttribute('aria-pressed', name === (wish.show || 'all'));
+      chip.classList.toggle('bad', name === 'trouble' && count > 0);
+    }
+    const groups = store.groups();
+    options(group, [['', 'all groups'], ...groups.map((name) => [name, name])]);
+    if (group.value !== (wish.group ?? '')) group.value = wish.group ?? '';
+    show(group, groups.length);
+    table.classList.toggle('ungrouped', !groups.length);
+    say(view, isTable() ? 'As cards' : 'As a table');
+    wall.href = address.to('wall', { group: wish.group, show: wish.show });
+    show(table, isTable() && shown.length);
+    show(cards, !isTable() && shown.length);
+    for (const name of chosen) if (!store.links.has(name)) chosen.delete(name);
+    titles.update(wish.sort || 'name', Boolean(wish.down), shown.filter((link) => chosen.has(link.name)).length, shown.length);
+    many.update();
     say(empty, links.length ? 'No link is like this.' : 'There are no links: gateway.toml names them.');
     show(empty, !shown.length);
   }
   update();
   const node = h('section', {},
-    h('h1', {}, 'Links'),
-    h('div', { class: 'tools' }, search, h('div', { class: 'chips', role: 'group', 'aria-label': 'Which links' }, Object.values(chips))),
-    cards, empty);
-  return { node, update };
+    h('div', { class: 'title' }, h('h1', {}, 'Links'), view, wall),
+    h('div', { class: 'tools' }, search, group, h('div', { class: 'chips', role: 'group', 'aria-label': 'Which links' }, chips.map(([, chip]) => chip))),
+    many.node, table, cards, empty);
+  return { node, update, end: seen.end };
 }

@@ -22,7 +22,7 @@ export function page() {
   const list = h('ul', { class: 'plugins' });
   const empty = h('p', { class: 'empty' }, 'The library is empty.');
   function update() {
-    show(form, store.role === 'admin');
+    show(form, store.isAdmin());
     show(empty, !store.plugins.length);
     keyed(list, store.plugins, (of) => of.digest, item);
   }
@@ -46,7 +46,7 @@ function item(of) {
     node,
     update(now) {
       say(runs, now.links.length ? `Runs on ${now.links.join(', ')}` : 'No link runs it.');
-      show(remove, store.role === 'admin' && !now.links.length);
+      show(remove, store.isAdmin() && !now.links.length);
     },
   };
 }

@@ -5,7 +5,7 @@ import { act } from './message.js';
 import { field, h, keyed, options, say, show } from './dom.js';
 import { lineOf, lineText } from './lines.js';
 import { listing } from './listing.js';
-import { badge } from './links.js';
+import { badge } from './state.js';
 import { toolpath } from './toolpath.js';
 import * as store from './store.js';
 import * as text from './text.js';
@@ -28,12 +28,14 @@ export function page(name) {
     list.choose(line);
     picture.choose(line);
   });
-  const heard = remarks((line) => {
+  const goTo = (line) => {
     list.choose(line);
     picture.choose(line);
     list.node.focus({ preventScroll: true });
     list.node.scrollIntoView({ block: 'nearest' });
-  });
+  };
+  const heard = remarks(goTo);
+  const odd = oddSigns(name, goTo);
   const how = reading(() => worker.postMessage({ options: how.options }), describe);
   const find = finder(() => bytes, () => starts, list, (line) => picture.choose(line));
   let bytes = null;
@@ -46,6 +48,7 @@ export function page(name) {
     if (data.starts) {
       starts = data.starts;
       list.set(bytes, starts);
+      odd.set(data.signs);
       update();
     }
     if (data.path) {
@@ -98,6 +101,7 @@ export function page(name) {
     picture.mark(place ? place.surely : -1);
     if (place && runs.isFollowed) list.reveal(place.surely);
     sendTo.update();
+    odd.update(store.links.get(sendTo.link));
   }
 
   const sendTo = sender(name);
@@ -110,7 +114,7 @@ export function page(name) {
     h('div', { class: 'columns' },
       h('div', { class: 'panel' }, h('h2', {}, 'Text'), find.node, list.node),
       h('div', { class: 'panel' }, h('h2', {}, 'Tool path'), picture.node, how.node)),
-    heard.node);
+    odd.node, heard.node);
   again();
   return {
     node,
@@ -188,22 +192,24 @@ function sender(name) {
     say(send, link.value ? `Send to ${link.value}` : 'Send');
     send.disabled = !link.value;
   }
-  return { node: h('span', { class: 'buttons' }, h('label', { class: 'inline' }, 'Send to ', link), send), update };
+  const node = h('span', { class: 'buttons' }, h('label', { class: 'inline' }, 'Send to ', link), send);
+  show(node, store.mayAct());
+  return { node, update, get link() { return link.value; } };
 }
 
 /** How numbers are read; and how fast rapids are, which no program says. */
 function reading(changed, rapidChanged) {
-  const kept = JSON.parse(localStorage.getItem(FORM_KEY) ?? '{}');
+  const kept = new URLSearchParams(localStorage.getItem(FORM_KEY) ?? '');
   const machine = h('select', { onchange: keep }, h('option', { value: 'mill' }, 'Mill'), h('option', { value: 'lathe' }, 'Lathe: X is a diameter, U and W are steps, feed for a turn'));
   const whole = h('select', { onchange: keep }, h('option', { value: 'whole' }, '10 is 10 mm (10 inch)'), h('option', { value: 'thousandths' }, '10 is 0.01 mm (0.001 inch)'));
   const rapid = h('input', { type: 'number', min: '0.1', max: '200', step: '0.1', value: localStorage.getItem(RAPID_KEY) ?? '10', oninput: () => {
     localStorage.setItem(RAPID_KEY, rapid.value);
     rapidChanged();
   } });
-  machine.value = kept.machine === 'lathe' ? 'lathe' : 'mill';
-  whole.value = kept.whole === 'thousandths' ? 'thousandths' : 'whole';
+  machine.value = kept.get('machine') === 'lathe' ? 'lathe' : 'mill';
+  whole.value = kept.get('whole') === 'thousandths' ? 'thousandths' : 'whole';
   function keep() {
-    localStorage.setItem(FORM_KEY, JSON.stringify({ machine: machine.value, whole: whole.value }));
+    localStorage.setItem(FORM_KEY, new URLSearchParams({ machine: machine.value, whole: whole.value }));
     changed();
   }
   return {
@@ -247,6 +253,32 @@ function finder(bytesOf, startsOf, list, found) {
   } }, what, h('button', {}, 'Find'), said);
   return { node: form };
 }
+
+/** What not every line can say; what the line of the chosen link makes of it, the plug-in knows alone. */
+function oddSigns(name, goTo) {
+  const body = h('tbody');
+  const command = h('code');
+  const hint = h('p', { class: 'facts' }, 'What is left out, replaced or refused of them on this link, its plug-in tells before anything is sent: ', command);
+  const table = h('table', { class: 'measured' }, h('thead', {}, h('tr', {}, ['Sign', 'How often', 'First in', 'Write instead'].map((title) => h('th', { scope: 'col' }, title)))), body);
+  const node = h('div', { class: 'panel' }, h('h2', {}, 'Signs that not every control takes'), h('div', { class: 'scroll', tabIndex: 0, role: 'region', 'aria-label': 'Table of signs' }, table), hint);
+  show(node, false);
+  return {
+    node,
+    set(signs) {
+      body.replaceChildren(...signs.map(({ sign, count, line, instead }) => h('tr', {}, h('td', {}, sign), h('td', {}, text.count(count)),
+        h('td', {}, h('button', { class: 'link', onclick: () => goTo(line) }, `line ${text.count(line + 1)}`)), h('td', {}, instead ?? '–'))));
+      show(node, signs.length);
+    },
+    /** The link that it would be sent to. */
+    update(link) {
+      show(hint, link?.plugin);
+      if (link?.plugin) say(command, `softplug check ${quoted(name.split('/').at(-1))} --plugin ${link.plugin.name}`);
+    },
+  };
+}
+
+/** As a shell takes it for one word. */
+const quoted = (word) => (/^[A-Za-z0-9._/-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
 
 /** What was not understood, and what was taken for granted. */
 function remarks(goTo) {

@@ -30,7 +30,7 @@ export function page() {
   const link = h('select', { 'aria-label': 'Link to send to', onchange: update });
   const body = h('tbody');
   const empty = h('p', { class: 'empty' }, 'No programs.');
-  const frame = h('div', { class: 'scroll' }, h('table', { class: 'stack' }, h('thead', {}, h('tr', {}, ['Program', 'Size', 'Changed', ''].map((title) => h('th', {}, title)))), body));
+  const frame = h('div', { class: 'scroll' }, h('table', { class: 'stack' }, h('thead', {}, h('tr', {}, ['Program', 'Size', 'Changed', 'Actions'].map((title) => h('th', {}, title)))), body));
 
   function row({ name }) {
     const size = h('td');
@@ -42,7 +42,7 @@ export function page() {
     }) });
     const node = h('tr', {}, h('td', {}, h('a', { href: `#/program/${api.part(name)}` }, name)), size, when, h('td', { class: 'buttons' }, send,
       h('button', { class: 'quiet', 'aria-label': `Save ${name}`, onclick: () => act(() => api.save(`/programs/${api.part(name)}`, name.split('/').at(-1))) }, 'Save'),
-      store.role === 'admin' && sureButton('Delete', () => act(() => api.remove(`/programs/${api.part(name)}`)))));
+      store.isAdmin() && sureButton('Delete', () => act(() => api.remove(`/programs/${api.part(name)}`)))));
     return {
       node,
       update(now) {
@@ -53,6 +53,7 @@ export function page() {
         say(send, to);
         send.setAttribute('aria-label', `${to}: ${name}`);
         send.disabled = !link.value;
+        show(send, store.mayAct());
       },
     };
   }
@@ -64,9 +65,12 @@ export function page() {
     keyed(body, shown, ({ name }) => name, row);
     show(frame, shown.length);
     show(empty, !shown.length);
+    show(form, store.mayAct());
+    show(to, store.mayAct());
   }
+  const to = h('label', { class: 'inline' }, 'Send to ', link);
   update();
   const node = h('section', {}, h('h1', {}, 'Programs'), form,
-    h('div', { class: 'panel' }, h('div', { class: 'tools' }, search, h('label', { class: 'inline' }, 'Send to ', link)), frame, empty));
+    h('div', { class: 'panel' }, h('div', { class: 'tools' }, search, to), frame, empty));
   return { node, update };
 }

@@ -3,6 +3,7 @@
 import { compare } from './differences.js';
 import { read } from './gcode.js';
 import { index } from './lines.js';
+import { signs } from './signs.js';
 
 let bytes = null;
 let starts = null;
@@ -16,7 +17,7 @@ self.onmessage = ({ data }) => {
   if (data.bytes) {
     bytes = new Uint8Array(data.bytes);
     starts = index(bytes);
-    self.postMessage({ starts });
+    self.postMessage({ starts, signs: signs(bytes, starts) });
   }
   const path = read(bytes, starts, data.options, (part) => self.postMessage({ part }));
   self.postMessage({ path }, [path.points.buffer, path.pointLines.buffer, path.kinds.buffer]);

@@ -14,6 +14,9 @@ export function bytes(count) {
   return `${value.toFixed(digits)} ${UNITS[unit]}`;
 }
 
+/** Bytes to the last one. */
+export const exact = (number) => `${count(number)} ${number === 1 ? 'byte' : 'bytes'}`;
+
 export function count(number) {
   return (number ?? 0).toLocaleString('en');
 }
@@ -32,8 +35,18 @@ export function span(us) {
   if (seconds < 1) return `${Math.round(seconds * 1000)} ms`;
   if (seconds < 60) return `${seconds.toFixed(1)} s`;
   const minutes = Math.floor(seconds / 60);
-  if (minutes < 60) return `${minutes} min ${Math.floor(seconds % 60)} s`;
-  return `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
+  const rest = minutes < 60 ? Math.floor(seconds % 60) : minutes % 60;
+  if (minutes < 60) return `${minutes} min${rest ? ` ${rest} s` : ''}`;
+  return `${Math.floor(minutes / 60)} h${rest ? ` ${rest} min` : ''}`;
+}
+
+/** A span that is only reckoned: no more digits than are known. */
+export function rough(us) {
+  const seconds = us / 1e6;
+  if (seconds < 10) return 'a few s';
+  if (seconds < 90) return `${Math.ceil(seconds / 5) * 5} s`;
+  const minutes = Math.ceil(seconds / 60);
+  return minutes < 60 ? `${minutes} min` : `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
 }
 
 export function since(ms) {
@@ -53,6 +66,9 @@ export function job(of) {
   if (of.text) parts.push(isSaid ? of.text.slice(0, -of.state.length).replace(/; $/, '') : of.text);
   return parts.join('; ');
 }
+
+/** Whether one version of a plug-in comes after another. */
+export const isNewer = (one, other) => one.version.localeCompare(other.version, 'en', { numeric: true }) > 0;
 
 /** A plug-in's name and version. */
 export function plugin(of) {

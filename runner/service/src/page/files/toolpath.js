@@ -1,7 +1,7 @@
 // The way of a tool as a picture: seen along an axis or aslant, to be moved and enlarged by mouse, touch and keys.
 
 import { h, say } from './dom.js';
-import { JUMP, RAPID } from './gcode.js';
+import { JUMP, RAPID } from './way.js';
 
 const [S2, S6] = [Math.SQRT1_2, 1 / Math.sqrt(6)];
 /** What goes to the right and what goes up, of x, y and z. */
@@ -18,12 +18,14 @@ const SLICE_MS = 10;
 /** Beyond this a point is far outside of every picture. */
 const FAR = 30_000;
 const DASH = 4;
+/** A picture of more points has thinner lines. */
+const DENSE = 50_000;
 
 /** `onPick` is told the line of the point that was clicked on. */
 export function toolpath(onPick) {
   const base = h('canvas', { 'aria-hidden': 'true' });
   const over = h('canvas', {
-    class: 'over', tabIndex: 0, role: 'img', 'aria-label': 'Tool path',
+    class: 'over', tabIndex: 0, role: 'img', 'aria-label': 'Tool path', 'aria-describedby': 'toolpath-keys',
     onkeydown: pressed, onwheel: turned, onpointerdown: down, onpointermove: moved, onpointerup: up, onpointercancel: up, ondblclick: fit,
   });
   const frame = h('div', { class: 'canvas' }, base, over);
@@ -32,7 +34,7 @@ export function toolpath(onPick) {
   const zoomIn = h('button', { 'aria-label': 'Larger', title: 'Larger (+)', onclick: () => zoom(1.4) }, '+');
   const zoomOut = h('button', { 'aria-label': 'Smaller', title: 'Smaller (-)', onclick: () => zoom(1 / 1.4) }, '−');
   const whole = h('button', { title: 'All of it (0)', onclick: () => fit() }, 'Fit');
-  const hint = h('p', { class: 'facts' });
+  const hint = h('p', { class: 'facts', id: 'toolpath-keys' });
   const node = h('div', { class: 'toolpath' },
     h('div', { class: 'tools' }, h('div', { class: 'chips', role: 'group', 'aria-label': 'View' }, views), zoomIn, zoomOut, whole), frame,
     h('p', { class: 'legend-path' }, h('span', { class: 'cut' }, 'cut'), h('span', { class: 'rapid' }, 'rapid'), h('span', { class: 'done' }, 'has left'), h('span', { class: 'here' }, 'leaves now'), h('span', { class: 'picked' }, 'chosen line')),
@@ -210,14 +212,15 @@ export function toolpath(onPick) {
     const began = performance.now();
     const done = before(here);
     const count = path.kinds.length;
+    const thick = count > DENSE ? 0.6 : 1.6;
     while (drawnTo < count && performance.now() - began < SLICE_MS) {
       const to = Math.min(count, drawnTo + SLICE);
-      stroke(drawnTo, to, { [RAPID]: [colour('soft'), 0.7], 2: [colour('accent'), 1.6] });
+      stroke(drawnTo, to, { [RAPID]: [colour('soft'), 0.7], 2: [colour('accent'), thick] });
       drawnTo = to;
     }
     while (drawnTo >= count && doneTo < done && performance.now() - began < SLICE_MS) {
       const to = Math.min(done, doneTo + SLICE);
-      stroke(doneTo, to, { 2: [colour('good'), 2.6] });
+      stroke(doneTo, to, { 2: [colour('good'), thick + 1] });
       doneTo = to;
     }
     if (drawnTo < count || doneTo < done) requestAnimationFrame(() => goOn(mine));

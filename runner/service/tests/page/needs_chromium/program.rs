@@ -131,6 +131,38 @@ fn how_it_is_read_can_be_said() {
 }
 
 #[test]
+fn signs_that_not_every_control_takes_are_named() {
+    let bench = Bench::new();
+    let text = "%\nO1 (GR\u{fc}N f\u{fc}r M)\nG1 X10. ;CUT\n\tM30\n\u{14}%\n";
+    let program = [text.as_bytes(), b"(\xe4)\n"].concat();
+    bench.upload("odd%20name.nc", &program).with(201);
+    bench.upload("plain.nc", PLATE.as_bytes()).with(201);
+    let mut browser = open(&bench, "program/odd%20name.nc");
+    browser.sees("Signs that not every control takes");
+    let rows = "[...document.querySelectorAll('table.measured tbody tr')].map((row) => [...row.children].map((cell) => cell.textContent))";
+    assert_eq!(
+        browser.value(rows),
+        json!([
+            ["\u{fc}", "2", "line 2", "UE"],
+            ["small letters", "2", "line 2", "capitals"],
+            [";", "1", "line 3", "–"],
+            ["TAB", "1", "line 4", "a space"],
+            ["DC4", "1", "line 5", "–"],
+            ["byte E4", "1", "line 6", "save the file as plain ASCII"],
+        ])
+    );
+    browser.value(
+        "(() => { const select = document.querySelector('select[aria-label=\"Link to send to\"]'); \
+         select.value = 'press-3'; select.dispatchEvent(new Event('change')); })()",
+    );
+    browser.sees("softplug check 'odd name.nc' --plugin r3964");
+    browser.value("location.hash = '#/program/plain.nc'");
+    browser.sees("18 lines");
+    browser.until("!document.querySelector('table.measured')?.checkVisibility()");
+    assert_eq!(browser.complaints, Vec::<String>::new());
+}
+
+#[test]
 fn the_line_that_leaves_is_shown_in_text_and_way() {
     let bench = Bench::new();
     let blocks = (1..=4_000).fold(String::from("%\nG90\n"), |mut text, n| {
@@ -153,7 +185,7 @@ fn the_line_that_leaves_is_shown_in_text_and_way() {
     let line = browser.value(now).as_u64().unwrap();
     let view = bench.get(&format!("/jobs/{}", job["id"])).with(200).json();
     let left = view["surely_left"].as_u64().unwrap() as usize;
-    let lines = blocks.as_bytes()[..left].iter().filter(|byte| **byte == b'\n').count() as u64;
+    let lines = blocks[..left].matches('\n').count() as u64;
     assert!(line <= lines + 1, "line {line} is marked, {lines} have left");
     browser.until("document.querySelector('.listing .left .sign').textContent === '✓'");
     browser.until("document.querySelector('.runs code').textContent.startsWith('N')");
@@ -217,7 +249,7 @@ fn hostile_programs_are_only_shown() {
     bench.upload("empty.nc", b"\n").with(201);
     let mut browser = open(&bench, "program/hostile.nc");
     browser.sees(mark);
-    browser.sees("⟨U+202E⟩G1␀␇");
+    browser.sees("⟨U+202E⟩G1⟨NUL⟩⟨BEL⟩");
     browser.sees("899,600 more bytes");
     browser.sees("Nothing to draw");
     assert_eq!(browser.value("document.querySelectorAll('main img').length"), 0);

@@ -151,7 +151,8 @@ fn held_and_paused_are_two_things_and_all_say_the_same_words() {
     assert!(held.ends_with("; held by the machine"), "{held}");
     hall.card();
     hall.browser.sees(&format!("O1.nc: {held}"));
-    hall.browser.sees("sending, held by the machine");
+    hall.browser
+        .until("document.querySelector('.card .badge')?.textContent === '■held by the machine'");
     hall.page();
     hall.browser.sees(&format!("O1.nc: {held}"));
     hall.browser
@@ -161,9 +162,9 @@ fn held_and_paused_are_two_things_and_all_say_the_same_words() {
     hall.bench.until("/links/lathe-1", |link| link["is_held"] == false);
     let paused = words(&hall);
     assert!(paused.ends_with("; paused") && !paused.contains("held"), "{paused}");
-    hall.browser.until("document.querySelector('.badge')?.textContent.endsWith('paused')");
+    hall.browser.until("document.querySelector('.badge')?.textContent.endsWith('paused by hand')");
     hall.browser.sees(&format!("O1.nc: {paused}"));
-    hall.browser.until("!document.body.innerText.includes('Go on although held')");
+    hall.browser.until("!document.body.innerText.includes('Override hold')");
     hall.card();
     hall.browser.sees(&format!("O1.nc: {paused}"));
     hall.browser.until("!document.querySelector('.card')?.innerText.includes('held')");
