@@ -125,7 +125,7 @@ fn bench(baud: u32, depth: usize, room: u32) -> Bench<Frames> {
 
 proptest! {
     #[test]
-    fn an_answer_stands_between_two_units(
+    fn an_answer_stands_between_two_symbols(
         data in bytes(),
         pauses in proptest::collection::vec(1..60_i64, 0..20),
         depth in 1..40_usize,
@@ -165,7 +165,7 @@ proptest! {
     }
 
     #[test]
-    fn what_is_cut_ends_between_two_units_and_spares_answers(
+    fn what_is_cut_ends_between_two_symbols_and_spares_answers(
         data in bytes(),
         pause in 1..100_i64,
         asked in 0..5_usize,
@@ -219,6 +219,87 @@ proptest! {
             prop_assert_eq!(block.as_slice(), &model[..]);
             prop_assert_eq!((block.len(), block.room()), (model.len(), 100 - model.len()));
         }
+    }
+}
+
+/// Sends the job in blocks of 40 bytes as they are, each when the one before can have left.
+#[derive(State)]
+struct Plain {
+    sender: BlockSender<40>,
+    is_given: bool,
+}
+
+impl Converter for Plain {
+    type Settings = ();
+    const MANIFEST: &'static str = r#"{"abi": "1.0", "name": "plain", "version": "1", "licence": "MIT",
+        "protocol": "p", "description": "d", "jobs": [{"name": "send", "text": "t"}],
+        "state": {"saves": 1, "accepts": [1]}}"#;
+
+    fn new((): ()) -> Self {
+        Self { sender: BlockSender::new(), is_given: false }
+    }
+
+    fn parts(&mut self, link: &mut Context<'_>, event: &PartEvent<'_>) {
+        self.sender.hear(link, event);
+    }
+
+    fn job_begin(&mut self, link: &mut Context<'_>, job: JobStart<'_>) {
+        self.sender.begin(link, job.job);
+        self.is_given = false;
+    }
+
+    fn abort(&mut self, link: &mut Context<'_>, _job: u32) {
+        self.sender.stop(link, Failure::Aborted);
+    }
+
+    fn after(&mut self, link: &mut Context<'_>) {
+        if self.is_given && self.sender.has_left() {
+            self.is_given = false;
+            self.sender.acknowledged(40);
+        }
+        if self.is_given || !self.sender.is_active() || self.sender.is_paused() {
+            return;
+        }
+        let data = *self.sender.data();
+        if data.room() > 0 && !self.sender.has_ended() {
+            self.sender.want(link, data.room());
+        } else if data.is_empty() {
+            self.sender.done(link);
+        } else {
+            self.is_given = self.sender.give(link, data.len(), |at| data.as_slice()[at]);
+        }
+    }
+
+    state_format!(1);
+}
+
+proptest! {
+    #[test]
+    fn blocks_leave_as_they_are_and_what_has_left_is_counted(
+        data in bytes(),
+        depth in 1..40_usize,
+        room in 1..100_u32,
+        pauses in proptest::collection::vec(1..50_i64, 0..6),
+        is_aborted in any::<bool>(),
+    ) {
+        let mut bench = Bench::<Plain>::new().depth(depth).room(room, 64).open();
+        bench.send(&data);
+        for pause in pauses {
+            bench.run_for_millis(pause);
+            bench.swap();
+        }
+        if is_aborted {
+            bench.host(|link, now, host| link.abort(now, 1, host));
+        }
+        bench.run_for_millis(1_000);
+        let line = bench.sent();
+        prop_assert_eq!(&line[..], &data[..line.len()]);
+        let sent = line.len() as u64;
+        let ends: Vec<_> = bench.observed().iter().map(|(_, seen)| seen.clone()).collect();
+        let failed = Observed::Failed { job: 1, failure: Failure::Aborted, status: 0, sent };
+        let done = Observed::Done { job: 1, sent };
+        let is_done = ends.contains(&done) && line.len() == data.len();
+        prop_assert!(is_done || (is_aborted && ends.contains(&failed)), "{ends:?}");
     }
 }
 

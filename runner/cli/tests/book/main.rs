@@ -102,6 +102,7 @@ pages! {
     decision_0014: "decisions/0014-an-interpreter-that-translates-nothing.md",
     decision_0015: "decisions/0015-units-know-keys-not-certificates.md",
     decision_0016: "decisions/0016-channels-meet-and-nothing-is-remembered.md",
+    decision_0017: "decisions/0017-answers-between-symbols.md",
     decisions_dependencies: "decisions/dependencies.md",
 }
 
