@@ -48,6 +48,7 @@ pages! {
     troubleshooting: "troubleshooting.md",
     tutorial: "tutorial.md",
     write: "write.md",
+    windows: "windows.md",
     languages: "languages.md",
     certify: "certify.md",
     ci: "ci/README.md",
