@@ -70,7 +70,7 @@ struct Listing<'a> {
 }
 
 #[derive(Serialize)]
-struct Findings<'a> {
+struct Linted<'a> {
     corpus: &'a str,
     /// Clauses whose hash was written.
     fixed: &'a [String],
@@ -153,7 +153,7 @@ fn lint(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
         numbers::things(findings.len() as u64, "finding"),
     ));
     let exit = if findings.is_empty() { Exit::Done } else { Exit::Failed };
-    screen.document(&Findings { corpus: &corpus.digest, fixed: &fixed, findings });
+    screen.document(&Linted { corpus: &corpus.digest, fixed: &fixed, findings });
     Ok(exit)
 }
 

@@ -21,7 +21,7 @@ pub(super) enum Wire {
 /// A TCP port, and who is connected to it.
 #[derive(Debug)]
 pub(super) struct Listener {
-    listener: TcpListener,
+    socket: TcpListener,
     address: SocketAddr,
     client: Option<Stream>,
 }
@@ -39,10 +39,10 @@ impl Wire {
 
     pub(super) fn tcp(address: SocketAddr) -> Result<Self, PortError> {
         let bind = || -> io::Result<Listener> {
-            let listener = TcpListener::bind(address)?;
-            listener.set_nonblocking(true)?;
-            let address = listener.local_addr()?;
-            Ok(Listener { listener, address, client: None })
+            let socket = TcpListener::bind(address)?;
+            socket.set_nonblocking(true)?;
+            let address = socket.local_addr()?;
+            Ok(Listener { socket, address, client: None })
         };
         let failed = |source| PortError::Listen { address: address.to_string(), source };
         bind().map(Self::Tcp).map_err(failed)
@@ -124,7 +124,7 @@ impl Listener {
     /// Takes whoever comes; a second one is sent away.
     fn accept(&mut self) {
         loop {
-            match self.listener.accept() {
+            match self.socket.accept() {
                 Ok((stream, _)) if self.client.is_none() => {
                     self.client = Stream::over(stream).ok();
                 }

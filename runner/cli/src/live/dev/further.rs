@@ -29,13 +29,13 @@ const ABI: &str = "abi";
 struct Document {
     result: &'static str,
     /// Verdicts by profile.
-    verdicts: Vec<Verdict>,
+    verdicts: Vec<Judged>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     explored: Vec<Explored>,
 }
 
 #[derive(Serialize)]
-struct Verdict {
+struct Judged {
     profile: String,
     verdict: &'static str,
     passed: u32,
@@ -64,7 +64,7 @@ pub(super) fn look(built: &Built, root: &Path, broken_off: &AtomicBool, screen: 
             return;
         }
         show(profile, &report, screen);
-        document.verdicts.push(Verdict {
+        document.verdicts.push(Judged {
             profile: profile.to_owned(),
             verdict: report.verdict.text(),
             passed: report.counts.passed,

@@ -19,7 +19,7 @@ const STEPS: usize = 20;
 
 /// Watches a project until it is dropped.
 pub(super) struct Changes {
-    changes: Receiver<Instant>,
+    saves: Receiver<Instant>,
     /// Something was saved, and [`next`](Self::next) has not told it yet.
     news: Arc<AtomicBool>,
     _watcher: RecommendedWatcher,
@@ -35,7 +35,7 @@ impl Changes {
         let root = root.canonicalize().map_err(|error| fail(&error))?;
         let parts: Vec<PathBuf> = project.sources().map(|name| root.join(name)).collect();
         let folders: Vec<_> = parts.iter().filter(|part| part.is_dir()).cloned().collect();
-        let (to, changes) = channel();
+        let (to, saves) = channel();
         let news = Arc::new(AtomicBool::new(false));
         let has_come = Arc::clone(&news);
         let mut watcher = notify::recommended_watcher(move |event: notify::Result<Event>| {
@@ -53,7 +53,7 @@ impl Changes {
         let below = folders.iter().map(|folder| watcher.watch(folder, RecursiveMode::Recursive));
         let watched = std::iter::once(top).chain(below).collect::<Result<(), _>>();
         watched.map_err(|error| fail(&error))?;
-        Ok(Self { changes, news, _watcher: watcher })
+        Ok(Self { saves, news, _watcher: watcher })
     }
 
     /// True as soon as something is saved; whoever sets it breaks off what waits for that.
@@ -63,9 +63,9 @@ impl Changes {
 
     /// When the next save began; none when it is time to end.
     pub(super) fn next(&self, stop: &AtomicBool) -> Option<Instant> {
-        let first = next(&self.changes, stop)?;
+        let first = next(&self.saves, stop)?;
         let mut steps = 0..STEPS;
-        while steps.next().is_some() && self.changes.recv_timeout(SETTLED).is_ok() {}
+        while steps.next().is_some() && self.saves.recv_timeout(SETTLED).is_ok() {}
         if !stop.load(Ordering::Relaxed) {
             self.news.store(false, Ordering::Relaxed);
         }
