@@ -101,7 +101,7 @@ mod tests {
     fn only_what_has_got_to_another_block_is_looked_up() {
         let folder = tempfile::tempdir().unwrap();
         let snapshots = Snapshots::open_folder(folder.path()).unwrap();
-        let program = (1..=9).map(|n| format!("N{n} G1 X{n}\n")).collect::<String>();
+        let program = (1..=9).map(|n| format!("N{n} G1 X{n}\n")).collect::<Vec<_>>().concat();
         let data = snapshots.take_all(&mut io::Cursor::new(program), "O1", 1_000).unwrap();
         let mut places = HashMap::new();
         let mut at = |byte| {
