@@ -175,6 +175,12 @@ fn fix(folder: &Path, screen: &Screen) -> Result<Vec<String>, Failure> {
         if hashed.clauses.is_empty() {
             continue;
         }
+        if path.is_symlink() {
+            let path = path.display();
+            return Err(Failure::usage(format_args!(
+                "{path} is a link, and is not written through"
+            )));
+        }
         files::replace(&path, hashed.text.as_bytes())?;
         for clause in &hashed.clauses {
             screen.say(format_args!("{}: hash of {clause} written", path.display()));

@@ -35,6 +35,8 @@ pub(super) trait Simulated: Partner {
 pub(super) struct Machine<P> {
     simulator: Simulator<Watched<P>>,
     quiet_time: Option<Micros>,
+    /// What waited to be taken at the last look.
+    unwritten: usize,
 }
 
 impl<P: Simulated> Machine<P> {
@@ -42,7 +44,7 @@ impl<P: Simulated> Machine<P> {
     /// so long and all is done.
     pub(super) fn new(partner: P, quiet_time: Option<Micros>) -> Result<Self, PortError> {
         let simulator = Simulator::new(Watched { partner, moved_at: None })?;
-        Ok(Self { simulator, quiet_time })
+        Ok(Self { simulator, quiet_time, unwritten: 0 })
     }
 
     /// Behind a TCP port.
@@ -52,12 +54,17 @@ impl<P: Simulated> Machine<P> {
         quiet_time: Option<Micros>,
     ) -> Result<Self, PortError> {
         let simulator = Simulator::listen(address, Watched { partner, moved_at: None })?;
-        Ok(Self { simulator, quiet_time })
+        Ok(Self { simulator, quiet_time, unwritten: 0 })
     }
 
     /// The port to open.
     pub(super) fn port(&self) -> PortSpec {
         self.simulator.port()
+    }
+
+    /// Whether something that it has sent was not taken.
+    pub(super) fn has_unwritten(&self) -> bool {
+        self.simulator.unwritten() > 0
     }
 
     /// The machine, to look at.
@@ -73,9 +80,14 @@ impl<P: Simulated> Machine<P> {
             self.simulator.turn(now + TICK)?;
             let now = self.simulator.now();
             let is_connected = self.simulator.is_connected();
+            let unwritten = self.simulator.unwritten();
             let watched = &mut self.simulator.partner;
             if is_connected {
                 watched.partner.connected(now);
+            }
+            // What the machine has sent moves only when it is taken.
+            if std::mem::replace(&mut self.unwritten, unwritten) != unwritten {
+                watched.moved_at = Some(now);
             }
             watched.partner.tend(now);
             let quiet = self.quiet_time.zip(watched.moved_at);

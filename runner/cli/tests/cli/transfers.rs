@@ -232,6 +232,27 @@ fn a_script_plays_the_partner_of_a_trace() {
     assert_eq!(code, 1);
     assert_eq!(report["message"], "line 14: 43 is expected, 58 came");
 
+    // What was to come is compared, and kept.
+    let options =
+        ["partner.spt", "--once", "--quiet-time", "1", "--expect", "other.nc", "--out", "came.bin"];
+    let simulation = Simulation::of("script", &bench, &options);
+    let send = ["send", "--port", &simulation.port, "--plugin", "xon-xoff", "good.nc"];
+    bench.run(&[&send[..], &["--line", "9600 8N1"]].concat()).with_code(0);
+    let (code, report) = simulation.end();
+    assert_eq!((code, &report["as_expected"]), (1, &false.into()), "{report}");
+    assert_eq!(bench.read("came.bin"), b"ABCD");
+
+    // What is said counts once it was taken.
+    let body = "< 0.000000 gen:bytes(1,1000000)\n. 1.000000\n";
+    bench.write("long.spt", format!("{front}{body}"));
+    let options = ["long.spt", "--once", "--quiet-time", "1", "--listen", "127.0.0.1:0"];
+    let simulation = Simulation::of("script", &bench, &options);
+    let address = simulation.port.strip_prefix("tcp://").unwrap();
+    let deaf = std::net::TcpStream::connect(address).unwrap();
+    let (code, report) = simulation.end();
+    assert_eq!((code, report["result"].as_str()), (1, Some("failed")), "{report}");
+    drop(deaf);
+
     bench.write("lines.spt", format!("{front}! 0.000000 break\n. 1.000000\n"));
     let ran = bench.run(&["simulate", "script", "lines.spt"]).with_code(2);
     assert!(ran.err.contains("lines.spt:10: a partner of bytes alone"), "{ran:?}");

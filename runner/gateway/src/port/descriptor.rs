@@ -6,7 +6,7 @@ use super::open::Port;
 
 impl Port {
     /// A descriptor that keeps a device open, as it is, until another process has opened it; see
-    /// [`TtyPort::hand_over`]. `None`: there is nothing to keep.
+    /// [`TtyPort::hand_over`](super::TtyPort::hand_over). `None`: there is nothing to keep.
     pub fn hand_over(&mut self) -> Option<OwnedFd> {
         match self {
             Self::Tty(port) => port

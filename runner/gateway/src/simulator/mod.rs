@@ -70,6 +70,11 @@ impl<P: Partner> Simulator<P> {
         self.wire.is_connected()
     }
 
+    /// Characters that the machine has sent and nobody has taken.
+    pub fn unwritten(&self) -> usize {
+        self.unwritten.len()
+    }
+
     /// Time on the machine's clock.
     pub fn now(&self) -> Micros {
         self.poller.clock().now()

@@ -9,7 +9,7 @@ use serde::Serialize;
 use softplug_conformance::ledger::{Clause, Ledger};
 use softplug_conformance::{Corpus, Source as CaseSource};
 use softplug_report::Level;
-use softplug_trace::{Entry, Line, Trace, What};
+use softplug_trace::{Entry, Line, Trace, What, is_slug};
 
 use crate::commands::cases::no_profile;
 use crate::corpus::Source;
@@ -26,8 +26,7 @@ use crate::screen::Screen;
 /// plug-in write the rest with `softplug replay PLUGIN FILE --bless`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
-  softplug trace new my-machine.tx.line
-  softplug trace new my-machine.rx.late-nak --clause my-machine.rx.nak --title \"NAK comes late\"
+  softplug trace new my-machine.tx.late-nak --clause my-machine.tx.repeat --title \"NAK comes late\"
   softplug trace new r3964.rx.twice --like r3964.rx.press-line --out twice.spt")]
 pub(super) struct Arguments {
     /// The id of the case: the profile, a dot and more
@@ -36,7 +35,8 @@ pub(super) struct Arguments {
     /// One sentence that says what the case shows
     #[arg(long, default_value = "What this case shows")]
     title: String,
-    /// A clause that it shows; may be repeated [default: the clause of the same name]
+    /// A clause that it shows; may be repeated [default: the clause of the same name, or those of
+    /// the case that it is like]
     #[arg(long = "clause", value_name = "CLAUSE")]
     clauses: Vec<String>,
     /// Begin with the events of this case
@@ -62,14 +62,18 @@ const EMPTY: &str = "# ? is what the host asks for, < what comes from the line. 
 pub(super) fn run(arguments: &Arguments, screen: &Screen) -> Result<Exit, Failure> {
     let id = &arguments.id;
     let profile = id.split('.').next().unwrap_or_default();
+    if !is_slug(id) || !id.contains('.') {
+        return Err(Failure::usage(format_args!("\"{}\" is no id of a case", id.escape_debug()))
+            .hint("it is the profile, a dot and more, in lower-case letters, digits and hyphens"));
+    }
     let corpus = arguments.corpus.load_for(profile, screen)?;
     let ledger = corpus.ledger(profile).ok_or_else(|| no_profile(&corpus, profile))?;
     if corpus.list().iter().any(|case| case.id == id) {
         return Err(Failure::usage(format_args!("there is a case {id} already"))
             .hint(format_args!("`softplug explain {id}` shows it; choose another id")));
     }
-    let clauses = clauses(arguments, ledger)?;
     let like = arguments.like.as_deref().map(|like| find(&corpus, like)).transpose()?;
+    let clauses = clauses(arguments, ledger, like)?;
     let text = text(arguments, ledger, &clauses, like, &corpus);
     let trace = Trace::parse(&text).map_err(|error| {
         // What was given stands in it; all else is right.
@@ -95,12 +99,22 @@ fn has(folder: &Path, profile: &str) -> bool {
     folder.join("traces").join(profile).is_dir()
 }
 
-/// The clauses that were named, else the one of the case's name.
-fn clauses<'a>(arguments: &Arguments, ledger: &'a Ledger) -> Result<Vec<&'a Clause>, Failure> {
+/// The clauses that were named, else the one of the case's name, else those of the case that it is
+/// like.
+fn clauses<'a>(
+    arguments: &Arguments,
+    ledger: &'a Ledger,
+    like: Option<&Trace>,
+) -> Result<Vec<&'a Clause>, Failure> {
     let ids = || ledger.clauses.iter().map(|clause| clause.id.as_str());
     if arguments.clauses.is_empty() {
         if let Some(clause) = ledger.clause(&arguments.id) {
             return Ok(vec![clause]);
+        }
+        let of_like = like.into_iter().flat_map(|like| &like.front.clauses);
+        let of_like: Vec<_> = of_like.filter_map(|id| ledger.clause(id)).collect();
+        if !of_like.is_empty() {
+            return Ok(of_like);
         }
         let group = arguments.id.rsplit_once('.').map_or("", |(group, _)| group);
         let near: Vec<_> = ids().filter(|id| id.starts_with(&format!("{group}."))).collect();

@@ -66,7 +66,9 @@ impl Simulated for Kermit {
 }
 
 pub(super) fn run(simulation: &KermitSimulation, screen: &Screen) -> Result<Exit, Failure> {
-    let options = Options { rest: Some(REST), ..simulation.options.clone() };
+    // Only one transfer is asked for, or one behind the other.
+    let rest = simulation.run.quiet_time.is_none().then_some(REST);
+    let options = Options { rest, ..simulation.options.clone() };
     let machine = run_machine(Kermit(Machine::new(options)), &simulation.run, screen)?;
     let machine = &machine.partner().0;
     let Report { name, came, done, failed, packets, error, .. } = machine.report();

@@ -5,7 +5,7 @@ use softplug_abi::Micros;
 use softplug_machines::script::{Report, Script};
 use softplug_machines::{Partner, Signal};
 
-use super::run_machine;
+use super::{put_away, run_machine, say_expected};
 use crate::commands::simulate::ScriptSimulation;
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -21,6 +21,8 @@ struct Document {
     expected: usize,
     said: usize,
     lines: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    as_expected: Option<bool>,
     #[serde(skip_serializing_if = "Option::is_none")]
     message: Option<String>,
 }
@@ -68,7 +70,15 @@ pub(super) fn run(simulation: &ScriptSimulation, screen: &Screen) -> Result<Exit
     let script = Script::new(bytes, simulation.lines.clone());
     let machine = run_machine(Playing(script), &simulation.run, screen)?;
     let report = machine.partner().0.report();
-    let message = difference(simulation, report);
+    let mut received: Vec<u8> =
+        simulation.expected[..report.came].iter().map(|(byte, _)| *byte).collect();
+    received.extend(report.other);
+    let as_expected = put_away(&received, &simulation.run)?;
+    let is_unsaid = report.is_over && machine.has_unwritten();
+    let message = match difference(simulation, report) {
+        None if is_unsaid => Some("not all was said: the other side does not take it".to_owned()),
+        message => message,
+    };
     let (came, expected) = (report.came, simulation.expected.len());
     screen.say(format_args!(
         "{} of {} came, {} of {} said",
@@ -81,13 +91,15 @@ pub(super) fn run(simulation: &ScriptSimulation, screen: &Screen) -> Result<Exit
         None => screen.say(format_args!("{GOOD}as in the trace{GOOD:#}")),
         Some(message) => screen.say(format_args!("{BAD}not as in the trace{BAD:#}: {message}")),
     }
-    let is_good = message.is_none();
+    say_expected(&received, &simulation.run, screen);
+    let is_good = message.is_none() && as_expected != Some(false);
     screen.json_line(&Document {
         result: if is_good { "done" } else { "failed" },
         came,
         expected,
         said: report.said,
         lines: simulation.lines.len(),
+        as_expected,
         message,
     });
     Ok(if is_good { Exit::Done } else { Exit::Failed })
