@@ -65,8 +65,7 @@ enum Task {
         /// part of --all.
         #[arg(long, conflicts_with = "windows")]
         emulated: bool,
-        /// Only the tests of the command for Windows, run by wine: minutes. They are a part of
-        /// --all.
+        /// Only the tests of the command for Windows, run by wine: minutes, and no part of --all.
         #[arg(long)]
         windows: bool,
     },
