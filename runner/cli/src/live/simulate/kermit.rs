@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 use softplug_abi::Micros;
-use softplug_machines::Partner;
 use softplug_machines::kermit::{Machine, Options, Report};
 
 use super::{put_away, run_machine, say_expected};
@@ -29,39 +28,17 @@ struct Document {
     as_expected: Option<bool>,
 }
 
-/// A machine, one transfer behind the other.
-#[derive(Debug)]
-struct Kermit(Machine);
-
-impl Partner for Kermit {
-    fn receive(&mut self, now: Micros, byte: u8) {
-        self.0.receive(now, byte);
-    }
-
-    fn next_event(&self) -> Option<Micros> {
-        self.0.next_event()
-    }
-
-    fn advance(&mut self, now: Micros) {
-        self.0.advance(now);
-    }
-
-    fn poll_transmit(&mut self, now: Micros) -> Option<u8> {
-        self.0.poll_transmit(now)
-    }
-}
-
-impl Simulated for Kermit {
+impl Simulated for Machine {
     fn tend(&mut self, _now: Micros) {}
 
     fn is_busy(&self) -> bool {
-        let report = self.0.report();
-        self.0.is_under_way() || report.done + report.failed == 0
+        let report = self.report();
+        self.is_under_way() || report.done + report.failed == 0
     }
 
     /// What it begins by itself, for ever, is none.
     fn is_data(&self, _byte: u8) -> bool {
-        self.0.is_under_way() || self.0.report().is_over
+        self.is_under_way() || self.report().is_over
     }
 }
 
@@ -69,8 +46,8 @@ pub(super) fn run(simulation: &KermitSimulation, screen: &Screen) -> Result<Exit
     // Only one transfer is asked for, or one behind the other.
     let rest = simulation.run.quiet_time.is_none().then_some(REST);
     let options = Options { rest, ..simulation.options.clone() };
-    let machine = run_machine(Kermit(Machine::new(options)), &simulation.run, screen)?;
-    let machine = &machine.partner().0;
+    let machine = run_machine(Machine::new(options), &simulation.run, screen)?;
+    let machine = machine.partner();
     let Report { name, came, done, failed, packets, error, .. } = machine.report();
     // One that was broken off has failed.
     let failed = failed + u32::from(machine.is_under_way());

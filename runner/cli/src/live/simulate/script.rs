@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 use softplug_abi::Micros;
+use softplug_machines::Partner as _;
 use softplug_machines::script::{Report, Script};
-use softplug_machines::{Partner, Signal};
 
 use super::{put_away, run_machine, say_expected};
 use crate::commands::simulate::ScriptSimulation;
@@ -27,49 +27,24 @@ struct Document {
     message: Option<String>,
 }
 
-#[derive(Debug)]
-struct Playing(Script);
-
-impl Partner for Playing {
-    fn receive(&mut self, now: Micros, byte: u8) {
-        self.0.receive(now, byte);
-    }
-
-    fn next_event(&self) -> Option<Micros> {
-        self.0.next_event()
-    }
-
-    fn advance(&mut self, now: Micros) {
-        self.0.advance(now);
-    }
-
-    fn poll_transmit(&mut self, now: Micros) -> Option<u8> {
-        self.0.poll_transmit(now)
-    }
-
-    fn poll_signal(&mut self, now: Micros) -> Option<Signal> {
-        self.0.poll_signal(now)
-    }
-}
-
-impl Simulated for Playing {
+impl Simulated for Script {
     fn connected(&mut self, now: Micros) {
-        self.0.begin(now);
+        self.begin(now);
     }
 
     fn tend(&mut self, _now: Micros) {}
 
     fn is_busy(&self) -> bool {
-        let report = self.0.report();
-        report.differs.is_none() && !report.is_over && self.0.next_event().is_some()
+        let report = self.report();
+        report.differs.is_none() && !report.is_over && self.next_event().is_some()
     }
 }
 
 pub(super) fn run(simulation: &ScriptSimulation, screen: &Screen) -> Result<Exit, Failure> {
     let bytes = simulation.expected.iter().map(|(byte, _)| *byte).collect();
     let script = Script::new(bytes, simulation.lines.clone());
-    let machine = run_machine(Playing(script), &simulation.run, screen)?;
-    let report = machine.partner().0.report();
+    let machine = run_machine(script, &simulation.run, screen)?;
+    let report = machine.partner().report();
     let mut received: Vec<u8> =
         simulation.expected[..report.came].iter().map(|(byte, _)| *byte).collect();
     received.extend(report.other);

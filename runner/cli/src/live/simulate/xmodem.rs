@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 use softplug_abi::Micros;
-use softplug_machines::Partner;
 use softplug_machines::xmodem::{Control, Options, Report};
 
 use super::{put_away, run_machine, say_expected};
@@ -28,46 +27,24 @@ struct Document {
     as_expected: Option<bool>,
 }
 
-/// A control, one transfer behind the other.
-#[derive(Debug)]
-struct Xmodem(Control);
-
-impl Partner for Xmodem {
-    fn receive(&mut self, now: Micros, byte: u8) {
-        self.0.receive(now, byte);
-    }
-
-    fn next_event(&self) -> Option<Micros> {
-        self.0.next_event()
-    }
-
-    fn advance(&mut self, now: Micros) {
-        self.0.advance(now);
-    }
-
-    fn poll_transmit(&mut self, now: Micros) -> Option<u8> {
-        self.0.poll_transmit(now)
-    }
-}
-
-impl Simulated for Xmodem {
+impl Simulated for Control {
     fn tend(&mut self, _now: Micros) {}
 
     fn is_busy(&self) -> bool {
-        let report = self.0.report();
-        self.0.is_under_way() || report.done + report.failed == 0
+        let report = self.report();
+        self.is_under_way() || report.done + report.failed == 0
     }
 
     /// Calls are none: they come for ever.
     fn is_data(&self, _byte: u8) -> bool {
-        self.0.is_under_way() || self.0.report().is_over
+        self.is_under_way() || self.report().is_over
     }
 }
 
 pub(super) fn run(simulation: &XmodemSimulation, screen: &Screen) -> Result<Exit, Failure> {
     let options = Options { rest: Some(REST), ..simulation.options.clone() };
-    let machine = run_machine(Xmodem(Control::new(options)), &simulation.run, screen)?;
-    let control = &machine.partner().0;
+    let machine = run_machine(Control::new(options), &simulation.run, screen)?;
+    let control = machine.partner();
     let Report { came, done, failed, blocks, .. } = control.report();
     // One that was broken off has failed.
     let failed = failed + u32::from(control.is_under_way());
