@@ -68,7 +68,7 @@ pub(crate) struct Sender {
     has_ended: bool,
     /// The packet is whole, and can go.
     is_made: bool,
-    /// What was given last can have left.
+    /// What was given last can have left, but for its EOL.
     has_left: bool,
     name: Name,
     data: Block<ROOM>,
@@ -80,7 +80,8 @@ pub(crate) struct Sender {
     given: u16,
     wanted: u32,
     pub(crate) repeats: u32,
-    /// The mark of what was given last.
+    /// The mark behind what was given last. The one before stands ahead of its EOL: many receivers
+    /// answer at the check.
     mark: u32,
     /// Characters queued for the job.
     queued: u64,
@@ -315,10 +316,16 @@ impl Sender {
     fn give(&mut self, link: &mut Context<'_>, terms: &Terms) -> bool {
         let padding = usize::from(terms.padding);
         let packet = self.packet.as_slice();
-        let total = padding + packet.len() + 1;
+        let check = padding + packet.len();
+        let total = check + 1;
         let mut given = usize::from(self.given);
         while given < total {
-            let count = (total - given).min(PIECE).min(link.transmit_room() as usize);
+            let room = link.transmit_room() as usize;
+            let mut count = (total - given).min(PIECE).min(room);
+            if given < check && given + count >= check {
+                // The EOL goes with the last of what is before it, behind a mark of its own.
+                count = check - given - usize::from(room <= check - given);
+            }
             if count == 0 {
                 break;
             }
@@ -332,23 +339,26 @@ impl Sender {
             link.transmit(piece.get(..count).unwrap_or_default());
             given += count;
             self.queued += count as u64;
+            if given == check {
+                self.mark = self.mark.wrapping_add(2).max(2);
+                self.has_left = false;
+                link.transmit_marked(self.mark - 1, &[]);
+            }
         }
         self.given = given as u16;
         let is_whole = given == total;
         if is_whole {
             self.given = 0;
-            self.mark = self.mark.wrapping_add(1).max(1);
-            self.has_left = false;
             link.transmit_marked(self.mark, &[]);
         }
         is_whole
     }
 
-    /// Whether the mark is that of what was given last.
+    /// Whether the mark is the one behind what was given last.
     pub(crate) fn left(&mut self, mark: u32, state: MarkState) -> bool {
-        let is_latest = mark == self.mark && state != MarkState::Dropped;
-        self.has_left |= is_latest;
-        is_latest
+        let is_left = state != MarkState::Dropped;
+        self.has_left |= is_left && (mark == self.mark || mark == self.mark.wrapping_sub(1));
+        is_left && mark == self.mark
     }
 
     pub(crate) fn has_left(&self) -> bool {

@@ -33,7 +33,7 @@ impl Kermit {
             self.stop(link, Failure::Refused);
             return;
         }
-        // An answer that comes before the packet can have left is none.
+        // An answer that comes before the check can have left is none.
         if self.stage == Stage::Filling || !self.sender.has_left() {
             return;
         }

@@ -29,7 +29,7 @@ use judge::Expected;
 use packet::{CR, Heard, SOH, heard};
 use receive::File;
 use rules::Rules;
-use send::{Job, Sending, Stage};
+use send::{Job, Sending};
 use softplug_abi::{Failure, LineParameters, Micros, ModemLines, Parity};
 
 pub(crate) const PROFILE: Profile = Profile {
@@ -372,7 +372,7 @@ impl Kermit {
     fn is_bad(&mut self) {
         match &self.state {
             State::AwaitFile | State::AwaitData => self.refuses(Failure::Checksum, "kermit.rx.bad"),
-            State::Sending(sending) if matches!(sending.stage, Stage::Answer) => {
+            State::Sending(sending) if sending.is_answerable(&self.out) => {
                 self.goes_again(Failure::AttemptsUsedUp);
             }
             State::Sending(_) | State::Idle => {}
@@ -398,7 +398,7 @@ impl Kermit {
     fn waits(&mut self) {
         self.until = match &self.state {
             State::AwaitFile | State::AwaitData => Some(self.now + self.rules.packet_time),
-            State::Sending(sending) if matches!(sending.stage, Stage::Answer) => {
+            State::Sending(sending) if sending.is_answerable(&self.out) => {
                 Some(self.now + self.rules.answer_time)
             }
             State::Sending(_) | State::Idle => None,
@@ -409,7 +409,7 @@ impl Kermit {
     fn waits_inside(&mut self) {
         let is_timed = match &self.state {
             State::AwaitFile | State::AwaitData => true,
-            State::Sending(sending) => matches!(sending.stage, Stage::Answer),
+            State::Sending(sending) => sending.is_answerable(&self.out),
             State::Idle => false,
         };
         if is_timed {

@@ -5,6 +5,7 @@ use super::code::encode;
 use super::packet::{Packet, packet};
 use super::{Kermit, State};
 use crate::model::Effect;
+use crate::out::Out;
 use softplug_abi::{Failure, Micros};
 
 /// A job: it waits, or is on the line.
@@ -48,6 +49,15 @@ pub(super) enum Stage {
 impl Sending {
     fn is_confirmed(&self) -> bool {
         self.kind == b'B' && !self.is_interrupted
+    }
+
+    /// Whether it can be answered: all of it has left but its EOL.
+    pub(super) fn is_answerable(&self, out: &Out) -> bool {
+        match self.stage {
+            Stage::Paused => false,
+            Stage::Leaving(place) => out.has_left(place - 1),
+            Stage::Answer => true,
+        }
     }
 }
 
@@ -134,7 +144,7 @@ impl Kermit {
         if packet.kind == b'E' {
             return self.fails(Failure::Refused, "kermit.tx.error");
         }
-        if sending.stage != Stage::Answer {
+        if !sending.is_answerable(&self.out) {
             return;
         }
         let is_own = packet.number == sending.number;

@@ -52,7 +52,9 @@ mod needs_kermit {
         let port = &ports.ours;
         let came = bench.path("came.bin");
         let mut foreign = kermit(&ports, settings, &format!("receive {}", came.display()));
-        let arguments = format!("send --port {port} --plugin kermit {FAST} {options} sent.bin");
+        // What is said of the line comes instead of the fast one.
+        let line = if options.contains("--line") { "" } else { FAST };
+        let arguments = format!("send --port {port} --plugin kermit {line} {options} sent.bin");
         let ran = bench.run(&words(&arguments));
         if ran.code != 0 {
             // What it waits for does not come any more.
@@ -126,6 +128,14 @@ mod needs_kermit {
     fn kermit_takes_a_megabyte_in_short_packets_with_check_1() {
         let settings = "set receive packet-length 94, set receive timeout 2";
         sends(file(LENGTH), "--set check=1", settings, NONE, NONE).went_well();
+    }
+
+    /// C-Kermit answers at the check: at a real rate the CR behind it is still on its way.
+    #[test]
+    fn kermit_is_heard_at_the_rate_of_a_line() {
+        let settings = "set receive packet-length 40, set receive timeout 10";
+        let options = "--line 9600~8N1 --set repeats=1 --set answer_time=2000";
+        sends(file(1_000), options, settings, NONE, NONE).went_well();
     }
 
     #[test]
